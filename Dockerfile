@@ -35,7 +35,7 @@ RUN /opt/pip/bin/pip --python /opt/tripwatt/bin/python install --no-cache-dir --
     && find /opt/tripwatt/lib -name '*.pyi' -not -path '*/site-packages/tripwatt/*' -delete \
     && find /opt/tripwatt/lib -name '*.so*' -not -path '*.libs/*' -exec strip --strip-unneeded {} + \
     && /opt/tripwatt/bin/tripwatt serve --help >/dev/null \
-    && /opt/tripwatt/bin/python -c "import deltalake, lightgbm, uvicorn; from tripwatt.service import app, serving, settings, worker; app.create_app(settings.Settings())" \
+    && /opt/tripwatt/bin/python -c "import deltalake, lightgbm, uvicorn; from tripwatt.server.http import app, serving, settings, worker; app.create_app(settings.Settings())" \
     && /opt/tripwatt/bin/python -m compileall -q "$(/opt/tripwatt/bin/python -c 'import tripwatt; print(tripwatt.__path__[0])')"
 
 FROM ${BASE} AS service

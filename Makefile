@@ -82,7 +82,7 @@ check-latest: .venv-tools/.ready  ## the gate with the newest release of everyth
 lowest: .venv-tools/.ready  ## the tests without a browser, with the lowest declared release of each dependency
 	$(UV) venv --quiet --clear --python 3.11 .venv-lowest
 	$(UV) pip install --quiet --python .venv-lowest/bin/python --resolution lowest-direct -e ".[dev,interop]"
-	.venv-lowest/bin/python -m pytest -n $(WORKERS) --dist loadscope --ignore=tests/page
+	.venv-lowest/bin/python -m pytest -n $(WORKERS) --dist loadscope --ignore=tests/server/page
 
 constraints: .venv-tools/.ready  ## the newest release of everything into constraints, with hashes: for the gate, for the container
 	$(UV) pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
@@ -126,7 +126,7 @@ browser:  ## Debian's chromium for the tests of the page, where it is missing; n
 
 types:  ## the page's types from the OpenAPI document of the service, its words of flags from their catalogue; needs Node 20
 	python -m tools.docs.write_page_flags
-	python -m tripwatt.service.app | npm --prefix web run --silent types
+	python -m tripwatt.server.http.app | npm --prefix web run --silent types
 
 page:  ## the page's bundle from its sources in web, into the package; needs Node 20
 	npm --prefix web ci

@@ -13,7 +13,7 @@ from tools import DATA
 
 from benchmarks import coverage, pipeline, planned
 from benchmarks.measure import Row
-from tripwatt.evaluation.forecast_scores import LEVELS
+from tripwatt.study.evaluation.forecast_scores import LEVELS
 
 APE: Final[Mapping[str, float]] = {"boosting": 0.103, "forest": 0.106, "physics": 0.20}
 """Model of the paper's protocol -> largest mean APE."""

@@ -22,7 +22,6 @@ from tools import DATA
 import tripwatt as tw
 from benchmarks.measure import Row
 from benchmarks.worlds import WORLDS as PUBLISHED
-from tripwatt.advice import Action, Advice
 from tripwatt.arrays import FloatArray
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.forecasting.difference import LEAST_SHARE
@@ -33,8 +32,9 @@ from tripwatt.hybrid.parameters import changed
 from tripwatt.physics import DriveConditions, Simulation, simulate, simulate_trip
 from tripwatt.population import for_car
 from tripwatt.population.adapting import population_of
+from tripwatt.roads.advice import Action, Advice
+from tripwatt.roads.weather import TEMPERATURE_SD_K, WIND_SD_M_S
 from tripwatt.routes.links import links_of_trip, plan_from_links
-from tripwatt.routes.weather import TEMPERATURE_SD_K, WIND_SD_M_S
 from tripwatt.trips import Plan, plan_from_trip
 from tripwatt.trips.weather import WIND_AT_CAR, PlanWeather
 from tripwatt.uncertainty.charge import CAPACITY_SD, PUBLISHED_DISPLAY_SD

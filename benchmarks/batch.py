@@ -13,10 +13,10 @@ import pandas as pd
 
 import tripwatt as tw
 from benchmarks.measure import Row, not_measured, report, seconds, tum_folder
-from tripwatt.evaluation.forecast_data import ForecastData
 from tripwatt.forecasting.fitting import CarOfTrips
 from tripwatt.physics import simulate_trip
 from tripwatt.physics.batch import trip_totals
+from tripwatt.study.evaluation.forecast_data import ForecastData
 
 SAMPLES = 1800
 DRIVES = 500

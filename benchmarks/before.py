@@ -31,9 +31,6 @@ from tripwatt.arrays import FloatArray, distance_driven
 from tripwatt.auditing import audit
 from tripwatt.certification import describe_car
 from tripwatt.errors import InvalidInput
-from tripwatt.evaluation.cars import CarTrips, others_of
-from tripwatt.evaluation.forecast_scores import LEVELS, coverage_by_level
-from tripwatt.evaluation.metrics import absolute_percentage_error, bootstrap_interval, summarise_errors
 from tripwatt.forecasting import Forecast, ForecastModel, load_model
 from tripwatt.forecasting.fitting import versions
 from tripwatt.population import Adaptation
@@ -42,6 +39,9 @@ from tripwatt.population.prior import Population, population
 from tripwatt.routes.free_flow import TravelTimeFactors, free_flow_links
 from tripwatt.routes.links import LinkRoute, plan_from_links
 from tripwatt.sources import read_logs
+from tripwatt.study.evaluation.cars import CarTrips, others_of
+from tripwatt.study.evaluation.forecast_scores import LEVELS, coverage_by_level
+from tripwatt.study.evaluation.metrics import absolute_percentage_error, bootstrap_interval, summarise_errors
 from tripwatt.trips import Plan, Trip, plan_from_trip
 from tripwatt.uncertainty.coverage import clopper_pearson
 from tripwatt.uncertainty.free_flow import LEAST_TRIPS

@@ -28,7 +28,6 @@ from benchmarks.measure import Row, report
 from benchmarks.unknown_climb import trips_of
 from tripwatt.auditing import audit
 from tripwatt.certification import describe_car
-from tripwatt.evaluation.cars import CarTrips, evaluate_cars
 from tripwatt.forecasting import load_model
 from tripwatt.hybrid import SegmentTable, segment_table
 from tripwatt.hybrid.factors import NAMES, TripEvidence
@@ -36,10 +35,11 @@ from tripwatt.hybrid.parameters import on_road
 from tripwatt.physics import simulate_trip
 from tripwatt.physics.relaxation import Relaxation
 from tripwatt.population import Adaptation, population
-from tripwatt.report.cars import cars_panels, curves_table, factors_table, means_table, time_table
-from tripwatt.report.html import png_bytes
-from tripwatt.report.tables import Column, tabulated
 from tripwatt.sources import read_logs
+from tripwatt.study.evaluation.cars import CarTrips, evaluate_cars
+from tripwatt.study.report.cars import cars_panels, curves_table, factors_table, means_table, time_table
+from tripwatt.study.report.html import png_bytes
+from tripwatt.study.report.tables import Column, tabulated
 from tripwatt.trips import Departure, Fleet, Trip, plan_from_trip
 from tripwatt.vehicles import RoadLoad, Vehicle, load_vehicle
 from tripwatt.vehicles.without import without_data

@@ -22,15 +22,15 @@ from unittest import mock
 
 import numpy as np
 import pandas as pd
-from tests.live.messages import NOON_S, abrp_messages, measured
+from tests.server.cars.messages import NOON_S, abrp_messages, measured
 from tools import DATA
 from tools.command import run
 
 import tripwatt as tw
 from benchmarks.measure import Row, report
 from tripwatt.errors import InvalidInput
-from tripwatt.live import RoadCar, sample_from_abrp, sender
-from tripwatt.live.live_trip import MOVING_M_S
+from tripwatt.server.cars import RoadCar, sample_from_abrp, sender
+from tripwatt.server.cars.live_trip import MOVING_M_S
 from tripwatt.sources.tum import REFERENCE_TRIPS
 from tripwatt.units import SECONDS_PER_DAY
 

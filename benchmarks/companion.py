@@ -19,8 +19,8 @@ from typer import Argument
 import tripwatt as tw
 from benchmarks.measure import Row, report
 from benchmarks.need import models, trips_and_car
-from tripwatt.advice import Companion, Message
 from tripwatt.forecasting import ForecastModel
+from tripwatt.roads.advice import Companion, Message
 from tripwatt.trips import Trip, plan_from_trip
 from tripwatt.units import SECONDS_PER_HOUR, SECONDS_PER_MINUTE
 

@@ -29,9 +29,9 @@ from tools.docs import pages
 
 import tripwatt as tw
 from benchmarks.measure import Row, not_measured, reference_loop, report
-from tripwatt.journey import Atlas, JourneyOptions, Place, RoadForecaster, journey_with, open_atlas
-from tripwatt.routes.maps import MapFolder, build_map
-from tripwatt.routes.maps.engine import valhalla_folder
+from tripwatt.roads.journey import Atlas, JourneyOptions, Place, RoadForecaster, journey_with, open_atlas
+from tripwatt.roads.maps import MapFolder, build_map
+from tripwatt.roads.maps.engine import valhalla_folder
 
 BYTES_PER_MB: Final = 1e6
 

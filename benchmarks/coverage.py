@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 from tools.command import run
 
-from tripwatt.evaluation.forecast_data import ForecastData
-from tripwatt.evaluation.forecast_scores import LEVELS
 from tripwatt.forecasting import ForecastModel
-from tripwatt.synthetic import synthetic_fleet
+from tripwatt.study.evaluation.forecast_data import ForecastData
+from tripwatt.study.evaluation.forecast_scores import LEVELS
+from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.vehicles import load_vehicle
 
 FOLDS = 10

@@ -157,7 +157,7 @@ def owner_rows() -> Iterator[Row]:
     """The folder of a Leaf Spy user, by the command that its owner would type."""
     from typer.testing import CliRunner
 
-    from tripwatt.cli import app
+    from tripwatt.command import app
 
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place) / "logs"

@@ -21,11 +21,11 @@ from tools.docs import pages
 import tripwatt as tw
 from benchmarks.long_trips import scored
 from benchmarks.worlds import LEVELS, WORLDS, Row, table
-from tripwatt.evaluation.table_models import SIX
 from tripwatt.hybrid import EnergyRegression, build_table
 from tripwatt.hybrid.parameters import changed
 from tripwatt.population import for_car
 from tripwatt.sources import read_logs
+from tripwatt.study.evaluation.table_models import SIX
 from tripwatt.trips import Trip
 from tripwatt.vehicles import Vehicle, load_vehicle
 

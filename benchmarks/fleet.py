@@ -41,16 +41,16 @@ from typer import Argument, BadParameter, Option
 
 from benchmarks.many_vehicles import CAR_MODELS, FleetPlan, block_of_logs, many_vehicles, vehicle_truth
 from benchmarks.measure import Row, not_measured, report
-from tripwatt.evaluation.fleets import evaluate_rows, mean_error
 from tripwatt.fleet.executors import InProcess
 from tripwatt.fleet.features import FEATURES, SCALES, START
 from tripwatt.fleet.mapping import map_store, read_rows, row_of, segments_of, tasks_of
 from tripwatt.fleet.model import fit_fleet, predict_rows, update_fleet
 from tripwatt.fleet.registry import Registry
 from tripwatt.fleet.statistics import ROWS, TripRows
+from tripwatt.fleet.store import add_files, create_store, open_store
+from tripwatt.fleet.store.rows import TRIPS, bucket_of
 from tripwatt.hybrid.groups import fit_scales, group_posterior
-from tripwatt.store import add_files, create_store, open_store
-from tripwatt.store.rows import TRIPS, bucket_of
+from tripwatt.study.evaluation.fleets import evaluate_rows, mean_error
 from tripwatt.trips import Trip
 
 COMMAND = "python -m benchmarks.fleet"
@@ -283,7 +283,7 @@ def links_file(path: Path, trips: int, vehicles: int, links: int = 60) -> None:
 MEASURED = """
 import re, sys, time
 from pathlib import Path
-from tripwatt.cli import app
+from tripwatt.command import app
 app(sys.argv[1:], standalone_mode=False)
 print(time.process_time(), re.search(r"VmHWM:\\s+(\\d+)", Path("/proc/self/status").read_text())[1])
 """

@@ -34,9 +34,9 @@ from benchmarks.many_vehicles import (
 from benchmarks.measure import Row, report
 from tripwatt.fleet.features import START
 from tripwatt.fleet.mapping import row_of, segments_of
+from tripwatt.fleet.nights import needs_by_hour, read_planned
 from tripwatt.fleet.statistics import ROWS, TripRows
 from tripwatt.hybrid.groups import fit_scales, group_posterior
-from tripwatt.journey.nights import needs_by_hour, read_planned
 from tripwatt.trips import Trip
 
 VEHICLES, TRIPS, CHANGED, CHANGE = 200, 150, 10, 0.05

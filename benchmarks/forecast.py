@@ -15,7 +15,7 @@ import pandas as pd
 
 from benchmarks.measure import Row, not_measured, reference_loop, report, seconds, tum_folder
 from tripwatt.forecasting import ForecastModel, load_model
-from tripwatt.synthetic import synthetic_fleet
+from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import plan_from_samples
 
 TRIP_S = 1300.0
@@ -101,7 +101,7 @@ def long_trips(model: ForecastModel, samples: pd.DataFrame) -> Iterator[Row]:
 
 def commanding(*arguments: str, runs: int = 5) -> float:
     """Median wall time of a command [s], the start of the interpreter included."""
-    command = [sys.executable, "-m", "tripwatt.cli", *arguments]
+    command = [sys.executable, "-m", "tripwatt.command", *arguments]
     return seconds(lambda: subprocess.run(command, check=True, capture_output=True), runs)
 
 

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from benchmarks.measure import tum_folder
-from tripwatt.evaluation.metrics import summarise_errors
 from tripwatt.hybrid import build_table
-from tripwatt.paper import TABLE2, correctors
 from tripwatt.sources import read_logs
+from tripwatt.study.evaluation.metrics import summarise_errors
+from tripwatt.study.paper import TABLE2, correctors
 from tripwatt.vehicles import load_vehicle
 
 SURFACE = next(term for term in TABLE2 if "k=30" in term)

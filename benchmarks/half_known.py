@@ -20,8 +20,8 @@ from tools.command import run
 import tripwatt as tw
 from benchmarks.measure import Row, report
 from tripwatt.arrays import FloatArray
-from tripwatt.evaluation.metrics import absolute_percentage_error
 from tripwatt.sources.tum import REFERENCE_TRIPS
+from tripwatt.study.evaluation.metrics import absolute_percentage_error
 from tripwatt.trips import Trip
 
 VEHICLE = "bmw_i3_60ah"

@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any, Final, Literal
 
 import orjson
-from tests.live.brokers import MOSQUITTO
-from tests.live.restarts import fuzzed
+from tests.server.cars.brokers import MOSQUITTO
+from tests.server.cars.restarts import fuzzed
 from tests.support.bombs import BOMBS, LONGEST_S, MOST_BYTES, too_dear
 from tests.support.cars import LEVEL_ROAD, extreme_cars
 from tests.support.hostile_files import TARGETS, forged_models, fuzz

@@ -21,7 +21,7 @@ from tools.command import run
 
 import tripwatt as tw
 from benchmarks.measure import Row, not_measured, report, seconds
-from tripwatt.journey import (
+from tripwatt.roads.journey import (
     Atlas,
     JourneyOptions,
     Place,
@@ -30,11 +30,11 @@ from tripwatt.journey import (
     journey_with,
     open_atlas,
 )
+from tripwatt.roads.maps import MapFolder, build_map
+from tripwatt.roads.maps.engine import valhalla_folder
+from tripwatt.roads.routers.servers import OsrmRouter
 from tripwatt.routes import plan_from_links, route_from_links
 from tripwatt.routes.documents import Node
-from tripwatt.routes.maps import MapFolder, build_map
-from tripwatt.routes.maps.engine import valhalla_folder
-from tripwatt.routes.routers.servers import OsrmRouter
 
 RUNS = 5
 PAIRS = (("Vaduz", "Ruggell"), ("Balzers", "Bendern"), ("Ruggell", "Balzers"), ("Nendeln", "Triesen"))

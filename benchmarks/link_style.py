@@ -104,7 +104,7 @@ def calibrate_style(
 
     Examples
     --------
-    >>> from tripwatt.synthetic import synthetic_fleet
+    >>> from tripwatt.study.synthetic import synthetic_fleet
     >>> style = calibrate_style(synthetic_fleet(1).trips, length_m=[500.0], most_evaluations=2)
     >>> style.length_exponent == LinkStyle().length_exponent
     True

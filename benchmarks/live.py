@@ -27,8 +27,15 @@ from typing import Any
 import httpx
 import numpy as np
 import pandas as pd
-from tests.live.brokers import MOSQUITTO, Sent, replay
-from tests.live.messages import NOON, NOON_S, abrp_messages, measured, over_a_bad_connection, samples_of
+from tests.server.cars.brokers import MOSQUITTO, Sent, replay
+from tests.server.cars.messages import (
+    NOON,
+    NOON_S,
+    abrp_messages,
+    measured,
+    over_a_bad_connection,
+    samples_of,
+)
 from tests.support.service_process import Service, serving
 from tools import DATA
 from tools.command import run
@@ -36,10 +43,10 @@ from tools.command import run
 import tripwatt as tw
 from benchmarks.measure import Row, not_measured, report
 from tripwatt.forecasting import Forecast
-from tripwatt.live import RoadCar, TopicJoiner, issue_token
-from tripwatt.service.schemas import BMS_SOC
+from tripwatt.server.cars import RoadCar, TopicJoiner, issue_token
+from tripwatt.server.http.schemas import BMS_SOC
 from tripwatt.sources.tum import REFERENCE_TRIPS
-from tripwatt.synthetic import example_trip
+from tripwatt.study.synthetic import example_trip
 from tripwatt.trips import COLUMNS, Trip, plan_from_samples
 from tripwatt.trips.samples import columns_of
 

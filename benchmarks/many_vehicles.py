@@ -26,8 +26,8 @@ from tripwatt.physics.battery import battery_current, internal_resistance, open_
 from tripwatt.physics.cabin import heat_pump_cop, heat_pump_heat
 from tripwatt.physics.drivetrain import propulsion
 from tripwatt.physics.road_load import air_density
-from tripwatt.synthetic.scenario import stream
-from tripwatt.synthetic.sensors import quantise
+from tripwatt.study.synthetic.scenario import stream
+from tripwatt.study.synthetic.sensors import quantise
 from tripwatt.trips import Context, Log, raise_faults, table_of
 from tripwatt.units import GRAVITY_M_S2, SECONDS_PER_HOUR, WH_PER_J
 from tripwatt.vehicles import Vehicle, load_vehicle

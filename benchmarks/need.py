@@ -3,7 +3,7 @@
 Trips of TUM, VED and the sedan as if distance, kind of road and outside temperature were all that is known. The kind is the shares of city, country and
 motorway rounded to quarters, or nothing ("mixed"). The roads of the data set that is scored are left out. The car is known by its
 other trips: each is forecast by a model that has not seen its fold; or by none. The sedan's trips teach no model that is shipped.
-`--fit` prints what `tripwatt.journey.kinds.STUDIES` holds.
+`--fit` prints what `tripwatt.roads.journey.kinds.STUDIES` holds.
 """
 
 from __future__ import annotations
@@ -26,8 +26,10 @@ from benchmarks.measure import Row, report, seconds
 from benchmarks.unknown_climb import trips_of
 from tripwatt.auditing import audit
 from tripwatt.forecasting import ForecastModel
-from tripwatt.journey.distances import BAND, KindForecaster, own_roads
-from tripwatt.journey.kinds import (
+from tripwatt.physics import simulate_trip
+from tripwatt.population.adapting import Adaptation, population_of
+from tripwatt.roads.journey.distances import BAND, KindForecaster, own_roads
+from tripwatt.roads.journey.kinds import (
     STUDIES,
     USUAL_KM_H,
     USUAL_SHARES,
@@ -36,8 +38,6 @@ from tripwatt.journey.kinds import (
     road_prior,
     rounded_shares,
 )
-from tripwatt.physics import simulate_trip
-from tripwatt.population.adapting import Adaptation, population_of
 from tripwatt.routes.free_flow import driven_by_kind
 from tripwatt.sources import read_logs
 from tripwatt.trips import Departure, Plan, Trip, plan_from_trip

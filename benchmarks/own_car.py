@@ -17,8 +17,8 @@ from tools import DATA
 from tools.command import run
 
 from benchmarks.measure import Row, report
-from tripwatt.live import Score, create_car
 from tripwatt.population import adapting, population
+from tripwatt.server.cars import Score, create_car
 from tripwatt.sources import read_logs
 from tripwatt.trips import Fleet
 

@@ -17,11 +17,11 @@ from tools.docs.tables import markdown
 
 import tripwatt as tw
 from benchmarks.cars import cars
-from tripwatt.evaluation import Execution
 from tripwatt.population.adapting import in_order
-from tripwatt.report.intervals import OFF
-from tripwatt.report.tables import Column, in_words, number, tabulated
-from tripwatt.report.words import listed
+from tripwatt.study.evaluation import Execution
+from tripwatt.study.report.intervals import OFF
+from tripwatt.study.report.tables import Column, in_words, number, tabulated
+from tripwatt.study.report.words import listed
 from tripwatt.trips import Trip
 from tripwatt.vehicles import Vehicle
 

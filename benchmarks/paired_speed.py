@@ -27,7 +27,7 @@ Measured = dict[str, float]
 @contextmanager
 def served(python: str, folder: Path) -> Iterator[str]:
     """The address of a service with one worker."""
-    command = [python, "-m", "tripwatt.cli", "serve", "--port", "0", "--workers", "1"]
+    command = [python, "-m", "tripwatt.command", "serve", "--port", "0", "--workers", "1"]
     with subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, cwd=folder
     ) as process:
@@ -53,7 +53,7 @@ def measured(python: str, folder: Path) -> Measured:
 
     def seconds(*arguments: str) -> float:
         start = time.perf_counter()
-        command = [python, "-m", "tripwatt.cli", *arguments]
+        command = [python, "-m", "tripwatt.command", *arguments]
         subprocess.run(command, check=True, capture_output=True, cwd=folder)
         return time.perf_counter() - start
 
@@ -78,7 +78,9 @@ def measured(python: str, folder: Path) -> Measured:
 
 def compared(old: str, new: str, runs: int, folder: Path, tell: Callable[[str], None] = print) -> None:
     """Measure both in turn and print a row for each measurement."""
-    subprocess.run([new, "-m", "tripwatt.cli", "example-trip", "--out", "trip.csv"], check=True, cwd=folder)
+    subprocess.run(
+        [new, "-m", "tripwatt.command", "example-trip", "--out", "trip.csv"], check=True, cwd=folder
+    )
     for python in (old, new):  # files are read and compiled once before anything counts
         measured(python, folder)
     pairs: list[tuple[Measured, Measured]] = []

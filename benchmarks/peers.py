@@ -26,7 +26,7 @@ from tripwatt.auditing import audit
 from tripwatt.physics import simulate_trip
 from tripwatt.physics.road_load import air_density, grade_from_elevation
 from tripwatt.sources import read_logs
-from tripwatt.synthetic import synthetic_fleet
+from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import Trip, resample
 from tripwatt.units import WH_PER_J
 from tripwatt.vehicles import Vehicle, load_vehicle

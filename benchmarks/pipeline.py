@@ -118,7 +118,7 @@ def evaluating(*arguments: str, out: Path | None = None, runs: int = 1) -> float
     """Median wall time of `tripwatt evaluate` [s]; the results of the last run stay in `out`."""
     with tempfile.TemporaryDirectory() as scratch:
         target = str(out or Path(scratch) / "out")
-        command = [sys.executable, "-m", "tripwatt.cli", "evaluate", *arguments, "--out", target]
+        command = [sys.executable, "-m", "tripwatt.command", "evaluate", *arguments, "--out", target]
         return seconds(
             lambda: subprocess.run(command, check=True, capture_output=True), runs=runs, warm_up=False
         )

@@ -24,12 +24,12 @@ from typer import Option
 
 from benchmarks.measure import tum_folder
 from tripwatt.arrays import FloatArray
-from tripwatt.evaluation.forecast_scores import LEVELS, UPDATE_LEVEL, coverage_scores
-from tripwatt.evaluation.metrics import absolute_percentage_error, bootstrap_interval, summarise_errors
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.hybrid import segment_trips
 from tripwatt.routes import plan_on_links
 from tripwatt.sources import read_logs
+from tripwatt.study.evaluation.forecast_scores import LEVELS, UPDATE_LEVEL, coverage_scores
+from tripwatt.study.evaluation.metrics import absolute_percentage_error, bootstrap_interval, summarise_errors
 from tripwatt.trips import Trip
 from tripwatt.uncertainty import Coverage, linked_trips
 from tripwatt.uncertainty.free_flow import FreeFlowTrips

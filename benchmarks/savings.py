@@ -29,12 +29,12 @@ from benchmarks.argonne import TEST_MASS_KG
 from benchmarks.heating import heating_rows
 from benchmarks.measure import Row, report
 from benchmarks.need import trips_and_car
-from tripwatt.advice.actions import GENTLE_M_S2, SPEEDS_KM_H, calmer, capped
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.forecasting.difference import LEAST_SHARE, OTHER_SPEEDS
 from tripwatt.physics import DriveConditions, simulate, simulate_trip
 from tripwatt.population import for_car
 from tripwatt.population.adapting import Adaptation, population_of
+from tripwatt.roads.advice.actions import GENTLE_M_S2, SPEEDS_KM_H, calmer, capped
 from tripwatt.routes.links import links_of_trip, plan_from_links
 from tripwatt.trips import Plan, plan_from_trip
 from tripwatt.uncertainty.route import LENGTHS_M

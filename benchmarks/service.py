@@ -25,7 +25,7 @@ from tools.command import run
 
 from benchmarks.measure import Row, report
 from tripwatt.routes import links_of_trip
-from tripwatt.synthetic import synthetic_fleet
+from tripwatt.study.synthetic import synthetic_fleet
 
 SECONDS: Final = 60.0
 SAMPLES: Final = 1300

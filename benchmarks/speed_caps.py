@@ -15,10 +15,10 @@ from tools.command import run
 
 import tripwatt as tw
 from benchmarks.measure import Row, report, seconds
-from tripwatt.advice.actions import FAST_KM_H, SPEEDS_KM_H, actions
-from tripwatt.advice.advise import maker_like
 from tripwatt.arrays import FloatArray
 from tripwatt.physics import simulate_trip
+from tripwatt.roads.advice.actions import FAST_KM_H, SPEEDS_KM_H, actions
+from tripwatt.roads.advice.advise import maker_like
 from tripwatt.trips import Departure, Plan
 from tripwatt.units import M_S_PER_KM_H, WH_PER_J
 from tripwatt.vehicles import load_vehicle

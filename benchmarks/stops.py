@@ -13,19 +13,19 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from tests.journey.made import MadeRouter, straight
-from tests.journey.stop_problems import exhaustive, made_problem
+from tests.roads.journey.made import MadeRouter, straight
+from tests.roads.journey.stop_problems import exhaustive, made_problem
 from tools.command import run
 
 import tripwatt as tw
 from benchmarks.measure import Row, report, seconds
 from tripwatt.forecasting import Forecast
-from tripwatt.journey import Atlas, ChargingCurve, Place, RoadForecaster
-from tripwatt.journey.corridor import Corridor, StopRules
-from tripwatt.journey.plans import find_plans
-from tripwatt.journey.solver import LEVELS, least_time
-from tripwatt.journey.stops import ChargingPlan
-from tripwatt.routes.maps import Station
+from tripwatt.roads.journey import Atlas, ChargingCurve, Place, RoadForecaster
+from tripwatt.roads.journey.corridor import Corridor, StopRules
+from tripwatt.roads.journey.plans import find_plans
+from tripwatt.roads.journey.solver import LEVELS, least_time
+from tripwatt.roads.journey.stops import ChargingPlan
+from tripwatt.roads.maps import Station
 from tripwatt.uncertainty import ChargeScale, UncertaintyModel
 from tripwatt.uncertainty.charge import NORMAL_SCALE
 from tripwatt.uncertainty.process import HeldOutResidual, Segments

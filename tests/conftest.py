@@ -60,7 +60,7 @@ def fleet(tmp_path_factory: pytest.TempPathFactory) -> Any:
 
     from tripwatt.fleet.executors import InProcess
     from tripwatt.fleet.model import Sampling, fit_fleet
-    from tripwatt.store import create_store
+    from tripwatt.fleet.store import create_store
 
     folder = tmp_path_factory.mktemp("fleet")
     plan = FleetPlan(48, vehicles=8, car_models=CAR_MODELS[:2], minutes=6.0)

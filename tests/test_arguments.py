@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 
 import tripwatt as tw
 from tripwatt.certification import certified_interval
-from tripwatt.journey import JourneyOptions
-from tripwatt.live import RoadCar
+from tripwatt.roads.journey import JourneyOptions
+from tripwatt.server.cars import RoadCar
 from tripwatt.trips.columns import require_fraction
 
 LINKS = [{"length_m": 5000.0, "speed_m_s": 15.0}]

@@ -71,7 +71,7 @@ def test_names_of_the_door_are_listed_and_in_the_change_log():
 def test_importing_is_lazy():
     code = "import sys, tripwatt; print(sorted({m.split('.')[0] for m in sys.modules} & {'numpy', 'pandas', 'typer'}))"
     assert python(code) == "[]"
-    code = "import sys, tripwatt.cli; print(sorted({m.split('.')[0] for m in sys.modules} & {'numpy', 'pandas'}))"
+    code = "import sys, tripwatt.command; print(sorted({m.split('.')[0] for m in sys.modules} & {'numpy', 'pandas'}))"
     assert python(code) == "[]"  # the help is quick
 
 

@@ -6,11 +6,11 @@ import pytest
 import scipy.linalg  # noqa: F401 -- its library is limited too
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from tripwatt.evaluation import Execution, evaluate
-from tripwatt.evaluation.tasks import Task
 from tripwatt.forecasting import ForecastModel
 from tripwatt.parallel import one_blas_thread
-from tripwatt.synthetic import synthetic_fleet
+from tripwatt.study.evaluation import Execution, evaluate
+from tripwatt.study.evaluation.tasks import Task
+from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.vehicles import load_vehicle
 
 

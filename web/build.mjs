@@ -7,7 +7,7 @@ import { fileURLToPath } from "node:url";
 import { build } from "esbuild";
 
 const HERE = dirname(fileURLToPath(import.meta.url));
-const OUT = process.argv[2] ?? join(HERE, "..", "src", "tripwatt", "service", "page");
+const OUT = process.argv[2] ?? join(HERE, "..", "src", "tripwatt", "server", "http", "page");
 const SOURCES = [
   "build.mjs",
   "icon.svg",
@@ -34,7 +34,7 @@ async function filesOf(path) {
   return found.flat();
 }
 
-/** SHA-256 over name and bytes of every source, in the order of names; tests/page computes the same. */
+/** SHA-256 over name and bytes of every source, in the order of names; tests/server/page computes the same. */
 async function digestOfSources() {
   const files = (await Promise.all(SOURCES.map((name) => filesOf(join(HERE, name))))).flat();
   const named = files.map((path) => [relative(HERE, path).split(sep).join("/"), path]);

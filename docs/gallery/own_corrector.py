@@ -14,7 +14,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 import tripwatt as tw
-from tripwatt.evaluation import Execution
+from tripwatt.study.evaluation import Execution
 
 run = tw.evaluate(
     tw.synthetic_fleet(24),

@@ -9,7 +9,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import tripwatt as tw
-from tripwatt.evaluation import Execution
+from tripwatt.study.evaluation import Execution
 
 MODELS = {
     "physics": ("physics alone", "#d55e00", "x"),

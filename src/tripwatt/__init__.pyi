@@ -1,16 +1,16 @@
-from .advice import Advice, advise
 from .api import adapt, fit, forecast, read_route, read_trips, simulate, sweep
 from .auditing import audit
 from .certification import describe_car
 from .errors import InvalidInput
-from .evaluation import evaluate
+from .fleet.store import create_store, open_store
 from .forecasting import Forecast, ForecastModel, load_model, save_model
-from .journey import Journey, Need, Range, need, plan_journey, range_km
-from .live import create_car, open_car
 from .population import for_car
+from .roads.advice import Advice, advise
+from .roads.journey import Journey, Need, Range, need, plan_journey, range_km
+from .server.cars import create_car, open_car
 from .sources import read_logs
-from .store import create_store, open_store
-from .synthetic import synthetic_fleet
+from .study.evaluation import evaluate
+from .study.synthetic import synthetic_fleet
 from .trips import Departure, Plan, Trip
 from .vehicles import load_vehicle
 

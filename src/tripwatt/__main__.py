@@ -1,6 +1,6 @@
 """`python -m tripwatt` is the command `tripwatt`."""
 
-from tripwatt.cli import main
+from tripwatt.command import main
 
 if __name__ == "__main__":
     main()

@@ -224,7 +224,7 @@ def fit(
 
     Examples
     --------
-    >>> from tripwatt.synthetic import synthetic_fleet
+    >>> from tripwatt.study.synthetic import synthetic_fleet
     >>> fit(synthetic_fleet(9), "bmw_i3_60ah", corrector="linear")
     <ForecastModel BMW i3 60 Ah, linear corrector, 9 trips>
     >>> from sklearn.ensemble import HistGradientBoostingRegressor

@@ -18,7 +18,7 @@ from tripwatt.auditing.consistency import (
     stray_soc,
     unit_findings,
 )
-from tripwatt.synthetic import synthetic_fleet
+from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import Log, Recorded
 
 

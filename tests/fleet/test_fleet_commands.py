@@ -8,7 +8,7 @@ import pyarrow.parquet as pq
 import pytest
 from typer.testing import CliRunner
 
-from tripwatt.cli import app
+from tripwatt.command import app
 from tripwatt.fleet.registry import Registry
 from tripwatt.fleet.statistics import TripRows
 
@@ -192,7 +192,7 @@ def test_the_report_names_what_it_leaves_out_and_assumes(fleet, registry, tmp_pa
 
 
 def test_drivers_that_nobody_named_are_a_note(fleet, registry, monkeypatch):
-    from tripwatt.cli import fleets
+    from tripwatt.command import fleets
 
     _, store, _, folder = fleet
     read = fleets._rows

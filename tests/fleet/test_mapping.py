@@ -62,7 +62,7 @@ import sys
 sys.path[:0] = sys.argv[3:]
 from tripwatt.fleet.executors import InProcess
 from tripwatt.fleet.mapping import map_store, tasks_of
-from tripwatt.store import open_store
+from tripwatt.fleet.store import open_store
 store = open_store(sys.argv[1])
 for result in map_store(tasks_of(store, store.trip_rows(), sys.argv[2]), InProcess(), 1):
     print(result.rows, flush=True)

@@ -43,7 +43,7 @@ def test_an_update_is_the_fit_of_all_trips(fleet, tmp_path):
     plan, store, model, _ = fleet
     import shutil
 
-    from tripwatt.store import open_store
+    from tripwatt.fleet.store import open_store
 
     shutil.copytree(store.place, tmp_path / "store")
     copy = open_store(tmp_path / "store")
@@ -143,7 +143,7 @@ def test_too_few_trips_are_an_error(fleet, tmp_path):
 
 def test_the_core_imports_no_fleet_package():
     code = (
-        "import sys, tripwatt.cli, tripwatt.forecasting, tripwatt.store, tripwatt.fleet.model, tripwatt.cli.fleets\n"
+        "import sys, tripwatt.command, tripwatt.forecasting, tripwatt.fleet.store, tripwatt.fleet.model, tripwatt.command.fleets\n"
         "print(sorted({m.split('.')[0] for m in sys.modules} & {'dask', 'distributed', 'deltalake', 'duckdb', 'polars'}))"
     )
     done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)

@@ -10,7 +10,7 @@ from tripwatt.forecasting import ForecastModel, load_metadata, save_model
 from tripwatt.forecasting.fitting import CarOfTrips, data_digest, fit_with_provenance
 from tripwatt.forecasting.inner import INNER_FOLDS
 from tripwatt.hybrid import segment_trips
-from tripwatt.synthetic import synthetic_fleet
+from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import Fleet
 from tripwatt.vehicles import load_vehicle
 

@@ -16,7 +16,7 @@ from tripwatt.forecasting.expected import ExpectedTrip
 from tripwatt.forecasting.forecast import Forecast
 from tripwatt.forecasting.measured import ChargeReading
 from tripwatt.hybrid import SegmentTable
-from tripwatt.synthetic import synthetic_fleet
+from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import Departure, Plan, Trip
 from tripwatt.uncertainty import ChargeScale, RouteUncertainty, UncertaintyModel
 from tripwatt.uncertainty.conformal import ConformalScores

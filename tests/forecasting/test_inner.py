@@ -11,7 +11,7 @@ from tripwatt.forecasting import ForecastModel
 from tripwatt.forecasting.fitting import CarOfTrips
 from tripwatt.forecasting.inner import INNER_FOLDS, inner_fits, inner_folds
 from tripwatt.hybrid import power_corrector, segment_trips
-from tripwatt.synthetic import VEHICLE, synthetic_fleet
+from tripwatt.study.synthetic import VEHICLE, synthetic_fleet
 from tripwatt.vehicles import load_vehicle
 
 BOOK = load_vehicle(VEHICLE)

@@ -16,7 +16,7 @@ from tripwatt.forecasting.measured import along_the_plan, columns_measured
 from tripwatt.hybrid import power_corrector, segment_trips
 from tripwatt.physics import simulate_trip
 from tripwatt.routes import parse_route, plan_from_route, plan_on_links, route_from_links
-from tripwatt.synthetic import synthetic_fleet
+from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import Departure, Flag, plan_from_trip
 from tripwatt.uncertainty import RouteUncertainty, linked_trips
 from tripwatt.uncertainty.route import LENGTHS_M, MOST_TRIPS

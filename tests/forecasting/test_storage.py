@@ -15,7 +15,7 @@ from tripwatt.forecasting import Forecast, ForecastModel, load_metadata, load_mo
 from tripwatt.forecasting.storage import model_folder
 from tripwatt.hybrid import segment_trips
 from tripwatt.modelfile import read_model, write_model
-from tripwatt.synthetic import synthetic_fleet
+from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import Flag, Fleet
 from tripwatt.vehicles import Vehicle, load_vehicle, vehicle_document, vehicle_from_document
 

@@ -15,7 +15,7 @@ import tripwatt as tw
 from tripwatt.forecasting.forecast import p_above
 from tripwatt.hybrid import segment_trips
 from tripwatt.hybrid.energy_errors import unknown_climb_wh
-from tripwatt.journey.forecasting import RoadForecaster
+from tripwatt.roads.journey.forecasting import RoadForecaster
 from tripwatt.routes import terrain
 from tripwatt.routes.terrain import net_climbs
 from tripwatt.trips import TERRAINS, Plan, plan_from_trip

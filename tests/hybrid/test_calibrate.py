@@ -13,7 +13,7 @@ from tripwatt.hybrid import calibrate as room
 from tripwatt.hybrid.calibrate import calibrate, most_probable
 from tripwatt.hybrid.parameters import Parameter, changed, parameters
 from tripwatt.physics import simulate_trip
-from tripwatt.synthetic import synthetic_fleet
+from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import Trip
 from tripwatt.vehicles import load_vehicle
 

@@ -14,7 +14,7 @@ from tripwatt.hybrid import SegmentTable, power_corrector, segment_trips
 from tripwatt.hybrid.familiarity import FADING, Familiarity, Range
 from tripwatt.hybrid.power import PowerCorrector
 from tripwatt.hybrid.stored import new_converter, parts_tree, structured, tree_parts
-from tripwatt.synthetic import VEHICLE, synthetic_fleet
+from tripwatt.study.synthetic import VEHICLE, synthetic_fleet
 from tripwatt.trips import Departure, plan_from_trip
 from tripwatt.vehicles import load_vehicle
 

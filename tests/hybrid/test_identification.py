@@ -22,7 +22,7 @@ from tripwatt.hybrid.identification import (
 )
 from tripwatt.hybrid.parameters import changed
 from tripwatt.physics import simulate_trip
-from tripwatt.synthetic import synthetic_fleet
+from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import Trip, plan_from_trip
 from tripwatt.vehicles import load_vehicle
 

@@ -10,7 +10,7 @@ from tripwatt.hybrid import PowerCorrector, power_corrector, segment_trips
 from tripwatt.hybrid.correctors import corrector_name
 from tripwatt.hybrid.outside import ENTRY_POINTS, TableCorrector, fitted_outside
 from tripwatt.hybrid.power import TREE_FEATURES
-from tripwatt.synthetic import VEHICLE, synthetic_fleet
+from tripwatt.study.synthetic import VEHICLE, synthetic_fleet
 from tripwatt.vehicles import load_vehicle
 
 

@@ -13,11 +13,11 @@ from typing import Any
 
 import pandas as pd
 import pytest
-from tests.service.test_charge_planning import PAGE, answered, configurations, filled
-from tests.service.test_live import Served, jobs, served
+from tests.server.http.test_charge_planning import PAGE, answered, configurations, filled
+from tests.server.http.test_live import Served, jobs, served
 from tests.support import ROOT
 
-from tripwatt.journey.nights import EFFICIENCY, emhass
+from tripwatt.fleet.nights import EFFICIENCY, emhass
 
 __all__ = ["jobs", "served"]
 

@@ -20,8 +20,8 @@ from tests.support import ROOT
 from tests.support.service_process import TOKEN, free_port, wait_for
 from typer.main import get_command
 
-from tripwatt.cli import app
-from tripwatt.live.discovery import SENSORS
+from tripwatt.command import app
+from tripwatt.server.cars.discovery import SENSORS
 
 OURS = COMPONENTS / "tripwatt"
 ADD_ON = ROOT / "integrations" / "home_assistant" / "add-on"

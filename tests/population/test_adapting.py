@@ -23,7 +23,7 @@ from tripwatt.physics import simulate_trip
 from tripwatt.population import adapt_model, adaptation, population, without_trips
 from tripwatt.population.adapting import PROTOCOL, Adaptation, in_order, population_of, scores_of
 from tripwatt.population.prior import Population, Source
-from tripwatt.synthetic import synthetic_fleet
+from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import Fleet, Trip, plan_from_trip
 from tripwatt.vehicles import Vehicle, load_vehicle
 

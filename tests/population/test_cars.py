@@ -14,13 +14,13 @@ from tests.support.command import answered
 
 import tripwatt as tw
 from tripwatt.forecasting import load_model, save_model
-from tripwatt.journey.forecasting import RoadForecaster
-from tripwatt.live import RoadCar, Sample
 from tripwatt.population import adaptation, for_car
-from tripwatt.service.car_jobs import CarJobs
-from tripwatt.service.jobs import Jobs
-from tripwatt.service.settings import Limits
-from tripwatt.synthetic import synthetic_fleet
+from tripwatt.roads.journey.forecasting import RoadForecaster
+from tripwatt.server.cars import RoadCar, Sample
+from tripwatt.server.http.car_jobs import CarJobs
+from tripwatt.server.http.jobs import Jobs
+from tripwatt.server.http.settings import Limits
+from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import plan_from_samples
 from tripwatt.trips.messages import message
 from tripwatt.units import GRAVITY_M_S2

@@ -18,7 +18,7 @@ from tools import DOCS
 from tools.docs import make_results, write_citation
 from tools.docs.pages import of_page
 
-from tripwatt.cli import app
+from tripwatt.command import app
 
 PAGES = sorted(
     page

@@ -7,6 +7,7 @@ import sys
 import pytest
 from tests.support import ROOT
 from tools.quality.code_size import (
+    BUDGETS,
     MOST_CLASS,
     MOST_FUNCTION,
     P90_FUNCTION,
@@ -15,10 +16,10 @@ from tools.quality.code_size import (
     measure,
 )
 
-from tripwatt.evaluation import PROTOCOLS
+from tripwatt.study.evaluation import PROTOCOLS
 
 NAMES = {*PROTOCOLS} | {spec.name for protocol in PROTOCOLS.values() for spec in protocol.models}
-OWN_ROOMS = ("evaluation", "paper")
+OWN_ROOMS = ("study",)
 
 
 @pytest.fixture(scope="module")
@@ -31,6 +32,11 @@ def test_code_is_counted_without_blanks_comments_and_docstrings() -> None:
         '"""Doc.\n\nMore."""\n\n# comment\nx = [\n    1,\n]\n\n\ndef f():\n    """Doc."""\n    return x\n'
     )
     assert code_rows(source) == {6, 7, 8, 11, 13}
+
+
+@pytest.mark.parametrize("part", BUDGETS)
+def test_a_part_keeps_its_budget(sizes: Sizes, part: str) -> None:
+    assert sizes.by_part[part] <= BUDGETS[part]
 
 
 def test_functions_are_short(sizes: Sizes) -> None:

@@ -121,7 +121,7 @@ def test_all_missing_extras_come_at_once(monkeypatch: pytest.MonkeyPatch) -> Non
 def test_serve_checks_what_its_options_need_before_it_starts(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    from tripwatt.cli.serve import serve
+    from tripwatt.command.serve import serve
 
     monkeypatch.setattr("tripwatt.errors.find_spec", lambda name: None if name == "deltalake" else object())
     with pytest.raises(InvalidInput, match=r"missing package: --cars: got no deltalake.*\.\[fleet\]"):

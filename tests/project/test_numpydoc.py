@@ -45,7 +45,7 @@ PACKAGES = sorted(
     if found.ispkg and hasattr(importlib.import_module(f"tripwatt.{found.name}"), "__all__")
 )
 
-WITH_A_PAGE_OF_THEIR_OWN = ("tripwatt.cli", "tripwatt.service")
+WITH_A_PAGE_OF_THEIR_OWN = ("tripwatt.command", "tripwatt.server.http")
 """Packages that the command line and the requests describe, not the reference."""
 
 

@@ -34,7 +34,7 @@ def python(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProc
 # ------------------------------------------------------------------------------------------------ commands
 
 
-@pytest.mark.parametrize("module", ["tripwatt", "tripwatt.cli"])
+@pytest.mark.parametrize("module", ["tripwatt", "tripwatt.command"])
 def test_the_command_runs_as_a_module(module: str) -> None:
     done = python("-m", module, "--version")
     assert (done.returncode, done.stdout) == (0, f"tripwatt {tripwatt.__version__}\n"), done.stderr
@@ -54,8 +54,8 @@ def test_without_the_extra_service_the_rest_works_and_serve_says_what_is_missing
         import sys
         for name in {SERVICE!r}:
             sys.modules[name] = None  # importing it raises ImportError
-        import tripwatt.evaluation, tripwatt.forecasting, tripwatt.report
-        from tripwatt.cli import main
+        import tripwatt.study.evaluation, tripwatt.forecasting, tripwatt.study.report
+        from tripwatt.command import main
         sys.argv = ["tripwatt", "vehicles", "--json"]
         try:
             main()
@@ -172,7 +172,7 @@ def test_the_wheel_carries_licence_notice_and_everything_that_the_package_needs(
     (licence,) = [n for n in names if n.endswith("/licenses/LICENSE")]
     assert wheel.read(notice) == (ROOT / "NOTICE").read_bytes()
     assert wheel.read(licence) == (ROOT / "LICENSE").read_bytes()
-    assert {"tripwatt/py.typed", "tripwatt/service/page/licences.txt"} <= set(names)
+    assert {"tripwatt/py.typed", "tripwatt/server/http/page/licences.txt"} <= set(names)
     assert {f"tripwatt/vehicles/data/{name}.toml" for name in file_names()} <= set(names)
     assert {f"tripwatt/vehicles/data/table/{name}.csv" for name in ("cars", "sources", "anchors")} <= set(
         names
@@ -195,7 +195,7 @@ def test_the_notice_names_what_licences_ask_to_be_named() -> None:
         "10.1109/TITS.2020.3035596",
     ):
         assert words in text, words
-    bundle = (ROOT / "src/tripwatt/service/page/licences.txt").read_text("utf-8")
+    bundle = (ROOT / "src/tripwatt/server/http/page/licences.txt").read_text("utf-8")
     parts = re.findall(r"^(\S+) \d[\d.]* \(([^)]+)\)$", bundle, re.MULTILINE)
     assert len(parts) >= 4
     for name, _ in parts:

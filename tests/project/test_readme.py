@@ -11,7 +11,7 @@ from tests.support import ROOT
 from tools.docs import write_cli
 from tools.docs.pages import part, with_part
 
-from tripwatt.cli import main
+from tripwatt.command import main
 
 README = (ROOT / "README.md").read_text("utf-8")
 

@@ -71,7 +71,7 @@ def test_what_a_page_prints_can_be_written_into_it(tmp_path: Path) -> None:
 
 def test_the_request_for_home_assistant_is_one_that_the_service_takes() -> None:
     pytest.importorskip("pydantic", reason="needs the extra tripwatt[service]")
-    from tripwatt.service.schemas import ForecastRequest
+    from tripwatt.server.http.schemas import ForecastRequest
 
     text = (DOCS / "howto" / "home-assistant-evcc.md").read_text("utf-8")
     (payload,) = re.findall(r"payload: >-\n(.*?)^```", text, re.MULTILINE | re.DOTALL)

@@ -83,10 +83,10 @@ def test_what_the_container_leaves_out_is_not_imported_by_the_service() -> None:
     script = f"""
 import sys
 sys.modules |= dict.fromkeys({gone!r})
-from tripwatt.service.jobs import Jobs
-from tripwatt.service.settings import Limits, Settings
-from tripwatt.service.app import create_app
-import tripwatt.service.worker, tripwatt.service.over_mqtt, tripwatt.live, tripwatt.store, tripwatt.fleet.registry
+from tripwatt.server.http.jobs import Jobs
+from tripwatt.server.http.settings import Limits, Settings
+from tripwatt.server.http.app import create_app
+import tripwatt.server.http.worker, tripwatt.server.http.over_mqtt, tripwatt.server.cars, tripwatt.fleet.store, tripwatt.fleet.registry
 create_app()
 Jobs.from_folders({{}}, Limits()).warm_up()
 """

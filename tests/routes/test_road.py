@@ -13,9 +13,7 @@ from tests.support.roads import (
 )
 
 from tripwatt.errors import InvalidInput, RemoteError
-from tripwatt.routes import plan_from_links
-from tripwatt.routes.places import Place
-from tripwatt.routes.routers import (
+from tripwatt.roads.routers import (
     Edges,
     Road,
     RoadParts,
@@ -23,7 +21,9 @@ from tripwatt.routes.routers import (
     pooled,
     road,
 )
-from tripwatt.routes.routers.servers import GraphHopperRouter, OpenRouteServiceRouter, OsrmRouter
+from tripwatt.roads.routers.servers import GraphHopperRouter, OpenRouteServiceRouter, OsrmRouter
+from tripwatt.routes import plan_from_links
+from tripwatt.routes.places import Place
 
 NO = math.nan
 

@@ -15,8 +15,8 @@ from tests.support.roads import (
 )
 
 from tripwatt.errors import InvalidInput, RemoteError
+from tripwatt.roads.routers.valhalla import ValhallaRouter
 from tripwatt.routes.places import Place
-from tripwatt.routes.routers.valhalla import ValhallaRouter
 
 NO = math.nan
 
@@ -261,7 +261,7 @@ def test_edges_of_valhalla_follow_each_other(entries, what):
 
 
 def test_edges_may_be_as_many_as_their_bound(monkeypatch):
-    from tripwatt.routes.routers import valhalla as module
+    from tripwatt.roads.routers import valhalla as module
 
     assert module.MOST_EDGES == 200_000
     monkeypatch.setattr(module, "MOST_EDGES", 2)
@@ -528,6 +528,6 @@ def test_no_road_is_an_invalid_input_and_no_failure_of_the_router(answer, what):
 
 
 def test_too_many_edges_are_refused_before_they_are_read(monkeypatch):
-    monkeypatch.setattr("tripwatt.routes.routers.valhalla.MOST_EDGES", 1)
+    monkeypatch.setattr("tripwatt.roads.routers.valhalla.MOST_EDGES", 1)
     with pytest.raises(RemoteError, match="too many edges"):
         valhalla_router().roads([A, B])

@@ -11,7 +11,7 @@ from tripwatt.errors import InvalidInput
 from tripwatt.sources.mapping import parse_mapping
 from tripwatt.sources.suggest import suggest_mapping
 from tripwatt.sources.table import read_table
-from tripwatt.synthetic import synthetic_fleet
+from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import Trip
 from tripwatt.trips.messages import message
 

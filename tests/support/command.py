@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 from unittest import mock
 
-from tripwatt.cli import main
+from tripwatt.command import main
 
 
 class Answer(NamedTuple):

@@ -12,8 +12,8 @@ from typing import Final, Literal
 import numpy as np
 import pandas as pd
 
-from tripwatt.synthetic import synthetic_fleet
-from tripwatt.synthetic.scenario import stream
+from tripwatt.study.synthetic import synthetic_fleet
+from tripwatt.study.synthetic.scenario import stream
 from tripwatt.trips import Fleet, Log, Recorded, Trip
 
 FaultKind = Literal["frozen signal", "wrong sign", "filled gap"]

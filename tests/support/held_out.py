@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 
-from tripwatt.evaluation.forecast_data import ForecastData
 from tripwatt.hybrid import SegmentTable
+from tripwatt.study.evaluation.forecast_data import ForecastData
 from tripwatt.trips import Trip
 
 EXACT = {"rel": 1e-9, "abs": 1e-9}

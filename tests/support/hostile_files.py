@@ -31,19 +31,19 @@ from tests.support.service_fuzz import mutant, seeds
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
 from tripwatt.fleet import batch
+from tripwatt.fleet.nights import read_planned
 from tripwatt.forecasting import ForecastModel, load_model
 from tripwatt.forecasting.plausible import battery_wh
 from tripwatt.forecasting.storage import model_folder
-from tripwatt.journey.nights import read_planned
-from tripwatt.live import RoadCar, Sample, TopicJoiner, sample_from_abrp
-from tripwatt.live.journal import line_of
-from tripwatt.live.own_car import JOURNAL, LIVE
-from tripwatt.live.tokens import token_digest
+from tripwatt.roads.maps.folder import INDEX_NAME, INFO_NAME, open_map
 from tripwatt.routes import parse_route
-from tripwatt.routes.maps.folder import INDEX_NAME, INFO_NAME, open_map
-from tripwatt.service.jobs import Jobs
-from tripwatt.service.problems import Problem
-from tripwatt.service.settings import Limits
+from tripwatt.server.cars import RoadCar, Sample, TopicJoiner, sample_from_abrp
+from tripwatt.server.cars.journal import line_of
+from tripwatt.server.cars.own_car import JOURNAL, LIVE
+from tripwatt.server.cars.tokens import token_digest
+from tripwatt.server.http.jobs import Jobs
+from tripwatt.server.http.problems import Problem
+from tripwatt.server.http.settings import Limits
 from tripwatt.sources.archives import unpack
 from tripwatt.sources.canonical import read_canonical
 from tripwatt.sources.mapping import parse_mapping
@@ -229,9 +229,9 @@ def _telemetry_bodies() -> list[bytes]:
 
 def _telemetry(content: bytes, folder: Path) -> None:
     """As the service takes a body of either kind; what it accepts is on disk, once."""
-    from tripwatt.service.live_operations import message_of, telemetry_of
-    from tripwatt.service.openapi import FORM, JSON
-    from tripwatt.service.problems import Problem
+    from tripwatt.server.http.live_operations import message_of, telemetry_of
+    from tripwatt.server.http.openapi import FORM, JSON
+    from tripwatt.server.http.problems import Problem
 
     for kind in (JSON, FORM):
         try:

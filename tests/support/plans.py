@@ -6,7 +6,7 @@ from typing import Any
 
 import pandas as pd
 
-from tripwatt.service.schemas import BMS_SOC
+from tripwatt.server.http.schemas import BMS_SOC
 from tripwatt.trips import ROUTE_COLUMNS, SIGNALS
 from tripwatt.trips.samples import columns_of
 

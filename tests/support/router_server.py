@@ -15,11 +15,11 @@ from typing import Any
 
 from tests.support.service_process import free_port
 
-from tripwatt.routes.maps.engine import configuration, require_valhalla
-from tripwatt.routes.maps.extract import Named
-from tripwatt.routes.maps.folder import ATTRIBUTION, FORMAT, INDEX_NAME, INFO_NAME, MapFolder
-from tripwatt.routes.maps.index import write_index
-from tripwatt.routes.maps.stations import Station
+from tripwatt.roads.maps.engine import configuration, require_valhalla
+from tripwatt.roads.maps.extract import Named
+from tripwatt.roads.maps.folder import ATTRIBUTION, FORMAT, INDEX_NAME, INFO_NAME, MapFolder
+from tripwatt.roads.maps.index import write_index
+from tripwatt.roads.maps.stations import Station
 
 SETTLEMENTS = [Named("town", "Westend", 47.0, 9.0), Named("village", "Ostheim", 47.0, 9.1)]
 OBJECTS = [

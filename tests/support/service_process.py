@@ -70,7 +70,7 @@ def serving(folder: Path, *arguments: str, token: str = "", files: int | None = 
     log = folder / f"log-{len(list(folder.iterdir()))}"
     environment = {k: v for k, v in os.environ.items() if k != "TRIPWATT_TOKEN"}
     environment |= {"TRIPWATT_TOKEN": token} if token else {}
-    command = [sys.executable, "-m", "tripwatt.cli", "serve", "--port", "0", *arguments]
+    command = [sys.executable, "-m", "tripwatt.command", "serve", "--port", "0", *arguments]
     if files is not None:
         command = ["sh", "-c", f'ulimit -n {files}; exec "$@"', "sh", *command]
     with log.open("wb") as error:

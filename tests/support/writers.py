@@ -17,7 +17,7 @@ from types import MappingProxyType
 from typing import Final
 
 FILE: Final = """
-from tripwatt.cli.output import write_text
+from tripwatt.command.output import write_text
 if out.exists():
     assert out.read_text() in ("old" * 20_000, "new" * 20_000), "neither old nor new"
 def run(text):
@@ -25,7 +25,7 @@ def run(text):
 """
 
 FOLDER: Final = """
-from tripwatt.cli.output import unfinished_folder, write_whole
+from tripwatt.command.output import unfinished_folder, write_whole
 from tripwatt.files import folder_lock
 NAMES = ("a.csv", "report.html", "results.json", "figures")
 def fill(text, folder):
@@ -55,7 +55,7 @@ def run(text):
 LIVE: Final = """
 import json, os
 import pandas as pd
-from tripwatt.live import Sample, RoadCar
+from tripwatt.server.cars import Sample, RoadCar
 T0 = 1_700_000_000.0
 def samples(text):
     shift = 0.0 if text == "old" else 3600.0
@@ -93,8 +93,8 @@ import deltalake, pyarrow.dataset
 from tripwatt.forecasting import load_model
 load_model()
 from dataclasses import replace
-from tripwatt.live import create_car, is_car, open_car
-from tripwatt.synthetic import synthetic_fleet
+from tripwatt.server.cars import create_car, is_car, open_car
+from tripwatt.study.synthetic import synthetic_fleet
 LOGS = [replace(log, samples=log.samples.iloc[:500]) for log in synthetic_fleet(2).logs]
 if out.exists():
     car = open_car(out)
@@ -114,9 +114,9 @@ LEARN: Final = """
 import deltalake, pyarrow.dataset
 from tripwatt.forecasting import load_model
 load_model()
-from tripwatt.live import create_car, is_car, learn_finished, open_car
-from tripwatt.live.folder import finished_names, keep_trip, live_folder
-from tripwatt.synthetic import synthetic_fleet
+from tripwatt.server.cars import create_car, is_car, learn_finished, open_car
+from tripwatt.server.cars.folder import finished_names, keep_trip, live_folder
+from tripwatt.study.synthetic import synthetic_fleet
 TABLE = synthetic_fleet(1).logs[0].samples.iloc[:500]
 STARTS = {"old": [1_700_000_000.0], "new": [1_700_000_000.0, 1_700_100_000.0]}
 if out.exists() and is_car(out):
@@ -139,9 +139,9 @@ import deltalake, pyarrow.dataset
 from tripwatt.forecasting import load_model
 load_model()
 from dataclasses import replace
-from tripwatt.store import create_store, open_store
+from tripwatt.fleet.store import create_store, open_store
 from tripwatt.errors import InvalidInput
-from tripwatt.synthetic import synthetic_fleet
+from tripwatt.study.synthetic import synthetic_fleet
 LOGS = [replace(log, samples=log.samples.iloc[:200]) for log in synthetic_fleet(4).logs]
 def opened():
     try:
@@ -182,7 +182,7 @@ def run(text):
 
 MAP: Final = """
 import json, sqlite3
-from tripwatt.routes.maps import build_map, folder as module, open_map
+from tripwatt.roads.maps import build_map, folder as module, open_map
 EXTRACTS = {"old": 300, "new": 900}
 module.require_valhalla = lambda: None
 def tiles(work, extract):

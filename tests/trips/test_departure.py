@@ -17,10 +17,10 @@ from pydantic import BaseModel, create_model
 from typer.testing import CliRunner
 
 import tripwatt as tw
-from tripwatt.cli import departing
-from tripwatt.cli.options import spread
+from tripwatt.command import departing
+from tripwatt.command.options import spread
 from tripwatt.routes import parse_route, plan_from_route
-from tripwatt.service.schemas import ForecastRequest, asked
+from tripwatt.server.http.schemas import ForecastRequest, asked
 from tripwatt.trips import ASKED, COLUMNS, FIELDS, Departure, Field, Plan
 from tripwatt.trips.messages import name_of
 

@@ -9,7 +9,7 @@ from scipy.stats import t as student
 
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import ForecastModel
-from tripwatt.synthetic import synthetic_fleet
+from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.uncertainty.charge import CAPACITY_SD, NORMAL_SCALE, ChargeScale
 from tripwatt.uncertainty.charge import FULL as FULL_DISPLAY
 from tripwatt.vehicles import load_vehicle

@@ -1,7 +1,7 @@
 """Vectors that the tests of the page share with the library: `python tests/vectors/write.py` writes them.
 
 Each JSON file beside this one holds inputs and what the library makes of them. `web/test` holds the page's own functions
-against the same numbers; `tests/page/test_vectors.py` computes them again.
+against the same numbers; `tests/server/page/test_vectors.py` computes them again.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import pandas as pd
 
 from tripwatt.forecasting import Forecast, load_model
 from tripwatt.routes import route_from_links
-from tripwatt.synthetic import example_trip
+from tripwatt.study.synthetic import example_trip
 from tripwatt.trips import Trip, plan_from_samples
 from tripwatt.trips.energy import observed_cumulative_energy
 from tripwatt.units import KG_PER_LB, M_PER_MILE, M_S_PER_KM_H, SECONDS_PER_HOUR, WH_PER_J

@@ -25,7 +25,7 @@ SOUTH_DEG: Final = 44.1
 WEST_DEG: Final = -34.0
 KM_PER_DEG: Final = 111.195
 EXTRACT_NAME: Final = "synthetic-country.osm.pbf"
-EXAMPLE: Final = Path(__file__).parents[2] / "src" / "tripwatt" / "service" / "demo"
+EXAMPLE: Final = Path(__file__).parents[2] / "src" / "tripwatt" / "server" / "http" / "demo"
 EXAMPLE_SEED: Final = 42
 TILE_ROWS: Final = 1201
 """Rows of an elevation tile of 3 arc-seconds."""

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray
-from tripwatt.synthetic import synthetic_fleet
+from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.units import SECONDS_PER_HOUR
 
 FLEET: Final = (14, 11)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from tools.docs.tables import markdown
-from tripwatt.report.tables import Column, Table, in_percent, number, span, tabulated
+from tripwatt.study.report.tables import Column, Table, in_percent, number, span, tabulated
 
 Record = Mapping[str, Any]
 

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from tools.docs.tables import markdown
-from tripwatt.evaluation.forecast_scores import UPDATE_LEVEL
-from tripwatt.report.intervals import NOTE, OFF, charge_rows, energy_rows, intervals_table
-from tripwatt.report.tables import DASH, Table, number, span
+from tripwatt.study.evaluation.forecast_scores import UPDATE_LEVEL
+from tripwatt.study.report.intervals import NOTE, OFF, charge_rows, energy_rows, intervals_table
+from tripwatt.study.report.tables import DASH, Table, number, span
 
 NAMES: Final[Mapping[str, str]] = {
     "driven trace": "the driven speed trace itself: the best case",

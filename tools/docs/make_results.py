@@ -205,7 +205,7 @@ RESULTS: Final = (
         "country",
         ("-m benchmarks.country --write",),
         ("docs/results/country.json", "docs/decisions/page-03-large-maps.md#country"),
-        ("tools/data/country.py", "benchmarks/country.py", "src/tripwatt/routes/maps"),
+        ("tools/data/country.py", "benchmarks/country.py", "src/tripwatt/roads/maps"),
         8,
         maps_alone=True,
     ),

@@ -20,7 +20,7 @@ from pydantic_core._pydantic_core import list_all_errors
 
 import tripwatt
 from tripwatt.errors import and_more
-from tripwatt.service.problems import TITLES
+from tripwatt.server.http.problems import TITLES
 from tripwatt.trips.messages import catalogue
 
 PACKAGE: Final = Path(tripwatt.__file__).parent

@@ -13,14 +13,14 @@ from types import MappingProxyType
 from typing import Any, Final
 
 from tools.docs.tables import markdown, on_names
-from tripwatt.evaluation.paper_studies import CURVE_MODELS
-from tripwatt.paper.correctors import SIMULATION
-from tripwatt.report.covariates import term_in_words
-from tripwatt.report.panels import paper_studies
-from tripwatt.report.panels.results_table import results_table
-from tripwatt.report.tables import DASH, Column, Table, in_percent, number, tabulated
-from tripwatt.report.view import Record, View
-from tripwatt.report.words import label, listed, percent, points
+from tripwatt.study.evaluation.paper_studies import CURVE_MODELS
+from tripwatt.study.paper.correctors import SIMULATION
+from tripwatt.study.report.covariates import term_in_words
+from tripwatt.study.report.panels import paper_studies
+from tripwatt.study.report.panels.results_table import results_table
+from tripwatt.study.report.tables import DASH, Column, Table, in_percent, number, tabulated
+from tripwatt.study.report.view import Record, View
+from tripwatt.study.report.words import label, listed, percent, points
 
 Cars = Mapping[str, Any]
 
@@ -276,11 +276,11 @@ _TIMES = (
 _EQUATIONS = """\
 | The paper | Here |
 |:--|:--|
-| (1) absolute percentage error of the cumulative energy at the end of the trip | `tripwatt.evaluation.metrics.absolute_percentage_error` |
+| (1) absolute percentage error of the cumulative energy at the end of the trip | `tripwatt.study.evaluation.metrics.absolute_percentage_error` |
 | (2) GAMM: sum of smooths and random effects | [the engine](gam.md), `tripwatt.gam.GAMM` |
 | (3) density of Student's t | `tripwatt.gam.ScaledT`, ν and σ estimated, ν at least 3 |
 | (4) F(k+1) = F(k) + T(k+1), boosting rounds chosen by leaving subjects out | `tripwatt.learners.boosting.ClusteredBoosting` |
-| steps 1 to 4: simulate, take the residual, learn it, add it | `tripwatt.paper.HybridModel` |"""
+| steps 1 to 4: simulate, take the residual, learn it, add it | `tripwatt.study.paper.HybridModel` |"""
 
 
 def _longest_agrees(view: View) -> str:

@@ -15,15 +15,15 @@ from tools.docs.links_page import render_links
 from tools.docs.paper_page import render_paper_page
 from tools.docs.tables import markdown, on_names
 from tripwatt.errors import InvalidInput
-from tripwatt.evaluation import DEFAULT_PROTOCOL
 from tripwatt.files import write_bytes
-from tripwatt.report.intervals import NOTE, OFF
-from tripwatt.report.panels.paired import SIGNIFICANT, difference_column
-from tripwatt.report.panels.results_table import results_table, sets_table
-from tripwatt.report.panels.uncertainty import coverage_by_set, scored_sets, updates_table
-from tripwatt.report.short_table import short_table
-from tripwatt.report.view import View
-from tripwatt.report.words import listed
+from tripwatt.study.evaluation import DEFAULT_PROTOCOL
+from tripwatt.study.report.intervals import NOTE, OFF
+from tripwatt.study.report.panels.paired import SIGNIFICANT, difference_column
+from tripwatt.study.report.panels.results_table import results_table, sets_table
+from tripwatt.study.report.panels.uncertainty import coverage_by_set, scored_sets, updates_table
+from tripwatt.study.report.short_table import short_table
+from tripwatt.study.report.view import View
+from tripwatt.study.report.words import listed
 from tripwatt.vehicles import load_vehicle
 
 

@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, ParamSpec
 
 from tripwatt.hybrid.trip_table import COVARIATES
-from tripwatt.report.covariates import covariate_words
-from tripwatt.report.style import INK, new_figure, style_context
+from tripwatt.study.report.covariates import covariate_words
+from tripwatt.study.report.style import INK, new_figure, style_context
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

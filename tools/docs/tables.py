@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from tripwatt.report.tables import Table
-from tripwatt.report.view import View
-from tripwatt.report.words import label
+from tripwatt.study.report.tables import Table
+from tripwatt.study.report.view import View
+from tripwatt.study.report.words import label
 
 SHARED: Final = ("boosting-only", "linear4", "linear6")
 """Models of both protocols that take something else in each."""

@@ -13,7 +13,7 @@ import typer.main
 
 from tools import ROOT
 from tools.docs import pages
-from tripwatt.cli import app
+from tripwatt.command import app
 from tripwatt.trips.departure import ASKED
 
 BAR = "\\|"

@@ -15,7 +15,7 @@ from types import MappingProxyType
 from typing import Any, Final
 
 from tools import DOCS, ROOT
-from tripwatt.report.tables import number, span
+from tripwatt.study.report.tables import number, span
 
 RESULTS: Final = DOCS / "results"
 FIGURE: Final = re.compile(r"(<!-- fig: ([^|>]+?) \| ([^|>]+?) -->).*?(<!-- /fig -->)", re.S)

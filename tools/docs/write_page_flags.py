@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from tools import ROOT
-from tripwatt.journey.kinds import KINDS, TOWN_M, UNKNOWN, road_prior, shares_of
+from tripwatt.roads.journey.kinds import KINDS, TOWN_M, UNKNOWN, road_prior, shares_of
 from tripwatt.trips.messages import catalogue
 
 FOLDER: Final = ROOT / "web" / "src" / "api"

@@ -20,7 +20,19 @@ import numpy as np
 from tools import ROOT
 from tools.command import run
 
-MOST_PRODUCT: Final = 35_500
+PARTS: Final = ("roads", "server", "fleet", "study", "gam")
+"""Rooms that are a part; all others together are the core."""
+BUDGETS: Final[Mapping[str, int]] = {
+    "core": 22_531,
+    "roads": 4_212,
+    "server": 6_367,
+    "fleet": 2_373,
+    "study": 4_995,
+    "gam": 4_150,
+}
+"""Most code lines of each part. They only fall: whoever needs lines finds them first."""
+TABLE_ROWS: Final = 4
+"""Rows of a table that count as one line of code: moving code into tables saves nothing."""
 MOST_FUNCTION: Final = 60
 MOST_CLASS: Final = 250
 MOST_ARGUMENTS: Final = 8
@@ -108,9 +120,10 @@ class Sizes:
     classes: tuple[Piece, ...]
 
     @property
-    def product(self) -> int:
-        """Lines of the package without the GAMM engine."""
-        return sum(lines for room, lines in self.by_room.items() if room != "gam")
+    def by_part(self) -> dict[str, int]:
+        """Lines of the core and of each part."""
+        parts = {part: self.by_room[part] for part in PARTS}
+        return {"core": sum(self.by_room.values()) - sum(parts.values())} | parts
 
     @property
     def total(self) -> int:
@@ -128,7 +141,7 @@ class Sizes:
         return [
             f
             for f in sorted(self.functions, key=lambda p: -p.arguments)
-            if f.public and f.arguments > MOST_ARGUMENTS and not f.where.startswith("cli/")
+            if f.public and f.arguments > MOST_ARGUMENTS and not f.where.startswith("command/")
         ]
 
 
@@ -144,6 +157,11 @@ def measure(root: Path) -> Sizes:
         by_room[place.parts[0] if len(place.parts) > 1 else path.stem] += len(rows)
         for kind, piece in pieces(tree, rows, place.as_posix()):
             measured[kind].append(piece)
+    for path in source.rglob("*.toml"):
+        place = path.relative_to(source)
+        if not {"data", "mappings", "models"} & {*place.parts}:
+            table = [line for line in path.read_text("utf-8").splitlines() if line.strip() and line[0] != "#"]
+            by_room[place.parts[0]] += len(table) // TABLE_ROWS
     outside = {
         folder: sum(len(code_rows(path.read_text("utf-8"))) for path in (root / folder).rglob("*.py"))
         for folder in ("tools", "benchmarks", "docs")
@@ -154,7 +172,8 @@ def measure(root: Path) -> Sizes:
 
 def bars(sizes: Sizes) -> Iterator[tuple[str, float, float]]:
     """What is bounded, its figure and its bound."""
-    yield "lines of the package without gam", sizes.product, MOST_PRODUCT
+    for part, lines in sizes.by_part.items():
+        yield f"lines of {part}", lines, BUDGETS[part]
     yield "nine in ten functions, lines", sizes.p90, P90_FUNCTION
     yield "longest function, lines", sizes.functions[0].lines, MOST_FUNCTION
     yield "largest class, lines", sizes.classes[0].lines, MOST_CLASS
@@ -170,7 +189,8 @@ def main(root: Path = ROOT, before: Path | None = None) -> int:
         for room in sorted(sizes.by_room, key=lambda r: -sizes.by_room[r])
     ]
     rows += [(f"{folder}/", [s.outside[folder] for s in columns]) for folder in sizes.outside]
-    rows += [("without gam", [s.product for s in columns]), ("all", [s.total for s in columns])]
+    rows += [(f"{part}, in all", [s.by_part[part] for s in columns]) for part in BUDGETS]
+    rows += [("the package", [sum(s.by_room.values()) for s in columns]), ("all", [s.total for s in columns])]
     for name, lines in rows:
         print(f"{name:14s}" + "".join(f"{n:8d}" for n in lines))
     for title, chosen in (

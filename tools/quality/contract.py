@@ -215,8 +215,8 @@ def _shown(schema: Schema, names: tuple[str, ...]) -> str:
 
 def of_checkout() -> dict[str, Any]:
     """The OpenAPI document of the package that this process imports."""
-    from tripwatt.service.app import Api
-    from tripwatt.service.settings import Settings
+    from tripwatt.server.http.app import Api
+    from tripwatt.server.http.settings import Settings
 
     document: dict[str, Any] = Api(Settings(), lambda **record: None).app.openapi()
     return document

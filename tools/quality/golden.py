@@ -20,11 +20,11 @@ from tools.command import run
 from tools.data.dirty_logs import FORMATS, write_dirty_folder
 from tools.quality import probe
 from tripwatt.errors import InvalidInput
-from tripwatt.evaluation import Execution
-from tripwatt.evaluation.forecast_data import measured_log
 from tripwatt.forecasting import Forecast, ForecastModel
-from tripwatt.live import RoadCar, Sample
 from tripwatt.routes import plan_on_links
+from tripwatt.server.cars import RoadCar, Sample
+from tripwatt.study.evaluation import Execution
+from tripwatt.study.evaluation.forecast_data import measured_log
 from tripwatt.trips import plan_from_trip
 
 Answers = dict[str, Any]

@@ -41,22 +41,29 @@ from tools.quality.mutating import Mutant, mutants_of
 HERE: Final = Path(__file__).parent
 
 ROOMS: Final = (
-    "live",
-    "journey",
+    "server/cars",
+    "roads/journey",
     "forecasting",
     "uncertainty",
-    "evaluation",
+    "study/evaluation",
     "hybrid",
     "population",
     "routes",
     "physics",
     "auditing",
-    "service",
+    "server/http",
 )
 NO_MUTANTS: Final = ("plots.py", "example_requests.py")
 """Sizes and places in figures, which people judge by looking, and numbers of examples, which are free."""
 LEAST_SHARE: Final = 0.9
-NO_PART: Final = ("tests/page", "tests/project", "tests/report", "tests/gam", "tests/cli", "src/tripwatt/gam")
+NO_PART: Final = (
+    "tests/server/page",
+    "tests/project",
+    "tests/study/report",
+    "tests/gam",
+    "tests/command",
+    "src/tripwatt/gam",
+)
 """Tests of the browser, of the project's files, of words and figures, and of rooms that no mutant is planted in."""
 PATIENCE_S: Final = 120.0
 """A mutant that takes this much longer than its tests does not end."""
@@ -150,7 +157,7 @@ def tests_for(mutant: Mutant, known: TestMap, uses: Mapping[str, Mapping[str, Se
             for other, lines in uses.get(name, {}).items():
                 tests |= known.of_lines(other, lines)
         tests = tests or known.of_lines(path, known.by_line.get(path, {}))
-    room = mutant.path.relative_to(ROOT / "src" / "tripwatt").parts[0]
+    room = mutant.path.relative_to(ROOT / "src" / "tripwatt").parent.as_posix()
     return tests or {test for test in known.seconds if test.startswith(f"tests/{room}/")}
 
 

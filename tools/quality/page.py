@@ -20,7 +20,7 @@ import numpy as np
 from tests.support.service_process import serving
 from typer import Option
 
-import tripwatt.service
+import tripwatt.server.http
 from tools.command import run
 
 CHROMIUM: Final = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")
@@ -147,7 +147,7 @@ def violations(page: Any) -> list[tuple[str, str]]:
 
 def measure() -> dict[str, Any]:
     """All figures."""
-    folder = Path(tripwatt.service.__file__).with_name("page")
+    folder = Path(tripwatt.server.http.__file__).with_name("page")
     files = {f.relative_to(folder).as_posix(): f.stat().st_size for f in folder.rglob("*") if f.is_file()}
     figures: dict[str, Any] = {"bundle_bytes": files, "bundle_total_bytes": sum(files.values())}
     with tempfile.TemporaryDirectory() as logs, serving(Path(logs)) as service, browsing() as browser:

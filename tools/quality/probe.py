@@ -23,7 +23,7 @@ from tripwatt.hybrid.split import CLIMATE_TERMS, DRIVE_TERMS, SplitCorrector
 from tripwatt.physics import simulate_trip
 from tripwatt.population import for_car
 from tripwatt.routes import plan_on_links
-from tripwatt.synthetic import synthetic_fleet
+from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import Departure, Plan, PlanWeather, Trip, plan_from_trip
 from tripwatt.vehicles import Vehicle, load_vehicle
 

@@ -100,7 +100,7 @@ def forecasts(python: Path) -> dict[str, Any]:
         folder = Path(place)
 
         def said(*arguments: str) -> str:
-            command = [str(python.absolute()), "-m", "tripwatt.cli", *arguments]
+            command = [str(python.absolute()), "-m", "tripwatt.command", *arguments]
             return subprocess.run(command, check=True, capture_output=True, text=True, cwd=folder).stdout
 
         (folder / "links.json").write_text(json.dumps(LINKS), "utf-8")

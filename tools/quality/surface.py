@@ -58,8 +58,8 @@ def surface() -> Iterator[str]:
     import typer.main
 
     import tripwatt
-    from tripwatt.cli import app
-    from tripwatt.service.app import create_app
+    from tripwatt.command import app
+    from tripwatt.server.http.app import create_app
 
     yield from commands(typer.main.get_command(app))
     service: Any = create_app()

@@ -52,7 +52,7 @@ class Audit:
 
     Examples
     --------
-    >>> from tripwatt.synthetic import synthetic_fleet
+    >>> from tripwatt.study.synthetic import synthetic_fleet
     >>> result = audit(synthetic_fleet(2))
     >>> print(result)
     2 drives out of 2 logs are used, 0 are not
@@ -83,7 +83,7 @@ class Audit:
 
         Examples
         --------
-        >>> from tripwatt.synthetic import synthetic_fleet
+        >>> from tripwatt.study.synthetic import synthetic_fleet
         >>> audit(synthetic_fleet(2)).groups()
         ()
         """

@@ -89,7 +89,7 @@ def _processes() -> BaseContext:
 
 @contextmanager
 def _dask(cluster: str) -> Iterator[tuple[Executor, int]]:
-    from tripwatt.store.delta import imported  # slow to import
+    from tripwatt.fleet.store.delta import imported  # slow to import
 
     distributed = imported("distributed", "for clusters", "fleet")
     try:

@@ -11,7 +11,7 @@ from tripwatt.errors import InvalidInput
 from tripwatt.fleet.mapping import SampledTrips, map_store, tasks_of
 from tripwatt.fleet.model import Sampling, fit_fleet, update_fleet
 from tripwatt.fleet.registry import Comparison, Registry, compare
-from tripwatt.store import TripStore
+from tripwatt.fleet.store import TripStore
 
 
 def refit_fleet(

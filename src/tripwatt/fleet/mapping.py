@@ -28,12 +28,12 @@ from tripwatt.errors import InvalidInput
 from tripwatt.fleet.executors import map_bounded
 from tripwatt.fleet.features import FEATURES, trip_features, trip_variance_wh2
 from tripwatt.fleet.statistics import KEYS, NO_DRIVER, ROWS, TripRows
+from tripwatt.fleet.store import TripStore, read_file
+from tripwatt.fleet.store.delta import DeltaFolder
 from tripwatt.hybrid import SegmentTable, segment_table
 from tripwatt.hybrid.energy_errors import unknown_climb_wh
 from tripwatt.hybrid.groups import Sums
 from tripwatt.physics import simulate_trip
-from tripwatt.store import TripStore, read_file
-from tripwatt.store.delta import DeltaFolder
 from tripwatt.trips import REQUIRED_COLUMNS, Log, Trip, plan_from_trip, table_of
 from tripwatt.vehicles import Vehicle, load_vehicle
 

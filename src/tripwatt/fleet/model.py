@@ -22,13 +22,13 @@ from tripwatt.fleet.corrector import FleetCorrector, FleetTrees, choose_rounds
 from tripwatt.fleet.features import FEATURES, START
 from tripwatt.fleet.mapping import SampledTrips, car_of, map_store, read_rows, sample_of, tasks_of
 from tripwatt.fleet.statistics import TripRows
+from tripwatt.fleet.store import TripStore
 from tripwatt.forecasting.forecast import Forecast
 from tripwatt.forecasting.model import ForecastModel
 from tripwatt.forecasting.ranges import training_ranges
 from tripwatt.hybrid import SegmentTable
 from tripwatt.hybrid.familiarity import Range
 from tripwatt.hybrid.groups import GroupPosterior, Scales, Sums, fit_scales, group_posterior
-from tripwatt.store import TripStore
 from tripwatt.trips import Departure, Plan, Trip
 from tripwatt.uncertainty import ChargeScale, ConformalScores, UncertaintyModel
 from tripwatt.uncertainty.held_out import held_out_residual

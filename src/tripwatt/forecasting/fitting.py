@@ -39,7 +39,7 @@ class CarOfTrips:
 
     Examples
     --------
-    >>> from tripwatt.synthetic import VEHICLE, synthetic_fleet
+    >>> from tripwatt.study.synthetic import VEHICLE, synthetic_fleet
     >>> from tripwatt.vehicles import load_vehicle
     >>> car = load_vehicle(VEHICLE)
     >>> shown = CarOfTrips.from_trips(synthetic_fleet(9).trips, car, calibrated=True)
@@ -117,7 +117,7 @@ def fit_with_provenance(
 
     Examples
     --------
-    >>> from tripwatt.synthetic import synthetic_fleet
+    >>> from tripwatt.study.synthetic import synthetic_fleet
     >>> from tripwatt.vehicles import load_vehicle
     >>> fitted = fit_with_provenance(synthetic_fleet(9), load_vehicle("bmw_i3_60ah"), corrector="linear")
     >>> fitted[1]["data"]["name"], fitted[2]["trips"]

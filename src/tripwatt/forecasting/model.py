@@ -107,7 +107,7 @@ class ForecastModel:
 
     Examples
     --------
-    >>> from tripwatt.synthetic import synthetic_fleet
+    >>> from tripwatt.study.synthetic import synthetic_fleet
     >>> from tripwatt.vehicles import load_vehicle
     >>> fleet = synthetic_fleet(n_trips=12)
     >>> model = ForecastModel(load_vehicle("bmw_i3_60ah"), corrector="linear").fit(fleet.trips[:11])

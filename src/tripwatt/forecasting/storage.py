@@ -181,7 +181,7 @@ def save_model(
     Examples
     --------
     >>> import tempfile
-    >>> from tripwatt.synthetic import synthetic_fleet
+    >>> from tripwatt.study.synthetic import synthetic_fleet
     >>> from tripwatt.vehicles import load_vehicle
     >>> trips = synthetic_fleet(n_trips=9).trips
     >>> model = ForecastModel(load_vehicle("bmw_i3_60ah"), corrector="linear").fit(trips[:8])

@@ -23,7 +23,7 @@ class PhysicsOnly:
     Examples
     --------
     >>> from tripwatt.hybrid import build_table
-    >>> from tripwatt.synthetic import VEHICLE, synthetic_fleet
+    >>> from tripwatt.study.synthetic import VEHICLE, synthetic_fleet
     >>> from tripwatt.vehicles import load_vehicle
     >>> table = build_table(synthetic_fleet(1).trips, {"physics": load_vehicle(VEHICLE)})
     >>> predicted = PhysicsOnly("physics").fit(table).predict(table)
@@ -84,7 +84,7 @@ class EnergyRegression:
     Examples
     --------
     >>> from tripwatt.hybrid import build_table
-    >>> from tripwatt.synthetic import VEHICLE, synthetic_fleet
+    >>> from tripwatt.study.synthetic import VEHICLE, synthetic_fleet
     >>> from tripwatt.vehicles import load_vehicle
     >>> table = build_table(synthetic_fleet(3).trips, {"physics": load_vehicle(VEHICLE)})
     >>> model = EnergyRegression((), simulation="physics").fit(table)

@@ -70,7 +70,7 @@ def calibrate(trips: Sequence[Trip], vehicle: Vehicle) -> Calibration:
 
     Examples
     --------
-    >>> from tripwatt.synthetic import synthetic_fleet
+    >>> from tripwatt.study.synthetic import synthetic_fleet
     >>> from tripwatt.vehicles import load_vehicle
     >>> calibration = calibrate(synthetic_fleet(8).trips, load_vehicle("bmw_i3_60ah"))
     >>> sorted(calibration.changes) == sorted(p.name for p in parameters())

@@ -115,7 +115,7 @@ class StageRecord:
 
     Examples
     --------
-    >>> from tripwatt.synthetic import VEHICLE, synthetic_fleet
+    >>> from tripwatt.study.synthetic import VEHICLE, synthetic_fleet
     >>> from tripwatt.vehicles import load_vehicle
     >>> stage_record(synthetic_fleet(1).trips[0], load_vehicle(VEHICLE)).climate is None
     False
@@ -142,7 +142,7 @@ class Identified:
 
     Examples
     --------
-    >>> from tripwatt.synthetic import VEHICLE, synthetic_fleet
+    >>> from tripwatt.study.synthetic import VEHICLE, synthetic_fleet
     >>> from tripwatt.vehicles import load_vehicle
     >>> car = load_vehicle(VEHICLE)
     >>> nothing = identify([stage_record(trip, car) for trip in synthetic_fleet(2).trips], car)
@@ -201,7 +201,7 @@ def stage_record(trip: Trip, vehicle: Vehicle) -> StageRecord:
 
     Examples
     --------
-    >>> from tripwatt.synthetic import VEHICLE, synthetic_fleet
+    >>> from tripwatt.study.synthetic import VEHICLE, synthetic_fleet
     >>> from tripwatt.vehicles import load_vehicle
     >>> stage_record(synthetic_fleet(1).trips[0], load_vehicle(VEHICLE)).road.shape
     (0, 4)
@@ -321,7 +321,7 @@ def identify_trips(trips: Sequence[Trip], vehicle: Vehicle) -> Identified:
 
     Examples
     --------
-    >>> from tripwatt.synthetic import VEHICLE, synthetic_fleet
+    >>> from tripwatt.study.synthetic import VEHICLE, synthetic_fleet
     >>> from tripwatt.vehicles import load_vehicle
     >>> dict(identify_trips(synthetic_fleet(2).trips, load_vehicle(VEHICLE)).values)
     {}

@@ -27,7 +27,7 @@ class PowerCorrector:
     Examples
     --------
     >>> from tripwatt.hybrid import power_corrector, segment_trips
-    >>> from tripwatt.synthetic import VEHICLE, synthetic_fleet
+    >>> from tripwatt.study.synthetic import VEHICLE, synthetic_fleet
     >>> from tripwatt.vehicles import load_vehicle
     >>> table = segment_trips(synthetic_fleet(6).trips, load_vehicle(VEHICLE))
     >>> corrector: PowerCorrector = power_corrector("linear").fit(table)

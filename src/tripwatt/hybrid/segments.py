@@ -64,7 +64,7 @@ class SegmentTable:
 
     Examples
     --------
-    >>> from tripwatt.synthetic import VEHICLE, synthetic_fleet
+    >>> from tripwatt.study.synthetic import VEHICLE, synthetic_fleet
     >>> from tripwatt.vehicles import load_vehicle
     >>> table = segment_trips(synthetic_fleet(2).trips, load_vehicle(VEHICLE))
     >>> len(table), len(table.take([1])), len(SegmentTable.join([table, table]))
@@ -225,7 +225,7 @@ def segment_table(
     Examples
     --------
     >>> from tripwatt.physics import simulate_trip
-    >>> from tripwatt.synthetic import VEHICLE, synthetic_fleet
+    >>> from tripwatt.study.synthetic import VEHICLE, synthetic_fleet
     >>> from tripwatt.trips import plan_from_trip
     >>> from tripwatt.vehicles import load_vehicle
     >>> plan = plan_from_trip(synthetic_fleet(1).logs[0])
@@ -300,7 +300,7 @@ def segment_trips(trips: Sequence[Trip], vehicle: Vehicle) -> SegmentTable:
 
     Examples
     --------
-    >>> from tripwatt.synthetic import VEHICLE, synthetic_fleet
+    >>> from tripwatt.study.synthetic import VEHICLE, synthetic_fleet
     >>> from tripwatt.vehicles import load_vehicle
     >>> table = segment_trips(synthetic_fleet(2).trips, load_vehicle(VEHICLE))
     >>> len(table), len(table.residual_w) == len(table.hours)
@@ -371,7 +371,7 @@ def resimulated(
 
     Examples
     --------
-    >>> from tripwatt.synthetic import VEHICLE, synthetic_fleet
+    >>> from tripwatt.study.synthetic import VEHICLE, synthetic_fleet
     >>> from tripwatt.vehicles import load_vehicle
     >>> car, trips = load_vehicle(VEHICLE), synthetic_fleet(2).trips
     >>> table = segment_trips(trips, car)

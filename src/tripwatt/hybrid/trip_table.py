@@ -56,7 +56,7 @@ class TripTable:
 
     Examples
     --------
-    >>> from tripwatt.synthetic import VEHICLE, synthetic_fleet
+    >>> from tripwatt.study.synthetic import VEHICLE, synthetic_fleet
     >>> from tripwatt.vehicles import load_vehicle
     >>> table = build_table(synthetic_fleet(2).trips, {"physics": load_vehicle(VEHICLE)})
     >>> len(table.take([1]).trips), len(table.rows_of(np.array([0]))) == int(table.offsets[1])
@@ -212,7 +212,7 @@ def build_table(trips: Sequence[Trip], physics: Mapping[str, Vehicle], *, step_s
 
     Examples
     --------
-    >>> from tripwatt.synthetic import VEHICLE, synthetic_fleet
+    >>> from tripwatt.study.synthetic import VEHICLE, synthetic_fleet
     >>> from tripwatt.vehicles import load_vehicle
     >>> table = build_table(synthetic_fleet(2).trips, {"physics": load_vehicle(VEHICLE)})
     >>> len(table.trips), sorted(table.simulated_wh)
@@ -306,7 +306,7 @@ class EnergyModel(Protocol):
     Examples
     --------
     >>> from tripwatt.hybrid import PhysicsOnly
-    >>> from tripwatt.synthetic import VEHICLE, synthetic_fleet
+    >>> from tripwatt.study.synthetic import VEHICLE, synthetic_fleet
     >>> from tripwatt.vehicles import load_vehicle
     >>> table = build_table(synthetic_fleet(2).trips, {"physics": load_vehicle(VEHICLE)})
     >>> model: EnergyModel = PhysicsOnly("physics")

@@ -56,7 +56,7 @@ def simulate_trips(pairs: Iterable[Pair]) -> list[Simulation]:
 
     Examples
     --------
-    >>> from tripwatt.synthetic import VEHICLE, synthetic_fleet
+    >>> from tripwatt.study.synthetic import VEHICLE, synthetic_fleet
     >>> from tripwatt.vehicles import load_vehicle
     >>> car, trips = load_vehicle(VEHICLE), synthetic_fleet(2).trips
     >>> [len(run.time_s) for run in simulate_trips((car, trip) for trip in trips)] == [len(trip) for trip in trips]
@@ -86,7 +86,7 @@ def trip_totals(pairs: Iterable[Pair]) -> dict[str, list[Any]]:
 
     Examples
     --------
-    >>> from tripwatt.synthetic import VEHICLE, synthetic_fleet
+    >>> from tripwatt.study.synthetic import VEHICLE, synthetic_fleet
     >>> from tripwatt.vehicles import load_vehicle
     >>> totals = trip_totals((load_vehicle(VEHICLE), trip) for trip in synthetic_fleet(2).trips)
     >>> len(totals["energy_wh"]), totals["flags"]

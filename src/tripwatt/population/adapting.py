@@ -231,7 +231,7 @@ def adaptation(
 
     Examples
     --------
-    >>> from tripwatt.synthetic import synthetic_fleet
+    >>> from tripwatt.study.synthetic import synthetic_fleet
     >>> from tripwatt.vehicles import load_vehicle
     >>> trips = synthetic_fleet(n_trips=12).trips
     >>> base = ForecastModel(load_vehicle("bmw_i3_60ah"), corrector="linear").fit(trips[:10])
@@ -308,7 +308,7 @@ def without_trips(base: ForecastModel, vehicle: Vehicle, cars: Population | None
 
     Examples
     --------
-    >>> from tripwatt.synthetic import synthetic_fleet
+    >>> from tripwatt.study.synthetic import synthetic_fleet
     >>> from tripwatt.vehicles import load_vehicle
     >>> trips = synthetic_fleet(n_trips=12).trips
     >>> base = ForecastModel(load_vehicle("bmw_i3_60ah"), corrector="linear").fit(trips[:11])
@@ -368,7 +368,7 @@ def in_order(trips: Iterable[Trip]) -> list[Trip]:
 
     Examples
     --------
-    >>> from tripwatt.synthetic import synthetic_fleet
+    >>> from tripwatt.study.synthetic import synthetic_fleet
     >>> [f"{trip.context.started_at:%m}" for trip in in_order(synthetic_fleet(3).trips)]
     ['06', '07', '12']
     """
@@ -407,7 +407,7 @@ def adapt_model(
     Examples
     --------
     >>> from tripwatt.forecasting import load_metadata, load_model
-    >>> from tripwatt.synthetic import synthetic_fleet
+    >>> from tripwatt.study.synthetic import synthetic_fleet
     >>> from tripwatt.vehicles import load_vehicle
     >>> car = load_vehicle("vw_id3")
     >>> logs = synthetic_fleet(3, vehicle=car)

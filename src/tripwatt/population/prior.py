@@ -100,7 +100,7 @@ class Population:
     Trips of one more BMW i3, in place of those that the package has of this car model:
 
     >>> from tripwatt.hybrid import segment_trips
-    >>> from tripwatt.synthetic import synthetic_fleet
+    >>> from tripwatt.study.synthetic import synthetic_fleet
     >>> car, trips = load_vehicle("bmw_i3_60ah"), synthetic_fleet(3).trips
     >>> evidence = TripEvidence.from_table(segment_trips(trips, car), car)
     >>> source = Source(car.name, "mine", "exports", len(evidence), "", "")

@@ -179,7 +179,7 @@ def driven_by_kind(trip: Recorded) -> FloatArray:
 
     Examples
     --------
-    >>> from tripwatt.synthetic import synthetic_fleet
+    >>> from tripwatt.study.synthetic import synthetic_fleet
     >>> trip = synthetic_fleet(1).trips[0]
     >>> bool(abs(driven_by_kind(trip)[:3].sum() / trip.distance_m - 1.0) < 0.01)
     True

@@ -94,7 +94,7 @@ def plan_on_links(trip: Trip, length_m: float) -> Plan:
 
     Examples
     --------
-    >>> from tripwatt.synthetic import synthetic_fleet
+    >>> from tripwatt.study.synthetic import synthetic_fleet
     >>> trip = synthetic_fleet(1).logs[0]
     >>> plan = plan_on_links(trip, 500.0)
     >>> plan.departure == trip.departure, abs(plan.distance_m / trip.distance_m - 1.0) < 0.01

@@ -55,7 +55,7 @@ def read_logs(
         For tables: called with the files that were read and their number.
     heights : callable, optional
         For tables with positions and without heights: latitudes and longitudes [°] -> heights [m], such as
-        `tripwatt.routes.maps.Elevation.at` of a map or of a folder of tiles. The positions are not kept.
+        `tripwatt.roads.maps.Elevation.at` of a map or of a folder of tiles. The positions are not kept.
 
     Returns
     -------

@@ -33,7 +33,7 @@ class Fleet:
 
     Examples
     --------
-    >>> from tripwatt.synthetic import synthetic_fleet
+    >>> from tripwatt.study.synthetic import synthetic_fleet
     >>> fleet = synthetic_fleet(2)
     >>> fleet.name, len(fleet.logs), fleet.reference_trips()
     ('synthetic', 2, ())

@@ -300,7 +300,7 @@ def plan_from_trip(trip: Recorded, *, step_s: float = 1.0) -> Plan:
 
     Examples
     --------
-    >>> from tripwatt.synthetic import synthetic_fleet
+    >>> from tripwatt.study.synthetic import synthetic_fleet
     >>> trip = synthetic_fleet(1).logs[0]
     >>> plan = plan_from_trip(trip)
     >>> plan.has("speed_m_s"), plan.has("current_a"), plan.departure == trip.departure

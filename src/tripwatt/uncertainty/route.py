@@ -113,7 +113,7 @@ class LinkedTrips:
     Examples
     --------
     >>> from tripwatt.hybrid import power_corrector, segment_trips
-    >>> from tripwatt.synthetic import VEHICLE, synthetic_fleet
+    >>> from tripwatt.study.synthetic import VEHICLE, synthetic_fleet
     >>> from tripwatt.vehicles import load_vehicle
     >>> trips, car = synthetic_fleet(4).trips, load_vehicle(VEHICLE)
     >>> linked, driven = linked_trips(trips, car), segment_trips(trips, car)
@@ -196,7 +196,7 @@ def linked_trips(trips: Sequence[Trip], vehicle: Vehicle) -> LinkedTrips:
 
     Examples
     --------
-    >>> from tripwatt.synthetic import VEHICLE, synthetic_fleet
+    >>> from tripwatt.study.synthetic import VEHICLE, synthetic_fleet
     >>> from tripwatt.vehicles import load_vehicle
     >>> len(linked_trips(synthetic_fleet(1).trips, load_vehicle(VEHICLE)).tables)
     1

@@ -1,7 +1,7 @@
 """Charging curves of the library's cars, from `data/table/charging.csv`; `python -m tools.data.car_table --write` makes it.
 
 The curves are simplified from public charts of charging sessions; cars without one have that of their class
-(`tripwatt.journey.charging`).
+(`tripwatt.roads.journey.charging`).
 """
 
 from __future__ import annotations

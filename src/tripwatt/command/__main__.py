@@ -1,0 +1,6 @@
+"""`python -m tripwatt.command` is the command `tripwatt`."""
+
+from tripwatt.command import main
+
+if __name__ == "__main__":
+    main()

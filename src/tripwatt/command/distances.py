@@ -1,0 +1,174 @@
+"""Commands without a road: what some kilometres need, how far a charge carries."""
+
+from __future__ import annotations
+
+import datetime as dt
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+import typer
+
+from tripwatt.command.departing import Departing
+from tripwatt.command.journey import CarOption, ModelOption
+from tripwatt.command.options import Answer, argument, option, options_named
+from tripwatt.command.printing import print_few_notes, print_table
+from tripwatt.command.sentences import begins
+from tripwatt.errors import InvalidInput
+
+if TYPE_CHECKING:
+    from tripwatt.roads.journey import Need, Range
+    from tripwatt.roads.journey.distances import Doubt
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What is known of the road and of the car."""
+
+    kind: Annotated[str, option("KIND", "city, country, motorway, or mixed where the road is unknown.")] = (
+        "mixed"
+    )
+    reserve: Annotated[float, option("0..1", "State of charge to keep.")] = 0.0
+    car: Annotated[Path | None, option("FOLDER", "Your own car, made by `tripwatt car new`.")] = None
+    vehicle: CarOption = None
+    model: ModelOption = None
+
+    def own(self) -> dict[str, Any]:
+        """The car as `need` and `range_km` take it, and what plans a usual trip of one's own."""
+        if self.car is None:
+            return {"model": self.model, "vehicle": self.vehicle}
+        from tripwatt.server.cars import open_car
+        from tripwatt.server.cars.usual import usual_plan
+
+        if self.vehicle is not None or self.model is not None:
+            raise InvalidInput.of("two cars", "--car", "--vehicle or --model too", "one of them")
+        own = open_car(self.car)
+        return {"model": own.model(), "plan": partial(usual_plan, own)}
+
+
+def need(
+    departure: Departing,
+    drive: Drive,
+    distance: Annotated[list[str] | None, argument("DISTANCE [km]", "Kilometres of each trip.")] = None,
+    quantile: Annotated[float, option("0.5..1", "Probability that the energy is enough.")] = 0.95,
+    trips: Annotated[int, option("N", "Number of equal trips.", min=1, max=100)] = 1,
+    trip: Annotated[
+        str | None, option("NAME", "A usual trip of your own car, in place of the distance.", "--trip")
+    ] = None,
+    plug: Annotated[
+        float, option("W", "Power of the plug at home; 0: the car is not plugged in.", min=0.0)
+    ] = 7400.0,
+) -> Answer:
+    """Forecast what some kilometres need, without a road: energy and charge, with a margin, and what to do until then.
+
+    For example:
+
+      # 50 km tomorrow at -5 degrees
+      tripwatt need 50 km --ambient -5
+      # five days to work and back on the motorway, enough in 9 of 10 weeks
+      tripwatt need 80 km --kind motorway --trips 5 --quantile 0.9 --vehicle vw_id3
+      # by when to charge, and when to preheat
+      tripwatt need 50 km --ambient -5 --soc 0.3 --depart 07:30 --plug 3700 --json
+      # a usual trip of your own car
+      tripwatt need --car cars/my-leaf --trip 2026-01-12T07-30 --ambient -5
+    """
+    from tripwatt.roads.advice.preheating import need_before_departure
+
+    with options_named():
+        if (distance is None) == (trip is None) or (trip is not None and drive.car is None):
+            got = "both" if distance and trip else "a trip without its car" if trip else "neither"
+            allowed = "a distance, or --trip with --car"
+            raise InvalidInput.of(
+                "what is to be driven", "DISTANCE, --trip", got, allowed, "tripwatt need 50 km"
+            )
+        own = drive.own()
+        again = own.pop("plan", None)
+        ahead: Any = again(trip) if trip else _kilometres(distance or [])
+        known, more = departure(), {"quantile": quantile, "trips": trips, "reserve": drive.reserve}
+        found, until = need_before_departure(ahead, drive.kind, known, plug, **more, **own)
+    return Answer(found.to_dict() | until, partial(_show_need, found, until, known.departs_at))
+
+
+def _show_need(found: Need, until: Mapping[str, Any], leaves: dt.datetime | None) -> None:
+    less, more = (wh / 1000.0 for wh in found.half_wh)
+    rows = [
+        ("likely", f"{found.energy_wh / 1000.0:.2f} kWh"),
+        ("middle half", f"{less:.2f} to {more:.2f} kWh"),
+        (f"cautious ({100.0 * found.quantile:g} %)", f"{found.energy_quantile_wh / 1000.0:.2f} kWh"),
+        ("charge for it", f"{100.0 * found.soc_needed:.0f} %"),
+    ]
+    if until["charging_s"]:
+        rows.append(
+            ("on the plug", f"{until['wall_wh'] / 1000.0:.2f} kWh, {until['charging_s'] / 3600.0:.1f} h")
+        )
+    if until["preheat"]:
+        rows.append(("preheat", begins(until["preheat"]["before_s"], leaves)))
+    print_table(f"{found.distance_m / 1000.0:.1f} km, {found.kind}, {found.car}", ("what", "value"), rows)
+    typer.echo(until["message"])
+    typer.echo(_doubt_in_words(found.doubt))
+    print_few_notes(found.flags)
+
+
+def range_(departure: Departing, drive: Drive) -> Answer:
+    """Forecast how far a charge carries, without a road, by kind of road.
+
+    For example:
+
+      # how far with 35 % at 5 degrees
+      tripwatt range --soc 0.35 --ambient 5
+      # keep 10 %, as data
+      tripwatt range --soc 0.8 --reserve 0.1 --vehicle vw_id3 --json
+    """
+    from tripwatt.roads.journey import range_km
+
+    with options_named():
+        own = drive.own()
+        own.pop("plan", None)
+        found = range_km(None, drive.kind, departure(), reserve=drive.reserve, **own)
+    return Answer(found.to_dict, partial(_show_range, found))
+
+
+def _show_range(found: Range) -> None:
+    rows = [
+        (
+            name,
+            f"{far.range_m / 1000.0:.0f} km",
+            f"{far.half_m[0] / 1000.0:.0f} to {far.half_m[1] / 1000.0:.0f} km",
+            f"{far.interval_m[0] / 1000.0:.0f} km",
+        )
+        for name, far in found.by_kind.items()
+    ]
+    title = f"Range from {found.soc:.0%} down to {found.reserve:.0%}"
+    heads = ("kind of road", "likely", "middle half", "19 of 20 times at least")
+    print_table(title, heads, rows, numbers=(heads[1], heads[3]))
+    typer.echo(_doubt_in_words(found.doubt))
+    print_few_notes(found.flags)
+
+
+_NARROWS: Final = {
+    "ambient_temperature_degc": "The outside temperature (--ambient)",
+    "kind": "The kind of road (--kind)",
+    "own trips": "Trips of your own car (tripwatt car new)",
+}
+
+
+def _doubt_in_words(doubt: Doubt) -> str:
+    """Where the interval comes from, and what would narrow it most."""
+    shares = ", ".join(f"{name} {getattr(doubt, name):.0%}" for name in ("car", "road", "weather", "day"))
+    most = (
+        f" {_NARROWS[doubt.narrows]} would narrow it most, by up to {doubt.narrower:.0%}."
+        if doubt.narrows
+        else ""
+    )
+    return f"Shares of the uncertainty: {shares}.{most}"
+
+
+def _kilometres(words: list[str]) -> float:
+
+    text = "".join(words).lower()
+    try:
+        return float(text.removesuffix("km"))
+    except ValueError:
+        raise InvalidInput.of("not a distance", "DISTANCE", text[:40], "kilometres", "50 km") from None

@@ -1,0 +1,236 @@
+"""`tripwatt evaluate`: the main job."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from tripwatt.command.options import Answer, Logs, SetOption, VehicleOption, option, require_effect
+from tripwatt.command.output import check_writable, finished_folds, unfinished_folder, write_whole
+from tripwatt.command.printing import console, print_notes, print_table, progress
+from tripwatt.command.sentences import forecast_in_words, held_out_in_words
+from tripwatt.errors import Check, Fault, InvalidInput, raise_faults
+from tripwatt.files import folder_lock
+
+if TYPE_CHECKING:
+    from tripwatt.study.evaluation import EvaluationRun
+    from tripwatt.trips import Fleet
+
+CARS = "cars"
+"""The protocol of several cars, each forecast from the others."""
+
+BUILT_IN_TRIPS = 24
+"""Trips of the built-in fleet: as many as a first run evaluates in little more than a minute."""
+
+INTERRUPTED = 130
+"""Exit code of a run that was stopped from the keyboard."""
+
+
+def evaluate(
+    logs: Logs,
+    out: Annotated[
+        Path,
+        option("FOLDER", "Folder for the results. It is created when the run is complete.", "--out", "-o"),
+    ] = Path("out"),
+    protocol: Annotated[str, option("NAME", "Comparison: paper, forecast or cars.")] = "paper",
+    test: Annotated[
+        Path | None, option("DATA", "Fit on DATA and score on these trips. Only with --protocol forecast.")
+    ] = None,
+    models: Annotated[
+        list[str] | None, option("NAME,NAME", "Models to evaluate. Default: all models of the protocol.")
+    ] = None,
+    hold_outs: Annotated[
+        list[str] | None,
+        option(
+            "NAME,NAME",
+            "Hold-outs to run, for example leave_one_trip_out:reference. Default: all of the protocol, and its additional studies.",
+        ),
+    ] = None,
+    vehicle: VehicleOption = None,
+    overrides: SetOption = None,
+    jobs: Annotated[int, option("N", "Number of processes; -1 uses all cores.")] = -1,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Continue an interrupted run; finished folds are reused.")
+    ] = False,
+) -> Answer:
+    """Train every model, score it on held-out trips, and write a report.
+
+    The command reads and audits the trips, simulates the car, and trains each model with one trip (and with one day)
+    left out at a time. It writes results.json, folds.csv, report.html and the figures into OUT.
+
+    For example:
+
+      # evaluate on the built-in synthetic fleet; results in ./out
+      tripwatt evaluate
+      # evaluate on your copy of the TUM trips
+      tripwatt evaluate data/tum --out tum-results
+      # evaluate on the Nissan Leafs of the Vehicle Energy Dataset
+      tripwatt evaluate data/ved --dataset ved
+      # evaluate on tables of one car; `tripwatt mapping suggest` writes my.toml
+      tripwatt evaluate logs --mapping my.toml --vehicle vw_id3 --set mass=1900
+      # score forecasts before departure and during the trip
+      tripwatt evaluate data/tum --protocol forecast
+      # forecast each car of a file as one that nobody has seen, from all others
+      tripwatt evaluate cars.toml --protocol cars
+      # the paper's Table 3 alone
+      tripwatt evaluate data/tum --models physics-paper,gamm,forest,boosting --hold-outs leave_one_trip_out:reference
+      # continue an interrupted run
+      tripwatt evaluate data/tum --resume
+    """
+    shown = console()
+    if protocol == CARS:
+        others: dict[str, Any] = {
+            "--dataset": logs.dataset,
+            "--mapping": logs.mapping,
+            "--test": test,
+            "--models": models and ",".join(models),
+            "--hold-outs": hold_outs and ",".join(hold_outs),
+            "--vehicle": vehicle,
+        }
+        others |= {"--set": overrides, "--resume": resume or None}
+        require_effect(others, "only with another --protocol: the file names data and cars")
+        return _evaluate_cars(logs.data, out)
+    car, note = logs.car(vehicle)
+    options: dict[str, Any] = {
+        "protocol": protocol,
+        "models": _names(models),
+        "hold_outs": _names(hold_outs),
+        "vehicle": car,
+    }
+    with Check() as check:
+        check(_check, options, overrides or [], jobs)
+        check(check_writable, out)
+        with shown.status("reading trips"):
+            fleet = check(logs.read, built_in_trips=BUILT_IN_TRIPS)
+            options["test_fleet"] = test and check(replace(logs, data=test).read)
+    trips = replace(fleet, notes=(*fleet.notes, *note))
+    shown.print(f"{len(trips)} trips read ({trips.name})")
+    print_notes(note)
+    unfinished = unfinished_folder(out)
+    with folder_lock(unfinished):
+        run = _run(trips, options, jobs, unfinished, resume)
+        lead = _example_in_words() if logs.data is None else _median_trip_in_words(run)
+        with shown.status("writing the report"):
+            write_whole(lambda folder: _write(run, folder, lead), out, unfinished)
+    return Answer(run.results, partial(_show, run, out, lead))
+
+
+def _names(options: list[str] | None) -> list[str] | None:
+    """Names of an option that may be given several times, each with several names."""
+    return [name.strip() for name in ",".join(options).split(",") if name.strip()] if options else None
+
+
+def _evaluate_cars(data: Path | None, out: Path) -> Answer:
+    from tripwatt.study.evaluation.cars import evaluate_cars, read_cars
+    from tripwatt.study.report.cars import cars_tables, write_cars
+
+    if data is None:
+        fix = "see docs/explanation/cars.md"
+        raise InvalidInput.of("no cars", "DATA", "nothing", "a TOML file with a table for each car", fix)
+    shown = console()
+    with Check() as check:
+        with shown.status("reading trips"):
+            cars = check(read_cars, data)
+        check(check_writable, out)
+    unfinished = unfinished_folder(out)
+    with folder_lock(unfinished), progress(shown) as advance:
+        run = evaluate_cars(cars, progress=advance)
+        write_whole(lambda folder: write_cars(run, folder), out, unfinished)
+
+    def show() -> None:
+        for table in cars_tables(run.results):
+            print_table(table.caption, table.columns, table.rows, numbers=table.columns[1:])
+        typer.echo(f"Report: {out / 'report.html'}")
+
+    return Answer(run.results, show)
+
+
+def _check(options: dict[str, Any], overrides: list[str], n_jobs: int) -> None:
+    """Everything that can be wrong with the options, before hours of work; settles the overrides."""
+    from tripwatt.study.evaluation import CarChoice, choose_models, find_protocol
+    from tripwatt.vehicles import parse_overrides
+
+    with Check() as check:
+        check(lambda: choose_models(find_protocol(options["protocol"]), options["models"]))
+        if options["models"] == []:
+            allowed = "names separated by commas"
+            check(raise_faults, [Fault("no models", "--models", "an empty list", allowed)])
+        changes = check(parse_overrides, overrides)
+        options["vehicle"] = CarChoice(options["vehicle"], changes)
+        check(options["vehicle"].load)
+        if n_jobs < -1 or n_jobs == 0:
+            check(raise_faults, [Fault("value out of range", "--jobs", str(n_jobs), "-1, or 1 or more")])
+
+
+def _run(fleet: Fleet, options: dict[str, Any], jobs: int, unfinished: Path, resume: bool) -> EvaluationRun:
+    from tripwatt.study.evaluation import Execution
+    from tripwatt.study.evaluation import evaluate as run_evaluation
+
+    if resume and not finished_folds(unfinished):
+        console().print("--resume: this folder has no finished folds; the run starts from the beginning")
+    try:
+        with progress(console()) as report_progress:
+            execution = Execution(jobs, unfinished / "folds", resume, report_progress)
+            return run_evaluation(fleet, **options, execution=execution)
+    except (KeyboardInterrupt, SystemExit) as stop:
+        typer.echo(
+            "interrupted: the finished folds are kept; continue with the same command and --resume", err=True
+        )
+        if isinstance(stop, SystemExit):
+            raise
+        raise typer.Exit(INTERRUPTED) from None
+    except OSError as error:  # a full disk, while a fold is kept
+        got = f"{unfinished}: {error.strerror or error}"
+        fix = "make room and continue with the same command and --resume"
+        raise InvalidInput.of("cannot keep the finished folds", "--out", got, fix=fix) from error
+    except InvalidInput:
+        if not finished_folds(unfinished):
+            shutil.rmtree(unfinished, ignore_errors=True)
+        raise
+
+
+def _write(run: EvaluationRun, folder: Path, lead: str) -> None:
+    from tripwatt.study.evaluation import write_results
+    from tripwatt.study.report import write_report
+
+    write_results(run, folder)
+    write_report(run, folder, lead)
+
+
+def _show(run: EvaluationRun, out: Path, lead: str) -> None:
+    """A forecast in words, the short table, and where the report is, in this order; the rest is in the report."""
+    from tripwatt.study.report import render_table
+
+    if lead:
+        typer.echo(f"{lead}\n")
+    console(sys.stdout).print(render_table(run.results))
+    notes = len(run.results["notes"])
+    noted = f" ({notes} note{'s' if notes > 1 else ''} of the run in it)" if notes else ""
+    typer.echo(f"Report: {out / 'report.html'}{noted}")
+
+
+def _example_in_words() -> str:
+    """A forecast of the example trip with the model that comes with the package."""
+    from tripwatt.forecasting import load_model
+    from tripwatt.study.synthetic import example_trip
+    from tripwatt.trips import plan_from_samples
+
+    return forecast_in_words(
+        load_model(None).forecast(plan_from_samples(example_trip(), "example")), "Example trip"
+    )
+
+
+def _median_trip_in_words(run: EvaluationRun) -> str:
+    """The held-out forecast of the trip with the median error; empty where the protocol makes no forecasts."""
+    if run.forecast is None:
+        return ""
+    trips = run.forecast.trips
+    error = (trips["energy_wh"] / trips["observed_energy_wh"] - 1.0).abs()
+    middle = trips.loc[error.sort_values(kind="stable").index[(len(error) - 1) // 2]]
+    return held_out_in_words(middle.to_dict(), f"Trip {middle['trip']}, forecast before departure")

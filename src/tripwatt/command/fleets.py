@@ -1,0 +1,395 @@
+"""Commands on a fleet: fit it on a trip store, update it every night, compare, promote, forecast, evaluate."""
+
+from __future__ import annotations
+
+import datetime as dt
+from collections.abc import Mapping
+from contextlib import AbstractContextManager
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from tripwatt.command.departing import DepartingNow, time_of
+from tripwatt.command.forecast import show_arrival
+from tripwatt.command.options import Answer, argument, option, options_named
+from tripwatt.command.output import write_text
+from tripwatt.command.printing import console, print_notes, print_table, progress
+from tripwatt.command.stores import SinceOption, Store, UntilOption
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
+    from tripwatt.fleet.registry import Registry
+    from tripwatt.fleet.statistics import TripRows
+    from tripwatt.study.report.fleets import ManagerReport
+
+GROUP = (
+    "Many vehicles: one model of a trip store, with the deviations of each car model, vehicle and driver. It needs the "
+    "extra tripwatt[fleet]."
+)
+
+RegistryArgument = Annotated[Path, argument("REGISTRY", "Folder of the model's versions.")]
+JobsOption = Annotated[int, option("N", "Processes of this machine.", "--jobs", min=1)]
+ClusterOption = Annotated[
+    str | None,
+    option("ADDRESS", "Scheduler of a Dask cluster, such as tcp://10.0.0.5:8786, in place of --jobs."),
+]
+WorkOption = Annotated[
+    Path | None,
+    option("FOLDER", "Folder of finished parts, which every worker reaches. Default: REGISTRY/work."),
+]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Workers:
+    """What works on the trips of a fleet."""
+
+    jobs: JobsOption = 1
+    cluster: ClusterOption = None
+
+    def running(self) -> AbstractContextManager[tuple[Executor, int]]:
+        """Start processes or reach a cluster; gives the executor and the number of its workers."""
+        from tripwatt.fleet.executors import executor_for
+
+        return executor_for(self.jobs, self.cluster)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fleet(Store, Workers):
+    """A fleet: the store of its trips, the versions of its model, and what works on them."""
+
+    registry: RegistryArgument
+    work: WorkOption = None
+
+    @property
+    def place(self) -> Path:
+        """Folder of finished parts."""
+        return self.work or self.registry / "work"
+
+
+def _registry(folder: Path) -> Registry:
+    from tripwatt.fleet.registry import Registry
+
+    return Registry(folder)
+
+
+def fit(fleet: Fleet, since: SinceOption = None, until: UntilOption = None) -> Answer:
+    """Fit a model on the trips of a store, and promote it if the registry has no version in use yet.
+
+    An interrupted fit goes on with its finished parts.
+
+    For example:
+
+      # fit on all trips of the store fleet
+      tripwatt fleet fit fleet models --jobs 4
+      # fit on a Dask cluster
+      tripwatt fleet fit fleet models --cluster tcp://10.0.0.5:8786
+    """
+    from tripwatt.fleet.model import fit_fleet
+
+    source, target, which = fleet.opened(), _registry(fleet.registry), {"since": since, "until": until}
+    with progress(console()) as advance, fleet.running() as (executor, workers):
+        model = fit_fleet(source, fleet.place, executor, workers, which=which, progress=advance)
+    version = target.add(model, f"fit on {model.trips} trips")
+    first = not any(entry["action"] == "promote" for entry in target.history())
+    if first:
+        target.promote(version)
+    return Answer(
+        {"version": version, "in_use": first, "trips": model.trips, "vehicles": len(model.vehicles())},
+        f"version {version}: {model!r}" + (", in use" if first else "; promote it to use it"),
+    )
+
+
+def update(fleet: Fleet) -> Answer:
+    """Take new trips of a store into the model in use, as a new version, and report how they were forecast.
+
+    Only the new trips are read. The sums of the linear part are those of a fit on all trips; trees, residual process and
+    scores stay as they are until the next refit.
+
+    For example:
+
+      # take in the trips of last night
+      tripwatt fleet update fleet models
+    """
+    from tripwatt.fleet.deviations import drift
+    from tripwatt.fleet.model import update_fleet
+
+    source, target = fleet.opened(), _registry(fleet.registry)
+    before = target.load()
+    with fleet.running() as (executor, workers):
+        model, rows = update_fleet(before, source, fleet.place, executor, workers)
+    change: dict[str, Any] = {"trips": 0}
+    version = target.current()
+    if len(rows):
+        change = drift(before.posterior, rows)
+        version = target.add(model, f"update by {len(rows)} trips")
+        target.promote(version)
+    document = {"version": version, **change}
+    if not len(rows):
+        return Answer(document, f"version {version}: no new trips")
+    return Answer(document, partial(_show_update, f"version {version}: {model!r}", change))
+
+
+def _show_update(updated: str, change: Mapping[str, Any]) -> None:
+    typer.echo(
+        f"{updated}; {change['trips']} new trips, mean error {change['bias']:+.1%}, "
+        f"{change['coverage']:.0%} inside the 90 % interval"
+    )
+    drifting = [
+        (name, f"{v['trips']}", f"{100.0 * v['bias']:+.1f}", f"{v['z']:+.1f}")
+        for name, v in change["vehicles"].items()
+    ]
+    if drifting:
+        columns = ("vehicle", "new trips", "more than forecast [%]", "standard errors")
+        print_table("Vehicles that drift", columns, drifting, numbers=columns[1:])
+
+
+def refit(
+    fleet: Fleet,
+    weeks: Annotated[float, option("N", "Newest weeks, on which the new model is compared.", min=0.1)] = 4.0,
+) -> Answer:
+    """Fit anew on all but the newest weeks, compare with the model in use, and promote it unless it is worse.
+
+    Worse is an error larger by more than a twentieth, beyond chance. The comparison is on trips of the newest weeks, paired by vehicle. Both models are taken without these trips. A
+    promoted model then takes them in. The exit code is 1 if the model in use stays.
+
+    For example:
+
+      # fit anew, and promote it if it is not worse
+      tripwatt fleet refit fleet models --weeks 4
+    """
+    from tripwatt.fleet.life import refit_fleet
+
+    source, target = fleet.opened(), _registry(fleet.registry)
+    with progress(console()) as advance, fleet.running() as (executor, workers):
+        version, comparison, promoted = refit_fleet(
+            source, target, fleet.place, executor, workers, weeks=weeks, progress=advance
+        )
+    return Answer(
+        {"version": version, "in_use": promoted, "reason": f"{comparison}", "comparison": asdict(comparison)},
+        f"version {version} is {'' if promoted else 'not '}in use: {comparison}",
+        code=not promoted,
+    )
+
+
+def versions(registry: RegistryArgument) -> Answer:
+    """List the versions of a registry and what was done with them.
+
+    For example:
+
+      # list the versions and their history
+      tripwatt fleet versions models
+    """
+    target = _registry(registry)
+    history = target.history()
+    rows = [(h["time"], h["action"], h["version"], h["note"]) for h in history]
+    title = f"{len(target.versions())} versions, {target.current()} in use"
+    return Answer(
+        {"versions": list(target.versions()), "in_use": target.current(), "history": history},
+        partial(print_table, title, ("time", "action", "version", "note"), rows, folding=("note",)),
+    )
+
+
+def promote(
+    registry: RegistryArgument,
+    version: Annotated[str, argument("VERSION", "A version of `tripwatt fleet versions`.")],
+) -> Answer:
+    """Use a version from now on, a newer or an older one. Programs that follow the registry change without losing a request.
+
+    For example:
+
+      # use version 0003 from now on
+      tripwatt fleet promote models 0003
+    """
+    _registry(registry).promote(version)
+    return Answer({"in_use": version}, f"version {version} is in use")
+
+
+def forecast(
+    registry: RegistryArgument,
+    trip: Annotated[Path, argument("TRIP", "A route or a speed trace, as for `tripwatt forecast`.")],
+    vehicle_id: Annotated[str, option("ID", "The vehicle.")],
+    departure: DepartingNow,
+    car_model: Annotated[str | None, option("NAME", "The car model of a vehicle without trips.")] = None,
+    driver: Annotated[str | None, option("NAME", "The driver, if trips of his were logged.")] = None,
+    reserve: Annotated[float, option("X", "Charge to arrive with, 0 to 1.", min=0.0, max=1.0)] = 0.0,
+) -> Answer:
+    """Forecast a trip of one vehicle with the version in use. A vehicle without trips starts from its --car-model.
+
+    For example:
+
+      # forecast a trip of one vehicle
+      tripwatt fleet forecast models trip.csv --vehicle-id V17 --soc 0.8
+    """
+    import tripwatt as tw
+
+    model = _registry(registry).load()
+    plan = tw.read_route(trip)
+    with options_named():
+        known = departure()
+    expected = model.forecast(plan, known, vehicle_id=vehicle_id, car_model=car_model, driver=driver)
+
+    return Answer(
+        lambda: {"vehicle_id": vehicle_id, **expected.to_dict(reserve)},
+        partial(show_arrival, expected, vehicle_id, reserve),
+    )
+
+
+def batch(
+    workers: Workers,
+    registry: RegistryArgument,
+    trips: Annotated[Path, argument("TRIPS.parquet", "One row a link; see docs/howto/fleet.md.")],
+    out: Annotated[Path, option("FILE", "Parquet file to write.", "--out", "-o")] = Path("forecasts.parquet"),
+    quantile: Annotated[
+        list[float] | None,
+        option("Q", "Quantile of the energy; you can repeat the option. Default: 0.05, 0.5, 0.95."),
+    ] = None,
+    reserve: Annotated[float, option("X", "Charge to arrive with, 0 to 1.")] = 0.0,
+) -> Answer:
+    """Forecast many planned trips with the version in use, Parquet in and Parquet out.
+
+    The exit code is 1 if a trip cannot be forecast; the column error of FILE has the reason. Repeat a batch that was stopped:
+    it goes on with the parts that are finished, in FILE.unfinished.
+
+    For example:
+
+      # forecast many planned trips
+      tripwatt fleet batch models tomorrow.parquet --out forecasts.parquet
+    """
+    with workers.running() as (executor, count):  # its processes import while this one does
+        import pyarrow.compute as pc
+        import pyarrow.parquet as pq
+
+        from tripwatt.fleet.batch import QUANTILES, forecast_batch
+
+        target = _registry(registry)
+        folder = target.path(target.current())
+        done = forecast_batch(
+            folder, trips, out, executor, count, quantiles=quantile or QUANTILES, reserve=reserve
+        )
+    table = pq.read_table(out, columns=["energy_wh", "error"])
+    failed = done - int(table["error"].null_count)
+    total_wh = float(pc.sum(table["energy_wh"]).as_py() or 0.0)
+    without = f"; {failed} cannot be forecast, see the column error" if failed else ""
+    return Answer(
+        {"out": str(out), "trips": done, "failed": failed, "energy_wh": total_wh},
+        f"{out}: {done} trips, {total_wh / 1000.0:.1f} kWh in all{without}",
+        code=failed > 0,
+    )
+
+
+def report(
+    fleet: Fleet,
+    planned: Annotated[
+        Path | None, option("FILE", "Planned trips, CSV or Parquet: what they need. See docs/howto/fleet.md.")
+    ] = None,
+    out: Annotated[
+        Path | None, option("FOLDER", "Default: REGISTRY/report, which the service serves.", "--out", "-o")
+    ] = None,
+    ambient: Annotated[float | None, option("DEGC", "Outside temperature of trips that have none.")] = None,
+    coldest: Annotated[float | None, option("DEGC", "Temperature in place of the coldest week's.")] = None,
+    drivers: Annotated[bool, typer.Option("--drivers", help="Compare drivers, too.")] = False,
+    quantile: Annotated[float, option("Q", "Probability with which a need suffices, 0.5 to 1.")] = 0.95,
+    reserve: Annotated[float, option("X", "Charge to come back with, 0 to 1.")] = 0.0,
+    plug: Annotated[float, option("W", "Power of a charger.", min=1.0)] = 7400.0,
+    begins: Annotated[
+        str | None, option("TIME", "When charging may begin, such as 18:00. Default: now.")
+    ] = None,
+) -> Answer:
+    """Report which vehicles changed, since when and by which cause, and what planned trips need, as HTML, CSV and JSON.
+
+    With --planned the folder has needs.csv, emhass.json and evcc.txt as well, for the management of charging. The exit code is 1
+    if a planned trip cannot be forecast; the report has its reason and the needs of the others.
+
+    For example:
+
+      # which vehicles changed
+      tripwatt fleet report fleet models
+      # and what the trips of tomorrow need
+      tripwatt fleet report fleet models --planned tomorrow.csv --plug 11000
+    """
+    from tripwatt.fleet.nights import read_planned
+    from tripwatt.study.report.fleets import ManagerReport
+
+    now = dt.datetime.now().astimezone()
+    at = now if begins is None else time_of(begins, "--begins")
+    versions, folder = _registry(fleet.registry), out or fleet.registry / "report"
+    about = {"Store": fleet.store, "Written": f"{now:%Y-%m-%d %H:%M}", "Model version": versions.current()}
+    if planned is not None:
+        about |= {"A need suffices with": f"{100 * quantile:g} %", "Reserve": f"{100 * reserve:g} %"}
+        about |= {"Charger": f"{plug / 1e3:g} kW", "Charging begins": f"{at:%Y-%m-%d %H:%M %z}"}
+    trips = read_planned(planned, ambient) if planned is not None else []
+    ahead = [trip for trip in trips if trip.departs_at >= min(now, at)]
+    rows = _rows(fleet, fleet.place, fleet)
+    asked: dict[str, Any] = {"quantile": quantile, "reserve": reserve, "coldest_degc": coldest}
+    made = ManagerReport.of(about, versions.load(), rows, ahead, drivers=drivers, **asked)
+    document = made.write(folder, at, plug)
+    if drivers and made.drivers is None:
+        print_notes(["no trip of the store names its driver, so that drivers cannot be compared"])
+    if len(ahead) < len(trips):
+        past = f"left out: {len(trips) - len(ahead)} of {len(trips)} planned trips, which departed before"
+        print_notes([f"{past} {min(now, at):%Y-%m-%d %H:%M}"])
+    shown = partial(_show_report, made, folder)
+    return Answer({"out": f"{folder}", **document}, shown, code=len(made.refused) > 0)
+
+
+def _show_report(made: ManagerReport, folder: Path) -> None:
+    for panel in made.panels():
+        if not panel.folded:
+            typer.echo(panel.caption)
+        if panel.key == "changes" and panel.tables:
+            (table,) = panel.tables
+            print_table(
+                table.caption, table.columns, table.rows, numbers=("more [%]", "trips before", "after")
+            )
+    print_notes(made.notes)
+    typer.echo(f"{folder / 'report.html'}")
+
+
+def _rows(store: Store, work: Path, on: Workers) -> TripRows:
+    """Rows of the trips of a store."""
+    from tripwatt.fleet.mapping import map_store, read_rows, tasks_of
+
+    source = store.opened()
+    with progress(console()) as advance, on.running() as (executor, workers):
+        tasks = tasks_of(source, source.trip_rows(), work)
+        return read_rows(map_store(tasks, executor, workers, advance))
+
+
+def evaluate(
+    store: Store,
+    workers: Workers,
+    out: Annotated[Path, option("FILE.html", "Page to write.", "--out", "-o")] = Path("fleet.html"),
+    work: Annotated[Path, option("FOLDER", "Folder of finished parts, which every worker reaches.")] = Path(
+        "fleet.work"
+    ),
+) -> Answer:
+    """Score the linear model of a fleet on later trips, new vehicles and new car models, and write one HTML page.
+
+    The page shows errors by car model, temperature, length and number of own trips, and the calibration by vehicle.
+
+    For example:
+
+      # score a fleet and write its page
+      tripwatt fleet evaluate fleet --out fleet.html
+    """
+    from tripwatt.fleet.features import START
+    from tripwatt.hybrid.groups import fit_scales
+    from tripwatt.study.evaluation.fleets import evaluate_rows
+    from tripwatt.study.report.fleets import accuracy_table, evaluation_page
+
+    rows = _rows(store, work, workers)
+    scores = evaluate_rows(rows, fit_scales(rows.sums, START))
+    write_text(evaluation_page(f"Fleet {store.store}", scores, rows), out)
+    by_car_model, own = (t.to_dict("records") for t in (scores.table("car_model"), scores.own))
+    table = accuracy_table(scores, "car_model")
+    return Answer(
+        {"out": str(out), "by_car_model": by_car_model, "own_trips": own},
+        partial(print_table, f"{out}", table.columns, table.rows, numbers=table.columns[2:]),
+    )
+
+
+COMMANDS = (fit, update, refit, versions, promote, forecast, batch, report, evaluate)

@@ -1,0 +1,163 @@
+"""Commands of the forecast: forecast a trip, update the forecast, write an example trip."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+import typer
+
+from tripwatt.command.departing import DepartingNow
+from tripwatt.command.journey import CarOption
+from tripwatt.command.options import Answer, argument, model_of, option, options_named
+from tripwatt.command.output import write_text
+from tripwatt.command.printing import print_notes, print_table
+from tripwatt.command.sentences import chance_to_arrive, forecast_in_words, unknown_climb_in_words
+from tripwatt.errors import Check, InvalidInput, raise_faults
+
+if TYPE_CHECKING:
+    from tripwatt.forecasting import Forecast
+
+LEAVE_PROBABILITY: Final = 0.95
+"""Of "leave with": 19 of 20 trips."""
+
+
+def forecast(
+    paths: Annotated[
+        list[Path],
+        argument(
+            "[MODEL] TRIP",
+            "Folder of a model (default: the bundled model), and a trip. The trip is a speed trace or a planned route. "
+            "Speed trace: CSV or Parquet with the columns time_s, speed_m_s, and optionally elevation_m or grade; other "
+            "signals give only their first sample. Planned route: GPX, KML, GeoJSON, the saved response of OSRM, Valhalla, "
+            "openrouteservice or GraphHopper, or links as CSV or JSON (length_m, speed_m_s or travel_time_s, and optionally "
+            "grade or start_elevation_m and end_elevation_m, stop_s, speed_limit_m_s).",
+        ),
+    ],
+    departure: DepartingNow,
+    vehicle: CarOption = None,
+    speed: Annotated[float | None, option("KM/H", "Mean speed on a track without times and speeds.")] = None,
+    observed: Annotated[
+        Path | None,
+        option(
+            "SAMPLES",
+            "Samples measured so far, on the clock of the trip: time_s with voltage_v and current_a, or with soc or "
+            "displayed_soc. On a planned route, speed_m_s gives the distance driven.",
+        ),
+    ] = None,
+    reserve: Annotated[float, option("0..1", "Required state of charge at arrival, as displayed.")] = 0.1,
+) -> Answer:
+    """Forecast the energy of a trip with its interval and its causes, given a speed trace or a planned route.
+
+    A driver model turns a planned route into a speed trace. The interval includes the error of this step, which was
+    measured when the model was fitted. State of charge is the displayed one.
+
+    For example:
+
+      # write an example trip
+      tripwatt example-trip --out trip.csv
+      # forecast it with the bundled model
+      tripwatt forecast trip.csv --soc 0.8 --ambient -5
+      # forecast it with your own model
+      tripwatt forecast my-model trip.csv --reserve 0.1
+      # update the forecast during the trip; so-far.csv has the samples so far, for example `head -601 trip.csv`
+      tripwatt forecast trip.csv --observed so-far.csv --json
+      # forecast a planned route from the saved response of a router
+      tripwatt forecast answer.json --soc 0.8 --ambient 5
+      # forecast a track without times at a mean speed of 60 km/h
+      tripwatt forecast ride.gpx --speed 60
+      # forecast for another car of the library
+      tripwatt forecast ride.gpx --vehicle vw_id3 --soc 0.8
+    """
+    from tripwatt.api import read_route
+    from tripwatt.population import for_car
+    from tripwatt.sources.canonical import read_canonical
+    from tripwatt.trips.columns import QUANTITIES, number_faults
+    from tripwatt.units import M_S_PER_KM_H
+    from tripwatt.vehicles import load_vehicle
+
+    model, trip = model_and_trip(paths)
+    speed_m_s = None if speed is None else speed * M_S_PER_KM_H
+    with options_named():
+        with Check() as check:
+            check(raise_faults, number_faults("--reserve", reserve, QUANTITIES["reserve"]))
+            fitted = check(model_of, model)
+            plan = check(read_route, trip, speed_m_s=speed_m_s)
+            measured = None
+            if observed is not None:
+                measured = check(read_canonical, observed, required=("time_s",), least=2)
+            car = None if vehicle is None else check(load_vehicle, vehicle)
+            known = check(departure)
+        fitted = for_car(fitted, car)
+    expected = fitted.forecast(plan, known)
+    if measured is not None:
+        expected = expected.update(measured)
+    leaving = LEAVE_PROBABILITY if observed is None else None
+    return Answer(partial(expected.to_dict, reserve, leaving), partial(_show_forecast, expected, reserve))
+
+
+def model_and_trip(paths: list[Path]) -> tuple[Path | None, Path]:
+    """The arguments `[MODEL] TRIP`."""
+    if len(paths) > 2:
+        got = " ".join(map(str, paths))
+        raise InvalidInput.of(
+            "too many arguments", "MODEL TRIP", got, "a folder with a model and a file with a trip"
+        )
+    return (None, paths[0]) if len(paths) == 1 else (paths[0], paths[1])
+
+
+def show_arrival(forecast: Forecast, subject: str, reserve: float) -> None:
+    """Print what a driver asks of a forecast: energy, charge at arrival, the chance to keep the reserve."""
+    typer.echo(forecast_in_words(forecast, subject))
+    for sentence in unknown_climb_in_words(forecast, reserve):
+        typer.echo(sentence)
+    chance = chance_to_arrive(forecast, reserve)
+    typer.echo(f"The probability to arrive with {100.0 * reserve:g} % or more is {chance}.")
+
+
+def _show_forecast(forecast: Forecast, reserve: float) -> None:
+    from tripwatt.physics.chain import CAUSE_NAMES
+    from tripwatt.trips.messages import leave_in_words
+    from tripwatt.trips.showing import period
+
+    show_arrival(forecast, forecast.plan.trip_id, reserve)
+    when = f"after {period(forecast.measured_until_s)}"
+    if forecast.measured_until_s <= 0.0:
+        when, needed = "before departure", forecast.soc_needed(reserve, LEAVE_PROBABILITY)
+        typer.echo(leave_in_words(needed, reserve, LEAVE_PROBABILITY))
+    typer.echo("")
+    causes = [
+        (CAUSE_NAMES.get(cause, cause), f"{round(energy / 1000.0, 3) + 0.0:+.3f} kWh")
+        for cause, energy in forecast.by_cause_wh.items()
+        if cause != "shortfall" or energy
+    ]
+    causes.append(("in all", f"{forecast.energy_wh / 1000.0:+.3f} kWh"))
+    title = f"{forecast.vehicle.title}, {when}, given {forecast.given}"
+    print_table(title, ("cause", "energy"), causes, numbers=("energy",))
+    print_notes(forecast.flags)
+
+
+def example_trip(
+    out: Annotated[
+        Path | None, option("FILE", "Write the table to this file instead of printing it.", "--out", "-o")
+    ] = None,
+    seed: Annotated[int, option("N", "Number of the trip.", min=0)] = 0,
+) -> None:
+    """Print a synthetic trip as a CSV table, as an input for `tripwatt forecast`.
+
+    The trip is computed. It does not describe a real car.
+
+    For example:
+
+      # write an example trip for `tripwatt forecast trip.csv`
+      tripwatt example-trip --out trip.csv
+    """
+    from tripwatt.study import synthetic
+
+    text = synthetic.example_trip(seed).to_csv(index=False, lineterminator="\n")
+    if out is None:
+        typer.echo(text, nl=False)
+        return
+    write_text(text, out)
+    print_notes([f"{out} is a synthetic trip; it does not describe a real car"])

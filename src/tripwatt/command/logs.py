@@ -1,0 +1,242 @@
+"""Commands on logged trips: what is wrong with them, where to get them, how their columns are named."""
+
+from __future__ import annotations
+
+import itertools
+import sys
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tripwatt.command.options import (
+    Answer,
+    Logs,
+    MappingOption,
+    TripOption,
+    argument,
+    option,
+    read_logs,
+)
+from tripwatt.command.output import write_text
+from tripwatt.command.printing import console, print_findings, print_notes, print_reading, print_table
+from tripwatt.errors import Fault, InvalidInput
+
+MAPPINGS = (
+    "Mappings from the columns of your tables to canonical columns: list, show, suggest and apply them."
+)
+LOGS = "Files of loggers: take out of them what tells whose they are."
+
+
+def audit(logs: Logs) -> Answer:
+    """List the faults of logged trips and their consequences.
+
+    No file is changed. Each finding gives the trip, the time span, the fault, and the consequence: trimmed, split, set
+    aside or noted.
+
+    For example:
+
+      # list all findings of all trips
+      tripwatt audit data/tum
+      # list every fault and note one by one
+      tripwatt audit data/tum --json
+      # audit a log of the app Torque
+      tripwatt audit drive.csv --mapping torque
+    """
+    from tripwatt.auditing import audit as run_audit
+    from tripwatt.trips.messages import flag_to_dict
+
+    fleet = logs.read(lenient=True)
+    result = run_audit(fleet)
+    document = {
+        "read": len(fleet.trips),
+        "used": [t.trip_id for t in result.trips],
+        "findings": [asdict(finding) for finding in result.findings],
+        "notes": [flag_to_dict(flag) for flag in fleet.notes],
+        "faults": [fault.texts for fault in (fleet.report.faults if fleet.report else ())],
+    }
+
+    def shown() -> None:
+        title = f"{len(fleet.trips)} trips read, {len(result.trips)} drives used ({fleet.name})"
+        if result.findings:
+            print_findings(title, result.findings)
+        else:
+            console(sys.stdout).print(f"{title}: no findings")
+        print_reading(fleet, result)
+
+    return Answer(document, shown)
+
+
+def fetch(
+    dataset: Annotated[str, argument("DATASET", "Data set: tum, ved, twizy or sedan.")] = "tum",
+    folder: Annotated[Path | None, argument("FOLDER", "Folder to check.")] = None,
+) -> Answer:
+    """Show where to download a data set, and check that FOLDER holds all of the TUM set.
+
+    The command downloads nothing: the publishers of the data require an account or a name.
+
+    For example:
+
+      # show where to download the TUM trips, and the trips of other cars
+      tripwatt fetch tum
+      tripwatt fetch ved
+      # check that the folder is complete; exit code 1 if not
+      tripwatt fetch tum data/tum
+    """
+    from tripwatt.sources import check_folder, where_to_get
+
+    if folder is None:
+        where = where_to_get(dataset)
+        return Answer({"where": where}, where)
+    report = check_folder(folder, dataset)
+    return Answer(report.as_dict, str(report), code=not report.complete)
+
+
+def anonymise(
+    data: Annotated[Path, argument("DATA", "Folder or file of logs to hand on.")],
+    out: Annotated[Path, option("FOLDER", "New or empty folder to write.", "--out", "-o")],
+    mapping: MappingOption = None,
+    positions: Annotated[bool, typer.Option("--positions", help="Keep latitude and longitude.")] = False,
+) -> Answer:
+    """Write logs without names, positions, VIN and true dates, so that you can hand them in with a bug report.
+
+    Numbers of the columns that tripwatt reads stay as they are, with all faults of rows and cells. All times move by the same
+    secret number of weeks. Everything else is empty. Look at the files before you send them.
+
+    For example:
+
+      # a folder to attach to a bug report
+      tripwatt logs anonymise exports --out shared
+      # see that it is read like the original
+      tripwatt audit shared --dataset table
+    """
+    from tripwatt.sources.anonymise import anonymise_logs
+
+    written = anonymise_logs(data, out, mapping=mapping, positions=positions)
+    return Answer({"files": [f"{file}" for file in written]}, f"{out}: {len(written)} files")
+
+
+def list_() -> Answer:
+    """List the bundled mappings and the logger of each.
+
+    For example:
+
+      # list the bundled mappings
+      tripwatt mapping list
+    """
+    from tripwatt.sources.mapping import shipped_mappings, shipped_text
+
+    about = {name: _comment(shipped_text(name)) for name in shipped_mappings()}
+    title, columns = "Mappings for --mapping NAME", ("name", "about")
+    return Answer(
+        [{"name": name, "about": text} for name, text in about.items()],
+        partial(print_table, title, columns, about.items(), folding=columns[1:]),
+    )
+
+
+def show(name: Annotated[str, argument("NAME", "A name from `tripwatt mapping list`.")]) -> Answer:
+    """Print a bundled mapping as TOML.
+
+    For example:
+
+      # save a copy to edit
+      tripwatt mapping show torque > my.toml
+    """
+    from tripwatt.sources.mapping import shipped_mappings, shipped_text
+
+    if name not in shipped_mappings():
+        raise InvalidInput(Fault.unknown("unknown mapping", "NAME", name, shipped_mappings()))
+    text = shipped_text(name)
+    return Answer({"name": name, "toml": text}, partial(typer.echo, text, nl=False))
+
+
+def suggest(
+    file: Annotated[
+        Path, argument("FILE", "A CSV or Parquet file of trips, or a folder; its largest file is used.")
+    ],
+    out: Annotated[
+        Path | None, option("FILE", "Write the TOML to this file instead of printing it.", "--out", "-o")
+    ] = None,
+) -> Answer:
+    """Propose a mapping for a table from its header and its values, with a reason for each entry.
+
+    The exit code is 1 if you have to add entries before you can use the mapping.
+
+    For example:
+
+      # print the proposal
+      tripwatt mapping suggest drive.csv
+      # save it; check every line
+      tripwatt mapping suggest drive.csv --out my.toml
+      # use the mapping
+      tripwatt evaluate logs --mapping my.toml
+    """
+    from tripwatt.sources.suggest import SPELLED, suggest_mapping
+
+    proposal = suggest_mapping(file)
+    if out is not None:
+        write_text(proposal.toml, out)
+
+    def shown() -> None:
+        if out is None:
+            typer.echo(proposal.toml, nl=False)
+        else:
+            columns = ("canonical column", "your column", "unit", "reason")
+            rows = [(g.ours, g.column, SPELLED.get(g.unit, g.unit), g.why) for g in proposal.guesses]
+            print_table(f"Proposed in {out}", columns, rows, folding=("reason",))
+        print_notes(f"add {what} by hand" for what in proposal.missing)
+
+    return Answer(asdict(proposal), shown, code=bool(proposal.missing))
+
+
+def apply(
+    data: Annotated[Path, argument("DATA", "A table of trips, or a folder of tables.")],
+    mapping: MappingOption = None,
+    trip: TripOption = None,
+    out: Annotated[Path, option("FILE", "CSV file to write.", "--out", "-o")] = Path("trip.csv"),
+) -> Answer:
+    """Audit one trip of a table and write it with canonical columns and units, as input for `tripwatt forecast`.
+
+    The command lists the findings of the audit. The time of the output starts at 0.
+
+    For example:
+
+      # convert your log
+      tripwatt mapping apply drive.csv --mapping my.toml --out trip.csv
+      # forecast the converted trip
+      tripwatt forecast my-model trip.csv
+    """
+    from tripwatt.auditing import audit as run_audit
+    from tripwatt.trips import COLUMNS
+
+    if out.suffix.lower() != ".csv":
+        raise InvalidInput.of("unknown file format", "--out", str(out), "a .csv file")
+    fleet = read_logs(data, "table", mapping)
+    result = run_audit(fleet)
+    wanted = [t for t in result.trips if trip in (None, t.trip_id)]
+    if len(wanted) != 1:
+        ids = [t.trip_id for t in result.trips]
+        aside = result.set_aside.get(trip or fleet.trips[0].trip_id, "")
+        allowed = ", ".join(ids[:12]) + (f" and {len(ids) - 12} more" if len(ids) > 12 else "")
+        got = f"set aside by the audit: {aside}" if aside else trip or f"{len(ids)} drives"
+        raise InvalidInput.of("no single trip", "--trip", got, allowed or "a drive that the audit uses")
+    samples = wanted[0].samples
+    table = samples[[c for c in COLUMNS if c in samples.columns]].copy()
+    table["time_s"] -= table["time_s"].iloc[0]
+    write_text(table.to_csv(index=False, lineterminator="\n"), out)
+    notes = [f"{f.trip}: {f.what} ({f.consequence})" for f in result.findings if f.trip == wanted[0].trip_id]
+
+    def shown() -> None:
+        typer.echo(f"{out}: {len(table)} samples of {wanted[0].trip_id} with {', '.join(table.columns)}")
+        print_notes([*notes, *fleet.notes])
+
+    document = {"trip": wanted[0].trip_id, "out": str(out), "samples": len(table), "notes": notes}
+    return Answer(document, shown)
+
+
+def _comment(text: str) -> str:
+    """The comment at the head of a TOML text, in one line."""
+    head = itertools.takewhile(lambda line: line.startswith("#"), text.splitlines())
+    return " ".join(line.lstrip("# ") for line in head)

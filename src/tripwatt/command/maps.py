@@ -1,0 +1,76 @@
+"""Commands of maps: build one of an OpenStreetMap extract, show what it holds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from tripwatt.command.options import Answer, argument, option
+from tripwatt.command.printing import print_notes, print_table
+
+if TYPE_CHECKING:
+    from tripwatt.roads.maps import MapFolder
+
+GROUP = "Maps of a region on this machine."
+
+
+def build(
+    extract: Annotated[Path, argument("REGION.osm.pbf", "An OpenStreetMap extract.")],
+    out: Annotated[Path, option("FOLDER", "Folder of the map.", "--out", "-o")] = Path("map"),
+    elevation: Annotated[
+        Path | None,
+        option(
+            "FOLDER",
+            "Elevation tiles: of SRTM (N47E009.hgt, also .gz or .zip), or GeoTIFF. Without them the climb of roads is unknown.",
+        ),
+    ] = None,
+) -> Answer:
+    """Build a map of an OpenStreetMap extract: roads for Valhalla, an index of places, charging stations.
+
+    The command requires the extra `tripwatt[routing]`. FOLDER is complete or not there; a map that it replaces stays until the new one is complete.
+
+    For example:
+
+      # roads, places and charging stations
+      tripwatt map build liechtenstein.osm.pbf --out map
+      # with elevation tiles (N47E009.hgt, N47E009.hgt.zip, GeoTIFF)
+      tripwatt map build region.osm.pbf --elevation srtm --out map
+    """
+    from tripwatt.roads.maps import build_map
+
+    folder = build_map(
+        extract, out, elevation=elevation, progress=lambda step: print_notes([f"building: {step}"])
+    )
+    return _shown(folder)
+
+
+def info(folder: Annotated[Path, argument("FOLDER", "Folder of the map.")]) -> Answer:
+    """Show what a map holds.
+
+    For example:
+
+      # what a map holds
+      tripwatt map info map
+    """
+    from tripwatt.roads.maps import open_map
+
+    return _shown(open_map(folder))
+
+
+def _shown(folder: MapFolder) -> Answer:
+    from tripwatt.roads.maps.elevation import without_tiles
+
+    about, terrain = folder.info, folder.info["terrain"]
+    rows = [
+        ("extract", str(about["extract"])),
+        ("covers", folder.covers or "no place"),
+        ("places", str(about["places"])),
+        ("charging stations", str(about["stations"])),
+        ("heights", f"{terrain['source']} ({terrain['tiles']})" if terrain["known"] else "unknown"),
+    ]
+
+    def shown() -> None:
+        print_table("Map", ("map", ""), rows)
+        print_notes(filter(None, (without_tiles(terrain["missing"]), str(about["attribution"]))))
+
+    return Answer(about | {"covers": folder.covers}, shown)

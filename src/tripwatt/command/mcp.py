@@ -1,0 +1,51 @@
+"""`tripwatt mcp`: the tools for assistants."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tripwatt.command.journey import OnMap
+from tripwatt.command.options import argument, option, require_extras
+from tripwatt.command.serve import make_cars_folder, models_of
+from tripwatt.errors import Check
+
+
+def mcp(
+    model: Annotated[
+        list[str] | None, argument("[MODEL ...]", "Folders of models, as for `tripwatt serve`.")
+    ] = None,
+    on_map: OnMap = OnMap(),  # noqa: B008, it is frozen
+    cars: Annotated[
+        Path | None, option("DIR", "Folder of cars that learn from their trips (see `tripwatt car`).")
+    ] = None,
+    changes: Annotated[
+        bool, typer.Option("--changes", help="Also offer tools that change something, such as a new car.")
+    ] = False,
+) -> None:
+    """Serve an assistant over standard input and output, by the Model Context Protocol.
+
+    The command requires the extra `tripwatt[mcp]`. An assistant starts it; docs/howto/assistants.md has configurations. Its
+    tools change nothing without --changes, and nothing leaves this machine unless an option names the URL of a server.
+
+    For example:
+
+      # need, range, advise, forecast
+      tripwatt mcp
+      # also plan journeys on a map, and read the diaries of your cars
+      tripwatt mcp --map map --cars cars
+    """
+    require_extras(dict.fromkeys(("service", "mcp"), "tripwatt mcp") | ({"fleet": "--cars"} if cars else {}))
+    from tripwatt.server.http import car_jobs, jobs, journeys, settings
+    from tripwatt.server.mcp import make_server, serve
+
+    atlas = asdict(on_map.settings())
+    with Check() as check:
+        folders = check(models_of, model or [])
+        check(make_cars_folder, cars)
+        planned = check(journeys.JourneyJobs.from_settings, atlas)
+    made = jobs.Jobs.from_folders(folders, settings.Limits(), planned, car_jobs.CarJobs(cars))
+    serve(make_server(made, changes=changes, remote=any("://" in named for named in atlas.values())))

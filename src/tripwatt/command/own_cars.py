@@ -1,0 +1,290 @@
+"""Commands of one's own car: make it, add its trips, show what it learned and its diary, forget it."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from tripwatt.command.options import (
+    Answer,
+    MappingOption,
+    StrictOption,
+    argument,
+    option,
+    read_logs,
+)
+from tripwatt.command.printing import change, console, print_notes, print_reading, print_table, progress
+from tripwatt.errors import printable
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    import pandas as pd
+
+    from tripwatt.server.cars import Car, Learned
+
+GROUP = "Your own car: its trips, the model that is adapted to them, and its diary. Needs the extra tripwatt[fleet]."
+
+CarArgument = Annotated[Path, argument("CAR", "Folder of the car, made by `tripwatt car new`.")]
+
+WORDS = {
+    "everything": "the whole consumption",
+    "rolling": "rolling resistance",
+    "air": "air drag",
+    "drivetrain": "losses of the drivetrain",
+    "base_load": "base load",
+    "cold": "driving losses for each 10 K below 15 °C",
+    "transients": "braking and accelerating",
+    "frost": "load for each 10 K below freezing",
+    "warm_up": "load at departure at 0 °C",
+    "near_minus_8": "the whole consumption around -8 °C",
+    "near_2": "the whole consumption around 2 °C",
+    "near_12": "the whole consumption around 12 °C",
+    "near_22": "the whole consumption around 22 °C",
+    "near_32": "the whole consumption around 32 °C",
+}
+"""Factors of a car in words."""
+
+
+def new(
+    car: Annotated[Path, argument("CAR", "New folder. Its name is that of the car.")],
+    vehicle: Annotated[str, option("NAME|FILE", "A name from `tripwatt vehicles`, or a TOML file.")],
+    base: Annotated[Path | None, option("MODEL", "Model to adapt. Default: the bundled model.")] = None,
+) -> Answer:
+    """Make the folder of a car that learns from its trips.
+
+    For example:
+
+      # a car of the library
+      tripwatt car new cars/my-leaf --vehicle nissan_leaf_40
+      # a car of `tripwatt vehicles new`
+      tripwatt car new cars/my-car --vehicle my-car.toml
+    """
+    from tripwatt.server.cars import create_car
+
+    made = create_car(car, vehicle, base=base)
+    made_of = f"{made.folder}: {made.label}, {made.vehicle.title}, no trips yet"
+    return Answer(made.about, printable(made_of))
+
+
+def add(
+    car: CarArgument,
+    data: Annotated[
+        Path, argument("DATA", "Folder or file of logged trips: tables, workbooks, ZIP archives.")
+    ],
+    mapping: MappingOption = None,
+    elevation: Annotated[
+        Path | None,
+        option(
+            "FOLDER",
+            "A map, or a folder of elevation tiles: heights for logs with positions and without heights.",
+        ),
+    ] = None,
+    strict: StrictOption = False,
+) -> Answer:
+    """Add trips: each is forecast before the car learns from it, and both go into the diary.
+
+    The command keeps the logs as they are, audits them, and adapts the model to the sound trips. A trip that is there
+    already is not added again, so you can repeat the command with a growing folder. Without --mapping, header and values of
+    the files tell what each column is. What cannot be read is left out and reported.
+
+    For example:
+
+      # add the files of a logger
+      tripwatt car add cars/my-leaf exports
+      # by a mapping of your own
+      tripwatt car add cars/my-leaf exports --mapping my.toml
+      # add one trip
+      tripwatt car add cars/my-leaf drive.csv
+      # take the heights of the road from a map
+      tripwatt car add cars/my-leaf exports --elevation map
+    """
+    from tripwatt.auditing import audit
+    from tripwatt.server.cars import open_car
+
+    own, shown = open_car(car), console()
+    more: dict[str, Any] = {}
+    if elevation is not None:
+        from tripwatt.roads.maps import Elevation
+
+        more["heights"] = Elevation.from_folder(elevation).at
+    with progress(shown, "files") as advance:
+        fleet = read_logs(
+            data, "table", mapping, strict=strict, vehicle=own.vehicle, progress=advance, **more
+        )
+    print_reading(fleet, audit(fleet))
+    with progress(shown, "trips") as advance:
+        done = own.add(fleet, progress=advance)
+    return _done(car, own, done)
+
+
+def show(
+    car: CarArgument, trips: Annotated[int, option("N", "Last trips of the diary to list.", min=0)] = 10
+) -> Answer:
+    """Show what a car learned, how good its forecasts are, where its energy went, and the last trips of its diary.
+
+    For example:
+
+      # what it learned, its errors, the last trips
+      tripwatt car show cars/my-leaf
+      # forecast with what it learned
+      tripwatt forecast cars/my-leaf route.gpx --soc 0.8
+    """
+    from tripwatt.server.cars import open_car
+
+    own = open_car(car)
+    about, table = own.about(), own.diary.table.tail(trips)
+    rows = table.astype(object).where(table.notna(), None).to_dict("records")
+    return Answer({**about, "diary": rows}, partial(_show, about, table))
+
+
+def _show(about: Mapping[str, Any], table: pd.DataFrame) -> None:
+    typer.echo(
+        f"{printable(about['label'])}: {printable(about['title'])}, {about['trips']} trips, {about['in_diary']} in the diary"
+    )
+    print_notes(f"not in the diary: {trip}: {why}" for trip, why in about["left_out"].items())
+    if not about["in_diary"]:
+        typer.echo("Add trips with `tripwatt car add`.")
+        return
+    _show_learned(about)
+    _show_scores(about)
+    _show_causes(about["by_cause_wh"])
+    columns = ("trip", "departure", "distance", "forecast", "90 % interval", "took", "error")
+    listed = [
+        (
+            row["trip_id"],
+            row["started_at"][:16].replace("T", " "),
+            f"{row['distance_m'] / 1000.0:.1f} km",
+            _kwh(row["forecast_wh"]),
+            f"{row['low_wh'] / 1000.0:.2f} to {row['high_wh'] / 1000.0:.2f}",
+            _kwh(row["energy_wh"]),
+            f"{(row['forecast_wh'] - row['energy_wh']) / 1000.0:+.2f} kWh",
+        )
+        for row in table.to_dict("records")
+    ]
+    print_table(f"Last {len(listed)} trips", columns, listed, numbers=columns[2:])
+
+
+def token(car: Annotated[Path, argument("CAR", "Folder of the car; made where it is missing.")]) -> Answer:
+    """Print a new token with which a car sends its messages to `tripwatt serve --cars`.
+
+    An earlier token of the car is no longer accepted once the service is started again. The folder holds a digest of the
+    token, so that it cannot be printed a second time.
+
+    For example:
+
+      # print a new token for the sender in the car
+      tripwatt car token cars/my-leaf
+      # follow the cars of the folder
+      tripwatt serve --cars cars
+    """
+    from tripwatt.server.cars import issue_token
+
+    made = issue_token(car)
+    return Answer({"car": f"{car}", "token": made}, made)
+
+
+def forget(car: CarArgument) -> Answer:
+    """Erase a car: its trips, its model and its diary. Files of yours in its folder stay.
+
+    For example:
+
+      # erase everything of it
+      tripwatt car forget cars/my-leaf
+    """
+    from tripwatt.server.cars import forget_car
+
+    forget_car(car)
+    return Answer({"forgotten": f"{car}"}, f"{car}: erased")
+
+
+def _done(car: Path, own: Car, done: Learned) -> Answer:
+    from tripwatt.trips.reading import alike  # pandas is slow to import
+
+    about = own.about()
+
+    def shown() -> None:
+        typer.echo(f"{car}: {done.added} trips added, {done.known} were known, {done.entries} in the diary")
+        reasons = (why.partition(": ") for why in done.left_out)
+        print_notes(f"left out: {group}" for group in alike((why, trip, 1, trip) for trip, _, why in reasons))
+        if done.flat:
+            typer.echo(
+                f"{done.flat} of {done.entries} new trips have no heights. Switch on the altitude in the app that logs them, or "
+                "give --elevation for logs with positions: nothing narrows the forecasts more."
+            )
+        _show_learned(about)
+
+    return Answer({**asdict(done), "car": about}, shown)
+
+
+def _show_learned(about: Mapping[str, Any]) -> None:
+    latest, by_book = about["latest"], about["latest_by_book"]
+    if latest["trips"]:
+        typer.echo(
+            f"Last {latest['trips']} trips: mean error {_percent(by_book['weighted_error'])} with published values, "
+            f"{_percent(latest['weighted_error'])} with own trips; width of the 90 % interval "
+            f"{_percent(by_book['width'])} and {_percent(latest['width'])} of the energy, "
+            f"{_percent(latest['needed_width'])} would have been enough."
+        )
+    rows = [
+        (
+            WORDS.get(name, name),
+            change(value, "change"),
+            change(value, "sd", sign=""),
+            _seen(value["seen_degc"]),
+        )
+        for name, value in about["learned"].items()
+    ]
+    if rows:
+        print_table(
+            f"Learned from {about['in_diary']} trips",
+            ("what", "change", "uncertainty (sd)", "seen at"),
+            rows,
+            numbers=("change", "uncertainty (sd)"),
+        )
+
+
+def _show_scores(about: Mapping[str, Any]) -> None:
+    rows = [
+        (
+            name,
+            f"{score['trips']}",
+            _percent(score["weighted_error"]),
+            "" if score["bias"] is None else f"{score['bias']:+.1%}",
+            f"{score['inside']}",
+            _percent(score["width"]),
+            _percent(score["needed_width"]),
+        )
+        for name, score in {"all": about["score"], **about["by_temperature"]}.items()
+    ]
+    columns = ("outside air", "trips", "error", "bias", "within 90 %", "its width", "would have been enough")
+    print_table("Forecasts, each before its trip was learned", columns, rows, numbers=columns[1:])
+
+
+def _show_causes(by_cause_wh: Mapping[str, float]) -> None:
+    total = sum(by_cause_wh.values())
+    rows = [
+        (name.replace("_", " "), _kwh(energy), _percent(energy / total if total else None))
+        for name, energy in by_cause_wh.items()
+    ]
+    print_table("Where the energy went", ("cause", "energy", "share"), rows, numbers=("energy", "share"))
+
+
+def _seen(degc: tuple[float, float] | None) -> str:
+    """Outside temperatures at which trips show a factor."""
+    return "not measurable yet" if degc is None else f"{degc[0]:.0f} to {degc[1]:.0f} °C"
+
+
+def _kwh(energy_wh: float) -> str:
+    return f"{energy_wh / 1000.0:.2f} kWh"
+
+
+def _percent(share: float | None) -> str:
+    return "unknown" if share is None else f"{share:.1%}"
+
+
+COMMANDS = (new, add, show, token, forget)

@@ -1,0 +1,201 @@
+"""What a forecast comes to, in one or two sentences for a driver: metric units, numbers from the forecast alone."""
+
+from __future__ import annotations
+
+import datetime as dt
+from typing import TYPE_CHECKING, Any, Final
+
+from tripwatt.trips.showing import period
+from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_MINUTE
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from tripwatt.forecasting import Forecast
+    from tripwatt.roads.journey import ChargingPlan, Journey
+
+NINE_IN_TEN: Final = 0.9
+"""Level of the interval that the sentences call "9 in 10"."""
+
+
+def forecast_in_words(forecast: Forecast, subject: str = "This trip") -> str:
+    """Energy, its 90 % interval and the charge at arrival of one forecast; of a battery that does not last, where it is empty.
+
+    Parameters
+    ----------
+    forecast : Forecast
+        Before departure or on the way.
+    subject : str
+        What the trip is called at the start of the sentence.
+
+    Returns
+    -------
+    str
+        For example: "This trip, 12.3 km in 24 min at 3 °C: 2.1 kWh; 9 in 10 such trips take 1.8 to 2.5 kWh. Leaving with
+        80 % you arrive with 69 % (66 to 71 %)."
+    """
+    low, high = forecast.interval(NINE_IN_TEN)
+    about = (
+        f"{subject}, {_how_far(forecast)}: {_kwh(forecast.energy_wh)} kWh; "
+        f"9 in 10 such trips take {_kwh(low)} to {_kwh(high)} kWh."
+    )
+    return f"{about} {_arrival(forecast)}"
+
+
+def _how_far(forecast: Forecast) -> str:
+    """Length, duration and outside temperature; on the way also how much of it is behind."""
+    along = forecast.series().iloc[-1]
+    text = f"{along['distance_m'] / 1000.0:.1f} km in {along['time_s'] / SECONDS_PER_MINUTE:.0f} min"
+    ambient = forecast.plan.departure.ambient_temperature_degc
+    if ambient is not None:
+        text += f" at {_whole(ambient)} °C"
+    if forecast.measured_until_s > 0.0:
+        text += f", {forecast.measured_until_s / SECONDS_PER_MINUTE:.0f} min of it driven"
+    return text
+
+
+def _arrival(forecast: Forecast) -> str:
+    """The displayed charge at departure and at arrival."""
+    along = forecast.series()
+    start = float(along["displayed_soc"].iloc[0])
+    end, low, high = (
+        float(along[name].iloc[-1]) for name in ("displayed_soc", "displayed_soc_low", "displayed_soc_high")
+    )
+    arrives = f"The probability to arrive is {chance_to_arrive(forecast)}."
+    if forecast.missing_wh[1] > 0.0:
+        least, missing, most = forecast.missing_wh
+        text = (
+            f"Leaving with {_percent(start)} % the battery is empty {_where_empty(forecast)}: the trip takes {_kwh(missing)} kWh "
+            f"({_kwh(least)} to {_kwh(most)} kWh) more than it holds. {arrives}"
+        )
+        return f"{text} At best you arrive with {_percent(high)} %." if _percent(high) != "0" else text
+    text = f"Leaving with {_percent(start)} % you arrive with {_percent(end)} % ({_percent(low)} to {_percent(high)} %)."
+    return f"{text} {arrives}" if low <= 0.0 else text
+
+
+def _where_empty(forecast: Forecast) -> str:
+    """Where a battery that is expected to run empty does so, with the ends of the 90 % band."""
+    early, expected, late = (None if m is None else f"{m / 1000.0:.0f}" for m in forecast.empty_at_m)
+    between = f"{early} to {late} km" if late else f"{early} km or later"
+    return f"after {expected} km ({between})"
+
+
+def journey_in_words(journey: Journey) -> list[str]:
+    """What a driver asks of a journey, a sentence each: arrival, charge to leave with, speed, charging stop."""
+    forecast, reserve = journey.forecast, _percent(journey.reserve)
+    title = " to ".join(place.title for place in journey.stops)
+    sentences = [forecast_in_words(forecast, title), *unknown_climb_in_words(forecast, journey.reserve)]
+    sentences.append(journey.leave)
+    advice = journey.speed
+    if advice is not None and advice.speed_m_s is not None:
+        speed = round(advice.speed_m_s / M_S_PER_KM_H)
+        sentences.append(f"Drive at most {speed} km/h on motorways to arrive with {reserve} %.")
+    if journey.charging is not None:
+        sentences += plan_in_words(journey.charging, title)
+    return sentences
+
+
+def plan_in_words(plan: ChargingPlan, title: str) -> list[str]:
+    """The whole journey with its stops to charge, then a sentence for each stop."""
+    low, high = plan.soc_interval
+    count = len(plan.stops)
+    sentences = [
+        f"{title} with {count} {'stop' if count == 1 else 'stops'} to charge: {period(plan.duration_s)}, "
+        f"{period(plan.charging_s)} of it at stations. You arrive with {_percent(plan.soc_arrival)} % "
+        f"({_percent(low)} to {_percent(high)} %); the probability to have {_percent(plan.reserve)} % at every stop and at the "
+        f"end is {chance(plan.p_reserve)}."
+    ]
+    for stop in plan.stops:
+        heated = " Heat the battery on the way there." if stop.preheat else ""
+        sentences.append(
+            f"Charge at {stop.station.place.title} ({stop.station.power_w / 1000.0:.0f} kW) after {stop.position_m / 1000.0:.0f} km "
+            f"for {period(stop.charging_s)}: you arrive there with {_percent(stop.soc_arrival)} % and leave with "
+            f"{_percent(stop.soc_leave)} %.{heated}"
+        )
+    return sentences
+
+
+def unknown_climb_in_words(forecast: Forecast, reserve: float) -> list[str]:
+    """What unknown heights may change; nothing where they are known or no such climb changes the arrival."""
+    per_metre, climb = forecast.soc_per_climb_m, forecast.climb_to(reserve)
+    if per_metre is None or climb is None:
+        return []
+    change = f"; with {climb:,.0f} m of climb you arrive with {_percent(reserve)} %" if climb > 0.0 else ""
+    return [
+        "The heights of the road are unknown. "
+        f"Each 100 m of climb takes {1e4 * per_metre:.1f} points{change}."
+    ]
+
+
+def held_out_in_words(trip: Mapping[str, Any], subject: str) -> str:
+    """A forecast of a logged trip beside what was measured.
+
+    Parameters
+    ----------
+    trip : mapping
+        `distance_m, energy_wh, low_90, high_90, observed_energy_wh` of one row of an evaluation's forecasts.
+    subject : str
+        What the trip is called at the start of the sentence.
+
+    Examples
+    --------
+    >>> row = {"distance_m": 12300.0, "energy_wh": 2100.0, "low_90": 1800.0, "high_90": 2500.0, "observed_energy_wh": 2230.0}
+    >>> held_out_in_words(row, "Trip A")
+    'Trip A, 12.3 km: 2.1 kWh; 9 in 10 such trips take 1.8 to 2.5 kWh. Measured: 2.2 kWh.'
+    """
+    return (
+        f"{subject}, {trip['distance_m'] / 1000.0:.1f} km: {_kwh(trip['energy_wh'])} kWh; 9 in 10 such trips take "
+        f"{_kwh(trip['low_90'])} to {_kwh(trip['high_90'])} kWh. Measured: {_kwh(trip['observed_energy_wh'])} kWh."
+    )
+
+
+def begins(before_s: float, departs_at: dt.datetime | None) -> str:
+    """When something on the plug begins.
+
+    Examples
+    --------
+    >>> begins(1200.0, None), begins(1200.0, dt.datetime(2026, 1, 5, 7, 30))
+    ('20 min before you leave', 'start at 07:10')
+    """
+    if departs_at is None:
+        return f"{before_s / SECONDS_PER_MINUTE:.0f} min before you leave"
+    return f"start at {departs_at - dt.timedelta(seconds=before_s):%H:%M}"
+
+
+UNCERTAIN: Final = 0.99
+"""No higher probability is shown where an unknown climb would change the arrival: no log shows how often roads climb so far."""
+
+
+def chance_to_arrive(forecast: Forecast, reserve: float = 0.0) -> str:
+    """Probability to arrive with a reserve; nothing near certainty where an unknown climb would change it."""
+    probability = forecast.p_arrive(reserve)
+    if probability > UNCERTAIN and forecast.climb_to(reserve) is not None:
+        return f"over {100.0 * UNCERTAIN:.0f} %, unless it climbs far"
+    return chance(probability)
+
+
+def chance(probability: float) -> str:
+    """A probability in percent; nothing is certain.
+
+    Examples
+    --------
+    >>> chance(0.9996), chance(0.934), chance(0.0)
+    ('over 99.9 %', '93.4 %', 'under 0.1 %')
+    """
+    if probability > 0.999:
+        return "over 99.9 %"
+    return "under 0.1 %" if probability < 0.001 else f"{100.0 * probability:.1f} %"
+
+
+def _kwh(energy_wh: float) -> str:
+    """Energy in kWh to 0.1, below 1 kWh to 0.01."""
+    value = energy_wh / 1000.0
+    return f"{value:.1f}" if abs(value) >= 1.0 else f"{value:.2f}".replace("-0.00", "0.00")
+
+
+def _whole(value: float) -> str:
+    return f"{value:.0f}".replace("-0", "0") if round(value) == 0 else f"{value:.0f}".replace("-", "−")
+
+
+def _percent(fraction: float) -> str:
+    return _whole(100.0 * fraction)

@@ -1,0 +1,242 @@
+"""`tripwatt serve`: the service and the page."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+import typer
+
+from tripwatt.command.journey import OnMap
+from tripwatt.command.options import argument, option, require_effect, require_extras
+from tripwatt.errors import Check, Fault, InvalidInput, excerpt, raise_faults, system_errors
+
+if TYPE_CHECKING:
+    from tripwatt.server.cars import MqttSettings
+
+PASSWORD_VARIABLE: Final = "TRIPWATT_MQTT_PASSWORD"
+"""Environment variable of the broker's password."""
+
+
+def serve(
+    model: Annotated[
+        list[str] | None,
+        argument(
+            "[MODEL ...]", "Folders of models; the folder name is the model name. Default: the bundled model."
+        ),
+    ] = None,
+    also: Annotated[
+        list[str] | None,
+        option(
+            "FOLDER|registry:FOLDER",
+            "One more model, or the version in use of a fleet's registry, which the service follows. You can repeat the option.",
+            "--model",
+            envvar="TRIPWATT_MODEL",
+        ),
+    ] = None,
+    host: Annotated[
+        str, option("ADDRESS", "Address to listen on. Addresses other than loopback require a token.")
+    ] = "127.0.0.1",
+    port: Annotated[
+        int, option("PORT", "Port to listen on; 0 selects a free port.", "--port", min=0, max=65535)
+    ] = 8000,
+    workers: Annotated[int, option("N", "Number of worker processes.", min=1)] = 2,
+    on_map: OnMap = OnMap(),  # noqa: B008, it is frozen
+    cars: Annotated[
+        Path | None,
+        option(
+            "DIR",
+            "Also keep cars that learn from their trips, and follow those with a token on the road: a folder of "
+            "cars, which may be empty (see `tripwatt car`).",
+        ),
+    ] = None,
+    keep_days: Annotated[
+        float | None,
+        option(
+            "DAYS",
+            "Erase what cars sent on the road after so many days. Default: keep it until the car is forgotten.",
+            min=0.01,
+            max=36_500.0,
+        ),
+    ] = None,
+    mqtt: Annotated[
+        str,
+        option(
+            "URL",
+            "Follow and publish the cars of --cars over a broker: mqtt://[NAME@]HOST[:PORT], or mqtts:// encrypted.",
+        ),
+    ] = "",
+    follow: Annotated[
+        list[str] | None,
+        option(
+            "CAR=SOURCE:TOPIC",
+            "With --mqtt: follow a car of --cars, made where it is missing. SOURCE: ovms, teslamate, abrp, plain, or a mapping. "
+            "TOPIC: that below which its values are, or of whole messages. You can repeat the option.",
+        ),
+    ] = None,
+    publish: Annotated[
+        str, option("TOPIC", "With --mqtt: publish cars as JSON below this topic. Empty: publish nothing.")
+    ] = "tripwatt",
+    discovery: Annotated[
+        str,
+        option(
+            "PREFIX",
+            "With --mqtt: let Home Assistant find what is published, below this prefix of topics. Empty: do not.",
+        ),
+    ] = "homeassistant",
+    limit: Annotated[
+        list[str] | None,
+        option(
+            "KEY=VALUE",
+            "Change a limit, for example timeout_s=5. You can repeat the option. docs/reference/service.md lists the limits.",
+        ),
+    ] = None,
+    prefix: Annotated[
+        str, option("PATH", "Path under which a proxy serves the service, for example /tripwatt.")
+    ] = "",
+    cors_origin: Annotated[
+        list[str] | None,
+        option(
+            "ORIGIN",
+            "Let pages of this origin read answers, for example https://example.org. You can repeat the option. Default: no "
+            "other origin.",
+        ),
+    ] = None,
+) -> None:
+    """Serve the HTTP API and the web page until you interrupt the command.
+
+    The command requires the extra `tripwatt[service]`. It reads the token for other machines from TRIPWATT_TOKEN, and the
+    password of the broker from TRIPWATT_MQTT_PASSWORD. Each option has a variable of the environment, which counts where the
+    option is not given; several values are separated by spaces. The command logs each request as one line of JSON to standard error.
+
+    For example:
+
+      # serve the bundled model on http://127.0.0.1:8000
+      tripwatt serve
+      # serve your own models; the first is the default
+      tripwatt serve my-i3 my-id3 --workers 4
+      # forecast the vehicles of a fleet, and follow the version in use
+      tripwatt serve --model registry:models
+      # also plan journeys on a map (see `tripwatt map build`)
+      tripwatt serve --map map
+      # also keep cars that learn, and follow them on the road
+      tripwatt serve --cars cars
+      # also follow a car with OVMS over MQTT, and let Home Assistant find it
+      tripwatt serve --cars cars --mqtt mqtt://192.0.2.7 --follow my-leaf=ovms:ovms/me/leaf/metric
+      # serve other machines; they need the token
+      TRIPWATT_TOKEN=... tripwatt serve --host 0.0.0.0
+    """
+    from tripwatt.roads.journey import open_atlas
+
+    needed = {"service": "tripwatt serve"}
+    if cars is not None:
+        needed["fleet"] = "--cars"
+    if mqtt:
+        needed["live"] = "--mqtt"
+    atlas = on_map.settings()
+    with Check() as check:
+        check(require_extras, needed)
+        if atlas.map:
+            check(open_atlas, atlas)
+    from tripwatt.server.http.serving import require_safe
+    from tripwatt.server.http.serving import serve as run
+    from tripwatt.server.http.settings import TOKEN_VARIABLE, Limits, Settings, parse_limits
+
+    with Check() as check:
+        folders = check(models_of, [*(model or ()), *(also or ())])
+        limits = check(parse_limits, limit) if limit else Limits()
+        over_mqtt = check(mqtt_of, mqtt, follow or [], publish, discovery, cars)
+        check(make_cars_folder, cars)
+    token = os.environ.get(TOKEN_VARIABLE, "")
+    days = math.inf if keep_days is None else keep_days
+    origins = tuple(cors_origin or ())
+    settings = Settings(
+        folders, host, port, workers, token, limits, atlas, cars, days, prefix.rstrip("/"), origins, over_mqtt
+    )
+    require_safe(settings)
+    run(settings, lambda address: typer.echo(f"tripwatt: {address}"))
+
+
+def mqtt_of(
+    url: str, follow: list[str], publish: str, discovery: str, cars: Path | None
+) -> MqttSettings | None:
+    """The settings of MQTT; None without a broker.
+
+    Raises
+    ------
+    InvalidInput
+        For a URL that is none, what `car_and_topic` refuses, a car twice, and options that have no effect.
+    """
+    from tripwatt.server.cars import Broker, MqttSettings
+
+    with Check() as check:
+        broker = check(Broker.from_url, url, os.environ.get(PASSWORD_VARIABLE)) if url else None
+        pairs = [check(car_and_topic, given) for given in follow]
+        if not url:
+            check(require_effect, {"--follow": ", ".join(follow) or None}, "only together with --mqtt")
+        elif cars is None:
+            check(require_effect, {"--mqtt": excerpt(url)}, "only together with --cars")
+        names = [pair[0] for pair in pairs if pair]
+        check(raise_faults, _twice("duplicate car name", "--follow", names))
+    return None if broker is None else MqttSettings(broker, dict(pairs), publish.rstrip("/"), discovery)
+
+
+def _twice(what: str, where: str, names: list[str]) -> Iterator[Fault]:
+    """The fault of names of which one stands twice."""
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        yield Fault(what, where, ", ".join(twice), "each name once")
+
+
+def car_and_topic(given: str) -> tuple[str, tuple[str, str]]:
+    """Name of a car, what sends, and its topic, from `CAR=SOURCE:TOPIC`.
+
+    Raises
+    ------
+    InvalidInput
+        For another text, a name that cannot be one, an unknown sender and a topic with a wildcard.
+
+    Examples
+    --------
+    >>> car_and_topic("my-3=teslamate:teslamate/cars/1")
+    ('my-3', ('teslamate', 'teslamate/cars/1'))
+    """
+    from tripwatt.server.cars import TopicJoiner
+    from tripwatt.server.cars.own_car import VALID_NAME
+
+    parts = re.fullmatch(f"({VALID_NAME.pattern})=([^:]+):(.+)", given)
+    if parts is None:
+        raise InvalidInput.of("not a car to follow", "--follow", given[:80], "CAR=SOURCE:TOPIC")
+    TopicJoiner(parts[2], parts[3])
+    return parts[1], (parts[2], parts[3])
+
+
+def make_cars_folder(folder: Path | None) -> None:
+    """Make the folder of cars where there is none; the folder around it has to be there.
+
+    Raises
+    ------
+    InvalidInput
+        When it cannot be made.
+    """
+    if folder is None or folder.is_dir():
+        return
+    with system_errors("cannot make the folder", f"--cars, {folder}", "a folder of cars, or a new one"):
+        folder.mkdir()
+
+
+def models_of(given: list[str]) -> dict[str, Path]:
+    """Models by the names of their folders.
+
+    Raises
+    ------
+    InvalidInput
+        When two have one name.
+    """
+    folders = [Path(place.removeprefix("registry:")).resolve() for place in given]
+    raise_faults(_twice("duplicate model name", "MODEL", [folder.name for folder in folders]))
+    return {folder.name: folder for folder in folders}

@@ -1,0 +1,227 @@
+"""Commands on a trip store: make, fill, show, audit, compact it, and forget a vehicle."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tripwatt.command.options import Answer, DatasetOption, MappingOption, argument, dataset_of, option
+from tripwatt.command.printing import console, print_findings, print_notes, print_table
+from tripwatt.errors import Fault, InvalidInput, grouped, raise_faults
+
+if TYPE_CHECKING:
+    from tripwatt.fleet.store import TripStore
+
+GROUP = (
+    "Trip stores: logs of many vehicles in Delta tables, in a folder or an object store. They need the extra "
+    "tripwatt[fleet]."
+)
+
+StoreArgument = Annotated[
+    str, argument("STORE", "Folder of the store, or its URL, such as s3://bucket/fleet.")
+]
+StoreOption = Annotated[
+    list[str] | None,
+    option(
+        "KEY=VALUE",
+        "What an object store needs, such as AWS_REGION=eu-central-1. You can repeat the option. Variables of the "
+        "environment count as well.",
+        "--store-option",
+    ),
+]
+VehicleIdOption = Annotated[str | None, option("ID", "Trips of this vehicle only.", "--vehicle-id")]
+CarModelOption = Annotated[str | None, option("NAME", "Trips of this car model only.", "--car-model")]
+SinceOption = Annotated[str | None, option("DATE", "Trips that began on this day or later.")]
+UntilOption = Annotated[str | None, option("DATE", "Trips that began before this day.")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Store:
+    """The store that a user means by STORE and --store-option."""
+
+    store: StoreArgument
+    options: StoreOption = None
+
+    def opened(self) -> TripStore:
+        """Open it."""
+        from tripwatt.fleet.store import open_store
+
+        return open_store(self.store, options=store_options(self.options))
+
+
+@dataclass(frozen=True)
+class Which:
+    """Trips of a store."""
+
+    vehicle_id: VehicleIdOption = None
+    car_model: CarModelOption = None
+    since: SinceOption = None
+    until: UntilOption = None
+
+
+def store_options(options: list[str] | None) -> dict[str, str]:
+    """Pairs KEY=VALUE.
+
+    Examples
+    --------
+    >>> store_options(["AWS_REGION=eu-central-1"])
+    {'AWS_REGION': 'eu-central-1'}
+    """
+    pairs = [option.partition("=") for option in options or []]
+    raise_faults(
+        Fault("not a pair", "--store-option", key, "KEY=VALUE")
+        for key, sign, _ in pairs
+        if not (sign and key)
+    )
+    return {key: value for key, _, value in pairs}
+
+
+def create(
+    store: Store,
+    buckets: Annotated[
+        int, option("N", "Parts by vehicle. Some hundred vehicles a part are a good number.")
+    ] = 16,
+    example: Annotated[
+        bool, typer.Option("--example", help="Add the computed trips of eight vehicles, to try the commands.")
+    ] = False,
+) -> Answer:
+    """Make an empty trip store: the Delta tables samples and trips. With `--example` it has trips to try the commands.
+
+    For example:
+
+      # create an empty store in the folder fleet
+      tripwatt store create fleet
+      # create a store with an example fleet
+      tripwatt store create fleet --example
+    """
+    from tripwatt.fleet.store import Added, create_store
+    from tripwatt.study.synthetic import example_fleet
+
+    made = create_store(store.store, buckets=buckets, options=store_options(store.options))
+    done = Added()
+    for car_model, fleet in example_fleet() if example else ():
+        done += made.add(fleet, car_model=car_model)
+    if example:
+        print_notes([f"{store.store} has computed trips; they do not describe real cars"])
+    return Answer(made.about, f"{store.store}: {done if example else 'an empty trip store'}")
+
+
+def add(
+    store: Store,
+    data: Annotated[Path, argument("DATA", "Folder or file of logged trips.")],
+    vehicle: Annotated[
+        str, option("NAME|FILE", "The car model: a name from `tripwatt vehicles`, or a TOML.")
+    ],
+    vehicle_id: Annotated[
+        str | None, option("ID", "The vehicle of logs whose mapping has no column of the vehicle.")
+    ] = None,
+    dataset: DatasetOption = None,
+    mapping: MappingOption = None,
+) -> Answer:
+    """Add logs to a store. A trip that is in the store is not added again, so you can repeat the command.
+
+    The command audits every log and keeps it as it was logged. Several commands may add to one store at once. If some
+    files have faults, the command adds the others, lists the faults, and exits with code 2.
+
+    For example:
+
+      # add tables
+      tripwatt store add fleet logs --mapping my.toml --vehicle nissan_leaf_40
+      # add a trip of one vehicle
+      tripwatt store add fleet drive.csv --vehicle vw_id3 --vehicle-id V17
+    """
+    from tripwatt.fleet.store import add_files
+    from tripwatt.vehicles import load_vehicle
+
+    load_vehicle(vehicle)
+    vehicle = f"{Path(vehicle).resolve()}" if vehicle.endswith(".toml") else vehicle
+    target, shown = store.opened(), console()
+    try:
+        done = add_files(
+            target,
+            data,
+            car_model=vehicle,
+            vehicle_id=vehicle_id,
+            dataset=dataset or dataset_of(data, mapping),
+            mapping=mapping,
+            progress=lambda sums: shown.print(f"{sums}"),
+        )
+    except InvalidInput as error:
+        raise InvalidInput(grouped(error.faults)) from error
+    return Answer(asdict(done), f"{store.store}: {done}")
+
+
+def show(store: Store) -> Answer:
+    """Count the trips, vehicles and car models of a store.
+
+    For example:
+
+      # count what a store holds
+      tripwatt store show fleet
+    """
+    about = store.opened().about()
+    models = ", ".join(f"{name} ({count})" for name, count in about["car_models"].items())
+    rows: list[tuple[str, str]] = [
+        ("trips", f"{about['trips']}, {about['usable']} usable, {about['with_energy']} with measured energy"),
+        ("vehicles", f"{about['vehicles']} in {about['buckets']} parts"),
+        ("car models", models),
+        ("distance", f"{about['distance_m'] / 1000.0:.0f} km"),
+        ("departures", f"{about['first']} to {about['last']}" if about["first"] else "unknown"),
+        ("size", f"{about['bytes'] / 1e6:.1f} MB"),
+    ]
+    title = f"Trip store {about['store']}, format {about['format']}"
+    return Answer(about, partial(print_table, title, ("", "value"), rows, folding=("value",)))
+
+
+def audit(store: Store, which: Which) -> Answer:
+    """List the faults of stored logs and their consequences. The logs of a vehicle are judged together.
+
+    For example:
+
+      # list the faults of its logs
+      tripwatt store audit fleet --vehicle-id V17
+    """
+    result = store.opened().audit(**asdict(which))
+    findings = [asdict(finding) for finding in result]
+    return Answer(findings, partial(print_findings, f"{len(result)} findings", result))
+
+
+def compact(store: Store) -> Answer:
+    """Merge small data files and remove files that no version of the last seven days needs.
+
+    For example:
+
+      # merge the small files of many nights
+      tripwatt store compact fleet
+    """
+    done = store.opened().compact()
+    return Answer(
+        done,
+        f"{store.store}: {done['merged']} files merged into {done['made']}, {done['orphans']} samples without a trip dropped, "
+        f"{done['removed']} old files removed",
+    )
+
+
+def forget(store: Store, vehicle_id: Annotated[str, option("ID", "The vehicle to erase.")]) -> Answer:
+    """Erase a vehicle: its trips, its samples and the files that held them. Models that were fitted on it remain.
+
+    For example:
+
+      # erase one vehicle
+      tripwatt store forget fleet --vehicle-id V17
+    """
+    erased = store.opened().forget(vehicle_id)
+
+    def shown() -> None:
+        typer.echo(f"{store.store}: {erased} trips of {vehicle_id} erased")
+        left = "models and reports that were made with these trips still contain what was learned from them"
+        print_notes([left])
+
+    return Answer({"vehicle_id": vehicle_id, "erased": erased}, shown)
+
+
+COMMANDS = (create, add, show, audit, compact, forget)

@@ -1,0 +1,385 @@
+"""What the planned trips of a fleet need: tonight by vehicle and hour, and in the coldest week by route and car model.
+
+A table of planned trips has one row a trip with `vehicle_id`, `trip`, `departs_at` and `distance_km`, or one row a link with `length_m` and
+the other fields of a link. What is known at departure may stand beside it; `soc` is what the display shows now.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+from urllib.parse import quote
+
+import pandas as pd
+
+from tripwatt.errors import Check, Fault, InvalidInput, places_within
+from tripwatt.fleet.batch import KNOWN, told
+from tripwatt.fleet.model import COLD_DEGC, FleetModel
+from tripwatt.fleet.statistics import TripRows
+from tripwatt.forecasting import Forecast, ForecastModel
+from tripwatt.forecasting.forecast import OF_CHARGE
+from tripwatt.roads.journey.distances import DISTANCES_KM, KindForecaster, taken_by
+from tripwatt.roads.journey.kinds import UNKNOWN
+from tripwatt.routes import plan_from_route, route_from_links
+from tripwatt.sources.columnar import open_table
+from tripwatt.trips import LINK_COLUMNS, Departure, Plan, raise_faults
+from tripwatt.trips.columns import require_fraction, require_number
+from tripwatt.units import SECONDS_PER_HOUR
+from tripwatt.vehicles import Vehicle
+
+QUANTILE: Final = 0.95
+EFFICIENCY: Final = 0.9
+"""Share of a charger's energy that reaches the battery."""
+
+LEAST_TRIPS: Final = 10
+"""Trips of a week whose mean temperature counts."""
+
+AMBIENT: Final = "ambient_temperature_degc"
+TEXTS: Final = ("vehicle_id", "trip", "departs_at", "car_model", "driver", "kind")
+TRUTHS: Final = {"True": True, "False": False}
+TAKEN: Final = ("distance_m", "energy_wh", "energy_quantile_wh", "soc_taken")
+NEEDS: Final = ("vehicle_id", "car_model", "departs_at", "arrives_at", "trips", *TAKEN[:3], "soc_needed", "soc",
+                "charge_wh", "assumed", "reasons")  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedTrip:
+    """A trip that a vehicle is to drive.
+
+    Attributes
+    ----------
+    name, vehicle_id : str
+    departs_at : datetime
+        With its zone.
+    road : Plan or float
+        Or its length [km], of a `kind` of road.
+    kind : str
+    departure : Departure
+        What is known, without the charge.
+    soc : float
+        Displayed charge now; NaN where it is not known.
+    car_model, driver : str or None
+    where : str
+        Its place in its table or request, which begins the place of every fault.
+    """
+
+    name: str
+    vehicle_id: str
+    departs_at: dt.datetime
+    road: Plan | float
+    kind: str
+    departure: Departure
+    soc: float
+    car_model: str | None
+    driver: str | None
+    where: str = ""
+
+    def forecast(self, own: ForecastModel, departure: Departure) -> Forecast:
+        """By the model of a car."""
+        if isinstance(self.road, Plan):
+            return own.forecast(self.road, departure)
+        return KindForecaster.from_kind(own, departure, self.kind).forecast(1000.0 * self.road)
+
+    def forecast_by(self, fleet: FleetModel) -> tuple[Vehicle, Forecast]:
+        """The car and the forecast by the model of a fleet."""
+        ambient = self.departure.ambient_temperature_degc
+        cold = None if ambient is None else ambient < COLD_DEGC
+        with places_within(self.where):
+            own = fleet.of_vehicle(self.vehicle_id, car_model=self.car_model, driver=self.driver, cold=cold)
+            return own.vehicle, self.forecast(own, self.departure)
+
+
+def read_planned(file: Path | str, ambient_degc: float | None = None) -> list[PlannedTrip]:
+    """Read planned trips from CSV or Parquet.
+
+    Parameters
+    ----------
+    file : path
+    ambient_degc : float, optional
+        Outside temperature of trips that have none [°C].
+
+    Raises
+    ------
+    InvalidInput
+        When the file cannot be read; with every column that is missing or unknown, or every trip that cannot be planned.
+    """
+    read = open_table(Path(file))
+    table = pd.DataFrame({name: _typed(name, read.texts(name)) for name in read.names})
+    missing = [name for name in TEXTS[:3] if name not in table]
+    missing += [] if {"distance_km", "length_m"} & set(table) else ["distance_km or length_m"]
+    names = ", ".join(map(str, table))[:200]
+    faults = [Fault("missing column", f"{file}", names, f"a column {name}") for name in missing]
+    known = (*TEXTS, "distance_km", *KNOWN, *LINK_COLUMNS)
+    unknown = (name for name in table if name not in known)
+    raise_faults(faults + [Fault.unknown("unknown column", f"{file}", name, known) for name in unknown])
+    if ambient_degc is not None:
+        table[AMBIENT] = table[AMBIENT].fillna(ambient_degc) if AMBIENT in table else ambient_degc
+    with Check() as check:
+        trips = [check(_planned, its) for _, its in table.groupby([*TEXTS[:3]], sort=False)]
+    return trips
+
+
+def _typed(name: str, cells: list[str]) -> pd.Series:
+    """A column as numbers or truths where it is one, missing where it is empty."""
+    texts = pd.Series(cells, dtype=object).where(lambda cell: cell != "")
+    numbers = pd.to_numeric(texts, errors="coerce")
+    is_number = name not in TEXTS and numbers.notna().equals(texts.notna())
+    return numbers if is_number else texts.map(lambda cell: TRUTHS.get(cell, cell))
+
+
+def _planned(rows: pd.DataFrame) -> PlannedTrip:
+    """A trip of its rows."""
+    links = [{str(k): v for k, v in row.items() if pd.notna(v)} for row in rows.to_dict("records")]
+    first, where = links[0], f"trip {links[0]['trip']} of {links[0]['vehicle_id']}: "
+    if "length_m" in first:
+        fields = [{k: v for k, v in link.items() if k in LINK_COLUMNS} for link in links]
+        road: Plan | float = plan_from_route(route_from_links(fields), trip_id=str(first["trip"]))
+    else:
+        road = require_number(f"{where}distance_km", first.get("distance_km"), *DISTANCES_KM)
+    known = {name: first[name] for name in KNOWN if name in first and name != "soc"}
+    return PlannedTrip(
+        str(first["trip"]),
+        str(first["vehicle_id"]),
+        _time(str(first["departs_at"]), f"{where}departs_at"),
+        road,
+        str(first.get("kind", UNKNOWN)),
+        Departure(**known),
+        require_fraction(f"{where}soc", first["soc"]) if "soc" in first else float("nan"),
+        first.get("car_model"),
+        first.get("driver"),
+        where,
+    )
+
+
+def _time(text: str, where: str) -> dt.datetime:
+    """A time from its text, in the zone of this machine where it names none."""
+    try:
+        return dt.datetime.fromisoformat(text).astimezone()
+    except ValueError as error:
+        raise InvalidInput.of("not a time", where, text[:80], "such as 2026-01-12T07:30+01:00") from error
+
+
+def needs_by_hour(
+    model: FleetModel, trips: Sequence[PlannedTrip], *, quantile: float = QUANTILE, reserve: float = 0.0,
+    refused: list[Fault] | None = None,
+) -> pd.DataFrame:  # fmt: skip
+    """What planned trips need, by vehicle and hour of departure. One forecast a trip.
+
+    The trips of a vehicle share the errors of the car, so that their quantiles add up.
+
+    Parameters
+    ----------
+    model : FleetModel
+    trips : sequence of PlannedTrip
+    quantile : float
+        Probability with which the energy suffices, 0.5 to 1.
+    reserve : float
+        Displayed charge to come back with.
+    refused : list of Fault, optional
+        Gets the faults of trips that cannot be forecast, which are then left out.
+
+    Returns
+    -------
+    DataFrame
+        `vehicle_id`, `car_model`, `departs_at` (the first of the hour), `arrives_at` (the last), `trips`, `distance_m`, `energy_wh` (median), `energy_quantile_wh`,
+        `soc_needed` (displayed charge to leave with for this hour and the later ones without charging in between; above 1 where a full battery
+        does not suffice), `soc` (now) and `charge_wh`: what is to be charged for this hour beyond what the hours before need [Wh], NaN where
+        `soc` is not known. `assumed` names what a trip does not give, and `reasons` has what was assumed and what limits the forecasts as sentences.
+
+    Raises
+    ------
+    InvalidInput
+        Without `refused`, when a vehicle is not known and has no car model, or a trip cannot be forecast.
+    """
+    quantile, reserve = require_fraction("quantile", quantile, 0.5), require_fraction("reserve", reserve)
+    check = Check()
+    forecasts = [(trip, check(trip.forecast_by, model)) for trip in trips]
+    (raise_faults if refused is None else refused.extend)(check.faults)
+    rows = []
+    for trip, (car, forecast) in (made for made in forecasts if made[1] is not None):
+        (middle, most), (_, soc), duration_s = taken_by(forecast, (0.5, quantile))
+        at = trip.departs_at, trip.departs_at + dt.timedelta(seconds=duration_s)
+        taken = forecast.plan.distance_m, middle, most, max(soc, 1e-6)
+        hour = trip.departs_at.replace(minute=0, second=0, microsecond=0)
+        flags = [flag for flag in forecast.flags if flag.code not in OF_CHARGE]
+        rows.append((trip.vehicle_id, car.name, hour, *at, trip.soc, *taken, flags))
+    named = ["vehicle_id", "car_model", "hour", "departs_at", "arrives_at", "soc", *TAKEN, "flags"]
+    table = pd.DataFrame(rows, columns=named).astype(dict.fromkeys((*TAKEN, "soc"), float))
+    grouped = table.groupby(["vehicle_id", "hour"])
+    needs = grouped[list(TAKEN)].sum()
+    needs["trips"] = grouped.size()
+    needs[["car_model", "departs_at"]] = grouped[["car_model", "departs_at"]].min()
+    needs["arrives_at"] = grouped["arrives_at"].max()
+    of_hour = [told(chain.from_iterable(its)) for _, its in grouped["flags"]]
+    needs = needs.join(pd.DataFrame(of_hour, needs.index, ["assumed", "reasons"]))
+    needs = needs.reset_index()
+    of_vehicle = needs.groupby("vehicle_id")
+    needs["soc"] = needs["vehicle_id"].map(table.groupby("vehicle_id")["soc"].first())
+    so_far = of_vehicle["soc_taken"].cumsum()
+    needs["soc_needed"] = of_vehicle["soc_taken"].transform("sum") - so_far + needs["soc_taken"] + reserve
+    missing = (so_far + reserve - needs["soc"]).clip(lower=0.0)
+    before = missing.groupby(needs["vehicle_id"]).shift(fill_value=0.0)
+    needs["charge_wh"] = (missing - before) * needs["energy_quantile_wh"] / needs["soc_taken"]
+    return needs[list(NEEDS)]
+
+
+class Cold(NamedTuple):
+    """An outside temperature for which the cars of routes are chosen.
+
+    Attributes
+    ----------
+    ambient_temperature_degc : float
+        Outside temperature [°C].
+    monday : str or None
+        Of the week whose mean it is; None where it was given.
+    least_trips : int
+        Trips of a week whose mean counts.
+    colder : tuple of (str, float, int)
+        Monday, mean temperature [°C] and trips of colder weeks with fewer trips.
+    """
+
+    ambient_temperature_degc: float
+    monday: str | None = None
+    least_trips: int = LEAST_TRIPS
+    colder: Sequence[tuple[str, float, int]] = ()
+
+
+def coldest_week(rows: TripRows) -> Cold | None:
+    """The week of a fleet's trips with the lowest mean outside temperature, of those with `LEAST_TRIPS` or more where there is one; None without any."""
+    order, day = rows.in_time
+    ambient = pd.Series(
+        rows.numbers("ambient_temperature_degc")[order], pd.DatetimeIndex(day[order])
+    ).dropna()
+    weeks = ambient.groupby(pd.Grouper(freq="W-MON", label="left", closed="left")).agg(["mean", "size"])
+    if weeks.empty:
+        return None
+    least = min(LEAST_TRIPS, int(weeks["size"].max()))
+    enough = weeks.loc[weeks["size"] >= least, "mean"]
+    colder = weeks[weeks["mean"] < enough.min()].sort_values("mean")
+    skipped = colder.index.strftime("%Y-%m-%d"), colder["mean"].tolist(), colder["size"].tolist()
+    return Cold(float(enough.min()), str(enough.idxmin())[:10], least, list(zip(*skipped, strict=True)))
+
+
+def needs_by_car(
+    model: FleetModel,
+    trips: Sequence[PlannedTrip],
+    ambient_degc: float,
+    *,
+    quantile: float = QUANTILE,
+    reserve: float = 0.0,
+) -> pd.DataFrame:
+    """Charge that each planned route needs with each car model of a fleet at an outside temperature. A forecast for each route and model.
+
+    Parameters
+    ----------
+    model : FleetModel
+    trips : sequence of PlannedTrip
+        Those of one name are one route.
+    ambient_degc : float
+        Outside temperature [°C].
+    quantile, reserve : float
+        As of `needs_by_hour`.
+
+    Returns
+    -------
+    DataFrame
+        A row for each route `trip`, and a column for each car model: displayed charge to leave with.
+    """
+    cold = ambient_degc < COLD_DEGC
+    cars = {n: model.of_vehicle(None, car_model=n, cold=cold) for n in sorted(set(model.vehicles().values()))}
+    needs = {}
+    for name, trip in {trip.name: trip for trip in trips}.items():
+        weather = replace(
+            trip.departure, ambient_temperature_degc=ambient_degc, battery_temperature_degc=None
+        )
+        takes = {car: taken_by(trip.forecast(own, weather), (quantile,))[1] for car, own in cars.items()}
+        needs[name] = {car: reserve + float(charge[0]) for car, charge in takes.items()}
+    return pd.DataFrame.from_dict(needs, orient="index", columns=list(cars)).rename_axis("trip").reset_index()
+
+
+def emhass(needs: pd.DataFrame, at: dt.datetime, charger_w: float, step_s: float = 1800.0) -> dict[str, Any]:
+    """Payload for EMHASS's `naive-mpc-optim`: a deferrable load for each row that has something to charge, in the order of `vehicles`.
+
+    A load begins after the vehicle's trips of the hours before, and ends at its departure. EMHASS counts steps from its own request: post it at `begins_at`.
+    It switches a load for whole steps only, so that the hours are rounded up to them.
+
+    Parameters
+    ----------
+    needs : DataFrame
+        Of `needs_by_hour`.
+    at : datetime
+        Beginning of the first step, with its zone.
+    charger_w : float
+        Nominal power of a charger [W], of which `EFFICIENCY` reaches the battery.
+    step_s : float
+        Length of a step [s].
+
+    Raises
+    ------
+    InvalidInput
+        When a vehicle with something to charge departs before `at`.
+
+    Examples
+    --------
+    >>> leaves = dt.datetime(2026, 1, 12, 7, 30, tzinfo=dt.UTC)
+    >>> row = {"vehicle_id": "V1", "departs_at": leaves, "arrives_at": leaves, "charge_wh": 13320.0}
+    >>> load = emhass(pd.DataFrame([row]), leaves - dt.timedelta(hours=10), 7400.0)
+    >>> load["operating_hours_of_each_deferrable_load"], load["end_timesteps_of_each_deferrable_load"]
+    ([2.0], [20])
+    """
+    needs = needs.assign(after=needs.groupby("vehicle_id")["arrives_at"].shift(fill_value=at))
+    loads = needs[needs["charge_wh"] > 0.0]
+    rows = loads.to_dict("records")
+    late = ((row["vehicle_id"], f"{row['departs_at']}") for row in rows if row["departs_at"] < at)
+    what = "departs before the charging begins"
+    fix = "let the charging begin earlier, or leave out what is driven already"
+    raise_faults(Fault(what, *row, f"later than {at}", fix) for row in late)
+    steps = [[(row[name] - at).total_seconds() / step_s for name in ("after", "departs_at")] for row in rows]
+    last = [int(end) for _, end in steps]
+    step_h = step_s / SECONDS_PER_HOUR
+    whole = loads["charge_wh"] / (EFFICIENCY * charger_w * step_h)
+    return {
+        "begins_at": at.isoformat(timespec="seconds"),
+        "prediction_horizon": max([*last, 1]),
+        "number_of_deferrable_loads": len(loads),
+        "nominal_power_of_deferrable_loads": [charger_w] * len(loads),
+        "operating_hours_of_each_deferrable_load": [math.ceil(n - 1e-9) * step_h for n in whole],
+        "start_timesteps_of_each_deferrable_load": [math.ceil(max(begin, 0.0)) for begin, _ in steps],
+        "end_timesteps_of_each_deferrable_load": last,
+        "vehicles": loads["vehicle_id"].tolist(),
+    }
+
+
+def evcc(needs: pd.DataFrame) -> list[str]:
+    """Paths to post to evcc: the plan of each vehicle, for its first departure and all that it needs after it.
+
+    Examples
+    --------
+    >>> leaves = dt.datetime(2026, 1, 12, 7, 30, tzinfo=dt.UTC)
+    >>> evcc(pd.DataFrame({"vehicle_id": ["V1"] * 2, "departs_at": [leaves] * 2, "soc_needed": [0.551, 0.3]}))
+    ['/api/vehicles/V1/plan/soc/56/2026-01-12T07:30:00Z']
+    """
+    return [
+        f"/api/vehicles/{quote(str(row['vehicle_id']), safe='')}/plan/soc/{min(math.ceil(100.0 * row['soc_needed'] - 1e-9), 100)}/"
+        f"{row['departs_at'].astimezone(dt.UTC):%Y-%m-%dT%H:%M:%SZ}"
+        for row in needs.drop_duplicates("vehicle_id").to_dict("records")
+    ]
+
+
+def night_document(needs: pd.DataFrame, at: dt.datetime, charger_w: float) -> dict[str, Any]:
+    """What a night needs as data: the rows of `needs_by_hour`, the payload of `emhass`, and the paths of `evcc`."""
+    return {"needs": records(needs), "emhass": emhass(needs, at, charger_w), "evcc": evcc(needs)}
+
+
+def records(table: pd.DataFrame) -> list[dict[str, Any]]:
+    """Rows of a table as data: times as text in UTC, None for what is not known."""
+    rows: list[dict[str, Any]] = json.loads(
+        table.to_json(orient="records", date_format="iso", double_precision=15)
+    )
+    return rows

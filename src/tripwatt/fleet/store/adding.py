@@ -1,0 +1,87 @@
+"""Logs on disk into a store: a folder of tables file by file, so that memory does not grow with the folder."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+from tripwatt.errors import Check
+from tripwatt.fleet.store.store import Added, TripStore
+from tripwatt.sources import read_logs
+from tripwatt.sources.columnar import table_files
+
+FILES_AT_ONCE: Final = 64
+"""Tables of a folder that are read before their logs are committed together."""
+
+
+def add_files(
+    store: TripStore,
+    path: Path | str,
+    *,
+    car_model: str,
+    vehicle_id: str | None = None,
+    dataset: str = "table",
+    mapping: Path | str | None = None,
+    progress: Callable[[Added], None] | None = None,
+) -> Added:
+    """Add all logs of a data set; a folder of tables is read in parts.
+
+    Parameters
+    ----------
+    store : TripStore
+        To which the logs are added.
+    path : Path or str
+        As of `read_logs`.
+    car_model : str
+        Name of a car of the library.
+    vehicle_id : str, optional
+        The vehicle of logs that do not name theirs.
+    dataset : str
+        As of `read_logs`.
+    mapping : Path or str, optional
+        As of `read_logs`.
+    progress : callable, optional
+        Called with the sums so far after each commit.
+
+    Returns
+    -------
+    Added
+        Sums over all files.
+
+    Raises
+    ------
+    InvalidInput
+        With every fault of all files. What was read without a fault is in the store by then; adding again after the
+        repair adds the rest.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from tripwatt.fleet.store import create_store
+    >>> from tripwatt.study.synthetic import example_trip
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = Path(folder, "trip.csv")
+    ...     example_trip().to_csv(file, index=False)
+    ...     store = create_store(Path(folder, "store"))
+    ...     print(add_files(store, file, car_model="bmw_i3_60ah", vehicle_id="V1"))
+    1 trips added, 0 were known; 0 of the added have no sound drive
+    """
+    if dataset != "table":
+        logs = read_logs(path, dataset, mapping, strict=True)
+        return store.add(logs, car_model=car_model, vehicle_id=vehicle_id, progress=progress)
+    total = Added()
+
+    def report(now: Added) -> None:
+        if progress is not None:
+            progress(total + now)
+
+    files = table_files(Path(path))
+    with Check() as check:
+        for first in range(0, len(files), FILES_AT_ONCE):
+            some = files[first : first + FILES_AT_ONCE]
+            fleets = [check(read_logs, file, "table", mapping, strict=True) for file in some]
+            found = [log for fleet in fleets if fleet is not None for log in fleet.logs]
+            done = check(store.add, found, car_model=car_model, vehicle_id=vehicle_id, progress=report)
+            total += done or Added()
+    return total

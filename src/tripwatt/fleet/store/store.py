@@ -1,0 +1,732 @@
+"""A trip store: logs of many vehicles in two Delta tables, added by many writers at once.
+
+`samples` holds what was logged, `trips` one row for each log with its audit. A log is in the store from the commit of its
+row of `trips` on: its samples are written before, and samples without such a row are left over from a writer that was killed.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+import time
+import uuid
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import groupby, islice, pairwise
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from tripwatt.arrays import IntArray, by_key
+from tripwatt.auditing import Finding, audit
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.fleet.store.delta import DataFile, DeltaFolder, joined, require_deltalake
+from tripwatt.fleet.store.rows import (
+    SAMPLES,
+    SIGNALS,
+    TRIPS,
+    StoredLog,
+    bucket_of,
+    log_from_rows,
+    samples_table,
+    stored_log,
+    trips_table,
+)
+from tripwatt.trips import Fleet, Log, Recorded, raise_faults
+
+FORMAT: Final = 1
+BUCKETS: Final = 16
+"""Hash buckets of vehicles, unless a store is made with another number."""
+MOST_BUCKETS: Final = 1024
+
+BATCH: Final = 500
+"""Logs of one commit."""
+
+FILE_BYTES: Final = 16 << 20
+"""Size up to which `compact` merges data files: what a worker reads at once stays far below 1 GB in memory."""
+
+FILES_A_BUCKET: Final = 16
+"""Data files of `trips` in a bucket, on average, from which adding merges them: each commit reads them all."""
+
+ORPHANS_AFTER_S: Final = 86_400.0
+"""Samples without a row of `trips` are dropped when they are older: younger ones may be of a writer at work."""
+
+KEPT_HOURS: Final = 168
+"""Old versions are kept for so long [h], for readers at work."""
+
+LISTED: Final = (
+    "vehicle_id",
+    "trip_id",
+    "car_model",
+    "driver",
+    "started_at",
+    "distance_m",
+    "duration_s",
+    "energy_wh",
+    "energy_std_wh",
+    "energy_from",
+    "drives",
+    "ambient_temperature_degc",
+    "digest",
+)
+"""Columns of `TripStore.trips`, in this order."""
+
+LONGEST_NAME: Final = 200
+"""Characters of a vehicle's or a car model's name."""
+
+
+@dataclass(frozen=True, slots=True)
+class Added:
+    """What adding did.
+
+    Attributes
+    ----------
+    added : int
+        Logs that are new in the store.
+    known : int
+        Logs that were in it before.
+    unusable : int
+        Of the new ones, those of which the audit left no drive.
+
+    Examples
+    --------
+    >>> Added(added=12, unusable=1)
+    Added(added=12, known=0, unusable=1)
+    """
+
+    added: int = 0
+    known: int = 0
+    unusable: int = 0
+
+    def __add__(self, other: Added) -> Added:
+        return Added(self.added + other.added, self.known + other.known, self.unusable + other.unusable)
+
+    def __str__(self) -> str:
+        return f"{self.added} trips added, {self.known} were known; {self.unusable} of the added have no sound drive"
+
+
+@dataclass(frozen=True, slots=True)
+class FileTrips:
+    """A data file of samples and the logs in it that are wanted; rows of `trips`.
+
+    Attributes
+    ----------
+    file : DataFile
+        A data file of the table `samples`.
+    rows : tuple of mapping
+        Rows of `trips` of the wanted logs.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from tripwatt.study.synthetic import synthetic_fleet
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     store = create_store(folder)
+    ...     _ = store.add(synthetic_fleet(2), vehicle_id="V1", car_model="bmw_i3_60ah")
+    ...     print(sum(len(part.rows) for part in store.file_trips(store.trip_rows())))
+    2
+    """
+
+    file: DataFile
+    rows: tuple[Mapping[str, Any], ...]
+
+
+@dataclass(frozen=True, repr=False)
+class TripStore:
+    """Logs of many vehicles; made by `create_store`, opened by `open_store`.
+
+    Attributes
+    ----------
+    place : str
+        A folder or a URL of an object store.
+    options : mapping of str to str
+        What the object store needs, such as its region.
+    buckets : int
+        Hash buckets of vehicles.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from tripwatt.study.synthetic import synthetic_fleet
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     store = create_store(folder)
+    ...     print(store.add(synthetic_fleet(2), vehicle_id="V1", car_model="bmw_i3_60ah"))
+    ...     print(store.trips(columns=["trip_id", "vehicle_id"]).shape, len(store.trip_rows(vehicle_id="V1")))
+    ...     print([len(log) > 1 for log in store.logs(limit=1)])
+    ...     print(len(store.file_trips(store.trip_rows())), len(store.audit(limit=1)))
+    ...     print(store.about()["vehicles"], sorted(store.compact()))
+    ...     print(store.forget("V1"))
+    2 trips added, 0 were known; 0 of the added have no sound drive
+    (2, 2) 2
+    [True]
+    2 0
+    1 ['made', 'merged', 'orphans', 'removed']
+    2
+    """
+
+    place: str
+    options: Mapping[str, str] = field(default_factory=dict)
+    buckets: int = BUCKETS
+
+    @property
+    def samples(self) -> DeltaFolder:
+        """The table of samples."""
+        return DeltaFolder(joined(self.place, "samples"), self.options)
+
+    @property
+    def rows(self) -> DeltaFolder:
+        """The table of one row a log."""
+        return DeltaFolder(joined(self.place, "trips"), self.options)
+
+    def add(
+        self,
+        logs: Fleet | Iterable[Recorded],
+        *,
+        car_model: str,
+        vehicle_id: str | None = None,
+        batch: int = BATCH,
+        progress: Callable[[Added], None] | None = None,
+    ) -> Added:
+        """Add logs; one that is there already, by its digest, is not added again.
+
+        O(samples) and, for each commit, a read of the rows of `trips` in the buckets of its vehicles.
+
+        Logs are committed `batch` at a time: after a crash all batches are there of which `progress` was called.
+
+        Parameters
+        ----------
+        logs : Fleet or iterable of Log
+            As a reader gave them, before any resampling. They are audited one by one.
+        car_model : str
+            Name of a car of the library.
+        vehicle_id : str, optional
+            The vehicle of logs that do not name theirs in `context.car`.
+        batch : int
+            Logs in a commit, at least 1.
+        progress : callable, optional
+            Called with the sums so far after each commit.
+
+        Returns
+        -------
+        Added
+            How many logs are new, were known before, and are unusable.
+
+        Raises
+        ------
+        InvalidInput
+            With every log that names no vehicle, was resampled, or has the id of another log of its vehicle.
+        """
+        raise_faults([*_name_faults("car model", car_model), *_name_faults("vehicle", vehicle_id)])
+        if batch < 1:
+            raise InvalidInput.of("value out of range", "batch", f"{batch}", "at least 1")
+        total = Added()
+        waiting = iter(logs.logs if isinstance(logs, Fleet) else logs)
+        while chunk := list(islice(waiting, batch)):
+            raise_faults(_log_faults(chunk, vehicle_id))
+            stored = [
+                stored_log(log, log.context.car or vehicle_id or "", car_model, self.buckets) for log in chunk
+            ]
+            total += self._add_batch(stored)
+            if progress is not None:
+                progress(total)
+        return total
+
+    def _add_batch(self, stored: Sequence[StoredLog]) -> Added:
+        once = list({s.row["digest"]: s for s in stored}.values())
+        before = self.rows.open()
+        new = self._unknown(once, before)
+        if not new:
+            return Added(known=len(stored))
+        batch = f"{time.time_ns():020d}-{uuid.uuid4().hex[:12]}"
+        self.samples.append(samples_table(new, batch))
+        committed: list[StoredLog] = []
+
+        def rows_for(table: Any) -> pa.Table | None:
+            committed[:] = new if table.version() == before.version() else self._unknown(new, table)
+            return trips_table(committed, batch) if committed else None
+
+        try:
+            self.rows.append_checked(rows_for)
+        finally:
+            if len(committed) < len(new):  # another writer added the same logs meanwhile: its samples count
+                kept = {s.row["digest"] for s in committed}
+                lost = [s.row["digest"] for s in new if s.row["digest"] not in kept]
+                self.samples.delete(f"batch = '{batch}' AND digest IN ({_sql_texts(lost)})")
+        if len(before.file_uris()) > FILES_A_BUCKET * self.buckets:
+            self.rows.try_to_compact(FILE_BYTES)
+        unusable = sum(s.row["drives"] == 0 for s in committed)
+        return Added(len(committed), len(stored) - len(committed), unusable)
+
+    def _unknown(self, stored: Sequence[StoredLog], table: Any) -> list[StoredLog]:
+        """Those of some logs that one version of the table `trips` does not have.
+
+        Raises
+        ------
+        InvalidInput
+            With every one whose vehicle has another log of the same id, there or among themselves.
+        """
+        vehicles = sorted({s.row["vehicle_id"] for s in stored})
+        buckets = sorted({s.row["bucket"] for s in stored})
+        where = pc.field("bucket").isin(buckets) & pc.field("vehicle_id").isin(vehicles)
+        columns = ["digest", "vehicle_id", "trip_id"]
+        rows = table.to_pyarrow_dataset().to_table(columns=columns, filter=where)
+        known, *names = (rows[name].to_pylist() for name in columns)
+        known = set(known)
+        taken = set(zip(*names, strict=True))
+        unknown = [s for s in stored if s.row["digest"] not in known]
+        faults = []
+        for s in unknown:
+            key = (s.row["vehicle_id"], s.row["trip_id"])
+            if key in taken:
+                got, fix = "another log of this vehicle has it", "give the log an id of its own"
+                where = f"vehicle {key[0]}, trip {key[1]}"
+                faults.append(Fault("duplicate trip id", where, got, "one id per trip of a vehicle", fix))
+            taken.add(key)
+        raise_faults(faults)
+        return unknown
+
+    def trips(
+        self,
+        *,
+        vehicle_id: str | None = None,
+        car_model: str | None = None,
+        since: dt.date | str | None = None,
+        until: dt.date | str | None = None,
+        columns: Sequence[str] = LISTED,
+        limit: int | None = None,
+    ) -> pd.DataFrame:
+        """List the logs, one row each, by vehicle and departure.
+
+        Parameters
+        ----------
+        vehicle_id : str, optional
+            Only logs of this vehicle.
+        car_model : str, optional
+            Only logs of vehicles of this model.
+        since : date or str, optional
+            First departure; a text is ISO 8601.
+        until : date or str, optional
+            First departure that is too late.
+        columns : sequence of str
+            Of the table `trips`.
+        limit : int, optional
+            Most rows.
+
+        Returns
+        -------
+        DataFrame
+            One row per log with `columns`.
+
+        Raises
+        ------
+        InvalidInput
+            With every unknown column.
+        """
+        unknown = [c for c in columns if c not in TRIPS.names]
+        raise_faults(Fault.unknown("unknown column", "columns", c, TRIPS.names) for c in unknown)
+        order = [c for c in ("vehicle_id", "started_at", "trip_id") if c not in columns]
+        where = _where(self.buckets, vehicle_id, car_model, since, until)
+        table = self.rows.read([*columns, *order], where)
+        by = [("vehicle_id", "ascending"), ("started_at", "ascending"), ("trip_id", "ascending")]
+        table = table.take(pc.sort_indices(table, sort_keys=by)[:limit])
+        listed: pd.DataFrame = table.select(list(columns)).to_pandas()
+        return listed
+
+    def logs(self, rows: Sequence[Mapping[str, Any]] | None = None, **which: Any) -> Iterator[Log]:
+        """Read logs as they were added, data file by data file.
+
+        Parameters
+        ----------
+        rows : sequence of mapping, optional
+            Rows of `trips`, all columns; those that `which` selects when not given.
+        **which
+            As of `trips`.
+
+        Yields
+        ------
+        Log
+            Raw, with its context.
+        """
+        wanted = self.trip_rows(**which) if rows is None else rows
+        files = self.samples.filesystem()
+        for part in self.file_trips(wanted):
+            for _, log in read_file(files, part.file.path, part.rows):
+                yield log
+
+    def trip_rows(self, **which: Any) -> list[dict[str, Any]]:
+        """Read rows of `trips` with all columns, as `trips` selects them.
+
+        Parameters
+        ----------
+        **which
+            As of `trips`, without `columns`.
+
+        Returns
+        -------
+        list of dict
+            One for each log, None where a value is unknown.
+        """
+        frame = self.trips(columns=TRIPS.names, **which)
+        rows: list[Any] = frame.astype(object).where(frame.notna(), None).to_dict("records")
+        return rows
+
+    def file_trips(self, rows: Iterable[Mapping[str, Any]]) -> list[FileTrips]:
+        """Find the data files of some logs, each with the logs that may be in it. O(files + logs).
+
+        Parameters
+        ----------
+        rows : iterable of mapping
+            Rows of `trips` with `bucket`, `month` and `batch`.
+
+        Returns
+        -------
+        list of FileTrips
+            Data files without a wanted log are left out.
+        """
+        by_place = by_key(rows, lambda row: (row["bucket"], row["month"]))
+        files = []
+        for file in self.samples.data_files():
+            wanted = tuple(
+                row
+                for row in by_place.get((file.bucket, file.month), ())
+                if file.first_batch <= row["batch"] <= file.last_batch
+            )
+            if wanted:
+                files.append(FileTrips(file, wanted))
+        return files
+
+    def audit(self, **which: Any) -> tuple[Finding, ...]:
+        """Judge stored logs anew with the logs of their vehicle beside them.
+
+        What the logs of one car have in common, such as its battery's capacity, is taken from all of them; the rows of
+        `trips` are of each log by itself.
+
+        Parameters
+        ----------
+        **which
+            As of `trips`.
+
+        Returns
+        -------
+        tuple of Finding
+            Vehicle by vehicle.
+        """
+        findings: list[Finding] = []
+        for _, its_rows in groupby(self.trip_rows(**which), key=lambda row: row["vehicle_id"]):
+            logs = sorted(self.logs([*its_rows]), key=lambda log: (str(log.context.started_at), log.trip_id))
+            findings += audit(logs).findings
+        return tuple(findings)
+
+    def compact(self, *, file_bytes: int = FILE_BYTES, keep_hours: int = KEPT_HOURS) -> dict[str, int]:
+        """Merge small data files, and drop what no reader needs.
+
+        Parameters
+        ----------
+        file_bytes : int
+            Size up to which files are merged.
+        keep_hours : int
+            Files of versions that are older are removed [h].
+
+        Returns
+        -------
+        dict
+            `merged` and `made` files, samples without a trip that were dropped (`orphans`), `removed` files.
+        """
+        orphans = self._drop_orphans()
+        metrics = [folder.compact(file_bytes) for folder in (self.samples, self.rows)]
+        removed = sum(folder.drop_old_files(keep_hours) for folder in (self.samples, self.rows))
+        return {
+            "merged": sum(f["numFilesRemoved"] for f in metrics),
+            "made": sum(f["numFilesAdded"] for f in metrics),
+            "orphans": orphans,
+            "removed": removed,
+        }
+
+    def _drop_orphans(self, older_s: float = ORPHANS_AFTER_S) -> int:
+        """Drop samples of batches that no row of `trips` has, once they are older than any writer is at work."""
+        before = f"{time.time_ns() - int(older_s * 1e9):020d}"
+        batches = self.samples.read(["batch"], pc.field("batch") < before)["batch"].unique().to_pylist()
+        kept = set(self.rows.read(["batch"])["batch"].unique().to_pylist())
+        lost = sorted(set(batches) - kept)
+        return self.samples.delete(f"batch IN ({_sql_texts(lost)})") if lost else 0
+
+    def forget(self, vehicle_id: str) -> int:
+        """Erase a vehicle: its rows, its samples, and the data files that held them.
+
+        Old versions of the tables that need these files can no longer be read. What was made from the trips, such as
+        models and reports, is not part of a store.
+
+        Parameters
+        ----------
+        vehicle_id : str
+            The vehicle, as it was added.
+
+        Returns
+        -------
+        int
+            Trips that were erased.
+
+        Raises
+        ------
+        InvalidInput
+            When the store holds nothing of such a vehicle.
+        """
+        bucket = bucket_of(vehicle_id, self.buckets)
+        its = (pc.field("bucket") == bucket) & (pc.field("vehicle_id") == vehicle_id)
+        erased = []
+        for folder in (self.rows, self.samples):
+            digests = sorted(set(folder.read(["digest"], its)["digest"].to_pylist()))
+            # a predicate stays in the table's log, so it must not name the vehicle
+            where = f"bucket = {bucket} AND digest IN ({_sql_texts(digests)})"
+            erased.append(folder.delete(where) if digests else 0)
+        if not any(erased):
+            raise InvalidInput.of("unknown vehicle", "vehicle_id", repr(vehicle_id), "a vehicle of the store")
+        for folder in (self.rows, self.samples):
+            folder.drop_old_files(0)
+        return erased[0]
+
+    def about(self) -> dict[str, Any]:
+        """Count and sum what is in the store.
+
+        Returns
+        -------
+        dict
+            Place and format, counts of logs, vehicles and car models, the distance [m], first and last departure, and the
+            size of the data files [bytes].
+        """
+        rows = self.rows.read(["vehicle_id", "car_model", "distance_m", "energy_wh", "drives", "started_at"])
+        frame = rows.to_pandas()
+        started = frame["started_at"].dropna()
+        return {
+            "store": self.place,
+            "format": FORMAT,
+            "buckets": self.buckets,
+            "trips": len(frame),
+            "usable": int((frame["drives"] > 0).sum()),
+            "with_energy": int(frame["energy_wh"].notna().sum()),
+            "vehicles": int(frame["vehicle_id"].nunique()),
+            "car_models": {str(k): int(n) for k, n in frame["car_model"].value_counts().sort_index().items()},
+            "distance_m": float(frame["distance_m"].sum()),
+            "first": None if started.empty else str(started.min()),
+            "last": None if started.empty else str(started.max()),
+            "bytes": sum(file.bytes for file in self.samples.data_files()),
+        }
+
+    def __repr__(self) -> str:
+        about = self.about()
+        return f"<TripStore {self.place}: {about['trips']} trips of {about['vehicles']} vehicles>"
+
+
+def create_store(
+    place: Path | str, *, buckets: int = BUCKETS, options: Mapping[str, str] | None = None
+) -> TripStore:
+    """Make an empty trip store.
+
+    Parameters
+    ----------
+    place : path or URL
+        A new or empty folder, or a place in an object store.
+    buckets : int
+        Hash buckets of vehicles, the first partition of the tables: some hundred vehicles a bucket are a good number.
+    options : mapping of str to str, optional
+        What the object store needs.
+
+    Returns
+    -------
+    TripStore
+        Without trips.
+
+    Raises
+    ------
+    InvalidInput
+        When there is a store already, or the place cannot be written.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> store = tw.create_store("trips")  # doctest: +SKIP
+    """
+    if not 1 <= buckets <= MOST_BUCKETS:
+        raise InvalidInput.of("value out of range", "buckets", f"{buckets}", f"1 to {MOST_BUCKETS}")
+    store = TripStore(f"{place}", dict(options or {}), buckets)
+    if store.rows.exists():
+        raise InvalidInput.of("trip store exists", store.place, "", "a new or empty folder")
+    about = {"tripwatt_store": FORMAT, "buckets": buckets}
+    store.samples.create(SAMPLES, ["bucket", "month"], "tripwatt samples", about)
+    store.rows.create(TRIPS, ["bucket"], "tripwatt trips", about)
+    return open_store(place, options=options)
+
+
+def open_store(place: Path | str, *, options: Mapping[str, str] | None = None) -> TripStore:
+    """Open a trip store: logs of many vehicles, in a folder or an object store.
+
+    Parameters
+    ----------
+    place : path or URL
+        Where `create_store` or `tripwatt store create` made it.
+    options : mapping of str to str, optional
+        What the object store needs, as the package `deltalake` takes them.
+
+    Returns
+    -------
+    TripStore
+        With the logs that it has.
+
+    Raises
+    ------
+    InvalidInput
+        When there is none, it is of a newer format, or the package `deltalake` is missing.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> tw.open_store("trips").about()["trips"]  # doctest: +SKIP
+    1280
+    """
+    require_deltalake()
+    store = TripStore(f"{place}", dict(options or {}))
+    about = store.rows.about()
+    if about["tripwatt_store"] > FORMAT:
+        got, fix = f"format {about['tripwatt_store']}", "install a newer tripwatt"
+        raise InvalidInput.of("trip store of a newer format", store.place, got, f"format {FORMAT}", fix)
+    return TripStore(store.place, store.options, int(about["buckets"]))
+
+
+def read_file(
+    files: Any, path: str, rows: Sequence[Mapping[str, Any]]
+) -> Iterator[tuple[Mapping[str, Any], Log]]:
+    """Read from a data file of samples those of some logs that are in it. O(rows of the file).
+
+    Parameters
+    ----------
+    files : pyarrow.fs.FileSystem
+        Of the table `samples`.
+    path : str
+        The data file, as `DataFile.path` has it.
+    rows : sequence of mapping
+        Rows of `trips`.
+
+    Yields
+    ------
+    row : mapping
+        The log's row of `trips`.
+    log : Log
+        The log, raw; logs come by digest.
+
+    Raises
+    ------
+    InvalidInput
+        When samples of a log are missing.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from tripwatt.study.synthetic import synthetic_fleet
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     store = create_store(folder)
+    ...     _ = store.add(synthetic_fleet(1), vehicle_id="V1", car_model="bmw_i3_60ah")
+    ...     (part,) = store.file_trips(store.trip_rows())
+    ...     for row, log in read_file(store.samples.filesystem(), part.file.path, part.rows):
+    ...         print(row["vehicle_id"], len(log) == row["samples"])
+    V1 True
+    """
+    import pyarrow.parquet as pq
+
+    wanted = {(row["batch"], row["digest"]): row for row in rows}
+    with files.open_input_file(path) as source, pq.ParquetFile(source) as parquet:
+        keys = parquet.read(["batch", "digest", "sample"])
+        chosen = _chosen_rows(keys, wanted)
+        if not len(chosen):
+            return
+        numbers = parquet.read(list(SIGNALS))
+    columns = {name: numbers[name].to_numpy()[chosen] for name in SIGNALS}
+    texts = [keys[n].cast(pa.string()).take(chosen).to_numpy() for n in ("batch", "digest")]
+    changes = (texts[0][1:] != texts[0][:-1]) | (texts[1][1:] != texts[1][:-1])
+    edges = [0, *(np.flatnonzero(changes) + 1).tolist(), len(chosen)]
+    for first, last in pairwise(edges):
+        row = wanted[texts[0][first], texts[1][first]]
+        if last - first != row["samples"]:
+            where, got = f"{path}, trip {row['trip_id']}", f"{last - first} samples"
+            raise InvalidInput.of("samples are missing", where, got, f"{row['samples']} samples")
+        yield row, log_from_rows(row, {name: values[first:last] for name, values in columns.items()})
+
+
+def _chosen_rows(keys: pa.Table, wanted: Iterable[tuple[str, str]]) -> IntArray:
+    """Row numbers of the wanted logs, log by log in the order of samples: merging files mixes their rows."""
+    digests = sorted({digest for _, digest in wanted})
+    batches = sorted({batch for batch, _ in wanted})
+    by_digest = pc.index_in(keys["digest"].cast(pa.string()), pa.array(digests, pa.string()))
+    by_batch = pc.index_in(keys["batch"].cast(pa.string()), pa.array(batches, pa.string()))
+    wanted_rows = pc.and_(pc.is_valid(by_digest), pc.is_valid(by_batch)).to_numpy()
+    code = pc.fill_null(by_digest, 0).to_numpy().astype(np.int64) * len(batches)
+    code += pc.fill_null(by_batch, 0).to_numpy()
+    place = {digest: i for i, digest in enumerate(digests)}, {batch: i for i, batch in enumerate(batches)}
+    codes = np.array([place[0][digest] * len(batches) + place[1][batch] for batch, digest in wanted])
+    rows = np.flatnonzero(wanted_rows & np.isin(code, codes))
+    order = np.lexsort((keys["sample"].to_numpy()[rows], code[rows]))
+    return np.asarray(rows[order], dtype=np.int64)
+
+
+def _where(
+    buckets: int,
+    vehicle_id: str | None,
+    car_model: str | None,
+    since: dt.date | str | None,
+    until: dt.date | str | None,
+) -> Any:
+    parts = []
+    if vehicle_id is not None:
+        parts.append(pc.field("bucket") == bucket_of(vehicle_id, buckets))
+        parts.append(pc.field("vehicle_id") == vehicle_id)
+    if car_model is not None:
+        parts.append(pc.field("car_model") == car_model)
+    if since is not None:
+        parts.append(pc.field("started_at") >= _iso(since, "since"))
+    if until is not None:
+        parts.append(pc.field("started_at") < _iso(until, "until"))
+    where = None
+    for part in parts:
+        where = part if where is None else where & part
+    return where
+
+
+def _iso(time: dt.date | str, where: str) -> str:
+    if isinstance(time, dt.date):
+        return time.isoformat()
+    try:
+        return dt.datetime.fromisoformat(time).isoformat()
+    except ValueError as error:
+        raise InvalidInput.of("invalid time", where, repr(time), "a date such as 2024-05-31") from error
+
+
+def _name_faults(what: str, name: str | None) -> list[Fault]:
+    if name is None or (0 < len(name) <= LONGEST_NAME and name.isprintable()):
+        return []
+    allowed = f"1 to {LONGEST_NAME} printable characters"
+    return [Fault(f"invalid name of a {what}", what, repr(name)[:60], allowed)]
+
+
+def _log_faults(logs: Sequence[Recorded], vehicle_id: str | None) -> list[Fault]:
+    faults = []
+    for log in logs:
+        if log.context.car is None and vehicle_id is None:
+            fix = "give vehicle_id, or name the vehicle's column in the mapping"
+            faults.append(Fault("vehicle is missing", log.trip_id, "", "the vehicle of each log", fix))
+        faults += _name_faults("vehicle", log.context.car)
+        if log.step_s is not None:
+            faults.append(Fault("not a raw log", log.trip_id, f"means over {log.step_s} s"))
+    return faults
+
+
+def _sql_texts(texts: Sequence[str]) -> str:
+    """Texts as literals of SQL.
+
+    Examples
+    --------
+    >>> _sql_texts(["V1", "O'Neill"])
+    "'V1', 'O''Neill'"
+    """
+    return ", ".join("'" + text.replace("'", "''") + "'" for text in texts)

@@ -1,0 +1,19 @@
+"""What to do about a trip: actions with what each saves, the least that helps, speeds to keep, messages on the way."""
+
+from tripwatt.roads.advice.actions import Action, leaving_later
+from tripwatt.roads.advice.advise import Advice, Advised, SpeedCap, advise
+from tripwatt.roads.advice.on_the_way import Companion, Message
+from tripwatt.roads.advice.preheating import Preheating, preheating
+
+__all__ = [
+    "Action",
+    "Advice",
+    "Advised",
+    "Companion",
+    "Message",
+    "Preheating",
+    "SpeedCap",
+    "advise",
+    "leaving_later",
+    "preheating",
+]

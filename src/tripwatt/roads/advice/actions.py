@@ -1,0 +1,312 @@
+"""What a driver can do about a trip: each action changes its plan, what is known at departure, or what the car takes from the plug."""
+
+from __future__ import annotations
+
+import datetime as dt
+import itertools
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Final, Literal
+
+import numpy as np
+
+from tripwatt.arrays import FloatArray, distance_driven, running_sum
+from tripwatt.forecasting import Forecast
+from tripwatt.physics.simulate import conditions_at_departure
+from tripwatt.roads.advice.preheating import SCARCE, WORTH, preheating
+from tripwatt.roads.journey import ChargingPlan, RoadForecaster
+from tripwatt.roads.journey.corridor import Corridor
+from tripwatt.roads.journey.plans import fastest_plan
+from tripwatt.roads.routers import Road
+from tripwatt.trips import Departure, Plan
+from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_HOUR
+from tripwatt.vehicles import Vehicle
+
+Effort = Literal["none", "little", "some", "much"]
+EFFORTS: Final[tuple[Effort, ...]] = ("none", "little", "some", "much")
+
+SPEEDS_KM_H: Final = (130.0, 120.0, 110.0, 100.0, 90.0, 80.0)
+"""Highest speeds that are advised. Slower ones hinder others on a motorway."""
+FAST_KM_H: Final = 90.0
+"""Only what is driven faster is slowed down: the speed of a road with one lane is that of the others."""
+GENTLE_M_S2: Final = 0.9
+"""Acceleration and braking of a calm driver; a usual value of eco-driving courses."""
+WARMER_K: Final = (2.0, 4.0)
+"""Steps of the set-point. A cabin of 22 °C stays at 18 °C or more."""
+SEATS_SETPOINT_DEGC: Final = 16.0
+"""Of the cabin with heated seats in place of warm air."""
+SEATS_FROM_K: Final = 8.0
+"""Milder cabins need no heated seats."""
+MILD_DEGC: Final = (8.0, 30.0)
+"""Outside temperatures in which a car can be driven without climate control: below, windows mist; above, drivers tire."""
+LUGGAGE_KG: Final = 50.0
+ALONE: Final = ("road", "departure")
+"""Groups of actions that make another trip, and are not combined."""
+LATER_H: Final = (-1, 1, 2, 3)
+"""Hours by which a car may leave earlier or later."""
+SUMMER_DEGC: Final = 7.0
+"""Winter tyres are kept below this outside temperature."""
+UNCHECKED: Final = 0.9
+"""Tyre pressure over the recommended one after two months without a look: tyres lose 1 to 2 psi a month (GAO-07-246R, 2007), of about 32 psi."""
+UNCHECKED_SPREAD: Final = 1.0 / 3.0
+"""Standard deviation of what is lost, over its mean: 1 to 2 psi are 1.5 ± 0.5 psi."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Action:
+    """Something that a driver can do.
+
+    Attributes
+    ----------
+    code : str
+        Of the text.
+    group : str
+        Of the actions of one group a driver takes one.
+    effort : str
+        "none", "little", "some" or "much".
+    changed : dict of str to object
+        Fields of the departure that differ.
+    value : float or None
+        Such as a speed [m/s] or a temperature [°C], in SI units.
+    speed_m_s, acceleration_m_s2 : float or None
+        Highest speed, and highest acceleration.
+    fitted, removed : str
+        An extra that is switched on, and one that is taken off.
+    wall_wh : float
+        Energy from the plug [Wh].
+    before_s : float
+        How long before the departure it begins [s].
+    assumed : dict of str to object
+        Fields of the departure that are not known: the saving is that where they are so, and the chance to arrive stays.
+    spread : float
+        Standard deviation of the effect over its mean, beside that of the forecasts.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> plan = tw.read_route([{"length_m": 40_000.0, "speed_m_s": 36.0}])
+    >>> slow = Action("slower", "speed", "little", {}, 30.0, speed_m_s=30.0)
+    >>> slow.applied(plan).duration_s > plan.duration_s
+    True
+    """
+
+    code: str
+    group: str
+    effort: Effort
+    changed: Mapping[str, Any]
+    value: float | None = None
+    speed_m_s: float | None = None
+    acceleration_m_s2: float | None = None
+    fitted: str = ""
+    removed: str = ""
+    wall_wh: float = 0.0
+    before_s: float = 0.0
+    assumed: Mapping[str, Any] = field(default_factory=dict)
+    spread: float = 0.0
+
+    def applied(self, plan: Plan) -> Plan:
+        """Change a plan. O(samples).
+
+        Parameters
+        ----------
+        plan : Plan
+            With or without other actions.
+
+        Returns
+        -------
+        Plan
+            With the action.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> plan = tw.read_route([{"length_m": 40_000.0, "speed_m_s": 36.0}])
+        >>> Action("climate_off", "climate", "much", {"climate": "off"}).applied(plan).departure.climate
+        'off'
+        """
+        if self.speed_m_s is not None:
+            plan = capped(plan, self.speed_m_s)
+        if self.acceleration_m_s2 is not None:
+            plan = calmer(plan, self.acceleration_m_s2)
+        changed = dict(self.changed)
+        if self.fitted or self.removed:
+            others = (extra for extra in plan.departure.extras or () if extra != self.removed)
+            changed["extras"] = (*others, *((self.fitted,) if self.fitted else ()))
+        return replace(plan, departure=replace(plan.departure, **changed)) if changed else plan
+
+
+def capped(plan: Plan, speed_m_s: float, after_s: float = -np.inf) -> Plan:
+    """Drive no faster than a speed, from a time since departure on; the road stays as long. O(samples).
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> plan = tw.read_route([{"length_m": 40_000.0, "speed_m_s": 36.0}])
+    >>> slow = capped(plan, 25.0)
+    >>> bool(slow.duration_s > 1.3 * plan.duration_s), round(slow.distance_m / plan.distance_m, 3)
+    (True, 1.0)
+    """
+    speed, time = plan.array("speed_m_s"), plan.array("time_s")
+    is_ahead = time - time[0] > after_s
+    return _at_speed(plan, np.where(is_ahead, np.minimum(speed, speed_m_s), speed))
+
+
+def calmer(plan: Plan, acceleration_m_s2: float) -> Plan:
+    """Accelerate and brake no harder than a value; the road stays as long. O(samples).
+
+    The square of the speed rises by at most twice the acceleration over the way: one pass forwards, one backwards.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> plan = tw.read_route([{"length_m": 400.0, "speed_m_s": 12.0, "stop_s": 10.0}] * 20)
+    >>> hard = np.abs(np.diff(plan.array("speed_m_s")) / np.diff(plan.array("time_s"))).max()
+    >>> soft = calmer(plan, 0.5)
+    >>> bool(np.abs(np.diff(soft.array("speed_m_s")) / np.diff(soft.array("time_s"))).max() < hard)
+    True
+    """
+    speed = plan.array("speed_m_s")
+    most = 2.0 * acceleration_m_s2 * np.diff(distance_driven(plan.array("time_s"), speed))
+    square = speed**2
+    for order in (slice(None), slice(None, None, -1)):
+        rises = running_sum(most[order])
+        square[order] = rises + np.minimum.accumulate(square[order] - rises)
+    return _at_speed(plan, np.sqrt(np.maximum(square, 0.0)))
+
+
+def _at_speed(plan: Plan, speed_m_s: FloatArray) -> Plan:
+    """The plan with lower speeds at the same places; where it stands it stands as long."""
+    time, before = plan.array("time_s"), plan.array("speed_m_s")
+    mean, was = (0.5 * (v[1:] + v[:-1]) for v in (speed_m_s, before))
+    slower = np.divide(was, mean, out=np.ones_like(was), where=mean > 1e-6)
+    steps = np.diff(time) * np.maximum(slower, 1.0)
+    later = np.concatenate((time[:1], time[0] + np.cumsum(steps)))
+    samples = plan.samples.assign(time_s=later, speed_m_s=speed_m_s)
+    even = plan.step_s if np.array_equal(steps, np.diff(time)) else None
+    return replace(plan, samples=samples, step_s=even)
+
+
+def actions(forecast: Forecast) -> Iterator[Action]:
+    """What can be done about a trip, whether it helps or not; of each group the mildest first, and one at most can be combined."""
+    plan, vehicle = forecast.plan, forecast.vehicle
+    yield from _of_driving(plan)
+    yield from _of_climate(vehicle, plan)
+    yield from _of_plug(vehicle, plan)
+    yield from _of_load(plan.departure)
+
+
+def limits_below(fastest_m_s: float) -> list[float]:
+    """Speeds [m/s] that make somebody slower who drives fast, the highest first; none for a slow road."""
+    fast = FAST_KM_H * M_S_PER_KM_H
+    limits = [speed * M_S_PER_KM_H for speed in SPEEDS_KM_H]
+    return [limit for limit in limits if fastest_m_s > max(limit + 1.0, fast)]
+
+
+def _of_driving(plan: Plan) -> Iterator[Action]:
+    for limit in limits_below(float(plan.array("speed_m_s").max())):
+        yield Action("slower", "speed", "little", {}, limit, speed_m_s=limit)
+    yield Action("calmer", "driving", "little", {}, acceleration_m_s2=GENTLE_M_S2)
+
+
+def _of_climate(vehicle: Vehicle, plan: Plan) -> Iterator[Action]:
+    known = plan.departure
+    if vehicle.climate is None or known.climate == "off":
+        return
+    conditions = conditions_at_departure(vehicle, plan.departure)
+    outside, setpoint = conditions.ambient_temperature_degc, conditions.cabin_start(vehicle).setpoint_degc
+    cold = outside < setpoint
+    for k in WARMER_K:
+        other = setpoint - k if cold else setpoint + k
+        if min(abs(outside - setpoint), 26.0 - other, other - 17.0) >= 1.0:
+            yield Action("setpoint", "climate", "some", {"cabin_setpoint_degc": other}, other)
+    if cold and setpoint - outside > SEATS_FROM_K and "heated_seats" not in (known.extras or ()):
+        seats = {"cabin_setpoint_degc": SEATS_SETPOINT_DEGC}
+        yield Action("seats", "climate", "some", seats, fitted="heated_seats")
+    if MILD_DEGC[0] <= outside <= MILD_DEGC[1]:
+        yield Action("climate_off", "climate", "much", {"climate": "off"})
+
+
+def _of_plug(vehicle: Vehicle, plan: Plan) -> Iterator[Action]:
+    """Cabin and battery on the plug: what is worth it on any day, then what is worth it where the charge does not suffice."""
+    for part, worth in itertools.product(("cabin", "battery"), (WORTH, SCARCE)):
+        warmed = preheating(vehicle, plan, worth=worth, only=part)
+        if warmed is not None:
+            action = Action(
+                f"preheat_{part}", part, "little", warmed.changed, getattr(warmed, f"{part}_degc")
+            )
+            yield replace(action, wall_wh=warmed.wall_wh, before_s=warmed.before_s)
+
+
+def _of_load(known: Departure) -> Iterator[Action]:
+    fitted = known.extras or ()
+    ambient = known.ambient_temperature_degc
+    if "roof_box" in fitted:
+        yield Action("no_roof_box", "roof", "some", {}, removed="roof_box")
+    if "winter_tyres" in fitted and ambient is not None and ambient > SUMMER_DEGC:
+        yield Action("summer_tyres", "tyres", "much", {}, removed="winter_tyres")
+    right = {"tyre_pressure": 1.0}
+    if known.tyre_pressure is None:
+        low = {"tyre_pressure": UNCHECKED}
+        yield Action(
+            "check_tyres", "pressure", "some", right, UNCHECKED, assumed=low, spread=UNCHECKED_SPREAD
+        )
+    elif known.tyre_pressure < 1.0:
+        yield Action("pump_up", "pressure", "some", right, known.tyre_pressure)
+    if (known.payload_mass_kg or 0.0) > LUGGAGE_KG:
+        lighter = {"payload_mass_kg": (known.payload_mass_kg or 0.0) - LUGGAGE_KG}
+        yield Action("less_luggage", "load", "some", lighter, LUGGAGE_KG)
+
+
+def with_action(corridor: Corridor, action: Action, forecast: Forecast, road: Road) -> ChargingPlan | None:
+    """Plan the stops of a journey again with an action, which has a forecast and a road; None where none is sure enough.
+
+    What was warmed on the plug is so for the first leg alone.
+    """
+
+    def change(plan: Plan) -> Plan:
+        return plan if action.wall_wh and plan.departure.follows_trip else action.applied(plan)
+
+    before = corridor.forecaster
+    departure = before.departure
+    if action.group == "departure":
+        departs_at = before.departs_at + dt.timedelta(seconds=action.value or 0.0)
+        departure = replace(departure, departs_at=departs_at)
+    return fastest_plan(corridor.of(replace(before, departure=departure, change=change), road, forecast))
+
+
+def leaving_later(forecaster: RoadForecaster, road: Road, now: dt.datetime) -> list[tuple[Action, Forecast]]:
+    """Forecast a road for other hours of departure, with their weather.
+
+    Parameters
+    ----------
+    forecaster : RoadForecaster
+        With the car, its departure and a source of weather.
+    road : Road
+        From a router.
+    now : datetime
+        Nothing earlier is proposed.
+
+    Returns
+    -------
+    list of (Action, Forecast)
+        Empty without a source of weather, or where the departure names the weather.
+
+    Raises
+    ------
+    InvalidInput
+        As the weather.
+
+    Examples
+    --------
+    >>> leaving_later(forecaster, journey.roads[0].road, dt.datetime.now(dt.UTC))  # doctest: +SKIP
+    """
+    if forecaster.weather is None or forecaster.departure.has_weather:
+        return []
+    ways = []
+    for hours in LATER_H:
+        leaves = forecaster.departs_at + dt.timedelta(hours=hours)
+        if leaves >= now:
+            later = Action("leave_later", "departure", "some", {}, SECONDS_PER_HOUR * hours)
+            other = replace(forecaster, departure=replace(forecaster.departure, departs_at=leaves))
+            ways.append((later, other.forecast(road)))
+    return ways

@@ -1,0 +1,435 @@
+"""What to do about a trip, what it saves, and how sure that is."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, Final
+
+from tripwatt.errors import InvalidInput
+from tripwatt.forecasting import Difference, Forecast, ForecastModel
+from tripwatt.forecasting.difference import LEAST_SHARE
+from tripwatt.population import for_car
+from tripwatt.roads.advice.actions import ALONE, EFFORTS, Action, actions, with_action
+from tripwatt.roads.advice.preheating import LEAST_WH
+from tripwatt.roads.journey import ChargingPlan, Journey
+from tripwatt.trips import Departure, Plan, Trip
+from tripwatt.trips.columns import require_fraction
+from tripwatt.trips.messages import flag_to_dict
+from tripwatt.units import SECONDS_PER_MINUTE, WH_PER_J
+from tripwatt.vehicles import Vehicle
+
+CHANCE: Final = 0.95
+"""Chance to arrive that is asked for: 19 of 20 trips."""
+MOST_TOGETHER: Final = 3
+"""Actions that are advised together."""
+LEAST_SURE: Final = 0.95
+"""Chance that an action saves at all, for it to be advice."""
+MOST_SETS: Final = 3
+MOST_TRIED: Final = 12
+HOPEFUL: Final = 0.8
+"""Share of the energy that lacks, from which the savings of a set are forecast together: actions help or hinder each other."""
+A_MINUTE_OF: Final = {"none": 0.0, "little": 1.0, "some": 4.0, "much": 15.0}
+"""Minutes that an effort counts for, in the order of the sets; a choice."""
+
+SHOWN_OF_ACTION: Final = ("code", "value", "effort", "wall_wh", "before_s")
+SHOWN: Final = ("soc_arrival", "p_arrive", "effort", "wall_wh", "interaction_wh")
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Advised:
+    """One action, or several together, and what they change.
+
+    Attributes
+    ----------
+    actions : tuple of Action
+        Of different groups.
+    forecast : Forecast
+        Of the trip with them.
+    difference : Difference
+        To the trip without them; below 0 is saved.
+    soc_arrival : float
+        Expected displayed charge at arrival.
+    p_arrive : float
+        Chance to arrive with the reserve.
+    interaction_wh : float
+        What several actions take together beyond the sum of each alone [Wh].
+    whole : ChargingPlan or None
+        The journey with its stops to charge; None for a trip without one, or where no plan is sure enough.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> road = tw.read_route([{"length_m": 30_000.0, "speed_m_s": 33.0}])
+    >>> first = tw.advise(road, tw.Departure(soc=0.8, ambient_temperature_degc=20.0)).singly[0]
+    >>> first.actions[0].code, first.effort, first.wall_wh
+    ('slower', 'little', 0.0)
+    """
+
+    actions: tuple[Action, ...]
+    forecast: Forecast
+    difference: Difference
+    soc_arrival: float
+    p_arrive: float
+    interaction_wh: float = 0.0
+    whole: ChargingPlan | None = None
+
+    @property
+    def effort(self) -> str:
+        """That of the hardest of its actions."""
+        return max((action.effort for action in self.actions), key=EFFORTS.index)
+
+    @property
+    def wall_wh(self) -> float:
+        """Energy from the plug [Wh]."""
+        return float(sum(action.wall_wh for action in self.actions))
+
+    @property
+    def cost_min(self) -> float:
+        """Minutes that the trip takes longer, and those that the efforts count for [min]."""
+        effort = sum(A_MINUTE_OF[action.effort] for action in self.actions)
+        return max(self.difference.duration_s, 0.0) / SECONDS_PER_MINUTE + effort
+
+    def to_dict(self) -> dict[str, Any]:
+        """Convert to plain values.
+
+        Returns
+        -------
+        dict
+            Numbers, texts, lists and further dicts only.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> road = tw.read_route([{"length_m": 30_000.0, "speed_m_s": 33.0}])
+        >>> advice = tw.advise(road, tw.Departure(soc=0.8, ambient_temperature_degc=20.0))
+        >>> advice.singly[0].to_dict()["actions"][0]["code"]
+        'slower'
+        """
+        return {
+            "actions": [{name: getattr(action, name) for name in SHOWN_OF_ACTION} for action in self.actions],
+            "difference": self.difference.to_dict(),
+            **{name: getattr(self, name) for name in SHOWN},
+            "whole": _in_short(self.whole),
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class SpeedCap:
+    """A highest speed, and what it changes beside the speeds of the plan.
+
+    Attributes
+    ----------
+    speed_m_s : float
+        Highest speed [m/s].
+    longer_s : float
+        Driving time more [s].
+    saved_wh : float
+        Energy less [Wh].
+
+    Examples
+    --------
+    >>> SpeedCap(33.3, longer_s=180.0, saved_wh=1000.0).charging_w
+    20000.0
+    """
+
+    speed_m_s: float
+    longer_s: float
+    saved_wh: float
+
+    @property
+    def charging_w(self) -> float:
+        """Power of charging below which the trip is quicker in all, since the energy that is saved need not be charged [W]."""
+        return self.saved_wh / WH_PER_J / self.longer_s
+
+    def to_dict(self) -> dict[str, float]:
+        """Convert to plain values.
+
+        Returns
+        -------
+        dict
+            Numbers.
+
+        Examples
+        --------
+        >>> sorted(SpeedCap(33.3, 180.0, 1000.0).to_dict())
+        ['charging_w', 'longer_s', 'saved_wh', 'speed_m_s']
+        """
+        return {name: getattr(self, name) for name in (*SpeedCap.__slots__, "charging_w")}
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Advice:
+    """What to do about a trip.
+
+    Attributes
+    ----------
+    forecast : Forecast
+        Of the trip as it is.
+    reserve, chance : float
+        Displayed charge to arrive with, and the chance that is asked for.
+    p_arrive : float
+        Chance of the trip as it is.
+    charge_to : float
+        Displayed charge to leave with, so that nothing else has to be done; above 1 where a full battery does not suffice.
+    least : tuple of Advised
+        Sets of actions that reach the chance, the least minutes and effort first; empty where it is reached, or none does.
+    singly : tuple of Advised
+        Of each group the mildest action that saves for sure, the largest saving first.
+    speeds : tuple of SpeedCap
+        Highest speeds that save for sure, the fastest first; empty for a slow road.
+    whole : ChargingPlan or None
+        The journey as it is with its stops to charge; None for a trip without one.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> road = tw.read_route([{"length_m": 80_000.0, "speed_m_s": 35.0, "grade": 0.0}])
+    >>> advice = tw.advise(road, tw.Departure(soc=0.9, ambient_temperature_degc=15.0))
+    >>> advice.p_arrive < advice.chance <= advice.least[0].p_arrive
+    True
+    >>> advice.least[0].actions[0].code
+    'slower'
+    >>> [round(3.6 * cap.speed_m_s) for cap in advice.speeds]
+    [120, 110, 100, 90, 80]
+    """
+
+    forecast: Forecast
+    reserve: float
+    chance: float
+    p_arrive: float
+    charge_to: float
+    least: tuple[Advised, ...]
+    singly: tuple[Advised, ...]
+    speeds: tuple[SpeedCap, ...]
+    whole: ChargingPlan | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Convert to plain values.
+
+        Returns
+        -------
+        dict
+            As `POST /v1/advice` answers.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> road = tw.read_route([{"length_m": 30_000.0, "speed_m_s": 20.0}])
+        >>> tw.advise(road, tw.Departure(soc=0.9)).to_dict()["least"]
+        []
+        """
+        return {
+            "reserve": self.reserve,
+            "chance": self.chance,
+            "p_arrive": self.p_arrive,
+            "soc_arrival": self.forecast.soc_arrival,
+            "charge_to": self.charge_to,
+            "least": [advised.to_dict() for advised in self.least],
+            "singly": [advised.to_dict() for advised in self.singly],
+            "whole": _in_short(self.whole),
+            "speeds": [cap.to_dict() for cap in self.speeds],
+            "flags": [flag_to_dict(flag) for flag in self.forecast.flags],
+        }
+
+
+def _in_short(plan: ChargingPlan | None) -> dict[str, Any] | None:
+    if plan is None:
+        return None
+    return {"duration_s": plan.duration_s, "charges": len(plan.stops), "p_reserve": plan.p_reserve}
+
+
+def advise(
+    trip: Plan | Trip | Journey | Forecast,
+    departure: Departure | None = None,
+    car: Vehicle | str | None = None,
+    model: ForecastModel | Path | str | None = None,
+    *,
+    reserve: float = 0.1,
+    chance: float = CHANCE,
+    others: Sequence[tuple[Action, Forecast]] = (),
+) -> Advice:
+    """Work out what to do about a trip. O(actions x samples).
+
+    Parameters
+    ----------
+    trip : Plan, Trip, Journey or Forecast
+        To come. A journey's or a forecast's car and departure are its own.
+    departure : Departure, optional
+        What is known when the car leaves.
+    car : Vehicle or str, optional
+        A car other than the model's own.
+    model : ForecastModel or path, optional
+        The model that comes with the package when not given.
+    reserve : float
+        Displayed state of charge to arrive with, 0 to 1.
+    chance : float
+        Chance to arrive that is asked for, 0.5 to 1.
+    others : sequence of (Action, Forecast)
+        Other ways to make the trip, with their forecasts, such as from `leaving_later`; the other roads of a journey are among them anyway.
+
+    Returns
+    -------
+    Advice
+        Each action with its saving, and the least that helps.
+
+    Raises
+    ------
+    InvalidInput
+        With a reserve or chance out of its bounds, a forecast that was updated on the way, or as `ForecastModel.forecast`.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> road = tw.read_route([{"length_m": 30_000.0, "speed_m_s": 20.0}])
+    >>> cold = tw.advise(road, tw.Departure(soc=0.8, ambient_temperature_degc=-5.0, extras=("roof_box",)))
+    >>> cold.least, [advised.actions[0].code for advised in cold.singly][:2]
+    ((), ['no_roof_box', 'preheat_cabin'])
+    """
+    reserve, chance = require_fraction("reserve", reserve), require_fraction("chance", chance, 0.5)
+    if isinstance(trip, Plan | Trip):
+        forecast = for_car(model, car).forecast(trip, departure)
+    else:
+        forecast = _made(trip, departure, car, model)
+    now = forecast.p_arrive(reserve)
+    roads = trip.roads[1:] if isinstance(trip, Journey) else ()
+    other = (Action("other_road", "road", "none", {}, float(k)) for k in range(1, len(roads) + 1))
+    ways = [*zip(other, (road.forecast for road in roads), strict=True), *others]
+    again = maker_like(forecast)
+    every = [_advised(forecast, again, (action,), reserve) for action in actions(forecast)]
+    every += [
+        Advised((action,), other, other.difference(forecast), other.soc_arrival, other.p_arrive(reserve))
+        for action, other in ways
+    ]
+    sure = [
+        one for one in every if one.difference.p_less >= LEAST_SURE and one.difference.energy_wh <= -LEAST_WH
+    ]
+    mildest = {one.actions[0].group: one for one in reversed(sure)}
+    singly = sorted(mildest.values(), key=lambda one: one.difference.energy_wh)
+    speeds = [
+        SpeedCap(cap, one.difference.duration_s, -one.difference.energy_wh)
+        for one in sure
+        if (cap := one.actions[0].speed_m_s) is not None
+    ]
+    charge_to = forecast.soc_needed(reserve, chance)
+    lacking_wh = (charge_to - float(forecast.soc_along(0.5)[0])) * forecast.charge.wh_per_display
+    known = [one for one in sure if not one.actions[0].assumed]
+    least, whole = list[Advised](), None
+    if now < chance:
+        least = _least(partial(_together, forecast, again, reserve), known, chance, lacking_wh)
+        if isinstance(trip, Journey) and (whole := trip.charging) is not None:
+            least = sorted((*least, *_stops(trip, whole, chance)), key=lambda one: one.cost_min)
+            singly = [_on_the_whole(trip, one) for one in singly]
+    return Advice(
+        forecast, reserve, chance, now, charge_to, tuple(least), tuple(singly), tuple(speeds), whole
+    )
+
+
+def _stops(journey: Journey, plan: ChargingPlan, chance: float) -> Iterator[Advised]:
+    """To stop and charge, as a way to arrive; its way and time are those of the whole journey."""
+    if plan.p_reserve < chance:
+        return
+    base = journey.forecast
+    causes = {cause: wh - base.by_cause_wh[cause] for cause, wh in plan.by_cause_wh.items()}
+    difference = Difference(
+        plan.energy_wh - base.energy_wh,
+        LEAST_SHARE * math.hypot(*causes.values()),
+        plan.duration_s - base.plan.duration_s,
+        plan.soc_arrival - base.soc_arrival,
+        causes,
+        base.uncertainty.scores,
+    )
+    stop = Action("stop", "stops", "some", {}, float(len(plan.stops)))
+    yield Advised((stop,), plan.legs[-1].forecast, difference, plan.soc_arrival, plan.p_reserve, whole=plan)
+
+
+def _on_the_whole(journey: Journey, one: Advised) -> Advised:
+    """An action with the stops that the journey then has."""
+    (action,), corridor = one.actions, journey.corridor
+    if corridor is None or action.assumed:
+        return one
+    road = journey.roads[int(action.value or 0)].road if action.group == "road" else corridor.road
+    return replace(one, whole=with_action(corridor, action, one.forecast, road))
+
+
+def _made(trip: Journey | Forecast, *beside: object) -> Forecast:
+    """A forecast that was made before, which needs nothing beside it."""
+    forecast = trip.forecast if isinstance(trip, Journey) else trip
+    if any(value is not None for value in beside):
+        allowed = "only with a plan or a trip"
+        raise InvalidInput.of("given twice", "departure, car, model", "beside a forecast", allowed)
+    if forecast.maker is None or forecast.measured_until_s:
+        got = "one that was updated on the way" if forecast.measured_until_s else "one that was put together"
+        raise InvalidInput.of("no advice for it", "trip", got, "the forecast of a model before departure")
+    return forecast
+
+
+def _advised(
+    forecast: Forecast, again: Callable[[Plan], Forecast], chosen: tuple[Action, ...], reserve: float
+) -> Advised:
+    plan = forecast.plan
+    for action in chosen:
+        plan = action.applied(plan)
+    changed = again(plan)
+    assumed = {name: value for action in chosen for name, value in action.assumed.items()}
+    before = again(forecast.plan.with_departure(Departure(**assumed))) if assumed else forecast
+    difference = changed.difference(before)
+    spread_wh = difference.energy_wh * max(action.spread for action in chosen)
+    difference = replace(difference, sd_wh=math.hypot(difference.sd_wh, spread_wh))
+    return Advised(chosen, changed, difference, changed.soc_arrival, changed.p_arrive(reserve))
+
+
+def maker_like(forecast: Forecast) -> Callable[[Plan], Forecast]:
+    """What forecasts other plans as a forecast was made, with the error of the weather forecast that was added to it."""
+    maker = forecast.maker
+    assert maker is not None  # `_forecast` asks for it
+    added = forecast.state_sd_wh**2 - maker(forecast.plan).state_sd_wh ** 2
+
+    def make(plan: Plan) -> Forecast:
+        made = maker(plan)
+        return replace(made, state_sd_wh=math.sqrt(made.state_sd_wh**2 + max(added, 0.0)))
+
+    return make
+
+
+def _least(
+    join: Callable[[Sequence[Advised]], Advised], sure: Sequence[Advised], chance: float, lacking_wh: float
+) -> list[Advised]:
+    """Sets of actions that reach the chance: the smallest, and larger ones that cost less. Of sets with the same codes the cheapest values.
+
+    Several actions are forecast together in the order of the sum of their costs, if the sum of their savings is about what lacks.
+    """
+    found: dict[tuple[str, ...], Advised] = {}
+    for size in range(1, MOST_TOGETHER + 1):
+        most = min((one.cost_min for one in found.values()), default=math.inf)
+        sets = [chosen for chosen in itertools.combinations(sure, size) if _one_of_each(chosen)]
+        hopeful = [
+            (cost, chosen)
+            for chosen in sets
+            if (cost := sum(one.cost_min for one in chosen)) < most
+            and -sum(one.difference.energy_wh for one in chosen) >= HOPEFUL * lacking_wh
+        ]
+        for _, chosen in sorted(hopeful, key=lambda pair: pair[0])[:MOST_TRIED]:
+            codes = tuple(one.actions[0].code for one in chosen)
+            if codes not in found and len(found) < MOST_SETS:
+                together = chosen[0] if size == 1 else join(chosen)
+                if together.p_arrive >= chance:
+                    found[codes] = together
+    return sorted(found.values(), key=lambda one: one.cost_min)
+
+
+def _together(
+    forecast: Forecast, again: Callable[[Plan], Forecast], reserve: float, chosen: Sequence[Advised]
+) -> Advised:
+    all_of_them = _advised(forecast, again, tuple(one.actions[0] for one in chosen), reserve)
+    alone_wh = sum(one.difference.energy_wh for one in chosen)
+    return replace(all_of_them, interaction_wh=all_of_them.difference.energy_wh - alone_wh)
+
+
+def _one_of_each(chosen: Sequence[Advised]) -> bool:
+    groups = [one.actions[0].group for one in chosen]
+    return len({*groups}) == len(groups) and (len(groups) == 1 or not {*groups} & {*ALONE})

@@ -1,0 +1,161 @@
+"""Advice while a car drives: a message when the verdict changes, with what would restore it, and silence otherwise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final, Literal
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.forecasting import Forecast
+from tripwatt.roads.advice.actions import capped, limits_below
+from tripwatt.roads.advice.advise import CHANCE, maker_like
+from tripwatt.trips.columns import require_fraction
+from tripwatt.units import SECONDS_PER_MINUTE
+
+Verdict = Literal["arrives", "open", "does_not_arrive"]
+
+EVERY_S: Final = SECONDS_PER_MINUTE
+"""Time between two looks at a trip."""
+QUIET_S: Final = 5.0 * SECONDS_PER_MINUTE
+"""Least time between two messages."""
+MARGIN: Final = 0.03
+"""By so much a chance has to pass the limit of a verdict, so that one that wavers on it gives no messages. A choice."""
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """What a driver is told on the way.
+
+    Attributes
+    ----------
+    time_s : float
+        Since the departure [s].
+    verdict : {"arrives", "open", "does_not_arrive"}
+        The reserve at arrival: with the chance that is asked for, open, or without it with this chance.
+    soc_arrival, p_arrive : float
+        Expected displayed charge at arrival, and the chance to have the reserve.
+    speed_m_s : float or None
+        Highest speed from here on that restores the chance; None where none is needed, or none suffices.
+    p_at_speed : float or None
+        Chance with this speed.
+
+    Examples
+    --------
+    >>> Message(600.0, "open", 0.06, 0.48, 26.4, 0.95).to_dict()["verdict"]
+    'open'
+    """
+
+    time_s: float
+    verdict: Verdict
+    soc_arrival: float
+    p_arrive: float
+    speed_m_s: float | None = None
+    p_at_speed: float | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Convert to plain values.
+
+        Returns
+        -------
+        dict
+            The fields by their names.
+
+        Examples
+        --------
+        >>> Message(600.0, "arrives", 0.2, 0.99).to_dict()["speed_m_s"] is None
+        True
+        """
+        return {name: getattr(self, name) for name in Message.__slots__}
+
+
+class Companion:
+    """Listens to the forecasts of one trip, and has a message when the verdict changes.
+
+    Parameters
+    ----------
+    departure : Forecast
+        Before departure.
+    reserve : float
+        Displayed state of charge to arrive with, 0 to 1.
+    chance : float
+        Chance to arrive with it that is asked for, 0.5 to 1.
+
+    Attributes
+    ----------
+    last : Message or None
+        The latest message; None before the first.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> trip = tw.synthetic_fleet(1).trips[0]
+    >>> companion = Companion(tw.load_model().forecast(trip))
+    >>> samples = trip.samples[trip.samples["time_s"] <= 600.0]
+    >>> companion.hear(samples) is None
+    True
+    """
+
+    def __init__(self, departure: Forecast, reserve: float = 0.1, chance: float = CHANCE) -> None:
+        self.departure = departure
+        self.reserve = require_fraction("reserve", reserve)
+        self.chance = require_fraction("chance", chance, 0.5)
+        self.last: Message | None = None
+        self._heard_s = self._told_s = -np.inf
+        self._verdict: Verdict | None = None
+        self._verdict = self._judged(departure.p_arrive(reserve))
+
+    def hear(self, observed: pd.DataFrame, updated: Forecast | None = None) -> Message | None:
+        """Take what was measured so far.
+
+        Parameters
+        ----------
+        observed : DataFrame
+            Samples since the departure, as for `Forecast.update`.
+        updated : Forecast, optional
+            By these samples, where it is there already.
+
+        Returns
+        -------
+        Message or None
+            None while the verdict is that of the last message, or of the departure before the first, for `QUIET_S` after a message, and for `EVERY_S`
+            after the last look.
+
+        Raises
+        ------
+        InvalidInput
+            As `Forecast.update`.
+        """
+        at_s = float(observed["time_s"].iloc[-1]) - self.departure.plan.start_s
+        if at_s - self._heard_s < EVERY_S or at_s - self._told_s < QUIET_S:
+            return None
+        self._heard_s = at_s
+        now = updated or self.departure.update(observed)
+        chance = now.p_arrive(self.reserve)
+        verdict = self._judged(chance)
+        if verdict == self._verdict:
+            return None
+        self._told_s, self._verdict = at_s, verdict
+        speed = (None, None) if verdict == "arrives" else self._speed(observed, now.measured_until_s)
+        self.last = Message(at_s, verdict, now.soc_arrival, chance, *speed)
+        return self.last
+
+    def _judged(self, chance: float) -> Verdict:
+        """The limits of the last verdict are wider by `MARGIN`."""
+        more = {v: MARGIN if self._verdict == v else 0.0 for v in ("arrives", "does_not_arrive")}
+        if chance >= self.chance - more["arrives"]:
+            return "arrives"
+        return "does_not_arrive" if chance <= 1.0 - self.chance + more["does_not_arrive"] else "open"
+
+    def _speed(self, observed: pd.DataFrame, at_s: float) -> tuple[float | None, float | None]:
+        """The highest speed that restores the chance, and the chance with it."""
+        if self.departure.maker is None:
+            return None, None
+        plan, again = self.departure.plan, maker_like(self.departure)
+        ahead = plan.array("speed_m_s")[plan.array("time_s") - plan.array("time_s")[0] > at_s]
+        for limit in limits_below(float(ahead.max(initial=0.0))):
+            chance = again(capped(plan, limit, at_s)).update(observed).p_arrive(self.reserve)
+            if chance >= self.chance:
+                return limit, chance
+        return None, None

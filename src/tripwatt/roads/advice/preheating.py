@@ -1,0 +1,291 @@
+"""Before departure: what to warm, from when and to what, by a search over all of it on the car's own cabin and cells; the charge to leave with."""
+
+from __future__ import annotations
+
+import datetime as dt
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from tripwatt.arrays import FloatArray
+from tripwatt.forecasting import Forecast
+from tripwatt.physics import DriveConditions, conditions_at_departure, simulate_trip
+from tripwatt.physics.cabin import CONTROL_STEP_S, CabinTask, condition_cabins
+from tripwatt.population import for_car
+from tripwatt.roads.journey import Need, need
+from tripwatt.roads.journey.kinds import typical_road
+from tripwatt.trips import Departure, Plan, Trip
+from tripwatt.trips.messages import leave_in_words
+from tripwatt.units import SECONDS_PER_HOUR, WH_PER_J
+from tripwatt.vehicles import Vehicle
+
+PLUG_W: Final = 7400.0
+"""A wall box with one phase of 32 A."""
+CHARGER: Final = 0.9
+"""Energy that reaches the car over that of the wall; on-board chargers are a little better, a choice."""
+WORTH: Final = 2.0
+"""What energy of the battery at departure counts for over that of the wall: charging on the way costs about twice as much as at home. A choice."""
+SCARCE: Final = 10.0
+"""The same where the charge does not suffice. A choice."""
+COMFORT_W_K: Final = 1000.0
+"""What a kelvin off the set-point counts for on the way, in power of the wall: six minutes that are 10 K too cold are worth 1 kWh. A choice.
+The temperature that counts is the operative one, the mean of air and surfaces (ISO 7726)."""
+STEP_S: Final = 60.0
+STEPS: Final = 60
+"""Longest time of preheating; heat that is earlier is lost by the departure."""
+BATTERY_STEPS: Final = 5
+TRIED_K: Final = (0.0, -2.0, 2.0, 4.0)
+"""Set-points that are tried: so much nearer to the outside air than the driver's."""
+BATTERY_HEATER_W: Final = 5000.0
+"""A usual power of cars that heat their battery."""
+WARM_BATTERY_DEGC: Final = 20.0
+DIGITS: Final = 6
+LEAST_WH: Final = 20.0
+"""Savings that nobody sees on a display are no advice [Wh]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Preheating:
+    """What to warm before departure.
+
+    Attributes
+    ----------
+    cabin_degc, battery_degc : float or None
+        Set-point of the cabin, and temperature of the battery at departure; None where it is left as it is.
+    cabin_before_s, battery_before_s : float
+        How long before the departure each begins [s].
+    wall_wh : float
+        Energy from the wall [Wh].
+    saved_wh : float
+        What the battery gives less, preheating and trip together [Wh].
+    changed : mapping of str to (float or None)
+        Fields of the departure that differ.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> cold = tw.Departure(ambient_temperature_degc=-5.0)
+    >>> plan = tw.read_route([{"length_m": 30_000.0, "speed_m_s": 20.0}]).with_departure(cold)
+    >>> heat = preheating(tw.load_vehicle("vw_id3"), plan)
+    >>> heat.cabin_degc >= 22.0, heat.battery_degc, heat.wall_wh > heat.saved_wh > 0.0
+    (True, None, True)
+    """
+
+    cabin_degc: float | None
+    cabin_before_s: float
+    battery_degc: float | None
+    battery_before_s: float
+    wall_wh: float
+    saved_wh: float
+    changed: Mapping[str, float | None]
+
+    @property
+    def before_s(self) -> float:
+        """How long before the departure it begins [s]."""
+        return max(self.cabin_before_s, self.battery_before_s)
+
+    def to_dict(self, departs_at: dt.datetime | None = None) -> dict[str, Any]:
+        """Convert to plain values, with the time at which it begins where that of the departure is known.
+
+        Parameters
+        ----------
+        departs_at : datetime, optional
+            Time of departure.
+
+        Returns
+        -------
+        dict
+            Texts and numbers.
+
+        Examples
+        --------
+        >>> heat = Preheating(22.0, 600.0, None, 0.0, 800.0, 600.0, {})
+        >>> heat.to_dict(dt.datetime(2026, 1, 5, 7, 30))["starts_at"]
+        '2026-01-05T07:20:00'
+        """
+        starts_at = None if departs_at is None else departs_at - dt.timedelta(seconds=self.before_s)
+        values = {name: getattr(self, name) for name in ("before_s", *Preheating.__slots__[:-1])}
+        return {"starts_at": starts_at and starts_at.isoformat(), **values}
+
+
+class _Way(NamedTuple):
+    """A way to treat a part of the car: set-point, start, the departure, power by step, and energy and discomfort of the trip."""
+
+    degc: float | None
+    before_s: float
+    changed: Mapping[str, float | None]
+    power_w: FloatArray
+    trip_wh: float = 0.0
+    discomfort_wh: float = 0.0
+
+
+LEFT: Final = _Way(None, 0.0, {}, np.zeros(STEPS))
+
+
+def preheating(
+    vehicle: Vehicle, plan: Plan, *, plug_w: float = PLUG_W, worth: float = WORTH, only: str | None = None
+) -> Preheating | None:
+    """Find when to begin preheating cabin and battery, and to what, at the least of wall energy and `worth` times battery energy.
+
+    Every start, set-point and time of heating the battery is tried, all together. O(ways of the cabin x samples). Power beyond that of the
+    plug comes from the battery and counts as such, so that no answer costs the battery anything.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        The car.
+    plan : Plan
+        With what is known at departure, had nothing been warmed.
+    plug_w : float
+        Power of the plug [W]; 0 off the plug.
+    worth : float
+        What energy of the battery counts for over that of the wall.
+    only : {"cabin", "battery"}, optional
+        The part that may be warmed; both when not given.
+
+    Returns
+    -------
+    Preheating or None
+        None where nothing is worth it, as off the plug.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> car, road = tw.load_vehicle("vw_id3"), tw.read_route([{"length_m": 30_000.0, "speed_m_s": 20.0}])
+    >>> cold = road.with_departure(tw.Departure(ambient_temperature_degc=-5.0))
+    >>> mild = road.with_departure(tw.Departure(ambient_temperature_degc=20.0))
+    >>> preheating(car, cold, plug_w=0.0) is preheating(car, mild) is None
+    True
+    """
+    conditions = conditions_at_departure(vehicle, plan.departure, plan.air)
+    cabins = [LEFT] if only == "battery" else _of_cabin(vehicle, plan, conditions)
+    batteries = [LEFT] if only == "cabin" else _of_battery(vehicle, plan, conditions)
+    ways = [(cabin, battery) for cabin in cabins for battery in batteries]
+    power = np.array([cabin.power_w + battery.power_w for cabin, battery in ways])
+    plugged = np.minimum(power, plug_w * CHARGER).sum(axis=1) * STEP_S * WH_PER_J
+    taken = power.sum(axis=1) * STEP_S * WH_PER_J - plugged + [c.trip_wh + b.trip_wh for c, b in ways]
+    saved, wall = np.round(taken[0] - taken, DIGITS), plugged / CHARGER
+    cost = wall - worth * saved + [cabin.discomfort_wh for cabin, _ in ways]
+    cost[saved < 0.0] = np.inf
+    cost[0] -= worth * LEAST_WH
+    best = int(np.argmin(cost))
+    if best == 0:
+        return None
+    (cabin, battery), gain = ways[best], float(saved[best])
+    known = {**cabin.changed, **battery.changed}
+    return Preheating(*cabin[:2], *battery[:2], float(wall[best]), gain, known)
+
+
+def _of_cabin(vehicle: Vehicle, plan: Plan, conditions: DriveConditions) -> list[_Way]:
+    """Every set-point and start, with nobody inside and no sun; then the trip from the air and the interior that they leave."""
+    climate, start = vehicle.climate, conditions.cabin_start(vehicle)
+    if climate is None or start.mode == "off":
+        return [LEFT]
+    ambient, setpoint = conditions.ambient_temperature_degc, start.setpoint_degc
+    road = CabinTask(climate, plan.array("time_s"), plan.array("speed_m_s"), ambient, start)
+    empty, hour, still = replace(climate, occupant_heat_w=0.0), STEP_S * np.array([0.0, STEPS]), np.zeros(2)
+    aims = [setpoint + kelvin * math.copysign(1.0, ambient - setpoint) for kelvin in TRIED_K]
+    starts = [replace(start, setpoint_degc=aim, solar_irradiance_w_m2=0.0) for aim in aims]
+    parked = condition_cabins([CabinTask(empty, hour, still, ambient, begun) for begun in starts])
+    ways, trips, each = [LEFT], [road], round(STEP_S / CONTROL_STEP_S)
+    light, heavy = climate.air_heat_capacity_j_k, climate.interior_heat_capacity_j_k
+    for aim, run in zip(aims, parked, strict=True):
+        power = (run.heat_w + run.fan_w).reshape(STEPS, each).mean(axis=1)
+        states = np.stack((run.air_degc, run.interior_degc), axis=1)[each::each].tolist()
+        for number, (air, interior) in enumerate(states, 1):
+            mixed = (light * air + heavy * interior) / (light + heavy)
+            known = {"cabin_temperature_degc": mixed, "cabin_logged": None, "warmth": start.warmth}
+            last = np.append(np.zeros(STEPS - number), power[:number])
+            ways.append(_Way(aim, STEP_S * number, known, last))
+            trips.append(replace(road, start=replace(start, temperature_degc=air, interior_degc=interior)))
+    hours, driven = CONTROL_STEP_S / SECONDS_PER_HOUR, condition_cabins(trips)
+    energy = [float((run.heat_w + run.fan_w).sum()) * hours for run in driven]
+    felt = [0.5 * (run.air_degc + run.interior_degc)[1:] for run in driven]
+    away = [float(np.abs(degc - setpoint).sum()) * hours * COMFORT_W_K for degc in felt]
+    return [_Way(*way[:4], *costs) for way, *costs in zip(ways, energy, away, strict=True)]
+
+
+def _of_battery(vehicle: Vehicle, plan: Plan, conditions: DriveConditions) -> list[_Way]:
+    """The heater at its power for every time; then the trip with the losses in the cells and the regeneration that they allow."""
+    pack, degc, ways = vehicle.battery, conditions.battery_start_degc, list[_Way]()
+    for number in range(STEPS + 1):
+        if number % BATTERY_STEPS == 0 and (degc <= WARM_BATTERY_DEGC or not number):
+            known = replace(plan.departure, battery_temperature_degc=degc)
+            run = simulate_trip(vehicle, replace(plan, departure=known))
+            given_wh = float(np.diff(run.time_s) @ (run.battery_power_w + run.battery_loss_w)[1:]) * WH_PER_J
+            power = np.where(np.arange(STEPS, 0, -1) <= number, BATTERY_HEATER_W, 0.0)
+            warmed = (degc, STEP_S * number, {"battery_temperature_degc": degc}) if number else LEFT[:3]
+            ways.append(_Way(*warmed, power, given_wh))
+        lost_w = pack.heat_loss_w_k * (degc - conditions.ambient_temperature_degc)
+        degc += STEP_S * (BATTERY_HEATER_W - lost_w) / pack.heat_capacity_j_k
+    return ways
+
+
+def before_departure(
+    forecast: Forecast, soc_needed: float, plug_w: float, soc: float | None, leaves: dt.datetime | None
+) -> dict[str, Any]:
+    """What to do until a trip, as `GET /v1/need` hands it on: the charge to have and by when, energy and time of charging, preheating.
+
+    Parameters
+    ----------
+    forecast : Forecast
+        Of the trip.
+    soc_needed : float
+        Displayed charge to leave with.
+    plug_w : float
+        Power of the plug [W]; 0 off the plug.
+    soc : float or None
+        Displayed charge now.
+    leaves : datetime or None
+        Time of departure.
+
+    Returns
+    -------
+    dict
+        Plain values.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> cold = tw.Departure(soc=0.3, ambient_temperature_degc=-5.0)
+    >>> trip = tw.forecast(tw.read_route([{"length_m": 60_000.0, "speed_m_s": 20.0}]), cold)
+    >>> do = before_departure(trip, trip.soc_needed(0.1, 0.95), 3700.0, 0.3, None)
+    >>> do["target_soc"] > do["soc"], do["charging_s"] > 3600.0, do["preheat"]["wall_wh"] > 0.0
+    (True, True, True)
+    """
+    target = min(soc_needed, 1.0)
+    missing_wh = None if soc is None else max(target - soc, 0.0) * forecast.charge.wh_per_display
+    wall_wh = None if missing_wh is None else missing_wh / CHARGER
+    warmed = preheating(forecast.vehicle, forecast.plan, plug_w=plug_w)
+    return {
+        "target_soc": target,
+        "departs_at": leaves and leaves.isoformat(),
+        "soc": soc,
+        "charge_wh": missing_wh,
+        "wall_wh": wall_wh,
+        "charging_s": wall_wh / plug_w * SECONDS_PER_HOUR if wall_wh is not None and plug_w else None,
+        "preheat": warmed and warmed.to_dict(leaves),
+    }
+
+
+def need_before_departure(
+    ahead: float | Plan | Trip, kind: str, departure: Departure, plug_w: float, **asked: Any
+) -> tuple[Need, dict[str, Any]]:
+    """`need` and what to do until then, as `GET /v1/need` and `tripwatt need --json` answer; the other arguments are those of `need`.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> cold = tw.Departure(ambient_temperature_degc=-5.0)
+    >>> need_before_departure(50.0, "mixed", cold, 7400.0)[1]["preheat"]["before_s"] > 0.0
+    True
+    """
+    own = for_car(asked.pop("model", None), asked.pop("vehicle", None))
+    needed = need(ahead, kind, departure, model=own, **asked)
+    trip = ahead if isinstance(ahead, Plan | Trip) else typical_road(1000.0 * ahead, kind)
+    forecast, known = own.forecast(trip, departure), (departure.soc, departure.departs_at)
+    words = leave_in_words(needed.soc_needed, needed.reserve, needed.quantile)
+    return needed, {"message": words, **before_departure(forecast, needed.soc_needed, plug_w, *known)}

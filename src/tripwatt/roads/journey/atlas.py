@@ -1,0 +1,267 @@
+"""The atlas of a journey: roads, names of places, charging stations, weather."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+from tripwatt.errors import Check, InvalidInput
+from tripwatt.roads.maps import ATTRIBUTION, MapFolder, Station, open_map, read_stations, within
+from tripwatt.roads.maps.elevation import MARGIN_DEG, Elevation
+from tripwatt.roads.routers import Router, ValhallaRouter, is_server, open_server
+from tripwatt.roads.search import PlaceSearch, find_place, open_search
+from tripwatt.roads.weather import WeatherServer, WeatherSource
+from tripwatt.routes.places import Place
+from tripwatt.sources.table import Heights
+
+MAP_VARIABLE: Final = "TRIPWATT_MAP"
+"""Environment variable of the map or router that is used where none is named."""
+
+Bounds = tuple[float, float, float, float]
+"""South, west, north and east [°]."""
+
+NO_MAP: Final = "build a map with tripwatt map build, or name a router by its URL"
+LARGER: Final = "build a map of a larger region for places outside of it"
+
+
+@dataclass(frozen=True)
+class AtlasSettings:
+    """Where an atlas is, as a user names it. Empty texts are not used.
+
+    Attributes
+    ----------
+    map : str
+        Folder of a map, or a router's server as `KIND=URL`.
+    places : str
+        Server that finds places, as `KIND=URL`; the index of the map when empty.
+    weather : str
+        URL of a server with the interface of Open-Meteo.
+    stations : str
+        CSV file of charging stations; those of the map when empty.
+
+    Examples
+    --------
+    >>> AtlasSettings("map", stations="stations.csv").weather
+    ''
+    """
+
+    map: str = ""
+    places: str = ""
+    weather: str = ""
+    stations: str = ""
+
+
+@dataclass(frozen=True)
+class Atlas:
+    """Roads, and where known places, charging stations and weather.
+
+    Attributes
+    ----------
+    router : Router
+        Finds roads.
+    places : PlaceSearch or None
+        Finds places by name; None where only coordinates are understood.
+    stations : tuple of Station
+        Charging stations; empty where none are known.
+    weather : WeatherSource or None
+        Forecasts the weather; None where it is not known.
+    attribution : str
+        What has to be shown beside a road or a place.
+    bounds_deg : tuple of float or None
+        South, west, north and east of the map, where it has an end.
+    folder : MapFolder or None
+        The folder of the map; None for a router's server.
+    is_local : bool
+        Whether the roads are those of the folder, so that they end where its map ends.
+
+    Examples
+    --------
+    >>> from tripwatt.roads.maps import Station
+    >>> from tripwatt.roads.routers import open_server
+    >>> router = open_server("osrm=http://127.0.0.1:5000")
+    >>> atlas = Atlas(router, stations=(Station(47.0, 9.0, "A", 5e4), Station(48.0, 9.0, "B", 5e4)))
+    >>> [station.name for station in atlas.stations_within((46.0, 8.0, 47.5, 10.0), 9)]
+    ['A']
+    >>> atlas.tile(14, 8620, 5750), atlas.settlements((46.0, 8.0, 47.5, 10.0), 9)
+    (b'', ())
+    """
+
+    router: Router
+    places: PlaceSearch | None = None
+    stations: tuple[Station, ...] = ()
+    weather: WeatherSource | None = None
+    attribution: str = ATTRIBUTION
+    bounds_deg: Bounds | None = None
+    folder: MapFolder | None = field(default=None, repr=False)
+    is_local: bool = False
+
+    @property
+    def has_tiles(self) -> bool:
+        """Whether the router has tiles of its roads, to draw a map."""
+        return isinstance(self.router, ValhallaRouter) and self.router.ask_tile is not None
+
+    @property
+    def heights(self) -> Heights | None:
+        """Heights at latitudes and longitudes, as `tripwatt.roads.maps.Elevation.at`; None for a map without them."""
+        if self.folder is None or not self.folder.info["terrain"].get("known"):
+            return None
+        return Elevation.from_folder(self.folder.folder).at
+
+    @property
+    def covers(self) -> str:
+        """The region of the map in words, with what to do for a place outside of it; empty without a map folder."""
+        covered = "" if self.folder is None else self.folder.covers
+        return f"this map covers {covered}; {LARGER}" if covered else ""
+
+    def find(self, stop: Place | str, where: str) -> Place:
+        """Find a place on the map.
+
+        Parameters
+        ----------
+        stop : Place or str
+            A place, its whole name, or latitude and longitude.
+        where : str
+            Name of the field, for messages.
+
+        Returns
+        -------
+        Place
+            With its kind, if the map has it.
+
+        Raises
+        ------
+        InvalidInput
+            When the name is not that of one place, or the place lies outside of the map.
+
+        Examples
+        --------
+        >>> from tripwatt.roads.routers import open_server
+        >>> Atlas(open_server("osrm=http://127.0.0.1:5000")).find("47.14, 9.52", "from").title
+        '47.14000, 9.52000'
+        """
+        place = stop if isinstance(stop, Place) else find_place(stop, self.places, where, self.covers)
+        if self.is_local and self.bounds_deg is not None:
+            south, west, north, east = self.bounds_deg
+            inside = south - MARGIN_DEG <= place.latitude_deg <= north + MARGIN_DEG
+            if not (inside and west - MARGIN_DEG <= place.longitude_deg <= east + MARGIN_DEG):
+                allowed, _, fix = self.covers.partition("; ")
+                raise InvalidInput.of("place outside of the map", where, place.title, allowed, fix)
+        return place
+
+    def tile(self, zoom: int, column: int, row: int) -> bytes:
+        """Read a vector tile of the roads. See `ValhallaRouter.tile`.
+
+        Parameters
+        ----------
+        zoom : int
+            Level of the tile, 0 for the world.
+        column : int
+            From west, 0 to 2^zoom - 1.
+        row : int
+            From north, 0 to 2^zoom - 1.
+
+        Returns
+        -------
+        bytes
+            Empty where there are no roads, or no map of Valhalla.
+        """
+        return self.router.tile(zoom, column, row) if isinstance(self.router, ValhallaRouter) else b""
+
+    def settlements(self, bounds_deg: Bounds, limit: int) -> tuple[Place, ...]:
+        """List the settlements of the map inside of bounds, the most important first.
+
+        Parameters
+        ----------
+        bounds_deg : tuple of float
+            South, west, north and east [°].
+        limit : int
+            Most settlements.
+
+        Returns
+        -------
+        tuple of Place
+            Empty without a map folder.
+        """
+        return () if self.folder is None else self.folder.index.settlements(*bounds_deg, limit)
+
+    def stations_within(self, bounds_deg: Bounds, limit: int) -> tuple[Station, ...]:
+        """List the charging stations inside of bounds, those with the most power first.
+
+        Parameters
+        ----------
+        bounds_deg : tuple of float
+            South, west, north and east [°].
+        limit : int
+            Most stations.
+
+        Returns
+        -------
+        tuple of Station
+            Empty without stations.
+        """
+        return within(self.stations, *bounds_deg, limit)
+
+
+def open_atlas(settings: AtlasSettings | Path | str | None = None) -> Atlas:
+    """Open an atlas.
+
+    Parameters
+    ----------
+    settings : AtlasSettings, path or str, optional
+        A folder or URL alone is that of the roads; `TRIPWATT_MAP` when not given.
+
+    Returns
+    -------
+    Atlas
+        With what the settings name; everything else is None or empty.
+
+    Raises
+    ------
+    InvalidInput
+        With everything that cannot be opened.
+
+    Examples
+    --------
+    >>> open_atlas("map").bounds_deg  # doctest: +SKIP
+    """
+    if not isinstance(settings, AtlasSettings):
+        settings = AtlasSettings("" if settings is None else str(settings))
+    named = settings.map or os.environ.get(MAP_VARIABLE, "")
+    with Check() as check:
+        router, folder = check(_roads, named) or (None, None)
+        places: PlaceSearch | None = None if folder is None else folder.index
+        if settings.places:
+            places = check(open_search, settings.places)
+        weather = check(WeatherServer.from_url, settings.weather) if settings.weather else None
+        stations = () if folder is None or settings.stations else check(folder.index.stations)
+        if settings.stations:
+            stations = check(read_stations, settings.stations)
+    assert router is not None  # else its fault was raised
+    bounds = None if folder is None else folder.info.get("bounds_deg")
+    return Atlas(
+        router,
+        places,
+        stations,
+        weather,
+        attribution=ATTRIBUTION if folder is None else folder.info.get("attribution", ATTRIBUTION),
+        bounds_deg=None if bounds is None else (bounds[0], bounds[1], bounds[2], bounds[3]),
+        folder=folder,
+        is_local=folder is not None and not is_server(named),
+    )
+
+
+def _roads(named: str) -> tuple[Router, MapFolder | None]:
+    """The router, and the map folder that it comes from; `FOLDER@URL` has the map's places with a server's roads."""
+    if not named:
+        raise InvalidInput.of(
+            "no map", "--map", "none", "a folder with a map, or the URL of a router", NO_MAP
+        )
+    if not is_server(named):
+        folder = open_map(named)
+        return folder.router, folder
+    before, mark, url = named.partition("@")
+    if mark and "://" not in before:
+        return open_server(url, "--map"), open_map(before)
+    return open_server(named, "--map"), None

@@ -1,0 +1,215 @@
+"""Minutes of a charge from the car's charging curve."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from tripwatt.arrays import FloatArray
+from tripwatt.errors import InvalidInput
+from tripwatt.roads.maps import Station
+from tripwatt.routes.places import Place
+from tripwatt.units import SECONDS_PER_HOUR
+from tripwatt.vehicles import Vehicle
+
+CLASS_SOC: Final = (0.0, 0.1, 0.5, 0.8, 0.9, 1.0)
+CLASS_RATE_1_H: Final = (1.2, 1.6, 1.4, 0.8, 0.4, 0.1)
+"""Power over the energy of a full display of a middle-class car with direct current [1/h], at displayed charges. A
+choice: such cars take 10 to 80 % in about half an hour."""
+
+ALTERNATING_W: Final = 11_000.0
+"""Highest power of the on-board charger where the car's is not known: three phases with 16 A."""
+
+EFFICIENCY: Final = 0.92
+"""Energy that reaches the battery over the energy of the station, with direct current; a choice."""
+
+OVERHEAD_S: Final = 300.0
+"""Parking, plugging in and paying."""
+
+EUROPEAN: Final = frozenset({"type2", "type2_cable", "schuko", "tesla_destination", "type2_combo"})
+AMERICAN: Final = frozenset({"type1", "tesla_destination", "type1_combo"})
+"""Plugs of cars that are sold there, by their names on OpenStreetMap."""
+REGIONS: Final = ((34.0, -50.0, 84.0, 45.0, EUROPEAN), (7.0, -170.0, 84.0, -50.0, AMERICAN))
+"""South, west, north and east of Europe and of North America [°]; elsewhere, plugs differ from country to country."""
+CHADEMO_CAR: Final = "nissan_leaf"
+"""Beginning of the names of the library's cars that charge with CHAdeMO."""
+
+WARM_DEGC: Final = 25.0
+COLD_LOSS_1_K: Final = 0.36 / 25.0
+"""Share of the power with direct current that cells lose for each kelvin below `WARM_DEGC`. Motoaki, Yi and Salisbury (2018), Energy Policy 122:
+after half an hour at 0 °C a car has 36 % less charge than at 25 °C. A sample of one model of car, whose air temperature stands for that of its cells."""
+LEAST_COLD_FACTOR: Final = 0.2
+"""The line is not followed to 0: at the coldest of these charges, they took about three times as long; colder ones are not known."""
+
+
+@dataclass(frozen=True, slots=True)
+class ChargingCurve:
+    """Charging power over the displayed state of charge.
+
+    Attributes
+    ----------
+    soc : tuple of float
+        Ascending, from 0 to 1.
+    power_w : tuple of float
+        Highest power with direct current at each of them.
+    alternating_w : float
+        Highest power of the on-board charger.
+    is_class : bool
+        Whether it is that of a class of cars and not of the car.
+
+    Raises
+    ------
+    InvalidInput
+        When it is no curve.
+
+    Examples
+    --------
+    >>> curve = ChargingCurve.from_class(50_000.0)
+    >>> curve.is_class
+    True
+    >>> station = Station(47.0, 9.0, "", 20_000.0, direct_current=True)
+    >>> slow, fast = curve.power_at(np.array([1.0, 0.5]), station)
+    >>> bool(slow < fast < station.power_w)
+    True
+    """
+
+    soc: tuple[float, ...]
+    power_w: tuple[float, ...]
+    alternating_w: float = ALTERNATING_W
+    is_class: bool = False
+
+    def __post_init__(self) -> None:
+        sound = len(self.soc) == len(self.power_w) >= 2 and bool((np.diff(self.soc) > 0).all())
+        if not (sound and self.soc[0] == 0.0 and self.soc[-1] == 1.0 and min(self.power_w) > 0.0):
+            got = f"{len(self.soc)} charges and {len(self.power_w)} powers"
+            allowed = "as many powers above 0 as charges that rise from 0 to 1"
+            raise InvalidInput.of("no charging curve", "charging_curve", got, allowed)
+
+    @classmethod
+    def from_vehicle(cls, vehicle: Vehicle, display_wh: float) -> ChargingCurve:
+        """The curve of a car, or that of its class where none is known.
+
+        Parameters
+        ----------
+        vehicle : Vehicle
+            The car.
+        display_wh : float
+            Energy of its display from empty to full [Wh].
+
+        Returns
+        -------
+        ChargingCurve
+            Its `is_class` is true for that of a class.
+
+        Examples
+        --------
+        >>> from tripwatt.vehicles import load_vehicle
+        >>> ChargingCurve.from_vehicle(load_vehicle("nissan_leaf_40"), 37_600.0).power_w
+        (41000.0, 45000.0, 36000.0, 15000.0)
+        """
+        own = vehicle.charging
+        if own is None:
+            return cls.from_class(display_wh)
+        return cls(own.displayed_soc, own.power_w, own.alternating_power_w)
+
+    @classmethod
+    def from_class(cls, display_wh: float) -> ChargingCurve:
+        """Scale the curve of middle-class cars to the battery of a car.
+
+        Parameters
+        ----------
+        display_wh : float
+            Energy of the display from empty to full [Wh].
+
+        Returns
+        -------
+        ChargingCurve
+            With `is_class`.
+        """
+        return cls(CLASS_SOC, tuple(rate * display_wh for rate in CLASS_RATE_1_H), is_class=True)
+
+    def power_at(self, soc: FloatArray, station: Station, cell_degc: float = WARM_DEGC) -> FloatArray:
+        """Compute the power into the battery.
+
+        Parameters
+        ----------
+        soc : ndarray
+            Displayed states of charge, 0 to 1.
+        station : Station
+            Where the car charges.
+        cell_degc : float
+            Temperature of the cells [°C]; cold ones take less direct current.
+
+        Returns
+        -------
+        ndarray
+            Power [W] after the losses of charging, shape of `soc`.
+        """
+        if not station.direct_current:
+            return np.full_like(soc, EFFICIENCY * min(station.power_w, self.alternating_w))
+        taken_w = cold_factor(cell_degc) * np.interp(soc, self.soc, self.power_w)
+        return np.asarray(EFFICIENCY * np.minimum(taken_w, station.power_w))
+
+    def seconds(
+        self, levels: FloatArray, station: Station, display_wh: float, cell_degc: float = WARM_DEGC
+    ) -> FloatArray:
+        """Compute the time to charge from the first of displayed charges to each of them. O(levels).
+
+        Parameters
+        ----------
+        levels : ndarray, shape (levels,)
+            Displayed states of charge, 0 to 1, ascending.
+        station : Station
+            Where the car charges.
+        display_wh : float
+            Energy of the display from empty to full [Wh].
+        cell_degc : float
+            Temperature of the cells [°C].
+
+        Returns
+        -------
+        ndarray, shape (levels,)
+            Time [s], without the overhead of a stop.
+
+        Examples
+        --------
+        >>> curve = ChargingCurve((0.0, 1.0), (46_000.0, 46_000.0))
+        >>> station = Station(47.0, 9.0, "", 100_000.0, direct_current=True)
+        >>> (curve.seconds(np.array([0.2, 0.7]), station, 46_000.0) / 60.0).round(2).tolist()
+        [0.0, 32.61]
+        >>> (curve.seconds(np.array([0.2, 0.7]), station, 46_000.0, cell_degc=0.0) / 60.0).round(2).tolist()
+        [0.0, 50.95]
+        """
+        middle = 0.5 * (levels[1:] + levels[:-1])
+        seconds = np.diff(levels) * display_wh / self.power_at(middle, station, cell_degc) * SECONDS_PER_HOUR
+        return np.concatenate(([0.0], np.cumsum(seconds)))
+
+
+def plugs_of(car: str, place: Place) -> frozenset[str]:
+    """Plugs that a car is assumed to have, by its name and the region of a place; empty where they are not known.
+
+    Examples
+    --------
+    >>> sorted(plugs_of("nissan_leaf_40", Place(47.0, 9.0)) - plugs_of("vw_id3", Place(47.0, 9.0)))
+    ['chademo']
+    """
+    tesla = {"tesla_supercharger", "nacs"} if car.startswith("tesla") else set[str]()
+    for south, west, north, east, usual in REGIONS:
+        if south <= place.latitude_deg < north and west <= place.longitude_deg < east:
+            if car.startswith(CHADEMO_CAR):
+                return usual - {"type1_combo", "type2_combo"} | {"chademo"}
+            return usual | tesla | {"tesla_supercharger_ccs"}
+    return frozenset()
+
+
+def cold_factor(cell_degc: float) -> float:
+    """Power with direct current that cells of a temperature take, over that of warm ones.
+
+    Examples
+    --------
+    >>> cold_factor(30.0), round(cold_factor(0.0), 2), cold_factor(-40.0)
+    (1.0, 0.64, 0.2)
+    """
+    return float(np.clip(1.0 - COLD_LOSS_1_K * (WARM_DEGC - cell_degc), LEAST_COLD_FACTOR, 1.0))

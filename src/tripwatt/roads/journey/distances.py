@@ -1,0 +1,534 @@
+"""What some kilometres need, and how far a charge carries, without a road."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Final, Literal
+
+import numpy as np
+
+from tripwatt.arrays import FloatArray
+from tripwatt.forecasting import Forecast, ForecastModel
+from tripwatt.forecasting.ranges import unknown_air_sd_wh
+from tripwatt.hybrid.factors import FactorCorrector
+from tripwatt.hybrid.segments import day_of
+from tripwatt.population import for_car
+from tripwatt.roads.journey.kinds import (
+    KINDS,
+    UNKNOWN,
+    OwnRoads,
+    RoadPrior,
+    Shares,
+    road_prior,
+    shares_of,
+    shares_over,
+)
+from tripwatt.trips import Departure, Flag, Plan, Trip
+from tripwatt.trips.columns import require_fraction, require_number
+from tripwatt.trips.messages import flag_to_dict
+from tripwatt.vehicles import Vehicle
+
+NODES_M: Final = (2_000.0, 5_000.0, 15_000.0, 40_000.0, 100_000.0)
+"""Lengths of the roads that are forecast; in between and beyond, energy and charge are linear in the distance."""
+DISTANCES_KM: Final = (0.5, 2000.0)
+MOST_TRIPS: Final = 100
+BAND: Final = (0.05, 0.95)
+HALF: Final = (0.25, 0.75)
+CAUTIOUS: Final = 0.95
+"""19 of 20 trips."""
+ASSUMED: Final = "usual_value_assumed"
+OF_CHARGE: Final = frozenset({"battery_empty", "battery_full", "no_elevation", "soc_assumed"})
+"""Flags of the roads that are forecast, which are not the trip that is asked for; nor is the charge that they start with."""
+
+
+def _plain(values: dict[str, Any]) -> dict[str, Any]:
+    """With lists in place of tuples."""
+    return {name: list(v) if isinstance(v, tuple) else v for name, v in values.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class Need:
+    """What some kilometres, or some trips, need.
+
+    Attributes
+    ----------
+    distance_m : float
+        Of all trips together [m].
+    kind : str
+        Kind of the road; "trip" for a known trip.
+    energy_wh, energy_quantile_wh : float
+        Median, and what is not exceeded with the probability `quantile` [Wh].
+    quantile : float
+        The probability, 0.5 to 1.
+    half_wh, interval_wh : tuple of float
+        Ends of the middle half and of the central 90 % [Wh].
+    soc_needed : float
+        Displayed charge that suffices with the probability `quantile`, `reserve` left; above 1 where a full battery does not suffice.
+    reserve : float
+        Displayed charge to arrive with.
+    duration_s : float
+        Expected [s].
+    flags : tuple of Flag
+        Assumptions, and what lies outside of the model's range.
+    car : str
+        Title of the car.
+    doubt : Doubt
+        What the interval comes from.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> cold = tw.need(50, departure=tw.Departure(ambient_temperature_degc=-5))
+    >>> mild = tw.need(50, departure=tw.Departure(ambient_temperature_degc=20))
+    >>> cold.energy_quantile_wh > cold.energy_wh > mild.energy_wh
+    True
+    """
+
+    distance_m: float
+    kind: str
+    energy_wh: float
+    energy_quantile_wh: float
+    quantile: float
+    half_wh: tuple[float, float]
+    interval_wh: tuple[float, float]
+    soc_needed: float
+    reserve: float
+    duration_s: float
+    flags: tuple[Flag, ...]
+    car: str
+    doubt: Doubt
+
+    def to_dict(self) -> dict[str, Any]:
+        """Convert to plain values.
+
+        Returns
+        -------
+        dict
+            As `GET /v1/need` answers.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> tw.need(50).to_dict()["kind"]
+        'mixed'
+        """
+        return _plain(asdict(self)) | {"flags": [flag_to_dict(flag) for flag in self.flags]}
+
+
+@dataclass(frozen=True, slots=True)
+class KindRange:
+    """How far a charge carries on a kind of road.
+
+    Attributes
+    ----------
+    range_m : float
+        Median [m].
+    half_m, interval_m : tuple of float
+        Ends of the middle half and of the central 90 % [m]: 19 of 20 times it carries at least as far as the first of the latter.
+    """
+
+    range_m: float
+    half_m: tuple[float, float]
+    interval_m: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Range(KindRange):
+    """How far a charge carries.
+
+    Attributes
+    ----------
+    by_kind : dict of str to KindRange
+        The same by kind of road.
+    flags : tuple of Flag
+        Assumptions, and what lies outside of the model's range.
+    soc, reserve : float
+        Displayed charge at departure, and the one that is kept.
+    doubt : Doubt
+        What the interval comes from.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> far = tw.range_km(soc=0.35, departure=tw.Departure(ambient_temperature_degc=5))
+    >>> far.interval_m[0] < far.half_m[0] < far.range_m < far.half_m[1] < far.interval_m[1]
+    True
+    """
+
+    by_kind: dict[str, KindRange]
+    flags: tuple[Flag, ...]
+    soc: float
+    reserve: float
+    doubt: Doubt
+
+    def to_dict(self) -> dict[str, Any]:
+        """Convert to plain values.
+
+        Returns
+        -------
+        dict
+            As `GET /v1/range` answers.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> [row["kind"] for row in tw.range_km(soc=0.5).to_dict()["by_kind"]]
+        ['city', 'country', 'motorway', 'mixed']
+        """
+        rows = [{"kind": kind, **_plain(asdict(far))} for kind, far in self.by_kind.items()]
+        flags = [flag_to_dict(flag) for flag in self.flags]
+        return _plain(asdict(self)) | {"by_kind": rows, "flags": flags}
+
+
+@dataclass(frozen=True, slots=True)
+class Doubt:
+    """What the interval of an answer comes from, and which single input would narrow it most.
+
+    Attributes
+    ----------
+    car, road, weather, day : float
+        Shares of the variance that add up to 1: how far the car is from its values; speeds and climb of a road of which the kind is known at most;
+        what is unknown of the weather and of the car at departure; driver, wind, traffic and all that differs from trip to trip.
+    narrows : str or None
+        "ambient_temperature_degc", "kind" or "own trips"; None where nothing of them is missing.
+    narrower : float
+        At most how much narrower the interval would be with it, as a share.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> doubt = tw.range_km(0.8, vehicle="vw_id3").doubt
+    >>> round(doubt.car + doubt.road + doubt.weather + doubt.day, 9), doubt.narrows
+    (1.0, 'own trips')
+    """
+
+    car: float
+    road: float
+    weather: float
+    day: float
+    narrows: str | None
+    narrower: float
+
+    @classmethod
+    def of(cls, forecast: Forecast, by_kind: float = 0.0) -> Doubt:
+        """Of a forecast on a road, of whose variance the share `by_kind` would go with its kind."""
+        segments, scale = forecast.drive.segments, forecast.uncertainty.scale
+        climb = forecast.sd_wh**2 - float(forecast.energy_sd_wh[-1]) ** 2
+        car = (scale.values[3] * segments.corrector_sd_wh) ** 2
+        parts = np.array(
+            [
+                car,
+                forecast.route_sd_wh**2 + climb,
+                forecast.state_sd_wh**2,
+                scale.sd_wh(segments) ** 2 - car,
+            ]
+        )
+        shares = dict(zip(("car", "road", "weather", "day"), (parts / parts.sum()).tolist(), strict=True))
+        missing = {
+            "own trips": shares["car"] * any(flag.code == "no_trips_of_car" for flag in forecast.flags),
+            "kind": shares["road"] * by_kind,
+            "ambient_temperature_degc": shares["weather"]
+            * any(f.subject == "ambient_temperature_degc" and f.code == ASSUMED for f in forecast.flags),
+        }
+        most = max(missing, key=lambda name: missing[name])
+        narrower = 1.0 - math.sqrt(1.0 - missing[most])
+        return cls(**shares, narrows=most if narrower > 0.0 else None, narrower=narrower)
+
+
+@dataclass(frozen=True, slots=True)
+class KindForecaster:
+    """Forecasts distances of one car, one departure and one kind of road.
+
+    Attributes
+    ----------
+    model : ForecastModel
+    departure : Departure
+    shares : tuple of float
+        Of the distance in city, country and motorway.
+    known : bool
+        Whether the shares are known; else they are those of an unknown road.
+    prior : RoadPrior
+    named : bool
+        Whether they are those of a named kind, whose town does not grow with the distance.
+    own : OwnRoads or None
+        Roads of the car's own trips.
+    """
+
+    model: ForecastModel
+    departure: Departure
+    shares: Shares
+    known: bool
+    prior: RoadPrior
+    named: bool = False
+    own: OwnRoads | None = None
+
+    @classmethod
+    def from_kind(
+        cls, model: ForecastModel, departure: Departure, kind: str | Sequence[float]
+    ) -> KindForecaster:
+        """For a kind of road. What a distance takes does not depend on the charge that the display shows at departure."""
+        known, named, prior = replace(departure, soc=None), isinstance(kind, str), road_prior()
+        own = own_roads(model, prior)
+        return cls(model, known, shares_of(kind), kind != UNKNOWN, prior, named, own)
+
+    def at(self, distance_m: float, levels: Sequence[float]) -> tuple[FloatArray, FloatArray, float]:
+        """Quantiles of energy [Wh] and displayed charge [1], shape (levels,), and the duration [s]. Two forecasts at most."""
+        k = self._before(distance_m)
+        low, high = (node_values(self, k + i, tuple(levels)) for i in (0, 1))
+        part = (distance_m - NODES_M[k]) / (NODES_M[k + 1] - NODES_M[k])
+        energy = low[0] + part * (high[0] - low[0])
+        charge = low[1] + part * (high[1] - low[1])
+        return energy, charge, low[2] + part * (high[2] - low[2])
+
+    def distance_m(self, charge: float, level: float) -> float:
+        """Distance after which the displayed charge falls by `charge`, at a quantile of the charge that is taken [m]."""
+        return self.inverse(charge, level, 1)
+
+    def inverse(self, amount: float, level: float, of: Literal[0, 1]) -> float:
+        """Distance whose quantile of energy (`of` 0) [Wh] or charge (1) is an amount [m]."""
+        k = len(NODES_M) - 2
+        while k > 0 and node_values(self, k, (level,))[of][0] > amount:
+            k -= 1
+        low, high = (float(node_values(self, k + i, (level,))[of][0]) for i in (0, 1))
+        part = (amount - low) / max(high - low, 1e-9)
+        return max(NODES_M[k] + part * (NODES_M[k + 1] - NODES_M[k]), 0.0)
+
+    def nearest(self, distance_m: float) -> tuple[tuple[Flag, ...], Doubt]:
+        """Flags of the road whose length is nearest, and what its interval comes from."""
+        k = self._before(distance_m)
+        forecast = node_forecast(self, k + (2.0 * distance_m > NODES_M[k] + NODES_M[k + 1]))
+        flags = tuple(flag for flag in forecast.flags if flag.code not in OF_CHARGE)
+        known, unknown = (self._roads(NODES_M[k]).share(NODES_M[k], is_known) for is_known in (True, False))
+        return flags, Doubt.of(forecast, 0.0 if self.known else 1.0 - min(known / unknown, 1.0) ** 2)
+
+    def forecast(self, length_m: float) -> Forecast:
+        """The forecast of a typical road of a length [m], with what its kind leaves open."""
+        roads = self._roads(length_m)
+        shares = self.shares if self.known else roads.usual
+        if self.named and (self.known or self.own is None):
+            shares = shares_over(shares, length_m)
+        plan, share = replace(roads.plan(length_m, shares), link_m=None), roads.share(length_m, self.known)
+        if self.own is None:
+            forecast = self.model.forecast(plan, self.departure)
+            return _on_a_road(forecast, share * abs(forecast.energy_wh))
+        forecast = self._in_usual_air(plan, self.own)
+        drive = forecast.drive.with_more_driving(roads.more[not self.known])
+        return _on_a_road(replace(forecast, drive=drive), share * drive.driving_wh)
+
+    def _in_usual_air(self, plan: Plan, own: OwnRoads) -> Forecast:
+        """The forecast of a plan; where no outside temperature is given, in that of the car's own trips around the day."""
+        if self.departure.ambient_temperature_degc is not None:
+            return self.model.forecast(plan, self.departure)
+        degc, sd_k = own.usual_air(day_of(self.departure.departs_at))
+        forecast = self.model.forecast(plan, replace(self.departure, ambient_temperature_degc=degc))
+        usual_wh = forecast.drive.simulation.simulated_energy_wh
+        air_wh = unknown_air_sd_wh(self.model.vehicle, plan, usual_wh, degc, sd_k)
+        assumed = Flag(ASSUMED, "ambient_temperature_degc", degc, "degc")
+        return replace(
+            forecast,
+            state_sd_wh=math.hypot(forecast.state_sd_wh, air_wh),
+            flags=(*forecast.flags, assumed),
+        )
+
+    def _roads(self, length_m: float) -> RoadPrior:
+        return self.prior if self.own is None else self.own.at(length_m)
+
+    def _before(self, distance_m: float) -> int:
+        return int(np.clip(np.searchsorted(NODES_M, distance_m) - 1, 0, len(NODES_M) - 2))
+
+
+def _on_a_road(forecast: Forecast, sd_wh: float) -> Forecast:
+    """The forecast with what a road leaves open. The scores of held-out trips, whose speeds are known, hold for the rest of the variance."""
+    wider = replace(forecast, route_sd_wh=sd_wh)
+    known, usual = float(wider.energy_sd_wh[-1]) ** 2, forecast.uncertainty
+    open_share = (wider.route_sd_wh**2 + wider.state_sd_wh**2) / known
+    return replace(wider, uncertainty=replace(usual, scores=usual.scores.with_other_causes(open_share)))
+
+
+@lru_cache(maxsize=64)
+def own_roads(model: ForecastModel, prior: RoadPrior) -> OwnRoads | None:
+    """Roads of the trips that a model has learned beside those of all logs; None where it has learned none."""
+    if model.roads_ is None or model.evidence_ is None:
+        return None
+    driven, corrector = model.roads_.copy(), model.corrector_
+    if isinstance(corrector, FactorCorrector):
+        driven[:, 6] += corrector.driving_wh(model.evidence_)
+    driven = driven[np.isfinite(driven[:, 0])]
+    if not len(driven):
+        return None
+    return OwnRoads.from_trips(prior, driven, lambda plan: model.forecast(plan).drive.driving_wh)
+
+
+@lru_cache(maxsize=256)
+def node_forecast(asked: KindForecaster, node: int) -> Forecast:
+    """The forecast of a typical road of a length of `NODES_M`."""
+    return asked.forecast(NODES_M[node])
+
+
+@lru_cache(maxsize=1024)
+def node_values(
+    asked: KindForecaster, node: int, levels: tuple[float, ...]
+) -> tuple[FloatArray, FloatArray, float]:
+    """Quantiles of energy [Wh] and displayed charge taken, and the duration [s], of `node_forecast`."""
+    return taken_by(node_forecast(asked, node), levels)
+
+
+def taken_by(forecast: Forecast, levels: Sequence[float]) -> tuple[FloatArray, FloatArray, float]:
+    """Quantiles of energy [Wh] and displayed charge that a trip takes, shape (levels,), and its duration [s]."""
+    energy = np.array([forecast.quantile(level) for level in levels])
+    charge = np.array([soc[0] - soc[-1] for soc in map(forecast.soc_along, levels)])
+    return energy, charge, forecast.plan.duration_s
+
+
+def need(
+    distance_km: float | Plan | Trip,
+    kind: str | Sequence[float] = UNKNOWN,
+    departure: Departure | None = None,
+    *,
+    model: ForecastModel | Path | str | None = None,
+    vehicle: Vehicle | str | None = None,
+    quantile: float = CAUTIOUS,
+    trips: int = 1,
+    reserve: float = 0.0,
+) -> Need:
+    """Forecast what some kilometres need, without a road.
+
+    The first call for a car, a departure and a kind of road takes up to two forecasts; other distances are then interpolated.
+
+    Parameters
+    ----------
+    distance_km : float, Plan or Trip
+        Distance [km]; or a usual trip of the car, whose kind of road is not asked.
+    kind : str or sequence of float
+        One of `tripwatt.roads.journey.kinds.KINDS`, "mixed", or the shares of the distance in city, country and motorway. "mixed" is the kind of a road
+        of which nothing is known.
+    departure : Departure, optional
+        What is known at departure.
+    model : ForecastModel or path, optional
+        That of an own car is ``car.model()``; the model that comes with the package when not given. A model in memory is the fastest.
+    vehicle : Vehicle or str, optional
+        A car other than the model's own.
+    quantile : float
+        Probability with which the energy suffices, 0.5 to 1.
+    trips : int
+        Equal trips ahead. All of them are of one car and one kind of road, and share their errors in full: they need as many times what
+        one needs.
+    reserve : float
+        Displayed state of charge to arrive with, part of `Need.soc_needed`.
+
+    Returns
+    -------
+    Need
+        Energy and charge.
+
+    Raises
+    ------
+    InvalidInput
+        With a distance, kind, quantile or number of trips out of its bounds; else as `ForecastModel.forecast`.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> one, five = (tw.need(20, "city", trips=number) for number in (1, 5))
+    >>> round(five.energy_quantile_wh / one.energy_quantile_wh, 6)
+    5.0
+    """
+    quantile = require_fraction("quantile", quantile, 0.5)
+    number = int(require_number("trips", trips, 1, MOST_TRIPS))
+    own, known = for_car(model, vehicle), departure or Departure()
+    levels = (BAND[0], HALF[0], 0.5, HALF[1], BAND[1], quantile)
+    if isinstance(distance_km, Plan | Trip):
+        forecast = own.forecast(distance_km, known)
+        energy, charge, duration_s = taken_by(forecast, levels)
+        distance_m, named, flags = forecast.plan.distance_m, "trip", forecast.flags
+        doubt = Doubt.of(forecast)
+    else:
+        distance_m = 1000.0 * require_number("distance_km", distance_km, *DISTANCES_KM)
+        asked = KindForecaster.from_kind(own, known, kind)
+        named = kind if isinstance(kind, str) else "shares"
+        energy, charge, duration_s = asked.at(distance_m, levels)
+        flags, doubt = asked.nearest(distance_m)
+    low, less, middle, more, high, most = (number * energy).tolist()
+    needed = require_fraction("reserve", reserve) + number * max(float(charge[-1]), 0.0)
+    return Need(
+        number * distance_m,
+        named,
+        middle,
+        most,
+        quantile,
+        (less, more),
+        (low, high),
+        needed,
+        reserve,
+        number * duration_s,
+        flags,
+        own.vehicle.title,
+        doubt,
+    )
+
+
+def range_km(
+    soc: float | None = None,
+    kind: str | Sequence[float] = UNKNOWN,
+    departure: Departure | None = None,
+    *,
+    reserve: float = 0.0,
+    model: ForecastModel | Path | str | None = None,
+    vehicle: Vehicle | str | None = None,
+) -> Range:
+    """Forecast how far a charge carries, without a road.
+
+    Parameters
+    ----------
+    soc : float, optional
+        Displayed state of charge, 0 to 1; that of the departure when not given, else 1.
+    kind : str or sequence of float
+        As for `need`.
+    departure : Departure, optional
+        What is known at departure.
+    reserve : float
+        Displayed state of charge that is kept, 0 to 1.
+    model : ForecastModel or path, optional
+        As for `need`.
+    vehicle : Vehicle or str, optional
+        As for `need`.
+
+    Returns
+    -------
+    Range
+        Distance with its interval, and by kind of road.
+
+    Raises
+    ------
+    InvalidInput
+        With a charge, reserve or kind out of its bounds; else as `ForecastModel.forecast`.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> tw.range_km(0.8).range_m > tw.range_km(0.8, reserve=0.2).range_m
+    True
+    """
+    known = departure or Departure()
+    start = require_fraction("soc", soc if soc is not None else 1.0 if known.soc is None else known.soc)
+    spare = max(start - require_fraction("reserve", reserve), 0.0)
+    own = for_car(model, vehicle)
+
+    def far(asked: KindForecaster) -> KindRange:
+        least, less, middle, more, most = (
+            asked.distance_m(spare, level) if spare else 0.0
+            for level in (BAND[1], HALF[1], 0.5, HALF[0], BAND[0])
+        )
+        return KindRange(middle, (less, more), (least, most))
+
+    def asker(kind: str | Sequence[float]) -> KindForecaster:
+        return KindForecaster.from_kind(own, known, kind)
+
+    whole = far(asker(kind))
+    by_kind = {name: far(asker(name)) for name in (*KINDS, UNKNOWN)}
+    flags, doubt = asker(kind).nearest(max(whole.range_m, NODES_M[0]))
+    return Range(**asdict(whole), by_kind=by_kind, flags=flags, soc=start, reserve=reserve, doubt=doubt)

@@ -1,0 +1,627 @@
+"""From A to B: roads, the forecast of each, and what a driver asks before leaving."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.errors import Check, InvalidInput
+from tripwatt.forecasting import Forecast, ForecastModel
+from tripwatt.population import for_car
+from tripwatt.roads.journey.atlas import Atlas, AtlasSettings, open_atlas
+from tripwatt.roads.journey.charging import OVERHEAD_S, WARM_DEGC, ChargingCurve, plugs_of
+from tripwatt.roads.journey.corridor import CERTAIN, OF_LEG, Corridor, StopRules
+from tripwatt.roads.journey.forecasting import RoadForecaster, capped, on_motorway
+from tripwatt.roads.journey.plans import BEST_EFFORT, find_plans
+from tripwatt.roads.journey.stops import ENERGY_BAND, LINE_DIGITS, ChargingPlan, Leg
+from tripwatt.roads.journey.verdict import Verdict
+from tripwatt.roads.routers import Road
+from tripwatt.routes.places import Place
+from tripwatt.trips import Departure, Flag, raise_faults
+from tripwatt.trips.columns import Column, number_faults, scalar_faults
+from tripwatt.trips.messages import flag_to_dict, leave_in_words
+from tripwatt.trips.showing import html_table
+from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_MINUTE
+from tripwatt.vehicles import Vehicle
+
+if TYPE_CHECKING:
+    from tripwatt.figures import Axes, Figure
+MOST_STOPS: Final = 20
+MOST_ALTERNATIVES: Final = 3
+MOST_OVERHEAD_S: Final = 7200.0
+MOTORWAY_SPEEDS_KM_H: Final = (130.0, 120.0, 110.0, 100.0, 90.0, 80.0)
+CHEAPER_KM_H: Final = 100.0
+"""The cost of speed is that over this speed on motorways."""
+
+LEAST_MOTORWAY_M: Final = 1000.0
+
+
+@dataclass(frozen=True, slots=True)
+class JourneyOptions:
+    """What is asked of a journey.
+
+    Attributes
+    ----------
+    reserve : float
+        Displayed state of charge to arrive with.
+    alternatives : int
+        Other roads beside the fastest.
+    round_trip : bool
+        Back to the start.
+    answers : bool
+        Whether costs, speed and charging are worked out beside the forecasts.
+    charging_curve : ChargingCurve or None
+        Of the car; that of its class when None.
+    charge : bool
+        Whether stops to charge are planned where the charge does not suffice.
+    stop_overhead_s : float
+        Parking, plugging in and paying at each stop [s].
+    preheat_battery : bool
+        Whether the battery may be heated on the way to a stop.
+
+    Examples
+    --------
+    >>> JourneyOptions(reserve=0.15, alternatives=2).round_trip
+    False
+    """
+
+    reserve: float = 0.1
+    alternatives: int = 0
+    round_trip: bool = False
+    answers: bool = True
+    charging_curve: ChargingCurve | None = None
+    charge: bool = True
+    stop_overhead_s: float = OVERHEAD_S
+    preheat_battery: bool = False
+
+    def __post_init__(self) -> None:
+        faults = list(scalar_faults({"reserve": self.reserve}))
+        faults += number_faults(
+            "alternatives", self.alternatives, Column("", 0, MOST_ALTERNATIVES, ""), whole=True
+        )
+        faults += number_faults("stop_overhead_s", self.stop_overhead_s, Column("s", 0, MOST_OVERHEAD_S, ""))
+        raise_faults(faults)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class RoadForecast:
+    """One road and its forecast.
+
+    Attributes
+    ----------
+    road : Road
+        From the router.
+    forecast : Forecast
+        Of the energy on the road.
+    labels : tuple of str
+        Of "fastest", "shortest", "least energy".
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> from tripwatt.roads.journey import RoadForecaster
+    >>> from tripwatt.routes import route_from_links
+    >>> from tripwatt.roads.routers import Road
+    >>> links = route_from_links([{"length_m": 3000.0, "travel_time_s": 240.0}])
+    >>> line = np.array([0.0, 3000.0])
+    >>> road = Road(links, ("primary",), np.array([47.0, 47.027]), np.array([9.0, 9.0]), line)
+    >>> expected = RoadForecast(road, RoadForecaster(tw.load_model("bmw_i3_tum"), tw.Departure(soc=0.8)).forecast(road))
+    >>> expected.soc_at(0.0) > expected.soc_at(3000.0)
+    True
+    >>> sorted(expected.to_dict(reserve=0.1))[:4]
+    ['distance_m', 'duration_s', 'forecast', 'labels']
+    """
+
+    road: Road
+    forecast: Forecast
+    labels: tuple[str, ...] = ()
+
+    def soc_at(self, position_m: float) -> float:
+        """Interpolate the displayed charge that is expected at a distance from the start.
+
+        Parameters
+        ----------
+        position_m : float
+            Distance from the start along the road [m].
+
+        Returns
+        -------
+        float
+            0 to 1.
+        """
+        series = self.forecast.series()
+        scale = series["distance_m"].iloc[-1] / self.road.distance_m
+        return float(np.interp(position_m * scale, series["distance_m"], series["displayed_soc"]))
+
+    def without_stops(self, reserve: float) -> ChargingPlan:
+        """The whole journey on this road.
+
+        Parameters
+        ----------
+        reserve : float
+            Displayed state of charge to arrive with.
+
+        Returns
+        -------
+        ChargingPlan
+            Of one leg.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> journey = tw.plan_journey(["Vaduz", "Malbun"], tw.Departure(soc=0.6), atlas="map")  # doctest: +SKIP
+        >>> journey.roads[0].without_stops(0.1).stops  # doctest: +SKIP
+        ()
+        """
+        return ChargingPlan(", ".join(self.labels), (), (Leg(self.road, self.forecast),), reserve)
+
+    def to_dict(self, reserve: float | None = None) -> dict[str, Any]:
+        """Convert the forecast to plain values: the line on the map, the kinds of road, the forecast.
+
+        Parameters
+        ----------
+        reserve : float, optional
+            Displayed charge for which the probability to arrive is given.
+
+        Returns
+        -------
+        dict
+            SI units, as the names of the keys have them.
+        """
+        road = self.road
+        return {
+            "labels": list(self.labels),
+            "distance_m": road.distance_m,
+            "duration_s": self.forecast.plan.duration_s,
+            "line": {name: np.round(getattr(road, name), k).tolist() for name, k in LINE_DIGITS.items()},
+            "links": {
+                "length_m": road.links.length_m.tolist(),
+                "travel_time_s": road.links.travel_time_s.tolist(),
+                "road_class": list(road.road_class),
+            },
+            "stops": [
+                {"position_m": position, "displayed_soc": self.soc_at(position)}
+                for position in road.stop_position_m
+            ],
+            "samples": self.forecast.plan.to_dict()["samples"],
+            "forecast": self.forecast.to_dict(reserve),
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class SpeedAdvice:
+    """Highest speed on motorways with which the journey arrives.
+
+    Attributes
+    ----------
+    speed_m_s : float or None
+        None where no speed suffices.
+    duration_s : float or None
+        Of the whole road at this speed.
+    """
+
+    speed_m_s: float | None
+    duration_s: float | None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Journey:
+    """The answer to "from A to B, do I arrive?".
+
+    Attributes
+    ----------
+    stops : tuple of Place
+        As they were understood.
+    roads : tuple of RoadForecast
+        The fastest first; the answers are about it.
+    reserve : float
+        Displayed state of charge to arrive with.
+    soc_needed : float
+        Displayed charge to leave with, to arrive with the reserve in 19 of 20 trips; above 1 where a full battery does not
+        suffice, and 0 where any charge does.
+    costs_wh : dict
+        Energy of `climate`, `wind` and `speed` (above 100 km/h on motorways): what the journey, with its stops, takes less without it.
+    speed : SpeedAdvice or None
+        None where the journey arrives as it is, or has no motorway.
+    charging : ChargingPlan or None
+        Where the charge does not suffice and stops to charge help: the fastest.
+    charging_alternatives : tuple of ChargingPlan
+        With the fewest stops, the safest, the cheapest by energy, where they differ.
+    flags : tuple of Flag
+        Assumptions of the answers; those of a road are with its forecast.
+    attribution : str
+        What has to be shown beside the road.
+    corridor : Corridor or None
+        The stations that were looked at; None where no stop is needed, or none is known.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> journey = tw.plan_journey(["Vaduz", "Malbun"], tw.Departure(soc=0.6), atlas="map")  # doctest: +SKIP
+    >>> journey.forecast.soc_arrival  # doctest: +SKIP
+    0.42
+    """
+
+    stops: tuple[Place, ...]
+    roads: tuple[RoadForecast, ...]
+    reserve: float
+    soc_needed: float
+    costs_wh: dict[str, float] = field(default_factory=dict)
+    speed: SpeedAdvice | None = None
+    charging: ChargingPlan | None = None
+    charging_alternatives: tuple[ChargingPlan, ...] = ()
+    flags: tuple[Flag, ...] = ()
+    attribution: str = ""
+    corridor: Corridor | None = None
+
+    @property
+    def forecast(self) -> Forecast:
+        """Of the fastest road."""
+        return self.roads[0].forecast
+
+    @property
+    def verdict(self) -> Verdict:
+        """Of the whole journey: with its stops to charge, where they are needed and help."""
+        slower = "none" if self.speed is None or self.speed.speed_m_s is None else "slower"
+        else_ = "charge_before" if self.soc_needed <= 1.0 else slower
+        return Verdict.from_plan(self.charging or self.roads[0].without_stops(self.reserve), else_)
+
+    @property
+    def arrives(self) -> bool:
+        """Whether at least 19 of 20 such journeys have the reserve at every stop and at the end."""
+        return self.verdict.arrives
+
+    @property
+    def leave(self) -> str:
+        """The charge to leave with as a sentence, or why there is none."""
+        return leave_in_words(self.soc_needed, self.reserve, CERTAIN)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values, as the command line and the service give them.
+
+        Returns
+        -------
+        dict
+            Numbers, texts, lists and further dicts only.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> journey = tw.plan_journey(["Vaduz", "Malbun"], tw.Departure(soc=0.6), atlas="map")  # doctest: +SKIP
+        >>> journey.to_dict()["arrives"]  # doctest: +SKIP
+        True
+        """
+        verdict = self.verdict
+        return {
+            "stops": [place.to_dict() for place in self.stops],
+            "reserve": self.reserve,
+            "verdict": verdict.to_dict(),
+            "arrives": verdict.arrives,
+            "p_arrive": verdict.p_reserve,
+            "soc_needed": self.soc_needed,
+            "leave": self.leave,
+            "costs_wh": dict(self.costs_wh),
+            "motorway_speed_m_s": None if self.speed is None else self.speed.speed_m_s,
+            "motorway_duration_s": None if self.speed is None else self.speed.duration_s,
+            "needs_motorway_speed": self.speed is not None,
+            "charging": None if self.charging is None else self.charging.to_dict(),
+            "charging_alternatives": [plan.to_dict() for plan in self.charging_alternatives],
+            "roads": [road.to_dict(self.reserve) for road in self.roads],
+            "flags": [flag_to_dict(flag) for flag in self.flags],
+            "attribution": self.attribution,
+        }
+
+    def to_frame(self) -> pd.DataFrame:
+        """One row for each way to make the journey: plans with stops to charge, then the roads without one.
+
+        Returns
+        -------
+        DataFrame
+            Length, time with charging, number of charges, energy [Wh] and charge at arrival (0 to 1) with their 90 % intervals, probability to
+            have the reserve at every stop and at the end.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> journey = tw.plan_journey(["Vaduz", "Malbun"], tw.Departure(soc=0.6), atlas="map")  # doctest: +SKIP
+        >>> journey.to_frame()  # doctest: +SKIP
+        """
+        ways = (*self.charging_plans, *(road.without_stops(self.reserve) for road in self.roads))
+        rows = [
+            {
+                "labels": plan.label,
+                "distance_m": plan.distance_m,
+                "duration_s": plan.duration_s,
+                "charges": len(plan.stops),
+                "energy_wh": plan.energy_wh,
+                **dict(zip(ENERGY_BAND, plan.energy_interval_wh, strict=True)),
+                "soc_arrival": plan.soc_arrival,
+                "soc_low": plan.soc_interval[0],
+                "soc_high": plan.soc_interval[1],
+                "p_arrive": plan.p_reserve,
+            }
+            for plan in ways
+        ]
+        return pd.DataFrame(rows)
+
+    def plot(self, ax: Axes | None = None) -> Figure:
+        """Energy and state of charge along the journey, with the jumps of its stops to charge.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            Whose place the panels take; a new figure without them.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            Energy, state of charge, causes; of the fastest road where there is no stop.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> journey = tw.plan_journey(["Vaduz", "Malbun"], tw.Departure(soc=0.6), atlas="map")  # doctest: +SKIP
+        >>> journey.plot().savefig("journey.png")  # doctest: +SKIP
+        """
+        if self.charging is None:
+            return self.forecast.plot(ax)
+        from tripwatt.forecasting.plots import plot_forecast  # matplotlib is slow to import
+
+        plan = self.charging
+        return plot_forecast(plan.series(), plan.by_cause_wh, f"{self._title()}: {self._in_short}", ax=ax)
+
+    @property
+    def charging_plans(self) -> tuple[ChargingPlan, ...]:
+        """The fastest with stops to charge and its alternatives; empty where none are needed or none help."""
+        return () if self.charging is None else (self.charging, *self.charging_alternatives)
+
+    @property
+    def _in_short(self) -> str:
+        charges, low_high = self.verdict.charges, self.verdict.soc_interval
+        stops = "" if not charges else f"{charges} {'stop' if charges == 1 else 'stops'} to charge, "
+        return f"{stops}arrival with {self.verdict.soc_arrival:.0%}, 90 % interval {low_high[0]:.0%} to {low_high[1]:.0%}"
+
+    def _title(self) -> str:
+        return " to ".join(place.title for place in self.stops)
+
+    def __repr__(self) -> str:
+        return f"<Journey {self._title()}: {self.roads[0].road.distance_m / 1000.0:.1f} km, {self._in_short}>"
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (
+                ", ".join(road.labels) or "road",
+                f"{road.road.distance_m / 1000.0:.1f} km, "
+                f"{road.forecast.plan.duration_s / SECONDS_PER_MINUTE:.0f} min, "
+                f"arrival with {road.forecast.soc_arrival:.0%}",
+            )
+            for road in self.roads
+        ]
+        return html_table(
+            f"Journey {self._title()}",
+            [("whole journey", self._in_short), *rows, ("leave with", self.leave), ("", self.attribution)],
+        )
+
+
+def plan_journey(
+    stops: Sequence[Place | str],
+    departure: Departure | None = None,
+    *,
+    atlas: Atlas | AtlasSettings | Path | str | None = None,
+    model: ForecastModel | Path | str | None = None,
+    vehicle: Vehicle | str | None = None,
+    options: JourneyOptions | None = None,
+) -> Journey:
+    """Plan a journey: find roads, forecast each, and answer what a driver asks.
+
+    Parameters
+    ----------
+    stops : sequence of Place or str
+        Start, places on the way, destination; a text is a name or latitude and longitude.
+    departure : Departure, optional
+        State of the car and time of departure.
+    atlas : Atlas, AtlasSettings, path or str, optional
+        Folder of a map, or URL of a router's server; `TRIPWATT_MAP` when not given.
+    model : ForecastModel or path, optional
+        The model that comes with the package when not given.
+    vehicle : Vehicle or str, optional
+        A car other than the model's own.
+    options : JourneyOptions, optional
+        Reserve at arrival, alternatives, and what is worked out.
+
+    Returns
+    -------
+    Journey
+        Its roads with their forecasts, and the answers about the fastest.
+
+    Raises
+    ------
+    InvalidInput
+        When a place is unknown, no road connects them, or the model cannot be used.
+    RemoteError
+        When a server that was named does not answer.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> journey = tw.plan_journey(["Vaduz", "Malbun"], tw.Departure(soc=0.6), atlas="map")  # doctest: +SKIP
+    >>> journey.arrives, journey.soc_needed  # doctest: +SKIP
+    (True, 0.34)
+    """
+    options = options or JourneyOptions()
+    if not isinstance(atlas, Atlas):
+        atlas = open_atlas(atlas)
+    forecaster = RoadForecaster(for_car(model, vehicle), departure or Departure(), atlas.weather)
+    return journey_with(forecaster, find_stops(stops, atlas, round_trip=options.round_trip), atlas, options)
+
+
+def find_stops(stops: Sequence[Place | str], atlas: Atlas, *, round_trip: bool = False) -> tuple[Place, ...]:
+    """Find the places of a journey.
+
+    Parameters
+    ----------
+    stops : sequence of Place or str
+        In order; a text is the name of a place, or latitude and longitude.
+    atlas : Atlas
+        With a search of places, for names.
+    round_trip : bool
+        Whether the first place is also the last.
+
+    Returns
+    -------
+    tuple of Place
+        In the order of the journey.
+
+    Raises
+    ------
+    InvalidInput
+        With every place that is unknown, or when there are too few or too many.
+
+    Examples
+    --------
+    >>> from tripwatt.roads.journey import Atlas
+    >>> from tripwatt.roads.routers import open_server
+    >>> atlas = Atlas(open_server("osrm=http://127.0.0.1:5000"))
+    >>> len(find_stops(["47.14, 9.52", "47.16, 9.50"], atlas, round_trip=True))
+    3
+    """
+    if not 2 <= len(stops) <= MOST_STOPS:
+        raise InvalidInput.of("number of places out of range", "stops", f"{len(stops)}", f"2 to {MOST_STOPS}")
+    with Check() as check:
+        places = [check(atlas.find, stop, f"stops[{k}]") for k, stop in enumerate(stops)]
+    return (*places, places[0]) if round_trip else tuple(places)
+
+
+def journey_with(
+    forecaster: RoadForecaster, stops: tuple[Place, ...], atlas: Atlas, options: JourneyOptions
+) -> Journey:
+    """Plan a journey as `plan_journey` does, with everything opened.
+
+    Parameters
+    ----------
+    forecaster : RoadForecaster
+        The car, its departure and the weather.
+    stops : tuple of Place
+        In the order of the journey, at least two.
+    atlas : Atlas
+        With a router.
+    options : JourneyOptions
+        What is asked.
+
+    Returns
+    -------
+    Journey
+        With a forecast for each road.
+
+    Raises
+    ------
+    InvalidInput
+        When there is no road, or as `RoadForecaster.forecast`.
+
+    Examples
+    --------
+    >>> journey_with(forecaster, find_stops(["Vaduz", "Malbun"], atlas), atlas, JourneyOptions())  # doctest: +SKIP
+    """
+    title = " to ".join(place.title for place in stops)[:100]
+    roads = atlas.router.roads(stops, alternatives=options.alternatives)
+    forecasts = _labelled([RoadForecast(road, forecaster.forecast(road, title)) for road in roads])
+    first = forecasts[0]
+    needed = first.forecast.soc_needed(options.reserve, CERTAIN)
+    journey = Journey(stops, forecasts, options.reserve, needed, attribution=atlas.attribution)
+    if not options.answers:
+        return journey
+    journey = replace(journey, speed=_speed(forecaster, first, options.reserve))
+    if options.charge and not journey.arrives:
+        journey = _with_stops(journey, forecaster, atlas, options)
+    return replace(journey, costs_wh=_costs(journey, forecaster))
+
+
+def _with_stops(
+    journey: Journey, forecaster: RoadForecaster, atlas: Atlas, options: JourneyOptions
+) -> Journey:
+    """The journey with stops to charge, or why there are none."""
+    first = journey.roads[0]
+    curve = options.charging_curve or ChargingCurve.from_vehicle(
+        forecaster.model.vehicle, first.forecast.charge.wh_per_display
+    )
+    if not atlas.stations:
+        return replace(journey, flags=(*journey.flags, Flag("no_stations", "charging")))
+    plugs = plugs_of(forecaster.model.vehicle.name, first.road.place_at(0.0))
+    rules = StopRules(curve, options.reserve, options.stop_overhead_s, options.preheat_battery, plugs)
+    corridor = Corridor(forecaster, first.road, first.forecast, atlas, rules, journey.stops[1:-1])
+    plans = find_plans(corridor)
+    flags = list(journey.flags)
+    if not plans or plans[0].label == BEST_EFFORT:
+        flags.append(Flag("no_stop_found", "charging"))
+    if not plans:
+        return replace(journey, flags=tuple(flags))
+    if curve.is_class:
+        flags.append(Flag("class_charging_curve", "charging"))
+    known = {bool(plugs and stop.station.plugs) for stop in plans[0].stops}
+    codes = {True: "plugs_assumed", False: "plugs_unknown"}
+    flags += [Flag(code, "charging") for is_known, code in codes.items() if is_known in known]
+    if float(corridor.cell_degc.min()) < WARM_DEGC and any(s.station.direct_current for s in plans[0].stops):
+        flags.append(Flag("cold_charging_assumed", "charging"))
+    found = replace(journey, corridor=corridor, charging=plans[0], charging_alternatives=plans[1:])
+    return replace(found, flags=tuple(flags))
+
+
+def _labelled(roads: list[RoadForecast]) -> tuple[RoadForecast, ...]:
+    """Roads with their labels, the fastest first."""
+    roads = sorted(roads, key=lambda road: road.road.duration_s)
+    best = {
+        "fastest": 0,
+        "shortest": int(np.argmin([road.road.distance_m for road in roads])),
+        "least energy": int(np.argmin([road.forecast.energy_wh for road in roads])),
+    }
+    return tuple(
+        replace(road, labels=tuple(label for label, index in best.items() if index == k))
+        for k, road in enumerate(roads)
+    )
+
+
+def _costs(journey: Journey, forecaster: RoadForecaster) -> dict[str, float]:
+    """What climate control, wind and speed take on the whole journey [Wh]."""
+    whole = journey.charging or journey.roads[0].without_stops(journey.reserve)
+    parts = [_leg_costs(leg, forecaster) for leg in whole.legs]
+    return {cause: sum(part[cause] for part in parts) for cause in parts[0]}
+
+
+def _leg_costs(leg: Leg, forecaster: RoadForecaster) -> dict[str, float]:
+    forecast, plan = leg.forecast, leg.forecast.plan
+    own = {name: getattr(plan.departure, name) for name in OF_LEG}
+    forecaster = replace(forecaster, departure=replace(forecaster.departure, **own))
+    off = replace(plan, departure=replace(plan.departure, climate="off"))
+    costs = {
+        "climate": forecast.energy_wh - forecaster.forecast_plan(off).energy_wh,
+        "wind": 0.0,
+        "speed": 0.0,
+    }
+    if plan.air is not None and bool(plan.air.headwind_m_s.any()):
+        calm = plan.with_weather(plan.air.calm())
+        costs["wind"] = forecast.energy_wh - forecaster.forecast_plan(calm).energy_wh
+    slower = capped(leg.road, CHEAPER_KM_H * M_S_PER_KM_H)
+    if slower.duration_s > leg.road.duration_s:
+        costs["speed"] = forecast.energy_wh - forecaster.forecast(slower).energy_wh
+    return costs
+
+
+def _speed(forecaster: RoadForecaster, first: RoadForecast, reserve: float) -> SpeedAdvice | None:
+    if first.forecast.p_arrive(reserve) >= CERTAIN:
+        return None
+    road = first.road
+    if float(road.links.length_m[on_motorway(road)].sum()) < LEAST_MOTORWAY_M:
+        return None
+    for speed in MOTORWAY_SPEEDS_KM_H:
+        slower = capped(road, speed * M_S_PER_KM_H)
+        if slower.duration_s <= road.duration_s:
+            continue
+        forecast = forecaster.forecast(slower)
+        if forecast.p_arrive(reserve) >= CERTAIN:
+            return SpeedAdvice(speed * M_S_PER_KM_H, forecast.plan.duration_s)
+    return SpeedAdvice(None, None)

@@ -1,0 +1,198 @@
+"""The area of reach: how far a charge carries in every direction, with 95 % and with 50 %."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from tripwatt.arrays import FloatArray
+from tripwatt.errors import InvalidInput, RemoteError
+from tripwatt.forecasting import Forecast
+from tripwatt.forecasting.forecast import first_empty
+from tripwatt.roads.journey.atlas import Atlas
+from tripwatt.roads.journey.forecasting import RoadForecaster
+from tripwatt.roads.routers import Road
+from tripwatt.routes.places import Place, bearings_deg
+from tripwatt.trips import Flag
+from tripwatt.trips.columns import require_fraction
+from tripwatt.trips.messages import flag_to_dict
+
+LEVELS: Final = (0.95, 0.5)
+DIRECTIONS: Final = 24
+FRUGAL_WH_KM: Final = 80.0
+"""No car takes less over a long way on the flat: the places that roads are looked for lie beyond every reach."""
+
+LONGEST_CONTOUR_MIN: Final = 120.0
+"""Longest isochrone that is asked: servers allow two hours."""
+
+SLOW_ROAD_M_S: Final = 8.0
+"""No way to the end of a reach is slower on the whole: the isochrone lies beyond it."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Reach:
+    """The area that a charge reaches.
+
+    Attributes
+    ----------
+    start : Place
+        Where the car leaves.
+    outlines : dict of float to tuple of Place
+        Probability -> corners of the area, clockwise; each lies on a road.
+    map_ends : bool
+        Whether the map ends before the charge in at least one direction: the area is larger than shown.
+    attribution : str
+        What has to be shown beside the area.
+
+    Examples
+    --------
+    >>> start = Place(47.0, 9.0)
+    >>> corners = tuple(start.moved(bearing, 80_000.0) for bearing in (0.0, 120.0, 240.0))
+    >>> area = Reach(start, {0.9: corners}, map_ends=False).to_dict()
+    >>> area["areas"][0]["polygon"]["type"], len(area["areas"][0]["polygon"]["coordinates"][0])
+    ('Polygon', 4)
+    """
+
+    start: Place
+    outlines: dict[float, tuple[Place, ...]]
+    map_ends: bool
+    attribution: str = ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Convert the area to plain values; outlines as GeoJSON polygons.
+
+        Returns
+        -------
+        dict
+            Keys `start`, `areas`, `map_ends`, `flags` and `attribution`.
+        """
+        flags = [flag_to_dict(Flag("map_ends", "reach"))] if self.map_ends else []
+        return {
+            "start": self.start.to_dict(),
+            "areas": [
+                {"probability": level, "polygon": {"type": "Polygon", "coordinates": [_ring(corners)]}}
+                for level, corners in self.outlines.items()
+            ],
+            "map_ends": self.map_ends,
+            "flags": flags,
+            "attribution": self.attribution,
+        }
+
+
+def find_reach(forecaster: RoadForecaster, start: Place, atlas: Atlas, *, reserve: float = 0.0) -> Reach:
+    """Find the area of reach. One road and one forecast for each of `DIRECTIONS` directions.
+
+    Roads lead to places at the edge of an isochrone, or of a circle where the router has none, beyond the reach of the
+    car; along each road the forecast gives the distance at which the charge falls to the reserve with a probability.
+
+    Parameters
+    ----------
+    forecaster : RoadForecaster
+        The car, its departure and the weather.
+    start : Place
+        Where the car leaves.
+    atlas : Atlas
+        With a router.
+    reserve : float
+        Displayed state of charge that is kept.
+
+    Returns
+    -------
+    Reach
+        One outline for each probability.
+
+    Raises
+    ------
+    InvalidInput
+        When the reserve is no fraction, or no road leads away from the start.
+
+    Examples
+    --------
+    >>> find_reach(forecaster, Place(47.14, 9.52), open_atlas("map"), reserve=0.1)  # doctest: +SKIP
+    """
+    reserve = require_fraction("reserve", reserve)
+    roads, last = [], None
+    for place in _targets(forecaster, start, atlas):
+        try:
+            roads.append(atlas.router.roads((start, place))[0])
+        except RemoteError:
+            raise
+        except InvalidInput as error:
+            last = error
+    if not roads:
+        raise last or InvalidInput([])
+    return reach_along(
+        roads, [forecaster.forecast(road, "reach") for road in roads], start, reserve, atlas.attribution
+    )
+
+
+def reach_along(
+    roads: list[Road], forecasts: list[Forecast], start: Place, reserve: float, attribution: str = ""
+) -> Reach:
+    """The area of reach of roads that lead away from a place, with the forecast of each."""
+    outlines, ends = {}, False
+    for level in LEVELS:
+        corners = []
+        for road, forecast in zip(roads, forecasts, strict=True):
+            share = reached_share(forecast, level, reserve)
+            ends = ends or share >= 1.0
+            corners.append(road.place_at(share * road.distance_m))
+        outlines[level] = _around(start, corners)
+    return Reach(start, outlines, ends, attribution)
+
+
+def _ring(corners: tuple[Place, ...]) -> list[list[float]]:
+    """A closed ring of GeoJSON."""
+    return [[round(p.longitude_deg, 6), round(p.latitude_deg, 6)] for p in (*corners, *corners[:1])]
+
+
+def reached_share(forecast: Forecast, level: float, reserve: float) -> float:
+    """Share of the way at which the charge falls to the reserve with a probability of `1 - level`; 1 = not on it."""
+    distance = forecast.drive.distance_m
+    reached_m = first_empty(forecast.soc_along(level) - reserve, distance)
+    return 1.0 if reached_m is None else reached_m / float(distance[-1])
+
+
+def _targets(forecaster: RoadForecaster, start: Place, atlas: Atlas) -> list[Place]:
+    """A place in each direction, farther than the charge carries, or at the end of the map."""
+    soc = forecaster.departure.soc if forecaster.departure.soc is not None else 0.8
+    battery = forecaster.model.vehicle.battery
+    energy_wh = soc * battery.capacity_ah * battery.cells_in_series * float(np.max(battery.ocv_v))
+    farthest_m = energy_wh / FRUGAL_WH_KM * 1000.0
+    if atlas.bounds_deg is not None:
+        south, west, north, east = atlas.bounds_deg
+        corners = [Place(lat, lon) for lat in (south, north) for lon in (west, east)]
+        farthest_m = min(farthest_m, max(start.distance_m(corner) for corner in corners))
+    minutes = farthest_m / SLOW_ROAD_M_S / 60.0
+    outline = atlas.router.outline(start, min(minutes, LONGEST_CONTOUR_MIN))
+    bearings = np.arange(DIRECTIONS) * 360.0 / DIRECTIONS
+    if not outline:
+        return [start.moved(float(bearing), farthest_m) for bearing in bearings]
+    where, off = _seen_from(start, outline)
+    chosen: list[Place] = []
+    for bearing in bearings:
+        near = np.flatnonzero(np.abs((where - bearing + 180.0) % 360.0 - 180.0) <= 180.0 / DIRECTIONS)
+        if len(near):
+            chosen.append(outline[int(near[np.argmax(off[near])])])
+    return chosen
+
+
+def _seen_from(start: Place, places: tuple[Place, ...]) -> tuple[FloatArray, FloatArray]:
+    """Direction [°] and distance [m] of places."""
+    ways = [np.array([(p.latitude_deg, p.longitude_deg) for p in (start, place)]).T for place in places]
+    bearings = np.array([bearings_deg(*way)[0] for way in ways])
+    return bearings, np.array([start.distance_m(place) for place in places])
+
+
+def _around(start: Place, corners: list[Place]) -> tuple[Place, ...]:
+    """Corners in the order of their direction, in each direction the farthest."""
+    where, off = _seen_from(start, tuple(corners))
+    best: dict[int, int] = {}
+    for k in range(len(corners)):
+        sector = round(where[k] / 360.0 * DIRECTIONS) % DIRECTIONS
+        if sector not in best or off[k] > off[best[sector]]:
+            best[sector] = k
+    chosen = sorted(best.values(), key=lambda k: where[k])
+    return tuple(corners[k] for k in chosen)

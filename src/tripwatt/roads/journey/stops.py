@@ -1,0 +1,379 @@
+"""A journey with stops to charge: each stop, each leg, and what the whole journey comes to."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.arrays import FloatArray, running_sum
+from tripwatt.forecasting import Forecast
+from tripwatt.roads.journey.solver import joint_chance
+from tripwatt.roads.maps import Station
+from tripwatt.roads.routers import Road
+from tripwatt.trips import Departure
+
+BAND: Final = 0.9
+CLOSE_SOC: Final = 0.05
+"""A leg is not forecast again for a charge at departure that differs by this or less."""
+ENERGY_BAND: Final = ("energy_low_wh", "energy_high_wh")
+BELOW_ABOVE: Final = np.array([-1.0, 1.0])
+SHOWN: Final = ("displayed_soc", "displayed_soc_low", "displayed_soc_high")
+
+COURSE: Final = dict(
+    zip(
+        ("position_m", "time_s", "displayed_soc", "low", "high"),
+        ("distance_m", "time_s", *SHOWN),
+        strict=True,
+    )
+)
+"""Fields of the course of a journey, and the columns of `ChargingPlan.series` that they are."""
+
+LINE_DIGITS: Final = {"latitude_deg": 6, "longitude_deg": 6, "position_m": 1}
+"""Columns of a line on the map, and the digits that are told of each."""
+
+WHOLE: Final = (
+    *("p_arrive", "p_reserve", "soc_arrival", "soc_interval"),
+    *("driving_s", "charging_s", "duration_s", "energy_wh"),
+)
+"""What a plan and a verdict tell of a whole journey."""
+
+
+@dataclass(frozen=True, slots=True)
+class NextStation:
+    """Where to go from a station that is occupied.
+
+    Attributes
+    ----------
+    station : Station
+    soc_arrival : float
+        Displayed charge that is expected there.
+    p_reach : float
+        Probability to reach it; the reserve may be used.
+    more_s : float
+        Time that the journey takes longer [s].
+    """
+
+    station: Station
+    soc_arrival: float
+    p_reach: float
+    more_s: float
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ChargingStop:
+    """One stop to charge.
+
+    Attributes
+    ----------
+    station : Station
+        Where the car charges.
+    position_m : float
+        Along the line of the journey.
+    soc_arrival, soc_leave : float
+        Displayed charge that is expected at arrival, and to leave with.
+    soc_interval : tuple of float
+        90 % interval of the charge at arrival.
+    energy_wh : float
+        Charged into the battery [Wh].
+    charging_s, overhead_s : float
+        Time that the charge takes, and that parking, plugging in and paying take [s].
+    arrives_after_s : float
+        Since departure [s].
+    p_reach : float
+        Probability to arrive with the reserve.
+    preheat : bool
+        Whether the battery is heated for the stop.
+    if_full : NextStation or None
+        Where to go when it is occupied; None where no other station helps.
+
+    Examples
+    --------
+    >>> station = Station(47.0, 9.0, "A", 5e4, direct_current=True)
+    >>> stop = ChargingStop(station, 5e4, 0.2, 0.8, (0.15, 0.25), 2.4e4, 1800.0, 300.0, 3600.0, 0.99)
+    >>> stop.to_dict()["station"]["name"], stop.to_dict()["soc_interval"]
+    ('A', [0.15, 0.25])
+    """
+
+    station: Station
+    position_m: float
+    soc_arrival: float
+    soc_leave: float
+    soc_interval: tuple[float, float]
+    energy_wh: float
+    charging_s: float
+    overhead_s: float
+    arrives_after_s: float
+    p_reach: float
+    preheat: bool = False
+    if_full: NextStation | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Convert the stop to plain values.
+
+        Returns
+        -------
+        dict
+            One key for each attribute; the station as a dict.
+        """
+        return {**asdict(self), "soc_interval": list(self.soc_interval)}
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Leg:
+    """A road between two stops with its forecast.
+
+    Attributes
+    ----------
+    road : Road
+    forecast : Forecast
+        From the charge that the leg is left with.
+    preheat_soc : float
+        Displayed charge that heats the battery for the stop at its end.
+    """
+
+    road: Road
+    forecast: Forecast
+    preheat_soc: float = 0.0
+
+    def chance(self, reserve: float) -> float:
+        """Probability to arrive with a reserve."""
+        return self.forecast.p_arrive(min(reserve + self.preheat_soc, 1.0))
+
+    @property
+    def soc_arrival(self) -> float:
+        """Displayed charge that is expected at the end."""
+        return max(self.forecast.soc_arrival - self.preheat_soc, 0.0)
+
+    @property
+    def soc_interval(self) -> tuple[float, float]:
+        """90 % interval of the charge at the end."""
+        low, high = self.forecast.soc_interval(BAND)
+        return max(low - self.preheat_soc, 0.0), max(high - self.preheat_soc, 0.0)
+
+    @property
+    def energy_wh(self) -> float:
+        """Of the drive and of heating the battery [Wh]."""
+        return self.forecast.energy_wh + self.preheat_soc * self.forecast.charge.wh_per_display
+
+    @property
+    def shared(self) -> float:
+        """Share of what the legs of a journey have in common in the standard deviation of the charge at the end.
+
+        The drift of the power, local travel times, an unknown climb and the reading of the display are new on each leg; the rest
+        is that of car, driver and weather.
+        """
+        common, own = (float(part[-1]) for part in variance_along(self.forecast))
+        climb = self.forecast.sd_wh**2 - float(self.forecast.energy_sd_wh[-1]) ** 2
+        return float(np.sqrt(common / (common + own + climb)))
+
+    def shifted(self, soc: float) -> Leg:
+        """The leg from another charge with the energy that it has: it changes by a thousandth in 5 percentage points."""
+        drive = replace(self.forecast.drive, plan=self.forecast.plan.with_departure(Departure(soc=soc)))
+        return replace(self, forecast=replace(self.forecast, drive=drive))
+
+    def leaving_with(self, soc: float) -> Leg:
+        """The leg from another charge; forecast again where that is not close."""
+        if abs(soc - (self.forecast.plan.departure.soc or 0.0)) <= CLOSE_SOC:
+            return self.shifted(soc)
+        return replace(self, forecast=self.forecast.leaving_with(soc))
+
+
+def variance_along(forecast: Forecast) -> tuple[FloatArray, FloatArray]:
+    """Variance of what is taken of the battery up to each edge of the segments [Wh²], each of shape (segments + 1,).
+
+    Returns
+    -------
+    common : ndarray
+        Of what all parts of a journey share, which grows with the square of the way: car, driver, weather, capacity.
+    own : ndarray
+        Of what is new on each part, which grows with the way: the drift of the power, local travel times, the reading of the display.
+        An unknown climb is in neither.
+    """
+    uncertainty, charge = forecast.uncertainty, forecast.charge
+    hours = running_sum(forecast.drive.table.hours)
+    own = forecast.sd_factor**2 * uncertainty.scale.course.drift_wh2(hours)
+    if forecast.plan.free_flow and uncertainty.free_flow is not None:
+        local = uncertainty.free_flow.local_variance_m / forecast.plan.distance_m * forecast.energy_wh**2
+        own = own + local * hours / hours[-1]
+    reading = (charge.displayed_sd * charge.wh_per_display) ** 2
+    whole = (
+        forecast.energy_sd_wh**2
+        + (charge.sd(forecast.energy_along_wh, True) * charge.wh_per_display) ** 2
+        - reading
+    )
+    return np.maximum(whole - own, 0.0), own + reading
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ChargingPlan:
+    """A whole journey with its stops to charge, or on one road without a stop.
+
+    Attributes
+    ----------
+    label : str
+        "fastest", "fewest stops", "safest" or "cheapest"; "best effort" where no first station is reached with the chance of a journey.
+    stops : tuple of ChargingStop
+        In the order of the journey.
+    legs : tuple of Leg
+        One more than stops.
+    reserve : float
+        Displayed charge to have at every stop and at the end.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> journey = tw.plan_journey(["Vaduz", "Malbun"], tw.Departure(soc=0.12), atlas="map")  # doctest: +SKIP
+    >>> [stop.station.name for stop in journey.charging.stops]  # doctest: +SKIP
+    ['Triesen']
+    """
+
+    label: str
+    stops: tuple[ChargingStop, ...]
+    legs: tuple[Leg, ...]
+    reserve: float
+
+    @property
+    def p_arrive(self) -> float:
+        """Probability that the battery is empty nowhere."""
+        return self._chance(0.0)
+
+    @property
+    def p_reserve(self) -> float:
+        """Probability to have the reserve at every stop and at the end."""
+        return self._chance(self.reserve)
+
+    def _chance(self, reserve: float) -> float:
+        chances = np.array([leg.chance(reserve) for leg in self.legs])
+        return joint_chance(chances, np.array([leg.shared for leg in self.legs]))
+
+    @property
+    def soc_arrival(self) -> float:
+        """Displayed charge that is expected at the destination."""
+        return self.legs[-1].soc_arrival
+
+    @property
+    def soc_interval(self) -> tuple[float, float]:
+        """90 % interval of the charge at the destination."""
+        return self.legs[-1].soc_interval
+
+    @property
+    def driving_s(self) -> float:
+        """Time on the road [s]."""
+        return sum(leg.forecast.plan.duration_s for leg in self.legs)
+
+    @property
+    def charging_s(self) -> float:
+        """Time at stations with overheads [s]."""
+        return sum(stop.charging_s + stop.overhead_s for stop in self.stops)
+
+    @property
+    def duration_s(self) -> float:
+        """Driving and charging [s]."""
+        return self.driving_s + self.charging_s
+
+    @property
+    def energy_wh(self) -> float:
+        """Energy of all legs [Wh]."""
+        return sum(leg.energy_wh for leg in self.legs)
+
+    @property
+    def distance_m(self) -> float:
+        """Length with detours [m]."""
+        return sum(leg.road.distance_m for leg in self.legs)
+
+    @property
+    def by_cause_wh(self) -> dict[str, float]:
+        """Energy of all legs by cause [Wh]; heating the battery for a stop is with climate control."""
+        parts: dict[str, float] = {}
+        for leg in self.legs:
+            for cause, wh in leg.forecast.by_cause_wh.items():
+                parts[cause] = parts.get(cause, 0.0) + wh
+        parts["climate"] += self.energy_wh - sum(leg.forecast.energy_wh for leg in self.legs)
+        return parts
+
+    @property
+    def battery_loss_wh(self) -> float:
+        """Heat in the battery on the road [Wh], beside the energy at its terminals."""
+        return sum(leg.forecast.battery_loss_wh for leg in self.legs)
+
+    @property
+    def energy_interval_wh(self) -> tuple[float, float]:
+        """90 % interval of the energy of all legs [Wh]."""
+        low, high = self.series()[list(ENERGY_BAND)].iloc[-1].tolist()
+        return low, high
+
+    def series(self) -> pd.DataFrame:
+        """Along the journey, as `Forecast.series`; a stop has a row before and one after charging.
+
+        Returns
+        -------
+        DataFrame
+            Time since departure with charging, distance with detours. What legs share of their errors of energy adds up in the band, the
+            rest as independent parts.
+
+        Examples
+        --------
+        >>> journey.charging.series()["displayed_soc"].min()  # doctest: +SKIP
+        0.14
+        """
+        tables, time_s, distance_m, energy_wh = [], 0.0, 0.0, 0.0
+        shared_wh, own_wh2 = np.zeros((1, 2)), np.zeros((1, 2))
+        for k, leg in enumerate(self.legs):
+            table = leg.forecast.series()
+            table["distance_m"] *= leg.road.distance_m / float(table["distance_m"].iloc[-1])
+            table["distance_m"] += distance_m
+            table["time_s"] += time_s
+            half_wh = np.abs(table[list(ENERGY_BAND)].to_numpy() - table[["energy_wh"]].to_numpy())
+            shared_wh = shared_wh[-1] + leg.shared * half_wh
+            own_wh2 = own_wh2[-1] + (1.0 - leg.shared**2) * half_wh**2
+            table["energy_wh"] += energy_wh
+            table[list(ENERGY_BAND)] = table[["energy_wh"]].to_numpy() + BELOW_ABOVE * np.sqrt(
+                shared_wh**2 + own_wh2
+            )
+            last = table.index[-1]
+            table.loc[last, list(SHOWN)] = (table.loc[last, list(SHOWN)] - leg.preheat_soc).clip(lower=0.0)
+            tables.append(table)
+            distance_m += leg.road.distance_m
+            energy_wh += leg.energy_wh
+            time_s = float(table["time_s"].iloc[-1])
+            if k < len(self.stops):
+                time_s += self.stops[k].charging_s + self.stops[k].overhead_s
+        return pd.concat(tables, ignore_index=True)
+
+    @property
+    def line(self) -> dict[str, FloatArray]:
+        """Line on the map: `latitude_deg, longitude_deg, position_m`."""
+        roads = [leg.road for leg in self.legs]
+        line = {name: np.concatenate([getattr(road, name) for road in roads]) for name in LINE_DIGITS}
+        starts = np.cumsum([0.0, *(road.distance_m for road in roads[:-1])])
+        line["position_m"] += np.repeat(starts, [len(road.position_m) for road in roads])
+        return line
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values, as the command line and the service give them.
+
+        Returns
+        -------
+        dict
+            Numbers, texts, lists and further dicts only.
+
+        Examples
+        --------
+        >>> sorted(journey.charging.to_dict()["course"])  # doctest: +SKIP
+        ['displayed_soc', 'high', 'low', 'position_m', 'time_s']
+        """
+        series = self.series()
+        return {
+            "label": self.label,
+            "stops": [stop.to_dict() for stop in self.stops],
+            **{name: getattr(self, name) for name in WHOLE},
+            "soc_interval": list(self.soc_interval),
+            "energy_interval_wh": series[list(ENERGY_BAND)].iloc[-1].tolist(),
+            "by_cause_wh": self.by_cause_wh,
+            "battery_loss_wh": self.battery_loss_wh,
+            "course": {name: series[column].tolist() for name, column in COURSE.items()},
+            "line": {name: np.round(self.line[name], k).tolist() for name, k in LINE_DIGITS.items()},
+        }

@@ -1,0 +1,85 @@
+"""What the whole journey comes to: whether it arrives, when, with what charge, and what to do."""
+
+from __future__ import annotations
+
+import datetime as dt
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from tripwatt.roads.journey.corridor import CERTAIN
+from tripwatt.roads.journey.stops import WHOLE, ChargingPlan
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """The whole journey, with its stops to charge.
+
+    Attributes
+    ----------
+    arrives : bool
+        Whether at least 19 of 20 such journeys have the reserve at every stop and at the end.
+    p_arrive, p_reserve : float
+        Probability that the battery is empty nowhere, and that of the reserve at every stop and at the end.
+    soc_arrival : float
+        Displayed charge that is expected at the destination.
+    soc_interval : tuple of float
+        Its 90 % interval.
+    driving_s, charging_s, duration_s : float
+        Time on the road, at stations with overheads, and both [s].
+    departs_at, arrives_at : datetime or None
+        Local times; None where the departure has none.
+    energy_wh : float
+        Of the whole journey [Wh].
+    charges : int
+        Number of stops to charge.
+    advice : str
+        "go", "stop", "charge_before", "slower" or "none" where nothing helps.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> journey = tw.plan_journey(["Vaduz", "Malbun"], tw.Departure(soc=0.6), atlas="map")  # doctest: +SKIP
+    >>> journey.verdict.advice  # doctest: +SKIP
+    'go'
+    """
+
+    arrives: bool
+    p_arrive: float
+    p_reserve: float
+    soc_arrival: float
+    soc_interval: tuple[float, float]
+    driving_s: float
+    charging_s: float
+    duration_s: float
+    departs_at: dt.datetime | None
+    arrives_at: dt.datetime | None
+    energy_wh: float
+    charges: int
+    advice: str
+
+    @classmethod
+    def from_plan(cls, plan: ChargingPlan, else_: str) -> Verdict:
+        """Of a whole journey; `else_` is the advice where it does not arrive."""
+        leaves, arrives = plan.legs[0].forecast.plan.departure.departs_at, plan.p_reserve >= CERTAIN
+        advice = else_ if not arrives else "stop" if plan.stops else "go"
+        return cls(
+            arrives=arrives,
+            departs_at=leaves,
+            arrives_at=None if leaves is None else leaves + dt.timedelta(seconds=plan.duration_s),
+            charges=len(plan.stops),
+            advice=advice,
+            **{name: getattr(plan, name) for name in WHOLE},
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values; times as ISO 8601.
+
+        Returns
+        -------
+        dict
+            One key for each attribute.
+        """
+        values = {**asdict(self), "soc_interval": list(self.soc_interval)}
+        for name in ("departs_at", "arrives_at"):
+            values[name] = values[name] and values[name].isoformat(timespec="seconds")
+        return values

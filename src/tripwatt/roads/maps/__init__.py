@@ -1,0 +1,19 @@
+"""Maps of a region on this machine: roads, elevation, places and charging stations, made of an OpenStreetMap extract."""
+
+from tripwatt.roads.maps.elevation import Elevation
+from tripwatt.roads.maps.folder import ATTRIBUTION, MapFolder, build_map, open_map
+from tripwatt.roads.maps.index import PlaceIndex
+from tripwatt.roads.maps.stations import Station, near, read_stations, within
+
+__all__ = [
+    "ATTRIBUTION",
+    "Elevation",
+    "MapFolder",
+    "PlaceIndex",
+    "Station",
+    "build_map",
+    "near",
+    "open_map",
+    "read_stations",
+    "within",
+]

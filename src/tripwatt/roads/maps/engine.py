@@ -1,0 +1,177 @@
+"""Valhalla on this machine: where its programs are, its configuration for a map folder, and the router in this process.
+
+`pyvalhalla` has wheels for Python 3.12 and newer. Its programs run without Python: the environment variable
+`TRIPWATT_VALHALLA` names the folder of an unpacked wheel, for other versions of Python.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tarfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+from tripwatt.errors import InvalidInput, RemoteError, install
+from tripwatt.roads.routers.valhalla import ValhallaRouter
+
+FOLDER_VARIABLE: Final = "TRIPWATT_VALHALLA"
+INSTALL: Final = (
+    f"use Python 3.12 or newer and {install('routing')}, set TRIPWATT_VALHALLA to the folder of an "
+    "unpacked pyvalhalla wheel, or name a server by its URL"
+)
+PACKED: Final = "tiles.tar"
+"""All tiles as one file, which Valhalla maps into memory: processes on one map share it, and none keeps tiles of its own."""
+
+FARTHEST_M: Final = 5_000_000.0
+LONGEST_CONTOUR_MIN: Final = 600
+SHOWN_FROM_ZOOM: Final = (4, 5, 6, 8, 10, 11, 12, 13)
+"""Zoom of the vector tiles from which roads are in them: by class, from motorways to service roads."""
+
+
+def valhalla_folder() -> Path | None:
+    """The folder of the package `valhalla` with its programs in `bin`; None where there is none."""
+    named = os.environ.get(FOLDER_VARIABLE, "")
+    candidates = [Path(named), Path(named) / "valhalla"] if named else []
+    spec = importlib.util.find_spec("valhalla")
+    if spec is not None and spec.origin is not None:
+        candidates.append(Path(spec.origin).parent)
+    return next((path for path in candidates if (path / "bin" / "valhalla_build_tiles").is_file()), None)
+
+
+def require_valhalla() -> Path:
+    """As `valhalla_folder`.
+
+    Raises
+    ------
+    InvalidInput
+        When Valhalla is not installed.
+    """
+    folder = valhalla_folder()
+    if folder is None:
+        raise InvalidInput.of("missing package", "pyvalhalla", "not installed", fix=INSTALL)
+    return folder
+
+
+def configuration(folder: Path) -> dict[str, Any]:
+    """Valhalla's configuration for a map folder.
+
+    Parameters
+    ----------
+    folder : Path
+        With `tiles`, or `tiles.tar` once they are built, and `elevation`.
+
+    Raises
+    ------
+    InvalidInput
+        When Valhalla is not installed.
+    """
+    config = _defaults(require_valhalla())
+    here = folder.resolve()
+    config["mjolnir"] |= {
+        "tile_dir": str(here / "tiles"),
+        "tile_extract": str(here / PACKED) if (here / PACKED).is_file() else "",
+        **dict.fromkeys(("traffic_extract", "admin", "timezone", "landmarks"), ""),
+        **dict.fromkeys(("transit_dir", "transit_feeds_dir"), ""),
+        "concurrency": os.cpu_count() or 1,
+    }
+    config["additional_data"]["elevation"] = str(here / "elevation")
+    config["logging"] = {"type": "std_err", "color": False}
+    limits = config["service_limits"]
+    limits["isochrone"] |= {"max_time_contour": LONGEST_CONTOUR_MIN, "max_distance": FARTHEST_M}
+    limits["trace"] |= {"max_distance": FARTHEST_M, "max_shape": 1_000_000}
+    config["loki"]["service_defaults"]["mvt_min_zoom_road_class"] = list(SHOWN_FROM_ZOOM)
+    limits["skadi"] |= {"max_shape": 1_000_000, "min_resample": 10.0}
+    return config
+
+
+def _defaults(package: Path) -> dict[str, Any]:
+    """The defaults of the installed release; its module is loaded by path, because the package needs its own Python."""
+    path = package / "valhalla_build_config.py"
+    spec = importlib.util.spec_from_file_location("tripwatt_valhalla_defaults", path)
+    if spec is None or spec.loader is None:
+        raise InvalidInput.of("damaged installation", str(path), "no configuration", fix=INSTALL)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # its dataclasses look themselves up
+    try:
+        spec.loader.exec_module(module)
+    finally:
+        sys.modules.pop(spec.name, None)
+    return _given(module.config, module.Optional)
+
+
+def _given(values: Mapping[str, Any], unset: type) -> dict[str, Any]:
+    return {
+        name: _given(value, unset) if isinstance(value, dict) else value
+        for name, value in values.items()
+        if not isinstance(value, unset)
+    }
+
+
+def build_tiles(folder: Path, extract: Path) -> None:
+    """Build routing tiles of an OpenStreetMap extract into `tiles.tar` of a folder.
+
+    Raises
+    ------
+    InvalidInput
+        When Valhalla is not installed, or cannot read the extract.
+    """
+    program = require_valhalla() / "bin" / "valhalla_build_tiles"
+    for name in ("tiles", "elevation"):
+        (folder / name).mkdir(parents=True, exist_ok=True)
+    config = folder / "valhalla.json"
+    config.write_text(json.dumps(configuration(folder)), "utf-8")
+    try:
+        command = [str(program), "-c", str(config), str(extract)]
+        done = subprocess.run(command, capture_output=True, text=True, errors="replace")
+    except OSError as error:
+        got = f"{program.name}: {error.strerror or error}"
+        raise InvalidInput.of("cannot run Valhalla", str(program), got, "an executable file") from error
+    finally:
+        config.unlink(missing_ok=True)
+    if done.returncode != 0 or not any((folder / "tiles").rglob("*.gph")):
+        output = (done.stdout + done.stderr).splitlines()
+        lines = [line for line in output if "ERROR" in line or "FATAL" in line]
+        got = lines[-1][-120:] if lines else f"exit code {done.returncode}, no tiles"
+        allowed = "an OpenStreetMap extract with roads"
+        raise InvalidInput.of("cannot build the map", extract.name, got, allowed)
+    with tarfile.open(folder / PACKED, "w", format=tarfile.USTAR_FORMAT) as packed:
+        for tile in sorted((folder / "tiles").rglob("*.gph")):
+            packed.add(tile, tile.relative_to(folder / "tiles").as_posix())
+    shutil.rmtree(folder / "tiles")
+
+
+def router_in_process(folder: Path) -> ValhallaRouter:
+    """Valhalla in this process, on the tiles of a map folder.
+
+    Raises
+    ------
+    InvalidInput
+        When the package is not installed for this Python.
+    """
+    try:
+        import valhalla
+    except ImportError as error:
+        raise InvalidInput.of("missing package", "pyvalhalla", str(error)[:80], fix=INSTALL) from error
+    actor = valhalla.Actor({**configuration(folder), "logging": {"type": ""}})
+
+    def ask(action: str, request: dict[str, Any]) -> Any:
+        try:
+            return json.loads(getattr(actor, action)(json.dumps(request)))
+        except valhalla.ValhallaError as error:
+            return {"error": str(error), "error_code": error.code}
+        except RuntimeError as error:
+            raise RemoteError.of("the router failed", action, str(error)[:120]) from error
+
+    def tile(request: dict[str, Any]) -> bytes:
+        try:
+            return bytes(actor.tile(json.dumps(request)))
+        except RuntimeError:  # ValhallaError is one: a tile that the map does not have
+            return b""
+
+    return ValhallaRouter(ask, "valhalla", tile)

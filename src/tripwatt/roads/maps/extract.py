@@ -1,0 +1,166 @@
+"""Places and charging stations of an OpenStreetMap extract, read with `osmium` (extra `tripwatt[routing]`)."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from tripwatt.errors import InvalidInput
+from tripwatt.roads.maps.stations import ASSUMED_POWER_W, DC_SOCKETS, Station
+from tripwatt.routes.places import SETTLEMENTS
+from tripwatt.routes.web import EXTRA
+
+POINTS_OF_INTEREST: Final = ("amenity", "tourism", "leisure", "shop", "railway", "aeroway", "healthcare")
+"""Keys of objects with a name that are searched, after settlements and streets."""
+
+KINDS: Final = (*SETTLEMENTS, "street", "poi", "house")
+"""Kinds of places, the most important first."""
+
+AC_SOCKETS: Final = ("type2", "type2_cable", "type1", "schuko", "tesla_destination", "type3c")
+OTHER_NAMES: Final = re.compile(
+    r"name:[a-z]{2,3}(?:[-_]\w+)?|(?:alt|old|short|official|loc|int|nat|reg)_name(?::[a-z]{2,3})?|name_\d"
+)
+"""Keys of a name in another language, of an older or shorter one."""
+
+MOST_NAMES: Final = 200
+LONGEST_NAME: Final = 200
+POWER: Final = re.compile(r"(\d+(?:[.,]\d+)?)\s*(kva|kw|w)?\b", re.IGNORECASE)
+
+
+@dataclass(frozen=True, slots=True)
+class Named:
+    """Something with a name on the map: its kind is one of `KINDS`."""
+
+    kind: str
+    name: str
+    latitude_deg: float
+    longitude_deg: float
+    street: str = ""
+    """Street of a house."""
+    city: str = ""
+    """Settlement that the object itself names."""
+    also: tuple[str, ...] = ()
+    """Its other names: of other languages, older and shorter ones."""
+    population: int = 0
+
+
+def read_objects(path: Path, *, settlements_only: bool = False) -> Iterator[Named | Station]:
+    """Named objects and charging stations of an extract, in its order. O(extract).
+
+    Parameters
+    ----------
+    path : Path
+        An extract in one of the formats of OpenStreetMap.
+    settlements_only : bool
+        Only nodes that are settlements, which is quicker.
+
+    Raises
+    ------
+    InvalidInput
+        When the extract cannot be read, or `osmium` is not installed.
+    """
+    osmium = _osmium()
+    try:
+        if settlements_only:
+            nodes = osmium.FileProcessor(str(path), osmium.osm.NODE)
+            objects = nodes.with_filter(osmium.filter.KeyFilter("place"))
+        else:
+            keys = ("place", "highway", "addr:housenumber", *POINTS_OF_INTEREST)
+            both = osmium.osm.NODE | osmium.osm.WAY
+            objects = osmium.FileProcessor(str(path), both).with_locations()
+            objects = objects.with_filter(osmium.filter.KeyFilter(*keys))
+        for element in objects:
+            yield from _read(element)
+    except (RuntimeError, OSError) as error:
+        got, allowed = str(error)[:120], "an OpenStreetMap extract"
+        raise InvalidInput.of("cannot read the extract", path.name, got, allowed) from error
+
+
+def _read(element: Any) -> Iterator[Named | Station]:
+    tags = {tag.k: tag.v for tag in element.tags}
+    where = _centre(element)
+    if where is None:
+        return
+    latitude, longitude = where
+    if tags.get("amenity") == "charging_station":
+        station = station_of_tags(tags, latitude, longitude)
+        if station is not None:
+            yield station
+    kind = _kind(tags, element.is_way())
+    name = tags.get("name", "")[:LONGEST_NAME]
+    if kind is not None and name:
+        people = tags.get("population", "")
+        size = int(people) if people.isascii() and people.isdigit() and len(people) < 10 else 0
+        yield Named(kind, name, latitude, longitude, also=_other_names(tags, name), population=size)
+    number, street = tags.get("addr:housenumber"), tags.get("addr:street") or tags.get("addr:place")
+    if number and street:
+        city = tags.get("addr:city", "")[:LONGEST_NAME]
+        yield Named("house", number[:20], latitude, longitude, street[:LONGEST_NAME], city)
+
+
+def _other_names(tags: Mapping[str, str], name: str) -> tuple[str, ...]:
+    """Names by other keys than `name`, each once."""
+    values = (value for key, value in sorted(tags.items()) if OTHER_NAMES.fullmatch(key))
+    names = dict.fromkeys(part.strip()[:LONGEST_NAME] for value in values for part in value.split(";"))
+    return tuple(other for other in names if other not in ("", name))[:MOST_NAMES]
+
+
+def _kind(tags: Mapping[str, str], is_way: bool) -> str | None:
+    place = tags.get("place")
+    if place in SETTLEMENTS:
+        return place
+    if "highway" in tags:
+        return "street" if is_way else None
+    return "poi" if any(key in tags for key in POINTS_OF_INTEREST) else None
+
+
+def _centre(element: Any) -> tuple[float, float] | None:
+    """Latitude and longitude of a node, or of the middle node of a way; None where they are not in the extract."""
+    if not element.is_way():
+        return float(element.lat), float(element.lon)
+    known = [node.location for node in element.nodes if node.location.valid()]
+    middle = known[len(known) // 2] if known else None
+    return None if middle is None else (float(middle.lat), float(middle.lon))
+
+
+def station_of_tags(tags: Mapping[str, str], latitude_deg: float, longitude_deg: float) -> Station | None:
+    """A public charging station for cars by its tags; None where it is none.
+
+    Examples
+    --------
+    >>> station_of_tags({"socket:type2_combo": "2", "socket:type2_combo:output": "150 kW"}, 47.1, 9.5).power_w
+    150000.0
+    >>> station_of_tags({"motorcar": "no"}, 47.1, 9.5) is None
+    True
+    """
+    if tags.get("access") in ("private", "no") or tags.get("motorcar") == "no":
+        return None
+    sockets = [name for name in (*DC_SOCKETS, *AC_SOCKETS) if tags.get(f"socket:{name}", "no") != "no"]
+    direct = any(name in DC_SOCKETS for name in sockets)
+    outputs = [_power_w(tags.get(f"socket:{name}:output", "")) for name in sockets]
+    outputs += [_power_w(tags.get(key, "")) for key in ("charging_station:output", "maxpower")]
+    power = max(outputs)
+    name = next((tags[key] for key in ("name", "operator", "brand", "network") if tags.get(key)), "")
+    assumed = power or ASSUMED_POWER_W[direct]
+    return Station(latitude_deg, longitude_deg, name[:200], assumed, direct, bool(power), tuple(sockets))
+
+
+def _power_w(text: str) -> float:
+    """Highest power of a text such as "50 kW;22 kW" [W], 0 where there is none."""
+    powers = [
+        float(number.replace(",", ".")) * (1.0 if unit.lower() == "w" else 1000.0)
+        for number, unit in POWER.findall(text[:200])
+    ]
+    return max((power for power in powers if 1000.0 <= power <= 1_500_000.0), default=0.0)
+
+
+def _osmium() -> Any:
+    try:
+        import osmium  # an extra
+        import osmium.filter
+    except ImportError as error:
+        raise InvalidInput.of("missing package", "tripwatt map build", str(error), fix=EXTRA) from error
+    return osmium

@@ -1,0 +1,421 @@
+"""The index of places of a map: names by the beginnings of their words, with SQLite's full-text search."""
+
+from __future__ import annotations
+
+import itertools
+import sqlite3
+import sys
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import closing, contextmanager
+from dataclasses import astuple, dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from tripwatt.errors import InvalidInput
+from tripwatt.roads.maps.extract import KINDS, Named
+from tripwatt.roads.maps.near_words import SCHEMA as WORDS_SCHEMA
+from tripwatt.roads.maps.near_words import near_words, ranked, write_words
+from tripwatt.roads.maps.stations import Station
+from tripwatt.routes.places import SPELLINGS, TWIN_M, Place, plain_words, without_twins
+
+FAR_FROM_SETTLEMENT_DEG: Final = 0.3
+"""An object farther from a settlement than this [° of latitude] is named without it."""
+
+MOST_FOUND: Final = 50
+CANDIDATES: Final = 200
+"""Matches that are compared; the index holds the important ones first."""
+
+LONGEST_TEXT: Final = 200
+MOST_WORDS: Final = 10
+SETTLEMENT: Final = KINDS.index("street")
+"""Ranks below this are settlements."""
+
+HOUSE: Final = KINDS.index("house")
+NEAR_PLACES: Final = 2
+"""Settlements with a name like a typed one that have a place in a full list of those that begin with it."""
+
+NOT_MEANT: Final = 100
+"""Counted as mistakes for a word that is none of a place."""
+
+SEPARATOR: Final = ";"
+"""Between the other names of a place: the extract's own."""
+
+SCHEMA: Final = f"""
+CREATE TEMP TABLE read (kind INTEGER, name TEXT, context TEXT, latitude REAL, longitude REAL, also TEXT, population INTEGER);
+CREATE TEMP TABLE merged AS SELECT * FROM read;
+CREATE TABLE stations (latitude REAL, longitude REAL, name TEXT, power REAL, direct INTEGER, known INTEGER, plugs TEXT);
+CREATE TABLE places (
+    id INTEGER PRIMARY KEY, kind INTEGER, name TEXT, context TEXT, latitude REAL, longitude REAL, also TEXT);
+CREATE VIRTUAL TABLE names USING fts5(name, also, context, content='', prefix='1 2 3', tokenize="unicode61");
+{WORDS_SCHEMA};
+"""
+
+
+def write_index(
+    path: Path, settlements: Sequence[Named], objects: Iterable[Named | Station]
+) -> dict[str, int]:
+    """Write the index of a map. O(objects log objects).
+
+    Parameters
+    ----------
+    path : Path
+        Is replaced.
+    settlements : sequence of Named
+        Their names are shown beside streets and houses near them.
+    objects : iterable of Named or Station
+
+    Returns
+    -------
+    dict
+        Number of `places` and of `stations`.
+    """
+    path.unlink(missing_ok=True)
+    nearest = _Nearest(settlements)
+    with closing(sqlite3.connect(path)) as database, database:
+        database.executescript(SCHEMA)
+        for batch in _batches(objects, 20_000):
+            found = [item for item in batch if isinstance(item, Station)]
+            stations = [(*astuple(station)[:-1], " ".join(station.plugs)) for station in found]
+            database.executemany("INSERT INTO stations VALUES (?, ?, ?, ?, ?, ?, ?)", stations)
+            named = [item for item in batch if isinstance(item, Named)]
+            database.executemany("INSERT INTO read VALUES (?, ?, ?, ?, ?, ?, ?)", _rows(named, nearest))
+        rows = database.execute("SELECT * FROM read ORDER BY kind, name, context, latitude, longitude")
+        merged = _merged(rows, nearest)
+        database.executemany("INSERT INTO merged VALUES (?, ?, ?, ?, ?, ?, ?)", merged)
+        database.execute(
+            "INSERT INTO places (kind, name, context, latitude, longitude, also) "
+            "SELECT kind, name, context, latitude, longitude, also FROM merged "
+            "ORDER BY kind, population DESC, length(name), name, context"
+        )
+        rows = database.execute("SELECT id, name, also, context FROM places")
+        texts = ((k, *map(_searched, (name, also, context))) for k, name, also, context in rows)
+        database.executemany("INSERT INTO names (rowid, name, also, context) VALUES (?, ?, ?, ?)", texts)
+        rows = database.execute("SELECT id, name || ' ' || also FROM places WHERE kind < ?", (HOUSE,))
+        write_words(database, ranked((k, _searched(text).split()) for k, text in rows))
+        return {
+            table: int(database.execute(f"SELECT count(*) FROM {table}").fetchone()[0])
+            for table in ("places", "stations")
+        }
+
+
+def _rows(named: Sequence[Named], nearest: _Nearest) -> Iterator[tuple[Any, ...]]:
+    for item, settlement in zip(named, nearest.names(named), strict=True):
+        name, context = item.name, item.city or settlement
+        if item.kind == "house":
+            name = f"{item.street} {name}"
+        elif name == context:
+            context = nearest.beside(item)
+        also = SEPARATOR.join(item.also)
+        yield (
+            KINDS.index(item.kind),
+            name,
+            context,
+            item.latitude_deg,
+            item.longitude_deg,
+            also,
+            item.population,
+        )
+
+
+def _merged(rows: Iterable[tuple[Any, ...]], nearest: _Nearest) -> Iterator[tuple[Any, ...]]:
+    """One row for the pieces of a street that lie together, where its middle piece is, with the names of all pieces.
+
+    Pieces of one name that lie apart in one settlement are named by the quarters around them as well. Houses have the other names of
+    their street.
+    """
+    streets: dict[tuple[str, str], str] = {}
+    for (kind, name, context), pieces in itertools.groupby(rows, key=lambda row: row[:3]):
+        groups = _together(
+            [Named("", name, row[3], row[4], also=(row[5],), population=row[6]) for row in pieces]
+        )
+        for group in groups:
+            middle = group[0] if len(group) == 1 else _middle(group)
+            other = (part for piece in group for part in piece.also[0].split(SEPARATOR) if part)
+            also = SEPARATOR.join(dict.fromkeys(other))
+            if kind == HOUSE:
+                street, _, number = name.rpartition(" ")
+                named = streets.get((street, context), "")
+                also = SEPARATOR.join(f"{part} {number}" for part in named.split(SEPARATOR) if part)
+            elif also and KINDS[kind] == "street":
+                streets[name, context] = also
+            quarter = nearest.quarter(middle) if len(groups) > 1 else ""
+            around = ", ".join(part for part in dict.fromkeys((quarter, context)) if part)
+            people = max(piece.population for piece in group)
+            yield kind, name, around, middle.latitude_deg, middle.longitude_deg, also, people
+
+
+def _together(pieces: Sequence[Named]) -> list[list[Named]]:
+    """Groups of pieces within `TWIN_M` of the first of their group. O(pieces · groups)."""
+    groups: list[list[Named]] = []
+    for piece in pieces:
+        near = (group for group in groups if _where(group[0]).distance_m(_where(piece)) <= TWIN_M)
+        group = next(near, None)
+        if group is None:
+            groups.append([piece])
+        else:
+            group.append(piece)
+    return groups
+
+
+def _middle(pieces: Sequence[Named]) -> Named:
+    """The piece nearest to the mean of all."""
+    mean = Place(*np.mean([(piece.latitude_deg, piece.longitude_deg) for piece in pieces], axis=0).tolist())
+    return min(pieces, key=lambda piece: mean.distance_m(_where(piece)))
+
+
+def _where(item: Named) -> Place:
+    return Place(item.latitude_deg, item.longitude_deg)
+
+
+def _searched(text: str) -> str:
+    """The words of a text as they are searched: without accents, and as they are typed without their letters."""
+    typed = text.lower().translate(SPELLINGS)
+    words = plain_words(text)
+    return " ".join(words if typed == text.lower() else dict.fromkeys([*words, *plain_words(typed)]))
+
+
+def _batches(objects: Iterable[Any], size: int) -> Iterator[list[Any]]:
+    rest = iter(objects)
+    while batch := list(itertools.islice(rest, size)):
+        yield batch
+
+
+class _Nearest:
+    """The settlement nearest to each object."""
+
+    def __init__(self, settlements: Sequence[Named]) -> None:
+        large = [s for s in settlements if s.kind in ("city", "town", "village")]
+        self.large = _Tree(large or settlements)
+        self.any = _Tree(settlements)
+        self.towns = _Tree([s for s in settlements if s.kind in ("city", "town")] or large)
+        named = defaultdict(list)
+        for settlement in large:
+            named[settlement.name].append(settlement)
+        self.repeated = {name for name, same in named.items() if len(_together(same)) > 1}
+
+    def names(self, objects: Sequence[Named]) -> list[str]:
+        """Its name for each object; empty where none is near."""
+        return [near[0] if near else "" for near in self.large.near(objects, 1)]
+
+    def quarter(self, item: Named) -> str:
+        """The nearest settlement of any kind."""
+        return next(iter(self.any.near([item], 1)[0]), "")
+
+    def beside(self, item: Named) -> str:
+        """The nearest town of another name, of a settlement whose name is that of several; else empty."""
+        if item.name not in self.repeated:
+            return ""
+        return next((name for name in self.towns.near([item], 3)[0] if name != item.name), "")
+
+
+class _Tree:
+    """Settlements by their place."""
+
+    def __init__(self, settlements: Sequence[Named]) -> None:
+        from scipy.spatial import cKDTree
+
+        self.known = [s.name for s in settlements]
+        self.tree = cKDTree(_plane(settlements)) if settlements else None
+
+    def near(self, objects: Sequence[Named], number: int) -> list[list[str]]:
+        """Names of the nearest settlements of each object, none of which is far."""
+        if self.tree is None or not objects:
+            return [[] for _ in objects]
+        distance, index = self.tree.query(_plane(objects), range(1, number + 1))
+        return [
+            [self.known[int(k)] for off, k in zip(*pair, strict=True) if off <= FAR_FROM_SETTLEMENT_DEG]
+            for pair in zip(distance, index, strict=True)
+        ]
+
+
+def _plane(objects: Sequence[Named]) -> Any:
+    """Latitudes and longitudes on one scale: good enough to compare distances of some kilometres."""
+    table = np.array([(item.latitude_deg, item.longitude_deg) for item in objects])
+    table[:, 1] *= np.cos(np.radians(table[:, 0]))
+    return table
+
+
+class PlaceIndex:
+    """The places and stations of a map.
+
+    Parameters
+    ----------
+    path : Path
+        Written by `write_index`.
+
+    Raises
+    ------
+    InvalidInput
+        When it is none.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        with self._damage_is_a_fault():
+            uri = f"{path.resolve().as_uri()}?mode=ro"
+            self.database = sqlite3.connect(uri, uri=True, check_same_thread=False)
+            self.database.execute("SELECT count(*) FROM stations").fetchone()
+
+    @contextmanager
+    def _damage_is_a_fault(self) -> Iterator[None]:
+        try:
+            yield
+        except (sqlite3.Error, ValueError, TypeError, LookupError) as error:
+            fix = "build the map again with tripwatt map build"
+            raise InvalidInput.of("no index of places", str(self.path), str(error)[:80], fix=fix) from error
+
+    def search(self, text: str, *, limit: int = 10) -> tuple[Place, ...]:
+        """Places whose name begins with the words of a text, the most important first.
+
+        Every word has to begin a word of the name, of one of its other names, or of the settlement around it. Accents and case do not
+        count. After these come the places with similar words. Of places with one name that lie close together the most important is
+        given. A place that is found by another name has that name. O(log places) for each word.
+
+        Parameters
+        ----------
+        text : str
+            Words, for example "Landstr 12 Vaduz".
+        limit : int
+            Most places.
+
+        Returns
+        -------
+        tuple of Place
+            Empty where there is none.
+        """
+        words = plain_words(text[:LONGEST_TEXT])[:MOST_WORDS]
+        if not words or limit < 1:
+            return ()
+        limit = min(limit, MOST_FOUND)
+        with self._damage_is_a_fault():
+            rows = self._matching([[f'"{word}"*'] for word in words])
+            found = sorted((_Match.of(row, words) for row in rows), key=lambda match: match.order)
+            near: list[_Match] = []
+            if not (found and found[0].is_whole):
+                near = self._similar(words)
+                room = [match for match in near if match.row[0] < SETTLEMENT] if len(found) >= limit else near
+                found = (
+                    found[: limit - NEAR_PLACES] + room[:NEAR_PLACES] + found[limit - NEAR_PLACES :] + near
+                )
+            return without_twins((match.place for match in found), limit)
+
+    def _matching(self, words: Sequence[Sequence[str]]) -> list[tuple[Any, ...]]:
+        """Rows of the first places with one of the terms of each word, in the order of their importance."""
+        query = " AND ".join(f"({' OR '.join(terms)})" for terms in words)
+        return self.database.execute(
+            "SELECT places.kind, places.name, places.context, places.latitude, places.longitude, places.also "
+            "FROM names JOIN places ON places.id = names.rowid WHERE names MATCH ? ORDER BY names.rowid LIMIT ?",
+            (query, CANDIDATES),
+        ).fetchall()
+
+    def _similar(self, typed: Sequence[str]) -> list[_Match]:
+        """Places with words that are similar to typed ones, those with the fewest mistakes first."""
+        near = [near_words(self.database, word) for word in typed]
+        if not any(near):
+            return []
+        terms = [
+            [f'"{word}"*', *(f'"{other}"' for other in others)]
+            for word, others in zip(typed, near, strict=True)
+        ]
+        matches = []
+        for row in self._matching(terms):
+            meant = min(
+                (_meant(typed, near, name, row[2]) for name in _names(row)), key=lambda entry: entry[0]
+            )
+            if 0 < meant[0] < NOT_MEANT:
+                matches.append((meant[0], _Match.of(row, meant[1])))
+        return [match for _, match in sorted(matches, key=lambda entry: (entry[0], entry[1].order))]
+
+    def settlements(
+        self, south: float, west: float, north: float, east: float, limit: int
+    ) -> tuple[Place, ...]:
+        """Settlements inside of bounds [°], cities first, then towns, villages and what is smaller. O(settlements)."""
+        with self._damage_is_a_fault():
+            rows = self.database.execute(
+                "SELECT kind, name, latitude, longitude FROM places WHERE id < ? AND latitude BETWEEN ? AND ? "
+                "AND longitude BETWEEN ? AND ? ORDER BY id LIMIT ?",
+                (self._first_street, south, north, west, east, limit),
+            ).fetchall()
+            return tuple(Place(lat, lon, name, KINDS[kind]) for kind, name, lat, lon in rows)
+
+    @cached_property
+    def _first_street(self) -> int:
+        """Id above those of all settlements: places are written in the order of their kinds."""
+        row = self.database.execute(
+            "SELECT id FROM places WHERE kind >= ? ORDER BY id LIMIT 1", (SETTLEMENT,)
+        ).fetchone()
+        return sys.maxsize if row is None else int(row[0])
+
+    def stations(self) -> tuple[Station, ...]:
+        """All charging stations."""
+        with self._damage_is_a_fault():
+            rows = self.database.execute("SELECT * FROM stations").fetchall()
+            return tuple(
+                Station(lat, lon, name, w, bool(dc), bool(known), tuple(plugs.split()))
+                for lat, lon, name, w, dc, known, plugs in rows
+            )
+
+
+def _names(row: Sequence[Any]) -> list[str]:
+    """The own name of a row, and its others."""
+    return [row[1], *(row[5].split(SEPARATOR) if row[5] else ())]
+
+
+def _meant(
+    typed: Sequence[str], near: Sequence[dict[str, int]], name: str, context: str
+) -> tuple[int, list[str]]:
+    """The number of mistakes in typed words that mean a name, and the words that they mean."""
+    have = _searched(f"{name} {context}").split()
+    mistakes, words = 0, []
+    for word, others in zip(typed, near, strict=True):
+        if any(other.startswith(word) for other in have):
+            words.append(word)
+            continue
+        meant, count = next((entry for entry in others.items() if entry[0] in have), (word, NOT_MEANT))
+        mistakes += count
+        words.append(meant)
+    return mistakes, words
+
+
+@dataclass(frozen=True, slots=True)
+class _Match:
+    """A row of the index by the one of its names that the words of a text begin."""
+
+    row: tuple[Any, ...]
+    name: str
+    words: tuple[str, ...]
+    """Of the name."""
+    typed: tuple[str, ...]
+
+    @classmethod
+    def of(cls, row: tuple[Any, ...], typed: Sequence[str]) -> _Match:
+        """By its own name, where that is as good as another."""
+        matches = (cls(row, name, (*_searched(name).split(),), (*typed,)) for name in _names(row))
+        return min(matches, key=lambda match: (-match._begun, not match.is_whole))
+
+    @property
+    def _begun(self) -> int:
+        """Number of typed words that begin a word of the name."""
+        return sum(any(word.startswith(typed) for word in self.words) for typed in self.typed)
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether the text is the whole name."""
+        return self.typed in (self.words, (*plain_words(self.name),))
+
+    @property
+    def order(self) -> tuple[bool, bool, int, int]:
+        """The whole name first, then what begins with the text, then the kind of place, then short names."""
+        begins = " ".join(self.words).startswith(" ".join(self.typed))
+        return (not self.is_whole, not begins, self.row[0], len(self.name))
+
+    @property
+    def place(self) -> Place:
+        """The place with the name by which it was found."""
+        kind, own, context, latitude, longitude, _ = self.row
+        name = f"{self.name}, {context}" if context else self.name
+        return Place(latitude, longitude, name, KINDS[kind], own if own != self.name else "")

@@ -1,0 +1,83 @@
+"""Routers behind one protocol: Valhalla as a library or a server, and servers of OSRM, GraphHopper, openrouteservice."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Final
+
+from tripwatt.errors import InvalidInput
+from tripwatt.roads.routers.road import Edges, Road, RoadParts, Router, pooled
+from tripwatt.roads.routers.servers import GraphHopperRouter, OpenRouteServiceRouter, OsrmRouter
+from tripwatt.roads.routers.valhalla import ValhallaRouter
+from tripwatt.routes.web import require_url
+
+__all__ = [
+    "ROUTER_KINDS",
+    "Edges",
+    "Road",
+    "RoadParts",
+    "Router",
+    "ValhallaRouter",
+    "is_server",
+    "open_server",
+    "pooled",
+    "split_kind",
+]
+
+ROUTER_KINDS: Final[Mapping[str, Callable[[str], Router]]] = {
+    "valhalla": ValhallaRouter.from_url,
+    "osrm": OsrmRouter.from_url,
+    "graphhopper": GraphHopperRouter.from_url,
+    "openrouteservice": OpenRouteServiceRouter.from_url,
+}
+"""Kind of a router's server -> what opens one by its URL."""
+
+
+def split_kind(text: str, kinds: Mapping[str, object], where: str) -> tuple[str, str]:
+    """Kind and URL of a text `KIND=URL`; the kind of a plain URL is the first.
+
+    Raises
+    ------
+    InvalidInput
+        For an unknown kind, or what is no URL of a server.
+
+    Examples
+    --------
+    >>> split_kind("osrm=http://127.0.0.1:5000/", ROUTER_KINDS, "--router")
+    ('osrm', 'http://127.0.0.1:5000')
+    """
+    kind, mark, url = text.partition("=")
+    if not mark or "://" in kind:
+        kind, url = next(iter(kinds)), text
+    if kind not in kinds:
+        raise InvalidInput.of("unknown kind of server", where, kind[:40], ", ".join(kinds))
+    return kind, require_url(url, where)
+
+
+def open_server(text: str, where: str = "--router") -> Router:
+    """A router by the URL of its server, `KIND=URL` or the URL of a Valhalla server.
+
+    Raises
+    ------
+    InvalidInput
+        As `split_kind`.
+
+    Examples
+    --------
+    >>> open_server("osrm=http://127.0.0.1:5000").name
+    'osrm at 127.0.0.1:5000'
+    """
+    kind, url = split_kind(text, ROUTER_KINDS, where)
+    return ROUTER_KINDS[kind](url)
+
+
+def is_server(text: str) -> bool:
+    """Whether a text names a server rather than a folder.
+
+    Examples
+    --------
+    >>> is_server("osrm=http://127.0.0.1:5000"), is_server("maps/liechtenstein"), is_server("http://[::1]:8002")
+    (True, False, True)
+    """
+    return "://" in text and not Path(text).exists()

@@ -1,0 +1,187 @@
+"""OSRM, GraphHopper and openrouteservice as routers, each by the URL of a server.
+
+Requests and answers follow the public documentation of each API; `docs/howto/journeys.md` names the pages.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Final, Self
+
+import numpy as np
+
+from tripwatt.errors import InvalidInput, RemoteError
+from tripwatt.roads.routers.road import KEY, MOST_ROUTES, Edges, Road, RoadParts, no_road, require_stops
+from tripwatt.routes.answers import annotated, intervals, lengths_and_times, speeds_at_points, steps_of
+from tripwatt.routes.documents import Node
+from tripwatt.routes.places import Place
+from tripwatt.routes.points import distances_m
+from tripwatt.routes.web import WebClient, an_answer, as_remote
+
+NO_ROUTE: Final = frozenset({"NoRoute", "NoSegment", "InvalidValue", "InvalidQuery", "TooBig"})
+"""Codes of OSRM for places that no road connects, or that are none."""
+
+
+@dataclass(frozen=True)
+class ServerRouter:
+    """Roads by a server that has no isochrones, and no alternatives of a road through intermediate stops."""
+
+    client: WebClient
+    name: str = "router"
+
+    kind: ClassVar[str]
+    key_place: ClassVar[str]
+    """Where the server expects the key of the environment, see `WebClient`."""
+
+    @classmethod
+    def from_url(cls, url: str) -> Self:
+        """A router by the URL of its server."""
+        client = WebClient(url, "the router", KEY, cls.key_place)
+        return cls(client, f"{cls.kind} at {client.host}")
+
+    def outline(self, start: Place, minutes: float) -> tuple[Place, ...]:
+        """See `Router.outline`: none."""
+        return ()
+
+    def roads(self, stops: Sequence[Place], *, alternatives: int = 0) -> tuple[Road, ...]:
+        """See `Router.roads`."""
+        require_stops(stops)
+        answer = self.ask(stops, min(alternatives, MOST_ROUTES - 1) if len(stops) == 2 else 0)
+        with as_remote():
+            parts = [self.parts(route) for route in answer.entries(least=1)[:MOST_ROUTES]]
+        return tuple(part.road(stops) for part in parts)
+
+    def ask(self, stops: Sequence[Place], others: int) -> Node:
+        """The routes of the server's answer; `others` are wanted beside the fastest."""
+        raise NotImplementedError
+
+    @staticmethod
+    def parts(route: Node) -> RoadParts:
+        """The legs of a route; together they are one leg with the whole line."""
+        raise NotImplementedError
+
+
+class OsrmRouter(ServerRouter):
+    """Roads by an OSRM server, from the annotations of its routes where it gives them, else from their steps."""
+
+    kind = "osrm"
+    key_place = "query:api_key"
+
+    def ask(self, stops: Sequence[Place], others: int) -> Node:
+        """See `ServerRouter.ask`."""
+        line = ";".join(f"{p.longitude_deg:.6f},{p.latitude_deg:.6f}" for p in stops)
+        query = {
+            "alternatives": str(others) if others else "false",
+            "geometries": "geojson",
+            "overview": "full",
+            "steps": "true",
+            "annotations": "duration,distance,speed",
+        }
+        answer = an_answer(self.client.get_json(f"/route/v1/driving/{line}", query), "route")
+        code = answer["code"].value
+        if isinstance(code, str) and code in NO_ROUTE:
+            raise no_road(stops, str(answer["message"].value or code))
+        if code != "Ok":
+            raise RemoteError.of("the router failed", self.client.host, repr(code)[:60], "code Ok")
+        return answer["routes"]
+
+    @staticmethod
+    def parts(route: Node) -> RoadParts:
+        """See `ServerRouter.parts`."""
+        tables = []
+        for leg in route["legs"].entries(least=1):
+            known = isinstance(leg["annotation"].value, dict)
+            tables.append(annotated(leg, own_speed=True) if known else _without_speed(steps_of(leg)))
+        return _parts(np.concatenate(tables), route["geometry"]["coordinates"].coordinates()[:, :2])
+
+
+class GraphHopperRouter(ServerRouter):
+    """Roads by a GraphHopper server, with its path details and heights."""
+
+    kind = "graphhopper"
+    key_place = "query:key"
+
+    def ask(self, stops: Sequence[Place], others: int) -> Node:
+        """See `ServerRouter.ask`."""
+        body: dict[str, Any] = {
+            "points": [[p.longitude_deg, p.latitude_deg] for p in stops],
+            "profile": "car",
+            "points_encoded": False,
+            "elevation": True,
+            "instructions": False,
+            "details": ["time", "distance", "average_speed", "max_speed", "road_class"],
+        }
+        if others:
+            body |= {"algorithm": "alternative_route", "alternative_route.max_paths": others + 1}
+        answer = an_answer(self.client.post_json("/route", body), "route")
+        if "paths" not in answer.members():
+            raise no_road(stops, str(answer["message"].value or "no paths"))
+        return answer["paths"]
+
+    @staticmethod
+    def parts(route: Node) -> RoadParts:
+        """See `ServerRouter.parts`."""
+        points, details = route["points"]["coordinates"].coordinates(), route["details"]
+        n = len(points)
+        driven = distances_m(points, route["distance"].number(least=0.0))
+        time = [(start, end, value.number(least=0.0)) for start, end, value in intervals(details["time"], n)]
+        if not time or any(a[1] != b[0] for a, b in itertools.pairwise(time)):
+            where, got = details["time"].where, f"{len(time)}"
+            raise InvalidInput.of("incomplete path details", where, got, "one for each edge")
+        speed, limit = (speeds_at_points(details[name], n) for name in ("average_speed", "max_speed"))
+        kinds = {start: str(kind.value or "") for start, _, kind in intervals(details["road_class"], n)}
+        starts = sorted(kinds)
+        begin = np.array([start for start, _, _ in time])
+        before = np.searchsorted(starts, begin, side="right") - 1
+        edges = Edges(
+            np.diff(driven[np.append(begin, time[-1][1])]),
+            np.array([milliseconds / 1000.0 for _, _, milliseconds in time]),
+            speed[begin],
+            limit[begin],
+            tuple(kinds[starts[k]] if k >= 0 else "" for k in before),
+            np.zeros(len(begin), dtype=bool),
+        )
+        return RoadParts.of_one_leg(edges, points, driven)
+
+
+class OpenRouteServiceRouter(ServerRouter):
+    """Roads by an openrouteservice server, from the steps of its routes, with heights."""
+
+    kind = "openrouteservice"
+    key_place = "header:Authorization"
+
+    def ask(self, stops: Sequence[Place], others: int) -> Node:
+        """See `ServerRouter.ask`."""
+        body: dict[str, Any] = {
+            "coordinates": [[p.longitude_deg, p.latitude_deg] for p in stops],
+            "elevation": True,
+            "units": "m",
+            "instructions": True,
+        }
+        if others:
+            body["alternative_routes"] = {"target_count": min(others + 1, 3)}
+        answer = an_answer(self.client.post_json("/v2/directions/driving-car/geojson", body), "directions")
+        if "error" in answer.members():
+            raise no_road(stops, str(answer["error"].value))
+        return answer["features"]
+
+    @staticmethod
+    def parts(route: Node) -> RoadParts:
+        """See `ServerRouter.parts`."""
+        segments = route["properties"]["segments"].entries(least=1)
+        steps = [step for segment in segments for step in steps_of(segment)]
+        return _parts(_without_speed(steps), route["geometry"]["coordinates"].coordinates())
+
+
+def _without_speed(steps: Sequence[Node]) -> np.ndarray:
+    return np.pad(lengths_and_times(steps), ((0, 0), (0, 1)), constant_values=np.nan)
+
+
+def _parts(table: np.ndarray, points: np.ndarray) -> RoadParts:
+    """One leg of edges with lengths, times and speeds, shape (edges, 3); points may have heights."""
+    table[~(table[:, 2] > 0.0), 2] = np.nan
+    return RoadParts.of_one_leg(
+        Edges.from_speeds(*table.T), points, distances_m(points, float(table[:, 0].sum()))
+    )

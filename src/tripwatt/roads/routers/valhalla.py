@@ -1,0 +1,330 @@
+"""Valhalla as a router: a server by URL, or the library in this process.
+
+Requests and answers follow Valhalla's public API (`route`, `trace_attributes`, `height`, `isochrone`). A road's edges,
+with their speeds, classes and signals, come from `trace_attributes` on the line of the route.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from itertools import chain
+from typing import Any, Final, TypeVar
+
+import numpy as np
+
+from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.errors import InvalidInput
+from tripwatt.roads.routers.road import KEY, MOST_ROUTES, Edges, Road, RoadParts, no_road, require_stops
+from tripwatt.routes.documents import Node
+from tripwatt.routes.places import Place
+from tripwatt.routes.points import distances_m
+from tripwatt.routes.polyline import decode_polyline
+from tripwatt.routes.web import WebClient, an_answer, as_remote
+from tripwatt.units import M_S_PER_KM_H
+
+T = TypeVar("T")
+
+Ask = Callable[[str, dict[str, Any]], Any]
+"""Takes an action of Valhalla and its request, gives the answer as a document."""
+
+HTTP_OK: Final = 200
+MOST_EDGES: Final = 200_000
+HEIGHT_EVERY_M: Final = 30.0
+"""Distance of the heights along the road [m], as fine as the usual elevation model."""
+
+LONGEST_VOID_M: Final = 3000.0
+LONGEST_UNKNOWN_END_M: Final = 300.0
+"""A road with a longer part without heights, between known ones and at an end [m], is one of unknown heights: its climb is a variance."""
+
+SLOWEST_ALTERNATIVE: Final = 1.6
+"""Alternatives that take more than this many times as long as the fastest road are left out: they lead over tracks."""
+
+AskTile = Callable[[dict[str, Any]], bytes]
+"""As `Ask` for the action `tile`, whose answer is no document."""
+
+NOT_ON_MAP: Final = frozenset({170, 171})
+"""Valhalla's error codes for places without a road near them."""
+
+EDGE_VALUES: Final = (
+    "shape",
+    "edge.length",
+    "edge.speed",
+    "edge.speed_limit",
+    "edge.road_class",
+    "edge.begin_shape_index",
+    "edge.end_shape_index",
+    "edge.tunnel",
+    "edge.bridge",
+    "node.elapsed_time",
+    "node.traffic_signal",
+)
+
+
+@dataclass(frozen=True)
+class ValhallaRouter:
+    """Roads by Valhalla.
+
+    Attributes
+    ----------
+    ask : callable
+        See `Ask`.
+    name : str
+        As messages call it.
+    ask_tile : callable, optional
+        See `AskTile`; None where there are no tiles.
+    at_once : bool
+        Whether `ask` may be called from several threads.
+    """
+
+    ask: Ask
+    name: str = "valhalla"
+    ask_tile: AskTile | None = None
+    at_once: bool = False
+
+    @classmethod
+    def from_url(cls, url: str) -> ValhallaRouter:
+        """A Valhalla server."""
+        return cls.from_client(WebClient(url, "the router", KEY, "query:api_key"))
+
+    @classmethod
+    def from_client(cls, client: WebClient) -> ValhallaRouter:
+        """As `from_url`, by what sends the requests."""
+
+        def tile(request: dict[str, Any]) -> bytes:
+            answer = client.request("POST", "/tile", body=request)
+            return answer.body if answer.status == HTTP_OK else b""  # 400 where the map has no roads
+
+        def ask(action: str, request: dict[str, Any]) -> Any:
+            return client.post_json(f"/{action}", request)
+
+        return cls(ask, f"valhalla at {client.host}", tile, at_once=True)
+
+    def roads(self, stops: Sequence[Place], *, alternatives: int = 0) -> tuple[Road, ...]:
+        """See `Router.roads`. The shortest road is one of the alternatives where it differs from the fastest."""
+        require_stops(stops)
+        asked: list[dict[str, Any]] = [{}]
+        if alternatives:
+            asked = [
+                {"alternates": min(alternatives, MOST_ROUTES - 2)},
+                {"costing_options": {"auto": {"shortest": True}}},
+            ]
+        trips = self._together([partial(self._trips, stops, more) for more in asked])
+        roads = self._together(
+            [partial(self._road, trip, stops) for trip in _different([*chain.from_iterable(trips)])]
+        )
+        longest_s = SLOWEST_ALTERNATIVE * roads[0].duration_s
+        return tuple(road for k, road in enumerate(roads) if k == 0 or road.duration_s <= longest_s)
+
+    def outline(self, start: Place, minutes: float) -> tuple[Place, ...]:
+        """See `Router.outline`: the corners of Valhalla's isochrone."""
+        request = {
+            "locations": [_location(start)],
+            "costing": "auto",
+            "contours": [{"time": round(minutes, 2)}],
+            "polygons": True,
+            "generalize": 100.0,
+        }
+        answer = self._answer("isochrone", request, (start,))
+        places = []
+        for feature in answer["features"].entries():
+            geometry = feature["geometry"]
+            rings = geometry["coordinates"].entries(least=1)
+            several = geometry["type"].value == "MultiPolygon"
+            outer = [polygon.entries(least=1)[0] for polygon in rings] if several else rings[:1]
+            for corner in (corner for ring in outer for corner in ring.entries()):
+                longitude, latitude = (degrees.number() for degrees in corner.entries(least=2)[:2])
+                places.append(Place(latitude, longitude))
+        return tuple(places)
+
+    def tile(self, zoom: int, column: int, row: int) -> bytes:
+        """A vector tile of the roads (Mapbox Vector Tile 2.1); empty where there are none, or no tiles at all.
+
+        Its layer `edges` has the property `road_class`, from 0 for motorways to 7 for service roads.
+
+        Raises
+        ------
+        RemoteError
+            When the router does not answer.
+        """
+        if self.ask_tile is None:
+            return b""
+        return self.ask_tile({"tile": {"z": zoom, "x": column, "y": row}})
+
+    def _trips(self, stops: Sequence[Place], more: dict[str, Any]) -> list[Node]:
+        request = {
+            "locations": [_location(place) for place in stops],
+            "costing": "auto",
+            "directions_type": "none",
+            **more,
+        }
+        answer = self._answer("route", request, stops)
+        others = answer["alternates"]
+        entries = answer, *(others.entries() if others.value else ())[:MOST_ROUTES]
+        trips = [entry["trip"] for entry in entries]
+        for trip in trips:
+            trip.members()
+        return trips
+
+    def _road(self, trip: Node, stops: Sequence[Place]) -> Road:
+        parts = RoadParts()
+        with as_remote():
+            for leg in trip["legs"].entries(least=1):
+                shape = leg["shape"].value
+                if not isinstance(shape, str):
+                    raise InvalidInput.of("no line", leg.where, repr(shape)[:40], "an encoded line")
+                points = decode_polyline(shape, leg["shape"].where, precision=1e6)
+                asked = [partial(self._edge_document, shape, stops), partial(self._height_document, shape)]
+                edge_document, heights = self._together(asked)
+                edges, covered = _edges(edge_document, shape, points)
+                parts.add(edges, points, _heights(heights, covered))
+        return parts.road(stops)
+
+    def _together(self, calls: Sequence[Callable[[], T]]) -> list[T]:
+        """What each call gives; a server answers them side by side."""
+        if not self.at_once or len(calls) == 1:
+            return [call() for call in calls]
+        with ThreadPoolExecutor(len(calls)) as threads:
+            return [asked.result() for asked in [threads.submit(call) for call in calls]]
+
+    def _edge_document(self, shape: str, stops: Sequence[Place]) -> Node:
+        request = {
+            "encoded_polyline": shape,
+            "shape_match": "edge_walk",
+            "costing": "auto",
+            "filters": {"attributes": list(EDGE_VALUES), "action": "include"},
+        }
+        return self._answer("trace_attributes", request, stops)
+
+    def _height_document(self, shape: str) -> Node:
+        request = {
+            "encoded_polyline": shape,
+            "shape_format": "polyline6",
+            "range": True,
+            "resample_distance": HEIGHT_EVERY_M,
+        }
+        return Node(self.ask("height", request), "height")
+
+    def _answer(self, action: str, request: dict[str, Any], stops: Sequence[Place]) -> Node:
+        """The answer of an action.
+
+        Raises
+        ------
+        InvalidInput
+            When there is no road between the places.
+        RemoteError
+            When the answer is none.
+        """
+        with as_remote():
+            answer = an_answer(self.ask(action, request), action)
+        if not {"error", "error_code"} & answer.members().keys():
+            return answer
+        code, got = answer["error_code"].value, str(answer["error"].value)[:120]
+        if isinstance(code, int) and code in NOT_ON_MAP:
+            title = " to ".join(place.title for place in stops)
+            raise InvalidInput.of("place outside of the map", title, got, "places near a road of the map")
+        raise no_road(stops, got)
+
+
+def _edges(answer: Node, shape: str, points: FloatArray) -> tuple[Edges, FloatArray]:
+    """Edges of a line, and the ranges of distance [m] under a roof or on a bridge, shape (ranges, 2)."""
+    entries = answer["edges"].entries(least=1)
+    if len(entries) > MOST_EDGES:
+        raise InvalidInput.of(
+            "too many edges", "trace_attributes", f"{len(entries)}", f"at most {MOST_EDGES}"
+        )
+    own = answer["shape"].value
+    # of a short leg on one edge Valhalla may give no part
+    within = entries[-1]["end_shape_index"].value == 0
+    # its line may have a point more than that of the route
+    if isinstance(own, str) and own != shape and not within:
+        points = decode_polyline(own, answer["shape"].where, precision=1e6)
+    begin = _indices([entry["begin_shape_index"] for entry in entries], len(points))
+    end = _indices([entry["end_shape_index"] for entry in entries], len(points))
+    if within:
+        end = np.array([len(points) - 1])
+    if (np.diff(begin) < 0).any() or (end < begin).any() or (begin[1:] != end[:-1]).any():
+        raise InvalidInput.of("edges out of order", answer["edges"].where, "", "indices that rise")
+    nodes = [Node(entry.members().get("end_node", {}), f"{entry.where}, end_node") for entry in entries]
+    elapsed = np.array([node["elapsed_time"].number(least=0.0) for node in nodes])
+    if (np.diff(elapsed) < 0).any():
+        raise InvalidInput.of("time decreases", "trace_attributes, elapsed_time", "", "times that rise")
+    border = distances_m(points)[np.append(begin, end[-1])]
+    speed = np.array([M_S_PER_KM_H * entry["speed"].number(least=1.0) for entry in entries])
+    if within:
+        elapsed = np.diff(border) / speed
+    off = [entry["tunnel"].value is True or entry["bridge"].value is True for entry in entries]
+    edges = Edges(
+        np.diff(border),
+        np.diff(elapsed, prepend=0.0),
+        speed,
+        np.array([_limit(entry["speed_limit"]) for entry in entries]),
+        tuple(str(entry.members().get("road_class", "")) for entry in entries),
+        np.array([node["traffic_signal"].value is True for node in nodes]),
+    )
+    return edges, np.column_stack((border[:-1], border[1:]))[off]
+
+
+def _heights(answer: Node, covered: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+    """Distances and heights; None without an elevation model, or with a long part outside of it. Tunnels and bridges are straight."""
+    pairs = answer["range_height"]
+    given = pairs.value if isinstance(pairs.value, list) else []
+    whole = _height_table([pair for pair in given if isinstance(pair, list) and len(pair) == 2], pairs.where)
+    position, known = whole[:, 0], np.flatnonzero(np.isfinite(whole[:, 1]))
+    if len(known) < 2:
+        return None
+    unknown_ends = max(position[known[0]] - position[0], position[-1] - position[known[-1]])
+    voids = np.diff(position[known])[np.diff(known) > 1]
+    if unknown_ends > LONGEST_UNKNOWN_END_M or voids.max(initial=0.0) > LONGEST_VOID_M:
+        return None
+    table = whole[known]
+    on_ground = np.ones(len(table), dtype=bool)
+    for start, end in covered:
+        on_ground &= ~((table[:, 0] > start) & (table[:, 0] < end))
+    kept = table[on_ground] if on_ground.sum() >= 2 else table
+    return kept[:, 0], kept[:, 1]
+
+
+def _height_table(pairs: Sequence[list[Any]], where: str) -> FloatArray:
+    """Distance and height of each pair, NaN where the height is unknown, shape (pairs, 2)."""
+    given = Node([value for pair in pairs for value in pair if value is not None], where)
+    plain = {type(value) for value in given.value} <= {int, float}
+    with as_remote():
+        if not plain or not all(-1e12 < value < 1e12 for value in given.value):
+            given.numbers()  # names the fault
+        rows = [(at, math.nan if height is None else height) for at, height in pairs]
+        return np.array(rows, dtype=np.float64).reshape(-1, 2)
+
+
+def _limit(limit: Node) -> float:
+    """A speed limit [m/s], NaN where there is none: Valhalla writes "unlimited", or nothing."""
+    if limit.value is None or isinstance(limit.value, str):
+        return math.nan
+    speed = M_S_PER_KM_H * limit.number(least=0.0)
+    return speed if 0.0 < speed < 60.0 else math.nan
+
+
+def _indices(nodes: Sequence[Node], n_points: int) -> IntArray:
+    values = np.array([node.number(least=0.0) for node in nodes])
+    if (values != np.floor(values)).any() or values.max() >= n_points:
+        where, got = nodes[0].where, f"{values.max():g}"
+        raise InvalidInput.of("point index out of range", where, got, f"0 to {n_points - 1}")
+    return values.astype(np.int64)
+
+
+def _location(place: Place) -> dict[str, Any]:
+    return {"lat": place.latitude_deg, "lon": place.longitude_deg}
+
+
+def _different(trips: Sequence[Node]) -> list[Node]:
+    """Trips whose lines differ, in their order."""
+    kept: dict[str, Node] = {}
+    for trip in trips:
+        legs = trip["legs"].value
+        whole = isinstance(legs, list)
+        shapes = [leg.get("shape") for leg in legs if isinstance(leg, dict)] if whole else legs
+        kept.setdefault(str(shapes), trip)
+    return list(kept.values())

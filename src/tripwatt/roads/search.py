@@ -1,0 +1,207 @@
+"""Places by name: of the index of a map, or of a Photon or Nominatim server."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import ClassVar, Final, Protocol, Self
+
+from tripwatt.errors import InvalidInput, RemoteError
+from tripwatt.roads.routers import split_kind
+from tripwatt.routes.documents import Node
+from tripwatt.routes.places import TWIN_M, Place, read_coordinates, without_twins
+from tripwatt.routes.web import WebClient, as_remote
+
+KEY: Final = "TRIPWATT_PLACES_KEY"
+LONGEST_TEXT: Final = 200
+MOST_FOUND: Final = 50
+LONGEST_NAME: Final = 60
+"""Characters of a name in a message, and of what is compared with it."""
+
+MOST_ASKED: Final = 10
+MOST_NAMED: Final = 5
+"""Places that are looked at for a name, and that a question names."""
+
+SAME_LETTERS: Final = 3
+"""Letters at the beginning of an unknown name that are taken as right when a similar name is looked for."""
+
+
+class PlaceSearch(Protocol):
+    """What finds places by name."""
+
+    def search(self, text: str, *, limit: int = 10) -> tuple[Place, ...]:
+        """Places for a text, the best first; empty where there is none."""
+        ...
+
+
+@dataclass(frozen=True)
+class ServerSearch:
+    """Places by a server."""
+
+    client: WebClient
+
+    key_place: ClassVar[str]
+    path: ClassVar[str]
+    more: ClassVar[Mapping[str, str]] = MappingProxyType({})
+    """What the question has beside a text and a number of places."""
+
+    @classmethod
+    def from_url(cls, url: str) -> Self:
+        """A search by the URL of its server."""
+        return cls(WebClient(url, "the search for places", KEY, cls.key_place))
+
+    def search(self, text: str, *, limit: int = 10) -> tuple[Place, ...]:
+        """See `PlaceSearch.search`.
+
+        Raises
+        ------
+        RemoteError
+            When the server does not answer, or not with places.
+        """
+        query = {"q": text[:LONGEST_TEXT], "limit": str(limit), **self.more}
+        answer = self.client.get_json(self.path, query)
+        with as_remote():
+            return without_twins(self.places(Node(answer, self.client.host)))[: min(limit, MOST_FOUND)]
+
+    @staticmethod
+    def places(answer: Node) -> list[Place]:
+        """Places of an answer, the best first."""
+        raise NotImplementedError
+
+
+class PhotonSearch(ServerSearch):
+    """Places of a Photon server."""
+
+    key_place = "query:api_key"
+    path = "/api"
+
+    @staticmethod
+    def places(answer: Node) -> list[Place]:
+        """See `ServerSearch.places`."""
+        places = []
+        for feature in answer["features"].entries():
+            about = feature["properties"].members()
+            pair = feature["geometry"]["coordinates"].entries(least=2)
+            street = " ".join(str(about[key]) for key in ("street", "housenumber") if about.get(key))
+            parts = [about.get("name") or street, about.get("city"), about.get("country")]
+            name = ", ".join(dict.fromkeys(str(part) for part in parts if part))
+            longitude, latitude = (degrees.number() for degrees in pair[:2])
+            kind = str(about.get("osm_value", ""))[:40]
+            places.append(Place(latitude, longitude, name[:LONGEST_TEXT], kind))
+        return places
+
+
+class NominatimSearch(ServerSearch):
+    """Places of a Nominatim server."""
+
+    key_place = "query:key"
+    path = "/search"
+    more = MappingProxyType({"format": "jsonv2"})
+
+    @staticmethod
+    def places(answer: Node) -> list[Place]:
+        """See `ServerSearch.places`."""
+        places = []
+        for entry in answer.entries():
+            latitude, longitude = (_text_number(entry[key]) for key in ("lat", "lon"))
+            about = entry.members()
+            name = str(about.get("display_name", ""))[:LONGEST_TEXT]
+            kind = str(about.get("addresstype") or about.get("type") or "")[:40]
+            places.append(Place(latitude, longitude, name, kind))
+        return places
+
+
+def _text_number(text: Node) -> float:
+    """Nominatim writes coordinates as text."""
+    try:
+        return Node(float(text.value), text.where).number()
+    except (TypeError, ValueError) as error:
+        raise InvalidInput.of("not a number", text.where, repr(text.value)[:40], "a number") from error
+
+
+SEARCH_KINDS: Final[Mapping[str, Callable[[str], PlaceSearch]]] = {
+    "photon": PhotonSearch.from_url,
+    "nominatim": NominatimSearch.from_url,
+}
+"""Kind of a server that finds places -> what opens one by its URL."""
+
+
+def open_search(text: str, where: str = "--places") -> PlaceSearch:
+    """A search by the URL of its server, `KIND=URL` or the URL of a Photon server.
+
+    Raises
+    ------
+    InvalidInput
+        For an unknown kind, or what is no URL.
+    """
+    kind, url = split_kind(text, SEARCH_KINDS, where)
+    return SEARCH_KINDS[kind](url)
+
+
+def find_place(text: str, search: PlaceSearch | None, where: str, covers: str = "") -> Place:
+    """The place that a person means: coordinates, or the one place whose whole name a text is.
+
+    A text that is a part of a name, or the name of several places that lie apart, is asked back: a journey to another place is worse than none.
+
+    Parameters
+    ----------
+    text : str
+    search : PlaceSearch or None
+        None where only coordinates can be understood.
+    where : str
+        Name of the field, for messages.
+    covers : str
+        The region of the map in words, for messages.
+
+    Raises
+    ------
+    InvalidInput
+        When no place has the name, with those that may be meant.
+    """
+    place = read_coordinates(text)
+    if place is not None:
+        return place
+    if not text.strip():
+        raise InvalidInput.of("no place", where, "an empty text", "a name, or latitude and longitude")
+    if search is None:
+        fix = "give latitude and longitude, build a map, or name a search for places by its URL"
+        raise InvalidInput.of("names of places are not known", where, text[:60], "47.141, 9.521", fix)
+    matches = search.search(text, limit=MOST_ASKED)
+    whole = [place for place in matches if place.is_called(text)]
+    others = [place for place in whole if place.kind == whole[0].kind and place.distance_m(whole[0]) > TWIN_M]
+    if whole and not others:
+        return whole[0]
+    what = "several places have this name" if whole else "unknown place"
+    candidates = [whole[0], *others] if whole else [*matches] or _similar(text, search)
+    allowed = "the whole name of a place, street or house of the map, or latitude and longitude"
+    fix = "; ".join(part for part in (did_you_mean(candidates), covers) if part)
+    raise InvalidInput.of(what, where, text[:60], allowed, fix)
+
+
+def did_you_mean(places: Sequence[Place]) -> str:
+    """A question with the names and kinds of some places; empty for none.
+
+    Examples
+    --------
+    >>> did_you_mean([Place(47.2, 9.5, "Ruggell", "village"), Place(47.2, 9.5, "Ruggeller Strasse", "street")])
+    "did you mean 'Ruggell' (village) or 'Ruggeller Strasse' (street)?"
+    """
+    names = [
+        f"{place.name[:LONGEST_NAME]!r}" + (f" ({place.kind.replace('_', ' ')})" if place.kind else "")
+        for place in places
+    ]
+    return f"did you mean {' or '.join(list(dict.fromkeys(names))[:MOST_NAMED])}?" if names else ""
+
+
+def _similar(text: str, search: PlaceSearch) -> list[Place]:
+    """The place whose name is most similar, among those that begin with the same letters; one more search."""
+    typed = " ".join(text.split())[:LONGEST_NAME]
+    try:
+        alike = search.search(typed[:SAME_LETTERS])
+    except RemoteError:
+        return []
+    named = {place.name.partition(",")[0].casefold(): place for place in reversed(alike)}
+    near = difflib.get_close_matches(typed.casefold(), [*named], n=1)
+    return [named[near[0]]] if near else []

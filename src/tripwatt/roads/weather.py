@@ -1,0 +1,256 @@
+"""The weather along a road: by hand, or of a server with the interface of Open-Meteo. No server is asked by default."""
+
+from __future__ import annotations
+
+import datetime as dt
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Final, Protocol
+
+import numpy as np
+
+from tripwatt.arrays import FloatArray, running_sum
+from tripwatt.errors import InvalidInput
+from tripwatt.roads.routers.road import Road
+from tripwatt.routes.documents import Node
+from tripwatt.routes.places import Place, driven_m
+from tripwatt.routes.web import WebClient, as_remote, require_url
+from tripwatt.trips import Plan, PlanWeather, raise_faults
+from tripwatt.trips.columns import scalar_faults
+from tripwatt.trips.weather import WIND_AT_CAR, air_density_at
+from tripwatt.units import SECONDS_PER_HOUR
+
+POINT_EVERY_M: Final = 30_000.0
+"""Distance of the points of a road at which the weather is asked [m]: a few cells of a weather model."""
+
+MOST_POINTS: Final = 20
+KEPT_S: Final = 3600.0
+"""How long an answer is used again [s]: models run every few hours."""
+
+MOST_KEPT: Final = 5000
+CELL_DEG: Final = 0.05
+"""Places in one cell share an answer."""
+
+TEMPERATURE_SD_K: Final = (1.0, 0.4)
+WIND_SD_M_S: Final = (1.0, 0.4)
+"""Standard deviation of a forecast of temperature and wind: now, and its growth with each day ahead. A choice in the
+order of the errors that weather services publish of the temperature at 2 m and the wind at 10 m."""
+
+HOURLY: Final = (
+    "temperature_2m",
+    "precipitation",
+    "surface_pressure",
+    "wind_speed_10m",
+    "wind_direction_10m",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Weather:
+    """The weather at one place and hour.
+
+    Attributes
+    ----------
+    temperature_degc : float or None
+        None = not known.
+    wind_speed_m_s, wind_from_deg : float
+        10 m above the ground; the direction from which it blows, clockwise from north.
+    rain_mm_h : float
+    pressure_pa : float or None
+        At the ground; None = not known.
+    hours_ahead : float or None
+        Age of a forecast: the time from now to its hour; None for values by hand, which count as known.
+
+    Raises
+    ------
+    InvalidInput
+        With every value out of its bounds.
+    """
+
+    temperature_degc: float | None = None
+    wind_speed_m_s: float = 0.0
+    wind_from_deg: float = 0.0
+    rain_mm_h: float = 0.0
+    pressure_pa: float | None = None
+    hours_ahead: float | None = None
+
+    def __post_init__(self) -> None:
+        own = ("wind_speed_m_s", "wind_from_deg", "rain_mm_h", "pressure_pa")
+        values = {name: getattr(self, name) for name in own}
+        raise_faults(scalar_faults({"ambient_temperature_degc": self.temperature_degc, **values}))
+
+    @property
+    def temperature_sd_k(self) -> float:
+        """Standard deviation of the temperature [K]."""
+        return _sd(TEMPERATURE_SD_K, self.hours_ahead)
+
+    @property
+    def wind_sd_m_s(self) -> float:
+        """Standard deviation of the wind against the car, 10 m above the ground [m/s]."""
+        return _sd(WIND_SD_M_S, self.hours_ahead)
+
+
+def _sd(now_and_per_day: tuple[float, float], hours_ahead: float | None) -> float:
+    """Standard deviation at an age.
+
+    Examples
+    --------
+    >>> _sd((1.0, 0.5), 48.0), _sd((1.0, 0.5), None)
+    (2.0, 0.0)
+    """
+    now, per_day = now_and_per_day
+    return 0.0 if hours_ahead is None else now + per_day * max(hours_ahead, 0.0) / 24.0
+
+
+class WeatherSource(Protocol):
+    """A source of weather by place and time."""
+
+    def at(self, places: Sequence[Place], when: Sequence[dt.datetime]) -> tuple[Weather, ...]:
+        """The weather at places, each at its time."""
+        ...
+
+
+@dataclass(frozen=True)
+class WeatherServer:
+    """The weather of a server with the interface of Open-Meteo.
+
+    Attributes
+    ----------
+    client : WebClient
+    """
+
+    client: WebClient
+    _kept: dict[tuple[int, int, dt.datetime], tuple[float, Weather]] = field(default_factory=dict, repr=False)
+
+    @classmethod
+    def from_url(cls, url: str, where: str = "--weather") -> WeatherServer:
+        """A server by its URL.
+
+        Raises
+        ------
+        InvalidInput
+            When it is no URL.
+        """
+        url = require_url(url, where)
+        return cls(WebClient(url, "the weather server", "TRIPWATT_WEATHER_KEY", "query:apikey"))
+
+    def at(self, places: Sequence[Place], when: Sequence[dt.datetime]) -> tuple[Weather, ...]:
+        """See `WeatherSource.at`. Answers are kept for an hour.
+
+        Raises
+        ------
+        RemoteError
+            When the server does not answer, or not for these hours.
+        """
+        keys = [_cell(place, hour) for place, hour in zip(places, when, strict=True)]
+        now = time.monotonic()
+        missing = [key for key in dict.fromkeys(keys) if self._kept.get(key, (-math.inf,))[0] < now - KEPT_S]
+        if len(self._kept) + len(missing) > MOST_KEPT:
+            self._kept.clear()
+            missing = list(dict.fromkeys(keys))
+        if missing:
+            asked = zip(missing, self._ask(missing), strict=True)
+            self._kept.update({key: (now, weather) for key, weather in asked})
+        return tuple(self._kept[key][1] for key in keys)
+
+    def _ask(self, keys: Sequence[tuple[int, int, dt.datetime]]) -> list[Weather]:
+        first, last = min(key[2] for key in keys), max(key[2] for key in keys)
+        query = {
+            "latitude": ",".join(f"{key[0] * CELL_DEG:.2f}" for key in keys),
+            "longitude": ",".join(f"{key[1] * CELL_DEG:.2f}" for key in keys),
+            "hourly": ",".join(HOURLY),
+            "wind_speed_unit": "ms",
+            "timezone": "UTC",
+            "start_hour": f"{first:%Y-%m-%dT%H:%M}",
+            "end_hour": f"{last:%Y-%m-%dT%H:%M}",
+        }
+        answer = self.client.get_json("/v1/forecast", query)
+        host = self.client.host
+        with as_remote():
+            if isinstance(answer, dict) and answer.get("error"):
+                raise InvalidInput.of("no weather", host, str(answer.get("reason"))[:120])
+            tables = answer if isinstance(answer, list) else [answer]
+            if len(tables) != len(keys):
+                raise InvalidInput.of("weather of other places", host, f"{len(tables)}", f"{len(keys)}")
+            return [_weather(Node(table, host), key[2]) for table, key in zip(tables, keys, strict=True)]
+
+
+def _cell(place: Place, when: dt.datetime) -> tuple[int, int, dt.datetime]:
+    """Cell and hour of a place and a time; a time without a zone is local time of this machine."""
+    utc = when.astimezone(dt.UTC)
+    hour = (utc + dt.timedelta(minutes=30)).replace(minute=0, second=0, microsecond=0)
+    return round(place.latitude_deg / CELL_DEG), round(place.longitude_deg / CELL_DEG), hour
+
+
+def _weather(table: Node, hour: dt.datetime) -> Weather:
+    hourly, wanted = table["hourly"], f"{hour:%Y-%m-%dT%H:%M}"
+    times = [time.value for time in hourly["time"].entries(least=1)]
+    if wanted not in times:
+        allowed = f"{times[0]} to {times[-1]}"
+        raise InvalidInput.of("no weather for this hour", table.where, wanted, allowed)
+    k = times.index(wanted)
+    temperature, rain, pressure, wind, wind_from = (
+        hourly[name].entries(least=k + 1)[k].number() for name in HOURLY
+    )
+    ahead = (hour - dt.datetime.now(dt.UTC)).total_seconds() / SECONDS_PER_HOUR
+    return Weather(temperature, wind, wind_from % 360.0, rain, 100.0 * pressure, max(ahead, 0.0))
+
+
+def weather_along(
+    road: Road, source: WeatherSource, departs_at: dt.datetime
+) -> tuple[FloatArray, tuple[Weather, ...]]:
+    """Positions along a road [m] and the weather there when the car comes by.
+
+    Parameters
+    ----------
+    road : Road
+    source : WeatherSource
+    departs_at : datetime
+        Departure.
+
+    Raises
+    ------
+    RemoteError
+        As the source.
+    """
+    number = min(max(round(road.distance_m / POINT_EVERY_M), 1), MOST_POINTS)
+    position = (np.arange(number) + 0.5) / number * road.distance_m
+    border = running_sum(road.links.length_m)
+    passed = np.interp(position, border, running_sum(road.links.travel_time_s))
+    when = [departs_at + dt.timedelta(seconds=float(seconds)) for seconds in passed]
+    return position, source.at([road.place_at(float(at)) for at in position], when)
+
+
+def plan_with_weather(plan: Plan, road: Road, position_m: FloatArray, weather: Sequence[Weather]) -> Plan:
+    """A plan with the weather along its road; the temperature counts where the departure has none. O(samples).
+
+    Wind is interpolated between the positions, as a vector. Temperature, pressure and rain are means over the
+    positions, since a simulation has one of each.
+
+    Examples
+    --------
+    >>> plan_with_weather(plan, road, np.array([0.0]), (Weather(10.0, rain_mm_h=0.5),)).weather.rain_mm_h  # doctest: +SKIP
+    0.5
+    """
+    driven = driven_m(plan, road.distance_m)
+    angle = np.radians([w.wind_from_deg for w in weather])
+    speed = np.array([w.wind_speed_m_s for w in weather])
+    east = np.interp(driven, position_m, speed * np.sin(angle))
+    north = np.interp(driven, position_m, speed * np.cos(angle))
+    heading = np.radians(road.heading_at(driven))
+    headwind = WIND_AT_CAR * (east * np.sin(heading) + north * np.cos(heading))
+    pressure = _mean([w.pressure_pa for w in weather])
+    ambient = plan.departure.ambient_temperature_degc
+    if ambient is None:
+        ambient = _mean([w.temperature_degc for w in weather])
+    departure = replace(plan.departure, ambient_temperature_degc=ambient)
+    density = air_density_at(replace(departure, pressure_pa=pressure))
+    rain = float(np.mean([w.rain_mm_h for w in weather]))
+    return replace(plan, departure=departure, weather=PlanWeather(headwind, density, rain))
+
+
+def _mean(values: Sequence[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return float(np.mean(known)) if len(known) == len(values) and known else None

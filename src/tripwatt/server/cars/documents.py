@@ -1,0 +1,150 @@
+"""What a car on the road is as plain values: the same over HTTP, over MQTT and on the page.
+
+The docstrings of the fields are their descriptions in the OpenAPI document.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import (
+    Any,
+    Final,
+    Literal,
+    NotRequired,  # Python 3.11 has one that pydantic cannot read
+    cast,
+)
+
+from typing_extensions import TypedDict
+
+from tripwatt.errors import InvalidInput
+from tripwatt.forecasting import Forecast
+from tripwatt.forecasting.document import FlagDocument, described
+from tripwatt.forecasting.forecast import by_probability, quantiles
+from tripwatt.roads.advice import Message
+from tripwatt.trips.messages import flag_to_dict
+
+QUANTILES: Final = (0.05, 0.5, 0.95)
+LOW, HIGH = f"{QUANTILES[0]:g}", f"{QUANTILES[-1]:g}"
+"""Ends of the 90 % interval."""
+
+
+@described
+class ProblemFault(TypedDict):
+    """One thing that is wrong with an input."""
+
+    what: str
+    where: str
+    """field, or position in an upload"""
+    pointer: NotRequired[str | None]
+    """JSON pointer (RFC 6901) of the field in the body of the request"""
+    got: NotRequired[str | None]
+    allowed: NotRequired[str | None]
+    fix: NotRequired[str | None]
+
+
+@described
+class LiveForecastDocument(TypedDict):
+    """The forecast of a trip, given what was measured so far."""
+
+    energy_wh: float
+    """expected energy of the whole trip [Wh]"""
+    quantiles_wh: dict[str, float]
+    """quantiles of the energy [Wh], by probability"""
+    soc_arrival: float
+    """displayed state of charge at arrival"""
+    soc_quantiles: dict[str, float]
+    """quantiles of the displayed state of charge at arrival"""
+    reserve: float
+    """displayed state of charge to keep"""
+    p_arrive: float
+    """probability to arrive with the reserve"""
+    p_arrive_at_all: float
+    """probability to arrive before the battery is empty"""
+    measured_until_s: float
+    """time of the last measurement that counts, since departure [s]"""
+    distance_m: float
+    """length of the whole trip [m]"""
+    flags: list[FlagDocument]
+    """what was assumed, such as a charge at departure that no message shows"""
+
+
+@described
+class LiveTripDocument(TypedDict):
+    """The trip that a car is on."""
+
+    departs_at: str
+    """UTC"""
+    duration_s: float
+    distance_m: float
+    samples: int
+    """messages that count"""
+
+
+@described
+class LiveMessages(TypedDict):
+    """Messages since the service was started."""
+
+    new: int
+    doubled: int
+    late: int
+    """too late, or with a time of another clock: they do not count"""
+
+
+@described
+class LiveResponse(TypedDict):
+    """A car on the road."""
+
+    car: str
+    """name of its folder"""
+    seconds_since_message: float | None
+    """null before the first message"""
+    messages: LiveMessages
+    held: int
+    """messages that wait until later ones confirm their time"""
+    soc: float | None
+    """displayed state of charge by the latest message that has a charge; of a charge of the battery management, what the display shows by the model of the car"""
+    soc_source: Literal["soc", "bms_soc"] | None
+    """whether that message has the displayed charge (`soc`) or that of the battery management; null before the first one"""
+    ambient_temperature_degc: float | None
+    """outside temperature by the latest message that has one, in the last 24 h [°C]"""
+    trip: LiveTripDocument | None
+    """null while the car is on no trip"""
+    plan: Literal["given", "usual"] | None
+    """the plan that was given, or the road of an earlier trip that began at about this time of day"""
+    usual_trip: str | None
+    """name of that trip"""
+    forecast: LiveForecastDocument | None
+    """null without a plan"""
+    flags: list[FlagDocument]
+    """what is assumed of the car: another one where nothing describes it"""
+    message: Message | None
+    """null until the verdict changes on the way"""
+    faults: list[ProblemFault]
+    """why the last messages are not in the forecast; empty when they are"""
+
+
+def live_forecast(forecast: Forecast, reserve: float) -> LiveForecastDocument:
+    """A forecast as plain values.
+
+    Raises
+    ------
+    InvalidInput
+        When a value is not finite: no car can drive the trip.
+    """
+    energies_wh, charges = quantiles(forecast, QUANTILES)
+    document: Any = {
+        "energy_wh": forecast.energy_wh,
+        "quantiles_wh": by_probability(energies_wh, QUANTILES),
+        "soc_arrival": forecast.soc_arrival,
+        "soc_quantiles": by_probability(charges, QUANTILES),
+        "reserve": reserve,
+        "p_arrive": forecast.p_arrive(reserve),
+        "p_arrive_at_all": forecast.p_arrive(),
+        "measured_until_s": forecast.measured_until_s,
+        "distance_m": float(forecast.drive.distance_m[-1]),
+        "flags": [flag_to_dict(flag) for flag in forecast.flags],
+    }
+    values = [value for value in document.values() if isinstance(value, float)]
+    if not math.isfinite(sum([*values, *document["quantiles_wh"].values()])):
+        raise InvalidInput.of("no forecast", "trip", "implausible results", "a trip that a car can drive")
+    return cast(LiveForecastDocument, document)

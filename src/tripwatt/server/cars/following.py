@@ -1,0 +1,277 @@
+"""Following cars over MQTT: their messages become samples, and what the cars are is published every few seconds."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import ssl
+from collections.abc import Awaitable, Callable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Final
+from urllib.parse import unquote, urlsplit
+
+from tripwatt.errors import InvalidInput
+from tripwatt.server.cars.discovery import OFFLINE, ONLINE, discovery
+from tripwatt.server.cars.sender import steady_clock
+from tripwatt.server.cars.telemetry import Sample
+from tripwatt.server.cars.topics import TopicJoiner
+
+if TYPE_CHECKING:
+    import aiomqtt
+
+PORTS: Final = {"mqtt": 1883, "mqtts": 8883}
+"""Scheme of a URL -> usual port; `mqtts` is encrypted."""
+
+AGAIN_S: Final = (1.0, 60.0)
+"""First and longest wait before a broker that was lost is asked again [s]."""
+
+FLUSH_S: Final = 2.0
+"""A sample is complete when nothing came for so long [s]."""
+
+AGE_S: Final = 30.0
+"""What is known of a car is published again after so long without news [s]: the time since its last message grows."""
+
+KEEP_ALIVE_S: Final = 30
+"""A broker that hears nothing for one and a half times this publishes the will [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Broker:
+    """Where an MQTT broker is.
+
+    Attributes
+    ----------
+    host : str
+        Name or address.
+    port : int
+        Of TCP.
+    username, password : str or None
+        None for a broker without accounts.
+    encrypted : bool
+        Whether the connection is by TLS.
+
+    Examples
+    --------
+    >>> Broker("broker.example", 1883).encrypted
+    False
+    """
+
+    host: str
+    port: int
+    username: str | None = None
+    password: str | None = field(default=None, repr=False)
+    encrypted: bool = False
+
+    @classmethod
+    def from_url(cls, url: str, password: str | None = None) -> Broker:
+        """Read a URL such as `mqtt://name@192.0.2.7:1883`.
+
+        Parameters
+        ----------
+        url : str
+            With the scheme `mqtt` or `mqtts`.
+        password : str, optional
+            For a URL without one.
+
+        Returns
+        -------
+        Broker
+            With the usual port of the scheme where the URL has none.
+
+        Raises
+        ------
+        InvalidInput
+            When it is none.
+
+        Examples
+        --------
+        >>> Broker.from_url("mqtts://me:secret@broker.example")
+        Broker(host='broker.example', port=8883, username='me', encrypted=True)
+        """
+        try:
+            parts = urlsplit(url)
+            port = parts.port
+        except ValueError:
+            parts, port = urlsplit(""), None
+        if parts.scheme not in PORTS or not parts.hostname:
+            got = url.rpartition("@")[2][:80]  # never a password
+            raise InvalidInput.of("not a broker", "--mqtt", got, "mqtt://HOST[:PORT] or mqtts://HOST[:PORT]")
+        username = None if parts.username is None else unquote(parts.username)
+        given = None if parts.password is None else unquote(parts.password)
+        return cls(
+            parts.hostname, port or PORTS[parts.scheme], username, given or password, parts.scheme == "mqtts"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class MqttSettings:
+    """What is followed and published over MQTT.
+
+    Attributes
+    ----------
+    broker : Broker
+        Where the cars send to.
+    cars : mapping of str to tuple of str
+        Name of a car -> what sends (see `TopicJoiner`), and its topic.
+    publish_to : str
+        Cars are published below this topic, and on it whether somebody publishes: `online` or `offline`. Empty for nothing.
+    announce_below : str
+        Prefix of topics below which Home Assistant finds what is published; empty for none.
+
+    Examples
+    --------
+    >>> MqttSettings(Broker("192.0.2.7", 1883), {"leaf": ("ovms", "ovms/me/leaf/metric")}).publish_to
+    'tripwatt'
+    """
+
+    broker: Broker
+    cars: Mapping[str, tuple[str, str]] = field(default_factory=lambda: MappingProxyType({}))
+    publish_to: str = "tripwatt"
+    announce_below: str = "homeassistant"
+
+
+@dataclass(eq=False)
+class Follower:
+    """Follows cars over MQTT, and publishes what they are, until it is cancelled. It knows cars by their names alone.
+
+    Attributes
+    ----------
+    settings : MqttSettings
+        What is followed and published.
+    take : callable
+        Called with the name of a car and a sample of it; what it raises as `InvalidInput` is noted.
+    documents : callable
+        Returns what is published of each car, by its name.
+    note : callable
+        Called with a sentence when the broker is lost or a message is not stored.
+    every_s : float
+        Shortest time between two messages of a car [s].
+
+    Raises
+    ------
+    InvalidInput
+        For an unknown sender or a topic that cannot be one.
+
+    Examples
+    --------
+    >>> async def documents():
+    ...     return {"leaf": {"soc": 0.8}}
+    >>> settings = MqttSettings(Broker.from_url("mqtt://127.0.0.1"), {"leaf": ("teslamate", "teslamate/cars/1")})
+    >>> follower = Follower(settings, print, documents, print)
+    >>> asyncio.run(follower.follow())  # doctest: +SKIP
+    """
+
+    settings: MqttSettings
+    take: Callable[[str, Sample], Awaitable[object]]
+    documents: Callable[[], Awaitable[Mapping[str, Mapping[str, Any]]]]
+    note: Callable[[str], None]
+    every_s: float = 5.0
+
+    def __post_init__(self) -> None:
+        self._joiners = {name: TopicJoiner(*given) for name, given in self.settings.cars.items()}
+        self._now_s = steady_clock()
+        for name, joiner in self._joiners.items():
+            joiner.note = partial(self._refused, name)
+        self._received_s = dict.fromkeys(self._joiners, 0.0)
+        # what was published of a car, without its age, and when
+        self._published: dict[str, tuple[dict[str, Any], float]] = {}
+
+    async def follow(self) -> None:
+        """Follow the cars; a broker that is lost is asked again, for as long as it takes."""
+        import aiomqtt  # an extra
+
+        wait_s = AGAIN_S[0]
+        while True:
+            try:
+                async with self._client() as client:
+                    for joiner in self._joiners.values():
+                        await client.subscribe(joiner.filter, qos=1)
+                    wait_s = AGAIN_S[0]
+                    self._published.clear()
+                    await self._publish(client, "", ONLINE)
+                    try:
+                        async with asyncio.TaskGroup() as tasks:
+                            tasks.create_task(self._listen(client))
+                            tasks.create_task(self._report(client))
+                    finally:  # the will is for a process that is killed, and for a lost connection
+                        with contextlib.suppress(aiomqtt.MqttError):
+                            await self._publish(client, "", OFFLINE)
+            except* aiomqtt.MqttError as lost:
+                broker = self.settings.broker
+                self.note(f"{broker.host}:{broker.port}: {lost.exceptions[0]}"[:200])
+            await asyncio.sleep(wait_s)
+            wait_s = min(2.0 * wait_s, AGAIN_S[1])
+
+    async def _listen(self, client: aiomqtt.Client) -> None:
+        mqtt = client._client  # aiomqtt has no way to acknowledge a message when it is stored
+        mqtt.manual_ack_set(True)
+        async for message in client.messages:
+            payload = message.payload if isinstance(message.payload, bytes) else str(message.payload).encode()
+            now_s, topic = self._now_s(), message.topic.value
+            for name, joiner in self._joiners.items():
+                if topic == joiner.root or topic.startswith(f"{joiner.root}/"):
+                    self._received_s[name] = now_s
+                    await self._take(name, joiner.take(topic, payload, now_s, retained=bool(message.retain)))
+            mqtt.ack(message.mid, message.qos)
+
+    async def _take(self, name: str, sample: Sample | None) -> None:
+        if sample is None:
+            return
+        try:
+            await self.take(name, sample)
+        except InvalidInput as error:
+            self._refused(name, error)
+
+    def _refused(self, name: str, error: InvalidInput) -> None:
+        self.note(f"{name}: message not stored: {error}"[:200])
+
+    async def _report(self, client: aiomqtt.Client) -> None:
+        while True:
+            await asyncio.sleep(self.every_s)
+            for name, joiner in self._joiners.items():
+                if self._now_s() - self._received_s[name] >= FLUSH_S:
+                    await self._take(name, joiner.flush())
+            if self.settings.publish_to:
+                for name, document in (await self.documents()).items():
+                    await self._publish_car(client, name, document)
+            # `wait_for` of Python 3.11, which the client uses, loses a cancellation that comes with an answer
+            task = asyncio.current_task()
+            if task is not None and task.cancelling():
+                return
+
+    async def _publish_car(self, client: aiomqtt.Client, name: str, document: Mapping[str, Any]) -> None:
+        """Publish a car where it is another, and at times so that its age grows."""
+        now_s, lasting = self._now_s(), {**document, "seconds_since_message": None}
+        before = self._published.get(name)
+        if before is not None and before[0] == lasting and now_s < before[1] + AGE_S:
+            return
+        if before is None and self.settings.announce_below:
+            found = discovery(name, self.settings.publish_to, self.settings.announce_below)
+            for topic, message in found:
+                await client.publish(topic, json.dumps(message), qos=1, retain=True)
+        self._published[name] = lasting, now_s
+        await self._publish(client, f"/{name}", json.dumps(document))
+
+    async def _publish(self, client: aiomqtt.Client, below: str, text: str) -> None:
+        if self.settings.publish_to:
+            await client.publish(f"{self.settings.publish_to}{below}", text, qos=1, retain=True)
+
+    def _client(self) -> aiomqtt.Client:
+        """A client whose messages the broker keeps while it is away."""
+        import aiomqtt
+
+        broker, topic = self.settings.broker, self.settings.publish_to
+        return aiomqtt.Client(
+            broker.host,
+            broker.port,
+            username=broker.username,
+            password=broker.password,
+            identifier=f"tripwatt-{topic or ','.join(self._joiners)}",
+            clean_session=False,
+            tls_context=ssl.create_default_context() if broker.encrypted else None,
+            will=aiomqtt.Will(topic, OFFLINE, qos=1, retain=True) if topic else None,
+            keepalive=KEEP_ALIVE_S,
+        )

@@ -1,0 +1,339 @@
+"""The trip that a car is on: found by its motion, its samples kept by column."""
+
+from __future__ import annotations
+
+import bisect
+import itertools
+import math
+from array import array
+from collections import deque
+from collections.abc import Iterable, Sequence
+from typing import Final
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.arrays import FloatArray, held
+from tripwatt.server.cars.telemetry import Sample, moved
+from tripwatt.trips import MOST_DURATION_S, table_of
+
+MOVING_M_S: Final = 1.0
+"""A car that is faster drives; positioning by satellite shows a parked car at up to about half of it."""
+
+BEFORE_S: Final = 180.0
+"""The standstill right before the first motion that belongs to a trip [s]: the car is switched on. Those of the TUM set take
+up to 154 s."""
+
+STANDING_S: Final = 300.0
+"""A standstill of this length ends a trip [s]: longer than a traffic light, a barrier or a short jam."""
+
+PARKED_S: Final = 60.0
+"""The same while the gear is in park [s]."""
+
+SILENCE_S: Final = 600.0
+"""A trip ends where a car sends nothing for so long [s]: a tunnel or a dead spot is shorter."""
+
+LEAST_M: Final = 200.0
+"""A shorter drive is no trip [m]: the car was moved, or the positioning was wrong."""
+
+HOLD_S: Final = 10.0
+"""A speed holds for so long where messages lack it [s]."""
+
+MOST_SAMPLES: Final = 40_000
+"""Most samples of a trip that are held: 11 h at 1 Hz. When they are full, every other one goes, and of the next ones too."""
+
+GAP_STEPS: Final = 1.5
+"""A late sample counts where those around it are apart by so many of the usual steps of the trip: other ones are doubles, or strays."""
+
+_MOST_BEFORE: Final = 2000
+
+
+class LiveTrip:
+    """The samples of one trip so far, in the order of their times.
+
+    Parameters
+    ----------
+    samples : sequence of Sample
+        The first ones.
+
+    Attributes
+    ----------
+    start_s : float
+        Time of the first sample [s since 1970].
+    moved_s : float
+        Time of the last sample in motion [s since 1970].
+    stood_s : float
+        Since when the car stands, as far as samples show it [s since 1970]; infinite while it drives.
+    distance_m : float
+        Driven so far [m].
+
+    Examples
+    --------
+    >>> trip = LiveTrip([Sample(1.7e9, {"speed_m_s": 10.0})])
+    >>> trip.append(Sample(1.7e9 + 1.0, {"speed_m_s": 12.0}))
+    >>> trip.distance_m
+    11.0
+    >>> trip.table()["speed_m_s"].tolist()
+    [10.0, 12.0]
+    >>> trip.append(Sample(1.7e9 + 4.0, {"speed_m_s": 12.0}))
+    >>> trip.insert(Sample(1.7e9 + 2.0, {"speed_m_s": 12.0})), trip.has(Sample(1.7e9 + 2.0, {"speed_m_s": 12.0}))
+    (True, True)
+    >>> trip.move(3600.0)
+    >>> trip.start_s
+    1700003600.0
+    """
+
+    def __init__(self, samples: Sequence[Sample]) -> None:
+        self.start_s = samples[0].time_s
+        self.moved_s = self.last_s = -math.inf
+        self.stood_s = math.inf
+        self.distance_m = 0.0
+        self._speed_m_s = 0.0
+        self._least_step_s = 0.0
+        self._columns: dict[str, array[float]] = {"time_s": array("d"), "speed_m_s": array("d")}
+        for sample in samples:
+            self.append(sample)
+
+    def __len__(self) -> int:
+        return len(self._columns["time_s"])
+
+    def append(self, sample: Sample) -> None:
+        """Take the next sample. O(1) amortised.
+
+        Parameters
+        ----------
+        sample : Sample
+            Later than all before.
+        """
+        speed = sample.values.get("speed_m_s")
+        if speed is not None:
+            if len(self):
+                self.distance_m += 0.5 * (speed + self._speed_m_s) * min(sample.time_s - self.last_s, HOLD_S)
+            self._speed_m_s = speed
+            if speed >= MOVING_M_S:
+                self.moved_s, self.stood_s = sample.time_s, math.inf
+            else:
+                self.stood_s = min(self.stood_s, max(self.moved_s, sample.time_s - HOLD_S))
+        times = self._columns["time_s"]
+        if not times or sample.time_s - times[-1] >= self._least_step_s:
+            self._keep(sample)
+        self.last_s = sample.time_s
+
+    def _keep(self, sample: Sample) -> None:
+        if len(self) >= MOST_SAMPLES:
+            times = self._columns["time_s"]
+            self._least_step_s = 2.0 * (times[-1] - times[0]) / len(times)
+            self._columns = {name: values[::2] for name, values in self._columns.items()}
+        for name in sample.values:
+            if name not in self._columns:
+                self._columns[name] = array("d", [math.nan]) * len(self)
+        for name, values in self._columns.items():
+            if name != "time_s":
+                values.append(sample.values.get(name, math.nan))
+        self._columns["time_s"].append(sample.time_s)
+
+    def has(self, sample: Sample) -> bool:
+        """Tell whether the very sample is part of the trip. O(log(samples)).
+
+        Parameters
+        ----------
+        sample : Sample
+            One that came again.
+
+        Returns
+        -------
+        bool
+            False for another one of the same time.
+        """
+        at = bisect.bisect_left(self._columns["time_s"], sample.time_s)
+        row = {name: values[at : at + 1] for name, values in self._columns.items()}
+        sent = {"time_s": sample.time_s, **sample.values}
+        return all(row.get(name, array("d")).tolist() == [value] for name, value in sent.items())
+
+    def insert(self, sample: Sample) -> bool:
+        """Take a late sample into a gap of the trip, if there is one at its time. O(samples).
+
+        Parameters
+        ----------
+        sample : Sample
+            One that is earlier than the latest of the trip.
+
+        Returns
+        -------
+        bool
+            Whether it was taken.
+        """
+        times = self._columns["time_s"]
+        at, steps = bisect.bisect_left(times, sample.time_s), np.diff(times)
+        if not 0 < at < len(times) < MOST_SAMPLES or steps[at - 1] < GAP_STEPS * np.median(steps):
+            return False
+        before_m = self._driven_m()
+        for name in {*sample.values} - {*self._columns}:
+            self._columns[name] = array("d", [math.nan]) * len(times)
+        for name, values in self._columns.items():
+            values.insert(at, sample.time_s if name == "time_s" else sample.values.get(name, math.nan))
+        self.distance_m += self._driven_m() - before_m
+        if sample.values.get("speed_m_s", 0.0) >= MOVING_M_S and sample.time_s > self.moved_s:
+            self.moved_s, self.stood_s = sample.time_s, max(sample.time_s, self.stood_s)
+        return True
+
+    def _driven_m(self) -> float:
+        time, speed = (np.array(self._columns[name]) for name in ("time_s", "speed_m_s"))
+        time, speed = time[np.isfinite(speed)], speed[np.isfinite(speed)]
+        return float(0.5 * (speed[1:] + speed[:-1]) @ np.minimum(np.diff(time), HOLD_S))
+
+    def move(self, by_s: float) -> None:
+        """Move all times: the clock of the sender was set. O(samples).
+
+        Parameters
+        ----------
+        by_s : float
+            What is added to them [s].
+        """
+        self._columns["time_s"] = array("d", (time_s + by_s for time_s in self._columns["time_s"]))
+        for name in ("start_s", "moved_s", "last_s", "stood_s"):
+            setattr(self, name, getattr(self, name) + by_s)
+
+    def table(
+        self,
+        more: Iterable[Sample] = (),
+        *,
+        since_s: float | None = None,
+        until_s: float = math.inf,
+        start_s: float = 0.0,
+    ) -> pd.DataFrame:
+        """Tabulate the samples with canonical columns, timed from a departure. O(samples).
+
+        A speed that is missing is the last one for up to `HOLD_S`; a sample without a speed is left out.
+
+        Parameters
+        ----------
+        more : iterable of Sample
+            Samples after those of the trip, until one of a car that is being charged.
+        since_s, until_s : float, optional
+            The departure, that of the trip by default, and the last time that counts [s since 1970]. Earlier samples are
+            left out.
+        start_s : float
+            Time of the departure in the table [s].
+
+        Returns
+        -------
+        DataFrame
+            One row per sample.
+        """
+        columns = self._with_more(more)
+        since_s = self.start_s if since_s is None else since_s
+        time = columns["time_s"]
+        columns["speed_m_s"] = held(time, columns["speed_m_s"], HOLD_S)
+        kept = np.isfinite(columns["speed_m_s"]) & (time >= since_s) & (time <= until_s)
+        return table_of(
+            {"time_s": time[kept] - (since_s - start_s)}
+            | {n: v[kept] for n, v in columns.items() if n != "time_s"}
+        )
+
+    def _with_more(self, more: Iterable[Sample]) -> dict[str, FloatArray]:
+        later = itertools.takewhile(lambda sample: not sample.charging, more)
+        rows = [{"time_s": sample.time_s, **sample.values} for sample in later]
+        columns = {name: np.array(values) for name, values in self._columns.items()}
+        missing = np.full(len(self), np.nan)
+        for name in dict.fromkeys(name for row in rows for name in row):
+            columns.setdefault(name, missing)
+        return {n: np.append(own, [row.get(n, math.nan) for row in rows]) for n, own in columns.items()}
+
+
+class TripFinder:
+    """Finds start and end of the trips of one car in samples that come in the order of their times.
+
+    A trip starts with the first sample faster than `MOVING_M_S` and has up to `BEFORE_S` of standstill before it. It ends
+    after a standstill of `STANDING_S` (`PARKED_S` with the gear in park), after `SILENCE_S` without a sample, when the car is
+    charged, or after the longest duration of a trip. What follows its last motion is no part of it.
+
+    Attributes
+    ----------
+    trip : LiveTrip or None
+        The trip that the car is on.
+    before : deque of Sample
+        The last samples of a car that stands.
+
+    Examples
+    --------
+    >>> finder = TripFinder()
+    >>> [finder.add(Sample(1.7e9 + k, {"speed_m_s": 10.0})) for k in range(3)]
+    [None, None, None]
+    >>> finder.move(3600.0)
+    >>> finder.end().distance_m
+    20.0
+    >>> finder.trip is None
+    True
+    """
+
+    def __init__(self) -> None:
+        self.trip: LiveTrip | None = None
+        self.before: deque[Sample] = deque(maxlen=_MOST_BEFORE)
+
+    def add(self, sample: Sample) -> LiveTrip | None:
+        """Take the next sample. O(1) amortised.
+
+        Parameters
+        ----------
+        sample : Sample
+            Later than all before.
+
+        Returns
+        -------
+        LiveTrip or None
+            The trip that has ended.
+        """
+        ended = None
+        if self.trip is not None and self._ends(self.trip, sample):
+            ended, self.trip = self.trip, None
+        if self.trip is not None:
+            self.trip.append(sample)
+        else:
+            self._stand(sample)
+        return ended
+
+    def end(self) -> LiveTrip | None:
+        """End the trip that the car is on, if it is on one.
+
+        Returns
+        -------
+        LiveTrip or None
+            The trip that has ended; None where the car was on none.
+        """
+        ended, self.trip = self.trip, None
+        return ended
+
+    def move(self, by_s: float) -> None:
+        """Move all times: the clock of the sender was set. O(samples).
+
+        Parameters
+        ----------
+        by_s : float
+            What is added to them [s].
+        """
+        self.before = deque((moved(sample, by_s) for sample in self.before), _MOST_BEFORE)
+        if self.trip is not None:
+            self.trip.move(by_s)
+
+    def _ends(self, trip: LiveTrip, sample: Sample) -> bool:
+        if sample.charging or sample.time_s - trip.last_s >= SILENCE_S:
+            return True
+        if sample.time_s - trip.start_s >= MOST_DURATION_S:
+            return True
+        speed = sample.values.get("speed_m_s")
+        if speed is None or speed >= MOVING_M_S:
+            return False
+        stood_s = min(trip.stood_s, max(trip.moved_s, sample.time_s - HOLD_S))  # a gap is no standstill
+        return sample.time_s - stood_s >= (PARKED_S if sample.parked else STANDING_S)
+
+    def _stand(self, sample: Sample) -> None:
+        if sample.charging:
+            self.before.clear()
+            return
+        while self.before and sample.time_s - self.before[0].time_s > BEFORE_S:
+            self.before.popleft()
+        self.before.append(sample)
+        if sample.values.get("speed_m_s", 0.0) >= MOVING_M_S:
+            self.trip = LiveTrip(self.before)
+            self.before.clear()

@@ -1,0 +1,168 @@
+"""The clock of what sends for a car: how far it is from ours, whether it was set, and whether there are two of them.
+
+The stamps of a sender order its samples, so its clock need not be right: only jumps count. A stamp that fits neither the order
+nor the clock is held until later ones confirm that the clock was set, or contradict it.
+"""
+
+from __future__ import annotations
+
+import math
+import statistics
+import time
+from collections import deque
+from collections.abc import Callable, Collection
+from typing import Final
+
+from tripwatt.server.cars.live_trip import HOLD_S
+from tripwatt.server.cars.ordering import LATE_S
+from tripwatt.server.cars.telemetry import Sample
+
+FUTURE_S: Final = 120.0
+"""A stamp may be this much ahead of the sender's own clock [s]; one that is further ahead is held."""
+
+STEADY: Final = (3, 5.0, 10.0)
+"""Messages show a clock where there are so many, over so long [s], whose stamps keep their distance to ours to so much [s]."""
+
+RECENT: Final = 15
+"""Messages that show the clock as it is now."""
+
+MOST_HELD: Final = 600
+"""Most samples that are held."""
+
+WENT_ON: Final = 3
+"""Messages by the clock as it was that show that it was not set."""
+
+POSSIBLE: Final = {"speed_m_s": (5.0, 6.0), "displayed_soc": (0.02, 1e-3), "soc": (0.02, 1e-3)}
+"""Column -> largest difference of two samples of one car: at once, and for each second between them."""
+
+APART: Final = (1.0, -0.1, 10.0)
+"""What a sample adds that cannot be of the car before it, what another one adds, and the sum of two cars."""
+
+
+def steady_clock() -> Callable[[], float]:
+    """Our clock [s since 1970] as it is now, which goes on steadily when that of the machine is set."""
+    began_s = time.time() - time.monotonic()
+    return lambda: began_s + time.monotonic()
+
+
+class Sender:
+    """What sends for a car, by the stamps of its messages and the times of their arrival.
+
+    Parameters
+    ----------
+    offset_s : float, optional
+        As it was known before.
+
+    Attributes
+    ----------
+    offset_s : float or None
+        Our clock less that of the sender, with the delay of its messages: their median [s]; None while it is not known.
+    held : list of Sample
+        Samples whose stamps are neither confirmed nor contradicted.
+    mixed_s : float
+        When messages last looked like those of two senders [s since 1970].
+
+    Examples
+    --------
+    >>> sender = Sender()
+    >>> for k in range(10):
+    ...     sender.go_on(Sample(1.7e9 + k, received_s=1.7e9 + k + 3600.0))
+    >>> sender.offset_s, sender.fits(Sample(1.7e9 + 86400.0, received_s=1.7e9 + 3610.0))
+    (3600.0, False)
+    """
+
+    def __init__(self, offset_s: float | None = None) -> None:
+        self.offset_s = offset_s
+        self.held: list[Sample] = []
+        self.mixed_s = -math.inf
+        self._last: Sample | None = None
+        self._recent: deque[Sample] = deque(maxlen=RECENT)
+        self._strays: deque[Sample] = deque(maxlen=RECENT)
+        self._went_on = 0
+        self._apart = 0.0
+
+    def fits(self, sample: Sample, *, late: bool = False) -> bool:
+        """Whether a sample is by the clock as it is known: neither far ahead of it nor late. Any one while it is not known."""
+        if self.offset_s is None or sample.received_s is None:
+            return True
+        ahead = self.offset_s - _offset_s(sample) > FUTURE_S and not self._follows(self._last, sample)
+        return not (late or ahead)
+
+    def _follows(self, last: Sample | None, sample: Sample) -> bool:
+        """Whether a stamp is as much later than the one before as it came later, or less."""
+        if last is None or last.received_s is None or sample.received_s is None:
+            return False
+        most_s = FUTURE_S + max(sample.received_s - last.received_s, 0.0)
+        return -LATE_S <= sample.time_s - last.time_s <= most_s
+
+    def go_on(self, sample: Sample) -> None:
+        """Take a sample by the clock as it is known. O(1)."""
+        if self._last is not None:
+            odd = _differ(self._last, sample)
+            self._apart = min(max(self._apart + APART[not odd], 0.0), APART[2])
+            if odd and self._apart >= APART[2] and sample.received_s is not None:
+                self.mixed_s = sample.received_s
+        self._last = sample
+        self._went_on += bool(self.held)
+        if sample.received_s is not None:
+            self._recent.append(sample)
+        if _steady(self._recent):
+            self.offset_s = statistics.median(map(_offset_s, self._recent))
+
+    def takes(self, sample: Sample) -> bool:
+        """Whether a sample can be held with those before it."""
+        return not self.held or (len(self.held) < MOST_HELD and self._follows(self.held[-1], sample))
+
+    @property
+    def was_set(self) -> bool:
+        """Whether the samples that are held show another clock, and none came by the one as it was known."""
+        return self._went_on < WENT_ON - 1 and _steady(self.held)
+
+    @property
+    def was_not_set(self) -> bool:
+        """Whether the clock as it was known went on beside the samples that are held."""
+        return self._went_on >= WENT_ON or (self._went_on >= WENT_ON - 1 and _steady(self.held))
+
+    def set_clock(self, newest_s: float) -> tuple[float, list[Sample]]:
+        """Take the clock of the samples that are held: by how much all before them is to be moved [s], and these samples."""
+        before_s = 0.0 if self.offset_s is None else self.offset_s
+        self._recent = deque(self.held, RECENT)
+        self.offset_s = statistics.median(map(_offset_s, self._recent))
+        held = self.release()
+        self._last = held[-1]
+        # what came before was sent before
+        return min(before_s - self.offset_s, min(s.time_s for s in held) - newest_s - 1e-3), held
+
+    def release(self) -> list[Sample]:
+        """The samples that are held, which are no longer."""
+        held, self.held, self._went_on = self.held, [], 0
+        return held
+
+    def contradict(self, sample: Sample) -> None:
+        """Take note of a sample that does not count; some of a clock of their own are those of another sender."""
+        self._strays.append(sample)
+        if _steady(self._strays) and sample.received_s is not None:
+            self.mixed_s = sample.received_s
+
+
+def _offset_s(sample: Sample) -> float:
+    return (sample.time_s if sample.received_s is None else sample.received_s) - sample.time_s
+
+
+def _steady(samples: Collection[Sample]) -> bool:
+    least, long_s, most_s = STEADY
+    if len(samples) < least:
+        return False
+    offsets = [_offset_s(sample) for sample in samples]
+    came = [sample.received_s or 0.0 for sample in samples]
+    return max(offsets) - min(offsets) <= most_s and max(came) - min(came) >= long_s
+
+
+def _differ(one: Sample, other: Sample) -> bool:
+    """Whether two samples at about one time cannot be of one car."""
+    apart_s = abs(other.time_s - one.time_s)
+    return apart_s <= HOLD_S and any(
+        abs(one.values[name] - other.values[name]) > at_once + rate * apart_s
+        for name, (at_once, rate) in POSSIBLE.items()
+        if name in one.values and name in other.values
+    )

@@ -1,0 +1,186 @@
+"""Senders with a topic for each metric: values joined by time into samples."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+from tripwatt.errors import InvalidInput, or_none
+from tripwatt.server.cars.telemetry import Sample, format_of, is_set, is_sound, number_of
+from tripwatt.sources.mapping import POWER
+
+JOIN_S: Final = 1.0
+"""Values that come within so long are of one sample [s], where the sender gives no time."""
+
+TIME_WAIT_S: Final = 30.0
+"""A sender that may give its time is awaited for so long [s] before the time of arrival counts."""
+
+SLOW_HOLD_S: Final = 600.0
+"""A state of charge or a temperature holds for so long [s]: senders repeat only what changes."""
+
+FAST: Final = frozenset({"speed_m_s", "voltage_v", "current_a", POWER})
+"""What holds for as long as in the sender's mapping; values of these that the broker kept from before do not count."""
+
+MOST_TEXT_BYTES: Final = 64
+MOST_MESSAGE_BYTES: Final = 65_536
+
+
+class TopicJoiner:
+    """Joins the values of one car's topics into samples. A message on the topic of the car itself is a sample, as JSON.
+
+    A sample has the values that came since the last one, and earlier ones while they hold. Its time is that of the sender
+    where it sends one, else the second of the arrival.
+
+    Parameters
+    ----------
+    source : str
+        As of `format_of`.
+    root : str
+        Topic below which the metrics are: `ovms/me/leaf/metric`, `teslamate/cars/1`; or that of whole messages.
+
+    Attributes
+    ----------
+    note : callable
+        Called with the fault of a message that cannot be a sample, such as one with a time in milliseconds.
+
+    Raises
+    ------
+    InvalidInput
+        For an unknown source or an empty topic, or one with a wildcard.
+
+    Examples
+    --------
+    >>> joiner = TopicJoiner("teslamate", "teslamate/cars/1")
+    >>> for name, value in (("speed", b"72"), ("power", b"7"), ("usable_battery_level", b"65")):
+    ...     joiner.take(f"teslamate/cars/1/{name}", value, 1.7e9)
+    >>> dict(joiner.take("teslamate/cars/1/speed", b"71", 1.7e9 + 1.0).values)
+    {'speed_m_s': 20.0, 'displayed_soc': 0.65, 'voltage_v': 350.0, 'current_a': 20.0}
+    >>> round(joiner.flush().values["speed_m_s"], 2)
+    19.72
+    """
+
+    def __init__(self, source: str, root: str) -> None:
+        self.root = root.rstrip("/")
+        if not self.root or {"+", "#"} & set(self.root):
+            raise InvalidInput.of("no topic of one car", "topic", root[:60], "a topic without '+' and '#'")
+        self.format = format_of(source)
+        self.note: Callable[[InvalidInput], None] = lambda _: None
+        self._hold_s = max(self.format.mapping.hold_s, JOIN_S)
+        self._values: dict[str, tuple[float, float]] = {}
+        self._flags: dict[str, str] = {}
+        self._timed = self._fresh = False
+        self._open_s = -math.inf
+        self._first_s = math.inf
+
+    @property
+    def filter(self) -> str:
+        """What to subscribe to."""
+        return f"{self.root}/#"  # the topic itself, too
+
+    def take(self, topic: str, payload: bytes, received_s: float, *, retained: bool = False) -> Sample | None:
+        """Take a value. O(1).
+
+        Parameters
+        ----------
+        topic : str
+            Of the message.
+        payload : bytes
+            Of the message.
+        received_s : float
+            Time of its arrival [s since 1970].
+        retained : bool
+            Whether the broker had kept it from before.
+
+        Returns
+        -------
+        Sample or None
+            The sample that is complete now.
+        """
+        if topic == self.root:
+            return None if retained else self._whole(payload, received_s)
+        if not topic.startswith(f"{self.root}/") or len(payload) > MOST_TEXT_BYTES:
+            return None
+        metric = topic.removeprefix(f"{self.root}/").replace("/", ".")
+        text = payload.decode("utf-8", "replace").strip().lower()
+        if metric == self.format.time_field:
+            return None if retained else self._start_at(number_of(text) * self.format.time_unit_s)
+        if metric in self.format.charging or metric in self.format.parked:
+            self._flags[metric] = text
+            return self._note(received_s)
+        if metric not in self.format.columns:
+            return None
+        column, factor, offset = self.format.columns[metric]
+        value = number_of(text) * factor + offset
+        if (retained and column in FAST) or not is_sound(column, value):
+            return None
+        done = self._note(received_s)
+        self._values[column] = (value, self._open_s)
+        return done
+
+    def flush(self) -> Sample | None:
+        """Give the sample that is not complete yet.
+
+        Returns
+        -------
+        Sample or None
+            None where nothing came since the last one.
+        """
+        if not self._fresh or self._open_s == -math.inf:
+            return None
+        self._fresh = False
+        return self._sample()
+
+    def _open(self, time_s: float) -> None:
+        """Begin a sample. What came before the first one is of its time."""
+        if self._open_s == -math.inf:
+            self._values = {name: (value, time_s) for name, (value, _) in self._values.items()}
+        self._open_s = time_s
+
+    def _start_at(self, time_s: float) -> Sample | None:
+        """Begin a sample at a time that the sender gives."""
+        if not math.isfinite(time_s) or time_s == self._open_s:
+            return None
+        done = self.flush()
+        self._open(time_s)
+        self._timed = True
+        return done
+
+    def _note(self, received_s: float) -> Sample | None:
+        """Note that something came; without a sender's time it may belong to the next sample."""
+        done = None
+        self._first_s = min(self._first_s, received_s)
+        if not self._timed and self.format.time_field and received_s < self._first_s + TIME_WAIT_S:
+            return None
+        if not self._timed and received_s >= self._open_s + JOIN_S:
+            done = self.flush()
+            self._open(math.floor(received_s / JOIN_S) * JOIN_S)
+        self._fresh = True
+        return done
+
+    def _sample(self) -> Sample | None:
+        values = {
+            name: value
+            for name, (value, at_s) in self._values.items()
+            if abs(self._open_s - at_s) <= (self._hold_s if name in FAST else SLOW_HOLD_S)
+        }
+        parked = is_set(self.format.parked, self._flags)
+        if parked:
+            values["speed_m_s"] = 0.0
+        values, charging = self.format.with_current(values), is_set(self.format.charging, self._flags)
+        return or_none(Sample, self._open_s, values, charging, parked)  # a time out of its bounds
+
+    def _whole(self, payload: bytes, received_s: float) -> Sample | None:
+        """The sample of a message with all values; None where it is none."""
+        if len(payload) > MOST_MESSAGE_BYTES:
+            return None
+        try:
+            given: Any = json.loads(payload)
+            given = given.get("tlm", given) if isinstance(given, Mapping) else given
+            return self.format.sample(given, received_s) if given else None
+        except InvalidInput as error:
+            self.note(error)
+        except (ValueError, RecursionError):
+            pass
+        return None

@@ -1,0 +1,95 @@
+"""Where a car usually goes at this hour: its earlier trip that began nearest by time of day."""
+
+from __future__ import annotations
+
+import datetime as dt
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Final
+
+from tripwatt.auditing import audit
+from tripwatt.errors import InvalidInput
+from tripwatt.trips import Departure, Fleet, Plan, plan_from_trip
+from tripwatt.units import SECONDS_PER_HOUR
+
+if TYPE_CHECKING:
+    from tripwatt.server.cars.own_car import Car
+
+NEAR_S: Final = 1.5 * SECONDS_PER_HOUR
+"""A trip that began at a time of day further away is no guide to this one [s]."""
+
+LONGER: Final = 1.1
+"""A trip that is longer than the usual one by this factor goes elsewhere."""
+
+_DAY_S: Final = 24.0 * SECONDS_PER_HOUR
+_SATURDAY: Final = 5
+
+
+def usual_departure(earlier_s: Iterable[float], departure_s: float) -> float | None:
+    """The earlier departure that is nearest by local time of day; of the same kind of day if there is one. O(departures).
+
+    Working days are of one kind, Saturday and Sunday of another. Of two that are as near, the later one counts.
+
+    Parameters
+    ----------
+    earlier_s : iterable of float
+        Departures of finished trips [s since 1970].
+    departure_s : float
+        [s since 1970]
+
+    Returns
+    -------
+    float or None
+        None where none is within `NEAR_S`.
+
+    Examples
+    --------
+    >>> monday = 1_700_467_200.0
+    >>> usual_departure([monday, monday + 3600.0], monday + 86_400.0 + 900.0) == monday
+    True
+    """
+    near = [(other, away) for other in earlier_s if (away := _away_s(other, departure_s)) <= NEAR_S]
+    alike = [pair for pair in near if _is_weekend(pair[0]) == _is_weekend(departure_s)]
+    return min(alike or near, key=lambda pair: (pair[1], -pair[0]), default=(None, 0.0))[0]
+
+
+def usual_plan(car: Car, trip_id: str) -> Plan:
+    """A trip of a car, to be driven again: its road and its speeds, without what was known at its departure.
+
+    Parameters
+    ----------
+    car : Car
+        With its trips.
+    trip_id : str
+        Name of one of them.
+
+    Returns
+    -------
+    Plan
+        For `need` or `ForecastModel.forecast`.
+
+    Raises
+    ------
+    InvalidInput
+        When the car has no sound trip of this name.
+    """
+    logs = tuple(log for log in car.store.logs() if log.trip_id == trip_id)
+    trips = audit(Fleet(car.name, logs)).trips if logs else ()
+    if not trips:
+        raise InvalidInput.of("no such trip", "trip", trip_id[:60], f"a sound trip of the car {car.name}")
+    return replace(plan_from_trip(trips[0]), departure=Departure())
+
+
+def _away_s(one_s: float, other_s: float) -> float:
+    """Difference of two times of day, over midnight if that is shorter."""
+    apart = abs(_time_of_day_s(one_s) - _time_of_day_s(other_s))
+    return min(apart, _DAY_S - apart)
+
+
+def _time_of_day_s(time_s: float) -> float:
+    local = dt.datetime.fromtimestamp(time_s)
+    return local.hour * SECONDS_PER_HOUR + local.minute * 60.0 + local.second
+
+
+def _is_weekend(time_s: float) -> bool:
+    return dt.datetime.fromtimestamp(time_s).weekday() >= _SATURDAY

@@ -1,0 +1,101 @@
+"""From a request to its response: the body within its bounds, a job of the pool, and the document that it returns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import orjson
+from starlette.requests import Request
+from starlette.responses import Response
+
+from tripwatt.server.http.contract import Repeats, tagged
+from tripwatt.server.http.metrics import Metrics
+from tripwatt.server.http.openapi import JSON
+from tripwatt.server.http.pool import JobResult, WorkerPool
+from tripwatt.server.http.problems import MEDIA_TYPE, Problem
+from tripwatt.server.http.receiving import Arrivals, request_id
+from tripwatt.server.http.settings import Settings
+
+
+class Answering:
+    """What all endpoints with a job share.
+
+    Parameters
+    ----------
+    settings : Settings
+    pool : WorkerPool
+    metrics : Metrics
+
+    Attributes
+    ----------
+    bodies, batch_bodies : Arrivals
+        Bodies that are arriving, and those of batches and of files.
+    repeats : Repeats
+        Of requests that create something.
+    """
+
+    def __init__(self, settings: Settings, pool: WorkerPool, metrics: Metrics) -> None:
+        self.settings, self.pool, self.metrics = settings, pool, metrics
+        self.bodies, self.batch_bodies = Arrivals(settings.limits.bodies), Arrivals(settings.limits.batches)
+        self.repeats = Repeats()
+        self._kept: dict[bytes, bytes] = {}
+
+    async def read(
+        self,
+        request: Request,
+        media_types: Sequence[str] = (JSON,),
+        most_bytes: int | None = None,
+        *,
+        large: bool = False,
+    ) -> bytes:
+        """Read the body of a request for a job, unless too many requests wait already.
+
+        A `large` body takes one of the places of batches, and may have more than `Limits.body_bytes`.
+        """
+        limits = self.settings.limits
+        if most_bytes is None or not large:
+            most_bytes = min(most_bytes or limits.body_bytes, limits.body_bytes)
+        if self.pool.waiting >= limits.waiting:
+            raise Problem("busy", "too many requests wait", headers={"Retry-After": "1"})
+        parts: list[bytes] = []
+        bodies = self.batch_bodies if large else self.bodies
+        await bodies.read(request, media_types, most_bytes, limits.body_timeout_s, parts.append)
+        return parts[0] if len(parts) == 1 else b"".join(parts)
+
+    async def job(
+        self, request: Request, kind: str, body: bytes = b"", media_type: str = JSON, **parameters: Any
+    ) -> Response:
+        """Return the document of a job as the response to a request."""
+        result = await self.pool.run({"kind": kind, **parameters}, body)
+        self.metrics.job_seconds.labels(kind).observe(result.seconds)
+        return answer(request, result, media_type)
+
+    async def body_job(self, request: Request, kind: str, **parameters: Any) -> Response:
+        """Return the document of a job of the body of a request."""
+        return await self.job(request, kind, await self.read(request), **parameters)
+
+    async def kept(self, request: Request, kind: str, **parameters: Any) -> Response:
+        """Return the document of a job that stays the same while the service runs, computed once."""
+        key = orjson.dumps([kind, parameters])
+        if key not in self._kept:
+            response = await self.job(request, kind, **parameters)
+            if response.status_code == 404:
+                return response
+            if response.status_code != 200:
+                raise Problem("internal")  # without input there is nothing to correct
+            self._kept[key] = bytes(response.body)
+        return tagged(request, self._kept[key], JSON)
+
+
+def answer(request: Request, result: JobResult, media_type: str = JSON) -> Response:
+    """Return the result of a job as the response to a request; a problem document gets the id of the request."""
+    if result.status == 200:
+        return Response(result.content, media_type=media_type)
+    problem = {**orjson.loads(result.content), "instance": request_id(request)}
+    return Response(orjson.dumps(problem), result.status, media_type=MEDIA_TYPE)
+
+
+def json_response(document: Mapping[str, Any]) -> Response:
+    """Return a document as a response."""
+    return Response(orjson.dumps(document), media_type=JSON)

@@ -1,0 +1,399 @@
+"""Jobs of users' cars: list and show them, propose how their logs are read, learn, forget. All file work is here."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import time
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import orjson
+from cachetools import LRUCache
+from pydantic import BaseModel
+
+from tripwatt.auditing import audit
+from tripwatt.containers import INSIDE, LIMITS
+from tripwatt.containers import TABLES as TABLES_BYTES
+from tripwatt.errors import Fault, InvalidInput, excerpt
+from tripwatt.files import write_bytes
+from tripwatt.forecasting import ForecastModel
+from tripwatt.server import cars as live
+from tripwatt.server.cars.diary import CAUSE
+from tripwatt.server.cars.folder import forecasts_of
+from tripwatt.server.cars.own_car import UPLOADS, VALID_NAME, folder_name, state_of
+from tripwatt.server.http.car_schemas import CarResponse, CarSummary, LogsRequest, plain
+from tripwatt.server.http.problems import MAX_FAULTS, Problem, fault_document
+from tripwatt.server.http.schemas import check_request, parse_json
+from tripwatt.sources.archives import unpack
+from tripwatt.sources.kinds import Changes, Kind, proposed_kinds
+from tripwatt.sources.mapping import TIME_STAMPS, UNITS
+from tripwatt.sources.table import Heights, read_kinds
+from tripwatt.trips import Fleet
+from tripwatt.trips.reading import Alike, FileReading, ReadingReport
+from tripwatt.vehicles import Vehicle
+
+PROGRESS: Final = "progress.json"
+"""File beside the tables of an upload with the trips that were learned."""
+
+TABLES: Final = "tables"
+MOST_FILES: Final = 4000
+"""Most tables of an upload."""
+
+EXPIRES_AFTER_S: Final = 3600.0
+"""An upload that is not learned is erased after so long, when the car gets the next one."""
+
+CARS_ARE_LISTED: Final = "GET /v1/cars lists the cars"
+SHOWN_FINDINGS: Final = 40
+SHOWN_FAULTS: Final = 5
+SHOWN_TRIPS: Final = 200
+SHOWN_REASONS: Final = 20
+MOST_KEPT_MODELS: Final = 16
+"""Models of cars that a worker keeps in memory; the one that was used least recently goes first."""
+
+
+@dataclass(frozen=True)
+class CarJobs:
+    """The cars of a folder.
+
+    Attributes
+    ----------
+    folder : Path or None
+        None for a service without cars.
+    heights : callable or None
+        As for `tripwatt.read_logs`: those of the service's map.
+    models : LRUCache
+        Models in memory, by name: what they were read from, and the model.
+    """
+
+    folder: Path | None = None
+    heights: Heights | None = None
+    models: LRUCache[str, tuple[tuple[int, ...], ForecastModel]] = field(
+        default_factory=lambda: LRUCache(MOST_KEPT_MODELS)
+    )
+
+    def names(self) -> list[str]:
+        """Names of the cars."""
+        if self.folder is None or not self.folder.is_dir():
+            return []
+        return sorted(place.name for place in self.folder.iterdir() if live.is_car(place))
+
+    def car(self, name: str) -> live.Car:
+        """The car of this name; errors are those of `car_folder`."""
+        return live.open_car(car_folder(self.folder, name))
+
+    def model(self, name: str) -> tuple[str, ForecastModel] | None:
+        """The model of a car as it is now, with a label that changes when it learns; None where there is no such car."""
+        try:
+            state = state_of(car_folder(self.folder, name))
+            kept = self.models.get(name)
+            if kept is None or kept[0] != state:
+                own = self.car(name)
+                self.models[name] = kept = own.state(), own.model()
+        except Problem:
+            return None
+        return f"{name}@{kept[0]}", kept[1]
+
+    def list(self) -> dict[str, Any]:
+        """Return the cars, as `CarsResponse`."""
+        if self.folder is None:
+            return {"cars": None}
+        return {"cars": [_summary(own, own.about(), CarSummary) for own in map(self.car, self.names())]}
+
+    def show(self, name: str) -> dict[str, Any]:
+        """Return a car and its diary, as `CarResponse` without `learning`."""
+        own = self.car(name)
+        diary = own.diary
+        about = own.about(diary)
+        rows = diary.table.tail(SHOWN_TRIPS).iloc[::-1].to_dict("records")
+        return {**_summary(own, about, CarResponse), "diary": [_entry(row, own.folder) for row in rows]}
+
+    def create(self, name: str, vehicle: Vehicle | str) -> dict[str, Any]:
+        """Make a car, and return it as `show`."""
+        place = require_folder(self.folder) / folder_name(name)
+        if place.exists():
+            taken = Fault("name is taken", "name", excerpt(name), "a name that no car has")
+            raise Problem("name-taken", faults=(taken,))
+        return self.show(live.create_car(place, vehicle, label=name).name)
+
+    def forget(self, name: str) -> dict[str, Any]:
+        """Erase a car."""
+        live.forget_car(self.car(name).folder)
+        self.models.pop(name, None)
+        return {"forgotten": name}
+
+    def token(self, name: str) -> dict[str, Any]:
+        """Make a token for a car."""
+        return {"token": live.issue_token(self.car(name).folder)}
+
+    def store(self, name: str, upload: str, file: str, body: bytes, most_bytes: int) -> dict[str, int]:
+        """Unpack a file into the tables of an upload, and return their number and bytes; uploads that were left are erased."""
+        place = car_folder(self.folder, name) / UPLOADS / upload
+        tables = place / TABLES
+        _expire(place.parent, time.time() - EXPIRES_AFTER_S)
+        room = max(most_bytes - sum(_sizes(place.parent)), 0)
+        limits = {**LIMITS, **{kind: min(room, LIMITS[kind]) for kind in (INSIDE, TABLES_BYTES)}}
+        try:
+            tables.mkdir(parents=True, exist_ok=True)
+            before = set(tables.iterdir())
+            made = unpack(file, tables, content=body, limits=limits)
+        except OSError as error:
+            raise Problem("busy", f"the file cannot be stored: {error.strerror}") from error
+        sizes = _sizes(tables)
+        if len(sizes) > MOST_FILES or sum(_sizes(place.parent)) > most_bytes:
+            for table in set(made) - before:  # those that were sent before stay
+                table.unlink(missing_ok=True)
+            if not _sizes(tables):
+                shutil.rmtree(place, ignore_errors=True)
+            most = f"{MOST_FILES} tables and {most_bytes} bytes"
+            raise Problem("too-large", f"at most {most} that are not learned yet")
+        return {"files": len(sizes), "bytes": sum(sizes)}
+
+    def logs(self, name: str, upload: str, body: bytes) -> dict[str, Any]:
+        """Return how the files of an upload are read, and what they hold then, as `LogsResponse`."""
+        own, request = self.car(name), check_request(parse_json(body), LogsRequest)
+        tables = uploaded(own.folder, upload)
+        kinds = kinds_of(tables, request, own.vehicle)
+        preview, faults, report = None, [], None
+        try:
+            fleet = read_kinds(tables, kinds, heights=self.heights)
+            preview, report = preview_of(fleet), fleet.report
+        except InvalidInput as error:
+            faults = [fault_document(fault) for fault in _by_file(error, tables).faults[:MAX_FAULTS]]
+        return {
+            "fields": [{"ours": ours, "units": units_of(ours)} for ours in UNITS],
+            "kinds": [_kind(n, kind) for n, kind in enumerate(kinds) if kind.tables],
+            "files": _files(kinds, report, request.ignored, tables),
+            "report": [_alike(group, tables) for group in report.groups()] if report else [],
+            "preview": preview,
+            "faults": faults,
+        }
+
+    def learn(self, name: str, upload: str, body: bytes) -> dict[str, Any]:
+        """Learn the trips of an upload, and drop it; return what became of them."""
+        own, request = self.car(name), check_request(parse_json(body), LogsRequest)
+        tables = uploaded(own.folder, upload)
+        file = tables.parent / PROGRESS
+        try:
+            kinds = kinds_of(tables, request, own.vehicle)
+            fleet = read_kinds(tables, kinds, heights=self.heights)
+        except InvalidInput as error:
+            raise _by_file(error, tables) from error
+        done = own.add(
+            fleet, progress=lambda n, of: write_bytes(file, orjson.dumps({"done": n, "total": of}))
+        )
+        shutil.rmtree(tables.parent, ignore_errors=True)
+        return _learned(done)
+
+    def learn_finished(self, name: str) -> dict[str, Any]:
+        """Learn the trips that a car finished on the road, as `learn`."""
+        return _learned(live.learn_finished(self.car(name).folder))
+
+
+def require_folder(folder: Path | None) -> Path:
+    """The folder of cars.
+
+    Raises
+    ------
+    Problem
+        `no-live` for a service without cars.
+    """
+    if folder is None:
+        raise Problem("no-live", "start the service with --cars")
+    return folder
+
+
+def car_folder(folder: Path | None, name: str) -> Path:
+    """The folder of the car of this name.
+
+    Raises
+    ------
+    Problem
+        `no-live` for a service without cars, `no-such-car`.
+    """
+    place = require_folder(folder) / name
+    if VALID_NAME.fullmatch(name) is None or not live.is_car(place):
+        raise Problem("no-such-car", CARS_ARE_LISTED)
+    return place
+
+
+def uploaded(car: Path, upload: str) -> Path:
+    """The folder with the tables of an upload.
+
+    Raises
+    ------
+    Problem
+        `not-found`.
+    """
+    place = car / UPLOADS / upload / TABLES
+    if not upload.isalnum() or not any(place.glob("[!.]*")):
+        raise Problem("not-found", "no such upload")
+    return place
+
+
+def units_of(ours: str) -> list[str]:
+    """Units that a column of a table may have for one of ours.
+
+    Examples
+    --------
+    >>> units_of("speed_m_s")[:2]
+    ['m/s', 'km/h']
+    """
+    return [*UNITS[ours], *(TIME_STAMPS if ours == "time_s" else ())]
+
+
+def kinds_of(tables: Path, request: LogsRequest, vehicle: Vehicle) -> list[Kind]:
+    """The kinds of files of an upload, with the changes of a request."""
+    changes = {
+        int(number): Changes(
+            {ours: None if choice is None else choice.model_dump() for ours, choice in kind.changes.items()},
+            kind.current_positive,
+        )
+        for number, kind in request.kinds.items()
+        if number.isdigit()
+    }
+    return proposed_kinds(tables, vehicle, changes, request.ignored)
+
+
+def preview_of(fleet: Fleet) -> dict[str, Any]:
+    """The audit of some logs, as `LogsPreview`."""
+    audited = audit(fleet)
+    sound = [trip for trip in audited.trips if trip.observed_energy_wh is not None]
+    starts = sorted(trip.context.started_at for trip in sound if trip.context.started_at is not None)
+    air = [trip.departure.ambient_temperature_degc for trip in sound if "ambient_temperature_degc" in trip]
+    known = [value for value in air if value is not None]
+    return {
+        "logs": len(fleet.logs),
+        "drives": len(sound),
+        "distance_m": float(sum(trip.distance_m for trip in sound)),
+        "duration_s": float(sum(trip.duration_s for trip in sound)),
+        "energy_wh": float(sum(trip.observed_energy_wh or 0.0 for trip in sound)),
+        "from_date": starts[0].isoformat() if starts else None,
+        "to_date": starts[-1].isoformat() if starts else None,
+        "ambient_degc": [min(known), max(known)] if known else None,
+        "lost_distance_m": audited.lost_distance_m,
+        "lost_duration_s": audited.lost_duration_s,
+        "findings": [
+            {**asdict(group), "consequence": consequence}
+            for consequence, group in audited.groups()[:SHOWN_FINDINGS]
+        ],
+    }
+
+
+def read_progress(folder: Path, upload: str) -> tuple[int, int | None]:
+    """Trips of an upload that were learned, and their number; 0 and None before the first."""
+    try:
+        progress = orjson.loads((folder / UPLOADS / upload / PROGRESS).read_bytes())
+        return int(progress["done"]), int(progress["total"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return 0, None
+
+
+def _by_file(error: InvalidInput, tables: Path) -> InvalidInput:
+    """The same faults with files by their names: clients need not know where the service keeps them."""
+    folder = f"{tables}{os.sep}"
+    return InvalidInput(
+        Fault(**{name: text.replace(folder, "") for name, text in fault.texts.items()}, count=fault.count)
+        for fault in error.faults
+    )
+
+
+def _kind(number: int, kind: Kind) -> dict[str, Any]:
+    """A kind of files, as `KindDocument`."""
+    guesses = () if kind.proposal is None else kind.proposal.guesses
+    why = {(guess.ours, guess.column): guess.why for guess in guesses}
+    mapping = [
+        {
+            "ours": ours,
+            "column": str(entry.get("column", "")),
+            "unit": str(entry.get("unit") or units_of(ours)[0]).lower(),
+            "why": why.get((ours, str(entry.get("column", ""))), ""),
+        }
+        for ours, entry in kind.tables.get("columns", {}).items()
+    ]
+    used = [entry["column"] for entry in mapping]
+    # where a file has a row for each value, signals stand for columns
+    columns = [column for column in dict.fromkeys([*kind.names, *used]) if column]
+    return {
+        "number": number,
+        "files": len(kind.files),
+        "columns": columns,
+        "mapping": mapping,
+        "shipped": None if kind.proposal is None else kind.proposal.shipped,
+        "unused": [column for column in columns if column not in used],
+        "current_positive": kind.tables.get("current", {}).get("positive", "discharge"),
+        "assumed": kind.assumed,
+    }
+
+
+def _files(
+    kinds: Sequence[Kind], report: ReadingReport | None, ignored: Sequence[str], tables: Path
+) -> list[dict[str, Any]]:
+    """The files of an upload, as `FileDocument`."""
+    unread = (
+        FileReading(f.name, kind=n, faults=kind.faults) for n, kind in enumerate(kinds) for f in kind.files
+    )
+    names = ("name", "state", "rows", "rows_used", "logs")
+    shown = [
+        {
+            **{name: getattr(file, name) for name in names},
+            "kind": file.kind if kinds[file.kind].tables else None,
+            "faults": [
+                *map(fault_document, _by_file(InvalidInput(file.faults), tables).faults[:SHOWN_FAULTS])
+            ],
+        }
+        for file in (unread if report is None else report.files)
+    ]
+    nothing: dict[str, Any] = {"state": "ignored", **dict.fromkeys(names[2:], 0), "kind": None, "faults": []}
+    return [*shown, *({"name": name, **nothing} for name in ignored)]
+
+
+def _alike(group: Alike, tables: Path) -> dict[str, Any]:
+    return {**asdict(group), "example": group.example.replace(f"{tables}{os.sep}", "")}
+
+
+def _entry(row: Mapping[Hashable, Any], car: Path) -> dict[str, Any]:
+    """A row of the diary of a car, as `DiaryEntry`."""
+    values = {f"{key}": plain(value) for key, value in row.items()}
+    causes = {key for key in values if key.startswith(CAUSE)}
+    return {
+        **{key: value for key, value in values.items() if key not in causes},
+        "by_cause_wh": {
+            key.removeprefix(CAUSE).removesuffix("_wh"): values[key]
+            for key in values
+            if key in causes and values[key] is not None
+        },
+        "on_the_way": [asdict(made) for made in forecasts_of(car, f"{row['trip_id']}")],
+    }
+
+
+def _learned(done: live.Learned) -> dict[str, Any]:
+    return {**asdict(done), "left_out": list(done.left_out[:SHOWN_REASONS])}
+
+
+def _summary(own: live.Car, about: Mapping[str, Any], model: type[BaseModel]) -> dict[str, Any]:
+    """What a car says of itself, as far as a response has it."""
+    known = {key: about[key] for key in model.model_fields if key in about}
+    return {"name": own.name, "has_token": live.has_token(own.folder), **known}
+
+
+def _sizes(folder: Path) -> list[int]:
+    """Bytes of the files below a folder, without those that are being written or that another upload takes away meanwhile."""
+    sizes = []
+    for place, _, names in os.walk(folder):
+        for name in () if Path(place).name.startswith(".") else names:
+            if name.startswith("."):
+                continue
+            with contextlib.suppress(FileNotFoundError):
+                sizes.append((Path(place) / name).stat().st_size)
+    return sizes
+
+
+def _expire(uploads: Path, before_s: float) -> None:
+    for place in uploads.iterdir() if uploads.is_dir() else []:
+        with contextlib.suppress(OSError):
+            if max(file.stat().st_mtime for file in (place, *place.rglob("*"))) < before_s:
+                shutil.rmtree(place, ignore_errors=True)

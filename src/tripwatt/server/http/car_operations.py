@@ -1,0 +1,258 @@
+"""The endpoints of users' cars: made, shown, given logs, erased.
+
+This process stores uploads and keeps track of what is learned; workers read, audit and learn.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator, Callable, Mapping
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Annotated, Any, Final
+
+import orjson
+from fastapi import Path as PathValue
+from starlette.requests import Request
+from starlette.responses import Response
+
+from tripwatt.errors import Fault
+from tripwatt.server.http.answering import Answering, json_response
+from tripwatt.server.http.car_jobs import car_folder, read_progress, require_folder
+from tripwatt.server.http.car_schemas import (
+    NAME_PATTERN,
+    CarResponse,
+    CarsResponse,
+    Forgotten,
+    LogsRequest,
+    LogsResponse,
+    NewCarRequest,
+    TokenResponse,
+    UploadResponse,
+)
+from tripwatt.server.http.live import LiveCars
+from tripwatt.server.http.openapi import BINARY, BYTES, KEY, operation
+from tripwatt.server.http.pool import JobResult, WorkerLost, WorkerPool, cancel
+from tripwatt.server.http.problems import Problem, invalid_input
+from tripwatt.server.http.road_trips import RoadTrips
+
+UPLOAD: Final = "/v1/cars/{car}/uploads/{upload}"
+UPLOAD_PATTERN: Final = "^[a-z0-9]{8,32}$"
+MOST_PLACES: Final = 4
+"""Most files that arrive and wait to be unpacked; further ones are refused."""
+
+CarName = Annotated[str, PathValue(pattern=NAME_PATTERN, description="name of the car")]
+UploadName = Annotated[
+    str, PathValue(pattern=UPLOAD_PATTERN, description="name of the upload, chosen by the client")
+]
+FileName = Annotated[str, PathValue(min_length=1, max_length=200, description="name of the file")]
+
+
+@dataclass(eq=False)
+class Learning:
+    """Trips that a car learns, or has learned last.
+
+    Attributes
+    ----------
+    upload : str
+        Empty for trips that the car finished on the road.
+    task : asyncio.Task
+    result : JobResult or None
+        None while it runs.
+    """
+
+    upload: str = ""
+    task: asyncio.Task[None] | None = None
+    result: JobResult | None = None
+
+
+class CarOperations:
+    """The endpoints of cars; each is the problem `no-live` where the service has no folder of cars.
+
+    Parameters
+    ----------
+    answering : Answering
+        Its pool shows cars and reads logs.
+    live : callable
+        Returns the cars on the road; what it raises is passed on.
+    log : callable
+        As of `WorkerPool`.
+
+    Attributes
+    ----------
+    learners : WorkerPool
+        One worker, started with the first upload that is learned; its jobs may take minutes.
+    learning : dict
+        By name of the car.
+    """
+
+    def __init__(self, answering: Answering, live: Callable[[], LiveCars], log: Callable[..., None]) -> None:
+        self.answering, self.live, self.settings = answering, live, answering.settings
+        limits = replace(self.settings.limits, timeout_s=self.settings.limits.learn_s)
+        self.learners = WorkerPool(replace(self.settings, workers=1, limits=limits), log)
+        self.learning: dict[str, Learning] = {}
+        self._started = False
+        self._places, self._unpacking = asyncio.Semaphore(MOST_PLACES), asyncio.Lock()
+
+    @asynccontextmanager
+    async def running(self) -> AsyncIterator[None]:
+        """Learn what cars finish on the road; stop with the service: what was learned by then is kept."""
+        folder = self.settings.cars
+        watched = () if folder is None else (RoadTrips(folder, self.learn_finished).watch(),)
+        watches = [*map(asyncio.ensure_future, watched)]
+        try:
+            yield
+        finally:
+            await cancel(watches)  # first: it starts to learn
+            await cancel(one.task for one in self.learning.values() if one.task is not None)
+            if self._started:
+                await self.learners.stop()
+
+    @operation("GET /v1/cars", "cars", CarsResponse)
+    async def list_cars(self, request: Request) -> Response:
+        """List the cars."""
+        return await self.answering.job(request, "cars.list")
+
+    @operation("POST /v1/cars", "cars", CarResponse, NewCarRequest, also=("name-taken",), header=KEY)
+    async def new_car(self, request: Request) -> Response:
+        """Make a car."""
+        body = await self.answering.read(request)
+
+        async def made() -> Response:
+            return _shown(await self.answering.job(request, "new_car", body), None)
+
+        return await self.answering.repeats.once(request, body, made)
+
+    @operation("GET /v1/cars/{car}", "cars", CarResponse)
+    async def get_car(self, request: Request, car: CarName) -> Response:
+        """Return a car, what it learned, and its diary."""
+        learning = self._learning(car)  # before: what is done by then is shown
+        return _shown(await self.answering.job(request, "cars.show", name=car), learning)
+
+    @operation("DELETE /v1/cars/{car}", "cars", Forgotten)
+    async def forget_car(self, request: Request, car: CarName) -> Response:
+        """Erase a car: its trips, its model, its diary, and what it sent."""
+        self._require_idle(car)
+        with contextlib.suppress(Problem):
+            await self.live().drop(car)
+        response = await self.answering.job(request, "cars.forget", name=car)
+        self.learning.pop(car, None)
+        return response
+
+    @operation("POST /v1/cars/{car}/token", "cars", TokenResponse, header=KEY)
+    async def new_token(self, request: Request, car: CarName) -> Response:
+        """Make a token with which a car sends its messages; an earlier one is no longer accepted."""
+
+        async def made() -> Response:
+            response = await self.answering.job(request, "cars.token", name=car)
+            if response.status_code == 200:
+                await self.live().follow(car_folder(self.settings.cars, car))
+            return response
+
+        return await self.answering.repeats.once(request, b"", made)
+
+    @operation(f"PUT {UPLOAD}/{{file}}", "cars", UploadResponse, {BYTES: BINARY})
+    async def put_file(self, request: Request, car: CarName, upload: UploadName, file: FileName) -> Response:
+        """Add a file of logs to an upload: a table, a workbook, or an archive of them."""
+        car_folder(self.settings.cars, car)  # before the file arrives
+        if self._places.locked():
+            raise Problem("busy", "too many files are unpacked", headers={"Retry-After": "2"})
+        async with self._places:
+            limits, place = self.settings.limits, {"name": car, "upload": upload, "file": file}
+            content = await self.answering.read(request, (BYTES,), limits.upload_bytes, large=True)
+            async with self._unpacking:  # one worker unpacks, the others go on
+                return await self.answering.job(
+                    request, "cars.store", content, **place, most_bytes=limits.car_bytes
+                )
+
+    @operation(f"POST {UPLOAD}", "cars", LogsResponse, LogsRequest, also=("not-found",))
+    async def read_logs(self, request: Request, car: CarName, upload: UploadName) -> Response:
+        """Return how the tables of an upload are read, and what the audit says of them; nothing is learned."""
+        return await self.answering.body_job(request, "cars.logs", name=car, upload=upload)
+
+    @operation(f"POST {UPLOAD}/learn", "cars", CarResponse, LogsRequest, also=("not-found",), header=KEY)
+    async def learn(self, request: Request, car: CarName, upload: UploadName) -> Response:
+        """Learn the trips of an upload: the response comes at once, and the car shows the progress."""
+        body = await self.answering.read(request)
+        return await self.answering.repeats.once(
+            request, body, partial(self._begin, request, car, upload, body)
+        )
+
+    async def _begin(self, request: Request, car: str, upload: str, body: bytes) -> Response:
+        checked = await self.answering.job(request, "cars.logs", body, name=car, upload=upload)
+        if checked.status_code != 200:
+            return checked
+        faults = orjson.loads(checked.body)["faults"]
+        if faults:
+            raise invalid_input(
+                [Fault(**{"where": "logs", **{k: v for k, v in fault.items() if v}}) for fault in faults]
+            )
+        self._require_idle(car)
+        self._start(Learning(upload), {"kind": "cars.learn", "name": car, "upload": upload}, body)
+        return await self.get_car(request, car)
+
+    async def learn_finished(self, car: str) -> bool:
+        """Let a car learn the trips that it finished on the road, unless it learns already.
+
+        Returns
+        -------
+        bool
+            Whether it did.
+        """
+        if self._is_learning(car):
+            return False
+        learning = Learning()
+        await asyncio.gather(
+            self._start(learning, {"kind": "cars.learn_finished", "name": car}), return_exceptions=True
+        )
+        return learning.result is not None and learning.result.status == 200
+
+    def _start(self, learning: Learning, job: dict[str, Any], body: bytes = b"") -> asyncio.Task[None]:
+        self.learning[job["name"]] = learning
+        learning.task = asyncio.ensure_future(self._learn(learning, job, body))
+        return learning.task
+
+    async def _learn(self, learning: Learning, job: dict[str, Any], body: bytes) -> None:
+        try:
+            if not self._started:
+                self._started = True
+                try:
+                    await self.learners.start()
+                except (OSError, TimeoutError, WorkerLost) as error:
+                    self._started = False
+                    raise Problem("busy", "no worker started", headers={"Retry-After": "30"}) from error
+            learning.result = await self.learners.run(job, body, may_queue=True)
+        except Problem as problem:
+            learning.result = JobResult(problem.status, orjson.dumps(problem.document()), 0.0)
+
+    def _is_learning(self, car: str) -> bool:
+        return car in self.learning and self.learning[car].result is None
+
+    def _require_idle(self, car: str) -> None:
+        if self._is_learning(car):
+            raise Problem("busy", "the car is learning", headers={"Retry-After": "5"})
+
+    def _learning(self, car: str) -> dict[str, Any] | None:
+        """What a car learns, as `LearningDocument`."""
+        learning = self.learning.get(car)
+        if learning is None:
+            return None
+        nothing = dict.fromkeys(("added", "known", "entries", "flat")) | {"left_out": [], "faults": []}
+        if learning.result is None:
+            done, total = read_progress(require_folder(self.settings.cars) / car, learning.upload)
+            return {"state": "running", "done": done, "total": total, **nothing}
+        document: Mapping[str, Any] = orjson.loads(learning.result.content)
+        if learning.result.status != 200:
+            faults = document.get("faults") or [{"what": document["title"], "where": "logs"}]
+            return {"state": "failed", "done": 0, "total": None, **nothing, "faults": faults}
+        entries = document["entries"]
+        return {"state": "done", "done": entries, "total": entries, **document, "faults": []}
+
+
+def _shown(response: Response, learning: Mapping[str, Any] | None) -> Response:
+    """The document of a car with what it learns."""
+    if response.status_code != 200:
+        return response
+    return json_response({**orjson.loads(response.body), "learning": learning})

@@ -1,0 +1,131 @@
+"""What `tripwatt demo` serves: a made-up country, a car with its diary, and its drive of this moment. Nothing here is measured."""
+
+from __future__ import annotations
+
+import time
+import urllib.request
+from collections.abc import Callable, Iterator, Mapping
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import orjson
+
+from tripwatt.roads.journey import AtlasSettings
+from tripwatt.roads.maps import build_map
+from tripwatt.server.cars import RoadCar, Sample
+from tripwatt.server.cars.own_car import create_car
+from tripwatt.server.cars.tokens import issue_token
+from tripwatt.server.http.library import EXAMPLE_CAR, examples
+from tripwatt.server.http.settings import Settings
+from tripwatt.study.synthetic import synthetic_fleet
+
+HERE: Final = Path(__file__).parent
+CAR: Final = "example-car"
+TILE: Final = "N44W034.hgt"
+"""The tile of one degree in which the country is: the open Atlantic."""
+
+TRIPS: Final = 14
+SEED: Final = 8
+EVERY_S: Final = 5.0
+"""Time between two messages of the car on the road [s]."""
+
+DRIVEN: Final = 0.4
+"""Part of its trip that the car has driven when the service starts."""
+
+Drive = Iterator[tuple[float, dict[str, Any]]]
+
+
+def make_demo(folder: Path, progress: Callable[[str], object] = lambda step: None) -> tuple[Settings, str]:
+    """Make the map, the car and its diary in an empty folder; a second call uses what is there.
+
+    Parameters
+    ----------
+    folder : Path
+    progress : callable
+        Called with the name of each step.
+
+    Returns
+    -------
+    Settings, str
+        Of the service, without a map where `tripwatt[routing]` is missing; and the token of the car on the road.
+    """
+    atlas = AtlasSettings()
+    if find_spec("valhalla") is not None and find_spec("osmium") is not None:
+        progress("map of a made-up country")
+        atlas = AtlasSettings(str(example_map(folder)))
+    cars = folder / "cars"
+    if not (cars / CAR).is_dir():
+        progress(f"car with the diary of {TRIPS} made-up trips")
+        create_car(cars / CAR, EXAMPLE_CAR, label="Example car").add(synthetic_fleet(TRIPS, SEED))
+    return Settings(atlas=atlas, cars=cars), issue_token(cars / CAR)
+
+
+def example_map(folder: Path) -> Path:
+    """The map of the made-up country below a folder, built where it is missing."""
+    made = folder / "map"
+    if not made.is_dir():
+        from scipy.ndimage import zoom
+
+        tiles = folder / "heights"
+        tiles.mkdir(exist_ok=True)
+        heights = zoom(np.load(HERE / "heights.npy").astype(float), 1201 / 121, mode="nearest")
+        (tiles / TILE).write_bytes(np.round(heights).astype(">i2").tobytes())
+        about = "made-up roads: no place of this map exists"
+        build_map(HERE / "example-country.osm.pbf", made, elevation=tiles, attribution=about)
+    return made
+
+
+def depart(settings: Settings) -> Drive:
+    """Let the car drive a trip of the examples up to now, and return the rest of its drive.
+
+    Parameters
+    ----------
+    settings : Settings
+        From `make_demo`.
+
+    Returns
+    -------
+    iterator of float, dict
+        Time [s since 1970] and values of the samples to come, in SI units.
+    """
+    assert settings.cars is not None
+    trip = max(examples().values(), key=lambda example: example["duration_s"])
+    begins_s = time.time() - DRIVEN * trip["duration_s"]
+    samples = _samples(trip, begins_s)
+    with RoadCar(settings.cars / CAR) as car:
+        car.set_plan({**trip["request"]}, begins_s)
+        for time_s, values in samples:
+            if time_s > time.time():
+                break
+            car.add(Sample(time_s, values))
+    return samples
+
+
+def _samples(trip: Mapping[str, Any], begins_s: float) -> Drive:
+    """The measured samples of an example, one in `EVERY_S`."""
+    measured = {**trip["request"]["samples"], **trip["observed"]}
+    names = [name for name in measured if name != "time_s"]
+    after_s = np.array(measured["time_s"]) - measured["time_s"][0]
+    kept = np.searchsorted(after_s, np.arange(0.0, after_s[-1], EVERY_S))
+    for k in kept.tolist():
+        yield begins_s + float(after_s[k]), {name.removeprefix("bms_"): measured[name][k] for name in names}
+
+
+def send(samples: Drive, url: str, token: str) -> None:
+    """Send samples to a service, each at its time, as live data of A Better Routeplanner."""
+    for time_s, values in samples:
+        time.sleep(max(time_s - time.time(), 0.0))
+        message = {
+            "utc": time_s,
+            "speed": 3.6 * values["speed_m_s"],
+            "voltage": values["voltage_v"],
+            "current": values["current_a"],
+        }
+        body = orjson.dumps({"token": token, "tlm": message})
+        request = urllib.request.Request(
+            f"{url}/v1/telemetry", body, {"Content-Type": "application/json"}, method="POST"
+        )
+        with urllib.request.urlopen(request, timeout=EVERY_S):
+            pass

@@ -1,0 +1,75 @@
+"""Operations on the fleet of a registry: what its planned trips need, and the report for its manager."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Final
+
+from fastapi import Path as PathValue
+from fastapi import Query, Request, Response
+
+from tripwatt.fleet.registry import REPORT_FILES
+from tripwatt.server.http.answering import Answering
+from tripwatt.server.http.contract import tagged
+from tripwatt.server.http.fleets import NightRequest, NightResponse, is_registry
+from tripwatt.server.http.openapi import JSON, TAG, TEXT, operation
+from tripwatt.server.http.problems import Problem
+
+MEDIA_TYPES: Final = {".html": "text/html", ".json": JSON, ".csv": "text/csv", ".txt": "text/plain"}
+"""Of the files of a report."""
+
+POLICY: Final = "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+"""Content-Security-Policy of a report, which is one file with its style and without scripts."""
+
+
+class FleetOperations:
+    """The endpoints of a fleet.
+
+    Parameters
+    ----------
+    answering : Answering
+    """
+
+    def __init__(self, answering: Answering) -> None:
+        self.answering = answering
+
+    @operation("POST /v1/fleet/needs", "fleet", NightResponse, NightRequest)
+    async def fleet_needs(self, request: Request) -> Response:
+        """Return what the planned trips of a fleet need, by vehicle and hour of departure, also as EMHASS and evcc read it."""
+        return await self.answering.body_job(request, "night")
+
+    @operation(
+        "GET /v1/fleet/report/{file}",
+        "fleet",
+        {media_type: {} if media_type == JSON else TEXT for media_type in MEDIA_TYPES.values()},
+        also=("not-found",),
+        header=TAG,
+        description="The file",
+    )
+    async def get_fleet_report(
+        self,
+        request: Request,
+        file: Annotated[str, PathValue(json_schema_extra={"enum": list(REPORT_FILES)})],
+        model: Annotated[
+            str | None, Query(max_length=100, description="a fleet of /v1/models; default: the first one")
+        ] = None,
+    ) -> Response:
+        """Return a file of the report that `tripwatt fleet report` wrote last: its page, its data, or one of its tables."""
+        content = report_file(self.answering.settings.models, model, file)
+        if content is None:
+            raise Problem(
+                "not-found", "no such file; `tripwatt fleet report` writes the report of a registry"
+            )
+        media_type = MEDIA_TYPES[Path(file).suffix]
+        response = tagged(request, content, media_type)
+        response.headers["Content-Security-Policy"] = POLICY
+        return response
+
+
+def report_file(folders: Mapping[str, Path], model: str | None, name: str) -> bytes | None:
+    """A file of the report in the registry of a fleet, the first one where `model` is None; None where there is none."""
+    registries = {fleet: folder for fleet, folder in folders.items() if is_registry(folder)}
+    folder = registries.get(next(iter(registries), "") if model is None else model)
+    file = None if folder is None else folder / "report" / name
+    return file.read_bytes() if file is not None and name in REPORT_FILES and file.is_file() else None

@@ -1,0 +1,172 @@
+"""Models of fleets: a registry whose version in use is followed, the model of one of its vehicles, and what its planned trips need."""
+
+from __future__ import annotations
+
+import datetime as dt
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import AwareDatetime, Field
+
+from tripwatt.errors import Check, InvalidInput, places_named, places_within
+from tripwatt.fleet.model import COLD_DEGC, FleetModel
+from tripwatt.fleet.nights import QUANTILE, PlannedTrip, needs_by_hour, night_document
+from tripwatt.fleet.registry import FollowedModel, Registry
+from tripwatt.forecasting import ForecastModel, load_metadata
+from tripwatt.roads.advice.preheating import PLUG_W
+from tripwatt.routes import plan_from_route
+from tripwatt.server.http import schemas
+from tripwatt.server.http.settings import Limits
+from tripwatt.vehicles import load_vehicle
+
+
+def is_registry(folder: Path | None) -> bool:
+    """Whether a folder holds the versions of a fleet's model."""
+    return folder is not None and (folder / "versions").is_dir()
+
+
+def followed(name: str, folder: Path, log: Callable[..., None]) -> FollowedModel:
+    """The model in use of a registry; the log has every change, and why one was refused, with its name in the service."""
+
+    def on_change(version: str, error: InvalidInput | None) -> None:
+        refused = {} if error is None else {"reason": f"{error}"}
+        log(event="model refused" if refused else "model changed", model=name, version=version, **refused)
+
+    return FollowedModel(Registry(folder), on_change)
+
+
+def model_summary(folder: Path | None, fleet: FollowedModel | None) -> dict[str, Any]:
+    """What `/v1/models` has of a model, beside its name."""
+    if fleet is None:
+        return load_metadata(folder)
+    fleet.get()  # the version in use, if the pointer has moved
+    metadata = load_metadata(fleet.folder)
+    about, provenance = metadata.pop("fleet"), {name: metadata[name] for name in ("tripwatt", "packages")}
+    first = about["car_models"][0]
+    model = {"vehicle": first, "vehicle_title": load_vehicle(first).title, "version": fleet.version, **about}
+    return {"model": model, "contract": {}, "provenance": provenance, "evaluation": {}}
+
+
+def vehicle_model(fleet: FleetModel, document: Mapping[str, Any]) -> ForecastModel:
+    """The model of the vehicle that a request names; without any, of a new one of the fleet's first car model.
+
+    Raises
+    ------
+    InvalidInput
+        When the vehicle is not known, or is another car model.
+    """
+    if document.get("vehicle_figures") is not None:
+        got, allowed = "figures of a car", "vehicle_id, or vehicle for a new one"
+        raise InvalidInput.of("not for a fleet", "vehicle_figures", got, allowed)
+    vehicle_id, vehicle, driver = (document.get(name) for name in ("vehicle_id", "vehicle", "driver"))
+    if not all(isinstance(name, str | None) for name in (vehicle_id, vehicle, driver)):
+        raise InvalidInput([])  # another type is a fault of its field
+    if vehicle_id is None and vehicle is None:
+        vehicle = min(fleet.vehicles().values())
+    ambient = document.get("ambient_temperature_degc")
+    cold = ambient < COLD_DEGC if isinstance(ambient, int | float) else None
+    with places_named({"car_model": "vehicle"}):
+        return fleet.of_vehicle(vehicle_id, car_model=vehicle, driver=driver, cold=cold)
+
+
+class PlannedTripRequest(schemas.DepartureRequest):
+    """A trip that a vehicle of a fleet is to drive: its distance and kind of road, or its `links`; `soc` is the charge now."""
+
+    vehicle_id: str = Field(min_length=1, max_length=100)
+    trip: str = Field("trip", min_length=1, max_length=100)
+    departs_at: AwareDatetime = Field(strict=False)
+    """with its time zone"""
+    distance_km: float | None = Field(None, ge=0.5, le=2000.0)
+    kind: Literal["city", "country", "motorway", "mixed"] = "mixed"
+    """kind of road of a distance; mixed: nothing is known of it"""
+    links: schemas.Links | None = None
+    vehicle: str | None = Field(None, max_length=100)
+    """one of /v1/vehicles, for a vehicle without trips"""
+    driver: str | None = Field(None, max_length=100)
+    """who drives"""
+
+    def planned(self, number: int, limits: Limits) -> PlannedTrip:
+        """The trip, the `number`-th of its request."""
+        where = f"trips[{number}]."
+        with places_within(where):
+            if (self.distance_km is None) == (self.links is None):
+                got = "neither" if self.links is None else "both"
+                raise InvalidInput.of("one of them is needed", "distance_km, links", got, "one of the two")
+            road = self.distance_km or plan_from_route(schemas.parse_links(self.links, None, limits))
+        known = schemas.departure_of(self)
+        soc = float("nan") if known.soc is None else known.soc
+        known, named = replace(known, soc=None), (self.vehicle, self.driver)
+        return PlannedTrip(
+            self.trip, self.vehicle_id, self.departs_at, road, self.kind, known, soc, *named, where
+        )
+
+
+class NightRequest(schemas.StrictModel):
+    """The planned trips of a fleet, such as those of tomorrow."""
+
+    model: str | None = Field(None, max_length=100)
+    """a fleet of /v1/models; default: the first one"""
+    trips: list[PlannedTripRequest] = Field(min_length=1, max_length=500)
+    quantile: float = Field(QUANTILE, ge=0.5, lt=1.0)
+    """probability with which the energy of a trip suffices"""
+    reserve: float = schemas.reserved(0.0)
+    plug_w: float = Field(PLUG_W, gt=0.0, le=400_000.0)
+    """power of a charger [W]"""
+    begins_at: AwareDatetime | None = Field(None, strict=False)
+    """when charging may begin; default: now"""
+
+
+class HourNeed(schemas.ResponseModel):
+    """What the trips of a vehicle need that depart in one hour."""
+
+    vehicle_id: str
+    car_model: str
+    departs_at: str
+    """departure of the first trip"""
+    arrives_at: str
+    """arrival of the last trip"""
+    trips: int
+    distance_m: float
+    energy_wh: float | None
+    """median [Wh]"""
+    energy_quantile_wh: float | None
+    """not exceeded with the probability `quantile` [Wh]"""
+    soc_needed: float | None
+    """displayed charge to leave with for this hour and the later ones, without charging in between; above 1: more than a full battery"""
+    soc: float | None
+    """displayed charge now"""
+    charge_wh: float | None
+    """to be charged for this hour beyond what the hours before need [Wh]; null where the charge now is not known"""
+    assumed: str | None
+    """what was not given, as names of fields"""
+    reasons: str | None
+    """what was assumed and what limits the forecasts, as sentences"""
+
+
+class NightResponse(schemas.ResponseModel):
+    """What the planned trips of a fleet need, by vehicle and hour of departure."""
+
+    needs: list[HourNeed]
+    emhass: dict[str, Any]
+    """payload of EMHASS's action naive-mpc-optim: a load for each hour of a vehicle with something to charge, in the order of its `vehicles`"""
+    evcc: list[str]
+    """paths to post to evcc: the plan of each vehicle"""
+
+
+def night(fleets: Mapping[str, FollowedModel], request: NightRequest, limits: Limits) -> dict[str, Any]:
+    """The response to a `NightRequest`.
+
+    Raises
+    ------
+    InvalidInput
+        When there is no such fleet, or a trip cannot be forecast.
+    """
+    name = request.model or next(iter(fleets), "")
+    if name not in fleets:
+        raise InvalidInput.of("no fleet", "model", name or "none", ", ".join(fleets) or "serve a registry")
+    with Check() as check:
+        trips = [check(trip.planned, number, limits) for number, trip in enumerate(request.trips)]
+    needs = needs_by_hour(fleets[name].get(), trips, quantile=request.quantile, reserve=request.reserve)
+    return night_document(needs, request.begins_at or dt.datetime.now(dt.UTC), request.plug_w)

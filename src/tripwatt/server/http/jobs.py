@@ -1,0 +1,479 @@
+"""The jobs of a worker: pure functions from the body of a request to a document, without HTTP."""
+
+from __future__ import annotations
+
+import datetime as dt
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from inspect import signature
+from operator import attrgetter
+from pathlib import Path
+from typing import Any, Final, TypeVar
+
+import orjson
+from cachetools import LRUCache
+from pydantic import ValidationError
+
+from tripwatt.certification import describe_car
+from tripwatt.errors import Check, Fault, InvalidInput
+from tripwatt.fleet.registry import FollowedModel
+from tripwatt.forecasting import Forecast, ForecastModel, load_model
+from tripwatt.forecasting.storage import DEFAULT_MODEL
+from tripwatt.population.cars import for_car
+from tripwatt.roads.advice import advise
+from tripwatt.roads.advice.preheating import before_departure, need_before_departure
+from tripwatt.roads.journey import range_km
+from tripwatt.routes import plan_from_route
+from tripwatt.server.cars.usual import usual_plan
+from tripwatt.server.http import journey_schemas
+from tripwatt.server.http.car_jobs import CarJobs
+from tripwatt.server.http.car_schemas import NewCarRequest
+from tripwatt.server.http.fleets import (
+    NightRequest,
+    followed,
+    is_registry,
+    model_summary,
+    night,
+    vehicle_model,
+)
+from tripwatt.server.http.journeys import JourneyJobs
+from tripwatt.server.http.library import described, example, example_summaries, vehicles
+from tripwatt.server.http.route_uploads import read_route
+from tripwatt.server.http.schemas import (
+    AdviceRequest,
+    DifferenceRequest,
+    Elevation,
+    ForecastRequest,
+    RequestModel,
+    UpdateRequest,
+    VehicleFigures,
+    check_request,
+    departure_of,
+    parse_json,
+    parse_links,
+    parse_observed,
+    parse_samples,
+)
+from tripwatt.server.http.seen import with_seen
+from tripwatt.server.http.settings import Limits
+from tripwatt.study.synthetic import example_trip
+from tripwatt.trips import Plan, plan_from_samples
+from tripwatt.trips.messages import flag_to_dict, leave_in_words
+from tripwatt.vehicles import Vehicle, find_vehicles, require_vehicle, vehicle_names
+
+Forecasting = TypeVar("Forecasting", bound=ForecastRequest)
+
+MOST_TRANSFERRED: Final = 64
+"""Models on other cars that a worker keeps; the one that was used least recently goes first."""
+
+
+@dataclass(frozen=True)
+class Jobs:
+    """The models of the service and the jobs that use them.
+
+    Attributes
+    ----------
+    models : mapping of str to ForecastModel
+        Models of one car that requests may name; the first is the default.
+    limits : Limits
+    journeys : JourneyJobs
+        The atlas of the service.
+    transferred : LRUCache
+        Models transferred to other cars, made when first used, by model and car.
+    cars : CarJobs
+        Cars whose models requests may name as well.
+    fleets : mapping of str to FollowedModel
+        Models of fleets that requests may name; without `models` the first is the default.
+    folders : mapping of str to Path
+        Of models and registries.
+    """
+
+    models: Mapping[str, ForecastModel]
+    limits: Limits
+    journeys: JourneyJobs = field(default_factory=JourneyJobs)
+    transferred: LRUCache[tuple[str, str | None], ForecastModel] = field(
+        default_factory=lambda: LRUCache(MOST_TRANSFERRED)
+    )
+    cars: CarJobs = field(default_factory=CarJobs)
+    fleets: Mapping[str, FollowedModel] = field(default_factory=dict)
+    folders: Mapping[str, Path] = field(default_factory=dict)
+
+    @classmethod
+    def from_folders(
+        cls,
+        folders: Mapping[str, Path],
+        limits: Limits,
+        journeys: JourneyJobs | None = None,
+        cars: CarJobs | None = None,
+        log: Callable[..., None] = lambda **record: None,
+    ) -> Jobs:
+        """Load the models.
+
+        Parameters
+        ----------
+        folders : mapping of str to Path
+            Name -> folder of a model or of a registry; empty for the model of the package.
+        limits : Limits
+        journeys : JourneyJobs, optional
+        cars : CarJobs, optional
+        log : callable, optional
+            Called with what happened to the models of fleets as keywords.
+        """
+        fleets = {
+            name: followed(name, folder, log) for name, folder in folders.items() if is_registry(folder)
+        }
+        models = {name: load_model(folder) for name, folder in folders.items() if name not in fleets}
+        if not folders:
+            models = {DEFAULT_MODEL: load_model()}
+        return cls(
+            models, limits, journeys or JourneyJobs(), cars=cars or CarJobs(), fleets=fleets, folders=folders
+        )
+
+    def warm_up(self) -> None:
+        """Compute one forecast per model, so that the first request takes no longer than the others."""
+        plan = plan_from_samples(example_trip(), "warm-up")
+        of_fleets = (vehicle_model(fleet.get(), {}) for fleet in self.fleets.values())
+        for model in (*self.models.values(), *of_fleets):
+            model.forecast(plan).to_dict()
+
+    def run(self, job: Mapping[str, Any], body: bytes) -> dict[str, Any] | bytes:
+        """Run a job.
+
+        Parameters
+        ----------
+        job : mapping
+            `kind`: the name of a method, such as `forecast` or `cars.show`; and its parameters.
+        body : bytes
+            For a method with a parameter `body`.
+
+        Returns
+        -------
+        dict or bytes
+            The document of the response; the bytes of a tile.
+
+        Raises
+        ------
+        InvalidInput, Problem
+            When the body is wrong.
+        """
+        work, given = attrgetter(job["kind"])(self), {**job, "body": body}
+        document: dict[str, Any] | bytes = work(
+            **{name: given[name] for name in signature(work).parameters if name in given}
+        )
+        return document
+
+    def forecast(self, body: bytes, request: type[ForecastRequest] = ForecastRequest) -> dict[str, Any]:
+        """Return the response to a `ForecastRequest`."""
+        asked, forecast = self._forecast(body, request)
+        return require_finite(forecast.to_dict(asked.reserve, asked.probability))
+
+    def update(self, body: bytes) -> dict[str, Any]:
+        """Return the response to an `UpdateRequest`."""
+        return self.forecast(body, UpdateRequest)
+
+    def route(self, body: bytes, speed_m_s: float | None) -> dict[str, Any]:
+        """Return the response to the upload of a route."""
+        return read_route(body, speed_m_s, self.limits)
+
+    def night(self, body: bytes) -> dict[str, Any]:
+        """Return the response to a `NightRequest`."""
+        return night(self.fleets, check_request(parse_json(body), NightRequest), self.limits)
+
+    def difference(self, body: bytes) -> dict[str, Any]:
+        """Return the response to a `DifferenceRequest`: the first trip less the other one."""
+        return self._difference(
+            body, DifferenceRequest, lambda trip, _: self._forecast(trip, ForecastRequest)[1]
+        )
+
+    def journey_difference(self, body: bytes) -> dict[str, Any]:
+        """Return the response to a `JourneyDifferenceRequest`: the road of the first journey less that of the other one."""
+        return self._difference(
+            body,
+            journey_schemas.JourneyDifferenceRequest,
+            lambda trip, asked: self.journeys.road(
+                *self._journey(trip, journey_schemas.PlanRequest), asked.road
+            ),
+        )
+
+    def _difference(
+        self, body: bytes, kind: type[RequestModel], forecast: Callable[[bytes, RequestModel], Forecast]
+    ) -> dict[str, Any]:
+        document = parse_json(body)
+        asked = check_request(document, kind)
+        one, other = (forecast(orjson.dumps(document[name]), asked) for name in ("one", "other"))
+        return one.difference(other).to_dict()
+
+    def advice(self, body: bytes) -> dict[str, Any]:
+        """Return the response to an `AdviceRequest`."""
+        request, forecast = self._forecast(body, AdviceRequest)
+        return advise(forecast, reserve=request.reserve, chance=request.chance).to_dict()
+
+    def need(self, body: bytes, how: Mapping[str, Any], seen: Mapping[str, Any]) -> dict[str, Any]:
+        """Return what a `ForecastRequest` needs with the probability of `how`: energy, charge, and what to do until then."""
+        request, forecast = self._forecast(body, ForecastRequest, seen)
+        needed = {
+            "expected_wh": forecast.energy_wh,
+            "energy_quantile_wh": forecast.quantile(how["probability"]),
+            "soc_needed": forecast.soc_needed(request.reserve, how["probability"]),
+            "wh_per_display": forecast.charge.wh_per_display,
+        }
+        if not all(map(math.isfinite, needed.values())):
+            raise _no_forecast()
+        leave = leave_in_words(needed["soc_needed"], request.reserve, how["probability"])
+        leaves = dt.datetime.fromtimestamp(how["departure_s"], dt.UTC)
+        until = before_departure(forecast, needed["soc_needed"], how["plug_w"], how["soc"], leaves)
+        flags = [flag_to_dict(flag) for flag in forecast.flags]
+        return {"reserve": request.reserve, **needed, "message": leave, **until, "flags": flags}
+
+    def plan(self, body: bytes) -> dict[str, Any]:
+        """Return the response to a `PlanRequest`."""
+        journey = self.journeys.plan(*self._journey(body, journey_schemas.PlanRequest))
+        for road in journey["roads"]:
+            require_finite(road["forecast"])
+        return journey
+
+    def journey_advice(self, body: bytes) -> dict[str, Any]:
+        """Return the response to a `JourneyAdviceRequest`."""
+        return self.journeys.advice(*self._journey(body, journey_schemas.JourneyAdviceRequest))
+
+    def reach(self, body: bytes) -> dict[str, Any]:
+        """Return the response to a `ReachRequest`."""
+        return self.journeys.reach(*self._journey(body, journey_schemas.ReachRequest))
+
+    def distance(self, body: bytes, seen: Mapping[str, Any] | None = None) -> dict[str, Any]:
+        """Return the response to a `NeedQuery`."""
+        request = check_request(parse_json(body), journey_schemas.NeedQuery)
+        if (request.distance_km is None) == (request.trip is None):
+            got = "neither" if request.trip is None else "both a distance and a usual trip"
+            allowed = "a distance, or a trip of a car"
+            raise InvalidInput.of("one of them is needed", "distance_km, trip", got, allowed)
+        ahead: Any = request.distance_km
+        if request.trip is not None:
+            if request.car is None:
+                got, allowed = "a trip without its car", "the car that drove the trip"
+                raise InvalidInput.of("car is missing", "car", got, allowed)
+            ahead = usual_plan(self.cars.car(request.car), request.trip)
+        model = self._model_asked(request)
+        known, flags = with_seen(departure_of(request), seen, model.vehicle)
+        needed, until = need_before_departure(
+            ahead,
+            request.kind,
+            known,
+            request.plug_w,
+            model=model,
+            quantile=request.quantile,
+            trips=request.trips,
+            reserve=request.reserve or 0.0,
+        )
+        return replace(needed, flags=(*flags, *needed.flags)).to_dict() | until
+
+    def range(self, body: bytes, seen: Mapping[str, Any] | None = None) -> dict[str, Any]:
+        """Return the response to a `RangeQuery`."""
+        request = check_request(parse_json(body), journey_schemas.RangeQuery)
+        model = self._model_asked(request)
+        known, flags = with_seen(departure_of(request), seen, model.vehicle)
+        far = range_km(None, request.kind, known, reserve=request.reserve or 0.0, model=model)
+        return replace(far, flags=(*flags, *far.flags)).to_dict()
+
+    def _model_asked(self, request: journey_schemas.RangeQuery) -> ForecastModel:
+        given = request.vehicle_figures
+        if request.car is not None and (request.model, request.vehicle, given) != (None, None, None):
+            raise InvalidInput.of("two cars", "car", "a model or vehicle too", "one of them")
+        car: dict[str, Any] = {"model": request.car or request.model, "vehicle": request.vehicle}
+        if given is not None:
+            try:
+                figures = check_request(orjson.loads(given), VehicleFigures)
+            except orjson.JSONDecodeError as error:
+                raise InvalidInput.of(
+                    "not JSON", "query.vehicle_figures", f"{error}"[:80], "an object"
+                ) from error
+            car["vehicle_figures"] = figures.model_dump()
+        return self.model_of(car)
+
+    def _journey(self, body: bytes, kind: type[RequestModel]) -> tuple[RequestModel, ForecastModel]:
+        """The request of a body, and the model for its car."""
+        document = parse_json(body)
+        with Check() as check:
+            request = check(check_request, document, kind)
+            model = check(self._model, document if isinstance(document, dict) else {})
+        return request, model()
+
+    def _forecast(
+        self, body: bytes, kind: type[Forecasting], seen: Mapping[str, Any] | None = None
+    ) -> tuple[Forecasting, Forecast]:
+        """The request of a body and its forecast, updated with the samples that the request observed.
+
+        Trip, model and car are checked whatever else is wrong with the request.
+        """
+        document = parse_json(body)
+        plan = model = observed = None
+        with Check() as check:
+            request = check(check_request, document, kind)
+            if isinstance(document, dict):
+                plan = check(self._plan, document)
+                model = check(self._model, document)
+                if "observed" in kind.model_fields and "observed" in document:
+                    observed = check(parse_observed, document["observed"], self.limits)
+        assert plan is not None
+        assert model is not None
+        own = model()
+        known, flags = with_seen(plan.departure.merge(departure_of(request)), seen, own.vehicle)
+        forecast = own.forecast(replace(plan, trip_id=request.trip), known)
+        forecast = replace(forecast, flags=(*flags, *forecast.flags))
+        return request, forecast if observed is None else forecast.update(observed)
+
+    def model_of(self, document: Mapping[str, Any]) -> ForecastModel:
+        """The model of a request for its car.
+
+        Raises
+        ------
+        InvalidInput
+            When there is no such model or car.
+        """
+        return self._model(document)()
+
+    def _model(self, document: Mapping[str, Any]) -> Callable[[], ForecastModel]:
+        """What gives the model of a request for its car; model and car are checked here, and transferred there."""
+        name, vehicle = document.get("model"), document.get("vehicle")
+        name = next(iter((*self.models, *self.fleets))) if name is None else name
+        label, fitted = name, self.models.get(name) if isinstance(name, str) else None
+        faults: list[Fault] = []
+        if isinstance(name, str) and name not in self.fleets and fitted is None:
+            label, fitted = self.cars.model(name) or (name, None)
+            if fitted is None:
+                known = [*self.models, *self.fleets, *self.cars.names()]
+                faults.append(Fault.unknown("unknown model", "model", name, known))
+        # only names of the library, never a path of a file
+        measured = (model.vehicle.name for model in (*self.models.values(), fitted) if model is not None)
+        if isinstance(vehicle, str) and vehicle not in (*vehicle_names(), *measured):
+            try:
+                require_vehicle(vehicle)
+            except InvalidInput as error:
+                faults += error.faults
+        if not faults and isinstance(name, str) and name in self.fleets:
+            own = vehicle_model(self.fleets[name].get(), document)
+            return lambda: own
+        if fitted is not None and (document.get("vehicle_id") or document.get("driver")) is not None:
+            got, allowed = f"a model of one car, {name}", "the model of a fleet"
+            faults.append(Fault("no fleet", "vehicle_id, driver", got, allowed))
+        if faults or fitted is None or not isinstance(vehicle, str | None):
+            raise InvalidInput(faults)  # another type is a fault of its field
+        figures = document.get("vehicle_figures")
+        if vehicle is not None and figures is not None:
+            raise _no_single_car("both")
+        if vehicle is None and figures is None:
+            return lambda: fitted
+        described = _sound(VehicleFigures, figures)
+        if figures is not None and described is None:
+            raise InvalidInput([])
+        key = label, vehicle if described is None else described.model_dump_json()
+        kept = self.transferred.get(key)
+        if kept is not None:
+            return lambda: kept
+        car = vehicle if described is None else describe(described)
+
+        def transferred() -> ForecastModel:
+            moved = for_car(fitted, car)
+            if moved is not fitted:
+                self.transferred[key] = moved
+            return moved
+
+        return transferred
+
+    def describe(self, body: bytes) -> dict[str, Any]:
+        """Return the response to `VehicleFigures`."""
+        return described(describe(check_request(parse_json(body), VehicleFigures)))
+
+    def new_car(self, body: bytes) -> dict[str, Any]:
+        """Make the car of a `NewCarRequest`, and return it."""
+        request = check_request(parse_json(body), NewCarRequest)
+        if request.name in (*self.models, *self.fleets):
+            got = f"{request.name}"
+            raise InvalidInput.of("name is taken", "name", got, "another name: a model of the service has it")
+        if (request.vehicle is None) == (request.vehicle_figures is None):
+            raise _no_single_car("neither" if request.vehicle is None else "both")
+        if request.vehicle_figures is not None:
+            return self.cars.create(request.name, describe(request.vehicle_figures))
+        require_vehicle(request.vehicle or "")
+        return self.cars.create(request.name, request.vehicle or "")
+
+    def _plan(self, document: Mapping[str, Any]) -> Plan:
+        samples, links = document.get("samples"), document.get("links")
+        if (samples is None) == (links is None):
+            got = "neither" if samples is None else "both"
+            raise InvalidInput.of("no single trip", "samples, links", got, "either samples or links")
+        if samples is not None:
+            return plan_from_samples(parse_samples(samples, self.limits), "samples")
+        return plan_from_route(parse_links(links, _sound(Elevation, document.get("elevation")), self.limits))
+
+    def examples(self) -> dict[str, Any]:
+        """Return the synthetic trips without their samples."""
+        return example_summaries()
+
+    def example(self, trip: str) -> dict[str, Any]:
+        """Return a synthetic trip."""
+        return example(trip)
+
+    def summaries(self) -> dict[str, Any]:
+        """Return the models with their inputs, provenance and scores; the first is the default."""
+        places = {
+            name: (self.folders.get(name), self.fleets.get(name)) for name in (*self.models, *self.fleets)
+        }
+        return {"models": [{"name": name, **model_summary(*place)} for name, place in places.items()]}
+
+    def vehicles(self, search: str | None = None) -> dict[str, Any]:
+        """Return the cars of the library, or those that words find, each with the models fitted on its trips."""
+        cars = {name: {model.vehicle.name} for name, model in self.models.items()}
+        cars |= {name: {*fleet.get().vehicles().values()} for name, fleet in self.fleets.items()}
+        by_name = {row["name"]: row for row in vehicles()}
+        names = tuple(by_name) if search is None else find_vehicles(search)
+        of_models = {name: [model for model, its in cars.items() if name in its] for name in names}
+        return {"vehicles": [{**by_name[name], "models": models} for name, models in of_models.items()]}
+
+
+def _no_single_car(got: str) -> InvalidInput:
+    return InvalidInput.of("no single car", "vehicle, vehicle_figures", got, "one of the two")
+
+
+def _sound(kind: type[RequestModel], value: Any) -> RequestModel | None:
+    """A field of a request on its own; None where it is left out, or its check will find its faults."""
+    try:
+        return None if value is None else kind.model_validate(value)
+    except ValidationError:
+        return None
+
+
+def describe(figures: VehicleFigures) -> Vehicle:
+    """Return the car of a request."""
+    return describe_car(**figures.model_dump())
+
+
+def require_finite(forecast: Mapping[str, Any]) -> dict[str, Any]:
+    """Check that all values of a forecast are finite, because JSON has no other numbers.
+
+    Parameters
+    ----------
+    forecast : mapping
+        A forecast as `Forecast.to_dict` returns it.
+
+    Returns
+    -------
+    dict
+        The same values.
+
+    Raises
+    ------
+    InvalidInput
+        When a value is not finite: no car can drive the trip.
+    """
+    scalars = [forecast["energy_wh"], forecast["soc_arrival"], forecast["battery_loss_wh"]]
+    by_name = (forecast[name].values() for name in ("quantiles_wh", "p_arrive_by_soc"))
+    sums = [sum(values) for values in (scalars, *by_name, *forecast["series"].values())]
+    if not all(map(math.isfinite, sums)):  # one value that is not finite makes the sum so
+        raise _no_forecast()
+    return dict(forecast)
+
+
+def _no_forecast() -> InvalidInput:
+    return InvalidInput.of("no forecast", "trip", "implausible results", "a trip that a car can drive")

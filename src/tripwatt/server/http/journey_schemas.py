@@ -1,0 +1,403 @@
+"""Schemas of journeys: requests and responses of `/v1/journeys`, `/v1/reachable`, `/v1/places` and below `/v1/map`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from pydantic import ConfigDict, Field, RootModel, create_model
+
+from tripwatt.forecasting.document import FlagDocument, ForecastResponse
+from tripwatt.roads.advice.preheating import PLUG_W
+from tripwatt.roads.journey.distances import Doubt
+from tripwatt.roads.journey.stops import ChargingStop
+from tripwatt.roads.maps.stations import Station
+from tripwatt.server.http import schemas
+from tripwatt.server.http.advice_schemas import UntilDeparture
+from tripwatt.server.http.live_schemas import NeedResponse
+from tripwatt.trips import ASKED
+
+
+class PlaceRequest(schemas.StrictModel):
+    """A place by its coordinates."""
+
+    latitude_deg: float = Field(ge=-90.0, le=90.0)
+    longitude_deg: float = Field(ge=-180.0, le=180.0)
+    name: str = Field("", max_length=200)
+
+
+Stop = Annotated[str, Field(min_length=1, max_length=200)] | PlaceRequest
+"""A place: its name, latitude and longitude as text, or an object."""
+
+
+class _Departs(schemas.DepartureRequest, schemas.CarRequest):
+    """The car, and what is known at departure."""
+
+    departs_at: schemas.Time | None = schemas.asked("departs_at", ASKED["departs_at"])[1]
+
+
+class PlanRequest(_Departs):
+    """A journey: places in their order, the car, and what is known at departure."""
+
+    stops: list[Stop] = Field(min_length=2, max_length=20)
+    reserve: float = schemas.reserved(0.1)
+    alternatives: int = Field(0, ge=0, le=3)
+    """other roads beside the fastest"""
+    round_trip: bool = False
+    """back to the start"""
+    answers: bool = True
+    """whether costs, speed and charging are worked out"""
+    charge: bool = True
+    """whether stops to charge are planned"""
+    stop_overhead_s: float = Field(300.0, ge=0.0, le=7200.0)
+    """parking, plugging in and paying at each stop [s]"""
+    preheat_battery: bool = False
+    """whether the battery may be heated on the way to a stop"""
+
+
+class JourneyAdviceRequest(PlanRequest):
+    """A journey, and the chance to arrive that is asked for."""
+
+    chance: float = Field(0.95, ge=0.5, le=0.999)
+    """to arrive with the reserve"""
+
+
+class JourneyDifferenceRequest(schemas.StrictModel):
+    """Two journeys of one car to compare, without their stops to charge."""
+
+    one: PlanRequest
+    other: PlanRequest
+    road: int = Field(0, ge=0, le=3)
+    """which of the roads of each, from 0 for the fastest; the last where there are fewer"""
+
+
+class ReachRequest(_Departs):
+    """A start, the car, and what is known at departure."""
+
+    start: Stop
+    reserve: float = schemas.reserved(0.0)
+
+
+if TYPE_CHECKING:
+    from tripwatt.server.http.schemas import DepartureRequest as _DepartureQuery
+else:
+    _DepartureQuery = create_model(
+        "_DepartureQuery",
+        __config__=ConfigDict(extra="forbid", use_attribute_docstrings=True, allow_inf_nan=False),
+        **{name: schemas.asked(name, field) for name, field in ASKED.items()},
+    )
+
+
+class RangeQuery(_DepartureQuery):
+    """A charge, the kind of road and the car."""
+
+    departs_at: schemas.Time | None = schemas.asked("departs_at", ASKED["departs_at"])[1]
+    kind: Literal["city", "country", "motorway", "mixed"] = "mixed"
+    """kind of road; mixed: nothing is known of it"""
+    model: str | None = Field(None, max_length=100)
+    """one of /v1/models; default: the first one"""
+    vehicle: str | None = Field(None, min_length=1, max_length=100)
+    """one of /v1/vehicles; default: the car of the model"""
+    car: str | None = Field(None, max_length=100)
+    """one of /v1/cars, in place of model and vehicle; without a distance or trip, a car on the road"""
+    vehicle_figures: str | None = Field(None, max_length=1000)
+    """a car of your own in place of `vehicle`: figures as in POST /v1/vehicles, as JSON"""
+    reserve: float | None = Field(None, ge=0.0, le=1.0)
+    """displayed state of charge to keep; default: 0; of the next trip of a car on the road, that of its plan"""
+
+
+class NeedQuery(RangeQuery):
+    """A distance, or a usual trip of a car; the kind of road and the car."""
+
+    distance_km: float | None = Field(None, ge=0.5, le=2000.0)
+    """distance [km]"""
+    trip: str | None = Field(None, max_length=200)
+    """a trip that `car` drove before, in place of the distance"""
+    quantile: float = Field(0.95, ge=0.5, lt=1.0)
+    """probability with which the energy suffices"""
+    trips: int = Field(1, ge=1, le=100)
+    """equal trips ahead"""
+    probability: float = Field(0.9, ge=0.5, le=0.99)
+    """with which the charge suffices, for the next trip of a car on the road"""
+    plug_w: float = Field(PLUG_W, ge=0.0, le=400_000.0)
+    """power of the plug at home [W]; 0: the car is not plugged in"""
+
+
+class DistanceNeed(UntilDeparture):
+    """What some kilometres need, without a road, as `tripwatt need --json` prints it."""
+
+    distance_m: float
+    kind: str
+    """kind of road; "trip" for a known trip"""
+    energy_wh: float
+    """median [Wh]"""
+    energy_quantile_wh: float
+    """not exceeded with the probability `quantile` [Wh]"""
+    quantile: float
+    half_wh: tuple[float, float]
+    """ends of the middle half [Wh]"""
+    interval_wh: tuple[float, float]
+    """ends of the central 90 % [Wh]"""
+    soc_needed: float
+    """displayed state of charge that suffices with that probability, `reserve` left; above 1: a full battery does not suffice"""
+    reserve: float
+    """displayed state of charge to arrive with"""
+    duration_s: float
+    flags: list[FlagDocument]
+    car: str
+    """title of the car"""
+    doubt: Doubt
+    message: str
+    """`soc_needed` as an English sentence"""
+
+
+class NeedAnswer(RootModel[DistanceNeed | NeedResponse]):
+    """What a distance or a usual trip needs; or what the next trip of a car on the road needs."""
+
+
+class FarDocument(schemas.ResponseModel):
+    """How far a charge carries."""
+
+    range_m: float
+    """median [m]"""
+    half_m: tuple[float, float]
+    """ends of the middle half [m]"""
+    interval_m: tuple[float, float]
+    """ends of the central 90 % [m]: 19 of 20 times it carries at least as far as the first"""
+
+
+class KindRange(FarDocument):
+    """How far a charge carries on a kind of road."""
+
+    kind: str
+
+
+class RangeResponse(FarDocument):
+    """How far a charge carries, without a road, as `tripwatt range --json` prints it."""
+
+    soc: float
+    """displayed state of charge at departure"""
+    reserve: float
+    """displayed state of charge that is kept; 0: down to an empty display"""
+    by_kind: list[KindRange]
+    flags: list[FlagDocument]
+    doubt: Doubt
+
+
+class PlaceDocument(schemas.ResponseModel):
+    """A place."""
+
+    name: str
+    kind: str
+    """what it is on the map; empty when unknown"""
+    context: str
+    """what tells it from other places of its name, also a part of the name: the settlement that a street lies in"""
+    also_called: str
+    """its name on the map, where another name of it was looked for; else empty"""
+    latitude_deg: float
+    longitude_deg: float
+
+
+class PlacesResponse(schemas.ResponseModel):
+    """Places whose names begin with the words of the question, the best first."""
+
+    places: list[PlaceDocument]
+    attribution: str
+
+
+class LineDocument(schemas.ResponseModel):
+    """The line of a road on the map."""
+
+    latitude_deg: list[float]
+    longitude_deg: list[float]
+    position_m: list[float]
+    """distance of each point from the start [m]"""
+
+
+class RoadLinks(schemas.ResponseModel):
+    """The links of a road; times are those of an empty road."""
+
+    length_m: list[float]
+    travel_time_s: list[float]
+    road_class: list[str]
+
+
+class StopDocument(schemas.ResponseModel):
+    """An intermediate stop."""
+
+    position_m: float
+    displayed_soc: float
+    """expected displayed state of charge there"""
+
+
+class RoadDocument(schemas.ResponseModel):
+    """A road and its forecast."""
+
+    labels: list[str] = Field(description='of "fastest", "shortest", "least energy"')
+    distance_m: float
+    duration_s: float
+    line: LineDocument
+    links: RoadLinks
+    stops: list[StopDocument]
+    samples: dict[str, list[float | None]]
+    """speed and elevation that the driver model gives"""
+    forecast: ForecastResponse
+
+
+class CourseDocument(schemas.ResponseModel):
+    """Charge along a journey; a stop has one entry before and one after charging."""
+
+    position_m: list[float]
+    time_s: list[float]
+    displayed_soc: list[float]
+    low: list[float]
+    high: list[float]
+
+
+class WholeDocument(schemas.ResponseModel):
+    """The whole of a journey, with its stops to charge."""
+
+    p_arrive: float
+    """probability that the battery is empty nowhere; `p_arrive` of the journey is another one"""
+    p_reserve: float
+    """probability to have the reserve at every stop and at the end"""
+    soc_arrival: float
+    """expected displayed state of charge at the destination, 0 to 1"""
+    soc_interval: list[float]
+    """90 % interval of the charge at the destination"""
+    driving_s: float
+    """on the road [s]"""
+    charging_s: float
+    """at stations, with overheads [s]"""
+    duration_s: float
+    """driving and charging [s]"""
+    energy_wh: float
+    """expected energy of the whole journey [Wh]"""
+
+
+class ChargingDocument(WholeDocument):
+    """A plan with stops to charge."""
+
+    label: str = Field(description='"fastest", "fewest stops", "safest", "cheapest" or "best effort"')
+    stops: list[ChargingStop]
+    energy_interval_wh: list[float]
+    """90 % interval"""
+    by_cause_wh: dict[str, float]
+    """parts that add up to the energy"""
+    battery_loss_wh: float
+    """heat in the battery on the road"""
+    course: CourseDocument
+    line: LineDocument
+
+
+class VerdictDocument(WholeDocument):
+    """What the whole journey comes to, with its stops to charge."""
+
+    arrives: bool
+    """whether at least 19 of 20 such journeys have the reserve at every stop and at the end"""
+    departs_at: str | None
+    """local time; null where the departure has none"""
+    arrives_at: str | None
+    """local time, after driving and charging"""
+    charges: int
+    """number of stops to charge"""
+    advice: Literal["go", "stop", "charge_before", "slower", "none"]
+    """what to do; "none" where nothing helps"""
+
+
+class PlanResponse(schemas.ResponseModel):
+    """A journey, as `tripwatt plan --json` prints it."""
+
+    stops: list[PlaceDocument]
+    """the places as they were understood"""
+    reserve: float
+    verdict: VerdictDocument
+    arrives: bool
+    """as in `verdict`"""
+    p_arrive: float
+    """`p_reserve` of `verdict`: with the reserve at every stop and at the end; `p_arrive` of `verdict` is another one"""
+    soc_needed: float
+    """displayed state of charge to leave with, to arrive with the reserve in 19 of 20 trips; above 1: a full battery does not suffice; 0: any charge does"""
+    leave: str
+    """`soc_needed` as an English sentence"""
+    costs_wh: dict[str, float]
+    """energy that the journey takes less without each [Wh]"""
+    needs_motorway_speed: bool
+    """whether a lower speed on motorways was looked for"""
+    motorway_speed_m_s: float | None
+    """speed on motorways with which it arrives; null: none does"""
+    motorway_duration_s: float | None
+    charging: ChargingDocument | None
+    """where the charge does not suffice and stops help: the fastest"""
+    charging_alternatives: list[ChargingDocument]
+    """with the fewest stops, the safest, the cheapest by energy, where they differ"""
+    roads: list[RoadDocument]
+    """the fastest first"""
+    flags: list[FlagDocument]
+    attribution: str
+    """to be shown beside roads and places"""
+
+
+class PolygonDocument(schemas.ResponseModel):
+    """A polygon of GeoJSON."""
+
+    type: Literal["Polygon"]
+    coordinates: list[list[list[float]]]
+    """longitude and latitude [°]"""
+
+
+class AreaDocument(schemas.ResponseModel):
+    """The area that is reached with a probability."""
+
+    probability: float
+    polygon: PolygonDocument
+
+
+class ReachResponse(schemas.ResponseModel):
+    """The area of reach."""
+
+    start: PlaceDocument
+    areas: list[AreaDocument]
+    map_ends: bool
+    """whether the map ends before the charge in at least one direction"""
+    flags: list[FlagDocument]
+    attribution: str
+
+
+class ViewResponse(schemas.ResponseModel):
+    """What is named in a part of the map."""
+
+    settlements: list[PlaceDocument]
+    """the most important first"""
+    stations: list[Station]
+    """charging stations, those with the most power first"""
+    attribution: str
+
+
+class TerrainDocument(schemas.ResponseModel):
+    """Heights of the roads of this service."""
+
+    known: bool
+    """whether the map has heights"""
+    source: str
+    """where they are from; to be shown beside a climb"""
+
+
+class MapResponse(schemas.ResponseModel):
+    """Roads, places and weather of this service."""
+
+    roads: bool
+    """whether /v1/journeys and /v1/reachable are served"""
+    places: bool
+    """whether places are found by name"""
+    weather: bool
+    """whether a weather server is asked"""
+    tiles: bool
+    """whether /v1/tiles has the roads as vector tiles"""
+    stations: int
+    """number of charging stations"""
+    bounds_deg: list[float] | None
+    """south, west, north and east of the map"""
+    covers: str
+    """the region of the map in words; empty without a map folder"""
+    terrain: TerrainDocument
+    attribution: str

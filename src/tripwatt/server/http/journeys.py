@@ -1,0 +1,146 @@
+"""The jobs of journeys: from the body of a request to a document, without HTTP."""
+
+from __future__ import annotations
+
+import datetime as dt
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from tripwatt.errors import Fault, InvalidInput, raise_faults
+from tripwatt.forecasting import Forecast, ForecastModel
+from tripwatt.roads.advice import advise, leaving_later
+from tripwatt.roads.journey import (
+    Atlas,
+    AtlasSettings,
+    Journey,
+    JourneyOptions,
+    Place,
+    RoadForecaster,
+    find_reach,
+    find_stops,
+    journey_with,
+    open_atlas,
+)
+from tripwatt.server.http.journey_schemas import JourneyAdviceRequest, PlaceRequest, PlanRequest, ReachRequest
+from tripwatt.server.http.problems import Problem
+from tripwatt.server.http.schemas import departure_of
+from tripwatt.sources.table import Heights
+
+
+@dataclass(frozen=True)
+class JourneyJobs:
+    """The atlas of the service and the jobs that use it.
+
+    Attributes
+    ----------
+    atlas : Atlas or None
+        None where the service has no map.
+    """
+
+    atlas: Atlas | None = None
+
+    @classmethod
+    def from_settings(cls, settings: dict[str, str]) -> JourneyJobs:
+        """Open the atlas of the settings; none where they name no map."""
+        named = AtlasSettings(**settings)
+        return cls(open_atlas(named) if named.map else None)
+
+    @property
+    def heights(self) -> Heights | None:
+        """Those of the atlas."""
+        return None if self.atlas is None else self.atlas.heights
+
+    def plan(self, request: PlanRequest, model: ForecastModel) -> dict[str, Any]:
+        """Return the response to a `PlanRequest`."""
+        return self._journey(request, self._forecaster(request, model)).to_dict()
+
+    def road(self, request: PlanRequest, model: ForecastModel, number: int) -> Forecast:
+        """Forecast one of the roads of a `PlanRequest`; the last where there are fewer."""
+        quick = request.model_copy(update={"answers": False})
+        roads = self._journey(quick, self._forecaster(request, model)).roads
+        return roads[min(number, len(roads) - 1)].forecast
+
+    def advice(self, request: JourneyAdviceRequest, model: ForecastModel) -> dict[str, Any]:
+        """Return the response to a `JourneyAdviceRequest`: what to do on the fastest road, with its stops to charge."""
+        forecaster = self._forecaster(request, model)
+        journey = self._journey(request, forecaster)
+        later = leaving_later(forecaster, journey.roads[0].road, dt.datetime.now(dt.UTC))
+        return advise(journey, reserve=request.reserve, chance=request.chance, others=later).to_dict()
+
+    def _forecaster(self, request: PlanRequest | ReachRequest, model: ForecastModel) -> RoadForecaster:
+        return RoadForecaster(model, departure_of(request), self._atlas().weather)
+
+    def _journey(self, request: PlanRequest, forecaster: RoadForecaster) -> Journey:
+        atlas = self._atlas()
+        options = JourneyOptions(**request.model_dump(include={*JourneyOptions.__slots__}))
+        stops = find_stops([place_of(stop) for stop in request.stops], atlas, round_trip=request.round_trip)
+        return journey_with(forecaster, stops, atlas, options)
+
+    def reach(self, request: ReachRequest, model: ForecastModel) -> dict[str, Any]:
+        """Return the response to a `ReachRequest`."""
+        atlas = self._atlas()
+        start = atlas.find(place_of(request.start), "start")
+        return find_reach(self._forecaster(request, model), start, atlas, reserve=request.reserve).to_dict()
+
+    def places(self, text: str, limit: int) -> dict[str, Any]:
+        """Return places by name."""
+        atlas = self._atlas()
+        if atlas.places is None:
+            raise InvalidInput.of("names of places are not known", "q", text[:60], "latitude and longitude")
+        matches = atlas.places.search(text, limit=limit)
+        return {"places": [place.to_dict() for place in matches], "attribution": atlas.attribution}
+
+    def tile(self, zoom: int, column: int, row: int) -> bytes:
+        """Return a vector tile of the roads; empty where there are none."""
+        size = 2**zoom
+        raise_faults(
+            Fault("tile out of range", name, str(value), f"0 to {size - 1} at zoom {zoom}")
+            for name, value in (("column", column), ("row", row))
+            if value >= size
+        )
+        return self._atlas().tile(zoom, column, row)
+
+    def view(self, bounds_deg: Sequence[float], limit: int) -> dict[str, Any]:
+        """Return settlements and charging stations inside of south, west, north and east."""
+        south, west, north, east = bounds_deg
+        raise_faults(
+            Fault("bounds in the wrong order", name, f"{low:g} to {high:g}", "the smaller first")
+            for name, low, high in (("south, north", south, north), ("west, east", west, east))
+            if low > high
+        )
+        atlas, bounds = self._atlas(), (south, west, north, east)
+        return {
+            "settlements": [place.to_dict() for place in atlas.settlements(bounds, limit)],
+            "stations": [station.to_dict() for station in atlas.stations_within(bounds, limit)],
+            "attribution": atlas.attribution,
+        }
+
+    def describe(self) -> dict[str, Any]:
+        """Return the roads, places and weather of the service."""
+        atlas = self.atlas
+        folder = None if atlas is None else atlas.folder
+        terrain = {} if atlas is None or folder is None or not atlas.is_local else folder.info["terrain"]
+        return {
+            "roads": atlas is not None,
+            "places": atlas is not None and atlas.places is not None,
+            "weather": atlas is not None and atlas.weather is not None,
+            "tiles": atlas is not None and atlas.has_tiles,
+            "stations": 0 if atlas is None else len(atlas.stations),
+            "bounds_deg": None if atlas is None or atlas.bounds_deg is None else list(atlas.bounds_deg),
+            "covers": "" if folder is None else folder.covers,
+            "terrain": {"known": terrain.get("known", False), "source": terrain.get("source", "")},
+            "attribution": "" if atlas is None else atlas.attribution,
+        }
+
+    def _atlas(self) -> Atlas:
+        if self.atlas is None:
+            raise Problem("no-map", "start the service with --map")
+        return self.atlas
+
+
+def place_of(stop: str | PlaceRequest) -> str | Place:
+    """A stop of a request as a place, or the text that names it."""
+    if isinstance(stop, str):
+        return stop
+    return Place(stop.latitude_deg, stop.longitude_deg, stop.name)

@@ -1,0 +1,98 @@
+"""Cars and example trips of the service, and tables in the form of requests."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any, Final
+
+import numpy as np
+
+from tripwatt.certification import certified_interval
+from tripwatt.forecasting import load_model
+from tripwatt.physics.battery import usable_energy_wh
+from tripwatt.server.http.problems import Problem
+from tripwatt.server.http.schemas import BMS_SOC, ExampleSummary, ForecastRequest
+from tripwatt.study.synthetic import synthetic_fleet
+from tripwatt.trips.samples import columns_of
+from tripwatt.vehicles import Vehicle, load_vehicle, vehicle_names
+
+EXAMPLE_COUNT: Final = 6
+EXAMPLE_CAR: Final = "bmw_i3_60ah"
+
+
+@cache
+def vehicles() -> tuple[dict[str, Any], ...]:
+    """Return the cars of the library, without the models of the service."""
+    cars = map(load_vehicle, vehicle_names())
+    return tuple({"name": car.name, "has_climate": car.climate is not None, **_values(car)} for car in cars)
+
+
+def described(car: Vehicle) -> dict[str, Any]:
+    """Return a car from a few figures with what it would be certified with."""
+    certified = certified_interval(car)
+    return {
+        **_values(car),
+        "wltp_kwh_per_100km": certified.middle,
+        "wltp_low_kwh_per_100km": certified.low,
+        "wltp_high_kwh_per_100km": certified.high,
+    }
+
+
+def _values(car: Vehicle) -> dict[str, Any]:
+    return {
+        "title": car.title,
+        "test_mass_kg": car.body.test_mass_kg,
+        "usable_energy_wh": usable_energy_wh(car.battery),
+        "anchor": car.anchor,
+    }
+
+
+@cache
+def examples() -> dict[str, dict[str, Any]]:
+    """Return synthetic trips as examples, by name."""
+    charge = load_model().fitted_parts("examples")[1].charge
+    battery = load_vehicle(EXAMPLE_CAR).battery
+    by_trip = {}
+    for trip in synthetic_fleet(EXAMPLE_COUNT).trips:
+        known = trip.departure.to_dict()
+        at_departure: dict[str, Any] = {
+            name: known[name] for name in ForecastRequest.model_fields if name in known
+        }
+        managed = float(trip.array("soc")[0])
+        # as the bundled model reads the samples on the way, so that the curve starts where the departure does
+        shown = battery.displayed_from_soc(managed) if charge is None else charge.displayed(managed)
+        at_departure["soc"] = float(np.clip(shown, 0.0, 1.0))
+        route = [c for c in ("time_s", "speed_m_s", "elevation_m") if c in trip]
+        measured = [c for c in ("time_s", "voltage_v", "current_a", "soc") if c in trip]
+        by_trip[trip.trip_id] = {
+            "trip": trip.trip_id,
+            "title": trip.context.route or trip.trip_id,
+            "vehicle": EXAMPLE_CAR,
+            "note": "synthetic trip from a simulation",
+            "duration_s": trip.duration_s,
+            "distance_m": trip.distance_m,
+            "ambient_temperature_degc": at_departure.get("ambient_temperature_degc"),
+            "observed_energy_wh": trip.observed_energy_wh,
+            "request": {"trip": trip.trip_id, "samples": columns_of(trip.samples[route]), **at_departure},
+            "observed": columns_of(trip.samples[measured].rename(columns=BMS_SOC)),
+        }
+    return by_trip
+
+
+def example_summaries() -> dict[str, Any]:
+    """Return the examples without their samples."""
+    fields = ExampleSummary.model_fields
+    return {"examples": [{name: example[name] for name in fields} for example in examples().values()]}
+
+
+def example(trip: str) -> dict[str, Any]:
+    """Return an example by its name.
+
+    Raises
+    ------
+    Problem
+        `not-found`.
+    """
+    if trip not in examples():
+        raise Problem("not-found", "unknown example")
+    return examples()[trip]

@@ -1,0 +1,392 @@
+"""Cars on the road: their messages, the plan of their trip, its forecast, and a stream of forecasts for listeners.
+
+One thread does all work of the cars, so that the event loop reads no file, and no two threads meet in a car. Workers check a
+plan before it is taken: what takes too long or crashes is refused there.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from functools import cached_property, partial
+from hmac import compare_digest
+from pathlib import Path
+from typing import Any, Final, ParamSpec, TypeVar
+
+import anyio
+import orjson
+from sse_starlette import EventSourceResponse, ServerSentEvent
+
+from tripwatt.errors import InvalidInput, did_you_mean, or_none
+from tripwatt.forecasting import ForecastModel
+from tripwatt.roads.advice import Companion, Message
+from tripwatt.server.cars import RoadCar, Sample, has_token, is_car
+from tripwatt.server.cars.tokens import digest_of, token_digest
+from tripwatt.server.http.car_jobs import CarJobs
+from tripwatt.server.http.jobs import Jobs
+from tripwatt.server.http.pool import JobResult, WorkerPool, cancel
+from tripwatt.server.http.problems import Problem, fault_document
+from tripwatt.server.http.seen import undescribed
+from tripwatt.server.http.settings import Settings
+from tripwatt.trips.messages import flag_to_dict
+
+SILENCE_CHECK_S: Final = 30.0
+"""Time between two looks for cars that became silent."""
+
+KEEP_ALIVE_S: Final = 15.0
+"""A stream sends a comment after so long, so that no proxy closes it."""
+
+STREAM_END_S: Final = 5.0
+"""Time that streams have to end with the service [s]."""
+
+CAR_FIELDS: Final = ("model", "vehicle", "vehicle_figures")
+"""Fields of a request that name a car or a model."""
+
+Given = ParamSpec("Given")
+Result = TypeVar("Result")
+
+
+class LiveCars:
+    """The cars of a folder and the forecasts of their trips.
+
+    Parameters
+    ----------
+    settings : Settings
+        The sub-folders of `cars` with a token are followed, and the cars of `mqtt`.
+    pool : WorkerPool
+    log : callable
+        Called with one record of the log as keywords.
+
+    Attributes
+    ----------
+    cars : dict of str to RoadCar
+        The cars that are followed, by name.
+    listeners : int
+        Streams that are open.
+
+    Raises
+    ------
+    InvalidInput
+        When there is no such folder, or a car with a token cannot be opened.
+    """
+
+    def __init__(self, settings: Settings, pool: WorkerPool, log: Callable[..., None]) -> None:
+        self.settings, self.pool, self.log = settings, pool, log
+        self.cars: dict[str, RoadCar] = {}
+        self.listeners = 0
+        self._digests: dict[str, str] = {}
+        self._companions: dict[str, Companion] = {}
+        self._thread = ThreadPoolExecutor(1, "cars")
+        folder = settings.cars
+        if folder is None or not folder.is_dir():
+            fix = "make it; cars are made in it on the page or by `tripwatt car new`"
+            raise InvalidInput.of("no folder of cars", "--cars", f"{folder}", "a folder", fix)
+        over_mqtt = {} if settings.mqtt is None else settings.mqtt.cars
+        for name in sorted({place.name for place in folder.iterdir() if has_token(place)} | {*over_mqtt}):
+            self._open(folder / name)
+
+    async def run(self, work: Callable[Given, Result], *args: Given.args, **more: Given.kwargs) -> Result:
+        """Do some work of cars in their thread."""
+        return await asyncio.get_running_loop().run_in_executor(self._thread, partial(work, *args, **more))
+
+    def _open(self, place: Path) -> None:
+        name = place.name
+        if name not in self.cars:
+            keep_days = self.settings.keep_days
+            car = RoadCar(place, lambda request: self._model(name, request), keep_days=keep_days)
+            car.note = lambda text: self.log(event="forecast not stored", vehicle=name, error=text)
+            self.cars[name] = car
+        self._digests[name] = token_digest(place) or ""
+
+    async def follow(self, place: Path) -> None:
+        """Follow the car of a folder; of one that is followed already, only its token is read again.
+
+        Raises
+        ------
+        InvalidInput
+            When the car cannot be opened.
+        """
+        await self.run(self._open, place)
+
+    async def drop(self, name: str) -> None:
+        """Follow a car no longer."""
+        self._digests.pop(name, None)
+        self._companions.pop(name, None)
+        car = self.cars.pop(name, None)
+        if car is not None:
+            await self.run(car.close)
+
+    def by_name(self, name: str) -> RoadCar:
+        """The car of this name.
+
+        Raises
+        ------
+        Problem
+            `no-such-car`.
+        """
+        if name not in self.cars:
+            hint = did_you_mean(name, self.cars) or "GET /v1/live lists the cars on the road"
+            raise Problem("no-such-car", hint)
+        return self.cars[name]
+
+    def by_token(self, token: str) -> RoadCar:
+        """The car whose token this is. Digests are compared, each in constant time. O(cars).
+
+        Raises
+        ------
+        Problem
+            `token-needed`.
+        """
+        given = digest_of(token)
+        name = next((name for name, digest in self._digests.items() if compare_digest(given, digest)), None)
+        if name is None:
+            challenge = {"WWW-Authenticate": 'Bearer realm="tripwatt"'}
+            raise Problem("token-needed", "the token of a car: `token`, or a bearer token", headers=challenge)
+        return self.cars[name]
+
+    async def take(self, car: RoadCar, sample: Sample) -> dict[str, Any]:
+        """Store a message of a car.
+
+        Returns
+        -------
+        dict
+            As `TelemetryResponse`.
+
+        Raises
+        ------
+        InvalidInput
+            For a message that is too late to count.
+        Problem
+            `busy` where it cannot be stored.
+        """
+        try:
+            arrival = await self.run(car.add, sample)
+        except OSError as error:
+            raise self._not_stored("message", car, error) from error
+        if arrival == "late":
+            allowed = "the time of a message that fits the trip"
+            fix = "send messages in the order of their times"
+            raise InvalidInput.of("message too late", "utc", f"{sample.time_s:.3f}", allowed, fix)
+        ignored = [fault_document(fault) for fault in sample.faults]
+        return {
+            "status": "held" if arrival == "held" else "ok",
+            "car": car.name,
+            "arrival": arrival,
+            "ignored": ignored,
+        }
+
+    async def set_plan(self, car: RoadCar, plan: dict[str, Any], departure_s: float | None) -> JobResult:
+        """Give a car the plan of its trip, if it can be forecast.
+
+        Parameters
+        ----------
+        car : RoadCar
+        plan : dict
+            A `ForecastRequest`.
+        departure_s : float or None
+            When it leaves [s since 1970].
+
+        Returns
+        -------
+        JobResult
+            Of the forecast at departure; the plan is taken when its status is 200.
+        """
+        checked = await self.pool.run({"kind": "forecast"}, orjson.dumps(self.by_own_model(car.name, plan)))
+        if checked.status == 200:
+            try:
+                await self.run(car.set_plan, plan, departure_s)
+            except OSError as error:
+                raise self._not_stored("plan", car, error) from error
+        return checked
+
+    def _not_stored(self, what: str, car: RoadCar, error: OSError) -> Problem:
+        self.log(event=f"{what} not stored", vehicle=car.name, error=f"{error}"[:200])
+        return Problem("busy", f"the {what} cannot be stored; send it again", headers={"Retry-After": "10"})
+
+    async def document(self, car: RoadCar) -> dict[str, Any]:
+        """A car, the latest forecast of its trip and the latest message, as `LiveResponse`."""
+        return await self.run(self._document, car)
+
+    def _document(self, car: RoadCar) -> dict[str, Any]:
+        document = car.document(car.now_s())
+        message = None if document["faults"] else or_none(self._told, car)
+        told = None if message is None else message.to_dict()
+        named = _names_car(self.by_own_model(car.name, {} if car.plan is None else car.plan.request))
+        flags = [] if named else [flag_to_dict(undescribed(car.name, self._model(car.name, {}).vehicle))]
+        return {**document, "flags": flags, "message": told}
+
+    def _told(self, car: RoadCar) -> Message | None:
+        """The latest message on the trip of a car; its companion goes with the forecast at departure."""
+        departing = car.at_departure()
+        if departing is None or car.trip is None:
+            return None
+        companion = self._companions.get(car.name)
+        if companion is None or companion.departure is not departing:
+            plan = car.plan
+            reserve = None if plan is None else plan.request.get("reserve")
+            companion = Companion(departing, car.reserve if reserve is None else reserve)
+            self._companions[car.name] = companion
+        observed = car.observed(departing.plan.start_s)
+        if len(observed) > 1:
+            companion.hear(observed, car.updated)
+        return companion.last
+
+    def by_own_model(self, name: str, request: Mapping[str, Any]) -> dict[str, Any]:
+        """A request with the model of a car's own trips, unless the request names a car or a model."""
+        cars = self.settings.cars
+        own = not _names_car(request) and cars is not None and is_car(cars / name)
+        return {**request, "model": name} if own else dict(request)
+
+    def _model(self, name: str, request: Mapping[str, Any]) -> ForecastModel:
+        return self._jobs.model_of(self.by_own_model(name, request))
+
+    @cached_property
+    def _jobs(self) -> Jobs:
+        """The models that workers have, loaded when a car first needs one."""
+        settings = self.settings
+        return Jobs.from_folders(settings.models, settings.limits, cars=CarJobs(settings.cars))
+
+    async def need(self, car: RoadCar, how: Mapping[str, float], known: Mapping[str, float]) -> JobResult:
+        """What the next trip of a car needs, as `NeedResponse`.
+
+        Parameters
+        ----------
+        car : RoadCar
+        how : mapping of str to float
+            `probability`, 0.5 to 1; `departure_s`, when it leaves [s since 1970]; `plug_w`, power of the plug [W].
+        known : mapping of str to float
+            Fields of the request that take the place of those of the plan.
+
+        Raises
+        ------
+        Problem
+            `no-plan` without a plan and a usual trip.
+        """
+        plan = await self.run(car.plan_at, how["departure_s"])
+        if plan is None:
+            raise Problem("no-plan", "no plan, and no earlier trip at this time of day")
+        soc = await self.run(car.shown_soc) if car.trip is None else None
+        asked = await self.job_of(car, {**plan.request, **known})
+        seen = {**asked["seen"], "soc": None}  # that of the plan counts
+        result = await self.pool.run(
+            {"kind": "need", "how": {**how, "soc": soc}, "seen": seen}, asked["body"]
+        )
+        if result.status != 200:
+            return result
+        needed = {
+            "car": car.name,
+            "plan": "given" if plan.usual_trip is None else "usual",
+            "usual_trip": plan.usual_trip,
+            "probability": how["probability"],
+            **orjson.loads(result.content),
+        }
+        return replace(result, content=orjson.dumps(needed))
+
+    async def job_of(self, car: RoadCar, request: Mapping[str, Any]) -> dict[str, Any]:
+        """A job about a car: its body, which names the own model, and what its last messages show where the request leaves it out."""
+        asked = self.by_own_model(car.name, request)
+        seen = {
+            "soc": await self.run(car.shown_soc),
+            "ambient_temperature_degc": car.last_air_degc(car.now_s()),
+            "undescribed": None if _names_car(asked) else car.name,
+        }
+        return {"body": orjson.dumps(asked), "seen": seen}
+
+    async def job_without_road(self, car: RoadCar, known: Mapping[str, Any]) -> dict[str, Any]:
+        """`job_of` for the range of a car or the need of a distance; a car that its plan names counts before its own model."""
+        asked = {} if car.plan is None else {name: car.plan.request.get(name) for name in CAR_FIELDS}
+        if asked.get("vehicle_figures") is not None:
+            asked["vehicle_figures"] = orjson.dumps(asked["vehicle_figures"]).decode()
+        return await self.job_of(car, {**asked, **known})
+
+    def summary(self) -> dict[str, Any]:
+        """The cars, as `LiveCarsResponse`."""
+        rows = (car.about(car.now_s()) for _, car in sorted(self.cars.items()))
+        cars = [
+            {
+                "car": row["car"],
+                "seconds_since_message": row["seconds_since_message"],
+                "on_trip": row["trip"] is not None,
+            }
+            for row in rows
+        ]
+        return {"cars": cars}
+
+    def stream(self, car: RoadCar) -> EventSourceResponse:
+        """The forecasts of a car as server-sent events.
+
+        Raises
+        ------
+        Problem
+            `busy` when the places of all listeners are taken.
+        """
+        if self.listeners >= self.settings.limits.listeners:
+            raise Problem("busy", "too many listeners", headers={"Retry-After": "30"})
+        ending = anyio.Event()
+        return EventSourceResponse(
+            self.events(car, ending),
+            headers={"Content-Encoding": "identity"},  # a compressed stream would wait for more
+            sep="\n",
+            ping=KEEP_ALIVE_S,
+            ping_message_factory=lambda: ServerSentEvent(comment="no news", sep="\n"),
+            shutdown_event=ending,
+            shutdown_grace_period=STREAM_END_S,
+        )
+
+    async def events(self, car: RoadCar, ending: anyio.Event) -> AsyncIterator[ServerSentEvent]:
+        """The documents of a car as events: at once, and then after new messages, until the service ends.
+
+        Yields
+        ------
+        ServerSentEvent
+            An event `live` whose data is a `LiveResponse`.
+        """
+        self.listeners += 1
+        sent: tuple[Any, ...] | None = None
+        try:
+            while not ending.is_set() and self.cars.get(car.name) is car:
+                if sent != car.state:
+                    sent = car.state
+                    data = orjson.dumps(await self.document(car)).decode()
+                    yield ServerSentEvent(data, event="live", sep="\n")
+                with anyio.move_on_after(self.settings.limits.live_every_s):
+                    await ending.wait()
+        finally:
+            self.listeners -= 1
+
+    async def watch(self) -> None:
+        """End the trips of cars that became silent, and make the forecasts that diaries keep, until this is cancelled."""
+        while True:
+            for car in [*self.cars.values()]:
+                try:
+                    await self.run(car.end_when_silent, car.now_s())
+                    if car.wants_forecast:
+                        await self.run(car.document, car.now_s())
+                except OSError as error:
+                    self._not_stored("trip", car, error)
+                except Exception as error:  # the other cars are watched all the same
+                    self.log(event="bug", vehicle=car.name, error=repr(error)[:200])
+            await asyncio.sleep(SILENCE_CHECK_S)
+
+    @contextlib.asynccontextmanager
+    async def running(self, *work: Awaitable[None]) -> AsyncIterator[None]:
+        """Watch the cars and do some more work, and leave them to another process at the end."""
+        tasks = [asyncio.ensure_future(one) for one in (self.watch(), *work)]
+        try:
+            yield
+        finally:
+            await cancel(tasks)
+            self.close()
+
+    def close(self) -> None:
+        """Leave the cars to another process."""
+        self._thread.shutdown()
+        for car in self.cars.values():
+            car.close()
+
+
+def _names_car(request: Mapping[str, Any]) -> bool:
+    return any(request.get(field) is not None for field in (*CAR_FIELDS, "car"))

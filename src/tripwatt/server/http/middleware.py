@@ -1,0 +1,292 @@
+"""ASGI middleware for all requests.
+
+It checks the Host header, the rate of the client and the token before the application runs. It adds the request id and
+the security headers to the response, writes the access log and counts requests. An exception of the application becomes
+a problem document.
+"""
+
+from __future__ import annotations
+
+import hmac
+import ipaddress
+import re
+import secrets
+import time
+from collections.abc import Callable, Sequence
+from typing import Any, Final
+
+from cachetools import LRUCache
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.responses import RedirectResponse
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
+
+from tripwatt.errors import excerpt
+from tripwatt.server.http.metrics import Metrics
+from tripwatt.server.http.problems import SAFE_METHODS, Problem
+from tripwatt.server.http.settings import Settings
+
+OPEN_PATHS: Final = ("/healthz", "/readyz")
+"""Paths without a token and without a rate limit."""
+
+TOKEN_PATHS: Final = ("/v1/", "/metrics", "/openapi.json")
+"""First parts of paths that need the token; the files of the page hold no secret."""
+
+CAR_TOKEN_PATHS: Final = ("/v1/telemetry",)
+"""Paths that need the token of a car instead, which the application checks."""
+
+VALID_REQUEST_ID: Final = re.compile(r"[A-Za-z0-9._-]{1,64}")
+KNOWN_METHODS: Final = frozenset({"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"})
+OWN_SITES: Final = ("same-origin", "none")
+"""Values of `Sec-Fetch-Site` of a request that the page of the service, or a person, made."""
+
+MAX_CLIENTS: Final = 10_000
+"""Most clients with a token bucket; the least recently active ones are removed first."""
+
+SECURITY_HEADERS: Final = {
+    "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
+    "font-src 'self'; connect-src 'self'; manifest-src 'self'; worker-src 'self'; base-uri 'none'; "
+    "form-action 'none'; frame-ancestors 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Permissions-Policy": "camera=(), geolocation=(), microphone=(), payment=(), usb=()",
+}
+
+
+class TokenBuckets:
+    """Rate limit by client: one token bucket each.
+
+    Parameters
+    ----------
+    rate_per_s : float
+        Mean rate of requests [1/s].
+    burst : int
+        Most requests in quick succession.
+
+    Examples
+    --------
+    >>> buckets = TokenBuckets(rate_per_s=1.0, burst=2)
+    >>> [buckets.wait_s("a", now) for now in (0.0, 0.0, 0.0, 1.0)]
+    [0.0, 0.0, 1.0, 0.0]
+    """
+
+    def __init__(self, rate_per_s: float, burst: int) -> None:
+        self.rate_per_s, self.burst = rate_per_s, float(burst)
+        self.by_client: LRUCache[str, tuple[float, float]] = LRUCache(MAX_CLIENTS)
+
+    def wait_s(self, client: str, now: float) -> float:
+        """Take a token of a client.
+
+        Returns
+        -------
+        float
+            0 if there was a token, else the time [s] until the next one.
+        """
+        tokens, last = self.by_client.get(client, (self.burst, now))
+        tokens = min(self.burst, tokens + (now - last) * self.rate_per_s)
+        wait_s = 0.0 if tokens >= 1.0 else (1.0 - tokens) / self.rate_per_s
+        self.by_client[client] = (tokens if wait_s else tokens - 1.0, now)
+        return wait_s
+
+
+def rate_limit_key(address: str) -> str | None:
+    """Return the key of a client for the rate limit.
+
+    Returns
+    -------
+    str or None
+        An IPv4 address or the /64 network of an IPv6 address; None for loopback, which has no rate limit.
+
+    Examples
+    --------
+    >>> rate_limit_key("127.0.0.1"), rate_limit_key("203.0.113.9"), rate_limit_key("2001:db8::1:2")
+    (None, '203.0.113.9', '2001:db8::/64')
+    """
+    try:
+        ip = ipaddress.ip_address(address)
+    except ValueError:
+        return address
+    if ip.is_loopback:
+        return None
+    return str(ip) if ip.version == 4 else str(ipaddress.ip_network((int(ip), 64), strict=False))
+
+
+class ProxyHeaders(ProxyHeadersMiddleware):
+    """The headers of a proxy: `X-Forwarded-For` names the client, `X-Forwarded-Host` the host; those of other peers do not count.
+
+    Parameters
+    ----------
+    app : ASGI application
+    trusted : str
+        Addresses and networks of proxies beside loopback, with commas; `*` for all.
+    """
+
+    def __init__(self, app: Any, trusted: str = "") -> None:
+        super().__init__(app, "*" if trusted.strip() == "*" else f"127.0.0.1,::1,{trusted}")
+
+    async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
+        """Handle one request."""
+        if scope["type"] == "http" and (scope["client"] or ("",))[0] not in self.trusted_hosts:
+            scope["headers"] = [header for header in scope["headers"] if header[0] != b"x-forwarded-host"]
+        await super().__call__(scope, receive, send)
+
+
+class ServiceMiddleware:
+    """The middleware around the application.
+
+    Parameters
+    ----------
+    app : ASGI application
+    settings : Settings
+    metrics : Metrics
+    log : callable
+        Called with one record of the access log as keywords.
+    """
+
+    def __init__(self, app: ASGIApp, settings: Settings, metrics: Metrics, log: Callable[..., None]) -> None:
+        self.app, self.settings, self.metrics, self.log = app, settings, metrics, log
+        self.token = settings.token.encode()
+        limits = settings.limits
+        self.buckets = TokenBuckets(limits.rate_per_s, limits.burst) if limits.rate_per_s > 0 else None
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Handle one request."""
+        if scope["type"] != "http":
+            await self.app(scope, receive, send)
+            return
+        prefix, path = self.settings.prefix, scope["path"]
+        if prefix and path == prefix:  # the page asks for what is beside it
+            await RedirectResponse(f"{prefix}/", 308)(scope, receive, send)
+            return
+        if prefix and path.startswith(f"{prefix}/"):  # a proxy that takes it off is as good
+            scope = {**scope, "path": path.removeprefix(prefix)}
+        await _RequestHandling(self, scope).run(receive, send)
+
+    def check(self, scope: Scope, headers: Headers) -> None:
+        """Check the Host header, the rate and the token of a request.
+
+        Raises
+        ------
+        Problem
+            `host-not-served`, `foreign-site`, `too-many-requests` or `token-needed`.
+        """
+        self._check_host(headers.getlist("host"))
+        if scope["method"] not in SAFE_METHODS:
+            _check_site(headers, self.settings.cors_origins)
+        path = scope["path"]
+        if path in OPEN_PATHS:
+            return
+        client = rate_limit_key(scope["client"][0]) if scope.get("client") else None
+        if self.buckets is not None and client is not None:
+            wait_s = self.buckets.wait_s(client, time.monotonic())
+            if wait_s > 0.0:
+                after = str(max(1, round(wait_s + 0.5)))
+                raise Problem("too-many-requests", f"wait {after} s", headers={"Retry-After": after})
+        if self.token and path.startswith(TOKEN_PATHS) and path not in CAR_TOKEN_PATHS:
+            self._check_token(headers.getlist("authorization"))
+
+    def _check_host(self, hosts: list[str]) -> None:
+        allowed = self.settings.hosts
+        if not allowed:
+            return
+        name = (
+            hosts[0].rsplit(":", 1)[0] if len(hosts) == 1 and not hosts[0].endswith("]") else "".join(hosts)
+        )
+        if len(hosts) != 1 or name.lower() not in allowed:
+            raise Problem("host-not-served", "the Host header does not name this service")
+
+    def _check_token(self, given: list[str]) -> None:
+        kind, _, token = (given[0] if len(given) == 1 else "").partition(" ")
+        # the time of the comparison does not depend on the token
+        same = hmac.compare_digest(token.strip().encode("utf-8", "replace"), self.token)
+        if kind.lower() != "bearer" or not same:
+            challenge = {"WWW-Authenticate": 'Bearer realm="tripwatt"'}
+            raise Problem("token-needed", "Authorization: Bearer ...", headers=challenge)
+
+
+def _check_site(headers: Headers, allowed: Sequence[str]) -> None:
+    """Refuse what a page of another site, whose origin is not allowed, makes a browser send; programs send neither header."""
+    site, origin = headers.get("sec-fetch-site"), headers.get("origin")
+    host = headers.get("x-forwarded-host", headers.get("host", "")).partition(",")[0].strip()
+    same = origin is None or origin.lower().partition(":")[2] == f"//{host.lower()}"
+    if origin not in allowed and not (same if site is None else site in OWN_SITES):
+        remedy = "start the service with --cors-origin ORIGIN to allow it; for its own page, let the proxy pass its host as X-Forwarded-Host"
+        raise Problem("foreign-site", f"a page of {excerpt(origin or site)} sent the request: {remedy}")
+
+
+class _RequestHandling:
+    """The state of one request."""
+
+    def __init__(self, middleware: ServiceMiddleware, scope: Scope) -> None:
+        self.middleware, self.scope = middleware, scope
+        self.headers = Headers(scope=scope)
+        given = self.headers.get("x-request-id", "")
+        self.request_id = given if VALID_REQUEST_ID.fullmatch(given) else secrets.token_hex(8)
+        self.status, self.sent_bytes, self.finished = 0, 0, False
+        self.started = time.perf_counter()
+
+    async def run(self, receive: Receive, send: Send) -> None:
+        middleware = self.middleware
+        self.scope["state"] = {**self.scope.get("state", {}), "request_id": self.request_id}
+        middleware.metrics.running.inc()
+        error = ""
+
+        async def send_on(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                self.status = message["status"]
+                self._add_headers(message)
+            elif message["type"] == "http.response.body":
+                self.sent_bytes += len(message.get("body", b""))
+                self.finished = not message.get("more_body", False)
+            await send(message)
+
+        try:
+            try:
+                middleware.check(self.scope, self.headers)
+                if self.scope["method"] == "HEAD":  # as GET; the server leaves out the body
+                    self.scope = {**self.scope, "method": "GET", "was_head": True}
+                await middleware.app(self.scope, receive, send_on)
+            except Problem as problem:
+                await self._respond(problem, receive, send_on)
+            except Exception as exception:
+                error = repr(exception)
+                if not self.finished:
+                    await self._respond(Problem("internal"), receive, send_on)
+        finally:
+            middleware.metrics.running.dec()
+            self._log(error)
+
+    async def _respond(self, problem: Problem, receive: Receive, send_on: Send) -> None:
+        if self.status:  # the response has begun: only closing the connection can report the failure
+            raise RuntimeError(f"failed during the response: {problem.kind}") from problem
+        await problem.response(self.request_id)(self.scope, receive, send_on)
+
+    def _add_headers(self, message: Message) -> None:
+        headers = MutableHeaders(scope=message)
+        headers["X-Request-ID"] = self.request_id
+        for name, value in SECURITY_HEADERS.items():
+            headers.setdefault(name, value)
+        headers.setdefault("Cache-Control", "no-store")
+
+    def _log(self, error: str) -> None:
+        seconds = time.perf_counter() - self.started
+        route = getattr(self.scope.get("route"), "path", "") or "other"
+        given = "HEAD" if self.scope.get("was_head") else self.scope["method"]
+        method = given if given in KNOWN_METHODS else "other"
+        metrics = self.middleware.metrics
+        metrics.requests.labels(route, method, str(self.status)).inc()
+        metrics.duration.labels(route).observe(seconds)
+        client = self.scope.get("client")
+        self.middleware.log(
+            request_id=self.request_id,
+            method=method,
+            path=self.scope["path"][:200],
+            status=self.status,
+            ms=round(1000.0 * seconds, 2),
+            bytes=self.sent_bytes,
+            client=client[0] if client else "",
+            **({"error": error} if error else {}),
+        )

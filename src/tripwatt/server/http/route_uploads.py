@@ -1,0 +1,73 @@
+"""A route or a log that was uploaded, as fields of a request."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.errors import InvalidInput
+from tripwatt.routes import Track, is_links_table, parse_route, plan_from_route, route_from_track
+from tripwatt.routes.link_objects import fields_of_route
+from tripwatt.server.http.schemas import BMS_SOC, require_duration
+from tripwatt.server.http.settings import Limits
+from tripwatt.sources.canonical import canonical_of_text
+from tripwatt.trips import Flag, gap_flags, raise_faults, time_faults
+from tripwatt.trips.messages import flag_to_dict
+from tripwatt.trips.samples import columns_of
+
+ROUTE_FIRST_BYTES: Final = (b"<", b"{", b"[", b"\xff", b"\xfe")
+"""First bytes of XML, JSON and UTF-16."""
+
+
+def read_route(body: bytes, speed_m_s: float | None, limits: Limits) -> dict[str, Any]:
+    """Read an upload and return it as fields of a `ForecastRequest`.
+
+    Parameters
+    ----------
+    body : bytes
+        GPX, GeoJSON, the response of a router, links as JSON or CSV, or CSV of samples. The content determines
+        the format.
+    speed_m_s : float or None
+        Mean speed [m/s] of parts of a track without times and speeds.
+    limits : Limits
+
+    Raises
+    ------
+    InvalidInput
+        When it is none of them, or larger than the limits.
+    """
+    if body.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] not in ROUTE_FIRST_BYTES and not is_links_table(body):
+        return _response(canonical_of_text(body, "upload"), limits)
+    route = parse_route(body, where="upload")
+    if isinstance(route, Track):
+        if route.is_log and route.time_s is not None:
+            require_duration(float(route.time_s[-1]), "upload", limits)
+            plan = plan_from_route(route)
+            return _response(plan.samples, limits, plan.flags)
+        route = route_from_track(route, speed_m_s)
+    if len(route) > limits.links:
+        raise InvalidInput.of("too many links", "upload", f"{len(route)}", f"at most {limits.links}")
+    require_duration(route.duration_s, "upload", limits)
+    plan = plan_from_route(route)
+    return _response(plan.samples, limits, plan.flags) | fields_of_route(route)
+
+
+def _response(samples: pd.DataFrame, limits: Limits, flags: tuple[Flag, ...] = ()) -> dict[str, Any]:
+    """The response to an upload, without links."""
+    time, speed = samples["time_s"].to_numpy(), samples["speed_m_s"].to_numpy()
+    if len(samples) > limits.samples:
+        allowed = f"at most {limits.samples}"
+        raise InvalidInput.of("too many samples", "upload", f"{len(samples)}", allowed)
+    require_duration(float(time[-1] - time[0]), "upload", limits)
+    raise_faults(time_faults(time, "upload"))
+    flags = flags or gap_flags(time)
+    return {
+        "samples": columns_of(samples.rename(columns=BMS_SOC)),
+        "links": None,
+        "elevation": None,
+        "duration_s": float(time[-1] - time[0]),
+        "distance_m": float(np.trapezoid(speed, time)),
+        "notes": [flag_to_dict(flag) for flag in flags],
+    }

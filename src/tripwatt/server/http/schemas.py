@@ -1,0 +1,570 @@
+"""Schemas of requests and responses, and the checks that turn a request into trips."""
+
+from __future__ import annotations
+
+import datetime as dt
+from collections.abc import Iterable, Iterator, Mapping
+from types import NoneType
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, TypeVar
+
+import numpy as np
+import orjson
+import pandas as pd
+from pydantic import (
+    AwareDatetime,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    WithJsonSchema,
+    create_model,
+    field_validator,
+)
+from pydantic_core import PydanticKnownError
+
+from tripwatt.arrays import FloatArray
+from tripwatt.errors import MOST_HINTS, Fault, InvalidInput, did_you_mean, excerpt, raise_faults
+from tripwatt.forecasting.document import FlagDocument
+from tripwatt.routes import LinkRoute, route_from_links
+from tripwatt.routes.link_objects import route_with_elevation
+from tripwatt.server.cars.documents import ProblemFault
+from tripwatt.server.cars.telemetry import FIRST_TIME_S, LAST_TIME_S
+from tripwatt.server.http.problems import TITLES, Problem
+from tripwatt.server.http.settings import Limits
+from tripwatt.sources.canonical import LEAST_SAMPLES, canonical_samples
+from tripwatt.trips import ASKED, COLUMNS, LINK_COLUMNS, QUANTITIES, Column, Departure
+from tripwatt.trips import Field as DepartureField
+
+MIN_OBSERVED: Final = 2
+"""Fewest measured samples of an update."""
+
+MIN_DURATION_S: Final = 1.0
+"""Shortest trip: the simulation has steps of one second."""
+
+BMS_SOC: Final = {"soc": "bms_soc"}
+"""The column of the battery management's state of charge in a table, and over HTTP: there, `soc` is the displayed one."""
+
+PROBLEM_KINDS: Final[dict[str, Any]] = {
+    "enum": [f"/problems/{kind}" for kind in TITLES],
+    "x-enum-varnames": [kind.upper().replace("-", "_") for kind in TITLES],
+}
+"""Types of problems, and their names in generated clients."""
+
+NUMBER_TYPES: Final = frozenset({float, int, NoneType})
+"""Types of JSON numbers and of null. `bool` is excluded, although it is a subclass of `int`."""
+
+
+def _columns_schema(required: list[str], min_items: int, meaning: str) -> dict[str, Any]:
+    properties = {}
+    for name, column in COLUMNS.items():
+        bounds = {"minimum": column.minimum, "maximum": column.maximum}
+        kind = {"type": "number" if name in required else ["number", "null"]}
+        item = kind | ({"minimum": 0.0} if name == "time_s" else bounds)
+        of_list = {"minItems": min_items, "description": f"{column.meaning} [{column.unit}]"}
+        properties[BMS_SOC.get(name, name)] = {"type": "array", "items": item, **of_list}
+    return {
+        "type": "object",
+        "properties": properties,
+        "required": required,
+        "additionalProperties": False,
+        "description": meaning,
+    }
+
+
+Samples = Annotated[
+    Any,
+    WithJsonSchema(
+        _columns_schema(
+            ["time_s", "speed_m_s"],
+            LEAST_SAMPLES,
+            "Speed trace and road, one list per column. Of other signals only the first sample is used.",
+        )
+    ),
+]
+Observed = Annotated[
+    Any,
+    WithJsonSchema(
+        _columns_schema(
+            ["time_s"],
+            MIN_OBSERVED,
+            "Samples measured so far, on the clock of the trip: voltage_v with current_a (positive when the battery "
+            "discharges), or bms_soc or displayed_soc.",
+        )
+    ),
+]
+
+
+def bounded(
+    columns: Mapping[str, Column], name: str, default: Any = None, *, positive: bool = False, **more: Any
+) -> Any:
+    """A number with the bounds and the description of its column."""
+    column = columns[name]
+    return Field(
+        default,
+        gt=0.0 if positive else None,
+        ge=None if positive else column.minimum,
+        le=column.maximum,
+        description=f"{column.meaning} [{column.unit}]",
+        **more,
+    )
+
+
+class Link(BaseModel):
+    """A link of a planned route. Give `speed_m_s` or `travel_time_s`. Give `grade`, both elevations, or neither."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    length_m: float = bounded(LINK_COLUMNS, "length_m", ..., positive=True)
+    speed_m_s: float | None = bounded(LINK_COLUMNS, "speed_m_s", positive=True)
+    travel_time_s: float | None = bounded(LINK_COLUMNS, "travel_time_s", positive=True)
+    stop_s: float | None = bounded(LINK_COLUMNS, "stop_s")
+    moving_speed_m_s: float | None = bounded(LINK_COLUMNS, "moving_speed_m_s", positive=True)
+    speed_limit_m_s: float | None = bounded(LINK_COLUMNS, "speed_limit_m_s", positive=True)
+    grade: float | None = bounded(LINK_COLUMNS, "grade")
+    start_elevation_m: float | None = bounded(LINK_COLUMNS, "start_elevation_m")
+    end_elevation_m: float | None = bounded(LINK_COLUMNS, "end_elevation_m")
+
+
+def reserved(default: float) -> Any:
+    """The field `reserve`; null is its default."""
+
+    def or_null(schema: dict[str, Any]) -> None:
+        number = {name: schema.pop(name) for name in ("type", "minimum", "maximum")}
+        schema["anyOf"] = [number, {"type": "null"}]
+
+    return bounded(QUANTITIES, "reserve", default, json_schema_extra=or_null)
+
+
+class StrictModel(BaseModel):
+    """Base of documents in requests: no unknown fields, no texts for numbers, no infinities."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, use_attribute_docstrings=True)
+
+    @field_validator("reserve", mode="before", check_fields=False)
+    @classmethod
+    def _null_is_the_default(cls, value: Any, info: ValidationInfo) -> Any:
+        return cls.model_fields[f"{info.field_name}"].default if value is None else value
+
+
+class Elevation(StrictModel):
+    """Elevation along a route of links; in a request it replaces grades and elevations of the links."""
+
+    position_m: list[float] = Field(min_length=1)
+    """distances from the start, never decreasing [m]"""
+    elevation_m: list[float] = Field(min_length=1)
+    """elevation above sea level at each position [m]"""
+
+
+Links = Annotated[
+    Any,
+    WithJsonSchema({"type": "array", "items": {"$ref": "#/components/schemas/Link"}, "minItems": 1}),
+]
+"""Links of a planned route. `tripwatt.routes.route_from_links` checks them as a table, not one object at a time."""
+
+
+class VehicleFigures(StrictModel):
+    """A car that the library does not have, by up to six figures; what is missing is that of a usual car of its body."""
+
+    mass_kg: float | None = Field(None, ge=400.0, le=6000.0)
+    """mass ready to drive, nobody inside [kg]"""
+    usable_battery_kwh: float | None = Field(None, ge=4.0, le=300.0)
+    """usable energy of the battery [kWh]"""
+    consumption_kwh_per_100km: float | None = Field(None, ge=6.0, le=60.0)
+    """published consumption at the wall [kWh/100 km]"""
+    motor_power_kw: float | None = Field(None, ge=5.0, le=1500.0)
+    """largest power of all motors together [kW]"""
+    body: Literal["small", "hatchback", "sedan", "estate", "suv", "van", "pickup", "quadricycle"] | None = (
+        None
+    )
+    """kind of body; default: suv"""
+    heat_pump: bool | None = None
+    """default: false"""
+    procedure: Literal["wltp", "epa"] = "wltp"
+    """where the consumption comes from; epa is the combined figure of the label"""
+    title: str | None = Field(None, min_length=1, max_length=100)
+    """name for people"""
+
+
+class CarRequest(StrictModel):
+    """The car of a request."""
+
+    model: str | None = Field(None, max_length=100)
+    """one of /v1/models; default: the first one"""
+    vehicle: str | None = Field(None, max_length=100)
+    """one of /v1/vehicles; default: the car of the model"""
+    vehicle_figures: VehicleFigures | None = None
+    """a car of your own in place of `vehicle`"""
+    vehicle_id: str | None = Field(None, max_length=100)
+    """of the model of a fleet: one of its vehicles, or with `vehicle` a new one"""
+    driver: str | None = Field(None, max_length=100)
+    """of the model of a fleet: who drives"""
+
+
+def _text_of_time(given: Any) -> Any:
+    """Refuse numbers, which pydantic takes as seconds since 1970."""
+    if given is not None and not str(given)[4:].startswith("-"):
+        raise PydanticKnownError("datetime_type")
+    return given
+
+
+Time = Annotated[AwareDatetime, BeforeValidator(_text_of_time)]
+
+
+def asked(name: str, field: DepartureField) -> tuple[Any, Any]:
+    """Type and schema of a field of the table in a request; its schema also has what a form needs."""
+    kind: Any = Literal[field.choices] if field.choices else float
+    unit, rules = "", dict[str, Any]()
+    if field.column is not None:
+        unit, rules = f" [{field.column.unit}]", {"ge": field.column.minimum, "le": field.column.maximum}
+    elif field.type == "time":
+        first, last = (dt.datetime.fromtimestamp(time_s, dt.UTC) for time_s in (FIRST_TIME_S, LAST_TIME_S))
+        kind, unit = Time, "; with its time zone"
+        rules = {"strict": False, "ge": first, "le": last}
+    elif field.several:
+        kind, rules = list[kind], {"max_length": len(field.choices)}
+    form: dict[str, Any] = {"x-label": field.label, "x-unit": field.unit, "x-option": field.option}
+    described = field.help.removesuffix(".") + unit
+    return kind | None, Field(None, description=described, json_schema_extra=form, **rules)
+
+
+if TYPE_CHECKING:
+
+    class DepartureRequest(StrictModel):
+        """What is known at departure: the fields of `tripwatt.trips.departure.ASKED`."""
+
+else:
+    DepartureRequest = create_model(
+        "DepartureRequest",
+        __base__=StrictModel,
+        __doc__="What is known at departure.",
+        **{name: asked(name, field) for name, field in ASKED.items() if name != "departs_at"},
+    )
+
+
+def departure_of(request: DepartureRequest) -> Departure:
+    """The departure of a request."""
+    known = {name: getattr(request, name) for name in ASKED if name in type(request).model_fields}
+    return Departure(**known)
+
+
+class ForecastRequest(DepartureRequest, CarRequest):
+    """A trip to forecast: a speed trace (`samples`) or a planned route (`links`), and what is known at departure."""
+
+    trip: str = Field("trip", min_length=1, max_length=100)
+    """name of the trip in the response"""
+    samples: Samples | None = None
+    links: Links | None = None
+    elevation: Elevation | None = None
+    reserve: float = reserved(0.1)
+    probability: float | None = Field(None, ge=0.5, le=0.999)
+    """with which the trip has to arrive with the reserve: the response has the charge to leave with; default: none is worked out"""
+
+
+class UpdateRequest(ForecastRequest):
+    """A trip to forecast, with the samples measured so far."""
+
+    observed: Observed
+
+
+class AdviceRequest(ForecastRequest):
+    """A trip to come, and the chance to arrive that is asked for."""
+
+    chance: float = Field(0.95, ge=0.5, le=0.999)
+    """to arrive with the reserve"""
+
+
+class DifferenceRequest(StrictModel):
+    """Two trips of one car to compare."""
+
+    one: ForecastRequest
+    other: ForecastRequest
+
+
+class ResponseModel(BaseModel):
+    """Base of all documents in responses: objects without undocumented fields."""
+
+    model_config = ConfigDict(extra="forbid", use_attribute_docstrings=True)
+
+
+class ProblemDocument(ResponseModel):
+    """Problem document of RFC 9457."""
+
+    type: str = Field(json_schema_extra=PROBLEM_KINDS)
+    """kind of problem, as a path"""
+    title: str
+    status: int
+    detail: str | None = None
+    instance: str | None = None
+    """X-Request-ID of the request"""
+    faults: list[ProblemFault] | None = None
+    """all faults of the input"""
+    more_faults: int | None = None
+    """number of faults that are not listed"""
+    trip: str | None = None
+    """of a line of a batch: the trip of its request"""
+
+
+class VehicleSummary(ResponseModel):
+    """A car of the library."""
+
+    name: str
+    title: str
+    test_mass_kg: float
+    usable_energy_wh: float
+    """energy between 0 and 1 of the displayed state of charge [Wh]"""
+    has_climate: bool
+    """whether heating and cooling are simulated"""
+    anchor: str
+    """what the values were held against: road_load (measured coast-down and certified consumption), certification, class, or published (published values alone)"""
+    models: list[str]
+    """models fitted on this car; other models forecast it with much wider intervals"""
+
+
+class DescribedVehicle(ResponseModel):
+    """A car from a few figures."""
+
+    title: str
+    test_mass_kg: float
+    """mass with a driver [kg]"""
+    usable_energy_wh: float
+    anchor: str
+    """certification where a consumption was given, else class"""
+    wltp_kwh_per_100km: float
+    """consumption on the WLTP at the wall [kWh/100 km]"""
+    wltp_low_kwh_per_100km: float
+    """lower end of the 90 % interval"""
+    wltp_high_kwh_per_100km: float
+    """upper end of the 90 % interval"""
+
+
+class VehiclesResponse(ResponseModel):
+    """Cars of the library."""
+
+    vehicles: list[VehicleSummary]
+
+
+class FittedModel(BaseModel):
+    """What a model was fitted on; other fields describe the model itself."""
+
+    model_config = ConfigDict(extra="allow", use_attribute_docstrings=True)
+
+    vehicle: str
+    vehicle_title: str
+    trips: int
+
+
+class ModelSummary(BaseModel):
+    """A model: its name in this service and its metadata."""
+
+    name: str
+    model: FittedModel
+    contract: dict[str, Any]
+    provenance: dict[str, Any]
+    evaluation: dict[str, Any]
+
+
+class ModelsResponse(ResponseModel):
+    """Models of this service; the first is the default."""
+
+    models: list[ModelSummary]
+
+
+class ExampleSummary(ResponseModel):
+    """A synthetic trip."""
+
+    trip: str
+    title: str
+    vehicle: str
+    note: str
+    duration_s: float
+    distance_m: float
+    ambient_temperature_degc: float | None
+    observed_energy_wh: float
+
+
+class ExampleResponse(ExampleSummary):
+    """A synthetic trip with its samples."""
+
+    request: ForecastRequest
+    observed: dict[str, list[float | None]]
+    """simulated measurements of the whole trip"""
+
+
+class ExamplesResponse(ResponseModel):
+    """Synthetic trips as examples."""
+
+    examples: list[ExampleSummary]
+
+
+class RouteResponse(ResponseModel):
+    """An uploaded route or trip. Send `links` with `elevation`, or `samples`, in a ForecastRequest."""
+
+    samples: dict[str, list[float | None]]
+    """speed trace; for a planned route, that of the driver model"""
+    links: list[Link] | None
+    """links of the planned route; null for a logged trip"""
+    elevation: Elevation | None
+    duration_s: float
+    distance_m: float
+    notes: list[FlagDocument]
+    """assumptions"""
+
+
+class HealthResponse(ResponseModel):
+    """State of the service."""
+
+    status: str
+    workers: int
+    """number of worker processes that are ready"""
+
+
+RequestModel = TypeVar("RequestModel", bound=BaseModel)
+
+
+def parse_json(body: bytes, where: str = "") -> Any:
+    """Parse the body of a request, or a part of it with the prefix `where` of what is wrong.
+
+    Raises
+    ------
+    Problem
+        `not-json`. NaN, infinities and numbers beyond the range of a float are not JSON.
+    """
+    try:
+        return orjson.loads(body)
+    except orjson.JSONDecodeError as error:
+        raise Problem("not-json", f"{where}{error}") from error
+
+
+def check_request(document: Any, model: type[RequestModel]) -> RequestModel:
+    """Check the fields of a request, without samples and links.
+
+    Parameters
+    ----------
+    document : object
+        Parsed JSON.
+    model : type
+        `ForecastRequest` or `UpdateRequest`.
+
+    Raises
+    ------
+    InvalidInput
+        When fields are missing, unknown or out of range; the fault of an unknown field names the most similar one.
+    """
+    try:
+        return model.model_validate(document)
+    except ValidationError as error:
+        errors = error.errors(include_url=False, include_context=False)
+    raise InvalidInput(faults_of(errors, model.model_fields))
+
+
+def faults_of(errors: Iterable[Mapping[str, Any]], known: Iterable[str]) -> Iterator[Fault]:
+    """The faults of errors of pydantic; the first unknown names have the most similar of the known ones."""
+    for number, error in enumerate(errors):
+        is_unknown = number < MOST_HINTS and error["type"] == "extra_forbidden"
+        fix = did_you_mean(str(error["loc"][-1]), known) if is_unknown else ""
+        where, allowed = ".".join(map(str, error["loc"]))[:80], error["msg"].partition("Input should be ")[2]
+        yield Fault(error["msg"], where or "body", excerpt(error.get("input"), 80), allowed, fix)
+
+
+def parse_samples(value: Any, limits: Limits) -> pd.DataFrame:
+    """Check the field `samples` of a request.
+
+    Parameters
+    ----------
+    value : object
+        A mapping from column names to lists of numbers.
+    limits : Limits
+
+    Raises
+    ------
+    InvalidInput
+        With the positions of wrong values.
+    """
+    samples = canonical_samples(_columns(value, "samples", limits), "samples")
+    time = samples["time_s"].to_numpy()
+    require_duration(float(time[-1] - time[0]), "samples", limits)
+    return samples
+
+
+def parse_observed(value: Any, limits: Limits) -> pd.DataFrame:
+    """Check the field `observed` of an update; parameters and errors are those of `parse_samples`."""
+    return canonical_samples(
+        _columns(value, "observed", limits), "observed", required=("time_s",), least=MIN_OBSERVED
+    )
+
+
+def parse_links(links: Any, elevation: Elevation | None, limits: Limits) -> LinkRoute:
+    """Check the fields `links` and `elevation` of a request.
+
+    Parameters
+    ----------
+    links : object
+        A list of mappings.
+    elevation : Elevation or None
+    limits : Limits
+
+    Raises
+    ------
+    InvalidInput
+        When the links are wrong, or `elevation` does not fit them.
+    """
+    if not isinstance(links, list):
+        raise InvalidInput.of("not a list", "links", excerpt(links), "a list of objects")
+    if len(links) > limits.links:
+        raise InvalidInput.of("too many links", "links", f"{len(links)}", f"at most {limits.links}")
+    route = route_from_links(links)
+    require_duration(route.duration_s, "links", limits)
+    if elevation is None:
+        return route
+    raise_faults(_elevation_faults(links, elevation, limits.samples))
+    return route_with_elevation(route, np.array(elevation.position_m), np.array(elevation.elevation_m))
+
+
+def _elevation_faults(links: list[Any], elevation: Elevation, most: int) -> Iterator[Fault]:
+    position, heights = elevation.position_m, elevation.elevation_m
+    if len(position) != len(heights) or len(position) > most:
+        got = f"{len(position)} positions and {len(heights)} elevations"
+        what, allowed = "positions and elevations differ in number", f"equal numbers, at most {most}"
+        yield Fault(what, "elevation", got, allowed)
+    if position[0] < 0 or position != sorted(position):
+        yield Fault("position decreases", "elevation.position_m", "", "0 m or more, never decreasing")
+    if any("start_elevation_m" in link or "grade" in link for link in links):
+        yield Fault("elevation given twice", "elevation", "links with elevations or grades", "one of the two")
+
+
+def require_duration(duration_s: float, where: str, limits: Limits) -> None:
+    """Check the duration of a trip.
+
+    Raises
+    ------
+    InvalidInput
+        When it is below `MIN_DURATION_S` or above `Limits.duration_s`.
+    """
+    if not MIN_DURATION_S <= duration_s <= limits.duration_s:
+        allowed = f"{MIN_DURATION_S:g} to {limits.duration_s:g} s"
+        raise InvalidInput.of("duration out of range", where, f"{duration_s:g} s", allowed)
+
+
+def _columns(value: Any, where: str, limits: Limits) -> dict[str, FloatArray]:
+    if not isinstance(value, Mapping):
+        raise InvalidInput.of("not an object", where, excerpt(value), "an object of lists of numbers")
+    faults = []
+    columns: dict[str, FloatArray] = {}
+    if "soc" in value:
+        faults.append(Fault("unknown column", f"{where}.soc", fix=did_you_mean("soc", BMS_SOC.values())))
+    for name, values in value.items():
+        field = f"{where}.{name}"[:80]
+        if not isinstance(values, list):
+            faults.append(Fault("not a list", field, excerpt(values), "a list of numbers"))
+        elif len(values) > limits.samples:
+            faults.append(Fault("too many samples", field, f"{len(values)}", f"at most {limits.samples}"))
+        elif not set(map(type, values)) <= NUMBER_TYPES:
+            first = next(k for k, v in enumerate(values) if type(v) not in NUMBER_TYPES)
+            got = excerpt(values[first])
+            faults.append(Fault("not a number", f"{field}[{first}]", got, "a number, or null where unknown"))
+        else:
+            columns["soc" if name == "bms_soc" else name] = np.array(values, dtype=np.float64)
+    raise_faults(faults)
+    return columns

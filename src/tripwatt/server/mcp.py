@@ -1,0 +1,204 @@
+"""Tools for assistants over the Model Context Protocol: jobs of the service with its schemas, without HTTP."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, Final, Literal, NamedTuple
+
+import anyio
+import mcp_types as types
+import orjson
+from mcp.server.lowlevel import Server
+from mcp.server.stdio import stdio_server
+from pydantic import BaseModel, Field, TypeAdapter
+from pydantic.json_schema import models_json_schema
+
+import tripwatt
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.forecasting.document import ForecastResponse
+from tripwatt.server.http import advice_schemas as advice
+from tripwatt.server.http import car_schemas, journey_schemas, schemas
+from tripwatt.server.http.jobs import Jobs
+from tripwatt.server.http.openapi import Schemas
+from tripwatt.server.http.problems import TITLES, Problem
+from tripwatt.server.http.schemas import StrictModel, check_request, parse_json
+
+LEFT_OUT: Final = ("series", "samples", "line", "course", "links", "learning")
+"""Fields of answers that an assistant does not get: thousands of numbers for figures and maps, and the state of a job."""
+
+INSTRUCTIONS: Final = (
+    "Forecasts for electric cars. Energies are in Wh; charges and probabilities are fractions from 0 to 1. Give intervals and probabilities "
+    "with every figure, and what the flags say was assumed. Where a description has /v1/vehicles or /v1/cars, the tool of that name lists them. "
+    "Journeys from place to place are offered where `tripwatt mcp` was started with --map MAP, cars that learn with --cars FOLDER."
+)
+
+
+class DiaryRequest(StrictModel):
+    """A car that learns from its trips."""
+
+    car: str = Field(max_length=100)
+    """its name, one of the tool `cars`"""
+    trips: int = Field(10, ge=1, le=200)
+    """entries of the diary, the newest first"""
+
+
+class VehiclesRequest(StrictModel):
+    """Words to look for among the cars of the library."""
+
+    search: str | None = Field(None, max_length=100)
+    """words of maker, model and year; default: all cars"""
+
+
+def _diary(jobs: Jobs, body: bytes) -> dict[str, Any]:
+    asked = check_request(parse_json(body), DiaryRequest)
+    shown = jobs.cars.show(asked.car)
+    return shown | {"diary": shown["diary"][: asked.trips]}
+
+
+def _vehicles(jobs: Jobs, body: bytes) -> dict[str, Any]:
+    return jobs.vehicles(check_request(parse_json(body), VehiclesRequest).search)
+
+
+def _cars(jobs: Jobs, body: bytes) -> dict[str, Any]:
+    check_request(parse_json(body), StrictModel)
+    return jobs.cars.list()
+
+
+class Tool(NamedTuple):
+    """A tool: what it runs, what it takes and gives."""
+
+    run: Callable[[Jobs, bytes], dict[str, Any]]
+    takes: type[BaseModel]
+    gives: type
+
+
+TOOLS: Final[Mapping[str, Tool]] = {
+    "plan": Tool(Jobs.plan, journey_schemas.PlanRequest, journey_schemas.PlanResponse),
+    "need": Tool(Jobs.distance, journey_schemas.NeedQuery, journey_schemas.DistanceNeed),
+    "range": Tool(Jobs.range, journey_schemas.RangeQuery, journey_schemas.RangeResponse),
+    "advise": Tool(Jobs.advice, schemas.AdviceRequest, advice.AdviceResponse),
+    "advise_journey": Tool(Jobs.journey_advice, journey_schemas.JourneyAdviceRequest, advice.AdviceResponse),
+    "forecast": Tool(Jobs.forecast, schemas.ForecastRequest, ForecastResponse),
+    "diary": Tool(_diary, DiaryRequest, car_schemas.CarResponse),
+    "cars": Tool(_cars, StrictModel, car_schemas.CarsResponse),
+    "vehicles": Tool(_vehicles, VehiclesRequest, schemas.VehiclesResponse),
+    "new_car": Tool(Jobs.new_car, car_schemas.NewCarRequest, car_schemas.CarResponse),
+}
+"""Tools by name."""
+
+CHANGING: Final = ("new_car",)
+"""Tools that change something."""
+
+OF_MAP: Final = ("plan", "advise_journey")
+OF_CARS: Final = ("diary", "cars", "new_car")
+"""Tools that need a map, and a folder of cars: others are not offered without."""
+
+ABOUT: Final[Mapping[str, str]] = {
+    "plan": "Plan a journey from place to place: whether it arrives and with what charge, stops to charge, other roads. Needs a map.",
+    "need": "What a distance needs, or a usual trip of a car: energy, the charge to leave with, and when to charge and preheat. Needs no map.",
+    "range": "How far a charge carries, by kind of road. Needs no map.",
+    "advise": "What to do about a trip that is given by its links or samples: the least that makes it arrive, and what each action saves.",
+    "advise_journey": "What to do about a journey from place to place: the least that makes it arrive, and what each action saves. Needs a map.",
+    "forecast": "Energy and charge at arrival of a trip that is given by its links or samples, with their intervals.",
+    "diary": "What a car learned from its trips, how good its forecasts were, and its last trips.",
+    "cars": "The cars that learn from their trips.",
+    "vehicles": "Cars of the library, by words.",
+    "new_car": "Make a car that learns from its trips.",
+}
+"""Descriptions of the tools."""
+
+
+def make_server(jobs: Jobs, *, changes: bool = False, remote: bool = False) -> Server[Any]:
+    """The server of the tools.
+
+    Parameters
+    ----------
+    jobs : Jobs
+        Models, map and cars.
+    changes : bool
+        Whether tools that change something are offered, too.
+    remote : bool
+        Whether tools ask other servers: for roads, places or the weather.
+
+    Returns
+    -------
+    mcp.server.lowlevel.Server
+        It runs one tool at a time.
+
+    Examples
+    --------
+    >>> from tripwatt.server.http.settings import Limits
+    >>> make_server(Jobs.from_folders({}, Limits())).name
+    'tripwatt'
+    """
+    absent = OF_MAP * (jobs.journeys.atlas is None) + OF_CARS * (jobs.cars.folder is None)
+    offered = [name for name in TOOLS if name not in absent and (changes or name not in CHANGING)]
+    listed = types.ListToolsResult(tools=[_document(name, remote) for name in offered])
+    one = anyio.CapacityLimiter(1)  # models are kept in caches that one thread may use at a time
+
+    async def list_tools(context: Any, parameters: Any) -> types.ListToolsResult:
+        return listed
+
+    async def call_tool(context: Any, parameters: Any) -> types.CallToolResult:
+        body = orjson.dumps(parameters.arguments or {})
+        try:
+            if parameters.name not in offered:
+                raise InvalidInput(Fault.unknown("unknown tool", "name", parameters.name, offered))
+            found = await anyio.to_thread.run_sync(TOOLS[parameters.name].run, jobs, body, limiter=one)
+        except InvalidInput as error:
+            return _answer(f"{error}", is_error=True)
+        except Problem as error:
+            return _answer(f"{TITLES[error.kind][1]} {error.detail}".strip(), is_error=True)
+        text = orjson.dumps(_short(found))
+        return _answer(text.decode(), structured_content=orjson.loads(text))
+
+    about: dict[str, Any] = {"version": tripwatt.__version__, "instructions": INSTRUCTIONS}
+    return Server("tripwatt", **about, on_list_tools=list_tools, on_call_tool=call_tool)
+
+
+def serve(server: Server[Any]) -> None:
+    """Serve an assistant over standard input and output until the input ends.
+
+    Examples
+    --------
+    >>> serve(server)  # doctest: +SKIP
+    """
+
+    async def run() -> None:
+        async with stdio_server() as (reads, writes):
+            await server.run(reads, writes, server.create_initialization_options())
+
+    anyio.run(run)
+
+
+def _document(name: str, remote: bool) -> types.Tool:
+    """A tool as an assistant sees it."""
+    tool, reads = TOOLS[name], name not in CHANGING
+    wanted: list[tuple[type[BaseModel], Literal["validation"]]] = [(tool.takes, "validation")]
+    if "links" in tool.takes.model_fields:
+        wanted.append((schemas.Link, "validation"))  # which the schema of links names as OpenAPI has it
+    made = orjson.dumps(models_json_schema(wanted, ref_template="#/components/schemas/{model}")[1]["$defs"])
+    named = orjson.loads(made.replace(b"#/components/schemas/", b"#/$defs/"))
+    hints = types.ToolAnnotations(read_only_hint=reads, destructive_hint=False, open_world_hint=remote)
+    return types.Tool(
+        name=name,
+        description=ABOUT[name],
+        input_schema={**named.pop(tool.takes.__name__), "$defs": named},
+        output_schema=_short(
+            TypeAdapter(tool.gives).json_schema(mode="serialization", schema_generator=Schemas)
+        ),
+        annotations=hints,
+    )
+
+
+def _short(value: Any) -> Any:
+    """A document, or its schema, without the fields that are left out."""
+    if isinstance(value, Mapping):
+        return {name: _short(inner) for name, inner in value.items() if name not in LEFT_OUT}
+    if isinstance(value, list):
+        return [_short(inner) for inner in value if inner not in LEFT_OUT]
+    return value
+
+
+def _answer(text: str, **more: Any) -> types.CallToolResult:
+    return types.CallToolResult(content=[types.TextContent(text=text)], **more)

@@ -1,0 +1,160 @@
+"""Models beside each other on the splits of a hold-out: what runs, and how it is scored."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.arrays import FloatArray
+from tripwatt.study.evaluation.held_out_forecasts import HeldOutForecasts
+from tripwatt.study.evaluation.hold_outs import HoldOut
+from tripwatt.study.evaluation.metrics import (
+    absolute_percentage_error,
+    bootstrap_interval,
+    paired_difference,
+    summarise_errors,
+)
+from tripwatt.study.evaluation.tasks import FoldResult, ModelSpec
+
+FOLD_COLUMNS: Final = (
+    "scheme",
+    "trips",
+    "trip",
+    "model",
+    "observed_energy_wh",
+    "simulated_energy_wh",
+    "correction_wh",
+    "predicted_energy_wh",
+    "ape",
+)
+PHYSICS_ALONE: Final = ("physics-paper", "physics")
+"""Models of a simulation alone, over which the share of improved trips is counted."""
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Models on the splits of a hold-out.
+
+    Attributes
+    ----------
+    hold_out : HoldOut
+    specs : tuple of ModelSpec
+    results : tuple of FoldResult
+        Of every model in every split; empty before it has run.
+    """
+
+    hold_out: HoldOut[Any]
+    specs: tuple[ModelSpec, ...]
+    results: tuple[FoldResult, ...] = ()
+
+    def of(self, model: str) -> list[FoldResult]:
+        """Results of a model."""
+        return [result for result in self.results if result.model == model]
+
+    def energies_wh(self, model: str) -> FloatArray:
+        """Predicted energy of each scored trip, in their order."""
+        own, order = self._ordered(model)
+        energies = [result.energies_wh(self.hold_out.table) for result in own]
+        return np.asarray(np.concatenate(energies)[order])
+
+    def along_wh(self, model: str) -> FloatArray:
+        """Predicted cumulative energy at every row of the table; NaN for trips that are not scored.
+
+        Only at the end of each trip for a model without a course.
+        """
+        table, own = self.hold_out.table, self.of(model)
+        values = np.full(len(table.observed_wh), np.nan)
+        for result in own:
+            # the energy of each trip, and not its course
+            whole = len(result.predicted_wh) == len(result.split.test)
+            rows = table.last_rows[result.split.test] if whole else table.rows_of(result.split.test)
+            values[rows] = result.predicted_wh
+        return values
+
+    def forecasts(self, model: str) -> HeldOutForecasts | None:
+        """Forecasts of the scored trips, in their order; None for a model that makes none or did not run."""
+        own, order = self._ordered(model)
+        parts = [result.forecasts for result in own if result.forecasts is not None]
+        return HeldOutForecasts.joined(parts, order) if parts else None
+
+    def _ordered(self, model: str) -> tuple[list[FoldResult], Any]:
+        own = sorted(self.of(model), key=lambda result: result.split.number)
+        trips = [result.split.test for result in own]
+        return own, np.argsort(np.concatenate(trips), kind="stable") if trips else np.empty(0, np.int64)
+
+    @cached_property
+    def frame(self) -> pd.DataFrame:
+        """`FOLD_COLUMNS` of every model: one row for each scored trip, several for a trip of several splits."""
+        table, scored = self.hold_out.table, self.hold_out.tested
+        last = table.last_rows[scored]
+        observed = table.observed_wh[last]
+        frames = []
+        for spec in self.specs:
+            predicted, simulated = self.energies_wh(spec.name), table.simulated(spec.simulation)[last]
+            columns = {
+                "scheme": self.hold_out.scheme,
+                "trips": self.hold_out.trips,
+                "trip": [table.trip_ids[i] for i in scored],
+                "model": spec.name,
+                "observed_energy_wh": observed,
+                "simulated_energy_wh": simulated,
+                "correction_wh": predicted - simulated,
+                "predicted_energy_wh": predicted,
+                "ape": absolute_percentage_error(observed, predicted),
+            }
+            frames.append(pd.DataFrame(columns, columns=list(FOLD_COLUMNS)))
+        return pd.concat(frames, ignore_index=True)
+
+    def rows_of(self, model: str) -> pd.DataFrame:
+        """The rows of a model in `frame`."""
+        return self.frame[self.frame["model"] == model]
+
+    def ape(self, model: str) -> FloatArray:
+        """Absolute percentage error of each scored trip, the mean of a trip of several splits."""
+        _, place = np.unique(self.hold_out.tested, return_inverse=True)
+        return np.asarray(np.bincount(place, self.rows_of(model)["ape"]) / np.bincount(place))
+
+    def summary(self, seed: int) -> dict[str, Any]:
+        """Errors of every model."""
+        names, models = [spec.name for spec in self.specs], {}
+        for name in names:
+            rows, own = self.rows_of(name), self.of(name)
+            observed, predicted = (rows[f"{kind}_energy_wh"].to_numpy() for kind in ("observed", "predicted"))
+            errors = summarise_errors(observed, predicted, seed)
+            if len(self.hold_out.tested) > len(self.hold_out.scored):  # over trips, not over splits
+                ape = self.ape(name)
+                errors = replace(errors, mape=float(ape.mean()), mape_ci95=bootstrap_interval(ape, seed))
+            models[name] = asdict(errors) | {
+                "improved_share": {
+                    base: float(np.mean(self.ape(name) < self.ape(base)))
+                    for base in PHYSICS_ALONE
+                    if base in names and base != name
+                },
+                **median_times(own),
+            }
+        return {
+            "scheme": self.hold_out.scheme,
+            "trips": self.hold_out.trips,
+            "n_trips": len(self.hold_out.scored),
+            "models": models,
+        }
+
+    def paired(self, seed: int) -> list[dict[str, Any]]:
+        """Every pair of models over the scored trips, by days."""
+        days = [self.hold_out.table.days[i] for i in self.hold_out.scored]
+        where = {"scheme": self.hold_out.scheme, "trips": self.hold_out.trips}
+        return [
+            {"a": a, "b": b, **asdict(paired_difference(self.ape(a), self.ape(b), seed, days)), **where}
+            for a, b in itertools.combinations((spec.name for spec in self.specs), 2)
+        ]
+
+
+def median_times(results: Sequence[FoldResult]) -> dict[str, float]:
+    """Medians over the splits: of a fit, and of the prediction of one trip."""
+    return {name: float(np.median([getattr(r, name) for r in results])) for name in ("fit_s", "predict_ms")}

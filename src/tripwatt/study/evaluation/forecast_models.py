@@ -1,0 +1,166 @@
+"""Models of the forecast protocol: correctors of power, boosting without physics, and the forecast itself.
+
+Everything that is fitted, tuned or calibrated is fitted inside the fold, also the uncertainty of the forecast. A model
+takes of a held-out trip what was known at its departure.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.forecasting import Forecast, ForecastModel
+from tripwatt.hybrid import Corrector, power_corrector
+from tripwatt.hybrid.familiarity import Familiarity
+from tripwatt.hybrid.power import LearnerCorrector
+from tripwatt.study.evaluation.forecast_data import ForecastData
+from tripwatt.study.evaluation.held_out_forecasts import HeldOutForecasts
+from tripwatt.study.evaluation.hold_outs import HoldOut
+from tripwatt.study.evaluation.tasks import Fitted, Method
+
+
+@dataclass(frozen=True, slots=True)
+class PowerMethod(Method[ForecastData]):
+    """A corrector of power on the physics.
+
+    Attributes
+    ----------
+    corrector : str or None
+        One of `tripwatt.hybrid.POWER_CORRECTORS`; None for the physics alone.
+    identified : bool
+        Whether the stages of the car are identified on the trips of the fit.
+    """
+
+    corrector: str | None
+    identified: bool = False
+
+    def fit(self, data: ForecastData, train: IntArray, seed: int) -> Fitted:
+        """Fit the corrector to what the physics leaves of the measured power."""
+        segments = data.identified([train])[0][1] if self.identified else data.segments
+        corrector = self.corrector and power_corrector(self.corrector, seed).fit(segments.take(train))
+
+        def predict(test: IntArray) -> FloatArray:
+            scored = segments.take(test)
+            correction = corrector.predict(scored) if corrector else 0.0
+            return scored.totals_wh(scored.simulated_w + correction)
+
+        return Fitted(predict)
+
+    def shares_folds(self, seed: int) -> bool:
+        """Whether the corrector is a learner on one car."""
+        if self.corrector is None or self.identified:
+            return False
+        return isinstance(power_corrector(self.corrector, seed), LearnerCorrector)
+
+    def together(self, data: ForecastData, folds: IntArray, seed: int, *, compares: bool) -> Fitted:
+        """Correct the power of each trip, in so far as it is like those of the other folds."""
+        learner, segments = held_out_learner(self.corrector or "", seed), data.segments
+        correction = _left_out(learner, learner.columns(segments), segments.residual_w, data, folds)
+        share, features, row_folds = np.ones(len(correction)), segments.features, folds[segments.groups]
+        for fold in np.unique(folds):
+            own = row_folds == fold
+            share[own] = Familiarity.from_features(features[~own], learner.features).share(features[own])
+        return Fitted(segments.totals_wh(segments.simulated_w + correction * share).__getitem__)
+
+    def needed(self, hold_out: HoldOut[ForecastData], scored: IntArray) -> ForecastData:
+        """Segments; with what identifies the stages where it is needed."""
+        return replace(hold_out.data, logs=()) if self.identified else hold_out.data.slim()
+
+
+@dataclass(frozen=True, slots=True)
+class DataMethod(Method[ForecastData]):
+    """The learner of a corrector on the measured power itself, without physics.
+
+    Attributes
+    ----------
+    corrector : str
+        One of `tripwatt.hybrid.POWER_CORRECTORS` with a learner.
+    """
+
+    corrector: str
+
+    def fit(self, data: ForecastData, train: IntArray, seed: int) -> Fitted:
+        """Fit the learner."""
+        segments, columns, learner = data.segments, data.data_features, held_out_learner(self.corrector, seed)
+        rows = np.isin(segments.groups, train)
+        power_w = segments.take(np.sort(train)).observed_power_w
+        learner.model.fit(columns[rows], power_w, groups=segments.groups[rows])
+
+        def predict(test: IntArray) -> FloatArray:
+            power = learner.model.predict(columns[np.isin(segments.groups, test)])
+            return segments.take(np.sort(test)).totals_wh(np.asarray(power))
+
+        return Fitted(predict)
+
+    def shares_folds(self, seed: int) -> bool:
+        """Every learner does."""
+        return True
+
+    def together(self, data: ForecastData, folds: IntArray, seed: int, *, compares: bool) -> Fitted:
+        """Predict the power of each trip."""
+        learner, segments = held_out_learner(self.corrector, seed), data.segments
+        power = _left_out(learner, data.data_features, segments.observed_power_w, data, folds)
+        return Fitted(segments.totals_wh(power).__getitem__)
+
+    def needed(self, hold_out: HoldOut[ForecastData], scored: IntArray) -> ForecastData:
+        """Segments and data features."""
+        return hold_out.data.slim()
+
+
+def held_out_learner(corrector: str, seed: int) -> LearnerCorrector:
+    """A corrector whose learner gives the held-out predictions of all folds at once."""
+    made = power_corrector(corrector, seed)
+    assert isinstance(made, LearnerCorrector)
+    return made
+
+
+def _left_out(
+    learner: LearnerCorrector, columns: object, target: FloatArray, data: ForecastData, folds: IntArray
+) -> FloatArray:
+    """Predictions of each segment by a learner without its fold."""
+    groups = data.segments.groups
+    return np.asarray(learner.model.leave_groups_out(columns, target, groups=groups, folds=folds[groups]))
+
+
+@dataclass(frozen=True, slots=True)
+class ForecastMethod(Method[ForecastData]):
+    """The forecast itself: its centre, its intervals and its updates, on a car that is identified in the fold.
+
+    Attributes
+    ----------
+    corrector : str or Corrector
+        One of `tripwatt.hybrid.POWER_CORRECTORS`, or an object from outside.
+    """
+
+    corrector: str | Corrector
+    rank: ClassVar[int] = 1
+    splits_per_task: ClassVar[int] = 1
+
+    def fit(self, data: ForecastData, train: IntArray, seed: int) -> Fitted:
+        """Identify the car, fit model and uncertainty."""
+        ((vehicle, segments),) = data.identified([train])
+        model = ForecastModel(vehicle, self.corrector, seed)
+        training = data.take_stages(train)
+        model.fit_segments(
+            segments.take(train), again=lambda several: [t for _, t in training.identified(several)]
+        )
+        made: dict[int, Forecast] = {}
+
+        def predict(test: IntArray) -> FloatArray:
+            made.update({int(i): model.forecast(data.plans[int(i)]) for i in test})
+            return np.array([made[int(i)].energy_wh for i in test])
+
+        def forecasts(test: IntArray) -> HeldOutForecasts:
+            columns = zip(*((data.plans[i], made[i], data.logs[i]) for i in test.tolist()), strict=True)
+            return HeldOutForecasts.from_forecasts(model, *columns)
+
+        return Fitted(predict, forecasts)
+
+    def needed(self, hold_out: HoldOut[ForecastData], scored: IntArray) -> ForecastData:
+        """All but the table and the logs of the other trips."""
+        data, wanted = hold_out.data, set(scored.tolist())
+        logs = tuple(log if i in wanted else log.iloc[:0] for i, log in enumerate(data.logs))
+        return replace(data, table=data.table.take([]), logs=logs, trips=())

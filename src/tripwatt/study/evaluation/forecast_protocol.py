@@ -1,0 +1,304 @@
+"""The forecast protocol: energy before departure with its uncertainty, and updates on the way.
+
+Every model takes of a held-out trip its speed trace and what was known at its departure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.arrays import BoolArray, IntArray
+from tripwatt.auditing import Audit, audit
+from tripwatt.errors import InvalidInput
+from tripwatt.forecasting import DEFAULT_CORRECTOR, GIVEN
+from tripwatt.forecasting.model import MIN_TRIPS
+from tripwatt.hybrid import Corrector
+from tripwatt.study.evaluation.comparison import Comparison
+from tripwatt.study.evaluation.forecast_data import ForecastData
+from tripwatt.study.evaluation.forecast_models import DataMethod, ForecastMethod, PowerMethod
+from tripwatt.study.evaluation.forecast_results import (
+    CURVE_DRAWS,
+    add_crps_of_points,
+    forecast_insight,
+    forecast_scores,
+    learning_curve,
+    measured_beside,
+    strata,
+)
+from tripwatt.study.evaluation.forecast_scores import FORECAST, WITHOUT_PHYSICS
+from tripwatt.study.evaluation.hold_outs import (
+    LEAVE_ONE_DAY_OUT,
+    LEAVE_ONE_TRIP_OUT,
+    LEAVE_REGIME_OUT,
+    OTHER_TRIPS,
+    TIME_SPLIT,
+    TRAINING_ONLY,
+    WITHOUT_DAYS,
+    CarChoice,
+    HoldOut,
+    HoldOutChoice,
+    Prepared,
+    days_of,
+    random_draws,
+)
+from tripwatt.study.evaluation.outside import WholeMethod, WholeModel, is_whole, outside_spec
+from tripwatt.study.evaluation.results import EvaluationRun, about_run
+from tripwatt.study.evaluation.table_models import CONSTANT, LINEAR4, LINEAR6, PHYSICS, PHYSICS4
+from tripwatt.study.evaluation.tasks import ModelSpec
+from tripwatt.trips import Fleet, Trip, plan_from_trip
+from tripwatt.trips.messages import message
+from tripwatt.vehicles import Vehicle
+
+SPLIT: Final = 2.0 / 3.0
+"""Part of the trips that a regime or a later time is forecast from."""
+MIN_SCORED: Final = 3
+"""Fewest trips of a regime that is scored."""
+CURVE_SIZES: Final = (5, 10, 20, 40)
+"""Numbers of training trips of the learning curve."""
+CURVE_LEAST_TEST: Final = 8
+"""Trips that have to be left to score a training size of the curve."""
+PHYSICS_IDENTIFIED: Final = "physics-identified"
+PUBLISHED_ONLY: Final = "hybrid-published"
+
+_TITLES: Final[Mapping[str, str]] = {
+    "linear": "default physics, each cause scaled",
+    "gp": "default physics + additive Gaussian process on power",
+    "boosting": "default physics + boosting on power",
+    "forest": "default physics + forest on power",
+    "gamm": "default physics + GAMM on power",
+    "ensemble": "default physics + mean of Gaussian process and boosting on power",
+    "split": "default physics + climate and driving corrected separately, by Gaussian processes and boosting",
+}
+_NAMES: Final[Mapping[str, str]] = {"gp": "power-kriging", "split": "power-channels"}
+"""Corrector -> its name in the files where it is not power-CORRECTOR."""
+
+
+def _power(name: str, title: str, corrector: str | None, *, identified: bool = False) -> ModelSpec:
+    return ModelSpec(name, title, PowerMethod(corrector, identified), "physics")
+
+
+_DATA_ONLY: Final = ModelSpec(
+    WITHOUT_PHYSICS, "boosting on the power of segments, without physics", DataMethod("boosting")
+)
+
+
+class ForecastProtocol:
+    """See `tripwatt.study.evaluation.protocol.EvaluationProtocol`.
+
+    Parameters
+    ----------
+    corrector : str
+        Corrector of the forecast; the others are models beside it.
+    """
+
+    name = "forecast"
+    title = "the forecast before departure and on the way, beside models of power"
+    focus: str | None = FORECAST
+    published: Mapping[str, float] = MappingProxyType({})
+    given = GIVEN
+
+    def __init__(self, corrector: str = DEFAULT_CORRECTOR) -> None:
+        self.centre = _power(FORECAST, _TITLES[corrector], corrector)
+        self.models: tuple[ModelSpec, ...] = (
+            *(CONSTANT, LINEAR4, LINEAR6, PHYSICS, PHYSICS4, _DATA_ONLY),
+            *(
+                _power(_NAMES.get(name, f"power-{name}"), title, name)
+                for name, title in _TITLES.items()
+                if name != corrector
+            ),
+            _power(
+                PHYSICS_IDENTIFIED,
+                "physics, stages identified from their signals in each fold",
+                None,
+                identified=True,
+            ),
+            _power(PUBLISHED_ONLY, f"{_TITLES[corrector]}, with published values only", corrector),
+            ModelSpec(
+                FORECAST,
+                f"the forecast: {_TITLES[corrector]}, on physics identified in each fold, with intervals and updates",
+                ForecastMethod(corrector),
+                "physics",
+            ),
+        )
+
+    def from_outside(self, name: str, model: Corrector | WholeModel) -> ModelSpec:
+        """A whole model, or a corrector in a forecast with intervals and updates, on physics identified in each fold."""
+        if is_whole(model):
+            return outside_spec(name, model, WholeMethod(model, lambda h: h.data.trips), None)
+        return outside_spec(name, model, ForecastMethod(model), "physics")
+
+    def beside(
+        self, prepared: Prepared[ForecastData], specs: Sequence[ModelSpec], seed: int
+    ) -> list[Comparison]:
+        """The learning curve, where both of its models were chosen and there are trips enough."""
+        main, curves = prepared.hold_outs[0], (self.centre, _DATA_ONLY)
+        if main.scheme != LEAVE_ONE_TRIP_OUT or not {m.name for m in curves} <= {s.name for s in specs}:
+            return []
+        draws = random_draws(main, CURVE_SIZES, CURVE_DRAWS, CURVE_LEAST_TEST, seed)
+        return [Comparison(draws, curves)] if draws.splits else []
+
+    def prepare(
+        self, fleet: Fleet, test_fleet: Fleet | None, car: CarChoice, wanted: HoldOutChoice
+    ) -> Prepared[ForecastData]:
+        """Leave one trip and one day out, or fit on one fleet and score another."""
+        vehicle = car.load()
+        scored = audited = audit(fleet)
+        notes = [*map(message, fleet.notes)]
+        if test_fleet is None:
+            hold_outs, more = _held_out(fleet, audited, vehicle, wanted)
+        else:
+            if wanted.chosen is not None:
+                raise InvalidInput.of(
+                    "option has no effect", "hold_outs", "hold-outs with test trips", "one of the two"
+                )
+            scored = audit(test_fleet)
+            hold_outs, more = _other_trips(fleet, audited, test_fleet, scored, vehicle)
+            notes += map(message, test_fleet.notes)
+        return Prepared(hold_outs, fleet, test_fleet, scored, {"physics": vehicle}, (*notes, *more))
+
+    def assemble(
+        self,
+        prepared: Prepared[ForecastData],
+        main: Sequence[Comparison],
+        beside: Sequence[Comparison],
+        seed: int,
+    ) -> EvaluationRun:
+        """Errors of the totals, intervals, updates, strata and the learning curve."""
+        first, summaries, insights = main[0], [], []
+        for comparison in main:
+            summary = comparison.summary(seed)
+            add_crps_of_points(summary["models"], comparison.frame)
+            held = comparison.hold_out
+            days = [held.table.days[i] for i in held.tested]
+            for name in summary["models"]:
+                forecasts, part = comparison.forecasts(name), comparison.rows_of(name)
+                if forecasts is not None:
+                    summary["models"][name] |= forecast_scores(forecasts, part, seed, days)
+                if forecasts is not None and name == FORECAST:
+                    insights.append(forecast_insight(comparison.hold_out, forecasts, part))
+            summaries.append(summary)
+        insight = insights[0] if insights else None
+        content: dict[str, Any] = {
+            **about_run(self.name, prepared, first, seed),
+            "fitted_on": prepared.fleet.name,
+            "evaluations": summaries,
+            "learning_curve": [row for draws in beside for row in learning_curve(draws, seed)],
+            "strata": strata(first, seed),
+        }
+        return EvaluationRun(
+            results=content,
+            folds=pd.concat([comparison.frame for comparison in main], ignore_index=True),
+            series={} if insight is None else measured_beside(insight),
+            forecast=insight,
+        )
+
+
+def _held_out(
+    fleet: Fleet, audited: Audit, vehicle: Vehicle, wanted: HoldOutChoice
+) -> tuple[list[HoldOut[ForecastData]], list[str]]:
+    """Leave-one-trip-out on the reference and the audited trips, leave-one-day-out and regimes of the first of them."""
+    every = {"reference": fleet.reference_trips(), "audited": audited.trips}
+    notes = [f"no {name} trips in the data set {fleet.name!r}" for name, trips in every.items() if not trips]
+    sets = {name: trips for name, trips in every.items() if trips}
+    _require(min(map(len, sets.values()), default=1) - 1, fleet)
+    main = next(iter(sets))
+    known = [(LEAVE_ONE_TRIP_OUT, name) for name in sets]
+    days = days_of(sets[main])
+    if days is None:
+        notes.append(WITHOUT_DAYS)
+    elif len(days) - int(np.bincount(days).max()) < MIN_TRIPS:
+        notes.append("leave-one-day-out left out: too few trips remain without the fullest day")
+    else:
+        known.append((LEAVE_ONE_DAY_OUT, main))
+    regimes, more = _regimes(sets[main])
+    chosen = wanted.of([*known, *regimes])
+    used = dict.fromkeys(main if pair in regimes else pair[1] for pair in chosen)
+    prepared = {
+        n: ForecastData.from_trips(sets[n], vehicle) for n in (*used, *([main] if wanted.splits else []))
+    }
+    hold_outs: list[HoldOut[ForecastData]] = []
+    for scheme, name in chosen:
+        if (scheme, name) in regimes:
+            members, folds = regimes[scheme, name]
+            hold_outs.append(_hold_out(scheme, name, prepared[main].take(members), folds))
+        else:
+            hold_outs.append(
+                _hold_out(scheme, name, prepared[name], days if scheme == LEAVE_ONE_DAY_OUT else None)
+            )
+    if wanted.splits:
+        data = prepared[main]
+        splits = list(wanted.split(main, data.table, data, sets[main]))
+        _require(min(len(split.train) for hold_out in splits for split in hold_out.splits), fleet)
+        hold_outs += splits
+    return wanted.in_order(hold_outs), [*notes, *more] if wanted.chosen is None else wanted.notes(sets[main])
+
+
+def _hold_out(
+    scheme: str, trips: str, data: ForecastData, folds: IntArray | None = None
+) -> HoldOut[ForecastData]:
+    """Each trip is a fold by default."""
+    return HoldOut.from_folds(
+        scheme, trips, data.table, data, np.arange(len(data)) if folds is None else folds
+    )
+
+
+def _regimes(trips: Sequence[Trip]) -> tuple[dict[tuple[str, str], tuple[IntArray, IntArray]], list[str]]:
+    """Fit on a part of the trips, score another kind: longer, faster, the other season, later.
+
+    Scheme and name of each regime -> its trips, and the fold of each of these.
+    """
+    plans = [plan_from_trip(trip) for trip in trips]
+    duration = np.array([plan.duration_s for plan in plans])
+    speed = np.array([plan.distance_m for plan in plans]) / np.maximum(duration, 1.0)
+    seasons = np.array([str(trip.context.season) for trip in trips])
+    parts: list[tuple[str, str, BoolArray, BoolArray]] = []
+    for name, values in (("longer third", duration), ("faster third", speed)):
+        beyond = values > np.quantile(values, SPLIT)
+        parts.append((LEAVE_REGIME_OUT, name, ~beyond, beyond))
+    for train, test in (("summer", "winter"), ("winter", "summer")):
+        parts.append((LEAVE_REGIME_OUT, f"{test}, fitted on {train}", seasons == train, seasons == test))
+    days = [None if trip.context.day is None else str(trip.context.day) for trip in trips]
+    if all(day is not None for day in days):
+        order = np.argsort(np.array(days, dtype=np.str_), kind="stable")
+        later = np.zeros(len(plans), dtype=bool)
+        later[order[int(np.ceil(SPLIT * len(order))) :]] = True
+        parts.append((TIME_SPLIT, "last third by date", ~later, later))
+    regimes, left_out = {}, []
+    for scheme, name, fitted, scored in parts:
+        if fitted.sum() < MIN_TRIPS or scored.sum() < MIN_SCORED:
+            left_out.append(name)
+            continue
+        chosen = np.flatnonzero(fitted | scored)
+        regimes[scheme, name] = chosen, np.where(scored[chosen], 0, TRAINING_ONLY).astype(np.int64)
+    notes = [f"regimes left out for too few trips: {', '.join(left_out)}"] if left_out else []
+    return regimes, notes
+
+
+def _other_trips(
+    fleet: Fleet, audited: Audit, test_fleet: Fleet, test_audited: Audit, vehicle: Vehicle
+) -> tuple[list[HoldOut[ForecastData]], list[str]]:
+    """Fit on the trips of one fleet, score those of another: reference trips, or audited ones without a reference."""
+    train: Sequence[Trip] = fleet.reference_trips() or audited.trips
+    name = "reference" if test_fleet.reference_trips() else "audited"
+    test: Sequence[Trip] = test_fleet.reference_trips() or test_audited.trips
+    _require(len(train), fleet)
+    if not test:
+        raise InvalidInput.of(
+            "no trip to score", f"--test {test_fleet.name}", "0", "at least 1 after the audit"
+        )
+    data = ForecastData.from_trips([*test, *train], vehicle)
+    folds = np.repeat([0, TRAINING_ONLY], [len(test), len(train)])
+    note = f"fitted on {len(train)} trips of {fleet.name!r}, scored on {len(test)} of {test_fleet.name!r}"
+    return [_hold_out(OTHER_TRIPS, name, data, folds)], [note]
+
+
+def _require(training: int, fleet: Fleet) -> None:
+    if training < MIN_TRIPS:
+        got = f"{training} to train on, of {len(fleet.trips)}"
+        least = f"at least {MIN_TRIPS} to train on"
+        raise InvalidInput.of("too few trips after the audit", fleet.name, got, least)

@@ -1,0 +1,168 @@
+"""Held-out forecasts as scores, frames and curves: the results of the forecast protocol."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.arrays import IntArray
+from tripwatt.study.evaluation.comparison import Comparison
+from tripwatt.study.evaluation.forecast_data import ForecastData
+from tripwatt.study.evaluation.forecast_scores import (
+    FORECAST,
+    FRACTIONS,
+    LEVELS,
+    UPDATES,
+    WITHOUT_PHYSICS,
+    ForecastInsight,
+    arrival_scores,
+    coverage_scores,
+    crps,
+    crps_scores,
+    strata_of,
+    strata_scores,
+    symmetric_quantiles,
+    update_scores,
+)
+from tripwatt.study.evaluation.held_out_forecasts import HeldOutForecasts
+from tripwatt.study.evaluation.hold_outs import HoldOut
+from tripwatt.study.evaluation.metrics import absolute_percentage_error, bootstrap_interval
+
+CURVE_DRAWS: Final = 6
+"""Random draws of training trips of each size of the learning curve."""
+
+
+def add_crps_of_points(models: dict[str, Any], frame: pd.DataFrame) -> None:
+    """The CRPS of a forecast that names one number is its mean absolute error."""
+    for name, score in models.items():
+        part = frame[frame["model"] == name]
+        score["crps_wh"] = float((part["predicted_energy_wh"] - part["observed_energy_wh"]).abs().mean())
+
+
+def forecast_scores(
+    forecasts: HeldOutForecasts, part: pd.DataFrame, seed: int, days: Sequence[str] | None = None
+) -> dict[str, Any]:
+    """Coverage, CRPS and update scores of the forecast in one hold-out; `part` has its rows of the folds, `days` their days."""
+    observed, centre = part["observed_energy_wh"].to_numpy(), part["predicted_energy_wh"].to_numpy()
+    return {
+        "arrival": arrival_scores(forecasts.shown, forecasts.arrival, forecasts.arrival_chance, seed),
+        **coverage_scores(observed, forecasts.low_wh, forecasts.high_wh, seed),
+        **crps_scores(observed, centre, forecasts.sd_wh, forecasts.factors),
+        "update": update_scores(observed, forecasts.updates_wh, seed, days),
+    }
+
+
+def forecast_insight(
+    hold_out: HoldOut[ForecastData], forecasts: HeldOutForecasts, part: pd.DataFrame
+) -> ForecastInsight:
+    """Held-out forecasts of one hold-out; `part` has their rows of the folds."""
+    observed, centre = part["observed_energy_wh"].to_numpy(), part["predicted_energy_wh"].to_numpy()
+    sd_wh = forecasts.sd_wh
+    columns: dict[str, Any] = {
+        "trip": part["trip"].to_numpy(),
+        "observed_energy_wh": observed,
+        "energy_wh": centre,
+        "sd_wh": sd_wh,
+        "pit": forecasts.pit,
+        "crps_wh": crps(observed, symmetric_quantiles(centre, forecasts.factors * sd_wh[:, None])),
+        "flags": forecasts.flags,
+    }
+    for j, level in enumerate(LEVELS):
+        columns[f"low_{100 * level:g}"] = forecasts.low_wh[:, j]
+        columns[f"high_{100 * level:g}"] = forecasts.high_wh[:, j]
+    for j, fraction in enumerate(FRACTIONS):
+        for k, name in enumerate(UPDATES):
+            columns[f"{name}_{100 * fraction:g}"] = forecasts.updates_wh[:, j, k]
+    about = about_trips(hold_out.data, hold_out.tested).drop(columns="trip")
+    names = [hold_out.table.trip_ids[i] for i in hold_out.tested]
+    return ForecastInsight(
+        pd.concat([pd.DataFrame(columns), about], axis=1),
+        pd.DataFrame(forecasts.causes_wh, index=names, columns=forecasts.cause_names.tolist()),
+        {
+            name: pd.DataFrame(piece, columns=forecasts.series_names.tolist())
+            for name, piece in zip(names, forecasts.pieces(), strict=True)
+        },
+        {name: hold_out.data.logs[i] for name, i in zip(names, hold_out.tested, strict=True)},
+    )
+
+
+def measured_beside(kept: ForecastInsight) -> dict[str, pd.DataFrame]:
+    """The forecast along each trip beside the measured energy, at the ends of the segments."""
+    frames = {}
+    for trip, series in kept.series.items():
+        log = kept.logs[trip]
+        time = series["time_s"].to_numpy()
+        distance = series["distance_m"].to_numpy()
+        speed = np.diff(distance, append=distance[-1]) / np.diff(time, append=time[-1] + 1.0)
+        frames[trip] = pd.DataFrame(
+            {
+                "time_s": time,
+                "speed_m_s": speed,
+                "observed_energy_wh": np.interp(time, log["time_s"], log["observed_energy_wh"]),
+                FORECAST: series["energy_wh"].to_numpy(),
+            }
+        )
+    return frames
+
+
+def _known(value: float | None) -> float:
+    return float("nan") if value is None else value
+
+
+def about_trips(data: ForecastData, members: IntArray) -> pd.DataFrame:
+    """What strata divide by, known at departure, one row per trip."""
+    plans = [data.plans[i] for i in members]
+    heights = [plan.array("elevation_m") if "elevation_m" in plan else np.array([np.nan]) for plan in plans]
+    return pd.DataFrame(
+        {
+            "trip": [plan.trip_id for plan in plans],
+            "duration_s": [plan.duration_s for plan in plans],
+            "distance_m": [plan.distance_m for plan in plans],
+            "net_climb_m": [float(height[-1] - height[0]) for height in heights],
+            "ambient_temperature_degc": [_known(plan.departure.ambient_temperature_degc) for plan in plans],
+            "battery_temperature_degc": [_known(plan.departure.battery_temperature_degc) for plan in plans],
+            "driver": [data.table.trips[i].context.driver for i in members],
+        }
+    )
+
+
+def strata(main: Comparison, seed: int) -> list[dict[str, Any]]:
+    """Mean errors of forecast and data-only model by kind of trip."""
+    names = {spec.name for spec in main.specs}
+    if FORECAST not in names:
+        return []
+    about = about_trips(main.hold_out.data, main.hold_out.scored)
+    other = main.ape(WITHOUT_PHYSICS) if WITHOUT_PHYSICS in names else None
+    days = [main.hold_out.table.days[i] for i in main.hold_out.scored]
+    return strata_scores(strata_of(about), main.ape(FORECAST), other, seed, days)
+
+
+def learning_curve(draws: Comparison, seed: int) -> list[dict[str, Any]]:
+    """Mean APE by number of training trips: the mean over draws, and over the trips that no draw was fitted on.
+
+    Parameters
+    ----------
+    draws : Comparison
+        Of the forecast's centre and the model without physics on random draws of trips.
+    seed : int
+    """
+    segments = draws.hold_out.data.segments
+    observed = segments.totals_wh(segments.observed_power_w)
+    by_size: dict[int, dict[str, dict[int, float]]] = {}
+    for result in draws.results:
+        split = result.split
+        error = float(absolute_percentage_error(observed[split.test], result.predicted_wh).mean())
+        by_size.setdefault(len(split.train), {}).setdefault(result.model, {})[split.draw] = error
+    rows = []
+    for size, errors in sorted(by_size.items()):
+        means = {m: np.array([errors[m][k] for k in sorted(errors[m])]) for m in (FORECAST, WITHOUT_PHYSICS)}
+        difference = means[FORECAST] - means[WITHOUT_PHYSICS]
+        row: dict[str, Any] = {"n_trips": size, "draws": len(difference)}
+        for model, values in means.items():
+            row |= {model: float(values.mean()), f"{model}_by_draw": values.tolist()}
+        interval = bootstrap_interval(difference, seed) if len(difference) == CURVE_DRAWS else None
+        rows.append(row | {"diff": float(difference.mean()), "diff_ci95": interval})
+    return rows

@@ -1,0 +1,369 @@
+"""How good a probabilistic forecast is: coverage, CRPS, PIT, re-forecasts, strata. Arrays in, plain values out."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.arrays import BoolArray, FloatArray
+from tripwatt.study.evaluation.metrics import (
+    BOOTSTRAP_DRAWS,
+    absolute_percentage_error,
+    bootstrap_interval,
+    paired_difference,
+)
+from tripwatt.uncertainty.coverage import Coverage
+
+FORECAST: Final = "hybrid"
+"""Name of the forecast in the files of the protocol."""
+WITHOUT_PHYSICS: Final = "boosting-only"
+"""Name of the data-only model in the files of the protocol."""
+LEVELS: Final = (0.5, 0.8, 0.9, 0.95)
+FRACTIONS: Final = (0.1, 0.25, 0.5, 0.75)
+TOTALS: Final = ("update", "soc_only", "no_update", "naive_gauge")
+"""Energies of the whole trip after a part of it: re-forecast, the same from the state of charge alone, two baselines."""
+UPDATE_LEVEL: Final = 0.9
+ARRIVAL_STARTS: Final = ("soc", "bms_soc")
+"""Fields of a departure that the charge at arrival is forecast from: the display, or the battery management."""
+RESERVE_OFFSETS: Final = tuple(round(0.01 * k, 2) for k in range(-6, 7))
+"""Reserves around the forecast charge at arrival for which the probability to arrive is scored."""
+DECILES: Final = 10
+UPDATES: Final = (*TOTALS, "update_low", "update_high")
+"""These, and the bounds of the re-forecast at `UPDATE_LEVEL`."""
+
+
+@dataclass(frozen=True, eq=False)
+class ForecastInsight:
+    """Held-out forecasts in the first hold-out.
+
+    Attributes
+    ----------
+    trips : DataFrame
+        One row per trip: `trip, observed_energy_wh, energy_wh, sd_wh, pit, crps_wh, duration_s, distance_m`, bounds
+        `low_50, high_50, ...` by nominal level in percent, and for each fraction of the trip's time and each of
+        `UPDATES` a column such as `update_25` [Wh].
+    causes : DataFrame
+        Energy by cause [Wh], index trip.
+    series : mapping of str to DataFrame
+        `Forecast.series` of each trip.
+    logs : mapping of str to DataFrame
+        What was measured on each trip.
+    """
+
+    trips: pd.DataFrame
+    causes: pd.DataFrame
+    series: Mapping[str, pd.DataFrame]
+    logs: Mapping[str, pd.DataFrame]
+
+
+def crps(observed_wh: FloatArray, quantiles_wh: FloatArray) -> FloatArray:
+    """Continuous ranked probability score: twice the pinball loss, averaged over equally spaced quantiles.
+
+    Parameters
+    ----------
+    observed_wh : ndarray, shape (trips,)
+    quantiles_wh : ndarray, shape (trips, m)
+        At the probabilities (k + 1/2) / m (Gneiting and Raftery 2007, equation 20 and section 4.2).
+
+    Returns
+    -------
+    ndarray, shape (trips,)
+        In the unit of the observations.
+
+    Examples
+    --------
+    >>> crps(np.array([3.0]), np.array([[1.0, 1.0]]))  # a point forecast scores its absolute error
+    array([2.])
+    """
+    m = quantiles_wh.shape[1]
+    p = (np.arange(m) + 0.5) / m
+    error = observed_wh[:, None] - quantiles_wh
+    return np.asarray(2.0 * np.maximum(p * error, (p - 1.0) * error).mean(axis=1))
+
+
+def symmetric_quantiles(centre_wh: FloatArray, half_wh: FloatArray) -> FloatArray:
+    """Quantiles for `crps` from a centre and half widths at the levels (k + 1/2) / m, shape (trips, 2 m)."""
+    return np.concatenate([centre_wh[:, None] - half_wh[:, ::-1], centre_wh[:, None] + half_wh], axis=1)
+
+
+def coverage_scores(
+    observed_wh: FloatArray, low_wh: FloatArray, high_wh: FloatArray, seed: int
+) -> dict[str, Any]:
+    """Coverage and width by nominal level.
+
+    Parameters
+    ----------
+    observed_wh : ndarray, shape (trips,)
+    low_wh, high_wh : ndarray, shape (trips, len(LEVELS))
+
+    Returns
+    -------
+    dict
+        `coverage`, `coverage_ci95` (Clopper-Pearson), `coverage_bootstrap95`, `inside` (number of trips), `interval_width_wh` and
+        `needed_width_wh` (see `Coverage`), each by level.
+    """
+    inside = (observed_wh[:, None] >= low_wh) & (observed_wh[:, None] <= high_wh)
+    drawn = {
+        f"{level:g}": bootstrap_interval(inside[:, j].astype(float), seed) for j, level in enumerate(LEVELS)
+    }
+    return coverage_by_level(observed_wh, low_wh, high_wh) | {"coverage_bootstrap95": drawn}
+
+
+def coverage_by_level(observed_wh: FloatArray, low_wh: FloatArray, high_wh: FloatArray) -> dict[str, Any]:
+    """`coverage_scores` without the bootstrap."""
+    scores = {
+        f"{level:g}": _covered(Coverage.from_bounds(observed_wh, low_wh[:, j], high_wh[:, j], level), "_wh")
+        for j, level in enumerate(LEVELS)
+    }
+    names = next(iter(scores.values()))
+    return {name: {level: score[name] for level, score in scores.items()} for name in names}
+
+
+def _covered(intervals: Coverage, unit: str) -> dict[str, Any]:
+    return {
+        "coverage": intervals.share,
+        "coverage_ci95": intervals.ci95,
+        "inside": intervals.inside,
+        f"interval_width{unit}": intervals.width,
+        f"needed_width{unit}": intervals.needed_width,
+    }
+
+
+def crps_scores(
+    observed_wh: FloatArray, centre_wh: FloatArray, sd_wh: FloatArray, factors: FloatArray
+) -> dict[str, float]:
+    """CRPS, and that of distributions of one width for every trip.
+
+    Parameters
+    ----------
+    observed_wh, centre_wh, sd_wh : ndarray, shape (trips,)
+    factors : ndarray, shape (trips, m)
+        Half widths in standard deviations at the levels (k + 1/2) / m.
+
+    Returns
+    -------
+    dict
+        `crps_wh`; `crps_same_width_wh` with the mean standard deviation for every trip; `crps_best_same_width_wh` with
+        the one standard deviation that would have scored best, which is known in hindsight alone.
+    """
+
+    def score(sd: FloatArray) -> float:
+        return float(crps(observed_wh, symmetric_quantiles(centre_wh, factors * sd[:, None])).mean())
+
+    mean = float(sd_wh.mean())
+    one = [score(np.full(len(sd_wh), mean * share)) for share in np.geomspace(0.25, 4.0, 49)]
+    return {
+        "crps_wh": score(sd_wh),
+        "crps_same_width_wh": score(np.full(len(sd_wh), mean)),
+        "crps_best_same_width_wh": min(one),
+    }
+
+
+def update_scores(
+    observed_wh: FloatArray, energies_wh: FloatArray, seed: int, days: Sequence[str] | None = None
+) -> dict[str, Any]:
+    """Errors of the re-forecast total by the fraction of the trip's time.
+
+    Parameters
+    ----------
+    observed_wh : ndarray, shape (trips,)
+    energies_wh : ndarray, shape (trips, len(FRACTIONS), len(UPDATES))
+        NaN where a trip lacks the measurement.
+
+    Returns
+    -------
+    dict
+        Fraction -> `mape, mape_ci95, no_update, naive_gauge, soc_only` (None without a state of charge),
+        `diff, diff_ci95, significant` against no update, `diff_gauge, diff_gauge_ci95` against the gauge; `coverage`
+        and mean `interval_width_wh` of the re-forecast's interval of `UPDATE_LEVEL`.
+    """
+    scores = {}
+    for j, fraction in enumerate(FRACTIONS):
+        ape = {
+            name: absolute_percentage_error(observed_wh, energies_wh[:, j, k])
+            for k, name in enumerate(TOTALS)
+        }
+        low, high = (energies_wh[:, j, UPDATES.index(name)] for name in ("update_low", "update_high"))
+        beside = paired_difference(ape["update"], ape["no_update"], seed, days)
+        gauge = paired_difference(ape["update"], ape["naive_gauge"], seed, days)
+        soc = ape["soc_only"][np.isfinite(ape["soc_only"])]
+        scores[f"{fraction:g}"] = {
+            "mape": float(ape["update"].mean()),
+            "mape_ci95": bootstrap_interval(ape["update"], seed),
+            "no_update": float(ape["no_update"].mean()),
+            "naive_gauge": float(ape["naive_gauge"].mean()),
+            "soc_only": float(soc.mean()) if len(soc) else None,
+            "diff": beside.diff,
+            "diff_ci95": beside.ci95,
+            "significant": beside.significant,
+            "diff_gauge": gauge.diff,
+            "diff_gauge_ci95": gauge.ci95,
+            "coverage": float(np.mean((low <= observed_wh) & (observed_wh <= high))),
+            "interval_width_wh": float(np.mean(high - low)),
+        }
+    return scores
+
+
+def arrival_scores(
+    shown: FloatArray, arrival: FloatArray, chance: FloatArray, seed: int
+) -> dict[str, dict[str, Any] | None]:
+    """Displayed charge at arrival, and the probability to arrive with a reserve, by what was known at departure.
+
+    Parameters
+    ----------
+    shown : ndarray, shape (trips,)
+        Displayed charge at arrival; NaN where it was not logged.
+    arrival : ndarray, shape (trips, len(ARRIVAL_STARTS), 3)
+        Its median and the bounds of its interval of `UPDATE_LEVEL`.
+    chance : ndarray, shape (trips, len(ARRIVAL_STARTS), len(RESERVE_OFFSETS))
+        Probability to arrive with the median plus each of `RESERVE_OFFSETS`.
+
+    Returns
+    -------
+    dict
+        Start -> `n_trips, mae, bias, coverage, coverage_ci95, inside, interval_width, needed_width` [1], `reliability`: see `reliability`;
+        None where no trip has the readings.
+    """
+    scores: dict[str, dict[str, Any] | None] = dict.fromkeys(ARRIVAL_STARTS)
+    for k, start in enumerate(ARRIVAL_STARTS):
+        known = np.isfinite(shown) & np.isfinite(arrival[:, k]).all(axis=1)
+        if not known.any():
+            continue
+        truth, (centre, low, high) = shown[known], arrival[known, k].T
+        arrived = truth[:, None] >= centre[:, None] + np.array(RESERVE_OFFSETS)
+        scores[start] = {
+            "n_trips": int(known.sum()),
+            "mae": float(np.mean(np.abs(centre - truth))),
+            "bias": float(np.mean(centre - truth)),
+            **_covered(Coverage.from_bounds(truth, low, high, UPDATE_LEVEL), ""),
+            "reliability": reliability(chance[known, k], arrived, seed),
+        }
+    return scores
+
+
+def reliability(chance: FloatArray, happened: BoolArray, seed: int) -> list[dict[str, Any]]:
+    """Stated probability and share of what happened, by tenths of the probability. O(draws x trips).
+
+    Parameters
+    ----------
+    chance : ndarray, shape (trips, pairs)
+    happened : ndarray of bool, shape (trips, pairs)
+
+    Returns
+    -------
+    list of dict
+        For each tenth with pairs: `share` of all pairs, mean `stated` probability, `observed` share, and
+        `observed_ci95`, a bootstrap over trips: pairs of one trip are no independent evidence.
+    """
+    n_trips = len(chance)
+    tenth = np.minimum((chance * DECILES).astype(np.int64), DECILES - 1)
+    one_hot = tenth[:, :, None] == np.arange(DECILES)
+    count = one_hot.sum(axis=1).astype(np.float64)
+    stated = (one_hot * chance[:, :, None]).sum(axis=1)
+    hits = (one_hot & happened[:, :, None]).sum(axis=1).astype(np.float64)
+    draws = np.random.default_rng(seed).multinomial(
+        n_trips, np.full(n_trips, 1.0 / n_trips), size=BOOTSTRAP_DRAWS
+    )
+    with np.errstate(invalid="ignore"):
+        drawn = (draws @ hits) / (draws @ count)
+    rows = []
+    for k in np.flatnonzero(count.sum(axis=0) > 0):
+        total = count[:, k].sum()
+        low, high = np.nanquantile(drawn[:, k], [0.025, 0.975])
+        rows.append(
+            {
+                "share": float(total / chance.size),
+                "stated": float(stated[:, k].sum() / total),
+                "observed": float(hits[:, k].sum() / total),
+                "observed_ci95": (float(low), float(high)),
+            }
+        )
+    return rows
+
+
+@dataclass(frozen=True, slots=True)
+class Stratum:
+    """Trips that have something in common.
+
+    Attributes
+    ----------
+    by : str
+        What the trips are divided by.
+    name : str
+    members : ndarray of bool, shape (trips,)
+    """
+
+    by: str
+    name: str
+    members: BoolArray
+
+
+NET_DESCENT_M: Final = -10.0
+COLD_BATTERY_DEGC: Final = 5.0
+HOT_BATTERY_DEGC: Final = 28.0
+
+
+def strata_of(trips: pd.DataFrame) -> list[Stratum]:
+    """Strata of trips by what is known of them; those without a trip are left out.
+
+    Parameters
+    ----------
+    trips : DataFrame
+        `net_climb_m, battery_temperature_degc, ambient_temperature_degc, distance_m, duration_s, driver`, NaN or None
+        where unknown.
+    """
+    battery = trips["battery_temperature_degc"].to_numpy(dtype=float)
+    climb = trips["net_climb_m"].to_numpy(dtype=float)
+    km = trips["distance_m"].to_numpy(dtype=float) / 1000.0
+    strata = [
+        Stratum("road", "net descent of more than 10 m", climb < NET_DESCENT_M),
+        Stratum("road", "no net descent", climb >= NET_DESCENT_M),
+        Stratum("battery", "below 5 °C", battery < COLD_BATTERY_DEGC),
+        Stratum("battery", "5 to 28 °C", (battery >= COLD_BATTERY_DEGC) & (battery <= HOT_BATTERY_DEGC)),
+        Stratum("battery", "above 28 °C", battery > HOT_BATTERY_DEGC),
+        *_bins("ambient", trips["ambient_temperature_degc"].to_numpy(dtype=float), (5, 15, 25), "°C"),
+        *_bins("length", km, (10, 20, 40), "km"),
+        *_bins("mean speed", km / (trips["duration_s"].to_numpy(dtype=float) / 3600.0), (30, 50), "km/h"),
+    ]
+    drivers = sorted({d for d in trips["driver"] if isinstance(d, str)})
+    strata += [Stratum("driver", d, (trips["driver"] == d).to_numpy(dtype=bool)) for d in drivers]
+    return [s for s in strata if s.members.any()]
+
+
+def _bins(by: str, values: FloatArray, edges: Sequence[float], unit: str) -> list[Stratum]:
+    """Below the first edge, between neighbouring ones, from the last on."""
+    bounds = [-np.inf, *edges, np.inf]
+    between = [f"{a} to {b}" for a, b in itertools.pairwise(edges)]
+    names = [f"below {edges[0]} {unit}", *(f"{n} {unit}" for n in between), f"{edges[-1]} {unit} or more"]
+    return [
+        Stratum(by, name, (values >= low) & (values < high))
+        for name, (low, high) in zip(names, itertools.pairwise(bounds), strict=True)
+    ]
+
+
+def strata_scores(
+    strata: Sequence[Stratum],
+    ape: FloatArray,
+    ape_data: FloatArray | None,
+    seed: int,
+    days: Sequence[str] | None = None,
+) -> list[dict[str, Any]]:
+    """Mean APE of hybrid and data-only model by stratum, with the paired difference where there are several trips."""
+    rows = []
+    for stratum in strata:
+        own = ape[stratum.members]
+        row: dict[str, Any] = {"by": stratum.by, "stratum": stratum.name, "n_trips": len(own)}
+        row[FORECAST] = float(own.mean())
+        if ape_data is not None:
+            other = ape_data[stratum.members]
+            its = None if days is None else np.array(days)[stratum.members].tolist()
+            difference = paired_difference(own, other, seed, its)
+            row |= {WITHOUT_PHYSICS: float(other.mean()), "diff": difference.diff}
+            row["diff_ci95"] = difference.ci95 if len(own) > 1 else None
+        rows.append(row)
+    return rows

@@ -1,0 +1,157 @@
+"""Models from outside as rows of a protocol: correctors, and whole models of the energy of a trip."""
+
+from __future__ import annotations
+
+import copy
+import inspect
+import pickle
+import secrets
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final, Protocol
+
+import joblib
+
+from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.errors import InvalidInput
+from tripwatt.hybrid import Corrector
+from tripwatt.hybrid.outside import is_regressor, require_fitting
+from tripwatt.learners.outside import checked
+from tripwatt.study.evaluation.hold_outs import HoldOut
+from tripwatt.study.evaluation.tasks import Fitted, Method, ModelSpec
+from tripwatt.trips import Plan, Trip, plan_from_trip
+
+HOW: Final = (
+    "a name of the protocol, a regressor of scikit-learn's kind, fit(table) and predict(table) for a corrector, "
+    "or fit(trips) and predict(trip) for a whole model"
+)
+
+
+class WholeModel(Protocol):
+    """A model of the energy of a trip. The name of the argument, `trips`, is what tells it from a corrector.
+
+    Examples
+    --------
+    >>> class PerKilometre:
+    ...     def fit(self, trips):
+    ...         self.wh_m = sum(t.observed_energy_wh for t in trips) / sum(plan_from_trip(t).distance_m for t in trips)
+    ...     def predict(self, trip):
+    ...         return self.wh_m * trip.distance_m
+    >>> import tripwatt as tw
+    >>> from tripwatt.study.evaluation import Execution
+    >>> run = tw.evaluate(tw.synthetic_fleet(6), models=["constant", PerKilometre()], execution=Execution(n_jobs=1))
+    >>> run.folds["model"].unique().tolist()
+    ['constant', 'PerKilometre']
+    """
+
+    def fit(self, trips: Sequence[Trip]) -> object:
+        """Fit to recorded trips with measured energy.
+
+        Parameters
+        ----------
+        trips : sequence of Trip
+            Those of one fold.
+
+        Examples
+        --------
+        >>> model.fit(fleet.trips)  # doctest: +SKIP
+        """
+        ...
+
+    def predict(self, trip: Plan) -> float:
+        """Predict the energy of a trip [Wh].
+
+        Parameters
+        ----------
+        trip : Plan
+            What is known before departure: speed trace, road and `departure`.
+
+        Returns
+        -------
+        float
+            Energy at the battery terminals [Wh].
+
+        Examples
+        --------
+        >>> model.predict(plan)  # doctest: +SKIP
+        """
+        ...
+
+
+AnyModel = str | Corrector | WholeModel
+"""A model of `evaluate`: a name of the protocol, or an object from outside."""
+
+
+@dataclass(frozen=True, slots=True)
+class WholeMethod(Method[Sequence[Trip]]):
+    """A whole model from outside; each fold fits a copy of it.
+
+    Attributes
+    ----------
+    model : WholeModel
+    recorded : callable
+        A hold-out -> its trips as they were recorded.
+    """
+
+    model: WholeModel
+    recorded: Callable[[HoldOut[Any]], Sequence[Trip]]
+
+    def fit(self, data: Sequence[Trip], train: IntArray, seed: int) -> Fitted:
+        """Fit a copy to the trips; of a scored trip it gets the plan."""
+        model = copy.deepcopy(self.model)
+        model.fit([data[i] for i in train])
+
+        def predict(test: IntArray) -> FloatArray:
+            return checked([model.predict(plan_from_trip(data[i])) for i in test], len(test), model)
+
+        return Fitted(predict)
+
+    def needed(self, hold_out: HoldOut[Any], scored: IntArray) -> Sequence[Trip]:
+        """The recorded trips."""
+        return self.recorded(hold_out)
+
+
+def is_whole(model: object) -> bool:
+    """Whether the first argument of `fit` is `trips`.
+
+    Raises
+    ------
+    InvalidInput
+        When it is neither `trips` nor `table`, or there is no `fit` and `predict`.
+    """
+    require_fitting(model, "models", HOW)
+    if is_regressor(model):
+        return False
+    first = next(iter(inspect.signature(model.fit).parameters), "")  # type: ignore[attr-defined]  # checked above
+    if first not in ("trips", "table"):
+        raise InvalidInput.of(
+            "unknown kind of model", "models", f"fit({first}) of {type(model).__name__}", HOW
+        )
+    return first == "trips"
+
+
+def named_models(models: Sequence[AnyModel] | Mapping[str, AnyModel]) -> dict[str, AnyModel]:
+    """Models by the names of their rows: that of the protocol, the key, or the class."""
+    if isinstance(models, Mapping):
+        return dict(models)
+    named: dict[str, AnyModel] = {}
+    for model in models:
+        name = usual = model if isinstance(model, str) else type(model).__name__
+        number = 1
+        while name in named and not isinstance(model, str):
+            number += 1
+            name = f"{usual}-{number}"
+        named[name] = model
+    return named
+
+
+def outside_spec(name: str, model: object, method: Method[Any], simulation: str | None) -> ModelSpec:
+    """The row of a model from outside; finished folds are used again for an equal object of a class with equal source."""
+    try:
+        digest = str(joblib.hash((model, inspect.getsource(type(model)))))
+    # without source, or it holds what has no hash
+    except (OSError, TypeError, pickle.PicklingError, AttributeError):
+        digest = secrets.token_hex(16)
+    title = " ".join(repr(model).split())
+    title = type(model).__name__ if " object at 0x" in title else title
+    return ModelSpec(name, f"from outside: {title[:120]}", method, simulation, digest)

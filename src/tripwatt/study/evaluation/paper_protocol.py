@@ -1,0 +1,210 @@
+"""The protocol of arXiv:2405.10984: cumulative energy, correctors of the paper's physics, leave one trip out.
+
+The correctors always stand on `physics-paper`, also when the default physics gets better. Inside the fold their
+settings are chosen by what the table scores: the absolute error at the end of the trip.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.arrays import FloatArray
+from tripwatt.auditing import Audit, audit
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.hybrid import Corrector, TripTable, build_table
+from tripwatt.hybrid.outside import is_regressor
+from tripwatt.study.evaluation.comparison import Comparison
+from tripwatt.study.evaluation.hold_outs import (
+    LEAVE_ONE_DAY_OUT,
+    LEAVE_ONE_TRIP_OUT,
+    WITHOUT_DAYS,
+    CarChoice,
+    HoldOut,
+    HoldOutChoice,
+    Prepared,
+    days_of,
+)
+from tripwatt.study.evaluation.outside import WholeMethod, WholeModel, is_whole, outside_spec
+from tripwatt.study.evaluation.paper_studies import simulation_forms, studies, study_comparisons
+from tripwatt.study.evaluation.results import EvaluationRun, about_run
+from tripwatt.study.evaluation.table_models import (
+    CONSTANT,
+    LINEAR4,
+    LINEAR6,
+    PHYSICS,
+    PHYSICS4,
+    PHYSICS_PAPER,
+    TableMethod,
+    table_model,
+)
+from tripwatt.study.evaluation.tasks import ModelSpec
+from tripwatt.study.paper import correctors
+from tripwatt.study.paper.insight import GammInsight, insight
+from tripwatt.trips import Fleet, Trip, value_faults
+from tripwatt.trips.messages import message
+from tripwatt.vehicles import Vehicle
+
+MIN_FOLDS: Final = 3
+
+PRESETS: Final[Mapping[str, str]] = {"physics-paper": "paper", "physics": "default"}
+"""Name of the simulated energy -> preset of the vehicle."""
+
+PUBLISHED: Final[Mapping[str, float]] = {
+    "physics-paper": 0.379,
+    "gamm": 0.115,
+    "forest": 0.106,
+    "boosting": 0.103,
+}
+"""Mean errors from leave-one-trip-out in the paper's Table 3, by our names of the models."""
+
+
+class PaperProtocol:
+    """See `tripwatt.study.evaluation.protocol.EvaluationProtocol`."""
+
+    name = "paper"
+    title = "the models of arXiv:2405.10984 on cumulative energy"
+    models: tuple[ModelSpec, ...] = (
+        CONSTANT,
+        LINEAR4,
+        LINEAR6,
+        PHYSICS_PAPER,
+        PHYSICS,
+        PHYSICS4,
+        table_model("gamm", "hybrid, GAMM with Student's t errors", correctors.gamm, "physics-paper"),
+        table_model("forest", "hybrid, clustered forest", correctors.forest, "physics-paper"),
+        table_model("boosting", "hybrid, clustered boosting", correctors.boosting, "physics-paper"),
+        table_model("boosting-only", "boosting without physics", correctors.boosting_without_physics),
+    )
+    focus: str | None = None
+    published: Mapping[str, float] = PUBLISHED
+    given = ""
+
+    def from_outside(self, name: str, model: Corrector | WholeModel) -> ModelSpec:
+        """A whole model, or a regressor on the covariates and the simulation of the paper's correctors."""
+        if is_whole(model):
+            return outside_spec(name, model, WholeMethod(model, lambda h: h.table.trips), None)
+        if not is_regressor(model):
+            got = f"{type(model).__name__} on segments"
+            allowed = "a regressor, a whole model, or protocol 'forecast'"
+            raise InvalidInput.of("model not available", "models", got, allowed)
+        return outside_spec(
+            name, model, TableMethod(partial(correctors.outside, model)), correctors.SIMULATION
+        )
+
+    def beside(self, prepared: Prepared[None], specs: Sequence[ModelSpec], seed: int) -> list[Comparison]:
+        """What `tripwatt.study.evaluation.paper_studies` compares."""
+        return study_comparisons(prepared.hold_outs[0], [spec.name for spec in specs], seed)
+
+    def prepare(
+        self, fleet: Fleet, test_fleet: Fleet | None, car: CarChoice, wanted: HoldOutChoice
+    ) -> Prepared[None]:
+        """Each set of trips under leave-one-trip-out, and the main set under leave-one-day-out."""
+        if test_fleet is not None:
+            got, allowed = f"protocol {self.name!r}", "protocol 'forecast'"
+            raise InvalidInput.of("option not available", "--test", got, allowed)
+        cars = {name: car.load(preset) for name, preset in PRESETS.items()}
+        given = [
+            f"{cars['physics'].name} with {key} = {value}" for key, value in (car.overrides or {}).items()
+        ]
+        audited = audit(fleet)
+        forms = simulation_forms(car) if fleet.reference is not None and wanted.chosen is None else {}
+        hold_outs, notes = _hold_outs(fleet, audited, cars | forms, wanted)
+        return Prepared(hold_outs, fleet, None, audited, cars, (*map(message, fleet.notes), *given, *notes))
+
+    def assemble(
+        self, prepared: Prepared[None], main: Sequence[Comparison], beside: Sequence[Comparison], seed: int
+    ) -> EvaluationRun:
+        """Errors of the totals, predictions along the trips, and the GAMM."""
+        first, table = main[0], main[0].hold_out.table
+        methods = {spec.name: spec.method for spec in first.specs}
+        models = {name: m.make(seed) for name, m in methods.items() if isinstance(m, TableMethod)}
+        weathers = {t.context.weather for t in prepared.fleet.trips if t.context.weather is not None}
+        gamm = insight(table, models, weathers=sorted(weathers))
+        content: dict[str, Any] = {
+            **about_run(self.name, prepared, first, seed),
+            "evaluations": [comparison.summary(seed) for comparison in main],
+            "table2": _table2(gamm),
+            "studies": studies(first, beside, seed),
+        }
+        return EvaluationRun(
+            results=content,
+            folds=pd.concat([comparison.frame for comparison in main], ignore_index=True),
+            series=_series(table, {spec.name: first.along_wh(spec.name) for spec in first.specs}),
+            gamm=gamm,
+        )
+
+
+def _table2(gamm: GammInsight | None) -> list[dict[str, Any]]:
+    """Every term of the fitted GAMM: estimate and standard error, or EDF and reference df, and p; None without data."""
+    if gamm is None:
+        return []
+    tables = ((gamm.summary.parametric, "estimate", "std_error"), (gamm.summary.smooth, "edf", "ref_df"))
+    return [
+        {"term": str(term)}
+        | {column: float(row[column]) for column in columns}
+        | {"p_value": float(row["p_value"]) if np.isfinite(row["p_value"]) else None}
+        for table, *columns in tables
+        for term, row in table.iterrows()
+    ]
+
+
+def _hold_outs(
+    fleet: Fleet, audited: Audit, cars: Mapping[str, Vehicle], wanted: HoldOutChoice
+) -> tuple[list[HoldOut[None]], list[str]]:
+    usable, notes = _usable(fleet.trips)
+    every = {"reference": fleet.reference_trips(), "audited": audited.trips, "all": usable}
+    sets = {name: trips for name, trips in every.items() if trips}
+    if fleet.reference is not None and "reference" not in sets:
+        notes.append(f"none of the reference trips of the data set {fleet.name!r} is here")
+    if not sets or max(map(len, sets.values())) < MIN_FOLDS:
+        got = f"{len(audited.trips)} of {len(fleet.trips)}"
+        least = f"at least {MIN_FOLDS} with measured energy"
+        raise InvalidInput.of("too few trips after the audit", fleet.name, got, least)
+    main = next(iter(sets))
+    days = days_of(sets[main])
+    known = [(LEAVE_ONE_TRIP_OUT, name) for name in sets]
+    if days is None:
+        notes.append(WITHOUT_DAYS)
+    else:
+        known.append((LEAVE_ONE_DAY_OUT, main))
+    chosen = wanted.of(known)
+    used = dict.fromkeys([*(name for _, name in chosen), *([main] if wanted.splits else [])])
+    tables = {name: build_table(sets[name], cars) for name in used}
+    hold_outs: list[HoldOut[None]] = []
+    for scheme, name in chosen:
+        by_trip = np.arange(len(sets[name]), dtype=np.int64)
+        folds = days if scheme == LEAVE_ONE_DAY_OUT and days is not None else by_trip
+        hold_outs.append(HoldOut.from_folds(scheme, name, tables[name], None, folds))
+    if wanted.splits:
+        hold_outs += wanted.split(main, tables[main], None, sets[main])
+    notes += [*hold_outs[0].table.notes, *wanted.notes(sets[main])]
+    return wanted.in_order(hold_outs), notes
+
+
+def _usable(trips: Sequence[Trip]) -> tuple[list[Trip], list[str]]:
+    """Unaudited trips that can be simulated and scored at all; the others are named."""
+    usable, notes = [], []
+    for trip in trips:
+        faults = list(value_faults(trip.samples, trip.trip_id))
+        if trip.observed_energy_wh is None or not trip.observed_energy_wh > 0:
+            faults.append(Fault("no measured, positive energy", trip.trip_id))
+        if faults:
+            notes.append(f"unaudited row leaves out {faults[0]}")
+        else:
+            usable.append(trip)
+    return usable, notes
+
+
+def _series(table: TripTable, predictions: Mapping[str, FloatArray]) -> dict[str, pd.DataFrame]:
+    frames = {}
+    for i, trip in enumerate(table.trips):
+        rows = slice(int(table.offsets[i]), int(table.offsets[i + 1]))
+        frame = {name: trip.array(name) for name in ("time_s", "speed_m_s")}
+        frame |= {"observed_energy_wh": table.observed_wh[rows]}
+        frames[trip.trip_id] = pd.DataFrame(frame | {k: values[rows] for k, values in predictions.items()})
+    return frames

@@ -1,0 +1,240 @@
+"""The result of an evaluation, as one object and as the files `results.json` and `folds.csv`.
+
+`results.json` is a contract; its keys are listed in `docs/explanation/evaluation.md`.
+"""
+
+from __future__ import annotations
+
+import json
+import platform
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.errors import Fault, InvalidInput, raise_faults
+from tripwatt.study.evaluation.comparison import Comparison
+from tripwatt.study.evaluation.forecast_scores import ForecastInsight
+from tripwatt.study.evaluation.hold_outs import Prepared
+from tripwatt.study.evaluation.metrics import PairedDifference, paired_difference
+from tripwatt.study.paper.insight import GammInsight
+from tripwatt.trips.showing import html_table
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+SYNTHETIC: Final = "synthetic"
+"""Name of the built-in fleet."""
+VERSIONED: Final = ("tripwatt", "numpy", "scipy", "pandas", "scikit-learn", "lightgbm")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class EvaluationRun:
+    """Everything that the report shows.
+
+    Attributes
+    ----------
+    results : dict
+        The content of `results.json`.
+    folds : DataFrame
+        The content of `folds.csv`: one row per evaluation, trip and model.
+    series : mapping of str to DataFrame
+        Trip -> `time_s, speed_m_s, observed_energy_wh` and the held-out cumulative prediction of every model, of the
+        first evaluation.
+    gamm : GammInsight or None
+        Summary, diagnosis and effects of the GAMM, fitted on all trips of the first evaluation; None where it was not among the models.
+    forecast : ForecastInsight or None
+        Held-out forecasts of the first evaluation; None in a protocol without them.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> from tripwatt.study.evaluation import Execution
+    >>> run = tw.evaluate(tw.synthetic_fleet(6), protocol="paper", models=["constant"], execution=Execution(n_jobs=1))
+    >>> run.folds["model"].unique().tolist(), len(run.series)
+    (['constant'], 6)
+    """
+
+    results: dict[str, Any]
+    folds: pd.DataFrame
+    series: Mapping[str, pd.DataFrame]
+    gamm: GammInsight | None = None
+    forecast: ForecastInsight | None = None
+
+    def to_frame(self) -> pd.DataFrame:
+        """Tabulate the errors of every model in every hold-out.
+
+        Returns
+        -------
+        DataFrame
+            `scheme, trips, model, n_trips, mape, mape_low, mape_high` (95 % bootstrap interval over trips)`, median_ape, max_ape,
+            bias, rmse_wh`; errors as fractions.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> from tripwatt.study.evaluation import Execution
+        >>> run = tw.evaluate(tw.synthetic_fleet(6), models=["constant", "physics"], execution=Execution(n_jobs=1))
+        >>> run.to_frame().groupby("scheme")["model"].count().to_dict()
+        {'leave_one_day_out': 2, 'leave_one_trip_out': 4}
+        """
+        rows = []
+        for part in self.results["evaluations"]:
+            for model, scores in part["models"].items():
+                low, high = scores["mape_ci95"]
+                about = {"scheme": part["scheme"], "trips": part["trips"], "model": model}
+                errors = {"mape": scores["mape"], "mape_low": low, "mape_high": high}
+                more = {k: scores[k] for k in ("median_ape", "max_ape", "bias", "rmse_wh")}
+                rows.append({**about, "n_trips": part["n_trips"], **errors, **more})
+        return pd.DataFrame(rows)
+
+    def compare(self, a: str, b: str, *, hold_out: str | None = None) -> PairedDifference:
+        """Compare two models over the same held-out trips.
+
+        Parameters
+        ----------
+        a, b : str
+            Names of models of the run.
+        hold_out : str, optional
+            A hold-out as ``scheme:trips``; the first of the run by default.
+
+        Returns
+        -------
+        PairedDifference
+            Mean APE of `a` less that of `b`, with its bootstrap interval over days.
+
+        Raises
+        ------
+        InvalidInput
+            On an unknown model or hold-out.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> from tripwatt.study.evaluation import Execution
+        >>> run = tw.evaluate(tw.synthetic_fleet(6), models=["constant", "physics"], execution=Execution(n_jobs=1))
+        >>> run.compare("physics", "constant").diff < 0.0
+        True
+        """
+        _, ape = self._ape(hold_out)
+        raise_faults(
+            Fault.unknown("unknown model", "compare", name, map(str, ape))
+            for name in (a, b)
+            if name not in ape
+        )
+        days = [self.results["days"].get(trip, trip) for trip in ape.index]
+        return paired_difference(ape[a].to_numpy(), ape[b].to_numpy(), self.results["seed"], days)
+
+    def plot(self, ax: Axes | None = None, *, hold_out: str | None = None) -> Figure:
+        """Box plots of the error of each trip, one for each model.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            Where to draw; a new figure by default.
+        hold_out : str, optional
+            As of `compare`.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            Absolute percentage error [%], on a logarithmic scale.
+
+        Raises
+        ------
+        InvalidInput
+            On an unknown hold-out.
+
+        Examples
+        --------
+        >>> run.plot().savefig("errors.png")  # doctest: +SKIP
+        """
+        from tripwatt.study.evaluation.plots import plot_errors  # matplotlib is slow to import
+
+        label, ape = self._ape(hold_out)
+        return plot_errors(ape, f"{label.replace('_', ' ')}, {len(ape)} trips", ax)
+
+    def _ape(self, hold_out: str | None) -> tuple[str, pd.DataFrame]:
+        """A hold-out, and in it the error of each trip (rows) by each model (columns), the mean of a trip of several splits."""
+        labels = self.folds["scheme"] + ":" + self.folds["trips"]
+        label = labels.iloc[0] if hold_out is None else hold_out
+        if label not in set(labels):
+            raise InvalidInput(Fault.unknown("unknown hold-out", "hold_out", label, labels.unique()))
+        rows = self.folds[labels == label]
+        return label, rows.pivot_table(index="trip", columns="model", values="ape", sort=False)
+
+    def _repr_html_(self) -> str:
+        frame = self.to_frame()
+        rows = [
+            (
+                f"{row.model}, {row.scheme} of {row.trips} trips",
+                f"{row.mape:.1%} ({row.mape_low:.1%} to {row.mape_high:.1%}) over {row.n_trips} trips",
+            )
+            for row in frame.itertuples()
+        ]
+        return html_table(f"{self!r}"[1:-1], rows)
+
+    def __repr__(self) -> str:
+        protocol, models, read = (self.results[key] for key in ("protocol", "models", "trips_read"))
+        return f"<EvaluationRun protocol {protocol}, {len(models)} models, {len(read)} trips read>"
+
+
+def about_run(protocol: str, prepared: Prepared[Any], main: Comparison, seed: int) -> dict[str, Any]:
+    """The part of `results.json` about what was evaluated, and the paired differences in the main comparison."""
+    shown = prepared.scored_fleet
+    return {
+        "protocol": protocol,
+        "dataset": shown.name,
+        "synthetic": shown.name == SYNTHETIC,
+        "citation": shown.citation,
+        "seed": seed,
+        "versions": {"python": platform.python_version()} | {name: version(name) for name in VERSIONED},
+        "vehicle": next(iter(prepared.cars.values())).name,
+        "notes": list(dict.fromkeys(prepared.notes)),
+        "models": {spec.name: spec.title for spec in main.specs},
+        "trips_read": [t.trip_id for t in shown.trips],
+        "trips_used": {h.trips: [h.table.trip_ids[i] for i in h.scored] for h in prepared.hold_outs},
+        "days": dict(zip(main.hold_out.table.trip_ids, main.hold_out.table.days, strict=True)),
+        "audit": [asdict(finding) for finding in prepared.audited.findings],
+        "paired": main.paired(seed),
+    }
+
+
+def write_results(run: EvaluationRun, out: Path) -> None:
+    """Write `results.json`, `folds.csv` and, where there are forecasts, `forecasts.csv` into the folder `out`.
+
+    Parameters
+    ----------
+    run : EvaluationRun
+        As `evaluate` returns it.
+    out : Path
+        Folder, made where it is missing; files of an earlier run are replaced.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import tripwatt as tw
+    >>> from tripwatt.study.evaluation import Execution
+    >>> run = tw.evaluate(tw.synthetic_fleet(6), protocol="paper", models=["constant"], execution=Execution(n_jobs=1))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_results(run, Path(folder))
+    ...     print(sorted(file.name for file in Path(folder).iterdir()))
+    ['folds.csv', 'results.json']
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    text = json.dumps(run.results, indent=1, allow_nan=False, default=_plain)
+    (out / "results.json").write_text(text + "\n", encoding="utf-8")
+    run.folds.to_csv(out / "folds.csv", index=False)
+    if run.forecast is not None:
+        run.forecast.trips.to_csv(out / "forecasts.csv", index=False)
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, np.generic):
+        return value.item()
+    raise TypeError(f"results hold a {type(value).__name__}")

@@ -1,0 +1,143 @@
+"""Audit, simulate, train and score: every model of a protocol on trips it was not fitted on.
+
+Everything that is fitted, tuned or scaled is fitted inside the fold.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.sources import read_logs
+from tripwatt.study.evaluation.comparison import Comparison
+from tripwatt.study.evaluation.folds import Execution, run_folds
+from tripwatt.study.evaluation.forecast_protocol import ForecastProtocol
+from tripwatt.study.evaluation.hold_outs import CarChoice, HoldOutChoice, HoldOuts
+from tripwatt.study.evaluation.outside import AnyModel
+from tripwatt.study.evaluation.paper_protocol import PaperProtocol
+from tripwatt.study.evaluation.protocol import EvaluationProtocol, choose_models
+from tripwatt.study.evaluation.results import EvaluationRun
+from tripwatt.trips import Fleet, Recorded, Trip
+from tripwatt.vehicles import Vehicle
+
+PROTOCOLS: Final[Mapping[str, EvaluationProtocol]] = {
+    protocol.name: protocol for protocol in (PaperProtocol(), ForecastProtocol())
+}
+"""Protocols by name."""
+
+DEFAULT_PROTOCOL: Final = "paper"
+
+
+def find_protocol(name: str) -> EvaluationProtocol:
+    """Find a protocol by its name.
+
+    Parameters
+    ----------
+    name : str
+        A key of `PROTOCOLS`.
+
+    Returns
+    -------
+    EvaluationProtocol
+        With its models and its scores.
+
+    Raises
+    ------
+    InvalidInput
+        On an unknown name.
+
+    Examples
+    --------
+    >>> [model.name for model in find_protocol("paper").models][:3]
+    ['constant', 'linear4', 'linear6']
+    """
+    if name not in PROTOCOLS:
+        raise InvalidInput(Fault.unknown("unknown protocol", "protocol", name, PROTOCOLS))
+    return PROTOCOLS[name]
+
+
+def evaluate(
+    trips: Fleet | Sequence[Trip] | Path | str,
+    vehicle: Vehicle | CarChoice | Path | str = "bmw_i3_60ah",
+    *,
+    protocol: str | EvaluationProtocol = DEFAULT_PROTOCOL,
+    models: Sequence[AnyModel] | Mapping[str, AnyModel] | None = None,
+    hold_outs: HoldOuts | None = None,
+    seed: int = 0,
+    test_fleet: Fleet | None = None,
+    execution: Execution | None = None,
+) -> EvaluationRun:
+    """Audit, simulate, train and score every model of a protocol on held-out trips.
+
+    Parameters
+    ----------
+    trips : Fleet, sequence of Trip, or path
+        Trips of one car as they were recorded. A path is read as by `read_logs`, strictly; read other kinds of logs than
+        those of TUM with `read_logs` first.
+    vehicle : Vehicle, str or path, or CarChoice
+        The car, its name, or the path of its TOML. A `CarChoice` has values that replace those of the car, also under a preset of
+        the protocol; the notes of the run name them.
+    protocol : {"paper", "forecast"} or EvaluationProtocol
+        Which models, which trips are held out, and what is scored.
+    models : sequence, or mapping of str to model, optional
+        Names of some of the protocol's models, and models from outside: a regressor of scikit-learn's kind as a corrector, an
+        object with ``fit(table)`` and ``predict(table)`` as a corrector on segments (protocol "forecast"), or one with
+        ``fit(trips)`` and ``predict(trip)`` as a whole model. A mapping names their rows. All of the protocol by default.
+    hold_outs : str, splitter, or sequence of them, optional
+        Which hold-outs run: a scheme ("leave_one_trip_out"), a set of trips ("reference"), both ("leave_one_trip_out:reference"),
+        or a splitter of scikit-learn's kind over the trips of the main set, with their days as groups. The studies beside the
+        table run only when all of the protocol do, which is the default.
+    seed : int
+        Makes the run identical, also over a different number of processes.
+    test_fleet : Fleet, optional
+        Protocol "forecast" alone: fit on `trips`, score on these trips.
+    execution : Execution, optional
+        Processes, and where finished folds are kept.
+
+    Returns
+    -------
+    EvaluationRun
+        Scores of every model, paired comparisons, the audit and the notes of the run.
+
+    Raises
+    ------
+    InvalidInput
+        On an unknown protocol, model, vehicle, value or hold-out, an object that is no model, or when too few trips are
+        left.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> from tripwatt.study.evaluation import Execution
+    >>> tw.evaluate(tw.synthetic_fleet(6), models=["constant", "physics"], execution=Execution(n_jobs=1))
+    <EvaluationRun protocol paper, 2 models, 6 trips read>
+    """
+    chosen = find_protocol(protocol) if isinstance(protocol, str) else protocol
+    specs, wanted = choose_models(chosen, models, seed), HoldOutChoice.from_argument(hold_outs)
+    car = vehicle if isinstance(vehicle, CarChoice) else CarChoice(vehicle)
+    prepared = chosen.prepare(_fleet(trips), test_fleet, car, wanted)
+    main = [Comparison(hold_out, specs) for hold_out in prepared.hold_outs]
+    beside = chosen.beside(prepared, specs, seed) if wanted.chosen is None else []
+    done = run_folds([*main, *beside], seed, execution or Execution(), compares=bool(beside))
+    return chosen.assemble(prepared, done[: len(main)], done[len(main) :], seed)
+
+
+def _fleet(trips: Fleet | Sequence[Trip] | Path | str) -> Fleet:
+    """Trips as a fleet.
+
+    Raises
+    ------
+    InvalidInput
+        As `read_logs`, and for what are no trips.
+    """
+    if isinstance(trips, Fleet):
+        return trips
+    if isinstance(trips, str | Path):
+        return read_logs(trips, strict=True)
+    logs = tuple(trips)
+    if not all(isinstance(log, Recorded) for log in logs):
+        got = next(type(log).__name__ for log in logs if not isinstance(log, Recorded))
+        raise InvalidInput.of("no trip", "trips", got, "trips, logs, a Fleet or a folder")
+    return Fleet("trips", logs)

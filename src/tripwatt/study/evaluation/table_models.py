@@ -1,0 +1,84 @@
+"""Models of the cumulative energy along a trip, and the baselines that every protocol has."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from tripwatt.arrays import IntArray
+from tripwatt.hybrid import EnergyModel, EnergyRegression, PhysicsOnly, TripTable
+from tripwatt.study.evaluation.hold_outs import HoldOut
+from tripwatt.study.evaluation.tasks import Fitted, Method, ModelSpec
+from tripwatt.study.paper import HybridModel
+
+FOUR = ("distance_km", "duration_h", "cold_h", "hot_h")
+SIX = (*FOUR, "cubed_speed", "acceleration_work")
+
+
+@dataclass(frozen=True, slots=True)
+class TableMethod(Method[TripTable]):
+    """A model of cumulative energy.
+
+    Attributes
+    ----------
+    make : callable
+        A fresh, unfitted model from a seed.
+    """
+
+    make: Callable[[int], EnergyModel]
+
+    def fit(self, data: TripTable, train: IntArray, seed: int) -> Fitted:
+        """Fit to the rows of some trips; predictions are at every row of others."""
+        model = self.make(seed).fit(data.take(train))
+        return Fitted(lambda test: model.predict(data.take(test)))
+
+    def shares_folds(self, seed: int) -> bool:
+        """Whether the corrector does."""
+        model = self.make(seed)
+        return isinstance(model, HybridModel) and model.shares_folds
+
+    def together(self, data: TripTable, folds: IntArray, seed: int, *, compares: bool) -> Fitted:
+        """Predict every row."""
+        model = self.make(seed)
+        assert isinstance(model, HybridModel)
+        predicted = model.predict_held_out(data, folds)
+        inner = model.inner_errors(data, folds, seed) if compares else None
+        return Fitted(lambda test: predicted[data.rows_of(test)], inner_errors=inner)
+
+    def needed(self, hold_out: HoldOut[Any], scored: IntArray) -> TripTable:
+        """The table without the samples of its trips."""
+        return hold_out.table.without_samples()
+
+
+def table_model(
+    name: str, title: str, make: Callable[[int], EnergyModel], simulation: str | None = None
+) -> ModelSpec:
+    """A model of cumulative energy from a function that makes it from a seed."""
+    return ModelSpec(name, title, TableMethod(make), simulation)
+
+
+def regression(seed: int, *, sums: tuple[str, ...], simulation: str | None = None) -> EnergyModel:
+    """Regression on sums along the trip; it draws no random numbers."""
+    return EnergyRegression(sums, simulation=simulation)
+
+
+def physics(seed: int, *, simulation: str) -> EnergyModel:
+    """A simulation alone; it draws no random numbers."""
+    return PhysicsOnly(simulation)
+
+
+CONSTANT = table_model("constant", "constant energy per km", partial(regression, sums=FOUR[:1]))
+LINEAR4 = table_model("linear4", "regression, 4 coefficients", partial(regression, sums=FOUR))
+LINEAR6 = table_model("linear6", "regression, 6 coefficients", partial(regression, sums=SIX))
+PHYSICS_PAPER = table_model(
+    "physics-paper", "physics as in the paper", partial(physics, simulation="physics-paper"), "physics-paper"
+)
+PHYSICS = table_model("physics", "physics, default preset", partial(physics, simulation="physics"), "physics")
+PHYSICS4 = table_model(
+    "physics4",
+    "default physics + 4 coefficients",
+    partial(regression, sums=FOUR[1:], simulation="physics"),
+    "physics",
+)

@@ -1,0 +1,211 @@
+"""A model of a protocol, the tasks of its splits, and their results: the same for every model and every hold-out."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Final, Generic, TypeVar
+
+import numpy as np
+
+from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.hybrid import TripTable
+from tripwatt.study.evaluation.held_out_forecasts import HeldOutForecasts
+from tripwatt.study.evaluation.hold_outs import HoldOut, Split
+
+D = TypeVar("D")
+"""What a method needs of the trips of a hold-out."""
+
+TIMED_TRIPS: Final = 8
+"""Trips of which the time of a prediction is the mean, where all folds are predicted at once."""
+
+Predict = Callable[[IntArray], FloatArray]
+"""Numbers of trips, ascending -> the cumulative energy at each of their rows, or the energy of each trip [Wh]."""
+
+
+@dataclass(frozen=True, eq=False)
+class FoldResult:
+    """Held-out predictions of one model in one split.
+
+    Attributes
+    ----------
+    model : str
+    split : Split
+    predicted_wh : ndarray
+        Cumulative energy at every row of the scored trips, or the energy of each of them [Wh].
+    fit_s, predict_ms : float
+        Time of the fit, and of the prediction of one trip.
+    inner_error : float
+        Error by which settings are compared inside the fold; NaN where none are.
+    forecasts : HeldOutForecasts or None
+        Of a model that makes forecasts.
+    """
+
+    model: str
+    split: Split
+    predicted_wh: FloatArray
+    fit_s: float
+    predict_ms: float
+    inner_error: float = np.nan
+    forecasts: HeldOutForecasts | None = None
+
+    def energies_wh(self, table: TripTable) -> FloatArray:
+        """Energy of each of the scored trips."""
+        if len(self.predicted_wh) == len(self.split.test):
+            return self.predicted_wh
+        ends = np.cumsum(np.diff(table.offsets)[self.split.test])
+        return np.asarray(self.predicted_wh[ends - 1])
+
+
+@dataclass(frozen=True, slots=True)
+class Fitted:
+    """What `Method.fit` and `Method.together` give.
+
+    Attributes
+    ----------
+    predict : callable
+        See `Predict`.
+    forecasts : callable or None
+        Everything that is scored of the forecasts of the trips that were predicted.
+    inner_errors : ndarray or None, shape (folds,)
+        Of `Method.together`: error of each fold by which settings are compared, in the order of the folds' numbers.
+    """
+
+    predict: Predict
+    forecasts: Callable[[IntArray], HeldOutForecasts] | None = None
+    inner_errors: FloatArray | None = None
+
+
+class Method(Generic[D]):
+    """How a model is fitted and predicts: what is different between the models of a protocol."""
+
+    rank: ClassVar[int] = 3
+    """Tasks of a lower rank take longer and start first, so that no core waits for one at the end."""
+    splits_per_task: ClassVar[int] = 12
+
+    def fit(self, data: D, train: IntArray, seed: int) -> Fitted:
+        """Fit, tune and calibrate on some trips."""
+        raise NotImplementedError
+
+    def shares_folds(self, seed: int) -> bool:
+        """Whether `together` gives the held-out predictions of all folds at once."""
+        return False
+
+    def together(self, data: D, folds: IntArray, seed: int, *, compares: bool) -> Fitted:
+        """Predict each trip by a model that did not see its fold; `compares` asks for the errors inside the folds."""
+        raise NotImplementedError
+
+    def needed(self, hold_out: HoldOut[Any], scored: IntArray) -> D:
+        """What `fit` and the prediction of some trips need: it is sent to another process."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class ModelSpec:
+    """A model of a protocol.
+
+    Attributes
+    ----------
+    name : str
+        In every table and file.
+    title : str
+        A short description.
+    method : Method
+    simulation : str or None
+        Name of the simulated energy that the model corrects; None without physics.
+    digest : str
+        Of a model from outside, for which its name does not stand.
+    """
+
+    name: str
+    title: str
+    method: Method[Any]
+    simulation: str | None = None
+    digest: str = ""
+
+    def tasks(
+        self,
+        comparison: int,
+        hold_out: HoldOut[Any],
+        splits: Sequence[Split],
+        seed: int,
+        *,
+        compares: bool = False,
+    ) -> Iterator[Task]:
+        """Tasks for some splits of a hold-out: one where the method gives all folds at once, else one for a few splits."""
+        folds = hold_out.folds if self.method.shares_folds(seed) else None
+        size = self.method.splits_per_task if folds is None else max(len(splits), 1)
+        for start in range(0, len(splits), size):
+            part = tuple(splits[start : start + size])
+            data = self.method.needed(hold_out, np.concatenate([split.test for split in part]))
+            yield Task(comparison, self, data, part, seed, folds, compares)
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """Some splits of one model, to be run anywhere.
+
+    Attributes
+    ----------
+    comparison : int
+        Its number.
+    spec : ModelSpec
+    data : object
+        See `Method.needed`.
+    splits : tuple of Split
+    seed : int
+    folds : ndarray of int or None, shape (trips,)
+        Fold of each trip, where all are predicted at once.
+    compares : bool
+        Whether the errors inside the folds are wanted, by which settings can be compared.
+    """
+
+    comparison: int
+    spec: ModelSpec
+    data: Any
+    splits: tuple[Split, ...]
+    seed: int
+    folds: IntArray | None = None
+    compares: bool = False
+
+    @property
+    def rank(self) -> tuple[int, int]:
+        """Order in which tasks start."""
+        return (self.spec.method.rank if self.folds is None else 0, -len(self.splits))
+
+    def run(self) -> list[FoldResult]:
+        """Fit and predict."""
+        if self.folds is None:
+            return [self._run_split(split) for split in self.splits]
+        return self._run_together(self.folds)
+
+    def _run_split(self, split: Split) -> FoldResult:
+        fitted, predicted, times = self._timed(split.train, split.test)
+        kept = None if fitted.forecasts is None else fitted.forecasts(split.test)
+        return FoldResult(self.spec.name, split, predicted, *times, forecasts=kept)
+
+    def _run_together(self, folds: IntArray) -> list[FoldResult]:
+        """All folds at once; the times are those of one plain fit."""
+        held_out = self.spec.method.together(self.data, folds, self.seed, compares=self.compares)
+        every, numbers = np.arange(len(folds)), np.unique(folds)
+        _, _, times = self._timed(every, every[:TIMED_TRIPS])
+        inner = np.full(len(numbers), np.nan) if held_out.inner_errors is None else held_out.inner_errors
+        return [
+            FoldResult(
+                self.spec.name,
+                split,
+                held_out.predict(split.test),
+                *times,
+                inner_error=float(inner[np.searchsorted(numbers, split.number)]),
+            )
+            for split in self.splits
+        ]
+
+    def _timed(self, train: IntArray, test: IntArray) -> tuple[Fitted, FloatArray, tuple[float, float]]:
+        began = time.perf_counter()
+        fitted = self.spec.method.fit(self.data, train, self.seed)
+        done = time.perf_counter()
+        predicted = fitted.predict(test)
+        each_ms = 1000.0 * (time.perf_counter() - done) / len(test)
+        return fitted, predicted, (done - began, each_ms)

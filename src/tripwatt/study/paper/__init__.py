@@ -1,0 +1,9 @@
+"""The method of arXiv:2405.10984: cumulative energy simulated, its residual fitted with the trip as the cluster.
+
+`correctors` has the paper's models ready to fit, `insight` the inside of a fitted GAMM.
+"""
+
+from tripwatt.study.paper.models import Corrector, DataOnly, HybridModel
+from tripwatt.study.paper.table2 import TABLE2, Table2Corrector
+
+__all__ = ["TABLE2", "Corrector", "DataOnly", "HybridModel", "Table2Corrector"]

@@ -1,0 +1,60 @@
+"""The paper's hybrid models, ready to fit: each corrects the cumulative energy of the simulation `physics-paper`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tripwatt.learners.boosting import ClusteredBoosting
+from tripwatt.learners.correlation import Correlation
+from tripwatt.learners.forest import ClusteredForest
+from tripwatt.learners.outside import OutsideRegressor
+from tripwatt.study.paper.models import DataOnly, HybridModel
+from tripwatt.study.paper.table2 import Table2Corrector
+
+SIMULATION = "physics-paper"
+"""Name of the simulated energy that the correctors start from."""
+
+
+def gamm(seed: int = 0, simulation: str = SIMULATION, **settings: Any) -> HybridModel:
+    """The GAMM of Table 2 with Student's t errors; it draws no random numbers. `settings` of `Table2Corrector`."""
+    return HybridModel(Table2Corrector(**settings), simulation, shares_folds=True)
+
+
+def forest(seed: int = 0, simulation: str = SIMULATION) -> HybridModel:
+    """The forest with subject-level bootstrap, scored by the absolute error at the end of the trip."""
+    learner = ClusteredForest(random_state=seed, score_rows="last", loss="absolute")
+    return HybridModel(learner, simulation, shares_folds=True)
+
+
+def boosting(
+    seed: int = 0, simulation: str = SIMULATION, correlation: Correlation = "independence"
+) -> HybridModel:
+    """Boosting as a marginal model, scored by the absolute error at the end of the trip.
+
+    Examples
+    --------
+    >>> from tripwatt.hybrid import build_table
+    >>> from tripwatt.study.synthetic import synthetic_fleet
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> car = load_vehicle("bmw_i3_60ah", preset="paper")
+    >>> table = build_table(synthetic_fleet(6, seed=3).trips, {"physics-paper": car}, step_s=10.0)
+    >>> model = boosting().fit(table.take(range(5)))
+    >>> held_out = table.take([5])
+    >>> model.predict(held_out).shape == held_out.observed_wh.shape
+    True
+    """
+    return HybridModel(_boosting(seed, correlation), simulation, shares_folds=True)
+
+
+def boosting_without_physics(seed: int = 0) -> HybridModel:
+    """The same boosting on the observed energy."""
+    return DataOnly(_boosting(seed), shares_folds=True)
+
+
+def outside(regressor: Any, seed: int = 0, simulation: str = SIMULATION) -> HybridModel:
+    """A regressor of scikit-learn's kind in the place of the learner."""
+    return HybridModel(OutsideRegressor(regressor, seed), simulation)
+
+
+def _boosting(seed: int, correlation: Correlation = "independence") -> ClusteredBoosting:
+    return ClusteredBoosting(random_state=seed, correlation=correlation, score_rows="last", loss="absolute")

@@ -1,0 +1,276 @@
+"""The GAMM of the paper's Table 2 as a corrector."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass, replace
+from typing import Any, Final, Literal, Self
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.arrays import FloatArray, IntArray
+
+TABLE2: Final = (
+    "weather",
+    "s(time_s)",
+    "s(ambient_temperature_degc)",
+    "s(speed_m_s)",
+    "s(elevation_difference_m)",
+    "s(time_s, by=season)",
+    "s(ambient_temperature_degc, by=season)",
+    "s(ambient_temperature_degc, elevation_difference_m, k=30)",
+    's(trip, bs="re")',
+)
+"""Terms of the paper's Table 2; `season` is an ordered factor, whose smooths are the difference of winter from summer,
+`trip` the cluster."""
+
+SEASONS: Final = ("summer", "winter")
+"""Levels of `season`; the first is the reference."""
+
+Errors = Literal["t", "normal", "ar1"]
+
+INNER_BLOCKS: Final = 5
+"""Blocks of folds that `Table2Corrector.inner_errors` leaves out in pairs."""
+
+
+@dataclass
+class Table2Corrector:
+    """The paper's GAMM with Student's t errors (its Table 2) as a corrector.
+
+    Terms whose covariates no trip has, or that are the same in all training rows, are left out. A missing value counts
+    as the training rows' median (a trip
+    without elevation counts as flat). Unseen weather and covariates outside the training range follow the engine's
+    rule, which is bounded: the mean effect, and the range's edge.
+
+    Parameters
+    ----------
+    every_rows : int
+        The fit takes every so many rows of a trip and its last one. At 1 s the residuals of successive rows are so
+        alike (correlation 0.999) that every smooth would run to its largest number of degrees of freedom.
+    errors : {"t", "normal", "ar1"}
+        Student's t, normal, or normal with a correlation rho^|i - j| of the rows i and j of a trip, rho estimated with
+        the smoothing parameters; the last row of a trip, which may follow sooner, counts as one step.
+    terms : tuple of str
+        Terms of the formula.
+    least_df : float
+        Lower bound of the degrees of freedom of Student's t.
+
+    Attributes
+    ----------
+    model_ : GAMM
+        The fitted engine, for summary, diagnosis and effects.
+    medians_ : Series
+        Medians of the covariates that are numbers, over the training rows.
+    left_out_ : tuple of str
+        Those of `terms` that the training rows do not determine.
+
+    Examples
+    --------
+    >>> from tripwatt.hybrid import build_table
+    >>> from tripwatt.study.synthetic import VEHICLE, synthetic_fleet
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> table = build_table(synthetic_fleet(4).trips, {"physics": load_vehicle(VEHICLE)})
+    >>> X, y, trip = table.covariates, table.observed_wh - table.simulated("physics"), table.groups
+    >>> corrector = Table2Corrector(every_rows=120, errors="normal", terms=("s(time_s, k=4)",)).fit(X, y, trip)
+    >>> corrector.predict(X).shape == corrector.leave_groups_out(X, y, trip).shape == y.shape
+    True
+    >>> frame, rows = corrector.training_frame(X, trip)
+    >>> len(frame) == len(rows), len(corrector.frame(X)) == len(X)
+    (True, True)
+    >>> corrector.inner_errors(X, y, trip, trip, seed=0).shape
+    (4,)
+    """
+
+    every_rows: int = 60
+    errors: Errors = "t"
+    terms: tuple[str, ...] = TABLE2
+    least_df: float = 3.0
+    model_: Any = None
+    medians_: pd.Series | None = None
+    left_out_: tuple[str, ...] = ()
+
+    def fit(self, X: pd.DataFrame, y: FloatArray, groups: IntArray) -> Self:
+        """Fit by performance iteration and fREML. O(rows x coefficients^2).
+
+        Parameters
+        ----------
+        X : DataFrame, shape (rows, covariates)
+            As of `TripTable.covariates`.
+        y : ndarray, shape (rows,)
+            The target, such as the residual [Wh].
+        groups : ndarray of int, shape (rows,)
+            Trip of each row; rows of a trip follow one another.
+
+        Returns
+        -------
+        Table2Corrector
+            Itself.
+        """
+        frame, rows = self._training(X, groups)
+        self.model_ = self._engine().fit(frame, np.asarray(y)[rows], groups=groups[rows])
+        return self
+
+    def predict(self, X: pd.DataFrame) -> FloatArray:
+        """Predict `y` of new trips: their random effect is 0.
+
+        Parameters
+        ----------
+        X : DataFrame, shape (rows, covariates)
+            As of `fit`.
+
+        Returns
+        -------
+        ndarray, shape (rows,)
+            In the unit of `y`.
+        """
+        return np.asarray(self.model_.predict(self.frame(X)), dtype=np.float64)
+
+    def leave_groups_out(
+        self, X: pd.DataFrame, y: FloatArray, groups: IntArray, folds: IntArray | None = None
+    ) -> FloatArray:
+        """Predict `y` of every row by a fit without its fold.
+
+        Coefficients, smoothing parameters and those of the errors are estimated anew for each fold. The knots of the
+        smooths, the medians of missing values and the choice of terms come from the covariates of all rows.
+
+        Parameters
+        ----------
+        X : DataFrame, shape (rows, covariates)
+            As of `fit`.
+        y : ndarray, shape (rows,)
+            The target.
+        groups : ndarray of int, shape (rows,)
+            Trip of each row.
+        folds : ndarray of int, shape (rows,), optional
+            Fold of each row; each trip is a fold by default.
+
+        Returns
+        -------
+        ndarray, shape (rows,)
+            Held-out predictions, in the unit of `y`.
+        """
+        units = groups if folds is None else folds
+        frame, rows = self._training(X, groups)
+        predictions = self._engine().leave_groups_out(
+            frame,
+            np.asarray(y)[rows],
+            groups=groups[rows],
+            folds=units[rows],
+            at=self.frame(X),
+            at_folds=units,
+        )
+        return np.asarray(predictions, dtype=np.float64)
+
+    def inner_errors(
+        self, X: pd.DataFrame, y: FloatArray, groups: IntArray, folds: IntArray, seed: int
+    ) -> FloatArray:
+        """Mean absolute error at the end of the other folds' trips, for each fold, by models that saw neither.
+
+        The folds are put into `INNER_BLOCKS` blocks at random. A model without the blocks b and c predicts c for the folds
+        of b, and b for those of c.
+
+        Parameters
+        ----------
+        X : DataFrame, shape (rows, covariates)
+            As of `fit`.
+        y : ndarray, shape (rows,)
+            The target.
+        groups : ndarray of int, shape (rows,)
+            Trip of each row.
+        folds : ndarray of int, shape (rows,)
+            Fold of each row.
+        seed : int
+            Of the draw of the blocks.
+
+        Returns
+        -------
+        ndarray, shape (folds,)
+            In the order of the sorted numbers of the folds, in the unit of `y`; NaN for fewer than three folds.
+        """
+        numbers, row_fold = np.unique(folds, return_inverse=True)
+        if len(numbers) < 3:
+            return np.full(len(numbers), np.nan)
+        blocks = min(INNER_BLOCKS, len(numbers))
+        block = np.random.default_rng([seed, 5]).permutation(np.arange(len(numbers)) % blocks)
+        row_block = block[row_fold]
+        ends = np.append(groups[1:] != groups[:-1], True)
+        total, count = np.zeros(blocks), np.zeros(blocks)
+        for first, second in itertools.combinations(range(blocks), 2):
+            kept = (row_block != first) & (row_block != second)
+            model = replace(self).fit(X[kept], y[kept], groups[kept])
+            for own, other in ((first, second), (second, first)):
+                rows = np.flatnonzero(ends & (row_block == other))
+                total[own] += np.abs(y[rows] - model.predict(X.iloc[rows])).sum()
+                count[own] += len(rows)
+        return np.asarray((total / count)[block])
+
+    def _training(self, X: pd.DataFrame, groups: IntArray) -> tuple[pd.DataFrame, IntArray]:
+        """Rows of the fit and their numbers; sets the medians and the terms that are left out."""
+        self.medians_ = X.select_dtypes("number").median()
+        frame, rows = self.training_frame(X, groups)
+        varied = {name for name in map(str, frame) if len(frame[name].unique()) > 1}
+        self.left_out_ = tuple(term for term in self.terms if not varied.issuperset(_names_in(term)))
+        return frame, rows
+
+    def training_frame(self, X: pd.DataFrame, groups: IntArray) -> tuple[pd.DataFrame, IntArray]:
+        """Choose the rows that `fit` takes.
+
+        Parameters
+        ----------
+        X : DataFrame, shape (rows, covariates)
+            As of `fit`.
+        groups : ndarray of int, shape (rows,)
+            Trip of each row.
+
+        Returns
+        -------
+        frame : DataFrame
+            The rows in the engine's columns.
+        rows : ndarray of int
+            Their numbers.
+        """
+        position = pd.Series(groups).groupby(groups, sort=False).cumcount().to_numpy()
+        last = np.append(groups[1:] != groups[:-1], True)
+        rows = np.flatnonzero((position % self.every_rows == 0) | last).astype(np.int64)
+        return self.frame(X.iloc[rows], groups[rows]), rows
+
+    def _engine(self) -> Any:
+        from tripwatt.gam import GAMM, ScaledT
+
+        formula = "y ~ " + " + ".join(term for term in self.terms if term not in self.left_out_)
+        if self.errors == "t":
+            return GAMM(formula, family=ScaledT(min_df=self.least_df))
+        return GAMM(formula, ar1_rho="estimate" if self.errors == "ar1" else None)
+
+    def frame(self, X: pd.DataFrame, groups: IntArray | None = None) -> pd.DataFrame:
+        """Convert covariates to the engine's columns. Needs `fit`.
+
+        Parameters
+        ----------
+        X : DataFrame, shape (rows, covariates)
+            As of `fit`.
+        groups : ndarray of int, shape (rows,), optional
+            Trip of each row; with it, the trips are those of the fit.
+
+        Returns
+        -------
+        DataFrame
+            Missing numbers are the medians of the training rows.
+        """
+        assert self.medians_ is not None
+        frame = X.fillna(self.medians_.to_dict())
+        if "season" in frame:
+            codes = (frame["season"] == "winter").to_numpy().astype(np.intp)  # summer where it is unknown
+            seasons = pd.CategoricalDtype(list(SEASONS), ordered=True)
+            frame["season"] = pd.Categorical.from_codes(codes, dtype=seasons)
+        if groups is not None:
+            frame["trip"] = groups.astype(str)
+        return frame
+
+
+def _names_in(term: str) -> list[str]:
+    """Column names that a term of `TABLE2` needs."""
+    inner = term[2:-1] if term.startswith("s(") else term
+    parts = [part.strip() for part in inner.split(",")]
+    return [p.removeprefix("by=") for p in parts if "=" not in p or p.startswith("by=")]

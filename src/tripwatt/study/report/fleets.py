@@ -1,0 +1,376 @@
+"""HTML pages on a fleet: how well it is forecast; and for its manager, which vehicles changed, and what planned trips need."""
+
+from __future__ import annotations
+
+import datetime as dt
+import json
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Final
+
+import pandas as pd
+
+from tripwatt.errors import Fault
+from tripwatt.files import write_text
+from tripwatt.fleet import nights
+from tripwatt.fleet.changes import FALSE_CHANGES, LEAST_CHANGE, after_changes, changes, said_of_need
+from tripwatt.fleet.deviations import PARTS, deviations
+from tripwatt.fleet.model import FleetModel
+from tripwatt.fleet.registry import REPORT_FILES, REPORT_TABLES
+from tripwatt.fleet.statistics import TripRows
+from tripwatt.study.evaluation.fleets import FleetEvaluation
+from tripwatt.study.report.html import page_text
+from tripwatt.study.report.panel import Panel
+from tripwatt.study.report.tables import Column, Table, in_kwh, in_percent, in_words, number, tabulated
+from tripwatt.study.report.words import percent
+from tripwatt.trips.reading import alike
+
+CLASSES: Final = {
+    "car_model": "car model",
+    "temperature": "outside temperature",
+    "length": "length of the trip",
+}
+LEAST_TRIPS: Final = 10
+"""Trips of a vehicle whose share inside of the intervals is looked at."""
+
+
+def csv_of(table: pd.DataFrame) -> str:
+    """A table as CSV, with times in ISO 8601 and their offset."""
+    times = table.columns.intersection(["departs_at", "arrives_at"])
+    texts = {name: table[name].map(lambda time: time.isoformat(timespec="seconds")) for name in times}
+    return table.assign(**texts).to_csv(index=False)
+
+
+def evaluation_page(title: str, evaluation: FleetEvaluation, rows: TripRows) -> str:
+    """The page on how well a fleet is forecast as one file without scripts."""
+    tables = (
+        *(accuracy_table(evaluation, by) for by in CLASSES),
+        own_table(evaluation),
+        inside_table(evaluation),
+    )
+    facts = {"Trips": len(rows), "Vehicles": len(set(rows.texts("vehicle_id").tolist()))}
+    said = said_of_errors(evaluation)
+    panel = Panel("accuracy", "Accuracy on held-out trips", said, tables=tables)
+    return page_text(
+        "fleet.html.jinja", {"": [panel]}, title=title, facts=facts.items(), files=(), foot=_ERROR
+    )
+
+
+def said_of_errors(evaluation: FleetEvaluation) -> str:
+    """The mean error of each set of held-out trips."""
+    errors = (evaluation.trips["predicted_wh"] / evaluation.trips["observed_wh"] - 1.0).abs()
+    means = errors.groupby(evaluation.trips["protocol"]).mean()
+    return f"Mean error of the linear model: {', '.join(f'{100.0 * mean:.1f} % on {name}' for name, mean in means.items())}."
+
+
+def accuracy_table(evaluation: FleetEvaluation, by: str) -> Table:
+    """Mean error and coverage by one of `CLASSES`."""
+    return tabulated(
+        f"By {CLASSES[by]}",
+        evaluation.table(by).to_dict("records"),
+        Column("trips forecast", "protocol"),
+        in_words(CLASSES[by], by),
+        Column("trips", "trips", digits=0),
+        in_percent("mean error [%]", "error"),
+        in_percent("inside the 90 % interval [%]", "inside", 0),
+    )
+
+
+def own_table(evaluation: FleetEvaluation) -> Table:
+    """Mean error by the number of trips of the vehicle that the model has learned."""
+    return tabulated(
+        "Mean error by number of own trips",
+        evaluation.own.to_dict("records"),
+        Column("own trips", "own_trips", digits=0),
+        Column("vehicles", "vehicles", digits=0),
+        in_percent("fleet and own trips [%]", "pooled"),
+        in_percent("own trips only [%]", "own_only"),
+        in_percent("fleet only [%]", "fleet_only"),
+    )
+
+
+def inside_table(evaluation: FleetEvaluation) -> Table:
+    """How much the share of trips inside of the interval differs between vehicles."""
+    table = evaluation.table("vehicle_id")
+
+    def spread() -> Iterator[dict[str, Any]]:
+        for protocol, shares in table[table["trips"] >= LEAST_TRIPS].groupby("protocol")["inside"]:
+            low, middle, high = shares.quantile([0.1, 0.5, 0.9])
+            yield {"protocol": protocol, "n": len(shares), "low": low, "middle": middle, "high": high}
+
+    return tabulated(
+        f"Trips inside the 90 % interval, by vehicle with {LEAST_TRIPS} trips or more",
+        spread(),
+        Column("trips forecast", "protocol"),
+        Column("vehicles", "n", digits=0),
+        in_percent("lowest tenth [%]", "low", 0),
+        in_percent("median [%]", "middle", 0),
+        in_percent("highest tenth [%]", "high", 0),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class ManagerReport:
+    """What the manager of a fleet asks: which vehicles changed, what the planned trips need, and which cars the routes need.
+
+    Attributes
+    ----------
+    title : str
+    quantile : float
+        Probability with which a need suffices.
+    changes, vehicles : DataFrame
+        From `changes` and `deviations`.
+    drivers : DataFrame or None
+        From `deviations`; None where nobody asked for them.
+    needs, routes : DataFrame or None
+        From `needs_by_hour` and `needs_by_car`; None without planned trips.
+    cold : Cold or None
+        Temperature of the coldest week, or the one that was given.
+    refused : tuple of Fault
+        Planned trips that cannot be forecast.
+    about : mapping of str to str
+        What its head names, such as the version of the model.
+    """
+
+    title: str
+    quantile: float
+    changes: pd.DataFrame
+    vehicles: pd.DataFrame
+    drivers: pd.DataFrame | None = None
+    needs: pd.DataFrame | None = None
+    routes: pd.DataFrame | None = None
+    cold: nights.Cold | None = None
+    refused: tuple[Fault, ...] = ()
+    about: Mapping[str, str] = field(default_factory=dict)
+
+    @classmethod
+    def of(
+        cls, about: Mapping[str, str], model: FleetModel, rows: TripRows, planned: Sequence[nights.PlannedTrip] = (), *, quantile: float = nights.QUANTILE,
+        reserve: float = 0.0, drivers: bool = False, coldest_degc: float | None = None,
+    ) -> ManagerReport:  # fmt: skip
+        """The report on the trips of a fleet.
+
+        Parameters
+        ----------
+        about : mapping of str to str
+            What its head names, such as the version of the model.
+        model : FleetModel
+        rows : TripRows
+            Of the trips that the model has seen.
+        planned : sequence of PlannedTrip
+        quantile, reserve : float
+            As of `needs_by_hour`.
+        drivers : bool
+            Whether the drivers are compared.
+        coldest_degc : float, optional
+            Outside temperature in place of that of the coldest week [°C].
+        """
+        asked = {"quantile": quantile, "reserve": reserve}
+        vehicles, changed = deviations(model.posterior, rows), changes(model.posterior, rows)
+        cold = nights.coldest_week(rows) if coldest_degc is None else nights.Cold(coldest_degc)
+        report = cls("Fleet report", quantile, changed, vehicles, cold=cold, about=about)
+        if drivers:
+            compared = deviations(model.posterior, rows, drivers=True)
+            report = replace(report, drivers=compared if len(compared) else None)
+        if planned:
+            refused: list[Fault] = []
+            needs = nights.needs_by_hour(
+                after_changes(model, rows, changed), planned, **asked, refused=refused
+            )
+            said = said_of_need(changed)
+            more = needs["vehicle_id"].map(lambda car: said.get(car, ""))
+            needs["reasons"] = (needs["reasons"].fillna("") + "; " + more).str.strip("; ")
+            report = replace(report, needs=needs, refused=tuple(refused))
+        if planned and cold is not None:
+            routes = nights.needs_by_car(model, planned, cold.ambient_temperature_degc, **asked)
+            report = replace(report, routes=routes)
+        return report
+
+    @property
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """Its tables by name."""
+        return {name: getattr(self, name) for name in REPORT_TABLES if getattr(self, name) is not None}
+
+    @property
+    def notes(self) -> list[str]:
+        """What the needs assume, what limits them, and why planned trips are left out."""
+        if self.needs is None:
+            return []
+        rows = zip(self.needs["vehicle_id"], self.needs["reasons"], strict=True)
+        whats = ((car, what) for car, reasons in rows for what in reasons.split("; ") if what)
+        told = alike((what, car, 1, f"{car}: {what}") for car, what in whats)
+        kinds = (f"{kind.example} (departures: {kind.count} of {len(self.needs)})" for kind in told)
+        left = (f"left out: {fault}" for fault in self.refused)
+        return [*left, *(re.sub(r"(?<!\S)-(?=\d)", "−", kind) for kind in kinds)]
+
+    def page(self) -> str:
+        """The report as one HTML file without scripts."""
+        counts = {"Trips": self.vehicles["trips"].sum(), "Vehicles": len(self.vehicles)}
+        facts = {**counts, "That changed": self.changes["vehicle_id"].nunique(), **self.about}
+        there = {*self.tables, *(("emhass", "evcc") if self.needs is not None else ())}
+        more = {"files": [n for n in REPORT_FILES if n.partition(".")[0] in there], "foot": _CHANGE}
+        return page_text(
+            "fleet.html.jinja", {"": [*self.panels()]}, title=self.title, facts=facts.items(), **more
+        )
+
+    def panels(self) -> Iterator[Panel]:
+        """Changes, needs, routes, vehicles and drivers, as far as there are any."""
+        tables: tuple[Table, ...] = (changes_table(self.changes),) if len(self.changes) else ()
+        said = said_of_changes(self.changes, len(self.vehicles))
+        yield Panel("changes", "Vehicles that changed", said, tables=tables)
+        if self.needs is not None:
+            said, needs = said_of_needs(self.needs, self.quantile), needs_table(self.needs, self.quantile)
+            notes = Table("What the needs assume and their limits", ("note",), tuple(zip(self.notes)))
+            yield Panel("needs", "What the planned trips need", said, tables=(needs, notes))
+        if self.routes is not None and self.cold is not None:
+            said = said_of_routes(self.routes, self.quantile, self.cold)
+            yield Panel("routes", "Cars for the planned routes", said, tables=(routes_table(self.routes),))
+        for key, title in (("vehicles", "Vehicles beside others"), ("drivers", "Drivers beside others")):
+            if key in self.tables:
+                shares = shares_table(self.tables[key], key[:-1])
+                yield Panel(key, title, _SHARES[key], tables=(shares,), folded=True)
+
+    def write(self, folder: Path, at: dt.datetime, charger_w: float) -> dict[str, Any]:
+        """Write the page, the data, each table as CSV and the files for EMHASS and evcc into a folder; return the data.
+
+        Files of an earlier report that this one lacks are removed. `at` and `charger_w` are those of `emhass`.
+        """
+        document: dict[str, Any] = {"about": {**self.about}, "quantile": self.quantile}
+        document["refused"] = [fault.texts for fault in self.refused]
+        document["coldest_week"] = self.cold and self.cold._asdict()
+        document |= {name: nights.records(table) for name, table in self.tables.items()}
+        texts = {f"{name}.csv": csv_of(table) for name, table in self.tables.items()}
+        if self.needs is not None:
+            document |= nights.night_document(self.needs, at, charger_w)
+            lines = "".join(f"{path}\n" for path in document["evcc"])
+            texts |= {"emhass.json": f"{json.dumps(document['emhass'])}\n", "evcc.txt": lines}
+        texts |= {"report.json": f"{json.dumps(document, allow_nan=False)}\n", "report.html": self.page()}
+        folder.mkdir(parents=True, exist_ok=True)
+        for name in {*REPORT_FILES} - {*texts}:
+            (folder / name).unlink(missing_ok=True)
+        for name, text in texts.items():
+            write_text(folder / name, text)
+        return document
+
+
+_ERROR: Final = (
+    "Error = |measured − forecast| / measured of a trip by the linear model of the fleet, which has not seen the trip, the vehicle or the car model that "
+    "it is named after."
+)
+_CHANGE: Final = (
+    f"A change is listed if it is {percent(LEAST_CHANGE, 0)} or more and beyond chance: in a fleet without changes, one of {1.0 / FALSE_CHANGES:.0f} reports lists "
+    "one. The percentage after a cause is the probability that it is the right one; the beginning lies between the earliest and the latest day with 95 %."
+)
+_SHARES: Final = {
+    "vehicles": "Energy beyond that of the car model on the usual trip of the car model, with one standard deviation.",
+    "drivers": "Energy beyond that of the vehicle's drivers together on the usual trip of the car model, with one standard deviation.",
+}
+NONE_CHANGED: Final = f"No vehicle changed by {percent(LEAST_CHANGE, 0)} or more beyond chance."
+
+
+def said_of_changes(changed: pd.DataFrame, vehicles: int) -> str:
+    """How many vehicles changed, and by which causes."""
+    if not len(changed):
+        return NONE_CHANGED
+    causes = ", ".join(f"{n} by {cause}" for cause, n in changed["cause"].value_counts().items())
+    return (
+        f"{changed['vehicle_id'].nunique()} of {vehicles} vehicles: {causes}. A change of the consumption is a share of it; one of the battery is a "
+        "share of the displayed charge that an energy takes. What all vehicles of a car model share in a month does not count."
+    )
+
+
+def changes_table(changed: pd.DataFrame) -> Table:
+    """A row for each change."""
+    return tabulated(
+        "Every change, the largest first",
+        changed.to_dict("records"),
+        Column("vehicle", "vehicle_id"),
+        in_words("cause", lambda row: f"{row['cause']} ({percent(row['probability'], 0)})"),
+        in_words("since", "since"),
+        in_words("earliest", "from_day"),
+        in_words("latest", "to_day"),
+        Column("more [%]", _more("change")),
+        Column("trips before", "before", digits=0),
+        Column("after", "after", digits=0),
+        in_words("car model", "car_model"),
+    )
+
+
+def _more(name: str) -> Callable[[Mapping[str, Any]], str]:
+    return lambda row: f"{100.0 * row[name]:+.1f}\u00a0±\u00a0{100.0 * row['sd']:.1f}".replace("-", "−")
+
+
+def said_of_needs(needs: pd.DataFrame, quantile: float) -> str:
+    """The sums of the night."""
+    kwh = needs[["energy_quantile_wh", "charge_wh"]].sum() / 1000.0
+    full = int((needs["soc_needed"] > 1.0).groupby(needs["vehicle_id"]).any().sum())
+    return (
+        f"Planned trips: {needs['trips'].sum()}. If each gets what suffices with {percent(quantile, 0)}, they need {kwh.iloc[0]:.0f} kWh. To be charged, for "
+        f"departures of vehicles whose charge now is known ({needs['charge_wh'].count()} of {len(needs)}): {kwh.iloc[1]:.0f} kWh. Vehicles that have to charge between or on "
+        f"their trips, because a full battery does not suffice for all of them: {full}. What to leave with counts without "
+        "charging between the trips; what to charge is the part of each hour. A vehicle that charges between its trips has a load for each part in emhass.json, and "
+        "one plan for all of them, before its first departure, in evcc.txt."
+    )
+
+
+def needs_table(needs: pd.DataFrame, quantile: float) -> Table:
+    """A row for each vehicle and hour of departure, those first that have something to charge or need more than a full battery."""
+    urgent = (needs["charge_wh"] > 0.0) | (needs["soc_needed"] > 1.0)
+    return tabulated(
+        "By vehicle and hour of departure",
+        [*needs[urgent].to_dict("records"), *needs[~urgent].to_dict("records")],
+        Column("vehicle", "vehicle_id"),
+        in_percent("leave with [%]", "soc_needed", 0),
+        in_kwh("to charge [kWh]", "charge_wh", 1),
+        in_percent("charge now [%]", "soc", 0),
+        in_words("first departure", lambda row: f"{row['departs_at']:%Y-%m-%d %H:%M}"),
+        in_kwh(f"suffices with {percent(quantile, 0)} [kWh]", "energy_quantile_wh", 1),
+        in_kwh("energy, median [kWh]", "energy_wh", 1),
+        Column("trips", "trips", digits=0),
+        Column("distance [km]", "distance_m", 1e-3, 0),
+    )
+
+
+def said_of_routes(routes: pd.DataFrame, quantile: float, cold: nights.Cold) -> str:
+    """How many routes every car model can drive, some, and none."""
+    able = (routes.iloc[:, 1:] <= 1.0).mean(axis=1)
+    every, none = int((able == 1.0).sum()), int((able == 0.0).sum())
+    at = f"at {number(cold.ambient_temperature_degc, 1.0, 0)} °C"
+    week = f"In the coldest week so far with {cold.least_trips} trips or more, from {cold.monday} {at}"
+    colder = ", ".join(f"{day} ({number(degc, 1.0, 0)} °C, {n} trips)" for day, degc, n in cold.colder)
+    return (
+        f"{f'A{at[1:]}' if cold.monday is None else week}, a full battery of every car model suffices for {every} of "
+        f"{len(able)} routes with {percent(quantile, 0)}; {len(able) - every - none} more with some of the car models, {none} with none of them. "
+        "The columns have the displayed charge [%] that suffices with each car model, whichever vehicle it is; a dash is more than a full battery."
+        + (f" Colder weeks with fewer trips do not count: {colder}." if colder else "")
+    )
+
+
+def routes_table(routes: pd.DataFrame) -> Table:
+    """A row for each route and a column for each car model."""
+    cars = [f"{car}" for car in routes.columns[1:]]
+
+    def able(row: Mapping[str, Any]) -> str:
+        names = [car for car in cars if row[car] <= 1.0]
+        return "all" if len(names) == len(cars) else ", ".join(names) or "none"
+
+    def within(car: str) -> Column:
+        return in_percent(car, lambda row: row[car] if row[car] <= 1.0 else None, 0)
+
+    columns = Column("route", "trip"), in_words("car models", able), *map(within, cars)
+    return tabulated("Charge that suffices", routes.to_dict("records"), *columns)
+
+
+def shares_table(table: pd.DataFrame, key: str) -> Table:
+    """A row for each vehicle or driver."""
+    return tabulated(
+        f"Every {key}, by deviation",
+        table.to_dict("records"),
+        Column(key, "driver" if key == "driver" else "vehicle_id"),
+        in_words("car model", "car_model"),
+        Column("trips", "trips", digits=0),
+        Column("more [%]", _more("share")),
+        *(in_percent(f"{part.replace('_', ' ')} [%]", part) for part in PARTS),
+    )

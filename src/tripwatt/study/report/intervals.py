@@ -1,0 +1,80 @@
+"""Coverage of intervals with their width and the width that was needed: the same table for every protocol and scheme."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from itertools import groupby
+from operator import itemgetter
+from typing import Any, Final
+
+from tripwatt.study.report.tables import DASH, Table, number, span
+
+Bounds = tuple[float, float] | None
+COLUMNS: Final = (
+    "Scored",
+    "Interval",
+    "Inside",
+    "Inside [%]",
+    "Clopper-Pearson 95 %",
+    "Mean width",
+    "Width that was needed",
+)
+NOTE: Final = (
+    "The width that was needed is that with which the intervals, all scaled by one factor, would have held exactly their share of these "
+    "trips. It is known in hindsight alone. Widths of energy in kWh, of charge in points."
+)
+OFF: Final = "*"
+"""Marks a share whose Clopper-Pearson interval leaves out the level."""
+
+
+def energy_rows(name: str, score: Mapping[str, Any], trips: int) -> Iterable[tuple[str, ...]]:
+    """A row for each level of the energy's interval.
+
+    Parameters
+    ----------
+    name : str
+        What was scored.
+    score : mapping
+        From `tripwatt.study.evaluation.forecast_scores.coverage_scores`; results of older versions lack counts and needed widths.
+    trips : int
+    """
+    for key, share in score["coverage"].items():
+        level, needed = float(key), score.get("needed_width_wh", {}).get(key)
+        widths = number(score["interval_width_wh"][key], 1e-3), number(needed, 1e-3)
+        yield _row(
+            (name, f"{100.0 * level:g} % of energy"), share, trips, score["coverage_ci95"][key], level, widths
+        )
+
+
+def charge_rows(name: str, arrival: Mapping[str, Any], level: float) -> Iterable[tuple[str, ...]]:
+    """A row for the interval of the charge at arrival, where the display was known at departure.
+
+    Parameters
+    ----------
+    name : str
+    arrival : mapping
+        From `tripwatt.study.evaluation.forecast_scores.arrival_scores`.
+    level : float
+    """
+    score = arrival.get("soc")
+    if score is None:
+        return
+    widths = number(score["interval_width"], 100, 1), number(score.get("needed_width"), 100, 1)
+    share, trips, bounds = score["coverage"], score["n_trips"], score["coverage_ci95"]
+    yield _row((name, f"{100.0 * level:g} % of charge"), share, trips, bounds, level, widths)
+
+
+def intervals_table(caption: str, rows: Iterable[tuple[str, ...]]) -> Table:
+    """The rows as a table; a set of trips is named in its first row alone."""
+    sets = (enumerate(of_set) for _, of_set in groupby(rows, key=itemgetter(0)))
+    shown = (("" if number else row[0], *row[1:]) for of_set in sets for number, row in of_set)
+    return Table(caption, COLUMNS, tuple(shown), text_columns=frozenset({0, 1}))
+
+
+def _row(
+    names: tuple[str, str], share: float, trips: int, ci95: Bounds, level: float, widths: tuple[str, str]
+) -> tuple[str, ...]:
+    inside = round(share * trips)
+    shown = number(inside / trips, 100, 0) if trips else DASH
+    mark = OFF if ci95 and not ci95[0] <= level <= ci95[1] else ""
+    return (*names, f"{inside} of {trips}", f"{shown}{mark}", span(ci95, 0), *widths)

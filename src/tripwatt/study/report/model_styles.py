@@ -1,0 +1,87 @@
+"""How a model is called and coloured: the one place from which every table and figure takes it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from types import MappingProxyType
+from typing import Final, Literal
+
+from tripwatt.files import shipped_toml
+
+Kind = Literal["constant", "baseline", "physics", "data", "hybrid"]
+
+
+@dataclass(frozen=True, slots=True)
+class ModelStyle:
+    """The reader's name and the colour of a model.
+
+    Attributes
+    ----------
+    label : str
+        Name for tables and axes.
+    colour : str
+        sRGB hex. At least 3:1 in contrast on the light and on the dark page; a label or a marker always repeats
+        it, so that nothing depends on colour alone.
+    kind : {"constant", "baseline", "physics", "data", "hybrid"}
+        `hybrid` = simulation + correction, `data` = fitted without simulation.
+    meaning : str
+        One line for the legend of the table.
+    stands_on : str or None
+        The simulation that a hybrid corrects.
+    without_physics : str or None
+        The same learner without the simulation.
+    published : str or None
+        The same model with published values of the car alone.
+    preset : str
+        Short name of a simulation.
+    """
+
+    label: str
+    colour: str
+    kind: Kind
+    meaning: str
+    stands_on: str | None = None
+    without_physics: str | None = None
+    published: str | None = None
+    preset: str = ""
+
+
+@cache
+def model_styles() -> Mapping[str, ModelStyle]:
+    """The style of every model in the order of the tables, from `models.toml`."""
+    return MappingProxyType(
+        {name: ModelStyle(**style) for name, style in shipped_toml("study/report/models.toml").items()}
+    )
+
+
+PAPER: Final = "arXiv:2405.10984, Table 3"
+"""Where the paper states its average errors."""
+
+_UNKNOWN_COLOUR: Final = "#7c7c7c"
+
+
+def model_style(name: str) -> ModelStyle:
+    """The style of a model; a model without an entry keeps its own name and a neutral colour.
+
+    Examples
+    --------
+    >>> model_style("boosting").label
+    'Hybrid boosting'
+    >>> model_style("brand-new").label
+    'brand-new'
+    """
+    return model_styles().get(name) or ModelStyle(name, _UNKNOWN_COLOUR, "data", "")
+
+
+def ordered(names: Iterable[str]) -> list[str]:
+    """Model names in the order of the tables, unknown ones last and by name.
+
+    Examples
+    --------
+    >>> ordered(["forest", "zebra", "constant"])
+    ['constant', 'forest', 'zebra']
+    """
+    rank = {name: i for i, name in enumerate(model_styles())}
+    return sorted(set(names), key=lambda name: (rank.get(name, len(rank)), name))

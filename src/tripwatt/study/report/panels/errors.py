@@ -1,0 +1,143 @@
+"""Errors of the trips: along three of them, as histograms and as boxes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from tripwatt.arrays import FloatArray
+from tripwatt.study.report import style
+from tripwatt.study.report.model_styles import model_style, ordered
+from tripwatt.study.report.panel import Panel
+from tripwatt.study.report.view import View, plain
+from tripwatt.study.report.words import label
+from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_MINUTE
+
+CUT: Final = 1.5
+"""Errors beyond this fraction are drawn at the edge, or a few would flatten all others."""
+EDGE: Final = f"errors beyond {100 * CUT:.0f} % are drawn at the edge"
+
+
+def panels(view: View) -> list[Panel]:
+    """Energy along three trips, the distribution of the errors, and the box plots."""
+    present = ordered(map(str, view.main_folds["model"].unique()))
+    alone = ((m, model_style(m).without_physics) for m in present)
+    pairs = [(model_style(m).stands_on, m, other) for m, other in alone if other in present]
+    shown = []
+    if selected := view.selected_trips():
+        caption = f"{label(str(view.best))} on the best, the median and the worst trip, as measured and as predicted."
+        shown.append(Panel("trip-energy", "Energy along trips", caption, plot_trip_energy(view, selected)))
+    if present:
+        caption = "Signed error of every held-out trip, by model."
+        drawn = plot_error_distribution(view, present)
+        shown.append(Panel("error-distribution", "Error distribution", caption, drawn))
+        caption = "Absolute error of every held-out trip, by model."
+        drawn = plot_error_boxes(view, present, "Errors of all models")
+        shown.append(Panel("error-boxes", "Box plot of all models", caption, drawn))
+    for trio in pairs[:1]:
+        caption = "A hybrid beside its simulation alone and beside the same learner without simulation."
+        drawn = plot_error_boxes(view, [m for m in trio if m in present], "Physics, hybrid, learner alone")
+        shown.append(Panel("benchmark-boxes", "Physics alone, hybrid, and learner alone", caption, drawn))
+    return shown
+
+
+def signed_errors(view: View, model: str) -> FloatArray:
+    """(predicted - observed) / observed of a model, one finite value per trip of the main evaluation."""
+    rows = view.main_folds[view.main_folds["model"] == model]
+    errors = (rows["predicted_energy_wh"] / rows["observed_energy_wh"] - 1.0).to_numpy(dtype=np.float64)
+    return np.asarray(errors[np.isfinite(errors)])
+
+
+def plot_error_distribution(view: View, models: Sequence[str]) -> Figure:
+    """Histogram and rug of the signed error of every model over the folds, on one common axis."""
+    errors = {m: signed_errors(view, m) for m in models}
+    largest = np.abs(np.concatenate(list(errors.values()))).max(initial=0.2)
+    limit = min(np.ceil(10 * largest) / 10, CUT)
+    head = "Error of every trip, by model", f"{view.note}\nevery row to its own scale; {EDGE}"
+    figure, rows = style.stacked(view, 1.5 + 0.72 * len(models), head, len(models), sharex=True)
+    for number, (axes, model) in enumerate(zip(rows, models, strict=True)):
+        colour, clipped = model_style(model).colour, np.clip(errors[model], -limit, limit)
+        axes.hist(clipped, bins=np.linspace(-limit, limit, 41).tolist(), color=colour, alpha=0.75, lw=0)
+        rug = axes.plot(clipped, np.full(len(clipped), -0.09), "|", color=colour, ms=6, mew=0.9)[0]
+        rug.set(transform=axes.get_xaxis_transform(), clip_on=False, gid=f"rug-{number}")
+        axes.axvline(0.0, color=style.INK, lw=0.9)
+        axes.axvline(float(np.median(clipped)), color=style.INK, lw=1.1, ls=(0, (2, 2)))
+        axes.set(xlim=(-limit, limit), yticks=[])
+        axes.spines["left"].set_visible(False)
+        axes.set_title(label(model), fontsize=8.5, pad=2)
+        axes.tick_params(axis="x", pad=7)
+        axes.grid(axis="x")
+    words = "(predicted − measured) / measured [%];  dashed: median;  ticks: single trips"
+    style.percent_axis(rows[-1], words)
+    return figure
+
+
+def plot_error_boxes(view: View, models: Sequence[str], title: str) -> Figure:
+    """Box plot of the absolute error of each model, every trip as a point; the paper's means as crosses."""
+    figure, axes = style.plotted(view, 1.7 + 0.52 * len(models), title, f"{view.note}\n{EDGE}")
+    errors = [np.minimum(np.abs(signed_errors(view, m)), CUT) for m in models]
+    boxes = axes.boxplot(
+        errors, positions=range(len(models)), orientation="horizontal", widths=0.48, showfliers=False,
+        showmeans=True, patch_artist=True, medianprops={"color": style.INK, "lw": 1.8},
+        meanprops={"marker": "D", "mfc": style.PAPER_COLOUR, "mec": style.INK, "ms": 4.5},
+    )  # fmt: skip
+    for row, (model, own) in enumerate(zip(models, errors, strict=True)):
+        colour = model_style(model).colour
+        boxes["boxes"][row].set(facecolor=colour, edgecolor=colour, alpha=0.35)
+        # a fixed low-discrepancy jitter: points of one row stay apart without a random state
+        shift = 0.3 * (((np.arange(len(own)) * 0.618034) % 1.0) - 0.5)
+        axes.scatter(own, row + shift, s=7, color=colour, alpha=0.7, lw=0, zorder=3, gid=f"trips-{row}")
+    paper = {view.published[m]: row for row, m in enumerate(models) if m in view.published}
+    crosses = axes.plot([*paper], [row - 0.38 for row in paper.values()], "x", color=style.INK, ms=5)
+    axes.legend(
+        [boxes["means"][0], boxes["medians"][0], *(crosses if paper else ())],
+        ["mean", "median", *(["the paper's mean"] if paper else ())],
+        loc="best",
+    )
+    style.row_names(axes, [label(m) for m in models])
+    axes.set_xlim(left=0)
+    style.percent_axis(axes, "absolute percentage error [%]")
+    return figure
+
+
+def plot_trip_energy(view: View, selected: Sequence[tuple[str, str, float]]) -> Figure:
+    """Cumulative energy along trips: measured, simulated and predicted, with the speed below.
+
+    Parameters
+    ----------
+    view : View
+        Its `series` have the trips.
+    selected : sequence of (role, trip, ape)
+        Which trips, e.g. `("Worst", "B28", 0.31)`.
+    """
+    model = str(view.best)
+    title = f"Energy along the trip: {label(model)}"
+    settings = {"height_ratios": [3.2, 1.0] * len(selected)}
+    head = title, view.given
+    figure, rows = style.stacked(view, 1.0 + 2.55 * len(selected), head, 2 * len(selected), **settings)
+    simulated = model_style(model).stands_on
+    curves: list[tuple[str, str, str, Any]] = [("observed_energy_wh", "measured", style.INK, "-")]
+    if simulated and all(simulated in view.series[trip] for _, trip, _ in selected):
+        curves.append((simulated, "simulated", model_style(simulated).colour, (0, (5, 2))))
+    curves.append((model, "predicted", model_style(model).colour, "-"))
+    for place, (role, trip, ape) in enumerate(selected):
+        frame = style.thinned(view.series[trip])
+        minutes = (frame["time_s"] - frame["time_s"].iloc[0]) / SECONDS_PER_MINUTE
+        top, below = rows[2 * place : 2 * place + 2]
+        for column, words, colour, dash in curves:
+            gid = f"energy-{place}-{words}"
+            top.plot(minutes, frame[column] / 1e3, color=colour, ls=dash, lw=1.6, label=words, gid=gid)
+        top.set(title=f"{role} trip: {plain(trip, 34)}, error {100 * ape:.1f} %", ylabel="energy [kWh]")
+        top.grid(axis="y")
+        top.tick_params(labelbottom=False)
+        below.fill_between(minutes, frame["speed_m_s"] / M_S_PER_KM_H, color=style.INK, alpha=0.35, lw=0)
+        below.set(ylabel="km/h")
+        below.set_ylim(bottom=0)
+        for axes in (top, below):
+            axes.set_xlim(0, float(minutes.iloc[-1]) or 1.0)
+    rows[-1].set_xlabel("time since departure [min]")
+    figure.legend(*rows[0].get_legend_handles_labels(), loc="outside lower left", ncols=3)
+    return figure

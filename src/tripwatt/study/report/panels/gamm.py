@@ -1,0 +1,98 @@
+"""The fit of the GAMM: its terms and scores, its residuals, and its effects."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import matplotlib
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from tripwatt.gam.effects import CurveEffect, RandomEffects, SurfaceEffect, plot_effects
+from tripwatt.study.paper.insight import GammInsight
+from tripwatt.study.report.covariates import term_in_words
+from tripwatt.study.report.panel import Panel
+from tripwatt.study.report.style import plotted
+from tripwatt.study.report.tables import Table, number
+from tripwatt.study.report.view import View, plain
+
+
+def panels(view: View) -> list[Panel]:
+    """Tables and figures of the fit; none where the GAMM was not among the models."""
+    gamm = view.gamm
+    if gamm is None:
+        return []
+    curves = {name: e for name, e in gamm.effects.items() if isinstance(e, CurveEffect)}
+    shown = [
+        Panel("gamm-summary", "Summary of the GAMM", tables=(terms_table(view, gamm), fit_table(view, gamm))),
+        Panel(
+            "gamm-diagnosis",
+            "Residuals against the fitted distribution",
+            "Residuals in Wh; red: what the fitted model expects.",
+            _figure(view, 6.0, "Residuals of the GAMM [Wh]", gamm.diagnosis.plot),
+        ),
+        Panel(
+            "gamm-smooths",
+            "Effect of each covariate",
+            "Centred smooths in Wh, with pointwise bands of 95 %; ticks are the data.",
+            _figure(
+                view,
+                0.5 + 2.2 * len(curves),
+                "Smooth effects of the GAMM [Wh]",
+                lambda place: plot_effects(curves, place, columns=1),
+            ),
+        ),
+    ]
+    for effect in gamm.effects.values():
+        if isinstance(effect, SurfaceEffect):
+            caption = "In Wh; blank far from all data; points are the data."
+            drawn = _figure(view, 4.3, "Surface of the GAMM [Wh]", effect.plot)
+            shown.append(Panel("gamm-surface", "Joint effect of two covariates", caption, drawn))
+        elif isinstance(effect, RandomEffects):
+            caption = "In Wh, with 95 % intervals; on the line if they are normally distributed. That of a new trip is 0."
+            drawn = _figure(view, 3.6, "Random effects of the trips [Wh]", effect.plot)
+            shown.append(Panel("gamm-random", "Random effects of the trips", caption, drawn))
+    return shown
+
+
+def _figure(view: View, height_in: float, title: str, draw: Callable[[Axes], Figure]) -> Figure:
+    figure, place = plotted(view, height_in, title)
+    with matplotlib.rc_context({"axes.titlesize": 7.5}):
+        draw(place)
+    return figure
+
+
+def terms_table(view: View, gamm: GammInsight) -> Table:
+    """Every coefficient with its standard error and every smooth with its EDF."""
+    rows = [
+        (term_in_words(term.removeprefix("EDF: ")), f"{value}{mark}".replace("-", "−"))
+        for term, value, mark in gamm.summary.rows()
+    ]
+    caption = (
+        f"{view.captioned('Terms of the GAMM')}: estimate (standard error) in Wh, EDF (reference df) of a smooth s(); "
+        "*** p < 0.001, ** p < 0.01, * p < 0.05"
+    )
+    return Table(caption, ("Term", "Value"), tuple(rows))
+
+
+def fit_table(view: View, gamm: GammInsight) -> Table:
+    """Scores of the fit, the correlation of its residuals, and the reductions that the data forced."""
+    page = gamm.summary
+    neighbours = number(float(gamm.autocorrelation.correlation[0]))
+    rows = [
+        ("Converged", "yes" if page.converged else f"no, the figures are not to be trusted. {page.message}"),
+        ("Errors", page.distribution()),
+        ("Formula", term_in_words(page.formula)),
+        *((name, value.replace("-", "−")) for name, value in page.scores().items()),
+        (f"Correlation of residuals {gamm.row_step_s:g} s apart", neighbours),
+        *(
+            ("Note", plain(term_in_words(note), 400))
+            for note in (gamm.autocorrelation.warning, *page.notes)
+            if note
+        ),
+        *(
+            ("Term left out", f"{term_in_words(term)}: its covariates never vary here")
+            for term in gamm.left_out
+        ),
+    ]
+    return Table(view.captioned("The fit of the GAMM"), ("What", "Value"), tuple(rows), frozenset({0, 1}))

@@ -1,0 +1,131 @@
+"""What differs from the paper: forms of its simulation, working correlations, errors of the GAMM, trips needed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+from matplotlib.figure import Figure
+
+from tripwatt.study.evaluation.paper_studies import CORRELATIONS, CURVE_MODELS, FORMS, GAMM_ERRORS
+from tripwatt.study.paper.correctors import SIMULATION
+from tripwatt.study.report.model_styles import model_style
+from tripwatt.study.report.panel import Panel
+from tripwatt.study.report.style import INK, legend_below, plotted
+from tripwatt.study.report.tables import DASH, Column, Table, in_percent, in_words, tabulated
+from tripwatt.study.report.view import Record, View
+from tripwatt.study.report.words import points
+
+CORRECTORS: Final = ("gamm", "forest", "boosting")
+"""The paper's correctors, in the order of its Table 3."""
+
+
+def panels(view: View) -> list[Panel]:
+    """The tables of the studies, and how many trips the hybrid needs; none where the studies were not part of the run."""
+    if not view.results.get("studies"):
+        return []
+    tables = forms_table(view), improved_table(view), correlations_table(view), gamm_errors_table(view)
+    shown = [Panel("paper-studies", "Variants of the paper's models", tables=tables)]
+    if view.results["studies"].get("trips_needed"):
+        caption = "Means over random draws of training trips, scored on all other trips."
+        drawn = plot_trips_needed(view)
+        shown.append(Panel("trips-needed", "How many trips the hybrid needs", caption, drawn))
+    return shown
+
+
+def study_scores(view: View) -> Mapping[str, Record]:
+    """Scores of the models beside the table, and of those of the table on the same trips, by name."""
+    return (view.results.get("studies") or {}).get("models") or {}
+
+
+def forms_table(view: View) -> Table:
+    """Errors of every form of the simulation beside the paper's."""
+    scores, target = study_scores(view), view.published[SIMULATION]
+    rows = [scores[name] for name in (SIMULATION, *(form.name for form in FORMS)) if name in scores]
+    paper = {"title": "the paper's simulation", "mape": target}
+    return tabulated(
+        "Simulation alone, without climate control",
+        [*rows, paper],
+        Column("Simulation", "title"),
+        in_percent("Mean error [%]", "mape"),
+        in_percent("95 % interval", "mape_ci95"),
+        in_percent("Bias [%]", "bias"),
+        in_percent("Max [%]", "max_ape"),
+        Column("To the paper", lambda row: DASH if row is paper else points(row["mape"] - target)),
+    )
+
+
+def improved_table(view: View) -> Table:
+    """The correctors on the table's simulation and on the nearest form, with the share of trips that they improve."""
+    scores = study_scores(view)
+    names = [*CORRECTORS, *(f"{name}-brochure" for name in CORRECTORS)]
+    return tabulated(
+        "Correctors, and the share of trips that they improve over their simulation",
+        [scores[name] for name in names if name in scores],
+        Column("Corrector", "title"),
+        in_words("Simulation", lambda row: scores[row["simulation"]]["title"]),
+        in_percent("Mean error [%]", "mape"),
+        in_percent("95 % interval", "mape_ci95"),
+        in_percent("Trips improved [%]", "improved_share", 0),
+    )
+
+
+def correlations_table(view: View) -> Table:
+    """The boosting under each working correlation, and with the choice inside the fold."""
+    names = ["boosting", *(model.name for model in CORRELATIONS), "boosting-chosen"]
+    return _options(view, names, "Boosting by its working correlation")
+
+
+def gamm_errors_table(view: View) -> Table:
+    """The GAMM with independent Student's t errors, with AR(1) errors, and with the choice inside the fold."""
+    names = ["gamm", *(model.name for model in GAMM_ERRORS), "gamm-chosen"]
+    return _options(view, names, "The GAMM by the model of its errors")
+
+
+def _options(view: View, names: Sequence[str], caption: str) -> Table:
+    scores, trips = study_scores(view), int(view.results["studies"]["n_trips"])
+    chosen = view.results["studies"]["choices"].get(names[-1], {})
+    rows = [{**scores[name], "chosen": chosen.get(name)} for name in names if name in scores]
+
+    def without_worst(row: Record) -> float | None:
+        return (trips * row["mape"] - row["max_ape"]) / (trips - 1) if "max_ape" in row else None
+
+    return tabulated(
+        caption,
+        [*rows, {"title": "the paper", "mape": view.published[names[0]]}],
+        Column("Model", "title"),
+        in_percent("Mean error [%]", "mape"),
+        in_percent("95 % interval", "mape_ci95"),
+        in_percent("Median [%]", "median_ape"),
+        in_percent("Max [%]", "max_ape"),
+        in_percent("Without the worst trip [%]", without_worst),
+        Column("Folds that chose it", "chosen", digits=0),
+        Column("Fit [s]", "fit_s"),
+    )
+
+
+def plot_trips_needed(view: View) -> Figure:
+    """Mean error against the number of training trips, with the crossing and its interval."""
+    needed: Record = view.results["studies"]["trips_needed"]
+    figure, axes = plotted(view, 3.7, "How many training trips it takes", view.note)
+    hybrid, alone = CURVE_MODELS
+    sizes = [row["n_trips"] for row in needed["curve"]]
+    for name, marker in ((alone, "s"), (hybrid, "o")):
+        means, look = [100.0 * row[name] for row in needed["curve"]], model_style(name)
+        axes.plot(
+            sizes, means, marker, ls="-", lw=2, ms=6, color=look.colour, label=look.label, gid=f"curve-{name}"
+        )
+    axes.set_xscale("log")
+    axes.set_xticks(sizes, map(str, sizes))
+    axes.minorticks_off()
+    axes.set(xlabel="training trips", ylabel="mean error [%]")
+    axes.set_ylim(bottom=0)
+    axes.grid(axis="y")
+    target = 100.0 * needed["curve"][-1][alone]
+    axes.axhline(target, color=INK, lw=0.8, ls=":")
+    if needed["crossing"] is not None:
+        bounds = [sizes[-1] if end is None else end for end in needed["crossing_ci95"]]
+        axes.plot(bounds, [target, target], color=INK, lw=3.0, solid_capstyle="butt", gid="interval")
+        words = "crossing, 95 % interval"
+        axes.plot(needed["crossing"], target, "D", color=INK, ms=5, gid="crossing", label=words)
+    return legend_below(figure, 3)

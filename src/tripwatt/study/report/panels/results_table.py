@@ -1,0 +1,74 @@
+"""The main table, the other evaluations, and what the models are."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from tripwatt.study.report.model_styles import PAPER, model_style
+from tripwatt.study.report.panel import Panel
+from tripwatt.study.report.panels.paired import SIGNIFICANT, difference_column
+from tripwatt.study.report.tables import Column, Table, in_kwh, in_percent, in_words, number, span, tabulated
+from tripwatt.study.report.view import Record, View, of_evaluation
+from tripwatt.study.report.words import label
+
+
+def panels(view: View) -> list[Panel]:
+    """The main evaluation, the mean errors of all of them, and what the models are."""
+    if not view.evaluations:
+        return []
+    legend = tabulated(
+        "The models",
+        view.models,
+        Column("Model", label),
+        in_words("Name in the files", str),
+        in_words("What it is", lambda name: model_style(name).meaning),
+    )
+    return [
+        Panel("table", "Errors of the models", SIGNIFICANT, tables=(results_table(view),)),
+        Panel("sets", "Other trips and other folds", tables=(sets_table(view),)),
+        Panel("legend", "What the models are", tables=(legend,)),
+    ]
+
+
+def results_table(view: View) -> Table:
+    """The main evaluation: a row per model, errors in percent, RMSE in kWh, the paper's mean beside ours."""
+    paper, head = view.published, ", ".join(filter(None, [view.note, view.given]))
+
+    def beaten(preset: str) -> Column:
+        heading = f"Beats {model_style(preset).preset} [% of trips]"
+        return in_percent(heading, lambda row: (row.get("improved_share") or {}).get(preset), 0)
+
+    return tabulated(
+        view.captioned(head[:1].upper() + head[1:]),
+        [{**view.scores[name], "name": name} for name in view.models],
+        Column("Model", lambda row: label(row["name"])),
+        in_percent("Mean error [%]", "mape"),
+        in_percent("95 % interval", "mape_ci95"),
+        difference_column(view),
+        *([in_percent("The paper [%]", lambda row: paper.get(row["name"]))] if paper else []),
+        in_percent("Median [%]", "median_ape"),
+        in_percent("Max [%]", "max_ape"),
+        in_percent("Bias [%]", "bias"),
+        in_kwh("RMSE [kWh]", "rmse_wh"),
+        *(beaten(m.name) for m in view.protocol.models if model_style(m.name).preset),
+        Column("Fit [s]", "fit_s"),
+        Column("Predict [ms]", "predict_ms", digits=1),
+        strong=frozenset(i for i, name in enumerate(view.models) if name == view.best),
+    )
+
+
+def sets_table(view: View) -> Table:
+    """Mean error of each model (rows) in each evaluation (columns)."""
+    paper = [in_percent(f"the paper ({PAPER})", view.published.get)] if view.published else []
+    return tabulated(
+        view.captioned("Mean error [%] with its 95 % interval, by the trips that were used"),
+        view.models,
+        Column("Model", label),
+        *(Column(of_evaluation(e), partial(_mean_and_interval, e)) for e in view.evaluations),
+        *paper,
+    )
+
+
+def _mean_and_interval(evaluation: Record, model: str) -> str | None:
+    score = evaluation["models"].get(model)
+    return f"{number(score['mape'], 100, 1)} ({span(score['mape_ci95'])})" if score else None

@@ -1,0 +1,102 @@
+"""How good the forecast's intervals are, and its errors at arrival and during the trip."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+from matplotlib.figure import Figure
+
+from tripwatt.study.evaluation.forecast_scores import UPDATE_LEVEL
+from tripwatt.study.report.intervals import NOTE, OFF, charge_rows, energy_rows, intervals_table
+from tripwatt.study.report.panel import Panel
+from tripwatt.study.report.style import FORECAST_COLOUR, RULE, legend_below, percent_axis, plotted
+from tripwatt.study.report.tables import Column, Table, in_kwh, in_percent, tabulated
+from tripwatt.study.report.view import Record, View, of_evaluation
+
+STARTS: Final[Mapping[str, str]] = {
+    "soc": "the display was known at departure",
+    "bms_soc": "the battery management's charge was known",
+}
+"""Key in `arrival` -> what was known."""
+
+
+def panels(view: View) -> list[Panel]:
+    """Coverage of the intervals, and tables of the errors at arrival and during the trip; none without a forecast."""
+    if "coverage" not in view.focus:
+        return []
+    arrival = arrival_table(view)
+    note = f"{OFF} differs significantly from the level. {NOTE}"
+    return [
+        Panel("coverage", "Coverage of the intervals", note, plot_coverage(view), (coverage_by_set(view),)),
+        *([Panel("arrival", "State of charge at arrival", tables=(arrival,))] if arrival.rows else ()),
+        Panel("updates", "Error of the forecast during the trip", tables=(updates_table(view),)),
+    ]
+
+
+def plot_coverage(view: View) -> Figure:
+    """Share of trips inside the interval against its nominal level, with Clopper-Pearson intervals."""
+    figure, axes = plotted(view, 3.9, "How often the interval holds the measured energy", view.note_given)
+    axes.plot([0.4, 1.0], [0.4, 1.0], color=RULE, lw=1.5, label="exactly as stated")
+    for place, (key, covered) in enumerate(view.focus["coverage"].items()):
+        level, bounds = float(key), view.focus["coverage_ci95"][key]
+        axes.plot([level, level], bounds, color=FORECAST_COLOUR, lw=2.2, solid_capstyle="butt")
+        axes.plot(level, covered, "o", color=FORECAST_COLOUR, ms=7, gid=f"coverage-{place}")
+        offset, side = ((-8, 4), "right") if level < 0.93 else ((10, -14), "left")
+        words, at = f"{100 * covered:.0f} %", (level, covered)
+        axes.annotate(words, at, offset, textcoords="offset points", fontsize=8.5, ha=side)
+    axes.plot([], [], "-o", color=FORECAST_COLOUR, label="held-out trips, 95 % Clopper-Pearson interval")
+    axes.set(xlim=(0.4, 1.0), ylim=(0.25, 1.02), ylabel="inside [% of trips]")
+    axes.yaxis.set_major_formatter(lambda value, _: f"{100 * value:.0f}")
+    axes.grid(axis="y")
+    percent_axis(axes, "nominal level [%]")
+    return legend_below(figure)
+
+
+def scored_sets(view: View) -> list[tuple[str, Record, int]]:
+    """Name, scores of the forecast and number of trips of every set of held-out trips."""
+    scored = [(e, e["models"].get(view.protocol.focus, {})) for e in view.evaluations]
+    return [(of_evaluation(e), score, int(e["n_trips"])) for e, score in scored if "coverage" in score]
+
+
+def coverage_by_set(view: View) -> Table:
+    """Coverage, width and the width that was needed, of energy and charge, for every set of held-out trips."""
+    rows: list[tuple[str, ...]] = []
+    for name, score, trips in scored_sets(view):
+        rows += energy_rows(name, score, trips)
+        rows += charge_rows(name, score.get("arrival") or {}, UPDATE_LEVEL)
+    return intervals_table(view.captioned(f"Intervals of held-out trips by kind, {view.given}"), rows)
+
+
+def arrival_table(view: View) -> Table:
+    """Error and interval of the displayed charge at arrival, a row for each thing that was known at departure."""
+    scores = view.focus.get("arrival") or {}
+    return tabulated(
+        view.captioned(f"Displayed charge at arrival, {view.given}"),
+        [{**scores[key], "start": words} for key, words in STARTS.items() if scores.get(key)],
+        Column("Known at departure", "start"),
+        Column("Trips", "n_trips", digits=0),
+        in_percent("Mean error [points]", "mae", 2),
+        in_percent("Bias [points]", "bias", 2),
+        in_percent("Inside 90 % [%]", "coverage"),
+        in_percent("Clopper-Pearson 95 %", "coverage_ci95"),
+        in_percent("Its width [points]", "interval_width"),
+    )
+
+
+def updates_table(view: View) -> Table:
+    """Errors and intervals of the re-forecast by the part that was driven, beside the baselines."""
+    return tabulated(
+        view.captioned(f"Mean error of the re-forecast total, {view.given}"),
+        [{**row, "part": f"{100 * float(key):g} %"} for key, row in view.focus["update"].items()],
+        Column("Part driven", "part"),
+        in_percent("Re-forecast [%]", "mape"),
+        in_percent("95 % interval", "mape_ci95"),
+        in_percent("No update [%]", "no_update"),
+        in_percent("Difference [points]", "diff", 2),
+        in_percent("Its 95 % interval", "diff_ci95", 2),
+        in_percent("SoC alone [%]", "soc_only"),
+        in_percent("Gauge [%]", "naive_gauge"),
+        in_percent("Inside 90 % [%]", "coverage"),
+        in_kwh("Its width [kWh]", "interval_width_wh"),
+    )

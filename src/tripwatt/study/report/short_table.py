@@ -1,0 +1,112 @@
+"""The short table of a run, for the terminal and the README: the best model of each kind."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Final
+
+from tripwatt.arrays import by_key
+from tripwatt.study.report.model_styles import model_style
+from tripwatt.study.report.tables import DASH, Column, Table, in_percent, tabulated
+from tripwatt.study.report.view import Record, View, is_known, of_evaluation
+from tripwatt.study.report.words import label
+
+if TYPE_CHECKING:
+    import rich.console
+
+SHORT_ROWS: Final = 5
+"""Rows of the short table; a run with no more models than this shows them all."""
+
+
+_INSIDE: Final = "Inside the 90 % interval [% of trips]"
+_KINDS: Final = ("constant", "baseline", "physics", "data", "hybrid")
+"""Kinds of models in the order of the short table."""
+
+
+def short_list(view: View) -> list[str]:
+    """The models that a short table shows: the constant, the best model of each kind, the forecast with published values.
+
+    Each kind is a question that the best hybrid has to answer with a lower error: is more needed than one consumption per
+    distance (the constant), than a few coefficients (the best other baseline), than the simulation (the best physics
+    alone), than learning (the best model without physics)? Best is the lowest mean error in the main evaluation. The
+    forecast stands last, after itself with published values of the car alone, where the run has that.
+    """
+    names = view.models
+    if len(names) <= SHORT_ROWS:
+        return names
+    models = view.main["models"]
+    kinds = by_key(names, lambda name: model_style(name).kind)
+    best = {kind: min(of_kind, key=lambda m: _error(models[m])) for kind, of_kind in kinds.items()}
+    if view.best is not None:
+        best[model_style(view.best).kind] = view.best
+    shown = [best[kind] for kind in _KINDS if kind in best]
+    published = model_style(shown[-1]).published
+    if published is None or published not in models:
+        return shown
+    return [*shown[:-1], published, shown[-1]]
+
+
+def _error(score: Record) -> float:
+    value = score.get("mape")
+    return float(value) if is_known(value) else float("inf")
+
+
+def short_table(view: View, *more: Column) -> Table:
+    """The models of `short_list`: mean error with its interval, `more`, and for a forecast how often its interval holds."""
+    rows = [{**view.scores[m], "name": m} for m in short_list(view)]
+    inside = in_percent(_INSIDE, lambda row: (row.get("coverage") or {}).get("0.9"), 0)
+    return tabulated(
+        view.captioned(f"Error of a trip's energy: {of_evaluation(view.main)}"),
+        rows,
+        Column("Model", lambda row: label(row["name"])),
+        in_percent("Mean error [%]", "mape"),
+        in_percent("95 % interval", "mape_ci95"),
+        *more,
+        *([inside] if any(inside.cell(row) != DASH for row in rows) else []),
+        strong=frozenset(i for i, row in enumerate(rows) if row["name"] == view.best),
+    )
+
+
+def render_table(results: Mapping[str, Any]) -> rich.console.Group:
+    """The result as a short table for the terminal (see `short_table`); the report holds all models and evaluations.
+
+    Parameters
+    ----------
+    results : mapping
+        The contract of `results.json`.
+
+    Returns
+    -------
+    rich.console.Group
+        Title, table and note, to print on a console of rich.
+
+    Examples
+    --------
+    >>> score = {"mape": 0.1, "mape_ci95": [0.08, 0.12], "rmse_wh": 500.0}
+    >>> shown = render_table({"evaluations": [{"scheme": "leave_one_trip_out", "trips": "audited",
+    ...                                        "n_trips": 2, "models": {"boosting": score}}]})
+    >>> print(shown.renderables[0])
+    Error of a trip's energy: leave one trip out, 2 trips the audit keeps
+    """
+    import rich.box
+    import rich.console
+    import rich.table
+    from rich.text import Text
+
+    view = View(results)
+    source = short_table(view)
+    left_out = len(view.models) - len(source.rows)
+    more = f" The best model of each kind; {left_out} more are in the report." if left_out else ""
+    table = rich.table.Table(box=rich.box.SIMPLE, padding=(0, 1, 0, 0), pad_edge=False)
+    for place, head in enumerate(source.columns):
+        table.add_column(
+            head.replace(_INSIDE, "Inside its\n90 % interval [%]"),
+            justify="left" if place in source.text_columns else "right",
+            no_wrap=True,
+        )
+    for place, row in enumerate(source.rows):
+        style = "bold" if place in source.strong else ""
+        table.add_row(*(Text(cell, style=style) for cell in row))
+    return rich.console.Group(
+        Text(source.caption), table, Text(f"95 % interval: bootstrap over trips.{more}")
+    )

@@ -1,0 +1,191 @@
+"""One evaluation run as the report reads it: what is missing is empty, and never invented."""
+
+from __future__ import annotations
+
+import unicodedata
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Final, TypeGuard
+
+import numpy as np
+import pandas as pd
+
+from tripwatt.files import shipped_toml
+from tripwatt.study.evaluation import DEFAULT_PROTOCOL, PROTOCOLS, EvaluationProtocol
+from tripwatt.study.evaluation.comparison import FOLD_COLUMNS
+from tripwatt.study.paper.insight import GammInsight
+from tripwatt.study.report.model_styles import model_style, ordered
+
+if TYPE_CHECKING:
+    from tripwatt.study.evaluation.results import EvaluationRun
+
+Record = Mapping[str, Any]
+
+_EVALUATIONS: Final = shipped_toml("study/report/evaluations.toml")
+SCHEMES: Final = _EVALUATIONS["schemes"]
+TESTED: Final = _EVALUATIONS["tested"]
+"""Schemes as sentences for those who read of a hold-out for the first time."""
+TRIP_SETS: Final = _EVALUATIONS["trip_sets"]
+
+
+def plain(text: object, longest: int = 48) -> str:
+    """A name as one printable line: control characters become a visible mark, a long one is cut in the middle.
+
+    Examples
+    --------
+    >>> plain("a" * 60, 9)
+    'aaaa…aaaa'
+    """
+    line = "".join("�" if unicodedata.category(c) in ("Cc", "Cs", "Cn", "Co") else c for c in str(text))
+    if len(line) <= longest:
+        return line
+    half = (longest - 1) // 2
+    return f"{line[:half]}…{line[-half:]}"
+
+
+def of_evaluation(evaluation: Record) -> str:
+    """Scheme and trip set of an evaluation in words.
+
+    Examples
+    --------
+    >>> of_evaluation({"scheme": "leave_one_trip_out", "trips": "reference", "n_trips": 58})
+    'leave one trip out, 58 reference trips'
+    >>> of_evaluation({"scheme": "leave_regime_out", "trips": "longer third", "n_trips": 19})
+    'trips of another kind, longer third (19 trips)'
+    """
+    scheme, trips, number = evaluation["scheme"], evaluation["trips"], evaluation["n_trips"]
+    if trips == "all":
+        counted = f"all {number} trips, unaudited"
+    elif trips in TRIP_SETS:
+        counted = f"{number} {TRIP_SETS[trips]}"
+    else:
+        counted = f"{trips} ({number} trips)"
+    return f"{SCHEMES.get(scheme, scheme)}, {counted}"
+
+
+@dataclass(frozen=True)
+class View:
+    """A run as the report reads it, made by `View.from_run`.
+
+    Attributes
+    ----------
+    results : mapping
+        The contract of `results.json`.
+    folds : DataFrame
+        One row per scheme, trip set, trip and model; possibly empty.
+    series : mapping of str to DataFrame
+        Held-out predictions of the main evaluation along each trip; possibly empty.
+    gamm : GammInsight or None
+    """
+
+    results: Record
+    folds: pd.DataFrame = field(default_factory=lambda: pd.DataFrame(columns=list(FOLD_COLUMNS)))
+    series: Mapping[str, pd.DataFrame] = field(default_factory=dict)
+    gamm: GammInsight | None = None
+
+    @classmethod
+    def from_run(cls, run: EvaluationRun) -> View:
+        """Read a run."""
+        return cls(run.results, run.folds, run.series, run.gamm)
+
+    @property
+    def dataset(self) -> str:
+        """Name of the data set, empty when unknown."""
+        return str(self.results.get("dataset") or "")
+
+    @property
+    def synthetic(self) -> bool:
+        """Whether the trips are made up; every table and figure is then marked."""
+        return bool(self.results.get("synthetic")) or "synthetic" in self.dataset.lower()
+
+    @property
+    def protocol(self) -> EvaluationProtocol:
+        """The protocol of the run."""
+        return PROTOCOLS[self.results.get("protocol", DEFAULT_PROTOCOL)]
+
+    @property
+    def published(self) -> Mapping[str, float]:
+        """The paper's mean errors where they may stand beside ours: on the TUM trips only."""
+        return self.protocol.published if self.dataset.lower().startswith("tum") else {}
+
+    @property
+    def evaluations(self) -> Sequence[Record]:
+        """Every evaluation, the main one first."""
+        return self.results.get("evaluations") or ()
+
+    @property
+    def main(self) -> Record:
+        """The evaluation that figures show: leave-one-trip-out on the reference trips where there are any."""
+        return self.evaluations[0] if self.evaluations else {}
+
+    @property
+    def scores(self) -> Mapping[str, Record]:
+        """Scores of the main evaluation by model."""
+        models: Mapping[str, Record] = self.main.get("models") or {}
+        return models
+
+    @property
+    def models(self) -> list[str]:
+        """Models of the main evaluation in table order."""
+        return ordered(map(str, self.scores))
+
+    @property
+    def best(self) -> str | None:
+        """The model that the report describes: the focus of the protocol, whatever its error, where there is one.
+
+        Otherwise the hybrid with the lowest mean error in the main evaluation, or any model when there is no hybrid.
+        """
+        if self.protocol.focus in self.scores:
+            return self.protocol.focus
+        errors = {m: float(v["mape"]) for m, v in self.scores.items() if is_known(v.get("mape"))}
+        hybrids = {m: e for m, e in errors.items() if model_style(m).kind == "hybrid"}
+        pool = hybrids or errors
+        return min(ordered(pool), key=lambda m: pool[m]) if pool else None
+
+    @property
+    def focus(self) -> Record:
+        """Scores of the protocol's focus in the main evaluation, empty without it."""
+        return self.scores.get(self.protocol.focus or "") or {}
+
+    @property
+    def given(self) -> str:
+        """Condition of every error of the protocol, empty where there is none."""
+        return self.protocol.given
+
+    @property
+    def note(self) -> str:
+        """Folds and trips of the main evaluation, for the head of a figure."""
+        return of_evaluation(self.main) if self.main else ""
+
+    @property
+    def note_given(self) -> str:
+        """`note`, and `given` on a line of its own."""
+        return "\n".join(filter(None, [self.note, self.given]))
+
+    @property
+    def main_folds(self) -> pd.DataFrame:
+        """The folds of the main evaluation."""
+        main = (self.folds["scheme"] == self.main.get("scheme")) & (
+            self.folds["trips"] == self.main.get("trips")
+        )
+        return self.folds[main]
+
+    def captioned(self, caption: str) -> str:
+        """A table's caption, marked where the trips are made up."""
+        return f"{caption} (synthetic trips)" if self.synthetic else caption
+
+    def selected_trips(self) -> list[tuple[str, str, float]]:
+        """(role, trip, APE) of the best, the median and the worst trip of `best` among the trips with a series."""
+        folds = self.main_folds
+        rows = folds[(folds["model"] == self.best) & folds["trip"].astype(str).isin(list(self.series))]
+        rows = rows.dropna(subset="ape").sort_values("ape", kind="stable")
+        if rows.empty:
+            return []
+        places = {len(rows) - 1: "Worst", (len(rows) - 1) // 2: "Median", 0: "Best"}  # the first role counts
+        chosen = ((places[place], rows.iloc[place]) for place in sorted(places))
+        return [(role, str(row["trip"]), float(row["ape"])) for role, row in chosen]
+
+
+def is_known(value: object) -> TypeGuard[float]:
+    """Whether a value of the results is a finite number."""
+    return isinstance(value, int | float) and bool(np.isfinite(value))

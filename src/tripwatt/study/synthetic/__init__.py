@@ -1,0 +1,286 @@
+"""A built-in fleet with a known truth, to demonstrate and to test the whole pipeline.
+
+Nothing here is measured. Drivers, days, routes and weather are drawn from a seed (`scenario`, `roads`); the driver model
+gives the speed; a *hidden* car and world give the energy (`world`): the physics of the i3 on the true road, with wind,
+wet or cold tyres, habits, a cabin with its own heat balance, lamps, and heavy-tailed noise that is in no model of the
+package. Noisy sensors of the usual resolution (`sensors`) then log the truth. `synthetic_truth` has the hidden effects.
+
+Every trip draws from streams of its own, keyed by the seed, its day and its place in the day: a longer fleet begins
+with the shorter one, and no trip depends on another. A following trip starts with the warmth and the charge that its
+day's scenario expects, not with those at the end of the trip before it.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Final
+
+import pandas as pd
+
+from tripwatt.errors import Fault, excerpt
+from tripwatt.study.synthetic.roads import drive_route
+from tripwatt.study.synthetic.scenario import Scenario, draw_scenarios, long_drive
+from tripwatt.study.synthetic.sensors import log_samples
+from tripwatt.study.synthetic.world import simulate_truth
+from tripwatt.trips import Context, Flag, Fleet, Trip, raise_faults
+from tripwatt.trips.columns import Column, is_number, number_faults
+from tripwatt.vehicles import Vehicle, load_vehicle
+from tripwatt.vehicles.extras import with_extras
+
+__all__ = [
+    "VEHICLE",
+    "example_fleet",
+    "example_trip",
+    "synthetic_fleet",
+    "synthetic_truth",
+    "synthetic_world",
+]
+
+VEHICLE: Final = "bmw_i3_60ah"
+"""The car whose physics the fleet stands on."""
+
+FOLLOWS_WITHIN_S: Final = 300.0
+"""A trip that starts this soon [s] after the last one is said to follow it."""
+
+NOTES: Final = (Flag("synthetic", "synthetic"),)
+
+
+MOST_TRIPS: Final = 1_000_000
+MOST_SEED: Final = 2**63 - 1
+"""Most trips of a fleet, and largest seed."""
+
+CAR_MODELS: Final = ("bmw_i3_60ah", "nissan_leaf_24")
+VEHICLES, TRIPS_EACH = 8, 48
+"""Of `example_fleet`."""
+
+CHANGED: Final = ("V1", dt.datetime(2023, 12, 20))
+"""The vehicle of `example_fleet` that changes, and since when it has a roof box and 70 % of its tyre pressure."""
+
+
+def synthetic_fleet(
+    n_trips: int = 32,
+    seed: int = 0,
+    *,
+    step_s: float = 1.0,
+    vehicle: Vehicle | None = None,
+    hours: tuple[float, float] | None = None,
+) -> Fleet:
+    """A computed fleet of one car and several drivers over summer and winter days. O(samples).
+
+    Parameters
+    ----------
+    n_trips : int
+        Number of trips; the first trips of a longer fleet are those of a shorter one.
+    seed : int
+        Trips of equal seed are equal to the last bit.
+    step_s : float
+        Time between two samples [s], 1 or less.
+    vehicle : Vehicle, optional
+        The car whose physics the hidden car stands on; `VEHICLE` by default.
+    hours : tuple of float, optional
+        Shortest and longest duration [h], 0.1 to 12, of long drives mostly on motorways, which start with a battery of
+        90 %. By default trips take a quarter to three quarters of an hour.
+
+    Returns
+    -------
+    Fleet
+        Name "synthetic"; a note states that nothing was measured; no reference trips.
+
+    Raises
+    ------
+    InvalidInput
+        With every argument that is out of range.
+
+    Examples
+    --------
+    >>> fleet = synthetic_fleet(3, seed=1)
+    >>> fleet.name, [trip.trip_id for trip in fleet.trips]
+    ('synthetic', ['S001', 'S002', 'S003'])
+    """
+    return synthetic_world(n_trips, seed, step_s=step_s, vehicle=vehicle, hours=hours)[0]
+
+
+def synthetic_truth(n_trips: int = 32, seed: int = 0, *, step_s: float = 1.0) -> pd.DataFrame:
+    """Show what is hidden behind `synthetic_fleet` of the same arguments. O(samples).
+
+    Parameters
+    ----------
+    n_trips : int
+        As for `synthetic_fleet`.
+    seed : int
+        As for `synthetic_fleet`.
+    step_s : float
+        As for `synthetic_fleet`.
+
+    Returns
+    -------
+    DataFrame
+        One row per trip, index `trip`. `energy_wh` is the true energy at the battery terminals [Wh], the sum of
+        `driving_` (the i3's physics with the hidden forces), `heating_`, `aircon_`, `lamps_`, `driver_` (the driver's
+        habit), `trip_` (an effect of this trip alone) and `noise_energy_wh`. `wind_work_wh` and `rolling_work_wh` are
+        the work [Wh] at the wheel against hidden wind and rolling resistance, part of driving. `headwind_m_s`,
+        `rolling_share`, `driver_share` and `trip_share` are what caused them; `ambient_temperature_degc` is the true
+        mean outside temperature [°C]; `end_soc` is the true state of charge at the end; `driver`, `day`, `season`,
+        `sky`, `route` describe the trip.
+
+    Raises
+    ------
+    InvalidInput
+        As `synthetic_fleet`.
+
+    Examples
+    --------
+    >>> truth = synthetic_truth(3, seed=1)
+    >>> bool((truth["heating_energy_wh"] >= 0).all())
+    True
+    """
+    return synthetic_world(n_trips, seed, step_s=step_s)[1]
+
+
+def synthetic_world(
+    n_trips: int = 32,
+    seed: int = 0,
+    *,
+    step_s: float = 1.0,
+    vehicle: Vehicle | None = None,
+    hours: tuple[float, float] | None = None,
+) -> tuple[Fleet, pd.DataFrame]:
+    """Make fleet and truth together, computed once. O(samples).
+
+    Parameters
+    ----------
+    n_trips : int
+        As for `synthetic_fleet`.
+    seed : int
+        As for `synthetic_fleet`.
+    step_s : float
+        As for `synthetic_fleet`.
+    vehicle : Vehicle, optional
+        As for `synthetic_fleet`.
+    hours : tuple of float, optional
+        As for `synthetic_fleet`.
+
+    Returns
+    -------
+    fleet : Fleet
+        As of `synthetic_fleet`.
+    truth : DataFrame
+        As of `synthetic_truth`.
+
+    Raises
+    ------
+    InvalidInput
+        As `synthetic_fleet`.
+
+    Examples
+    --------
+    >>> fleet, truth = synthetic_world(2)
+    >>> fleet.trips[0].trip_id == truth.index[0]
+    True
+    """
+    _require_sound(n_trips, seed, step_s, hours)
+    vehicle = vehicle or load_vehicle(VEHICLE)
+    trips, rows = [], []
+    for scenario in draw_scenarios(n_trips, seed):
+        if hours is not None:
+            scenario = long_drive(scenario, seed, hours)
+        trip, row = _trip(scenario, vehicle, seed, step_s)
+        trips.append(trip)
+        rows.append(row)
+    truth = pd.DataFrame(rows).set_index("trip")
+    return Fleet("synthetic", tuple(trips), notes=NOTES), truth
+
+
+def example_trip(seed: int = 0) -> pd.DataFrame:
+    """Make one computed trip as a table in canonical columns at 1 Hz, for documentation and for trying commands.
+
+    Parameters
+    ----------
+    seed : int
+        As for `synthetic_fleet`.
+
+    Returns
+    -------
+    DataFrame
+        One row per second.
+
+    Examples
+    --------
+    >>> list(example_trip().columns[:4])
+    ['time_s', 'speed_m_s', 'elevation_m', 'ambient_temperature_degc']
+    """
+    return synthetic_fleet(1, seed).trips[0].samples
+
+
+def example_fleet() -> Iterator[tuple[str, Fleet]]:
+    """Make the trips of eight vehicles of two car models, to try the commands of fleets; one changes in `CHANGED`.
+
+    Yields
+    ------
+    str, Fleet
+        The car model of a vehicle, and its trips, of which `context.car` is the vehicle.
+
+    Examples
+    --------
+    >>> car_model, fleet = next(example_fleet())
+    >>> car_model, fleet.logs[0].context.car, fleet.logs[0].context.driver
+    ('bmw_i3_60ah', 'V1', 'V1 driver 5')
+    """
+    for number in range(VEHICLES):
+        name, vehicle_id = CAR_MODELS[number % len(CAR_MODELS)], f"V{number + 1}"
+        car = load_vehicle(name)
+        fleet = synthetic_fleet(TRIPS_EACH, number, vehicle=car)
+        after = fleet
+        if vehicle_id == CHANGED[0]:
+            changed = with_extras(car, ["roof_box"], tyre_pressure=0.7)
+            after = synthetic_fleet(TRIPS_EACH, number, vehicle=changed)
+        logs = []
+        for before, later in zip(fleet.logs, after.logs, strict=True):
+            assert before.context.started_at is not None
+            log = before if before.context.started_at < CHANGED[1] else later
+            driver = f"{vehicle_id} {log.context.driver}"
+            logs.append(replace(log, context=replace(log.context, car=vehicle_id, driver=driver)))
+        yield name, replace(fleet, logs=tuple(logs))
+
+
+def _require_sound(n_trips: int, seed: int, step_s: float, hours: tuple[float, float] | None) -> None:
+    faults = [
+        *number_faults("n_trips", n_trips, Column("", 1, MOST_TRIPS, ""), whole=True),
+        *number_faults("seed", seed, Column("", 0, MOST_SEED, ""), whole=True),
+        *number_faults("step_s", step_s, Column("s", 0.01, 1.0, "")),
+    ]
+    pair = isinstance(hours, tuple | list) and len(hours) == 2 and all(map(is_number, hours))
+    if hours is not None and not (pair and 0.1 <= hours[0] <= hours[1] <= 12.0):
+        allowed = "0.1 to 12 h, the shorter first"
+        faults.append(Fault("duration out of range", "hours", excerpt(hours), allowed))
+    raise_faults(faults)
+
+
+def _trip(scenario: Scenario, vehicle: Vehicle, seed: int, step_s: float) -> tuple[Trip, dict[str, object]]:
+    drive = drive_route(scenario, seed, step_s)
+    truth = simulate_truth(scenario, drive, vehicle, seed)
+    follows = scenario.parked_s is not None and scenario.parked_s <= FOLLOWS_WITHIN_S
+    context = Context(
+        season=scenario.day.season,
+        weather=scenario.weather,
+        started_at=scenario.started_at,
+        route=scenario.route,
+        cabin_setpoint_degc=scenario.setpoint_degc,
+        payload_mass_kg=scenario.payload_mass_kg,
+        follows_trip=follows,
+        remarks="synthetic" + (", directly after previous trip" if follows else ""),
+        driver=scenario.driver.name,
+    )
+    trip = Trip.from_samples(scenario.trip_id, log_samples(scenario, drive, truth, vehicle, seed), context)
+    row: dict[str, object] = {
+        "trip": scenario.trip_id,
+        "driver": scenario.driver.name,
+        "day": scenario.day.date,
+        "season": scenario.day.season,
+        "sky": scenario.day.sky,
+        "route": scenario.route,
+        **truth.effects,
+    }
+    return trip, row

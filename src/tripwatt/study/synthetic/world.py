@@ -1,0 +1,298 @@
+"""The hidden truth of a trip: the i3's physics in a world with wind, weather, habits, a cabin and heavy tails.
+
+Forces that are not in the package's physics act on the true car as an equivalent slope; loads that are not in it
+come on top at the battery terminals. Every figure here *defines* the synthetic world and does not describe a real one.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from tripwatt.arrays import FloatArray
+from tripwatt.physics import DriveConditions, simulate
+from tripwatt.physics.battery import BatteryRun, discharge
+from tripwatt.routes.driver import autoregression, smooth_noise
+from tripwatt.study.synthetic.roads import RoadDrive
+from tripwatt.study.synthetic.scenario import AIR, NOISE, WORLD, Scenario, stream
+from tripwatt.units import (
+    DRY_AIR_GAS_CONSTANT_J_KG_K,
+    GRAVITY_M_S2,
+    SEA_LEVEL_PRESSURE_PA,
+    WH_PER_J,
+    ZERO_CELSIUS_K,
+)
+from tripwatt.vehicles import Battery, Vehicle
+
+
+@dataclass(frozen=True, slots=True)
+class HiddenCar:
+    """How the true car differs from its data sheet."""
+
+    drag_share: float = 0.04
+    extra_load_w: float = 40.0
+    resistance_share: float = 0.15
+    capacity_share: float = -0.04
+
+
+@dataclass(frozen=True, slots=True)
+class HiddenCabin:
+    """The true cabin: one heat capacity, losses that grow with speed, a slow heater and an air conditioner."""
+
+    heat_capacity_j_k: float = 40e3
+    loss_w_k: float = 60.0
+    loss_per_speed_w_s_k_m: float = 1.3
+    gain_w_k: float = 350.0
+    heater_max_w: float = 5500.0
+    heater_efficiency: float = 0.92
+    heater_lag_s: float = 45.0
+    aircon_max_w: float = 2200.0
+    aircon_idle_w: float = 240.0
+    aircon_performance: float = 2.3
+    cools_down_s: float = 2400.0
+
+
+CAR: Final = HiddenCar()
+CABIN: Final = HiddenCabin()
+
+SUN_W: Final = {"sunny": 480.0, "slightly cloudy": 280.0, "cloudy": 120.0, "rainy": 60.0, "dark": 0.0}
+"""Heat [W] of the sun in the cabin on a summer's day; half of it in winter."""
+
+WINTER_SUN_SHARE: Final = 0.5
+WIND_AT_CAR_SHARE: Final = 0.6
+WET_ROAD_SHARE: Final = 0.12
+WINTER_TYRE_SHARE: Final = 0.04
+COLD_TYRE_SHARE_PER_K: Final = 0.002
+WARM_TYRE_DEGC: Final = 20.0
+SURFACE_SHARE_SD: Final = 0.05
+HUNTING_SHARE: Final = 0.1
+HUNTING_TIME_S: Final = 20.0
+LAMPS_W: Final = 110.0
+WIPERS_W: Final = 90.0
+TRIP_SHARE_SCALE: Final = 0.015
+TRIP_SHARE_DF: Final = 4.0
+NOISE_DF: Final = 3.0
+NOISE_STANDING_W: Final = 60.0
+NOISE_MOVING_W: Final = 450.0
+NOISE_SHARE: Final = 0.02
+NOISE_TIME_S: Final = 6.0
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class CabinClimate:
+    """Cabin temperature [°C] and the electric powers that made it [W], at each sample."""
+
+    cabin_temperature_degc: FloatArray
+    requested_heating_power_w: FloatArray
+    heating_power_w: FloatArray
+    aircon_power_w: FloatArray
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Truth:
+    """What really happened on a trip, before any sensor.
+
+    Attributes
+    ----------
+    ambient_temperature_degc : ndarray, shape (samples,)
+    climate : CabinClimate
+    battery : BatteryRun
+        Power, current, voltage, temperature and charge of the true battery.
+    effects : dict of str to float
+        The hidden effects as numbers, see `tripwatt.study.synthetic.synthetic_truth`.
+    """
+
+    ambient_temperature_degc: FloatArray
+    climate: CabinClimate
+    battery: BatteryRun
+    effects: dict[str, float]
+
+
+def simulate_truth(scenario: Scenario, drive: RoadDrive, vehicle: Vehicle, seed: int) -> Truth:
+    """The truth of one trip. O(samples)."""
+    rng = stream(seed, WORLD, *scenario.key)
+    time, speed = drive.profile.time_s, drive.profile.speed_m_s
+    # values per sample have random streams of their own, so that the number of samples moves no effect of the trip
+    air = stream(seed, AIR, *scenario.key)
+    ambient = draw_ambient(scenario, time, air)
+    climate = heat_balance(scenario, time, speed, ambient, rng)
+    climate = replace(climate, aircon_power_w=climate.aircon_power_w * compressor_hunting(time, air))
+    wind_n, headwind, rolling_n, rolling_share = hidden_forces(scenario, drive, ambient, vehicle, rng)
+    weight_n = (vehicle.body.test_mass_kg + scenario.payload_mass_kg) * GRAVITY_M_S2
+    rested_degc = 0.5 * (float(ambient[0]) + scenario.day.mean_temperature_degc) + rng.uniform(0.0, 3.0)
+    conditions = DriveConditions(
+        ambient_temperature_degc=float(ambient.mean()),
+        initial_soc=scenario.soc,
+        # a pack of its mass follows the weather of days, and each trip of the day has warmed it
+        initial_battery_temperature_degc=float(rested_degc + 2.0 * scenario.trips_before),
+        payload_mass_kg=scenario.payload_mass_kg,
+    )
+    driven = simulate(
+        vehicle,
+        time,
+        speed,
+        grade=drive.grade + (wind_n + rolling_n) / weight_n,
+        elevation_m=drive.elevation_m,  # for the air density; the slope is the given one
+        climate_power_w=0.0,
+        conditions=conditions,
+    )
+    trip_share = TRIP_SHARE_SCALE * float(rng.standard_t(TRIP_SHARE_DF))
+    noise = stream(seed, NOISE, *scenario.key)
+    loads = battery_loads(scenario, drive, climate, at_samples(driven.battery_power_w), trip_share, noise)
+    total_w, step_s = np.sum(list(loads.values()), axis=0), np.diff(time, prepend=time[0])
+    start = conditions.ambient_temperature_degc, scenario.soc, conditions.battery_start_degc
+    battery = discharge(age_battery(vehicle.battery), total_w, step_s, *start)
+    effects = {f"{name}_energy_wh": _energy_wh(power, time) for name, power in loads.items()}
+    effects |= {
+        "energy_wh": _energy_wh(battery.power_w, time),
+        "wind_work_wh": _energy_wh(wind_n * speed, time),
+        "rolling_work_wh": _energy_wh(rolling_n * speed, time),
+        "ambient_temperature_degc": conditions.ambient_temperature_degc,
+        "headwind_m_s": headwind,
+        "rolling_share": rolling_share,
+        "driver_share": scenario.driver.power_share,
+        "trip_share": trip_share,
+        "end_soc": float(battery.soc[-1]),
+    }
+    return Truth(ambient, climate, battery, effects)
+
+
+def battery_loads(
+    scenario: Scenario,
+    drive: RoadDrive,
+    climate: CabinClimate,
+    driving_w: FloatArray,
+    trip_share: float,
+    rng: np.random.Generator,
+) -> dict[str, FloatArray]:
+    """Power at the battery terminals [W] by hidden cause, each of shape (samples,); their sum is the true power."""
+    time, speed = drive.profile.time_s, drive.profile.speed_m_s
+    propelling = np.maximum(driving_w, 0.0)
+    wet, unlit = scenario.day.sky == "rainy", scenario.day.dark_at(scenario.hour)
+    lamps = CAR.extra_load_w + LAMPS_W * (wet or unlit) + WIPERS_W * wet
+    return {
+        "driving": driving_w,
+        "heating": climate.heating_power_w,
+        "aircon": climate.aircon_power_w,
+        "lamps": np.full_like(time, lamps),
+        "driver": scenario.driver.power_share * propelling,
+        "trip": trip_share * propelling,
+        "noise": heavy_tailed_noise(time, speed, driving_w, rng),
+    }
+
+
+def at_samples(of_intervals: FloatArray) -> FloatArray:
+    """Values at the samples for the means over the intervals that end at them: the middle of both neighbours.
+
+    Examples
+    --------
+    >>> at_samples(np.array([0.0, 2.0, 4.0]))
+    array([2., 3., 4.])
+    """
+    inner = 0.5 * (of_intervals[1:-1] + of_intervals[2:])
+    return np.concatenate((of_intervals[1:2], inner, of_intervals[-1:]))
+
+
+def age_battery(battery: Battery) -> Battery:
+    """The battery that is really in the car."""
+    return replace(
+        battery,
+        capacity_ah=battery.capacity_ah * (1.0 + CAR.capacity_share),
+        resistance_ohm=tuple(r * (1.0 + CAR.resistance_share) for r in battery.resistance_ohm),
+    )
+
+
+def _energy_wh(power_w: FloatArray, time_s: FloatArray) -> float:
+    return float(np.trapezoid(power_w, time_s)) * WH_PER_J
+
+
+def draw_ambient(scenario: Scenario, time_s: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """Outside temperature along the trip [°C]: the day's course and what differs from street to street."""
+    course = scenario.day.temperature_at(scenario.hour) + (
+        scenario.day.temperature_at(scenario.hour + 1.0) - scenario.day.temperature_at(scenario.hour)
+    ) * (time_s / 3600.0)
+    local = smooth_noise(time_s, 400.0, rng)
+    return np.asarray(course + 0.5 * local, dtype=np.float64)
+
+
+def compressor_hunting(time_s: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """Factor around 1 by which a compressor takes more or less than its cooling needs."""
+    wave = smooth_noise(time_s, HUNTING_TIME_S, rng)
+    return np.maximum(1.0 + HUNTING_SHARE * wave, 0.5)
+
+
+def heat_balance(
+    scenario: Scenario,
+    time_s: FloatArray,
+    speed_m_s: FloatArray,
+    ambient_degc: FloatArray,
+    rng: np.random.Generator,
+) -> CabinClimate:
+    """The true cabin in steps of 1 s: `C dT/dt = loss (T_out - T) + sun + heater - cooling`. O(seconds)."""
+    sun_w = SUN_W[scenario.weather] * (WINTER_SUN_SHARE if scenario.day.season == "winter" else 1.0)
+    soaked = ambient_degc[0] + sun_w / CABIN.loss_w_k * rng.uniform(0.3, 1.0) + rng.uniform(0.0, 1.5)
+    left = 0.0 if scenario.parked_s is None else math.exp(-scenario.parked_s / CABIN.cools_down_s)
+    cabin = soaked + left * (scenario.setpoint_degc - soaked)
+
+    seconds = np.arange(math.ceil(time_s[-1]) + 1, dtype=np.float64)
+    outside = np.interp(seconds, time_s, ambient_degc)
+    loss = CABIN.loss_w_k + CABIN.loss_per_speed_w_s_k_m * np.interp(seconds, time_s, speed_m_s)
+    steady_w = loss * (scenario.setpoint_degc - outside) - sun_w
+    rows = np.empty((len(seconds), 4))
+    heater = 0.0
+    for i, (k, out, steady) in enumerate(
+        zip(loss.tolist(), outside.tolist(), steady_w.tolist(), strict=True)
+    ):
+        needed = steady + CABIN.gain_w_k * (scenario.setpoint_degc - cabin)
+        wanted = needed / CABIN.heater_efficiency
+        request = min(wanted, CABIN.heater_max_w) if wanted > 0.0 else 0.0
+        heater += (request - heater) / CABIN.heater_lag_s
+        cooling = -needed / CABIN.aircon_performance
+        cooling = min(cooling, CABIN.aircon_max_w - CABIN.aircon_idle_w) if cooling > 0.0 else 0.0
+        aircon = cooling + CABIN.aircon_idle_w if cooling > 0.0 else 0.0
+        rows[i] = cabin, request, heater, aircon
+        heat = CABIN.heater_efficiency * heater - CABIN.aircon_performance * cooling
+        cabin += (k * (out - cabin) + sun_w + heat) / CABIN.heat_capacity_j_k
+    return CabinClimate(*(np.interp(time_s, seconds, column) for column in rows.T))
+
+
+def hidden_forces(
+    scenario: Scenario, drive: RoadDrive, ambient_degc: FloatArray, vehicle: Vehicle, rng: np.random.Generator
+) -> tuple[FloatArray, float, FloatArray, float]:
+    """Force of wind and body [N], mean headwind [m/s], extra rolling force [N] and its share of the car's own."""
+    speed = drive.profile.speed_m_s
+    warm_k = ambient_degc + ZERO_CELSIUS_K
+    height = GRAVITY_M_S2 * drive.elevation_m / (DRY_AIR_GAS_CONSTANT_J_KG_K * warm_k)
+    density = SEA_LEVEL_PRESSURE_PA * np.exp(-height) / (DRY_AIR_GAS_CONSTANT_J_KG_K * warm_k)
+    headwind = (
+        scenario.day.wind_m_s * WIND_AT_CAR_SHARE * np.cos(drive.heading_rad - scenario.day.wind_from_rad)
+    )
+    flow = speed + headwind
+    area = vehicle.road_load.drag_area_m2
+    wind_n = 0.5 * density * area * ((1.0 + CAR.drag_share) * flow * np.abs(flow) - speed**2)
+    cold_k = max(WARM_TYRE_DEGC - float(ambient_degc.mean()), 0.0)
+    share = float(
+        WET_ROAD_SHARE * (scenario.day.sky == "rainy")
+        + WINTER_TYRE_SHARE * (scenario.day.season == "winter")
+        + COLD_TYRE_SHARE_PER_K * cold_k
+        + SURFACE_SHARE_SD * rng.standard_normal()
+    )
+    constant, per_speed = vehicle.road_load.rolling_coefficients
+    weight_n = (vehicle.body.test_mass_kg + scenario.payload_mass_kg) * GRAVITY_M_S2
+    rolling_n = share * weight_n * (constant + per_speed * speed)
+    return wind_n, float(headwind.mean()), rolling_n, share
+
+
+def heavy_tailed_noise(
+    time_s: FloatArray, speed_m_s: FloatArray, power_w: FloatArray, rng: np.random.Generator
+) -> FloatArray:
+    """Unexplained power [W]: Student's t shocks, half of their variance remembered, larger while moving."""
+    memory = math.exp(-float(time_s[1] - time_s[0]) / NOISE_TIME_S)
+    shocks = rng.standard_t(NOISE_DF, (2, len(time_s))) * math.sqrt((NOISE_DF - 2.0) / NOISE_DF)
+    remembered = math.sqrt(1.0 - memory**2) * autoregression(shocks[0], memory)
+    unit = math.sqrt(0.5) * (remembered + shocks[1])
+    size = np.where(speed_m_s > 0.0, NOISE_MOVING_W, NOISE_STANDING_W) + NOISE_SHARE * np.abs(power_w)
+    return np.asarray(size * unit, dtype=np.float64)

@@ -1,0 +1,72 @@
+"""`advise` on the command line and `POST /v1/advice`: the numbers of Python."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+from tests.support.command import Run
+
+import tripwatt as tw
+from tripwatt.command.advise import WORDS, in_words
+from tripwatt.roads.advice.actions import actions
+
+LINKS = [{"length_m": 80_000.0, "speed_m_s": 33.0, "grade": 0.0}]
+KNOWN = tw.Departure(soc=0.5, ambient_temperature_degc=-5.0, extras=("roof_box",))
+
+
+@pytest.fixture
+def route(tmp_path: Path) -> Path:
+    path = tmp_path / "route.json"
+    path.write_text(json.dumps(LINKS), "utf-8")
+    return path
+
+
+def test_advice_has_the_numbers_of_python(run: Run, route: Path) -> None:
+    options = ("--soc", 0.5, "--ambient", -5, "--extra", "roof_box", "--vehicle", "vw_id3", "--chance", 0.9)
+    printed = run("advise", route, *options, "--json")
+    same = tw.advise(tw.read_route(route), KNOWN, "vw_id3", chance=0.9)
+    assert json.loads(printed.out) == json.loads(json.dumps(same.to_dict()))
+
+
+def test_the_table_has_units_and_words(run: Run, route: Path) -> None:
+    shown = run(
+        "advise", route, "--soc", 0.45, "--ambient", -5, "--extra", "roof_box", "--vehicle", "vw_id3"
+    ).out
+    assert "You arrive with" in shown
+    assert "take off the roof box" in shown
+    assert "saves kWh" in shown
+    assert "quicker with charging below kW" in " ".join(shown.split())
+    assert "°C" in shown
+
+
+@pytest.mark.parametrize(
+    ("length_m", "says"), [(70_000.0, "Charge to"), (180_000.0, "plan a stop to charge")]
+)
+def test_what_no_action_mends_is_charged_for_or_needs_a_stop(
+    run: Run, tmp_path: Path, length_m: float, says: str
+) -> None:
+    path = tmp_path / "far.json"
+    path.write_text(json.dumps([{"length_m": length_m, "speed_m_s": 25.0, "grade": 0.0}]), "utf-8")
+    shown = run("advise", path, "--soc", 0.1, "--ambient", 5).out
+    advice = tw.advise(tw.read_route(path), tw.Departure(soc=0.1, ambient_temperature_degc=5.0))
+    assert (advice.charge_to > 1.0) == ("plan a stop" in says)
+    assert says in shown
+    if advice.charge_to <= 1.0:
+        assert f"Charge to {math.ceil(100.0 * advice.charge_to)} %" in shown
+
+
+def test_every_action_has_words() -> None:
+    known = tw.Departure(
+        ambient_temperature_degc=12.0, payload_mass_kg=200.0, extras=("roof_box", "winter_tyres")
+    )
+    cold = tw.Departure(ambient_temperature_degc=-5.0, tyre_pressure=0.8)
+    made = [a for k in (known, cold) for a in actions(tw.forecast(tw.read_route(LINKS), k))]
+    assert {action.code for action in made} == set(WORDS) - {
+        "other_road",
+        "leave_later",
+        "stop",
+    }  # of journeys
+    assert all("{" not in in_words(action) for action in made)

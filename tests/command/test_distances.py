@@ -1,0 +1,98 @@
+"""`need` and `range` on the command line: the numbers of Python, usual trips, faults."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+from tests.support.command import Run
+
+import tripwatt as tw
+from tripwatt.roads.journey import need, range_km
+from tripwatt.server.cars import create_car
+from tripwatt.server.cars.usual import usual_plan
+from tripwatt.study.synthetic import VEHICLE, synthetic_fleet
+
+COLD = tw.Departure(ambient_temperature_degc=-5.0)
+
+
+def test_need_has_the_numbers_of_python(run: Run) -> None:
+    printed = run("need", "50", "km", "--ambient", -5, "--kind", "country", "--quantile", 0.95, "--json")
+    expected = need(50, "country", COLD, quantile=0.95).to_dict()
+    printed_need = json.loads(printed.out)
+    assert {name: printed_need[name] for name in expected} == expected
+    same = run("need", "50km", "--ambient", -5, "--kind", "country", "--quantile", 0.95, "--json")
+    assert same.out == printed.out
+
+
+def test_the_reserve_is_part_of_the_charge_and_few_notes_follow(run: Run) -> None:
+    asked = ("need", "60", "--ambient", -5, "--soc", 0.8)
+    kept = json.loads(run(*asked, "--reserve", 0.1, "--json").out)
+    without = json.loads(run(*asked, "--json").out)
+    assert kept["soc_needed"] == pytest.approx(without["soc_needed"] + 0.1)
+    assert kept["reserve"] == 0.1
+    printed = run(*asked, "--reserve", 0.1)
+    assert kept["message"] in printed.out
+    assert "arrive with 10 % or more" in kept["message"]
+    assert "soc_assumed" not in [flag["code"] for flag in kept["flags"]]
+    few = printed.err.count("note:") + printed.err.count("warning:")
+    assert 1 < few < len(kept["flags"])
+    assert f"{len(kept['flags']) - few + 1} more" in printed.err
+    assert "Range from 80% down to 10%" in run("range", "--soc", 0.8, "--reserve", 0.1).out
+
+
+def test_range_has_the_numbers_of_python(run: Run) -> None:
+    printed = run("range", "--soc", 0.35, "--ambient", -5, "--reserve", 0.1, "--vehicle", "vw_id3", "--json")
+    same = range_km(0.35, departure=COLD, reserve=0.1, vehicle="vw_id3")
+    assert json.loads(printed.out) == same.to_dict()
+
+
+def test_tables_have_units_and_every_kind_of_road(run: Run) -> None:
+    table = run("need", "20", "--ambient", 10).out
+    assert "20.0 km, mixed" in table
+    assert re.search(r"likely +\d+\.\d\d kWh", table)
+    assert re.search(r"middle half +\d+\.\d\d to \d+\.\d\d kWh", table)
+    assert "cautious (95 %)" in table
+    assert "Shares of the uncertainty: car " in table
+    far = run("range", "--soc", 0.5, "--ambient", 10).out
+    assert [kind for kind in ("city", "country", "motorway", "mixed") if kind in far] == [
+        "city",
+        "country",
+        "motorway",
+        "mixed",
+    ]
+
+
+def test_a_usual_trip_of_my_car(run: Run, tmp_path: Path) -> None:
+    pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
+    car, logs = create_car(tmp_path / "car", VEHICLE), synthetic_fleet(2).logs
+    car.add(logs)
+    name = logs[0].trip_id
+    printed = run("need", "--car", car.folder, "--trip", name, "--ambient", -5, "--json")
+    found = json.loads(printed.out)
+    expected = need(usual_plan(car, name), departure=COLD, model=car.model()).to_dict()
+    assert {name: found[name] for name in expected} == expected
+    assert (found["kind"], found["distance_m"]) == ("trip", pytest.approx(logs[0].distance_m, rel=0.01))
+    refused = run("need", "--car", car.folder, "--trip", "moon")
+    assert refused.code != 0
+    assert "no such trip" in refused.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (("50", "--trip", "x"), "both"),
+        ((), "neither"),
+        (("--trip", "x"), "a trip without its car"),
+        (("fifty",), "not a distance"),
+        (("50", "--kind", "moon"), "unknown kind of road"),
+        (("50", "--car", "x", "--vehicle", "vw_id3"), "two cars"),
+    ],
+)
+def test_what_cannot_be_asked_is_refused(run: Run, arguments: tuple[str, ...], told: str) -> None:
+    printed = run("need", *arguments)
+    assert printed.code != 0
+    assert told in printed.err
+    assert not printed.out

@@ -1,0 +1,214 @@
+"""Signals, full disks and strange outputs: a command ends with one message, and leaves nothing half done."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from tests.support.command import Answer
+
+from tripwatt.command import TRACEBACK, UNEXPECTED
+from tripwatt.command.output import check_writable, unfinished_folder, write_text
+from tripwatt.errors import InvalidInput
+from tripwatt.files import folder_lock
+from tripwatt.server.cars import create_car, open_car
+from tripwatt.study.synthetic import synthetic_fleet
+
+WORKING = """
+import pathlib, sys, time
+import tripwatt.command as cli
+from tripwatt.parallel import map_unordered
+
+def work(seconds):
+    (pathlib.Path(sys.argv[1]) / str(__import__("os").getpid())).touch()
+    time.sleep(seconds)
+
+def command():
+    for _ in map_unordered(work, [60.0] * 3, n_jobs=2):
+        pass
+
+cli.app = lambda prog_name: command()
+cli.main()
+"""
+
+
+def members(session: int) -> list[int]:
+    """Living processes of a session."""
+    found = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            fields = stat.read_text().rpartition(")")[2].split()
+        except OSError:
+            continue
+        if int(fields[3]) == session and fields[0] != "Z":
+            found.append(int(stat.parent.name))
+    return found
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are listed in /proc")
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
+def test_no_process_outlives_a_command(tmp_path: Path, number: signal.Signals) -> None:
+    program = tmp_path / "program.py"
+    program.write_text(WORKING)
+    (tmp_path / "at-work").mkdir()
+    process = subprocess.Popen(
+        [sys.executable, str(program), str(tmp_path / "at-work")],
+        start_new_session=True,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    until = time.monotonic() + 60
+    while len(list((tmp_path / "at-work").iterdir())) < 2:
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < until
+        time.sleep(0.02)
+    assert len(members(process.pid)) >= 3
+    process.send_signal(number)
+    assert process.wait(20) == (143 if number == signal.SIGTERM else -signal.SIGKILL)
+    until = time.monotonic() + 20
+    while members(process.pid) and time.monotonic() < until:
+        time.sleep(0.05)
+    assert members(process.pid) == []
+    assert process.stderr is not None
+    said = process.stderr.read()
+    process.stderr.close()
+    if number == signal.SIGTERM:
+        assert "Traceback" not in said
+
+
+def test_an_output_has_one_writer(tmp_path: Path) -> None:
+    unfinished = unfinished_folder(tmp_path / "out")
+    with (
+        folder_lock(unfinished),
+        pytest.raises(InvalidInput, match="another run writes this output"),
+        folder_lock(unfinished),
+    ):
+        pass
+    with folder_lock(unfinished):
+        pass
+
+
+def test_a_second_run_ends_at_its_start(run: Callable[..., Answer], tmp_path: Path) -> None:
+    unfinished = unfinished_folder(tmp_path / "out")
+    with folder_lock(unfinished):
+        answer = run("evaluate", "--out", tmp_path / "out", "--models", "constant", "--jobs", "1")
+    assert answer.code == 2
+    assert "another run writes this output" in answer.err
+    assert not (tmp_path / "out").exists()
+
+
+def test_strange_outputs_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "link").symlink_to(tmp_path / "nothing")
+    with pytest.raises(InvalidInput, match=r"output is a link to nothing: --out: got .*link -> "):
+        check_writable(tmp_path / "link")
+    for place in ("/", "/tmp/..", "."):
+        with pytest.raises(InvalidInput, match="output cannot be replaced"):
+            check_writable(Path(place))
+    (tmp_path / "there").mkdir()
+    (tmp_path / "good").symlink_to(tmp_path / "there")
+    check_writable(tmp_path / "good")
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(InvalidInput, match="output is not a folder"):
+        check_writable(tmp_path / "pipe")
+    with pytest.raises(InvalidInput, match="no regular file"):
+        write_text("x", tmp_path / "pipe")
+    with pytest.raises(InvalidInput, match=r"cannot write the file: --out: .*a folder"):
+        write_text("x", tmp_path / "there")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
+def test_a_full_disk_is_one_message(run: Callable[..., Answer], tmp_path: Path) -> None:
+    program = "import sys; from tripwatt.command import main; sys.argv[1:] = ['example-trip']; main()"
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run([sys.executable, "-c", program], stdout=full, stderr=subprocess.PIPE, text=True)
+    assert done.returncode == 2
+    assert done.stderr == "error: the system reports No space left on device\n"
+
+
+def test_an_unexpected_error_has_a_code_and_a_sentence_of_its_own() -> None:
+    program = """
+import tripwatt.command as cli
+def command():
+    raise ZeroDivisionError("by \\x1b[2J nothing")
+cli.app = lambda prog_name: command()
+cli.main()
+"""
+    plain = {name: value for name, value in os.environ.items() if name != TRACEBACK}
+    for environment, lines in ((plain, 1), ({**plain, TRACEBACK: "1"}, 5)):
+        done = subprocess.run(
+            [sys.executable, "-c", program], capture_output=True, text=True, env=environment
+        )
+        assert done.returncode == UNEXPECTED
+        *before, last = done.stderr.splitlines()
+        assert last.startswith(
+            r"error: an error of tripwatt, not of your input: ZeroDivisionError: by \x1b[2J"
+        )
+        assert ("Traceback" in done.stderr) == (lines > 1)
+        assert len(before) >= lines - 1
+
+
+def test_a_full_disk_ends_car_add_with_one_message(tmp_path: Path) -> None:
+    pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
+    create_car(tmp_path / "leaf", "nissan_leaf_24")
+    (log,) = synthetic_fleet(1).logs
+    log.samples.iloc[:300].to_csv(tmp_path / "a.csv", index=False)
+    program = """
+import sys
+from tests.support.full_disk import full_disk
+from tripwatt.command import main
+sys.argv[1:] = ["car", "add", *sys.argv[1:]]
+with full_disk(FREE):
+    main()
+"""
+    for free, code in ((0, 2), (2000, 2), (1 << 24, 0)):
+        done = subprocess.run(
+            [sys.executable, "-c", program.replace("FREE", str(free)), tmp_path / "leaf", tmp_path / "a.csv"],
+            capture_output=True,
+            text=True,
+        )
+        assert done.returncode == code, done.stderr
+        assert "Traceback" not in done.stderr
+        if code:
+            assert done.stderr.splitlines()[-1].startswith("error: trip store cannot be used: ")
+    assert len(open_car(tmp_path / "leaf").diary) == 1
+
+
+def test_a_file_is_whole_or_not_there(
+    run: Callable[..., Answer], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "trip.csv"
+    out.write_bytes(b"old")
+
+    def full(self: Path, content: bytes) -> int:
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "write_bytes", full)
+        answer = run("example-trip", "--out", out)
+    assert answer.code == 2
+    assert "cannot write the file: --out" in answer.err
+    assert out.read_bytes() == b"old"
+    assert run("example-trip", "--out", out).code == 0
+    assert [p.name for p in tmp_path.iterdir()] == ["trip.csv"]
+
+
+def test_pipes_and_devices_as_inputs_are_faults(run: Callable[..., Answer], tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.csv")
+    for place in (tmp_path / "pipe.csv", "/dev/zero"):
+        answer = run("forecast", place)
+        assert answer.code == 2
+        assert "error: cannot read the file" in answer.err
+
+
+def test_many_faults_are_capped(run: Callable[..., Answer], tmp_path: Path) -> None:
+    trip = tmp_path / "trip.csv"
+    trip.write_text(",".join(f"\x1b[31mc{k}" for k in range(5000)) + "\n1\n")
+    answer = run("forecast", trip)
+    assert answer.code == 2
+    assert len(answer.err.splitlines()) < 70
+    assert "4950 more" in answer.err
+    assert "\x1b" not in answer.err

@@ -1,0 +1,218 @@
+"""`tripwatt fit`, `forecast`, `inspect`, `example-trip` as a new user meets them."""
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from tests.support.command import Run
+
+from tripwatt.forecasting.storage import model_folder
+from tripwatt.study.synthetic import example_trip
+from tripwatt.units import GRAVITY_M_S2
+from tripwatt.vehicles import load_vehicle, render_vehicle
+
+
+@pytest.fixture(scope="session")
+def table() -> pd.DataFrame:
+    return example_trip()
+
+
+@pytest.fixture
+def trip(tmp_path: Path, table: pd.DataFrame) -> Path:
+    table.to_csv(tmp_path / "trip.csv", index=False)
+    return tmp_path / "trip.csv"
+
+
+def test_forecast_answers_with_the_keys_of_the_contract(run: Run, trip: Path) -> None:
+    answer = run("forecast", trip, "--soc", 0.8, "--ambient", -5, "--reserve", 0.3, "--json")
+    assert answer.code == 0
+    found = json.loads(answer.out)
+    assert {
+        "energy_wh",
+        "quantiles_wh",
+        "soc_arrival",
+        "p_arrive_by_soc",
+        "series",
+        "by_cause_wh",
+        "flags",
+    } <= set(found)
+    assert found["given"] == "the driven speed trace"
+    assert found["series"]["displayed_soc"][0] == pytest.approx(0.8)
+    assert found["series"]["displayed_soc"][-1] == pytest.approx(found["soc_arrival"])
+    assert found["p_arrive_by_soc"]["0"] >= found["p_arrive_by_soc"]["0.3"]
+    assert sum(found["by_cause_wh"].values()) == pytest.approx(found["energy_wh"])
+    mild = json.loads(run("forecast", trip, "--soc", 0.8, "--ambient", 20, "--json").out)
+    heavy = json.loads(run("forecast", trip, "--soc", 0.8, "--ambient", 20, "--payload", 300, "--json").out)
+    assert mild["energy_wh"] < found["energy_wh"]
+    assert mild["by_cause_wh"]["rolling"] < heavy["by_cause_wh"]["rolling"]
+
+
+def test_every_figure_for_people_is_given_the_speed_trace(run: Run, trip: Path) -> None:
+    answer = run("forecast", trip, "--soc", 0.8)
+    assert answer.code == 0
+    assert "given the driven speed trace" in answer.out
+    assert "9 in 10 such trips take" in answer.out
+    assert "The probability to arrive with 10 % or more is " in answer.out
+
+
+def test_what_was_measured_moves_the_forecast(
+    run: Run, trip: Path, table: pd.DataFrame, tmp_path: Path
+) -> None:
+    late = table.assign(time_s=table["time_s"] + 60.0)
+    late.to_csv(tmp_path / "late.csv", index=False)
+    late[late["time_s"] < 700.0].to_parquet(tmp_path / "so-far.parquet")
+    late.loc[late["time_s"] < 700.0, ["time_s", "soc"]].to_csv(tmp_path / "soc.csv", index=False)
+    before = json.loads(run("forecast", tmp_path / "late.csv", "--json").out)
+    assert before["energy_wh"] == json.loads(run("forecast", trip, "--json").out)["energy_wh"]
+    for name in ("so-far.parquet", "soc.csv"):
+        answer = run("forecast", tmp_path / "late.csv", "--observed", tmp_path / name, "--json")
+        after = json.loads(answer.out)
+        assert after["energy_wh"] != before["energy_wh"]
+        assert after["measured_until_s"] == pytest.approx(639.0)
+    early = table.iloc[:50]
+    early.to_csv(tmp_path / "early.csv", index=False)
+    answer = run("forecast", tmp_path / "late.csv", "--observed", tmp_path / "early.csv")
+    assert answer.code == 2
+    assert "before departure" in answer.err
+
+
+def test_unknown_charge_is_said(run: Run, table: pd.DataFrame, tmp_path: Path) -> None:
+    table[["time_s", "speed_m_s"]].to_csv(tmp_path / "bare.csv", index=False)
+    flags = json.loads(run("forecast", tmp_path / "bare.csv", "--json").out)["flags"]
+    assert [(flag["subject"], flag["unit"]) for flag in flags if flag["code"] == "soc_assumed"] == [
+        ("soc", "1")
+    ]
+    assert any("state of charge at departure is unknown" in flag["message"] for flag in flags)
+    flags = json.loads(run("forecast", tmp_path / "bare.csv", "--soc", 0.5, "--json").out)["flags"]
+    assert "soc_assumed" not in {flag["code"] for flag in flags}
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda t: t.rename(columns={"speed_m_s": "speed_km_h"}), "did you mean speed_m_s in m/s?"),
+        (
+            lambda t: t.rename(columns={"ambient_temperature_degc": "ambient_temperature_f"}),
+            "unknown column or unit",
+        ),
+        (lambda t: t.assign(colour=1.0), "'colour'"),
+        (lambda t: t.assign(time_s=t["time_s"] - 10.0), "negative time"),
+        (lambda t: t.assign(time_s=t["time_s"].to_numpy()[::-1]), "time does not increase"),
+        (lambda t: t.iloc[:2], "too few samples"),
+        (lambda t: t.assign(soc=80.0), "value out of range"),
+        (lambda t: t.assign(speed_m_s=-3.0), "value out of range"),
+        (lambda t: t.assign(speed_m_s="fast"), "speed_m_s"),
+        (lambda t: t.drop(columns="time_s"), "missing column"),
+        (lambda t: t.assign(speed_m_s=float("nan")), "missing value"),
+    ],
+)
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+def test_a_table_that_is_no_trip_is_one_message(
+    run: Run, table: pd.DataFrame, tmp_path: Path, change: Callable[..., pd.DataFrame], said: str, suffix: str
+) -> None:
+    bad = change(table.copy())
+    path = tmp_path / f"bad.{suffix}"
+    bad.to_csv(path, index=False) if suffix == "csv" else bad.to_parquet(path)
+    answer = run("forecast", path)
+    assert answer.code == 2, answer.out
+    assert said in answer.err
+    assert "Traceback" not in answer.err
+    assert answer.out == ""
+
+
+def test_faults_of_options_model_and_trip_come_in_one_message(run: Run, tmp_path: Path) -> None:
+    options = (
+        "--soc",
+        1.2,
+        "--ambient",
+        "nan",
+        "--payload",
+        -5,
+        "--reserve",
+        2,
+    )
+    answer = run("forecast", tmp_path / "no-model", tmp_path / "nowhere.csv", *options)
+    assert answer.code == 2
+    for said in (
+        "6 faults",
+        "no-model",
+        "nowhere.csv",
+        "--soc",
+        "--ambient",
+        "--payload",
+        "--reserve",
+    ):
+        assert said in answer.err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_damaged_model_is_refused(run: Run, trip: Path, tmp_path: Path) -> None:
+    shutil.copytree(model_folder(), tmp_path / "model")
+    file = tmp_path / "model" / "model.npz"
+    raw = bytearray(file.read_bytes())
+    raw[len(raw) // 2] ^= 1
+    file.write_bytes(raw)
+    for command in (("forecast", tmp_path / "model", trip), ("inspect", tmp_path / "model")):
+        answer = run(*command)
+        assert answer.code == 2
+        assert file.name in answer.err
+        assert "damaged or altered" in answer.err
+
+
+def test_fit_writes_a_model_that_forecast_and_inspect_take(run: Run, trip: Path, tmp_path: Path) -> None:
+    out = tmp_path / "model"
+    answer = run("fit", "--out", out, "--corrector", "linear", "--set", "mass=1300")
+    assert answer.code == 0
+    assert "fitted on 32 trips (synthetic)" in answer.out
+    assert "synthetic" in answer.out
+    assert "given the driven speed trace" in answer.out
+    assert "the trips are synthetic" in answer.err
+    own = json.loads(run("forecast", out, trip, "--json").out)
+    default = json.loads(run("forecast", trip, "--json").out)
+    assert own["energy_wh"] != default["energy_wh"]
+    about = json.loads(run("inspect", out, "--json").out)
+    assert about["model"]["corrector"] == "linear"
+    assert about["provenance"]["data"]["name"] == "synthetic"
+    shown = run("inspect", out)
+    assert shown.code == 0
+    assert "ambient_temperature_degc" in shown.out
+
+
+def test_fit_names_everything_that_is_wrong_and_writes_nothing(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "taken").write_text("x")
+    options = ("--out", tmp_path / "taken", "--corrector", "gamm", "--vehicle", "leaf")
+    answer = run("fit", tmp_path / "nowhere", *options)
+    assert answer.code == 2
+    for said in ("taken", "gamm", "leaf", "nowhere"):
+        assert said in answer.err
+    assert (tmp_path / "taken").read_text() == "x"
+
+
+def test_the_example_is_a_trip(run: Run, tmp_path: Path) -> None:
+    answer = run("example-trip", "--out", tmp_path / "e.csv")
+    assert answer.code == 0
+    assert "synthetic" in answer.err
+    assert run("forecast", tmp_path / "e.csv").code == 0
+    assert run("example-trip").out == (tmp_path / "e.csv").read_text()
+
+
+def test_a_changed_copy_of_the_models_car_is_forecast_with_its_own_values(run: Run, tmp_path: Path) -> None:
+    links = tmp_path / "links.json"
+    links.write_text('[{"length_m": 5000, "speed_m_s": 15, "grade": 0.05}]')
+    car = load_vehicle("bmw_i3_60ah")
+    copy = tmp_path / "bmw_i3_60ah.toml"
+    copy.write_text(render_vehicle(car))
+    departure = ("--soc", 0.9, "--ambient", 20)
+    own = json.loads(run("forecast", links, *departure, "--json").out)
+    assert json.loads(run("forecast", links, *departure, "--vehicle", copy, "--json").out) == own
+    known = f"curb_mass_kg = {{ value = {car.body.curb_mass_kg}"
+    copy.write_text(render_vehicle(car).replace(known, "curb_mass_kg = { value = 2500.0"))
+    heavy = json.loads(run("forecast", links, *departure, "--vehicle", copy, "--json").out)
+    lift_wh = (2500.0 - car.body.curb_mass_kg) * GRAVITY_M_S2 * 250.0 / 3600.0
+    assert heavy["energy_wh"] - own["energy_wh"] > lift_wh
+    assert heavy["flags"][0]["code"] == "changed_car"
+    shown = run("forecast", links, *departure, "--vehicle", copy)
+    assert "body.curb_mass_kg is 2500 kg in place of 1281 kg" in " ".join((shown.out + shown.err).split())

@@ -1,0 +1,41 @@
+"""`tripwatt car`: what adding trips prints."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.support.command import Run
+
+from tripwatt.server.cars import create_car, open_car
+from tripwatt.study.synthetic import VEHICLE, synthetic_fleet
+
+pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
+
+
+def test_adding_trips_without_heights_says_what_these_would_bring(run: Run, tmp_path: Path) -> None:
+    """With elevation tiles the heights come from the positions of the log."""
+    log = synthetic_fleet(1).logs[0]
+    samples = log.samples.drop(columns=["elevation_m", "grade"], errors="ignore")
+    way_deg = np.cumsum(samples["speed_m_s"].to_numpy()) / 111_195.0
+    samples.assign(latitude=47.3, longitude=9.2 + 0.5 * way_deg).to_csv(tmp_path / "drive.csv", index=False)
+    tiles = tmp_path / "tiles"
+    tiles.mkdir()
+    (tiles / "N47E009.hgt").write_bytes(np.full((1201, 1201), 500).astype(">i2").tobytes())
+    printed = []
+    for name, more in (("flat", ()), ("hills", ("--elevation", tiles))):
+        car = create_car(tmp_path / name, VEHICLE)
+        printed.append(run("car", "add", car.folder, tmp_path / "drive.csv", *more).out)
+        assert len(open_car(car.folder).diary) == 1
+    assert "1 of 1 new trips have no heights. Switch on the altitude in the app" in printed[0]
+    assert "no heights" not in printed[1]
+    (trip,) = open_car(tmp_path / "hills").store.logs()
+    assert trip.array("elevation_m") == pytest.approx(np.full(len(trip.samples), 500.0))
+
+
+def test_a_folder_without_tiles_is_refused(run: Run, tmp_path: Path) -> None:
+    car = create_car(tmp_path / "car", VEHICLE)
+    refused = run("car", "add", car.folder, tmp_path, "--elevation", tmp_path)
+    assert refused.code != 0
+    assert "no elevation tiles" in refused.err

@@ -1,0 +1,139 @@
+"""What commands print for people: a forecast in words from its own numbers, and progress without a terminal."""
+
+import io
+import itertools
+import re
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from rich.console import Console
+
+from tripwatt.command.printing import progress, progress_lines
+from tripwatt.command.sentences import chance_to_arrive, forecast_in_words, unknown_climb_in_words
+from tripwatt.forecasting import load_model
+from tripwatt.study.synthetic import example_trip
+from tripwatt.trips import Departure, plan_from_samples
+
+
+def made(soc: tuple[float, float, float, float], energy_wh: float = 2120.0, **more: Any) -> Any:
+    """A forecast with these charges at departure and at arrival (expected, low, high)."""
+    start, end, low, high = soc
+    series = pd.DataFrame(
+        {
+            "time_s": [0.0, 1440.0],
+            "distance_m": [0.0, 12_340.0],
+            "displayed_soc": [start, end],
+            "displayed_soc_low": [start, low],
+            "displayed_soc_high": [start, high],
+        }
+    )
+    plan = SimpleNamespace(departure=Departure(ambient_temperature_degc=-0.3))
+    given = {
+        "measured_until_s": 0.0,
+        "p_arrive": lambda reserve=0.0: 0.42,
+        "climb_to": lambda reserve=0.0: None,
+        "plan": plan,
+        "missing_wh": (0.0, 0.0, 0.0),
+    } | more
+    return SimpleNamespace(
+        energy_wh=energy_wh,
+        interval=lambda level: (energy_wh - 300.0, energy_wh + 400.0) if level == 0.9 else None,
+        series=lambda: series,
+        **given,
+    )
+
+
+def test_the_sentence_holds_the_numbers_of_the_forecast() -> None:
+    said = forecast_in_words(made((0.8, 0.69, 0.66, 0.71)), "Example trip")
+    assert said == (
+        "Example trip, 12.3 km in 24 min at 0 °C: 2.1 kWh; 9 in 10 such trips take 1.8 to 2.5 kWh. "
+        "Leaving with 80 % you arrive with 69 % (66 to 71 %)."
+    )
+
+
+def test_a_battery_that_may_not_last_is_told_with_its_probability() -> None:
+    perhaps = forecast_in_words(made((0.12, 0.03, 0.0, 0.07)))
+    assert "you arrive with 3 % (0 to 7 %). The probability to arrive is 42.0 %." in perhaps
+    empty = {"missing_wh": (0.0, 350.0, 1260.0), "empty_at_m": (7_400.0, 9_600.0, None)}
+    not_enough = forecast_in_words(made((0.05, 0.0, 0.0, 0.02), **empty))
+    assert (
+        "Leaving with 5 % the battery is empty after 10 km (7 km or later): the trip takes 0.35 kWh (0.00 to 1.3 kWh) more "
+        "than it holds. The probability to arrive is 42.0 %. At best you arrive with 2 %."
+    ) in not_enough
+    certain = {"missing_wh": (200.0, 350.0, 500.0), "empty_at_m": (7_400.0, 9_600.0, 11_200.0)}
+    never = forecast_in_words(made((0.05, 0.0, 0.0, 0.0), p_arrive=lambda reserve=0.0: 1e-5, **certain))
+    assert "is empty after 10 km (7 to 11 km)" in never
+    assert never.endswith("The probability to arrive is under 0.1 %.")
+
+
+def test_short_trips_have_two_digits_and_the_way_behind_is_told() -> None:
+    plan = SimpleNamespace(departure=Departure())
+    said = forecast_in_words(made((0.8, 0.79, 0.78, 0.8), 640.0, measured_until_s=600.0, plan=plan))
+    assert "12.3 km in 24 min, 10 min of it driven: 0.64 kWh; 9 in 10 such trips take 0.34 to 1.0 kWh" in said
+
+
+def test_the_packages_model_and_the_example_trip() -> None:
+    found = load_model(None).forecast(plan_from_samples(example_trip(), "example"))
+    said = forecast_in_words(found)
+    numbers = [float(n) for n in re.findall(r"\d+\.?\d*", said)]
+    km, minutes, degc, energy, _, _, low, high, *_ = numbers
+    last = found.series().iloc[-1]
+    assert km == pytest.approx(last["distance_m"] / 1e3, abs=0.05)
+    assert minutes == pytest.approx(last["time_s"] / 60, abs=0.5)
+    assert degc == pytest.approx(found.plan.departure.ambient_temperature_degc, abs=0.5)
+    expected = np.array([found.energy_wh, *found.interval(0.9)]) / 1e3
+    np.testing.assert_allclose([energy, low, high], expected, atol=0.05)
+
+
+def test_progress_without_a_terminal_is_few_plain_lines() -> None:
+    now = [0.0]
+    lines: list[str] = []
+    advance = progress_lines(lines.append, every_s=5.0, clock=lambda: now[0])
+    for finished in range(101):
+        now[0] = 0.2 * finished  # 20 s in all
+        advance(finished, 100)
+    assert lines[0] == "0 of 100 folds finished after 0 s"
+    assert lines[-1] == "100 of 100 folds finished after 20 s"
+    times = [int(line.partition(" after ")[2].split()[0]) for line in lines]
+    assert all(b - a >= 5 for a, b in itertools.pairwise(times[:-1]))
+    assert 4 <= len(lines) <= 6
+    assert all(line.endswith(" s, about 1 min left") for line in lines[1:-1])
+    stream = io.StringIO()
+    with progress(Console(file=stream)) as report:
+        report(0, 7)
+        report(7, 7)
+    assert stream.getvalue().splitlines() == [
+        "0 of 7 folds finished after 0 s",
+        "7 of 7 folds finished after 0 s",
+    ]
+
+
+def test_the_time_left_follows_from_the_folds_of_this_run_alone() -> None:
+    now = [0.0]
+    lines: list[str] = []
+    advance = progress_lines(lines.append, clock=lambda: now[0])
+    advance(900, 1000)  # of an earlier run
+    now[0] = 120.0
+    advance(920, 1000)
+    assert lines == [
+        "900 of 1000 folds finished after 0 s",
+        "920 of 1000 folds finished after 120 s, about 8 min left",
+    ]
+
+
+def test_nothing_near_certainty_is_told_where_an_unknown_climb_would_change_it() -> None:
+    for climb, shown in ((None, "over 99.9 %"), (900.0, "over 99 %, unless it climbs far")):
+        told = SimpleNamespace(p_arrive=lambda reserve: 0.9999, climb_to=lambda reserve, climb=climb: climb)
+        assert chance_to_arrive(told, 0.1) == shown
+    unlikely = SimpleNamespace(p_arrive=lambda reserve: 0.42, climb_to=lambda reserve: 900.0)
+    assert chance_to_arrive(unlikely) == "42.0 %"
+    flat = SimpleNamespace(soc_per_climb_m=0.0002, climb_to=lambda reserve: 0.0)
+    assert unknown_climb_in_words(flat, 0.1) == [
+        "The heights of the road are unknown. Each 100 m of climb takes 2.0 points."
+    ]
+    high = SimpleNamespace(soc_per_climb_m=0.0002, climb_to=lambda reserve: 1234.4)
+    (sentence,) = unknown_climb_in_words(high, 0.1)
+    assert sentence.endswith("takes 2.0 points; with 1,234 m of climb you arrive with 10 %.")

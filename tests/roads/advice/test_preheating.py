@@ -1,0 +1,259 @@
+"""Preheating: the optimum against plain loops, its laws, and what is handed to those who charge."""
+
+from __future__ import annotations
+
+import datetime as dt
+import itertools
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.support.cars import some_cars
+
+import tripwatt as tw
+from tripwatt.physics import DriveConditions, simulate, simulate_trip
+from tripwatt.physics.cabin import CabinStart, CabinTask, condition_cabins
+from tripwatt.roads.advice import preheating as preheating_of
+from tripwatt.roads.advice.preheating import (
+    BATTERY_HEATER_W,
+    BATTERY_STEPS,
+    CHARGER,
+    COMFORT_W_K,
+    LEAST_WH,
+    PLUG_W,
+    SCARCE,
+    STEP_S,
+    STEPS,
+    TRIED_K,
+    WARM_BATTERY_DEGC,
+    WORTH,
+    Preheating,
+    before_departure,
+    need_before_departure,
+    preheating,
+)
+from tripwatt.roads.journey.kinds import typical_road
+from tripwatt.trips import Departure, Plan
+from tripwatt.vehicles import Vehicle
+
+CAR = "vw_id3"
+COLD_TO_WARM = (-25.0, -15.0, -5.0, 0.0, 5.0, 12.0, 17.0, 20.0)
+
+
+def road(km: float = 20.0, **known: Any) -> Plan:
+    links = [{"length_m": 200.0 * km, "speed_m_s": 12.0}, {"length_m": 800.0 * km, "speed_m_s": 30.0}]
+    return tw.read_route(links).with_departure(Departure(**known))
+
+
+def costs_one_by_one(vehicle: Vehicle, plan: Plan, plug_w: float, worth: float) -> dict[Any, float]:
+    """Cost of each way by plain loops: one cabin, one battery, one trip after the other; what costs the battery is left out."""
+    ambient = plan.departure.ambient_temperature_degc or 0.0
+    climate, pack, minutes = vehicle.climate, vehicle.battery, range(STEPS + 1)
+    assert climate is not None
+    time, speed = plan.array("time_s"), plan.array("speed_m_s")
+    cabins: dict[Any, tuple[np.ndarray, float, float]] = {}
+    empty = replace(climate, occupant_heat_w=0.0)
+    nearer = 1.0 if ambient > climate.setpoint_degc else -1.0
+    for aim in (climate.setpoint_degc + nearer * kelvin for kelvin in TRIED_K):
+        for minute in minutes:
+            start, power = CabinStart(ambient, climate.setpoint_degc), np.zeros(STEPS)
+            if minute:
+                parked = CabinStart(ambient, aim, 0.0)
+                stands = np.array([0.0, STEP_S * minute])
+                (run,) = condition_cabins([CabinTask(empty, stands, np.zeros(2), ambient, parked)])
+                power[-minute:] = (run.heat_w + run.fan_w).reshape(minute, -1).mean(axis=1)
+                start = replace(
+                    start,
+                    temperature_degc=float(run.air_degc[-1]),
+                    interior_degc=float(run.interior_degc[-1]),
+                )
+            (trip,) = condition_cabins([CabinTask(climate, time, speed, ambient, start)])
+            energy_wh = float((trip.heat_w + trip.fan_w).sum()) * 10.0 / 3600.0
+            felt = 0.5 * (trip.air_degc + trip.interior_degc)[1:]
+            away = float(np.abs(felt - climate.setpoint_degc).sum()) * 10.0 / 3600.0
+            cabins[aim if minute else None, minute] = power, energy_wh, COMFORT_W_K * away
+    batteries: dict[int, tuple[np.ndarray, float]] = {}
+    degc = ambient
+    for minute in minutes:
+        if minute % BATTERY_STEPS == 0 and (degc <= WARM_BATTERY_DEGC or not minute):
+            warm = DriveConditions(
+                ambient_temperature_degc=ambient,
+                initial_battery_temperature_degc=degc,
+                initial_soc=0.8,
+                cabin_setpoint_degc=None,
+            )
+            drive = simulate(vehicle, time, speed, conditions=warm)
+            energy_wh = float(np.diff(time) @ (drive.battery_power_w + drive.battery_loss_w)[1:]) / 3600.0
+            power = np.array([BATTERY_HEATER_W * (STEPS - k <= minute) for k in range(STEPS)])
+            batteries[minute] = power, energy_wh
+        lost_w = pack.heat_loss_w_k * (degc - ambient)
+        degc += STEP_S * (BATTERY_HEATER_W - lost_w) / pack.heat_capacity_j_k
+    hours, costs = STEP_S / 3600.0, {}
+    at_first = cabins[None, 0][1] + batteries[0][1]
+    for (key, (power, trip_wh, away_wh)), (minute, (heat, drive_wh)) in itertools.product(
+        cabins.items(), batteries.items()
+    ):
+        from_plug = sum(min(w, plug_w * CHARGER) for w in power + heat) * hours
+        taken = float((power + heat).sum()) * hours - from_plug + trip_wh + drive_wh
+        if taken <= at_first + 1e-6:
+            costs[*key, minute] = from_plug / CHARGER + worth * taken + away_wh
+    return costs
+
+
+def key_of(heat: Preheating | None) -> tuple[float | None, int, int]:
+    if heat is None:
+        return None, 0, 0
+    return heat.cabin_degc, round(heat.cabin_before_s / STEP_S), round(heat.battery_before_s / STEP_S)
+
+
+@pytest.mark.parametrize(
+    ("degc", "plug_w", "worth"),
+    [
+        (-25.0, PLUG_W, WORTH),
+        (-15.0, 2300.0, WORTH),
+        (0.0, 11_000.0, SCARCE),
+        (35.0, PLUG_W, SCARCE),
+        (20.0, PLUG_W, WORTH),
+    ],
+)
+def test_the_optimum_is_that_of_plain_loops(degc: float, plug_w: float, worth: float) -> None:
+    car = tw.load_vehicle("nissan_leaf_40")
+    plan = road(12.0, ambient_temperature_degc=degc)
+    costs = costs_one_by_one(car, plan, plug_w, worth)
+    chosen = key_of(preheating(car, plan, plug_w=plug_w, worth=worth))
+    nothing = costs[None, 0, 0] - worth * LEAST_WH
+    assert min(nothing, costs[chosen]) == pytest.approx(min(nothing, *costs.values()), abs=1e-3)
+    assert chosen == (None, 0, 0) or costs[chosen] < nothing
+
+
+@pytest.mark.parametrize("name", some_cars(6))
+@pytest.mark.parametrize("degc", [-20.0, -5.0, 8.0, 30.0])
+@pytest.mark.parametrize("plug_w", [0.0, 1500.0, PLUG_W])
+def test_no_answer_costs_the_battery_anything(name: str, degc: float, plug_w: float) -> None:
+    heat = preheating(tw.load_vehicle(name), road(ambient_temperature_degc=degc), plug_w=plug_w)
+    if heat is not None:
+        assert heat.saved_wh >= 0.0
+        assert (heat.wall_wh > 0.0) == (plug_w > 0.0)
+
+
+@pytest.mark.parametrize("name", some_cars(6))
+def test_colder_air_means_no_later_start(name: str) -> None:
+    car = tw.load_vehicle(name)
+    found = [preheating(car, road(ambient_temperature_degc=degc)) for degc in COLD_TO_WARM]
+    before = [0.0 if heat is None else heat.before_s for heat in found]
+    assert all(colder >= warmer - STEP_S for colder, warmer in itertools.pairwise(before))  # within a step
+    assert found[-1] is None  # nothing to do at 20 °C
+    assert before[2] > 0.0  # at -5 °C there is
+
+
+def test_the_choices_are_those_that_are_described() -> None:
+    """One phase of 32 A; twice for energy of the battery; 10 K for six minutes for 1 kWh; an hour in steps of a minute."""
+    assert pytest.approx(32.0 * 230.0, rel=0.01) == PLUG_W
+    assert (WORTH, SCARCE, CHARGER) == (2.0, 10.0, 0.9)
+    assert COMFORT_W_K * 10.0 * 0.1 == 1000.0
+    assert (STEPS * STEP_S, STEP_S) == (3600.0, 60.0)
+    assert TRIED_K == (0.0, -2.0, 2.0, 4.0)
+    plan, car = road(ambient_temperature_degc=-5.0), tw.load_vehicle(CAR)
+    assert preheating(car, plan) == preheating(car, plan, plug_w=7400.0, worth=2.0)
+
+
+def test_only_the_part_that_may_be_warmed_is() -> None:
+    car, plan = tw.load_vehicle("nissan_leaf_40"), road(12.0, ambient_temperature_degc=-25.0)
+    cabin, battery = (preheating(car, plan, worth=SCARCE, only=part) for part in ("cabin", "battery"))
+    assert cabin is not None
+    assert battery is not None
+    assert (cabin.battery_before_s, battery.cabin_before_s) == (0.0, 0.0)
+    assert cabin.cabin_before_s >= STEP_S
+    assert battery.battery_before_s >= BATTERY_STEPS * STEP_S
+
+
+def test_off_the_plug_a_cabin_is_left_alone() -> None:
+    for name, degc in itertools.product(some_cars(4), (-10.0, 0.0, 30.0)):
+        plan = road(ambient_temperature_degc=degc)
+        assert preheating(tw.load_vehicle(name), plan, plug_w=0.0, only="cabin") is None
+
+
+def test_scarce_energy_begins_earlier_and_saves_more() -> None:
+    plan = road(60.0, ambient_temperature_degc=-5.0)
+    usual, scarce = (preheating(tw.load_vehicle(CAR), plan, worth=worth) for worth in (WORTH, SCARCE))
+    assert usual is not None
+    assert scarce is not None
+    assert scarce.before_s > usual.before_s
+    assert scarce.saved_wh > usual.saved_wh
+    assert scarce.wall_wh > usual.wall_wh
+
+
+def test_a_car_that_is_warm_or_without_climate_control_has_nothing_to_warm() -> None:
+    car = tw.load_vehicle(CAR)
+    warm = road(ambient_temperature_degc=0.0, cabin_temperature_degc=22.0, battery_temperature_degc=20.0)
+    assert preheating(car, warm) is None
+    cold = {"ambient_temperature_degc": 0.0, "battery_temperature_degc": 20.0}
+    assert preheating(car, road(climate="off", **cold)) is None
+    assert preheating(replace(car, climate=None), road(**cold)) is None
+
+
+def test_the_heat_at_departure_goes_on_as_in_one_run() -> None:
+    car = tw.load_vehicle("bmw_i3_60ah")
+    assert car.climate is not None
+    time, start = np.arange(0.0, 3001.0, 10.0), CabinStart(-10.0, 22.0)
+    speed = np.where(time > 600.0, 20.0, 0.0)
+    (whole,) = condition_cabins([CabinTask(car.climate, time, speed, -10.0, start)])
+    rest = replace(
+        start, temperature_degc=float(whole.air_degc[60]), interior_degc=float(whole.interior_degc[60])
+    )
+    (later,) = condition_cabins([CabinTask(car.climate, time[60:], speed[60:], -10.0, rest)])
+    assert later.heat_w.sum() == pytest.approx(whole.heat_w[60:].sum(), rel=5e-3)  # fans start low
+    light, heavy = car.climate.air_heat_capacity_j_k, car.climate.interior_heat_capacity_j_k
+    assert rest.interior_degc is not None
+    mixed = (light * rest.temperature_degc + heavy * rest.interior_degc) / (light + heavy)
+    one = replace(start, temperature_degc=mixed)
+    (stands_for,) = condition_cabins([CabinTask(car.climate, time[60:], speed[60:], -10.0, one)])
+    assert stands_for.heat_w.sum() == pytest.approx(later.heat_w.sum(), rel=0.03)
+
+
+def test_a_cabin_warmed_on_the_plug_stands_beside_cold_tyres() -> None:
+    heat = preheating(tw.load_vehicle(CAR), road(ambient_temperature_degc=-5.0))
+    assert heat is not None
+    assert heat.changed["warmth"] == 0.0
+    plans = [road(ambient_temperature_degc=-5.0, cabin_temperature_degc=15.0, warmth=w) for w in (0.0, None)]
+    cold, as_from_a_trip = (simulate_trip(tw.load_vehicle(CAR), plan).by_cause_wh for plan in plans)
+    assert cold["rolling"] > as_from_a_trip["rolling"]
+
+
+def test_charge_time_and_start_are_handed_over() -> None:
+    leaves = dt.datetime(2026, 1, 12, 7, 30, tzinfo=dt.UTC)
+    known = Departure(soc=0.3, ambient_temperature_degc=-5.0, departs_at=leaves)
+    needed, until = need_before_departure(
+        60.0, "mixed", known, 3700.0, quantile=0.95, reserve=0.1, vehicle=CAR
+    )
+    same = tw.need(60.0, "mixed", known, vehicle=CAR, quantile=0.95, reserve=0.1)
+    assert needed.to_dict() == same.to_dict()
+    assert until["target_soc"] == same.soc_needed
+    plan = typical_road(60_000.0, "mixed")
+    per_display = tw.for_car(None, CAR).forecast(plan, known).charge.wh_per_display
+    assert until["charge_wh"] == pytest.approx((same.soc_needed - 0.3) * per_display)
+    assert until["wall_wh"] == pytest.approx(until["charge_wh"] / CHARGER)
+    assert until["charging_s"] == pytest.approx(until["wall_wh"] / 3700.0 * 3600.0)
+    assert until["departs_at"] == leaves.isoformat()
+    begins = dt.datetime.fromisoformat(until["preheat"]["starts_at"])
+    assert (leaves - begins).total_seconds() == until["preheat"]["before_s"] > 0.0
+
+
+def test_what_is_unknown_is_not_handed_over() -> None:
+    forecast = tw.forecast(road(5.0), Departure(ambient_temperature_degc=20.0))
+    until = before_departure(forecast, 1.4, 0.0, None, None)
+    assert until == {
+        "target_soc": 1.0,
+        "departs_at": None,
+        "soc": None,
+        "charge_wh": None,
+        "wall_wh": None,
+        "charging_s": None,
+        "preheat": None,
+    }
+    assert before_departure(forecast, 0.4, 0.0, 0.6, None)["charge_wh"] == 0.0
+
+
+def test_the_door_of_advice_has_it() -> None:
+    assert preheating_of is preheating

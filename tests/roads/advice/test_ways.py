@@ -1,0 +1,178 @@
+"""Other ways to make a trip: another road, another hour."""
+
+from __future__ import annotations
+
+import datetime as dt
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.roads.journey.made import COLD, MADE, A, B, journey, straight
+from tests.roads.journey.test_stops import FAR, row
+
+import tripwatt as tw
+from tripwatt.roads.advice import leaving_later
+from tripwatt.roads.advice.actions import ALONE, Action, actions, with_action
+from tripwatt.roads.advice.advise import _advised, maker_like
+from tripwatt.roads.journey import Place, RoadForecaster
+from tripwatt.roads.weather import Weather
+
+NOON = dt.datetime(2026, 1, 15, 12, 0, tzinfo=dt.UTC)
+
+
+class Warming:
+    """Weather that warms by 3 K each hour from noon on."""
+
+    def at(self, places: Sequence[Place], when: Sequence[dt.datetime]) -> tuple[Weather, ...]:
+        return tuple(Weather(-5.0 + 3.0 * (time - NOON).total_seconds() / 3600.0) for time in when)
+
+
+@pytest.fixture(scope="module")
+def model() -> tw.ForecastModel:
+    return tw.load_model()
+
+
+def test_the_slower_road_of_a_journey_is_a_way_to_arrive(model: tw.ForecastModel) -> None:
+    found = journey(model, replace(COLD, soc=0.93), alternatives=1, charge=False)
+    advice = tw.advise(found)
+    (other,) = (one for one in advice.singly if one.actions[0].code == "other_road")
+    slower = found.roads[1].forecast
+    assert other.difference.energy_wh == pytest.approx(slower.energy_wh - found.forecast.energy_wh)
+    assert other.difference.duration_s == pytest.approx(
+        slower.plan.duration_s - found.forecast.plan.duration_s
+    )
+    assert other.p_arrive == slower.p_arrive(0.1)
+    for one in advice.least:
+        assert len(one.actions) == 1 or not {action.group for action in one.actions} & {*ALONE}
+
+
+@pytest.fixture(scope="module")
+def with_stops(model: tw.ForecastModel) -> tuple[tw.Journey, tw.Advice]:
+    departure = tw.Departure(soc=0.8, ambient_temperature_degc=12.0, extras=("roof_box",))
+    found = journey(model, departure, (A, FAR), replace(MADE, stations=row(14)), alternatives=1)
+    return found, tw.advise(found)
+
+
+def test_a_stop_to_charge_is_a_way_to_arrive(with_stops: tuple[tw.Journey, tw.Advice]) -> None:
+    found, advice = with_stops
+    plan = found.charging
+    assert plan is not None
+    assert advice.p_arrive < 0.95 <= plan.p_reserve
+    (stop,) = (one for one in advice.least if one.actions[0].code == "stop")
+    assert stop.actions[0].value == len(plan.stops) >= 2
+    assert (stop.p_arrive, stop.soc_arrival) == (plan.p_reserve, plan.soc_arrival)
+    assert stop.difference.duration_s == pytest.approx(plan.duration_s - found.forecast.plan.duration_s)
+    assert advice.to_dict()["whole"]["charges"] == len(plan.stops)
+
+
+def test_an_action_has_the_time_of_the_journey_with_the_stops_that_it_then_needs(
+    with_stops: tuple[tw.Journey, tw.Advice], model: tw.ForecastModel
+) -> None:
+    found, advice = with_stops
+    assert found.charging is not None
+    by_code = {one.actions[0].code: one.whole for one in advice.singly}
+    lighter, slower, road = (by_code[code] for code in ("no_roof_box", "slower", "other_road"))
+    assert lighter is not None
+    assert slower is not None
+    assert road is not None
+    # the same journey, planned without the box
+    departure = tw.Departure(soc=0.8, ambient_temperature_degc=12.0, extras=())
+    again = journey(model, departure, (A, FAR), replace(MADE, stations=row(14))).charging
+    assert again is not None
+    assert lighter.duration_s == pytest.approx(again.duration_s, rel=0.01)
+    assert lighter.duration_s < found.charging.duration_s
+    assert lighter.driving_s == pytest.approx(found.charging.driving_s, rel=0.01)
+    # what is driven longer is charged shorter
+    assert slower.driving_s > found.charging.driving_s + 120.0
+    assert slower.charging_s < found.charging.charging_s - 120.0
+    for plan in (lighter, slower, road):
+        assert plan.p_reserve >= 0.95
+
+
+def test_what_is_warmed_on_the_plug_is_warm_on_the_first_leg_alone(model: tw.ForecastModel) -> None:
+    cold = replace(COLD, soc=0.8, ambient_temperature_degc=-8.0, cabin_temperature_degc=-8.0)
+    found = journey(model, cold, (A, FAR), replace(MADE, stations=row(14)))
+    assert found.corridor is not None
+    warm = next(action for action in actions(found.forecast) if action.code == "preheat_cabin")
+    forecast = maker_like(found.forecast)(warm.applied(found.forecast.plan))
+    plan = with_action(found.corridor, warm, forecast, found.corridor.road)
+    assert plan is not None
+    degc = [leg.forecast.plan.departure.cabin_temperature_degc for leg in plan.legs]
+    assert degc[0] == pytest.approx(warm.changed["cabin_temperature_degc"])
+    assert degc[0] > 15.0
+    assert {*degc[1:]} == {-8.0}
+
+
+def test_a_trip_without_stops_has_no_whole(model: tw.ForecastModel) -> None:
+    advice = tw.advise(journey(model, replace(COLD, soc=0.93), alternatives=1, charge=False))
+    assert advice.to_dict()["whole"] is None
+    assert {one.whole for one in (*advice.singly, *advice.least)} == {None}
+
+
+def test_two_roads_share_neither_climb_nor_traffic(model: tw.ForecastModel) -> None:
+    forecaster = RoadForecaster(model, COLD)
+    road, longer = straight(A, B, 100.0), straight(A, B, 100.0, factor=1.1)
+    slower = straight(A, B, 90.0)
+    base = forecaster.forecast(road)
+    of_one_road, of_two = (forecaster.forecast(other).difference(base) for other in (slower, longer))
+    assert of_one_road.sd_wh < 0.5 * of_two.sd_wh
+
+
+def test_leaving_later_has_the_weather_of_its_hour(model: tw.ForecastModel) -> None:
+    departure = tw.Departure(soc=0.9, departs_at=NOON)
+    road = straight(A, B, 100.0)
+    forecaster = RoadForecaster(model, departure, Warming())
+    ways = leaving_later(forecaster, road, NOON)
+    assert [action.value for action, _ in ways] == [3600.0, 7200.0, 10_800.0]
+    energies = [forecaster.forecast(road).energy_wh, *(forecast.energy_wh for _, forecast in ways)]
+    assert energies == sorted(energies, reverse=True)
+    advice = tw.advise(forecaster.forecast(road), others=ways)
+    assert "leave_later" in [one.actions[0].code for one in advice.singly]
+    assert leaving_later(replace(forecaster, weather=None), road, NOON) == []
+    windy = replace(forecaster, departure=replace(departure, wind_speed_m_s=3.0))
+    assert leaving_later(windy, road, NOON) == []
+
+
+def test_the_error_of_the_weather_stays_in_what_is_advised(model: tw.ForecastModel) -> None:
+    road = straight(A, B, 130.0, "motorway")
+    departure = tw.Departure(soc=0.9, departs_at=NOON, cabin_temperature_degc=5.0)
+    forecast = RoadForecaster(model, departure).forecast(road)
+    unsure = replace(forecast, state_sd_wh=float(np.hypot(forecast.state_sd_wh, 800.0)))
+    sure, wide = (tw.advise(one).singly[0] for one in (forecast, unsure))
+    assert wide.forecast.sd_wh > 1.05 * sure.forecast.sd_wh
+    assert wide.difference.sd_wh == pytest.approx(sure.difference.sd_wh, rel=0.3)
+
+
+def test_a_saving_is_not_known_better_than_to_a_fifth_of_what_changes(model: tw.ForecastModel) -> None:
+    forecaster = RoadForecaster(model, COLD)
+    fast, slow = (forecaster.forecast(straight(A, B, speed, level=True)) for speed in (120.0, 90.0))
+    saved = slow.difference(fast)
+    causes = [wh for cause, wh in saved.by_cause_wh.items() if cause != "correction"]
+    assert saved.sd_wh >= 0.2 * float(np.linalg.norm(causes)) > 0.0
+
+
+def test_extras_that_several_actions_change_are_all_changed(model: tw.ForecastModel) -> None:
+    departure = replace(COLD, extras=("roof_box", "winter_tyres", "headlights"))
+    plan = RoadForecaster(model, departure).forecast(straight(A, B, 80.0)).plan
+    for action in (
+        Action("no_roof_box", "roof", "some", {}, removed="roof_box"),
+        Action("seats", "climate", "some", {}, fitted="heated_seats"),
+        Action("summer_tyres", "tyres", "much", {}, removed="winter_tyres"),
+    ):
+        plan = action.applied(plan)
+    assert plan.departure.extras == ("headlights", "heated_seats")
+
+
+def test_heated_seats_are_part_of_the_energy_and_of_the_charge(model: tw.ForecastModel) -> None:
+    base = RoadForecaster(model, replace(COLD, ambient_temperature_degc=-10.0)).forecast(straight(A, B, 80.0))
+    seats = next(action for action in actions(base) if action.code == "seats")
+    one = _advised(base, maker_like(base), (seats,), 0.1)
+    assert one.difference.energy_wh == pytest.approx(sum(one.difference.by_cause_wh.values()))
+    hours = base.plan.duration_s / 3600.0
+    warm_air = replace(base.plan, departure=replace(base.plan.departure, cabin_setpoint_degc=16.0))
+    without_seats = maker_like(base)(warm_air)
+    taken = one.forecast.by_cause_wh["base_load"] - without_seats.by_cause_wh["base_load"]
+    assert taken == pytest.approx(100.0 * hours, rel=0.01)
+    assert one.difference.energy_wh == pytest.approx(one.forecast.energy_wh - base.energy_wh)
+    assert one.soc_arrival - base.soc_arrival == pytest.approx(one.difference.soc_arrival)

@@ -1,0 +1,156 @@
+"""Journeys on roads that are made: what a driver asks, by laws and by values worked out by hand."""
+
+import json
+from dataclasses import replace
+
+import pandas as pd
+import pytest
+from tests.roads.journey.made import COLD, KM_H, MADE, A, journey
+
+import tripwatt as tw
+from tripwatt.errors import InvalidInput
+from tripwatt.roads.journey import (
+    JourneyOptions,
+    Place,
+    RoadForecaster,
+    plan_journey,
+)
+from tripwatt.roads.journey.forecasting import capped
+
+
+def test_the_charge_to_leave_with_arrives_in_19_of_20_trips(model):
+    near = Place(47.0, 9.3)
+    found = journey(model, stops=(A, near), answers=False)
+    assert 0.1 < found.soc_needed < 1.0
+    again = journey(model, replace(COLD, soc=found.soc_needed), stops=(A, near), answers=False)
+    assert again.forecast.p_arrive(0.1) == pytest.approx(0.95, abs=0.01)
+    more = journey(model, stops=(A, near), answers=False, reserve=0.2)
+    assert more.soc_needed == pytest.approx(found.soc_needed + 0.1, abs=0.01)
+
+
+def test_where_a_full_battery_does_not_suffice_the_answer_is_above_one(model):
+    far = Place(47.0, 14.0)
+    found = journey(model, stops=(A, far), answers=False)
+    assert found.soc_needed > 1.0
+    assert (
+        found.soc_needed == journey(model, replace(COLD, soc=0.3), stops=(A, far), answers=False).soc_needed
+    )
+    assert not found.arrives
+    assert found.to_dict()["soc_needed"] == found.soc_needed
+    assert found.to_dict()["leave"].startswith("A full battery does not suffice")
+
+
+def test_the_needed_charge_of_a_forecast_follows_its_quantile(model):
+    forecast = journey(model, stops=(A, Place(47.0, 9.2)), answers=False).forecast
+    for probability in (0.5, 0.95):
+        leaving = forecast.leaving_with(forecast.soc_needed(0.1, probability))
+        assert leaving.soc_quantile(1.0 - probability) == pytest.approx(0.1, abs=1e-5)
+    assert forecast.soc_along(0.95)[-1] == pytest.approx(forecast.soc_quantile(0.05))
+    assert forecast.soc_along(0.95)[0] == pytest.approx(0.9)
+
+
+def test_roads_are_labelled_and_the_fastest_is_first(model):
+    found = journey(model, alternatives=1, answers=False)
+    assert [road.labels for road in found.roads] == [("fastest",), ("shortest", "least energy")]
+    assert found.roads[0].road.duration_s < found.roads[1].road.duration_s
+    assert found.forecast is found.roads[0].forecast
+
+
+def test_the_speed_with_which_the_journey_arrives_is_the_highest_one(model):
+    far = Place(47.0, 9.9)
+    found = journey(
+        model,
+        tw.Departure(soc=0.88, ambient_temperature_degc=10.0),
+        stops=(A, far),
+        atlas=replace(MADE, stations=()),
+    )
+    assert not found.arrives
+    advice = found.speed.speed_m_s
+    assert advice in [pytest.approx(v * KM_H) for v in (120.0, 110.0, 100.0, 90.0, 80.0)]
+    drive = RoadForecaster(model, tw.Departure(soc=0.88, ambient_temperature_degc=10.0))
+    road = found.roads[0].road
+    assert drive.forecast(capped(road, advice)).p_arrive(0.1) >= 0.95
+    assert drive.forecast(capped(road, advice + 10.0 * KM_H)).p_arrive(0.1) < 0.95
+    assert found.speed.duration_s > found.forecast.plan.duration_s
+
+
+def test_every_speed_in_tens_is_advised_where_it_is_the_highest_that_arrives(model):
+    far, alone = Place(47.0, 9.6), replace(MADE, stations=())
+    known = [tw.Departure(soc=soc, ambient_temperature_degc=10.0) for soc in (0.565, 0.605, 0.65, 0.7, 0.745)]
+    found = [journey(model, departure, (A, far), alone) for departure in known]
+    speeds = [80.0, 90.0, 100.0, 110.0, 120.0]
+    assert [one.speed.speed_m_s / KM_H for one in found] == pytest.approx(speeds)
+    for departure, one, km_h in zip(known, found, speeds, strict=True):
+        chances = [
+            RoadForecaster(model, departure).forecast(capped(one.roads[0].road, v * KM_H)).p_arrive(0.1)
+            for v in (km_h, km_h + 10.0)
+        ]
+        assert chances[1] < 0.95 <= chances[0]
+
+
+def test_no_speed_is_advised_where_it_is_not_needed_or_does_not_help(model):
+    assert journey(model, stops=(A, Place(47.0, 9.2))).speed is None
+    found = journey(model, replace(COLD, soc=0.2))
+    assert (found.speed.speed_m_s, found.speed.duration_s) == (None, None)
+    assert [flag.code for flag in found.flags] == ["no_stop_found"]
+
+
+def test_stops_and_the_way_back(model):
+    found = journey(model, stops=(A, Place(47.0, 9.1), Place(47.0, 9.2)), round_trip=True, answers=False)
+    assert found.stops[0] == found.stops[-1] == A
+    road = found.roads[0]
+    assert len(road.road.stop_position_m) == 2
+    charges = [road.soc_at(at) for at in (0.0, *road.road.stop_position_m, road.road.distance_m)]
+    assert charges == sorted(charges, reverse=True)
+    assert charges[0] == pytest.approx(0.9)
+    assert charges[-1] == pytest.approx(road.forecast.soc_arrival)
+    assert len(found.to_dict()["roads"][0]["stops"]) == 2
+
+
+def test_another_car_takes_another_energy_and_is_flagged(model):
+    own = journey(model, stops=(A, Place(47.0, 9.2)), answers=False)
+    other = plan_journey(
+        (A, Place(47.0, 9.2)),
+        COLD,
+        atlas=MADE,
+        model=model,
+        vehicle="vw_id3",
+        options=JourneyOptions(answers=False),
+    )
+    assert other.forecast.vehicle.name == "vw_id3"
+    assert "no_trips_of_car" in {flag.code for flag in other.forecast.flags}
+    assert other.forecast.sd_wh > own.forecast.sd_wh
+
+
+def test_a_journey_shows_itself(model):
+    found = journey(model, stops=(A, Place(47.0, 9.2)), alternatives=1)
+    assert repr(found).startswith("<Journey A to 47.00000, 9.20000: 15.9 km, arrival with ")
+    assert found._repr_html_().startswith("<table><caption>")
+    frame = found.to_frame()
+    assert isinstance(frame, pd.DataFrame)
+    assert frame["labels"].tolist() == ["fastest", "shortest, least energy"]
+    assert frame["energy_wh"].iloc[0] == found.forecast.energy_wh
+    assert json.loads(json.dumps(found.to_dict())) == found.to_dict()
+    assert found.plot().axes
+    assert found.forecast.given == "a planned route, free flow"
+
+
+@pytest.mark.parametrize(
+    ("options", "where"),
+    [
+        ({"reserve": 1.1}, "reserve"),
+        ({"alternatives": 4}, "alternatives"),
+        ({"alternatives": -1}, "alternatives"),
+    ],
+)
+def test_impossible_options_are_refused(options, where):
+    with pytest.raises(InvalidInput, match=f"value out of range: {where}"):
+        JourneyOptions(**options)
+
+
+def test_every_unknown_place_is_named(model):
+    with pytest.raises(InvalidInput) as caught:
+        journey(model, stops=("Nowhere", A, "Elsewhere"))
+    assert [fault.where for fault in caught.value.faults] == ["stops[0]", "stops[2]"]
+    with pytest.raises(InvalidInput, match="number of places out of range: stops: got 1; allowed: 2 to 20"):
+        journey(model, stops=(A,))

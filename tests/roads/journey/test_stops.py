@@ -1,0 +1,425 @@
+"""Charging stops of a journey."""
+
+import datetime as dt
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from benchmarks.stops import chances
+from tests.roads.journey.made import COLD, MADE, A, journey
+
+import tripwatt as tw
+from tripwatt.roads.journey import Place, planning, plans
+from tripwatt.roads.journey import corridor as corridor_module
+from tripwatt.roads.journey.charging import WARM_DEGC
+from tripwatt.roads.journey.corridor import Corridor, Leg
+from tripwatt.roads.journey.plans import _trimmed
+from tripwatt.roads.journey.solver import STEP, StopPlan
+from tripwatt.roads.journey.stops import variance_along
+from tripwatt.roads.maps import Station
+
+FAR = Place(47.0, 11.2, "Far")
+LOW = replace(COLD, soc=0.7)
+SUNDAY = dt.datetime(2026, 2, 1, 7, 30, tzinfo=dt.UTC)
+
+
+def row(count, far=11.2, power_w=100_000.0):
+    """Stations along the road, one of three a little beside it."""
+    return tuple(
+        Station(
+            47.0 + 0.004 * (k % 3),
+            9.0 + (far - 9.0) * (k + 1) / (count + 1),
+            f"S{k}",
+            power_w,
+            direct_current=True,
+        )
+        for k in range(count)
+    )
+
+
+@pytest.fixture(scope="module")
+def long_journey(model):
+    return journey(
+        model, tw.Departure(soc=0.8, ambient_temperature_degc=12.0), (A, FAR), replace(MADE, stations=row(14))
+    )
+
+
+def test_a_stop_to_charge_where_the_charge_does_not_suffice(model):
+    found = journey(model, LOW)
+    plan = found.charging
+    (stop,) = plan.stops
+    assert stop.station.name == "Halbweg"
+    assert 0.1 <= stop.soc_interval[0] < stop.soc_arrival < stop.soc_interval[1] < 0.7
+    assert stop.soc_arrival < stop.soc_leave <= 1.0
+    assert plan.p_reserve >= 0.95
+    assert plan.p_reserve <= stop.p_reach <= 1.0
+    assert plan.p_arrive >= plan.p_reserve
+    assert 600.0 < stop.charging_s < 7200.0
+    assert plan.duration_s == pytest.approx(plan.driving_s + stop.charging_s + 300.0)
+    assert stop.if_full is None
+    assert [flag.code for flag in found.flags] == [
+        "class_charging_curve",
+        "plugs_unknown",
+        "cold_charging_assumed",
+    ]
+
+
+def test_a_slower_station_takes_longer_and_the_better_one_is_taken(model):
+    slow = Station(47.0, 9.41, "Langsam", 12_000.0, direct_current=True)
+    off = Station(47.1, 9.4, "Abseits", 300_000.0, direct_current=True)  # 11 km from the road
+    both = replace(MADE, stations=(slow, *MADE.stations, off))
+    found = journey(model, LOW, atlas=both).charging
+    assert [stop.station.name for stop in found.stops] == ["Halbweg"]
+    assert found.stops[0].if_full.station.name == "Langsam"
+    assert found.stops[0].if_full.more_s > 0.0
+    alone = journey(model, LOW, atlas=replace(MADE, stations=(slow,))).charging
+    assert alone.charging_s > found.charging_s + 200.0
+    assert journey(model, LOW, atlas=replace(MADE, stations=(off,))).charging is None
+
+
+def test_without_stations_it_is_said_that_none_are_known(model):
+    found = journey(model, LOW, atlas=replace(MADE, stations=()))
+    assert [flag.code for flag in found.flags] == ["no_stations"]
+
+
+def test_a_long_journey_has_several_stops_and_the_verdict_is_about_all_of_it(long_journey):
+    plan, verdict = long_journey.charging, long_journey.verdict
+    assert len(plan.stops) >= 2
+    assert not long_journey.forecast.p_arrive(0.1) >= 0.95
+    assert (verdict.arrives, verdict.advice, verdict.charges) == (True, "stop", len(plan.stops))
+    assert (verdict.p_reserve, verdict.soc_arrival) == (plan.p_reserve, plan.soc_arrival)
+    assert verdict.duration_s == pytest.approx(verdict.driving_s + verdict.charging_s)
+    assert plan.p_reserve <= min(stop.p_reach for stop in plan.stops)
+    assert verdict.arrives_at is None
+    assert long_journey.to_dict()["p_arrive"] == plan.p_reserve
+
+
+def test_the_course_has_a_jump_for_each_stop(long_journey):
+    plan = long_journey.charging
+    course = {name: np.array(values) for name, values in plan.to_dict()["course"].items()}
+    jumps = np.flatnonzero(np.diff(course["position_m"]) < 1e-6)
+    assert len(jumps) == len(plan.stops)
+    for k, stop in zip(jumps, plan.stops, strict=True):
+        assert course["position_m"][k] == pytest.approx(stop.position_m, rel=1e-3)
+        assert course["time_s"][k] == pytest.approx(stop.arrives_after_s, abs=2.0 * (len(plan.stops) + 1))
+        assert course["time_s"][k + 1] - course["time_s"][k] == pytest.approx(
+            stop.charging_s + stop.overhead_s
+        )
+        assert course["displayed_soc"][k] == pytest.approx(stop.soc_arrival, abs=1e-6)
+        assert course["displayed_soc"][k + 1] == pytest.approx(stop.soc_leave, abs=0.005)
+    assert np.all(np.diff(course["time_s"]) >= 0.0)
+    assert course["time_s"][-1] == pytest.approx(plan.duration_s, abs=20.0)
+    assert np.all(course["low"] <= course["high"])
+    assert plan.line["position_m"][-1] == pytest.approx(plan.distance_m)
+    assert sum(plan.by_cause_wh.values()) == pytest.approx(plan.energy_wh)
+
+
+def test_stops_are_counted_from_the_departure(long_journey):
+    plan, (begins, *_) = long_journey.charging, long_journey.charging.series().to_dict("records")
+    assert (begins["time_s"], begins["distance_m"], begins["energy_wh"]) == (0.0, 0.0, 0.0)
+    after_s = position_m = 0.0
+    for leg, stop in zip(plan.legs, plan.stops, strict=False):
+        after_s, position_m = after_s + leg.forecast.plan.duration_s, position_m + leg.road.distance_m
+        assert stop.arrives_after_s == pytest.approx(after_s, abs=1e-6)
+        assert stop.position_m == pytest.approx(position_m, abs=1e-6)
+        after_s += stop.charging_s + stop.overhead_s
+
+
+def test_errors_of_energy_add_up_over_legs_between_independent_and_common_ones(long_journey):
+    plan = long_journey.charging
+    series = plan.series()
+    above = (series["energy_high_wh"] - series["energy_wh"]).to_numpy()
+    legs = np.array([leg.forecast.interval(0.9)[1] - leg.forecast.energy_wh for leg in plan.legs])
+    assert np.sqrt((legs**2).sum()) < above[-1] < legs.sum()
+    assert plan.energy_interval_wh[1] == pytest.approx(plan.energy_wh + above[-1])
+    assert np.all(np.diff(above) > -1e-6)
+
+
+def test_costs_are_those_of_all_legs(model, long_journey):
+    legs = long_journey.charging.legs
+    off = tw.Departure(climate="off")
+    without = sum(model.forecast(leg.forecast.plan, off).energy_wh for leg in legs)
+    driven = sum(leg.forecast.energy_wh for leg in legs)
+    assert long_journey.costs_wh["climate"] == pytest.approx(driven - without)
+    assert long_journey.costs_wh["speed"] > 0.0
+    assert long_journey.costs_wh["wind"] == 0.0
+
+
+def test_alternatives_are_better_in_what_they_are_called(long_journey):
+    fastest = long_journey.charging
+    for plan in long_journey.charging_alternatives:
+        assert plan.p_reserve >= 0.95
+        gains = {
+            "fewest stops": len(fastest.stops) - len(plan.stops),
+            "safest": plan.p_reserve - fastest.p_reserve,
+            "cheapest": fastest.energy_wh - plan.energy_wh,
+        }
+        assert gains[plan.label] > 0
+    assert "safest" in [plan.label for plan in long_journey.charging_alternatives]
+
+
+def test_a_longer_stop_overhead_never_means_more_stops_and_the_clock_counts_it(model):
+    atlas = replace(MADE, stations=row(14))
+    departure = tw.Departure(soc=0.8, ambient_temperature_degc=12.0, departs_at=SUNDAY)
+    quick = journey(model, departure, (A, FAR), atlas, stop_overhead_s=0.0)
+    slow = journey(model, departure, (A, FAR), atlas, stop_overhead_s=1800.0)
+    assert len(slow.charging.stops) <= len(quick.charging.stops)
+    verdict = quick.verdict
+    assert (verdict.arrives_at - verdict.departs_at).total_seconds() == pytest.approx(verdict.duration_s)
+    assert verdict.to_dict()["arrives_at"].startswith("2026-02-01T")
+
+
+def test_a_heated_battery_charges_faster_and_takes_its_energy(model):
+    cold = replace(COLD, soc=0.8, ambient_temperature_degc=-10.0)
+    atlas = replace(MADE, stations=row(9, 9.8, 150_000.0))
+    plain = journey(model, cold, atlas=atlas).charging
+    heated = journey(model, cold, atlas=atlas, preheat_battery=True).charging
+    assert not any(stop.preheat for stop in plain.stops)
+    assert any(stop.preheat for stop in heated.stops)
+    assert heated.duration_s < plain.duration_s
+    assert sum(leg.energy_wh - leg.forecast.energy_wh for leg in heated.legs) > 100.0
+
+
+def test_stated_chances_hold_in_a_world_that_gave_them_no_width():
+    leg, whole = chances(draws=2000, worlds=1, trips=60)
+    assert abs(leg) <= 0.02
+    assert abs(whole) <= 0.02
+
+
+@pytest.mark.parametrize("count", [9, 14, 21])
+def test_the_whole_chance_is_close_to_what_it_has_to_be_where_charge_limits_it(model, count):
+    departure = tw.Departure(soc=0.8, ambient_temperature_degc=12.0)
+    plans = journey(model, departure, (A, FAR), replace(MADE, stations=row(count))).charging_plans
+    for plan in plans:
+        if plan.label != "safest":
+            assert 0.95 <= plan.p_reserve <= 0.97
+    assert plans[0].label == "fastest"
+
+
+def test_a_start_that_reaches_no_station_surely_has_the_plan_that_does_best(model):
+    near, far = (
+        Station(47.0, 9.0 + at, name, 1e5, direct_current=True) for at, name in ((0.4, "Nah"), (0.5, "Fern"))
+    )
+    found = journey(model, replace(COLD, soc=0.55), atlas=replace(MADE, stations=(near, far)))
+    plan = found.charging
+    assert (plan.label, plan.stops[0].station.name, found.charging_alternatives) == ("best effort", "Nah", ())
+    assert found.forecast.p_arrive(0.1) < plan.p_reserve <= plan.stops[0].p_reach < 0.95
+    assert (found.verdict.arrives, found.verdict.p_reserve) == (False, plan.p_reserve)
+    assert found.verdict.advice != "stop"
+    assert found.flags[0].code == "no_stop_found"
+    assert journey(model, replace(COLD, soc=0.2)).charging is None
+
+
+def test_stations_without_a_plug_of_the_car_are_left_out(model):
+    chademo = replace(MADE.stations[0], plugs=("chademo",))
+    beside = replace(
+        MADE.stations[0], longitude_deg=9.41, name="Daneben", power_w=5e4, plugs=("type2_combo",)
+    )
+    found = journey(model, LOW, atlas=replace(MADE, stations=(chademo, beside)))
+    assert [stop.station.name for stop in found.charging.stops] == ["Daneben"]
+    assert found.charging.stops[0].if_full is None
+    codes = [flag.code for flag in found.flags]
+    assert "plugs_assumed" in codes
+    assert "plugs_unknown" not in codes
+    assert journey(model, LOW, atlas=replace(MADE, stations=(chademo,))).charging is None
+
+
+def test_no_stops_are_planned_where_none_are_asked_for(model):
+    found = journey(model, LOW, charge=False)
+    assert (found.charging, found.charging_alternatives) == (None, ())
+    assert found.verdict.advice in ("charge_before", "slower", "none")
+    assert found.verdict.charges == 0
+
+
+def test_a_leg_from_a_charge_nearby_has_nearly_the_energy_of_its_own_forecast(long_journey):
+    leg = long_journey.charging.legs[1]
+    soc = leg.forecast.plan.departure.soc - 0.05
+    exact, shifted = leg.forecast.leaving_with(soc), leg.shifted(soc).forecast
+    assert shifted.energy_wh == pytest.approx(exact.energy_wh, rel=0.003)
+    assert shifted.soc_arrival == pytest.approx(exact.soc_arrival, abs=0.002)
+
+
+def test_the_journey_shows_its_stops(long_journey):
+    frame = long_journey.to_frame()
+    plans = (long_journey.charging, *long_journey.charging_alternatives)
+    with_stops = frame[frame["charges"] > 0]
+    assert with_stops["duration_s"].tolist() == [plan.duration_s for plan in plans]
+    assert (frame["energy_low_wh"] < frame["energy_wh"]).all()
+    assert (frame["energy_wh"] < frame["energy_high_wh"]).all()
+    assert "stops to charge" in repr(long_journey)
+    assert long_journey.plot().axes[1].lines
+
+
+def corridor_of(model, departure, atlas, patch, **options):
+    """What the stops of a journey are looked for in."""
+    seen = []
+    patch.setattr(planning, "find_plans", lambda corridor: seen.append(corridor) or ())
+    journey(model, departure, atlas=atlas, **options)
+    return seen[0]
+
+
+def test_a_battery_is_heated_for_stations_alone(model, monkeypatch):
+    """By hand: what the cells lack to be warm, where it is worth it; nothing for the start and the destination."""
+    cold = replace(COLD, soc=0.9, ambient_temperature_degc=-10.0)
+    atlas = replace(MADE, stations=row(9, 9.8, 150_000.0))
+    corridor = corridor_of(model, cold, atlas, monkeypatch, preheat_battery=True)
+    heat = corridor.preheat_soc
+    assert (heat[0], heat[-1], heat.max() > 0.0) == (0.0, 0.0, True)
+    lacking_k = WARM_DEGC - corridor.cell_degc
+    assert lacking_k[-1] > 0.0
+    wh = model.vehicle.battery.heat_capacity_j_k * lacking_k / 3600.0
+    heated = heat > 0.0
+    assert heat[heated] == pytest.approx(wh[heated] / corridor.forecast.charge.wh_per_display)
+    plain = corridor_of(model, cold, atlas, monkeypatch)
+    assert (plain.preheat_soc == 0.0).all()
+    assert (plain.charging_s[[0, -1]] == 0.0).all()
+    assert (plain.charging_s[1:-1, -1] > 0.0).all()
+    assert (corridor.charging_s[1:-1, -1] < plain.charging_s[1:-1, -1]).any()
+
+
+@pytest.mark.parametrize(
+    ("sure", "heat", "need"),
+    [((0.6, 0.1, 0.4), 0.0, 0.6), ((0.6, 0.5, 0.4), 0.0, 0.4), ((0.6, 0.5, 0.4), 0.1, 0.5)],
+)
+def test_a_leg_needs_what_its_lowest_charge_and_its_reserve_do(sure, heat, need):
+    """With 0.1 in reserve: over a pass the lowest charge counts, else that at the end, and heat for the battery on top."""
+    forecast = SimpleNamespace(soc_along=lambda chance: np.array({0.9: sure, 0.5: (0.7, 0.6, 0.5)}[chance]))
+    leg = Leg(None, forecast, heat)
+    corridor = SimpleNamespace(_legs={}, rules=SimpleNamespace(reserve=0.1))
+    assert Corridor._of_leg(corridor, leg, 0.9) == pytest.approx((0.2 + heat, need))
+
+
+@dataclass(frozen=True)
+class Levelled:
+    """Stands for a plan: whether its chance suffices is a matter of the sum of the levels of its legs."""
+
+    legs: tuple[float, ...]
+    least: float
+
+    @property
+    def p_reserve(self):
+        return 0.95 if sum(leg.level for leg in self.legs) >= self.least else 0.9
+
+
+@dataclass(frozen=True)
+class LegAt:
+    level: float
+
+    def shifted(self, level):
+        return LegAt(level)
+
+
+@pytest.mark.parametrize(
+    ("spare", "trimmed"), [(0.5, (0, 0, 0)), (1.5, (0, 1, 0)), (2.5, (0, 1, 1)), (9.0, (0, 1, 1))]
+)
+def test_stations_are_left_with_a_level_less_while_the_chance_suffices(spare, trimmed):
+    """Each in turn, once; the start has the charge that it has."""
+    levels = (0.9, 0.5, 0.6)
+    plan = Levelled(tuple(map(LegAt, levels)), sum(levels) - spare * STEP)
+    problem = SimpleNamespace(duration_s=lambda nodes, levels: 1000.0 * sum(levels))
+    corridor = SimpleNamespace(problem=lambda first, other: problem)
+    found = StopPlan((0, 1, 2, 3), levels, 1000.0 * sum(levels))
+    after, less, chances = _trimmed(corridor, plan, found, (0.99, 0.98))
+    expected = [level - STEP * cut for level, cut in zip(levels, trimmed, strict=True)]
+    assert [leg.level for leg in after.legs] == pytest.approx(expected)
+    assert less.levels == pytest.approx(expected)
+    assert less.duration_s == pytest.approx(1000.0 * sum(expected))
+    assert chances == (0.99, 0.98)
+
+
+@pytest.fixture
+def searched(monkeypatch):
+    """Searches for the risk of each leg by the chance of the whole journey at a risk, None where there is no plan; and what it tried."""
+
+    def search(whole_of, guess):
+        tried = []
+
+        def optimum(chances, label):
+            tried.append(1.0 - chances[1])
+            return whole_of(tried[-1]) and chances
+
+        made = SimpleNamespace(optimum=optimum)
+        made.driven, made.rules = (lambda found: found), SimpleNamespace(reserve=0.1)
+        return *plans._certain(made, "fastest", guess), tried
+
+    monkeypatch.setattr(plans, "_trimmed", lambda corridor, *best: best)
+    monkeypatch.setattr(plans, "_with_stops", lambda corridor, plan, found, chances: plan)
+
+    def searching(whole_of, guess):
+        plan = lambda label, _, legs, reserve: SimpleNamespace(p_reserve=whole_of(1.0 - legs[1]))  # noqa: E731
+        monkeypatch.setattr(plans, "ChargingPlan", plan)
+        return search(whole_of, guess)
+
+    return searching
+
+
+def test_a_risk_at_which_there_is_no_plan_is_too_small(searched):
+    """Made: no plan below a risk of 0.02 of each leg; the whole has twice the risk of a leg, and 0.025 is the most."""
+    for guess in (0.001, 0.01, 0.03):
+        plan, risk, tried = searched(lambda leg: 1.0 - 2.0 * leg if leg >= 0.02 else None, guess)
+        assert 0.95 <= plan.p_reserve <= 0.96
+        assert 0.02 <= risk <= 0.025
+    # the last guess: its whole risk is 0.06, and 0.0475 is aimed at
+    assert tried == pytest.approx([0.03, 0.03 * 0.0475 / 0.06])
+
+
+@pytest.mark.parametrize("leap", [0.004, 0.011, 0.02, 0.045])
+def test_where_the_chance_leaps_the_risk_of_a_leg_is_known_to_a_tenth(searched, leap):
+    plan, risk, _ = searched(lambda leg: 0.98 if leg <= leap else 0.92, 0.01)
+    assert plan.p_reserve == 0.98
+    assert leap / 1.1 <= risk <= leap
+
+
+@pytest.mark.parametrize("whole", [0.95, 0.955])
+def test_a_chance_that_is_close_ends_the_search(searched, whole):
+    assert searched(lambda leg: whole, 0.01)[1:] == (0.01, [pytest.approx(0.01)])
+
+
+def test_the_leg_from_the_start_keeps_its_charge():
+    class Left:
+        def leaving_with(self, level):
+            return level
+
+    start, later = Left(), Left()
+    corridor = SimpleNamespace(routed={(0, 2): start, (2, 3): later})
+    found = StopPlan((0, 2, 3), (0.7, 0.6), 1.0)
+    assert Corridor.driven(corridor, found) == (start, 0.6)
+    assert corridor.routed == {(0, 2): start, (2, 3): 0.6}
+
+
+def test_another_station_is_reached_by_four_of_five_at_least():
+    assert plans.IF_FULL == (0.95, 0.9, 0.8)
+
+
+def test_of_too_many_stations_the_two_strongest_of_each_stretch_are_kept(model, long_journey, monkeypatch):
+    power_w = 1000.0 * np.array([50, 20, 90, 70, 30, 11, 12, 150, 40, 60, 25, 35, 45])
+    stations = [replace(one, power_w=float(w)) for one, w in zip(row(13), power_w, strict=True)]
+    monkeypatch.setattr(corridor_module, "MOST_STATIONS", 6)
+    corridor = replace(long_journey.corridor, atlas=replace(MADE, stations=tuple(stations)))
+    thirds = np.split(power_w, [4, 9])
+    expected = [w for third in thirds for w in third if w >= np.sort(third)[-2]]
+    assert [station.power_w for station in corridor.stations] == expected
+
+
+def test_the_variance_of_a_forecast_is_what_legs_share_and_what_they_do_not(long_journey):
+    forecast = long_journey.forecast
+    wh = forecast.charge.wh_per_display
+    common, own = variance_along(forecast)
+    whole = forecast.energy_sd_wh**2 + (forecast.charge.sd(forecast.energy_along_wh, True) * wh) ** 2
+    assert np.all(common[1:] > 0.0)
+    assert common + own == pytest.approx(whole)
+    driven = replace(forecast, drive=replace(forecast.drive, plan=replace(forecast.plan, free_flow=False)))
+    own = [variance_along(replace(driven, sd_factor=factor))[1] for factor in (1.0, 1.5, 2.0)]
+    assert own[2] - own[0] == pytest.approx(2.4 * (own[1] - own[0]), rel=1e-9), (
+        "the drift counts with its square"
+    )
+
+
+def test_a_way_to_a_station_in_vain_takes_its_share_of_the_road(long_journey):
+    corridor = long_journey.corridor
+    ways = np.array([corridor.detour(0, node) for node in range(1, len(corridor.stations) + 1)])
+    length_m = corridor_module.DETOUR_M_S * ways[:, 1]
+    assert length_m.min() < 500.0 < 2000.0 < length_m.max()
+    per_m = corridor.forecast.energy_wh / corridor.road.distance_m / corridor.forecast.charge.wh_per_display
+    assert ways[:, 0] == pytest.approx(per_m * length_m)

@@ -1,0 +1,222 @@
+"""Objects of an OpenStreetMap extract."""
+
+import pytest
+
+from tripwatt.errors import InvalidInput
+from tripwatt.roads.maps import Station
+from tripwatt.roads.maps.extract import DC_SOCKETS, Named, read_objects, station_of_tags
+
+
+def osm(*objects):
+    return f'<?xml version="1.0"?><osm version="0.6">{"".join(objects)}</osm>'
+
+
+def node(number, latitude, longitude, **tags):
+    inside = "".join(f'<tag k="{k.replace("__", ":")}" v="{v}"/>' for k, v in tags.items())
+    return f'<node id="{number}" lat="{latitude}" lon="{longitude}">{inside}</node>'
+
+
+def way(number, nodes, **tags):
+    inside = "".join(f'<nd ref="{k}"/>' for k in nodes)
+    inside += "".join(f'<tag k="{k.replace("__", ":")}" v="{v}"/>' for k, v in tags.items())
+    return f'<way id="{number}">{inside}</way>'
+
+
+@pytest.fixture
+def objects_of(tmp_path):
+    pytest.importorskip("osmium", reason="the extra tripwatt[routing] is not installed")
+
+    def read(*objects, **more):
+        (tmp_path / "region.osm").write_text(osm(*objects), "utf-8")
+        return list(read_objects(tmp_path / "region.osm", **more))
+
+    return read
+
+
+def test_names_of_an_extract_are_cut(objects_of):
+    (place, house) = objects_of(
+        node(1, 47.0, 9.0, place="town", name="n" * 250),
+        node(
+            2,
+            47.0,
+            9.1,
+            addr__housenumber="h" * 30,
+            addr__street="s" * 250,
+            addr__city="c" * 250,
+        ),
+    )
+    assert place == Named("town", "n" * 200, 47.0, 9.0)
+    assert house == Named("house", "h" * 20, 47.0, 9.1, "s" * 200, "c" * 200)
+
+
+def test_a_house_has_a_number_and_a_street(objects_of):
+    assert objects_of(
+        node(1, 47.0, 9.0, addr__housenumber="7"),
+        node(2, 47.0, 9.0, addr__street="Ring"),
+        node(3, 47.0, 9.0, addr__housenumber="8", addr__place="Weiler"),
+        node(4, 47.0, 9.0, addr__housenumber="9", addr__street="Ring", addr__place="Weiler"),
+    ) == [Named("house", "8", 47.0, 9.0, "Weiler"), Named("house", "9", 47.0, 9.0, "Ring")]
+
+
+def test_kinds_of_objects(objects_of):
+    corner = [node(k, 47.0 + k / 100, 9.0) for k in range(1, 5)]
+    found = objects_of(
+        *corner,
+        node(5, 47.0, 9.5, place="island", name="No settlement"),
+        node(6, 47.0, 9.6, place="island", name="With a shop", shop="yes"),
+        node(7, 47.0, 9.7, addr__housenumber="1", name="Only a name"),
+        node(8, 47.0, 9.8, amenity="cafe", highway="crossing", name="Crossing"),
+        way(1, [1, 2], place="village", name="As a way"),
+        way(2, [1, 2, 3, 4], highway="residential", amenity="cafe", name="Street"),
+        way(3, [1, 2, 3], tourism="museum", name="Museum"),
+        way(4, [3], leisure="park", name="Park"),
+        way(5, [99, 2, 98, 4], highway="primary", name="Cut off"),
+    )
+    assert found == [
+        Named("poi", "With a shop", 47.0, 9.6),
+        Named("village", "As a way", 47.02, 9.0),
+        Named("street", "Street", 47.03, 9.0),
+        Named("poi", "Museum", 47.02, 9.0),
+        Named("poi", "Park", 47.03, 9.0),
+        Named("street", "Cut off", 47.04, 9.0),
+    ]
+
+
+def test_other_names_and_inhabitants(objects_of):
+    names = {"name:sv": "Alexandersgatan", "alt_name": "Aleksi; Aleksi ;A", "old_name:de": "Alexanderstrasse"}
+    no_names = {"name:etymology": "a tsar", "name:pronunciation": "x", "name_prefix": "y"}
+    tags = {key.replace(":", "__"): value for key, value in (names | no_names).items()}
+    (street,) = objects_of(
+        node(1, 47.0, 9.0), way(1, [1], highway="residential", name="A", population="x", **tags)
+    )
+    assert street.also == ("Aleksi", "Alexandersgatan", "Alexanderstrasse")
+    sizes = [
+        objects_of(node(1, 47.0, 9.0, place="town", name="A", population=p))
+        for p in ("5000", "5 000", "9" * 10)
+    ]
+    assert [town.population for (town,) in sizes] == [5000, 0, 0]
+
+
+def test_what_is_wrong_with_an_extract_is_cut(tmp_path):
+    pytest.importorskip("osmium", reason="the extra tripwatt[routing] is not installed")
+    deep = tmp_path / ("d" * 150)
+    with pytest.raises(InvalidInput, match="cannot read the extract") as caught:
+        list(read_objects(deep / "none.osm"))
+    assert len(caught.value.faults[0].got) == 120
+
+
+@pytest.mark.parametrize(
+    ("output", "power_w"),
+    [
+        ("1000 W", 1000.0),
+        ("999 W", None),
+        ("1 kW", 1000.0),
+        ("0,9 kW", None),
+        ("1500 kW", 1_500_000.0),
+        ("1501 kW", None),
+        ("1500000 W", 1_500_000.0),
+        ("22", 22_000.0),
+        ("11 kVA", 11_000.0),
+        ("50 kW;22 kW;2000 kW", 50_000.0),
+        ("x" * 194 + " 22 kW", 22_000.0),
+        ("x" * 195 + " 22 kW", 22_000.0),
+        ("x" * 198 + " 22 kW", 2_000.0),
+        ("x" * 199 + " 22 kW", None),
+    ],
+)
+def test_powers_of_a_socket(output, power_w):
+    """From 1 kW to 1.5 MW, in the first 200 characters; kilowatts where there is no unit."""
+    found = station_of_tags({"socket:type2": "1", "socket:type2:output": output}, 47.0, 9.0)
+    assert (found.power_w, found.power_known) == ((power_w or 11_000.0), power_w is not None)
+    assert not found.direct_current
+
+
+def test_the_strongest_of_several_powers_counts():
+    tags = {"socket:type2": "2", "socket:chademo": "1", "socket:chademo:output": "50 kW", "maxpower": "43 kW"}
+    assert station_of_tags(tags, 47.0, 9.0).power_w == 50_000.0
+    assert station_of_tags({**tags, "maxpower": "60000 W"}, 47.0, 9.0).power_w == 60_000.0
+    assert station_of_tags({"socket:type2": "no", "socket:type2:output": "22 kW"}, 47.0, 9.0).power_w == 11e3
+
+
+@pytest.mark.parametrize("socket", DC_SOCKETS)
+def test_sockets_of_direct_current(socket):
+    found = station_of_tags({f"socket:{socket}": "1"}, 47.0, 9.0)
+    assert (found.direct_current, found.power_w, found.power_known) == (True, 50_000.0, False)
+
+
+def test_the_name_of_a_station_is_cut():
+    assert station_of_tags({"brand": "b" * 201, "network": "n"}, 47.0, 9.0).name == "b" * 200
+    assert station_of_tags({"network": "n"}, 47.0, 9.0).name == "n"
+    assert station_of_tags({"access": "customers", "motorcar": "yes"}, 47.0, 9.0) is not None
+
+
+OSM = """<?xml version="1.0"?><osm version="0.6">
+<node id="1" lat="47.0" lon="9.0"><tag k="place" v="town"/><tag k="name" v="Westend"/></node>
+<node id="2" lat="47.01" lon="9.0"/><node id="3" lat="47.02" lon="9.0"/><node id="4" lat="47.03" lon="9.0"/>
+<node id="5" lat="47.01" lon="9.01"><tag k="addr:housenumber" v="7"/><tag k="addr:street" v="Ring"/>
+ <tag k="addr:city" v="Altdorf"/></node>
+<node id="6" lat="47.02" lon="9.02"><tag k="amenity" v="charging_station"/><tag k="operator" v="Strom AG"/>
+ <tag k="socket:type2_combo" v="2"/><tag k="socket:type2_combo:output" v="150 kW"/></node>
+<node id="7" lat="47.02" lon="9.03"><tag k="amenity" v="cafe"/><tag k="name" v="Café Blau"/></node>
+<node id="8" lat="47.02" lon="9.04"><tag k="highway" v="bus_stop"/><tag k="name" v="Halt"/></node>
+<node id="9" lat="47.02" lon="9.05"><tag k="amenity" v="bench"/></node>
+<way id="1"><nd ref="2"/><nd ref="3"/><nd ref="4"/><tag k="highway" v="primary"/><tag k="name" v="Ring"/></way>
+<way id="2"><nd ref="99"/><nd ref="98"/><tag k="highway" v="primary"/><tag k="name" v="Nowhere"/></way>
+</osm>"""
+
+
+@pytest.mark.parametrize(
+    ("tags", "power_w", "direct", "known"),
+    [
+        ({}, 11_000.0, False, False),
+        ({"socket:type2": "2", "socket:type2:output": "22 kW"}, 22_000.0, False, True),
+        ({"socket:type2_combo": "yes"}, 50_000.0, True, False),
+        ({"socket:type2_combo": "no", "socket:type2": "1"}, 11_000.0, False, False),
+        ({"socket:chademo": "1", "socket:chademo:output": "62,5 kW"}, 62_500.0, True, True),
+        ({"socket:type2_combo": "1", "socket:type2_combo:output": "50 kW;150 kW"}, 150_000.0, True, True),
+        ({"socket:type2": "1", "socket:type2:output": "3700 W"}, 3_700.0, False, True),
+        ({"charging_station:output": "300 kW", "socket:type2_combo": "4"}, 300_000.0, True, True),
+        ({"socket:type2": "1", "socket:type2:output": "9999999 kW"}, 11_000.0, False, False),
+        ({"socket:type2": "1", "socket:type2:output": "999 W"}, 11_000.0, False, False),
+    ],
+)
+def test_the_power_of_a_station(tags, power_w, direct, known):
+    station = station_of_tags(tags, 47.0, 9.0)
+    assert (station.power_w, station.direct_current, station.power_known) == (power_w, direct, known)
+
+
+@pytest.mark.parametrize("tags", [{"access": "private"}, {"access": "no"}, {"motorcar": "no"}])
+def test_stations_that_no_car_of_the_public_may_use_are_left_out(tags):
+    assert station_of_tags(tags, 47.0, 9.0) is None
+
+
+def test_a_station_is_named_by_its_operator_where_it_has_no_name():
+    assert station_of_tags({"operator": "Strom"}, 47.0, 9.0).name == "Strom"
+    assert station_of_tags({"operator": "Strom", "name": "Mitte"}, 47.0, 9.0).name == "Mitte"
+    assert station_of_tags({}, 47.0, 9.0).place.title == "charging station"
+
+
+def test_places_streets_houses_and_stations_of_an_extract(tmp_path):
+    pytest.importorskip("osmium", reason="the extra tripwatt[routing] is not installed")
+    from tripwatt.roads.maps.extract import read_objects
+
+    path = tmp_path / "region.osm"
+    path.write_text(OSM)
+    assert list(read_objects(path)) == [
+        Named("town", "Westend", 47.0, 9.0),
+        Named("house", "7", 47.01, 9.01, "Ring", "Altdorf"),
+        Station(47.02, 9.02, "Strom AG", 150_000.0, direct_current=True, plugs=("type2_combo",)),
+        Named("poi", "Café Blau", 47.02, 9.03),
+        Named("street", "Ring", 47.02, 9.0),
+    ]
+    assert list(read_objects(path, settlements_only=True)) == [Named("town", "Westend", 47.0, 9.0)]
+
+
+def test_a_damaged_extract_is_one_clear_error(tmp_path):
+    pytest.importorskip("osmium", reason="the extra tripwatt[routing] is not installed")
+    from tripwatt.roads.maps.extract import read_objects
+
+    for name, content in (("a.osm.pbf", b"\0\0\0\x20nonsense"), ("a.osm", b"<osm><node"), ("a.txt", b"x")):
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(InvalidInput, match=f"cannot read the extract: {name}"):
+            list(read_objects(tmp_path / name))

@@ -1,0 +1,395 @@
+"""A car that learns: forecasts before they are learned, scores by hand, and a folder that is whole at every moment."""
+
+from __future__ import annotations
+
+import datetime as dt
+import json
+import shutil
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+pytest.importorskip("deltalake", reason="the extra tripwatt[fleet] is not installed")
+
+import tripwatt as tw
+from tripwatt.auditing import audit
+from tripwatt.errors import InvalidInput
+from tripwatt.files import replace_folder
+from tripwatt.forecasting import load_metadata
+from tripwatt.hybrid.factors import NAMES, UNITS
+from tripwatt.hybrid.learning import KINDS
+from tripwatt.modelfile import write_model
+from tripwatt.population import adaptation, for_car
+from tripwatt.server.cars import Car, create_car, forget_car, is_car, issue_token, open_car
+from tripwatt.server.cars import own_car as module
+from tripwatt.server.cars.diary import Diary
+from tripwatt.study.synthetic import synthetic_fleet
+from tripwatt.trips import Fleet, Log
+
+FIRST = dt.datetime(2024, 3, 1, 8, 0)
+
+
+@pytest.fixture(scope="module")
+def logs() -> tuple[Log, ...]:
+    """Seven trips of a car, a day apart."""
+    return tuple(
+        replace(log, context=replace(log.context, started_at=FIRST + dt.timedelta(days=k)))
+        for k, log in enumerate(synthetic_fleet(7, seed=5).logs)
+    )
+
+
+@pytest.fixture(scope="module")
+def base(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small model, which adapts quickly."""
+    folder = tmp_path_factory.mktemp("base") / "model"
+    trips = synthetic_fleet(9, seed=1).trips
+    fitted = tw.ForecastModel(tw.load_vehicle("bmw_i3_60ah"), corrector="linear").fit(trips)
+    tw.save_model(fitted, folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def learned(logs: tuple[Log, ...], base: Path, tmp_path_factory: pytest.TempPathFactory) -> Car:
+    car = create_car(tmp_path_factory.mktemp("cars") / "leaf", "nissan_leaf_24", base=base)
+    assert car.add(Fleet("first", logs[:4])) == module.Learned(added=4, known=0, entries=4)
+    return car
+
+
+def test_each_forecast_is_of_a_model_that_has_not_seen_the_trip(
+    learned: Car, logs: tuple[Log, ...], base: Path, tmp_path: Path
+) -> None:
+    table = learned.diary.table
+    assert table["trip_id"].tolist() == [log.trip_id for log in logs[:4]]
+    assert table["trips_learned"].tolist() == [0, 1, 2, 3]
+    first = table.iloc[0]
+    assert first["forecast_wh"] == first["book_forecast_wh"], (
+        "before the first trip there are the published values alone"
+    )
+    assert (table["forecast_wh"].to_numpy()[1:] != table["book_forecast_wh"].to_numpy()[1:]).all()
+
+    louder = logs[3].samples.assign(current_a=1.5 * logs[3].samples["current_a"])
+    last = Log.from_samples(logs[3].trip_id, louder, logs[3].context)
+    other = create_car(tmp_path / "other", "nissan_leaf_24", base=base)
+    other.add([*logs[:3], last])
+    own = other.diary.table
+    assert own["forecast_wh"].tolist() == table["forecast_wh"].tolist(), (
+        "a trip's energy moves no forecast of it"
+    )
+    assert own["energy_wh"].iloc[3] == pytest.approx(1.5 * table["energy_wh"].iloc[3])
+
+
+def test_the_last_model_has_learned_every_trip_and_forecasts_like_one_adapted_to_them(
+    learned: Car, logs: tuple[Log, ...], base: Path
+) -> None:
+    from tripwatt.api import adapt
+
+    model = learned.model()
+    assert set(model.trip_ids_) == {log.trip_id for log in logs[:4]}
+    adapted = adapt(tw.load_model(base), Fleet("same", logs[:4]), tw.load_vehicle("nissan_leaf_24"))
+    trip = synthetic_fleet(1, seed=9).trips[0]
+    assert model.forecast(trip).energy_wh == pytest.approx(adapted.forecast(trip).energy_wh, rel=1e-9)
+    about = learned.about()
+    assert (about["trips"], about["in_diary"], about["vehicle"]) == (4, 4, "nissan_leaf_24")
+    assert list(about["learned"]) == list(NAMES)
+    for name, factor in about["learned"].items():
+        assert (sorted(factor), factor["unit"]) == (["change", "sd", "seen_degc", "unit"], UNITS[name])
+        assert factor["sd"] > 0.0
+    assert list(about["experts"]) == list(KINDS)
+    assert sum(about["experts"].values()) == pytest.approx(1.0)
+
+
+def test_trips_are_learned_by_departure_once_and_later_ones_go_on(
+    logs: tuple[Log, ...], learned: Car, base: Path, tmp_path: Path
+) -> None:
+    car = create_car(tmp_path / "leaf", "nissan_leaf_24", base=base)
+    seen: list[tuple[int, int]] = []
+    car.add([logs[2], logs[0], logs[1]], progress=lambda done, total: seen.append((done, total)))
+    assert seen == [(1, 3), (2, 3), (3, 3)]
+    assert car.add(logs[:3]) == module.Learned(added=0, known=3, entries=0)
+    done = car.add(Fleet("all", logs[:4]))
+    assert (done.added, done.known, done.entries) == (1, 3, 1)
+    pd.testing.assert_frame_equal(car.diary.table, learned.diary.table)
+    assert f"{car!r}".endswith("4 trips in its diary>")
+
+
+def test_causes_of_a_diary_add_up(learned: Car) -> None:
+    diary = learned.diary
+    assert sum(diary.by_cause_wh().values()) == pytest.approx(diary.table["energy_wh"].sum())
+    assert (diary.table["low_wh"] < diary.table["forecast_wh"]).all()
+    assert (diary.table["forecast_wh"] < diary.table["high_wh"]).all()
+
+
+def test_each_forecast_of_the_diary_is_that_of_a_model_adapted_to_the_trips_before_it(
+    learned: Car, logs: tuple[Log, ...], base: Path
+) -> None:
+    table, fitted = learned.diary.table, tw.load_model(base)
+    published = for_car(fitted, tw.load_vehicle("nissan_leaf_24"))
+    trips = audit(Fleet("same", logs[:4])).trips
+    for k, trip in enumerate(trips):
+        known = adaptation(fitted, trips[:k], learned.vehicle).model if k else published
+        forecast, row = known.forecast(trip), table.iloc[k]
+        assert row["trips_learned"] == k
+        assert row["forecast_wh"] == pytest.approx(forecast.energy_wh, rel=1e-9)
+        low, high = forecast.interval(0.9)
+        assert (row["low_wh"], row["high_wh"]) == (
+            pytest.approx(low, rel=1e-9),
+            pytest.approx(high, rel=1e-9),
+        )
+        assert row["book_forecast_wh"] == pytest.approx(published.forecast(trip).energy_wh, rel=1e-9)
+
+
+def test_trips_are_learned_after_each_other_in_one_go_or_in_several(
+    logs: tuple[Log, ...], base: Path, tmp_path: Path
+) -> None:
+    """What was learned is kept with the model and taken up again."""
+    at_once = create_car(tmp_path / "once", "nissan_leaf_24", base=base)
+    at_once.add(logs[:6])
+    by_and_by = create_car(tmp_path / "more", "nissan_leaf_24", base=base)
+    for part in (logs[:1], logs[1:4], logs[4:6]):
+        by_and_by.add(part)
+    pd.testing.assert_frame_equal(by_and_by.diary.table, at_once.diary.table, rtol=1e-9)
+    assert by_and_by.about()["experts"] == pytest.approx(at_once.about()["experts"], rel=1e-9)
+    trip = synthetic_fleet(1, seed=9).trips[0]
+    one, other = (car.model().forecast(trip) for car in (at_once, by_and_by))
+    assert one.energy_wh == pytest.approx(other.energy_wh, rel=1e-9)
+    assert one.sd_wh == pytest.approx(other.sd_wh, rel=1e-9)
+
+
+def test_a_car_that_an_older_version_learned_learns_its_trips_again(
+    learned: Car, logs: tuple[Log, ...], base: Path, tmp_path: Path
+) -> None:
+    """Its model of format 1 is not read; store and diary are what they were."""
+    folder = tmp_path / "leaf"
+    shutil.copytree(learned.folder, folder)
+    model = folder / "learned" / "model"
+    write_model(model, {**load_metadata(model), "format_version": 1}, {"model.json": {"block_s": 60.0}})
+    assert load_metadata(model, check_parts=False)["format_version"] == 1
+    car = open_car(folder)
+    trip = synthetic_fleet(1, seed=9).trips[0]
+    expected, again = learned.model().forecast(trip), car.model().forecast(trip)
+    assert again.energy_wh == pytest.approx(expected.energy_wh, rel=1e-9)
+    assert again.sd_wh == pytest.approx(expected.sd_wh, rel=1e-9)
+    assert car.model().trip_ids_ == learned.model().trip_ids_
+    about = car.about()
+    assert about["learned"] == about["experts"] == {}, "nothing that the older version wrote is shown"
+    assert (about["trips"], about["in_diary"]) == (4, 4)
+    before = car.diary.table
+    done = car.add(logs[4:5])
+    assert (done.added, done.entries, done.left_out) == (1, 1, ())
+    pd.testing.assert_frame_equal(car.diary.table.iloc[:4], before)
+    assert car.diary.table["trips_learned"].tolist() == [0, 1, 2, 3, 4]
+    assert load_metadata(model, check_parts=False)["format_version"] > 1
+    assert list(car.about()["learned"]) == list(NAMES)
+    assert len(car.model().trip_ids_) == 5
+
+
+def test_a_car_that_an_older_version_made_opens_with_its_diary(learned: Car, tmp_path: Path) -> None:
+    """Its file has the anchor `book`, which is `published`."""
+    folder = tmp_path / "leaf"
+    shutil.copytree(learned.folder, folder)
+    file = folder / module.VEHICLE
+    text = file.read_text("utf-8")
+    assert 'anchor = "published"' in text
+    file.write_text(text.replace('anchor = "published"', 'anchor = "book"'), "utf-8")
+    car = open_car(folder)
+    assert car.vehicle.anchor == "published"
+    assert len(car.diary) == 4
+
+
+def test_a_crash_between_store_and_model_is_caught_up(
+    logs: tuple[Log, ...], learned: Car, base: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    car = create_car(tmp_path / "leaf", "nissan_leaf_24", base=base)
+    with monkeypatch.context() as patch:
+
+        def crash(*_: object) -> None:
+            raise KeyboardInterrupt
+
+        patch.setattr(Car, "_keep", crash)
+        with pytest.raises(KeyboardInterrupt):
+            car.add(logs[:4])
+    assert len(car.diary) == 0
+    assert car.store.about()["trips"] == 4
+    done = car.add(logs[:4])
+    assert (done.added, done.known, done.entries) == (0, 4, 4)
+    pd.testing.assert_frame_equal(car.diary.table, learned.diary.table)
+
+
+def test_a_described_car_keeps_its_description(tmp_path: Path) -> None:
+    mine = tw.load_vehicle("vw_id3", overrides={"mass": 1900.0})
+    car = create_car(tmp_path / "mine", mine)
+    again = open_car(tmp_path / "mine")
+    assert again.vehicle.body.curb_mass_kg == 1900.0
+    assert again.vehicle.title == mine.title
+    assert again.vehicle.name == "vw_id3"
+    assert len(car.diary) == 0
+    trip = synthetic_fleet(1, seed=9).trips[0]
+    assert again.model().forecast(trip).energy_wh == pytest.approx(
+        for_car(None, mine).forecast(trip).energy_wh, rel=1e-9
+    )
+
+
+def test_what_is_no_car_is_refused_and_files_of_others_stay(
+    learned: Car, logs: tuple[Log, ...], tmp_path: Path
+) -> None:
+    with pytest.raises(InvalidInput, match=r"not a car.*no such folder"):
+        open_car(tmp_path / "nowhere")
+    with pytest.raises(InvalidInput, match="folder in use"):
+        create_car(learned.folder, "vw_id3")
+    with pytest.raises(InvalidInput, match="unknown car"):
+        create_car(tmp_path / "x", "no such car")
+    assert not (tmp_path / "x").exists()
+    car = create_car(tmp_path / "x", "bmw_i3_60ah")
+    assert is_car(tmp_path / "x")
+    text = (car.folder / "car.json").read_text()
+    for wrong in ("{", "[]", "{}", text.replace(": 1", ": 2"), text.replace(": 1", ': "1"')):
+        (car.folder / "car.json").write_text(wrong)
+        with pytest.raises(InvalidInput, match=r"damaged file|newer format"):
+            open_car(car.folder)
+    (car.folder / "car.json").write_text(text)
+    (car.folder / "notes.txt").write_text("mine")
+    issue_token(car.folder)
+    forget_car(car.folder)
+    assert [path.name for path in car.folder.iterdir()] == ["notes.txt"]
+    with pytest.raises(InvalidInput, match="not a car"):
+        forget_car(car.folder)
+
+
+def test_a_reader_whose_folder_is_exchanged_reads_again(
+    learned: Car, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A writer puts another folder in its place and deletes the one that the reader has found."""
+    folder = tmp_path / "leaf"
+    shutil.copytree(learned.folder, folder)
+    car, read = open_car(folder), {name: getattr(module, name) for name in ("load_metadata", "load_model")}
+    expected = {**learned.about(), "car": "leaf", "folder": f"{folder}"}
+    exchanged: list[Path] = []
+
+    def gone(path: Path) -> None:
+        if path not in exchanged:
+            exchanged.append(path)
+            replace_folder(
+                folder / "learned",
+                lambda made: shutil.copytree(learned.folder / "learned", made, dirs_exist_ok=True),
+            )
+            raise InvalidInput.of("no such file", f"{path}")
+
+    def diary(path: Path) -> Diary:
+        gone(path)
+        return Diary(pd.read_parquet(path))
+
+    def of_model(name: str, path: Path, **more: bool) -> object:
+        gone(path)
+        return read[name](path, **more)
+
+    monkeypatch.setattr(Diary, "read", diary)
+    for name in read:
+        monkeypatch.setattr(module, name, partial(of_model, name))
+    assert car.about() == expected
+    assert len(exchanged) == 2
+    exchanged.clear()
+    assert len(car.model().trip_ids_) == 4
+    assert len(exchanged) == 1
+
+
+def test_a_damaged_diary_is_told(logs: tuple[Log, ...], base: Path, tmp_path: Path) -> None:
+    car = create_car(tmp_path / "leaf", "nissan_leaf_24", base=base)
+    car.add(logs[:1])
+    path = car.folder / "learned" / "diary.parquet"
+    whole = path.read_bytes()
+    path.write_bytes(whole[:100])
+    with pytest.raises(InvalidInput, match="cannot read the diary"):
+        _ = car.diary
+    pd.DataFrame({"trip_id": ["a"]}).to_parquet(path)
+    with pytest.raises(InvalidInput, match=r"no diary.*forecast_wh"):
+        _ = car.diary
+
+
+def test_the_commands_are_the_library(base: Path, logs: tuple[Log, ...], tmp_path: Path) -> None:
+    from typer.testing import CliRunner
+
+    from tripwatt.command import app
+
+    def run(*words: object) -> str:
+        answer = CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=False)
+        assert answer.exit_code == 0, answer.output
+        return answer.stdout
+
+    folder, files = tmp_path / "leaf", tmp_path / "files"
+    files.mkdir()
+    for log in logs[:2]:
+        log.samples.to_csv(files / f"{log.trip_id}.csv", index=False)
+    assert "no trips yet" in run("car", "new", folder, "--vehicle", "nissan_leaf_24", "--base", base)
+    assert "Add trips" in run("car", "show", folder)
+    text = run("car", "add", folder, files)
+    assert "2 trips added, 0 were known, 2 in the diary" in text
+    assert "rolling resistance" in text
+    shown = json.loads(run("car", "show", folder, "--json"))
+    assert [row["trip_id"] for row in shown["diary"]] == [log.trip_id for log in logs[:2]]
+    assert shown["score"] == open_car(folder).diary.score.to_dict()
+    plain = run("car", "show", folder, "--trips", 1)
+    assert "Last 1 trips" in plain
+    assert "Where the energy went" in plain
+    said = json.loads(run("forecast", folder, files / f"{logs[0].trip_id}.csv", "--json"))
+    own = open_car(folder).model().forecast(tw.read_route(files / f"{logs[0].trip_id}.csv"))
+    assert said["energy_wh"] == pytest.approx(own.energy_wh, rel=1e-9)
+    assert np.isfinite(said["energy_wh"])
+    assert "erased" in run("car", "forget", folder)
+    assert not folder.exists()
+
+
+def test_a_trip_without_measured_energy_is_kept_and_told(
+    logs: tuple[Log, ...], base: Path, tmp_path: Path
+) -> None:
+    from typer.testing import CliRunner
+
+    from tripwatt.command import app
+
+    bare = logs[1].samples.drop(columns=["voltage_v", "current_a"])
+    silent = Log.from_samples(logs[1].trip_id, bare, logs[1].context)
+    car = create_car(tmp_path / "leaf", "nissan_leaf_24", base=base)
+    done = car.add([logs[0], silent])
+    assert (done.added, done.entries) == (2, 1)
+    (reason,) = done.left_out
+    assert reason.startswith(f"{logs[1].trip_id}: no values of battery voltage, battery current")
+    assert car.diary.trip_ids == {logs[0].trip_id}
+    assert car.add([silent]).left_out == done.left_out
+    assert car.add([logs[0]]).left_out == ()
+    # the reason is kept with the car, and is shown
+    why = reason.partition(": ")[2]
+    assert open_car(car.folder).left_out == car.about()["left_out"] == {logs[1].trip_id: why}
+    shown = CliRunner().invoke(app, ["car", "show", str(car.folder)]).output
+    assert f"not in the diary: {logs[1].trip_id}: {why}" in " ".join(shown.split())
+    forget_car(car.folder)
+    assert not car.folder.exists()
+
+
+def test_a_log_that_was_added_before_with_other_samples_costs_no_other_log(
+    base: Path, logs: tuple[Log, ...], tmp_path: Path
+) -> None:
+    car = create_car(tmp_path / "leaf", "nissan_leaf_24", base=base)
+    assert car.add(logs[:1]).added == 1
+    longer = logs[1].with_samples(logs[1].samples)
+    again = replace(longer, trip_id=logs[0].trip_id)
+    done = car.add([again, logs[2]])
+    assert (done.added, done.entries) == (1, 1)
+    assert done.left_out == (f"{logs[0].trip_id}: another log of this name was added before",)
+
+
+@pytest.mark.parametrize(("number", "opens"), [(0, True), (1, True), (2, False), ("1", False)])
+def test_a_car_of_a_newer_format_is_refused(tmp_path: Path, number: object, opens: bool) -> None:
+    place = create_car(tmp_path / "leaf", "nissan_leaf_24").folder / module.ABOUT
+    about = json.loads(place.read_text())
+    assert about["tripwatt_car"] == 1
+    place.write_text(json.dumps({**about, "tripwatt_car": number}))
+    if opens:
+        assert open_car(tmp_path / "leaf").vehicle.name == "nissan_leaf_24"
+        return
+    with pytest.raises(InvalidInput) as caught:
+        open_car(tmp_path / "leaf")
+    (fault,) = caught.value.faults
+    assert (fault.what, fault.got, fault.allowed) == ("car of a newer format", f"format {number}", "format 1")

@@ -1,0 +1,80 @@
+"""The plan of a trip: kept until it has ended, and what is no road is a fault."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from tests.server.cars.driving import LINKS, MODEL, NOW_S, ended, fed
+from tests.server.cars.messages import NOON_S, samples_of
+from tests.support.plans import request_of_samples
+
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.server.cars import RoadCar, Sample
+from tripwatt.server.cars.live_trip import SILENCE_S, STANDING_S
+from tripwatt.server.cars.plan import LivePlan
+from tripwatt.study.synthetic import example_trip
+from tripwatt.trips import Log
+
+
+def test_a_plan_stays_until_its_trip_has_ended(drive: pd.DataFrame, folder: Path) -> None:
+    samples = samples_of(drive)
+    with RoadCar(folder) as car:
+        car.set_plan({"to": "work"}, departure_s=NOON_S + 5.0)
+        fed(car, samples)
+        assert car.observed()["time_s"].iloc[0] == 0.0
+        assert len(car.observed()) == len(drive) - 5
+    with RoadCar(folder) as car:
+        assert car.plan == LivePlan({"to": "work"}, NOON_S + 5.0, None)
+        fed(car, [Sample(NOON_S + 600.0 + k, {"speed_m_s": 0.0}) for k in range(int(STANDING_S) - 100)])
+        car.set_plan({"to": "home"})
+        ended(car, 900.0)
+        assert len(car.logs()) == 1
+        assert car.plan is not None, "a plan that was given after the arrival is that of the next trip"
+        assert car.plan.request == {"to": "home"}
+        car.set_plan(None)
+    with RoadCar(folder) as car:
+        assert car.plan is None
+
+
+def test_a_plan_that_cannot_be_forecast_is_a_fault(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise InvalidInput(Fault("no such road", "plan"))
+
+    monkeypatch.setattr(type(MODEL), "forecast", refuse)
+    with RoadCar(folder, lambda _: MODEL) as car:
+        for request, what in (({"links": LINKS}, "no such road"), ({"to": "work"}, "no road")):
+            car.set_plan(request)
+            found = car.document(NOON_S)
+            assert (found["plan"], found["usual_trip"], found["forecast"]) == ("given", None, None)
+            assert [fault["what"] for fault in found["faults"]] == [what]
+
+
+def test_the_plan_of_a_trip_that_has_ended_is_not_used_again(drive: pd.DataFrame, folder: Path) -> None:
+    with RoadCar(folder, lambda _: MODEL) as car:
+        car.set_plan(request_of_samples(example_trip()))
+        fed(car, samples_of(drive))
+        assert car.document(NOW_S)["forecast"] is not None
+        assert car.end_when_silent(NOW_S + SILENCE_S)
+        assert (car.trip, car.plan) == (None, None)
+        assert car.document(NOW_S)["forecast"] is None
+
+
+def test_a_plan_outlives_a_restart_with_its_figures(drive: pd.DataFrame, folder: Path) -> None:
+    with RoadCar(folder, lambda _: MODEL) as car:
+        car.set_plan({"links": LINKS, "reserve": 0.3})
+        fed(car, samples_of(drive.iloc[:200]))
+        before = car.document(NOW_S)
+    with RoadCar(folder, lambda _: MODEL) as car:
+        after = car.document(NOW_S)
+        assert (after["plan"], after["forecast"]) == ("given", before["forecast"])
+
+
+def test_a_trip_without_a_road_has_none() -> None:
+    table = pd.DataFrame({"time_s": [0.0, 60.0, 120.0], "speed_m_s": [10.0, 10.0, 10.0]})
+    plan = LivePlan.from_trip(Log.from_samples("there", table))
+    assert plan is not None
+    assert plan.usual_trip == "there"
+    assert sum(link["length_m"] for link in plan.request["links"]) == pytest.approx(1200.0)
+    assert LivePlan.from_trip(Log.from_samples("too fast", table.assign(speed_m_s=89.0))) is None

@@ -1,0 +1,20 @@
+"""Restarts over MQTT: every message that a broker took is in the one trip, once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from tests.server.cars.brokers import MOSQUITTO
+
+pytest.importorskip("aiomqtt", reason="the extra tripwatt[live] is not installed")
+
+from tests.server.cars.restarts import fuzzed
+
+
+@pytest.mark.skipif(MOSQUITTO is None, reason="no mosquitto: install it from the distribution's packages")
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_drive_through_restarts_is_one_whole_trip(tmp_path: Path, seed: int) -> None:
+    done = fuzzed(tmp_path, seed)
+    assert (done.missing, done.twice, done.trips, done.wrong) == (0, 0, 1, [])
+    assert done.messages == 300

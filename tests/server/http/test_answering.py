@@ -1,0 +1,309 @@
+"""The responses of the service have the numbers and the names of the command line."""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import orjson
+import pandas as pd
+import pytest
+from benchmarks.leave_with import OVER_HTTP, RESERVE, WORST, over_http
+from tests.support.service_fuzz import seeds
+from tests.support.service_process import Service
+from tools.quality.same_numbers import compared
+
+import tripwatt as tw
+from tripwatt.errors import InvalidInput
+from tripwatt.server.http.jobs import require_finite
+from tripwatt.trips.messages import leave_in_words
+
+LINKS = [
+    {"length_m": 800.0, "speed_m_s": 8.5, "grade": 0.01},
+    {"length_m": 12000.0, "travel_time_s": 480.0, "grade": 0.0},
+]
+
+
+def command_line(*arguments: object) -> dict[str, Any]:
+    """What `tripwatt forecast --json` prints."""
+    command = [sys.executable, "-m", "tripwatt.command", "forecast", *map(str, arguments), "--json"]
+    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    return dict(json.loads(done.stdout))
+
+
+def test_a_forecast_equals_that_of_the_command_line(
+    service: Service, drive: dict[str, Any], tmp_path: Path
+) -> None:
+    pd.DataFrame(drive["samples"]).to_csv(tmp_path / "trip.csv", index=False)
+    options = ("--soc", 0.8, "--ambient", -5, "--setpoint", 21, "--payload", 80, "--reserve", 0.3)
+    assert service.forecast({**drive, "probability": 0.95}).json() == command_line(
+        tmp_path / "trip.csv", *options
+    )
+
+
+def test_the_forecast_of_a_planned_route_equals_that_of_the_command_line(
+    service: Service, tmp_path: Path
+) -> None:
+    (tmp_path / "trip.json").write_text(json.dumps(LINKS))
+    asked = {"links": LINKS, "soc": 0.6, "ambient_temperature_degc": 3.0, "reserve": 0.2}
+    asked["probability"] = 0.95
+    printed = command_line(tmp_path / "trip.json", "--soc", 0.6, "--ambient", 3, "--reserve", 0.2)
+    assert service.forecast(asked).json() == printed
+    assert printed["given"] == "a planned route"
+
+
+def test_python_gives_the_numbers_of_the_service(service: Service) -> None:
+    departure = tw.Departure(soc=0.6, ambient_temperature_degc=3.0)
+    for vehicle in (None, "vw_id3"):
+        own = tw.forecast(tw.read_route(LINKS), vehicle=vehicle, departure=departure).to_dict(0.2)
+        asked = {"links": LINKS, "soc": 0.6, "ambient_temperature_degc": 3.0, "reserve": 0.2}
+        answer = service.forecast(asked | ({"vehicle": vehicle} if vehicle else {})).json()
+        names = (
+            "energy_wh",
+            "quantiles_wh",
+            "soc_arrival",
+            "soc_quantiles",
+            "p_arrive_by_soc",
+            "series",
+            "by_cause_wh",
+        )
+        for name in names:
+            found = compared(own[name], answer[name])
+            assert (found.wrong, found.new) == ([], []), name
+        assert answer["flags"] == own["flags"]
+
+
+def test_an_update_uses_the_measurements(service: Service, drive: dict[str, Any], tmp_path: Path) -> None:
+    time = drive["samples"]["time_s"][:150]
+    observed = {"time_s": time, "voltage_v": [360.0] * 150, "current_a": [60.0] * 150}
+    before = service.forecast(drive).json()
+    after = service.client.post("/v1/forecast/update", json=drive | {"observed": observed}).json()
+    assert after["measured_until_s"] == time[-1]
+    assert after["energy_wh"] > before["energy_wh"] + 400.0  # 21.6 kW for 149 s are 894 Wh
+    pd.DataFrame(drive["samples"]).to_csv(tmp_path / "trip.csv", index=False)
+    pd.DataFrame(observed).to_csv(tmp_path / "seen.csv", index=False)
+    options = ("--soc", 0.8, "--ambient", -5, "--setpoint", 21, "--payload", 80, "--reserve", 0.3)
+    assert after == command_line(tmp_path / "trip.csv", *options, "--observed", tmp_path / "seen.csv")
+
+
+def test_all_wrong_fields_are_named_together(service: Service, drive: dict[str, Any]) -> None:
+    wrong = drive | {"soc": 1.5, "payload_mass_kg": "80", "colour": "red"}
+    answer = service.forecast(wrong)
+    assert answer.status_code == 422
+    assert answer.headers["content-type"] == "application/problem+json"
+    assert {fault["where"] for fault in answer.json()["faults"]} == {
+        "soc",
+        "payload_mass_kg",
+        "colour",
+    }
+
+
+@pytest.mark.parametrize(
+    ("samples", "where"),
+    [
+        ({"time_s": [0, 1, 2], "speed_m_s": [0, "1", 2]}, "samples.speed_m_s[1]"),
+        ({"time_s": [0, 1, 2], "speed_m_s": [0, True, 2]}, "samples.speed_m_s[1]"),
+        ({"time_s": [0, 1, 1], "speed_m_s": [0, 1, 2]}, "samples, column 'time_s', row 3"),
+        ({"time_s": [0, 1, 2], "speed_m_s": [0, None, 2]}, "samples, column 'speed_m_s', row 2"),
+        ({"time_s": [0, 1, 2], "speed_m_s": [0, 1]}, "samples"),
+        ({"time_s": [0, 1, 2], "speed_km_h": [0, 1, 2]}, "samples, column 'speed_km_h'"),
+        ({"time_s": [0, 1e6, 2e6], "speed_m_s": [0, 1, 2]}, "samples"),
+        ({"time_s": [0, 1, 2], "speed_m_s": 3}, "samples.speed_m_s"),
+        ([1, 2], "samples"),
+    ],
+)
+def test_faults_of_samples_name_their_position(service: Service, samples: object, where: str) -> None:
+    answer = service.forecast({"samples": samples})
+    assert answer.status_code == 422
+    assert where in [fault["where"] for fault in answer.json()["faults"]]
+
+
+@pytest.mark.parametrize(
+    "request_of",
+    [
+        lambda drive: {},
+        lambda drive: drive | {"links": LINKS},
+        lambda drive: drive | {"model": "../../etc/passwd"},
+        lambda drive: drive | {"vehicle": "/etc/passwd"},
+        lambda drive: drive | {"vehicle": "no_such_car"},
+        lambda drive: {"links": [{"length_m": 10.0}]},
+        lambda drive: {"links": "x"},
+        lambda drive: {"links": LINKS, "elevation": {"position_m": [0.0, 1.0], "elevation_m": [1.0, 2.0]}},
+    ],
+)
+def test_invalid_input_is_a_422(service: Service, drive: dict[str, Any], request_of: Any) -> None:
+    answer = service.forecast(request_of(drive))
+    assert answer.status_code == 422
+    assert answer.json()["faults"]
+
+
+@pytest.mark.parametrize(
+    "body", [b"", b"{", b'{"reserve": NaN}', b'{"reserve": 1e999}', b'"\xff"', b"[" * 5000, b"Infinity"]
+)
+def test_invalid_json_is_a_400(service: Service, body: bytes) -> None:
+    answer = service.client.post("/v1/forecast", content=body, headers={"Content-Type": "application/json"})
+    assert answer.status_code == 400
+    assert answer.json()["type"] == "/problems/not-json"
+
+
+def test_a_batch_returns_its_lines_in_order(service: Service, drive: dict[str, Any]) -> None:
+    lines = [orjson.dumps(drive | {"trip": f"t{k}", "payload_mass_kg": 50.0 * k}) for k in range(5)]
+    body = b"\n".join([*lines[:3], b"nonsense", b'{"links": 3}', *lines[3:]])
+    headers = {"Content-Type": "application/x-ndjson"}
+    answer = service.client.post("/v1/forecast/batch", content=body, headers=headers)
+    found = [orjson.loads(line) for line in answer.content.splitlines()]
+    assert [line.get("status", line.get("trip")) for line in found] == [
+        *("t0", "t1", "t2"),
+        *(400, 422),
+        *("t3", "t4"),
+    ]
+    assert found[0] == service.forecast(orjson.loads(lines[0])).json()
+    energies = [line["energy_wh"] for line in found if "energy_wh" in line]
+    assert energies == sorted(energies)
+
+
+@pytest.mark.parametrize("kind", ["application/gpx+xml", "text/csv", "application/json"])
+def test_an_upload_returns_fields_of_a_request(service: Service, kind: str) -> None:
+    uploads = [(path, body) for path, body in seeds()[kind] if path.startswith("/v1/routes")]
+    assert uploads
+    for path, body in uploads:
+        answer = service.client.post(path, content=body, headers={"Content-Type": kind})
+        assert answer.status_code == 200, answer.text
+        found = answer.json()
+        planned = {key: found[key] for key in ("links", "elevation") if found[key] is not None}
+        forecast = service.forecast(planned or {"samples": found["samples"]}).json()
+        assert forecast["series"]["distance_m"][-1] == pytest.approx(found["distance_m"], rel=0.02, abs=5.0)
+        assert forecast["given"] == ("a planned route" if planned else "the driven speed trace")
+
+
+def test_the_elevation_of_an_upload_is_used_in_its_forecast(service: Service) -> None:
+    """Hills between the ends of the links cost energy."""
+    points = [[11.5 + k / 500.0, 48.1, 500.0 + 30.0 * math.sin(k / 3.0)] for k in range(40)]
+    line = {
+        "type": "Feature",
+        "geometry": {"type": "LineString", "coordinates": points},
+        "properties": {"speed_m_s": 20.0},
+    }
+    headers = {"Content-Type": "application/geo+json"}
+    found = service.client.post("/v1/routes", content=orjson.dumps(line), headers=headers).json()
+    with_heights = service.forecast({"links": found["links"], "elevation": found["elevation"]}).json()
+    flat = service.forecast({"links": found["links"]}).json()
+    level = {"position_m": [0.0, found["elevation"]["position_m"][-1]], "elevation_m": [500.0, 500.0]}
+    without_hills = service.forecast({"links": found["links"], "elevation": level}).json()
+    assert with_heights["energy_wh"] > without_hills["energy_wh"] + 5.0
+    assert any(flag["code"] == "unknown_climb" for flag in flat["flags"])
+    assert not any(flag["code"] == "unknown_climb" for flag in with_heights["flags"])
+    assert with_heights["climb"] is None
+    assert flat["climb"]["terrain"] == "unknown"
+    asked = service.forecast({"links": found["links"], "terrain": "flat"}).json()
+    assert asked["climb"]["terrain"] == "flat"
+    widths = [f["quantiles_wh"]["0.95"] - f["quantiles_wh"]["0.05"] for f in (asked, flat)]
+    assert widths[0] < widths[1]
+    assert (
+        service.client.post("/v1/forecast", json={"links": found["links"], "terrain": "alps"}).status_code
+        == 422
+    )
+
+
+def test_models_and_vehicles_have_names_for_requests(service: Service, drive: dict[str, Any]) -> None:
+    models = service.client.get("/v1/models").json()["models"]
+    cars = {car["name"]: car for car in service.client.get("/v1/vehicles").json()["vehicles"]}
+    own = models[0]["model"]["vehicle"]
+    assert models[0]["name"] in cars[own]["models"]
+    named = drive | {"model": models[0]["name"], "vehicle": own}
+    assert service.forecast(named).json() == service.forecast(drive).json()
+
+
+FIGURES = {"mass_kg": 1830.0, "consumption_kwh_per_100km": 15.5, "body": "hatchback"}
+
+
+def test_a_car_of_a_few_figures_is_described_and_forecast(service: Service, drive: dict[str, Any]) -> None:
+    found = service.client.post("/v1/vehicles", json=FIGURES).json()
+    assert found["wltp_kwh_per_100km"] == pytest.approx(15.5, rel=0.01)
+    assert found["wltp_low_kwh_per_100km"] < 15.5 < found["wltp_high_kwh_per_100km"]
+    assert (found["test_mass_kg"], found["anchor"]) == (1905.0, "certification")
+    described = service.forecast(drive | {"vehicle_figures": FIGURES})
+    assert described.status_code == 200
+    assert described.json()["flags"][0]["code"] == "no_trips_of_car"
+    boxed = service.forecast(drive | {"vehicle_figures": FIGURES, "extras": ["roof_box"]}).json()
+    assert boxed["energy_wh"] > described.json()["energy_wh"]
+    both = service.forecast(drive | {"vehicle_figures": FIGURES, "vehicle": "vw_id3"})
+    assert both.status_code == 422
+    assert both.json()["faults"][0]["where"] == "vehicle, vehicle_figures"
+    wrong = service.client.post("/v1/vehicles", json={"mass_kg": 1900.0, "consumption_kwh_per_100km": 59.0})
+    assert wrong.status_code == 422
+    assert "at most" in wrong.json()["faults"][0]["allowed"]
+    assert service.client.post("/v1/vehicles", json={"wheels": 4}).status_code == 422
+
+
+def test_a_search_lists_the_cars_that_it_finds(service: Service) -> None:
+    def named(words: str) -> list[str]:
+        answer = service.client.get("/v1/vehicles", params={"search": words})
+        return [car["name"] for car in answer.json()["vehicles"]]
+
+    assert named("kona") == ["hyundai_kona_64", "hyundai_kona_39"]
+    assert named("zeppelin") == []
+    assert service.client.get("/v1/vehicles", params={"search": ""}).status_code == 422
+
+
+def test_another_car_is_forecast_with_its_own_physics_and_wider_intervals(
+    service: Service, drive: dict[str, Any]
+) -> None:
+    own = service.forecast(drive).json()
+    heavy = service.forecast(drive | {"vehicle": "tesla_model_3_lr"}).json()
+    kinetic = [a["by_cause_wh"]["acceleration"] for a in (heavy, own)]  # the drive ends while the car moves
+    assert kinetic[0] > 1.2 * kinetic[1] > 0.0
+    assert heavy["soc_arrival"] > own["soc_arrival"]  # a larger battery
+    widths = [a["quantiles_wh"]["0.95"] - a["quantiles_wh"]["0.05"] for a in (heavy, own)]
+    assert widths[0] > 1.15 * widths[1]
+    assert heavy["flags"][0]["code"] == "no_trips_of_car"
+    assert not any("no trip of this car" in flag for flag in own["flags"])
+
+
+def test_examples_can_be_forecast_and_replayed(service: Service) -> None:
+    for brief in service.client.get("/v1/examples").json()["examples"]:
+        found = service.client.get(f"/v1/examples/{brief['trip']}").json()
+        assert {k: found[k] for k in brief} == brief
+        assert service.forecast(found["request"]).status_code == 200
+        request = found["request"] | {"observed": found["observed"]}
+        at_the_end = service.client.post("/v1/forecast/update", json=request).json()
+        assert at_the_end["energy_wh"] == pytest.approx(brief["observed_energy_wh"], rel=1e-3)
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("field", ["energy_wh", "quantiles_wh", "series"])
+def test_a_forecast_that_is_not_finite_is_refused(field: str, wrong: float) -> None:
+    """JSON would hold null instead."""
+    answer: dict[str, Any] = {
+        "energy_wh": 1.0,
+        "soc_arrival": 0.5,
+        "battery_loss_wh": 1.0,
+        "quantiles_wh": {"0.5": 1.0},
+        "p_arrive_by_soc": {"0": 1.0},
+        "series": {"time_s": [0.0, 1.0]},
+    }
+    assert require_finite(answer) == answer
+    spoiled = {"energy_wh": wrong, "quantiles_wh": {"0.5": wrong}, "series": {"time_s": [0.0, wrong, 1.0]}}
+    with pytest.raises(InvalidInput, match="no forecast"):
+        require_finite(answer | {field: spoiled[field]})
+
+
+def test_who_leaves_with_the_charge_arrives_with_the_probability_asked_for(service: Service) -> None:
+    found = list(over_http(service, OVER_HTTP))
+    assert [one for one in found if one.off > WORST] == []
+    for one in found:
+        assert one.message == leave_in_words(one.soc, RESERVE, one.probability)
+        assert one.message.startswith("A full battery does not suffice") == (one.exception == "not even full")
+    assert 0.5 * OVER_HTTP < sum(not one.exception for one in found) < OVER_HTTP
+
+
+@pytest.mark.parametrize("probability", [0.49, 1.0, 95])
+def test_a_probability_that_cannot_be_asked_for_is_refused(service: Service, probability: float) -> None:
+    request = {"links": [{"length_m": 5000.0, "speed_m_s": 12.0}], "probability": probability}
+    answer = service.forecast(request)
+    assert answer.status_code == 422
+    assert answer.json()["faults"][0]["where"] == "probability"

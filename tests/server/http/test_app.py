@@ -1,0 +1,412 @@
+"""The endpoints with a pool that only pretends: status, headers, packing, counts and bounds of parameters."""
+
+from __future__ import annotations
+
+import asyncio
+import gzip
+from collections.abc import Callable
+from typing import Any
+
+import httpx
+import orjson
+import pytest
+
+from tripwatt.server.http import app as room
+from tripwatt.server.http.app import BatchResponse, create_app
+from tripwatt.server.http.pool import JobResult
+from tripwatt.server.http.problems import Problem
+from tripwatt.server.http.settings import Limits, Settings
+
+JSON = "application/json"
+BOUNDS = {"south": 0, "west": 0, "north": 1, "east": 1}
+
+
+class Pool:
+    """Answers every job with its content, and notes the jobs."""
+
+    def __init__(self, settings: Settings, log_event: Callable[..., None]) -> None:
+        self.settings, self.log_event = settings, log_event
+        self.waiting, self.ready, self.lost = 0, 1, 0
+        self.jobs: list[tuple[dict[str, Any], bytes]] = []
+        self.result = JobResult(200, b'{"a":1}', 0.5)
+        made.append(self)
+
+    async def run(self, job: dict[str, Any], body: bytes, *, may_queue: bool = False) -> JobResult:
+        self.jobs.append((job, body))
+        return self.result
+
+
+made: list[Pool] = []
+
+
+class Served:
+    """An application and its client."""
+
+    def __init__(self, **limits: Any) -> None:
+        self.app: Any = create_app(Settings(limits=Limits(**limits)))
+        self.pool = made[-1]
+
+    def __call__(self, path: str, method: str = "GET", **more: Any) -> httpx.Response:
+        return asyncio.run(self.ask(path, method, **more))
+
+    async def ask(self, path: str, method: str = "GET", **more: Any) -> httpx.Response:
+        transport = httpx.ASGITransport(self.app)
+        async with httpx.AsyncClient(transport=transport, base_url="http://localhost") as client:
+            return await client.request(method, path, **more)
+
+    def post(self, path: str, content: Any = b"{}", media_type: str = JSON, **more: Any) -> httpx.Response:
+        return self(path, "POST", content=content, headers={"Content-Type": media_type}, **more)
+
+
+@pytest.fixture(autouse=True)
+def _pretending(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(room, "WorkerPool", Pool)
+    made.clear()
+
+
+def test_bodies_of_1000_bytes_are_packed_at_level_4() -> None:
+    served = Served()
+    for size, packed in ((999, None), (1000, "gzip")):
+        served.pool.result = JobResult(200, b"x" * size, 0.5)
+        found = served.post("/v1/forecast")
+        assert (found.headers.get("content-encoding"), len(found.content)) == (packed, size)
+    assert (served.app.app.minimum_size, served.app.app.compresslevel) == (1000, 4)
+    assert gzip.compress(b"x" * 1000, 4) != gzip.compress(b"x" * 1000, 1)
+
+
+def test_a_job_gets_its_body_whole() -> None:
+    served = Served()
+
+    async def parts() -> Any:
+        for part in (b"[", b"1", b"]"):
+            yield part
+
+    assert served.post("/v1/forecast", b"[1]").json() == {"a": 1}
+    assert served.post("/v1/forecast/update", parts()).status_code == 200
+    assert served.post("/v1/vehicles", b"").status_code == 200
+    assert served.pool.jobs == [
+        ({"kind": "forecast", "fields": None}, b"[1]"),
+        ({"kind": "update", "fields": None}, b"[1]"),
+        ({"kind": "describe"}, b""),
+    ]
+
+
+def test_the_time_of_a_job_is_counted_by_its_kind() -> None:
+    served = Served()
+    served.post("/v1/forecast")
+    text = served("/metrics").text
+    assert 'tripwatt_work_seconds_sum{kind="forecast"} 0.5' in text
+    served.pool.waiting, served.pool.ready, served.pool.lost = 4, 3, 2
+    lines = served("/metrics").text.splitlines()
+    for line in ("tripwatt_jobs_waiting 4.0", "tripwatt_workers_ready 3.0", "tripwatt_workers_lost 2.0"):
+        assert line in lines
+
+
+@pytest.mark.parametrize("status", [199, 201, 422])
+def test_a_problem_of_a_job_gets_the_id_of_its_request(status: int) -> None:
+    served = Served()
+    served.pool.result = JobResult(422, orjson.dumps({"status": status}), 0.5)
+    found = served("/v1/forecast", "POST", content=b"", headers={"Content-Type": JSON, "X-Request-ID": "me"})
+    assert (found.status_code, found.headers["content-type"]) == (422, "application/problem+json")
+    assert found.json() == {"status": status, "instance": "me"}
+
+
+def test_a_body_is_not_read_while_too_many_requests_wait() -> None:
+    served = Served(waiting=2)
+    served.pool.waiting = 1
+    assert served.post("/v1/forecast").status_code == 200
+    served.pool.waiting = 2
+    found = served.post("/v1/forecast")
+    assert (found.status_code, found.json()["detail"]) == (503, "too many requests wait")
+    assert found.headers["retry-after"] == "1"
+
+
+@pytest.mark.parametrize(("speed", "status"), [("0", 422), ("0.001", 200), ("70", 200), ("70.001", 422)])
+def test_the_speed_of_a_track_has_its_bounds(speed: str, status: int) -> None:
+    served = Served()
+    assert served.post(f"/v1/routes?speed_m_s={speed}", media_type="text/csv").status_code == status
+    assert [job["speed_m_s"] for job, _ in served.pool.jobs] == ([float(speed)] if status == 200 else [])
+
+
+def test_a_track_needs_no_speed() -> None:
+    served = Served()
+    served.post("/v1/routes", media_type="text/csv")
+    assert served.pool.jobs == [({"kind": "route", "speed_m_s": None}, b"{}")]
+
+
+@pytest.mark.parametrize(
+    ("path", "asked", "status"),
+    [
+        ("/v1/places", {"q": ""}, 422),
+        ("/v1/places", {"q": "x" * 200, "limit": 50}, 200),
+        ("/v1/places", {"q": "x" * 201}, 422),
+        ("/v1/places", {"q": "x", "limit": 0}, 422),
+        ("/v1/places", {"q": "x", "limit": 1}, 200),
+        ("/v1/places", {"q": "x", "limit": 51}, 422),
+        ("/v1/map/view", BOUNDS | {"limit": 0}, 422),
+        ("/v1/map/view", BOUNDS | {"limit": 1}, 200),
+        ("/v1/map/view", BOUNDS | {"limit": 1000}, 200),
+        ("/v1/map/view", BOUNDS | {"limit": 1001}, 422),
+        ("/v1/map/view", {"south": -90, "west": -180, "north": 90, "east": 180}, 200),
+        ("/v1/map/view", BOUNDS | {"south": -90.1}, 422),
+        ("/v1/map/view", BOUNDS | {"north": 90.1}, 422),
+        ("/v1/map/view", BOUNDS | {"west": -180.1}, 422),
+        ("/v1/map/view", BOUNDS | {"east": 180.1}, 422),
+        ("/v1/tiles/22/4194303/4194303", {}, 200),
+        ("/v1/tiles/23/0/0", {}, 422),
+        ("/v1/tiles/-1/0/0", {}, 422),
+        ("/v1/tiles/0/4194304/0", {}, 422),
+        ("/v1/tiles/0/0/4194304", {}, 422),
+        ("/v1/tiles/0/-1/0", {}, 422),
+        ("/v1/vehicles", {"search": ""}, 422),
+        ("/v1/vehicles", {"search": "x" * 100}, 200),
+        ("/v1/vehicles", {"search": "x" * 101}, 422),
+    ],
+)
+def test_a_parameter_has_its_bounds(path: str, asked: dict[str, Any], status: int) -> None:
+    assert Served()(path, params=asked).status_code == status
+
+
+def test_what_jobs_of_journeys_are_told() -> None:
+    served = Served()
+    served("/v1/places", params={"q": "x"})
+    served("/v1/map/view", params=BOUNDS)
+    served("/v1/tiles/3/2/1")
+    served.post("/v1/journeys")
+    served.post("/v1/reachable")
+    assert [job for job, _ in served.pool.jobs] == [
+        {"kind": "journeys.places", "text": "x", "limit": 10},
+        {"kind": "journeys.view", "bounds_deg": [0.0, 0.0, 1.0, 1.0], "limit": 200},
+        {"kind": "journeys.tile", "zoom": 3, "column": 2, "row": 1},
+        {"kind": "plan", "fields": None},
+        {"kind": "reach"},
+    ]
+
+
+def test_a_tile_is_kept_for_an_hour_and_a_forecast_is_not() -> None:
+    served = Served()
+    tile = served("/v1/tiles/3/2/1")
+    assert tile.headers["cache-control"] == "private, max-age=3600"
+    assert tile.headers["content-type"] == "application/vnd.mapbox-vector-tile"
+    assert served.post("/v1/forecast").headers["cache-control"] == "no-store"
+
+
+@pytest.mark.parametrize(("path", "kind"), [("/v1/map", "journeys.describe"), ("/v1/vehicles", "vehicles")])
+def test_what_does_not_change_is_asked_once(path: str, kind: str) -> None:
+    served = Served()
+    assert [served(path).json() for _ in range(3)] == [{"a": 1}] * 3
+    assert served.pool.jobs == [({"kind": kind}, b"")]
+
+
+def test_a_search_is_asked_each_time() -> None:
+    served = Served()
+    for _ in range(2):
+        served("/v1/vehicles", params={"search": "kona"})
+    assert served.pool.jobs == [({"kind": "vehicles", "search": "kona"}, b"")] * 2
+
+
+def test_a_document_that_fails_is_an_internal_error_and_is_not_kept() -> None:
+    served = Served()
+    served.pool.result = JobResult(422, b"{}", 0.5)
+    assert served("/v1/map").status_code == 500
+    served.pool.result = JobResult(200, b"{}", 0.5)
+    assert served("/v1/map").status_code == 200
+
+
+def example_of(name: str) -> dict[str, Any]:
+    brief = {"trip": name, "title": "t", "vehicle": "v", "note": "n", "duration_s": 1.0, "distance_m": 2.0}
+    return brief | {
+        "ambient_temperature_degc": None,
+        "observed_energy_wh": 3.0,
+        "request": {},
+        "observed": {},
+    }
+
+
+def test_each_example_is_asked_for_once() -> None:
+    served = Served()
+    for name in ("one", "two"):
+        served.pool.result = JobResult(200, orjson.dumps(example_of(name)), 0.5)
+        assert [served(f"/v1/examples/{name}").json() for _ in range(2)] == [example_of(name)] * 2
+    assert len(served.pool.jobs) == 2
+    served.pool.result = JobResult(404, orjson.dumps(Problem("not-found").document()), 0.5)
+    assert [served("/v1/examples/three").status_code for _ in range(2)] == [404, 404]
+    assert len(served.pool.jobs) == 4
+
+
+def test_health_and_readiness() -> None:
+    served = Served()
+    served.pool.ready = 2
+    assert served("/healthz").json() == {"status": "alive", "workers": 2}
+    assert served("/readyz").json() == {"status": "ready", "workers": 2}
+    assert [served(path).status_code for path in ("/healthz", "/readyz")] == [200, 200]
+    served.pool.ready = 0
+    assert served("/healthz").json() == {"status": "alive", "workers": 0}
+    busy = served("/readyz")
+    assert (busy.status_code, busy.headers["retry-after"]) == (503, "1")
+
+
+LINES = "application/x-ndjson"
+
+
+@pytest.mark.parametrize("media_type", [LINES, "application/jsonl", "application/ndjson"])
+def test_a_batch_is_answered_line_by_line(media_type: str) -> None:
+    served = Served()
+    found = served.post("/v1/forecast/batch", b"{}\n[]", media_type)
+    assert (found.status_code, found.headers["content-type"]) == (200, LINES)
+    assert found.content == b'{"a":1}\n' * 2
+    assert [body for _, body in served.pool.jobs] == [b"{}", b"[]"]
+
+
+def test_as_many_batches_as_the_limit_run() -> None:
+    served = Served(batches=1)
+    api_batch = served.post("/v1/forecast/batch", b"{}", LINES)
+    assert api_batch.status_code == 200
+    assert served.post("/v1/forecast/batch", b"{}", LINES).status_code == 200  # the place is free again
+
+    async def run() -> list[httpx.Response]:
+        runs, go_on = asyncio.Event(), asyncio.Event()
+
+        async def held(job: dict[str, Any], body: bytes, *, may_queue: bool = False) -> JobResult:
+            runs.set()
+            await go_on.wait()
+            return served.pool.result
+
+        served.pool.run = held  # type: ignore[method-assign]
+        more: dict[str, Any] = {"content": b"{}", "headers": {"Content-Type": LINES}}
+        first = asyncio.create_task(served.ask("/v1/forecast/batch", "POST", **more))
+        await runs.wait()
+        second = await served.ask("/v1/forecast/batch", "POST", **more)
+        go_on.set()
+        return [await first, second]
+
+    first, second = asyncio.run(run())
+    assert first.content == b'{"a":1}\n'
+    assert (second.status_code, second.headers["retry-after"]) == (503, "5")
+    assert second.json()["detail"] == "too many batches"
+
+
+def test_the_end_of_a_batch_is_told_once() -> None:
+    ended: list[int] = []
+
+    async def lines() -> Any:
+        yield b"a"
+
+    async def run() -> None:
+        async def send(message: Any) -> None: ...
+
+        async def receive() -> Any:
+            await asyncio.sleep(3600.0)
+
+        scope = {"type": "http", "asgi": {"spec_version": "2.4"}}
+        await BatchResponse(lines(), lambda: ended.append(1))(scope, receive, send)
+
+    asyncio.run(run())
+    assert ended == [1]
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "status", "kind"),
+    [
+        ("GET", "/v1/nothing", 404, "not-found"),
+        ("DELETE", "/v1/forecast", 405, "method-not-allowed"),
+    ],
+)
+def test_errors_of_the_framework_are_problem_documents(
+    method: str, path: str, status: int, kind: str
+) -> None:
+    found = Served()(path, method)
+    assert (found.status_code, found.json()["type"]) == (status, f"/problems/{kind}")
+    assert ("allow" in found.headers) == (status == 405)
+
+
+@pytest.mark.parametrize(
+    ("status", "kind"),
+    [(400, "bad-request"), (418, "bad-request"), (451, "bad-request"), (500, "internal"), (501, "internal")],
+)
+def test_other_errors_of_the_framework_have_a_kind(status: int, kind: str) -> None:
+    from fastapi import FastAPI, HTTPException
+
+    app = FastAPI()
+    room.add_handlers(app)
+
+    @app.get("/")
+    async def fail() -> None:
+        raise HTTPException(status, headers={"X-A": "b"})
+
+    async def run() -> httpx.Response:
+        async with httpx.AsyncClient(transport=httpx.ASGITransport(app), base_url="http://x") as client:
+            return await client.get("/")
+
+    found = asyncio.run(run())
+    assert (found.json()["type"], found.headers["x-a"]) == (f"/problems/{kind}", "b")
+    assert (found.status_code, "allow" in found.headers) == (Problem(kind).status, False)
+
+
+def test_all_methods_of_a_path_are_allowed() -> None:
+    served = Served()
+    assert served("/v1/vehicles", "DELETE").headers["allow"] == "GET, HEAD, POST"
+
+
+def test_what_is_wrong_with_a_parameter_is_cut_after_80_characters() -> None:
+    fault = Served()("/v1/places", params={"q": "x", "limit": "y" * 100}).json()["faults"][0]
+    assert (fault["where"], fault["got"]) == ("query.limit", "'" + "y" * 79)
+
+
+def test_assets_never_change_and_the_page_may() -> None:
+    served = Served()
+    asset = next((room.PAGE / "assets").iterdir())
+    found = served(f"/assets/{asset.name}")
+    assert (found.status_code, found.headers["cache-control"]) == (
+        200,
+        "public, max-age=31536000, immutable",
+    )
+    page = served("/")
+    assert (page.status_code, page.headers["cache-control"]) == (200, "no-cache")
+    assert served("/index.html").status_code == 404
+
+
+def test_without_a_built_page_there_is_none(monkeypatch: pytest.MonkeyPatch, tmp_path: Any) -> None:
+    monkeypatch.setattr(room, "PAGE", tmp_path / "nothing")
+    served = Served()
+    assert (served("/").status_code, served("/healthz").status_code) == (404, 200)
+
+
+def test_the_page_and_foreign_documentation_are_not_in_the_document() -> None:
+    served = Served()
+    document = served("/openapi.json").json()
+    assert "/" not in document["paths"]
+    assert [served(path).status_code for path in ("/docs", "/redoc")] == [404, 404]
+    assert "security" not in document
+
+
+def test_pages_of_other_origins_read_answers_only_where_they_are_named() -> None:
+    asked = {"Origin": "https://a.example", "Access-Control-Request-Method": "POST"}
+    served = Served()
+    for method, status in (("OPTIONS", 405), ("GET", 200)):
+        found = served("/healthz", method, headers=asked)
+        assert found.status_code == status
+        assert not [name for name in found.headers if name.startswith("access-control")]
+    served.app = create_app(Settings(token="x" * 16, cors_origins=("https://a.example",)))
+    allowed = served("/v1/forecast", "OPTIONS", headers=asked)  # before the token is asked for
+    assert allowed.status_code == 200
+    assert allowed.headers["access-control-allow-origin"] == "https://a.example"
+    assert "Authorization" in allowed.headers["access-control-allow-headers"]
+    wanted = asked | {"Access-Control-Request-Headers": "idempotency-key, if-none-match, authorization"}
+    assert served("/v1/cars", "OPTIONS", headers=wanted).status_code == 200
+    assert (
+        served("/v1/forecast", "OPTIONS", headers={**asked, "Origin": "https://b.example"}).status_code == 400
+    )
+    answer = served("/v1/models", headers={"Origin": "https://a.example"})
+    assert answer.status_code == 401
+    assert answer.headers["access-control-allow-origin"] == "https://a.example"
+    assert "access-control-allow-credentials" not in answer.headers
+    exposed = set(answer.headers["access-control-expose-headers"].split(", "))
+    assert {"ETag", "Retry-After"} <= exposed
+
+
+def test_the_document_has_the_path_in_front() -> None:
+    served = Served()
+    assert "servers" not in served("/openapi.json").json()
+    served.app = create_app(Settings(prefix="/tripwatt"))
+    assert served("/tripwatt/openapi.json").json()["servers"] == [{"url": "/tripwatt"}]

@@ -1,0 +1,85 @@
+"""Jobs of cars that learn, without HTTP."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
+
+from tripwatt.errors import Fault
+from tripwatt.server.http.car_jobs import PROGRESS, CarJobs, _files, preview_of, read_progress, uploaded
+from tripwatt.server.http.car_schemas import plain
+from tripwatt.server.http.problems import Problem
+from tripwatt.study.synthetic import synthetic_fleet
+from tripwatt.trips import Fleet
+
+
+def test_without_a_folder_there_are_no_cars() -> None:
+    jobs = CarJobs()
+    assert jobs.names() == []
+    assert jobs.model("any") is None
+    assert jobs.list() == {"cars": None}
+    with pytest.raises(Problem) as caught:
+        jobs.show("any")
+    assert caught.value.kind == "no-live"
+
+
+def test_an_upload_is_named_by_letters_and_digits(tmp_path: Path) -> None:
+    for name in ("good0001", "empty001"):
+        (tmp_path / "uploads" / name / "tables").mkdir(parents=True)
+    (tmp_path / "uploads" / "good0001" / "tables" / "t00.csv").write_text("a\n1\n")
+    assert uploaded(tmp_path, "good0001").name == "tables"
+    for name in ("..", "", "missing1", "empty001", "../uploads/good0001"):
+        with pytest.raises(Problem):
+            uploaded(tmp_path, name)
+
+
+def test_the_first_five_faults_of_a_file_are_shown_without_where_it_is_kept(tmp_path: Path) -> None:
+    faults = [Fault("empty value", f"{tmp_path}/t00.csv, row {k}") for k in range(9)]
+    kind = SimpleNamespace(files=[SimpleNamespace(name="t00.csv")], faults=faults, tables={})
+    shown, ignored = _files([kind], None, ["t01.csv"], tmp_path)  # type: ignore[list-item]
+    assert [fault["where"] for fault in shown["faults"]] == [f"t00.csv, row {k}" for k in range(5)]
+    assert (ignored["name"], ignored["state"], ignored["faults"]) == ("t01.csv", "ignored", [])
+
+
+def test_what_is_not_finite_is_null() -> None:
+    given = [1.5, -2.0, 0.0, math.nan, math.inf, -math.inf, 3, "a", None]
+    assert [plain(value) for value in given] == [1.5, -2.0, 0.0, None, None, None, 3, "a", None]
+
+
+def test_a_preview_has_the_sums_and_ends_of_its_drives() -> None:
+    made = synthetic_fleet(3, seed=2)
+    first, *others = made.logs
+    bare = replace(first, samples=first.samples.drop(columns="ambient_temperature_degc"))
+    found = preview_of(Fleet("three", (bare, *others)))
+    trips = made.trips
+    assert (found["logs"], found["drives"]) == (3, 3)
+    assert [(one["count"], one["consequence"]) for one in found["findings"]] == [(1, "noted")]
+    assert found["distance_m"] == pytest.approx(sum(trip.distance_m for trip in trips))
+    assert found["duration_s"] == pytest.approx(sum(trip.duration_s for trip in trips))
+    assert found["energy_wh"] == pytest.approx(sum(trip.observed_energy_wh or 0.0 for trip in trips))
+    days = sorted(log.context.started_at.isoformat() for log in made.logs if log.context.started_at)
+    assert (found["from_date"], found["to_date"]) == (days[0], days[-1])
+    air = [float(log.samples["ambient_temperature_degc"].iloc[0]) for log in others]
+    assert found["ambient_degc"] == [min(air), max(air)]
+    without = preview_of(Fleet("one", (bare,)))
+    assert (without["drives"], without["ambient_degc"]) == (1, None)
+
+
+@pytest.mark.parametrize(
+    ("text", "progress"),
+    [(b'{"done": 2, "total": 5}', (2, 5)), (b'{"done": 2}', (0, None)), (b"{", (0, None)), (None, (0, None))],
+)
+def test_progress_is_that_of_its_file(
+    tmp_path: Path, text: bytes | None, progress: tuple[int, int | None]
+) -> None:
+    place = tmp_path / "uploads" / "good0001"
+    place.mkdir(parents=True)
+    if text is not None:
+        (place / PROGRESS).write_bytes(text)
+    assert read_progress(tmp_path, "good0001") == progress

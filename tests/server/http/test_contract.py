@@ -1,0 +1,315 @@
+"""What all operations share: parameters, chosen fields, entity tags, keys of repeated requests, and the document of it all."""
+
+from __future__ import annotations
+
+import asyncio
+import re
+from typing import Any
+
+import orjson
+import pytest
+from starlette.requests import Request
+from starlette.responses import Response
+from tests.support import ROOT
+from tests.support.service_process import Service
+
+from tripwatt.errors import InvalidInput
+from tripwatt.forecasting.document import ForecastResponse
+from tripwatt.server.http.app import Api
+from tripwatt.server.http.contract import Repeats, chosen, known_parameters, tagged
+from tripwatt.server.http.problems import TITLES, Problem, pointer_to
+from tripwatt.server.http.settings import Settings
+
+
+@pytest.fixture(scope="module")
+def document() -> dict[str, Any]:
+    return Api(Settings(), lambda **record: None).app.openapi()
+
+
+def operations(document: dict[str, Any]) -> list[dict[str, Any]]:
+    return [operation for path in document["paths"].values() for operation in path.values()]
+
+
+def test_operations_have_readable_names_of_their_own(document: dict[str, Any]) -> None:
+    names = [operation["operationId"] for operation in operations(document)]
+    assert len(set(names)) == len(names) >= 36
+    assert {"forecast", "update", "batch", "plan", "get_need", "get_live"} <= set(names)
+    assert all(re.fullmatch("[a-z]+(_[a-z]+)*", name) for name in names)
+
+
+def test_no_schema_has_what_generators_stumble_over(document: dict[str, Any]) -> None:
+    """A default makes a field required in some clients; alternatives beside properties drop the operation in others."""
+    text = orjson.dumps(document["components"]["schemas"])
+    assert b'"default"' not in text
+    for schema in document["components"]["schemas"].values():
+        assert not ({"oneOf", "anyOf", "allOf"} & schema.keys() and "properties" in schema)
+
+
+def test_problems_are_told_apart_and_nothing_is_deprecated(document: dict[str, Any]) -> None:
+    schemas = document["components"]["schemas"]
+    assert schemas["ProblemDocument"]["properties"]["type"]["enum"] == [
+        f"/problems/{kind}" for kind in TITLES
+    ]
+    assert b'"deprecated"' not in orjson.dumps(document)
+    marked = {o["operationId"] for o in operations(document) if o.get("x-internal")}
+    assert marked == {"get_view", "get_tile", "get_examples", "get_example"}
+
+
+@pytest.mark.parametrize(
+    ("where", "pointer"),
+    [
+        ("samples.speed_m_s[12]", "/samples/speed_m_s/12"),
+        ("link 3, grade", "/links/2/grade"),
+        ("link 1", "/links/0"),
+        ("elevation.position_m", "/elevation/position_m"),
+        ("soc", "/soc"),
+        ("body", ""),
+        ("query.limit", None),
+        ("distance_km, trip", None),
+        ("drive.csv, row 3", None),
+    ],
+)
+def test_a_place_in_the_body_has_a_pointer(where: str, pointer: str | None) -> None:
+    assert pointer_to(where) == pointer
+
+
+def test_unknown_parameters_are_refused(service: Service) -> None:
+    client = service.client
+    refused = client.get("/v1/vehicles", params={"serach": "leaf"})
+    assert refused.status_code == 422
+    (fault,) = refused.json()["faults"]
+    assert (fault["where"], fault["fix"]) == ("query.serach", "did you mean 'search'?")
+    assert "pointer" not in fault
+    assert client.get("/v1/range", params={"soc": 0.5, "kidn": "city"}).status_code == 422
+    assert client.post("/v1/forecast", params={"verbose": 1}, json={}).status_code == 422
+    assert client.get("/healthz", params={"at": "now"}).status_code == 200
+
+
+def test_a_response_has_the_fields_that_were_asked_for(service: Service, drive: dict[str, Any]) -> None:
+    whole = service.client.post("/v1/forecast", json=drive).json()
+    part = service.client.post("/v1/forecast", params={"fields": "energy_wh,soc_arrival"}, json=drive)
+    assert part.json() == {name: whole[name] for name in ("energy_wh", "soc_arrival")}
+    lines = service.client.post(
+        "/v1/forecast/batch",
+        params={"fields": "trip"},
+        content=orjson.dumps(drive),
+        headers={"Content-Type": "application/x-ndjson"},
+    )
+    assert orjson.loads(lines.content) == {"trip": whole["trip"]}
+    wrong = service.client.post("/v1/forecast", params={"fields": "energy"}, json=drive)
+    assert (wrong.status_code, wrong.json()["faults"][0]["where"]) == (422, "query.fields")
+
+
+def test_parameters_of_the_path_are_not_those_of_the_query() -> None:
+    async def handler(request: Request, zoom: int, fields: str | None) -> None: ...
+
+    def faults_of(query: bytes) -> list[tuple[str, str]]:
+        request = Request({"type": "http", "query_string": query})
+        try:
+            asyncio.run(check.dependency(request))  # type: ignore[misc, arg-type]
+        except InvalidInput as refused:
+            return [(fault.where, fault.fix) for fault in refused.faults]
+        return []
+
+    (check,) = known_parameters(handler, "/v1/tiles/{zoom}")
+    assert faults_of(b"fields=a") == []
+    assert [where for where, _ in faults_of(b"request=1&zoom=2&fields=a")] == ["query.request", "query.zoom"]
+    ((where, fix),) = faults_of(b"field=a")
+    assert (where, "fields" in fix) == ("query.field", True)
+    assert faults_of(b"x" * 100 + b"=1")[0][0] == f"query.{'x' * 80}"
+
+
+def test_what_is_refused_names_what_is_allowed(service: Service, complete: Service) -> None:
+    def fault(given: dict[str, Any], path: str = "/v1/forecast") -> dict[str, str]:
+        (found,) = service.client.post(
+            path, json={"links": [{"length_m": 900, "speed_m_s": 9}]} | given
+        ).json()["faults"]
+        assert isinstance(found, dict)
+        return found
+
+    assert fault({"soc": 80})["allowed"] == "less than or equal to 1"
+    assert fault({"climate": "warm"})["allowed"] == "'auto', 'off', 'heat' or 'cool'"
+    vehicle = fault({"vehicle": "zzzz"})
+    assert "GET /v1/vehicles" in vehicle["allowed"]
+    assert "vehicle_figures" in vehicle["fix"]
+    for path in ("/v1/need", "/v1/range"):
+        (unknown,) = service.client.get(path, params={"distance_km": 3, "ambient_temperature": 3} if path == "/v1/need"
+                                        else {"ambient_temperature": 3}).json()["faults"]  # fmt: skip
+        assert unknown["fix"] == "did you mean 'ambient_temperature_degc'?"
+    for path, other in (
+        ("/v1/live/leav", "'leaf'"),
+        ("/v1/live/zzz", "/v1/live"),
+        ("/v1/cars/zzz", "/v1/cars"),
+    ):
+        assert other in complete.client.get(path).json()["detail"]
+
+
+def test_every_unknown_field_is_named() -> None:
+    with pytest.raises(InvalidInput) as refused:
+        chosen({"a": 1}, "b,a,c")
+    assert [fault.got for fault in refused.value.faults] == ["'b'", "'c'"]
+
+
+@pytest.mark.parametrize("path", ["/v1/models", "/v1/vehicles", "/v1/examples", "/v1/map"])
+def test_what_does_not_change_has_a_tag(service: Service, path: str) -> None:
+    first = service.client.get(path)
+    tag = first.headers["etag"]
+    again = service.client.get(path, headers={"If-None-Match": f'W/"0", {tag}'})
+    assert (again.status_code, again.content, again.headers["etag"]) == (304, b"", tag)
+    assert service.client.get(path, headers={"If-None-Match": 'W/"0"'}).content == first.content
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "given", "where"),
+    [
+        ("POST", "/v1/reachable", {"departs_at": 1769927400.0}, "departs_at"),
+        ("POST", "/v1/forecast", {"samples": {"soc": [0.5]}}, "samples.soc"),
+        ("PUT", "/v1/live/leaf/plan", {"departs_at": 1769927400}, "departs_at"),
+        ("GET", "/v1/need", {"distance_km": 30, "departs_at": 1769927400}, "departs_at"),
+        ("GET", "/v1/need", {"vehicle": "leaf"}, "distance_km, trip"),
+    ],
+)  # fmt: skip
+def test_a_time_is_a_text_and_a_charge_of_samples_has_its_full_name(
+    complete: Service, method: str, path: str, given: dict[str, Any], where: str
+) -> None:
+    found = complete.client.request(method, path, **{"params" if method == "GET" else "json": given})
+    assert found.status_code == 422
+    assert where in {fault["where"].removeprefix("query.") for fault in found.json()["faults"]}
+
+
+def test_the_page_of_the_forecast_has_its_fields_and_who_takes_a_departure(document: dict[str, Any]) -> None:
+    page = (ROOT / "docs" / "reference" / "forecast.md").read_text("utf-8")
+    of_forecast = page.partition("## Fields")[2].partition("\n## ")[0]
+    assert set(re.findall(r"^\| `(\w+)` \|", of_forecast, re.MULTILINE)) == set(
+        ForecastResponse.__annotations__
+    )
+    (sentence,) = re.findall(r"`departs_at` is a field of (.*?),\n", page)
+    schemas, taking = document["components"]["schemas"], set[str]()
+
+    def takes(schema: dict[str, Any]) -> bool:
+        fields = schemas[schema["$ref"].rpartition("/")[2]].get("properties", {}) if "$ref" in schema else {}
+        return "departs_at" in fields or any(takes(one) for one in fields.values())
+
+    for path, of_path in document["paths"].items():
+        for one in of_path.values():
+            bodies = one.get("requestBody", {}).get("content", {}).values()
+            names = {p["name"] for p in one.get("parameters", ())}
+            if "departs_at" in names or any(takes(b["schema"]) for b in bodies):
+                taking.add(path)
+    assert set(re.findall(r"`(/[^`]+)`", sentence)) == taking
+    assert all("description" in field for field in schemas["VerdictDocument"]["properties"].values())
+
+
+def test_every_answer_is_described(document: dict[str, Any]) -> None:
+    described = {
+        (path, method): operation["responses"]["200"]["description"]
+        for path, methods in document["paths"].items()
+        for method, operation in methods.items()
+    }
+    assert {one for one, text in described.items() if not text} == set()
+    assert described["/v1/forecast", "post"] == ForecastResponse.__doc__.partition("\n")[0]  # type: ignore[union-attr]
+
+
+def test_headers_are_in_the_document(document: dict[str, Any]) -> None:
+    paths = document["paths"]
+    for path in ("/v1/models", "/v1/vehicles", "/v1/map"):
+        heeds = [p["name"] for p in paths[path]["get"]["parameters"] if p["in"] == "header"]
+        answers = paths[path]["get"]["responses"]
+        assert (heeds, "ETag" in answers["200"]["headers"], "content" in answers["304"]) == (
+            ["If-None-Match"],
+            True,
+            False,
+        )
+    for path in ("/v1/cars", "/v1/cars/{car}/token", "/v1/cars/{car}/uploads/{upload}/learn"):
+        assert "Idempotency-Key" in [p["name"] for p in paths[path]["post"]["parameters"]]
+    forecast = paths["/v1/forecast"]["post"]
+    assert "parameters" not in forecast or all(p["in"] == "query" for p in forecast["parameters"])
+    assert "headers" not in forecast["responses"]["200"]
+    assert all("Retry-After" in forecast["responses"][status]["headers"] for status in ("429", "503"))
+    assert "headers" not in forecast["responses"]["422"]
+
+
+def asked(key: str | None, path: str = "/v1/cars") -> Request:
+    headers = [] if key is None else [(b"idempotency-key", key.encode("latin-1"))]
+    scope = {"type": "http", "method": "POST", "path": path, "headers": headers, "query_string": b""}
+    return Request({**scope, "scheme": "http", "server": ("localhost", 80), "root_path": ""})
+
+
+def test_a_repeated_request_is_done_once() -> None:
+    repeats, done, status = Repeats(), list[int](), [200]
+
+    async def work() -> Response:
+        done.append(len(done))
+        await asyncio.sleep(0.01)
+        return Response(str(len(done)), status[0], media_type="application/json")
+
+    async def run() -> None:
+        both = await asyncio.gather(*(repeats.once(asked("k"), b"{}", work) for _ in range(2)))
+        assert [response.body for response in both] == [b"1", b"1"]
+        with pytest.raises(Problem, match="key-used") as used:
+            await repeats.once(asked("k"), b"[]", work)
+        assert used.value.status == 422
+        assert (await repeats.once(asked("k", "/v1/cars/other/token"), b"{}", work)).body == b"2"
+        assert (await repeats.once(asked(None), b"{}", work)).body == b"3"
+        status[0] = 503
+        assert [(await repeats.once(asked("late"), b"{}", work)).status_code for _ in "12"] == [503, 503]
+        with pytest.raises(InvalidInput):
+            await repeats.once(asked("with space"), b"{}", work)
+
+    asyncio.run(run())
+    assert len(done) == 5
+
+
+@pytest.mark.parametrize(("status", "times"), [(200, 1), (399, 1), (400, 2), (503, 2)])
+def test_what_was_refused_may_be_sent_again(status: int, times: int) -> None:
+    repeats, done = Repeats(), list[int]()
+
+    async def work() -> Response:
+        done.append(status)
+        return Response(b"x", status, media_type="text/plain")
+
+    async def run() -> list[Response]:
+        return [await repeats.once(asked("k" * 255), b"", work) for _ in range(2)]
+
+    responses = asyncio.run(run())
+    assert done == [status] * times
+    assert [(r.status_code, r.body, r.media_type) for r in responses] == [(status, b"x", "text/plain")] * 2
+    with pytest.raises(InvalidInput):
+        asyncio.run(repeats.once(asked("k" * 256), b"", work))
+
+
+def test_a_thousand_keys_are_kept_for_a_day() -> None:
+    kept = Repeats()._kept
+    assert (kept.maxsize, kept.ttl) == (1000, 24 * 3600)
+
+
+def test_a_tag_is_of_the_content() -> None:
+    def answer(content: bytes, *headers: tuple[bytes, bytes]) -> Response:
+        return tagged(Request({"type": "http", "headers": headers}), content, "text/plain")
+
+    first, other = answer(b"a"), answer(b"b")
+    tag = first.headers["etag"]
+    assert re.fullmatch(r'W/"[0-9a-f]{20}"', tag)
+    assert tag != other.headers["etag"]
+    assert (first.body, first.headers["cache-control"]) == (b"a", "no-cache")
+    again = answer(b"a", (b"if-none-match", f'"x" , {tag}'.encode()))
+    assert (again.status_code, again.body, again.headers["etag"]) == (304, b"", tag)
+    assert answer(b"b", (b"if-none-match", tag.encode())).status_code == 200
+
+
+def test_another_site_changes_nothing(service: Service, document: dict[str, Any]) -> None:
+    """Every operation that changes something; a program sends neither header, and the page those of its own origin."""
+    client, changing = service.client, set[tuple[str, str]]()
+    for path, of_path in document["paths"].items():
+        changing |= {(method, path) for method in of_path if method not in ("get", "head")}
+    assert len(changing) >= 18
+    foreign = ({"Sec-Fetch-Site": "cross-site"}, {"Sec-Fetch-Site": "same-site"}, {"Origin": "null"})
+    own = ({}, {"Origin": service.url}, {"Sec-Fetch-Site": "same-origin", "Origin": service.url})
+    for method, path in changing:
+        place = re.sub(r"\{\w+\}", "abcdefgh", path)
+        for headers in (*foreign, {"Origin": "https://evil.example"}):
+            refused = client.request(method, place, headers=headers)
+            assert (refused.status_code, refused.json()["type"]) == (403, "/problems/foreign-site"), path
+        assert all(client.request(method, place, headers=sent).status_code != 403 for sent in own), path
+        assert "403" in document["paths"][path][method]["responses"]
+    assert client.get("/v1/models", headers={"Sec-Fetch-Site": "cross-site"}).status_code == 200

@@ -1,0 +1,257 @@
+"""The model of a fleet in the service: its vehicles, and the version in use of its registry."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import orjson
+import pytest
+from tests.support.service_process import serving
+
+from tripwatt.errors import InvalidInput
+from tripwatt.fleet.model import FleetModel
+from tripwatt.fleet.registry import Registry
+from tripwatt.forecasting.storage import DEFAULT_MODEL, model_folder
+from tripwatt.routes import plan_from_route, route_from_links
+from tripwatt.server.http.fleet_operations import report_file
+from tripwatt.server.http.fleets import NightRequest, NightResponse
+from tripwatt.server.http.jobs import Jobs
+from tripwatt.server.http.schemas import check_request
+from tripwatt.server.http.settings import Limits
+from tripwatt.trips import Departure
+from tripwatt.vehicles import load_vehicle
+
+LINKS = [{"length_m": 1500.0, "speed_m_s": v} for v in (12.0, 20.0, 15.0)]
+
+
+def body_of(**fields: Any) -> bytes:
+    return orjson.dumps({"links": LINKS, "soc": 0.8, "ambient_temperature_degc": 4.0, **fields})
+
+
+@pytest.fixture
+def registry(fleet: Any, tmp_path: Path) -> Registry:
+    registry = Registry(tmp_path / "vans")
+    registry.promote(registry.add(fleet[2]))
+    return registry
+
+
+def moved(model: FleetModel) -> FleetModel:
+    """Another version: every vehicle takes more."""
+    return replace(model, posterior=replace(model.posterior, mean=model.posterior.mean + 0.1))
+
+
+def energy(model: FleetModel, **vehicle: Any) -> float:
+    plan = plan_from_route(route_from_links(LINKS))
+    return model.forecast(plan, Departure(soc=0.8, ambient_temperature_degc=4.0), **vehicle).energy_wh
+
+
+def jobs_of(registry: Registry, log: list[dict[str, Any]] | None = None) -> Jobs:
+    records = [] if log is None else log
+    return Jobs.from_folders({"vans": registry.folder}, Limits(), log=lambda **one: records.append(one))
+
+
+def fault_of(jobs: Jobs, **fields: Any) -> tuple[str, str]:
+    with pytest.raises(InvalidInput) as caught:
+        jobs.forecast(body_of(**fields))
+    (fault,) = caught.value.faults
+    return fault.what, fault.where
+
+
+def test_a_forecast_is_that_of_its_vehicle(fleet: Any, registry: Registry) -> None:
+    model: FleetModel = fleet[2]
+    jobs = jobs_of(registry)
+    jobs.warm_up()
+    first, other = (jobs.forecast(body_of(vehicle_id=v))["energy_wh"] for v in ("V00000", "V00002"))
+    assert [first, other] == pytest.approx(
+        [energy(model, vehicle_id=v) for v in ("V00000", "V00002")], rel=1e-12
+    )
+    assert first != other
+    new = jobs.forecast(body_of(model="vans", vehicle_id="new", vehicle="vw_id3"))["energy_wh"]
+    assert new == pytest.approx(energy(model, vehicle_id="new", car_model="vw_id3"), rel=1e-12)
+    usual = min(model.vehicles().values())
+    assert jobs.forecast(body_of())["energy_wh"] == pytest.approx(energy(model, car_model=usual), rel=1e-12)
+
+
+def test_what_is_no_vehicle_of_the_fleet_is_a_fault(fleet: Any, registry: Registry) -> None:
+    jobs = jobs_of(registry)
+    assert fault_of(jobs, vehicle_id="nobody") == ("unknown vehicle", "vehicle_id")
+    assert fault_of(jobs, vehicle_id="V00000", vehicle="vw_id3") == ("another car model", "vehicle")
+    assert fault_of(jobs, vehicle_figures={"mass_kg": 1500.0}) == ("not for a fleet", "vehicle_figures")
+    assert fault_of(jobs, vehicle_id=7)[1] == "vehicle_id"
+    assert fault_of(jobs, model="cars")[1] == "model"
+    alone = Jobs.from_folders({}, Limits())
+    assert fault_of(alone, vehicle_id="V00000") == ("no fleet", "vehicle_id, driver")
+    assert fault_of(alone, driver="D1") == ("no fleet", "vehicle_id, driver")
+
+
+def test_the_version_in_use_is_followed_and_a_damaged_one_refused(fleet: Any, registry: Registry) -> None:
+    model, log = fleet[2], list[dict[str, Any]]()
+    jobs = jobs_of(registry, log)
+
+    def answer() -> float:
+        return float(jobs.forecast(body_of(vehicle_id="V00000"))["energy_wh"])
+
+    before = answer()
+    registry.promote(registry.add(moved(model)))
+    after = answer()
+    assert (before, after) == pytest.approx(
+        (energy(model, vehicle_id="V00000"), energy(moved(model), vehicle_id="V00000")), rel=1e-12
+    )
+    assert after > 1.001 * before
+    registry.promote(registry.add(model))
+    (registry.path("0003") / "metadata.json").write_text("{}")
+    assert [answer(), answer()] == [after, after]
+    changed, refused = log  # once, not at every request
+    assert changed == {"event": "model changed", "model": "vans", "version": "0002"}
+    assert (refused["event"], refused["version"]) == ("model refused", "0003")
+    assert "no model" in refused["reason"]
+    assert [m["model"]["version"] for m in jobs.run({"kind": "summaries"}, b"")["models"]] == ["0002"]  # type: ignore[index]
+    registry._point("0001")
+    assert answer() == before
+
+
+def test_models_and_fleets_are_listed(fleet: Any, registry: Registry) -> None:
+    folders = {"vans": registry.folder, "own": model_folder()}
+    jobs = Jobs.from_folders(folders, Limits())
+    own, vans = jobs.summaries()["models"]  # a model of one car is the default
+    assert (own["name"], own["model"]["vehicle"], vans["name"]) == ("own", "bmw_i3_60ah", "vans")
+    assert (vans["model"]["vehicles"], vans["model"]["trips"]) == (8, fleet[2].trips)
+    usual = min(fleet[2].vehicles().values())
+    assert (vans["model"]["vehicle"], vans["model"]["vehicle_title"]) == (usual, load_vehicle(usual).title)
+    listed = {row["name"]: row["models"] for row in jobs.vehicles()["vehicles"]}
+    assert [listed["bmw_i3_60ah"], listed["nissan_leaf_24"]] == [["own", "vans"], ["vans"]]
+    assert list(Jobs.from_folders({}, Limits()).models) == [DEFAULT_MODEL]
+
+
+def night(**fields: Any) -> dict[str, Any]:
+    trips = [
+        {"vehicle_id": "V00000", "departs_at": "2030-01-12T07:30:00+01:00", "distance_km": 40.0, "soc": 0.1},
+        {"vehicle_id": "V00002", "departs_at": "2030-01-12T08:30:00+01:00", "links": LINKS},
+    ]
+    return {"trips": trips, "begins_at": "2030-01-11T18:00:00+01:00", **fields}
+
+
+def asked(jobs: Jobs, **fields: Any) -> dict[str, Any]:
+    answer = jobs.run({"kind": "night"}, orjson.dumps(night(**fields)))
+    assert isinstance(answer, dict)
+    return answer
+
+
+def test_the_night_of_a_fleet_is_that_of_the_library(fleet: Any, registry: Registry) -> None:
+    answer = asked(jobs_of(registry), quantile=0.9)
+    NightResponse.model_validate(answer)
+    distance, links = answer["needs"]
+    own = fleet[2].forecast(plan_from_route(route_from_links(LINKS)), vehicle_id="V00002")
+    assert links["energy_quantile_wh"] == pytest.approx(own.quantile(0.9), rel=1e-9)
+    assert (links["soc"], links["charge_wh"]) == (None, None)
+    assert distance["charge_wh"] > 0.0
+    assert answer["emhass"]["vehicles"] == ["V00000"]
+    assert answer["evcc"][0].startswith("/api/vehicles/V00000/plan/soc/")
+
+
+def test_faults_of_a_night_name_the_trip(registry: Registry) -> None:
+    jobs = jobs_of(registry)
+
+    def where(change: dict[str, Any], **fields: Any) -> list[tuple[str, str]]:
+        one, other = night()["trips"]
+        with pytest.raises(InvalidInput) as caught:
+            asked(jobs, trips=[one, {**other, **change}], **fields)
+        return [(fault.what, fault.where) for fault in caught.value.faults]
+
+    assert where({"vehicle_id": "nobody"}) == [("unknown vehicle", "trips[1].vehicle_id")]
+    assert where({"distance_km": 3.0}) == [("one of them is needed", "trips[1].distance_km, links")]
+    assert where({"links": [{"length_m": -1.0, "speed_m_s": 9.0}]})[0][1].startswith("trips[1].")
+    assert where({}, model="cars") == [("no fleet", "model")]
+    assert where({}, begins_at="2030-01-13T18:00:00+01:00") == [
+        ("departs before the charging begins", "V00000")
+    ]
+    with pytest.raises(InvalidInput) as caught:
+        asked(Jobs.from_folders({}, Limits()))
+    assert caught.value.faults[0].what == "no fleet"
+
+
+def test_the_fields_of_a_night_have_bounds() -> None:
+    """The least and the most of each field are taken, and what is beyond them is refused."""
+    bounds: dict[str, tuple[list[Any], list[Any]]] = {
+        "vehicle_id": (["x", "x" * 100], ["", "x" * 101]),
+        "trip": (["x", "x" * 100], ["", "x" * 101]),
+        "vehicle": (["x" * 100], ["x" * 101]),
+        "driver": (["x" * 100], ["x" * 101]),
+        "distance_km": ([0.5, 2000.0], [0.49, 2000.1]),
+    }
+    of_night: dict[str, tuple[list[Any], list[Any]]] = {
+        "model": (["x" * 100], ["x" * 101]),
+        "quantile": ([0.5, 0.999], [0.499, 1.0]),
+        "reserve": ([0.0, 1.0], [-0.01, 1.01]),
+        "plug_w": ([0.1, 400_000.0], [0.0, 400_000.1]),
+        "trips": ([night()["trips"][:1] * n for n in (1, 500)], [[], night()["trips"][:1] * 501]),
+    }
+
+    def refused(name: str, value: Any) -> list[str]:
+        trip = {**night()["trips"][0], **({name: value} if name in bounds else {})}
+        asked = night(**{"trips": [trip], **({name: value} if name in of_night else {})})
+        try:
+            check_request(asked, NightRequest)
+        except InvalidInput as error:
+            return [fault.where.rpartition(".")[2] for fault in error.faults]
+        return []
+
+    for name, (within, beyond) in (bounds | of_night).items():
+        assert [refused(name, value) for value in within] == [[]] * len(within), name
+        assert [refused(name, value) for value in beyond] == [[name]] * len(beyond), name
+    usual = check_request(night(), NightRequest)
+    assert (usual.quantile, usual.reserve, usual.plug_w) == (0.95, 0.0, 7400.0)
+
+
+def test_files_of_a_report_are_those_of_the_registry(registry: Registry, tmp_path: Path) -> None:
+    folders = {"own": model_folder(), "vans": registry.folder}
+    assert report_file(folders, None, "report.html") is None
+    (registry.folder / "report").mkdir()
+    (registry.folder / "report" / "report.html").write_bytes(b"<p>")
+    (registry.folder / "report" / "secret.txt").write_bytes(b"x")
+    assert report_file(folders, None, "report.html") == report_file(folders, "vans", "report.html") == b"<p>"
+    for model, name in (
+        (None, "secret.txt"),
+        ("own", "report.html"),
+        (None, "../current"),
+        ("x", "report.html"),
+    ):
+        assert report_file(folders, model, name) is None
+    assert report_file({"own": model_folder()}, None, "report.html") is None
+
+
+def test_a_service_follows_its_registry(fleet: Any, registry: Registry, tmp_path: Path) -> None:
+    (tmp_path / "log").mkdir()
+    place = f"registry:{registry.folder}"
+    with serving(tmp_path / "log", "--model", place, "--workers", "1") as service:
+
+        def answer() -> float:
+            given = {"links": LINKS, "soc": 0.8, "ambient_temperature_degc": 4.0, "vehicle_id": "V00000"}
+            return float(service.forecast(given).json()["energy_wh"])
+
+        before = answer()
+        registry.promote(registry.add(moved(fleet[2])))
+        (summary,) = service.client.get("/v1/models").json()["models"]
+        assert summary["model"]["version"] == "0002"
+        assert answer() > 1.001 * before
+        assert summary["name"] == "vans"
+        assert [r["version"] for r in service.records() if r["event"] == "model changed"] == ["0002"]
+        missing = service.client.get("/v1/fleet/report/report.html")
+        assert (missing.status_code, missing.json()["type"]) == (404, "/problems/not-found")
+        hint = service.client.get("/v1/fleet/report/").json()["detail"]
+        assert hint == "the address goes on: /v1/fleet/report/{file}"
+        assert "detail" not in service.client.get("/v1/nothing").json()
+        (registry.folder / "report").mkdir()
+        (registry.folder / "report" / "report.html").write_text("<style>p{}</style><p>of a fleet</p>")
+        page = service.client.get("/v1/fleet/report/report.html")
+        assert page.headers["content-type"].startswith("text/html")
+        assert "style-src 'unsafe-inline'" in page.headers["content-security-policy"]
+        assert "script-src" not in page.headers["content-security-policy"]
+        again = service.client.get(
+            "/v1/fleet/report/report.html", headers={"If-None-Match": page.headers["etag"]}
+        )
+        assert (page.text, again.status_code) == ("<style>p{}</style><p>of a fleet</p>", 304)
+        needs = service.client.post("/v1/fleet/needs", json=night())
+        assert (needs.status_code, len(needs.json()["needs"])) == (200, 2)

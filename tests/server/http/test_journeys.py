@@ -1,0 +1,472 @@
+"""The service plans journeys with the roads of a router on loopback, and says clearly what fails."""
+
+from __future__ import annotations
+
+import datetime as dt
+import math
+from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+from tests.roads.journey.made import MADE, A, B
+from tests.support.command import answered
+from tests.support.roads import osrm
+from tests.support.router_server import RouterServer, answering, write_map
+from tests.support.service_process import Service, serving
+from tests.support.service_schema import conformance
+
+import tripwatt as tw
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.roads.journey import Atlas, AtlasSettings, Place
+from tripwatt.server.http import journeys
+from tripwatt.server.http.advice_schemas import AdviceResponse
+from tripwatt.server.http.journey_schemas import JourneyAdviceRequest, PlaceRequest, PlanRequest, ReachRequest
+from tripwatt.server.http.journeys import JourneyJobs, place_of
+from tripwatt.server.http.problems import Problem
+from tripwatt.server.http.schemas import check_request, departure_of
+
+WEST, EAST = {"latitude_deg": 47.0, "longitude_deg": 9.0}, {"latitude_deg": 47.0, "longitude_deg": 9.1}
+ASKED = {"stops": [WEST, EAST], "soc": 0.8, "ambient_temperature_degc": -5.0}
+ROADS = osrm(annotated=True)
+
+
+@pytest.fixture(scope="module")
+def router() -> Iterator[RouterServer]:
+    with answering(ROADS) as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def planner(router: RouterServer, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+    folder = tmp_path_factory.mktemp("planner")
+    named = f"{write_map(folder / 'map')}@osrm={router.url}"
+    (folder / "logs").mkdir()
+    with serving(folder / "logs", "--workers", "1", "--map", named) as found:
+        yield found
+
+
+@pytest.fixture(autouse=True)
+def _sound(router: RouterServer) -> Iterator[None]:
+    yield
+    router.document, router.status, router.delay_s = ROADS, 200, 0.0
+
+
+def plan(service: Service, **changed: Any) -> httpx.Response:
+    return service.client.post("/v1/journeys", json=ASKED | changed)
+
+
+def test_a_journey_by_names_is_that_by_coordinates(planner: Service) -> None:
+    by_name, by_place = plan(planner, stops=["Westend", "Ostheim"]), plan(planner)
+    assert by_name.status_code == by_place.status_code == 200
+    named, placed = by_name.json(), by_place.json()
+    assert [stop["name"] for stop in named["stops"]] == ["Westend", "Ostheim"]
+    assert named["roads"][0]["forecast"]["energy_wh"] == placed["roads"][0]["forecast"]["energy_wh"]
+    assert named["arrives"] is True
+    assert named["attribution"] == "© OpenStreetMap contributors, ODbL 1.0"
+    assert placed["roads"][0]["distance_m"] == pytest.approx(7584.0)
+    assert placed["roads"][0]["forecast"]["given"] == "a planned route, free flow"
+    assert (
+        len(placed["roads"][0]["line"]["latitude_deg"]) == len(placed["roads"][0]["line"]["position_m"]) == 97
+    )
+
+
+def test_advice_on_a_journey_is_that_on_its_road(planner: Service) -> None:
+    asked = {**ASKED, "soc": 0.13, "extras": ["roof_box"]}
+    found = planner.client.post("/v1/journeys/advice", json={**asked, "chance": 0.9})
+    assert found.status_code == 200, found.text
+    advice, road = found.json(), plan(planner, **asked).json()["roads"][0]
+    assert advice["soc_arrival"] == pytest.approx(road["forecast"]["soc_arrival"])
+    assert advice["p_arrive"] == pytest.approx(road["forecast"]["p_arrive_by_soc"]["0.1"])
+    codes = [one["actions"][0]["code"] for one in advice["singly"]]
+    assert "no_roof_box" in codes
+    assert advice["whole"] is None
+    assert planner.client.post("/v1/journeys/advice", json={**asked, "chance": 2.0}).status_code == 422
+
+
+def test_advice_on_a_journey_that_needs_a_stop_has_the_time_in_all() -> None:
+    stops = [{"latitude_deg": place.latitude_deg, "longitude_deg": place.longitude_deg} for place in (A, B)]
+    asked = {"stops": stops, "soc": 0.7, "ambient_temperature_degc": 0.0}
+    jobs, model = JourneyJobs(MADE), tw.load_model()
+    charging = jobs.plan(check_request(asked, PlanRequest), model)["charging"]
+    advice = jobs.advice(check_request(asked, JourneyAdviceRequest), model)
+    assert advice["whole"]["duration_s"] == pytest.approx(charging["duration_s"])
+    assert advice["whole"]["charges"] == len(charging["stops"]) == 1
+    (stop,) = (one for one in advice["least"] if one["actions"][0]["code"] == "stop")
+    assert stop["p_arrive"] == pytest.approx(charging["p_reserve"])
+    assert [one["whole"]["charges"] for one in advice["singly"] if one["whole"]] != []
+    AdviceResponse.model_validate(advice)
+    alone = jobs.advice(check_request({**asked, "charge": False}, JourneyAdviceRequest), model)
+    assert alone["whole"] is None
+
+
+def test_the_difference_of_two_journeys_is_that_of_their_roads(planner: Service) -> None:
+    asked = {**ASKED, "soc": 0.5}
+    warmer = {**asked, "ambient_temperature_degc": 15.0}
+    one, other = (plan(planner, **each).json()["roads"][0]["forecast"] for each in (warmer, asked))
+    found = planner.client.post("/v1/journeys/difference", json={"one": warmer, "other": asked})
+    assert found.status_code == 200, found.text
+    difference = found.json()
+    assert difference["energy_wh"] == pytest.approx(one["energy_wh"] - other["energy_wh"])
+    assert difference["soc_arrival"] == pytest.approx(one["soc_arrival"] - other["soc_arrival"])
+    low, high = difference["interval_wh"]
+    (one_low, one_high), (other_low, other_high) = (
+        (each["quantiles_wh"]["0.05"], each["quantiles_wh"]["0.95"]) for each in (one, other)
+    )
+    assert low < difference["energy_wh"] < high
+    # what both share cancels
+    assert high - low < 0.7 * math.hypot(one_high - one_low, other_high - other_low)
+    for wrong in ({"one": warmer}, {"one": warmer, "other": asked, "road": 7}):
+        assert planner.client.post("/v1/journeys/difference", json=wrong).status_code == 422
+
+
+def test_a_round_trip_and_answers_that_are_not_asked(planner: Service) -> None:
+    document = {**ROADS, "routes": [{**ROADS["routes"][0]}]}
+    assert document["code"] == "Ok"
+    found = plan(planner, answers=False).json()
+    assert found["costs_wh"] == {}
+    assert found["charging"] is None
+    windy = plan(planner, wind_speed_m_s=10.0, wind_from_deg=90.0, ambient_temperature_degc=-5.0).json()
+    assert windy["costs_wh"]["wind"] > 50.0
+
+
+def test_the_area_of_reach(planner: Service, router: RouterServer) -> None:
+    found = planner.client.post("/v1/reachable", json={"start": "Westend", "soc": 0.04})
+    assert found.status_code == 422  # this router knows one road, so that all other directions fail
+    assert found.json()["faults"][0]["what"] == "place outside of the map"
+
+
+def test_places_by_the_start_of_their_names(planner: Service) -> None:
+    found = planner.client.get("/v1/places", params={"q": "haupt 12"}).json()
+    assert [place["name"] for place in found["places"]] == ["Hauptstraße 12a, Westend"]
+    assert len(planner.client.get("/v1/places", params={"q": "west", "limit": 1}).json()["places"]) == 1
+    assert planner.client.get("/v1/places").status_code == 422
+
+
+def test_what_is_named_in_a_part_of_the_map(planner: Service) -> None:
+    bounds = {"south": 46.9, "west": 8.9, "north": 47.1, "east": 9.2}
+    found = planner.client.get("/v1/map/view", params=bounds).json()
+    assert [place["name"] for place in found["settlements"]] == ["Westend", "Ostheim"]
+    assert [(s["name"], s["power_w"]) for s in found["stations"]] == [("Halbweg", 150_000.0)]
+    assert found["attribution"] == "© OpenStreetMap contributors, ODbL 1.0"
+    one = planner.client.get("/v1/map/view", params=bounds | {"limit": 1, "west": 9.06}).json()
+    assert ([place["name"] for place in one["settlements"]], one["stations"]) == (["Ostheim"], [])
+    wrong = planner.client.get("/v1/map/view", params=bounds | {"south": 48.0, "west": 10.0})
+    assert wrong.status_code == 422
+    assert [fault["where"] for fault in wrong.json()["faults"]] == ["south, north", "west, east"]
+    assert planner.client.get("/v1/map/view", params=bounds | {"south": "nan"}).status_code == 422
+
+
+def test_tiles_of_the_router_are_served_and_kept_by_the_browser(tmp_path: Path) -> None:
+    (tmp_path / "logs").mkdir()
+    with (
+        answering(b"\x1a\x00tile") as valhalla,
+        serving(tmp_path / "logs", "--workers", "1", "--map", f"valhalla={valhalla.url}") as found,
+    ):
+        assert found.client.get("/v1/map").json()["tiles"] is True
+        tile = found.client.get("/v1/tiles/12/2156/1436")
+        assert (tile.status_code, tile.content) == (200, b"\x1a\x00tile")
+        assert tile.headers["content-type"] == "application/vnd.mapbox-vector-tile"
+        assert tile.headers["cache-control"] == "private, max-age=3600"
+        assert found.client.get("/v1/tiles/2/3/0").status_code == 200
+        outside = found.client.get("/v1/tiles/2/4/5")
+        assert outside.status_code == 422
+        assert [(f["where"], f["allowed"]) for f in outside.json()["faults"]] == [
+            ("column", "0 to 3 at zoom 2"),
+            ("row", "0 to 3 at zoom 2"),
+        ]
+        assert found.client.get("/v1/tiles/23/0/0").status_code == 422
+        nothing = found.client.get("/v1/map/view", params={"south": 0, "west": 0, "north": 1, "east": 1})
+        assert (nothing.json()["settlements"], nothing.json()["stations"]) == ([], [])
+        valhalla.status = 403
+        assert found.client.get("/v1/tiles/12/0/0").status_code == 502
+
+
+def test_a_router_without_tiles_gives_empty_ones(planner: Service) -> None:
+    assert planner.client.get("/v1/tiles/0/0/0").content == b""
+
+
+def test_what_the_service_knows(planner: Service) -> None:
+    assert planner.client.get("/v1/map").json() == {
+        "roads": True,
+        "places": True,
+        "weather": False,
+        "tiles": False,
+        "stations": 1,
+        "bounds_deg": [46.9, 8.9, 47.1, 9.2],
+        "covers": "46.90 to 47.10° N and 8.90 to 9.20° E around Westend and Ostheim (made)",
+        "terrain": {"known": False, "source": ""},
+        "attribution": "© OpenStreetMap contributors, ODbL 1.0",
+    }
+
+
+@pytest.mark.parametrize(
+    ("document", "status", "http", "what"),
+    [
+        ({"code": "NoRoute"}, 200, 422, "no road found"),
+        (b"<html>", 200, 502, "the router gives no JSON"),
+        ({"code": "Ok", "routes": []}, 200, 502, "too few entries"),
+        ({}, 503, 502, "the router does not respond"),
+        ({}, 403, 502, "the router refuses access"),
+    ],
+)
+def test_what_fails_at_the_router_is_a_problem_document(
+    planner: Service, router: RouterServer, document: Any, status: int, http: int, what: str
+) -> None:
+    router.document, router.status = document, status
+    found = plan(planner)
+    assert found.status_code == http
+    assert found.headers["content-type"] == "application/problem+json"
+    assert found.json()["faults"][0]["what"] == what
+    router.document, router.status = ROADS, 200
+    assert plan(planner, answers=False).status_code == 200  # the worker serves on
+
+
+@pytest.mark.parametrize(
+    ("changed", "where"),
+    [
+        ({"stops": [WEST]}, "stops"),
+        ({"stops": ["", EAST]}, "stops.0"),
+        ({"stops": [{"latitude_deg": 91.0, "longitude_deg": 0.0}, EAST]}, "stops.0"),
+        ({"stops": ["Nowhere", "Elsewhere"]}, "stops[0]"),
+        ({"soc": 1.5}, "soc"),
+        ({"reserve": -0.1}, "reserve"),
+        ({"alternatives": 9}, "alternatives"),
+        ({"departs_at": "07:30"}, "departs_at"),
+        ({"departs_at": "2026-02-01T07:30:00"}, "departs_at"),
+        ({"vehicle": "../car.toml"}, "vehicle"),
+        ({"wind_speed_m_s": 1e9}, "wind_speed_m_s"),
+        ({"unknown": 1}, "unknown"),
+    ],
+)
+def test_what_is_wrong_with_a_request_is_named(planner: Service, changed: dict[str, Any], where: str) -> None:
+    found = plan(planner, **changed)
+    assert found.status_code == 422
+    assert any(fault["where"].startswith(where) for fault in found.json()["faults"])
+
+
+def test_without_a_map_there_are_no_journeys(service: Service) -> None:
+    for path, asked in (("/v1/journeys", ASKED), ("/v1/reachable", {"start": WEST})):
+        found = service.client.post(path, json=asked)
+        assert found.status_code == 501
+        assert found.json()["type"] == "/problems/no-map"
+    assert service.client.get("/v1/places", params={"q": "a"}).status_code == 501
+    assert service.client.get("/v1/tiles/0/0/0").status_code == 501
+    bounds = {"south": 0, "west": 0, "north": 1, "east": 1}
+    assert service.client.get("/v1/map/view", params=bounds).status_code == 501
+    assert service.client.get("/v1/map").json()["roads"] is False
+
+
+def test_the_operations_are_as_their_document_says(planner: Service) -> None:
+    """Examples and a small sample; the phase that covers the schema takes minutes of journeys."""
+    found = conformance(
+        planner.url,
+        3,
+        only="^/v1/(journeys|reachable|places|map|map/view|tiles/.*)$",
+        phases="examples,fuzzing",
+        timeout_s=400.0,
+    )
+    assert found.clean, found.text[-4000:]
+
+
+def test_a_map_that_is_none_stops_the_start(tmp_path: Path) -> None:
+    answer = answered("serve", "--port", 0, "--map", tmp_path)
+    assert answer.code == 2
+    assert "no map" in answer.err
+
+
+def test_a_part_of_a_name_is_a_problem_with_candidates(planner: Service) -> None:
+    answer = plan(planner, stops=["West", "Ostheim"])
+    assert answer.status_code == 422
+    (fault,) = answer.json()["faults"]
+    assert (fault["where"], fault["got"]) == ("stops[0]", "West")
+    assert "did you mean 'Westend' (town)" in fault["fix"]
+    taken = plan(planner, stops=["westend", "Ostheim"]).json()["stops"]
+    assert [(stop["name"], stop["kind"]) for stop in taken] == [("Westend", "town"), ("Ostheim", "village")]
+
+
+WEST = {"latitude_deg": 47.0, "longitude_deg": 9.0, "name": "Westend"}
+EAST = {"latitude_deg": 47.0, "longitude_deg": 9.1}
+
+
+@pytest.fixture(scope="module")
+def jobs(tmp_path_factory: pytest.TempPathFactory) -> JourneyJobs:
+    folder = write_map(tmp_path_factory.mktemp("map") / "map")
+    return JourneyJobs.from_settings(asdict(AtlasSettings(f"{folder}@osrm=http://127.0.0.1:9")))
+
+
+def faults_of(call: Any, *arguments: Any) -> tuple[Fault, ...]:
+    with pytest.raises(InvalidInput) as caught:
+        call(*arguments)
+    return caught.value.faults
+
+
+def test_without_a_map_nothing_is_served() -> None:
+    none = JourneyJobs.from_settings(asdict(AtlasSettings()))
+    assert none.atlas is None
+    with pytest.raises(Problem, match="no-map") as caught:
+        none.places("a", 1)
+    assert caught.value.detail == "start the service with --map"
+    assert none.describe() == {
+        "roads": False,
+        "places": False,
+        "weather": False,
+        "tiles": False,
+        "stations": 0,
+        "bounds_deg": None,
+        "covers": "",
+        "terrain": {"known": False, "source": ""},
+        "attribution": "",
+    }
+
+
+def test_what_a_map_knows(jobs: JourneyJobs) -> None:
+    assert jobs.describe() == {
+        "roads": True,
+        "places": True,
+        "weather": False,
+        "tiles": False,
+        "stations": 1,
+        "bounds_deg": [46.9, 8.9, 47.1, 9.2],
+        "covers": "46.90 to 47.10° N and 8.90 to 9.20° E around Westend and Ostheim (made)",
+        "terrain": {"known": False, "source": ""},
+        "attribution": "© OpenStreetMap contributors, ODbL 1.0",
+    }
+
+
+def test_what_a_router_alone_knows(jobs: JourneyJobs) -> None:
+    assert jobs.atlas is not None
+    weather: Any = object()
+    bare = JourneyJobs(Atlas(jobs.atlas.router, attribution="me", weather=weather)).describe()
+    assert (bare["roads"], bare["places"], bare["weather"], bare["stations"]) == (True, False, True, 0)
+    assert (bare["bounds_deg"], bare["attribution"]) == (None, "me")
+
+
+def test_places_by_name_within_their_limit(jobs: JourneyJobs) -> None:
+    assert [place["name"] for place in jobs.places("west", 1)["places"]] == ["Westend"]
+    assert len(jobs.places("west", 2)["places"]) == 2
+
+
+def test_names_are_not_known_without_an_index(jobs: JourneyJobs) -> None:
+    assert jobs.atlas is not None
+    bare = JourneyJobs(Atlas(jobs.atlas.router))
+    (fault,) = faults_of(bare.places, "x" * 61, 1)
+    assert (fault.what, fault.got) == ("names of places are not known", "x" * 60)
+
+
+def test_a_tile_is_inside_of_its_zoom(jobs: JourneyJobs) -> None:
+    assert jobs.tile(0, 0, 0) == b""
+    assert jobs.tile(3, 7, 7) == b""
+    assert faults_of(jobs.tile, 3, 8, 7) == (Fault("tile out of range", "column", "8", "0 to 7 at zoom 3"),)
+    assert [fault.where for fault in faults_of(jobs.tile, 0, 1, 1)] == ["column", "row"]
+
+
+def test_bounds_may_be_a_point_and_not_in_the_wrong_order(jobs: JourneyJobs) -> None:
+    point = jobs.view((47.0, 9.0, 47.0, 9.0), 10)
+    assert [place["name"] for place in point["settlements"]] == ["Westend"]
+    assert point["stations"] == []
+    found = faults_of(jobs.view, (47.1, 9.1, 47.0, 9.0), 10)
+    assert found == (
+        Fault("bounds in the wrong order", "south, north", "47.1 to 47", "the smaller first"),
+        Fault("bounds in the wrong order", "west, east", "9.1 to 9", "the smaller first"),
+    )
+
+
+def test_a_view_has_its_limit(jobs: JourneyJobs) -> None:
+    assert len(jobs.view((46.0, 8.0, 48.0, 10.0), 1)["settlements"]) == 1
+    whole = jobs.view((46.0, 8.0, 48.0, 10.0), 2)
+    assert [place["name"] for place in whole["settlements"]] == ["Westend", "Ostheim"]
+    assert [station["name"] for station in whole["stations"]] == ["Halbweg"]
+
+
+def test_a_stop_is_a_text_or_a_place() -> None:
+    assert place_of("47, 9") == "47, 9"
+    assert place_of(PlaceRequest(**WEST)) == Place(47.0, 9.0, "Westend")
+
+
+def test_weather_by_hand_is_handed_on() -> None:
+    fields = {"ambient_temperature_degc": -5.0, "wind_speed_m_s": 3.0, "wind_from_deg": 0.0, "rain_mm_h": 1.0}
+    assert departure_of(check_request({"start": "a", **fields}, ReachRequest)).to_dict() == fields
+    assert not departure_of(check_request({"start": "a"}, ReachRequest)).has_weather
+
+
+def test_a_departure_is_handed_on() -> None:
+    asked = {"start": "a", "soc": 0.5, "climate": "off", "departs_at": "2026-02-01T07:30:00+01:00"}
+    found = departure_of(check_request(asked, ReachRequest))
+    assert (found.soc, found.climate, found.payload_mass_kg) == (0.5, "off", None)
+    assert found.departs_at == dt.datetime(2026, 2, 1, 6, 30, tzinfo=dt.UTC)
+
+
+class Noted:
+    """Stands for what a journey returns, and keeps what it was asked with."""
+
+    def __init__(self) -> None:
+        self.given: tuple[Any, ...] = ()
+        self.more: dict[str, Any] = {}
+
+    def __call__(self, *given: Any, **more: Any) -> Noted:
+        self.given, self.more = given, more
+        return self
+
+    def to_dict(self) -> dict[str, Any]:
+        return {"noted": True}
+
+
+def test_a_journey_has_the_options_of_its_request(jobs: JourneyJobs, monkeypatch: pytest.MonkeyPatch) -> None:
+    noted = Noted()
+    monkeypatch.setattr(journeys, "journey_with", noted)
+    more = {"reserve": 0.2, "alternatives": 2, "round_trip": True, "answers": False, "soc": 0.6}
+    request = check_request({"stops": [WEST, EAST], **more}, PlanRequest)
+    model: Any = object()
+    assert jobs.plan(request, model) == {"noted": True}
+    drive, stops, atlas, options = noted.given
+    assert (options.reserve, options.alternatives, options.round_trip, options.answers) == (
+        0.2,
+        2,
+        True,
+        False,
+    )
+    assert (drive.departure.soc, drive.model is model, atlas is jobs.atlas) == (0.6, True, True)
+    assert [(stop.latitude_deg, stop.longitude_deg) for stop in stops] == [
+        (47.0, 9.0),
+        (47.0, 9.1),
+        (47.0, 9.0),
+    ]
+    jobs.plan(check_request({"stops": [WEST, EAST]}, PlanRequest), model)
+    assert len(noted.given[1]) == 2
+
+
+@pytest.mark.parametrize("start", [WEST, "Westend", "47, 9"])
+def test_the_reach_begins_at_its_start(
+    jobs: JourneyJobs, monkeypatch: pytest.MonkeyPatch, start: Any
+) -> None:
+    noted = Noted()
+    monkeypatch.setattr(journeys, "find_reach", noted)
+    model: Any = object()
+    request = check_request({"start": start, "reserve": 0.3}, ReachRequest)
+    assert jobs.reach(request, model) == {"noted": True}
+    _, place, atlas = noted.given
+    assert (place.latitude_deg, place.longitude_deg) == (47.0, 9.0)
+    assert (noted.more, atlas is jobs.atlas) == ({"reserve": 0.3}, True)
+
+
+def test_weather_by_hand_comes_before_that_of_a_server(
+    jobs: JourneyJobs, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    assert jobs.atlas is not None
+    noted, server = Noted(), Noted()
+    monkeypatch.setattr(journeys, "find_reach", noted)
+    monkeypatch.setattr(journeys, "journey_with", noted)
+    asked = JourneyJobs(Atlas(jobs.atlas.router, weather=server))  # type: ignore[arg-type]
+    model: Any = object()
+    by_hand = {"wind_speed_m_s": 3.0}
+    for kind, run, document in (
+        (ReachRequest, asked.reach, {"start": WEST}),
+        (PlanRequest, asked.plan, {"stops": [WEST, EAST]}),
+    ):
+        run(check_request(document, kind), model)  # type: ignore[type-var, operator]
+        assert noted.given[0].weather is server
+        run(check_request(document | by_hand, kind), model)  # type: ignore[type-var, operator]
+        assert noted.given[0].departure.wind_speed_m_s == 3.0

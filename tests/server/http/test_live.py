@@ -1,0 +1,823 @@
+"""Cars on the road through the service: its forecasts are those of `update`, and every refusal is a problem document."""
+
+from __future__ import annotations
+
+import asyncio
+import dataclasses
+import datetime as dt
+import json
+import urllib.parse
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import anyio
+import httpx
+import orjson
+import pandas as pd
+import pytest
+from tests.server.cars.messages import NOON, NOON_S, abrp_messages, measured
+from tests.support.service_process import TOKEN, Service, serving, wait_for
+from tests.support.service_schema import conformance
+
+import tripwatt as tw
+from tripwatt.errors import InvalidInput
+from tripwatt.forecasting import Forecast, ForecastModel
+from tripwatt.roads.advice.preheating import CHARGER, preheating
+from tripwatt.routes import links_of_trip, plan_from_links
+from tripwatt.server.cars import Broker, MqttSettings, RoadCar, Sample, create_car, has_token, issue_token
+from tripwatt.server.cars.live_trip import SILENCE_S
+from tripwatt.server.http import app as room
+from tripwatt.server.http import live as module
+from tripwatt.server.http.app import create_app
+from tripwatt.server.http.car_jobs import CarJobs
+from tripwatt.server.http.jobs import Jobs
+from tripwatt.server.http.live import LiveCars
+from tripwatt.server.http.over_mqtt import OverMqtt
+from tripwatt.server.http.pool import JobResult
+from tripwatt.server.http.settings import Limits, Settings
+from tripwatt.server.http.worker import run_job
+from tripwatt.study.synthetic import example_trip
+from tripwatt.trips import plan_from_samples
+from tripwatt.trips.messages import leave_in_words
+
+JSON, FORM = "application/json", "application/x-www-form-urlencoded"
+LINKS = [
+    {"length_m": 4000.0, "speed_m_s": 12.0, "grade": 0.0},
+    {"length_m": 9000.0, "speed_m_s": 20.0, "grade": 0.0},
+]
+
+
+@pytest.fixture(scope="module")
+def jobs() -> Jobs:
+    return Jobs.from_folders({}, Limits())
+
+
+@pytest.fixture(scope="module")
+def drive() -> pd.DataFrame:
+    return measured(example_trip()).iloc[:400]
+
+
+@pytest.fixture(scope="module")
+def plan() -> dict[str, Any]:
+    """The whole trip as a speed trace, with what is known at its departure."""
+    table = example_trip()
+    samples = {name: table[name].tolist() for name in ("time_s", "speed_m_s", "elevation_m")}
+    return {
+        "samples": samples,
+        "soc": 0.9,
+        "ambient_temperature_degc": 4.0,
+        "cabin_temperature_degc": 10.0,
+        "battery_temperature_degc": 12.0,
+        "cabin_setpoint_degc": 21.0,
+        "reserve": 0.3,
+        "departs_at": NOON,
+    }
+
+
+def own_forecast(plan: dict[str, Any]) -> Forecast:
+    """The forecast of a plan at its departure, by the library."""
+    left_out = ("samples", "reserve", "departs_at")
+    departure = tw.Departure(**{name: value for name, value in plan.items() if name not in left_out})
+    return tw.forecast(plan_from_samples(pd.DataFrame(plan["samples"]), departure=departure))
+
+
+class Pool:
+    """Runs the jobs in this process."""
+
+    waiting, ready, lost = 0, 1, 0
+    jobs: Jobs
+    kinds: list[str]
+
+    def __init__(self, settings: Settings, log_event: Callable[..., None]) -> None:
+        self.settings = settings
+
+    async def run(self, job: dict[str, Any], body: bytes, *, may_queue: bool = False) -> JobResult:
+        self.kinds.append(job["kind"])
+        return JobResult(*run_job(self.jobs, job, body), 0.0)
+
+
+class Served:
+    """An application with two cars, and its client."""
+
+    def __init__(self, folder: Path, **more: Any) -> None:
+        self.tokens = {name: issue_token(folder / name) for name in ("leaf", "zoe")}
+        self.logged: list[dict[str, Any]] = []
+        settings = Settings(cars=folder, **more)
+        self.app = create_app(settings, lambda **record: self.logged.append(record))
+
+    def __call__(self, path: str, method: str = "GET", **more: Any) -> httpx.Response:
+        async def ask() -> httpx.Response:
+            transport = httpx.ASGITransport(self.app)  # type: ignore[arg-type]
+            async with httpx.AsyncClient(transport=transport, base_url="http://localhost") as client:
+                return await client.request(method, path, **more)
+
+        return asyncio.run(ask())
+
+    def send(self, message: Any, car: str = "leaf", **more: Any) -> httpx.Response:
+        return self("/v1/telemetry", "POST", json={"token": self.tokens[car], "tlm": message}, **more)
+
+    def put(self, plan: Any, car: str = "leaf") -> httpx.Response:
+        return self(f"/v1/live/{car}/plan", "PUT", json=plan)
+
+
+@pytest.fixture
+def served(tmp_path: Path, jobs: Jobs, monkeypatch: pytest.MonkeyPatch) -> Iterator[Served]:
+    with_cars = dataclasses.replace(jobs, cars=CarJobs(tmp_path))
+    monkeypatch.setattr(Pool, "jobs", with_cars, raising=False)
+    monkeypatch.setattr(Pool, "kinds", [], raising=False)
+    monkeypatch.setattr(room, "WorkerPool", Pool)
+    found = Served(tmp_path)
+    yield found
+    _cars(found).close()
+
+
+def _cars(served: Served) -> LiveCars:
+    """The cars of an application."""
+    packed: Any = served.app.app
+    for route in packed.app.routes:
+        if getattr(route, "path", "") == "/v1/telemetry":
+            found: LiveCars = route.endpoint.__self__.cars
+            return found
+    raise AssertionError
+
+
+def message(k: float, **more: Any) -> dict[str, Any]:
+    return {"utc": NOON_S + k, "speed": 36.0, "power": 6.0, "soc": 80.0, **more}
+
+
+def test_the_forecast_on_the_way_is_that_of_update(
+    served: Served, drive: pd.DataFrame, plan: dict[str, Any]
+) -> None:
+    assert served.put(plan).status_code == 200
+    own = own_forecast(plan)
+    found = served("/v1/live/leaf").json()
+    assert (found["trip"], found["seconds_since_message"], found["plan"]) == (None, None, "given")
+    assert found["forecast"]["energy_wh"] == pytest.approx(own.energy_wh, abs=1e-6)
+    for sent in abrp_messages(drive):
+        assert served.send(sent).json()["arrival"] == "new"
+    found = served("/v1/live/leaf").json()
+    updated = own.update(drive)
+    assert found["forecast"]["energy_wh"] == pytest.approx(updated.energy_wh, abs=1e-6)
+    assert found["forecast"]["quantiles_wh"] == {
+        f"{p:g}": pytest.approx(updated.quantile(p), abs=1e-6) for p in (0.05, 0.5, 0.95)
+    }
+    assert found["forecast"]["soc_quantiles"] == {
+        f"{p:g}": pytest.approx(updated.soc_quantile(p), abs=1e-9) for p in (0.05, 0.5, 0.95)
+    }
+    assert found["forecast"]["p_arrive"] == pytest.approx(updated.p_arrive(0.3), abs=1e-9)
+    assert (found["forecast"]["reserve"], found["forecast"]["measured_until_s"]) == (0.3, 399.0)
+    assert found["messages"] == {"new": 400, "doubled": 0, "late": 0}
+    assert found["faults"] == []
+    assert dt.datetime.fromisoformat(found["trip"]["departs_at"]).timestamp() == NOON_S
+    assert served("/v1/live/zoe").json()["forecast"] is None
+
+
+@pytest.fixture
+def made(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Forecasts of cars as they are made: at their departure, and updates."""
+    found: list[str] = []
+    forecast, update = ForecastModel.forecast, Forecast.update
+    monkeypatch.setattr(ForecastModel, "forecast", lambda *a: (found.append("forecast"), forecast(*a))[1])
+    monkeypatch.setattr(Forecast, "update", lambda *a: (found.append("update"), update(*a))[1])
+    return found
+
+
+def test_a_forecast_is_made_once_for_the_same_messages(served: Served, made: list[str]) -> None:
+    served.put({"links": LINKS})
+    for k in range(140):
+        served.send(message(k))
+    first = served("/v1/live/leaf").json()
+    made.clear()
+    assert served("/v1/live/leaf").json()["forecast"] == first["forecast"]
+    assert made == []
+    served.send(message(140.0))
+    served.send(message(140.0))
+    served("/v1/live/leaf")
+    assert made == ["update"], "the forecast at departure is kept"
+
+
+def test_what_the_plan_leaves_unknown_is_what_the_messages_show(served: Served) -> None:
+    served.send(message(0.0, speed=0, soc=61.0, ext_temp=-7.0))
+    served.put({"links": LINKS})
+    own = tw.forecast(LINKS, tw.Departure(soc=0.61, ambient_temperature_degc=-7.0))
+    assert served("/v1/live/leaf").json()["forecast"]["energy_wh"] == pytest.approx(own.energy_wh, abs=1e-6)
+    served.put({"links": LINKS, "soc": 0.5, "ambient_temperature_degc": 20.0})
+    own = tw.forecast(LINKS, tw.Departure(soc=0.5, ambient_temperature_degc=20.0))
+    found = served("/v1/live/leaf").json()["forecast"]
+    assert found["energy_wh"] == pytest.approx(own.energy_wh, abs=1e-6)
+    assert found["soc_arrival"] == pytest.approx(own.soc_arrival, abs=1e-9)
+
+
+def test_without_a_plan_the_road_is_that_of_the_usual_trip(served: Served, drive: pd.DataFrame) -> None:
+    car = _cars(served).by_name("leaf")
+    for sent in abrp_messages(drive):
+        served.send(sent)
+    assert served("/v1/live/leaf").json()["forecast"] is None
+    assert car.received_s is not None
+    car.end_when_silent(car.received_s + SILENCE_S)
+    (log,) = car.logs()
+    for sent in abrp_messages(drive.iloc[:200], NOON_S + 86_400.0):
+        served.send(sent)
+    found = served("/v1/live/leaf").json()
+    plan = plan_from_links(links_of_trip(log)).with_departure(car.departure())
+    own = car.update(tw.load_model().forecast(plan))
+    assert (found["plan"], found["usual_trip"], found["faults"]) == ("usual", log.trip_id, [])
+    assert found["forecast"]["energy_wh"] == pytest.approx(own.energy_wh, abs=1e-6)
+    served.put({"links": LINKS})
+    found = served("/v1/live/leaf").json()
+    assert (found["plan"], found["usual_trip"]) == ("given", None)
+
+
+def need(served: Served, **asked: Any) -> httpx.Response:
+    return served("/v1/need", params={"car": "leaf", **asked})
+
+
+def test_the_need_of_a_plan_is_a_quantile_and_the_charge_to_leave_with(served: Served) -> None:
+    served.send(message(0.0, speed=0, soc=30.0))
+    served.put({"links": LINKS, "soc": 0.8, "ambient_temperature_degc": -5.0, "reserve": 0.25})
+    own = tw.forecast(LINKS, tw.Departure(soc=0.8, ambient_temperature_degc=-5.0))
+    found = need(served, probability=0.95, departs_at=NOON, plug_w=3700.0).json()
+    until = {name: found.pop(name) for name in ("wall_wh", "charging_s", "preheat")}
+    codes = [flag["code"] for flag in found.pop("flags")]
+    assert codes == ["no_description", *(flag.code for flag in own.flags)]
+    assert until["wall_wh"] == pytest.approx(found["charge_wh"] / CHARGER)
+    assert until["charging_s"] == pytest.approx(until["wall_wh"] / 3700.0 * 3600.0)
+    heat = preheating(own.vehicle, own.plan, plug_w=3700.0)
+    assert heat is not None
+    leaves = dt.datetime.fromtimestamp(NOON_S, dt.UTC)
+    assert until["preheat"] == heat.to_dict(leaves)
+    assert found == {
+        "car": "leaf",
+        "plan": "given",
+        "usual_trip": None,
+        "probability": 0.95,
+        "reserve": 0.25,
+        "expected_wh": pytest.approx(own.energy_wh, abs=1e-6),
+        "energy_quantile_wh": pytest.approx(own.quantile(0.95), abs=1e-6),
+        "soc_needed": pytest.approx(own.soc_needed(0.25, 0.95), abs=1e-9),
+        "wh_per_display": pytest.approx(own.charge.wh_per_display, abs=1e-6),
+        "message": leave_in_words(own.soc_needed(0.25, 0.95), 0.25, 0.95),
+        "target_soc": pytest.approx(own.soc_needed(0.25, 0.95), abs=1e-9),
+        "departs_at": leaves.isoformat(),
+        "soc": 0.3,
+        "charge_wh": pytest.approx((own.soc_needed(0.25, 0.95) - 0.3) * own.charge.wh_per_display, abs=1e-3),
+    }
+    assert found["charge_wh"] > 0.0
+    warm = need(served, reserve=0.0, ambient_temperature_degc=20.0).json()
+    own = tw.forecast(LINKS, tw.Departure(soc=0.8, ambient_temperature_degc=20.0))
+    assert (warm["probability"], warm["reserve"]) == (0.9, 0.0)
+    assert warm["energy_quantile_wh"] == pytest.approx(own.quantile(0.9), abs=1e-6)
+    assert warm["soc_needed"] == pytest.approx(own.soc_needed(0.0, 0.9), abs=1e-9)
+    served.send(message(1.0, speed=0, soc=99.0))
+    assert need(served).json()["charge_wh"] == 0.0
+
+
+def codes_of(document: dict[str, Any]) -> dict[str, Any]:
+    return {flag["code"]: flag["value"] for flag in document["flags"]}
+
+
+@pytest.mark.parametrize("path", ["/v1/range", "/v1/need"])
+def test_what_is_asked_of_a_car_takes_the_temperature_and_the_charge_of_its_last_message(
+    served: Served, path: str
+) -> None:
+    asked = {"distance_km": 50} if path == "/v1/need" else {}
+    served.send(message(0.0, speed=0, soc=40.0, ext_temp=-3.0))
+    served.send(message(1.0, speed=0, soc=40.0))  # without a temperature: the last one counts
+    found = served(path, params={"car": "leaf", **asked}).json()
+    given = served(path, params={**asked, "soc": 0.4, "ambient_temperature_degc": -3.0}).json()
+    codes = codes_of(found)
+    assert (codes.pop("of_last_message"), codes.pop("no_description")) == (-3.0, "leaf")
+    assert codes == codes_of(given)
+    assert {**found, "flags": []} == {**given, "flags": []}
+    assert found["soc"] == 0.4
+    warm = served(path, params={"car": "leaf", "ambient_temperature_degc": 20.0, **asked}).json()
+    assert "of_last_message" not in codes_of(warm)
+    name = "energy_wh" if asked else "range_m"
+    assert warm[name] != found[name]
+
+
+def test_the_range_over_mqtt_and_over_http_is_one(served: Served) -> None:
+    served.send(message(0.0, speed=0, soc=40.0, ext_temp=-3.0))
+    served.put({"links": LINKS, "vehicle": "vw_id3", "reserve": 0.2})
+    over = OverMqtt(_cars(served), MqttSettings(Broker("192.0.2.7", 1883)))
+    published = asyncio.run(over.documents())["leaf"]
+    assert published["range"] == served("/v1/range", params={"car": "leaf"}).json()
+    assert (published["range"]["soc"], published["range"]["reserve"]) == (0.4, 0.0)
+    assert published["ambient_temperature_degc"] == -3.0
+    kept = served("/v1/range", params={"car": "leaf", "reserve": 0.2}).json()
+    assert kept["reserve"] == 0.2
+    assert kept["range_m"] < published["range"]["range_m"]
+
+
+def test_the_need_of_the_next_trip_takes_the_temperature_of_the_last_message(served: Served) -> None:
+    served.send(message(0.0, speed=0, soc=40.0, ext_temp=-3.0))
+    served.put({"links": LINKS})
+    own = tw.forecast(LINKS, tw.Departure(ambient_temperature_degc=-3.0))
+    found = need(served).json()
+    assert found["expected_wh"] == pytest.approx(own.energy_wh, rel=1e-6)
+    assert codes_of(found)["of_last_message"] == -3.0
+    served.put({"links": LINKS, "ambient_temperature_degc": 20.0})
+    assert "of_last_message" not in codes_of(need(served).json())
+
+
+def test_a_car_without_a_description_is_flagged_until_it_has_one(served: Served, tmp_path: Path) -> None:
+    served.send(message(0.0, speed=0, soc=40.0))
+    (flag,) = served("/v1/live/leaf").json()["flags"]
+    assert flag["message"] == (
+        "leaf has no description: BMW i3 60 Ah assumed; describe it: tripwatt car new cars/leaf --vehicle NAME"
+    )
+    assert flag["code"] in codes_of(served("/v1/range", params={"car": "leaf"}).json())
+    made = create_car(tmp_path / "leaf", "hyundai_ioniq_5_lr_rwd")  # the folder has `live` and a token
+    assert (made.vehicle.name, has_token(made.folder)) == ("hyundai_ioniq_5_lr_rwd", True)
+    assert served("/v1/live/leaf").json()["flags"] == []
+    assert flag["code"] not in codes_of(served("/v1/range", params={"car": "leaf"}).json())
+    served.put({"links": LINKS, "vehicle": "vw_id3"}, "zoe")
+    assert served("/v1/live/zoe").json()["flags"] == []  # its plan names a car
+
+
+def test_a_plan_that_is_taken_is_answered_with_the_state_of_the_car(served: Served) -> None:
+    found = served.put({"links": LINKS, "soc": 0.5})
+    assert (found.status_code, found.json()) == (200, served("/v1/live/leaf").json())
+    assert found.json()["plan"] == "given"
+
+
+def test_the_need_without_a_plan_is_that_of_the_usual_trip(served: Served, drive: pd.DataFrame) -> None:
+    car = _cars(served).by_name("leaf")
+    for sent in abrp_messages(drive):
+        served.send(sent)
+    assert car.received_s is not None
+    car.end_when_silent(car.received_s + SILENCE_S)
+    (log,) = car.logs()
+    found = need(served, departs_at="2023-11-15T22:43:20Z").json()
+    air = tw.Departure(ambient_temperature_degc=car.last_air_degc(car.now_s()))
+    assert air.ambient_temperature_degc == pytest.approx(drive["ambient_temperature_degc"].iloc[-1])
+    own = tw.load_model().forecast(plan_from_links(links_of_trip(log)), air)
+    shown = float(drive["displayed_soc"].iloc[-1])
+    assert (found["plan"], found["usual_trip"], found["soc"]) == ("usual", log.trip_id, pytest.approx(shown))
+    assert found["energy_quantile_wh"] == pytest.approx(own.quantile(0.9), abs=1e-6)
+    assert found["charge_wh"] == 0.0
+    for departs_at in ("2023-11-16T04:13:20Z", "2023-11-13T22:13:20Z"):
+        assert need(served, departs_at=departs_at).status_code == 404
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        {"vehicle": ""},
+        {"probability": 0.49},
+        {"probability": 1.0},
+        {"reserve": -0.1},
+        {"reserve": 1.1},
+        {"departs_at": 5},
+        {"plug_w": -1},
+        {"ambient_temperature_degc": 58},
+        {"probability": "nan"},
+    ],
+)
+def test_a_need_has_bounds(served: Served, asked: dict[str, Any]) -> None:
+    served.put({"links": LINKS})
+    assert need(served, **asked).status_code == 422
+    assert need(served).status_code == 200
+    assert need(served, car="none").status_code == 404
+
+
+def test_the_signals_of_a_speed_trace_count_before_those_of_messages(
+    served: Served, plan: dict[str, Any]
+) -> None:
+    served.send(message(0.0, speed=0, ext_temp=30.0))
+    samples = plan["samples"] | {"ambient_temperature_degc": [-5.0] * len(plan["samples"]["time_s"])}
+    samples["time_s"] = [value + 100.0 for value in samples["time_s"]]
+    served.put({"samples": samples, "soc": 0.9})
+    cold = served("/v1/live/leaf").json()["forecast"]["energy_wh"]
+    served.put({"samples": samples, "soc": 0.9, "ambient_temperature_degc": 30.0})
+    assert abs(served("/v1/live/leaf").json()["forecast"]["energy_wh"] - cold) > 100.0
+
+
+def test_messages_that_cannot_be_of_this_trip_leave_the_forecast_before_them(
+    served: Served, drive: pd.DataFrame, plan: dict[str, Any]
+) -> None:
+    served.put(plan)
+    messages = list(abrp_messages(drive))
+    for sent in messages[:200]:
+        served.send(sent)
+    before = served("/v1/live/leaf").json()
+    served.send(messages[200] | {"soc": 20.0})
+    served.send(messages[201] | {"soc": 90.0})
+    after = served("/v1/live/leaf").json()
+    assert after["forecast"] == before["forecast"]
+    assert [fault["what"] for fault in after["faults"]] == ["charge rises"]
+    assert before["faults"] == []
+    served.put(plan | {"reserve": 0.2})
+    other = served("/v1/live/leaf").json()
+    assert (other["forecast"]["reserve"], other["forecast"]["measured_until_s"]) == (0.2, 0.0)
+    assert other["faults"] == after["faults"], "the forecast before was of another plan"
+
+
+def test_a_message_may_have_any_form_that_senders_use(served: Served) -> None:
+    token, tlm = served.tokens["leaf"], message(0.0)
+    bearer = {"Authorization": f"Bearer {token}"}
+    sent: list[dict[str, Any]] = [
+        {"json": {"token": token, "tlm": message(0.0)}},
+        {"json": {"token": token, "tlm": json.dumps(message(1.0))}},
+        {"json": {"tlm": message(2.0)}, "headers": bearer},
+        {"json": message(3.0), "headers": bearer},
+        {"json": message(4.0), "params": {"token": token}},
+        {"data": {"token": token, "tlm": json.dumps(message(5.0))}},
+        {"data": {"tlm": json.dumps(message(6.0))}, "headers": bearer},
+    ]
+    for more in sent:
+        found = served("/v1/telemetry", "POST", **more)
+        assert (found.status_code, found.json()) == (
+            200,
+            {"status": "ok", "car": "leaf", "arrival": "new", "ignored": []},
+        )
+    assert served.send(tlm).json()["arrival"] == "doubled"
+    assert served("/v1/live/leaf").json()["messages"] == {"new": 7, "doubled": 1, "late": 0}
+
+
+def test_a_value_that_cannot_be_one_is_named(served: Served) -> None:
+    found = served.send(message(0.0, batt_temp=999)).json()
+    assert found["ignored"] == [
+        {"what": "value out of range", "where": "batt_temp", "got": "999", "allowed": "-60 to 100"}
+    ]
+
+
+@pytest.mark.parametrize("token", ["", "x" * 32, "ä", 7, None])
+def test_a_message_needs_the_token_of_a_car(served: Served, token: Any) -> None:
+    found = served("/v1/telemetry", "POST", json={"token": token, "tlm": message(0.0)})
+    assert (found.status_code, found.json()["type"]) == (401, "/problems/token-needed")
+    assert found.headers["www-authenticate"].startswith("Bearer")
+    assert served("/v1/live/leaf").json()["messages"]["new"] == 0
+
+
+@pytest.mark.parametrize(
+    ("body", "kind", "status", "problem"),
+    [
+        (b"{", JSON, 400, "not-json"),
+        (b"[]", JSON, 422, "invalid-input"),
+        (b"&".join(b"a=1" for _ in range(21)), FORM, 422, "invalid-input"),
+        (b"\xff", FORM, 422, "invalid-input"),
+        (b"x" * 65_537, JSON, 413, "too-large"),
+        (b"utc=1", "text/plain", 415, "media-type"),
+    ],
+)
+def test_a_body_that_is_no_message_is_a_problem(
+    served: Served, body: bytes, kind: str, status: int, problem: str
+) -> None:
+    found = served("/v1/telemetry", "POST", content=body, headers={"Content-Type": kind})
+    assert (found.status_code, found.json()["type"]) == (status, f"/problems/{problem}")
+
+
+def test_a_message_that_does_not_count_is_answered_as_such(served: Served) -> None:
+    car = _cars(served).by_name("leaf")
+    for k in range(100):
+        car.add(Sample(NOON_S + k, {"speed_m_s": 10.0}), now_s=car.now_s() - 1000.0 + k)
+    held = served.send(message(86_400.0))
+    assert (held.status_code, held.json()["status"], held.json()["arrival"]) == (200, "held", "held")
+    assert served("/v1/live/leaf").json()["held"] == 1
+    assert served.send(message(99.0)).json()["arrival"] == "doubled"
+    car._sender.offset_s = None
+    late = served.send(message(1.5))
+    assert (late.status_code, late.json()["faults"][0]["what"]) == (422, "message too late")
+    assert served("/v1/live/leaf").json()["messages"]["late"] == 1
+
+
+@pytest.mark.parametrize(
+    ("tlm", "status", "where"),
+    [
+        ({}, 422, "utc"),
+        ({"utc": 1}, 422, "utc"),
+        ({"utc": 4e9}, 422, "utc"),
+        (None, 422, "tlm"),
+        ([1], 422, "tlm"),
+        ("{", 400, None),
+        ("7", 422, "tlm"),
+    ],
+)
+def test_a_message_that_is_none_is_a_problem(
+    served: Served, tlm: Any, status: int, where: str | None
+) -> None:
+    found = served.send(tlm)
+    assert found.status_code == status
+    assert [fault["where"] for fault in found.json().get("faults", [])] == ([where] if where else [])
+
+
+@pytest.mark.parametrize(
+    ("plan", "status", "where"),
+    [
+        ({}, 422, ["samples, links"]),
+        ([], 422, ["body"]),
+        ({"links": LINKS, "colour": 1}, 422, ["colour"]),
+        ({"links": LINKS, "observed": {"time_s": [0, 1]}}, 422, ["observed"]),
+        ({"links": LINKS, "departs_at": "now"}, 422, ["departs_at"]),
+        ({"links": LINKS, "departs_at": True}, 422, ["departs_at"]),
+        ({"links": LINKS, "departs_at": 5.0}, 422, ["departs_at"]),
+        ({"links": LINKS, "departs_at": None}, 200, []),
+    ],
+)
+def test_a_plan_is_a_forecast_request(served: Served, plan: Any, status: int, where: list[str]) -> None:
+    found = served.put(plan)
+    assert found.status_code == status, found.text
+    assert [fault["where"] for fault in found.json().get("faults", [])] == where
+    assert served("/v1/live/leaf").json()["plan"] == ("given" if status == 200 else None)
+    if status != 200:
+        assert found.headers["content-type"] == "application/problem+json"
+        assert found.json()["instance"] == found.headers["x-request-id"]
+
+
+def test_the_token_of_the_service_is_for_readers_and_that_of_a_car_for_its_messages(
+    tmp_path: Path, served: Served
+) -> None:
+    guarded = Served(tmp_path / "guarded", token=TOKEN)
+    assert guarded("/v1/live/leaf").status_code == 401
+    assert guarded("/v1/live/leaf", headers={"Authorization": f"Bearer {TOKEN}"}).status_code == 200
+    car = {"Authorization": f"Bearer {guarded.tokens['leaf']}"}
+    assert guarded("/v1/live/leaf", headers=car).status_code == 401
+    assert guarded("/v1/telemetry", "POST", json=message(0.0), headers=car).status_code == 200
+    service = {"Authorization": f"Bearer {TOKEN}"}
+    assert guarded("/v1/telemetry", "POST", json=message(0.0), headers=service).status_code == 401
+
+
+def test_an_unknown_car_is_not_found(served: Served) -> None:
+    for path, method in (("", "GET"), ("/plan", "PUT"), ("/events", "GET")):
+        found = served(f"/v1/live/none{path}", method, json={"links": LINKS} if method == "PUT" else None)
+        assert (found.status_code, found.json()["type"]) == (404, "/problems/no-such-car")
+        found = served(f"/v1/live/..%2Fleaf{path}", method)
+        assert found.status_code in (404, 422)
+
+
+def test_without_a_folder_of_cars_the_service_follows_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(room, "WorkerPool", Pool)
+    app: Any = create_app(Settings())
+
+    async def ask(path: str, method: str) -> httpx.Response:
+        transport = httpx.ASGITransport(app)
+        async with httpx.AsyncClient(transport=transport, base_url="http://localhost") as client:
+            return await client.request(method, path, json={})
+
+    for path, method in (
+        ("/v1/telemetry", "POST"),
+        ("/v1/live", "GET"),
+        ("/v1/live/leaf", "GET"),
+        ("/v1/live/leaf/plan", "PUT"),
+        ("/v1/live/leaf/events", "GET"),
+        ("/v1/need?car=leaf", "GET"),
+    ):
+        found = asyncio.run(ask(path, method))
+        assert (found.status_code, found.json()["type"]) == (501, "/problems/no-live")
+
+
+def test_a_folder_that_is_missing_is_refused_and_an_empty_one_is_not(tmp_path: Path) -> None:
+    with pytest.raises(InvalidInput, match="no folder of cars"):
+        create_app(Settings(cars=tmp_path / "missing"))
+    RoadCar(tmp_path / "no-token").close()
+    create_app(Settings(cars=tmp_path))
+
+
+def test_a_message_that_cannot_be_stored_is_to_be_sent_again(served: Served) -> None:
+    cars = _cars(served)
+
+    def full(_: Sample) -> None:
+        raise OSError("no space left on device")
+
+    journal = cars.cars["leaf"]._journal
+    append, journal.append = journal.append, full  # type: ignore[method-assign]
+    found = served.send(message(0.0))
+    assert (found.status_code, found.headers["retry-after"]) == (503, "10")
+    assert {
+        "event": "message not stored",
+        "vehicle": "leaf",
+        "error": "no space left on device",
+    } in served.logged
+    journal.append = append  # type: ignore[method-assign]
+    assert served.send(message(0.0)).json()["arrival"] == "new"
+
+
+def quick(cars: LiveCars, monkeypatch: pytest.MonkeyPatch, **more: Any) -> None:
+    """Streams have an event right after news."""
+    limits = Limits(live_every_s=0.01, **more)
+    monkeypatch.setattr(cars, "settings", dataclasses.replace(cars.settings, limits=limits))
+
+
+def test_events_come_at_once_and_after_news(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    cars = _cars(served)
+    quick(cars, monkeypatch)
+    car = cars.by_name("leaf")
+
+    async def listen() -> list[bytes]:
+        found, ending = [], anyio.Event()
+        async for part in cars.events(car, ending):
+            found.append(part.encode())
+            assert cars.listeners == 1
+            if len(found) == 1:
+                car.add(Sample(NOON_S, {"speed_m_s": 1.0}))
+            else:
+                ending.set()
+        return found
+
+    for part, new in zip(asyncio.run(listen()), (0, 1), strict=True):
+        head, data, *rest = part.split(b"\n")
+        assert (head, rest) == (b"event: live", [b"", b""])
+        assert orjson.loads(data.removeprefix(b"data: "))["messages"]["new"] == new
+    assert cars.listeners == 0
+
+
+def test_the_stream_of_a_car_that_is_deleted_ends(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    cars = _cars(served)
+    quick(cars, monkeypatch)
+    car = cars.by_name("leaf")
+
+    async def listen() -> int:
+        found = 0
+        async for _ in cars.events(car, anyio.Event()):
+            found += 1
+            await cars.drop("leaf")
+        return found
+
+    assert asyncio.run(listen()) == 1
+    assert [row["car"] for row in served("/v1/live").json()["cars"]] == ["zoe"]
+
+
+def test_a_forecast_that_a_diary_keeps_is_made_without_listeners(
+    served: Served, drive: pd.DataFrame, made: list[str]
+) -> None:
+    cars = _cars(served)
+    served.put({"links": LINKS})
+    for sent in abrp_messages(drive):
+        served.send(sent)
+    car = cars.by_name("leaf")
+    made.clear()
+
+    async def run() -> None:
+        watch = asyncio.ensure_future(cars.watch())
+        while len(car.forecasts) < 2:
+            await asyncio.sleep(0.01)
+        watch.cancel()
+
+    asyncio.run(run())
+    assert made == ["forecast", "update"]
+    departing, kept = car.forecasts
+    assert (departing.at_s, departing.distance_m) == (0.0, 0.0), "that of the plan, before the car drove off"
+    assert departing.energy_wh != kept.energy_wh
+    found = served("/v1/live/leaf").json()
+    assert kept.energy_wh == found["forecast"]["energy_wh"]
+    assert [kept.low_wh, kept.high_wh] == [found["forecast"]["quantiles_wh"][p] for p in ("0.05", "0.95")]
+    assert made == ["forecast", "update"], "it was made already"
+    assert not car.wants_forecast
+
+
+def test_listeners_have_places(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    cars = _cars(served)
+    quick(cars, monkeypatch, listeners=2)
+    cars.listeners = 2
+    found = served("/v1/live/leaf/events")
+    assert (found.status_code, found.json()["detail"]) == (503, "too many listeners")
+    cars.listeners = 1
+    ending = anyio.Event()
+    ending.set()
+    monkeypatch.setattr(module.anyio, "Event", lambda: ending)
+    found = served("/v1/live/leaf/events")
+    assert (found.status_code, found.headers["content-type"]) == (200, "text/event-stream; charset=utf-8")
+    assert cars.listeners == 1, "the place of a stream that has ended is free"
+
+
+def test_a_stream_without_news_sends_comments(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "KEEP_ALIVE_S", 0.01)
+    stream = _cars(served).stream(_cars(served).by_name("leaf"))
+    assert stream.ping_interval == 0.01
+    assert stream.ping_message_factory is not None
+    assert stream.ping_message_factory().encode() == b": no news\n\n"
+
+
+def test_silent_cars_are_looked_for_twice_a_minute(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    slept: list[float] = []
+
+    async def sleep(seconds: float) -> None:
+        slept.append(seconds)
+        if len(slept) == 2:
+            raise asyncio.CancelledError
+
+    monkeypatch.setattr(asyncio, "sleep", sleep)
+    with pytest.raises(asyncio.CancelledError):
+        asyncio.run(_cars(served).watch())
+    assert slept == [30.0, 30.0]
+
+
+def test_the_head_of_a_stream_ends(served: Served) -> None:
+    found = served("/v1/live/leaf/events", "HEAD")
+    assert (found.status_code, found.content) == (200, b"")
+    assert found.headers["content-type"].startswith("text/event-stream")
+    assert _cars(served).listeners == 0
+
+
+def test_a_bug_of_one_car_does_not_end_the_watch_of_the_others(
+    served: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cars = _cars(served)
+    seen: list[str] = []
+
+    def broken(_: float) -> bool:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(cars.by_name("leaf"), "end_when_silent", broken)
+    monkeypatch.setattr(cars.by_name("zoe"), "end_when_silent", lambda _: bool(seen.append("zoe")))
+
+    async def run() -> None:
+        watch = asyncio.ensure_future(cars.watch())
+        while not seen:
+            await asyncio.sleep(0.01)
+        watch.cancel()
+
+    asyncio.run(run())
+    assert {"event": "bug", "vehicle": "leaf", "error": "ZeroDivisionError()"} in served.logged
+
+
+def test_silent_cars_are_looked_for_while_the_service_runs(
+    served: Served, drive: pd.DataFrame, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cars = _cars(served)
+    for sent in abrp_messages(drive):
+        served.send(sent)
+    car = cars.by_name("leaf")
+    assert car.received_s is not None
+    car.received_s -= SILENCE_S
+
+    async def run() -> None:
+        watch = asyncio.ensure_future(cars.watch())
+        while not car.logs():
+            await asyncio.sleep(0.01)
+        watch.cancel()
+
+    asyncio.run(run())
+    assert (car.trip, len(car.logs())) == (None, 1)
+    cars.close()
+    RoadCar(car.folder).close()
+
+
+@pytest.fixture(scope="module")
+def road(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Service, dict[str, str]]]:
+    folder = tmp_path_factory.mktemp("road")
+    tokens = {name: issue_token(folder / "cars" / name) for name in ("leaf", "zoe")}
+    more = ("--workers", "1", "--cars", f"{folder / 'cars'}", "--limit", "live_every_s=0.05")
+    with serving(folder, *more) as found:
+        yield found, tokens
+
+
+def test_the_operations_of_cars_conform_to_the_openapi_document(
+    road: tuple[Service, dict[str, str]],
+) -> None:
+    """Without messages, which need a token, and events, which do not end."""
+    found = conformance(
+        road[0].url,
+        6,
+        seed=3,
+        only=r"^/v1/(live(/\{car\}(/plan)?)?|need)$",
+        phases="examples,fuzzing",
+        timeout_s=400,
+    )
+    assert found.clean, found.text
+
+
+def test_a_running_service_streams_forecasts_and_ends_in_time(
+    road: tuple[Service, dict[str, str]], drive: pd.DataFrame, plan: dict[str, Any]
+) -> None:
+    """The last test of this service."""
+    service, tokens = road
+    assert service.client.put("/v1/live/leaf/plan", json=plan).status_code == 200
+    form = {"Content-Type": FORM, "Authorization": f"Bearer {tokens['leaf']}"}
+    with service.client.stream("GET", "/v1/live/leaf/events") as stream:
+        lines = stream.iter_lines()
+        assert next(lines) == "event: live"
+        first = orjson.loads(next(lines).removeprefix("data: "))
+        assert first["messages"]["new"] == 0
+        for sent in abrp_messages(drive):
+            body = urllib.parse.urlencode({"tlm": json.dumps(sent)})
+            assert service.client.post("/v1/telemetry", content=body, headers=form).status_code == 200
+        for line in lines:
+            if line.startswith("data: "):
+                last = orjson.loads(line[6:])
+                if last["forecast"]["measured_until_s"] == drive["time_s"].iloc[-1]:
+                    break
+        own = own_forecast(plan)
+        assert last["forecast"]["energy_wh"] == pytest.approx(own.update(drive).energy_wh, abs=1e-6)
+        service.process.terminate()
+        assert list(lines)[-1:] in ([], [""])
+    assert wait_for(lambda: service.process.poll() is not None)
+    assert service.process.returncode == 0
+
+
+def test_a_message_comes_when_the_verdict_changes(served: Served, plan: dict[str, Any]) -> None:
+    forecast = own_forecast(plan)
+    reserve = forecast.soc_arrival - 0.5 * (forecast.soc_arrival - forecast.soc_quantile(0.02))
+    served.put({**plan, "reserve": round(reserve, 4)})
+    assert served("/v1/live/leaf").json()["message"] is None
+    table = measured(example_trip()).iloc[:560]
+    for sent in abrp_messages(table.iloc[::10]):
+        served.send(sent)
+    told = served("/v1/live/leaf").json()
+    assert told["faults"] == []
+    assert 0.05 < forecast.p_arrive(round(reserve, 4)) < 0.95
+    assert told["message"]["verdict"] == "arrives"
+    assert told["message"]["p_arrive"] == told["forecast"]["p_arrive"] >= 0.95
+    assert served("/v1/live/leaf").json()["message"] == told["message"]

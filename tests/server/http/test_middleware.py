@@ -1,0 +1,572 @@
+"""Token, limits, rate, content negotiation, headers and the log, as every request meets them."""
+
+from __future__ import annotations
+
+import asyncio
+import gzip
+import socket
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import httpx
+import orjson
+import pytest
+from tests.support.service_process import TOKEN, Service, serving, wait_for
+
+from tripwatt.server.http import middleware, worker
+from tripwatt.server.http.jobs import Jobs
+from tripwatt.server.http.metrics import Metrics
+from tripwatt.server.http.middleware import ProxyHeaders, ServiceMiddleware, TokenBuckets, rate_limit_key
+from tripwatt.server.http.problems import Problem
+from tripwatt.server.http.settings import Limits, Settings
+
+JSON = {"Content-Type": "application/json"}
+
+
+@pytest.fixture(scope="module")
+def strict(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+    """A service for other machines, with small limits."""
+    limits = ("body_bytes=20000", "samples=400", "links=50", "batch=3", "batch_bytes=50000", "waiting=1")
+    options = [option for limit in limits for option in ("--limit", limit)]
+    folder = tmp_path_factory.mktemp("strict")
+    arguments = ("--host", "0.0.0.0", "--workers", "1", "--limit", "body_timeout_s=1", *options)
+    with serving(folder, *arguments, token=TOKEN) as found:
+        found.client.headers["Authorization"] = f"Bearer {TOKEN}"
+        yield found
+
+
+@pytest.mark.parametrize("given", [None, "", "Bearer", "Bearer wrong", f"Basic {TOKEN}", f"Bearer {TOKEN}x"])
+@pytest.mark.parametrize("path", ["/v1/models", "/metrics", "/openapi.json", "/v1/nothing"])
+def test_requests_without_the_token_are_refused(strict: Service, given: str | None, path: str) -> None:
+    headers = {} if given is None else {"Authorization": given}
+    del strict.client.headers["Authorization"]
+    try:
+        answer = strict.client.get(path, headers=headers)
+    finally:
+        strict.client.headers["Authorization"] = f"Bearer {TOKEN}"
+    assert answer.status_code == 401
+    assert answer.headers["www-authenticate"].startswith("Bearer")
+    assert answer.json()["type"] == "/problems/token-needed"
+
+
+def test_health_needs_no_token_and_the_token_gives_access(strict: Service) -> None:
+    assert strict.client.get("/healthz", headers={"Authorization": ""}).status_code == 200
+    assert strict.client.get("/readyz", headers={"Authorization": ""}).json()["workers"] == 1
+    assert strict.client.get("/v1/models").status_code == 200
+    assert TOKEN not in strict.log.read_text()
+
+
+def test_inputs_above_the_limits_are_refused(strict: Service, drive: dict[str, Any]) -> None:
+    post = strict.client.post
+    long = {"samples": {"time_s": list(range(500)), "speed_m_s": [1] * 500}}
+    many = {"links": [{"length_m": 100, "speed_m_s": 10}] * 60}
+    assert post("/v1/forecast", json=long).json()["faults"][0]["what"] == "too many samples"
+    assert post("/v1/forecast", json=many).json()["faults"][0]["what"] == "too many links"
+    assert post("/v1/routes", json=many).json()["faults"][0]["what"] == "too many links"
+    assert post("/v1/forecast", content=b" " * 20001, headers=JSON).status_code == 413
+    lines = {"Content-Type": "application/x-ndjson"}
+    assert post("/v1/forecast/batch", content=b"{}\n" * 4, headers=lines).status_code == 413
+    assert post("/v1/forecast/batch", content=b"\n\n", headers=lines).status_code == 422
+    wide = post("/v1/forecast/batch", content=b'{"trip":"' + b"x" * 20000 + b'"}', headers=lines)
+    assert orjson.loads(wide.content)["status"] == 413
+
+
+def test_a_body_is_counted_as_it_arrives(strict: Service) -> None:
+    """Without a Content-Length; the response arrives before the body is complete."""
+
+    def endless() -> Iterator[bytes]:
+        for _ in range(30):
+            yield b" " * 1000
+
+    answer = strict.client.post("/v1/forecast", content=endless(), headers=JSON)
+    assert answer.status_code == 413
+    assert answer.headers["connection"] == "close"
+
+
+def test_a_body_that_does_not_arrive_times_out(strict: Service) -> None:
+    with socket.create_connection(("127.0.0.1", strict.port), timeout=10) as connection:
+        head = f"POST /v1/forecast HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer {TOKEN}\r\nContent-Length: 9"
+        connection.sendall(f"{head}\r\nContent-Type: application/json\r\n\r\n{{".encode())
+        assert connection.recv(1000).startswith(b"HTTP/1.1 408")
+
+
+@pytest.mark.parametrize(
+    ("headers", "status"),
+    [
+        ({"Content-Type": "text/plain"}, 415),
+        ({"Content-Type": ""}, 415),
+        (JSON | {"Content-Encoding": "gzip"}, 415),
+        (JSON | {"Content-Type": "application/json; charset=utf-8"}, 400),
+    ],
+)
+def test_unsupported_media_types_are_refused(service: Service, headers: dict[str, str], status: int) -> None:
+    answer = service.client.post("/v1/forecast", content=b"no json", headers=headers)
+    assert answer.status_code == status
+    assert answer.json()["status"] == status
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "status"),
+    [("GET", "/v1/nothing", 404), ("DELETE", "/v1/forecast", 405), ("GET", "/v1/examples/none", 404)],
+)
+def test_unknown_paths_and_methods_are_problem_documents(
+    service: Service, method: str, path: str, status: int
+) -> None:
+    answer = service.client.request(method, path)
+    assert (answer.status_code, answer.headers["content-type"]) == (status, "application/problem+json")
+    assert answer.json()["instance"] == answer.headers["x-request-id"]
+
+
+@pytest.mark.parametrize("host", ["evil.example", "127.0.0.1.evil.example", "evil.example:80", ""])
+def test_another_host_name_is_refused_on_loopback(service: Service, host: str) -> None:
+    assert service.client.get("/v1/models", headers={"Host": host}).status_code == 400
+    assert service.client.get("/v1/models", headers={"Host": f"LOCALHOST:{service.port}"}).status_code == 200
+
+
+def test_responses_have_an_id_security_headers_and_compression(
+    service: Service, drive: dict[str, Any]
+) -> None:
+    headers = {"X-Request-ID": "my-id.1", "Accept-Encoding": "identity"}
+    plain = service.client.post("/v1/forecast", json=drive, headers=headers)
+    assert plain.headers["x-request-id"] == "my-id.1"
+    assert plain.headers["x-content-type-options"] == "nosniff"
+    policy = plain.headers["content-security-policy"]
+    assert "default-src 'none'" in policy
+    assert "unsafe" not in policy
+    assert "http" not in policy
+    bad = service.client.get("/healthz", headers={"X-Request-ID": "a b\\'\"{}"})
+    assert len(bad.headers["x-request-id"]) == 16
+    packed = service.client.post("/v1/forecast", json=drive, headers={"Accept-Encoding": "gzip"})
+    assert packed.headers["content-encoding"] == "gzip"
+    assert packed.json() == plain.json()
+    assert len(gzip.compress(plain.content)) < len(plain.content)
+
+
+def test_requests_are_logged_and_counted(service: Service, drive: dict[str, Any]) -> None:
+    service.client.post("/v1/forecast", json=drive, headers={"X-Request-ID": "find-me"})
+    service.client.get("/v1/" + "x" * 50)
+    record = next(r for r in service.records() if r.get("request_id") == "find-me")
+    assert (record["method"], record["path"], record["status"]) == ("POST", "/v1/forecast", 200)
+    assert record["ms"] > 0
+    text = service.client.get("/metrics").text
+    lines = [line.rpartition(" ") for line in text.splitlines() if not line.startswith("#")]
+    counted = {name: float(value) for name, _, value in lines}
+    assert counted['tripwatt_requests_total{method="POST",route="/v1/forecast",status="200"}'] >= 1
+    assert counted['tripwatt_work_seconds_count{kind="forecast"}'] >= 1
+    assert counted["tripwatt_workers_ready"] == 1
+    assert "xxx" not in text  # no client makes up labels
+
+
+@pytest.fixture(scope="module")
+def rationed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+    """A service that takes few requests of a client, and one batch at a time."""
+    limits = ("--limit", "burst=3", "--limit", "rate_per_s=0.1", "--limit", "batches=1")
+    with serving(tmp_path_factory.mktemp("rationed"), "--workers", "1", *limits) as found:
+        yield found
+
+
+def test_the_rate_of_a_client_is_limited(rationed: Service) -> None:
+    """The client of a proxy is limited; requests from loopback itself are not."""
+    client = rationed.client
+    one, other = ({"X-Forwarded-For": address} for address in ("203.0.113.7", "203.0.113.8"))
+    seen = [client.get("/v1/models", headers=one).status_code for _ in range(5)]
+    assert seen == [200, 200, 200, 429, 429]
+    late = client.get("/v1/models", headers=one)
+    assert int(late.headers["retry-after"]) >= 1
+    assert client.get("/v1/models", headers=other).status_code == 200
+    assert {client.get("/v1/models").status_code for _ in range(9)} == {200}
+
+
+def test_requests_are_refused_while_the_queue_is_full(strict: Service) -> None:
+    """One worker and one waiting request: of many requests at a time, the others get 503."""
+    from tests.support.service_load import read_answer, request
+
+    samples = {
+        "time_s": [60.0 * k for k in range(400)],
+        "speed_m_s": [10.0] * 400,
+    }  # a tenth of a second of work
+    body = orjson.dumps({"samples": samples})
+    head, _, rest = request("/v1/forecast", body).partition(b"\r\n")
+    sent = head + f"\r\nAuthorization: Bearer {TOKEN}\r\n".encode() + rest
+
+    async def ask() -> tuple[int, bytes]:
+        reader, writer = await asyncio.open_connection("127.0.0.1", strict.port)
+        writer.write(sent)
+        answer = await read_answer(reader)
+        writer.close()
+        return answer
+
+    async def together() -> list[tuple[int, bytes]]:
+        return await asyncio.gather(*(ask() for _ in range(12)))
+
+    answers = asyncio.run(together())
+    statuses = [status for status, _ in answers]
+    assert set(statuses) == {200, 503}
+    assert statuses.count(200) >= 2
+    assert len({body for status, body in answers if status == 200}) == 1
+
+
+def test_an_aborted_batch_leaves_no_jobs(rationed: Service, drive: dict[str, Any]) -> None:
+    """The place of the batch and the workers are free again."""
+    body = b"\n".join([b'{"links": [{"length_m": 9000, "speed_m_s": 15}]}'] * 5000)  # many seconds of work
+    headers = {"Content-Type": "application/x-ndjson"}
+
+    def short() -> httpx.Response:
+        return rationed.client.post("/v1/forecast/batch", content=b"{}", headers=headers)
+
+    for _ in range(3):
+        assert wait_for(lambda: short().status_code == 200)
+        with rationed.client.stream("POST", "/v1/forecast/batch", content=body, headers=headers) as answer:
+            assert answer.status_code == 200
+            lines = answer.iter_lines()  # kept: the stream ends with it
+            assert orjson.loads(next(lines))["energy_wh"] > 0.0
+            busy = short()
+            assert (busy.status_code, busy.headers["retry-after"]) == (503, "5")
+        assert rationed.forecast(drive).status_code == 200
+        assert wait_for(lambda: b"tripwatt_jobs_waiting 0.0" in rationed.client.get("/metrics").content)
+
+
+def test_a_bug_is_a_500_with_its_traceback_in_the_log_only() -> None:
+    said: list[dict[str, Any]] = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(worker, "log_json", lambda **record: said.append(record))
+        status, document = worker.run_job(Jobs({}, Limits()), {"kind": "no such job"}, b"")
+    assert (status, orjson.loads(document)) == (500, Problem("internal").document())
+    assert "AttributeError" in said[0]["traceback"]
+
+
+SECRET = "a-token-for-tests-only"
+
+
+def test_a_client_has_its_burst_and_then_its_rate() -> None:
+    buckets = TokenBuckets(rate_per_s=4.0, burst=3)
+    assert [buckets.wait_s("a", 100.0) for _ in range(4)] == [0.0, 0.0, 0.0, 0.25]
+    assert buckets.wait_s("a", 100.125) == 0.125
+    assert buckets.wait_s("a", 100.25) == 0.0
+    assert buckets.wait_s("a", 100.25) == 0.25
+    assert buckets.wait_s("b", 100.25) == 0.0
+
+
+def test_tokens_do_not_exceed_the_burst() -> None:
+    buckets = TokenBuckets(rate_per_s=4.0, burst=3)
+    buckets.wait_s("a", 0.0)
+    assert [buckets.wait_s("a", 900.0) for _ in range(4)] == [0.0, 0.0, 0.0, 0.25]
+
+
+def test_the_least_active_client_is_forgotten_after_ten_thousand() -> None:
+    buckets = TokenBuckets(rate_per_s=1.0, burst=1)
+    for client in range(10_000):
+        buckets.wait_s(f"{client}", 0.0)
+    assert buckets.wait_s("0", 0.0) == 1.0
+    assert len(buckets.by_client) == 10_000
+    buckets.wait_s("new", 0.0)
+    assert len(buckets.by_client) == 10_000
+    assert ("0" in buckets.by_client, "1" in buckets.by_client, "2" in buckets.by_client) == (
+        True,
+        False,
+        True,
+    )
+
+
+@pytest.mark.parametrize(
+    ("address", "key"),
+    [
+        ("127.0.0.1", None),
+        ("::1", None),
+        ("203.0.113.9", "203.0.113.9"),
+        ("2001:db8:0:1::1:2", "2001:db8:0:1::/64"),
+        ("2001:db8:0:1:ffff::", "2001:db8:0:1::/64"),
+        ("unix", "unix"),
+    ],
+)
+def test_a_client_is_its_address_or_its_network(address: str, key: str | None) -> None:
+    assert rate_limit_key(address) == key
+
+
+class Application:
+    """Answers with what it is told, and notes the requests."""
+
+    def __init__(self) -> None:
+        self.messages: list[dict[str, Any]] = [
+            {"type": "http.response.start", "status": 200, "headers": []},
+            {"type": "http.response.body", "body": b"123", "more_body": True},
+            {"type": "http.response.body", "body": b"45"},
+        ]
+        self.error: Exception | None = None
+        self.scopes: list[Any] = []
+
+    async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
+        self.scopes.append(scope)
+        for message in self.messages:
+            await send(message)
+        if self.error is not None:
+            raise self.error
+
+
+class Asked:
+    """The middleware around an application, with what it has sent, logged and counted."""
+
+    def __init__(self, settings: Settings | None = None) -> None:
+        self.app, self.metrics = Application(), Metrics()
+        self.log: list[dict[str, Any]] = []
+        self.sent: list[dict[str, Any]] = []
+        self.middleware = ServiceMiddleware(
+            self.app, settings or Settings(), self.metrics, lambda **record: self.log.append(record)
+        )
+
+    def __call__(
+        self,
+        path: str = "/v1/models",
+        method: str = "GET",
+        client: str | None = "127.0.0.1",
+        headers: list[tuple[str, str]] | None = None,
+        **more: Any,
+    ) -> int:
+        given = [("host", "localhost")] if headers is None else headers
+        scope = {
+            "type": "http",
+            "path": path,
+            "method": method,
+            "headers": [(name.encode(), value.encode()) for name, value in given],
+            "client": None if client is None else (client, 1),
+            **more,
+        }
+
+        async def send(message: Any) -> None:
+            self.sent.append(message)
+
+        self.sent.clear()
+        asyncio.run(self.middleware(scope, None, send))  # type: ignore[arg-type]
+        return int(self.sent[0]["status"])
+
+    def header(self, name: str) -> str | None:
+        found = [value for key, value in self.sent[0]["headers"] if key.lower() == name.lower().encode()]
+        return found[0].decode() if found else None
+
+    @property
+    def document(self) -> dict[str, Any]:
+        return dict(orjson.loads(self.sent[1]["body"]))
+
+
+def test_the_rate_of_other_machines_is_limited(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(time, "monotonic", lambda: 50.0)
+    asked = Asked(Settings(limits=Limits(rate_per_s=0.4, burst=1)))
+    assert [asked(client="203.0.113.7") for _ in range(2)] == [200, 429]
+    assert asked.header("retry-after") == "3"
+    assert asked.document["detail"] == "wait 3 s"
+    assert [asked("/healthz", client="203.0.113.7"), asked("/readyz", client="203.0.113.7")] == [200, 200]
+    assert [asked(client="127.0.0.1") for _ in range(3)] == [200] * 3
+    assert [asked(client=None) for _ in range(3)] == [200] * 3
+
+
+@pytest.mark.parametrize(
+    ("rate_per_s", "after"), [(50.0, "1"), (1.0, "2"), (0.8, "2"), (0.5, "2"), (0.35, "3"), (0.1, "10")]
+)
+def test_the_time_to_wait_is_told_in_whole_seconds(
+    monkeypatch: pytest.MonkeyPatch, rate_per_s: float, after: str
+) -> None:
+    """Half a second is added and the sum rounded to even."""
+    monkeypatch.setattr(time, "monotonic", lambda: 50.0)
+    asked = Asked(Settings(limits=Limits(rate_per_s=rate_per_s, burst=1)))
+    assert [asked(client="203.0.113.7") for _ in range(2)] == [200, 429]
+    assert asked.header("retry-after") == after
+
+
+def test_a_rate_of_zero_is_no_limit() -> None:
+    asked = Asked(Settings(limits=Limits(rate_per_s=0.0, burst=1)))
+    assert {asked(client="203.0.113.7") for _ in range(5)} == {200}
+    assert Asked(Settings(limits=Limits(rate_per_s=0.5))).middleware.buckets is not None
+
+
+@pytest.mark.parametrize(
+    ("hosts", "status"),
+    [
+        (["localhost"], 200),
+        (["LocalHost:8000"], 200),
+        (["127.0.0.1:1"], 200),
+        (["[::1]"], 200),
+        (["[::1]:8000"], 200),
+        (["evil.example"], 400),
+        (["localhost.evil"], 400),
+        (["localhost", "localhost"], 400),
+        (["local", "host"], 400),
+        (["localhost", ""], 400),
+        ([""], 400),
+        ([], 400),
+    ],
+)
+def test_the_host_header_names_this_machine_once(hosts: list[str], status: int) -> None:
+    asked = Asked()
+    assert asked(headers=[("host", host) for host in hosts]) == status
+    assert status == 200 or asked.document["type"] == "/problems/host-not-served"
+    open_to_all = Asked(Settings(host="0.0.0.0"))
+    assert open_to_all(headers=[("host", host) for host in hosts]) == 200
+
+
+@pytest.mark.parametrize(
+    ("given", "status"),
+    [
+        ([f"Bearer {SECRET}"], 200),
+        ([f"bearer  {SECRET} "], 200),
+        ([f"Bearer {SECRET}x"], 401),
+        ([f"Basic {SECRET}"], 401),
+        (["Bearer"], 401),
+        ([SECRET], 401),
+        ([f"Bearer {SECRET}", f"Bearer {SECRET}"], 401),
+        ([], 401),
+    ],
+)
+def test_the_token_is_given_once_as_a_bearer(given: list[str], status: int) -> None:
+    asked = Asked(Settings(token=SECRET))
+    headers = [("host", "localhost"), *(("authorization", value) for value in given)]
+    assert [asked(path, headers=headers) for path in ("/v1/models", "/metrics", "/openapi.json")] == [
+        status
+    ] * 3
+    assert status == 200 or asked.header("www-authenticate") == 'Bearer realm="tripwatt"'
+    assert [asked(path, headers=headers) for path in ("/", "/healthz", "/assets/a.js")] == [200] * 3
+    assert Asked()(headers=headers) == 200
+
+
+def test_other_connections_are_handed_on() -> None:
+    asked = Asked()
+    asked.app.messages = []
+    asyncio.run(asked.middleware({"type": "lifespan"}, None, None))  # type: ignore[arg-type]
+    assert asked.app.scopes == [{"type": "lifespan"}]
+    assert asked.log == []
+
+
+@pytest.mark.parametrize("valid", ["a", "A-z_0.9", "x" * 64])
+def test_a_valid_id_of_a_request_is_kept(valid: str) -> None:
+    asked = Asked()
+    asked(headers=[("host", "localhost"), ("x-request-id", valid)], state={"kept": 1})
+    assert asked.header("x-request-id") == asked.log[0]["request_id"] == valid
+    assert asked.app.scopes[0]["state"] == {"kept": 1, "request_id": valid}
+
+
+@pytest.mark.parametrize("wrong", ["", "x" * 65, "a b", "ü"])
+def test_another_id_is_replaced_by_16_characters(wrong: str) -> None:
+    asked = Asked()
+    asked(headers=[("host", "localhost"), ("x-request-id", wrong)])
+    found = asked.header("x-request-id") or ""
+    assert (len(found), int(found, 16) >= 0) == (16, True)
+
+
+def test_every_response_has_the_security_headers() -> None:
+    asked = Asked()
+    asked()
+    found = {name: asked.header(name) for name in middleware.SECURITY_HEADERS}
+    assert found == middleware.SECURITY_HEADERS
+    assert asked.header("cache-control") == "no-store"
+    asked.app.messages[0]["headers"] = [(b"cache-control", b"no-cache")]
+    asked()
+    assert asked.header("cache-control") == "no-cache"
+
+
+def test_a_request_is_logged(monkeypatch: pytest.MonkeyPatch) -> None:
+    times = iter([10.0, 10.0123456])
+    monkeypatch.setattr(time, "perf_counter", lambda: next(times))
+    asked = Asked()
+    asked("/" + "x" * 300, "POST", headers=[("host", "localhost"), ("x-request-id", "me")])
+    assert asked.log == [
+        {
+            "request_id": "me",
+            "method": "POST",
+            "path": "/" + "x" * 199,
+            "status": 200,
+            "ms": 12.35,
+            "bytes": 5,
+            "client": "127.0.0.1",
+        }
+    ]
+    value = asked.metrics.registry.get_sample_value
+    assert value("tripwatt_request_seconds_sum", {"route": "other"}) == pytest.approx(0.0123456)
+    assert value("tripwatt_requests_running") == 0.0
+
+
+def test_requests_are_counted_by_route_and_known_method() -> None:
+    asked = Asked()
+
+    class Route:
+        path = "/v1/examples/{trip}"
+
+    asked(method="BREW", client=None, route=Route())
+    asked(method="HEAD", route=Route())
+    assert [(record["method"], record["client"]) for record in asked.log] == [
+        ("other", ""),
+        ("HEAD", "127.0.0.1"),
+    ]
+    assert [scope["method"] for scope in asked.app.scopes] == ["BREW", "GET"]
+    for method in ("other", "HEAD"):
+        labels = {"route": Route.path, "method": method, "status": "200"}
+        assert asked.metrics.registry.get_sample_value("tripwatt_requests_total", labels) == 1.0
+
+
+def test_a_problem_before_the_response_is_its_document() -> None:
+    asked = Asked()
+    asked.app.messages, asked.app.error = [], Problem("busy", headers={"Retry-After": "5"})
+    assert asked() == 503
+    assert (asked.header("retry-after"), asked.document["title"]) == ("5", "The service is busy")
+    assert asked.document["instance"] == asked.log[0]["request_id"]
+    assert (asked.log[0]["bytes"], "error" in asked.log[0]) == (len(asked.sent[1]["body"]), False)
+
+
+def test_a_bug_before_the_response_is_an_internal_error() -> None:
+    asked = Asked()
+    asked.app.messages, asked.app.error = [], KeyError("x")
+    assert asked() == 500
+    assert (asked.document["type"], asked.log[0]["error"]) == ("/problems/internal", "KeyError('x')")
+
+
+@pytest.mark.parametrize("error", [KeyError("x"), Problem("busy")])
+def test_a_bug_during_the_response_breaks_it_off(error: Exception) -> None:
+    asked = Asked()
+    asked.app.messages, asked.app.error = asked.app.messages[:2], error
+    with pytest.raises(RuntimeError, match="failed during the response"):
+        asked()
+    assert asked.log[0]["status"] == 200
+    assert asked.metrics.registry.get_sample_value("tripwatt_requests_running") == 0.0
+
+
+def test_a_bug_after_the_response_is_logged() -> None:
+    asked = Asked()
+    asked.app.error = KeyError("x")
+    assert asked() == 200
+    assert len(asked.sent) == 3
+    assert asked.log[0]["error"] == "KeyError('x')"
+
+
+def test_a_path_in_front_is_taken_off_before_anything_is_checked() -> None:
+    asked = Asked(Settings(token=TOKEN, prefix="/tripwatt"))
+    assert asked("/tripwatt/v1/models") == 401
+    assert asked("/v1/models") == 401  # a proxy that has taken it off
+    given = [("host", "localhost"), ("authorization", f"Bearer {TOKEN}")]
+    assert asked("/tripwatt/v1/models", headers=given) == 200
+    assert asked("/tripwattv1/models") == 200
+    assert [scope["path"] for scope in asked.app.scopes] == ["/v1/models", "/tripwattv1/models"]
+    assert asked.log[0]["path"] == "/v1/models"
+    assert asked("/tripwatt") == 308
+    assert (b"location", b"/tripwatt/") in asked.sent[0]["headers"]
+
+
+def test_the_host_that_a_proxy_forwards_counts_where_its_peer_is_trusted() -> None:
+    seen: list[list[bytes]] = []
+
+    async def app(scope: Any, receive: Any, send: Any) -> None:
+        seen.append([name for name, _ in scope.get("headers", [])])
+
+    async def run(peer: str | None, trusted: str) -> list[bytes]:
+        headers = [(b"host", b"127.0.0.1"), (b"x-forwarded-host", b"page.example")]
+        client = None if peer is None else (peer, 1)
+        await ProxyHeaders(app, trusted)({"type": "http", "client": client, "headers": headers}, None, None)
+        return seen[-1]
+
+    both, own = [b"host", b"x-forwarded-host"], [b"host"]
+    assert asyncio.run(run("127.0.0.1", "")) == both
+    assert asyncio.run(run("::1", "")) == both
+    assert asyncio.run(run("172.17.0.1", "")) == own
+    assert asyncio.run(run(None, "")) == own
+    named = "172.17.0.1, 10.0.0.0/8"
+    assert [asyncio.run(run(peer, named)) for peer in ("172.17.0.1", "10.1.2.3", "127.0.0.1")] == [both] * 3
+    assert asyncio.run(run("11.0.0.1", named)) == own
+    assert asyncio.run(run("11.0.0.1", " * ")) == both

@@ -1,0 +1,312 @@
+"""The bounds of a connection, byte by byte and with a clock that jumps."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import orjson
+import pytest
+import uvicorn
+from tests.support.virtual_time import elapsed_s, run_jumping
+from uvicorn.server import ServerState
+
+from tripwatt.server.http.problems import Problem
+from tripwatt.server.http.protocol import BoundedProtocol
+
+START = b"GET / HTTP/1.1\r\nHost: x\r\n"
+POST = b"POST / HTTP/1.1\r\nHost: x\r\n"
+
+
+class Transport(asyncio.Transport):
+    """Keeps what is written, and when the connection was closed or aborted."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.written = b""
+        self.closed_s: float | None = None
+        self.aborted_s: float | None = None
+        self.closes = 0
+
+    def is_closing(self) -> bool:
+        return self.closed_s is not None
+
+    def close(self) -> None:
+        self.closes += 1
+        self.closed_s = elapsed_s()
+
+    def abort(self) -> None:
+        self.aborted_s = elapsed_s()
+
+    def pause_reading(self) -> None: ...
+
+    def resume_reading(self) -> None: ...
+
+    def write(self, data: Any) -> None:
+        self.written += data
+
+
+class Connection:
+    """A connection to an application that notes the bodies of its requests."""
+
+    def __init__(self, *, answers: bool = True) -> None:
+        self.bodies: list[bytes] = []
+        self.headers: list[int] = []
+
+        async def app(scope: Any, receive: Any, send: Any) -> None:
+            self.headers.append(len(scope["headers"]))
+            body, more = b"", True
+            while more:
+                message = await receive()
+                body += message.get("body", b"")
+                more = message.get("more_body", False)
+            self.bodies.append(body)
+            if not answers:
+                await asyncio.sleep(3600.0)
+            await send({"type": "http.response.start", "status": 204, "headers": []})
+            await send({"type": "http.response.body", "body": b""})
+
+        config = uvicorn.Config(app, log_config=None, access_log=False, timeout_keep_alive=75)
+        config.load()
+        self.state = ServerState()
+        self.protocol = BoundedProtocol(config, self.state, {})
+        self.transport = Transport()
+        self.protocol.connection_made(self.transport)
+
+    def send(self, data: bytes) -> Connection:
+        self.protocol.data_received(data)
+        return self
+
+    async def end(self) -> None:
+        self.protocol.connection_lost(None)
+        for task in list(self.state.tasks):
+            task.cancel()
+        await asyncio.sleep(0)
+
+    @property
+    def is_refused(self) -> bool:
+        return b"HTTP/1.1 431 Request Header Fields Too Large\r\n" in self.transport.written
+
+
+def refused(*parts: bytes) -> bool:
+    """Whether the parts, sent one after the other, are too large for a head."""
+
+    async def run() -> bool:
+        connection = Connection()
+        for part in parts:
+            connection.send(part)
+            for _ in range(5):
+                await asyncio.sleep(0)
+        assert connection.transport.is_closing() == connection.is_refused
+        await connection.end()
+        return connection.is_refused
+
+    return run_jumping(run())
+
+
+def head_of(size: int) -> bytes:
+    """A head of so many bytes that is not complete."""
+    return START + b"a: " + b"b" * (size - len(START) - 3)
+
+
+def test_a_head_has_at_most_32768_bytes_before_its_end() -> None:
+    assert not refused(head_of(32_768))
+    assert refused(head_of(32_769))
+
+
+def test_the_bytes_of_several_parts_are_added() -> None:
+    whole = head_of(32_769)
+    assert not refused(whole[:20_000], whole[20_000:32_768])
+    assert refused(whole[:20_000], whole[20_000:32_768], whole[32_768:])
+
+
+def test_the_bound_is_checked_after_slices_of_16384_bytes() -> None:
+    whole = head_of(49_148) + b"\r\n\r\n"
+    assert len(whole) == 3 * 16_384
+    assert not refused(whole)
+    longer = head_of(49_149) + b"\r\n\r\n"
+    assert refused(longer)
+
+
+def test_a_complete_head_begins_a_new_count() -> None:
+    head = head_of(30_000) + b"\r\n\r\n"
+    assert not refused(head, head_of(32_768))
+    assert refused(head, head_of(32_769))
+
+
+def test_parts_of_a_body_begin_a_new_count() -> None:
+    head = POST + b"Content-Length: 99999\r\n\r\n"
+    assert not refused(head, *([b"x" * 20_000] * 4))
+
+
+def test_a_chunk_without_an_end_is_bounded() -> None:
+    head = POST + b"Transfer-Encoding: chunked\r\n\r\n1\r\n{\r\n0\r\n"
+    trailer = b"t: " + b"x" * 32_765
+
+    async def run() -> tuple[bool, bool]:
+        connection = Connection()
+        connection.send(head)
+        connection.send(trailer)
+        before = connection.transport.is_closing()
+        connection.send(b"x")
+        after = connection.transport.is_closing()
+        await connection.end()
+        return before, after
+
+    assert run_jumping(run()) == (False, True)
+
+
+def test_a_request_has_at_most_100_headers() -> None:
+    async def run(number: int) -> tuple[bool, list[int]]:
+        connection = Connection()
+        connection.send(START + b"a: b\r\n" * (number - 1) + b"\r\n")
+        await asyncio.sleep(0)
+        await connection.end()
+        return connection.is_refused, connection.headers
+
+    assert run_jumping(run(100)) == (False, [100])
+    assert run_jumping(run(101)) == (True, [])
+
+
+def test_the_refusal_of_a_head_is_a_problem_document() -> None:
+    async def run() -> None:
+        connection = Connection().send(head_of(32_769))
+        head, _, body = connection.transport.written.partition(b"\r\n\r\n")
+        document = Problem("head-too-large", "at most 32768 bytes and 100 headers").document()
+        assert orjson.loads(body) == document
+        assert head.decode().split("\r\n") == [
+            "HTTP/1.1 431 Request Header Fields Too Large",
+            "Content-Type: application/problem+json",
+            f"Content-Length: {len(body)}",
+            "Connection: close",
+        ]
+        connection.send(b"x" * 50_000)
+        assert connection.transport.written == head + b"\r\n\r\n" + body
+        await connection.end()
+
+    run_jumping(run())
+
+
+def test_bytes_that_are_no_http_are_a_bad_request() -> None:
+    async def run() -> None:
+        connection = Connection().send(b"\x16\x03\x01\r\n\r\n")
+        head, _, body = connection.transport.written.partition(b"\r\n\r\n")
+        assert head.startswith(b"HTTP/1.1 400 Bad Request\r\n")
+        assert orjson.loads(body) == Problem("bad-request", "Invalid HTTP request received.").document()
+        assert connection.transport.closes == 1
+        await connection.end()
+
+    run_jumping(run())
+
+
+def test_nothing_is_written_into_a_response_that_is_not_complete() -> None:
+    async def run() -> None:
+        connection = Connection(answers=False).send(START + b"\r\n")
+        await asyncio.sleep(0)
+        connection.send(b"\x16\r\n\r\n")
+        assert connection.transport.is_closing()
+        assert connection.transport.written == b""
+        await connection.end()
+
+    run_jumping(run())
+
+
+def test_a_refusal_follows_a_response_that_is_complete() -> None:
+    async def run() -> None:
+        connection = Connection().send(START + b"\r\n")
+        for _ in range(5):
+            await asyncio.sleep(0)
+        assert connection.transport.written.startswith(b"HTTP/1.1 204")
+        connection.send(b"\x16\r\n\r\n")
+        assert b"HTTP/1.1 400 Bad Request" in connection.transport.written
+        await connection.end()
+
+    run_jumping(run())
+
+
+def test_a_body_is_whole_however_it_is_cut() -> None:
+    chunked = b"Transfer-Encoding: chunked\r\n\r\n2\r\nab\r\n1\r\nc\r\n0\r\n\r\n"
+
+    async def run() -> None:
+        for size in (1, 7, 1000):
+            connection = Connection()
+            whole = POST + chunked
+            for start in range(0, len(whole), size):
+                connection.send(whole[start : start + size])
+            for _ in range(5):
+                await asyncio.sleep(0)
+            assert connection.bodies == [b"abc"]
+            await connection.end()
+
+    run_jumping(run())
+
+
+def closed_s(*parts: tuple[float, bytes]) -> float | None:
+    """When a connection closes to which the parts are sent after the given delays [s]."""
+
+    async def run() -> float | None:
+        connection = Connection(answers=False)
+        for delay_s, part in parts:
+            await asyncio.sleep(delay_s)
+            connection.send(part)
+        await asyncio.sleep(30.0)
+        found = connection.transport
+        assert found.closes == (found.closed_s is not None)
+        closed_s = found.closed_s
+        await connection.end()
+        return closed_s
+
+    return run_jumping(run())
+
+
+def test_a_head_has_ten_seconds() -> None:
+    assert closed_s() == 10.0
+    assert closed_s((1.0, START)) == 11.0  # the time begins again with the first byte
+    assert closed_s((1.0, START), (9.0, b"a: b\r\n")) == 11.0
+    assert closed_s((1.0, START), (9.0, b"\r\n")) is None
+
+
+def test_an_answer_that_ends_a_connection_stops_the_time_of_its_head() -> None:
+    assert closed_s((2.0, b"\x16\r\n\r\n")) == 2.0
+
+
+def test_a_client_has_twenty_seconds_to_read() -> None:
+    async def run() -> None:
+        stalled, reading, gone = (Connection(answers=False).send(START + b"\r\n") for _ in range(3))
+        for connection in (stalled, reading, gone):
+            connection.protocol.pause_writing()
+        await asyncio.sleep(5.0)
+        stalled.protocol.pause_writing()
+        reading.protocol.resume_writing()
+        await gone.end()
+        await asyncio.sleep(5.0)
+        reading.protocol.pause_writing()
+        await asyncio.sleep(30.0)
+        found = [c.transport.aborted_s for c in (stalled, reading, gone)]
+        assert found == [20.0, 30.0, None]
+        await stalled.end()
+        await reading.end()
+
+    run_jumping(run())
+
+
+def test_a_closed_connection_has_no_timers() -> None:
+    async def run() -> None:
+        connection = Connection().send(START)
+        connection.protocol.connection_lost(ConnectionResetError())
+        await asyncio.sleep(30.0)
+        assert connection.transport.closes == 0
+
+    run_jumping(run())
+
+
+@pytest.mark.parametrize("answers", [True, False])
+def test_requests_in_one_packet_are_answered_in_order(answers: bool) -> None:
+    async def run() -> int:
+        connection = Connection(answers=answers).send((START + b"\r\n") * 2)
+        for _ in range(9):
+            await asyncio.sleep(0)
+        await connection.end()
+        return connection.transport.written.count(b"HTTP/1.1 204")
+
+    assert run_jumping(run()) == (2 if answers else 0)

@@ -1,0 +1,169 @@
+"""Trips that cars finish on the road are learned by the running service, once, also after it was killed."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+import time
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+from tests.server.cars.messages import abrp_messages, measured
+from tests.support.service_process import Service, serving, wait_for
+
+pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
+
+from tripwatt.server.cars import create_car, issue_token, open_car
+from tripwatt.server.cars.folder import finished_names
+from tripwatt.server.http import road_trips as module
+from tripwatt.server.http.jobs import Jobs
+from tripwatt.server.http.live import LiveCars
+from tripwatt.server.http.road_trips import RoadTrips
+from tripwatt.server.http.settings import Settings
+from tripwatt.study.synthetic import synthetic_fleet
+
+HOUR_S = 3600.0
+PARKED = {"speed": 0.0, "is_parked": 1}
+
+
+class Teacher:
+    """Learns nothing, but counts."""
+
+    def __init__(self, *answers: bool) -> None:
+        self.answers, self.asked = list(answers), list[str]()
+
+    async def __call__(self, name: str) -> bool:
+        self.asked.append(name)
+        return self.answers.pop(0)
+
+
+def test_a_car_that_cannot_learn_is_tried_again_later_and_later(tmp_path: Path) -> None:
+    for name in ("leaf", "zoe"):
+        create_car(tmp_path / name, "nissan_leaf_24")
+    (tmp_path / "leaf" / "live" / "trips").mkdir(parents=True)
+    (tmp_path / "leaf" / "live" / "trips" / "20240501T080000Z.csv").write_text("")
+    teacher = Teacher(False, False, True, True)
+    found = RoadTrips(tmp_path, teacher)
+    first, second = module.FIRST_DELAY_S, 2.0 * module.FIRST_DELAY_S
+    times = (0.0, first - 1.0, first, first + second - 1.0, first + second, 1e6)
+    counts = []
+    for now_s in times:
+        asyncio.run(found.look(now_s))
+        counts.append(len(teacher.asked))
+    assert counts == [1, 1, 2, 2, 3, 3]
+    assert set(teacher.asked) == {"leaf"}
+    (tmp_path / "leaf" / "live" / "trips" / "20240502T080000Z.csv").write_text("")
+    asyncio.run(found.look(1e6))
+    assert len(teacher.asked) == 4
+    assert not (RoadTrips(tmp_path / "missing", teacher)._changed())
+
+
+@pytest.fixture
+def cars(tmp_path: Path) -> Path:
+    folder = tmp_path / "cars"
+    create_car(folder / "leaf", "nissan_leaf_24")
+    return folder
+
+
+def test_a_request_that_names_a_car_or_a_model_keeps_it(cars: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    issue_token(cars / "leaf")
+    issue_token(cars / "zoe")
+    asked: list[Any] = []
+    monkeypatch.setattr(Jobs, "model_of", lambda _, request: asked.append(request))
+    live = LiveCars(Settings(cars=cars), None, print)  # type: ignore[arg-type]
+
+    def model_of(name: str, request: dict[str, Any]) -> dict[str, Any]:
+        made = live.by_name(name).model_of
+        assert made is not None
+        made(request)
+        return dict(asked.pop())
+
+    assert model_of("leaf", {"soc": 0.5, "model": None}) == {"soc": 0.5, "model": "leaf"}
+    for name in ("model", "vehicle", "vehicle_figures"):
+        assert model_of("leaf", {name: "x"}) == {name: "x"}
+    assert model_of("zoe", {"soc": 0.5}) == {"soc": 0.5}, "it has no description"
+    live.close()
+
+
+def followed(cars: Path, place: Path) -> Any:
+    return serving(place, "--workers", "1", "--cars", f"{cars}", "--limit", "rate_per_s=0")
+
+
+def drive(service: Service, token: str, number: int, start_s: float) -> dict[str, Any]:
+    """Send a whole trip and its end; what the service forecast of it half-way."""
+    messages = list(abrp_messages(measured(synthetic_fleet(2, seed=5).logs[number].samples), start_s))
+    end_s = messages[-1]["utc"]
+    half = len(messages) // 2
+    shown: dict[str, Any] = {}
+    with httpx.Client(base_url=service.url) as client:
+        for k, message in enumerate(
+            [*messages, *({"utc": end_s + s, **PARKED} for s in (1.0, 90.0, 130.0, 170.0))]
+        ):
+            if k % 5 and k < len(messages):
+                continue  # every fifth is enough for this car
+            sent = client.post("/v1/telemetry", json={"token": token, "tlm": message})
+            assert sent.status_code == 200, sent.text
+            if k >= half and not shown:
+                shown = client.get("/v1/live/leaf").json()
+    return shown
+
+
+def diary(service: Service) -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = service.client.get("/v1/cars/leaf").json()["diary"]
+    return found
+
+
+def test_a_trip_of_the_road_enters_the_diary_and_teaches_without_a_restart(
+    cars: Path, tmp_path: Path
+) -> None:
+    token, plan = (
+        issue_token(cars / "leaf"),
+        {"links": [{"length_m": 15_000.0, "speed_m_s": 14.0}], "soc": 0.8},
+    )
+    start_s = time.time() - 6.0 * HOUR_S
+    (tmp_path / "logs").mkdir()
+    with followed(cars, tmp_path / "logs") as service:
+        assert service.client.get("/v1/live").json()["cars"] == [
+            {"car": "leaf", "seconds_since_message": None, "on_trip": False}
+        ]
+        by_book = service.forecast({**plan, "model": "leaf"}).json()["energy_wh"]
+        at_departure = service.client.put("/v1/live/leaf/plan", json=plan).json()["forecast"]
+        assert at_departure["energy_wh"] == pytest.approx(by_book, rel=1e-9), "by the car's own model"
+        assert at_departure["distance_m"] == pytest.approx(15_000.0, rel=1e-3)
+        shown = drive(service, token, 0, start_s)
+        assert shown["trip"]["distance_m"] > 0.0
+        assert 0.0 < shown["soc"] <= 1.0
+        assert wait_for(lambda: len(diary(service)) == 1)
+        (row,) = diary(service)
+        assert row["trip_id"] == f"leaf-{finished_names(cars / 'leaf')[0]}"
+        first, *later = row["on_the_way"]
+        assert (first["at_s"], first["energy_wh"]) == (0.0, pytest.approx(at_departure["energy_wh"]))
+        assert later[0]["energy_wh"] == pytest.approx(shown["forecast"]["energy_wh"])
+        assert later[0]["low_wh"] < later[0]["energy_wh"] < later[0]["high_wh"]
+        assert service.client.get("/v1/cars/leaf").json()["learning"]["entries"] == 1
+        learned = service.forecast({**plan, "model": "leaf"}).json()["energy_wh"]
+        assert learned != by_book, "the posterior is that of the trip"
+        assert learned == pytest.approx(
+            service.client.put("/v1/live/leaf/plan", json=plan).json()["forecast"]["energy_wh"], rel=1e-9
+        )
+
+
+def test_a_service_that_is_killed_at_the_end_of_a_trip_counts_it_once(cars: Path, tmp_path: Path) -> None:
+    token, start_s = issue_token(cars / "leaf"), time.time() - 6.0 * HOUR_S
+    (tmp_path / "logs").mkdir()
+    with followed(cars, tmp_path / "logs") as service:
+        drive(service, token, 0, start_s)
+        workers = service.workers()
+        service.process.send_signal(signal.SIGKILL)
+        service.process.wait(60)
+    assert wait_for(lambda: not any(Path(f"/proc/{pid}").exists() for pid in workers))
+    assert len(finished_names(cars / "leaf")) == 1
+    with followed(cars, tmp_path / "logs") as service:
+        assert wait_for(lambda: len(diary(service)) == 1)
+        drive(service, token, 1, start_s + 2.0 * HOUR_S)
+        assert wait_for(lambda: len(diary(service)) == 2)
+    own = open_car(cars / "leaf")
+    assert own.diary.table["trips_learned"].tolist() == [0, 1]
+    assert (own.store.about()["trips"], len(own.model().trip_ids_)) == (2, 2)

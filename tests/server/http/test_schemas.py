@@ -1,0 +1,392 @@
+"""Bounds of every field of a request, at the bound and beyond it, and the checks of samples and links."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import orjson
+import pytest
+from pydantic import BaseModel, TypeAdapter, ValidationError
+from pydantic.json_schema import models_json_schema
+
+import tripwatt as tw
+from tripwatt.errors import Fault, InvalidInput
+from tripwatt.forecasting.document import ForecastResponse
+from tripwatt.server.http.journey_schemas import ReachRequest
+from tripwatt.server.http.problems import Problem
+from tripwatt.server.http.schemas import (
+    MIN_DURATION_S,
+    MIN_OBSERVED,
+    NUMBER_TYPES,
+    Elevation,
+    ForecastRequest,
+    Link,
+    UpdateRequest,
+    VehicleFigures,
+    check_request,
+    parse_json,
+    parse_links,
+    parse_observed,
+    parse_samples,
+    require_duration,
+)
+from tripwatt.server.http.settings import Limits
+
+NEVER = {"length_m": 100.0, "speed_m_s": 10.0}
+
+
+def faults_of(model: type[BaseModel], document: Any) -> tuple[Fault, ...]:
+    with pytest.raises(InvalidInput) as caught:
+        check_request(document, model)
+    return caught.value.faults
+
+
+def is_valid(model: type[BaseModel], document: dict[str, Any]) -> bool:
+    try:
+        check_request(document, model)
+    except InvalidInput:
+        return False
+    return True
+
+
+FIELDS: list[tuple[type[BaseModel], dict[str, Any], str, float, float]] = [
+    (VehicleFigures, {}, "mass_kg", 400.0, 6000.0),
+    (VehicleFigures, {}, "usable_battery_kwh", 4.0, 300.0),
+    (VehicleFigures, {}, "consumption_kwh_per_100km", 6.0, 60.0),
+    (VehicleFigures, {}, "motor_power_kw", 5.0, 1500.0),
+    (ForecastRequest, {}, "soc", 0.0, 1.0),
+    (ForecastRequest, {}, "ambient_temperature_degc", -60.0, 57.0),
+    (ForecastRequest, {}, "cabin_setpoint_degc", 0.0, 50.0),
+    (ForecastRequest, {}, "cabin_temperature_degc", -60.0, 100.0),
+    (ForecastRequest, {}, "battery_temperature_degc", -60.0, 100.0),
+    (ForecastRequest, {}, "payload_mass_kg", 0.0, 60_000.0),
+    (ForecastRequest, {}, "reserve", 0.0, 1.0),
+    (Link, NEVER, "stop_s", 0.0, 172_800.0),
+    (Link, NEVER, "grade", -0.4, 0.4),
+    (Link, NEVER, "start_elevation_m", -500.0, 9000.0),
+    (Link, NEVER, "end_elevation_m", -500.0, 9000.0),
+]
+
+
+@pytest.mark.parametrize(("model", "others", "name", "low", "high"), FIELDS)
+def test_a_number_has_its_bounds(
+    model: type[BaseModel], others: dict[str, Any], name: str, low: float, high: float
+) -> None:
+    assert is_valid(model, others | {name: low})
+    assert is_valid(model, others | {name: high})
+    assert not is_valid(model, others | {name: float(np.nextafter(low, -np.inf))})
+    assert not is_valid(model, others | {name: float(np.nextafter(high, np.inf))})
+
+
+@pytest.mark.parametrize(
+    ("name", "high"),
+    [
+        ("length_m", 1e7),
+        ("travel_time_s", 172_800.0),
+        ("moving_speed_m_s", 70.0),
+        ("speed_limit_m_s", 70.0),
+    ],
+)
+def test_a_positive_number_is_above_zero(name: str, high: float) -> None:
+    assert is_valid(Link, NEVER | {name: 5e-324})
+    assert is_valid(Link, NEVER | {name: high})
+    assert not is_valid(Link, NEVER | {name: 0.0})
+    assert not is_valid(Link, NEVER | {name: float(np.nextafter(high, np.inf))})
+
+
+@pytest.mark.parametrize(
+    ("model", "name", "least", "most"),
+    [
+        (ForecastRequest, "model", 0, 100),
+        (ForecastRequest, "vehicle", 0, 100),
+        (ForecastRequest, "trip", 1, 100),
+        (VehicleFigures, "title", 1, 100),
+    ],
+)
+def test_a_text_has_its_lengths(model: type[BaseModel], name: str, least: int, most: int) -> None:
+    assert is_valid(model, {name: "x" * least})
+    assert is_valid(model, {name: "x" * most})
+    assert least == 0 or not is_valid(model, {name: "x" * (least - 1)})
+    assert not is_valid(model, {name: "x" * (most + 1)})
+
+
+def test_at_most_as_many_extras_as_there_are() -> None:
+    assert is_valid(ForecastRequest, {"extras": ["trailer"] * 5})
+    assert not is_valid(ForecastRequest, {"extras": ["trailer"] * 6})
+
+
+def test_an_elevation_has_one_position_or_more() -> None:
+    assert is_valid(Elevation, {"position_m": [0.0], "elevation_m": [1.0]})
+    assert not is_valid(Elevation, {"position_m": [], "elevation_m": [1.0]})
+    assert not is_valid(Elevation, {"position_m": [0.0], "elevation_m": []})
+
+
+@pytest.mark.parametrize(
+    ("model", "name"),
+    [(VehicleFigures, "mass_kg"), (ForecastRequest, "payload_mass_kg")],
+)
+@pytest.mark.parametrize("value", ["1500", True, float("nan"), float("inf")])
+def test_numbers_are_numbers(model: type[BaseModel], name: str, value: Any) -> None:
+    assert is_valid(model, {name: 1500})
+    assert not is_valid(model, {name: value})
+
+
+@pytest.mark.parametrize("value", ["1", True, float("nan"), float("inf")])
+def test_numbers_of_an_elevation_are_numbers(value: Any) -> None:
+    assert not is_valid(Elevation, {"position_m": [0.0], "elevation_m": [value]})
+
+
+@pytest.mark.parametrize("model", [VehicleFigures, ForecastRequest, UpdateRequest, Elevation, Link])
+def test_unknown_fields_are_faults(model: type[BaseModel]) -> None:
+    assert "colour" in {fault.where for fault in faults_of(model, {"colour": 1})}
+
+
+def test_a_forecast_as_data_is_the_documented_answer() -> None:
+    """Its document has every field that the schema requires and no other; the descriptions are those of the fields."""
+    answer = TypeAdapter(ForecastResponse)
+    plan = tw.read_route([{"length_m": 9000.0, "speed_m_s": 15.0}])
+    document: Any = tw.load_model().forecast(plan).to_dict(0.1, 0.9)
+    assert answer.validate_python(document) == document
+    with pytest.raises(ValidationError, match="colour"):
+        answer.validate_python({**document, "colour": 1})
+    del document["series"]["time_s"]
+    with pytest.raises(ValidationError, match=r"series.time_s"):
+        answer.validate_python(document)
+    described = answer.json_schema()["properties"]["by_cause_wh"]["description"]
+    assert described == "energy by cause [Wh]; the sum is energy_wh"
+
+
+def test_the_defaults_of_a_request() -> None:
+    assert ForecastRequest().model_dump(exclude_none=True) == {"trip": "trip", "reserve": 0.1}
+    assert VehicleFigures().model_dump(exclude_none=True) == {"procedure": "wltp"}
+    assert Link(length_m=1.0).model_dump(exclude_none=True) == {"length_m": 1.0}
+
+
+def test_an_update_needs_measurements() -> None:
+    assert [fault.where for fault in faults_of(UpdateRequest, {})] == ["observed"]
+
+
+def properties_of(model: type[BaseModel]) -> dict[str, Any]:
+    """The fields of a model in a document that has its links as well."""
+    template = "#/components/schemas/{model}"
+    models = [(model, "validation"), (Link, "validation")]
+    _, found = models_json_schema(models, ref_template=template)  # type: ignore[arg-type]
+    return dict(found["$defs"][model.__name__]["properties"])
+
+
+def test_the_schema_of_samples_has_the_bounds_of_the_columns() -> None:
+    schema = properties_of(ForecastRequest)["samples"]["anyOf"][0]
+    assert schema["required"] == ["time_s", "speed_m_s"]
+    assert schema["additionalProperties"] is False
+    columns = schema["properties"]
+    assert columns["time_s"]["items"] == {"type": "number", "minimum": 0.0}
+    assert columns["speed_m_s"]["items"] == {"type": "number", "minimum": 0.0, "maximum": 90.0}
+    assert columns["bms_soc"]["items"] == {"type": ["number", "null"], "minimum": 0.0, "maximum": 1.0}
+    assert columns["time_s"]["minItems"] == 3
+    assert columns["time_s"]["description"] == "time of the sample, increasing [s]"
+
+
+def test_the_charge_of_the_battery_management_has_a_name_of_its_own() -> None:
+    columns = {"time_s": [0.0, 1.0, 2.0], "speed_m_s": [0.0, 1.0, 0.0]}
+    charges = [0.5, 0.5, 0.4]
+    assert parse_samples({**columns, "bms_soc": charges}, Limits())["soc"].tolist() == charges
+    with pytest.raises(InvalidInput, match="did you mean 'bms_soc'"):
+        parse_samples({**columns, "soc": charges}, Limits())
+
+
+def test_the_schema_of_measurements_needs_two_samples() -> None:
+    schema = properties_of(UpdateRequest)["observed"]
+    assert schema["required"] == ["time_s"]
+    assert schema["properties"]["speed_m_s"]["minItems"] == MIN_OBSERVED == 2
+    assert schema["properties"]["speed_m_s"]["items"]["type"] == ["number", "null"]
+
+
+def test_the_schema_has_links_and_the_meaning_of_its_fields() -> None:
+    links = properties_of(ForecastRequest)["links"]["anyOf"][0]
+    assert (links["type"], links["minItems"]) == ("array", 1)
+    soc = properties_of(ForecastRequest)["soc"]
+    assert soc["description"] == "Displayed state of charge at departure [1]"
+
+
+def test_what_is_no_json_is_said() -> None:
+    assert parse_json(b'{"a": [1, null]}') == {"a": [1, None]}
+    for body in (b"", b"NaN", b"1e999", b"{"):
+        with pytest.raises(Problem) as caught:
+            parse_json(body)
+        assert caught.value.kind == "not-json"
+
+
+def test_a_body_that_is_no_object_is_a_fault_of_the_body() -> None:
+    (fault,) = faults_of(ForecastRequest, [1])
+    assert (fault.where, fault.got, fault.fix) == ("body", "[1]", "")
+
+
+def test_names_and_values_in_faults_are_cut_after_80_characters() -> None:
+    (fault,) = faults_of(ForecastRequest, {"x" * 90: "y" * 90})
+    assert fault.where == "x" * 80
+    assert fault.got == "'" + "y" * 79
+    (at_the_bound,) = faults_of(ForecastRequest, {"x" * 80: 1})
+    assert at_the_bound.where == "x" * 80
+
+
+def test_nested_faults_name_their_path() -> None:
+    (fault,) = faults_of(ForecastRequest, {"vehicle_figures": {"mass_kg": 1.0}})
+    assert fault.where == "vehicle_figures.mass_kg"
+
+
+def test_ten_unknown_fields_get_a_suggestion() -> None:
+    document = {f"reserve{k}": 1 for k in range(12)}
+    fixes = [fault.fix for fault in faults_of(ForecastRequest, document)]
+    assert fixes == ["did you mean 'reserve'?"] * 10 + [""] * 2
+
+
+def test_only_unknown_fields_get_a_suggestion() -> None:
+    (wrong,) = faults_of(ForecastRequest, {"reserve": "x"})
+    assert wrong.fix == ""
+    (strange,) = faults_of(ForecastRequest, {"zzz": 1})
+    assert strange.fix == ""
+
+
+def test_a_suggestion_looks_at_60_characters() -> None:
+    """So much of the name that the ratio of equal characters, 2 * 19 / (60 + 19), stays below 0.6."""
+    name = "ambient_temperature_degc"
+    similar = {
+        len(name) + k: faults_of(ForecastRequest, {name + "x" * k: 1})[0].fix for k in (31, 32, 36, 99)
+    }
+    # 2 * 24 / (24 + n) is 0.6 or more for at most 56 characters
+    assert similar[55] == similar[56] == f"did you mean {name!r}?"
+    assert (similar[60], similar[123]) == ("", "")
+
+
+SAMPLES = {"time_s": [5.0, 6.0, 7.0, 8.0], "speed_m_s": [0, 1.5, 2, 1]}
+
+
+def sample_faults(value: Any, **limits: Any) -> tuple[Fault, ...]:
+    with pytest.raises(InvalidInput) as caught:
+        parse_samples(value, Limits(**limits))
+    return caught.value.faults
+
+
+def test_samples_become_a_table() -> None:
+    found = parse_samples(SAMPLES | {"elevation_m": [1, None, 3, 4]}, Limits(samples=4, duration_s=3.0))
+    assert found["speed_m_s"].tolist() == [0.0, 1.5, 2.0, 1.0]
+    assert found["elevation_m"].isna().tolist() == [False, True, False, False]
+
+
+def test_all_types_of_numbers_are_numbers() -> None:
+    observed = parse_observed({"time_s": [0, 1.5, 2], "bms_soc": [1, None, 0.5]}, Limits())
+    assert observed["soc"].tolist()[::2] == [1.0, 0.5]
+    assert frozenset({float, int, type(None)}) == NUMBER_TYPES
+
+
+def test_samples_have_at_most_their_limit() -> None:
+    faults = sample_faults(SAMPLES, samples=3)
+    assert faults == (
+        Fault("too many samples", "samples.time_s", "4", "at most 3"),
+        Fault("too many samples", "samples.speed_m_s", "4", "at most 3"),
+    )
+
+
+def test_the_first_value_that_is_no_number_is_named() -> None:
+    (fault,) = sample_faults(SAMPLES | {"speed_m_s": [0, 1, True, "x"]})
+    assert fault == Fault("not a number", "samples.speed_m_s[2]", "True", "a number, or null where unknown")
+
+
+def test_what_is_no_list_is_named_with_at_most_80_characters() -> None:
+    (fault,) = sample_faults({"x" * 100: 1})
+    assert fault == Fault("not a list", "samples." + "x" * 72, "1", "a list of numbers")
+    assert sample_faults([1]) == (Fault("not an object", "samples", "[1]", "an object of lists of numbers"),)
+
+
+def test_the_duration_of_samples_is_that_between_first_and_last() -> None:
+    assert len(parse_samples(SAMPLES, Limits(duration_s=3.0))) == 4
+    (fault,) = sample_faults(SAMPLES, duration_s=2.9)
+    assert fault == Fault("duration out of range", "samples", "3 s", "1 to 2.9 s")
+
+
+def test_two_measurements_are_enough() -> None:
+    observed = {"time_s": [0.0, 1.0], "bms_soc": [0.5, 0.5]}
+    assert len(parse_observed(observed, Limits())) == 2
+    with pytest.raises(InvalidInput):
+        parse_observed({"time_s": [0.0], "bms_soc": [0.5]}, Limits())
+    with pytest.raises(InvalidInput, match=r"observed\.time_s"):
+        parse_observed(observed, Limits(samples=1))
+
+
+def test_a_trip_takes_a_second_or_more_and_the_limit_or_less() -> None:
+    limits = Limits(duration_s=3600.0)
+    assert MIN_DURATION_S == 1.0
+    require_duration(1.0, "links", limits)
+    require_duration(3600.0, "links", limits)
+    for duration_s, got in ((0.999, "0.999 s"), (3600.5, "3600.5 s"), (float("nan"), "nan s")):
+        with pytest.raises(InvalidInput) as caught:
+            require_duration(duration_s, "links", limits)
+        assert caught.value.faults == (Fault("duration out of range", "links", got, "1 to 3600 s"),)
+
+
+LINKS = [{"length_m": 100.0, "speed_m_s": 10.0}, {"length_m": 50.0, "speed_m_s": 10.0}]
+
+
+def elevation_of(position_m: list[float], elevation_m: list[float]) -> Elevation:
+    return Elevation(position_m=position_m, elevation_m=elevation_m)
+
+
+def link_faults(given: Any, elevation: Elevation | None = None, **limits: Any) -> list[str]:
+    with pytest.raises(InvalidInput) as caught:
+        parse_links(given, elevation, Limits(**limits))
+    return [f"{fault.what}: {fault.got}" for fault in caught.value.faults]
+
+
+def test_links_are_a_list_within_its_limit_and_duration() -> None:
+    assert len(parse_links(LINKS, None, Limits(links=2, duration_s=15.0))) == 2
+    assert link_faults(LINKS, links=1) == ["too many links: 2"]
+    assert link_faults(LINKS, duration_s=14.9) == ["duration out of range: 15 s"]
+    assert link_faults("x") == ["not a list: 'x'"]
+
+
+def test_an_elevation_takes_the_place_of_the_flat_road() -> None:
+    flat = parse_links(LINKS, None, Limits())
+    hilly = parse_links(LINKS, elevation_of([0.0, 150.0], [10.0, 20.0]), Limits(samples=2))
+    assert [flag.code for flag in flat.flags] == ["no_elevation"]
+    assert hilly.flags == ()
+    assert hilly.elevation_m is not None
+    assert hilly.elevation_position_m is not None
+    assert (hilly.elevation_position_m.tolist(), hilly.elevation_m.tolist()) == ([0.0, 150.0], [10.0, 20.0])
+
+
+def test_positions_may_stay_and_not_decrease() -> None:
+    assert (
+        parse_links(LINKS, elevation_of([0.0, 5.0, 5.0, 150.0], [1.0] * 4), Limits()).elevation_m is not None
+    )
+    assert parse_links(LINKS, elevation_of([0.5, 150.0], [1.0] * 2), Limits()).elevation_m is not None
+    assert link_faults(LINKS, elevation_of([0.0, 5.0, 4.5], [1.0] * 3)) == ["position decreases: "]
+    assert link_faults(LINKS, elevation_of([-0.5, 5.0], [1.0] * 2)) == ["position decreases: "]
+
+
+def test_positions_and_elevations_are_as_many_and_within_the_limit() -> None:
+    unequal = "positions and elevations differ in number"
+    found = link_faults(LINKS, elevation_of([0.0, 5.0], [1.0]))
+    assert found == [f"{unequal}: 2 positions and 1 elevations"]
+    found = link_faults(LINKS, elevation_of([0.0, 5.0, 9.0], [1.0] * 3), samples=2)
+    assert found == [f"{unequal}: 3 positions and 3 elevations"]
+
+
+@pytest.mark.parametrize("height", [{"grade": 0.0}, {"start_elevation_m": 1.0, "end_elevation_m": 1.0}])
+def test_an_elevation_is_given_once(height: dict[str, float]) -> None:
+    links = [{**LINKS[0], **height}, {**LINKS[1], **height}]
+    found = link_faults(links, elevation_of([0.0, 150.0], [1.0, 2.0]))
+    assert found == ["elevation given twice: links with elevations or grades"]
+
+
+def test_a_request_survives_its_own_json() -> None:
+    request = check_request(parse_json(orjson.dumps({"soc": 1, "extras": ["roof_box"]})), ForecastRequest)
+    assert (request.soc, request.extras) == (1.0, ["roof_box"])
+
+
+@pytest.mark.parametrize(
+    ("kind", "more", "default"), [(ForecastRequest, {}, 0.1), (ReachRequest, {"start": "x"}, 0.0)]
+)
+def test_a_reserve_of_null_is_the_default(kind: Any, more: dict[str, Any], default: float) -> None:
+    assert check_request({**more, "reserve": None}, kind).reserve == default
+    assert check_request({**more, "reserve": 0.25}, kind).reserve == 0.25

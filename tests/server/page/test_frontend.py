@@ -1,0 +1,45 @@
+"""The gate of the front end, and a rebuild of the committed bundle, where Node is installed."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from tests.support.front_end import WEB, run
+
+import tripwatt.server.http
+from tripwatt.server.http.app import Api
+from tripwatt.server.http.settings import Settings
+
+PAGE = Path(tripwatt.server.http.__file__).with_name("page")
+
+
+def test_types_lint_format_and_unit_tests(web: Path) -> None:
+    found = run(web, "npm", "run", "--silent", "gate")
+    assert found.returncode == 0, found.stdout[-6000:] + found.stderr[-2000:]
+
+
+def test_types_are_written_from_the_document_of_the_service(web: Path, tmp_path: Path) -> None:
+    document = json.dumps(Api(Settings(), lambda **record: None).app.openapi())
+    found = run(web, "node", "types.mjs", str(tmp_path), given=document)
+    assert found.returncode == 0, found.stderr[-2000:]
+    for name in ("types.ts", "fields.ts"):
+        written, committed = ((folder / name).read_text() for folder in (tmp_path, WEB / "src" / "api"))
+        assert written == committed, f"the service has changed {name}: run `make types`"
+
+
+def test_rebuild_has_the_bytes_of_the_bundle(web: Path, tmp_path: Path) -> None:
+    found = run(web, "node", "build.mjs", str(tmp_path / "page"))
+    assert found.returncode == 0, found.stderr[-2000:]
+    built = {
+        file.relative_to(tmp_path / "page"): file for file in (tmp_path / "page").rglob("*") if file.is_file()
+    }
+    committed = {file.relative_to(PAGE): file for file in PAGE.rglob("*") if file.is_file()}
+    assert built.keys() == committed.keys()
+    assert [str(name) for name in built if built[name].read_bytes() != committed[name].read_bytes()] == []
+
+
+def test_lock_file_names_no_host() -> None:
+    listed = json.loads((WEB / "package-lock.json").read_text())["packages"]
+    assert [name for name, row in listed.items() if "resolved" in row] == []
+    assert all(row.get("integrity", "").startswith("sha512-") for name, row in listed.items() if name)

@@ -1,0 +1,59 @@
+"""Every message of the service that the page may show has its German."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+from tools.docs.page_messages import messages
+
+from tripwatt.server.http.problems import TITLES
+
+TEXTS = Path(__file__).resolve().parents[3] / "web" / "src" / "text"
+NAMES = re.compile(r"\{[^}]*\}|'[^']*'|\w*_\w*|\w+\.\w+|\[\w+[^\]]*\]")
+"""What stands for a value, and names of fields and keys: the same in every language."""
+
+KEYS = {"unit", "ele", "lat", "lon", "licence", "licences", "heater", "anchor", "extends", "scaled", "units", "metadata", "query",
+        "tlm", "utc", "pyvalhalla", "toml", "json", "model", "fitted", "preset"}  # fmt: skip
+
+
+def table(name: str) -> dict[str, str]:
+    table: dict[str, str] = json.loads((TEXTS / "messages-de.json").read_text())[name]
+    return table
+
+
+def test_every_message_has_its_german() -> None:
+    known = table("templates")
+    raised = messages()
+    assert len(raised) > 500
+    assert [f"{text} ({place})" for text, place in raised.items() if text not in known] == []
+
+
+def test_german_has_the_values_of_the_message() -> None:
+    for english, german in table("templates").items():
+        holes, given = re.findall(r"\{(\d*)\}", german), english.count("{}")
+        if any(holes):
+            assert all(1 <= int(place) <= given for place in holes if place), english
+        assert len(holes) <= given, english
+        assert german.strip(), english
+
+
+def test_every_place_in_an_input_has_its_german() -> None:
+    known = table("places")
+    for where in messages("where"):
+        left = NAMES.sub(" ", where)
+        for words in sorted(known, key=len, reverse=True):
+            left = re.sub(rf"\b{re.escape(words)}\b", " ", left)
+        assert set(re.findall(r"[a-z]{3,}", left)) <= KEYS, where
+
+
+def test_every_kind_of_problem_has_its_title_on_the_page() -> None:
+    for language in ("en", "de"):
+        titles = re.findall(r"titles: \{\n(.*?)\n    \},", (TEXTS / f"{language}.ts").read_text(), re.DOTALL)
+        known = set(re.findall(r'^      "?([\w-]+)"?:', titles[0], re.MULTILINE))
+        assert known == TITLES.keys() - {"head-too-large", "no-live"} or known == set(TITLES), language
+
+
+def test_one_word_for_a_forecast() -> None:
+    assert "Vorhersage" not in (TEXTS / "de.ts").read_text()

@@ -1,0 +1,225 @@
+"""Held-out forecasts in the order of the trips, and what follows from them."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+from tests.support.held_out import NO, Trips
+
+from tripwatt.study.evaluation import forecast_results
+from tripwatt.study.evaluation.comparison import Comparison
+from tripwatt.study.evaluation.forecast_results import (
+    about_trips,
+    add_crps_of_points,
+    forecast_insight,
+    forecast_scores,
+    learning_curve,
+    measured_beside,
+    strata,
+)
+from tripwatt.study.evaluation.forecast_scores import (
+    FORECAST,
+    WITHOUT_PHYSICS,
+    ForecastInsight,
+)
+from tripwatt.study.evaluation.held_out_forecasts import HeldOutForecasts
+from tripwatt.study.evaluation.hold_outs import Split
+from tripwatt.study.evaluation.tasks import FoldResult
+from tripwatt.trips import Context, Departure, Plan
+
+EXACT = {"rel": 1e-9, "abs": 1e-12}
+
+
+def fold(trips, values, model=FORECAST, forecasts=None) -> FoldResult:
+    split = Split(0, np.empty(0, np.int64), np.asarray(trips))
+    return FoldResult(model, split, np.asarray(values, dtype=float), 0.0, 0.0, forecasts=forecasts)
+
+
+def kept(k: float, series=((0.0, 0.0), (10.0, 50.0)), rows=(2,)) -> HeldOutForecasts:
+    """Forecasts of some trips whose values are those of one trip and `k`; the second column of the series has `k` more."""
+    n, series = len(rows), np.array(series)
+    return HeldOutForecasts(
+        sd_wh=np.full(n, 10.0 + k),
+        low_wh=np.tile([1.0 + k, 2.0 + k, 3.0 + k, 4.0 + k], (n, 1)),
+        high_wh=np.tile([5.0 + k, 6.0 + k, 7.0 + k, 8.0 + k], (n, 1)),
+        factors=np.tile([1.0, 3.0], (n, 1)),
+        pit=np.full(n, 0.1 * k),
+        flags=np.full(n, k, dtype=int),
+        causes_wh=np.tile([1.0 + k, 2.0 + k], (n, 1)),
+        cause_names=np.array(["air", "climate"]),
+        updates_wh=np.tile(1000.0 * k + np.arange(24.0).reshape(1, 4, 6), (n, 1, 1)),
+        shown=np.full(n, 0.2 + k),
+        arrival=np.full((n, 2, 3), 0.3 + k),
+        arrival_chance=np.full((n, 2, 13), 0.4 + k),
+        series=series + np.array([0.0, k]),
+        series_names=np.array(["time_s", "energy_wh"]),
+        series_rows=np.array(rows),
+    )
+
+
+class TestResults:
+    def test_folds_in_the_order_of_the_trips(self) -> None:
+        """Trips 0 and 2 are in one fold, 1 and 4 in the other; trip 3 is for training alone."""
+        table = SimpleNamespace(offsets=np.arange(6))
+        results = (fold([1, 4], [2.0, 5.0]), fold([0, 2], [1.0, 3.0]))
+        comparison = Comparison(SimpleNamespace(table=table), (), results)
+        assert comparison.energies_wh(FORECAST).tolist() == [1.0, 2.0, 3.0, 5.0]
+        assert comparison.forecasts(FORECAST) is None
+
+    def test_forecasts_in_the_order_of_the_trips(self) -> None:
+        """Trips of one and of two rows of the series, given in another order."""
+        first = kept(0.0, [(1.0, 1.0), (2.0, 2.0), (3.0, 3.0)], (1, 2))
+        results = (fold([0, 2], [0.0, 0.0], forecasts=first), fold([1], [0.0], forecasts=kept(1.0)))
+        joined = Comparison(None, (), results).forecasts(FORECAST)
+        assert joined.sd_wh.tolist() == [10.0, 11.0, 10.0]
+        assert joined.series_rows.tolist() == [1, 2, 2]
+        assert [piece[:, 0].tolist() for piece in joined.pieces()] == [[1.0], [0.0, 10.0], [2.0, 3.0]]
+
+    def test_insight(self) -> None:
+        """Two folds of a trip each, given in the wrong order."""
+        samples = pd.DataFrame({"time_s": [0.0, 10.0], "speed_m_s": 10.0, "elevation_m": [500.0, 507.0]})
+        plans = [Plan.from_samples(name, samples, Departure(ambient_temperature_degc=-3.0)) for name in "ab"]
+        trips = [SimpleNamespace(context=Context(driver=name)) for name in "xy"]
+        own = SimpleNamespace(plans=plans, logs=("log a", "log b"), table=SimpleNamespace(trips=trips))
+        pair = np.array([0, 1])
+        hold_out = SimpleNamespace(table=Trips("ab"), tested=pair, scored=pair, data=own)
+        results = (
+            fold([1], [200.0], forecasts=kept(1.0)),
+            fold([0], [100.0], forecasts=kept(0.0)),
+            fold([0], [9.0], model="other"),
+        )
+        part = pd.DataFrame(
+            {
+                "trip": ["a", "b"],
+                "observed_energy_wh": [110.0, 190.0],
+                "predicted_energy_wh": [100.0, 200.0],
+            }
+        )
+        comparison = Comparison(hold_out, (), results)
+        found = forecast_insight(hold_out, comparison.forecasts(FORECAST), part)
+        rows = found.trips
+        assert rows["trip"].tolist() == ["a", "b"]
+        assert rows["sd_wh"].tolist() == [10.0, 11.0]
+        assert rows["low_50"].tolist() == [1.0, 2.0]
+        assert rows["high_95"].tolist() == [8.0, 9.0]
+        assert rows["update_10"].tolist() == [0.0, 1000.0]
+        assert rows["soc_only_25"].tolist() == [7.0, 1007.0]
+        assert rows["update_high_75"].tolist() == [23.0, 1023.0]
+        assert rows["flags"].tolist() == [0, 1]
+        assert rows["net_climb_m"].tolist() == [7.0, 7.0]
+        assert rows["driver"].tolist() == ["x", "y"]
+        assert found.causes.loc["b"].tolist() == [2.0, 3.0]
+        assert found.series["a"]["energy_wh"].tolist() == [0.0, 50.0]
+        assert found.series["b"]["energy_wh"].tolist() == [1.0, 51.0]
+        assert found.logs == {"a": "log a", "b": "log b"}
+        assert comparison.forecasts("other") is None
+        assert comparison.forecasts("third") is None
+
+    def test_measured_beside_the_forecast(self) -> None:
+        """100 m in 10 s, then 60 m in 20 s; the last speed is none."""
+        series = pd.DataFrame(
+            {"time_s": [0.0, 10.0, 30.0], "distance_m": [0.0, 100.0, 160.0], "energy_wh": [0.0, 5.0, 9.0]}
+        )
+        log = pd.DataFrame({"time_s": [0.0, 20.0, 40.0], "observed_energy_wh": [0.0, 8.0, 12.0]})
+        frame = measured_beside(ForecastInsight(pd.DataFrame(), pd.DataFrame(), {"a": series}, {"a": log}))[
+            "a"
+        ]
+        assert frame["speed_m_s"].tolist() == [10.0, 3.0, 0.0]
+        assert frame["observed_energy_wh"].tolist() == [0.0, 4.0, 10.0]
+        assert frame[FORECAST].tolist() == [0.0, 5.0, 9.0]
+
+    def test_about_trips(self) -> None:
+        samples = pd.DataFrame({"time_s": [0.0, 10.0], "speed_m_s": 10.0})
+        known = Departure(battery_temperature_degc=4.0)
+        plans = [
+            Plan.from_samples("a", samples.assign(elevation_m=[9.0, 4.0]), known),
+            Plan.from_samples("b", samples),
+        ]
+        trips = [SimpleNamespace(context=Context(driver=name)) for name in ("x", None)]
+        own = SimpleNamespace(plans=plans, table=SimpleNamespace(trips=trips))
+        rows = about_trips(own, np.array([1, 0]))
+        assert rows["trip"].tolist() == ["b", "a"]
+        assert rows["net_climb_m"].tolist() == pytest.approx([NO, -5.0], nan_ok=True)
+        assert rows["battery_temperature_degc"].tolist() == pytest.approx([NO, 4.0], nan_ok=True)
+        assert rows["ambient_temperature_degc"].isna().all()
+        assert rows["distance_m"].tolist() == [plans[1].distance_m, plans[0].distance_m]
+        assert rows["duration_s"].tolist() == [plans[1].duration_s, plans[0].duration_s]
+
+    def test_scores_belong_to_the_forecast(self, monkeypatch) -> None:
+        part = pd.DataFrame({"observed_energy_wh": [10.0, 20.0], "predicted_energy_wh": [11.0, 22.0]})
+        seen = {}
+        for name in ("arrival_scores", "coverage_scores", "crps_scores", "update_scores"):
+            monkeypatch.setattr(
+                forecast_results,
+                name,
+                lambda *given, name=name: seen.setdefault(name, given) and {name: 1},
+            )
+        own = HeldOutForecasts.joined([kept(0.0), kept(1.0)], np.array([0, 1]))
+        found = forecast_scores(own, part, 7, [1, 2])
+        plain = {
+            name: [v if isinstance(v, int | list) else v.tolist() for v in given]
+            for name, given in seen.items()
+        }
+        rows = {name: values.tolist() for name, values in vars(own).items()}
+        assert plain["arrival_scores"] == [rows["shown"], rows["arrival"], rows["arrival_chance"], 7]
+        assert plain["coverage_scores"] == [[10.0, 20.0], rows["low_wh"], rows["high_wh"], 7]
+        assert plain["crps_scores"] == [[10.0, 20.0], [11.0, 22.0], rows["sd_wh"], rows["factors"]]
+        assert plain["update_scores"] == [[10.0, 20.0], rows["updates_wh"], 7, [1, 2]]
+        assert set(found) == {"arrival", "coverage_scores", "crps_scores", "update"}
+
+    def test_strata_compare_with_the_model_without_physics(self, monkeypatch) -> None:
+        errors = {FORECAST: np.array([0.1, 0.2]), WITHOUT_PHYSICS: np.array([0.3, 0.4])}
+        monkeypatch.setattr(forecast_results, "strata_of", lambda about: "kinds")
+        monkeypatch.setattr(forecast_results, "strata_scores", lambda *given: [given])
+        monkeypatch.setattr(forecast_results, "about_trips", lambda data, members: None)
+
+        def strata_with(*names):
+            specs = [SimpleNamespace(name=name) for name in names]
+            table = SimpleNamespace(days=["mon", "tue", "wed"])
+            hold_out = SimpleNamespace(data=None, scored=[0, 2], table=table)
+            return strata(SimpleNamespace(specs=specs, ape=errors.__getitem__, hold_out=hold_out), 5)
+
+        ((kinds, own, other, seed, days),) = strata_with(FORECAST, WITHOUT_PHYSICS)
+        assert (kinds, own.tolist(), other.tolist(), seed) == ("kinds", [0.1, 0.2], [0.3, 0.4], 5)
+        assert days == ["mon", "wed"]
+        assert strata_with(WITHOUT_PHYSICS) == []
+        assert strata_with(FORECAST)[0][2] is None
+
+
+def test_the_crps_of_a_number_is_its_absolute_error():
+    models = {"a": {}, "b": {}}
+    frame = pd.DataFrame(
+        {
+            "model": ["a", "a", "a", "b", "b", "b"],
+            "observed_energy_wh": [1.0, 2.0, 3.0, 1.0, 2.0, 3.0],
+            "predicted_energy_wh": [2.0, 2.0, -2.0, 1.0, 2.0, 3.5],
+        }
+    )
+    add_crps_of_points(models, frame)
+    assert models["a"]["crps_wh"] == pytest.approx(2.0, **EXACT)
+    assert models["b"]["crps_wh"] == pytest.approx(0.5 / 3, **EXACT)
+
+
+def test_learning_curve_is_the_mean_over_trips_of_a_draw_and_over_draws():
+    """Of twelve trips of 1000 Wh, two or one are scored."""
+
+    def draw(size: int, number: int, hybrid: list[float], data: list[float]) -> list[FoldResult]:
+        split = Split(0, np.arange(size), 12 - len(hybrid) + np.arange(len(hybrid)), number)
+        both = {"hybrid": hybrid, "boosting-only": data}
+        return [FoldResult(name, split, 1000.0 * (1.0 + np.array(e)), 0.0, 0.0) for name, e in both.items()]
+
+    segments = SimpleNamespace(observed_power_w=np.full(12, 1000.0), totals_wh=lambda power: power)
+    results = (
+        *draw(10, 1, [0.3, 0.1], [0.5, 0.5]),
+        *draw(5, 0, [0.4], [0.6]),
+        *draw(10, 0, [0.1], [0.2]),
+    )
+    hold_out = SimpleNamespace(data=SimpleNamespace(segments=segments))
+    rows = learning_curve(SimpleNamespace(hold_out=hold_out, results=results), seed=0)
+    assert [(row["n_trips"], row["draws"]) for row in rows] == [(5, 1), (10, 2)]
+    assert rows[1]["hybrid_by_draw"] == pytest.approx([0.1, 0.2], **EXACT)
+    assert rows[1]["hybrid"] == pytest.approx(0.15, **EXACT)
+    assert rows[1]["boosting-only"] == pytest.approx(0.35, **EXACT)
+    assert rows[1]["diff"] == pytest.approx(-0.2, **EXACT)
+    assert rows[1]["diff_ci95"] is None

@@ -1,0 +1,69 @@
+"""Splits of trips: folds, any splitter's, and random draws."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from sklearn.model_selection import KFold
+
+from tripwatt.study.evaluation.hold_outs import LEAVE_ONE_TRIP_OUT, HoldOut, Split, days_of, random_draws
+
+
+def folds_of(*numbers: int, scheme: str = "s") -> HoldOut:
+    return HoldOut.from_folds(scheme, "reference", range(len(numbers)), "data", np.array(numbers))
+
+
+def plain(splits: tuple[Split, ...]) -> list:
+    return [(s.number, s.train.tolist(), s.test.tolist(), s.draw) for s in splits]
+
+
+def test_a_fold_is_fitted_on_all_others() -> None:
+    hold_out = folds_of(3, 1, 3)
+    assert plain(hold_out.splits) == [(1, [0, 2], [1], 0), (3, [1], [0, 2], 0)]
+    assert hold_out.folds.tolist() == [3, 1, 3]
+    assert hold_out.scored.tolist() == [0, 1, 2]
+
+
+def test_a_trip_may_be_for_training_alone() -> None:
+    hold_out = folds_of(0, -1, 0)
+    assert plain(hold_out.splits) == [(0, [1], [0, 2], 0)]
+    assert hold_out.scored.tolist() == [0, 2]
+    assert hold_out.folds is None
+
+
+def test_any_splitter_serves() -> None:
+    pairs = KFold(3, shuffle=True, random_state=1).split(np.zeros(7))
+    hold_out = HoldOut.from_pairs("k-fold", "all", range(7), None, pairs)
+    assert [split.number for split in hold_out.splits] == [0, 1, 2]
+    assert hold_out.folds is not None
+    for split in hold_out.splits:
+        assert sorted([*split.train, *split.test]) == list(range(7))
+    gap = HoldOut.from_pairs("gap", "all", range(4), None, [([0], [2]), ([0, 1], [3])])
+    assert gap.folds is None
+    assert gap.scored.tolist() == [2, 3]
+
+
+def test_settings_are_compared_on_the_reference_trips_alone() -> None:
+    assert folds_of(0, 1, scheme=LEAVE_ONE_TRIP_OUT).is_reference
+    assert not folds_of(0, 1).is_reference
+
+
+@pytest.mark.parametrize(("n", "sizes"), [(12, []), (13, [5]), (47, [5, 10, 20]), (48, [5, 10, 20, 40])])
+def test_a_draw_is_scored_on_all_other_trips(n: int, sizes: list[int]) -> None:
+    draws = random_draws(folds_of(*range(n)), (5, 10, 20, 40), 6, 8, 7)
+    assert [(len(s.train), s.draw) for s in draws.splits] == [(size, k) for size in sizes for k in range(6)]
+    for split in draws.splits:
+        order = np.random.default_rng((7, split.draw)).permutation(n)
+        assert split.train.tolist() == sorted(order[: len(split.train)])
+        assert split.test.tolist() == sorted(order[len(split.train) :])
+    if sizes:
+        assert draws.folds is None
+
+
+def test_days_need_a_date_of_each_trip_and_three_of_them() -> None:
+    def trips(*days: str | None) -> list:
+        return [SimpleNamespace(context=SimpleNamespace(day=day)) for day in days]
+
+    assert days_of(trips("b", "a", "c", "a")).tolist() == [1, 0, 2, 0]
+    assert days_of(trips("b", "a", "b")) is None
+    assert days_of(trips("b", "a", None, "c")) is None

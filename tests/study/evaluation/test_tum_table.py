@@ -1,0 +1,38 @@
+"""On the real trips: the baselines meet the figures that others got for them, so trips and energies are the same."""
+
+import pytest
+
+from tripwatt.sources import read_logs
+from tripwatt.study.evaluation import Execution, evaluate, paper_protocol
+
+
+@pytest.fixture(scope="module")
+def main_row(data_dir):
+    hold_outs_of = paper_protocol._hold_outs
+
+    def first_hold_out(*given):
+        hold_outs, notes = hold_outs_of(*given)
+        return hold_outs[:1], notes
+
+    with (
+        pytest.MonkeyPatch.context() as patch
+    ):  # without the sets of trips and the simulations that are not asked for
+        patch.setattr(paper_protocol, "_hold_outs", first_hold_out)
+        patch.setattr(paper_protocol, "simulation_forms", lambda *given: {})
+        run = evaluate(
+            read_logs(data_dir / "tum", "tum"),
+            models=("constant", "linear4", "physics"),
+            execution=Execution(n_jobs=1),
+        )
+    row = run.results["evaluations"][0]
+    assert (row["scheme"], row["trips"], row["n_trips"]) == ("leave_one_trip_out", "reference", 58)
+    return row["models"]
+
+
+@pytest.mark.parametrize(("name", "peers_mape"), [("constant", 0.202), ("linear4", 0.122)])
+def test_baselines_meet_the_published_figures(main_row, name, peers_mape):
+    assert main_row[name]["mape"] == pytest.approx(peers_mape, abs=0.0015)
+
+
+def test_default_physics_stays_within_its_bar(main_row):
+    assert main_row["physics"]["mape"] <= 0.20

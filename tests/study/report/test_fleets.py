@@ -1,0 +1,247 @@
+"""The pages on a fleet: how well it is forecast, and what its manager asks."""
+
+import datetime as dt
+import json
+import math
+from dataclasses import replace
+
+import pandas as pd
+import pyarrow as pa
+import pytest
+
+pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
+
+from tests.fleet.rows import year_of_rows
+
+from tripwatt.fleet.features import START
+from tripwatt.fleet.nights import Cold, PlannedTrip, needs_by_hour
+from tripwatt.fleet.registry import REPORT_FILES
+from tripwatt.fleet.statistics import ROWS, TripRows
+from tripwatt.hybrid.groups import fit_scales, group_posterior
+from tripwatt.study.evaluation.fleets import FleetEvaluation
+from tripwatt.study.report.fleets import (
+    ManagerReport,
+    evaluation_page,
+    needs_table,
+    routes_table,
+    said_of_routes,
+)
+from tripwatt.trips import Departure
+
+AT = dt.datetime(2026, 1, 11, 18, tzinfo=dt.UTC)
+LEAVES = dt.datetime(2026, 1, 12, 7, 30, tzinfo=dt.UTC)
+
+
+def test_the_page_has_every_table_and_escapes_names():
+    trips = pd.DataFrame(
+        {
+            "protocol": "later trips",
+            "car_model": "<b>",
+            "vehicle_id": ["v&1"] * 12,
+            "distance_m": 12e3,
+            "ambient_temperature_degc": 5.0,
+            "observed_wh": 1000.0,
+            "predicted_wh": 1100.0,
+            "low_wh": 900.0,
+            "high_wh": [1200.0] * 9 + [950.0] * 3,
+        }
+    )
+    own = pd.DataFrame(
+        [(0, 3, 0.05, 0.2, 0.05)], columns=["own_trips", "vehicles", "pooled", "own_only", "fleet_only"]
+    )
+    rows = year_of_rows(0, vehicles=3, trips=4)
+    page = evaluation_page("Fleet <1>", FleetEvaluation(trips, own), rows)
+    assert "<h1>Fleet &lt;1&gt;</h1>" in page
+    assert "<b>" not in page
+    assert "<script" not in page
+    for text in (
+        "<dt>Trips</dt><dd>12</dd>",
+        "<dt>Vehicles</dt><dd>3</dd>",
+        "10.0 % on later trips",
+        "By outside temperature",
+        "0 to 10 °C",
+        "10 to 25 km",
+        "<td>10.0</td>\n<td>75</td>",
+        "<td>5.0</td>\n<td>20.0</td>\n<td>5.0</td>",
+    ):
+        assert text in page, text
+
+
+def report(changes=60, **more):
+    """A report of made tables, with many changes."""
+    changed = pd.DataFrame(
+        {
+            "vehicle_id": [f"<v{k}>" for k in range(changes)],
+            "car_model": "m",
+            "cause": "road load",
+            "probability": 0.987,
+            "since": "2025-06-01",
+            "from_day": "2025-05-20",
+            "to_day": "2025-06-03",
+            "change": 0.051,
+            "sd": 0.004,
+            "z": 12.0,
+            "before": 40,
+            "after": 60,
+        }
+    )
+    parts = {"share": 0.1, "sd": 0.02, "driving": 0.08, "climate": 0.03, "base_load": -0.01}
+    vehicles = pd.DataFrame(
+        [{"car_model": "m", "vehicle_id": f"<v{k}>", "trips": 100, **parts} for k in range(80)]
+    )
+    return ManagerReport("Fleet & co", 0.95, changed, vehicles, **more)
+
+
+def test_every_change_is_listed_with_its_cause_and_its_beginning():
+    page = report().page()
+    for k in range(60):
+        assert f'<th scope="row">&lt;v{k}&gt;</th>' in page
+    for text in (
+        "road load (99\u00a0%)",
+        ">2025-05-20<",
+        ">2025-06-03<",
+        "+5.1\u00a0±\u00a00.4",
+        "60 of 80 vehicles: 60 by road load",
+        "Fleet &amp; co",
+    ):
+        assert text in page, text
+    assert "<script" not in page
+    assert "No vehicle changed by 2\u00a0% or more beyond chance." in report(0).page()
+
+
+def test_drivers_are_shown_only_where_they_are_asked_for():
+    drivers = report().vehicles.assign(driver="anna")
+    assert "anna" not in report().page()
+    assert "anna" in report(drivers=drivers).page()
+
+
+def needs_of(soc):
+    row = {"vehicle_id": "V1", "car_model": "m", "departs_at": LEAVES, "arrives_at": LEAVES, "trips": 2}
+    wh = {"distance_m": 6e4, "energy_wh": 9e3, "energy_quantile_wh": 12e3}
+    return pd.DataFrame(
+        [
+            {
+                **row,
+                **wh,
+                "soc_needed": 0.5,
+                "soc": soc,
+                "charge_wh": 6e3 if soc is not None else None,
+                "assumed": "soc",
+                "reasons": "a; b",
+            }
+        ]
+    )
+
+
+def test_a_folder_has_a_file_for_each_program_and_none_of_an_earlier_report(tmp_path):
+    routes = pd.DataFrame({"trip": ["north"], "a": [0.5]})
+    cold = Cold(-7.4, "2025-01-06", 10, (("2025-01-13", -9.0, 3),))
+    full = report(needs=needs_of(0.2), routes=routes, cold=cold)
+    document = full.write(tmp_path, AT, 7400.0)
+    assert {file.name for file in tmp_path.iterdir()} == set(REPORT_FILES) - {"drivers.csv"}
+    assert json.loads((tmp_path / "report.json").read_text("utf-8")) == json.loads(json.dumps(document))
+    assert json.loads((tmp_path / "emhass.json").read_text("utf-8")) == document["emhass"]
+    assert (tmp_path / "evcc.txt").read_text("utf-8") == "/api/vehicles/V1/plan/soc/50/2026-01-12T07:30:00Z\n"
+    assert (
+        (tmp_path / "emhass.json").read_bytes()[-2:] == (tmp_path / "report.json").read_bytes()[-2:] == b"}\n"
+    )
+    needs = pd.read_csv(tmp_path / "needs.csv")
+    assert needs["departs_at"].item() == "2026-01-12T07:30:00+00:00"
+    assert needs["charge_wh"].item() == 6000.0
+    assert len(pd.read_csv(tmp_path / "changes.csv")) == 60
+    assert document["coldest_week"] == {
+        "monday": "2025-01-06",
+        "ambient_temperature_degc": -7.4,
+        "least_trips": 10,
+        "colder": (("2025-01-13", -9.0, 3),),
+    }
+    report().write(tmp_path, AT, 7400.0)
+    assert {file.name for file in tmp_path.iterdir()} == {
+        "changes.csv",
+        "vehicles.csv",
+        "report.json",
+        "report.html",
+    }
+
+
+def test_the_need_of_the_night_is_summed():
+    page = report(needs=needs_of(0.2)).page()
+    assert "Planned trips: 2. If each gets what suffices with 95\u00a0%, they need 12 kWh." in page
+    assert "for departures of vehicles whose charge now is known (1 of 1): 6 kWh." in page
+    assert "does not suffice for all of them: 0." in page
+    assert (
+        "does not suffice for all of them: 1." in report(needs=needs_of(None).assign(soc_needed=1.2)).page()
+    )
+
+
+def test_routes_name_the_cars_that_can_drive_them():
+    routes = pd.DataFrame({"trip": ["a", "b", "c"], "small": [0.5, 1.2, 1.4], "large": [0.2, 0.6, 1.1]})
+    assert routes_table(routes).rows == (
+        ("a", "all", "50", "20"),
+        ("b", "large", "–", "60"),
+        ("c", "none", "–", "–"),
+    )
+    said = said_of_routes(routes, 0.95, Cold(-7.4, "2025-01-06", 4, (("2025-01-13", -9.2, 3),)))
+    assert said.startswith(
+        "In the coldest week so far with 4 trips or more, from 2025-01-06 at −7 °C, a full"
+    )
+    assert said.endswith("Colder weeks with fewer trips do not count: 2025-01-13 (−9 °C, 3 trips).")
+    given = said_of_routes(routes, 0.95, Cold(-15.0))
+    assert given.startswith("At −15 °C, a full battery")
+    assert "week" not in given
+    assert (
+        "suffices for 1 of 3 routes with 95\u00a0%; 1 more with some of the car models, 1 with none of them."
+        in said
+    )
+
+
+def test_the_need_of_a_changed_vehicle_is_that_of_its_trips_since_then(fleet):
+    """The road load of one vehicle rises by 18 % of its consumption in July; the model averages over the year."""
+    made = year_of_rows(4711, changes=[(2, "road load", 190, 0.18)]).table.to_pandas()
+    cars = made["car_model"].map({"m0": "bmw_i3_60ah", "m1": "nissan_leaf_24"})
+    rows = TripRows.join([pa.Table.from_pandas(made.assign(car_model=cars), schema=ROWS)])
+    sums, digests = rows.sums, frozenset(rows.texts("digest").tolist())
+    model = replace(
+        fleet[2], sums=sums, posterior=group_posterior(sums, fit_scales(sums, START)), digests=digests
+    )
+    known = Departure(ambient_temperature_degc=10.0)
+    trips = [
+        PlannedTrip("a", car, LEAVES, 30.0, "country", known, math.nan, None, None) for car in ("v02", "v04")
+    ]
+    report = ManagerReport.of({}, model, rows, trips)
+    assert list(report.changes["vehicle_id"]) == ["v02"]
+    changed, same = (report.needs["energy_wh"] / needs_by_hour(model, trips)["energy_wh"]).tolist()
+    assert 1.05 < changed < 1.15
+    assert same == pytest.approx(1.0, abs=5e-3)
+    assert ["change of +" in reasons for reasons in report.needs["reasons"]] == [True, False]
+    assert "v02: the need is that of its trips after its change of +" in report.page()
+
+
+def test_the_page_has_need_and_charge_first_and_links_to_its_files():
+    rows = [("calm", 0.3, 0.0), ("short", 0.6, 5e3), ("far", 1.4, math.nan)]
+    needs = pd.concat(
+        [needs_of(0.2).assign(vehicle_id=car, soc_needed=soc, charge_wh=wh) for car, soc, wh in rows]
+    )
+    needs["reasons"] = "battery temperature at departure is unknown: -5 °C is assumed since 2025-06-01"
+    made = report(needs=needs, about={"Model version": "0007", "Reserve": "10 %"})
+    table = needs_table(needs, 0.9)
+    assert table.columns[:3] == ("vehicle", "leave with [%]", "to charge [kWh]")
+    assert [row[:3] for row in table.rows] == [
+        ("short", "60", "5.0"),
+        ("far", "140", "–"),
+        ("calm", "30", "0.0"),
+    ]
+    page = made.page()
+    for name in ("changes.csv", "vehicles.csv", "needs.csv", "emhass.json", "evcc.txt"):
+        assert f'<a href="{name}">{name}</a>' in page
+    assert "drivers.csv" not in page
+    assert "evcc.txt" not in report().page()
+    assert "<dt>Model version</dt><dd>0007</dd>" in page
+    assert "unknown: −5 °C is assumed since 2025-06-01 (departures: 3 of 3)" in page
+
+
+def test_less_has_the_sign_of_the_other_numbers():
+    made = report()
+    less = replace(made, changes=made.changes.assign(change=-0.051)).page()
+    assert "−5.1\u00a0±\u00a00.4" in less
+    assert "-5.1" not in less

@@ -1,0 +1,153 @@
+"""The page on the paper is complete, its links lead somewhere, and its numbers are those of the results."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+from tests.support import ROOT
+from tools.docs.paper_page import (
+    ELEMENTS,
+    FIGURES,
+    PAPER_TABLE2,
+    SCHEMATICS,
+    VARIABLES,
+    on_cars,
+    on_trip_df,
+    render_paper_page,
+    table2_row,
+)
+from tools.docs.schematics import plot_hybrid, plot_simulation
+
+from tripwatt.study.report.view import View
+from tripwatt.vehicles import load_vehicle
+
+PAGE = ROOT / "docs" / "explanation" / "paper.md"
+
+
+@pytest.fixture(scope="module")
+def results() -> dict:
+    return json.loads((ROOT / "docs" / "results" / "paper.json").read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="module")
+def page() -> str:
+    return PAGE.read_text(encoding="utf-8")
+
+
+def test_every_element_of_the_paper_is_there_and_one_click_away(page: str) -> None:
+    named = " ".join(element.paper for element in ELEMENTS)
+    figures = {int(n) for n in re.findall(r"Figure (\d)", named)} | {5, 6, 7}
+    assert "Figures 5, 6 and 7" in named
+    assert figures == set(range(1, 10))  # the paper has nine figures, three tables and four equations
+    assert {int(n) for n in re.findall(r"Table (\d)", named)} == {1, 2, 3}
+    assert "Equations 1 to 4" in named
+    assert named.count("Claim: ") == 4
+    assert len({element.key for element in ELEMENTS}) == len(ELEMENTS)
+    for element in ELEMENTS:
+        assert page.count(f"](#{element.key}) |") == 1
+        assert page.count(f'<a id="{element.key}"></a>') == 1
+
+
+def test_every_figure_of_the_page_is_committed(page: str) -> None:
+    shown = set(re.findall(r"\]\(\.\./(images/[^)]+)\)", page))
+    assert shown == {f"images/paper-{name}.png" for name in (*FIGURES, *SCHEMATICS)}
+    for name in shown:
+        assert (PAGE.parents[1] / name).stat().st_size < 150_000
+
+
+def test_no_element_is_without_numbers(page: str) -> None:
+    for words in (
+        "not in this run",
+        "was not among the models",
+        "No other car was measured",
+        "alone, with the models",
+    ):
+        assert words not in page
+
+
+def test_the_numbers_of_the_page_are_those_of_the_results(results: dict, page: str) -> None:
+    for name, text in PAPER_TABLE2.items():
+        (line,) = [line for line in page.splitlines() if line.startswith(f"| {name} |")]
+        assert text.replace(" ", "\u00a0") in line.replace(" ", "\u00a0").replace("\u00a0|", " |"), name
+    models = results["studies"]["models"]
+    own = set(results["evaluations"][0]["models"]) - {"physics-paper", "gamm", "boosting", "forest"}
+    for name, score in models.items():
+        if name not in own:  # the page of results has them
+            assert score["title"] in page, name
+            assert f"{100 * score['mape']:.1f}" in page, name
+    changed = json.loads(json.dumps(results))
+    changed["studies"]["models"]["physics-brochure"]["mape"] = 0.4321
+    changed["studies"]["models"]["boosting-ar1"]["mape"] = 0.9876
+    text = render_paper_page(changed)
+    assert "| 43.2 |" in text
+    assert "| 98.8 |" in text
+    assert "| 43.2 |" not in page
+
+
+def test_the_nearest_form_and_the_bars_are_those_of_the_published_results(results: dict) -> None:
+    models = results["studies"]["models"]
+    forms = {name: score["mape"] for name, score in models.items() if name.startswith("physics-")}
+    assert min(forms, key=lambda name: abs(forms[name] - 0.379)) == results["studies"]["nearest"]
+    assert results["evaluations"][0]["models"]["forest"]["mape"] <= 0.106
+    assert results["evaluations"][0]["models"]["boosting"]["mape"] <= 0.103
+    assert models["gamm-chosen"]["mape"] <= 0.115
+    for name in ("gamm", "forest", "boosting"):
+        assert models[f"{name}-brochure"]["improved_share"] > 0.9
+        assert models[name]["improved_share"] < 0.9
+    for name in ("gamm", "boosting"):
+        assert sum(results["studies"]["choices"][f"{name}-chosen"].values()) == 58
+
+
+def test_reference_df_give_the_number_of_trips_of_the_papers_fit(results: dict) -> None:
+    said = on_trip_df(View(results))
+    assert "are those of 64 trips, not of 72" in said  # 57 + intercept + 6 weathers with a standard error
+    rows = {table2_row(r)[0]: r for r in results["table2"]}
+    known = sum(name.startswith("weather: ") and r["std_error"] > 0 for name, r in rows.items())
+    assert rows["s(trip)"]["ref_df"] == pytest.approx(58 - 1 - known, abs=0.01)
+    assert rows["s(ambient temperature):winter"]["ref_df"] == pytest.approx(1.0, abs=0.01)
+    assert rows["s(ambient temperature, elevation difference)"]["ref_df"] == pytest.approx(27.0, abs=0.01)
+
+
+def test_variables_are_those_of_the_papers_table() -> None:
+    assert len(VARIABLES) == 12
+    assert dict(VARIABLES)["Battery current"].startswith("`current_a` [A], + discharges")
+
+
+def scored(car: str, after: float, own: float | None) -> dict:
+    curve = [{"k": 0, "error": 0.2}, {"k": 20, "error": after}]
+    return {
+        "vehicle_title": car,
+        "physics": {"error": 0.3},
+        "curves": {"population": curve},
+        "own_model": None if own is None else {"error": own},
+    }
+
+
+def test_other_cars_are_judged_by_their_own_model() -> None:
+    cars = {"cars": [scored("Leaf", 0.10, 0.15), scored("i3", 0.07, 0.05), scored("few trips", 0.1, None)]}
+    assert on_cars(cars) == (
+        "For Leaf what other cars show, with the same trips, is no worse than the car's own model; "
+        "for i3 the own model has a lower error."
+    )
+    assert on_cars({}) == "No other car was measured."
+
+
+def test_the_schematics_show_what_the_code_does() -> None:
+    car = load_vehicle("bmw_i3_60ah", "paper")
+    words = " ".join(text.get_text() for text in plot_simulation(car).axes[0].texts)
+    assert "50 % of" in words
+    assert "base load 300 W" in words
+    assert "climate: none" in words
+    whole = load_vehicle("bmw_i3_60ah")
+    words = " ".join(text.get_text() for text in plot_simulation(whole).axes[0].texts)
+    assert "95 % of" in words
+    assert "climate: simulated" in words
+    words = " ".join(text.get_text() for text in plot_hybrid().axes[0].texts).replace("\n", " ")
+    for name in ("time", "speed", "ambient temperature", "elevation difference", "season", "weather"):
+        assert name in words
+
+
+def test_the_committed_page_has_no_image_that_nothing_shows() -> None:
+    drawn = {file.name for file in Path(PAGE.parents[1] / "images").glob("paper-*.png")}
+    assert drawn == {f"paper-{name}.png" for name in (*FIGURES, *SCHEMATICS)}

@@ -1,0 +1,238 @@
+"""Figures and tables show the numbers they were given."""
+
+import io
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from itertools import pairwise
+from types import SimpleNamespace
+
+import matplotlib
+import matplotlib.text
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.console import Console
+from tools.docs.results_pages import update_readme, update_results_page
+
+from tripwatt.errors import InvalidInput
+from tripwatt.study.report import render_table
+from tripwatt.study.report.model_styles import model_styles
+from tripwatt.study.report.panels import audit, build_sections, errors, paired, results_table
+from tripwatt.study.report.short_table import short_list
+from tripwatt.study.report.style import WIDTH_IN, style_context
+from tripwatt.study.report.view import View
+
+MakeRun = Callable[..., SimpleNamespace]
+STYLES = model_styles()
+MODELS = [name for name in STYLES if not name.startswith(("hybrid", "power-", "physics-identified"))]
+
+
+@pytest.fixture(scope="module")
+def view(run: SimpleNamespace) -> View:
+    return View.from_run(run)
+
+
+@pytest.fixture(scope="module")
+def folds(view: View) -> pd.DataFrame:
+    return view.main_folds
+
+
+def by_gid(figure, gid: str):
+    found = figure.findobj(lambda artist: artist.get_gid() == gid)
+    assert len(found) == 1, gid
+    return found[0]
+
+
+def shown_texts(figure) -> Iterator[matplotlib.text.Text]:
+    """Every text that is drawn: a tick outside of the axis has a label that is not."""
+    yield from figure.texts
+    yield figure._suptitle
+    for legend in figure.legends:
+        yield from legend.get_texts()
+    for axes in figure.axes:
+        yield from (axes.title, axes._left_title, axes.xaxis.label, axes.yaxis.label, *axes.texts)
+        for axis, (low, high) in (
+            (axes.xaxis, sorted(axes.get_xlim())),
+            (axes.yaxis, sorted(axes.get_ylim())),
+        ):
+            yield from (t.label1 for t in axis.get_major_ticks() if low <= t.get_loc() <= high)
+
+
+def test_distribution_shows_the_signed_error_of_every_trip(view: View, folds: pd.DataFrame) -> None:
+    figure = errors.plot_error_distribution(view, MODELS)
+    for number, model in enumerate(MODELS):
+        rows = folds[folds["model"] == model]
+        expected = rows["predicted_energy_wh"] / rows["observed_energy_wh"] - 1
+        shown = by_gid(figure, f"rug-{number}").get_xdata()
+        np.testing.assert_allclose(shown, np.clip(expected, -1.5, 1.5), rtol=0, atol=1e-12)
+
+
+def test_box_plot_shows_every_trip_a_far_one_at_the_edge(view: View, folds: pd.DataFrame) -> None:
+    far = folds.copy()
+    far.loc[(far["model"] == "boosting-only") & (far["trip"] == "A01"), "predicted_energy_wh"] *= 9.0
+    figure = errors.plot_error_boxes(replace(view, folds=far), MODELS, "Errors")
+    for number, model in enumerate(MODELS):
+        rows = far[far["model"] == model]
+        expected = np.abs(rows["predicted_energy_wh"] / rows["observed_energy_wh"] - 1)
+        shown = np.asarray(by_gid(figure, f"trips-{number}").get_offsets())[:, 0]
+        np.testing.assert_allclose(np.sort(shown), np.sort(np.minimum(expected, 1.5)))
+    assert "errors beyond 150 % are drawn at the edge" in figure._suptitle.get_text()
+
+
+def test_paired_differences_are_those_of_the_results(view: View) -> None:
+    pairs = paired.paired_with(view.results["paired"], view.best)
+    assert len(pairs) == len(MODELS) - 1
+    figure = paired.plot_paired_differences(view, pairs)
+    assert [by_gid(figure, f"pair-{i}").get_xdata()[0] for i in range(len(pairs))] == [
+        p["diff"] for p in pairs
+    ]
+
+
+def test_energy_along_the_trip_ends_where_the_fold_says(view: View, folds: pd.DataFrame) -> None:
+    selected = view.selected_trips()
+    apes = folds.loc[folds["model"] == view.best, "ape"]
+    assert [role for role, _, _ in selected] == ["Best", "Median", "Worst"]
+    assert selected[0][2] == apes.min()
+    assert selected[2][2] == apes.max()
+    assert abs((apes < selected[1][2]).sum() - (apes > selected[1][2]).sum()) <= 1
+    figure = errors.plot_trip_energy(view, selected)
+    for number, (_, trip, _) in enumerate(selected):
+        rows = folds[folds["trip"] == trip].set_index("model")
+        ends = {
+            "measured": rows["observed_energy_wh"].iloc[0],
+            "simulated": rows.loc["physics-paper", "predicted_energy_wh"],
+            "predicted": rows.loc[view.best, "predicted_energy_wh"],
+        }
+        for label, energy in ends.items():
+            line = by_gid(figure, f"energy-{number}-{label}")
+            assert line.get_ydata()[-1] == pytest.approx(energy / 1000)
+            assert line.get_xdata()[-1] == pytest.approx((len(view.series[trip]) - 1) / 60)
+
+
+def test_no_text_of_a_figure_leaves_it_or_covers_its_neighbour(view: View, run: SimpleNamespace) -> None:
+    made_up = replace(view, results={**run.results, "synthetic": True})
+    panels = [panel for section in build_sections(made_up).values() for panel in section]
+    drawn = [panel.figure for panel in panels if panel.figure is not None]
+    assert len(drawn) == 9
+    for figure in drawn:
+        with style_context():
+            figure.draw_without_rendering()
+        page = figure.bbox
+        for text in shown_texts(figure):
+            if text.get_text() and text.get_visible():
+                box = text.get_window_extent()
+                overhang = max(page.x0 - box.x0, box.x1 - page.x1, page.y0 - box.y0, box.y1 - page.y1)
+                assert overhang <= 1.0, text.get_text()
+        for axes in figure.axes:
+            boxes = [t.get_window_extent() for t in axes.get_yticklabels() if t.get_text()]
+            assert not any(a.overlaps(b) for a, b in pairwise(boxes))
+        assert figure.get_size_inches()[0] == WIDTH_IN
+
+
+def test_panels_leave_the_settings_of_the_process_alone(view: View) -> None:
+    before = dict(matplotlib.rcParams)
+    assert build_sections(view)
+    assert dict(matplotlib.rcParams) == before
+
+
+def test_terminal_table_has_five_models_with_their_titles(run: SimpleNamespace) -> None:
+    console = Console(width=80, record=True, file=io.StringIO())
+    console.print(render_table(run.results))
+    text = console.export_text()
+    view = View(run.results)
+    models = view.main["models"]
+    shown = [line for line in text.splitlines() if any(f" {STYLES[m].label} " in line for m in MODELS)]
+    assert len(shown) == 5
+    for name, line in zip(short_list(view), shown, strict=True):
+        assert STYLES[name].label in line
+        low, high = models[name]["mape_ci95"]
+        assert f"{100 * models[name]['mape']:.1f}" in line
+        assert f"{100 * low:.1f}\u00a0to\u00a0{100 * high:.1f}" in line
+    assert not any(re.search(rf"(?<![\w]){name}(?![\w])", text) for name in ("physics-paper", "linear4"))
+    assert "…" not in text  # fits a terminal of 80 columns
+    assert "synthetic" not in text
+    console.print(render_table({**run.results, "dataset": "synthetic"}))
+    assert "synthetic" in console.export_text()
+
+
+def test_short_table_is_the_best_of_each_kind_and_holds_the_best_of_all(made_up: MakeRun) -> None:
+    view = View(made_up("tum", trips=["a", "b", "c", "d", "e"]).results)
+    models = view.main["models"]
+    names = short_list(view)
+    kinds = [STYLES[m].kind for m in names]
+    assert names[0] == "constant"
+    assert kinds == ["constant", "baseline", "physics", "data", "hybrid"]
+    for name in names[1:]:
+        rivals = [m for m in models if STYLES[m].kind == STYLES[name].kind]
+        assert models[name]["mape"] == min(models[m]["mape"] for m in rivals)
+    assert min(m["mape"] for m in models.values()) == min(models[m]["mape"] for m in names)
+    few = {**view.main, "models": {m: models[m] for m in ("linear4", "linear6", "physics")}}
+    assert short_list(View({"evaluations": [few]})) == ["linear4", "linear6", "physics"]
+
+
+@pytest.mark.parametrize(
+    ("update", "marker", "protocol"),
+    [(update_readme, "results", "forecast"), (update_results_page, "paper", "paper")],
+)
+def test_a_page_holds_the_results_and_keeps_the_rest(
+    update: Callable[..., None], marker: str, protocol: str, run: SimpleNamespace, tmp_path
+) -> None:
+    page = tmp_path / "page.md"
+    page.write_text(f"# Title\n<!-- {marker}:begin -->\nold\n<!-- {marker}:end -->\ntail\n", encoding="utf-8")
+    results = {**run.results, "protocol": protocol}
+    update(results, page)
+    once = page.read_text(encoding="utf-8")
+    update(results, page)
+    assert page.read_text(encoding="utf-8") == once
+    assert once.startswith(f"# Title\n<!-- {marker}:begin -->\n")
+    assert once.endswith(f"\n<!-- {marker}:end -->\ntail\n")
+    assert "\nold\n" not in once
+    view = View(results)
+    shown = MODELS if protocol == "paper" else short_list(view)
+    assert all(f"{100 * view.main['models'][m]['mape']:.1f}" in once for m in shown)
+
+
+def test_the_readme_shows_the_forecast_alone(run: SimpleNamespace, tmp_path) -> None:
+    readme = tmp_path / "README.md"
+    readme.write_text("no markers", encoding="utf-8")
+    update_readme(run.results, readme)
+    assert readme.read_text(encoding="utf-8") == "no markers"
+
+
+@pytest.mark.parametrize("text", ["", "<!-- results:begin -->", "<!-- results:end --><!-- results:begin -->"])
+def test_readme_without_its_markers_is_refused_and_left_alone(
+    text: str, run: SimpleNamespace, tmp_path
+) -> None:
+    readme = tmp_path / "README.md"
+    readme.write_text(text, encoding="utf-8")
+    with pytest.raises(InvalidInput, match="no place for the results"):
+        update_readme({**run.results, "protocol": "forecast"}, readme)
+    assert readme.read_text(encoding="utf-8") == text
+
+
+@given(diff=st.floats(-1, 1), low=st.floats(0, 0.5), high=st.floats(0, 0.5))
+def test_a_pair_is_turned_round_with_its_interval(diff: float, low: float, high: float) -> None:
+    pair = {"a": "boosting", "b": "forest", "diff": diff, "ci95": [diff - low, diff + high]}
+    (turned,) = paired.paired_with([pair], "boosting")
+    assert turned["ci95"][0] <= turned["diff"] <= turned["ci95"][1]
+
+
+def test_table_cells_are_those_of_the_results(view: View) -> None:
+    table = results_table.results_table(view)
+    score = view.main["models"]["boosting"]
+    rows = {row[0]: dict(zip(table.columns, row, strict=True)) for row in table.rows}
+    row = rows[STYLES["boosting"].label]
+    assert row["RMSE [kWh]"] == f"{score['rmse_wh'] / 1000:.2f}"
+    assert row["Max [%]"] == f"{100 * score['max_ape']:.1f}"
+    assert row["The paper [%]"] == "10.3"
+    above = f"Above {STYLES[view.best].label} [points]"
+    for pair in paired.paired_with(view.results["paired"], view.best):
+        cell = rows[STYLES[pair["a"]].label][above].replace("−", "-")
+        assert cell.startswith(f"{100 * pair['diff']:.1f} (")
+        assert cell.endswith("*") == pair["significant"]
+    assert rows[STYLES[view.best].label][above] == "–"
+    for other in (table, audit.audit_table(view), results_table.sets_table(view)):
+        assert {len(cells) for cells in other.rows} == {len(other.columns)}

@@ -1,0 +1,314 @@
+"""The page stands alone, is well formed, holds everything, and says what it lacks."""
+
+import functools
+import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from html.parser import HTMLParser
+from pathlib import Path
+from types import SimpleNamespace
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from tripwatt.study.report import render_report, write_report
+from tripwatt.study.report.model_styles import model_style, model_styles
+
+MakeRun = Callable[..., SimpleNamespace]
+STYLES = model_styles()
+MODELS = [name for name in STYLES if not name.startswith(("hybrid", "power-", "physics-identified"))]
+FIGURE_KEYS = (
+    "trip-energy",
+    "error-distribution",
+    "error-boxes",
+    "benchmark-boxes",
+    "paired-differences",
+    "gamm-diagnosis",
+    "gamm-smooths",
+    "gamm-surface",
+    "gamm-random",
+)
+"""Figures of a run that has everything but the studies beside the paper."""
+VOID = {"meta", "link", "br", "hr", "img", "input", "col", "source", "wbr"}
+HOSTILE = [
+    '<script>alert("x")</script>',
+    'a&b\'s "trip"',
+    "$\\frac{1}{0}$ _^",
+    "tab\tand\x00null",
+    "旅行🚗" * 30,
+    "%s {0} {{x}}",
+]
+
+
+class Page(HTMLParser):
+    """Balanced tags, all attributes, and the text outside of style."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(convert_charrefs=True)
+        self.open: list[str] = []
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.text: list[str] = []
+        self.feed(text)
+        self.close()
+        assert self.open == [], f"not closed: {self.open}"
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if "style" not in self.open:
+            self.text.append(data)
+
+    def words(self) -> str:
+        return re.sub(r"\s+", " ", " ".join(self.text))
+
+
+@pytest.fixture(scope="module")
+def html(run: SimpleNamespace) -> str:
+    return render_report(run)
+
+
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Figures are laid out but not drawn: for tests of words."""
+    monkeypatch.setattr("tripwatt.study.report.html.svg_text", lambda figure: "<svg></svg>")
+
+
+@contextmanager
+def not_laid_out() -> Iterator[None]:
+    """Figures are drawn where matplotlib puts them first: for tests of what a figure holds."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("matplotlib.layout_engine.ConstrainedLayoutEngine.execute", lambda self, figure: None)
+        patch.setattr("tripwatt.study.report.html.PNG_DPI", 40)
+        yield
+
+
+FEW = ("linear6", "physics-paper", "physics", "gamm", "boosting", "boosting-only")
+"""The models of a run that has every figure and little to draw."""
+
+
+@pytest.fixture(scope="module")
+def small(made_up: MakeRun) -> Callable[..., SimpleNamespace]:
+    """Makes a run of three trips and few models."""
+    return functools.partial(made_up, "tum", trips=["a", "b", "c"], models=FEW)
+
+
+def synthetic_run(made_up: MakeRun) -> SimpleNamespace:
+    return made_up("synthetic", trips=["s1", "s2", "s3", "s4"], models=FEW)
+
+
+@pytest.fixture(scope="module")
+def written(made_up: MakeRun, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The report of synthetic trips as files."""
+    out = tmp_path_factory.mktemp("written")
+    with not_laid_out():
+        write_report(synthetic_run(made_up), out)
+    return out
+
+
+@pytest.fixture(scope="module")
+def synthetic_html(written: Path) -> str:
+    return (written / "report.html").read_text(encoding="utf-8")
+
+
+def test_page_is_well_formed_and_every_id_is_its_own(html: str) -> None:
+    page = Page(html)
+    ids = [a["id"] for _, a in page.tags if "id" in a]
+    assert len(ids) == len(set(ids))
+    links = {a[k] for _, a in page.tags for k in ("href", "xlink:href") if a.get(k)}
+    wanted = {link for link in links if not link.startswith("data:image/png;base64,")}
+    wanted |= {f"#{name}" for name in re.findall(r"url\(#([^)]+)\)", html)}
+    assert wanted
+    assert wanted <= {f"#{name}" for name in ids}
+
+
+def test_a_given_forecast_begins_the_page(made_up: MakeRun, html: str) -> None:
+    with not_laid_out():
+        led = render_report(synthetic_run(made_up), "One <trip>: 2.1 kWh.")
+    assert led.count('<p class="lead">') == 1
+    assert '<p class="lead">One &lt;trip&gt;: 2.1 kWh.</p>' in led
+    assert '<p class="lead">' not in html
+
+
+def test_no_panel_is_empty(html: str) -> None:
+    panels = re.findall(r"<article.*?</article>", html, re.DOTALL)
+    assert len(panels) > 10
+    assert all("<figure>" in panel or "<table>" in panel for panel in panels)
+    assert "<h2>Beside the paper</h2>" not in html  # the run has no studies
+    assert "<h2>Uncertainty</h2>" not in html  # nor a forecast
+
+
+def test_page_reaches_for_no_other_file_or_host(html: str) -> None:
+    page = Page(html)
+    for tag, attributes in page.tags:
+        assert tag not in {"script", "iframe", "link", "object", "embed", "base"}
+        for name, value in attributes.items():
+            assert not name.startswith("on")
+            if name in {"src", "href", "xlink:href", "action", "poster", "srcset"}:
+                assert (value or "").startswith(("#", "data:image/png;base64,"))
+    assert not re.search(r"url\((?!#)|@import", html)
+
+
+def test_page_is_for_phone_print_dark_and_for_those_who_listen(html: str) -> None:
+    page = Page(html)
+    assert "width=device-width" in html
+    assert "prefers-color-scheme: dark" in html
+    assert "@media print" in html
+    pictures = [a for tag, a in page.tags if tag == "svg"]
+    assert len(pictures) == len(FIGURE_KEYS)
+    assert all(
+        a.get("role") == "img" and len(a.get("aria-label") or "") > 40 and "width" not in a for a in pictures
+    )
+    tables = html.split("<table")[1:]
+    assert tables
+    assert all("<caption>" in t and 'scope="col"' in t and 'scope="row"' in t for t in tables)
+    assert "#1f2328" not in re.sub(r"<style>\s*:root.*?</style>", "", html, count=1, flags=re.DOTALL)
+
+
+def test_page_holds_every_model_every_finding_and_every_mean_error(run: SimpleNamespace, html: str) -> None:
+    words = Page(html).words()
+    for model in MODELS:
+        assert model_style(model).label in words
+        for evaluation in run.results["evaluations"]:
+            assert f"{100 * evaluation['models'][model]['mape']:.1f}" in words
+    for finding in run.results["audit"]:
+        assert finding["what"] in words
+    assert run.results["citation"] in words
+    assert run.results["notes"][0] in words
+
+
+def test_paper_stands_beside_its_own_trips_alone(html: str, synthetic_html: str) -> None:
+    words = Page(html).words()
+    assert "arXiv:2405.10984, Table 3" in words
+    assert " 37.9 " in words
+    assert "arXiv" not in Page(synthetic_html).words()
+
+
+def test_synthetic_trips_are_called_so_in_every_table_and_figure(html: str, synthetic_html: str) -> None:
+    captions = re.findall(r"<caption>(.*?)</caption>", synthetic_html)
+    assert captions
+    assert all("synthetic" in c for c in captions if c != "The models")
+    pictures = re.findall(r"<svg.*?</svg>", synthetic_html, re.DOTALL)
+    assert len(pictures) == len(FIGURE_KEYS)
+    assert all("Synthetic trips, not measured ones" in p for p in pictures)
+    assert "<strong>Synthetic trips.</strong>" in synthetic_html
+    assert "ynthetic" not in html
+
+
+def test_hostile_names_are_text_and_nothing_else(made_up: MakeRun) -> None:
+    hostile = made_up("tum", trips=HOSTILE, models=FEW)
+    hostile.series = {name: hostile.series[name] for name in HOSTILE[:3]}
+    hostile.results["notes"] = ["<img src=x onerror=alert(1)>"]
+    finding = {**hostile.results["audit"][0], "what": "</table><script>1</script>"}
+    hostile.results["audit"] = [{**finding, "trip": name} for name in HOSTILE]
+    with not_laid_out():
+        html = render_report(hostile)
+    page = Page(html)
+    assert not [tag for tag, _ in page.tags if tag in {"script", "img"}]
+    assert '<script>alert("x")</script>' in page.words()
+    assert "$\\frac{1}{0}$ _^" in page.words()
+    assert "\x00" not in html
+    pictures = re.findall(r"<svg.*?</svg>", html, re.DOTALL)
+    assert any("$\\frac{1}{0}$ _^, error" in p for p in pictures)  # not typeset as mathematics
+    for picture in pictures:
+        ElementTree.fromstring(picture)
+
+
+def test_files_beside_the_page(written: Path) -> None:
+    names = {p.name for p in (written / "figures").iterdir()}
+    assert names == {f"{key}.{suffix}" for key in FIGURE_KEYS for suffix in ("png", "svg")}
+    for path in (written / "figures").glob("*.svg"):
+        assert ElementTree.parse(path).getroot().tag.endswith("svg")
+    assert all(p.read_bytes()[:4] == b"\x89PNG" for p in (written / "figures").glob("*.png"))
+    assert (written / "report.html").read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
+    assert not list(written.rglob("*.partial"))
+
+
+def test_same_run_same_bytes(made_up: MakeRun, synthetic_html: str) -> None:
+    with not_laid_out():
+        assert render_report(synthetic_run(made_up)) == synthetic_html
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_what_a_run_lacks_is_left_out(small: MakeRun) -> None:
+    whole = small()
+    lacking = SimpleNamespace(**{**vars(whole), "series": {}, "gamm": None})
+    html = render_report(lacking)
+    assert "<h2>The GAMM</h2>" not in html
+    assert "panel-trip-energy" not in html
+    assert "panel-error-boxes" in html
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_model_from_outside_is_shown_under_its_name(made_up: MakeRun) -> None:
+    strange = made_up("tum", trips=["a", "b"], models=FEW)
+    strange.folds["model"] = strange.folds["model"].replace({"linear6": "my <new> model"})
+    for evaluation in strange.results["evaluations"]:
+        evaluation["models"]["my <new> model"] = evaluation["models"].pop("linear6")
+    strange.results["paired"] = []
+    assert "my <new> model" in Page(render_report(strange)).words()
+
+
+def luminance(colour: str) -> float:
+    channels = [int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)]
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def contrast(a: str, b: str) -> float:
+    low, high = sorted((luminance(a), luminance(b)))
+    return (high + 0.05) / (low + 0.05)
+
+
+def test_colours_differ_and_are_seen_on_both_pages() -> None:
+    from importlib.resources import files
+
+    papers = re.findall(
+        r"--paper: (#\w{6})", (files("tripwatt.study.report") / "templates/report.css").read_text("utf-8")
+    )
+    assert len(papers) == 2
+    colours = [style.colour for style in STYLES.values()]
+    assert len(set(colours)) == len(colours)
+    assert min(contrast(c, p) for c in colours for p in papers) >= 3.0  # WCAG 2.2, 1.4.11
+
+
+# Machado, Oliveira & Fernandes (2009), full protanopia and deuteranopia, linear RGB
+DICHROMATS = {
+    "protan": [
+        [0.152286, 1.052583, -0.204868],
+        [0.114503, 0.786281, 0.099216],
+        [-0.003882, -0.048116, 1.051998],
+    ],
+    "deutan": [
+        [0.367322, 0.860646, -0.227968],
+        [0.280085, 0.672501, 0.047413],
+        [-0.011820, 0.042940, 0.968881],
+    ],
+}
+
+
+SRGB_TO_XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
+
+
+@pytest.mark.parametrize("eye", list(DICHROMATS))
+@pytest.mark.parametrize("hybrid", ["forest", "boosting", "gamm", "hybrid"])
+def test_simulated_and_corrected_lines_differ_to_every_eye(eye: str, hybrid: str) -> None:
+    def seen(colour: str) -> np.ndarray:
+        """CIE L*a*b* of what the eye sees."""
+        linear = np.array([((int(colour[i : i + 2], 16) / 255 + 0.055) / 1.055) ** 2.4 for i in (1, 3, 5)])
+        xyz = SRGB_TO_XYZ @ np.clip(np.array(DICHROMATS[eye]) @ linear, 0, 1) / [0.9505, 1.0, 1.089]
+        x, y, z = np.where(xyz > 0.008856, np.cbrt(xyz), 7.787 * xyz + 16 / 116)
+        return np.array([116 * y - 16, 500 * (x - y), 200 * (y - z)])
+
+    # a difference of about 2 is just seen side by side; thin lines need ten times that
+    assert np.linalg.norm(seen(STYLES["physics-paper"].colour) - seen(STYLES[hybrid].colour)) > 25

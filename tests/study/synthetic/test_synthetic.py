@@ -1,0 +1,396 @@
+"""The synthetic fleet: repeatable, plausible, consistent with itself, and its hidden truth can be found again."""
+
+import datetime as dt
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from tests.support.faults import faulty_fleet
+
+import tripwatt.study.synthetic as synthetic
+from tripwatt.auditing import audit
+from tripwatt.errors import InvalidInput
+from tripwatt.physics import DriveConditions, Simulation, simulate
+from tripwatt.study.synthetic import (
+    VEHICLE,
+    example_trip,
+    synthetic_fleet,
+    synthetic_truth,
+    synthetic_world,
+)
+from tripwatt.study.synthetic import scenario as scenario_module
+from tripwatt.study.synthetic.world import NOISE_STANDING_W, age_battery, heavy_tailed_noise
+from tripwatt.trips import COLUMNS, Trip
+from tripwatt.trips.messages import message
+from tripwatt.vehicles import load_vehicle
+
+
+@pytest.fixture(scope="module")
+def world():
+    return synthetic_world(120, seed=7)
+
+
+@pytest.fixture(scope="module")
+def fleet(world):
+    return world[0]
+
+
+@pytest.fixture(scope="module")
+def truth(world):
+    return world[1]
+
+
+def without_climate(trip: Trip) -> Simulation:
+    """The physics of the car on a logged trip, no heating or cooling."""
+    return simulate(
+        load_vehicle(synthetic.VEHICLE),
+        trip.array("time_s"),
+        trip.array("speed_m_s"),
+        elevation_m=trip.array("elevation_m"),
+        climate_power_w=0.0,
+        conditions=DriveConditions(
+            ambient_temperature_degc=trip.array("ambient_temperature_degc")[0],
+            initial_soc=trip.array("soc")[0],
+            initial_battery_temperature_degc=trip.array("battery_temperature_degc")[0],
+            payload_mass_kg=trip.context.payload_mass_kg,
+        ),
+    )
+
+
+def test_a_seed_makes_the_same_fleet_and_a_longer_one_begins_with_it(fleet, truth):
+    shorter, shorter_truth = synthetic_world(9, seed=7)
+    for a, b in zip(shorter.trips, fleet.trips, strict=False):
+        pd.testing.assert_frame_equal(a.samples, b.samples, check_exact=True)
+        assert a.context == b.context
+        assert a.observed_energy_wh == b.observed_energy_wh
+    pd.testing.assert_frame_equal(shorter_truth, truth.head(9), check_exact=True)
+    other = synthetic_fleet(1, seed=8).trips[0]
+    assert other.observed_energy_wh != shorter.trips[0].observed_energy_wh
+
+
+def test_no_two_purposes_share_their_random_numbers():
+    keys = [(p, *rest) for p in range(10) for rest in ((), (0,), (0, 0), (1,), (0, 1), (1, 0))]
+    first = {scenario_module.stream(seed, *key).random() for key in keys for seed in (0, 1)}
+    assert len(first) == 2 * len(keys)
+
+
+@pytest.mark.parametrize("module", ["roads", "world", "sensors"])
+def test_what_one_trip_draws_changes_no_other_trip(monkeypatch, fleet, module):
+    scenarios = list(scenario_module.draw_scenarios(12, 7))
+    target = next(i for i in range(11) if scenarios[i + 1].trips_before)  # another trip follows it on its day
+
+    def elsewhere(seed, purpose, *index):
+        return scenario_module.stream(seed + 1000 * (index == scenarios[target].key), purpose, *index)
+
+    monkeypatch.setattr(f"tripwatt.study.synthetic.{module}.stream", elsewhere)
+    for i, (changed, kept) in enumerate(zip(synthetic_fleet(12, seed=7).trips, fleet.trips, strict=False)):
+        assert changed.samples.equals(kept.samples) == (i != target)
+
+
+def test_two_seasons_several_days_trips_and_drivers(fleet, truth):
+    first = fleet.trips[:32]
+    assert {t.context.season for t in first} == {"summer", "winter"}
+    assert all(sum(t.context.season == s for t in first) >= 8 for s in ("summer", "winter"))
+    assert len({t.context.day for t in first}) >= 8
+    assert truth["driver"].head(32).nunique() >= 3
+    assert {t.context.route for t in fleet.trips} == {"city", "rural", "highway", "mixed"}
+    assert {"sunny", "cloudy", "rainy", "dark"} <= {t.context.weather for t in fleet.trips}
+    for t in fleet.trips:
+        assert t.context.day.month in ((6, 7, 8) if t.context.season == "summer" else (12, 1, 2))
+        assert t.context.cabin_setpoint_degc == t.array("cabin_setpoint_degc")[0]
+        assert truth.loc[t.trip_id, "driver"] == t.context.driver
+        assert 9 * 60 <= t.duration_s <= 55 * 60
+        assert set(t.samples.columns) == set(COLUMNS) - {
+            "grade",
+            "motor_torque_nm",
+            "climate_power_w",
+            "speed_limit_m_s",
+        }
+        assert not t.samples.isna().any().any()
+    assert fleet.name == "synthetic"
+    assert fleet.reference is None
+    assert "synthetic" in message(fleet.notes[0])
+
+
+def test_the_trips_of_a_day_do_not_overlap_and_followers_start_warm(fleet):
+    followers = 0
+    for before, after in zip(fleet.trips, fleet.trips[1:], strict=False):
+        if before.context.day != after.context.day:
+            assert not after.context.follows_trip
+            continue
+        ends = before.context.started_at + dt.timedelta(seconds=before.duration_s)
+        assert after.context.started_at > ends
+        if after.context.follows_trip and after.context.season == "winter":
+            followers += 1
+            warmth = after.array("cabin_temperature_degc")[0] - after.array("ambient_temperature_degc")[0]
+            first = next(t for t in fleet.trips if t.context.day == after.context.day)
+            cold = first.array("cabin_temperature_degc")[0] - first.array("ambient_temperature_degc")[0]
+            assert warmth > max(8.0, cold + 5.0)
+            assert (
+                after.array("battery_temperature_degc")[0] >= first.array("battery_temperature_degc")[0] - 3.0
+            )
+    assert followers >= 3
+
+
+def test_energies_are_those_of_such_a_car(fleet):
+    use = pd.Series(
+        {t.trip_id: t.observed_energy_wh / t.distance_m * 100.0 for t in fleet.trips}
+    )  # kWh/100 km
+    season = pd.Series({t.trip_id: t.context.season for t in fleet.trips})
+    assert use.between(10, 25).mean() >= 0.9
+    assert use.between(6, 35).all()
+    mean = use.groupby(season).mean()
+    assert mean["summer"] < 0.8 * mean["winter"]
+
+
+def test_truth_adds_up_and_sensors_report_it(fleet, truth):
+    parts = ["driving", "heating", "aircon", "lamps", "driver", "trip", "noise"]
+    total = truth[[f"{p}_energy_wh" for p in parts]].sum(axis=1)
+    np.testing.assert_allclose(total, truth["energy_wh"], rtol=1e-9)
+    observed = np.array([t.observed_energy_wh for t in fleet.trips])
+    np.testing.assert_allclose(observed, truth["energy_wh"], rtol=0.003)
+    assert not np.array_equal(observed, truth["energy_wh"])
+    for t in fleet.trips:
+        ambient = t.array("ambient_temperature_degc").mean()
+        assert ambient == pytest.approx(truth.loc[t.trip_id, "ambient_temperature_degc"], abs=0.3)
+        heating = np.trapezoid(t.array("heating_power_w"), t.array("time_s")) / 3600.0
+        assert heating == pytest.approx(truth.loc[t.trip_id, "heating_energy_wh"], rel=0.03, abs=20.0)
+
+
+def test_charge_agrees_with_current_and_energy(fleet, truth):
+    battery = load_vehicle(synthetic.VEHICLE).battery
+    for t in fleet.trips:
+        soc, time = t.array("soc"), t.array("time_s")
+        drawn_ah = np.trapezoid(t.array("current_a"), time) / 3600.0
+        assert soc[0] - soc[-1] == pytest.approx(drawn_ah / age_battery(battery).capacity_ah, abs=0.002)
+        assert soc.min() > 0.1
+        assert soc[-1] == pytest.approx(truth.loc[t.trip_id, "end_soc"], abs=0.0006)
+        shown = battery.soc_from_displayed(t.array("displayed_soc")[0])
+        assert shown == pytest.approx(soc[0], abs=0.004)
+    per_soc = [t.observed_energy_wh / np.ptp(t.array("soc")[[0, -1]]) for t in fleet.trips]
+    assert np.std(per_soc) / np.mean(per_soc) < 0.05
+
+
+def test_the_hidden_truth_can_be_found_again(fleet, truth):
+    """What physics misses is explained by the hidden effects, each with about the weight that it really had."""
+    missed = np.array([t.observed_energy_wh - without_climate(t).simulated_energy_wh for t in fleet.trips])
+    causes = [
+        "heating_energy_wh",
+        "aircon_energy_wh",
+        "lamps_energy_wh",
+        "driver_energy_wh",
+        "trip_energy_wh",
+    ]
+    causes += ["wind_work_wh", "rolling_work_wh"]
+    x = truth[causes].to_numpy()
+    weight, *_ = np.linalg.lstsq(x, missed, rcond=None)
+    left = missed - x @ weight
+    assert 1 - left.var() / missed.var() > 0.97
+    found = dict(zip(causes, weight, strict=True))
+    assert found["heating_energy_wh"] == pytest.approx(1.0, abs=0.1)
+    assert found["aircon_energy_wh"] == pytest.approx(1.0, abs=0.3)
+    assert found["driver_energy_wh"] == pytest.approx(1.0, abs=0.4)
+    assert found["trip_energy_wh"] == pytest.approx(1.0, abs=0.3)
+    # work at the wheel costs more than itself at the terminals, or less where it only spares the brakes
+    assert 0.7 < found["wind_work_wh"] < 1.5
+    assert 0.7 < found["rolling_work_wh"] < 1.5
+    # and no single cause would do
+    assert all(np.corrcoef(x[:, i], missed)[0, 1] ** 2 < 0.97 for i in range(len(causes)))
+
+
+def test_the_car_can_follow_and_physics_alone_is_wrong(fleet):
+    error = []
+    for t in fleet.trips[:32]:
+        driven = without_climate(t)
+        assert driven.by_cause_wh["shortfall"] <= 0.01 * driven.simulated_energy_wh
+        error.append(abs(driven.simulated_energy_wh / t.observed_energy_wh - 1.0))
+    assert 0.1 < np.mean(error) < 0.5
+
+
+def test_winter_cabins_get_warm_and_cost_energy(fleet, truth):
+    for t in fleet.trips:
+        if t.context.season == "winter" and t.duration_s > 1200.0:
+            end = t.array("cabin_temperature_degc")[-60:].mean()
+            assert end == pytest.approx(t.context.cabin_setpoint_degc, abs=2.5)
+    winter = truth["season"] == "winter"
+    assert truth.loc[winter, "heating_energy_wh"].min() > 50.0
+    assert truth.loc[winter, "aircon_energy_wh"].sum() < 0.05 * truth.loc[~winter, "aircon_energy_wh"].sum()
+
+
+def test_resolution_of_the_sensors(fleet):
+    steps = {
+        "speed_m_s": 0.1 / 3.6,
+        "elevation_m": 0.5,
+        "soc": 0.001,
+        "displayed_soc": 0.005,
+        "voltage_v": 0.1,
+        "current_a": 0.1,
+        "ambient_temperature_degc": 0.5,
+        "heating_power_w": 20.0,
+    }
+    for t in fleet.trips[:6]:
+        for column, step in steps.items():
+            count = t.array(column) / step
+            np.testing.assert_allclose(count, np.round(count), atol=1e-6, err_msg=column)
+        speed = t.array("speed_m_s")
+        assert speed[0] == 0
+        assert (speed == 0).sum() >= 3
+        assert np.abs(np.diff(speed)).max() < 4.0
+
+
+def test_finer_steps_tell_the_same_trip():
+    coarse, fine = synthetic_truth(3, seed=2), synthetic_truth(3, seed=2, step_s=0.1)
+    shares = ["driver_share", "trip_share", "rolling_share", "headwind_m_s"]
+    np.testing.assert_allclose(fine[shares], coarse[shares], rtol=0.05, atol=0.01)
+    steady = ["driving_energy_wh", "heating_energy_wh", "aircon_energy_wh"]
+    np.testing.assert_allclose(fine[steady], coarse[steady], rtol=0.03, atol=5.0)
+    trip = synthetic_fleet(1, seed=2, step_s=0.1).trips[0]
+    np.testing.assert_allclose(np.diff(trip.array("time_s")), 0.1)
+
+
+def test_noise_has_heavy_tails_and_its_size():
+    time = np.arange(200_000.0)
+    noise = heavy_tailed_noise(time, 0 * time, 0 * time, np.random.default_rng(0)) / NOISE_STANDING_W
+    assert noise.std() == pytest.approx(1.0, abs=0.1)
+    assert ((noise - noise.mean()) ** 4).mean() / noise.var() ** 2 > 4.0  # a normal law has 3
+    memory = np.corrcoef(noise[1:], noise[:-1])[0, 1]
+    assert memory == pytest.approx(0.5 * np.exp(-1.0 / 6.0), abs=0.02)
+
+
+def test_hidden_forces_have_the_right_sign():
+    """A headwind costs and a tailwind spares what the same speed costs in still air."""
+    from tripwatt.study.synthetic.roads import drive_route
+    from tripwatt.study.synthetic.world import hidden_forces
+
+    car = load_vehicle(synthetic.VEHICLE)
+    scenario = next(p for p in scenario_module.draw_scenarios(8, 7) if p.route == "mixed")
+    drive = drive_route(scenario, 7, 1.0)
+    still = np.full(len(drive.grade), 15.0)
+    level = replace(drive, heading_rad=np.zeros_like(still))
+    found = {}
+    for name, wind, angle in (("head", 6.0, 0.0), ("none", 0.0, 0.0), ("tail", 6.0, np.pi)):
+        day = replace(scenario.day, wind_m_s=wind, wind_from_rad=angle)
+        force, mean, *_ = hidden_forces(
+            replace(scenario, day=day), level, still, car, np.random.default_rng(0)
+        )
+        found[name] = float(force @ drive.profile.speed_m_s)
+        assert np.sign(round(mean, 9)) == {"head": 1, "none": 0, "tail": -1}[name]
+    assert found["tail"] < 0 < found["none"] < found["head"]
+    # still air: only the larger body, as a share of the physics' own air drag
+    alone = simulate(
+        car,
+        drive.profile.time_s,
+        drive.profile.speed_m_s,
+        elevation_m=drive.elevation_m,
+        conditions=DriveConditions(ambient_temperature_degc=15.0),
+    )
+    air_w = alone.aero_drag_force_n @ drive.profile.speed_m_s
+    assert found["none"] / air_w == pytest.approx(0.04, abs=0.004)
+
+
+def test_the_audit_keeps_every_trip_whole(fleet):
+    kept = audit(fleet)
+    assert [str(f) for f in kept.findings] == []
+    assert [t.trip_id for t in kept.trips] == [t.trip_id for t in fleet.trips]
+    assert [t.observed_energy_wh for t in kept.trips] == [t.observed_energy_wh for t in fleet.trips]
+
+
+@pytest.mark.parametrize(("n_trips", "seed"), [(32, 0), (12, 3), (8, 5)])
+def test_the_audit_finds_the_planted_faults_and_nothing_else(n_trips, seed):
+    planted, faults = faulty_fleet(n_trips, seed)
+    sound = synthetic_fleet(n_trips, seed)
+    found = audit(planted)
+    by_kind = {f.kind: f for f in faults}
+    assert set(by_kind) == {"frozen signal", "wrong sign", "filled gap"}
+    words = {"frozen signal": "frozen", "wrong sign": "sign", "filled gap": "a filled gap"}
+    outcome = {"frozen signal": "trimmed", "wrong sign": "set aside", "filled gap": "set aside"}
+    for kind, fault in by_kind.items():
+        of_trip = [f for f in found.findings if f.trip == fault.trip]
+        # a reversed current is seen three times: by acceleration, by the state of charge, and by a battery that gains
+        assert len(of_trip) == (3 if kind == "wrong sign" else 1)
+        for finding in of_trip:
+            assert words[kind] in finding.what
+            assert finding.consequence == outcome[kind]
+            assert finding.from_s == pytest.approx(fault.from_s, abs=2.0)
+            assert finding.to_s == pytest.approx(fault.to_s, abs=2.0)
+    assert {f.trip for f in found.findings} == {f.trip for f in faults}
+    aside = {by_kind["wrong sign"].trip, by_kind["filled gap"].trip}
+    assert {t.trip_id for t in sound.trips} - {t.trip_id for t in found.trips} == aside
+    frozen = by_kind["frozen signal"]
+    whole = next(t for t in sound.trips if t.trip_id == frozen.trip)
+    left = next(t for t in found.trips if t.trip_id == frozen.trip)
+    until = whole.between(-np.inf, frozen.from_s)
+    assert left.observed_energy_wh == pytest.approx(until.observed_energy_wh, rel=1e-12)
+
+
+def test_planted_faults_change_their_own_samples_and_no_other():
+    planted, faults = faulty_fleet(32, 0)
+    sound = synthetic_fleet(32, 0)
+    by_trip = {f.trip: f for f in faults}
+    assert len(by_trip) == 3
+    for before, after in zip(sound.trips, planted.trips, strict=True):
+        fault = by_trip.get(before.trip_id)
+        if fault is None:
+            pd.testing.assert_frame_equal(before.samples, after.samples, check_exact=True)
+            continue
+        assert before.context == after.context
+        assert fault.unfaulted_energy_wh == before.observed_energy_wh
+        different = (before.samples != after.samples).any(axis=1).to_numpy()
+        assert not different[: fault.first].any()
+        assert not different[fault.stop :].any()
+        assert different[fault.first : fault.stop].mean() > 0.9
+        np.testing.assert_array_equal(before.array("time_s"), after.array("time_s"))
+        if fault.kind == "wrong sign":
+            assert after.observed_energy_wh == pytest.approx(-fault.unfaulted_energy_wh)
+        elif fault.kind == "frozen signal":
+            assert fault.stop == len(after.samples)
+            assert after.samples.iloc[fault.first - 1 :].drop(columns="time_s").nunique().eq(1).all()
+        else:
+            inside = after.samples.iloc[fault.first - 1 : fault.stop + 1]
+            curve = inside.drop(columns="time_s").diff().diff().abs().max()
+            assert (curve < 1e-9).all()
+
+
+def test_example_trip_is_a_table_and_arguments_are_checked():
+    table = example_trip()
+    assert set(table.columns) <= set(COLUMNS)
+    assert len(table) > 500
+    with pytest.raises(InvalidInput) as caught:
+        synthetic_fleet(0, seed=-1, step_s=0.0)
+    assert [f.where for f in caught.value.faults] == ["n_trips", "seed", "step_s"]
+
+
+def test_long_drives_take_the_hours_that_were_asked():
+    fleet = synthetic_fleet(3, seed=2, hours=(1.0, 1.2))
+    for trip in fleet.trips:
+        assert 3600.0 * 0.8 < trip.duration_s < 3600.0 * 1.5
+        assert trip.distance_m > 55_000.0
+        assert trip.array("soc")[0] == pytest.approx(0.9, abs=0.01)
+        assert trip.context.follows_trip is False
+
+
+def test_another_car_stands_on_its_own_physics():
+    usual, other = (
+        synthetic_fleet(2, seed=4, vehicle=load_vehicle(n)) for n in (VEHICLE, "tesla_model_3_lr")
+    )
+    assert usual.trips[0].observed_energy_wh == synthetic_fleet(2, seed=4).trips[0].observed_energy_wh
+    for a, b in zip(usual.trips, other.trips, strict=True):
+        np.testing.assert_array_equal(a.array("speed_m_s"), b.array("speed_m_s"))  # the same drives
+        assert 0.8 < b.observed_energy_wh / a.observed_energy_wh < 1.6
+        # a battery of four times the energy
+        fall = [float(np.ptp(t.array("soc"))) for t in (a, b)]
+        assert fall[0] > 2.0 * fall[1]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        ({"hours": (2.0, 1.0)}, "hours"),
+        ({"hours": (0.05, 1.0)}, "hours"),
+        ({"hours": (1.0, 13.0)}, "hours"),
+    ],
+)
+def test_impossible_hours_are_refused(arguments, named):
+    with pytest.raises(InvalidInput, match=named):
+        synthetic_fleet(3, **arguments)
