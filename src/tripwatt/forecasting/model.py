@@ -175,7 +175,7 @@ class ForecastModel:
             again=again,
             progress=progress,
         )
-        corrector, _ = self.fitted_parts("fit")
+        corrector, _ = self.fitted_parts("training")
         self.roads_ = driven_roads(trips, table, driving_w(table) + corrector.predict_driving(table))
         return self
 

@@ -75,7 +75,7 @@ class ConformalScores:
         --------
         >>> scores = ConformalScores.from_errors([3.0] * 20)
         >>> scores.with_other_causes(0.0).factor(0.9), round(scores.with_other_causes(0.5).factor(0.9), 2)
-        (3.0, 2.37)
+        (3.0, 2.38)
         """
         n = len(self.values)
         usual = np.array([t4_half_width(k / (n + 1)) for k in range(1, n + 1)]) / math.sqrt(T4_VARIANCE)
