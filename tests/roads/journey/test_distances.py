@@ -256,19 +256,20 @@ def test_what_own_trips_take_more_than_typical_roads_is_learned() -> None:
 
 
 def test_own_roads_are_compared_as_they_are_corrected(commuter: ForecastModel) -> None:
-    """A car that loses in changes of speed what its own even roads do not have: the need is that of its roads."""
+    """A car that rolls harder than is simulated takes more on its own roads, as on typical ones: that is no difference of its roads."""
     plain, _ = commuter.fitted_parts("test")
     assert isinstance(plain, FactorCorrector)
-    mean = np.zeros(len(plain.mean))
     needs = []
     for loss in (0.0, 5.0):
-        mean[NAMES.index("transients")] = loss
-        car = replace(commuter, corrector_=replace(plain, mean=mean.copy()))
-        needs.append(tw.need(60, (0.0, 0.0, 1.0), departure=MILD, model=car).energy_wh)
-        stranger = tw.need(60, (0.0, 0.0, 1.0), departure=MILD, model=replace(car, roads_=None)).energy_wh
-        needs.append(stranger)
+        mean = np.zeros(len(plain.mean))
+        mean[NAMES.index("rolling")] = loss
+        car = replace(commuter, corrector_=replace(plain, mean=mean))
+        needs += [
+            tw.need(60, (0.0, 0.0, 1.0), departure=MILD, model=asked).energy_wh
+            for asked in (car, replace(car, roads_=None))
+        ]
     own, typical = needs[2] - needs[0], needs[3] - needs[1]
-    assert abs(own) < 0.5 * typical, needs
+    assert own == pytest.approx(typical, rel=0.1)
 
 
 def test_scores_of_held_out_trips_do_not_widen_what_a_road_leaves_open() -> None:
@@ -280,7 +281,7 @@ def test_scores_of_held_out_trips_do_not_widen_what_a_road_leaves_open() -> None
     for car in (model, wild):
         found = tw.need(20, departure=MILD, model=car)
         widths.append(found.interval_wh[1] - found.interval_wh[0])
-    assert widths[0] < widths[1] < 1.5 * widths[0]
+    assert widths[0] < widths[1] < 1.25 * widths[0]
 
 
 def test_an_hour_of_standstill_does_not_widen_the_way_to_work() -> None:
