@@ -25,6 +25,7 @@ from benchmarks.worlds import WORLDS as PUBLISHED
 from tripwatt.arrays import FloatArray
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.forecasting.difference import LEAST_SHARE
+from tripwatt.forecasting.leaving import soc_needed
 from tripwatt.hybrid import segment_table
 from tripwatt.hybrid.factors import USUAL_SHARE, USUAL_SHARE_KM, USUAL_WH, FactorCorrector, factor_power
 from tripwatt.hybrid.learning import Experts
@@ -285,7 +286,7 @@ def advised_drive(setting: str, seed: int, base: ForecastModel, truth: Truth) ->
         made = model.forecast(plan, departure)
         return with_weather_error(made) if setting == PLANNED else made
 
-    needed = forecast_with().soc_needed(0.1, float(rng.uniform(0.75, 0.94)))
+    needed = soc_needed(forecast_with(), 0.1, float(rng.uniform(0.75, 0.94)))
     leaves = tw.Departure(soc=min(max(needed, 0.11), 1.0))
     return tw.advise(forecast_with(leaves)), driven.with_departure(leaves)
 
@@ -344,7 +345,7 @@ def _outcome(advice: Advice, before_wh: Sequence[float], taken_wh: Sequence[floa
         return Followed(saved, stays, None, None)
     best = advice.least[0]
     follows = best.p_arrive, truth.left(forecast, soc, others[-1]) >= advice.reserve
-    leaves = best.forecast.soc_needed(advice.reserve, CHANCE)
+    leaves = soc_needed(best.forecast, advice.reserve, CHANCE)
     just = truth.left(forecast, leaves, others[-1]) >= advice.reserve if leaves <= 1.0 else None
     return Followed(saved, stays, follows, just)
 

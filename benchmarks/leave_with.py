@@ -22,6 +22,7 @@ from tools.command import run
 import tripwatt as tw
 from benchmarks.measure import Row, report
 from tripwatt.forecasting import Forecast, ForecastModel
+from tripwatt.forecasting.leaving import soc_needed
 from tripwatt.population import for_car
 from tripwatt.trips import Departure, Plan
 from tripwatt.vehicles import vehicle_names
@@ -93,7 +94,7 @@ def answers(cars: Sequence[str]) -> Iterator[Answer]:
         for (road, plan), charge in itertools.product(plans.items(), CHARGES):
             asked = question(model, plan, charge)
             for probability in PROBABILITIES:
-                soc = asked.soc_needed(RESERVE, probability)
+                soc = soc_needed(asked, RESERVE, probability)
                 leaving = question(model, plan, min(max(soc, 0.0), 1.0))
                 yield Answer(car, road, charge, probability, soc, leaving.p_arrive(RESERVE))
 

@@ -48,7 +48,7 @@ def arrivals(forecast: Forecast, trip: Trip) -> FloatArray:
         departure = forecast.plan.departure
         plan = replace(forecast.plan, departure=departure if known else replace(departure, soc=None))
         now = replace(forecast, drive=replace(forecast.drive, plan=plan)).update(samples[[*MEASURED, column]])
-        rows.append((now.soc_arrival, *now.soc_interval(0.9)))
+        rows.append((now.soc_arrival, *now.arrival.interval(0.9)))
     return np.array(rows)
 
 

@@ -136,7 +136,7 @@ def scores(trips: Sequence[Trip], made: Sequence[Forecast], driven: Sequence[For
 def charge_scores(trips: Sequence[Trip], made: Sequence[Forecast]) -> dict[str, Any] | None:
     """Displayed charge at arrival beside its interval, of the trips that show it; None where none does."""
     rows = [
-        (float(trip.samples["displayed_soc"].dropna().iloc[-1]), *forecast.soc_interval(UPDATE_LEVEL))
+        (float(trip.samples["displayed_soc"].dropna().iloc[-1]), *forecast.arrival.interval(UPDATE_LEVEL))
         for trip, forecast in zip(trips, made, strict=True)
         if trip.has("displayed_soc") and forecast.plan.departure.soc is not None
     ]

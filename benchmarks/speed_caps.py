@@ -16,9 +16,9 @@ from tools.command import run
 import tripwatt as tw
 from benchmarks.measure import Row, report, seconds
 from tripwatt.arrays import FloatArray
+from tripwatt.forecasting.leaving import forecasts_like
 from tripwatt.physics import simulate_trip
 from tripwatt.roads.advice.actions import FAST_KM_H, SPEEDS_KM_H, actions
-from tripwatt.roads.advice.advise import maker_like
 from tripwatt.trips import Departure, Plan
 from tripwatt.units import M_S_PER_KM_H, WH_PER_J
 from tripwatt.vehicles import load_vehicle
@@ -81,7 +81,7 @@ def rows() -> Iterator[Row]:
         name = f"time with charging at {power / 1000.0:.0f} kW: largest excess over one speed for each class of road"
         yield Row(name, over.max(), most=0.002)
     forecast = tw.forecast(made_trip(0, {}))
-    again = maker_like(forecast)
+    again = forecasts_like(forecast)
     slower = [action for action in actions(forecast) if action.code == "slower"]
     took = seconds(lambda: [again(action.applied(forecast.plan)) for action in slower])
     yield Row(

@@ -5,7 +5,6 @@ Run: ``python -m benchmarks.stops``.
 
 from __future__ import annotations
 
-import copy
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -19,13 +18,14 @@ from tools.command import run
 
 import tripwatt as tw
 from benchmarks.measure import Row, report, seconds
-from tripwatt.forecasting import Forecast
+from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.roads.journey import Atlas, ChargingCurve, Place, RoadForecaster
 from tripwatt.roads.journey.corridor import Corridor, StopRules
 from tripwatt.roads.journey.plans import find_plans
 from tripwatt.roads.journey.solver import LEVELS, least_time
 from tripwatt.roads.journey.stops import ChargingPlan
 from tripwatt.roads.maps import Station
+from tripwatt.trips import Departure, Plan, Trip
 from tripwatt.uncertainty import ChargeScale, UncertaintyModel
 from tripwatt.uncertainty.charge import NORMAL_SCALE
 from tripwatt.uncertainty.process import HeldOutResidual, Segments
@@ -68,19 +68,18 @@ def learned(rng: Any, charge: ChargeScale, count: int) -> UncertaintyModel:
     return UncertaintyModel.from_held_out(trips, charge=charge)
 
 
-@dataclass(frozen=True, eq=False)
-class MadeWorld(RoadForecaster):
+class MadeModel(ForecastModel):
     """Forecasts whose errors are those of the made world alone: its corrector has no doubt of its own."""
 
-    def forecast_plan(self, plan: Any, weather: Any = ()) -> Forecast:
+    def forecast(self, trip: Plan | Trip, departure: Departure | None = None) -> Forecast:
         """With the spread of the learned process."""
-        forecast = super().forecast_plan(plan, weather)
+        forecast = super().forecast(trip, departure)
         segments = replace(forecast.drive.segments, corrector_sd_wh=0.0, outside_sd_wh=0.0)
         uncertainty = forecast.uncertainty
         process_wh = float(forecast.posterior.energy_wh(forecast.open_hours)[1][-1])
         factor = uncertainty.scale.sd_wh(segments) / process_wh
         drive = replace(forecast.drive, segments=segments)
-        return replace(forecast, drive=drive, sd_factor=factor, state_sd_wh=0.0, maker=self.forecast_plan)
+        return replace(forecast, drive=drive, sd_factor=factor, state_sd_wh=0.0)
 
 
 @dataclass
@@ -98,7 +97,7 @@ def planned(
 ) -> Corridor:
     """A level road with stations in the made world, with what its trips taught."""
     rng = np.random.default_rng(seed)
-    model = copy.copy(tw.load_model("bmw_i3_tum"))
+    model = MadeModel(**vars(tw.load_model("bmw_i3_tum")))
     known = model.uncertainty_
     assert known is not None
     assert known.charge is not None
@@ -112,7 +111,7 @@ def planned(
     )
     atlas = Atlas(LevelRouter(), stations=stations)
     departure = tw.Departure(soc=0.8, ambient_temperature_degc=15.0, battery_temperature_degc=20.0)
-    forecaster = MadeWorld(model, departure)
+    forecaster = RoadForecaster(model, departure)
     road = atlas.router.roads((Place(47.0, 9.0), end))[0]
     forecast = forecaster.forecast(road)
     curve = ChargingCurve.from_class(forecast.charge.wh_per_display)
@@ -138,7 +137,7 @@ def held(plan: ChargingPlan, draws: int, seed: int) -> tuple[list[float], float]
             / 3600.0
         )
         taken = (forecast.energy_wh + error_wh) * (1.0 + capacity) / charge.wh_per_display
-        start = float(forecast.soc_along(0.5)[0])
+        start = float(forecast.along.soc(0.5)[0])
         shown = start - taken + rng.normal(0.0, DISPLAY_SD / NORMAL_SCALE, draws)
         good.append(shown >= plan.reserve)
     return [float(np.mean(leg)) for leg in good], float(np.mean(np.all(good, axis=0)))

@@ -27,12 +27,12 @@ FOUND = tw.forecast(tw.read_route(LINKS), tw.Departure(soc=0.8, ambient_temperat
 FRACTIONS: Final[dict[str, Callable[[Any], Any]]] = {
     "interval": FOUND.interval,
     "quantile": FOUND.quantile,
-    "soc_interval": FOUND.soc_interval,
-    "soc_quantile": FOUND.soc_quantile,
-    "soc_along": FOUND.soc_along,
+    "arrival.interval": FOUND.arrival.interval,
+    "arrival.quantile": FOUND.arrival.quantile,
+    "along.soc": FOUND.along.soc,
     "p_arrive": FOUND.p_arrive,
-    "soc_needed, probability": lambda value: FOUND.soc_needed(probability=value),
-    "soc_needed, reserve": lambda value: FOUND.soc_needed(reserve=value),
+    "soc_needed, probability": lambda value: tw.soc_needed(FOUND, probability=value),
+    "soc_needed, reserve": lambda value: tw.soc_needed(FOUND, reserve=value),
     "to_dict": lambda value: FOUND.to_dict(reserve=value),
     "JourneyOptions": lambda value: JourneyOptions(reserve=value),
     "RoadCar": lambda value: RoadCar("no folder is made", reserve=value),
@@ -135,8 +135,8 @@ def test_every_kind_of_number_is_one(value: Any) -> None:
 
 def test_below_one_half_a_charge_to_leave_with_has_no_meaning() -> None:
     with pytest.raises(tw.InvalidInput, match=r"got 0\.3; allowed: 0\.5 to 1"):
-        FOUND.soc_needed(probability=0.3)
-    assert (FOUND.soc_along(0.3) >= FOUND.soc_along(0.7)).all()  # a band has two sides
+        tw.soc_needed(FOUND, probability=0.3)
+    assert (FOUND.along.soc(0.3) >= FOUND.along.soc(0.7)).all()  # a band has two sides
 
 
 FIELDS: Final[dict[str, tuple[Any, ...]]] = {

@@ -3,7 +3,7 @@ from .auditing import audit
 from .certification import describe_car
 from .errors import InvalidInput
 from .fleet.store import create_store, open_store
-from .forecasting import Forecast, ForecastModel, load_model, save_model
+from .forecasting import Forecast, ForecastModel, leaving_with, load_model, save_model, soc_needed
 from .population import for_car
 from .roads.advice import Advice, advise
 from .roads.journey import Journey, Need, Range, need, plan_journey, range_km
@@ -38,6 +38,7 @@ __all__ = [
     "fit",
     "for_car",
     "forecast",
+    "leaving_with",
     "load_model",
     "load_vehicle",
     "need",
@@ -50,6 +51,7 @@ __all__ = [
     "read_trips",
     "save_model",
     "simulate",
+    "soc_needed",
     "sweep",
     "synthetic_fleet",
 ]

@@ -36,12 +36,12 @@ def made(soc: tuple[float, float, float, float], energy_wh: float = 2120.0, **mo
         "p_arrive": lambda reserve=0.0: 0.42,
         "climb_to": lambda reserve=0.0: None,
         "plan": plan,
-        "missing_wh": (0.0, 0.0, 0.0),
+        "along": SimpleNamespace(missing_wh=(0.0, 0.0, 0.0)),
     } | more
     return SimpleNamespace(
         energy_wh=energy_wh,
         interval=lambda level: (energy_wh - 300.0, energy_wh + 400.0) if level == 0.9 else None,
-        series=lambda: series,
+        to_frame=lambda: series,
         **given,
     )
 
@@ -57,14 +57,14 @@ def test_the_sentence_holds_the_numbers_of_the_forecast() -> None:
 def test_a_battery_that_may_not_last_is_told_with_its_probability() -> None:
     perhaps = forecast_in_words(made((0.12, 0.03, 0.0, 0.07)))
     assert "you arrive with 3 % (0 to 7 %). The probability to arrive is 42.0 %." in perhaps
-    empty = {"missing_wh": (0.0, 350.0, 1260.0), "empty_at_m": (7_400.0, 9_600.0, None)}
-    not_enough = forecast_in_words(made((0.05, 0.0, 0.0, 0.02), **empty))
+    empty = SimpleNamespace(missing_wh=(0.0, 350.0, 1260.0), empty_at_m=(7_400.0, 9_600.0, None))
+    not_enough = forecast_in_words(made((0.05, 0.0, 0.0, 0.02), along=empty))
     assert (
         "Leaving with 5 % the battery is empty after 10 km (7 km or later): the trip takes 0.35 kWh (0.00 to 1.3 kWh) more "
         "than it holds. The probability to arrive is 42.0 %. At best you arrive with 2 %."
     ) in not_enough
-    certain = {"missing_wh": (200.0, 350.0, 500.0), "empty_at_m": (7_400.0, 9_600.0, 11_200.0)}
-    never = forecast_in_words(made((0.05, 0.0, 0.0, 0.0), p_arrive=lambda reserve=0.0: 1e-5, **certain))
+    certain = SimpleNamespace(missing_wh=(200.0, 350.0, 500.0), empty_at_m=(7_400.0, 9_600.0, 11_200.0))
+    never = forecast_in_words(made((0.05, 0.0, 0.0, 0.0), p_arrive=lambda reserve=0.0: 1e-5, along=certain))
     assert "is empty after 10 km (7 to 11 km)" in never
     assert never.endswith("The probability to arrive is under 0.1 %.")
 
@@ -80,7 +80,7 @@ def test_the_packages_model_and_the_example_trip() -> None:
     said = forecast_in_words(found)
     numbers = [float(n) for n in re.findall(r"\d+\.?\d*", said)]
     km, minutes, degc, energy, _, _, low, high, *_ = numbers
-    last = found.series().iloc[-1]
+    last = found.to_frame().iloc[-1]
     assert km == pytest.approx(last["distance_m"] / 1e3, abs=0.05)
     assert minutes == pytest.approx(last["time_s"] / 60, abs=0.5)
     assert degc == pytest.approx(found.plan.departure.ambient_temperature_degc, abs=0.5)

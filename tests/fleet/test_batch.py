@@ -59,7 +59,7 @@ def test_a_batch_is_the_forecasts_of_its_trips(fleet, tmp_path):
     assert out["a"]["energy_wh_q97_5"] == pytest.approx(own.quantile(0.975), rel=1e-12)
     assert out["a"]["soc_arrival"] == pytest.approx(own.soc_arrival, rel=1e-12)
     ends = [out["a"]["soc_arrival_q10"], out["a"]["soc_arrival_q97_5"]]
-    assert ends == pytest.approx([own.soc_quantile(0.1), own.soc_quantile(0.975)], rel=1e-12)
+    assert ends == pytest.approx([own.arrival.quantile(0.1), own.arrival.quantile(0.975)], rel=1e-12)
     assert out["a"]["p_arrive"] == pytest.approx(own.p_arrive(0.1), rel=1e-12)
     assert (out["a"]["distance_m"], out["a"]["sd_wh"]) == (
         pytest.approx(4500.0, rel=1e-4),

@@ -104,7 +104,7 @@ def test_a_trip_of_links_is_forecast_on_its_road(fleet, tmp_path):
     (row,) = needs_by_car(fleet[2], [trip], -20.0, quantile=0.9, reserve=0.1).to_dict("records")
     for name in sorted(set(fleet[2].vehicles().values())):
         new = fleet[2].of_vehicle(None, car_model=name, cold=True)
-        charge = new.forecast(road, tw.Departure(ambient_temperature_degc=-20.0)).soc_along(0.9)
+        charge = new.forecast(road, tw.Departure(ambient_temperature_degc=-20.0)).along.soc(0.9)
         assert row[name] == pytest.approx(0.1 + charge[0] - charge[-1], rel=1e-6)
     assert table["energy_quantile_wh"].item() == pytest.approx(own.quantile(0.95))
     assert table["distance_m"].item() == pytest.approx(4500.0, abs=1.0)

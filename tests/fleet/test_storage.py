@@ -18,7 +18,7 @@ def test_a_stored_model_forecasts_alike(fleet, tmp_path):
     ours, theirs = (m.forecast(trip, vehicle_id="V00000") for m in (model, again))
     assert ours.energy_wh == theirs.energy_wh
     assert ours.interval(0.9) == theirs.interval(0.9)
-    assert ours.soc_interval(0.9) == theirs.soc_interval(0.9)
+    assert ours.arrival.interval(0.9) == theirs.arrival.interval(0.9)
     assert again.digests == model.digests
     assert again.vehicles() == model.vehicles()
     observed = trip.samples.iloc[:200]

@@ -29,7 +29,7 @@ def forecast(request):
 
 def test_probability_to_arrive_is_that_of_the_quantiles(forecast):
     for level in (0.05, 0.1, 0.25, 0.5, 0.75, 0.9, 0.95):
-        reserve = forecast.soc_quantile(1.0 - level)
+        reserve = forecast.arrival.quantile(1.0 - level)
         assert forecast.p_arrive(reserve) == pytest.approx(level, abs=1e-9)
     # what the trip takes at a quantile is less uncertain than the charge that it leaves
     left = 0.4 - forecast.quantile(0.9) / forecast.charge.wh_per_display
@@ -38,7 +38,7 @@ def test_probability_to_arrive_is_that_of_the_quantiles(forecast):
 
 
 def test_series_starts_at_the_departure_and_ends_at_the_totals(forecast):
-    series = forecast.series()
+    series = forecast.to_frame()
     first, last = series.iloc[0], series.iloc[-1]
     low, high = forecast.interval(0.9)
     assert (

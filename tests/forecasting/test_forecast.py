@@ -1,6 +1,7 @@
 """The forecast: nothing leaks, parts add up, what was measured counts exactly, uncertainty behaves."""
 
 import dataclasses
+from operator import attrgetter
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,7 +14,8 @@ import tripwatt as tw
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import ForecastModel
 from tripwatt.forecasting.expected import ExpectedTrip
-from tripwatt.forecasting.forecast import Forecast
+from tripwatt.forecasting.forecast import Forecast, with_route_error
+from tripwatt.forecasting.leaving import soc_needed
 from tripwatt.forecasting.measured import ChargeReading
 from tripwatt.hybrid import SegmentTable
 from tripwatt.study.synthetic import synthetic_fleet
@@ -85,7 +87,7 @@ def test_quantiles_rise_and_probabilities_fall(model, trip):
 
 def test_series_ends_at_the_total_and_at_the_arrival(model, trip):
     forecast = model.forecast(trip)
-    last = forecast.series().iloc[-1]
+    last = forecast.to_frame().iloc[-1]
     low, high = forecast.interval(0.9)
     assert last["energy_wh"] == pytest.approx(forecast.energy_wh)
     assert (last["energy_low_wh"], last["energy_high_wh"]) == pytest.approx((low, high))
@@ -539,7 +541,7 @@ def powered(**columns: float) -> pd.DataFrame:
 
 def test_energy_and_its_standard_deviation(forecast):
     np.testing.assert_allclose(forecast.power_w, EXPECTED_W, rtol=1e-12)
-    np.testing.assert_allclose(forecast.segment_energy_wh, ENERGY_WH, rtol=1e-12)
+    np.testing.assert_allclose(np.diff(forecast.along.energy_wh), ENERGY_WH, rtol=1e-12)
     assert forecast.energy_wh == pytest.approx(TOTAL_WH, **EXACT)
     assert forecast.sd_wh == pytest.approx(SD_WH, **EXACT)
 
@@ -557,9 +559,9 @@ def test_intervals_quantiles_and_probabilities(forecast):
     assert forecast.quantile(0.5) == pytest.approx(TOTAL_WH, **EXACT)
 
 
-@pytest.mark.parametrize("kind", ["interval", "soc_interval"])
+@pytest.mark.parametrize("kind", ["interval", "arrival.interval"])
 def test_no_interval_holds_every_trip(forecast, kind):
-    interval = getattr(forecast, kind)
+    interval = attrgetter(kind)(forecast)
     low, high = interval(0.999)
     assert low < high
     for level in (1, 1.0):
@@ -598,14 +600,14 @@ def test_arrival(forecast):
     sd = charge_sd(SD_WH, TOTAL_WH)
     assert forecast.soc_arrival == pytest.approx(left, **EXACT)
     for level, factor in ((0.2, 0.5), (0.5, 1.25), (0.8, 2.0), (0.9, TAIL_90)):
-        assert forecast.soc_interval(level) == pytest.approx(
+        assert forecast.arrival.interval(level) == pytest.approx(
             (left - factor * sd, left + factor * sd), **EXACT
         )
         assert forecast.p_arrive(left - factor * sd) == pytest.approx(0.5 + level / 2, **EXACT)
         assert forecast.p_arrive(left + factor * sd) == pytest.approx(0.5 - level / 2, **EXACT)
     beyond = 2.0 * student.cdf(left / sd / 2.0 * student.ppf(0.9, 4), 4) - 1.0
     assert forecast.p_arrive() == pytest.approx(0.5 + beyond / 2, **EXACT)
-    assert forecast.empty_at_m == (None, None, None)
+    assert forecast.along.empty_at_m == (None, None, None)
 
 
 def test_arrival_from_the_charge_of_the_battery_management(forecast):
@@ -614,8 +616,8 @@ def test_arrival_from_the_charge_of_the_battery_management(forecast):
     left = START - TOTAL_WH / WH_PER_DISPLAY
     sd = charge_sd(SD_WH, TOTAL_WH, 0.03)
     assert managed.soc_arrival == pytest.approx(left, **EXACT)
-    assert managed.soc_interval(0.5) == pytest.approx((left - 1.25 * sd, left + 1.25 * sd), **EXACT)
-    assert managed.series()["displayed_soc_high"][0] == pytest.approx(START + TAIL_90 * 0.03, **EXACT)
+    assert managed.arrival.interval(0.5) == pytest.approx((left - 1.25 * sd, left + 1.25 * sd), **EXACT)
+    assert managed.to_frame()["displayed_soc_high"][0] == pytest.approx(START + TAIL_90 * 0.03, **EXACT)
 
 
 def test_a_battery_that_runs_empty(forecast):
@@ -628,13 +630,13 @@ def test_a_battery_that_runs_empty(forecast):
     assert weak.p_arrive() == pytest.approx(
         0.5 - np.interp(short / sd, [0, 0.5, 1, 1.5, 2], [0, 0.1, 0.2, 0.3, 0.4]), **EXACT
     )
-    early, expected, late = weak.empty_at_m
+    early, expected, late = weak.along.empty_at_m
     # the display is at 0 when 504 Wh are taken: in the third segment, at 30 of whose 302.5 Wh
     share = (0.03 * WH_PER_DISPLAY - 3100 / 60 - 11800 / 30) / (6050 / 20)
     assert expected == pytest.approx(2700.0 + 1800.0 * share, **EXACT)
     assert early < expected
     assert late is None
-    assert (weak.series()["displayed_soc"] >= 0.0).all()
+    assert (weak.to_frame()["displayed_soc"] >= 0.0).all()
 
 
 def test_probabilities_to_arrive_are_given_for_four_charges_and_the_reserve(forecast):
@@ -649,12 +651,12 @@ def test_the_charge_to_leave_with(forecast):
     sd = charge_sd(SD_WH, TOTAL_WH)
     tail = SCORES.factor(0.9)
     needed = 0.1 + TOTAL_WH / WH_PER_DISPLAY + tail * sd  # the reserve, what is taken, and 19 of 20 trips
-    assert forecast.soc_needed() == pytest.approx(needed, abs=1e-5)
-    assert forecast.soc_needed(0.2, 0.5) == pytest.approx(0.2 + TOTAL_WH / WH_PER_DISPLAY, abs=1e-5)
+    assert soc_needed(forecast) == pytest.approx(needed, abs=1e-5)
+    assert soc_needed(forecast, 0.2, 0.5) == pytest.approx(0.2 + TOTAL_WH / WH_PER_DISPLAY, abs=1e-5)
 
 
 def test_series(forecast):
-    series = forecast.series()
+    series = forecast.to_frame()
     energy = np.concatenate(([0.0], np.cumsum(ENERGY_WH)))
     half = TAIL_90 * np.concatenate(([0.0], CUMULATIVE_SD_WH))
     low = energy - half
@@ -688,11 +690,11 @@ def test_causes(forecast):
 def test_a_planned_route_adds_its_share_of_the_energy():
     route = RouteUncertainty(np.array([250.0, 1000.0]), np.array([0.0004, 0.0016]), 20)
     driven = departing()
-    assert driven.with_route_error(route).to_dict() == driven.to_dict()
+    assert with_route_error(driven, route, None).to_dict() == driven.to_dict()
     on_links = dataclasses.replace(
         driven, drive=dataclasses.replace(driven.drive, plan=dataclasses.replace(driven.plan, link_m=625.0))
     )
-    found = on_links.with_route_error(route)
+    found = with_route_error(on_links, route, None)
     assert found.route_sd_wh == pytest.approx(np.sqrt(0.001) * TOTAL_WH, **EXACT)
     assert found.sd_wh == pytest.approx(np.hypot(driven.sd_wh, found.route_sd_wh), **EXACT)
     assert found.flags == ()
@@ -700,11 +702,11 @@ def test_a_planned_route_adds_its_share_of_the_energy():
         on_links,
         drive=dataclasses.replace(driven.drive, plan=dataclasses.replace(driven.plan, link_m=1500.0)),
     )
-    (flag,) = longer.with_route_error(route).flags
+    (flag,) = with_route_error(longer, route, None).flags
     assert (flag.code, flag.value) == ("links_too_long", 1500.0)
-    (flag,) = on_links.with_route_error(None).flags
+    (flag,) = with_route_error(on_links, None, None).flags
     assert flag.code == "route_error_unknown"
-    assert on_links.with_route_error(None).sd_wh == pytest.approx(driven.sd_wh, **EXACT)
+    assert with_route_error(on_links, None, None).sd_wh == pytest.approx(driven.sd_wh, **EXACT)
 
 
 def test_an_update_by_power():
@@ -724,7 +726,7 @@ def test_an_update_by_power():
     factor = 1.1 + ONE_SIXTH * (1.4 - 1.1)
     assert updated.sd_wh == pytest.approx(SD_FACTOR * factor * np.sqrt(variance), rel=1e-9)
     np.testing.assert_allclose(
-        updated.series()["energy_wh"],
+        updated.to_frame()["energy_wh"],
         np.cumsum([0.0, 4000 / 60, (11800 + rest) / 30, (6050 + rest) / 20]),
         rtol=1e-9,
     )
@@ -843,7 +845,7 @@ def test_a_charge_of_the_battery_management_counts_from_the_display_at_departure
     updated = dataclasses.replace(expected, drive=dataclasses.replace(expected.drive, plan=plan)).update(
         readings
     )
-    before, after = np.interp([at_s + 60.0, 360.0], [0.0, 60.0, 180.0, 360.0], updated.energy_along_wh)
+    before, after = np.interp([at_s + 60.0, 360.0], [0.0, 60.0, 180.0, 360.0], updated.along.energy_wh)
     base, taken = (0.01, after) if counts else (0.03, after - before)
     start = shown - 0.048 / (FULL - ZERO) if counts else (0.452 - ZERO) / (FULL - ZERO)
     left = start - (after - before) / WH_PER_DISPLAY
@@ -860,7 +862,7 @@ def test_a_full_display_gives_what_it_hides_before_the_battery_managements_charg
     plan = dataclasses.replace(expected.plan, departure=Departure(soc=1.0))
     full = dataclasses.replace(expected, drive=dataclasses.replace(expected.drive, plan=plan))
     updated = full.update(pd.DataFrame({"time_s": [0.0, 60.0], "soc": [0.90, 0.86]}))
-    rest = updated.energy_along_wh[-1] - updated.energy_along_wh[1]
+    rest = updated.along.energy_wh[-1] - updated.along.energy_wh[1]
     left = 1.02 - 0.04 / (FULL - ZERO) - rest / WH_PER_DISPLAY
     assert updated.soc_arrival == pytest.approx(left, rel=1e-9)
 

@@ -11,7 +11,7 @@ from tests.support.cars import KEPT, some_cars
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import Forecast
-from tripwatt.forecasting.forecast import charge_with_spare
+from tripwatt.forecasting.leaving import charge_with_spare, leave_with, leaving_with, soc_needed
 from tripwatt.population import for_car
 from tripwatt.trips import Departure
 from tripwatt.trips.messages import leave_in_words, message
@@ -47,21 +47,21 @@ def asked(model, road: str = "country", soc: float | None = 0.5, **known) -> For
 
 def test_the_charge_to_leave_with_rises_with_probability_reserve_and_distance(model):
     trip = asked(model)
-    by_probability = [trip.soc_needed(0.1, p) for p in (0.5, 0.7, 0.9, 0.95, 0.99)]
+    by_probability = [soc_needed(trip, 0.1, p) for p in (0.5, 0.7, 0.9, 0.95, 0.99)]
     assert by_probability == sorted(by_probability)
-    by_reserve = [trip.soc_needed(r) for r in (0.0, 0.05, 0.1, 0.2, 0.3)]
+    by_reserve = [soc_needed(trip, r) for r in (0.0, 0.05, 0.1, 0.2, 0.3)]
     assert by_reserve == sorted(by_reserve)
     roads = [
         tw.read_route([{"length_m": metres, "speed_m_s": 20.0}]) for metres in (5e3, 2e4, 6e4, 1.5e5, 4e5)
     ]
-    by_distance = [model.forecast(road).soc_needed() for road in roads]
+    by_distance = [soc_needed(model.forecast(road)) for road in roads]
     assert by_distance == sorted(by_distance)
     assert by_distance[-1] > 1.0
 
 
 def test_a_descent_needs_less_than_its_reserve_and_may_need_nothing(model):
-    assert asked(model, "descent").soc_needed(0.1, 0.5) < 0.1
-    nothing = asked(model, "descent").soc_needed(0.0, 0.5)
+    assert soc_needed(asked(model, "descent"), 0.1, 0.5) < 0.1
+    nothing = soc_needed(asked(model, "descent"), 0.0, 0.5)
     assert nothing < 0.02
     words = leave_in_words(0.0, 0.0, 0.5)
     assert words == "Any charge suffices to arrive in 1 of 2 trips."
@@ -70,12 +70,12 @@ def test_a_descent_needs_less_than_its_reserve_and_may_need_nothing(model):
 def test_a_pass_is_not_crossed_with_an_empty_battery(model):
     """The way down would bring back what the way up takes; a car that stops on the way up does not get it."""
     trip = asked(model, "pass")
-    needed, surely = trip.soc_needed(0.0, 0.5), trip.soc_needed(0.0, 0.9)
-    low = trip.leaving_with(
-        max(needed - max(0.03, 1.5 * (surely - needed)), 0.0)
+    needed, surely = soc_needed(trip, 0.0, 0.5), soc_needed(trip, 0.0, 0.9)
+    low = leaving_with(
+        trip, max(needed - max(0.03, 1.5 * (surely - needed)), 0.0)
     )  # short by more than its spread
-    assert min(low.soc_along(0.5)) < 0.0
-    assert low.soc_along(0.5)[-1] > min(low.soc_along(0.5))
+    assert min(low.along.soc(0.5)) < 0.0
+    assert low.along.soc(0.5)[-1] > min(low.along.soc(0.5))
     assert low.p_arrive(0.0) < 0.1
     assert "battery_empty" in [flag.code for flag in low.flags]
 
@@ -89,13 +89,13 @@ def test_energy_does_not_fall_where_the_battery_is_empty(model):
 
 def test_an_empty_battery_is_told_by_what_it_lacks_and_where(model):
     short, plenty = asked(model, "motorway", 0.1), asked(model, "town", 0.9)
-    assert plenty.missing_wh == (0.0, 0.0, 0.0)
+    assert plenty.along.missing_wh == (0.0, 0.0, 0.0)
     assert "battery_empty" not in [flag.code for flag in plenty.flags]
-    least, expected, most = short.missing_wh
+    least, expected, most = short.along.missing_wh
     assert 0.0 < least < expected < most
     held = 0.1 * short.charge.wh_per_display
     assert expected == pytest.approx(short.energy_wh - held, rel=0.01)
-    early, middle, late = short.empty_at_m
+    early, middle, late = short.along.empty_at_m
     assert early < middle < late < short.drive.distance_m[-1]
     (flag,) = [flag for flag in short.flags if flag.code == "battery_empty"]
     assert (flag.value, flag.unit) == (expected, "wh")
@@ -104,7 +104,7 @@ def test_an_empty_battery_is_told_by_what_it_lacks_and_where(model):
     document = short.to_dict()
     assert document["missing_wh"] == {"least": least, "expected": expected, "most": most}
     # energy that is added to the battery is all that lacks
-    needed = short.soc_needed(0.0, 0.5)
+    needed = soc_needed(short, 0.0, 0.5)
     lacks = (needed - 0.1) * short.charge.wh_per_display
     assert lacks == pytest.approx(expected, rel=0.15)
 
@@ -127,10 +127,10 @@ def test_on_the_way_the_charge_is_that_of_the_last_reading(model):
     times = {"time_s": [0.0, half], "speed_m_s": 20.0}
     shown = 0.6 - 0.5 * before.energy_wh / before.charge.wh_per_display
     seen = before.update(pd.DataFrame({**times, "displayed_soc": [0.6, shown]}))
-    now = seen.soc_needed(0.1, 0.9)
-    assert seen.leaving_with(now).p_arrive(0.1) == pytest.approx(0.9, abs=1e-3)
-    assert seen.leaving_with(now).measured_until_s == seen.measured_until_s
-    assert 0.3 < (now - 0.1) / (before.soc_needed(0.1, 0.9) - 0.1) < 0.75
+    now = soc_needed(seen, 0.1, 0.9)
+    assert leaving_with(seen, now).p_arrive(0.1) == pytest.approx(0.9, abs=1e-3)
+    assert leaving_with(seen, now).measured_until_s == seen.measured_until_s
+    assert 0.3 < (now - 0.1) / (soc_needed(before, 0.1, 0.9) - 0.1) < 0.75
 
 
 def test_a_charge_that_no_display_shows_is_refused(model):
@@ -140,26 +140,26 @@ def test_a_charge_that_no_display_shows_is_refused(model):
     )
     for trip, soc in itertools.product((before, seen), (-0.1, 1.1, float("nan"))):
         with pytest.raises(InvalidInput, match="out of range"):
-            trip.leaving_with(soc)
+            leaving_with(trip, soc)
 
 
 def test_a_plan_is_forecast_again_as_it_was_forecast(model):
     cold = asked(model, soc=0.5, payload_mass_kg=200.0)
-    again = cold.leaving_with(0.5)
+    again = leaving_with(cold, 0.5)
     assert again.energy_wh == cold.energy_wh
     assert again.sd_wh == cold.sd_wh
     assert set(again.flags) == set(cold.flags)
     unknown = asked(model, soc=None)
     assert "soc_assumed" in [flag.code for flag in unknown.flags]
-    assert "soc_assumed" not in [flag.code for flag in unknown.leaving_with(0.5).flags]
+    assert "soc_assumed" not in [flag.code for flag in leaving_with(unknown, 0.5).flags]
 
 
 def test_the_document_has_the_charge_to_leave_with_by_its_reserve(model):
     trip = asked(model, "descent")
     for reserve in (None, 0.3):
-        leave = trip.to_dict(reserve, 0.9)["leave_with"]
+        leave = trip.to_dict(reserve, leave_with(trip, reserve or 0.0, 0.9))["leave_with"]
         assert leave["reserve"] == (reserve or 0.0)
-        assert leave["soc_needed"] == pytest.approx(trip.soc_needed(reserve or 0.0, 0.9), abs=1e-12)
+        assert leave["soc_needed"] == pytest.approx(soc_needed(trip, reserve or 0.0, 0.9), abs=1e-12)
     assert trip.to_dict(0.3)["leave_with"] is None
 
 
@@ -184,4 +184,4 @@ def test_few_forecasts_find_the_charge_to_leave_with(spare, needed, most):
 def test_a_charge_to_leave_with_is_for_a_probability_of_a_half_or_more(model):
     trip = asked(model, "descent")
     with pytest.raises(InvalidInput, match=r"probability: got 0\.49; allowed: 0\.5 "):
-        trip.soc_needed(0.1, 0.49)
+        soc_needed(trip, 0.1, 0.49)

@@ -14,6 +14,7 @@ import pytest
 from tests.support.cars import some_cars
 
 import tripwatt as tw
+from tripwatt.forecasting.leaving import leaving_with, soc_needed
 
 SOC = 0.85
 KNOWN = tw.Departure(
@@ -85,7 +86,7 @@ def test_quantiles_are_in_order_and_intervals_are_nested(car: str) -> None:
     for departure in (KNOWN, at(-15.0), at(35.0), tw.Departure()):
         found = asked(car, departure=departure)
         assert np.all(np.diff([found.quantile(p) for p in LEVELS]) > 0.0)
-        assert np.all(np.diff([found.soc_quantile(p) for p in LEVELS]) >= 0.0)
+        assert np.all(np.diff([found.arrival.quantile(p) for p in LEVELS]) >= 0.0)
         lows, highs = zip(*(found.interval(share) for share in (0.5, 0.8, 0.9, 0.95)), strict=True)
         assert list(lows) == sorted(lows, reverse=True)
         assert list(highs) == sorted(highs)
@@ -98,7 +99,7 @@ def test_energy_is_the_sum_of_its_causes(car: str) -> None:
         found = asked(car, departure=departure)
         size = sum(map(abs, found.by_cause_wh.values()))
         assert abs(sum(found.by_cause_wh.values()) - found.energy_wh) < 1e-9 * size
-        assert found.energy_along_wh[-1] == pytest.approx(found.energy_wh, rel=1e-9)
+        assert found.along.energy_wh[-1] == pytest.approx(found.energy_wh, rel=1e-9)
 
 
 @every_car
@@ -107,10 +108,10 @@ def test_who_leaves_with_the_charge_that_is_needed_arrives_with_the_chance_that_
 ) -> None:
     found = asked(car)
     for reserve, chance in ((0.05, 0.5), (0.1, 0.8), (0.1, 0.95), (0.2, 0.99)):
-        needed = found.soc_needed(reserve, chance)
+        needed = soc_needed(found, reserve, chance)
         assert 0.0 < needed < 1.0
-        assert found.leaving_with(needed).p_arrive(reserve) == pytest.approx(chance, abs=2e-3)
-    needs = [found.soc_needed(0.1, chance) for chance in (0.5, 0.8, 0.9, 0.95, 0.99)]
+        assert leaving_with(found, needed).p_arrive(reserve) == pytest.approx(chance, abs=2e-3)
+    needs = [soc_needed(found, 0.1, chance) for chance in (0.5, 0.8, 0.9, 0.95, 0.99)]
     assert needs == sorted(needs)
     chances = [found.p_arrive(reserve) for reserve in (0.0, 0.2, 0.4, 0.6, 0.8)]
     assert chances == sorted(chances, reverse=True)
@@ -123,7 +124,7 @@ def test_who_leaves_with_the_charge_that_is_needed_arrives_with_the_chance_that_
 def test_a_load_costs_energy_and_chance(car: str) -> None:
     loads = [asked(car, departure=known(payload_mass_kg=mass)) for mass in (0.0, 100.0, 300.0)]
     assert np.all(np.diff([found.energy_wh for found in loads]) > 0.0)
-    assert np.all(np.diff([found.soc_needed(0.1) for found in loads]) > 0.0)
+    assert np.all(np.diff([soc_needed(found, 0.1) for found in loads]) > 0.0)
     assert np.all(np.diff([found.p_arrive(0.1) for found in loads]) <= LEAST_CHANGE)
 
 

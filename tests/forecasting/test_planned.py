@@ -140,7 +140,7 @@ def test_on_the_way_the_doubt_of_the_route_goes(model, trips):
     half = before.update(observed[observed["time_s"] <= 0.5 * seconds])
     assert half.given == "a planned route"
     assert half.sd_wh < before.sd_wh
-    band = half.series()["energy_high_wh"] - half.series()["energy_low_wh"]
+    band = half.to_frame()["energy_high_wh"] - half.to_frame()["energy_low_wh"]
     assert band.iloc[-1] > band.iloc[1]
 
 
@@ -212,7 +212,7 @@ def test_a_late_car_has_the_rest_of_the_route_before_it(model, factor, waits_s):
     driven = np.concatenate(([0.0], np.cumsum(observed["speed_m_s"].to_numpy()[1:])))
     observed = observed[driven <= 7500.0]  # half of the way
     after = before.update(observed)
-    series = before.series()
+    series = before.to_frame()
     half_s = float(np.interp(7500.0, series["distance_m"], series["time_s"]))
     assert after.measured_until_s == pytest.approx(half_s, abs=40.0)
     rest = before.energy_wh - float(np.interp(7500.0, series["distance_m"], series["energy_wh"]))

@@ -86,11 +86,11 @@ def test_samples_end_with_the_trip(planned) -> None:
 
 
 def test_the_charge_at_arrival_is_one_of_a_battery(downhill) -> None:
-    series = downhill.series()
+    series = downhill.to_frame()
     for name in ("displayed_soc", "displayed_soc_low", "displayed_soc_high"):
         assert series[name].between(0.0, 1.0).all()
     assert downhill.soc_arrival <= 1.0
-    assert max(downhill.soc_interval(0.9)) <= 1.0
+    assert max(downhill.arrival.interval(0.9)) <= 1.0
 
 
 def test_no_air_is_hotter_than_on_record() -> None:

@@ -10,7 +10,8 @@ from tests.support.cars import some_cars
 from tests.support.dense_process import DensePower, covariance
 
 import tripwatt as tw
-from tripwatt.forecasting.forecast import QUANTILES, distance_below, possible_energy
+from tripwatt.forecasting.along import distance_below, possible_energy
+from tripwatt.forecasting.document import QUANTILES
 from tripwatt.population import for_car
 from tripwatt.trips import Departure
 from tripwatt.uncertainty import Segments
@@ -47,8 +48,8 @@ def test_long_drives_are_possible(vehicle):
     for km in KM:
         found = model_of(vehicle).forecast(flat(km), departing())
         quantiles = [found.quantile(p) for p in QUANTILES]
-        charges = [found.soc_quantile(p) for p in QUANTILES]
-        series = found.series()
+        charges = [found.arrival.quantile(p) for p in QUANTILES]
+        series = found.to_frame()
         assert np.all(np.diff(quantiles) > 0.0)
         assert quantiles[0] > 0.0
         assert found.quantile(1e-6) > 0.0
@@ -58,7 +59,7 @@ def test_long_drives_are_possible(vehicle):
         assert (series["energy_low_wh"] >= 0.0).all()
         low, high = found.interval(0.9)
         assert high - low <= 0.7 * found.energy_wh or km < 20
-        early, expected, late = found.empty_at_m
+        early, expected, late = found.along.empty_at_m
         reached = [m for m in (early, expected, late) if m is not None]
         assert reached == sorted(reached)
         assert (expected is not None) == (found.soc_arrival == 0.0)

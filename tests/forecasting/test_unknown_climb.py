@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import tripwatt as tw
-from tripwatt.forecasting.forecast import p_above
+from tripwatt.forecasting.leaving import leaving_with, soc_needed
 from tripwatt.hybrid import segment_trips
 from tripwatt.hybrid.energy_errors import unknown_climb_wh
 from tripwatt.roads.journey.forecasting import RoadForecaster
@@ -73,8 +73,8 @@ def test_probabilities_are_the_inverse_of_quantiles(terrain_, p, soc):
     assert found.quantile(0.5) == pytest.approx(found.energy_wh, abs=1e-3)
     assert found.probability_below(found.quantile(p)) == pytest.approx(p, abs=1e-6)
     charge = found.charge.wh_per_display
-    arrives = found.soc_along(p)[-1]
-    assert p_above(found, float(arrives)) == pytest.approx(p, abs=1e-6)
+    arrives = found.along.soc(p)[-1]
+    assert found.arrival.p_above(float(arrives)) == pytest.approx(p, abs=1e-6)
     assert sum(found.by_cause_wh.values()) == pytest.approx(found.energy_wh)
     assert charge > 0.0
 
@@ -129,9 +129,9 @@ def test_what_was_driven_has_no_unknown_climb():
         after = before.update_since_departure(
             pd.DataFrame(seen | {"speed_m_s": 15.0, "observed_energy_wh": power})
         )
-        widths.append(float(after._climb.core_sd_wh[-1]))  # type: ignore[union-attr]
+        widths.append(float(after.along.excess.climb.core_sd_wh[-1]))  # type: ignore[union-attr]
     assert widths == sorted(widths, reverse=True)
-    assert widths[-1] < 0.1 * float(before._climb.core_sd_wh[-1])  # type: ignore[union-attr]
+    assert widths[-1] < 0.1 * float(before.along.excess.climb.core_sd_wh[-1])  # type: ignore[union-attr]
 
 
 def test_a_terrain_is_one_of_four():
@@ -185,17 +185,17 @@ def test_intervals_cover_seeded_roads():
 
 def test_reach_and_charge_to_leave_with_allow_for_the_climb():
     level, unknown = forecast(road(30.0, grade=0.0)), forecast(road(30.0), terrain="mountains")
-    assert unknown.soc_needed(0.1, 0.95) > level.soc_needed(0.1, 0.95) + 0.02
-    leave = unknown.soc_needed(0.1, 0.95)
-    assert unknown.leaving_with(leave).p_arrive(0.1) == pytest.approx(0.95, abs=0.01)
-    assert float(unknown.soc_along(0.95)[-1]) < float(level.soc_along(0.95)[-1])
+    assert soc_needed(unknown, 0.1, 0.95) > soc_needed(level, 0.1, 0.95) + 0.02
+    leave = soc_needed(unknown, 0.1, 0.95)
+    assert leaving_with(unknown, leave).p_arrive(0.1) == pytest.approx(0.95, abs=0.01)
+    assert float(unknown.along.soc(0.95)[-1]) < float(level.along.soc(0.95)[-1])
     drive = RoadForecaster(tw.load_model(), replace(COLD, terrain="mountains"))
     assert drive.departure.terrain == "mountains"
 
 
 def test_two_roads_differ_by_both_of_their_climbs():
     unknown, level = ([forecast(road(km, grade)) for km in (15.0, 30.0)] for grade in (None, 0.0))
-    climbs_wh2 = sum(one.sd_wh**2 - float(one.energy_sd_wh[-1]) ** 2 for one in unknown)
+    climbs_wh2 = sum(one.sd_wh**2 - float(one.along.energy_sd_wh[-1]) ** 2 for one in unknown)
     apart_wh2 = unknown[0].difference(unknown[1]).sd_wh ** 2 - level[0].difference(level[1]).sd_wh ** 2
     assert climbs_wh2 > 0.0
     assert apart_wh2 == pytest.approx(climbs_wh2, rel=0.05)

@@ -14,6 +14,7 @@ from tests.support.command import answered
 
 import tripwatt as tw
 from tripwatt.forecasting import load_model, save_model
+from tripwatt.forecasting.leaving import leaving_with
 from tripwatt.population import adaptation, for_car
 from tripwatt.roads.journey.forecasting import RoadForecaster
 from tripwatt.server.cars import RoadCar, Sample
@@ -79,7 +80,7 @@ def test_flags_of_the_model_come_first_and_stay(other: tw.ForecastModel) -> None
     for plan in (samples, tw.read_route(LINKS)):
         made = other.forecast(plan)
         assert codes(made.flags)[0] == FIRST
-        assert codes(made.leaving_with(0.5).flags).count(FIRST) == 1
+        assert codes(leaving_with(made, 0.5).flags).count(FIRST) == 1
     so_far = samples.samples.iloc[:60]
     assert codes(other.forecast(samples).update(so_far).flags).count(FIRST) == 1
 

@@ -10,6 +10,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 import tripwatt as tw
+from tripwatt.forecasting.leaving import soc_needed
 
 
 def plans(route: Path) -> list[tw.Plan]:
@@ -25,11 +26,11 @@ def charge_to_leave_with(plan: tw.Plan) -> float:
     low, high = forecast.interval(0.9)
     if forecast.energy_wh > high or forecast.p_arrive(0.1) < 0.5:
         return low
-    half: pd.DataFrame = forecast.series()
+    half: pd.DataFrame = forecast.to_frame()
     later = forecast.update_since_departure(half[["time_s", "displayed_soc"]].head(3))
     figure: Figure = later.plot()
     figure.show()
-    return later.soc_needed(reserve=0.1)
+    return soc_needed(later, reserve=0.1)
 
 
 def by_cause(plan: tw.Plan) -> dict[str, float]:

@@ -67,8 +67,11 @@ class Told:
         self.uncertainty = SimpleNamespace(scores=scores)
         self.by_cause_wh = {"air": 60.0, "climate": 40.0}
         self.told: list[pd.DataFrame] = []
+        self.arrival = SimpleNamespace(
+            interval=lambda level: (0.4 - 0.1 * level, 0.4 + 0.2 * level), p_above=lambda soc: 1.0 - soc
+        )
 
-    def series(self):
+    def to_frame(self):
         return pd.DataFrame(
             {
                 "time_s": [0.0, 50.0, 100.0],
@@ -79,12 +82,6 @@ class Told:
 
     def interval(self, level):
         return self.energy_wh - 10.0 * level, self.energy_wh + 20.0 * level
-
-    def soc_interval(self, level):
-        return 0.4 - 0.1 * level, 0.4 + 0.2 * level
-
-    def p_arrive(self, reserve):
-        return 1.0 - reserve
 
     def probability_below(self, energy):
         return energy / 1000.0

@@ -7,6 +7,7 @@ import pytest
 
 import tripwatt as tw
 from tripwatt.forecasting import ForecastModel
+from tripwatt.forecasting.forecast import with_route_error
 from tripwatt.routes.free_flow import TravelTimeFactors
 from tripwatt.uncertainty.free_flow import FreeFlowTrips, FreeFlowUncertainty
 from tripwatt.vehicles import load_vehicle
@@ -84,6 +85,6 @@ def test_a_free_flow_plan_has_its_own_uncertainty_and_its_own_words(fitted):
     share = model.uncertainty_.free_flow.share(plan.distance_m)
     assert found.route_sd_wh == pytest.approx(share * found.energy_wh)
     assert "free_flow_times" in {flag.code for flag in found.flags}
-    old = found.with_route_error(model.uncertainty_.route, None)
+    old = with_route_error(found, model.uncertainty_.route, None)
     assert old.route_sd_wh == pytest.approx(model.uncertainty_.route.share(plan.link_m) * found.energy_wh)
     assert "travel_time_error_unknown" in {flag.code for flag in old.flags}

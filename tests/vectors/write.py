@@ -106,7 +106,7 @@ def links() -> dict[str, Any]:
 
 def _charge(forecast: Forecast, energy_wh: float) -> float:
     """Displayed charge at the end of a trip that takes so much."""
-    start = float(forecast.series()["displayed_soc"].iloc[0])
+    start = float(forecast.to_frame()["displayed_soc"].iloc[0])
     return float(np.clip(start - energy_wh / forecast.charge.wh_per_display, 0.0, 1.0))
 
 
@@ -128,12 +128,12 @@ def _arrival(forecast: Forecast) -> dict[str, Any]:
     inner, outer = (forecast.quantile(p) - forecast.energy_wh for p in (0.75, 0.95))
     levels = sorted(map(float, document["soc_quantiles"]))
     middles = (np.arange(DOTS) + 0.5) / DOTS
-    dots = np.interp(middles, levels, [forecast.soc_quantile(p) for p in levels])
+    dots = np.interp(middles, levels, [forecast.arrival.quantile(p) for p in levels])
     return {
         "forecast": {name: document[name] for name in kept},
         "reserve": RESERVE,
         "chance": forecast.p_arrive(RESERVE),
-        "band": list(forecast.soc_interval(0.9)),
+        "band": list(forecast.arrival.interval(0.9)),
         "inner_share": inner / outer,
         "energies_wh": ENERGIES_WH,
         "charges": [_charge(forecast, energy_wh) for energy_wh in ENERGIES_WH],

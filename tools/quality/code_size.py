@@ -23,9 +23,9 @@ from tools.command import run
 PARTS: Final = ("roads", "server", "fleet", "study", "gam")
 """Rooms that are a part; all others together are the core."""
 BUDGETS: Final[Mapping[str, int]] = {
-    "core": 22_531,
+    "core": 22_598,
     "roads": 4_212,
-    "server": 6_367,
+    "server": 6_369,
     "fleet": 2_373,
     "study": 4_995,
     "gam": 4_150,

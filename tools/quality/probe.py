@@ -115,7 +115,7 @@ def of_forecast(forecast: Forecast) -> list[float]:
         *forecast.interval(0.5),
         *forecast.interval(0.9),
         forecast.soc_arrival,
-        *forecast.soc_interval(0.9),
+        *forecast.arrival.interval(0.9),
     ]
 
 

@@ -15,6 +15,7 @@ from tripwatt.command.output import write_text
 from tripwatt.command.printing import print_notes, print_table
 from tripwatt.command.sentences import chance_to_arrive, forecast_in_words, unknown_climb_in_words
 from tripwatt.errors import Check, InvalidInput, raise_faults
+from tripwatt.forecasting.leaving import soc_needed
 
 if TYPE_CHECKING:
     from tripwatt.forecasting import Forecast
@@ -124,7 +125,7 @@ def _show_forecast(forecast: Forecast, reserve: float) -> None:
     show_arrival(forecast, forecast.plan.trip_id, reserve)
     when = f"after {period(forecast.measured_until_s)}"
     if forecast.measured_until_s <= 0.0:
-        when, needed = "before departure", forecast.soc_needed(reserve, LEAVE_PROBABILITY)
+        when, needed = "before departure", soc_needed(forecast, reserve, LEAVE_PROBABILITY)
         typer.echo(leave_in_words(needed, reserve, LEAVE_PROBABILITY))
     typer.echo("")
     causes = [

@@ -44,7 +44,7 @@ def forecast_in_words(forecast: Forecast, subject: str = "This trip") -> str:
 
 def _how_far(forecast: Forecast) -> str:
     """Length, duration and outside temperature; on the way also how much of it is behind."""
-    along = forecast.series().iloc[-1]
+    along = forecast.to_frame().iloc[-1]
     text = f"{along['distance_m'] / 1000.0:.1f} km in {along['time_s'] / SECONDS_PER_MINUTE:.0f} min"
     ambient = forecast.plan.departure.ambient_temperature_degc
     if ambient is not None:
@@ -56,14 +56,14 @@ def _how_far(forecast: Forecast) -> str:
 
 def _arrival(forecast: Forecast) -> str:
     """The displayed charge at departure and at arrival."""
-    along = forecast.series()
+    along = forecast.to_frame()
     start = float(along["displayed_soc"].iloc[0])
     end, low, high = (
         float(along[name].iloc[-1]) for name in ("displayed_soc", "displayed_soc_low", "displayed_soc_high")
     )
     arrives = f"The probability to arrive is {chance_to_arrive(forecast)}."
-    if forecast.missing_wh[1] > 0.0:
-        least, missing, most = forecast.missing_wh
+    if forecast.along.missing_wh[1] > 0.0:
+        least, missing, most = forecast.along.missing_wh
         text = (
             f"Leaving with {_percent(start)} % the battery is empty {_where_empty(forecast)}: the trip takes {_kwh(missing)} kWh "
             f"({_kwh(least)} to {_kwh(most)} kWh) more than it holds. {arrives}"
@@ -75,7 +75,7 @@ def _arrival(forecast: Forecast) -> str:
 
 def _where_empty(forecast: Forecast) -> str:
     """Where a battery that is expected to run empty does so, with the ends of the 90 % band."""
-    early, expected, late = (None if m is None else f"{m / 1000.0:.0f}" for m in forecast.empty_at_m)
+    early, expected, late = (None if m is None else f"{m / 1000.0:.0f}" for m in forecast.along.empty_at_m)
     between = f"{early} to {late} km" if late else f"{early} km or later"
     return f"after {expected} km ({between})"
 

@@ -31,7 +31,6 @@ from tripwatt.files import open_regular, write_file
 from tripwatt.fleet.executors import map_bounded
 from tripwatt.fleet.model import FleetModel
 from tripwatt.fleet.storage import load_fleet
-from tripwatt.forecasting.forecast import quantiles as quantiles_of
 from tripwatt.modelfile import METADATA
 from tripwatt.routes import plan_from_route, route_from_links
 from tripwatt.trips import LINK_COLUMNS, TEMPERATURES, Departure, Flag, raise_faults
@@ -308,7 +307,7 @@ def _row(model: FleetModel, links: Sequence[Mapping[str, Any]], part: BatchPart)
         "duration_s": plan.duration_s,
         "energy_wh": forecast.energy_wh,
         "sd_wh": forecast.sd_wh,
-        **dict(zip(columns, np.concatenate(quantiles_of(forecast, part.quantiles)), strict=True)),
+        **dict(zip(columns, np.concatenate(forecast.along.quantiles(part.quantiles)), strict=True)),
         "soc_arrival": forecast.soc_arrival,
         "p_arrive": forecast.p_arrive(part.reserve),
         **told(forecast.flags),

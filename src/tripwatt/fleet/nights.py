@@ -23,7 +23,7 @@ from tripwatt.fleet.batch import KNOWN, told
 from tripwatt.fleet.model import COLD_DEGC, FleetModel
 from tripwatt.fleet.statistics import TripRows
 from tripwatt.forecasting import Forecast, ForecastModel
-from tripwatt.forecasting.forecast import OF_CHARGE
+from tripwatt.forecasting.leaving import OF_CHARGE
 from tripwatt.roads.journey.distances import DISTANCES_KM, KindForecaster, taken_by
 from tripwatt.roads.journey.kinds import UNKNOWN
 from tripwatt.routes import plan_from_route, route_from_links

@@ -2,6 +2,7 @@
 
 from tripwatt.forecasting.difference import Difference
 from tripwatt.forecasting.forecast import Forecast
+from tripwatt.forecasting.leaving import leaving_with, soc_needed
 from tripwatt.forecasting.model import DEFAULT_CORRECTOR, ForecastModel
 from tripwatt.forecasting.storage import (
     GIVEN,
@@ -17,8 +18,10 @@ __all__ = [
     "Difference",
     "Forecast",
     "ForecastModel",
+    "leaving_with",
     "load_metadata",
     "load_model",
     "model_folder",
     "save_model",
+    "soc_needed",
 ]

@@ -5,10 +5,15 @@ The docstrings of the fields are their descriptions in the service's OpenAPI doc
 
 from __future__ import annotations
 
-from typing import Annotated, TypeVar
+from collections.abc import Sequence
+from typing import Annotated, Final, TypeVar
 
 from typing_extensions import TypedDict  # pydantic takes that of typing from Python 3.12 on
 
+from tripwatt.arrays import FloatArray
+
+QUANTILES: Final = (0.025, 0.05, 0.1, 0.25, 0.5, 0.75, 0.9, 0.95, 0.975)
+ARRIVAL_LEVELS: Final = (0.0, 0.05, 0.1, 0.2)
 Kind = TypeVar("Kind", bound=type)
 
 
@@ -126,3 +131,8 @@ class ForecastResponse(TypedDict):
     """time up to which measurements are used [s]; 0 before departure"""
     flags: Annotated[list[FlagDocument], "code, subject, value, unit, message"]
     """assumptions, and values outside the range of the training trips"""
+
+
+def by_probability(values: FloatArray, p: Sequence[float]) -> dict[str, float]:
+    """Quantiles as plain values, by their probability."""
+    return {f"{level:g}": value for level, value in zip(p, values.tolist(), strict=True)}

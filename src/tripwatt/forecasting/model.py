@@ -18,7 +18,7 @@ import pandas as pd
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting.expected import ExpectedTrip
-from tripwatt.forecasting.forecast import Forecast
+from tripwatt.forecasting.forecast import Forecast, with_route_error
 from tripwatt.forecasting.inner import INNER_FOLDS, Again, inner_fits, shown_by
 from tripwatt.forecasting.plausible import impossible_faults
 from tripwatt.forecasting.ranges import (
@@ -375,12 +375,12 @@ class ForecastModel:
                 *simulation.flags,
                 *kept_temperatures(own, departure),
             ),
-            maker=self.forecast,
+            model=self,
         )
         if forecast.soc_per_climb_m is not None:
             flag = Flag("unknown_climb", terrain, 100.0 * forecast.soc_per_climb_m, "1")
             forecast = replace(forecast, flags=(*forecast.flags, flag))
-        forecast = forecast.with_route_error(uncertainty.route, uncertainty.free_flow)
+        forecast = with_route_error(forecast, uncertainty.route, uncertainty.free_flow)
         raise_faults(impossible_faults(forecast.energy_wh, drive))
         return forecast
 

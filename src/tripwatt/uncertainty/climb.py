@@ -63,8 +63,13 @@ class ClimbingEnergy:
         ahead = float(self.distance_m[-1]) - from_m
         if ahead <= 0.0:
             return 0.0
+        return float(self._more_wh(np.array([climb_m]), from_m)[0])
+
+    def _more_wh(self, climbs_m: FloatArray, from_m: float) -> FloatArray:
+        """`more_wh` of several climbs on a way ahead [Wh], shape (climbs,)."""
         even = self._from(self.even_wh, from_m)[:, -1:]
-        return float(_between(self.grade, even, np.array([[climb_m / ahead]]))[0, 0])
+        grade = climbs_m[:, None] / (float(self.distance_m[-1]) - from_m)
+        return _between(self.grade, even, grade)[:, 0]
 
     def climb_for(self, energy_wh: float, from_m: float = 0.0) -> float:
         """Even climb between a place and the end that adds an energy [m]; infinite where no road climbs so far."""
@@ -73,7 +78,7 @@ class ClimbingEnergy:
         if ahead <= 0.0 or self.more_wh(most, from_m) < energy_wh:
             return float("inf")
         climbs = np.linspace(0.0, most, 65)
-        return float(np.interp(energy_wh, [self.more_wh(float(c), from_m) for c in climbs], climbs))
+        return float(np.interp(energy_wh, self._more_wh(climbs, from_m), climbs))
 
     def ahead(self, from_m: float = 0.0) -> UnknownClimb:
         """What the climb from a place on may add [Wh]; nothing up to that place."""

@@ -13,6 +13,7 @@ from tests.support.cars import some_cars
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import Forecast, ForecastModel
+from tripwatt.forecasting.leaving import soc_needed
 from tripwatt.physics import simulate_trip
 from tripwatt.roads.advice import Advised
 from tripwatt.roads.advice.actions import (
@@ -146,7 +147,7 @@ def test_forecasts_of_two_cars_have_no_difference(model: ForecastModel) -> None:
 
 
 def charged_for(model: ForecastModel, plan: Plan, chance: float, reserve: float = 0.1) -> Forecast:
-    soc = model.forecast(plan).soc_needed(reserve, chance)
+    soc = soc_needed(model.forecast(plan), reserve, chance)
     return model.forecast(plan, Departure(soc=min(soc, 1.0)))
 
 
@@ -236,6 +237,6 @@ def test_what_cannot_be_advised_is_refused(model: ForecastModel) -> None:
     with pytest.raises(InvalidInput, match="given twice"):
         tw.advise(forecast, Departure(soc=0.5))
     with pytest.raises(InvalidInput, match="no advice"):
-        tw.advise(replace(forecast, maker=None))
+        tw.advise(replace(forecast, model=None))
     with pytest.raises(InvalidInput):
         tw.advise(forecast, chance=0.2)

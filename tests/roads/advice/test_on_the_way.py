@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 
 import tripwatt as tw
+from tripwatt.forecasting.leaving import soc_needed
 from tripwatt.roads.advice import Companion, Message
 from tripwatt.roads.advice.on_the_way import QUIET_S
 from tripwatt.trips import Departure
@@ -25,13 +26,13 @@ def told(model: tw.ForecastModel, power_factor: float, chance: float) -> tuple[l
     """Messages of an hour on a fast road whose energy is a factor of the expected one."""
     plan = tw.read_route([{"length_m": 60_000.0, "speed_m_s": 29.0, "grade": 0.0}])
     known = Departure(ambient_temperature_degc=15.0, cabin_temperature_degc=21.0)
-    soc = model.forecast(plan, known).soc_needed(RESERVE, chance)
+    soc = soc_needed(model.forecast(plan, known), RESERVE, chance)
     departure = model.forecast(
         plan, tw.Departure(soc=soc, ambient_temperature_degc=15.0, cabin_temperature_degc=21.0)
     )
     companion, heard = Companion(departure, RESERVE), []
     time = np.arange(0.0, plan.duration_s, 10.0)
-    energy = power_factor * np.interp(time, departure.drive.edges_s, departure.energy_along_wh)
+    energy = power_factor * np.interp(time, departure.drive.edges_s, departure.along.energy_wh)
     for until in range(60, int(plan.duration_s) - 30, 60):
         seen = time <= until
         samples = {"time_s": time[seen], "speed_m_s": 29.0, "observed_energy_wh": energy[seen]}

@@ -12,9 +12,10 @@ from tests.roads.journey.made import COLD, MADE, A, B, journey, straight
 from tests.roads.journey.test_stops import FAR, row
 
 import tripwatt as tw
+from tripwatt.forecasting.leaving import forecasts_like
 from tripwatt.roads.advice import leaving_later
 from tripwatt.roads.advice.actions import ALONE, Action, actions, with_action
-from tripwatt.roads.advice.advise import _advised, maker_like
+from tripwatt.roads.advice.advise import _advised
 from tripwatt.roads.journey import Place, RoadForecaster
 from tripwatt.roads.weather import Weather
 
@@ -95,7 +96,7 @@ def test_what_is_warmed_on_the_plug_is_warm_on_the_first_leg_alone(model: tw.For
     found = journey(model, cold, (A, FAR), replace(MADE, stations=row(14)))
     assert found.corridor is not None
     warm = next(action for action in actions(found.forecast) if action.code == "preheat_cabin")
-    forecast = maker_like(found.forecast)(warm.applied(found.forecast.plan))
+    forecast = forecasts_like(found.forecast)(warm.applied(found.forecast.plan))
     plan = with_action(found.corridor, warm, forecast, found.corridor.road)
     assert plan is not None
     degc = [leg.forecast.plan.departure.cabin_temperature_degc for leg in plan.legs]
@@ -167,11 +168,11 @@ def test_extras_that_several_actions_change_are_all_changed(model: tw.ForecastMo
 def test_heated_seats_are_part_of_the_energy_and_of_the_charge(model: tw.ForecastModel) -> None:
     base = RoadForecaster(model, replace(COLD, ambient_temperature_degc=-10.0)).forecast(straight(A, B, 80.0))
     seats = next(action for action in actions(base) if action.code == "seats")
-    one = _advised(base, maker_like(base), (seats,), 0.1)
+    one = _advised(base, forecasts_like(base), (seats,), 0.1)
     assert one.difference.energy_wh == pytest.approx(sum(one.difference.by_cause_wh.values()))
     hours = base.plan.duration_s / 3600.0
     warm_air = replace(base.plan, departure=replace(base.plan.departure, cabin_setpoint_degc=16.0))
-    without_seats = maker_like(base)(warm_air)
+    without_seats = forecasts_like(base)(warm_air)
     taken = one.forecast.by_cause_wh["base_load"] - without_seats.by_cause_wh["base_load"]
     assert taken == pytest.approx(100.0 * hours, rel=0.01)
     assert one.difference.energy_wh == pytest.approx(one.forecast.energy_wh - base.energy_wh)

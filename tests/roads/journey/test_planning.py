@@ -9,6 +9,7 @@ from tests.roads.journey.made import COLD, KM_H, MADE, A, journey
 
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
+from tripwatt.forecasting.leaving import leaving_with, soc_needed
 from tripwatt.roads.journey import (
     JourneyOptions,
     Place,
@@ -43,10 +44,10 @@ def test_where_a_full_battery_does_not_suffice_the_answer_is_above_one(model):
 def test_the_needed_charge_of_a_forecast_follows_its_quantile(model):
     forecast = journey(model, stops=(A, Place(47.0, 9.2)), answers=False).forecast
     for probability in (0.5, 0.95):
-        leaving = forecast.leaving_with(forecast.soc_needed(0.1, probability))
-        assert leaving.soc_quantile(1.0 - probability) == pytest.approx(0.1, abs=1e-5)
-    assert forecast.soc_along(0.95)[-1] == pytest.approx(forecast.soc_quantile(0.05))
-    assert forecast.soc_along(0.95)[0] == pytest.approx(0.9)
+        leaving = leaving_with(forecast, soc_needed(forecast, 0.1, probability))
+        assert leaving.arrival.quantile(1.0 - probability) == pytest.approx(0.1, abs=1e-5)
+    assert forecast.along.soc(0.95)[-1] == pytest.approx(forecast.arrival.quantile(0.05))
+    assert forecast.along.soc(0.95)[0] == pytest.approx(0.9)
 
 
 def test_roads_are_labelled_and_the_fastest_is_first(model):

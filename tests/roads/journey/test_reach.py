@@ -24,7 +24,7 @@ def test_a_charge_reaches_as_far_as_the_forecast_says(model):
     assert all(A.distance_m(s) < A.distance_m(m) for s, m in zip(sure, likely, strict=True))
     # the place of 50 % is where the journey there arrives with an empty display
     there = journey(model, drive.departure, stops=(A, likely[3]), answers=False, reserve=0.0).forecast
-    assert there.soc_along(0.5)[-1] == pytest.approx(0.0, abs=0.02)
+    assert there.along.soc(0.5)[-1] == pytest.approx(0.0, abs=0.02)
     there = journey(model, drive.departure, stops=(A, sure[3]), answers=False, reserve=0.0).forecast
     assert there.p_arrive(0.0) == pytest.approx(0.95, abs=0.05)
 

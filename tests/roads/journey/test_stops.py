@@ -10,6 +10,7 @@ from benchmarks.stops import chances
 from tests.roads.journey.made import COLD, MADE, A, journey
 
 import tripwatt as tw
+from tripwatt.forecasting.leaving import leaving_with
 from tripwatt.roads.journey import Place, planning, plans
 from tripwatt.roads.journey import corridor as corridor_module
 from tripwatt.roads.journey.charging import WARM_DEGC
@@ -235,7 +236,7 @@ def test_no_stops_are_planned_where_none_are_asked_for(model):
 def test_a_leg_from_a_charge_nearby_has_nearly_the_energy_of_its_own_forecast(long_journey):
     leg = long_journey.charging.legs[1]
     soc = leg.forecast.plan.departure.soc - 0.05
-    exact, shifted = leg.forecast.leaving_with(soc), leg.shifted(soc).forecast
+    exact, shifted = leaving_with(leg.forecast, soc), leg.shifted(soc).forecast
     assert shifted.energy_wh == pytest.approx(exact.energy_wh, rel=0.003)
     assert shifted.soc_arrival == pytest.approx(exact.soc_arrival, abs=0.002)
 
@@ -284,7 +285,8 @@ def test_a_battery_is_heated_for_stations_alone(model, monkeypatch):
 )
 def test_a_leg_needs_what_its_lowest_charge_and_its_reserve_do(sure, heat, need):
     """With 0.1 in reserve: over a pass the lowest charge counts, else that at the end, and heat for the battery on top."""
-    forecast = SimpleNamespace(soc_along=lambda chance: np.array({0.9: sure, 0.5: (0.7, 0.6, 0.5)}[chance]))
+    along = SimpleNamespace(soc=lambda chance: np.array(sure), expected_soc=np.array((0.7, 0.6, 0.5)))
+    forecast = SimpleNamespace(along=along)
     leg = Leg(None, forecast, heat)
     corridor = SimpleNamespace(_legs={}, rules=SimpleNamespace(reserve=0.1))
     assert Corridor._of_leg(corridor, leg, 0.9) == pytest.approx((0.2 + heat, need))
@@ -406,7 +408,7 @@ def test_the_variance_of_a_forecast_is_what_legs_share_and_what_they_do_not(long
     forecast = long_journey.forecast
     wh = forecast.charge.wh_per_display
     common, own = variance_along(forecast)
-    whole = forecast.energy_sd_wh**2 + (forecast.charge.sd(forecast.energy_along_wh, True) * wh) ** 2
+    whole = forecast.along.energy_sd_wh**2 + (forecast.charge.sd(forecast.along.energy_wh, True) * wh) ** 2
     assert np.all(common[1:] > 0.0)
     assert common + own == pytest.approx(whole)
     driven = replace(forecast, drive=replace(forecast.drive, plan=replace(forecast.plan, free_flow=False)))

@@ -122,7 +122,7 @@ def test_the_forecast_over_mqtt_is_that_of_update(
     found = documents[-1]["forecast"]
     assert found["energy_wh"] == pytest.approx(own.energy_wh, abs=1e-6)
     assert found["soc_quantiles"] == {
-        f"{p:g}": pytest.approx(own.soc_quantile(p), abs=1e-9) for p in (0.05, 0.5, 0.95)
+        f"{p:g}": pytest.approx(own.arrival.quantile(p), abs=1e-9) for p in (0.05, 0.5, 0.95)
     }
     assert found["p_arrive"] == pytest.approx(own.p_arrive(0.2), abs=1e-9)
     assert (found["reserve"], found["measured_until_s"], documents[-1]["faults"]) == (0.2, 299.0, [])

@@ -47,7 +47,7 @@ def on_the_clock(table: pd.DataFrame) -> pd.DataFrame:
 def same(one: Forecast, other: Forecast) -> None:
     assert one.energy_wh == pytest.approx(other.energy_wh, abs=1e-6)
     assert one.interval(0.9) == pytest.approx(other.interval(0.9), abs=1e-6)
-    assert one.soc_quantile(0.05) == pytest.approx(other.soc_quantile(0.05), abs=1e-9)
+    assert one.arrival.quantile(0.05) == pytest.approx(other.arrival.quantile(0.05), abs=1e-9)
 
 
 def test_the_forecast_is_that_of_update_at_every_moment(
@@ -314,7 +314,7 @@ def test_a_document_is_that_of_update_for_every_message(
                 },
                 "soc_arrival": pytest.approx(own.soc_arrival, rel=1e-9),
                 "soc_quantiles": {
-                    f"{p:g}": pytest.approx(own.soc_quantile(p), rel=1e-9) for p in (0.05, 0.5, 0.95)
+                    f"{p:g}": pytest.approx(own.arrival.quantile(p), rel=1e-9) for p in (0.05, 0.5, 0.95)
                 },
                 "reserve": 0.2,
                 "p_arrive": pytest.approx(own.p_arrive(0.2), rel=1e-9),

@@ -23,6 +23,7 @@ from tests.support.service_schema import conformance
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import Forecast, ForecastModel
+from tripwatt.forecasting.leaving import soc_needed
 from tripwatt.roads.advice.preheating import CHARGER, preheating
 from tripwatt.routes import links_of_trip, plan_from_links
 from tripwatt.server.cars import Broker, MqttSettings, RoadCar, Sample, create_car, has_token, issue_token
@@ -163,7 +164,7 @@ def test_the_forecast_on_the_way_is_that_of_update(
         f"{p:g}": pytest.approx(updated.quantile(p), abs=1e-6) for p in (0.05, 0.5, 0.95)
     }
     assert found["forecast"]["soc_quantiles"] == {
-        f"{p:g}": pytest.approx(updated.soc_quantile(p), abs=1e-9) for p in (0.05, 0.5, 0.95)
+        f"{p:g}": pytest.approx(updated.arrival.quantile(p), abs=1e-9) for p in (0.05, 0.5, 0.95)
     }
     assert found["forecast"]["p_arrive"] == pytest.approx(updated.p_arrive(0.3), abs=1e-9)
     assert (found["forecast"]["reserve"], found["forecast"]["measured_until_s"]) == (0.3, 399.0)
@@ -255,20 +256,20 @@ def test_the_need_of_a_plan_is_a_quantile_and_the_charge_to_leave_with(served: S
         "reserve": 0.25,
         "expected_wh": pytest.approx(own.energy_wh, abs=1e-6),
         "energy_quantile_wh": pytest.approx(own.quantile(0.95), abs=1e-6),
-        "soc_needed": pytest.approx(own.soc_needed(0.25, 0.95), abs=1e-9),
+        "soc_needed": pytest.approx(soc_needed(own, 0.25, 0.95), abs=1e-9),
         "wh_per_display": pytest.approx(own.charge.wh_per_display, abs=1e-6),
-        "message": leave_in_words(own.soc_needed(0.25, 0.95), 0.25, 0.95),
-        "target_soc": pytest.approx(own.soc_needed(0.25, 0.95), abs=1e-9),
+        "message": leave_in_words(soc_needed(own, 0.25, 0.95), 0.25, 0.95),
+        "target_soc": pytest.approx(soc_needed(own, 0.25, 0.95), abs=1e-9),
         "departs_at": leaves.isoformat(),
         "soc": 0.3,
-        "charge_wh": pytest.approx((own.soc_needed(0.25, 0.95) - 0.3) * own.charge.wh_per_display, abs=1e-3),
+        "charge_wh": pytest.approx((soc_needed(own, 0.25, 0.95) - 0.3) * own.charge.wh_per_display, abs=1e-3),
     }
     assert found["charge_wh"] > 0.0
     warm = need(served, reserve=0.0, ambient_temperature_degc=20.0).json()
     own = tw.forecast(LINKS, tw.Departure(soc=0.8, ambient_temperature_degc=20.0))
     assert (warm["probability"], warm["reserve"]) == (0.9, 0.0)
     assert warm["energy_quantile_wh"] == pytest.approx(own.quantile(0.9), abs=1e-6)
-    assert warm["soc_needed"] == pytest.approx(own.soc_needed(0.0, 0.9), abs=1e-9)
+    assert warm["soc_needed"] == pytest.approx(soc_needed(own, 0.0, 0.9), abs=1e-9)
     served.send(message(1.0, speed=0, soc=99.0))
     assert need(served).json()["charge_wh"] == 0.0
 
@@ -809,7 +810,7 @@ def test_a_running_service_streams_forecasts_and_ends_in_time(
 
 def test_a_message_comes_when_the_verdict_changes(served: Served, plan: dict[str, Any]) -> None:
     forecast = own_forecast(plan)
-    reserve = forecast.soc_arrival - 0.5 * (forecast.soc_arrival - forecast.soc_quantile(0.02))
+    reserve = forecast.soc_arrival - 0.5 * (forecast.soc_arrival - forecast.arrival.quantile(0.02))
     served.put({**plan, "reserve": round(reserve, 4)})
     assert served("/v1/live/leaf").json()["message"] is None
     table = measured(example_trip()).iloc[:560]

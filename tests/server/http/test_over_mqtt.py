@@ -15,6 +15,7 @@ from tests.server.cars.messages import NOON_S, abrp_messages, measured
 
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
+from tripwatt.forecasting.leaving import soc_needed
 from tripwatt.roads.advice.preheating import CHARGER, PLUG_W
 from tripwatt.server.cars import Broker, MqttSettings, Sample, issue_token, sample_from_abrp
 from tripwatt.server.http.jobs import Jobs
@@ -79,7 +80,7 @@ def test_the_need_and_the_range_of_a_parked_car_are_those_of_the_library(publish
     assert PROBABILITY == 0.9
     assert found["need"]["probability"] == 0.9
     assert found["need"]["energy_quantile_wh"] == pytest.approx(own.quantile(0.9), rel=1e-6)
-    needed = own.soc_needed(0.2, 0.9)
+    needed = soc_needed(own, 0.2, 0.9)
     assert found["need"]["soc_needed"] == pytest.approx(needed, abs=1e-9)
     charging_s = (needed - 0.12) * own.charge.wh_per_display / CHARGER / PLUG_W * 3600.0
     assert found["need"]["charging_s"] == pytest.approx(charging_s, rel=1e-3)

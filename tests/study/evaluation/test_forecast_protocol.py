@@ -120,7 +120,7 @@ def test_forecast_of_a_plan_is_the_forecast_of_its_trip(fleet, model):
 def test_reforecast_never_sees_a_sample_after_the_cut(fleet, model, fraction):
     trip = fleet.trips[10]
     forecast = model.forecast(trip)
-    cut = fraction * float(forecast.series()["time_s"].iloc[-1])
+    cut = fraction * float(forecast.to_frame()["time_s"].iloc[-1])
     rng = np.random.default_rng(1)
     samples = trip.samples.copy()
     later = (samples["time_s"] - samples["time_s"].iloc[0] > cut).to_numpy()
@@ -137,8 +137,8 @@ def test_reforecast_never_sees_a_sample_after_the_cut(fleet, model, fraction):
 def test_no_update_is_measured_so_far_and_the_departure_forecast_of_the_rest(fleet, model):
     trip = fleet.trips[10]
     forecast, log = model.forecast(trip), measured_log(trip)
-    halfway = log[log["time_s"] <= 0.5 * forecast.series()["time_s"].iloc[-1]].iloc[-1]
-    series = forecast.series()
+    halfway = log[log["time_s"] <= 0.5 * forecast.to_frame()["time_s"].iloc[-1]].iloc[-1]
+    series = forecast.to_frame()
     rest = forecast.energy_wh - np.interp(halfway["time_s"], series["time_s"], series["energy_wh"])
     found = dict(zip(UPDATES, reforecast(forecast, log, 0.5), strict=True))
     assert found["no_update"] == pytest.approx(halfway["observed_energy_wh"] + rest)

@@ -68,9 +68,8 @@ def test_what_is_kept_of_forecasts(monkeypatch: pytest.MonkeyPatch) -> None:
     assert kept.series_names.tolist() == ["time_s", "energy_wh", "distance_m"]
 
 
-def test_arrivals_from_each_charge(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_arrivals_from_each_charge() -> None:
     """From the display and from the battery management alone; nothing where one is not known."""
-    monkeypatch.setattr(held_out_forecasts, "p_above", lambda told, charge: told.p_arrive(charge))
     seen = []
 
     class Model:

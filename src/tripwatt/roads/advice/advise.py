@@ -13,6 +13,7 @@ from typing import Any, Final
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import Difference, Forecast, ForecastModel
 from tripwatt.forecasting.difference import LEAST_SHARE
+from tripwatt.forecasting.leaving import forecasts_like, soc_needed
 from tripwatt.population import for_car
 from tripwatt.roads.advice.actions import ALONE, EFFORTS, Action, actions, with_action
 from tripwatt.roads.advice.preheating import LEAST_WH
@@ -299,7 +300,7 @@ def advise(
     roads = trip.roads[1:] if isinstance(trip, Journey) else ()
     other = (Action("other_road", "road", "none", {}, float(k)) for k in range(1, len(roads) + 1))
     ways = [*zip(other, (road.forecast for road in roads), strict=True), *others]
-    again = maker_like(forecast)
+    again = forecasts_like(forecast)
     every = [_advised(forecast, again, (action,), reserve) for action in actions(forecast)]
     every += [
         Advised((action,), other, other.difference(forecast), other.soc_arrival, other.p_arrive(reserve))
@@ -315,8 +316,8 @@ def advise(
         for one in sure
         if (cap := one.actions[0].speed_m_s) is not None
     ]
-    charge_to = forecast.soc_needed(reserve, chance)
-    lacking_wh = (charge_to - float(forecast.soc_along(0.5)[0])) * forecast.charge.wh_per_display
+    charge_to = soc_needed(forecast, reserve, chance)
+    lacking_wh = (charge_to - float(forecast.along.expected_soc[0])) * forecast.charge.wh_per_display
     known = [one for one in sure if not one.actions[0].assumed]
     least, whole = list[Advised](), None
     if now < chance:
@@ -362,7 +363,7 @@ def _made(trip: Journey | Forecast, *beside: object) -> Forecast:
     if any(value is not None for value in beside):
         allowed = "only with a plan or a trip"
         raise InvalidInput.of("given twice", "departure, car, model", "beside a forecast", allowed)
-    if forecast.maker is None or forecast.measured_until_s:
+    if forecast.model is None or forecast.measured_until_s:
         got = "one that was updated on the way" if forecast.measured_until_s else "one that was put together"
         raise InvalidInput.of("no advice for it", "trip", got, "the forecast of a model before departure")
     return forecast
@@ -381,19 +382,6 @@ def _advised(
     spread_wh = difference.energy_wh * max(action.spread for action in chosen)
     difference = replace(difference, sd_wh=math.hypot(difference.sd_wh, spread_wh))
     return Advised(chosen, changed, difference, changed.soc_arrival, changed.p_arrive(reserve))
-
-
-def maker_like(forecast: Forecast) -> Callable[[Plan], Forecast]:
-    """What forecasts other plans as a forecast was made, with the error of the weather forecast that was added to it."""
-    maker = forecast.maker
-    assert maker is not None  # `_forecast` asks for it
-    added = forecast.state_sd_wh**2 - maker(forecast.plan).state_sd_wh ** 2
-
-    def make(plan: Plan) -> Forecast:
-        made = maker(plan)
-        return replace(made, state_sd_wh=math.sqrt(made.state_sd_wh**2 + max(added, 0.0)))
-
-    return make
 
 
 def _least(

@@ -9,8 +9,9 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.forecasting import Forecast
+from tripwatt.forecasting.leaving import forecasts_like
 from tripwatt.roads.advice.actions import capped, limits_below
-from tripwatt.roads.advice.advise import CHANCE, maker_like
+from tripwatt.roads.advice.advise import CHANCE
 from tripwatt.trips.columns import require_fraction
 from tripwatt.units import SECONDS_PER_MINUTE
 
@@ -150,9 +151,9 @@ class Companion:
 
     def _speed(self, observed: pd.DataFrame, at_s: float) -> tuple[float | None, float | None]:
         """The highest speed that restores the chance, and the chance with it."""
-        if self.departure.maker is None:
+        if self.departure.model is None:
             return None, None
-        plan, again = self.departure.plan, maker_like(self.departure)
+        plan, again = self.departure.plan, forecasts_like(self.departure)
         ahead = plan.array("speed_m_s")[plan.array("time_s") - plan.array("time_s")[0] > at_s]
         for limit in limits_below(float(ahead.max(initial=0.0))):
             chance = again(capped(plan, limit, at_s)).update(observed).p_arrive(self.reserve)

@@ -252,7 +252,7 @@ def before_departure(
     >>> import tripwatt as tw
     >>> cold = tw.Departure(soc=0.3, ambient_temperature_degc=-5.0)
     >>> trip = tw.forecast(tw.read_route([{"length_m": 60_000.0, "speed_m_s": 20.0}]), cold)
-    >>> do = before_departure(trip, trip.soc_needed(0.1, 0.95), 3700.0, 0.3, None)
+    >>> do = before_departure(trip, tw.soc_needed(trip, 0.1, 0.95), 3700.0, 0.3, None)
     >>> do["target_soc"] > do["soc"], do["charging_s"] > 3600.0, do["preheat"]["wall_wh"] > 0.0
     (True, True, True)
     """

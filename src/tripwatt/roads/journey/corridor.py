@@ -180,7 +180,7 @@ class Corridor:
 
     @cached_property
     def _series(self) -> dict[str, FloatArray]:
-        return {str(name): values.to_numpy() for name, values in self.forecast.series().items()}
+        return self.forecast.along.columns()
 
     def _at(self, values: FloatArray) -> FloatArray:
         """Values along the forecast at the nodes."""
@@ -191,7 +191,7 @@ class Corridor:
     @cached_property
     def _estimates(self) -> tuple[FloatArray, FloatArray]:
         """What each leg takes of the display, and its driving time [s], with the ways to and from the stations."""
-        taken, time = -self._at(self.forecast.soc_along(0.5)), self._at(self._series["time_s"])
+        taken, time = -self._at(self.forecast.along.expected_soc), self._at(self._series["time_s"])
         off_s = self._off_m / DETOUR_M_S
         off = (
             self._off_m * self.forecast.energy_wh / self.road.distance_m / self.forecast.charge.wh_per_display
@@ -213,7 +213,7 @@ class Corridor:
                 continue
             taken[i, j], need[i, j] = self._of_leg(leg, chance if i else first)
             time[i, j] = leg.forecast.plan.duration_s
-        soc = float(self.forecast.soc_along(0.5)[0])
+        soc = float(self.forecast.along.expected_soc[0])
         return StopProblem(soc, taken, need, time, self.charging_s, self.rules.overhead_s)
 
     @property
@@ -233,9 +233,9 @@ class Corridor:
     def _of_leg(self, leg: Leg, chance: float) -> tuple[float, float]:
         """What a routed leg takes of the display and what it needs."""
         if (leg, chance) not in self._legs:
-            sure = leg.forecast.soc_along(chance)
+            sure = leg.forecast.along.soc(chance)
             least = min(float(sure[-1]) - self.rules.reserve - leg.preheat_soc, float(sure.min()))
-            along = leg.forecast.soc_along(0.5)
+            along = leg.forecast.along.expected_soc
             self._legs[leg, chance] = float(along[0] - along[-1]) + leg.preheat_soc, float(along[0]) - least
         return self._legs[leg, chance]
 
@@ -245,7 +245,7 @@ class Corridor:
             return self._widths[chance]
         factor, wh = self.factor(chance), self.forecast.charge.wh_per_display
         scale = (factor / wh) ** 2
-        width2 = self._at(self.forecast.soc_along(0.5) - self.forecast.soc_along(chance)) ** 2
+        width2 = self._at(self.forecast.along.expected_soc - self.forecast.along.soc(chance)) ** 2
         common2, own2 = (scale * self._at(part) for part in variance_along(self.forecast))
         own2 = np.maximum.accumulate(np.maximum(width2 - common2, own2))
         reading = scale * (self.forecast.charge.displayed_sd * wh) ** 2

@@ -217,7 +217,7 @@ class Doubt:
     def of(cls, forecast: Forecast, by_kind: float = 0.0) -> Doubt:
         """Of a forecast on a road, of whose variance the share `by_kind` would go with its kind."""
         segments, scale = forecast.drive.segments, forecast.uncertainty.scale
-        climb = forecast.sd_wh**2 - float(forecast.energy_sd_wh[-1]) ** 2
+        climb = forecast.sd_wh**2 - float(forecast.along.energy_sd_wh[-1]) ** 2
         car = (scale.values[3] * segments.corrector_sd_wh) ** 2
         parts = np.array(
             [
@@ -344,7 +344,7 @@ class KindForecaster:
 def _on_a_road(forecast: Forecast, sd_wh: float) -> Forecast:
     """The forecast with what a road leaves open. The scores of held-out trips, whose speeds are known, hold for the rest of the variance."""
     wider = replace(forecast, route_sd_wh=sd_wh)
-    known, usual = float(wider.energy_sd_wh[-1]) ** 2, forecast.uncertainty
+    known, usual = float(wider.along.energy_sd_wh[-1]) ** 2, forecast.uncertainty
     open_share = (wider.route_sd_wh**2 + wider.state_sd_wh**2) / known
     return replace(wider, uncertainty=replace(usual, scores=usual.scores.with_other_causes(open_share)))
 
@@ -380,7 +380,7 @@ def node_values(
 def taken_by(forecast: Forecast, levels: Sequence[float]) -> tuple[FloatArray, FloatArray, float]:
     """Quantiles of energy [Wh] and displayed charge that a trip takes, shape (levels,), and its duration [s]."""
     energy = np.array([forecast.quantile(level) for level in levels])
-    charge = np.array([soc[0] - soc[-1] for soc in map(forecast.soc_along, levels)])
+    charge = np.array([soc[0] - soc[-1] for soc in map(forecast.along.soc, levels)])
     return energy, charge, forecast.plan.duration_s
 
 

@@ -12,6 +12,7 @@ import pandas as pd
 
 from tripwatt.errors import Check, InvalidInput
 from tripwatt.forecasting import Forecast, ForecastModel
+from tripwatt.forecasting.leaving import soc_needed
 from tripwatt.population import for_car
 from tripwatt.roads.journey.atlas import Atlas, AtlasSettings, open_atlas
 from tripwatt.roads.journey.charging import OVERHEAD_S, WARM_DEGC, ChargingCurve, plugs_of
@@ -134,7 +135,7 @@ class RoadForecast:
         float
             0 to 1.
         """
-        series = self.forecast.series()
+        series = self.forecast.to_frame()
         scale = series["distance_m"].iloc[-1] / self.road.distance_m
         return float(np.interp(position_m * scale, series["distance_m"], series["displayed_soc"]))
 
@@ -531,7 +532,7 @@ def journey_with(
     roads = atlas.router.roads(stops, alternatives=options.alternatives)
     forecasts = _labelled([RoadForecast(road, forecaster.forecast(road, title)) for road in roads])
     first = forecasts[0]
-    needed = first.forecast.soc_needed(options.reserve, CERTAIN)
+    needed = soc_needed(first.forecast, options.reserve, CERTAIN)
     journey = Journey(stops, forecasts, options.reserve, needed, attribution=atlas.attribution)
     if not options.answers:
         return journey

@@ -10,7 +10,7 @@ import numpy as np
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import InvalidInput, RemoteError
 from tripwatt.forecasting import Forecast
-from tripwatt.forecasting.forecast import first_empty
+from tripwatt.forecasting.along import first_empty
 from tripwatt.roads.journey.atlas import Atlas
 from tripwatt.roads.journey.forecasting import RoadForecaster
 from tripwatt.roads.routers import Road
@@ -151,7 +151,7 @@ def _ring(corners: tuple[Place, ...]) -> list[list[float]]:
 def reached_share(forecast: Forecast, level: float, reserve: float) -> float:
     """Share of the way at which the charge falls to the reserve with a probability of `1 - level`; 1 = not on it."""
     distance = forecast.drive.distance_m
-    reached_m = first_empty(forecast.soc_along(level) - reserve, distance)
+    reached_m = first_empty(forecast.along.soc(level) - reserve, distance)
     return 1.0 if reached_m is None else reached_m / float(distance[-1])
 
 

@@ -10,6 +10,7 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray, running_sum
 from tripwatt.forecasting import Forecast
+from tripwatt.forecasting.leaving import leaving_with
 from tripwatt.roads.journey.solver import joint_chance
 from tripwatt.roads.maps import Station
 from tripwatt.roads.routers import Road
@@ -150,7 +151,7 @@ class Leg:
     @property
     def soc_interval(self) -> tuple[float, float]:
         """90 % interval of the charge at the end."""
-        low, high = self.forecast.soc_interval(BAND)
+        low, high = self.forecast.arrival.interval(BAND)
         return max(low - self.preheat_soc, 0.0), max(high - self.preheat_soc, 0.0)
 
     @property
@@ -166,7 +167,7 @@ class Leg:
         is that of car, driver and weather.
         """
         common, own = (float(part[-1]) for part in variance_along(self.forecast))
-        climb = self.forecast.sd_wh**2 - float(self.forecast.energy_sd_wh[-1]) ** 2
+        climb = self.forecast.sd_wh**2 - float(self.forecast.along.energy_sd_wh[-1]) ** 2
         return float(np.sqrt(common / (common + own + climb)))
 
     def shifted(self, soc: float) -> Leg:
@@ -178,7 +179,7 @@ class Leg:
         """The leg from another charge; forecast again where that is not close."""
         if abs(soc - (self.forecast.plan.departure.soc or 0.0)) <= CLOSE_SOC:
             return self.shifted(soc)
-        return replace(self, forecast=self.forecast.leaving_with(soc))
+        return replace(self, forecast=leaving_with(self.forecast, soc))
 
 
 def variance_along(forecast: Forecast) -> tuple[FloatArray, FloatArray]:
@@ -200,8 +201,8 @@ def variance_along(forecast: Forecast) -> tuple[FloatArray, FloatArray]:
         own = own + local * hours / hours[-1]
     reading = (charge.displayed_sd * charge.wh_per_display) ** 2
     whole = (
-        forecast.energy_sd_wh**2
-        + (charge.sd(forecast.energy_along_wh, True) * charge.wh_per_display) ** 2
+        forecast.along.energy_sd_wh**2
+        + (charge.sd(forecast.along.energy_wh, True) * charge.wh_per_display) ** 2
         - reading
     )
     return np.maximum(whole - own, 0.0), own + reading
@@ -322,7 +323,7 @@ class ChargingPlan:
         tables, time_s, distance_m, energy_wh = [], 0.0, 0.0, 0.0
         shared_wh, own_wh2 = np.zeros((1, 2)), np.zeros((1, 2))
         for k, leg in enumerate(self.legs):
-            table = leg.forecast.series()
+            table = leg.forecast.to_frame()
             table["distance_m"] *= leg.road.distance_m / float(table["distance_m"].iloc[-1])
             table["distance_m"] += distance_m
             table["time_s"] += time_s

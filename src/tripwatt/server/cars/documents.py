@@ -18,8 +18,7 @@ from typing_extensions import TypedDict
 
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import Forecast
-from tripwatt.forecasting.document import FlagDocument, described
-from tripwatt.forecasting.forecast import by_probability, quantiles
+from tripwatt.forecasting.document import FlagDocument, by_probability, described
 from tripwatt.roads.advice import Message
 from tripwatt.trips.messages import flag_to_dict
 
@@ -131,7 +130,7 @@ def live_forecast(forecast: Forecast, reserve: float) -> LiveForecastDocument:
     InvalidInput
         When a value is not finite: no car can drive the trip.
     """
-    energies_wh, charges = quantiles(forecast, QUANTILES)
+    energies_wh, charges = forecast.along.quantiles(QUANTILES)
     document: Any = {
         "energy_wh": forecast.energy_wh,
         "quantiles_wh": by_probability(energies_wh, QUANTILES),

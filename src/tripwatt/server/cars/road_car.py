@@ -71,7 +71,7 @@ class RoadCar(Recorder):
     None None
     {'links': []} None None
     False ()
-    >>> car.update(model.forecast(plan)).soc_interval(0.9)  # doctest: +SKIP
+    >>> car.update(model.forecast(plan)).arrival.interval(0.9)  # doctest: +SKIP
     (0.51, 0.56)
     """
 

@@ -19,6 +19,7 @@ from tripwatt.certification import describe_car
 from tripwatt.errors import Check, Fault, InvalidInput
 from tripwatt.fleet.registry import FollowedModel
 from tripwatt.forecasting import Forecast, ForecastModel, load_model
+from tripwatt.forecasting.leaving import leave_with, soc_needed
 from tripwatt.forecasting.storage import DEFAULT_MODEL
 from tripwatt.population.cars import for_car
 from tripwatt.roads.advice import advise
@@ -166,7 +167,9 @@ class Jobs:
     def forecast(self, body: bytes, request: type[ForecastRequest] = ForecastRequest) -> dict[str, Any]:
         """Return the response to a `ForecastRequest`."""
         asked, forecast = self._forecast(body, request)
-        return require_finite(forecast.to_dict(asked.reserve, asked.probability))
+        probability = asked.probability
+        leave = None if probability is None else leave_with(forecast, asked.reserve or 0.0, probability)
+        return require_finite(forecast.to_dict(asked.reserve, leave))
 
     def update(self, body: bytes) -> dict[str, Any]:
         """Return the response to an `UpdateRequest`."""
@@ -215,7 +218,7 @@ class Jobs:
         needed = {
             "expected_wh": forecast.energy_wh,
             "energy_quantile_wh": forecast.quantile(how["probability"]),
-            "soc_needed": forecast.soc_needed(request.reserve, how["probability"]),
+            "soc_needed": soc_needed(forecast, request.reserve, how["probability"]),
             "wh_per_display": forecast.charge.wh_per_display,
         }
         if not all(map(math.isfinite, needed.values())):

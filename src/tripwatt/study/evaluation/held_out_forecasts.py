@@ -15,7 +15,6 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.forecasting import Forecast, ForecastModel
-from tripwatt.forecasting.forecast import p_above
 from tripwatt.hybrid.climate_log import TOLD_BY
 from tripwatt.study.evaluation.forecast_data import CHARGE_COLUMNS
 from tripwatt.study.evaluation.forecast_scores import (
@@ -100,7 +99,7 @@ class HeldOutForecasts:
         levels = (np.arange(CRPS_LEVELS) + 0.5) / CRPS_LEVELS
         bounds = np.array([[f.interval(level) for level in LEVELS] for f in forecasts])
         pairs = list(zip(forecasts, logs, strict=True))
-        series = [f.series() for f in forecasts]
+        series = [f.to_frame() for f in forecasts]
         arrivals = [arrivals_of(model, plan) for plan in plans]
         return cls(
             sd_wh=np.array([f.sd_wh for f in forecasts]),
@@ -167,8 +166,8 @@ def arrivals_of(model: ForecastModel, plan: Plan) -> tuple[FloatArray, FloatArra
         if getattr(plan.departure, start) is not None:
             others = {other: None for other in ARRIVAL_STARTS if other != start}
             forecast = model.forecast(replace(plan, departure=replace(plan.departure, **others)))
-            bounds[row] = forecast.soc_arrival, *forecast.soc_interval(UPDATE_LEVEL)
-            chance[row] = [p_above(forecast, bounds[row, 0] + offset) for offset in RESERVE_OFFSETS]
+            bounds[row] = forecast.soc_arrival, *forecast.arrival.interval(UPDATE_LEVEL)
+            chance[row] = [forecast.arrival.p_above(bounds[row, 0] + offset) for offset in RESERVE_OFFSETS]
     return bounds, chance
 
 
@@ -188,7 +187,7 @@ def reforecast(forecast: Forecast, log: pd.DataFrame, fraction: float) -> list[f
     list of float
         NaN where a measurement is missing. The gauge of a car that has not moved yet shows the departure forecast.
     """
-    planned_series = forecast.series()
+    planned_series = forecast.to_frame()
     cut = fraction * float(planned_series["time_s"].iloc[-1])
     so_far = log[log["time_s"] <= cut]
     if len(so_far) < 2:

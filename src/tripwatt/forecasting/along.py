@@ -1,0 +1,415 @@
+"""Energy and displayed charge along the road with their uncertainty, and the charge at arrival that follows from them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Final
+
+import numpy as np
+
+from tripwatt.arrays import FloatArray
+from tripwatt.errors import InvalidInput
+from tripwatt.trips.columns import require_fraction
+from tripwatt.uncertainty.climb import Excess
+
+BAND: Final = (0.95, 0.05)
+"""Probabilities that the charge exceeds the low end and the high end of the band along the road."""
+STRAIGHT: Final = 0.75
+"""Part of the way from the expected to the least energy over which a distance below counts as it is."""
+
+
+@dataclass(frozen=True, eq=False)
+class Along:
+    """Energy and displayed charge at the edges of the segments: the first is the departure, the last the end of the trip.
+
+    Attributes
+    ----------
+    time_s : ndarray, shape (edges,)
+        Since departure [s].
+    distance_m : ndarray, shape (edges,)
+        Since departure [m].
+    energy_wh : ndarray, shape (edges,)
+        Expected energy since departure [Wh].
+    energy_sd_wh : ndarray, shape (edges,)
+        Its standard deviation apart from an unknown climb [Wh].
+    least_wh : ndarray, shape (edges,)
+        Least energy that the drive can take [Wh].
+    excess : Excess
+        Distribution of what the trip takes more than expected.
+    charge : ndarray, shape (edges,)
+        Displayed charge without the error of its energy; not held in 0 to 1.
+    charge_sd : ndarray, shape (edges,)
+        Its standard deviation.
+    wh_per_display : float
+        Energy of a whole display [Wh].
+    read_s : float
+        Time of the last reading of the charge [s since departure].
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
+    >>> along = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0)).along
+    >>> bool((along.soc(0.95) <= along.soc(0.5)).all()), along.empty_at_m
+    (True, (None, None, None))
+    """
+
+    time_s: FloatArray
+    distance_m: FloatArray
+    energy_wh: FloatArray
+    energy_sd_wh: FloatArray
+    least_wh: FloatArray
+    excess: Excess
+    charge: FloatArray
+    charge_sd: FloatArray
+    wh_per_display: float
+    read_s: float
+
+    def soc(self, probability: float) -> FloatArray:
+        """Displayed charge that is exceeded with a probability; not held in 0 to 1.
+
+        Parameters
+        ----------
+        probability : float
+            0 to 1.
+
+        Returns
+        -------
+        ndarray, shape (edges,)
+            Displayed state of charge.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
+        >>> forecast = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> round(float(forecast.along.soc(0.95)[0]), 6)
+        0.8
+        """
+        probability = require_fraction("probability", probability)
+        wh = self.wh_per_display
+        return np.asarray(self.charge - self.excess.quantile(probability, self.charge_sd * wh) / wh)
+
+    @cached_property
+    def expected_soc(self) -> FloatArray:
+        """Median of the displayed charge, not held in 0 to 1, shape (edges,)."""
+        return self.soc(0.5)
+
+    @cached_property
+    def soc_band(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Displayed charge at the low end, the middle and the high end of the 90 % band, each of shape (edges,)."""
+        return self.soc(BAND[0]), self.expected_soc, self.soc(BAND[1])
+
+    @property
+    def empty_at_m(self) -> tuple[float | None, float | None, float | None]:
+        """Distance at which the display reaches 0 [m]: early, expected and late, at the ends of the 90 % band.
+
+        None where it does not on this trip.
+        """
+        early, expected, late = (first_empty(charge, self.distance_m) for charge in self.soc_band)
+        return early, expected, late
+
+    @property
+    def missing_wh(self) -> tuple[float, float, float]:
+        """Energy that the trip takes beyond what the battery holds [Wh]: least, expected and most, of the 90 % band.
+
+        0 where the battery holds enough. On the way it counts where the charge is lowest.
+        """
+        low, expected, high = (self._missing_wh(charge) for charge in self.soc_band)
+        return high, expected, low
+
+    @property
+    def expected_missing_wh(self) -> float:
+        """The expected one of `missing_wh` [Wh]."""
+        return self._missing_wh(self.expected_soc)
+
+    def _missing_wh(self, charge: FloatArray) -> float:
+        return max(-float(charge[self._ahead].min()), 0.0) * self.wh_per_display
+
+    def spare(self, reserve: float, probability: float) -> float:
+        """Displayed charge beyond what is needed, where it is least, that is exceeded with a probability.
+
+        Parameters
+        ----------
+        reserve : float
+            Displayed state of charge to arrive with; before the end, the battery must not be empty.
+        probability : float
+            0 to 1.
+
+        Returns
+        -------
+        float
+            Below 0 where charge is missing.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
+        >>> forecast = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> forecast.along.spare(0.1, 0.95) < forecast.along.spare(0.1, 0.5)
+        True
+        """
+        needed = np.zeros(len(self.time_s))
+        needed[-1] = reserve
+        return float((self.soc(probability) - needed)[self._ahead].min())
+
+    @cached_property
+    def p_lasts(self) -> float:
+        """Probability that the battery is empty at no place."""
+        wh = self.wh_per_display
+        least = np.where(self._ahead, 0.0, -np.inf)
+        return float(self.excess.probability_below((self.charge - least) * wh, self.charge_sd * wh).min())
+
+    @property
+    def _ahead(self) -> Any:
+        """Edges after the last reading of the charge, and the end."""
+        ahead = self.time_s > self.read_s
+        ahead[-1] = True
+        return ahead
+
+    def columns(self) -> dict[str, FloatArray]:
+        """What `Forecast.to_frame` has, by column, each of shape (edges,).
+
+        Returns
+        -------
+        dict of str to ndarray
+            `time_s, distance_m, energy_wh, energy_low_wh, energy_high_wh, displayed_soc, displayed_soc_low, displayed_soc_high`; the
+            band is the central 90 %.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
+        >>> list(tw.forecast(plan).along.columns())[:3]
+        ['time_s', 'distance_m', 'energy_wh']
+        """
+        low, middle, high = (np.clip(charge, 0.0, 1.0) for charge in self.soc_band)
+        below, above = (self.excess.quantile(1.0 - p, self.energy_sd_wh) for p in BAND)
+        return {
+            "time_s": self.time_s,
+            "distance_m": self.distance_m,
+            "energy_wh": self.energy_wh,
+            "energy_low_wh": possible_energy(self.energy_wh, -below, self.least_wh),
+            "energy_high_wh": self.energy_wh + above,
+            "displayed_soc": middle,
+            "displayed_soc_low": low,
+            "displayed_soc_high": high,
+        }
+
+    def quantiles(self, p: Sequence[float]) -> tuple[FloatArray, FloatArray]:
+        """Quantiles at the end of the trip.
+
+        Parameters
+        ----------
+        p : sequence of float
+            Probabilities.
+
+        Returns
+        -------
+        tuple of ndarray, each of shape (probabilities,)
+            Of the energy of the trip [Wh] and of the displayed charge at arrival, 0 to 1.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
+        >>> forecast = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> energies_wh, charges = forecast.along.quantiles([0.05, 0.95])
+        >>> energies_wh[0] < energies_wh[1], charges[0] < charges[1]
+        (np.True_, np.True_)
+        """
+        levels, wh = np.array(p, dtype=np.float64), self.wh_per_display
+        sd_wh = np.repeat([self.energy_sd_wh[-1], self.charge_sd[-1] * wh], len(p))
+        more = self.excess.end.quantiles(np.concatenate((levels, 1.0 - levels)), sd_wh)
+        half, more_wh = np.abs(more[: len(p)]), more[len(p) :]
+        below = possible_energy(self.energy_wh[-1], half, self.least_wh[-1])
+        energy_wh = np.where(levels >= 0.5, self.energy_wh[-1] + half, below)
+        return energy_wh, np.clip(self.charge[-1] - more_wh / wh, 0.0, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Arrival:
+    """Displayed state of charge at the end of the trip.
+
+    Attributes
+    ----------
+    along : Along
+        Along the road.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
+    >>> arrival = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0)).arrival
+    >>> low, high = arrival.interval(0.9)
+    >>> low < arrival.soc < high < 0.8, arrival.probability(0.1) > arrival.probability(0.7)
+    (True, True)
+    """
+
+    along: Along
+
+    @property
+    def soc(self) -> float:
+        """Median, 0 to 1; 0 when the battery does not last."""
+        return float(np.clip(self.along.expected_soc[-1], 0.0, 1.0))
+
+    def quantile(self, p: float) -> float:
+        """State of charge that the display at arrival stays below with a probability.
+
+        Parameters
+        ----------
+        p : float
+            Probability, 0 to 1.
+
+        Returns
+        -------
+        float
+            0 to 1.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
+        >>> arrival = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0)).arrival
+        >>> round(arrival.quantile(0.5), 6) == round(arrival.soc, 6)
+        True
+        """
+        return float(self.along.quantiles([require_fraction("p", p)])[1][0])
+
+    def interval(self, level: float) -> tuple[float, float]:
+        """Central interval of the displayed charge at arrival, 0 to 1.
+
+        Parameters
+        ----------
+        level : float
+            Probability of the interval, 0 to less than 1, as for `Forecast.interval`.
+
+        Returns
+        -------
+        tuple of float
+            Lower and upper bound, 0 to 1.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
+        >>> arrival = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0)).arrival
+        >>> [round(end, 6) for end in arrival.interval(0.9)] == [round(arrival.quantile(p), 6) for p in (0.05, 0.95)]
+        True
+        """
+        low, high = self.along.quantiles(ends(level))[1].tolist()
+        return low, high
+
+    def probability(self, reserve: float) -> float:
+        """Probability to arrive with at least a displayed state of charge; see `Forecast.p_arrive`.
+
+        Parameters
+        ----------
+        reserve : float
+            Displayed state of charge to arrive with, 0 to 1.
+
+        Returns
+        -------
+        float
+            0 to 1.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
+        >>> forecast = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> forecast.arrival.probability(0.1) == forecast.p_arrive(0.1)
+        True
+        """
+        return min(self.along.p_lasts, self.p_above(require_fraction("reserve", reserve)))
+
+    def p_above(self, soc: float) -> float:
+        """Probability that the charge at arrival, not held in 0 to 1, is at least a value.
+
+        Parameters
+        ----------
+        soc : float
+            Displayed state of charge; it may lie outside of 0 to 1 as well.
+
+        Returns
+        -------
+        float
+            0 to 1.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
+        >>> arrival = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0)).arrival
+        >>> round(arrival.p_above(arrival.quantile(0.25)), 6)
+        0.75
+        """
+        along, wh = self.along, self.along.wh_per_display
+        more_wh, sd_wh = (along.charge[-1:] - soc) * wh, along.charge_sd[-1:] * wh
+        return float(along.excess.end.probability_below(more_wh, sd_wh)[0])
+
+
+def ends(level: float) -> tuple[float, float]:
+    """Probabilities below the ends of a central interval.
+
+    Raises
+    ------
+    InvalidInput
+        For a level that is no fraction, and for 1: errors have no bound.
+    """
+    half = 0.5 * require_fraction("level", level)
+    if half == 0.5:
+        raise InvalidInput.of("no interval holds every trip", "level", f"{level}", "0 to less than 1")
+    return 0.5 - half, 0.5 + half
+
+
+def first_empty(charge: FloatArray, distance_m: FloatArray) -> float | None:
+    """Distance at which a charge at each edge of the segments reaches 0 [m]; None where it does not.
+
+    Examples
+    --------
+    >>> first_empty(np.array([0.1, 0.05, -0.05]), np.array([0.0, 1000.0, 2000.0]))
+    1500.0
+    """
+    empty = np.flatnonzero(charge <= 0.0)
+    if not len(empty):
+        return None
+    k = int(empty[0])
+    if k == 0:
+        return 0.0
+    share = charge[k - 1] / (charge[k - 1] - charge[k])
+    return float(distance_m[k - 1] + share * (distance_m[k] - distance_m[k - 1]))
+
+
+def possible_energy(centre_wh: Any, half_wh: Any, least_wh: Any) -> Any:
+    """Energy that lies `half_wh` below a centre, but above the least energy; arrays of one shape, or numbers [Wh].
+
+    The distance is taken as it is over `STRAIGHT` of the way to the least energy. What is left of the way then falls
+    exponentially: the result falls with `half_wh` and never reaches the least energy. Without a way down, the distance
+    counts as it is.
+
+    Examples
+    --------
+    >>> float(possible_energy(1000.0, 300.0, 200.0)), round(float(possible_energy(1000.0, 1000.0, 200.0)), 2)
+    (700.0, 227.07)
+    """
+    way = np.asarray(centre_wh, dtype=np.float64) - least_wh
+    open_ = way > 0.0
+    straight = STRAIGHT * way
+    rest = np.where(open_, (1.0 - STRAIGHT) * way, 1.0)
+    squeezed = least_wh + rest * np.exp(-np.maximum(half_wh - straight, 0.0) / rest)
+    return np.where(open_ & (half_wh > straight), squeezed, centre_wh - half_wh)
+
+
+def distance_below(centre_wh: float, energy_wh: float, least_wh: float) -> float:
+    """The `half_wh` with which `possible_energy` gives an energy; negative above the centre, infinite below the least."""
+    way, below = centre_wh - least_wh, centre_wh - energy_wh
+    if way <= 0.0 or below <= STRAIGHT * way:
+        return below
+    if energy_wh <= least_wh:
+        return math.inf
+    rest = (1.0 - STRAIGHT) * way
+    return STRAIGHT * way - rest * math.log((energy_wh - least_wh) / rest)
