@@ -8,7 +8,7 @@ PYTHON ?= python3
 DATA ?=
 OUT ?= out
 # what the commands of the README need: the page, your cars, journeys
-EXTRAS ?= service,fleet,routing
+EXTRAS ?= service,fleet,routing,gamm
 # processes that run the tests, and that check the types
 WORKERS ?= 2
 export MYPY_NUM_WORKERS ?= $(WORKERS)
@@ -17,25 +17,25 @@ UV = UV_CACHE_DIR=.venv-tools/cache UV_PYTHON_DOWNLOADS=never .venv-tools/bin/uv
 
 .PHONY: types run check check-latest lowest constraints image release docs bench peers bars bars-fleet results page browser add-on hass clean
 
-.venv/.ready: pyproject.toml
+.venv/.ready: pyproject.toml gamm/pyproject.toml
 	$(PYTHON) -m venv .venv
-	.venv/bin/python $(PIP_INSTALL) -e ".[$(EXTRAS)]"
+	.venv/bin/python $(PIP_INSTALL) -e gamm -e ".[$(EXTRAS)]"
 	touch $@
 
 # Every file is named with its hash, so there is nothing to choose; what is imported is compiled on its first import.
 # uv installs in a fifth of pip's time. Where it cannot be had or reaches no index, pip installs the same files.
-.venv-check/.ready: pyproject.toml constraints/check.txt
+.venv-check/.ready: pyproject.toml gamm/pyproject.toml constraints/check.txt
 	$(PYTHON) -m venv --clear .venv-check
 	{ $(MAKE) --no-print-directory .venv-tools/.ready \
 		&& $(UV) pip install --quiet --no-deps --require-hashes --python .venv-check/bin/python -r constraints/check.txt; } \
 		|| .venv-check/bin/python $(PIP_INSTALL) --no-deps --no-compile --require-hashes -r constraints/check.txt
-	.venv-check/bin/python $(PIP_INSTALL) --no-deps --no-build-isolation -e .
+	.venv-check/bin/python $(PIP_INSTALL) --no-deps --no-build-isolation -e gamm -e .
 	.venv-check/bin/python -m pip --disable-pip-version-check check
 	touch $@
 
-.venv-bench/.ready: pyproject.toml
+.venv-bench/.ready: pyproject.toml gamm/pyproject.toml
 	$(PYTHON) -m venv .venv-bench
-	.venv-bench/bin/python $(PIP_INSTALL) -e ".[dev,bench]"
+	.venv-bench/bin/python $(PIP_INSTALL) -e gamm -e ".[dev,bench]"
 	touch $@
 
 # The newest Home Assistant that HASS_PYTHON can run, for the tests of the integration. Its first start installs what it always loads.
@@ -72,7 +72,7 @@ check: .venv-check/.ready  ## the whole gate, with the versions of constraints/c
 
 check-latest: .venv-tools/.ready  ## the gate with the newest release of everything
 	$(PYTHON) -m venv --clear .venv-latest
-	$(UV) pip install --quiet --python .venv-latest/bin/python --upgrade --refresh -e ".[dev,interop]"
+	$(UV) pip install --quiet --python .venv-latest/bin/python --upgrade --refresh -e gamm -e ".[dev,interop]"
 	.venv-latest/bin/ruff format --check .
 	.venv-latest/bin/ruff check .
 	.venv-latest/bin/mypy
@@ -81,12 +81,12 @@ check-latest: .venv-tools/.ready  ## the gate with the newest release of everyth
 
 lowest: .venv-tools/.ready  ## the tests without a browser, with the lowest declared release of each dependency
 	$(UV) venv --quiet --clear --python 3.11 .venv-lowest
-	$(UV) pip install --quiet --python .venv-lowest/bin/python --resolution lowest-direct -e ".[dev,interop]"
+	$(UV) pip install --quiet --python .venv-lowest/bin/python --resolution lowest-direct -e gamm -e ".[dev,interop]"
 	.venv-lowest/bin/python -m pytest -n $(WORKERS) --dist loadscope --ignore=tests/server/page
 
 constraints: .venv-tools/.ready  ## the newest release of everything into constraints, with hashes: for the gate, for the container
 	$(UV) pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
-		--no-header --no-annotate --extra dev --extra interop pyproject.toml constraints/build.in --output-file constraints/check.txt
+		--no-header --no-annotate --no-emit-package tripwatt-gamm --extra dev --extra interop pyproject.toml constraints/build.in --output-file constraints/check.txt
 	$(UV) pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
 		--no-header --no-annotate --extra service --extra fleet --extra live pyproject.toml constraints/build.in \
 		--constraint constraints/check.txt --output-file constraints/service.txt

@@ -108,7 +108,7 @@ EVERY_CAR: Final = (
     "tests/forecasting/test_storage.py tests/project/test_packaging.py"
 )
 TESTS: Final = {
-    "tests/gam/test_engine_mgcv.py tests/gam/test_summary.py tests/gam/test_inference.py tests/gam/test_engine_laws.py": False,
+    "gamm/tests": False,
     EVERY_CAR: True,
 }
 """Tests that are bars -> whether they take every car of the library, of which the gate takes a sample."""

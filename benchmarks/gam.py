@@ -20,7 +20,7 @@ import pandas as pd
 from tools import REFERENCE, command
 
 from benchmarks.measure import Row, not_measured, report, seconds
-from tripwatt.gam import GAMM, Formula, Parametric, RandomEffect, Smooth, Tensor, Term
+from tripwatt_gamm import GAMM, Formula, Parametric, RandomEffect, Smooth, Tensor, Term
 
 HERTZ = 10
 ROWS_AT_10_HZ = 787_129

@@ -16,7 +16,7 @@ import sys
 import tarfile
 import tempfile
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from importlib.metadata import version
 from io import BytesIO
 from pathlib import Path
@@ -31,6 +31,8 @@ from tools.quality.contract import BREAKS, released
 
 TOOLS: Final = ROOT / ".venv-tools" / "bin"
 DIST: Final = ROOT / "dist"
+DISTRIBUTIONS: Final = (".", "gamm")
+"""Folders of what is released: tripwatt, and the GAMM engine."""
 MOST_WHEEL_BYTES: Final = 3_000_000
 MOST_IMPORT_S: Final = 0.15
 BUILDERS: Final = ("hatchling", "packaging", "pathspec", "pluggy", "trove-classifiers")
@@ -54,6 +56,8 @@ def not_ready(root: Path = ROOT) -> Iterator[str]:
     number, last = Version(project(root)["version"]), Version(released().stem)
     if number.is_prerelease:
         yield f"{number} is a version between releases: set that of the release in pyproject.toml, CITATION.cff and integrations/home_assistant."
+    if project(root / "gamm")["version"] != project(root)["version"]:
+        yield "gamm/pyproject.toml has another version than pyproject.toml."
     if _git(root, "status", "--porcelain"):
         yield "There are changes that are not committed."
     if not section(root, f"{number}"):
@@ -67,7 +71,7 @@ def not_ready(root: Path = ROOT) -> Iterator[str]:
 
 
 def build(root: Path, folder: Path) -> dict[str, bytes]:
-    """Build sdist and wheel from the files of the commit, in a new folder.
+    """Build sdist and wheel of each distribution from the files of the commit, in a new folder.
 
     Parameters
     ----------
@@ -87,7 +91,10 @@ def build(root: Path, folder: Path) -> dict[str, bytes]:
     out = folder / "out"
     command = [sys.executable, "-m", "hatchling", "build", "-t", "sdist", "-t", "wheel", "-d", f"{out}"]
     environment = {**os.environ, "SOURCE_DATE_EPOCH": _git(root, "log", "-1", "--format=%ct")}
-    subprocess.run(command, cwd=folder / "source", check=True, capture_output=True, env=environment)
+    for place in DISTRIBUTIONS:
+        subprocess.run(
+            command, cwd=folder / "source" / place, check=True, capture_output=True, env=environment
+        )
     return {file.name: file.read_bytes() for file in sorted(out.iterdir())}
 
 
@@ -143,12 +150,12 @@ def readme_commands(text: str) -> tuple[list[str], str]:
     return commands.splitlines(), next(block for kind, block in blocks if kind == "python")
 
 
-def tried(wheel: Path, python: str, folder: Path) -> str:
-    """Install a wheel into an empty environment, run the README there, and say how it went.
+def tried(wheels: Iterable[Path], python: str, folder: Path) -> str:
+    """Install the wheels into an empty environment, run the README there, and say how it went.
 
     Parameters
     ----------
-    wheel : Path
+    wheels : iterable of Path
     python : str
         Version, such as 3.12.
     folder : Path
@@ -168,7 +175,7 @@ def tried(wheel: Path, python: str, folder: Path) -> str:
     if call(uv, "venv", "--quiet", "--python", found, f"{folder}").returncode:
         return "not at hand"
     commands, code = readme_commands((ROOT / "README.md").read_text("utf-8"))
-    steps = [[uv, "pip", "install", "--quiet", "--python", f"{here / 'python'}", f"{wheel}"]]
+    steps = [[uv, "pip", "install", "--quiet", "--python", f"{here / 'python'}", *map(str, wheels)]]
     steps += [[f"{here / 'tripwatt'}", *line.split()[1:]] for line in commands]
     steps += [[f"{here / 'python'}", "-c", code], [f"{here / 'python'}", "-c", TIMED]]
     for step in steps:
@@ -200,9 +207,10 @@ def main(
         old.unlink()
     for name, data in built.items():
         (DIST / name).write_bytes(data)
-    (wheel,) = DIST.glob("*.whl")
-    if wheel.stat().st_size > MOST_WHEEL_BYTES:
-        sys.exit(f"the wheel has {wheel.stat().st_size} bytes; allowed: {MOST_WHEEL_BYTES}")
+    wheels = sorted(DIST.glob("*.whl"))
+    size = sum(wheel.stat().st_size for wheel in wheels)
+    if size > MOST_WHEEL_BYTES:
+        sys.exit(f"the wheels have {size} bytes; allowed: {MOST_WHEEL_BYTES}")
     subprocess.run([f"{TOOLS / 'twine'}", "check", "--strict", *map(str, DIST.iterdir())], check=True)
     for kind in ("service", "map"):
         sbom = ("--output-reproducible", "--of", "JSON", "-o", f"{DIST / f'sbom-{kind}.json'}")
@@ -214,7 +222,7 @@ def main(
     (DIST / "SHA256SUMS").write_text("".join(f"{value}  {name}\n" for name, value in sums.items()), "utf-8")
     for python in pythons():
         with tempfile.TemporaryDirectory() as folder:
-            print(f"Python {python}: {tried(wheel, python, Path(folder) / 'environment')}", flush=True)
+            print(f"Python {python}: {tried(wheels, python, Path(folder) / 'environment')}", flush=True)
     print((DIST / "SHA256SUMS").read_text("utf-8"), end="")
     return 0
 

@@ -9,8 +9,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import tripwatt as tw
-from tripwatt.gam import GAMM
 from tripwatt.hybrid import segment_trips
+from tripwatt_gamm import GAMM
 
 trips = tw.audit(tw.synthetic_fleet(48)).trips
 table = segment_trips(trips, tw.load_vehicle("bmw_i3_60ah"))

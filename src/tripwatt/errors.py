@@ -136,6 +136,7 @@ EXTRAS: Final[Mapping[str, tuple[str, ...]]] = {
     "routing": ("httpx",),
     "live": ("aiomqtt",),
     "mcp": ("mcp",),
+    "gamm": ("tripwatt_gamm",),
 }
 """Extra of the package -> the modules without which none of its commands works."""
 
@@ -152,10 +153,21 @@ def install(*extras: str) -> str:
     >>> install("service", "fleet")
     "run pip install -e '.[service,fleet]' in the clone of tripwatt"
     """
-    names = ",".join(extras)
     if ON_AN_INDEX:
-        return f"run pip install 'tripwatt[{names}]'"
-    return f"run pip install -e '.[{names}]' in the clone of tripwatt"
+        return f"run pip install 'tripwatt[{','.join(extras)}]'"
+    return f"run {clone_line(extras)} in the clone of tripwatt"
+
+
+def clone_line(extras: Iterable[str]) -> str:
+    """The command that installs extras in a clone; the GAMM engine is a distribution in its folder `gamm`.
+
+    Examples
+    --------
+    >>> clone_line(["service", "gamm"])
+    "pip install -e gamm -e '.[service,gamm]'"
+    """
+    names = tuple(extras)
+    return f"pip install {'-e gamm ' * ('gamm' in names)}-e '.[{','.join(names)}]'"
 
 
 def extras_faults(needed: Mapping[str, str]) -> list[Fault]:

@@ -65,7 +65,7 @@ def is_known(path: str) -> bool:
 
 @cache
 def scripts() -> tuple[str, ...]:
-    folders = ("src", "tests", "tools", "benchmarks", "web", "docs")
+    folders = ("src", "gamm", "tests", "tools", "benchmarks", "web", "docs")
     files = (f for name in folders for f in (ROOT / name).rglob("*.py") if "node_modules" not in f.parts)
     return tuple("/" + f.relative_to(ROOT).as_posix() for f in files)
 
@@ -173,7 +173,7 @@ def test_everything_that_a_page_names_exists(page: Path) -> None:
 def test_every_kind_of_dead_name_is_found(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
     page.write_text(
-        "Alive: `tripwatt.units`, `gam/fit.py`, `tripwatt mapping suggest FILE`, `make check`, [here](#a-heading).\n"
+        "Alive: `tripwatt.units`, `tripwatt_gamm/fit.py`, `tripwatt mapping suggest FILE`, `make check`, [here](#a-heading).\n"
         "# A heading\n"
         "Dead: `tripwatt.no_module`, `tripwatt.units.NO_NAME`, `no/file.py`, `tripwatt nothing`, "
         "`tripwatt evaluate --no-such`, `make nothing`, [gone](gone.md), [lost](#lost), `python -m benchmarks.gone`.\n"

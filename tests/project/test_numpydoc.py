@@ -39,11 +39,14 @@ NO_RESULT = {"RT01", "EX01"}
 """Checks that a property meets by its summary: it takes nothing and is what it says."""
 
 
-PACKAGES = sorted(
-    f"tripwatt.{found.name}"
-    for found in pkgutil.iter_modules(tw.__path__)
-    if found.ispkg and hasattr(importlib.import_module(f"tripwatt.{found.name}"), "__all__")
-)
+PACKAGES = [
+    *sorted(
+        f"tripwatt.{found.name}"
+        for found in pkgutil.iter_modules(tw.__path__)
+        if found.ispkg and hasattr(importlib.import_module(f"tripwatt.{found.name}"), "__all__")
+    ),
+    "tripwatt_gamm",
+]
 
 WITH_A_PAGE_OF_THEIR_OWN = ("tripwatt.command", "tripwatt.server.http")
 """Packages that the command line and the requests describe, not the reference."""

@@ -19,7 +19,9 @@ from tools.quality.contract import released
 
 pytest.importorskip("hatchling", reason="no hatchling: `make check` installs it to build the wheel")
 NEXT = f"{released().stem.split('.')[0]}.{int(released().stem.split('.')[1]) + 1}.0"
-FILES = ("pyproject.toml", "README.md", "LICENSE", "NOTICE", "CITATION.cff", ".gitignore")
+OURS = ("pyproject.toml", "README.md", "LICENSE", "NOTICE")
+GAMM = (*(f"gamm/{name}" for name in OURS), "gamm/src/tripwatt_gamm/__init__.py")
+FILES = (*OURS, *GAMM, "CITATION.cff", ".gitignore")
 CHANGES = (
     f"# Changes\n\n## [Unreleased]\n\n- Next.\n\n## [{NEXT}] - 2027-01-01\n\n- New.\n\n## [0.1.0]\n\n- Old.\n"
 )
@@ -56,9 +58,9 @@ def clone(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (folder / "constraints").mkdir(exist_ok=True)
         (folder / "constraints" / f"{name}.txt").write_text(name)
     number = release.project(ROOT)["version"]
-    for name, old in (("pyproject.toml", number), ("CITATION.cff", cited())):
+    for name, old in (("pyproject.toml", number), ("gamm/pyproject.toml", number), ("CITATION.cff", cited())):
         text = (folder / name).read_text("utf-8")
-        (folder / name).write_text(text.replace(f"{old}\n", f"{NEXT}\n").replace(f'"{old}"', f'"{NEXT}"'))
+        (folder / name).write_text(re.sub(rf'\b{re.escape(old)}(?="|\n)', NEXT, text))
     (folder / "CHANGELOG.md").write_text(CHANGES)
     git(folder, "init", "--quiet")
     git(folder, "add", "--all")
@@ -85,6 +87,7 @@ def rewrite(name: str, old: str, new: str) -> Callable[[Path], None]:
         (lambda folder: (folder / "new.txt").write_text("new"), "not committed"),
         (rewrite("CHANGELOG.md", f"## [{NEXT}]", "## [9.9.9]"), f"no section [{NEXT}]"),
         (rewrite("CITATION.cff", f"version: {NEXT}", "version: 9.9.9"), "CITATION.cff has another version"),
+        (rewrite("gamm/pyproject.toml", f'"{NEXT}"', '"9.9.9"'), "gamm/pyproject.toml has another version"),
         (rewrite("pyproject.toml", f'"{NEXT}"', f'"{released().stem}"'), f"{released().stem} is released"),
         (
             rewrite("pyproject.toml", f'"{NEXT}"', f'"{NEXT}.dev0"'),
@@ -121,9 +124,9 @@ def test_two_builds_are_the_same_and_provenance_has_their_hashes(clone: Path, tm
     (other / "stray.txt").write_text("not committed")
     built = release.build_twice(clone)
     assert release.build(other, tmp_path / "once") == built
-    assert sorted(name.rpartition(".")[2] for name in built) == ["gz", "whl"]
-    (wheel,) = (data for name, data in built.items() if name.endswith(".whl"))
-    stamps = {part.date_time[0] for part in zipfile.ZipFile(BytesIO(wheel)).infolist()}
+    assert sorted(name.rpartition(".")[2] for name in built) == ["gz", "gz", "whl", "whl"]
+    wheels = [data for name, data in built.items() if name.endswith(".whl")]
+    stamps = {part.date_time[0] for data in wheels for part in zipfile.ZipFile(BytesIO(data)).infolist()}
     assert min(stamps) >= 2024  # that of the commit
     statement = release.provenance(clone, built)
     assert {s["name"]: s["digest"]["sha256"] for s in statement["subject"]} == {

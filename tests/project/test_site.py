@@ -215,7 +215,7 @@ def test_every_name_of_the_door_is_described(site: Path, pages: dict[str, Found]
     for name in set(tripwatt.__all__) - {"__version__"}:
         assert f"tripwatt.{name}" in pages["api/tripwatt.html"].places, name
         assert f'id="tripwatt.{name}"' in text
-    assert "tripwatt.gam.GAMM" in pages["api/tripwatt.gam.html"].places
+    assert "tripwatt_gamm.GAMM" in pages["api/tripwatt_gamm.html"].places
     assert "tripwatt.Forecast.interval" in pages["api/tripwatt.html"].places
 
 

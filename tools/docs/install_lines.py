@@ -28,7 +28,8 @@ SENTENCES: Final = (
 )
 """Sentences about a clone, and those about an index in their place."""
 
-EXTRAS: Final = r"\[([a-z,]+)\]'"
+CLONE: Final = r"pip install (?:-e gamm )?-e '\.\[([a-z,]+)\]'"
+INDEX: Final = r"pip install 'tripwatt\[([a-z,]+)\]'"
 
 
 def in_form(text: str, *, on_index: bool) -> str:
@@ -38,14 +39,16 @@ def in_form(text: str, *, on_index: bool) -> str:
     --------
     >>> in_form("`pip install -e '.[fleet]'`", on_index=True)
     "`pip install 'tripwatt[fleet]'`"
+    >>> in_form("`pip install 'tripwatt[fleet,gamm]'`", on_index=False)
+    "`pip install -e gamm -e '.[fleet,gamm]'`"
     """
     for clone, index in SENTENCES:
         text = text.replace(clone, index) if on_index else text.replace(index, clone)
     if on_index:
         text = text.replace("`pip install -e .`", "`pip install tripwatt`")
-        return re.sub(rf"pip install -e '\.{EXTRAS}", r"pip install 'tripwatt[\1]'", text)
+        return re.sub(CLONE, r"pip install 'tripwatt[\1]'", text)
     text = text.replace("`pip install tripwatt`", "`pip install -e .`")
-    return re.sub(rf"pip install 'tripwatt{EXTRAS}", r"pip install -e '.[\1]'", text)
+    return re.sub(INDEX, lambda line: errors.clone_line(line[1].split(",")), text)
 
 
 def main(

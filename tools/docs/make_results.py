@@ -340,7 +340,8 @@ def run(command: str) -> None:
 
 def environment() -> dict[str, str]:
     """With the folders of the data, and the project's own packages first."""
-    path = os.pathsep.join(filter(None, (str(ROOT / "src"), str(ROOT), os.environ.get("PYTHONPATH", ""))))
+    own = (str(ROOT / "src"), str(ROOT / "gamm" / "src"), str(ROOT))
+    path = os.pathsep.join(filter(None, (*own, os.environ.get("PYTHONPATH", ""))))
     return {
         "OMP_NUM_THREADS": "1",
         "OPENBLAS_NUM_THREADS": "1",

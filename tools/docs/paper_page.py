@@ -277,8 +277,8 @@ _EQUATIONS = """\
 | The paper | Here |
 |:--|:--|
 | (1) absolute percentage error of the cumulative energy at the end of the trip | `tripwatt.study.evaluation.metrics.absolute_percentage_error` |
-| (2) GAMM: sum of smooths and random effects | [the engine](gam.md), `tripwatt.gam.GAMM` |
-| (3) density of Student's t | `tripwatt.gam.ScaledT`, ν and σ estimated, ν at least 3 |
+| (2) GAMM: sum of smooths and random effects | [the engine](gam.md), `tripwatt_gamm.GAMM` |
+| (3) density of Student's t | `tripwatt_gamm.ScaledT`, ν and σ estimated, ν at least 3 |
 | (4) F(k+1) = F(k) + T(k+1), boosting rounds chosen by leaving subjects out | `tripwatt.learners.boosting.ClusteredBoosting` |
 | steps 1 to 4: simulate, take the residual, learn it, add it | `tripwatt.study.paper.HybridModel` |"""
 

@@ -60,9 +60,8 @@ NO_PART: Final = (
     "tests/server/page",
     "tests/project",
     "tests/study/report",
-    "tests/gam",
     "tests/command",
-    "src/tripwatt/gam",
+    "gamm",
 )
 """Tests of the browser, of the project's files, of words and figures, and of rooms that no mutant is planted in."""
 PATIENCE_S: Final = 120.0
@@ -364,7 +363,7 @@ def _where(mutant: Mutant) -> str:
 def _environment(project: Path) -> dict[str, str]:
     shared = ROOT.parent / "shared"
     return os.environ | {
-        "PYTHONPATH": str(project / "src"),
+        "PYTHONPATH": os.pathsep.join((str(project / "src"), str(project / "gamm" / "src"))),
         "TRIPWATT_DATA": os.environ.get("TRIPWATT_DATA", str(shared / "data")),
         "TRIPWATT_REFERENCE": os.environ.get("TRIPWATT_REFERENCE", str(shared / "reference")),
         "OMP_NUM_THREADS": "1",

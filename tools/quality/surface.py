@@ -72,7 +72,7 @@ def surface() -> Iterator[str]:
 def of_checkout(root: Path) -> list[str]:
     """All lines of a checkout, in order, from a process of its own."""
     code = "import json; from tools.quality.surface import surface; print(json.dumps(sorted(set(surface()))))"
-    path = os.pathsep.join((str(root.resolve() / "src"), str(ROOT)))
+    path = os.pathsep.join((str(root.resolve() / "src"), str(root.resolve() / "gamm" / "src"), str(ROOT)))
     done = subprocess.run(
         [sys.executable, "-c", code],
         check=True,

@@ -13,6 +13,7 @@ from tripwatt.arrays import FloatArray
 from tripwatt.errors import InvalidInput
 from tripwatt.files import shipped_toml
 from tripwatt.hybrid.familiarity import FADING, Familiarity
+from tripwatt.hybrid.gamm import gamm_engine
 from tripwatt.hybrid.segments import LINE_CAUSES, SegmentTable
 from tripwatt.learners.gp import AdditiveGP, KernelTerm
 from tripwatt.trips import TEMPERATURES
@@ -399,11 +400,10 @@ class GammCorrector(PowerCorrector):
 
     def fit(self, table: SegmentTable) -> Self:
         """Gaussian errors, REML."""
-        from tripwatt.gam import GAMM
-
         self.medians_ = table.features.median()
         self.familiarity = Familiarity.from_features(table.features, FADING)
-        self.model = GAMM(self.FORMULA).fit(self._frame(table, trips=True), table.residual_w)
+        with gamm_engine() as engine:
+            self.model = engine.GAMM(self.FORMULA).fit(self._frame(table, trips=True), table.residual_w)
         return self
 
     def clone_tuned(self) -> GammCorrector:

@@ -8,13 +8,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tripwatt.gam import RandomEffects
 from tripwatt.hybrid import PhysicsOnly
 from tripwatt.hybrid.trip_table import TripTable, build_table
 from tripwatt.study.paper import HybridModel, Table2Corrector
 from tripwatt.study.paper.insight import insight
 from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.vehicles import load_vehicle
+from tripwatt_gamm import RandomEffects
 
 GAMM = {"gamm": HybridModel(Table2Corrector(), "physics-paper")}
 
@@ -78,5 +78,5 @@ def test_terms_that_cannot_vary_are_left_out_and_named(table: TripTable) -> None
 
 
 def test_evaluation_draws_nothing() -> None:
-    code = "import sys, tripwatt.study.evaluation.run, tripwatt.gam; sys.exit('matplotlib' in sys.modules)"
+    code = "import sys, tripwatt.study.evaluation.run, tripwatt_gamm; sys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

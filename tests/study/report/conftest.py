@@ -9,7 +9,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tripwatt.gam import RandomEffects
 from tripwatt.hybrid.trip_table import build_table
 from tripwatt.study.paper import HybridModel, Table2Corrector
 from tripwatt.study.paper.insight import GammInsight, insight
@@ -18,6 +17,7 @@ from tripwatt.study.report.panels import build_sections
 from tripwatt.study.report.view import View
 from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.vehicles import load_vehicle
+from tripwatt_gamm import RandomEffects
 
 MODELS = {
     "constant": (0.20, 0.0),

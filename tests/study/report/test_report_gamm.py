@@ -6,11 +6,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tripwatt.gam import SurfaceEffect
 from tripwatt.study.paper.insight import GammInsight
 from tripwatt.study.report.panel import Panel
 from tripwatt.study.report.panels import gamm
 from tripwatt.study.report.view import View
+from tripwatt_gamm import SurfaceEffect
 
 VIEW = View({})
 

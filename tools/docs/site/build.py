@@ -66,7 +66,7 @@ PACKAGES: Final = (
     "tripwatt.study.evaluation",
     "tripwatt.study.report",
     "tripwatt.study.paper",
-    "tripwatt.gam",
+    "tripwatt_gamm",
     "tripwatt.learners.boosting",
     "tripwatt.learners.forest",
     "tripwatt.learners.gp",

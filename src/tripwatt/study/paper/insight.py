@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tripwatt.gam import Autocorrelation, Diagnosis, RandomEffects, Summary, autocorrelation
-from tripwatt.gam.effects import Effect
 from tripwatt.hybrid.trip_table import EnergyModel, TripTable
 from tripwatt.study.paper.models import HybridModel
 from tripwatt.study.paper.table2 import Table2Corrector
+
+if TYPE_CHECKING:
+    from tripwatt_gamm import Autocorrelation, Diagnosis, Summary
+    from tripwatt_gamm.effects import Effect
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +83,8 @@ def gamm_insight(model: HybridModel, table: TripTable) -> GammInsight:
     table : TripTable
     """
     model.fit(table)
+    from tripwatt_gamm import autocorrelation  # an extra, which the fit has found
+
     corrector = model.corrector
     X, _, groups = model.training_data(table)
     frame, rows = corrector.training_frame(X, groups)
@@ -97,6 +101,8 @@ def gamm_insight(model: HybridModel, table: TripTable) -> GammInsight:
 
 def _named(effect: Effect, trip_ids: Sequence[str]) -> Effect:
     """Random effects under the names of the trips; in the engine they are numbers."""
+    from tripwatt_gamm import RandomEffects
+
     if not isinstance(effect, RandomEffects):
         return effect
     return replace(effect, level=tuple(trip_ids[int(number)] for number in effect.level))

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass, replace
+from types import ModuleType
 from typing import Any, Final, Literal, Self
 
 import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.hybrid.gamm import gamm_engine
 
 TABLE2: Final = (
     "weather",
@@ -108,7 +110,8 @@ class Table2Corrector:
             Itself.
         """
         frame, rows = self._training(X, groups)
-        self.model_ = self._engine().fit(frame, np.asarray(y)[rows], groups=groups[rows])
+        with gamm_engine() as engine:
+            self.model_ = self._model(engine).fit(frame, np.asarray(y)[rows], groups=groups[rows])
         return self
 
     def predict(self, X: pd.DataFrame) -> FloatArray:
@@ -152,14 +155,15 @@ class Table2Corrector:
         """
         units = groups if folds is None else folds
         frame, rows = self._training(X, groups)
-        predictions = self._engine().leave_groups_out(
-            frame,
-            np.asarray(y)[rows],
-            groups=groups[rows],
-            folds=units[rows],
-            at=self.frame(X),
-            at_folds=units,
-        )
+        with gamm_engine() as engine:
+            predictions = self._model(engine).leave_groups_out(
+                frame,
+                np.asarray(y)[rows],
+                groups=groups[rows],
+                folds=units[rows],
+                at=self.frame(X),
+                at_folds=units,
+            )
         return np.asarray(predictions, dtype=np.float64)
 
     def inner_errors(
@@ -235,13 +239,11 @@ class Table2Corrector:
         rows = np.flatnonzero((position % self.every_rows == 0) | last).astype(np.int64)
         return self.frame(X.iloc[rows], groups[rows]), rows
 
-    def _engine(self) -> Any:
-        from tripwatt.gam import GAMM, ScaledT
-
+    def _model(self, engine: ModuleType) -> Any:
         formula = "y ~ " + " + ".join(term for term in self.terms if term not in self.left_out_)
         if self.errors == "t":
-            return GAMM(formula, family=ScaledT(min_df=self.least_df))
-        return GAMM(formula, ar1_rho="estimate" if self.errors == "ar1" else None)
+            return engine.GAMM(formula, family=engine.ScaledT(min_df=self.least_df))
+        return engine.GAMM(formula, ar1_rho="estimate" if self.errors == "ar1" else None)
 
     def frame(self, X: pd.DataFrame, groups: IntArray | None = None) -> pd.DataFrame:
         """Convert covariates to the engine's columns. Needs `fit`.

@@ -8,7 +8,6 @@ import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from tripwatt.gam.effects import CurveEffect, RandomEffects, SurfaceEffect, plot_effects
 from tripwatt.study.paper.insight import GammInsight
 from tripwatt.study.report.covariates import term_in_words
 from tripwatt.study.report.panel import Panel
@@ -22,6 +21,8 @@ def panels(view: View) -> list[Panel]:
     gamm = view.gamm
     if gamm is None:
         return []
+    from tripwatt_gamm import CurveEffect, RandomEffects, SurfaceEffect, plot_effects  # an extra
+
     curves = {name: e for name, e in gamm.effects.items() if isinstance(e, CurveEffect)}
     shown = [
         Panel("gamm-summary", "Summary of the GAMM", tables=(terms_table(view, gamm), fit_table(view, gamm))),

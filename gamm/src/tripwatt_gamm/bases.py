@@ -1,0 +1,319 @@
+"""Spline bases and their penalties: P-splines, cubic regression splines, thin plate regression splines.
+
+Every basis is fixed once it has seen the covariates: `matrix` evaluates its columns anywhere, `penalty` is the
+quadratic form of its wiggliness. Bases are independent of factors, constraints or smoothing parameters.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from scipy.interpolate import BSpline
+from scipy.linalg import eigh, solve_banded
+from scipy.sparse.linalg import eigsh
+
+from tripwatt_gamm.arrays import FloatArray
+
+MAX_KNOTS = 2000
+"""Most distinct points that a thin plate eigenbasis is built from."""
+
+
+class Basis(Protocol):
+    """Columns and penalty of an unconstrained smooth."""
+
+    @property
+    def k(self) -> int:
+        """Number of columns."""
+
+    @property
+    def penalty(self) -> FloatArray:
+        """Penalty matrix, (k, k)."""
+
+    def matrix(self, x: FloatArray) -> FloatArray:
+        """Columns at the points `x` (n, d), as (n, k)."""
+
+
+@dataclass(frozen=True)
+class PSpline:
+    """Cubic B-splines on even knots with a penalty on second differences (Eilers & Marx 1996).
+
+    The knots reach 0.1 % of the range beyond the data on both sides.
+
+    Parameters
+    ----------
+    low, high : float
+        Range of the covariate.
+    k : int
+        Number of B-splines, at least 4.
+
+    Examples
+    --------
+    >>> basis = PSpline(0.0, 1.0, k=8)
+    >>> basis.matrix(np.array([[0.3]])).sum().round(12)
+    np.float64(1.0)
+    """
+
+    low: float
+    high: float
+    k: int
+
+    @cached_property
+    def knots(self) -> FloatArray:
+        """The k + 4 even knots."""
+        margin = 0.001 * (self.high - self.low)
+        step = (self.high - self.low + 2 * margin) / (self.k - 3)
+        return self.low - margin + step * np.arange(-3.0, self.k + 1.0)
+
+    @property
+    def penalty(self) -> FloatArray:
+        """Crossproduct of the difference matrix, (k, k)."""
+        differences = np.diff(np.eye(self.k), n=2, axis=0)
+        return differences.T @ differences
+
+    def matrix(self, x: FloatArray) -> FloatArray:
+        """B-splines at `x` (n, 1), as (n, k); constant continuation beyond the knots."""
+        inside = np.clip(x[:, 0], self.knots[3], self.knots[-4])
+        values: FloatArray = BSpline.design_matrix(inside, self.knots, 3).toarray()
+        return values
+
+
+@dataclass(frozen=True)
+class CubicRegression:
+    """Natural cubic spline, parametrised by its values at the knots (Wood 2017, section 5.3.1).
+
+    Parameters
+    ----------
+    knots : ndarray (k,)
+        Increasing knots.
+    """
+
+    knots: FloatArray
+
+    @property
+    def k(self) -> int:
+        """Number of knots."""
+        return len(self.knots)
+
+    @cached_property
+    def _second_derivatives(self) -> tuple[FloatArray, FloatArray]:
+        """Map from values to second derivatives at the knots (k, k), and the differences D (k - 2, k)."""
+        h = np.diff(self.knots)
+        D = np.zeros((self.k - 2, self.k))
+        rows = np.arange(self.k - 2)
+        D[rows, rows], D[rows, rows + 2] = 1 / h[:-1], 1 / h[1:]
+        D[rows, rows + 1] = -1 / h[:-1] - 1 / h[1:]
+        bands = np.zeros((3, self.k - 2))
+        bands[0, 1:], bands[1], bands[2, :-1] = h[1:-1] / 6, (h[:-1] + h[1:]) / 3, h[1:-1] / 6
+        inner = solve_banded((1, 1), bands, D)
+        return np.vstack([np.zeros(self.k), inner, np.zeros(self.k)]), D
+
+    @property
+    def penalty(self) -> FloatArray:
+        """Integrated squared second derivative, (k, k)."""
+        F, D = self._second_derivatives
+        S = D.T @ F[1:-1]
+        return np.asarray((S + S.T) / 2)
+
+    def matrix(self, x: FloatArray) -> FloatArray:
+        """Values at `x` (n, 1) as (n, k); constant continuation beyond the knots."""
+        F, _ = self._second_derivatives
+        v = np.clip(x[:, 0], self.knots[0], self.knots[-1])
+        j = np.clip(np.searchsorted(self.knots, v, side="right") - 1, 0, self.k - 2)
+        left, right = self.knots[j], self.knots[j + 1]
+        h, up, down = right - left, right - v, v - left
+        values = (
+            F[j] * ((up**3 / h - h * up) / 6)[:, None] + F[j + 1] * ((down**3 / h - h * down) / 6)[:, None]
+        )
+        rows = np.arange(len(v))
+        values[rows, j] += up / h
+        values[rows, j + 1] += down / h
+        return np.asarray(values)
+
+
+@dataclass(frozen=True)
+class ThinPlate:
+    """Thin plate regression spline: the truncated eigenbasis of Wood (2003).
+
+    Made by `thin_plate`.
+
+    Parameters
+    ----------
+    knots : ndarray (m, d)
+        Centred points that carry radial functions.
+    shift : ndarray (d,)
+        Centre.
+    loadings : ndarray (m, k - M)
+        Radial functions to columns.
+    scale : ndarray (k,)
+        Divisors of the columns.
+    penalty : ndarray (k, k)
+    order : int
+        Order m of the derivatives in the penalty, 2 m > d.
+    """
+
+    knots: FloatArray
+    shift: FloatArray
+    loadings: FloatArray
+    scale: FloatArray
+    penalty: FloatArray
+    order: int
+
+    @property
+    def k(self) -> int:
+        """Number of columns."""
+        return len(self.scale)
+
+    def matrix(self, x: FloatArray) -> FloatArray:
+        """Columns at `x` (n, d), as (n, k)."""
+        centred = x - self.shift
+        out = np.empty((len(x), self.k))
+        radial_columns = self.loadings.shape[1]
+        for start in range(0, len(x), 4096):
+            rows = slice(start, start + 4096)
+            out[rows, :radial_columns] = _radial(centred[rows], self.knots, self.order) @ self.loadings
+        out[:, radial_columns:] = _polynomials(centred, self.order)
+        out /= self.scale
+        return out
+
+
+def _exponents(d: int, order: int) -> list[tuple[int, ...]]:
+    """Powers of the polynomials of a total degree below `order`, lower degrees first."""
+    if d == 1:
+        return [(i,) for i in range(order)]
+    out = [
+        (first, *rest)
+        for total in range(order)
+        for first in range(total, -1, -1)
+        for rest in _exponents(d - 1, order)
+        if first + sum(rest) == total
+    ]
+    return out
+
+
+def _polynomials(x: FloatArray, order: int) -> FloatArray:
+    return np.stack([np.prod(x ** np.array(e), axis=1) for e in _exponents(x.shape[1], order)], axis=1)
+
+
+def _radial(x: FloatArray, knots: FloatArray, order: int) -> FloatArray:
+    """Thin plate function of the distances between `x` (n, d) and `knots` (m, d) (Wood 2003, eq. 2)."""
+    d = x.shape[1]
+    if d == 1:
+        square = (x - knots.T) ** 2
+    else:
+        square = (x**2).sum(1)[:, None] + (knots**2).sum(1) - 2 * x @ knots.T
+        np.maximum(square, 0.0, out=square)
+    power = 2 * order - d
+    if d % 2:
+        constant = math.gamma(d / 2 - order) / (
+            2 ** (2 * order) * math.pi ** (d / 2) * math.factorial(order - 1)
+        )
+        return np.asarray(
+            constant * square ** (power // 2) * np.sqrt(square)
+        )  # a power of a half takes five times as long
+    constant = (-1) ** (order + 1 + d // 2) / (
+        2 ** (2 * order - 1) * math.pi ** (d / 2) * math.factorial(order - 1) * math.factorial(order - d // 2)
+    )
+    logarithm = np.log(np.where(square > 0, square, 1.0))
+    return np.asarray(constant / 2 * square ** (power // 2) * logarithm)
+
+
+def _trailing_null_space(C: FloatArray) -> FloatArray:
+    """Orthonormal Z (k, k - M) with C Z = 0, from Householder reflections that leave [0, T] (Gill, Murray & Wright)."""
+    M, k = C.shape
+    work, Q = C.copy(), np.eye(k)
+    for i in range(M):
+        v = np.zeros(k)
+        v[: k - i] = work[i, : k - i]
+        size = float(np.linalg.norm(v))
+        # the pivot of evenly spaced points is zero but for rounding, which must not choose the basis
+        v[k - 1 - i] += -size if v[k - 1 - i] < -1e-9 * size else size
+        v /= np.linalg.norm(v)
+        work -= 2 * np.outer(work @ v, v)
+        Q -= 2 * np.outer(Q @ v, v)
+    return Q[:, : k - M]
+
+
+def _largest_eigenpairs(E: FloatArray, k: int) -> tuple[FloatArray, FloatArray]:
+    """The `k` eigenpairs of largest modulus, eigenvalues in descending order."""
+    n = len(E)
+    if n <= 400 or k > n // 4:
+        values, vectors = eigh(E)
+        keep = np.argsort(-np.abs(values), kind="stable")[:k]
+        values, vectors = values[keep], vectors[:, keep]
+    else:
+        start = np.linspace(1.0, 2.0, n)  # fixed, so that two fits agree to the last digit
+        values, vectors = eigsh(E, k=k, which="LM", v0=start, tol=0)
+    order = np.argsort(-values)
+    values, vectors = values[order], vectors[:, order]
+    return values, vectors * np.where(vectors[0] < 0, -1.0, 1.0)
+
+
+def _basis_knots(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Knots (m, d) and weights (m,): the points, or the means of an even grid's cells and how many points each has."""
+    if len(points) <= MAX_KNOTS:
+        return points, np.ones(len(points))
+    d = points.shape[1]
+    low, span = points.min(axis=0), np.ptp(points, axis=0)
+    cells = MAX_KNOTS
+    while True:
+        code = np.zeros(len(points), dtype=np.int64)
+        for j in range(d):
+            place = np.minimum((points[:, j] - low[j]) / span[j] * cells, cells - 1)
+            code = code * cells + place.astype(np.int64)
+        _, index, counts = np.unique(code, return_inverse=True, return_counts=True)
+        if len(counts) <= MAX_KNOTS:
+            break
+        cells = cells * 9 // 10
+    sums = [np.bincount(index, weights=points[:, j]) for j in range(d)]
+    return np.stack(sums, axis=1) / counts[:, None], counts.astype(np.float64)
+
+
+def thin_plate(points: FloatArray, counts: FloatArray, k: int, order: int) -> ThinPlate:
+    """Thin plate regression spline on distinct points.
+
+    Parameters
+    ----------
+    points : ndarray (n, d)
+        Distinct points, sorted; beyond `MAX_KNOTS` the means of grid cells stand for them, each with the weight of
+        its points, which approximates the eigenbasis of all points.
+    counts : ndarray (n,)
+        How many rows of the data lie on each point: columns have unit mean square over the rows.
+    k : int
+        Number of columns.
+    order : int
+        Order of the penalty.
+
+    Returns
+    -------
+    ThinPlate
+
+    Examples
+    --------
+    >>> basis = thin_plate(np.linspace(0, 1, 30)[:, None], np.ones(30), k=5, order=2)
+    >>> basis.k
+    5
+    """
+    shift = np.asarray(np.average(points, axis=0, weights=counts))
+    knots, weights = _basis_knots(points)
+    knots, root = knots - shift, np.sqrt(weights)
+    T = root[:, None] * _polynomials(knots, order)
+    M = T.shape[1]
+    values, U = _largest_eigenpairs(_radial(knots, knots, order) * root * root[:, None], k)
+    Z = _trailing_null_space(T.T @ U)
+    S = np.zeros((k, k))
+    S[: k - M, : k - M] = Z.T @ (values[:, None] * Z)
+    loadings = root[:, None] * (U @ Z)
+    raw = ThinPlate(knots, shift, loadings, np.ones(k), S, order)
+    scale = np.sqrt(np.average(raw.matrix(points) ** 2, axis=0, weights=counts))
+    scale[scale == 0] = 1.0
+    S = S / np.outer(scale, scale)
+    return ThinPlate(knots, shift, loadings, scale, (S + S.T) / 2, order)
+
+
+def cubic_regression(points: FloatArray, k: int) -> CubicRegression:
+    """Cubic regression spline with knots at even quantiles of the distinct values `points` (n,)."""
+    return CubicRegression(np.quantile(points, np.linspace(0, 1, k)))

@@ -1,0 +1,111 @@
+"""Tail of a weighted sum of chi-square variables, accurate to many digits however small it is.
+
+The distribution function of a quadratic form in normal variables is an inversion integral of its moment
+generating function (Imhof 1961, Biometrika 48:419; Davies 1980, Applied Statistics 29:323). Taken along the
+imaginary axis the integrand oscillates and decays slowly when there are few degrees of freedom; taken through
+the saddle point and bent away from the imaginary axis (Rice 1980, SIAM J. Sci. Stat. Comput. 1:438) it decays
+exponentially, so that the trapezoidal rule gives full *relative* accuracy with some hundred points.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tripwatt_gamm.arrays import FloatArray
+
+__all__ = ["weighted_chi2_sf"]
+
+
+def weighted_chi2_sf(q: float, weights: ArrayLike, df: ArrayLike | None = None) -> float:
+    """Pr(sum_i weights_i X_i > q) for independent X_i ~ chi-square(df_i).
+
+    Parameters
+    ----------
+    q : float
+        Threshold.
+    weights : array_like, shape (m,)
+        Weights of either sign; zeros are dropped.
+    df : array_like, shape (m,), optional
+        Degrees of freedom, positive. Default 1 each.
+
+    Returns
+    -------
+    float
+        A probability in [0, 1].
+
+    Notes
+    -----
+    The integral of Imhof (1961) and Davies (1980), along the contour of Rice (1980).
+
+    Examples
+    --------
+    >>> from scipy.stats import chi2
+    >>> bool(np.isclose(weighted_chi2_sf(200.0, [1.0, 1.0, 1.0]), chi2.sf(200.0, 3), rtol=1e-9, atol=0))
+    True
+    """
+    lam = np.atleast_1d(np.asarray(weights, dtype=float))
+    h = np.ones_like(lam) if df is None else np.broadcast_to(np.asarray(df, dtype=float), lam.shape)
+    keep = (lam != 0) & (h > 0)
+    lam, h = lam[keep], h[keep]
+    if np.isnan(q) or not np.isfinite(lam).all():
+        return float("nan")
+    if lam.size == 0 or (q >= 0 and lam.max() < 0):
+        return float(q < 0)
+    if q <= 0 and lam.min() > 0:
+        return 1.0
+    if q == np.inf or q == -np.inf:
+        return float(q < 0)
+    if q < 0:
+        return 1.0 - weighted_chi2_sf(-q, -lam, h)
+    scale = float(np.abs(lam).max())
+    return float(min(max(_inversion(q / scale, lam / scale, h), 0.0), 1.0))
+
+
+def _inversion(q: float, lam: FloatArray, h: FloatArray) -> float:
+    """The inversion integral for q >= 0 and some positive weight, by halved steps until it settles."""
+    c = _saddle(q, lam, h)
+    d = 1 - 2 * lam * c
+    v = float((2 * h * (lam / d) ** 2).sum() + 1 / c**2)
+    third = float((8 * h * (lam / d) ** 3).sum() - 2 / c**3)
+    width = v**-0.5
+    bend = float(np.clip(third * width**3 / 3, 0.25, 2.0))
+    top = float(-0.5 * (h * np.log(d)).sum() - q * c - np.log(c))
+
+    def integrand(x: FloatArray) -> FloatArray:
+        s = c + width * (1j * np.sinh(x) + bend * (np.cosh(x) - 1))
+        slope = width * (1j * np.cosh(x) + bend * np.sinh(x))
+        logs = (h[:, None] * np.log(1 - 2 * lam[:, None] * s)).sum(
+            axis=0
+        )  # too small for BLAS and its threads
+        phi = -0.5 * logs - q * s - np.log(s)
+        return np.asarray((np.exp(phi - top) * slope).imag / np.pi, dtype=float)
+
+    step, before = 0.25, np.nan
+    for _ in range(7):
+        x = np.arange(step, 30.0, step)
+        total = step * (0.5 * float(integrand(np.zeros(1))[0]) + float(integrand(x).sum()))
+        if abs(total - before) <= 1e-11 * abs(total):
+            break
+        step, before = step / 2, total
+    return total * float(np.exp(top))
+
+
+def _saddle(q: float, lam: FloatArray, h: FloatArray) -> float:
+    """Minimum over 0 < s < 1/(2 max lam) of log M(s) - s q - log s: a convex function, by bracketed root."""
+    from scipy.optimize import brentq
+
+    end = 0.5 / float(lam.max())
+
+    def slope(u: float) -> float:
+        s = u * end
+        return float((h * lam / (1 - 2 * lam * s)).sum()) - q - 1 / s
+
+    low = min(0.5, 0.5 / (end * (float((h * np.abs(lam)).sum()) + q + 1)))
+    while slope(low) > 0:
+        low /= 4
+    gap = 0.5
+    while slope(1 - gap) < 0 and gap > 1e-15:
+        gap /= 4
+    high = 1 - gap
+    return end * (high if slope(high) <= 0 else float(brentq(slope, low, high, xtol=1e-15, rtol=1e-10)))

@@ -1,0 +1,109 @@
+"""Variances of random effects and errors, on the scale of standard deviations."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tripwatt_gamm.arrays import FloatArray
+from tripwatt_gamm.families import Gaussian
+from tripwatt_gamm.inference import total_penalty
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from tripwatt_gamm.estimator import Estimator
+    from tripwatt_gamm.fitted_terms import FittedTerm
+
+
+def random_covariance(model: Estimator, fitted: FittedTerm) -> FloatArray:
+    """Covariance (q, q) of the q effects that each level of a random effect has.
+
+    Parameters
+    ----------
+    model : GAMM
+        A fitted model.
+    fitted : FittedTerm
+        One of its random effects.
+    """
+    q = len(fitted.effects)
+    first = fitted.start + np.arange(q) * (fitted.size // q)
+    return np.asarray(np.linalg.inv(total_penalty(model)[np.ix_(first, first)]) * float(model.scale_))
+
+
+def _log_sd_errors(model: Estimator) -> FloatArray:
+    """Standard errors of the log standard deviations that go with each smoothing parameter, and of the errors' last.
+
+    With the scale profiled out of the REML score, log(scale) has the conditional variance 2 / f about a value whose
+    slope in log(lambda_j) is lambda_j b'S_j b / (f scale), f the rows less the unpenalised coefficients.
+    """
+    covariance = model.log_sp_covariance_
+    size = len(covariance)
+    slopes, spread = np.zeros(size), 0.0
+    if isinstance(model.family_, Gaussian) and model.family_.scale is None:
+        free = sum(fitted.null_dim for fitted in model.terms_) - len(model.empty_columns_)
+        quadratic = [
+            float(model.coef_[fitted.slice] @ S @ model.coef_[fitted.slice])
+            for fitted in model.terms_
+            for S in fitted.penalties
+        ]
+        parameters = np.nan_to_num(list(model.smoothing_parameters_.values()))
+        slopes = parameters * np.array(quadratic) / ((model.n_ - free) * model.scale_)
+        spread = 2 / (model.n_ - free)
+    if np.isnan(covariance).all():
+        return np.full(size + 1, np.nan)
+    along = np.vstack([slopes - np.eye(size), slopes])
+    variances = np.einsum("ij,jk,ik->i", along, np.nan_to_num(covariance), along) + spread
+    return np.asarray(np.sqrt(np.where(variances < 0, np.nan, variances)) / 2)
+
+
+def variance_components(model: Estimator, level: float = 0.95) -> pd.DataFrame:
+    """Standard deviations of all random effects and of the errors.
+
+    Parameters
+    ----------
+    model : GAMM
+        A fitted model.
+    level : float
+        Coverage of the intervals, between 0 and 1.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row for each effect and one for the errors: ``term``, ``group`` (columns of the levels), ``effect``
+        ("(Intercept)" or the multiplier), ``std_dev``, ``variance``, ``lower``, ``upper`` (of the standard deviation:
+        normal on the log scale, from the Hessian of the REML score), ``correlation`` (with the intercept of the level).
+        NaN where there is none: intervals of correlated effects, of Student's t errors and at given smoothing parameters.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from tripwatt_gamm.model import GAMM
+    >>> frame = pd.DataFrame({"g": list("aabbcc"), "y": [1.0, 1.2, 3.0, 3.1, 2.2, 2.0]})
+    >>> variance_components(GAMM('y ~ s(g, bs="re")').fit(frame))[["term", "std_dev"]].round(2).to_numpy().tolist()
+    [['s(g)', 0.97], ['Residual', 0.12]]
+    """
+    import pandas as pd
+    from scipy import stats
+
+    half = stats.norm.ppf((1 + level) / 2) * _log_sd_errors(model)
+    rows, penalty = [], 0
+    for fitted in model.terms_:
+        covariance = random_covariance(model, fitted) if fitted.kind == "random" else np.zeros((0, 0))
+        sds = np.sqrt(np.diag(covariance))
+        for j, effect in enumerate(fitted.effects):
+            own = float(half[penalty]) if len(sds) == 1 else np.nan
+            correlation = covariance[j, 0] / (sds[j] * sds[0]) if j else np.nan
+            rows.append((fitted.label, ":".join(fitted.groups), effect, sds[j], own, correlation))
+        penalty += len(fitted.penalties)
+    gaussian = isinstance(model.family_, Gaussian)
+    sd = np.sqrt(model.scale_) if gaussian else model.sigma_ * np.sqrt(model.nu_ / (model.nu_ - 2))
+    rows.append(("Residual", "", "", sd, float(half[-1]) if gaussian else np.nan, np.nan))
+    table = pd.DataFrame(rows, columns=["term", "group", "effect", "std_dev", "half", "correlation"])
+    with np.errstate(over="ignore"):
+        factor = np.exp(table["half"])
+    table = table.assign(
+        variance=table["std_dev"] ** 2, lower=table["std_dev"] / factor, upper=table["std_dev"] * factor
+    )
+    return table[["term", "group", "effect", "std_dev", "variance", "lower", "upper", "correlation"]]

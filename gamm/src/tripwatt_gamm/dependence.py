@@ -1,0 +1,253 @@
+"""What a model takes for separate and may not be: terms that other terms can imitate, rows that resemble the last."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tripwatt_gamm.arrays import FloatArray
+from tripwatt_gamm.errors import Fault, InvalidInput, raise_faults
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from tripwatt_gamm.estimator import Estimator
+
+
+def concurvity(model: Estimator) -> pd.DataFrame:
+    """How far each term can be had from all the others: 0 not at all, 1 entirely.
+
+    A term's function f splits into the part g that lies in the space of the other terms and the rest. All three
+    measures are ||g||^2 / ||f||^2 on the rows of the data (after Ramsay, Burnett & Krewski 2003, Epidemiology
+    14:18, for functions; Wood 2017, section 5.6, for these three).
+
+    Parameters
+    ----------
+    model : GAMM
+        A fitted model.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Indexed by term ("parametric" holds all parametric ones): ``worst``, over all functions that the term
+        could be; ``observed``, for the function that was fitted; ``estimate``, for its basis as a whole.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from tripwatt_gamm.model import GAMM
+    >>> x = np.linspace(0, 1, 60)
+    >>> frame = pd.DataFrame({"x": x, "y": np.sin(6 * x) + 0.2 * np.cos(90 * x)})
+    >>> model = GAMM("y ~ s(x, k=8)").fit(frame)
+    >>> concurvity(model).round(3).loc["s(x)"].tolist()
+    [0.0, 0.0, 0.0]
+    """
+    import pandas as pd
+
+    spans: dict[str, list[slice]] = {}
+    for fitted in model.terms_:
+        spans.setdefault("parametric" if fitted.kind == "parametric" else fitted.label, []).append(
+            fitted.slice
+        )
+    columns = np.arange(model.coef_.size)
+    rows = {}
+    for label, slices in spans.items():
+        inside = np.concatenate([columns[s] for s in slices])
+        rows[label] = column_concurvity(model.R_, model.coef_, inside)
+    return pd.DataFrame.from_dict(
+        rows, orient="index", columns=["worst", "observed", "estimate"]
+    ).rename_axis("term")
+
+
+def column_concurvity(
+    factor: FloatArray, coef: FloatArray, inside: NDArray[np.intp]
+) -> tuple[float, float, float]:
+    """Worst, observed and estimate of some columns of a model matrix X against the others.
+
+    Parameters
+    ----------
+    factor : ndarray (m, p)
+        Any A with A'A = X'X.
+    coef : ndarray (p,)
+    inside : ndarray of int
+        The columns.
+
+    Examples
+    --------
+    >>> column_concurvity(np.eye(2), np.ones(2), np.array([0]))
+    (0.0, 0.0, 0.0)
+    """
+    alive = np.flatnonzero((factor**2).sum(axis=0) > 0)
+    inside = np.intersect1d(inside, alive)
+    outside = np.setdiff1d(alive, inside)
+    if inside.size == 0 or outside.size == 0:
+        return (0.0, 0.0, 0.0)
+    others, own = _orthonormal(factor[:, outside]), _orthonormal(factor[:, inside])
+    worst = float(np.linalg.svd(others.T @ own, compute_uv=False)[0] ** 2)
+    shadow = others.T @ factor[:, inside]
+    fit, part = factor[:, inside] @ coef[inside], shadow @ coef[inside]
+    observed = float(part @ part / (fit @ fit)) if fit @ fit > 0 else 0.0
+    estimate = float((shadow**2).sum() / (factor[:, inside] ** 2).sum())
+    return min(worst, 1.0), min(observed, 1.0), min(estimate, 1.0)
+
+
+def _orthonormal(a: FloatArray) -> FloatArray:
+    """Basis of the column space; columns that repeat others add nothing to it."""
+    u, size, _ = np.linalg.svd(a / np.linalg.norm(a, axis=0), full_matrices=False)
+    return np.asarray(u[:, size > 1e-8 * size[0]], dtype=float)
+
+
+@dataclass(frozen=True, slots=True)
+class Autocorrelation:
+    """Correlation of residuals with later ones of the same group.
+
+    Attributes
+    ----------
+    lag : ndarray (m,)
+        In rows, from 1.
+    correlation : ndarray (m,)
+        Pooled over the groups, between -1 and 1; 0 where the residuals of all pairs are 0.
+    pairs : ndarray (m,)
+        Pairs of rows behind each value.
+
+    Examples
+    --------
+    >>> result = autocorrelation([1.0, -1.0, 1.0, -1.0], ["a", "a", "b", "b"], max_lag=1)
+    >>> list(result.frame().columns)
+    ['lag', 'correlation', 'pairs', 'bound']
+    >>> result.plot().axes[0].get_xlabel()
+    'Lag (rows)'
+    """
+
+    lag: NDArray[np.intp]
+    correlation: FloatArray
+    pairs: NDArray[np.intp]
+
+    @property
+    def bound(self) -> FloatArray:
+        """Twice the standard error of each correlation if the rows were independent."""
+        return np.asarray(2 / np.sqrt(np.maximum(self.pairs, 1)), dtype=float)
+
+    @property
+    def warning(self) -> str:
+        """What this means for the summary; empty if the rows may pass for independent."""
+        first = float(self.correlation[0]) if self.lag.size else 0.0
+        if first <= max(0.1, float(self.bound[0]) if self.lag.size else 0.0):
+            return ""
+        return (
+            f"Neighbouring residuals within a group correlate with {first:.4f}. The model takes the rows for "
+            "independent: its EDFs are too large, its standard errors and p-values too small. Rely on a validation "
+            "that leaves out whole groups."
+        )
+
+    def frame(self) -> pd.DataFrame:
+        """Tabulate the correlations.
+
+        Returns
+        -------
+        DataFrame
+            One row per lag: ``lag``, ``correlation``, ``pairs``, and ``bound``, beyond which chance is unlikely.
+        """
+        import pandas as pd
+
+        columns = {"lag": self.lag, "correlation": self.correlation, "pairs": self.pairs, "bound": self.bound}
+        return pd.DataFrame(columns)
+
+    def plot(self, ax: Axes | None = None) -> Figure:
+        """Draw the correlation over the lag.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Axes to draw on; new ones by default.
+
+        Returns
+        -------
+        matplotlib Figure
+            The figure that was drawn on.
+        """
+        from tripwatt_gamm import figures
+
+        ax = figures.axes_or_new(ax)
+        ax.fill_between(self.lag, -self.bound, self.bound, color=figures.GREY, alpha=0.3, linewidth=0)
+        ax.vlines(self.lag, 0.0, self.correlation, color=figures.BLUE, linewidth=2)
+        ax.axhline(0.0, color="black", linewidth=0.8)
+        ax.set(title="Autocorrelation within groups", xlabel="Lag (rows)", ylabel="Correlation of residuals")
+        return figures.figure_of(ax)
+
+
+def autocorrelation(
+    residuals: ArrayLike, groups: ArrayLike | Sequence[object], max_lag: int = 30
+) -> Autocorrelation:
+    """Autocorrelation of residuals within groups, rows in the order of the data.
+
+    At each lag, the sum of the products of all pairs of one group is divided by the root of the two sums of squares of
+    the earlier and of the later members of those same pairs (residuals less their overall mean). By the inequality of
+    Cauchy and Schwarz the value lies between -1 and 1. The empirical autocorrelation of mixed models (Pinheiro & Bates
+    2000, Mixed-Effects Models in S and S-PLUS, section 5.3) divides the mean product of the pairs at a lag by the variance
+    of all residuals instead. That variance includes rows without a partner at this lag, so where only a few long groups
+    are left the ratio may exceed 1 in absolute value, which no correlation can. For stationary residuals both estimate
+    the same quantity.
+
+    Parameters
+    ----------
+    residuals : array_like, shape (n,)
+        Residuals, those of one group in their order of time.
+    groups : array_like, shape (n,)
+        Group of each row.
+    max_lag : int
+        Largest lag, in rows; cut to the longest group.
+
+    Returns
+    -------
+    Autocorrelation
+        At lags from 1 to the largest.
+
+    Raises
+    ------
+    InvalidInput
+        If lengths differ, a residual is not finite or there is no pair within a group.
+
+    Examples
+    --------
+    >>> result = autocorrelation([1.0, -1.0, 1.0, -1.0], ["a", "a", "b", "b"], max_lag=1)
+    >>> result.correlation.round(9).tolist(), result.pairs.tolist()
+    ([-1.0], [2])
+    """
+    import pandas as pd
+
+    r = np.asarray(residuals, dtype=float)
+    code = pd.factorize(np.asarray(groups))[0]
+    faults = []
+    if r.shape != code.shape:
+        faults.append(Fault("lengths differ", "residuals and groups", f"{r.size} and {code.size}", "equal"))
+    if not np.isfinite(r).all():
+        faults.append(Fault("not finite", "residuals", f"{(~np.isfinite(r)).sum()} values", "finite numbers"))
+    raise_faults(faults)
+    order = np.argsort(code, kind="stable")
+    r, code = r[order] - r.mean(), code[order]
+    longest = int(np.bincount(code).max(initial=0)) if r.size else 0
+    lags = np.arange(1, min(max_lag, longest - 1) + 1)
+    if lags.size == 0:
+        raise InvalidInput.of("no pair of rows", "groups", f"longest has {longest} rows", "two rows or more")
+    correlation, pairs = np.zeros(lags.size), np.zeros(lags.size, dtype=np.intp)
+    for i, lag in enumerate(lags):
+        same = code[lag:] == code[:-lag]
+        pairs[i] = int(same.sum())
+        correlation[i] = _pooled_correlation(r[:-lag][same], r[lag:][same])
+    return Autocorrelation(lags, correlation, pairs)
+
+
+def _pooled_correlation(earlier: FloatArray, later: FloatArray) -> float:
+    """Correlation about 0 of pairs, between -1 and 1; 0 where a side is 0 throughout."""
+    sizes = float(np.linalg.norm(earlier)), float(np.linalg.norm(later))
+    if min(sizes) == 0.0:
+        return 0.0
+    # each side is scaled before the product: neither large nor small residuals overflow
+    return float(np.clip((earlier / sizes[0]) @ (later / sizes[1]), -1.0, 1.0))

@@ -1,0 +1,444 @@
+"""The model matrix as small tables and an index per row: terms meet a frame here.
+
+A term is a table over the distinct (or discretised) values of its covariates; a row of X is a row of each
+table.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+import pandas as pd
+
+from tripwatt_gamm.arrays import BoolArray, FloatArray
+from tripwatt_gamm.covariates import (
+    EXACT_ROWS,
+    MAX_JOINT,
+    MAX_VALUES,
+    ByPart,
+    Index,
+    Levels,
+    Points,
+    Support,
+    Training,
+    crossed,
+    grid_limit,
+    is_factor,
+    is_ordered,
+    missing_columns,
+    missing_levels,
+    numbers,
+)
+from tripwatt_gamm.errors import Fault, InvalidInput, raise_faults
+from tripwatt_gamm.fitted_terms import Extrapolation, FittedTerm
+from tripwatt_gamm.penalties import Blocks, PenaltyStack, correlated_penalties
+from tripwatt_gamm.smoothers import Built, build_smooth, build_tensor
+from tripwatt_gamm.tables import IndexedColumns, TableRows
+from tripwatt_gamm.terms import Formula, Parametric, RandomEffect, Smooth, Tensor
+
+LARGEST_RATIO = 1e4
+"""Of the sizes of two correlated effects' columns: beyond it their penalties are parallel to working precision."""
+
+MOST_TABLE_CELLS = 4_000_000
+"""Largest table that holds the smooths of all levels of a factor; beyond it each level has a table of its own."""
+
+
+@dataclass
+class Design:
+    """Terms that have met their data.
+
+    Attributes
+    ----------
+    formula : Formula
+    terms : list of FittedTerm
+    rows : TableRows
+    training : Training
+    notes : list of str
+        Reductions that the data forced.
+    empty : list of int
+        Coefficients without data, kept at zero.
+    joint : dict
+        Distinct points of each set of covariates, with the index of each row.
+    codes : dict
+        Level of each row, for each factor.
+    members : dict
+        Rows on which each by-smooth has an effect.
+    """
+
+    formula: Formula
+    terms: list[FittedTerm]
+    rows: TableRows
+    training: Training
+    notes: list[str]
+    empty: list[int] = field(default_factory=list)
+    joint: dict[tuple[str, ...], Points] = field(default_factory=dict)
+    codes: dict[str, Index] = field(default_factory=dict)
+    members: dict[ByPart, BoolArray] = field(default_factory=dict)
+
+    @property
+    def p(self) -> int:
+        """Number of coefficients."""
+        return self.rows.p
+
+    def active(self, gram_diagonal: FloatArray) -> Index:
+        """Coefficients that data or penalties determine."""
+        alive = gram_diagonal > 0
+        alive[self.empty] = False
+        for fitted in self.terms:
+            if fitted.kind == "random" or (fitted.penalties and alive[fitted.slice].any()):
+                alive[fitted.slice] = True
+        return np.flatnonzero(alive).astype(np.intp)
+
+    def penalty_stack(self, active: Index) -> tuple[PenaltyStack, list[int]]:
+        """Penalties of the active coefficients, and which of the model's smoothing parameters they are."""
+        terms: Blocks = []
+        scales: dict[int, FloatArray] = {}
+        which: list[int] = []
+        j = 0
+        position = {int(column): i for i, column in enumerate(active)}
+        for fitted in self.terms:
+            if fitted.penalties and fitted.start in position:
+                terms.append((position[fitted.start], fitted.penalties))
+                if fitted.scales is not None:
+                    scales[position[fitted.start]] = fitted.scales
+                which += range(j, j + len(fitted.penalties))
+            j += len(fitted.penalties)
+        return PenaltyStack(len(active), terms, scales), which
+
+    @property
+    def penalty_names(self) -> list[str]:
+        """Names of the smoothing parameters: the label, numbered where a term has several."""
+        return [
+            fitted.label + (str(j + 1) if len(fitted.penalties) > 1 else "")
+            for fitted in self.terms
+            for j in range(len(fitted.penalties))
+        ]
+
+
+def check_columns(formula: Formula, frame: pd.DataFrame) -> None:
+    """Raise with every column that is unknown, not numeric, not finite or has missing levels."""
+    wanted = [name for term in formula.terms for name in term.columns]
+    faults = missing_columns(frame, dict.fromkeys(wanted))
+    seen: set[str] = set()
+    for term in formula.terms:
+        for name in term.columns:
+            if name not in frame.columns or name in seen:
+                continue
+            seen.add(name)
+            if isinstance(term, RandomEffect):
+                factor = name == term.name or (is_factor(frame[name]) and not term.correlated)
+            else:
+                plain = isinstance(term, Parametric)
+                factor = is_factor(frame[name]) and (plain or name == getattr(term, "by", None))
+            faults += (
+                missing_levels(frame, name, term.label) if factor else numbers(frame, name, term.label)[1]
+            )
+    labels = [term.label for term in formula.terms]
+    for label in sorted({label for label in labels if labels.count(label) > 1}):
+        faults.append(Fault("term given twice", label, f"{labels.count(label)} times", "once"))
+    if len(frame) == 0:
+        faults.append(Fault("no rows", "frame", "0 rows", "at least one"))
+    raise_faults(faults)
+
+
+@dataclass(frozen=True, eq=False)
+class _Piece:
+    """Columns of terms, or `part` of them, as a table with an index and a multiplier of each row."""
+
+    terms: list[FittedTerm]
+    table: FloatArray
+    index: Index
+    scale: FloatArray | None = None
+    part: slice = field(default_factory=lambda: slice(None))
+
+    @property
+    def columns(self) -> Index:
+        spans = [np.arange(fitted.start, fitted.start + fitted.size, dtype=np.intp) for fitted in self.terms]
+        return np.concatenate(spans)[self.part]
+
+    def indexed(self) -> IndexedColumns:
+        return IndexedColumns(self.columns, self.table, self.index, self.scale)
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether these are indicators of levels, or the intercept."""
+        kinds = (b.kind == "random" or b.contrast is not None or b.term is None for b in self.terms)
+        return self.scale is None and all(kinds)
+
+
+class _Builder:
+    """Collects fitted terms and parts of the matrix while the terms of a formula are built."""
+
+    def __init__(
+        self, formula: Formula, frame: pd.DataFrame, limit: int | None, extrapolation: Extrapolation
+    ) -> None:
+        self.formula, self.frame, self.limit, self.extrapolation = formula, frame, limit, extrapolation
+        self.terms: list[FittedTerm] = []
+        self.pieces: list[_Piece] = []
+        self.notes: list[str] = []
+        self.joint: dict[tuple[str, ...], Points] = {}
+        self.codes: dict[str, Index] = {}
+        self.levels: dict[str, Levels] = {}
+        self.supports: dict[tuple[str, ...], Support] = {}
+        self.members: dict[ByPart, BoolArray] = {}
+        self.grids = self._grids()
+
+    def _covariates(self, names: tuple[str, ...]) -> FloatArray:
+        return np.stack([self.frame[name].to_numpy(dtype=np.float64) for name in names], axis=1)
+
+    def _grids(self) -> dict[str, int]:
+        """Values that each covariate keeps: the same in curves and surfaces, so that nested terms stay nested."""
+        out: dict[str, int] = {}
+        if self.limit is None:
+            return out
+        for term in self.formula.terms:
+            if isinstance(term, Smooth | Tensor):
+                many = len(term.names) > 1
+                most = grid_limit(self._covariates(term.names), self.limit) if many else self.limit
+                out.update({name: min(most, out.get(name, most)) for name in term.names})
+        return out
+
+    def points(self, names: tuple[str, ...]) -> Points:
+        if names not in self.joint:
+            limits = tuple(self.grids.get(name, self.limit) for name in names)
+            self.joint[names] = Points.from_values(self._covariates(names), limits)
+            self.supports[names] = Support(self.joint[names].values)
+        return self.joint[names]
+
+    def factor(self, names: tuple[str, ...]) -> tuple[Levels, Index]:
+        name = ":".join(names)
+        if name not in self.levels:
+            column = crossed(self.frame, names)
+            self.levels[name] = Levels.from_column(column)
+            self.codes[name] = self.levels[name].codes(column)
+        return self.levels[name], self.codes[name]
+
+    def parametric(self, term: Parametric) -> None:
+        if not is_factor(self.frame[term.name]):
+            points = self.points((term.name,))
+            if len(points.values) < 2 and self.formula.intercept:
+                raise InvalidInput.of("constant covariate", term.label, "one value", "at least two")
+            fitted = FittedTerm(term.label, term, "parametric", [term.name], [])
+            self.terms.append(fitted)
+            self.pieces.append(_Piece([fitted], points.values, points.index))
+            return
+        levels, codes = self.factor((term.name,))
+        reference = int(np.argmax(levels.share > 0)) if self.formula.intercept else -1
+        if self.formula.intercept and reference > 0:
+            self.notes.append(
+                f"{term.label}: the first levels have no rows, the reference is {levels.names[reference]!r}"
+            )
+        if (levels.share > 0).sum() < 2 and self.formula.intercept:
+            raise InvalidInput.of(
+                "factor with one level", term.label, levels.names[reference], "at least two levels"
+            )
+        kept = [i for i in range(len(levels.names)) if i != reference]
+        fitted = FittedTerm(term.label, term, "parametric", [term.name + levels.names[i] for i in kept], [])
+        fitted.contrast = np.eye(len(levels.names))[:, kept]
+        self.terms.append(fitted)
+        self.pieces.append(_Piece([fitted], fitted.contrast, codes))
+
+    def random(self, term: RandomEffect) -> None:
+        groups = (term.name, *(name for name in term.others if is_factor(self.frame[name])))
+        if len(groups) > 1 and not is_factor(self.frame[term.name]):
+            allowed, fix = "a factor first", "put it last to multiply, make it text for levels"
+            raise InvalidInput.of("a number before a factor", term.label, repr(term.name), allowed, fix)
+        levels, codes = self.factor(groups)
+        size = len(levels.names)
+        if size < 2:
+            fix = "leave the random effect out"
+            raise InvalidInput.of(
+                "only one group", term.label, f"level {levels.names[0]!r}", "two or more levels", fix
+            )
+        fitted = FittedTerm(term.label, term, "random", [], [np.eye(size)], groups=groups)
+        points = [self.points((name,)) for name in fitted.needed]
+        effects = fitted.multipliers([at.values[at.index, 0] for at in points])
+        fitted.names = [f"{term.label}.{i + 1}" for i in range(size * len(effects))]
+        if term.correlated:
+            self._correlate(fitted, effects, size)
+        self.terms.append(fitted)
+        for j, scale in enumerate(effects):
+            part = slice(j * size, (j + 1) * size)
+            self.pieces.append(_Piece([fitted], np.eye(size), codes, scale, part))
+
+    def _correlate(self, fitted: FittedTerm, effects: list[FloatArray | None], levels: int) -> None:
+        """Penalties without correlation, and the sizes of the columns that loadings are measured in."""
+        sizes = np.array([1.0 if effect is None else np.sqrt(np.mean(effect**2)) for effect in effects])
+        if sizes.max() > LARGEST_RATIO * sizes.min():
+            got = ", ".join(f"{name} {size:.3g}" for name, size in zip(fitted.effects, sizes, strict=True))
+            fix = "give the columns units in which their values are near 1"
+            allowed = f"root mean squares within a factor of {LARGEST_RATIO:g}"
+            raise InvalidInput.of("correlated effects of unlike size", fitted.label, got, allowed, fix)
+        fitted.scales = sizes
+        fitted.penalties = correlated_penalties(levels, np.zeros(len(sizes) * (len(sizes) - 1) // 2))
+
+    def smooth(self, term: Smooth | Tensor) -> None:
+        points = self.points(term.names)
+        by_factor = term.by is not None and is_factor(self.frame[term.by])
+        by = None if term.by is None or by_factor else self.frame[term.by].to_numpy(dtype=np.float64)
+        centred = by is None or bool(np.ptp(by) == 0)
+        built = (
+            build_smooth(term, points, centred)
+            if isinstance(term, Smooth)
+            else build_tensor(term, points, centred)
+        )
+        self.notes += built.notes
+        if not by_factor:
+            fitted = self._fitted_term(term, built, None, term.label)
+            if by is not None and term.by is not None:
+                self.members[term.names, term.by, None] = by != 0
+            self.terms.append(fitted)
+            self.pieces.append(_Piece([fitted], built.table, points.index, by))
+            return
+        assert term.by is not None
+        levels, codes = self.factor((term.by,))
+        first = (
+            1 if is_ordered(self.frame[term.by]) else 0
+        )  # the lowest level of an ordered factor is the reference
+        if len(levels.names) <= first:
+            fix = "leave the term out"
+            raise InvalidInput.of(
+                "factor with one level", term.label, levels.names[0], "at least two levels", fix
+            )
+        kept = range(first, len(levels.names))
+        by_level = [
+            self._fitted_term(term, built, levels.names[i], term.label + levels.names[i]) for i in kept
+        ]
+        self.terms += by_level
+        for i in kept:
+            self.members[term.names, term.by, levels.names[i]] = codes == i
+        m, q = built.table.shape
+        if m * q * len(levels.names) * len(by_level) <= MOST_TABLE_CELLS:
+            blocks = np.eye(len(levels.names))[:, first:]
+            table: FloatArray = np.kron(blocks, built.table).astype(np.float64)
+            self.pieces.append(_Piece(by_level, table, codes * m + points.index))
+            return
+        padded = np.vstack([built.table, np.zeros(q)])
+        for i, fitted in zip(kept, by_level, strict=True):
+            self.pieces.append(_Piece([fitted], padded, np.where(codes == i, points.index, m)))
+
+    def _fitted_term(self, term: Smooth | Tensor, built: Built, level: str | None, label: str) -> FittedTerm:
+        names = [f"{label}.{i + 1}" for i in range(built.table.shape[1])]
+        kind: Literal["smooth", "tensor"] = "smooth" if isinstance(term, Smooth) else "tensor"
+        return FittedTerm(
+            label, term, kind, names, built.penalties, smoother=built.smoother, by=term.by, level=level
+        )
+
+    def design(self) -> Design:
+        order = {"parametric": 0, "smooth": 1, "tensor": 1, "random": 1}
+        if self.formula.intercept:
+            fitted = FittedTerm("(Intercept)", None, "parametric", ["(Intercept)"], [])
+            self.terms.insert(0, fitted)
+            self.pieces.insert(0, _Piece([fitted], np.ones((1, 1)), np.zeros(len(self.frame), dtype=np.intp)))
+        self.terms.sort(key=lambda fitted: order[fitted.kind])
+        within = {
+            (names, by, level): Support(
+                points.values[np.bincount(points.index[rows], minlength=len(points.values)) > 0]
+            )
+            for (names, by, level), rows in self.members.items()
+            if (points := self.joint[names]) is not None and rows.any()
+        }
+        training = Training(self.supports, self.levels, within)
+        start = 0
+        for fitted in self.terms:
+            fitted.start, fitted.training, fitted.extrapolation = start, training, self.extrapolation
+            start += fitted.size
+        rows = TableRows(self._parts(), len(self.frame), start)
+        return Design(
+            self.formula, self.terms, rows, training, self.notes, [], self.joint, self.codes, self.members
+        )
+
+    def _nest(self, parts: list[IndexedColumns]) -> list[IndexedColumns]:
+        """Curves written into the table of a surface that has their covariate: one index instead of two."""
+        index_of = {id(points.index): names for names, points in self.joint.items()}
+        wide = [part for part in parts if len(index_of.get(id(part.index), ())) > 1 and part.scale is None]
+        out = list(parts)
+        for part in parts:
+            names = index_of.get(id(part.index), ())
+            home = next(
+                (w for w in wide if names and w is not part and set(names) <= set(index_of[id(w.index)])),
+                None,
+            )
+            if home is None or part.scale is not None or len(names) > 1:
+                continue
+            surface = self.joint[index_of[id(home.index)]]
+            position = np.empty(len(surface.values), dtype=np.intp)
+            position[surface.index] = part.index  # all rows of a point share the value of the curve
+            merged = IndexedColumns(
+                np.concatenate([home.columns, part.columns]),
+                np.hstack([home.table, part.table[position]]),
+                home.index,
+            )
+            out = [merged if q is home else q for q in out if q is not part]
+            wide = [merged if w is home else w for w in wide]
+        return out
+
+    def _parts(self) -> list[IndexedColumns]:
+        """Parts, with all factors and the intercept merged over their joint levels where those are few."""
+        plain = [piece for piece in self.pieces if piece.is_plain]
+        parts = self._nest([piece.indexed() for piece in self.pieces if not piece.is_plain])
+        if not plain:
+            return parts
+        code = np.zeros(len(self.frame), dtype=np.int64)
+        for piece in plain:
+            code = pd.factorize(code * len(piece.table) + piece.index)[0]
+        _, first = np.unique(code, return_index=True)
+        if len(first) > MAX_JOINT:
+            return parts + [piece.indexed() for piece in plain]
+        table = np.hstack([piece.table[piece.index[first]] for piece in plain])
+        columns = np.concatenate([piece.columns for piece in plain])
+        return [*parts, IndexedColumns(columns, table, code.astype(np.intp), None)]
+
+
+def value_limit(discretise: bool | int, n: int) -> int | None:
+    """Distinct values that a covariate keeps: all (None), or so many."""
+    if discretise is True:
+        return MAX_VALUES if n > EXACT_ROWS else None
+    if discretise is False:
+        return None
+    if discretise < 20:
+        raise InvalidInput.of(
+            "discretise too coarse", "GAMM(discretise=)", str(discretise), "a number of at least 20"
+        )
+    return int(discretise)
+
+
+def build_design(
+    formula: Formula,
+    frame: pd.DataFrame,
+    discretise: bool | int = True,
+    extrapolation: Extrapolation = "clamp",
+) -> Design:
+    """Terms of a formula as columns over the rows of a frame.
+
+    Parameters
+    ----------
+    formula : Formula
+    frame : DataFrame
+        All columns that the terms read.
+    discretise : bool or int
+        Whether covariates are rounded to an even grid, and of how many values.
+    extrapolation : {"clamp", "linear"}
+        Rule for smooths of one covariate outside its training range.
+
+    Returns
+    -------
+    Design
+
+    Raises
+    ------
+    InvalidInput
+        Names the term that cannot be built, or all faulty columns.
+    """
+    check_columns(formula, frame)
+    builder = _Builder(formula, frame, value_limit(discretise, len(frame)), extrapolation)
+    for term in formula.terms:
+        if isinstance(term, Parametric):
+            builder.parametric(term)
+        elif isinstance(term, RandomEffect):
+            builder.random(term)
+        else:
+            builder.smooth(term)
+    return builder.design()

@@ -1,0 +1,368 @@
+"""Residuals of a fitted model against their distribution.
+
+Every object gives its numbers by `frame` and draws itself by `plot`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tripwatt_gamm.arrays import FloatArray, IntArray
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from tripwatt_gamm.estimator import Estimator
+
+
+def _scatter(ax: Axes, x: FloatArray, y: FloatArray) -> None:
+    from tripwatt_gamm import figures
+
+    keep = figures.thin_index(x.size)
+    # the extremes are what such a figure is looked at for
+    keep = np.union1d(keep, np.concatenate([np.argsort(y)[:10], np.argsort(y)[-10:]]))
+    ax.scatter(x[keep], y[keep], s=7, color=figures.BLUE, alpha=0.35, linewidths=0, rasterized=True)
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorDistribution:
+    """The fitted error distribution: normal or sigma times Student's t.
+
+    Attributes
+    ----------
+    sigma : float
+        Scale, in units of the response.
+    nu : float
+        Degrees of freedom; NaN for the normal distribution.
+    """
+
+    sigma: float
+    nu: float
+
+    @property
+    def name(self) -> str:
+        """Name in figures."""
+        return "normal" if np.isnan(self.nu) else f"t with {self.nu:.3g} df"
+
+    def quantile(self, p: FloatArray) -> FloatArray:
+        """Quantiles at probabilities `p`."""
+        from scipy import stats
+
+        q = stats.norm.ppf(p) if np.isnan(self.nu) else stats.t.ppf(p, self.nu)
+        return np.asarray(self.sigma * q, dtype=float)
+
+    def density(self, x: FloatArray) -> FloatArray:
+        """Density at `x`."""
+        from scipy import stats
+
+        z = x / self.sigma
+        d = stats.norm.pdf(z) if np.isnan(self.nu) else stats.t.pdf(z, self.nu)
+        return np.asarray(d / self.sigma, dtype=float)
+
+
+def _distribution(model: Estimator) -> ErrorDistribution:
+    nu = float("nan") if model.nu_ is None else float(model.nu_)
+    return ErrorDistribution(float(np.sqrt(model.scale_)) if np.isnan(nu) else float(model.sigma_), nu)
+
+
+@dataclass(frozen=True, slots=True)
+class QuantileQuantile:
+    """Ordered residuals against the quantiles of the fitted distribution; on the line if it is right.
+
+    Attributes
+    ----------
+    residual : ndarray (n,)
+        Sorted residuals, in units of the response.
+    theoretical : ndarray (n,)
+        Quantiles of the fitted distribution at (i - 1/2) / n.
+    distribution : ErrorDistribution
+        The fitted distribution.
+    """
+
+    residual: FloatArray
+    theoretical: FloatArray
+    distribution: ErrorDistribution
+
+    @classmethod
+    def from_residuals(cls, residual: FloatArray, distribution: ErrorDistribution) -> QuantileQuantile:
+        """Sort residuals (n,) and find their quantiles."""
+        n = residual.size
+        return cls(np.sort(residual), distribution.quantile((np.arange(n) + 0.5) / n), distribution)
+
+    def band(self, at: NDArray[np.intp] | None = None) -> tuple[FloatArray, FloatArray]:
+        """Where 95 % of each ordered residual would lie, were the rows independent.
+
+        Parameters
+        ----------
+        at : ndarray of int, optional
+            Which of them; default all.
+
+        Returns
+        -------
+        tuple of ndarray
+            Lower and upper end.
+        """
+        from scipy import stats
+
+        n = self.residual.size
+        i = 1 + (np.arange(n) if at is None else at)
+        low, high = (self.distribution.quantile(stats.beta.ppf(p, i, n - i + 1)) for p in (0.025, 0.975))
+        return low, high
+
+    def frame(self) -> pd.DataFrame:
+        """The numbers: ``theoretical``, ``residual``, ``lower``, ``upper`` (of `band`)."""
+        import pandas as pd
+
+        lower, upper = self.band()
+        columns = {"theoretical": self.theoretical, "residual": self.residual}
+        return pd.DataFrame({**columns, "lower": lower, "upper": upper})
+
+    def plot(self, ax: Axes | None = None) -> Figure:
+        """Draw it, on new axes if none are given."""
+        from tripwatt_gamm import figures
+
+        ax = figures.axes_or_new(ax)
+        ends = np.arange(min(200, self.residual.size))
+        keep = np.union1d(
+            figures.thin_index(self.residual.size), np.concatenate([ends, self.residual.size - 1 - ends])
+        )
+        x = self.theoretical[keep]
+        lower, upper = self.band(keep)
+        ax.fill_between(
+            x, lower, upper, color=figures.GREY, alpha=0.3, linewidth=0, label="95 %, were rows independent"
+        )
+        ax.scatter(x, self.residual[keep], s=8, color=figures.BLUE, alpha=0.6, linewidths=0, rasterized=True)
+        ax.plot(x[[0, -1]], x[[0, -1]], color=figures.RED, linewidth=1.5)
+        ax.legend(frameon=False, loc="upper left", fontsize="small")
+        span = np.array([self.residual[0], self.residual[-1], x[0], x[-1]])
+        pad = 0.04 * float(np.ptp(span))
+        ax.set_ylim(float(span.min()) - pad, float(span.max()) + pad)
+        ax.set(
+            title="Q-Q plot", xlabel=f"Quantiles of the fitted {self.distribution.name}", ylabel="Residual"
+        )
+        return figures.figure_of(ax)
+
+
+@dataclass(frozen=True, slots=True)
+class ResidualsAgainstPredictor:
+    """Residuals against the linear predictor: a pattern means that the model misses something.
+
+    Attributes
+    ----------
+    linear_predictor, residual : ndarray (n,)
+    """
+
+    linear_predictor: FloatArray
+    residual: FloatArray
+
+    def frame(self) -> pd.DataFrame:
+        """The numbers: ``linear_predictor``, ``residual``."""
+        import pandas as pd
+
+        return pd.DataFrame({"linear_predictor": self.linear_predictor, "residual": self.residual})
+
+    def plot(self, ax: Axes | None = None) -> Figure:
+        """Draw it, on new axes if none are given."""
+        from tripwatt_gamm import figures
+
+        ax = figures.axes_or_new(ax)
+        _scatter(ax, self.linear_predictor, self.residual)
+        ax.axhline(0.0, color=figures.RED, linewidth=1.5)
+        ax.set(title="Residuals and linear predictor", xlabel="Linear predictor", ylabel="Residual")
+        return figures.figure_of(ax)
+
+
+@dataclass(frozen=True, slots=True)
+class ResidualHistogram:
+    """Histogram of the residuals with the fitted density.
+
+    Attributes
+    ----------
+    edges : ndarray (bins + 1,)
+        Edges of the bins, from the 0.2 % to the 99.8 % quantile: a heavy tail would leave one bar.
+    count : ndarray (bins,)
+        Residuals per bin.
+    expected : ndarray (bins,)
+        What the fitted distribution has there, in residuals.
+    below, above : int
+        Residuals beyond the first and the last edge.
+    distribution : str
+        Name of the fitted distribution.
+    """
+
+    edges: FloatArray
+    count: IntArray
+    expected: FloatArray
+    below: int
+    above: int
+    distribution: str
+
+    @classmethod
+    def from_residuals(cls, residual: FloatArray, distribution: ErrorDistribution) -> ResidualHistogram:
+        """Bin residuals (n,) after Freedman & Diaconis, at most 60 bins."""
+        low, q1, q3, high = np.quantile(residual, [0.002, 0.25, 0.75, 0.998])
+        width = 2 * (q3 - q1) / residual.size ** (1 / 3)
+        bins = int(np.clip(np.ceil((high - low) / width) if width > 0 else 1, 5, 60))
+        edges = np.linspace(low, high, bins + 1) if high > low else np.array([low - 0.5, low + 0.5])
+        count = np.histogram(residual, edges)[0]
+        # Simpson's rule on each bin
+        ends, middle = distribution.density(edges), distribution.density((edges[1:] + edges[:-1]) / 2)
+        mass = np.diff(edges) * (ends[1:] + 4 * middle + ends[:-1]) / 6
+        below, above = int((residual < edges[0]).sum()), int((residual > edges[-1]).sum())
+        return cls(edges, count, residual.size * mass, below, above, distribution.name)
+
+    def frame(self) -> pd.DataFrame:
+        """The numbers: ``left``, ``right``, ``count``, ``expected``."""
+        import pandas as pd
+
+        columns = {
+            "left": self.edges[:-1],
+            "right": self.edges[1:],
+            "count": self.count,
+            "expected": self.expected,
+        }
+        return pd.DataFrame(columns)
+
+    def plot(self, ax: Axes | None = None) -> Figure:
+        """Draw it, on new axes if none are given."""
+        from tripwatt_gamm import figures
+
+        ax = figures.axes_or_new(ax)
+        middle = (self.edges[1:] + self.edges[:-1]) / 2
+        ax.bar(
+            middle, self.count, width=np.diff(self.edges), color=figures.BLUE, alpha=0.5, label="residuals"
+        )
+        ax.plot(middle, self.expected, color=figures.RED, linewidth=1.5, label=self.distribution)
+        note = f"{self.below} below, {self.above} above the axis" if self.below + self.above else ""
+        ax.set(
+            title="Histogram of residuals", xlabel=f"Residual ({note})" if note else "Residual", ylabel="Rows"
+        )
+        ax.set_ylim(
+            0.0, 1.3 * max(float(self.count.max()), float(self.expected.max()))
+        )  # room for the legend
+        ax.legend(frameon=False, loc="upper right")
+        return figures.figure_of(ax)
+
+
+@dataclass(frozen=True, slots=True)
+class ResponseAgainstFitted:
+    """Response against fitted values.
+
+    Attributes
+    ----------
+    fitted, response : ndarray (n,)
+    """
+
+    fitted: FloatArray
+    response: FloatArray
+
+    def frame(self) -> pd.DataFrame:
+        """The numbers: ``fitted``, ``response``."""
+        import pandas as pd
+
+        return pd.DataFrame({"fitted": self.fitted, "response": self.response})
+
+    def plot(self, ax: Axes | None = None) -> Figure:
+        """Draw it, on new axes if none are given."""
+        from tripwatt_gamm import figures
+
+        ax = figures.axes_or_new(ax)
+        _scatter(ax, self.fitted, self.response)
+        ends = [float(self.fitted.min()), float(self.fitted.max())]
+        ax.plot(ends, ends, color=figures.RED, linewidth=1.5)
+        ax.set(title="Response and fitted values", xlabel="Fitted value", ylabel="Response")
+        return figures.figure_of(ax)
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnosis:
+    """The four residual figures of a fitted model.
+
+    Attributes
+    ----------
+    qq : QuantileQuantile
+        Residuals against the quantiles of their distribution.
+    predictor : ResidualsAgainstPredictor
+        Residuals against the linear predictor.
+    histogram : ResidualHistogram
+        Counts of residuals.
+    response : ResponseAgainstFitted
+        The response against the fitted values.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from tripwatt_gamm.model import GAMM
+    >>> x = np.linspace(0, 1, 60)
+    >>> frame = pd.DataFrame({"x": x, "y": np.sin(6 * x) + 0.2 * np.cos(90 * x)})
+    >>> result = Diagnosis.from_model(GAMM("y ~ s(x, k=8)").fit(frame))
+    >>> result.frame().shape
+    (60, 5)
+    >>> len(result.plot().axes)
+    4
+    """
+
+    qq: QuantileQuantile
+    predictor: ResidualsAgainstPredictor
+    histogram: ResidualHistogram
+    response: ResponseAgainstFitted
+
+    @classmethod
+    def from_model(cls, model: Estimator) -> Diagnosis:
+        """Compare the residuals of a fitted model with their distribution.
+
+        Parameters
+        ----------
+        model : GAMM
+            A fitted model.
+        """
+        distribution = _distribution(model)
+        residual = np.asarray(model.residuals_, dtype=float)
+        fitted = np.asarray(model.fitted_values_, dtype=float)
+        return cls(
+            QuantileQuantile.from_residuals(residual, distribution),
+            ResidualsAgainstPredictor(np.asarray(model.linear_predictor_, dtype=float), residual),
+            ResidualHistogram.from_residuals(residual, distribution),
+            ResponseAgainstFitted(fitted, fitted + residual),
+        )
+
+    def frame(self) -> pd.DataFrame:
+        """Tabulate what the figures show.
+
+        Returns
+        -------
+        DataFrame
+            One row per row of the data: ``fitted``, ``response``, ``linear_predictor``, ``residual``, ``theoretical``.
+        """
+        whole = self.response.frame().join(self.predictor.frame())
+        rank = np.argsort(np.argsort(self.predictor.residual, kind="stable"), kind="stable")
+        return whole.assign(theoretical=self.qq.theoretical[rank])
+
+    def plot(self, ax: Axes | None = None) -> Figure:
+        """Draw the four figures.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Axes whose place the 2 x 2 panels take; a new figure by default.
+
+        Returns
+        -------
+        matplotlib Figure
+            The figure that was drawn on.
+        """
+        from tripwatt_gamm import figures
+
+        place = figures.place_for_panels(ax, 9.0, 7.2)
+        axes = place.subplots(2, 2)
+        self.qq.plot(axes[0, 0])
+        self.predictor.plot(axes[0, 1])
+        self.histogram.plot(axes[1, 0])
+        self.response.plot(axes[1, 1])
+        return figures.figure_of(place)

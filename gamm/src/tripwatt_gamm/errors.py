@@ -1,0 +1,84 @@
+"""What an input has wrong: all faults of it in one error, each with what, where, what came and what is allowed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+
+class Fault(NamedTuple):
+    """One thing that is wrong with an input.
+
+    Attributes
+    ----------
+    what, where : str
+        The problem in a few words; the term, column or argument.
+    got, allowed : str
+        What is there instead, and what would have been right.
+    fix : str
+        What the user can do, empty when `allowed` is enough.
+
+    Examples
+    --------
+    >>> print(Fault("k too small", "s(x)", "k=2", "at least 3"))
+    k too small: s(x): got k=2; allowed: at least 3
+    """
+
+    what: str
+    where: str
+    got: str = ""
+    allowed: str = ""
+    fix: str = ""
+
+    def __str__(self) -> str:
+        labels = (("got ", self.got), ("allowed: ", self.allowed), ("", self.fix))
+        details = "; ".join(f"{label}{text}" for label, text in labels if text)
+        return f"{self.what}: {self.where}" + (f": {details}" if details else "")
+
+
+class InvalidInput(ValueError):
+    """A formula, a frame or a setting that cannot be used; the message has a line for each fault.
+
+    Parameters
+    ----------
+    faults : iterable of Fault
+        What is wrong.
+
+    Examples
+    --------
+    >>> print(InvalidInput([Fault("no rows", "frame"), Fault("no groups", "groups=")]))
+    no rows: frame
+    no groups: groups=
+    >>> InvalidInput.of("no rows", "frame").faults
+    (Fault(what='no rows', where='frame', got='', allowed='', fix=''),)
+    """
+
+    def __init__(self, faults: Iterable[Fault]) -> None:
+        self.faults = tuple(faults)
+        super().__init__("\n".join(map(str, self.faults)))
+
+    @classmethod
+    def of(cls, what: str, where: str, got: str = "", allowed: str = "", fix: str = "") -> InvalidInput:
+        """The error of a single fault.
+
+        Parameters
+        ----------
+        what, where, got, allowed, fix : str
+            Of the `Fault`.
+
+        Returns
+        -------
+        InvalidInput
+            To be raised.
+        """
+        return cls([Fault(what, where, got, allowed, fix)])
+
+    def __reduce__(self) -> tuple[type[InvalidInput], tuple[tuple[Fault, ...]]]:
+        return type(self), (self.faults,)  # survives the way back from a worker process
+
+
+def raise_faults(faults: Iterable[Fault]) -> None:
+    """Raise `InvalidInput` with all faults, each once, when there is one."""
+    listed = tuple(dict.fromkeys(faults))
+    if listed:
+        raise InvalidInput(listed)

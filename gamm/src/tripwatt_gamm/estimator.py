@@ -1,0 +1,423 @@
+"""Fit, predict, leave groups out: the parts of a model that compute."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Container, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal, Self, TypeAlias, overload
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from tripwatt_gamm.arrays import BoolArray, FloatArray
+from tripwatt_gamm.covariates import Index, missing_columns, numbers, response
+from tripwatt_gamm.design import Design, build_design
+from tripwatt_gamm.errors import Fault, InvalidInput, raise_faults
+from tripwatt_gamm.families import Family, Gaussian, ScaledT
+from tripwatt_gamm.fit import Solution
+from tripwatt_gamm.fitted_terms import Extrapolation, FittedTerm
+from tripwatt_gamm.formula import nearest, parse_formula
+from tripwatt_gamm.identify import identify, require_rows
+from tripwatt_gamm.leaveout import grouped_moments, leave_out
+from tripwatt_gamm.moments import Moments
+from tripwatt_gamm.results import results
+from tripwatt_gamm.solve import FitSettings, Method, Problem, solve
+from tripwatt_gamm.tables import previous_rows
+from tripwatt_gamm.terms import Formula, RandomEffect, Smooth, Tensor
+
+PREDICT_ROWS = 8192
+
+Labels: TypeAlias = Collection[str]
+Yes: TypeAlias = Literal[True]
+No: TypeAlias = Literal[False]
+
+
+@dataclass(eq=False)
+class Estimator:
+    """Fit, predict, leave groups out: what `tripwatt_gamm.GAMM`, which explains the parameters, builds on."""
+
+    formula: str | Formula
+    family: str | Family = "gaussian"
+    method: Method = "fREML"
+    discretise: bool | int = True
+    extrapolation: Extrapolation = "clamp"
+    smoothing_parameters: Sequence[float] | Mapping[str, float] | None = None
+    ar1_rho: float | Literal["estimate"] | None = None
+    tolerance: float = 1e-3
+    max_iter: int = 400
+
+    if TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            """What `fit` sets by name, from the values of `results`."""
+
+    def fit(self, frame: pd.DataFrame, y: object = None, groups: object = None) -> Self:
+        """Choose smoothing parameters and estimate everything.
+
+        Parameters
+        ----------
+        frame : DataFrame
+            Columns that the formula names.
+        y : array-like (n,), optional
+            Response; default: the formula's left side.
+        groups : array-like (n,) or str, optional
+            Groups (or their column) within which successive rows are correlated, for `ar1_rho`.
+
+        Returns
+        -------
+        Self
+            The model.
+
+        Raises
+        ------
+        InvalidInput
+            Names every faulty column, or the term that cannot be fitted.
+        """
+        formula, family = self._formula(), self._family()
+        values = response(frame, y, formula.response)
+        codes = self._groups(frame, groups)
+        previous = None if self.ar1_rho is None else previous_rows(codes)
+        design = build_design(formula, frame, self.discretise, self.extrapolation)
+        sums = self._moments(design, values, codes)
+        raw = sums.gram[0]
+        design, reduced = identify(design, raw)
+        if design.p != sums.gram.shape[1]:  # columns were taken from a term
+            sums = self._moments(design, values, codes)
+            reduced = sums.gram[0]
+        active = design.active(np.diag(reduced))
+        stack, which = design.penalty_stack(active)
+        require_rows(len(frame), stack, "frame")
+        given = _given_logs(self.smoothing_parameters, design)
+        settings = self._settings(family, None if given is None else given[which])
+        rows = design.rows.subset(columns=active)
+        solution = solve(Problem(rows, values, sums, stack, active, settings, previous))
+        if solution is None:
+            raise InvalidInput.of(
+                "model not identifiable",
+                str(formula.response or "y"),
+                "singular system",
+                "linearly independent terms",
+            )
+        loaded = dict(stack.loaded(solution.loadings).terms)
+        for fitted in design.terms:
+            if fitted.scales is not None:
+                fitted.penalties = loaded[int(np.searchsorted(active, fitted.start))]
+        self._keep(design, results(design, values, family, solution, active), family, active)
+        self._keep_penalties(design, solution, which)
+        return self
+
+    @overload
+    def predict(
+        self, frame: pd.DataFrame, exclude: Labels = ..., se: No = ..., terms: No = ...
+    ) -> FloatArray: ...
+    @overload
+    def predict(
+        self, frame: pd.DataFrame, exclude: Labels = ..., *, se: Yes, terms: No = ...
+    ) -> tuple[FloatArray, FloatArray]: ...
+    @overload
+    def predict(
+        self, frame: pd.DataFrame, exclude: Labels = ..., se: No = ..., *, terms: Yes
+    ) -> pd.DataFrame: ...
+    @overload
+    def predict(
+        self, frame: pd.DataFrame, exclude: Labels = ..., *, se: Yes, terms: Yes
+    ) -> tuple[pd.DataFrame, pd.DataFrame]: ...
+    def predict(
+        self,
+        frame: pd.DataFrame,
+        exclude: Labels = (),
+        se: bool = False,
+        terms: bool = False,
+    ) -> FloatArray | pd.DataFrame | tuple[FloatArray, FloatArray] | tuple[pd.DataFrame, pd.DataFrame]:
+        """Predict the response, or the contribution of each term.
+
+        Parameters
+        ----------
+        frame : DataFrame
+            Columns of the terms; the column of a random effect may be missing.
+        exclude : collection of str
+            Labels of terms to leave out.
+        se : bool
+            Whether standard errors are wanted too.
+        terms : bool
+            A frame with one column per term instead of their sum.
+
+        Returns
+        -------
+        ndarray, shape (n,), or DataFrame
+            The response, or with `terms` the contribution of each term. With `se` a pair: this and its standard errors of
+            the same kind.
+
+        Notes
+        -----
+        A level of a factor that no training row had counts as the mean of the training rows' levels; an unknown
+        level of a random effect as 0. Covariates outside their range follow `extrapolation`.
+        """
+        full = self._checked(frame, exclude)
+        if self.extrapolation == "clamp":
+            full = self.training_.clamp_frame(full)
+        included = [fitted for fitted in self.terms_ if fitted.label not in set(exclude)]
+        fit, error = np.zeros((len(full), len(included))), np.zeros((len(full), len(included)))
+        total = np.zeros(len(full))
+        for start in range(0, len(full), PREDICT_ROWS):
+            rows = slice(start, start + PREDICT_ROWS)
+            piece = full.iloc[rows]
+            X = np.zeros((len(piece), len(self.coef_)))
+            for j, fitted in enumerate(included):
+                B = fitted.matrix(piece)
+                fit[rows, j] = B @ self.coef_[fitted.slice]
+                X[:, fitted.slice] = B
+                if se and terms:
+                    V = self.Vp_[fitted.slice, fitted.slice]
+                    error[rows, j] = np.sqrt(np.maximum(np.einsum("ij,ij->i", B @ V, B), 0.0))
+            if se and not terms:
+                total[rows] = np.sqrt(np.maximum(np.einsum("ij,ij->i", X @ self.Vp_, X), 0.0))
+        if terms:
+            labels = [fitted.label for fitted in included]
+            out = pd.DataFrame(fit, index=frame.index, columns=labels)
+            return (out, pd.DataFrame(error, index=frame.index, columns=labels)) if se else out
+        return (fit.sum(axis=1), total) if se else fit.sum(axis=1)
+
+    def extrapolation_mask(self, frame: pd.DataFrame) -> BoolArray:
+        """Mark rows with a covariate outside its training range or a level that training did not have.
+
+        Parameters
+        ----------
+        frame : DataFrame
+            Columns of the terms; the column of a random effect may be missing.
+
+        Returns
+        -------
+        ndarray of bool, shape (n,)
+            A new level of a random effect does not count.
+        """
+        self._checked(frame, ())
+        out = np.zeros(len(frame), dtype=bool)
+        for names, support in self.training_.supports.items():
+            out |= support.outside(frame[list(names)].to_numpy(dtype=np.float64))
+        for (names, by, level), support in self.training_.within.items():
+            member = self.training_.members(frame, by, level)
+            out |= support.outside(frame[list(names)].to_numpy(dtype=np.float64)) & member
+        random = {":".join(fitted.groups) for fitted in self.terms_}
+        for name, levels in self.training_.levels.items():
+            if name not in random:
+                codes = levels.codes(frame[name])
+                out |= (codes < 0) | (levels.share[codes] == 0)
+        return out
+
+    def leave_groups_out(
+        self,
+        frame: pd.DataFrame,
+        y: object = None,
+        groups: object = None,
+        folds: object = None,
+        at: pd.DataFrame | None = None,
+        at_folds: object = None,
+    ) -> FloatArray:
+        """Predict every row from a fit without its group.
+
+        Smoothing parameters, shape and scale are estimated anew in every fold, from a start that does not depend on
+        the rows held out; bases and their knots come from the covariates of all rows. `folds_` reports each fold.
+
+        Parameters
+        ----------
+        frame : DataFrame
+            Columns that the formula names.
+        y : array-like (n,), optional
+            Response; default: the formula's left side.
+        groups : array-like (n,) or str
+            Group of each row, or its column.
+        folds : array-like (n,) or str, optional
+            Larger units to leave out at once, e.g. days; default: the groups.
+        at : DataFrame (m, ...), optional
+            Rows to predict in place of those of `frame`, for a fit to thinned rows.
+        at_folds : array-like (m,) or str, optional
+            Unit of each row of `at`, with the labels of `folds` (of `groups` by default), or its column.
+
+        Returns
+        -------
+        ndarray (n,), or (m,) with `at`
+            Held-out predictions; a held-out group's random effect is 0.
+
+        Raises
+        ------
+        InvalidInput
+            Names every faulty column, missing groups, or rows of `at` without a unit.
+        """
+        formula, family = self._formula(), self._family()
+        values = response(frame, y, formula.response)
+        if groups is None:
+            raise InvalidInput.of("no groups", "leave_groups_out", "groups is None", "a group for each row")
+        group_codes = self._groups(frame, groups)
+        design = build_design(formula, frame, self.discretise, self.extrapolation)
+        given = _given_logs(self.smoothing_parameters, design)
+        settings = self._settings(family, given)
+        units = group_codes if folds is None else self._groups(frame, folds)
+        wanted = None
+        if at is not None:
+            labels = _labels(frame, groups if folds is None else folds)
+            wanted = _complete_at(at, design), _units_at(at, at_folds, labels)
+        predictions, report = leave_out(design, frame, values, group_codes, units, settings, wanted)
+        self.folds_ = report
+        return predictions
+
+    def _formula(self) -> Formula:
+        if isinstance(self.formula, Formula):
+            return self.formula
+        return parse_formula(self.formula)
+
+    def _family(self) -> Family:
+        if isinstance(self.family, Gaussian | ScaledT):
+            return self.family
+        known: dict[str, Family] = {"gaussian": Gaussian(), "scat": ScaledT()}
+        faults = []
+        if self.family not in known:
+            got = repr(self.family)
+            faults.append(
+                Fault("unknown family", "GAMM(family=)", got, ", ".join(known), nearest(got, known))
+            )
+        if self.method not in ("fREML", "REML"):
+            faults.append(Fault("unknown method", "GAMM(method=)", repr(self.method), "fREML or REML"))
+        raise_faults(faults)
+        return known[self.family]
+
+    def _settings(self, family: Family, rho: FloatArray | None) -> FitSettings:
+        if self.extrapolation not in ("clamp", "linear"):
+            got = repr(self.extrapolation)
+            raise InvalidInput.of("unknown extrapolation", "GAMM(extrapolation=)", got, "clamp or linear")
+        correlated = any(isinstance(term, RandomEffect) and term.correlated for term in self._formula().terms)
+        searched = correlated or self.ar1_rho == "estimate"
+        if searched and not isinstance(family, Gaussian) and self.method != "REML":
+            got = f"{self.method} with {'correlated random effects' if correlated else 'ar1_rho'} to estimate"
+            fix = "method='REML', whose score can be compared between correlations"
+            raise InvalidInput.of("no score for a correlation", "GAMM(method=)", got, "REML", fix)
+        if self.ar1_rho is not None:
+            good = self.ar1_rho == "estimate" or (not isinstance(self.ar1_rho, str) and -1 < self.ar1_rho < 1)
+            if not good:
+                got = repr(self.ar1_rho)
+                raise InvalidInput.of(
+                    "invalid autocorrelation", "GAMM(ar1_rho=)", got, "'estimate' or within -1 to 1"
+                )
+        return FitSettings(family, self.method, rho, self.ar1_rho, self.tolerance, self.max_iter)
+
+    def _groups(self, frame: pd.DataFrame, groups: object) -> Index:
+        """Codes (n,) of groups given as labels or as a column; without them all rows are one."""
+        if groups is None:
+            return np.zeros(len(frame), dtype=np.intp)
+        codes = pd.factorize(_labels(frame, groups))[0].astype(np.intp)
+        if len(codes) != len(frame) or (codes < 0).any():
+            got = f"{len(codes)} labels, {int((codes < 0).sum())} missing"
+            raise InvalidInput.of(
+                "invalid groups", "groups=", got, f"a label for each of the {len(frame)} rows"
+            )
+        return codes
+
+    def _moments(self, design: Design, y: FloatArray, groups: Index) -> Moments:
+        return grouped_moments(design, y, groups, np.arange(len(y), dtype=np.intp), self.ar1_rho is not None)
+
+    def _keep_penalties(self, design: Design, solution: Solution, which: list[int]) -> None:
+        """Set the smoothing parameters; NaN for a term without data."""
+        names = design.penalty_names
+        logs = np.full(len(names), math.nan)
+        logs[which] = solution.rho
+        self.smoothing_parameters_ = {name: float(np.exp(v)) for name, v in zip(names, logs, strict=True)}
+        self.log_sp_covariance_ = np.full((len(names), len(names)), math.nan)
+        if solution.hessian.size:
+            inverse = np.linalg.pinv(solution.hessian, hermitian=True)
+            self.log_sp_covariance_[np.ix_(which, which)] = inverse[: len(which), : len(which)]
+
+    def _keep(self, design: Design, outcome: dict[str, Any], family: Family, active: Index) -> None:
+        """Set the fitted attributes."""
+        for name, value in outcome.items():
+            setattr(self, name + "_", value)
+        self.formula_, self.family_, self.terms_ = design.formula, family, design.terms
+        self.training_ = design.training
+        self.coef_names_ = [name for fitted in design.terms for name in fitted.names]
+        self.term_slices_ = {fitted.label: fitted.slice for fitted in design.terms}
+        kept = set(active.tolist())
+        self.empty_columns_ = [name for i, name in enumerate(self.coef_names_) if i not in kept]
+        supports = design.training.supports
+        self.ranges_ = {
+            name: (float(support.low[j]), float(support.high[j]))
+            for names_, support in supports.items()
+            for j, name in enumerate(names_)
+        }
+        self.levels_ = {name: levels.names for name, levels in design.training.levels.items()}
+        self.notes_ = list(design.notes)
+
+    def _checked(self, frame: pd.DataFrame, exclude: Collection[str]) -> pd.DataFrame:
+        """The frame, with the columns that prediction reads."""
+        if not hasattr(self, "coef_"):
+            raise InvalidInput.of("not fitted", "GAMM", "", "a model after fit()")
+        known = [fitted.label for fitted in self.terms_]
+        faults = [
+            Fault("unknown term", "predict(exclude=)", repr(label), ", ".join(known), nearest(label, known))
+            for label in exclude
+            if label not in known
+        ]
+        used = [fitted for fitted in self.terms_ if fitted.label not in set(exclude)]
+        faults += _column_faults(frame, used, self.levels_)
+        raise_faults(faults)
+        return frame
+
+
+def _given_logs(given: Sequence[float] | Mapping[str, float] | None, design: Design) -> FloatArray | None:
+    """Given smoothing parameters as logs, in the order of the design."""
+    if given is None:
+        return None
+    names = design.penalty_names
+    if isinstance(given, Mapping):
+        odd = set(given) ^ set(names)
+        if odd:
+            raise InvalidInput.of(
+                "smoothing parameters do not match", ", ".join(sorted(odd)), "", ", ".join(names)
+            )
+        values = np.array([given[name] for name in names], dtype=np.float64)
+    else:
+        values = np.asarray(given, dtype=np.float64).ravel()
+    if len(values) != len(names) or not (np.isfinite(values) & (values > 0)).all():
+        got = f"{len(values)} values"
+        allowed = f"{len(names)} positive numbers for {', '.join(names)}"
+        raise InvalidInput.of("invalid smoothing parameters", "GAMM(smoothing_parameters=)", got, allowed)
+    return np.log(values)
+
+
+def _labels(frame: pd.DataFrame, labels: object) -> npt.NDArray[Any]:
+    """Labels (n,) given as an array or as a column."""
+    if isinstance(labels, str):
+        faults = missing_columns(frame, [labels])
+        raise_faults(faults)
+        labels = frame[labels]
+    return np.asarray(labels)
+
+
+def _units_at(at: pd.DataFrame, at_folds: object, known: npt.NDArray[Any]) -> Index:
+    """Code of the unit of each row of `at`; `known` are the labels of the rows of the fit."""
+    labels = np.empty(0) if at_folds is None else _labels(at, at_folds)
+    codes = pd.Index(pd.factorize(known)[1]).get_indexer(pd.Index(labels))
+    if len(codes) != len(at) or (codes < 0).any():
+        got = f"{len(codes)} labels for {len(at)} rows, {int((codes < 0).sum())} unknown"
+        allowed = "a unit of the fit for each row of at="
+        raise InvalidInput.of("invalid groups", "at_folds=", got, allowed)
+    return np.asarray(codes, dtype=np.intp)
+
+
+def _column_faults(frame: pd.DataFrame, terms: list[FittedTerm], levels: Container[str]) -> list[Fault]:
+    """Columns that a prediction of these terms reads and that are missing, or are no numbers where it needs them."""
+    faults = missing_columns(frame, dict.fromkeys(name for fitted in terms for name in fitted.needed))
+    for fitted in terms:
+        term = fitted.term
+        for name in fitted.needed:
+            assert term is not None
+            smoothed = isinstance(term, Smooth | Tensor) and name in term.names
+            if name in frame.columns and (smoothed or name not in levels):
+                faults += numbers(frame, name, term.label)[1]
+    return faults
+
+
+def _complete_at(at: pd.DataFrame, design: Design) -> pd.DataFrame:
+    """The rows of `at`; levels of random effects need no column."""
+    raise_faults(_column_faults(at, design.terms, design.training.levels))
+    return at

@@ -1,0 +1,323 @@
+"""Smoothing parameters and coefficients: restricted maximum likelihood by Newton with exact derivatives.
+
+Gaussian models are fitted from their normal equations alone (Wood 2011; for large data Wood, Goude & Shaw
+2015). Scaled t models in their fast form are a performance iteration: the working model of each pass has the
+constant expected weight c = (nu + 1) / ((nu + 3) sigma^2), so that one crossproduct X'X serves the whole fit.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+import numpy as np
+from scipy.linalg import lapack
+
+from tripwatt_gamm.arrays import FloatArray
+from tripwatt_gamm.penalties import LOG_RATIO, PenaltyStack
+from tripwatt_gamm.tables import Whitening
+
+Value: TypeAlias = tuple[float, FloatArray, FloatArray]
+
+
+@dataclass(frozen=True)
+class NormalEquations:
+    """Sufficient statistics of a Gaussian model.
+
+    Attributes
+    ----------
+    gram : ndarray (p, p)
+        X'X in the rotated coordinates of the penalties.
+    cross : ndarray (p,)
+        X'y there.
+    square : float
+        y'y.
+    n : float
+        Number of rows.
+    log_jacobian : float
+        Log determinant of a whitening of the rows, zero without one.
+    """
+
+    gram: FloatArray
+    cross: FloatArray
+    square: float
+    n: float
+    log_jacobian: float = 0.0
+
+
+@dataclass
+class Solution:
+    """A fitted model in the coordinates of its design.
+
+    Attributes
+    ----------
+    beta : ndarray (p,)
+    rho : ndarray (M,)
+        Log smoothing parameters.
+    scale : float
+        Variance of a gaussian model, 1 for a scaled t.
+    nu, sigma : float
+        Shape and scale of a scaled t, NaN otherwise.
+    score : float
+        Restricted maximum likelihood score (negative log).
+    covariance : ndarray (p, p)
+        Bayesian posterior covariance.
+    information : ndarray (p, p)
+        X'WX with expected weights, over the scale.
+    converged : bool
+    n_iter : int
+    message : str
+        What ended the iteration.
+    gradient : ndarray (M,)
+        Of the score in `rho` at the end.
+    hessian : ndarray (m, m)
+        Of the score at the end, `rho` first; (0, 0) where the smoothing parameters were given.
+    white : Whitening or None
+        Of autocorrelated errors.
+    loadings : ndarray
+        Of correlated effects, as `PenaltyStack.loaded` takes them.
+    """
+
+    beta: FloatArray
+    rho: FloatArray
+    scale: float
+    score: float
+    covariance: FloatArray
+    information: FloatArray
+    converged: bool
+    n_iter: int
+    message: str
+    gradient: FloatArray
+    nu: float = math.nan
+    sigma: float = math.nan
+    white: Whitening | None = None
+    hessian: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+    loadings: FloatArray = field(default_factory=lambda: np.zeros(0))
+
+
+@dataclass(frozen=True)
+class Factor:
+    """Inverse and log determinant of a positive definite matrix, scaled to a unit diagonal first."""
+
+    inverse: FloatArray
+    log_determinant: float
+
+    @classmethod
+    def from_matrix(cls, A: FloatArray) -> Factor | None:
+        """Factor `A` (p, p), or None where it is not positive definite to working precision."""
+        diagonal = np.diag(A)
+        if not np.all(np.isfinite(diagonal)) or diagonal.min(initial=np.inf) <= 0:
+            return None
+        d = 1 / np.sqrt(diagonal)
+        chol, info = lapack.dpotrf(A * d * d[:, None], lower=1)
+        if info:
+            return None
+        value = 2 * float(np.log(np.diag(chol)).sum() - np.log(d).sum())
+        lower, info = lapack.dpotri(chol, lower=1)
+        full = np.tril(lower)
+        full += np.tril(full, -1).T
+        return cls(full * d * d[:, None], value)
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """REML score of a gaussian working model with what it is made of, rotated coordinates."""
+
+    value: float
+    gradient: FloatArray
+    hessian: FloatArray
+    beta: FloatArray
+    factor: Factor
+    scale: float
+
+
+def gaussian_score(
+    data: NormalEquations, stack: PenaltyStack, rho: FloatArray, scale: float | None, derivatives: bool = True
+) -> Evaluation | None:
+    """REML score (Wood 2011, eq. 4) of a gaussian model with its derivatives in `rho`.
+
+    Parameters
+    ----------
+    data : NormalEquations
+    stack : PenaltyStack
+    rho : ndarray (M,)
+        Log smoothing parameters.
+    scale : float or None
+        Variance; None profiles it out.
+    derivatives : bool
+        Whether gradient and Hessian are wanted.
+
+    Returns
+    -------
+    Evaluation or None
+        None where the penalised crossproduct is not positive definite.
+    """
+    factor = Factor.from_matrix(stack.add_to(data.gram, rho))
+    if factor is None:
+        return None
+    K = factor.inverse
+    beta = K @ data.cross
+    beta += K @ (data.cross - stack.add_to(data.gram, rho) @ beta)  # one refinement
+    penalised = data.square - float(data.cross @ beta)
+    freedom = data.n - stack.null_dim
+    penalised = max(penalised, 1e-14 * data.square + 1e-300)
+    phi = penalised / freedom if scale is None else scale
+    log_s, log_s1, log_s2 = stack.log_determinant(rho)
+    value = (
+        penalised / (2 * phi)
+        + freedom / 2 * math.log(2 * math.pi * phi)
+        + (factor.log_determinant - log_s) / 2
+        - data.log_jacobian
+    )
+    if not derivatives:
+        return Evaluation(value, np.empty(0), np.empty((0, 0)), beta, factor, phi)
+    single, pairs = stack.traces(rho, K)
+    V = stack.products(rho, beta)
+    d1 = V.T @ beta
+    d2 = np.diag(d1) - 2 * V.T @ K @ V
+    gradient = d1 / (2 * phi) + (single - log_s1) / 2
+    hessian = d2 / (2 * phi) + (np.diag(single) - pairs - log_s2) / 2
+    if scale is None:
+        hessian -= np.outer(d1, d1) / (2 * phi * penalised)
+    return Evaluation(value, gradient, hessian, beta, factor, phi)
+
+
+def newton_step(
+    gradient: FloatArray,
+    hessian: FloatArray,
+    x: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    longest: float = 5.0,
+) -> FloatArray:
+    """Descent step: Newton where the Hessian is positive, its absolute value elsewhere, within bounds."""
+    free = ~(((x <= lower) & (gradient > 0)) | ((x >= upper) & (gradient < 0)))
+    step = np.zeros_like(x)
+    if not free.any():
+        return step
+    H, g = hessian[np.ix_(free, free)], gradient[free]
+    d = np.sqrt(np.maximum(np.abs(np.diag(H)), 1e-10 * max(float(np.abs(np.diag(H)).max()), 1e-300)))
+    values, vectors = np.linalg.eigh(H / np.outer(d, d))
+    values = np.maximum(np.abs(values), 1e-4)
+    move = -(vectors @ ((vectors.T @ (g / d)) / values)) / d
+    step[free] = np.clip(move, -longest, longest)
+    return np.clip(x + step, lower, upper) - x
+
+
+def minimise(
+    score: Callable[[FloatArray], Value | None],
+    start: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    tolerance: float,
+    max_iter: int,
+) -> tuple[FloatArray, Value, int, bool, str]:
+    """Newton's method with step halving and bounds.
+
+    Parameters
+    ----------
+    score : callable
+        Value, gradient and Hessian at a point, or None where there is none.
+    start, lower, upper : ndarray (M,)
+    tolerance : float
+        Largest gradient, and smallest predicted gain, relative to 1 + |value| / 1000.
+    max_iter : int
+
+    Returns
+    -------
+    point, value with derivatives, iterations, converged, message
+    """
+    x = np.clip(start, lower, upper)
+    current = score(x)
+    if current is None:
+        x = np.clip(np.zeros_like(x) + (lower + upper) / 2, lower, upper)
+        current = score(x)
+    if current is None:
+        return x, (math.inf, np.zeros_like(x), np.eye(len(x))), 0, False, "the score cannot be evaluated"
+    for iteration in range(1, max_iter + 1):
+        value, gradient, hessian = current
+        step = newton_step(gradient, hessian, x, lower, upper)
+        gain = -float(gradient @ step)
+        if gain <= tolerance**1.5 * (1 + abs(value) / 1000) or not step.any():
+            return x, current, iteration, True, "gradient and predicted gain are zero"
+        for _ in range(25):
+            trial = score(x + step)
+            if trial is not None and trial[0] <= value - 1e-4 * max(-float(gradient @ step), 0.0):
+                break
+            step = step / 2
+        else:
+            small = gain <= 1e-6 * (1 + abs(value) / 1000)
+            return x, current, iteration, small, "no step lowers the score (25 halvings tried)"
+        x, current = x + step, trial
+    return x, current, max_iter, False, f"{max_iter} Newton steps with halving did not converge"
+
+
+def bounds(gram_diagonal: FloatArray, stack: PenaltyStack) -> tuple[FloatArray, FloatArray]:
+    """Lowest and highest log smoothing parameters that still mean something next to the data."""
+    middle = np.array(
+        [math.log(max(float(gram_diagonal[pen.where].sum()), 1e-300) / pen.trace) for pen in stack.penalties]
+    )
+    return middle + LOG_RATIO[0], middle + np.array([pen.log_most for pen in stack.penalties])
+
+
+def fit_gaussian(
+    data: NormalEquations,
+    stack: PenaltyStack,
+    rho: FloatArray | None = None,
+    fixed: bool = False,
+    scale: float | None = None,
+    tolerance: float = 1e-7,
+    max_iter: int = 200,
+    shift: float = 0.0,
+) -> Solution | None:
+    """REML fit of a gaussian model from its normal equations.
+
+    Parameters
+    ----------
+    data : NormalEquations
+        In the rotated coordinates of `stack`.
+    stack : PenaltyStack
+    rho : ndarray (M,), optional
+        Start, or with `fixed` the log smoothing parameters to use.
+    fixed : bool
+    scale : float, optional
+        Known variance.
+    tolerance, max_iter
+        Of Newton's method.
+    shift : float
+        Moves the default start towards rougher (negative) or smoother functions.
+
+    Returns
+    -------
+    Solution or None
+        None where the model is not identifiable.
+    """
+    lower, upper = bounds(np.diag(data.gram), stack)
+    start = rho if rho is not None else lower - LOG_RATIO[0] - 3 + shift
+    if fixed or not stack.size:
+        x, n_iter, converged, message = start, 0, True, "smoothing parameters were given"
+    else:
+
+        def score(x: FloatArray) -> Value | None:
+            scored = gaussian_score(data, stack, x, scale)
+            return None if scored is None else (scored.value, scored.gradient, scored.hessian)
+
+        x, _, n_iter, converged, message = minimise(score, start, lower, upper, tolerance, max_iter)
+    scored = gaussian_score(data, stack, x, scale)
+    if scored is None:
+        return None
+    return Solution(
+        beta=stack.restore(scored.beta),
+        rho=x,
+        scale=scored.scale,
+        score=scored.value,
+        covariance=stack.restored_both(scored.factor.inverse) * scored.scale,
+        information=stack.restored_both(data.gram) / scored.scale,
+        converged=converged,
+        n_iter=n_iter,
+        message=message,
+        gradient=scored.gradient,
+        hessian=np.zeros((0, 0)) if fixed else scored.hessian,
+    )

@@ -1,0 +1,185 @@
+"""A fitted term of a model, and its columns at any rows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+import pandas as pd
+
+from tripwatt_gamm.arrays import FloatArray
+from tripwatt_gamm.covariates import Points, Support, Training, crossed
+from tripwatt_gamm.smoothers import Smoother
+from tripwatt_gamm.terms import Parametric, RandomEffect, Smooth, Tensor, Term
+
+Extrapolation = Literal["clamp", "linear"]
+
+
+@dataclass
+class FittedTerm:
+    """A fitted term of a model, or one level of a by-factor smooth.
+
+    Attributes
+    ----------
+    label : str
+        As in tables, e.g. ``s(time):seasonwinter``.
+    term : Term
+    kind : {"parametric", "smooth", "tensor", "random"}
+    names : list of str
+        Names of the coefficients.
+    penalties : list of ndarray (q, q)
+        In the coordinates of the term.
+    null_dim, rank : int
+        Dimension of the penalties' joint null space, and its complement.
+    start : int
+        First coefficient.
+    smoother : Smoother or None
+    by, level : str or None
+        By-variable, and the level of this smooth.
+    groups : tuple of str
+        Columns that hold the levels of a random effect.
+    scales : ndarray (q,) or None
+        Root mean squares of the columns of correlated effects.
+    training : Training
+        Ranges and levels of the training rows, for rows outside of them.
+    extrapolation : {"clamp", "linear"}
+    """
+
+    label: str
+    term: Term | None
+    kind: Literal["parametric", "smooth", "tensor", "random"]
+    names: list[str]
+    penalties: list[FloatArray]
+    start: int = 0
+    smoother: Smoother | None = None
+    by: str | None = None
+    level: str | None = None
+    contrast: FloatArray | None = None
+    groups: tuple[str, ...] = ()
+    scales: FloatArray | None = None
+    training: Training = field(default_factory=lambda: Training({}, {}, {}))
+    extrapolation: Extrapolation = "clamp"
+
+    @property
+    def size(self) -> int:
+        """Number of coefficients."""
+        return len(self.names)
+
+    @property
+    def slice(self) -> slice:
+        """Its coefficients."""
+        return slice(self.start, self.start + self.size)
+
+    @property
+    def rank(self) -> int:
+        """Dimension of the penalised space."""
+        if not self.penalties:
+            return 0
+        total = sum((S / np.linalg.norm(S) for S in self.penalties), np.zeros_like(self.penalties[0]))
+        values = np.linalg.eigvalsh(total)
+        return int((values > 1e-9 * values[-1]).sum())
+
+    @property
+    def null_dim(self) -> int:
+        """Dimension of the unpenalised space."""
+        return self.size - self.rank
+
+    def matrix(self, frame: pd.DataFrame, training: Training | None = None) -> FloatArray:
+        """Columns of the term at the rows of a frame.
+
+        Parameters
+        ----------
+        frame : DataFrame
+            Columns of the term, finite.
+        training : Training, optional
+            Rows that count as known, when they are not those of the fit.
+
+        Returns
+        -------
+        ndarray (n, size)
+        """
+        known = training if training is not None else self.training
+        if self.term is None:
+            return np.ones((len(frame), 1))
+        if isinstance(self.term, RandomEffect):
+            return self._random(frame)
+        if isinstance(self.term, Parametric):
+            return self._parametric(frame, self.term.name, known)
+        return self._smooth(frame, known)
+
+    @property
+    def needed(self) -> tuple[str, ...]:
+        """Columns that a prediction reads; levels of a random effect may be missing."""
+        return () if self.term is None else tuple(n for n in self.term.columns if n not in self.groups)
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Effects that each level of a random effect has."""
+        if not isinstance(self.term, RandomEffect):
+            return ()
+        return (
+            ("(Intercept)", *self.needed)
+            if self.term.correlated
+            else (":".join(self.needed) or "(Intercept)",)
+        )
+
+    def multipliers(self, numbers: list[FloatArray]) -> list[FloatArray | None]:
+        """Multiplier (n,) of each of `effects` from the columns `needed`; None is one."""
+        correlated = isinstance(self.term, RandomEffect) and self.term.correlated
+        return [None, *numbers] if correlated else [np.prod(numbers, axis=0) if numbers else None]
+
+    def _random(self, frame: pd.DataFrame) -> FloatArray:
+        if any(name not in frame.columns for name in self.groups):
+            return np.zeros((len(frame), self.size))
+        levels = self.training.levels[":".join(self.groups)]
+        codes = levels.codes(crossed(frame, self.groups))
+        indicator = np.eye(len(levels.names) + 1)[codes, :-1]
+        numbers = [frame[name].to_numpy(dtype=np.float64) for name in self.needed]
+        return np.hstack(
+            [indicator if m is None else indicator * m[:, None] for m in self.multipliers(numbers)]
+        )
+
+    def _parametric(self, frame: pd.DataFrame, name: str, known: Training) -> FloatArray:
+        if self.contrast is None:
+            values = frame[name].to_numpy(dtype=np.float64)[:, None]
+            return values if self.extrapolation == "linear" else known.supports[(name,)].clamp(values)
+        levels = known.levels[name]
+        return np.asarray(levels.rows(levels.codes(frame[name])) @ self.contrast)
+
+    def _smooth(self, frame: pd.DataFrame, known: Training) -> FloatArray:
+        assert isinstance(self.term, Smooth | Tensor)
+        assert self.smoother is not None
+        weight = self._by_weight(frame, known)
+        out = np.zeros((len(frame), self.size))
+        used = np.flatnonzero(weight)
+        names = list(self.term.names)
+        x = frame[names].to_numpy(dtype=np.float64)[used]
+        if not len(x):
+            return out
+        points = Points.from_values(x)
+        support = known.supports[self.term.names]
+        table = self.smoother.matrix(support.clamp(points.values))
+        if self.extrapolation == "linear" and points.values.shape[1] == 1:
+            table = table + self._slope(points.values, support)
+        out[used] = table[points.index] * weight[used, None]
+        return out
+
+    def _slope(self, x: FloatArray, support: Support) -> FloatArray:
+        """What a straight continuation beyond the range adds to the clamped columns."""
+        assert self.smoother is not None
+        low, high = support.low, support.high
+        h = 1e-4 * (high - low)
+        ends = np.stack([low, low + h, high - h, high])
+        B = self.smoother.matrix(ends)
+        below, above = np.minimum(x - low, 0.0), np.maximum(x - high, 0.0)
+        return np.asarray(below * (B[1] - B[0]) / h + above * (B[3] - B[2]) / h)
+
+    def _by_weight(self, frame: pd.DataFrame, known: Training) -> FloatArray:
+        if self.by is None:
+            return np.ones(len(frame))
+        if self.level is None:
+            return frame[self.by].to_numpy(dtype=np.float64)
+        levels = known.levels[self.by]
+        column = levels.rows(levels.codes(frame[self.by]))
+        return np.asarray(column[:, levels.names.index(self.level)])

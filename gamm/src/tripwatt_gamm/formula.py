@@ -1,0 +1,362 @@
+"""Formulas in the style of mgcv, read into the term values of `tripwatt_gamm.terms`.
+
+    y ~ weather + s(time, by=season) + s(tamb, delev, k=30) + ti(a, b, bs="ps", k=c(6, 6)) + s(trip, bs="re")
+
+The right-hand side happens to be a Python expression, so Python's own parser reads it: there is no grammar
+of our own, and every fault has the position of its character.
+"""
+
+from __future__ import annotations
+
+import ast
+import difflib
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Final, NoReturn, cast, get_args
+
+from tripwatt_gamm.errors import Fault, InvalidInput
+from tripwatt_gamm.terms import Basis, Formula, Parametric, RandomEffect, Smooth, Tensor, Term
+
+_BASES: Final = (*get_args(Basis), "re")
+_FUNCTIONS: Final = ("s", "te", "ti")
+_ARGUMENTS: Final = ("bs", "k", "by")
+_TERMS_ALLOWED: Final = "a column, s(...), te(...), ti(...), (1 + x | group), 1, 0 or -1, joined by +"
+_QUOTED: Final = re.compile(r"`([^`]*)`")
+_MASK: Final = re.compile(r"ǂ(\d+)ǂ*")  # a letter to Python, and one that no column is likely to start with
+_PLAIN_NAME: Final = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*")
+_RESERVED: Final = ("c", "s", "te", "ti", "True", "False", "None")
+
+
+class _Unreadable(Exception):
+    """Leaves a term whose faults have been noted."""
+
+
+@dataclass
+class _Reader:
+    """One pass over a formula; collects terms and faults together."""
+
+    text: str
+    source: str
+    offset: int
+    quoted: tuple[str, ...]
+    terms: list[Term] = field(default_factory=list)
+    faults: list[Fault] = field(default_factory=list)
+    intercept: bool = True
+
+    # -- reporting -------------------------------------------------------------------------------
+
+    def original(self, node: ast.AST) -> str:
+        """The user's own text of a node."""
+        piece = ast.get_source_segment(self.source, node) or ""
+        return _MASK.sub(lambda hit: f"`{self.quoted[int(hit[1])]}`", piece)
+
+    def complain(self, node: ast.expr, what: str, got: str, allowed: str, fix: str = "") -> None:
+        before = self.source.encode()[: node.col_offset].decode()  # ast counts bytes
+        where = f"term {self.original(node)!r} at character {self.offset + len(before) + 1}"
+        self.faults.append(Fault(what, where, got, allowed, fix))
+
+    def refuse(self, node: ast.expr, what: str, got: str, allowed: str, fix: str = "") -> NoReturn:
+        """Note a fault and leave the term."""
+        self.complain(node, what, got, allowed, fix)
+        raise _Unreadable
+
+    # -- names and values ------------------------------------------------------------------------
+
+    def column(self, node: ast.expr) -> str | None:
+        """Column that a node names: a name, a dotted name or a quoted one; None for anything else."""
+        if isinstance(node, ast.Name):
+            hit = _MASK.fullmatch(node.id)
+            return self.quoted[int(hit[1])] if hit else node.id
+        if isinstance(node, ast.Attribute):
+            left = self.column(node.value)
+            return None if left is None else f"{left}.{node.attr}"
+        return None
+
+    def vector(self, node: ast.expr) -> tuple[ast.expr, ...]:
+        """Elements of c(...), or the value itself."""
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "c":
+            return tuple(node.args)
+        return tuple(node.elts) if isinstance(node, ast.Tuple | ast.List) else (node,)
+
+    def dimensions(self, call: ast.Call, node: ast.expr) -> tuple[int, ...]:
+        """Basis dimensions that k= gives."""
+        values = []
+        for element in self.vector(node):
+            value = element.value if isinstance(element, ast.Constant) else None
+            if isinstance(value, bool) or not isinstance(value, int) or value < 2:
+                self.refuse(call, "k is no whole number", self.original(node), "whole numbers >= 2")
+            values.append(value)
+        return tuple(values)
+
+    def basis(self, call: ast.Call, node: ast.expr) -> str:
+        values = {e.value if isinstance(e, ast.Constant) else None for e in self.vector(node)}
+        value = next(iter(values)) if len(values) == 1 else None
+        if not isinstance(value, str) or value not in _BASES:
+            hint = nearest(value, _BASES) if isinstance(value, str) else "one basis for all margins"
+            allowed = ", ".join(f'"{b}"' for b in _BASES)
+            self.refuse(call, "unknown basis", f"bs={self.original(node)}", allowed, hint)
+        return value
+
+    # -- terms -----------------------------------------------------------------------------------
+
+    def read(self, node: ast.expr) -> None:
+        """Add one summand to the model."""
+        try:
+            if isinstance(node, ast.Constant) and node.value in (0, 1) and not isinstance(node.value, bool):
+                self.intercept = bool(node.value)
+            elif isinstance(node, ast.Call):
+                self.terms.append(self.call(node))
+            elif isinstance(node, ast.BinOp) and isinstance(node.op, ast.BitOr):
+                self.terms.append(self.correlated(node))
+            elif (name := self.column(node)) is not None:
+                self.terms.append(Parametric(name))
+            else:
+                self.refuse_term(node)
+        except _Unreadable:
+            pass
+
+    def refuse_term(self, node: ast.expr) -> None:
+        fix = ""
+        if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult):
+            fix = "for an interaction use s(x, by=f), te(a, b) or a column that holds the product"
+        self.complain(node, "not a term", self.original(node), _TERMS_ALLOWED, fix)
+
+    def remove(self, node: ast.expr) -> None:
+        if isinstance(node, ast.Constant) and node.value == 1:
+            self.intercept = False
+        else:
+            self.complain(node, "only the intercept can be taken away", f"- {self.original(node)}", "-1")
+
+    def call(self, node: ast.Call) -> Term:
+        """A smooth, tensor or random effect from its call."""
+        kind = self.column(node.func) or self.original(node.func)
+        if kind not in _FUNCTIONS:
+            fix = nearest(kind, _FUNCTIONS) or "compute transformed columns beforehand"
+            self.refuse(node, "unknown function", f"{kind}()", "s(), te(), ti()", fix)
+        names = tuple(self.column(argument) for argument in node.args)
+        if not names or None in names:
+            self.refuse(node, "a smooth takes columns", self.original(node), f"{kind}(column, ...)")
+        columns = tuple(name for name in names if name is not None)
+        if len(set(columns)) < len(columns):
+            self.refuse(node, "column given twice", ", ".join(columns), "distinct columns")
+        options = self.options(node)
+        return (
+            self.smooth(node, columns, options) if kind == "s" else self.tensor(node, kind, columns, options)
+        )
+
+    def correlated(self, node: ast.BinOp) -> RandomEffect:
+        """Intercept and slopes of a group, (1 + x | g)."""
+        group = self.column(node.right)
+        parts = [part for part in _summands(node.left) if ast.unparse(part[1]) != "1" or part[0] < 0]
+        names = [name for sign, part in parts if sign > 0 and (name := self.column(part)) is not None]
+        if group is None or len(names) < len(parts) or len({group, *names}) <= len(names):
+            self.refuse(node, "random effects cannot be read", self.original(node), "(1 + x | group)")
+        return RandomEffect(group, tuple(names), correlated=bool(names))
+
+    def options(self, node: ast.Call) -> dict[str, ast.expr]:
+        given: dict[str, ast.expr] = {}
+        for keyword in node.keywords:
+            if keyword.arg not in _ARGUMENTS:
+                name = keyword.arg or "**"
+                self.refuse(node, "unknown argument", name, ", ".join(_ARGUMENTS), nearest(name, _ARGUMENTS))
+            given[keyword.arg] = keyword.value
+        return given
+
+    def by(self, node: ast.Call, options: Mapping[str, ast.expr]) -> str | None:
+        if "by" not in options:
+            return None
+        name = self.column(options["by"])
+        if name is None:
+            self.refuse(node, "by takes one column", f"by={self.original(options['by'])}", "by=column")
+        return name
+
+    def smooth(self, node: ast.Call, names: tuple[str, ...], options: Mapping[str, ast.expr]) -> Term:
+        basis = self.basis(node, options["bs"]) if "bs" in options else "tp"
+        if basis == "re":
+            if len(options) > 1:
+                got = ", ".join(key for key in options if key != "bs")
+                self.refuse(node, "a random effect takes columns only", got, 's(group, x, bs="re")')
+            return RandomEffect(names[0], names[1:])
+        if len(names) > 1 and basis != "tp":
+            fix = f'te({", ".join(names)}, bs="{basis}") or ti(...)'
+            self.refuse(node, "basis of one covariate only", f'bs="{basis}"', '"tp"', fix)
+        k = self.dimensions(node, options["k"]) if "k" in options else (None,)
+        if len(k) != 1:
+            self.refuse(node, "k takes one number", self.original(options["k"]), f"k={k[0]}")
+        return Smooth(names, cast(Basis, basis), k[0], self.by(node, options))
+
+    def tensor(
+        self, node: ast.Call, kind: str, names: tuple[str, ...], options: Mapping[str, ast.expr]
+    ) -> Term:
+        basis = self.basis(node, options["bs"]) if "bs" in options else "cr"
+        if len(names) < 2 or basis == "re":
+            got, allowed = self.original(node), f'{kind}(a, b, bs="ps", k=c(6, 6))'
+            self.refuse(node, "a tensor product takes two or more covariates", got, allowed)
+        k: tuple[int, ...] | None = None
+        if "k" in options:
+            k = self.dimensions(node, options["k"])
+            k = k * len(names) if len(k) == 1 else k
+            if len(k) != len(names):
+                got = f"{len(k)} numbers for {len(names)} covariates"
+                self.refuse(node, "k does not match the covariates", got, f"1 or {len(names)} numbers")
+        return Tensor(names, cast(Basis, basis), k, "te" if kind == "te" else "ti", self.by(node, options))
+
+
+def nearest(name: str, allowed: Iterable[str]) -> str:
+    """What may have been meant, as a question; empty if nothing comes near.
+
+    Examples
+    --------
+    >>> nearest("tmie", ["time", "vel"])
+    'did you mean time?'
+    """
+    near = difflib.get_close_matches(name, list(allowed), n=3, cutoff=0.5)
+    return f"did you mean {' or '.join(near)}?" if near else ""
+
+
+def _summands(node: ast.expr, sign: int = 1) -> Iterator[tuple[int, ast.expr]]:
+    """Terms of a sum from left to right with their signs; a loop, so that long formulas do not overflow."""
+    stack = [(node, sign)]
+    while stack:
+        top, s = stack.pop()
+        if isinstance(top, ast.BinOp) and isinstance(top.op, ast.Add | ast.Sub):
+            stack.append((top.right, s if isinstance(top.op, ast.Add) else -s))
+            stack.append((top.left, s))
+        elif isinstance(top, ast.UnaryOp) and isinstance(top.op, ast.UAdd | ast.USub):
+            stack.append((top.operand, s if isinstance(top.op, ast.UAdd) else -s))
+        else:
+            yield s, top
+
+
+def _mask_quotes(text: str) -> tuple[str, tuple[str, ...]]:
+    """The text with `quoted names` replaced by identifiers, as long as they where that fits."""
+    quoted: list[str] = []
+
+    def replace(hit: re.Match[str]) -> str:
+        quoted.append(hit[1])
+        return f"ǂ{len(quoted) - 1}".ljust(len(hit[0]), "ǂ")
+
+    return _QUOTED.sub(replace, text), tuple(quoted)
+
+
+def parse_formula(text: str) -> Formula:
+    """Read a formula in mgcv's style.
+
+    Parameters
+    ----------
+    text : str
+        ``response ~ term + term + ...``. Terms: a column (numeric or factor); ``s(x)``, ``s(x, by=f)``,
+        ``s(a, b)`` with ``bs`` ("tp", "ps", "cr"), ``k``, ``by``; ``te(a, b)`` and ``ti(a, b)``;
+        ``s(group, bs="re")``, ``s(group, x, bs="re")``, ``(1 + x | group)``; ``-1`` or ``+0`` to leave out the intercept. ``c(6, 6)`` gives one number per
+        margin. A column whose name is no plain name is written in backticks. The response may be missing.
+
+    Returns
+    -------
+    Formula
+
+    Raises
+    ------
+    InvalidInput
+        With one fault for every term that cannot be read: the term, its position and what is allowed.
+
+    Examples
+    --------
+    >>> formula = parse_formula('y ~ weather + s(time, by=season, k=12) + s(trip, bs="re")')
+    >>> formula.response, [term.label for term in formula.terms]
+    ('y', ['weather', 's(time):season', 's(trip)'])
+    >>> parse_formula("y ~ s(time, kk=12)")
+    Traceback (most recent call last):
+    tripwatt_gamm.errors.InvalidInput: unknown argument: term 's(time, kk=12)' at character 5: got kk; allowed: bs, k, by; did you mean k?
+    """
+    left, tilde, right = text.partition("~")
+    if not tilde or "~" in right:
+        count = text.count("~")
+        raise InvalidInput.of("wrong number of ~", repr(text), f"{count} of them", "response ~ terms")
+    if not right.strip():
+        raise InvalidInput.of("no terms", f"right of ~ in {text!r}", "nothing", _TERMS_ALLOWED)
+    # R writes a line break inside a sum freely; Python wants brackets for that, which shift nothing but column 0
+    flat = right.replace("\n", " ").replace("\t", " ").replace("\r", " ")
+    masked, quoted = _mask_quotes(flat)
+    source = f"({masked})"
+    reader = _Reader(text, source, len(left) + len(tilde) - 1, quoted)
+    response = _response(reader, left)
+    try:
+        tree = ast.parse(source, mode="eval").body
+    except (SyntaxError, ValueError) as error:
+        reader.faults.append(_syntax_fault(error, text, reader.offset))
+        raise InvalidInput(reader.faults) from None
+    if isinstance(tree, ast.BinOp) and isinstance(tree.op, ast.BitOr) and not right.strip().startswith("("):
+        reader.complain(tree, "random effects without brackets", reader.original(tree), "(1 + x | group)")
+    for sign, node in _summands(tree):
+        reader.read(node) if sign > 0 else reader.remove(node)
+    if reader.faults:
+        raise InvalidInput(reader.faults)
+    return Formula(response, tuple(reader.terms), reader.intercept)
+
+
+def _response(reader: _Reader, left: str) -> str | None:
+    name = left.strip()
+    quoted = _QUOTED.fullmatch(name)
+    if quoted:
+        return quoted[1]
+    if name and not _PLAIN_NAME.fullmatch(name):
+        fix = "compute a transformed response beforehand, write odd names in `backticks`"
+        reader.faults.append(
+            Fault("response is not a column", "left of ~ at character 1", name, "one column", fix)
+        )
+    return name or None
+
+
+def _syntax_fault(error: SyntaxError | ValueError, text: str, offset: int) -> Fault:
+    position = getattr(error, "offset", None)
+    at = min(offset + position, len(text)) if isinstance(position, int) else len(text)
+    around = text[max(0, at - 12) : at + 12].strip()
+    reason = error.msg if isinstance(error, SyntaxError) else str(error)
+    return Fault(
+        "formula cannot be read",
+        f"near {around!r} at character {at}",
+        reason,
+        _TERMS_ALLOWED,
+        "by-smooths are s(x, by=f); write odd column names in `backticks`",
+    )
+
+
+def _name(name: str) -> str:
+    import keyword
+
+    plain = _PLAIN_NAME.fullmatch(name) and not any(keyword.iskeyword(part) for part in name.split("."))
+    return name if plain and name not in _RESERVED and not _MASK.fullmatch(name) else f"`{name}`"
+
+
+def _render_term(term: Term) -> str:
+    if isinstance(term, Parametric):
+        return _name(term.name)
+    if isinstance(term, RandomEffect):
+        if term.correlated:
+            return f"({' + '.join(('1', *map(_name, term.others)))} | {_name(term.name)})"
+        return f's({", ".join(map(_name, term.columns))}, bs="re")'
+    parts = [_name(name) for name in term.names]
+    if term.by is not None:
+        parts.append(f"by={_name(term.by)}")
+    if term.basis != ("cr" if isinstance(term, Tensor) else "tp"):
+        parts.append(f'bs="{term.basis}"')
+    if term.k is not None:
+        parts.append(
+            f"k={term.k}" if isinstance(term, Smooth) else f"k=c({', '.join(map(str, term.k or ()))})"
+        )
+    return f"{term.kind if isinstance(term, Tensor) else 's'}({', '.join(parts)})"
+
+
+def render_formula(formula: Formula) -> str:
+    """Text of a formula, such that `parse_formula` reads it back.
+
+    Examples
+    --------
+    >>> render_formula(parse_formula("y~s( time,k = 12 )+ 0 + weather"))
+    'y ~ s(time, k=12) + weather - 1'
+    """
+    terms = " + ".join(map(_render_term, formula.terms)) or ("1" if formula.intercept else "0")
+    tail = "" if formula.intercept or not formula.terms else " - 1"
+    left = "" if formula.response is None else f"{_name(formula.response)} "
+    return f"{left}~ {terms}{tail}"

@@ -1,0 +1,173 @@
+"""The model that users meet: fitted, it explains itself."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from tripwatt_gamm.components import variance_components
+from tripwatt_gamm.diagnosis import Diagnosis
+from tripwatt_gamm.effects import Effect, plot_effects, term_effects
+from tripwatt_gamm.estimator import Estimator
+from tripwatt_gamm.summary import Summary
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+class GAMM(Estimator):
+    """Generalised additive mixed model with gaussian or scaled t errors.
+
+    Parameters
+    ----------
+    formula : str or Formula
+        ``"y ~ weather + s(time, by=season) + s(trip, bs='re')"``, or the same as objects.
+    family : {"gaussian", "scat"} or Family
+        Distribution of the errors.
+    method : {"fREML", "REML"}
+        How smoothing parameters are chosen. For gaussian errors both are restricted maximum likelihood. For the
+        scaled t "fREML" is the performance iteration (fast), "REML" exact Laplace REML.
+    discretise : bool or int
+        Round covariates to an even grid of 1,000 (or so many) values; True does so beyond 10,000 rows.
+    extrapolation : {"clamp", "linear"}
+        Outside its training range (of the rows of its level, for a by-smooth) a curve or a numeric column is held
+        constant, or goes on as a straight line.
+        Surfaces are always held: at the range, and within a twentieth of it from the nearest training point.
+        With "clamp" the row is moved, not the term: all terms of a covariate see the same point.
+    smoothing_parameters : sequence or mapping, optional
+        Given values, in the order (or by the names) of `smoothing_parameters_`.
+    ar1_rho : float or "estimate", optional
+        Correlation of successive errors within groups. With a scaled t the innovations are sigma times Student's t;
+        to estimate it then, or correlated random effects, takes ``method="REML"``.
+    tolerance : float
+        The scaled t's iteration stops when nothing moves by more than this many standard errors.
+    max_iter : int
+        Most iterations.
+
+    Attributes
+    ----------
+    coef_, coef_names_
+        Coefficients (p,) and their names.
+    Vp_, Ve_ : ndarray (p, p)
+        Bayesian posterior and frequentist covariance.
+    F_ : ndarray (p, p)
+        (X'WX + S)^-1 X'WX; its diagonal is `edf_`; `edf1_` is 2 edf - diag(F F).
+    R_ : ndarray (p, p)
+        Square root of X'WX / scale: R'R.
+    terms_, term_slices_
+        Fitted pieces, and the coefficients of each by label.
+    smoothing_parameters_ : dict
+        By the label of the term, numbered where it has several.
+    scale_, nu_, sigma_, nu_at_bound_
+        Variance (1 for the scaled t), shape and scale of the t.
+    log_sp_covariance_ : ndarray (M, M)
+        Of the logs of `smoothing_parameters_`, from the Hessian of the score.
+    reml_, loglik_, aic_, deviance_explained_, r2_, n_, residual_df_
+        `reml_` is the negative log restricted likelihood; lme4's REML criterion is twice as large.
+    linear_predictor_, fitted_values_, residuals_ : ndarray (n,)
+        Of the rows of the fit.
+    converged_, n_iter_, message_, notes_
+        How the fit went, and what the data forced.
+    empty_columns_ : list of str
+        Coefficients without data: 0 with standard error 0.
+    ranges_, levels_ : dict
+        Training range of each covariate; levels of each factor.
+
+    Examples
+    --------
+    >>> import numpy as np, pandas as pd
+    >>> from tripwatt_gamm import Formula, Smooth
+    >>> rng = np.random.default_rng(1)
+    >>> frame = pd.DataFrame({"x": np.linspace(0, 1, 100), "trip": np.repeat(list("abcde"), 20)})
+    >>> y = np.sin(6 * frame["x"]) + 0.1 * rng.standard_normal(100)
+    >>> model = GAMM(Formula(None, (Smooth(("x",)),))).fit(frame, y)
+    >>> bool(model.converged_), bool(model.r2_ > 0.9)
+    (True, True)
+    >>> value, error = model.predict(frame, se=True)
+    >>> bool(np.abs(value - np.sin(6 * frame["x"])).max() < 0.2), bool((error > 0.0).all())
+    (True, True)
+    >>> model.extrapolation_mask(pd.DataFrame({"x": [0.5, 1.5]})).tolist()
+    [False, True]
+    >>> model.leave_groups_out(frame, y, groups="trip").shape
+    (100,)
+    >>> model.summary().formula, list(model.effects(frame)), model.diagnosis().qq.distribution.name
+    ('~ s(x)', ['s(x)'], 'normal')
+    >>> model.variance_components()["term"].tolist(), len(model.plot(frame).axes)
+    (['Residual'], 1)
+    """
+
+    def summary(self) -> Summary:
+        """Summarise the fit: ``print(model.summary().text())``.
+
+        Returns
+        -------
+        Summary
+            Tables, tests and scores.
+        """
+        return Summary.from_model(self)
+
+    def variance_components(self, level: float = 0.95) -> pd.DataFrame:
+        """Standard deviations of all random effects and of the errors.
+
+        Parameters
+        ----------
+        level : float
+            Coverage of the intervals, between 0 and 1.
+
+        Returns
+        -------
+        DataFrame
+            As of `tripwatt_gamm.components.variance_components`.
+        """
+        return variance_components(self, level)
+
+    def effects(
+        self, frame: pd.DataFrame | None = None, level: float = 0.95, points: int | None = None
+    ) -> dict[str, Effect]:
+        """Compute what each term does: curves with bands, surfaces, coefficients, random effects.
+
+        Parameters
+        ----------
+        frame : DataFrame, optional
+            The data, for rugs and points and to leave out the parts of a surface that are far from all data.
+        level : float
+            Coverage of the bands, between 0 and 1.
+        points : int, optional
+            Points of the grid per covariate. Default 200 for curves, 60 for surfaces.
+
+        Returns
+        -------
+        dict
+            Effects by the label of their term, in the order of the model.
+        """
+        return term_effects(self, frame, level, points)
+
+    def diagnosis(self) -> Diagnosis:
+        """Compare the residuals with their distribution.
+
+        Returns
+        -------
+        Diagnosis
+            ``.qq``, ``.predictor``, ``.histogram``, ``.response``; ``.plot()`` draws all four.
+        """
+        return Diagnosis.from_model(self)
+
+    def plot(self, frame: pd.DataFrame | None = None, ax: Axes | None = None, columns: int = 3) -> Figure:
+        """Draw all effects, one panel for each.
+
+        Parameters
+        ----------
+        frame : DataFrame, optional
+            The data, for rugs and points.
+        ax : matplotlib Axes, optional
+            Whose place the panels take.
+        columns : int
+            Panels per row.
+
+        Returns
+        -------
+        matplotlib Figure
+            The figure that the panels are in.
+        """
+        return plot_effects(self.effects(frame), ax, columns)

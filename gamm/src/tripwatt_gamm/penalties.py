@@ -1,0 +1,302 @@
+"""Quadratic penalties of a model, turned so that what they do not see is exactly zero.
+
+Each block of coefficients is rotated to the eigenvectors of its summed penalty: a single penalty becomes
+diagonal, several share one range space, in which log|S|+ is exact for smoothing parameters of any ratio
+(Wood 2011, appendix B; for two penalties by simultaneous diagonalisation).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+from scipy.linalg import eigh, qr, solve_triangular
+
+from tripwatt_gamm.arrays import FloatArray
+
+RANK_TOLERANCE = 1e-9
+
+LOG_RATIO = (-25.0, 22.0)
+"""Bounds of log(smoothing parameter) about the value at which penalty and data weigh alike."""
+
+MOST_CORRELATED = 14.0
+"""The upper one of correlated effects, whose penalties overlap: a larger ratio drowns the smaller penalty in rounding."""
+
+Blocks: TypeAlias = list[tuple[int, list[FloatArray]]]
+"""First coefficient and penalties (m, m) of each penalised block."""
+
+
+@dataclass(frozen=True)
+class PenaltyBlock:
+    """Penalties of one term in the rotated coordinates of its block.
+
+    Attributes
+    ----------
+    start, stop : int
+        Coefficients of the block.
+    rank : int
+        Dimension of the range space: the first `rank` rotated coefficients.
+    rotation : ndarray (stop - start, stop - start)
+        Original = rotation @ rotated.
+    matrices : list of ndarray (rank, rank)
+        Penalties, range space only.
+    diagonal : ndarray (2, rank) or None
+        Diagonals of two penalties in the basis that diagonalises both.
+    log_volume : float
+        Log determinant of that change of basis, to be subtracted.
+    """
+
+    start: int
+    stop: int
+    rank: int
+    rotation: FloatArray
+    matrices: list[FloatArray]
+    diagonal: FloatArray | None
+    log_volume: float
+
+    @property
+    def range(self) -> slice:
+        """Coefficients that are penalised."""
+        return slice(self.start, self.start + self.rank)
+
+    @classmethod
+    def from_matrices(cls, start: int, matrices: list[FloatArray]) -> PenaltyBlock:
+        """Rotate the penalties (m, m) of a block that starts at coefficient `start`."""
+        total = sum((S / np.linalg.norm(S) for S in matrices), np.zeros_like(matrices[0]))
+        values, vectors = eigh((total + total.T) / 2)
+        values, vectors = values[::-1], vectors[:, ::-1]
+        rank = int((values > RANK_TOLERANCE * values[0]).sum())
+        U = vectors[:, :rank]
+        if len(matrices) == 1:
+            diagonal = values[:rank] * np.linalg.norm(matrices[0])
+            return cls(start, start + len(total), rank, vectors, [np.diag(diagonal)], diagonal[None], 0.0)
+        inner = [U.T @ S @ U for S in matrices]
+        inner = [(S + S.T) / 2 for S in inner]
+        both, volume = None, 0.0
+        if len(matrices) == 2:
+            share, W = eigh(inner[0] / np.linalg.norm(matrices[0]), np.diag(values[:rank]))
+            share = np.clip(share, 0.0, 1.0)
+            share[share < RANK_TOLERANCE] = 0.0
+            share[share > 1 - RANK_TOLERANCE] = 1.0
+            norms = [float(np.linalg.norm(S)) for S in matrices]
+            both = np.array([share * norms[0], (1 - share) * norms[1]])
+            volume = 2 * float(np.linalg.slogdet(W)[1])
+        return cls(start, start + len(total), rank, vectors, inner, both, volume)
+
+    def log_determinant(self, rho: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+        """log|S|+ with its gradient and Hessian in the log smoothing parameters `rho` of the block."""
+        if self.diagonal is not None:
+            logs = np.where(
+                self.diagonal > 0, np.log(np.where(self.diagonal > 0, self.diagonal, 1.0)), -np.inf
+            )
+            terms = logs + rho[:, None]
+            top = terms.max(axis=0)
+            parts = np.exp(terms - top)
+            sums = parts.sum(axis=0)
+            share = parts / sums
+            gradient = share.sum(axis=1)
+            hessian = np.diag(gradient) - share @ share.T
+            return float((top + np.log(sums)).sum()) - self.log_volume, gradient, hessian
+        return self._log_determinant_of_many(rho)
+
+    def _log_determinant_of_many(self, rho: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+        """By QR of the stacked, sorted square roots: row scaling does no harm there."""
+        order = np.argsort(-rho)
+        roots = []
+        for j in order:
+            values, vectors = eigh(self.matrices[j])
+            good = values > RANK_TOLERANCE * values[-1]
+            roots.append(np.exp(rho[j] / 2) * np.sqrt(values[good])[:, None] * vectors[:, good].T)
+        R, pivots = qr(np.vstack(roots), mode="r", pivoting=True)
+        R = R[: self.rank]
+        inverse = np.empty((self.rank, self.rank))
+        inverse[pivots] = solve_triangular(R, np.eye(self.rank))
+        weighted = [np.exp(r) * inverse.T @ S @ inverse for r, S in zip(rho, self.matrices, strict=True)]
+        gradient = np.array([np.trace(W) for W in weighted])
+        hessian = np.diag(gradient) - np.array([[float((A * B).sum()) for A in weighted] for B in weighted])
+        return 2 * float(np.log(np.abs(np.diag(R))).sum()), gradient, hessian
+
+
+def correlated_penalties(levels: int, loadings: FloatArray) -> list[FloatArray]:
+    """Penalties of q correlated effects of each of some levels, all levels of an effect together.
+
+    With b = L u, L unit lower triangular and independent u, the covariance of the effects of a level is L D L', and its
+    inverse the sum of v_j v_j' / D_j over the rows v_j of the inverse of L: one penalty for each j.
+
+    Parameters
+    ----------
+    levels : int
+    loadings : ndarray (q (q - 1) / 2,)
+        Lower triangle of L, row by row.
+    """
+    q = round((1 + math.sqrt(1 + 8 * len(loadings))) / 2)
+    L = np.eye(q)
+    L[np.tril_indices(q, -1)] = loadings
+    rows = np.linalg.inv(L)
+    return [np.asarray(np.kron(np.outer(v, v), np.eye(levels)), dtype=np.float64) for v in rows]
+
+
+@dataclass(frozen=True)
+class Penalty:
+    """One penalty in rotated coordinates.
+
+    Attributes
+    ----------
+    where : slice
+        Its coefficients.
+    matrix : ndarray (r, r)
+    diagonal : ndarray (r,) or None
+        Where it is diagonal.
+    trace : float
+        Trace that, against that of the crossproduct of `where`, gives the scale of its smoothing parameter.
+    log_most : float
+        Most of the log smoothing parameter about that scale.
+    """
+
+    where: slice
+    matrix: FloatArray
+    diagonal: FloatArray | None
+    trace: float
+    log_most: float = LOG_RATIO[1]
+
+    def times(self, M: FloatArray) -> FloatArray:
+        """Penalty times the rows `where` of a vector or matrix M (r, ...)."""
+        if self.diagonal is not None:
+            return np.asarray(self.diagonal * M if M.ndim == 1 else self.diagonal[:, None] * M)
+        return np.asarray(self.matrix @ M)
+
+
+class PenaltyStack:
+    """All penalties of a model with `p` coefficients.
+
+    Parameters
+    ----------
+    p : int
+        Number of coefficients.
+    terms : list of (int, list of ndarray)
+        As `Blocks`.
+    scales : mapping of int to ndarray (q,), optional
+        For each block of correlated effects, by its first coefficient, the size of the columns of each effect.
+
+    Examples
+    --------
+    >>> stack = PenaltyStack(4, [(1, [np.diag([2.0, 1.0, 0.0])])])
+    >>> stack.size, stack.null_dim
+    (1, 2)
+    """
+
+    def __init__(self, p: int, terms: Blocks, scales: Mapping[int, FloatArray] | None = None) -> None:
+        self.p, self.terms, self.scales = p, terms, dict(scales or {})
+        self.blocks = [PenaltyBlock.from_matrices(start, matrices) for start, matrices in terms]
+        self.penalties: list[Penalty] = []
+        self.members: list[npt.NDArray[np.intp]] = []
+        for block in self.blocks:
+            first = len(self.penalties)
+            sizes = self.scales.get(block.start)
+            for j, S in enumerate(block.matrices):
+                alone = np.diag(S) if len(block.matrices) == 1 else None
+                if sizes is None:
+                    self.penalties.append(Penalty(block.range, S, alone, float(np.trace(S))))
+                else:
+                    own = block.rank / len(sizes) * float(sizes @ sizes) / sizes[j] ** 2
+                    self.penalties.append(Penalty(block.range, S, None, own, MOST_CORRELATED))
+            self.members.append(np.arange(first, len(self.penalties)))
+        self.size = len(self.penalties)
+        self.rank = sum(block.rank for block in self.blocks)
+        self.null_dim = p - self.rank
+
+    @property
+    def n_loadings(self) -> int:
+        """Parameters of correlation, which no penalty is linear in."""
+        return sum(len(size) * (len(size) - 1) // 2 for size in self.scales.values())
+
+    def loaded(self, x: FloatArray) -> PenaltyStack:
+        """The stack with other correlations of its correlated effects.
+
+        Parameters
+        ----------
+        x : ndarray (n_loadings,)
+            Loadings of all blocks, in units of the ratio of the effects' columns.
+        """
+        terms, rest = [], x
+        for start, matrices in self.terms:
+            if start in self.scales:
+                size = self.scales[start]
+                low, high = np.tril_indices(len(size), -1)
+                own, rest = rest[: len(low)], rest[len(low) :]
+                levels = len(matrices[0]) // len(size)
+                matrices = correlated_penalties(levels, own * size[high] / size[low])
+            terms.append((start, matrices))
+        return PenaltyStack(self.p, terms, self.scales)
+
+    def rotate(self, M: FloatArray) -> FloatArray:
+        """A vector (p,) or the rows of a matrix (p, q) in rotated coordinates."""
+        out = M.copy()
+        for block in self.blocks:
+            where = slice(block.start, block.stop)
+            out[where] = block.rotation.T @ M[where]
+        return out
+
+    def rotate_both(self, M: FloatArray) -> FloatArray:
+        """A crossproduct (p, p) in rotated coordinates."""
+        return np.ascontiguousarray(self.rotate(self.rotate(M).T))
+
+    def restore(self, M: FloatArray) -> FloatArray:
+        """Rotated vector or rows back in the coordinates of the model."""
+        out = M.copy()
+        for block in self.blocks:
+            where = slice(block.start, block.stop)
+            out[where] = block.rotation @ M[where]
+        return out
+
+    def restored_both(self, M: FloatArray) -> FloatArray:
+        """A covariance (p, p) back in the coordinates of the model."""
+        return self.restore(self.restore(M).T)
+
+    def add_to(self, M: FloatArray, rho: FloatArray) -> FloatArray:
+        """M (p, p) plus the penalties with log smoothing parameters `rho`."""
+        out = M.copy()
+        for penalty, r in zip(self.penalties, rho, strict=True):
+            if penalty.diagonal is not None:
+                index = np.arange(penalty.where.start, penalty.where.stop)
+                out[index, index] += np.exp(r) * penalty.diagonal
+            else:
+                out[penalty.where, penalty.where] += np.exp(r) * penalty.matrix
+        return out
+
+    def log_determinant(self, rho: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+        """log|S|+ with gradient (M,) and Hessian (M, M) in `rho`."""
+        value, gradient, hessian = 0.0, np.zeros(self.size), np.zeros((self.size, self.size))
+        for block, index in zip(self.blocks, self.members, strict=True):
+            v, g, h = block.log_determinant(rho[index])
+            value += v
+            gradient[index] = g
+            hessian[np.ix_(index, index)] = h
+        return value, gradient, hessian
+
+    def products(self, rho: FloatArray, beta: FloatArray) -> FloatArray:
+        """Columns lambda_j S_j beta, as (p, M)."""
+        out = np.zeros((self.p, self.size))
+        for j, (penalty, r) in enumerate(zip(self.penalties, rho, strict=True)):
+            out[penalty.where, j] = np.exp(r) * penalty.times(beta[penalty.where])
+        return out
+
+    def traces(self, rho: FloatArray, K: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """lambda_j tr(K S_j) as (M,) and lambda_i lambda_j tr(K S_i K S_j) as (M, M), K symmetric (p, p)."""
+        products = [
+            np.exp(r) * penalty.times(K[penalty.where]).T
+            for penalty, r in zip(self.penalties, rho, strict=True)
+        ]
+        single = np.array(
+            [np.trace(P[penalty.where]) for P, penalty in zip(products, self.penalties, strict=True)]
+        )
+        pairs = np.empty((self.size, self.size))
+        for i in range(self.size):
+            for j in range(i + 1):
+                left, right = products[i][self.penalties[j].where], products[j][self.penalties[i].where]
+                pairs[i, j] = pairs[j, i] = np.einsum("ab,ba->", left, right)
+        return single, pairs

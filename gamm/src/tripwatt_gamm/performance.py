@@ -1,0 +1,290 @@
+"""Scaled t models by performance iteration with expected weights: one crossproduct for the whole fit.
+
+Each pass updates shape and scale given the residuals, forms the working response z = eta + g / c with the
+constant weight c, takes a Newton step of the working model's REML score, and solves for the coefficients
+(Wood, Goude & Shaw 2015; Wood et al. 2017). The passes converge linearly; Anderson mixing accelerates them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tripwatt_gamm.arrays import FloatArray
+from tripwatt_gamm.families import LOG_EXCESS_DF, ScaledT, Theta, fit_theta
+from tripwatt_gamm.fit import (
+    Evaluation,
+    NormalEquations,
+    Solution,
+    bounds,
+    fit_gaussian,
+    gaussian_score,
+    newton_step,
+)
+from tripwatt_gamm.penalties import PenaltyStack
+from tripwatt_gamm.tables import TableRows
+
+SHORT = 0.5
+"""Steps of log smoothing parameters below which, near the end, the working model is not evaluated a second time."""
+
+CLOSE = 0.014
+"""Change of the predictor in one pass, over sigma, from which on passes are mixed."""
+
+
+@dataclass(frozen=True)
+class TData:
+    """Response, rows and crossproduct of a scaled t model.
+
+    Attributes
+    ----------
+    rows : TableRows
+        Model matrix.
+    y : ndarray (n,)
+    gram : ndarray (p, p)
+        X'X in rotated coordinates.
+    cross : ndarray (p,)
+        X'y there.
+    """
+
+    rows: TableRows
+    y: FloatArray
+    gram: FloatArray
+    cross: FloatArray
+
+
+@dataclass(frozen=True)
+class State:
+    """Where the iteration stands: rotated coefficients, log smoothing parameters, shape and scale."""
+
+    beta: FloatArray
+    rho: FloatArray
+    theta: Theta
+
+    def pack(self) -> FloatArray:
+        """As one vector."""
+        return np.concatenate([self.beta, self.rho, [self.theta.excess, self.theta.log_sigma]])
+
+    def unpack(self, x: FloatArray, lower: FloatArray, upper: FloatArray) -> State:
+        """From one vector, smoothing parameters and shape within their bounds."""
+        p = len(self.beta)
+        low, high = LOG_EXCESS_DF
+        theta = Theta(float(np.clip(x[-2], low, high)), float(x[-1]), self.theta.min_df)
+        return State(x[:p], np.clip(x[p:-2], lower, upper), theta)
+
+
+@dataclass(frozen=True)
+class Pass:
+    """Result of one pass: next state, the working model there, and weights of the state's components."""
+
+    state: State
+    working: Evaluation
+    weights: FloatArray
+    data: NormalEquations
+
+
+class PerformanceIteration:
+    """One scaled t model, ready to iterate.
+
+    Parameters
+    ----------
+    data : TData
+    stack : PenaltyStack
+    family : ScaledT
+    fixed : bool
+        Whether the smoothing parameters are given and kept.
+    """
+
+    def __init__(self, data: TData, stack: PenaltyStack, family: ScaledT, fixed: bool = False) -> None:
+        self.data, self.stack, self.family, self.fixed = data, stack, family, fixed
+        self.free = (family.nu is None, family.sigma is None)
+
+    def start(self, rho: FloatArray | None) -> State | None:
+        """Gaussian fit, and the scaled t that its residuals look like."""
+        d = self.data
+        normal = NormalEquations(d.gram, d.cross, float(d.y @ d.y), d.rows.n)
+        first = fit_gaussian(normal, self.stack, rho if self.fixed else None, self.fixed, tolerance=1e-4)
+        if first is None:
+            return None
+        sigma = self.family.sigma if self.family.sigma is not None else 0.8 * float(np.sqrt(first.scale))
+        nu = self.family.nu if self.family.nu is not None else self.family.min_df + 2.0
+        theta = Theta.from_estimates(nu, max(sigma, 1e-150), self.family.min_df)
+        moved = first.rho if self.fixed else first.rho - np.log(first.scale)
+        return State(self.stack.rotate(first.beta), moved, theta)
+
+    def residual(self, state: State) -> FloatArray:
+        """Response minus the predictor of a state, (n,)."""
+        return np.asarray(self.data.y - self.data.rows.predictor(self.stack.restore(state.beta)))
+
+    def advance(self, state: State, lower: FloatArray, upper: FloatArray, near: bool = False) -> Pass | None:
+        """One pass: shape and scale, working response, smoothing parameters, coefficients."""
+        d = self.data
+        r = self.residual(state)
+        theta = fit_theta(r, state.theta, self.free, steps=3) if any(self.free) else state.theta
+        c = self.family.expected_weight(theta.nu, theta.sigma)
+        g = self.family.score(r, theta.nu, theta.sigma)
+        gram = c * d.gram
+        cross = gram @ state.beta + self.stack.rotate(d.rows.transpose(g))
+        z = g / c - r + d.y
+        normal = NormalEquations(gram, cross, c * float(z @ z), d.rows.n)
+        here = gaussian_score(normal, self.stack, state.rho, 1.0, derivatives=not self.fixed)
+        if here is None:
+            return None
+        diagonal = 1 / np.sqrt(np.maximum(np.diag(here.factor.inverse), 1e-300))
+        ends = np.sqrt(d.rows.n) * np.array([1.0 if theta.nu < 50 else 0.1, 1.0])
+        if theta.at_bound:
+            ends[0] = 0.0
+        if self.fixed or not self.stack.size:
+            weights = np.concatenate([diagonal, np.zeros(self.stack.size), ends])
+            return Pass(State(here.beta, state.rho, theta), here, weights, normal)
+        working, rho = self._smooth(normal, here, state.rho, lower, upper, near)
+        curvature = np.sqrt(np.maximum(np.diag(here.hessian), 1e-8))
+        return Pass(
+            State(working.beta, rho, theta), working, np.concatenate([diagonal, curvature, ends]), normal
+        )
+
+    def _smooth(
+        self,
+        normal: NormalEquations,
+        here: Evaluation,
+        rho: FloatArray,
+        lower: FloatArray,
+        upper: FloatArray,
+        near: bool,
+    ) -> tuple[Evaluation, FloatArray]:
+        """One Newton step of the working model's score, halved until it descends; a short one near the end is trusted."""
+        step = newton_step(here.gradient, here.hessian, rho, lower, upper)
+        if near and float(np.abs(step).max()) < SHORT:
+            return here, rho + step  # the coefficients follow in the next pass
+        for _ in range(12):
+            trial = gaussian_score(normal, self.stack, rho + step, 1.0, derivatives=False)
+            if trial is not None and trial.value <= here.value + 1e-9 * (1 + abs(here.value)):
+                return trial, rho + step
+            step = step / 2
+        return here, rho
+
+    def run(self, start: State, tolerance: float = 1e-3, max_iter: int = 400) -> Solution | None:
+        """Iterate to convergence.
+
+        Parameters
+        ----------
+        start : State
+        tolerance : float
+            Largest change in one pass, in posterior standard deviations.
+        max_iter : int
+            Most passes.
+
+        Returns
+        -------
+        Solution or None
+            None where the model is not identifiable.
+        """
+        c = self.family.expected_weight(start.theta.nu, start.theta.sigma)
+        lower, upper = bounds(c * np.diag(self.data.gram), self.stack)
+        mixing = Mixing(close=CLOSE * float(np.sqrt(self.data.rows.n / self.data.rows.p)))
+        state, done, count, largest = start, False, 0, np.inf
+        result: Pass | None = None
+        while not done and count < max_iter:
+            count += 1
+            trial = self.advance(state, lower, upper, largest <= 4 * mixing.close)
+            if trial is None:
+                return None
+            result = trial
+            x, fx = state.pack(), trial.state.pack()
+            change = trial.weights * (fx - x)
+            largest = float(np.abs(change).max(initial=0.0))
+            done = largest <= tolerance
+            state = trial.state.unpack(mixing.next(x, fx, trial.weights), lower, upper)
+        return self._solution(result, done, count, tolerance) if result is not None else None
+
+    def _solution(self, last: Pass, done: bool, iterations: int, tolerance: float) -> Solution:
+        message = (
+            f"the last pass moved nothing by more than {tolerance:g} standard errors"
+            if done
+            else f"{iterations} accelerated passes did not settle; a larger max_iter or method='REML' may"
+        )
+        final = gaussian_score(last.data, self.stack, last.state.rho, 1.0)
+        working = last.working if final is None else final
+        return Solution(
+            beta=self.stack.restore(working.beta),
+            rho=last.state.rho,
+            scale=1.0,
+            score=working.value,
+            covariance=self.stack.restored_both(working.factor.inverse),
+            information=self.stack.restored_both(last.data.gram),
+            converged=done,
+            n_iter=iterations,
+            message=message,
+            gradient=working.gradient,
+            hessian=np.zeros((0, 0)) if self.fixed else working.hessian,
+            nu=last.state.theta.nu if self.family.nu is None else self.family.nu,
+            sigma=last.state.theta.sigma,
+        )
+
+
+class Mixing:
+    """Anderson acceleration of a fixed point iteration, only where it is already close.
+
+    A scaled t has several modes; the plain passes decide which one is met, mixing only shortens the way there.
+
+    Parameters
+    ----------
+    close : float
+        Largest change of a pass, in standard errors, from which on passes are mixed.
+    memory : int
+        Number of earlier passes that are mixed in.
+    """
+
+    def __init__(self, close: float, memory: int = 6) -> None:
+        self.memory, self.close = memory, close
+        self.change: FloatArray | None = None
+        self.plain, self.patience = 0, 10
+        self.points: list[FloatArray] = []
+        self.images: list[FloatArray] = []
+        self.best, self.landmark, self.mixed = np.inf, np.inf, 0
+        self.best_image: FloatArray = np.empty(0)
+
+    def next(self, x: FloatArray, fx: FloatArray, weights: FloatArray) -> FloatArray:
+        """Where to evaluate next, given the map's value `fx` at `x` and weights of the components."""
+        change = weights * (fx - x)
+        size, largest = float(np.linalg.norm(change)), float(np.abs(change).max(initial=0.0))
+        before, self.change = self.change, change
+        if self.points and (size > 2 * self.best or largest > self.close):
+            back = self.best_image  # mixing made it worse: on from the best point with plain passes
+            self._forget()
+            self.plain = 2
+            return back
+        growing = before is not None and size > float(np.linalg.norm(before))
+        if largest > self.close or self.plain > 0 or (not self.points and growing):
+            self.plain -= 1
+            # where residuals are small the observed weight is (nu + 3) / nu times the expected one: at nu = 3 a
+            # pass overshoots by as much as it had to go, and only half of it gets anywhere
+            swings = before is not None and float(before @ change) < -0.5 * size * float(
+                np.linalg.norm(before)
+            )
+            return (x + fx) / 2 if swings else fx
+        if size < self.best:
+            self.best, self.best_image = size, fx
+        self.points = [*self.points, x][-self.memory - 1 :]
+        self.images = [*self.images, fx][-self.memory - 1 :]
+        self.mixed += 1
+        if self.mixed % (2 * self.memory) == 1:
+            if self.best > 0.5 * self.landmark:  # as at a point that plain passes would leave again
+                self._forget()
+                self.plain, self.patience = self.patience, 2 * self.patience
+                return fx
+            self.landmark = self.best
+        return self._mixture(fx, weights, largest) if len(self.points) > 1 else fx
+
+    def _mixture(self, fx: FloatArray, weights: FloatArray, largest: float) -> FloatArray:
+        P, F = np.array(self.points), np.array(self.images)
+        R = (F - P) * weights
+        dR, dF = np.diff(R, axis=0), np.diff(F, axis=0)
+        mix = np.linalg.lstsq(dR.T, R[-1], rcond=1e-8)[0]
+        moved = -mix @ dF
+        far = float(np.abs(weights * moved).max(initial=0.0))
+        return np.asarray(fx + moved * min(1.0, 20 * largest / max(far, 1e-300)))
+
+    def _forget(self) -> None:
+        self.points, self.images, self.mixed = [], [], 0
+        self.best, self.landmark = np.inf, np.inf

@@ -1,0 +1,223 @@
+"""Identifiable, scaled smooths: a basis with its constraint folded in and its penalties on a common scale."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from tripwatt_gamm.arrays import FloatArray
+from tripwatt_gamm.bases import Basis, PSpline, cubic_regression, thin_plate
+from tripwatt_gamm.covariates import Points
+from tripwatt_gamm.errors import InvalidInput
+from tripwatt_gamm.terms import Smooth, Tensor
+
+
+@dataclass(frozen=True)
+class Margin:
+    """A basis and the linear map from its columns to ours.
+
+    Attributes
+    ----------
+    basis : Basis
+    transform : ndarray (basis.k, q)
+    """
+
+    basis: Basis
+    transform: FloatArray
+
+    def matrix(self, x: FloatArray) -> FloatArray:
+        """Columns at `x` (n, d), as (n, q)."""
+        return np.asarray(self.basis.matrix(x) @ self.transform)
+
+    def reduce(self, Z: FloatArray) -> Margin:
+        """The same smooth with its columns mapped by Z (q, r)."""
+        return Margin(self.basis, self.transform @ Z)
+
+
+@dataclass(frozen=True)
+class TensorProduct:
+    """Row-wise products of margins, then a linear map.
+
+    Attributes
+    ----------
+    margins : tuple of Margin
+    transform : ndarray (product of q, r)
+    """
+
+    margins: tuple[Margin, ...]
+    transform: FloatArray
+
+    def matrix(self, x: FloatArray) -> FloatArray:
+        """Columns at `x` (n, d), as (n, r)."""
+        out = self.margins[0].matrix(x[:, :1])
+        for j, margin in enumerate(self.margins[1:], start=1):
+            out = (out[:, :, None] * margin.matrix(x[:, j : j + 1])[:, None, :]).reshape(len(x), -1)
+        return np.asarray(out @ self.transform)
+
+    def reduce(self, Z: FloatArray) -> TensorProduct:
+        """The same smooth with its columns mapped by Z (r, s)."""
+        return TensorProduct(self.margins, self.transform @ Z)
+
+
+Smoother = Margin | TensorProduct
+
+
+@dataclass(frozen=True)
+class Built:
+    """A smoother with its table over the distinct points, and its penalties.
+
+    Attributes
+    ----------
+    smoother : Smoother
+    table : ndarray (m, q)
+    penalties : list of ndarray (q, q)
+    notes : list of str
+        Reductions that were made.
+    """
+
+    smoother: Smoother
+    table: FloatArray
+    penalties: list[FloatArray]
+    notes: list[str]
+
+
+def sum_to_zero(means: FloatArray) -> FloatArray:
+    """Orthonormal Z (k, k - 1) with means' Z = 0, by one Householder reflection."""
+    Q, _ = np.linalg.qr(means[:, None], mode="complete")
+    return np.asarray(Q[:, 1:])
+
+
+def _scale(S: FloatArray, table: FloatArray) -> FloatArray:
+    """Penalty with the norm of the columns' crossproduct, so that smoothing parameters are comparable."""
+    size = float(np.abs(table).sum(axis=1).max()) ** 2
+    return np.asarray(S * (size / float(np.abs(S).sum(axis=0).max())))
+
+
+def _usable(k: int, least: int, points: Points, label: str, what: str) -> tuple[int, list[str]]:
+    """Basis dimension that the data can carry, and the note where it had to be reduced."""
+    distinct = len(points.values)
+    if distinct < 2:
+        raise InvalidInput.of(
+            "constant covariate", f"{what} in {label}", "one distinct value", "at least two"
+        )
+    if distinct < least:
+        raise InvalidInput.of(
+            "too few distinct values",
+            f"{what} in {label}",
+            str(distinct),
+            f"at least {least}",
+            "use a factor or a straight line",
+        )
+    if k < least:
+        raise InvalidInput.of("k too small", label, f"k={k}", f"at least {least}")
+    if distinct < k:
+        return distinct, [f"{label}: {what} has {distinct} distinct values, k reduced from {k} to {distinct}"]
+    return k, []
+
+
+def _basis(kind: str, points: Points, k: int, label: str, what: str) -> tuple[Basis, list[str]]:
+    """One basis over distinct points (count, d)."""
+    d = points.values.shape[1]
+    order = 2 if d == 1 else (d + 1) // 2 + 1
+    if kind == "ps":
+        k, notes = _usable(k, 4, points, label, what)
+        return PSpline(float(points.values[0, 0]), float(points.values[-1, 0]), k), notes
+    if kind == "cr":
+        k, notes = _usable(k, 3, points, label, what)
+        return cubic_regression(points.values[:, 0], k), notes
+    if kind != "tp":
+        raise InvalidInput.of("unknown basis", label, repr(kind), "tp, ps or cr")
+    # polynomials in d variables of a total degree below the order are not penalised
+    k, notes = _usable(k, math.comb(d + order - 1, d) + 1, points, label, what)
+    centred = points.values - points.values.mean(axis=0)
+    centred = centred / np.maximum(np.abs(centred).max(axis=0), 1e-300)
+    if np.linalg.matrix_rank(centred, tol=1e-9 * len(centred)) < d:
+        raise InvalidInput.of(
+            "collinear covariates", label, "all points on a line", "covariates that are not collinear"
+        )
+    return thin_plate(points.values, points.counts, k, order), notes
+
+
+def build_smooth(term: Smooth, points: Points, centred: bool) -> Built:
+    """Columns of an isotropic smooth over its distinct points.
+
+    Parameters
+    ----------
+    term : Smooth
+    points : Points
+        Of all rows.
+    centred : bool
+        Whether the smooth sums to zero over the rows.
+
+    Returns
+    -------
+    Built
+    """
+    d = len(term.names)
+    if d > 1 and term.basis != "tp":
+        raise InvalidInput.of(
+            "basis for one covariate only", term.label, term.basis, "tp, or a tensor product"
+        )
+    k = term.k if term.k is not None else {1: 10, 2: 30}.get(d, 110)
+    basis, notes = _basis(term.basis, points, k, term.label, ", ".join(term.names))
+    table = basis.matrix(points.values)
+    S = _scale(basis.penalty, table)
+    Z = sum_to_zero(np.average(table, axis=0, weights=points.counts)) if centred else np.eye(basis.k)
+    return Built(Margin(basis, Z), table @ Z, [Z.T @ S @ Z], notes)
+
+
+def _margin(term: Tensor, points: Points, column: int, k: int) -> tuple[Margin, FloatArray, list[str]]:
+    """A margin parametrised by its values at even points (Wood 2006), centred for a pure interaction, and its penalty."""
+    values, index = np.unique(points.values[:, column], return_inverse=True)
+    counts: FloatArray = np.bincount(index, weights=points.counts).astype(np.float64)
+    own = Points(values[:, None], index.astype(np.intp), counts)
+    basis, notes = _basis(term.basis, own, k, term.label, term.names[column])
+    T = np.eye(basis.k)
+    if term.kind == "ti":
+        T = sum_to_zero(np.average(basis.matrix(own.values), axis=0, weights=counts))
+    even = np.linspace(values[0], values[-1], T.shape[1])[:, None]
+    at_even = basis.matrix(even) @ T
+    if np.linalg.cond(at_even) < 1e10:
+        T = T @ np.linalg.inv(at_even)
+    S = T.T @ basis.penalty @ T
+    return Margin(basis, T), (S + S.T) / (2 * float(np.linalg.eigvalsh(S)[-1])), notes
+
+
+def build_tensor(term: Tensor, points: Points, centred: bool) -> Built:
+    """Columns of a tensor product smooth over its distinct points; one penalty per margin.
+
+    Parameters
+    ----------
+    term : Tensor
+    points : Points
+        Of all rows.
+    centred : bool
+        Whether a full tensor product sums to zero over the rows.
+
+    Returns
+    -------
+    Built
+    """
+    ks = term.k if term.k is not None else (5,) * len(term.names)
+    if len(ks) != len(term.names) or len(ks) < 2:
+        raise InvalidInput.of(
+            "wrong number of k", term.label, f"k={ks}", "one for each of two or more covariates"
+        )
+    parts = [_margin(term, points, j, k) for j, k in enumerate(ks)]
+    margins = tuple(part[0] for part in parts)
+    sizes = [margin.transform.shape[1] for margin in margins]
+    product = TensorProduct(margins, np.eye(int(np.prod(sizes))))
+    table = product.matrix(points.values)
+    penalties = []
+    for j, part in enumerate(parts):
+        S: FloatArray = np.ones((1, 1))
+        for i, size in enumerate(sizes):
+            S = np.asarray(np.kron(S, part[1] if i == j else np.eye(size)), dtype=np.float64)
+        penalties.append(_scale(S, table))
+    notes = [note for part in parts for note in part[2]]
+    if term.kind == "te" and centred:
+        Z = sum_to_zero(np.average(table, axis=0, weights=points.counts))
+        return Built(product.reduce(Z), table @ Z, [Z.T @ S @ Z for S in penalties], notes)
+    return Built(product, table, penalties, notes)

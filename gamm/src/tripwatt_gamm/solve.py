@@ -1,0 +1,230 @@
+"""From sums over rows to a solution: which method runs, where it starts, what it falls back on."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from scipy.optimize import minimize, minimize_scalar
+
+from tripwatt_gamm.arrays import FloatArray
+from tripwatt_gamm.covariates import Index
+from tripwatt_gamm.families import Family, Gaussian, ScaledT, Theta
+from tripwatt_gamm.fit import NormalEquations, Solution, fit_gaussian
+from tripwatt_gamm.laplace import LaplaceModel, fit_laplace
+from tripwatt_gamm.moments import Moments
+from tripwatt_gamm.penalties import PenaltyStack
+from tripwatt_gamm.performance import PerformanceIteration, State, TData
+from tripwatt_gamm.tables import TableRows, Whitening
+
+Method = Literal["fREML", "REML"]
+THIN_ROWS = 10_000
+"""A scaled t with twice as many rows is started from a fit to so many of them."""
+
+AR1_BOUNDS = (-0.95, 0.9999)
+
+MOST_GRADIENT = 1e-2
+"""Of the score in the loadings of correlated effects, where the search for them has converged."""
+
+LOADING_STEP = 1e-3
+"""Of the derivatives of the score in the loadings of correlated effects; the score has ten digits or more."""
+
+
+@dataclass(frozen=True)
+class FitSettings:
+    """How a model is to be fitted.
+
+    Attributes
+    ----------
+    family : Family
+    method : {"fREML", "REML"}
+    rho : ndarray (M,) or None
+        Given log smoothing parameters.
+    ar1_rho : float, "estimate" or None
+    tolerance : float
+        Of the fit, in posterior standard deviations.
+    max_iter : int
+    """
+
+    family: Family
+    method: Method = "fREML"
+    rho: FloatArray | None = None
+    ar1_rho: float | Literal["estimate"] | None = None
+    tolerance: float = 1e-3
+    max_iter: int = 400
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """What is to be fitted, active coefficients only.
+
+    Attributes
+    ----------
+    rows : TableRows
+        Active columns only.
+    y : ndarray (n,)
+    sums : Moments
+        Of all columns.
+    stack : PenaltyStack
+        Of the active columns.
+    active : ndarray
+        Active columns.
+    settings : FitSettings
+    previous : ndarray (n,), optional
+        The row of the same group before each row, for autocorrelated errors.
+    """
+
+    rows: TableRows
+    y: FloatArray
+    sums: Moments
+    stack: PenaltyStack
+    active: Index
+    settings: FitSettings
+    previous: Index | None = None
+
+    def normal(self, rho: float) -> NormalEquations:
+        """Normal equations at an autocorrelation."""
+        return self.sums.normal(self.stack, self.active, rho)
+
+    def whitened(self, rho: float) -> tuple[TableRows, FloatArray]:
+        """Rows and response with independent errors."""
+        if self.previous is None:
+            return self.rows, self.y
+        white = Whitening(self.previous, rho)
+        return white.rows(self.rows), white.values(self.y)
+
+
+def _with_ridge(data: NormalEquations) -> NormalEquations:
+    """A ridge of one part in 1e8, for crossproducts that are singular to working precision."""
+    gram = data.gram.copy()
+    gram[np.diag_indices_from(gram)] *= 1 + 1e-8
+    return replace(data, gram=gram)
+
+
+def _gaussian(
+    data: NormalEquations, stack: PenaltyStack, settings: FitSettings, scale: float | None
+) -> Solution | None:
+    if settings.rho is not None:
+        return fit_gaussian(data, stack, settings.rho, True, scale)
+    # the score may have two optima; the lower one counts
+    fits = [
+        fit_gaussian(data, stack, None, False, scale, max_iter=settings.max_iter, shift=shift)
+        for shift in (0.0, -8.0)
+    ]
+    found = [fit for fit in fits if fit is not None]
+    return min(found, key=lambda fit: (not fit.converged, fit.score), default=None)
+
+
+def _subset_start(rows: TableRows, y: FloatArray, stack: PenaltyStack, settings: FitSettings) -> State | None:
+    """A start from every so many-th row, where there are many rows; None where that is no use."""
+    step = rows.n // THIN_ROWS
+    if step < 2:
+        return None
+    every = np.arange(0, rows.n, step, dtype=np.intp)
+    few, some = rows.subset(every), y[every]
+    family = settings.family
+    assert isinstance(family, ScaledT)
+    data = TData(few, some, stack.rotate_both(few.gram()), stack.rotate(few.transpose(some)))
+    iteration = PerformanceIteration(data, stack, family, settings.rho is not None)
+    start = iteration.start(settings.rho)
+    iterated = None if start is None else iteration.run(start, 100 * settings.tolerance, settings.max_iter)
+    if iterated is None:
+        return None
+    theta = Theta.from_estimates(iterated.nu, iterated.sigma, family.min_df)
+    return State(stack.rotate(iterated.beta), iterated.rho, theta)
+
+
+def _scaled_t(
+    rows: TableRows, y: FloatArray, data: NormalEquations, stack: PenaltyStack, settings: FitSettings
+) -> Solution | None:
+    family = settings.family
+    assert isinstance(family, ScaledT)
+    fixed = settings.rho is not None
+    iteration = PerformanceIteration(TData(rows, y, data.gram, data.cross), stack, family, fixed)
+    start = _subset_start(rows, y, stack, settings) or iteration.start(settings.rho)
+    if start is None:
+        return None
+    exact = settings.method == "REML"
+    first = iteration.run(start, settings.tolerance * (100 if exact else 1), settings.max_iter)
+    if first is None or not exact:
+        return first
+    model = LaplaceModel(rows, y, stack, family, stack.rotate(first.beta))
+    theta = Theta.from_estimates(first.nu, first.sigma, family.min_df)
+    return fit_laplace(model, first.rho, theta, data.gram, fixed, max_iter=settings.max_iter)
+
+
+def _at(problem: Problem, rho: float) -> Solution | None:
+    """Fit at a given autocorrelation, with a ridge where it takes one."""
+    settings, stack, plain = problem.settings, problem.stack, problem.normal(rho)
+    for data in (plain, _with_ridge(plain)):
+        if isinstance(settings.family, Gaussian):
+            fitted = _gaussian(data, stack, settings, settings.family.scale)
+        elif fitted := _scaled_t(*problem.whitened(rho), data, stack, settings):
+            fitted.score -= data.log_jacobian
+        if fitted is not None:
+            white = None if problem.previous is None else Whitening(problem.previous, rho)
+            return replace(fitted, white=white)
+    return None
+
+
+def _solve(problem: Problem) -> Solution | None:
+    """Fit with the correlations of effects that the stack has; the autocorrelation by a search on the score."""
+    settings, stack, family = problem.settings, problem.stack, problem.settings.family
+    if not isinstance(settings.ar1_rho, str):
+        return _at(problem, float(settings.ar1_rho or 0.0))
+    start = settings.rho
+
+    def score(z: float) -> float:
+        nonlocal start
+        rho = float(np.tanh(z))
+        if isinstance(family, Gaussian) and not stack.n_loadings:
+            fixed = settings.rho is not None
+            fitted = fit_gaussian(problem.normal(rho), stack, start, fixed, family.scale)
+        else:
+            fitted = _at(problem, rho)
+        start = start if fitted is None else fitted.rho
+        return math.inf if fitted is None else fitted.score
+
+    low, high = np.arctanh(AR1_BOUNDS)
+    xatol = (
+        1e-8 if stack.n_loadings else 1e-4
+    )  # the search around it needs a smooth score, so no warm starts too
+    best = minimize_scalar(score, bounds=(low, high), method="bounded", options={"xatol": xatol})
+    return _at(problem, float(np.tanh(best.x)))
+
+
+def solve(problem: Problem) -> Solution | None:
+    """Fit the active coefficients, and the correlations of effects by an outer search on the REML score.
+
+    Parameters
+    ----------
+    problem : Problem
+
+    Returns
+    -------
+    Solution or None
+        None where no start leads to a positive definite system.
+    """
+    stack = problem.stack
+    if not stack.n_loadings:
+        return _solve(problem)
+
+    def at(loadings: FloatArray) -> Solution | None:
+        return _solve(replace(problem, stack=stack.loaded(loadings)))
+
+    def score(loadings: FloatArray) -> float:
+        fitted = at(loadings)
+        return math.inf if fitted is None else fitted.score
+
+    def gradient(loadings: FloatArray) -> FloatArray:
+        steps = LOADING_STEP * np.eye(len(loadings))
+        return np.array([score(loadings + s) - score(loadings - s) for s in steps]) / (2 * LOADING_STEP)
+
+    best = minimize(score, np.zeros(stack.n_loadings), jac=gradient, method="BFGS", options={"gtol": 1e-4})
+    solution = at(best.x)
+    if solution is None:
+        return None
+    flat = float(np.abs(best.jac).max()) < MOST_GRADIENT
+    return replace(solution, loadings=best.x, converged=solution.converged and flat)

@@ -1,0 +1,165 @@
+"""A model matrix that is never formed: small tables, and for each row its place in them.
+
+Products with X cost a few operations per row and term; crossproducts go chunk by chunk through BLAS (Wood et al.
+2017, section 3, has the idea of discrete covariates).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from tripwatt_gamm.arrays import FloatArray
+from tripwatt_gamm.covariates import Index
+
+CHUNK = 4096
+"""Rows that exist as an array at any time."""
+
+
+@dataclass(frozen=True)
+class IndexedColumns:
+    """Columns that share an index: columns, a table (m, q), each row's position in it, and a multiplier."""
+
+    columns: Index
+    table: FloatArray
+    index: Index
+    scale: FloatArray | None = None
+
+
+@dataclass(frozen=True)
+class Whitening:
+    """The rows v_t of a group become (v_t - rho v_(t-1)) / sqrt(1 - rho^2), its first row stays.
+
+    Attributes
+    ----------
+    previous : ndarray (n,)
+        The row of the same group before each row, -1 where there is none.
+    rho : float
+        Correlation of successive rows.
+    """
+
+    previous: Index
+    rho: float
+
+    @property
+    def weights(self) -> tuple[FloatArray, FloatArray]:
+        """Weights (n,) of each row and of the row before it."""
+        root, first = math.sqrt(1 - self.rho**2), self.previous < 0
+        return np.where(first, 1.0, 1 / root), np.where(first, 0.0, -self.rho / root)
+
+    @property
+    def log_jacobian(self) -> float:
+        """Log determinant of the map."""
+        return -float((self.previous >= 0).sum()) / 2 * math.log(1 - self.rho**2)
+
+    def values(self, v: FloatArray) -> FloatArray:
+        """Map a vector (n,)."""
+        now, before = self.weights
+        return np.asarray(now * v + before * v[self.previous])
+
+    def rows(self, rows: TableRows) -> TableRows:
+        """Map the rows of a model matrix."""
+        parts = []
+        for weight, at in zip(self.weights, (np.arange(rows.n), self.previous), strict=True):
+            for q in rows.parts:
+                scale = weight if q.scale is None else weight * q.scale[at]
+                parts.append(IndexedColumns(q.columns, q.table, q.index[at], scale))
+        return TableRows(parts, rows.n, rows.p)
+
+
+def previous_rows(groups: Index) -> Index:
+    """The row of the same group before each row (n,), -1 for the first of a group."""
+    order = np.argsort(groups, kind="stable")
+    previous = np.full(len(groups), -1, dtype=np.intp)
+    same = np.diff(groups[order]) == 0
+    previous[order[1:][same]] = order[:-1][same]
+    return previous
+
+
+class TableRows:
+    """A model matrix made of parts; every product that fitting needs, and no (n, p) array.
+
+    Parameters
+    ----------
+    parts : list of IndexedColumns
+    n, p : int
+        Rows and columns.
+    """
+
+    def __init__(self, parts: list[IndexedColumns], n: int, p: int) -> None:
+        self.parts, self.n, self.p = parts, n, p
+        self.overlaps = sum(len(q.columns) for q in parts) > p  # as whitened rows do
+
+    def subset(self, rows: Index | None = None, columns: Index | None = None) -> TableRows:
+        """Some rows and some columns, in the given order of rows."""
+        parts = self.parts
+        if rows is not None:
+            parts = [
+                IndexedColumns(q.columns, q.table, q.index[rows], None if q.scale is None else q.scale[rows])
+                for q in parts
+            ]
+        p = self.p
+        if columns is not None:
+            position = np.full(self.p, -1)
+            position[columns] = np.arange(len(columns))
+            kept = []
+            for q in parts:
+                good = position[q.columns] >= 0
+                if good.any():
+                    kept.append(IndexedColumns(position[q.columns[good]], q.table[:, good], q.index, q.scale))
+            parts, p = kept, len(columns)
+        return TableRows(parts, self.n if rows is None else len(rows), p)
+
+    def predictor(self, beta: FloatArray) -> FloatArray:
+        """X beta for beta (p,) or (p, q)."""
+        out = np.zeros((self.n, *beta.shape[1:]))
+        for q in self.parts:
+            piece = np.take(q.table @ beta[q.columns], q.index, axis=0)
+            if q.scale is not None:
+                piece *= q.scale if beta.ndim == 1 else q.scale[:, None]
+            out += piece
+        return out
+
+    def transpose(self, v: FloatArray) -> FloatArray:
+        """X' v for v (n,) or (n, q)."""
+        if v.ndim == 2:
+            return np.stack([self.transpose(np.ascontiguousarray(column)) for column in v.T], axis=1)
+        out = np.zeros(self.p)
+        for q in self.parts:
+            weights = v if q.scale is None else v * q.scale
+            out[q.columns] += q.table.T @ np.bincount(q.index, weights=weights, minlength=len(q.table))
+        return out
+
+    def dense(self, rows: slice | Index) -> FloatArray:
+        """Rows of X as an array."""
+        first = self.parts[0].index[rows]
+        out = np.zeros((len(first), self.p))
+        for q in self.parts:
+            piece = np.take(q.table, q.index[rows], axis=0)
+            if q.scale is not None:
+                piece *= q.scale[rows][:, None]
+            dense = len(q.columns) and q.columns[-1] - q.columns[0] + 1 == len(q.columns)
+            at = slice(q.columns[0], q.columns[-1] + 1) if dense else q.columns
+            out[:, at] = out[:, at] + piece if self.overlaps else piece
+        return out
+
+    def _chunks(self) -> list[slice]:
+        return [slice(start, min(start + CHUNK, self.n)) for start in range(0, self.n, CHUNK)]
+
+    def gram(self, weights: FloatArray | None = None) -> FloatArray:
+        """X' W X, (p, p)."""
+        out = np.zeros((self.p, self.p))
+        for rows in self._chunks():
+            X = self.dense(rows)
+            out += X.T @ X if weights is None else (weights[rows, None] * X).T @ X
+        return out
+
+    def leverage(self, K: FloatArray) -> FloatArray:
+        """Diagonal (n,) of X K X'."""
+        out = np.empty(self.n)
+        for rows in self._chunks():
+            X = self.dense(rows)
+            out[rows] = np.einsum("ij,ij->i", X @ K, X)
+        return out

@@ -1,0 +1,135 @@
+"""Formulas: what is read, that it is written back the same, and what every complaint says."""
+
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tripwatt_gamm.errors import InvalidInput
+from tripwatt_gamm.formula import parse_formula, render_formula
+from tripwatt_gamm.model import GAMM
+from tripwatt_gamm.terms import Formula, Parametric, RandomEffect, Smooth, Tensor
+
+NAMES = st.sampled_from(["time", "Ambient.Temp", "a b", "class", "s", "été", "x_1", "50%"])
+K = st.none() | st.integers(2, 99)
+BY = st.none() | NAMES
+PAIR = st.lists(NAMES, min_size=2, max_size=3, unique=True).map(tuple)
+
+
+@st.composite
+def tensors(draw: st.DrawFn) -> Tensor:
+    names = draw(PAIR)
+    k = draw(st.none() | st.tuples(*[st.integers(2, 20)] * len(names)))
+    basis, kind = draw(st.sampled_from(["ps", "cr", "tp"])), draw(st.sampled_from(["ti", "te"]))
+    return Tensor(names, basis, k, kind, draw(BY))
+
+
+TERMS = st.one_of(
+    st.builds(Parametric, NAMES),
+    st.builds(RandomEffect, NAMES),
+    PAIR.map(lambda names: RandomEffect(names[0], names[1:])),
+    PAIR.map(lambda names: RandomEffect(names[0], names[1:], correlated=True)),
+    st.builds(Smooth, NAMES.map(lambda n: (n,)), st.sampled_from(["tp", "ps", "cr"]), K, BY),
+    st.builds(Smooth, PAIR, st.just("tp"), K, BY),
+    tensors(),
+)
+
+
+@given(
+    st.none() | NAMES,
+    st.lists(TERMS, max_size=6, unique_by=lambda t: t.label),
+    st.booleans(),
+)
+def test_written_formula_is_read_back(response, terms, intercept):
+    formula = Formula(response, tuple(terms), intercept)
+    assert parse_formula(render_formula(formula)) == formula
+
+
+def test_the_papers_formula():
+    formula = parse_formula(
+        """Energy ~ Weather + s(Time) + s(Ambient) + s(Time, by=winter)
+             + ti(a, b, bs=c("ps", "ps"), k=6) + s(Ambient, Diff_elevation, k=30) + s(Trip, bs='re') - 1"""
+    )
+    assert formula == Formula(
+        "Energy",
+        (
+            Parametric("Weather"),
+            Smooth(("Time",)),
+            Smooth(("Ambient",)),
+            Smooth(("Time",), by="winter"),
+            Tensor(("a", "b"), "ps", (6, 6), "ti"),
+            Smooth(("Ambient", "Diff_elevation"), k=30),
+            RandomEffect("Trip"),
+        ),
+        intercept=False,
+    )
+
+
+def test_random_effects_of_lme4_and_of_mgcv():
+    formula = parse_formula("y ~ (1 | g) + (x + `my x` | h) + (1 + z | a.b) + s(g, f, x, bs='re')")
+    assert formula.terms == (
+        RandomEffect("g"),
+        RandomEffect("h", ("x", "my x"), correlated=True),
+        RandomEffect("a.b", ("z",), correlated=True),
+        RandomEffect("g", ("f", "x")),
+    )
+    assert render_formula(formula) == (
+        'y ~ s(g, bs="re") + (1 + x + `my x` | h) + (1 + z | a.b) + s(g, f, x, bs="re")'
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("y ~ s(time", ["cannot be read", "never closed"]),
+        ("y ~ s(time):winter", ["cannot be read", "s(x, by=f)"]),
+        ("y = s(time)", ["wrong number of ~", "0 of them"]),
+        ("y ~ a ~ b", ["wrong number of ~", "2 of them"]),
+        ("log(y) ~ a", ["response is not a column", "log(y)"]),
+        ("y ~ smooth(time)", ["unknown function", "'smooth(time)' at character 5", "s(), te(), ti()"]),
+        ("y ~ `ü b` + q(x)", ["'q(x)' at character 13"]),
+        ("y ~ s(time, bs='pss')", ["unknown basis", "bs='pss'", '"tp", "ps", "cr", "re"', "did you mean ps"]),
+        ("y ~ s(time, kk=3)", ["unknown argument", "got kk", "bs, k, by"]),
+        ("y ~ s(time, k=2.5)", ["k is no whole number", "2.5"]),
+        ("y ~ s(time, k=c(3, 4))", ["k takes one number"]),
+        ("y ~ ti(a, b, k=c(3, 4, 5))", ["3 numbers for 2 covariates"]),
+        ("y ~ ti(a)", ["two or more covariates"]),
+        ("y ~ s(a, b, bs='ps')", ["basis of one covariate only", 'te(a, b, bs="ps")']),
+        ("y ~ s(trip, bs='re', k=3)", ["takes columns only", "got k"]),
+        ("y ~ 1 + x | g", ["without brackets", "(1 + x | group)"]),
+        ("y ~ a + (1 + x | g + h)", ["cannot be read", "'1 + x | g + h' at character 10"]),
+        ("y ~ (1 + x * z | g)", ["cannot be read", "(1 + x | group)"]),
+        ("y ~ (0 + x | g)", ["cannot be read"]),
+        ("y ~ (1 - x | g)", ["cannot be read"]),
+        ("y ~ (1 + x + x | g)", ["cannot be read"]),
+        ("y ~ (1 + g | g)", ["cannot be read"]),
+        ("y ~ s(a, a)", ["column given twice"]),
+        ("y ~ s()", ["a smooth takes columns"]),
+        ("y ~ a * b", ["not a term", "'a * b' at character 5", "interaction"]),
+        ("y ~ a - b", ["only the intercept can be taken away", "- b"]),
+        ("y ~ ", ["no terms", "-1, joined by +"]),
+    ],
+)
+def test_complaint_names_term_position_and_what_is_allowed(text, words):
+    with pytest.raises(InvalidInput) as caught:
+        parse_formula(text)
+    for word in words:
+        assert word in str(caught.value)
+
+
+def test_all_faults_travel_together():
+    with pytest.raises(InvalidInput) as caught:
+        parse_formula("y ~ f(a) + s(b, k=0) + s(c, bs=9)")
+    assert [fault.what for fault in caught.value.faults] == [
+        "unknown function",
+        "k is no whole number",
+        "unknown basis",
+    ]
+
+
+def test_fit_names_near_matches_of_an_unknown_column():
+    frame = pd.DataFrame({"time": [1.0, 2.0, 3.0], "season": ["a", "b", "a"], "y": [1.0, 2.0, 4.0]})
+    with pytest.raises(
+        InvalidInput, match=r"'tme'.*did you mean time\?[\s\S]*'seasn'.*did you mean season\?"
+    ):
+        GAMM("y ~ s(tme, by=seasn)").fit(frame)

@@ -1,0 +1,31 @@
+"""The README runs and prints what it shows; the engine needs nothing of tripwatt."""
+
+import doctest
+import subprocess
+import sys
+from pathlib import Path
+
+GAMM = Path(__file__).parents[1]
+SCRIPT = """
+import sys
+from tripwatt_gamm import GAMM
+
+assert not {"matplotlib", "sklearn", "tripwatt"} & set(sys.modules)
+"""
+
+
+def test_the_readme_prints_what_it_shows(monkeypatch):
+    monkeypatch.chdir(GAMM)
+    result = doctest.testfile(f"{GAMM / 'README.md'}", module_relative=False)
+    assert (result.failed, result.attempted > 6) == (0, True)
+
+
+def test_it_is_imported_without_figures_and_without_tripwatt():
+    done = subprocess.run([sys.executable, "-c", SCRIPT], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def test_figures_without_matplotlib_say_what_installs_it():
+    code = "import sys; sys.modules['matplotlib'] = None; import tripwatt_gamm.figures"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert "pip install 'tripwatt-gamm[figures]'" in done.stderr

@@ -1,0 +1,35 @@
+"""The GAMM engine, a distribution of its own: imported where it is needed, with its faults as ours."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import ModuleType
+
+from tripwatt.errors import Fault, InvalidInput, extras_faults, raise_faults
+
+
+@contextmanager
+def gamm_engine() -> Iterator[ModuleType]:
+    """`tripwatt_gamm`, for the length of a block.
+
+    Raises
+    ------
+    InvalidInput
+        When it is not installed, or for what it refuses in the block.
+
+    Examples
+    --------
+    >>> with gamm_engine() as engine:
+    ...     engine.GAMM("y ~ s(x, kk=3)").fit({"x": [], "y": []})
+    Traceback (most recent call last):
+    ...
+    tripwatt.errors.InvalidInput: unknown argument: term 's(x, kk=3)' at character 5: got kk; allowed: bs, k, by; did you mean k?
+    """
+    raise_faults(extras_faults({"gamm": "a GAMM"}))
+    import tripwatt_gamm
+
+    try:
+        yield tripwatt_gamm
+    except tripwatt_gamm.InvalidInput as error:
+        raise InvalidInput(Fault(*fault) for fault in error.faults) from error
