@@ -215,13 +215,6 @@ def test_an_ordered_factor_of_many_rows_has_the_same_columns(frame, monkeypatch)
     assert GAMM(formula).leave_groups_out(ordered, groups="g") == pytest.approx(held_out, abs=1e-8)
 
 
-def test_an_ordered_factor_with_one_level_has_no_difference(frame):
-    one = frame.assign(w=pd.Categorical(["a"] * len(frame), ["a"], ordered=True))
-    with pytest.raises(InvalidInput, match=r"factor with one level: s\(x\):w: got a; allowed: at least two"):
-        GAMM(Formula("y", (Smooth(("x",), by="w"),))).fit(one)
-    GAMM(Formula("y", (Smooth(("x",), by="w"),))).fit(one.assign(w="a"))  # one smooth of an unordered factor
-
-
 def test_levels_without_rows_are_zero(frame):
     formula = Formula("y", (Parametric("w"), Smooth(("x",), "ps", 8, by="w")))
     wide = frame.assign(w=pd.Categorical(frame["w"], ["a", "b", "c", "fog"]))
@@ -254,6 +247,11 @@ def test_discretised_points_stay_within_half_a_step():
         ({"g": "only"}, FULL, ["only one group", "s(g)"]),
         ({"w": "only"}, FULL, ["one level", "w"]),
         ({"w": None}, FULL, ["missing level", "'w'"]),
+        (
+            {"w": pd.Categorical(["a"] * 240, ["a"], ordered=True)},
+            Formula("y", (Smooth(("x",), by="w"),)),
+            ["factor with one level: s(x):w: got a; allowed: at least two"],
+        ),
         ({"x": "text"}, Formula("y", (X,)), ["not numeric", "s(x)"]),
         (
             {},

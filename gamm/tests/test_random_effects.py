@@ -8,7 +8,7 @@ import pytest
 from scipy.linalg import block_diag
 from scipy.optimize import minimize
 
-from tripwatt_gamm import GAMM, Formula, Gaussian, Parametric, RandomEffect, ScaledT
+from tripwatt_gamm import GAMM, Gaussian, ScaledT
 from tripwatt_gamm.errors import InvalidInput
 
 MIXED = Path(__file__).parent / "fixtures" / "mixed"
@@ -275,7 +275,7 @@ def test_it_maximises_the_dense_restricted_likelihood(name, terms):
 
 
 def test_three_correlated_effects_maximise_it_too():
-    frame = simulated().assign(g=lambda f: f["g"].astype(str))
+    frame = simulated().iloc[:120].assign(g=lambda f: f["g"].astype(str))
     model = GAMM("y ~ x + z + (1 + x + z | g)").fit(frame)
     G = indicators(frame["g"])
     x, z = frame["x"].to_numpy()[:, None], frame["z"].to_numpy()[:, None]
@@ -300,15 +300,15 @@ def test_three_correlated_effects_maximise_it_too():
 
 def test_correlated_effects_and_autocorrelated_errors_are_estimated_together():
     rng = np.random.default_rng(8)
-    g, x = np.repeat(np.arange(8), 25), np.tile(np.linspace(-1, 1, 25), 8)
+    g, x = np.repeat(np.arange(8), 15), np.tile(np.linspace(-1, 1, 15), 8)
     b = rng.normal(size=(8, 2)) @ np.array([[1.0, 0.6], [0.0, 0.5]])
-    e = rng.normal(0, 0.5, (8, 25))
-    for t in range(1, 25):
+    e = rng.normal(0, 0.5, (8, 15))
+    for t in range(1, 15):
         e[:, t] = 0.6 * e[:, t - 1] + 0.8 * e[:, t]
     frame = pd.DataFrame({"x": x, "g": g, "y": b[g, 0] + b[g, 1] * x + e.ravel()})
     model = GAMM("y ~ x + (1 + x | g)", ar1_rho="estimate").fit(frame, groups="g")
     G = indicators(g)
-    dense = Dense(frame["y"].to_numpy(), np.c_[np.ones(200), x], [np.hstack([G, G * x[:, None]])], g)
+    dense = Dense(frame["y"].to_numpy(), np.c_[np.ones(120), x], [np.hstack([G, G * x[:, None]])], g)
 
     def score(p):
         L = np.array([[p[2], 0.0], [p[3], p[4]]])
@@ -371,7 +371,7 @@ def test_beyond_its_range_a_slope_is_held_as_the_fixed_effect_is():
 @pytest.mark.parametrize("term", ['s(subject, bs="re") + s(subject, days, bs="re")', "(1 + days | subject)"])
 def test_leaving_a_subject_out_is_a_fit_without_it(term):
     frame = table("sleepstudy")
-    frame = frame[frame["subject"].between(332, 337)]
+    frame = frame[frame["subject"].between(332, 335)]
     model = GAMM(f"{SLEEP} + {term}")
     held = model.leave_groups_out(frame, groups="subject")
     own = frame["subject"] == 334
@@ -412,8 +412,7 @@ def test_the_summary_prints_the_components_and_the_effects_have_names():
 
 def test_components_without_an_interval_are_empty():
     frame = table("machines")
-    parameters = {"s(worker)": 0.05}
-    given = GAMM(MACHINES + ' + s(worker, bs="re")', smoothing_parameters=parameters).fit(frame)
+    given = GAMM(MACHINES + ' + s(worker, bs="re")', smoothing_parameters=[0.05]).fit(frame)
     components = given.variance_components()
     assert components["std_dev"][0] == pytest.approx(given.sigma_ / np.sqrt(0.05))
     assert components[["lower", "upper"]].isna().all(axis=None)
@@ -445,14 +444,6 @@ def test_what_cannot_be_fitted_is_named():
         GAMM('score ~ s(worker, machine, bs="re")').fit(scores.astype({"worker": int}))
     with pytest.raises(InvalidInput, match="missing level: column 'machine'"):
         GAMM('score ~ s(worker, machine, bs="re")').fit(broken)
-
-
-def test_objects_and_formulas_are_the_same_models():
-    frame = table("sleepstudy")
-    terms = (Parametric("days"), RandomEffect("subject", ("days",), correlated=True))
-    assert GAMM(Formula("reaction", terms)).fit(frame).reml_ == pytest.approx(
-        GAMM(SLEEP + " + (1 + days | subject)").fit(frame).reml_
-    )
 
 
 def test_block_diagonal_data_have_independent_levels():

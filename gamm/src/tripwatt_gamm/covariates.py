@@ -114,10 +114,8 @@ class Levels:
             names = tuple(map(str, column.dtype.categories))
         else:
             names = tuple(sorted(map(str, pd.unique(column))))
-        plain = cls(names, np.ones(len(names)))
-        codes = plain.codes(column)
-        counts = np.bincount(codes[codes >= 0], minlength=len(names))
-        return cls(names, counts / max(int(counts.sum()), 1))
+        codes = cls(names, np.ones(len(names))).codes(column)
+        return cls(names, np.bincount(codes, minlength=len(names)) / len(codes))
 
     def codes(self, column: pd.Series[Any]) -> Index:
         """Position of each row's level (n,), -1 for a level that is not known."""
@@ -264,6 +262,37 @@ class Training:
     supports: Mapping[tuple[str, ...], Support]
     levels: Mapping[str, Levels]
     within: Mapping[ByPart, Support]
+
+    @classmethod
+    def of_rows(
+        cls,
+        rows: BoolArray,
+        joint: Mapping[tuple[str, ...], Points],
+        codes: Mapping[str, tuple[tuple[str, ...], Index]],
+        members: Mapping[ByPart, BoolArray],
+    ) -> Training:
+        """Ranges and levels of some rows (n,).
+
+        Parameters
+        ----------
+        rows : ndarray of bool (n,)
+        joint : mapping of covariate names to Points
+        codes : mapping of factor to (names of its levels, level of each row)
+        members : mapping of (covariate names, by-variable, level) to rows of a by-smooth
+        """
+
+        def support(names: tuple[str, ...], of: BoolArray) -> Support:
+            points = joint[names]
+            return Support(points.values[np.bincount(points.index[of], minlength=len(points.values)) > 0])
+
+        counts = {
+            name: np.bincount(level[rows], minlength=len(names)) for name, (names, level) in codes.items()
+        }
+        return cls(
+            {names: support(names, rows) for names in joint},
+            {name: Levels(codes[name][0], n / n.sum()) for name, n in counts.items()},
+            {part: support(part[0], rows & own) for part, own in members.items() if (rows & own).any()},
+        )
 
     def members(self, frame: pd.DataFrame, by: str, level: str | None) -> BoolArray:
         """Rows (n,) of a frame on which a by-smooth has an effect."""

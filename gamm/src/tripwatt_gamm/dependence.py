@@ -14,8 +14,6 @@ from tripwatt_gamm.errors import Fault, InvalidInput, raise_faults
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
     from tripwatt_gamm.estimator import Estimator
 
@@ -119,10 +117,8 @@ class Autocorrelation:
     Examples
     --------
     >>> result = autocorrelation([1.0, -1.0, 1.0, -1.0], ["a", "a", "b", "b"], max_lag=1)
-    >>> list(result.frame().columns)
-    ['lag', 'correlation', 'pairs', 'bound']
-    >>> result.plot().axes[0].get_xlabel()
-    'Lag (rows)'
+    >>> result.correlation.tolist(), result.bound.tolist(), result.warning
+    ([-1.0], [1.414213562373095], '')
     """
 
     lag: NDArray[np.intp]
@@ -145,41 +141,6 @@ class Autocorrelation:
             "independent: its EDFs are too large, its standard errors and p-values too small. Rely on a validation "
             "that leaves out whole groups."
         )
-
-    def frame(self) -> pd.DataFrame:
-        """Tabulate the correlations.
-
-        Returns
-        -------
-        DataFrame
-            One row per lag: ``lag``, ``correlation``, ``pairs``, and ``bound``, beyond which chance is unlikely.
-        """
-        import pandas as pd
-
-        columns = {"lag": self.lag, "correlation": self.correlation, "pairs": self.pairs, "bound": self.bound}
-        return pd.DataFrame(columns)
-
-    def plot(self, ax: Axes | None = None) -> Figure:
-        """Draw the correlation over the lag.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; new ones by default.
-
-        Returns
-        -------
-        matplotlib Figure
-            The figure that was drawn on.
-        """
-        from tripwatt_gamm import figures
-
-        ax = figures.axes_or_new(ax)
-        ax.fill_between(self.lag, -self.bound, self.bound, color=figures.GREY, alpha=0.3, linewidth=0)
-        ax.vlines(self.lag, 0.0, self.correlation, color=figures.BLUE, linewidth=2)
-        ax.axhline(0.0, color="black", linewidth=0.8)
-        ax.set(title="Autocorrelation within groups", xlabel="Lag (rows)", ylabel="Correlation of residuals")
-        return figures.figure_of(ax)
 
 
 def autocorrelation(

@@ -21,7 +21,6 @@ from tripwatt_gamm.covariates import (
     Index,
     Levels,
     Points,
-    Support,
     Training,
     crossed,
     grid_limit,
@@ -62,7 +61,7 @@ class Design:
     joint : dict
         Distinct points of each set of covariates, with the index of each row.
     codes : dict
-        Level of each row, for each factor.
+        Names of the levels, and that of each row, for each factor.
     members : dict
         Rows on which each by-smooth has an effect.
     """
@@ -74,8 +73,12 @@ class Design:
     notes: list[str]
     empty: list[int] = field(default_factory=list)
     joint: dict[tuple[str, ...], Points] = field(default_factory=dict)
-    codes: dict[str, Index] = field(default_factory=dict)
+    codes: dict[str, tuple[tuple[str, ...], Index]] = field(default_factory=dict)
     members: dict[ByPart, BoolArray] = field(default_factory=dict)
+
+    def training_of(self, rows: BoolArray) -> Training:
+        """Ranges and levels of `rows` (n,), for a prediction from these rows alone."""
+        return Training.of_rows(rows, self.joint, self.codes, self.members)
 
     @property
     def p(self) -> int:
@@ -179,9 +182,8 @@ class _Builder:
         self.pieces: list[_Piece] = []
         self.notes: list[str] = []
         self.joint: dict[tuple[str, ...], Points] = {}
-        self.codes: dict[str, Index] = {}
+        self.codes: dict[str, tuple[tuple[str, ...], Index]] = {}
         self.levels: dict[str, Levels] = {}
-        self.supports: dict[tuple[str, ...], Support] = {}
         self.members: dict[ByPart, BoolArray] = {}
         self.grids = self._grids()
 
@@ -204,7 +206,6 @@ class _Builder:
         if names not in self.joint:
             limits = tuple(self.grids.get(name, self.limit) for name in names)
             self.joint[names] = Points.from_values(self._covariates(names), limits)
-            self.supports[names] = Support(self.joint[names].values)
         return self.joint[names]
 
     def factor(self, names: tuple[str, ...]) -> tuple[Levels, Index]:
@@ -212,8 +213,8 @@ class _Builder:
         if name not in self.levels:
             column = crossed(self.frame, names)
             self.levels[name] = Levels.from_column(column)
-            self.codes[name] = self.levels[name].codes(column)
-        return self.levels[name], self.codes[name]
+            self.codes[name] = self.levels[name].names, self.levels[name].codes(column)
+        return self.levels[name], self.codes[name][1]
 
     def parametric(self, term: Parametric) -> None:
         if not is_factor(self.frame[term.name]):
@@ -333,14 +334,8 @@ class _Builder:
             self.terms.insert(0, fitted)
             self.pieces.insert(0, _Piece([fitted], np.ones((1, 1)), np.zeros(len(self.frame), dtype=np.intp)))
         self.terms.sort(key=lambda fitted: order[fitted.kind])
-        within = {
-            (names, by, level): Support(
-                points.values[np.bincount(points.index[rows], minlength=len(points.values)) > 0]
-            )
-            for (names, by, level), rows in self.members.items()
-            if (points := self.joint[names]) is not None and rows.any()
-        }
-        training = Training(self.supports, self.levels, within)
+        every = np.ones(len(self.frame), dtype=bool)
+        training = Training.of_rows(every, self.joint, self.codes, self.members)
         start = 0
         for fitted in self.terms:
             fitted.start, fitted.training, fitted.extrapolation = start, training, self.extrapolation

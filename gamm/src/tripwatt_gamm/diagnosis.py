@@ -1,12 +1,9 @@
-"""Residuals of a fitted model against their distribution.
-
-Every object gives its numbers by `frame` and draws itself by `plot`.
-"""
+"""Residuals of a fitted model against their distribution."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,20 +47,19 @@ class ErrorDistribution:
         """Name in figures."""
         return "normal" if np.isnan(self.nu) else f"t with {self.nu:.3g} df"
 
-    def quantile(self, p: FloatArray) -> FloatArray:
-        """Quantiles at probabilities `p`."""
+    @property
+    def _frozen(self) -> Any:
         from scipy import stats
 
-        q = stats.norm.ppf(p) if np.isnan(self.nu) else stats.t.ppf(p, self.nu)
-        return np.asarray(self.sigma * q, dtype=float)
+        return stats.norm(scale=self.sigma) if np.isnan(self.nu) else stats.t(self.nu, scale=self.sigma)
+
+    def quantile(self, p: FloatArray) -> FloatArray:
+        """Quantiles at probabilities `p`."""
+        return np.asarray(self._frozen.ppf(p))
 
     def density(self, x: FloatArray) -> FloatArray:
         """Density at `x`."""
-        from scipy import stats
-
-        z = x / self.sigma
-        d = stats.norm.pdf(z) if np.isnan(self.nu) else stats.t.pdf(z, self.nu)
-        return np.asarray(d / self.sigma, dtype=float)
+        return np.asarray(self._frozen.pdf(x))
 
 
 def _distribution(model: Estimator) -> ErrorDistribution:
@@ -115,14 +111,6 @@ class QuantileQuantile:
         low, high = (self.distribution.quantile(stats.beta.ppf(p, i, n - i + 1)) for p in (0.025, 0.975))
         return low, high
 
-    def frame(self) -> pd.DataFrame:
-        """The numbers: ``theoretical``, ``residual``, ``lower``, ``upper`` (of `band`)."""
-        import pandas as pd
-
-        lower, upper = self.band()
-        columns = {"theoretical": self.theoretical, "residual": self.residual}
-        return pd.DataFrame({**columns, "lower": lower, "upper": upper})
-
     def plot(self, ax: Axes | None = None) -> Figure:
         """Draw it, on new axes if none are given."""
         from tripwatt_gamm import figures
@@ -146,35 +134,6 @@ class QuantileQuantile:
         ax.set(
             title="Q-Q plot", xlabel=f"Quantiles of the fitted {self.distribution.name}", ylabel="Residual"
         )
-        return figures.figure_of(ax)
-
-
-@dataclass(frozen=True, slots=True)
-class ResidualsAgainstPredictor:
-    """Residuals against the linear predictor: a pattern means that the model misses something.
-
-    Attributes
-    ----------
-    linear_predictor, residual : ndarray (n,)
-    """
-
-    linear_predictor: FloatArray
-    residual: FloatArray
-
-    def frame(self) -> pd.DataFrame:
-        """The numbers: ``linear_predictor``, ``residual``."""
-        import pandas as pd
-
-        return pd.DataFrame({"linear_predictor": self.linear_predictor, "residual": self.residual})
-
-    def plot(self, ax: Axes | None = None) -> Figure:
-        """Draw it, on new axes if none are given."""
-        from tripwatt_gamm import figures
-
-        ax = figures.axes_or_new(ax)
-        _scatter(ax, self.linear_predictor, self.residual)
-        ax.axhline(0.0, color=figures.RED, linewidth=1.5)
-        ax.set(title="Residuals and linear predictor", xlabel="Linear predictor", ylabel="Residual")
         return figures.figure_of(ax)
 
 
@@ -217,18 +176,6 @@ class ResidualHistogram:
         below, above = int((residual < edges[0]).sum()), int((residual > edges[-1]).sum())
         return cls(edges, count, residual.size * mass, below, above, distribution.name)
 
-    def frame(self) -> pd.DataFrame:
-        """The numbers: ``left``, ``right``, ``count``, ``expected``."""
-        import pandas as pd
-
-        columns = {
-            "left": self.edges[:-1],
-            "right": self.edges[1:],
-            "count": self.count,
-            "expected": self.expected,
-        }
-        return pd.DataFrame(columns)
-
     def plot(self, ax: Axes | None = None) -> Figure:
         """Draw it, on new axes if none are given."""
         from tripwatt_gamm import figures
@@ -251,49 +198,15 @@ class ResidualHistogram:
 
 
 @dataclass(frozen=True, slots=True)
-class ResponseAgainstFitted:
-    """Response against fitted values.
-
-    Attributes
-    ----------
-    fitted, response : ndarray (n,)
-    """
-
-    fitted: FloatArray
-    response: FloatArray
-
-    def frame(self) -> pd.DataFrame:
-        """The numbers: ``fitted``, ``response``."""
-        import pandas as pd
-
-        return pd.DataFrame({"fitted": self.fitted, "response": self.response})
-
-    def plot(self, ax: Axes | None = None) -> Figure:
-        """Draw it, on new axes if none are given."""
-        from tripwatt_gamm import figures
-
-        ax = figures.axes_or_new(ax)
-        _scatter(ax, self.fitted, self.response)
-        ends = [float(self.fitted.min()), float(self.fitted.max())]
-        ax.plot(ends, ends, color=figures.RED, linewidth=1.5)
-        ax.set(title="Response and fitted values", xlabel="Fitted value", ylabel="Response")
-        return figures.figure_of(ax)
-
-
-@dataclass(frozen=True, slots=True)
 class Diagnosis:
-    """The four residual figures of a fitted model.
+    """The residuals of a fitted model and four figures of them.
 
     Attributes
     ----------
-    qq : QuantileQuantile
-        Residuals against the quantiles of their distribution.
-    predictor : ResidualsAgainstPredictor
-        Residuals against the linear predictor.
-    histogram : ResidualHistogram
-        Counts of residuals.
-    response : ResponseAgainstFitted
-        The response against the fitted values.
+    fitted, residual : ndarray (n,)
+        Fitted values and what the response has beyond them, in the order of the data.
+    distribution : ErrorDistribution
+        The fitted distribution of the errors.
 
     Examples
     --------
@@ -303,34 +216,35 @@ class Diagnosis:
     >>> frame = pd.DataFrame({"x": x, "y": np.sin(6 * x) + 0.2 * np.cos(90 * x)})
     >>> result = Diagnosis.from_model(GAMM("y ~ s(x, k=8)").fit(frame))
     >>> result.frame().shape
-    (60, 5)
+    (60, 4)
     >>> len(result.plot().axes)
     4
     """
 
-    qq: QuantileQuantile
-    predictor: ResidualsAgainstPredictor
-    histogram: ResidualHistogram
-    response: ResponseAgainstFitted
+    fitted: FloatArray
+    residual: FloatArray
+    distribution: ErrorDistribution
 
     @classmethod
     def from_model(cls, model: Estimator) -> Diagnosis:
-        """Compare the residuals of a fitted model with their distribution.
+        """Take the residuals of a fitted model.
 
         Parameters
         ----------
         model : GAMM
             A fitted model.
         """
-        distribution = _distribution(model)
-        residual = np.asarray(model.residuals_, dtype=float)
-        fitted = np.asarray(model.fitted_values_, dtype=float)
-        return cls(
-            QuantileQuantile.from_residuals(residual, distribution),
-            ResidualsAgainstPredictor(np.asarray(model.linear_predictor_, dtype=float), residual),
-            ResidualHistogram.from_residuals(residual, distribution),
-            ResponseAgainstFitted(fitted, fitted + residual),
-        )
+        return cls(model.fitted_values_, model.residuals_, _distribution(model))
+
+    @property
+    def qq(self) -> QuantileQuantile:
+        """Residuals against the quantiles of their distribution."""
+        return QuantileQuantile.from_residuals(self.residual, self.distribution)
+
+    @property
+    def histogram(self) -> ResidualHistogram:
+        """Counts of residuals."""
+        return ResidualHistogram.from_residuals(self.residual, self.distribution)
 
     def frame(self) -> pd.DataFrame:
         """Tabulate what the figures show.
@@ -338,11 +252,13 @@ class Diagnosis:
         Returns
         -------
         DataFrame
-            One row per row of the data: ``fitted``, ``response``, ``linear_predictor``, ``residual``, ``theoretical``.
+            One row per row of the data: ``fitted``, ``response``, ``residual``, ``theoretical``.
         """
-        whole = self.response.frame().join(self.predictor.frame())
-        rank = np.argsort(np.argsort(self.predictor.residual, kind="stable"), kind="stable")
-        return whole.assign(theoretical=self.qq.theoretical[rank])
+        import pandas as pd
+
+        rank = np.argsort(np.argsort(self.residual, kind="stable"), kind="stable")
+        columns = {"fitted": self.fitted, "response": self.fitted + self.residual, "residual": self.residual}
+        return pd.DataFrame({**columns, "theoretical": self.qq.theoretical[rank]})
 
     def plot(self, ax: Axes | None = None) -> Figure:
         """Draw the four figures.
@@ -360,9 +276,14 @@ class Diagnosis:
         from tripwatt_gamm import figures
 
         place = figures.place_for_panels(ax, 9.0, 7.2)
-        axes = place.subplots(2, 2)
-        self.qq.plot(axes[0, 0])
-        self.predictor.plot(axes[0, 1])
-        self.histogram.plot(axes[1, 0])
-        self.response.plot(axes[1, 1])
+        (first, second), (third, fourth) = place.subplots(2, 2)
+        self.qq.plot(first)
+        _scatter(second, self.fitted, self.residual)
+        second.axhline(0.0, color=figures.RED, linewidth=1.5)
+        second.set(title="Residuals and linear predictor", xlabel="Linear predictor", ylabel="Residual")
+        self.histogram.plot(third)
+        _scatter(fourth, self.fitted, self.fitted + self.residual)
+        ends = [float(self.fitted.min()), float(self.fitted.max())]
+        fourth.plot(ends, ends, color=figures.RED, linewidth=1.5)
+        fourth.set(title="Response and fitted values", xlabel="Fitted value", ylabel="Response")
         return figures.figure_of(place)

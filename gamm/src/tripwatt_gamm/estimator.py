@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Container, Mapping, Sequence
+from collections.abc import Collection, Container, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, Self, TypeAlias, overload
 
@@ -43,7 +43,7 @@ class Estimator:
     method: Method = "fREML"
     discretise: bool | int = True
     extrapolation: Extrapolation = "clamp"
-    smoothing_parameters: Sequence[float] | Mapping[str, float] | None = None
+    smoothing_parameters: Sequence[float] | None = None
     ar1_rho: float | Literal["estimate"] | None = None
     tolerance: float = 1e-3
     max_iter: int = 400
@@ -284,22 +284,20 @@ class Estimator:
         return known[self.family]
 
     def _settings(self, family: Family, rho: FloatArray | None) -> FitSettings:
-        if self.extrapolation not in ("clamp", "linear"):
-            got = repr(self.extrapolation)
-            raise InvalidInput.of("unknown extrapolation", "GAMM(extrapolation=)", got, "clamp or linear")
         correlated = any(isinstance(term, RandomEffect) and term.correlated for term in self._formula().terms)
         searched = correlated or self.ar1_rho == "estimate"
+        faults = []
+        if self.extrapolation not in ("clamp", "linear"):
+            got = repr(self.extrapolation)
+            faults.append(Fault("unknown extrapolation", "GAMM(extrapolation=)", got, "clamp or linear"))
         if searched and not isinstance(family, Gaussian) and self.method != "REML":
             got = f"{self.method} with {'correlated random effects' if correlated else 'ar1_rho'} to estimate"
             fix = "method='REML', whose score can be compared between correlations"
-            raise InvalidInput.of("no score for a correlation", "GAMM(method=)", got, "REML", fix)
-        if self.ar1_rho is not None:
-            good = self.ar1_rho == "estimate" or (not isinstance(self.ar1_rho, str) and -1 < self.ar1_rho < 1)
-            if not good:
-                got = repr(self.ar1_rho)
-                raise InvalidInput.of(
-                    "invalid autocorrelation", "GAMM(ar1_rho=)", got, "'estimate' or within -1 to 1"
-                )
+            faults.append(Fault("no score for a correlation", "GAMM(method=)", got, "REML", fix))
+        if not (self.ar1_rho in (None, "estimate") or -1 < float(self.ar1_rho or 0) < 1):
+            allowed = "'estimate' or within -1 to 1"
+            faults.append(Fault("invalid autocorrelation", "GAMM(ar1_rho=)", repr(self.ar1_rho), allowed))
+        raise_faults(faults)
         return FitSettings(family, self.method, rho, self.ar1_rho, self.tolerance, self.max_iter)
 
     def _groups(self, frame: pd.DataFrame, groups: object) -> Index:
@@ -363,20 +361,12 @@ class Estimator:
         return frame
 
 
-def _given_logs(given: Sequence[float] | Mapping[str, float] | None, design: Design) -> FloatArray | None:
+def _given_logs(given: Sequence[float] | None, design: Design) -> FloatArray | None:
     """Given smoothing parameters as logs, in the order of the design."""
     if given is None:
         return None
     names = design.penalty_names
-    if isinstance(given, Mapping):
-        odd = set(given) ^ set(names)
-        if odd:
-            raise InvalidInput.of(
-                "smoothing parameters do not match", ", ".join(sorted(odd)), "", ", ".join(names)
-            )
-        values = np.array([given[name] for name in names], dtype=np.float64)
-    else:
-        values = np.asarray(given, dtype=np.float64).ravel()
+    values = np.asarray(given, dtype=np.float64).ravel()
     if len(values) != len(names) or not (np.isfinite(values) & (values > 0)).all():
         got = f"{len(values)} values"
         allowed = f"{len(names)} positive numbers for {', '.join(names)}"

@@ -8,7 +8,7 @@ two tables at the end put a model's parts into them.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
@@ -263,18 +263,13 @@ def total_penalty(model: Estimator) -> FloatArray:
     """
     p = model.coef_.size
     penalty = np.zeros((p, p))
-    parameters = iter(_parameters(model))
+    parameters = iter(model.smoothing_parameters_.values())
     for fitted in model.terms_:
         for matrix in fitted.penalties:
             penalty[fitted.slice, fitted.slice] += (
                 np.nan_to_num(next(parameters)) * matrix
             )  # NaN: no data, no part
     return penalty
-
-
-def _parameters(model: Estimator) -> list[float]:
-    given = model.smoothing_parameters_
-    return [float(v) for v in (given.values() if isinstance(given, Mapping) else np.ravel(given))]
 
 
 def _estimated_scale_df(model: Estimator) -> float | None:

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt_gamm.arrays import BoolArray, FloatArray
-from tripwatt_gamm.covariates import EXACT_ROWS, Index, Levels, Support, Training
+from tripwatt_gamm.covariates import EXACT_ROWS, Index
 from tripwatt_gamm.design import Design
 from tripwatt_gamm.errors import InvalidInput
 from tripwatt_gamm.identify import identify, require_rows
@@ -30,26 +30,6 @@ def grouped_moments(design: Design, y: FloatArray, groups: Index, rows: Index, l
     for piece in pieces[1:]:
         total = total + moments(design.rows, y, piece, True)
     return total
-
-
-def training_of(design: Design, rows: BoolArray) -> Training:
-    """Ranges and levels of `rows` (n,), for a prediction from these rows alone."""
-    supports = {}
-    for names, points in design.joint.items():
-        seen = np.bincount(points.index[rows], minlength=len(points.values)) > 0
-        supports[names] = Support(points.values[seen])
-    levels = {}
-    for name, codes in design.codes.items():
-        known = design.training.levels[name]
-        counts = np.bincount(codes[rows], minlength=len(known.names))
-        levels[name] = Levels(known.names, counts / counts.sum())
-    within = {}
-    for (names, by, level), members in design.members.items():
-        points = design.joint[names]
-        seen = np.bincount(points.index[rows & members], minlength=len(points.values)) > 0
-        if seen.any():
-            within[names, by, level] = Support(points.values[seen])
-    return Training(supports, levels, within)
 
 
 def _fold(
@@ -90,7 +70,7 @@ def _fold(
         )
     beta = np.zeros(own.p)
     beta[active] = solution.beta
-    training, piece = training_of(own, ~held), frame.iloc[out] if wanted is None else wanted
+    training, piece = own.training_of(~held), frame.iloc[out] if wanted is None else wanted
     if own.terms[0].extrapolation == "clamp":
         piece = training.clamp_frame(piece)
     prediction = np.zeros(len(piece))

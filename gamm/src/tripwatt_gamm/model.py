@@ -35,8 +35,8 @@ class GAMM(Estimator):
         constant, or goes on as a straight line.
         Surfaces are always held: at the range, and within a twentieth of it from the nearest training point.
         With "clamp" the row is moved, not the term: all terms of a covariate see the same point.
-    smoothing_parameters : sequence or mapping, optional
-        Given values, in the order (or by the names) of `smoothing_parameters_`.
+    smoothing_parameters : sequence of float, optional
+        Given values, in the order of `smoothing_parameters_`.
     ar1_rho : float or "estimate", optional
         Correlation of successive errors within groups. With a scaled t the innovations are sigma times Student's t;
         to estimate it then, or correlated random effects, takes ``method="REML"``.
@@ -65,7 +65,7 @@ class GAMM(Estimator):
         Of the logs of `smoothing_parameters_`, from the Hessian of the score.
     reml_, loglik_, aic_, deviance_explained_, r2_, n_, residual_df_
         `reml_` is the negative log restricted likelihood; lme4's REML criterion is twice as large.
-    linear_predictor_, fitted_values_, residuals_ : ndarray (n,)
+    fitted_values_, residuals_ : ndarray (n,)
         Of the rows of the fit.
     converged_, n_iter_, message_, notes_
         How the fit went, and what the data forced.
@@ -149,7 +149,7 @@ class GAMM(Estimator):
         Returns
         -------
         Diagnosis
-            ``.qq``, ``.predictor``, ``.histogram``, ``.response``; ``.plot()`` draws all four.
+            ``.qq``, ``.histogram``, ``.frame()``; ``.plot()`` draws four figures.
         """
         return Diagnosis.from_model(self)
 

@@ -35,7 +35,7 @@ def stars(p_value: float) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    r"""Tables and scores of a fitted model; `text`, `html` and `latex` print them.
+    """Tables and scores of a fitted model; `text` prints them, `rows` has the lines of a table in a paper.
 
     Attributes
     ----------
@@ -75,14 +75,12 @@ class Summary:
     >>> x = np.linspace(0, 1, 60)
     >>> frame = pd.DataFrame({"x": x, "y": np.sin(6 * x) + 0.2 * np.cos(90 * x)})
     >>> result = Summary.from_model(GAMM("y ~ s(x, k=8)").fit(frame))
-    >>> list(result.frame()["kind"]), [label for label, _, _ in result.rows()]
-    (['parametric', 'smooth'], ['(Intercept)', 'EDF: s(x)'])
+    >>> [label for label, _, _ in result.rows()]
+    ['(Intercept)', 'EDF: s(x)']
     >>> list(result.scores())
     ['R2 (adjusted)', 'Deviance explained', 'REML', 'Log-likelihood', 'AIC', 'n']
     >>> result.distribution() in result.text()
     True
-    >>> result.html()[:6], result.latex().splitlines()[0]
-    ('<table', '\\begin{tabular}{l c}')
     """
 
     parametric: pd.DataFrame
@@ -138,32 +136,6 @@ class Summary:
             notes=tuple(model.notes_),
             variance=variance_components(model),
         )
-
-    def frame(self) -> pd.DataFrame:
-        """Both tables in one, term by term.
-
-        Returns
-        -------
-        pandas.DataFrame
-            Columns ``kind`` ("parametric" or "smooth"), ``term``, ``estimate``, ``std_error``, ``edf``,
-            ``ref_df``, ``test`` ("t", "z", "F" or "chi2"), ``statistic``, ``p_value``, ``stars``.
-        """
-        import pandas as pd
-
-        tests = ("z", "chi2") if self.scale_known else ("t", "F")
-        parts = [
-            table.reset_index().assign(kind=kind, test=test)
-            for table, kind, test in zip(
-                (self.parametric, self.smooth), ("parametric", "smooth"), tests, strict=True
-            )
-        ]
-        columns = ["kind", "term", "estimate", "std_error", "edf", "ref_df", "test", "statistic", "p_value"]
-        filled = [part.reindex(columns=columns) for part in parts if len(part)]
-        whole = pd.DataFrame(columns=columns)
-        if filled:
-            rows = [row for part in filled for row in part.itertuples(index=False, name=None)]
-            whole = pd.DataFrame(rows, columns=columns)
-        return whole.assign(stars=[stars(p) for p in whole["p_value"]])
 
     def distribution(self) -> str:
         """Describe the family in words, with what was estimated of it.
@@ -244,71 +216,6 @@ class Summary:
             for term, row in table.iterrows()
         ]
 
-    def html(self, title: str = "Model") -> str:
-        """The summary as an HTML table without style, for a page that has its own.
-
-        Parameters
-        ----------
-        title : str
-            Head of the column of values.
-
-        Returns
-        -------
-        str
-            One element ``table``.
-        """
-        from html import escape
-
-        tests = self.frame()
-        body = []
-        for (label, value, mark), row in zip(self.rows(), tests.to_dict("records"), strict=True):
-            cells = [f"{value}<sup>{mark}</sup>" if mark else value]
-            cells += [_statistic(str(row["test"]), row["statistic"]), _p_value(float(row["p_value"]))]
-            data = "".join(f"<td>{cell if '<sup>' in cell else escape(cell)}</td>" for cell in cells)
-            body.append(f'<tr><th scope="row">{escape(label)}</th>{data}</tr>')
-        heads = ("", title, "Test", "p")
-        head = "".join(f'<th scope="col">{escape(cell)}</th>' for cell in heads)
-        scores = {"Family": self.distribution(), **self.scores()}
-        if not self.converged:
-            scores["Warning"] = f"the fit did not converge. {self.message}".rstrip()
-        scores |= {f"Note {i}": note for i, note in enumerate(self.notes, 1)}
-        foot = "".join(
-            f'<tr><th scope="row">{escape(label)}</th><td colspan="3">{escape(value)}</td></tr>\n'
-            for label, value in scores.items()
-        )
-        note = f'<tr><td colspan="4"><small>{escape(_LEGEND)}</small></td></tr>'
-        return (
-            f'<table class="gam-summary">\n<caption>{escape(self.formula)}</caption>\n<thead><tr>{head}</tr></thead>\n'
-            f"<tbody>\n{chr(10).join(body)}\n</tbody>\n<tfoot>\n{foot}{note}\n</tfoot>\n</table>\n"
-        )
-
-    def latex(self, title: str = "Model") -> str:
-        """The summary as a LaTeX tabular: one column, estimate (standard error) and EDF (reference df).
-
-        Parameters
-        ----------
-        title : str
-            Head of the column of values.
-
-        Returns
-        -------
-        str
-            An environment ``tabular``.
-        """
-        rows = self.rows()
-        labels = [_latex(label) for label, _, _ in rows]
-        width = max(map(len, labels), default=0)
-        lines = [r"\begin{tabular}{l c}", r"\hline", rf" & {_latex(title)} \\", r"\hline"]
-        for label, (_, value, mark) in zip(labels, rows, strict=True):
-            number = value.replace(" (", r" \; (")
-            lines.append(rf"{label:<{width}} & ${number}{'^{' + mark + '}' if mark else ''}$ \\")
-        lines.append(r"\hline")
-        scores = {"Family": self.distribution(), **self.scores()}
-        lines += [rf"{_latex(label)} & {_latex(value)} \\" for label, value in scores.items()]
-        legend = ", ".join(rf"$^{{{mark}}}p<{level}$" for level, mark in _LEVELS)
-        lines += [r"\hline", rf"\multicolumn{{2}}{{l}}{{\scriptsize {legend}}} \\", r"\end{tabular}"]
-        return "\n".join(lines) + "\n"
-
 
 def _align(table: pd.DataFrame, heads: tuple[str, str, str], style: str) -> list[str]:
     names = [str(name) for name in table.index]
@@ -322,16 +229,7 @@ def _align(table: pd.DataFrame, heads: tuple[str, str, str], style: str) -> list
     return lines
 
 
-def _statistic(test: str, value: float) -> str:
-    return f"{test} = {value:.3f}" if np.isfinite(value) else "no data"
-
-
 def _p_value(p: float) -> str:
     if not np.isfinite(p):
         return ""
     return "< 2e-16" if p < 2e-16 else f"{p:.4f}" if p >= 1e-4 else f"{p:.2e}"
-
-
-def _latex(text: str) -> str:
-    escapes = {c: "\\" + c for c in "&%$#_{}"} | {"\\": r"\textbackslash{}", "~": r"\~{}", "^": r"\^{}"}
-    return "".join(escapes.get(c, c) for c in text)
