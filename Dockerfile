@@ -20,12 +20,11 @@ RUN python -m venv --without-pip /opt/tripwatt \
         --only-binary :all: --require-hashes -r "constraints/${PACKAGES}.txt"
 COPY pyproject.toml README.md LICENSE NOTICE ./
 COPY src ./src
-# what a server never imports is left out: figures, clusters, what built the package, tests, symbols, sources in C, types of others, Arrow's Flight and S3; bytecode is made of what it imports
+# what a server never imports is left out: clusters, what built the package, tests, symbols, sources in C, types of others, Arrow's Flight and S3; bytecode is made of what it imports
 RUN /opt/pip/bin/pip --python /opt/tripwatt/bin/python install --no-cache-dir --disable-pip-version-check --no-deps --no-compile \
         --no-build-isolation . \
     && /opt/pip/bin/pip --python /opt/tripwatt/bin/python check \
     && /opt/pip/bin/pip --python /opt/tripwatt/bin/python uninstall --yes --quiet \
-        matplotlib contourpy cycler fonttools kiwisolver pillow pyparsing \
         dask distributed fsspec locket msgpack partd sortedcontainers tblib toolz tornado zict \
         hatchling editables pathspec pluggy trove-classifiers \
     && find /opt/tripwatt/lib -path '*/site-packages/*' -type d -name tests -prune -exec rm -rf {} + \

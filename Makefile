@@ -8,7 +8,7 @@ PYTHON ?= python3
 DATA ?=
 OUT ?= out
 # what the commands of the README need: the page, your cars, journeys
-EXTRAS ?= service,fleet,routing,gamm
+EXTRAS ?= service,fleet,routing,study
 # processes that run the tests, and that check the types
 WORKERS ?= 2
 export MYPY_NUM_WORKERS ?= $(WORKERS)

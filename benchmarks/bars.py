@@ -34,6 +34,7 @@ from benchmarks import (
     gam,
     half_known,
     hostile,
+    installed,
     journeys,
     leave_with,
     live,
@@ -91,6 +92,7 @@ def suites(results: Path | None, forecast: Path | None, links: Path | None) -> I
     yield Suite(f"{bench}forecast", forecast_speed.run)
     yield Suite(f"{bench}service", service.rows)
     yield Suite(f"{bench}hostile", hostile.rows)
+    yield Suite(f"{bench}installed --tests", partial(installed.rows, tests=True))
     yield Suite(f"{bench}leave_with", leave_with.rows)
     yield Suite(f"{bench}anchors", anchors.bars)
     yield Suite(

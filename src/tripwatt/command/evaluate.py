@@ -15,7 +15,7 @@ from tripwatt.command.options import Answer, Logs, SetOption, VehicleOption, opt
 from tripwatt.command.output import check_writable, finished_folds, unfinished_folder, write_whole
 from tripwatt.command.printing import console, print_notes, print_table, progress
 from tripwatt.command.sentences import forecast_in_words, held_out_in_words
-from tripwatt.errors import Check, Fault, InvalidInput, raise_faults
+from tripwatt.errors import Check, Fault, InvalidInput, raise_faults, require_extras
 from tripwatt.files import folder_lock
 
 if TYPE_CHECKING:
@@ -83,6 +83,7 @@ def evaluate(
       # continue an interrupted run
       tripwatt evaluate data/tum --resume
     """
+    require_extras({"study": "tripwatt evaluate"})
     shown = console()
     if protocol == CARS:
         others: dict[str, Any] = {

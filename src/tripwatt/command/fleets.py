@@ -18,6 +18,7 @@ from tripwatt.command.options import Answer, argument, option, options_named
 from tripwatt.command.output import write_text
 from tripwatt.command.printing import console, print_notes, print_table, progress
 from tripwatt.command.stores import SinceOption, Store, UntilOption
+from tripwatt.errors import require_extras
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -376,6 +377,7 @@ def evaluate(
       # score a fleet and write its page
       tripwatt fleet evaluate fleet --out fleet.html
     """
+    require_extras({"study": "tripwatt fleet evaluate"})
     from tripwatt.fleet.features import START
     from tripwatt.hybrid.groups import fit_scales
     from tripwatt.study.evaluation.fleets import evaluate_rows

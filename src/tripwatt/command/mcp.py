@@ -9,9 +9,9 @@ from typing import Annotated
 import typer
 
 from tripwatt.command.journey import OnMap
-from tripwatt.command.options import argument, option, require_extras
+from tripwatt.command.options import argument, option
 from tripwatt.command.serve import make_cars_folder, models_of
-from tripwatt.errors import Check
+from tripwatt.errors import Check, require_extras
 
 
 def mcp(

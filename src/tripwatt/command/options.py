@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
 import typer
 
 from tripwatt.command.printing import print_json
-from tripwatt.errors import Fault, extras_faults, places_named, raise_faults
+from tripwatt.errors import Fault, places_named, raise_faults
 
 if TYPE_CHECKING:
     from tripwatt.forecasting import ForecastModel
@@ -83,11 +83,6 @@ CARS: Final[Mapping[str, str]] = {"synthetic": "bmw_i3_60ah", "tum": "bmw_i3_60a
 
 UNKNOWN_CAR: Final = "bmw_i3_60ah"
 """The car that is assumed for a table without --vehicle; the commands note it."""
-
-
-def require_extras(needed: Mapping[str, str]) -> None:
-    """Raise `InvalidInput` with every extra of a command that is not installed, before anything starts."""
-    raise_faults(extras_faults(needed))
 
 
 def require_effect(options: Mapping[str, Any], allowed: str) -> None:
@@ -299,7 +294,7 @@ def add_commands(app: typer.Typer, *commands: Callable[..., Any], **more: Any) -
     Examples
     --------
     >>> app = typer.Typer()
-    >>> add_commands(app, require_extras)
+    >>> add_commands(app, require_effect)
     >>> app.registered_commands[0].name, app.registered_commands[0].epilog
     ('require-extras', None)
     """

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Final
 import typer
 
 from tripwatt.command.journey import OnMap
-from tripwatt.command.options import argument, option, require_effect, require_extras
-from tripwatt.errors import Check, Fault, InvalidInput, excerpt, raise_faults, system_errors
+from tripwatt.command.options import argument, option, require_effect
+from tripwatt.errors import Check, Fault, InvalidInput, excerpt, raise_faults, require_extras, system_errors
 
 if TYPE_CHECKING:
     from tripwatt.server.cars import MqttSettings

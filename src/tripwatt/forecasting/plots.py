@@ -7,10 +7,8 @@ from typing import Any, Final
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
-from tripwatt.figures import axes_or_new, figure_of, place_for_panels
+from tripwatt.figures import Axes, Figure, axes_or_new, figure_of, place_for_panels
 from tripwatt.physics.chain import CAUSE_NAMES
 from tripwatt.trips import Departure, Plan, table_of
 from tripwatt.units import M_S_PER_KM_H

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import ModuleType
 
-from tripwatt.errors import Fault, InvalidInput, extras_faults, raise_faults
+from tripwatt.errors import Fault, InvalidInput, require_extras
 
 
 @contextmanager
@@ -26,7 +26,7 @@ def gamm_engine() -> Iterator[ModuleType]:
     ...
     tripwatt.errors.InvalidInput: unknown argument: term 's(x, kk=3)' at character 5: got kk; allowed: bs, k, by; did you mean k?
     """
-    raise_faults(extras_faults({"gamm": "a GAMM"}))
+    require_extras({"gamm": "a GAMM"})
     import tripwatt_gamm
 
     try:

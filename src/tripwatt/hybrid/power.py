@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import InvalidInput
+from tripwatt.errors import InvalidInput, require_extras
 from tripwatt.files import shipped_toml
 from tripwatt.hybrid.familiarity import FADING, Familiarity
 from tripwatt.hybrid.gamm import gamm_engine
@@ -368,6 +368,7 @@ class EnsembleCorrector(PowerCorrector):
 
 def boosting_corrector(seed: int, features: tuple[str, ...] | None = None) -> LearnerCorrector:
     """Clustered boosting on segment rows, fresh."""
+    require_extras({"learners": "the corrector boosting"})
     from tripwatt.learners.boosting import ClusteredBoosting
 
     def make(settings: Mapping[str, Any]) -> Any:
@@ -382,6 +383,7 @@ def boosting_corrector(seed: int, features: tuple[str, ...] | None = None) -> Le
 
 def forest_corrector(seed: int) -> LearnerCorrector:
     """Clustered forest on segment rows, fresh."""
+    require_extras({"learners": "the corrector forest"})
     from tripwatt.learners.forest import ClusteredForest
 
     def make(settings: Mapping[str, Any]) -> Any:

@@ -14,12 +14,10 @@ from typing import TYPE_CHECKING, Final, TypeVar
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
-import pyarrow.compute as pc
 
 from tripwatt.arrays import FloatArray
 from tripwatt.containers import MOST_CONTENT_BYTES
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, require_extras
 from tripwatt.files import read_file
 from tripwatt.sources.delimited import (
     MOST_COLUMNS,
@@ -35,6 +33,7 @@ from tripwatt.trips import raise_faults
 from tripwatt.trips.reading import FileReading
 
 if TYPE_CHECKING:
+    import pyarrow as pa
     import pyarrow.parquet as pq
 
 Item = TypeVar("Item")
@@ -149,6 +148,8 @@ class ParquetTable:
         InvalidInput
             When it is larger, has values that are neither numbers, times nor texts, or cannot be read.
         """
+        import pyarrow as pa
+
         where, rows = f"{self.path} column {name!r}", self.file.metadata.num_rows
         column, size = None, self.inflated[name]
         try:
@@ -170,6 +171,8 @@ class ParquetTable:
         return column
 
     def _column(self, name: str) -> pd.Series:
+        import pyarrow as pa
+
         column = self.read(name)
         try:
             return pd.Series(column.to_pandas())
@@ -253,6 +256,8 @@ def open_table(
 
 
 def _open_parquet(path: Path, faults: list[Fault] | None) -> ParquetTable:
+    require_extras({"parquet": f"{path}"})
+    import pyarrow as pa
     import pyarrow.parquet as pq
 
     content = read_file(path)
@@ -288,6 +293,8 @@ def require_small_columns(path: Path) -> None:
 
 
 def _is_plain(of: pa.DataType) -> bool:
+    import pyarrow as pa
+
     of = of.value_type if pa.types.is_dictionary(of) else of
     texts = (pa.types.is_string, pa.types.is_large_string, pa.types.is_binary, pa.types.is_large_binary)
     kinds = (pa.types.is_primitive, pa.types.is_decimal, pa.types.is_null, *texts)
@@ -296,6 +303,9 @@ def _is_plain(of: pa.DataType) -> bool:
 
 def _text_size(chunk: pa.Array) -> int:
     """Bytes of the texts of the rows; 0 for numbers."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
     if not pa.types.is_dictionary(chunk.type) or pa.types.is_primitive(chunk.type.value_type):
         return int(chunk.nbytes)
     return pc.sum(pc.binary_length(chunk.dictionary).take(chunk.indices)).as_py() or 0

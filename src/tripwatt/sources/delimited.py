@@ -1,7 +1,7 @@
 """Numbers out of a delimited text file: only the wanted columns, and every fault of the file with row and column.
 
-The fast path is Arrow's reader with the column types fixed to numbers. Only when it fails is the file read a second
-time, line by line, to find every fault that a user has to mend.
+The fast path is Arrow's reader with the column types fixed to numbers. Where it fails, or is not installed (the extra
+`parquet`), the file is read line by line, which finds every fault that a user has to mend.
 """
 
 from __future__ import annotations
@@ -13,12 +13,11 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.csv as pa_csv
 
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, InvalidInput, and_more, excerpt
@@ -334,7 +333,9 @@ def read_texts(source: Delimited, wanted: Sequence[int]) -> list[list[str]]:
         With every row of the wrong length.
     """
     try:
-        table = _parsed(source, wanted, pa.binary(), strings_can_be_null=False)
+        if find_spec("pyarrow") is None:
+            return _texts_by_line(source, wanted)
+        table = _parsed(source, wanted, "binary", strings_can_be_null=False)
     except _UNREADABLE as error:
         _, faults = even_rows(source)
         got = str(error).splitlines()[0][:200]
@@ -364,8 +365,11 @@ def read_numbers(
     """
     reason, nulls = "", {"null_values": list(NULL_TEXTS), "quoted_strings_can_be_null": True}
     try:
-        table = _parsed(source, wanted, pa.float64(), **nulls, decimal_point=decimal)
-        columns = [np.asarray(column.to_numpy(), dtype=np.float64) for column in table]
+        if find_spec("pyarrow") is None:
+            columns = _numbers_by_line(source, wanted, decimal)
+        else:
+            table = _parsed(source, wanted, "float64", **nulls, decimal_point=decimal)
+            columns = [np.asarray(column.to_numpy(), dtype=np.float64) for column in table]
         if all(np.nanmax(np.abs(values), initial=0.0) <= LARGEST_NUMBER for values in columns):
             return columns
     except _UNREADABLE as error:
@@ -403,12 +407,32 @@ def numbers_of(cells: Sequence[str], decimal: str) -> tuple[FloatArray, list[int
     return values, bad
 
 
-_UNREADABLE: Final = (pa.ArrowInvalid, pa.ArrowKeyError, UnicodeDecodeError)
-"""What Arrow raises for a damaged row; the last where its message quotes the row."""
+_UNREADABLE: Final = (ValueError, KeyError)
+"""Bases of what Arrow raises for a damaged row."""
 
 
-def _parsed(source: Delimited, wanted: Sequence[int], kind: Any, **options: Any) -> list[Any]:
+def _texts_by_line(source: Delimited, wanted: Sequence[int]) -> list[list[str]]:
+    """The columns without Arrow; raises ValueError for a row of another length, as Arrow does."""
+    lines = source.data[source.body_offset :].split(b"\n")
+    rows = [fields_of(decode(line).strip("\r"), source.delimiter) for line in lines if line.strip()]
+    if {len(row) for row in rows} != {_body_width(source)}:
+        raise ValueError("rows of different lengths")
+    return [[row[i].strip() for row in rows] for i in wanted]
+
+
+def _numbers_by_line(source: Delimited, wanted: Sequence[int], decimal: str) -> list[FloatArray]:
+    """The columns without Arrow; raises ValueError for a cell that is no number."""
+    columns = [numbers_of(cells, decimal) for cells in _texts_by_line(source, wanted)]
+    if any(bad for _, bad in columns):
+        raise ValueError("a cell that is no number")
+    return [values for values, _ in columns]
+
+
+def _parsed(source: Delimited, wanted: Sequence[int], kind: str, **options: Any) -> list[Any]:
     """The columns at the given positions as Arrow's arrays, all of one type."""
+    import pyarrow as pa
+    import pyarrow.csv as pa_csv
+
     names = [f"c{i}" for i in range(_body_width(source))]
     chosen = [f"c{i}" for i in wanted]
     table = pa_csv.read_csv(
@@ -416,7 +440,10 @@ def _parsed(source: Delimited, wanted: Sequence[int], kind: Any, **options: Any)
         read_options=pa_csv.ReadOptions(column_names=names, use_threads=False, block_size=8 << 20),
         parse_options=pa_csv.ParseOptions(delimiter=source.delimiter),
         convert_options=pa_csv.ConvertOptions(
-            include_columns=chosen, column_types=dict.fromkeys(chosen, kind), check_utf8=False, **options
+            include_columns=chosen,
+            column_types=dict.fromkeys(chosen, pa.type_for_alias(kind)),
+            check_utf8=False,
+            **options,
         ),
     )
     return [table[name] for name in chosen]

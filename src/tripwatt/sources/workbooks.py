@@ -11,7 +11,7 @@ from xml.parsers import expat
 from zipfile import ZipFile
 
 from tripwatt.containers import CELLS, ELEMENTS, Budget, open_archive
-from tripwatt.errors import InvalidInput
+from tripwatt.errors import InvalidInput, require_extras
 
 T = TypeVar("T")
 Element = tuple[str, str, dict[str, str], str]
@@ -46,6 +46,7 @@ def read_workbook(
     InvalidInput
         When it is no workbook, or more comes out of it than the budget allows.
     """
+    require_extras({"workbooks": "a workbook"})
     try:
         archive = open_archive(data, budget)
         return [(title, read(rows)) for title, rows in _sheets(archive, budget)]

@@ -5,11 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-
 from tripwatt.arrays import FloatArray
-from tripwatt.figures import axes_or_new, figure_of, place_for_panels
+from tripwatt.figures import Axes, Figure, axes_or_new, figure_of, place_for_panels
 from tripwatt.trips.samples import Sampled
 from tripwatt.units import M_S_PER_KM_H
 
