@@ -318,7 +318,7 @@ def test_a_run_that_is_interrupted_resumes_to_the_identical_table(
         start_new_session=True,
     )
     deadline = time.monotonic() + 300
-    while len(kept := list(tmp_path.glob("out.unfinished/folds/*/0.constant.*.npz"))) < 4:
+    while len(kept := list(tmp_path.glob("out.unfinished/folds/*/0.constant.*.fold"))) < 4:
         assert process.poll() is None, process.communicate()
         assert time.monotonic() < deadline
         time.sleep(0.01)

@@ -55,7 +55,7 @@ def unfinished_folder(out: Path) -> Path:
 
 def finished_folds(unfinished: Path) -> int:
     """How many finished folds an interrupted run has left."""
-    return sum(1 for _ in unfinished.glob("folds/*/*.npz"))
+    return sum(1 for _ in unfinished.glob("folds/*/*.fold"))
 
 
 def write_whole(write: Callable[[Path], None], out: Path, unfinished: Path) -> None:

@@ -16,6 +16,7 @@ from tripwatt.arrays import IntArray
 from tripwatt.hybrid import Corrector, PowerCorrector, SegmentTable, resimulated
 from tripwatt.hybrid.correctors import TUNED, fresh_corrector
 from tripwatt.hybrid.split import climate_logged
+from tripwatt.learners.folds import leave_one_out
 from tripwatt.trips import Trip, plan_from_trip
 from tripwatt.vehicles import Vehicle
 
@@ -87,15 +88,13 @@ def inner_fits(
         How a part of the trips shows the car; without it all folds have the car of `table`.
     """
     folds = inner_folds(table, seed)
-    blocks = folds % SETTINGS_BLOCKS
-    numbers = range(int(folds.max()) + 1)
     tunes = isinstance(name, str) and name in TUNED
-    kept = [np.flatnonzero(folds != fold) for fold in numbers]
-    others = [np.flatnonzero(blocks != block) for block in np.unique(blocks)] if tunes else []
-    seen = [table] * (len(kept) + len(others)) if again is None else again([*kept, *others])
+    splits, blocks = leave_one_out(folds), leave_one_out(folds % SETTINGS_BLOCKS) if tunes else ()
+    kept = [split.train for split in (*splits, *blocks)]
+    seen = [table] * len(kept) if again is None else again(kept)
     tuned = [fitted] * SETTINGS_BLOCKS
-    for block, (members, own) in enumerate(zip(others, seen[len(kept) :], strict=True)):
-        tuned[block] = fresh_corrector(str(name), seed, fitted).fit(own.take(members))
-    for fold, members, own in zip(numbers, kept, seen, strict=False):
-        corrector = tuned[fold % SETTINGS_BLOCKS].clone_tuned().fit(own.take(members))
-        yield InnerFit(np.flatnonzero(folds == fold), corrector, own)
+    for block, own in zip(blocks, seen[len(splits) :], strict=True):
+        tuned[block.number] = fresh_corrector(str(name), seed, fitted).fit(own.take(block.train))
+    for split, own in zip(splits, seen, strict=False):
+        corrector = tuned[split.number % SETTINGS_BLOCKS].clone_tuned().fit(own.take(split.train))
+        yield InnerFit(split.test, corrector, own)

@@ -18,6 +18,7 @@ from joblib import Parallel, delayed
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.learners.clusters import Loss, ScoreRows, folds_of
 from tripwatt.learners.correlation import LARGEST, Correlation
+from tripwatt.learners.folds import deal_folds
 from tripwatt.learners.rounds import boost, write_leaf_values
 from tripwatt.learners.trees import ClusteredTrees, Sample, keep_arguments, sum_of_trees
 
@@ -296,7 +297,7 @@ def _values(
 
 def _blocks(n: int, n_blocks: int, seed: int) -> IntArray:
     """Assign n items at random to blocks of nearly equal size."""
-    return np.random.default_rng([seed, 3]).permutation(np.arange(n) % min(n, n_blocks))
+    return deal_folds(n, n_blocks, np.random.default_rng([seed, 3]))
 
 
 def _choice(errors: Sequence[FloatArray]) -> tuple[int, int, float]:

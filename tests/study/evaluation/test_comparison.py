@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 
 from tripwatt.hybrid import SegmentTable
+from tripwatt.learners.folds import Split
 from tripwatt.study.evaluation.comparison import Comparison
-from tripwatt.study.evaluation.hold_outs import Split
 from tripwatt.study.evaluation.tasks import FoldResult
 
 EXACT = {"rel": 1e-9, "abs": 1e-12}

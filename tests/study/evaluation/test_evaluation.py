@@ -9,6 +9,7 @@ import pytest
 
 from tripwatt.errors import InvalidInput
 from tripwatt.hybrid.trip_table import build_table
+from tripwatt.learners.folds import leave_one_out
 from tripwatt.study.evaluation import Execution, choose_models, evaluate, find_protocol, write_results
 from tripwatt.study.evaluation.comparison import FOLD_COLUMNS
 from tripwatt.study.evaluation.hold_outs import HoldOut
@@ -148,9 +149,9 @@ def test_an_interrupted_run_resumes_to_the_identical_table(fleet, tmp_path):
 
     with pytest.raises(Stop):
         evaluate(fleet, models=FAST, execution=Execution(n_jobs=1, work_dir=tmp_path, progress=stop_half_way))
-    kept = len(list(tmp_path.rglob("*.npz")))
+    kept = len(list(tmp_path.rglob("*.fold")))
     assert kept > 0
-    broken = next(tmp_path.rglob("*.npz"))
+    broken = next(tmp_path.rglob("*.fold"))
     broken.write_bytes(b"half a file")
     seen = []
     resumed = evaluate(
@@ -189,7 +190,7 @@ def test_unknown_names_are_refused(fleet):
 
 
 def second_fold(spec, table, folds):
-    hold_out = HoldOut.from_folds("s", "t", table, None, folds)
+    hold_out = HoldOut("s", "t", table, table, leave_one_out(folds))
     (task,) = spec.tasks(0, hold_out, hold_out.splits[1:2], 0)
     (found,) = task.run()
     return found
@@ -212,7 +213,7 @@ def test_a_fold_is_fitted_without_its_own_trips(coarse, name):
 
 
 def test_the_times_of_a_fold_are_of_its_fit_and_of_one_predicted_trip(coarse, monkeypatch):
-    clock = iter([100.0, 102.0, 102.5])
+    clock = iter([100.0, 102.0, 102.0, 102.5])
     monkeypatch.setattr("tripwatt.study.evaluation.tasks.time.perf_counter", lambda: next(clock))
     found = second_fold(chosen("linear4"), coarse, np.arange(6) % 3)
     assert found.fit_s == 2.0

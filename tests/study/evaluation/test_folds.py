@@ -6,9 +6,10 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.hybrid import SegmentTable
+from tripwatt.learners.folds import Split
 from tripwatt.study.evaluation.comparison import Comparison
 from tripwatt.study.evaluation.folds import Execution, run_folds
-from tripwatt.study.evaluation.hold_outs import HoldOut, Split
+from tripwatt.study.evaluation.hold_outs import HoldOut
 from tripwatt.study.evaluation.tasks import FoldResult, Task
 
 
@@ -77,8 +78,8 @@ def test_finished_folds_are_kept_and_damaged_ones_run_again(tmp_path):
     first = run_folds(held, 7, Execution(1, tmp_path))
     (folder,) = tmp_path.iterdir()
     assert len(folder.name) == 16
-    assert sorted(path.name for path in folder.iterdir()) == ["0.m.0.npz", "0.m.1.npz"]
-    (folder / "0.m.1.npz").write_bytes(b"half")
+    assert sorted(path.name for path in folder.iterdir()) == ["0.m.0.fold", "0.m.1.fold"]
+    (folder / "0.m.1.fold").write_bytes(b"half")
     counted = []
     again = run_folds(held, 7, Execution(1, tmp_path, True, lambda *done: counted.append(done)))
     assert counted == [(1, 2), (2, 2)]

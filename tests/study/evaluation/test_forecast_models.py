@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from tests.support.held_out import EXACT, NO, Told, data, driven_log
 
+from tripwatt.learners.folds import leave_one_out
 from tripwatt.study.evaluation import forecast_models, held_out_forecasts
 from tripwatt.study.evaluation.forecast_data import ForecastData
 from tripwatt.study.evaluation.forecast_models import DataMethod, ForecastMethod, PowerMethod
@@ -58,7 +59,7 @@ def learner(monkeypatch):
 
 
 def held_out(own: ForecastData, folds) -> HoldOut:
-    return HoldOut.from_folds("s", "t", own.table, own, np.asarray(folds))
+    return HoldOut("s", "t", own.table, own, leave_one_out(np.asarray(folds)))
 
 
 def tasks_of(method, own: ForecastData, folds, simulation="physics"):
@@ -174,6 +175,6 @@ def test_the_fold_of_a_forecast_is_held_out(monkeypatch) -> None:
     assert seen == {"vehicle": "car of [1]", "corrector": "split", "seed": 9, "trained": ("t1",)}
     assert result.predicted_wh.tolist() == [106.0, 106.0]
     assert (result.model, result.split.number) == ("f", 5)
-    assert result.forecasts.pit.tolist() == [0.22, 0.22]
+    assert [forecast.pit for forecast in result.forecasts] == [0.22, 0.22]
     assert 0.0 <= result.fit_s < 10.0
     assert 0.0 <= result.predict_ms < 10_000.0

@@ -11,6 +11,7 @@ from scipy.stats import binomtest, norm
 
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import ForecastModel
+from tripwatt.learners.folds import leave_one_out
 from tripwatt.physics import simulate_trip
 from tripwatt.study.evaluation import Execution, choose_models, evaluate, write_results
 from tripwatt.study.evaluation.forecast_data import DATA_FEATURES, ForecastData, measured_log
@@ -266,11 +267,11 @@ def test_results_hold_the_contract(whole, tmp_path):
 def forecast_of(data: ForecastData, held_out: int) -> np.ndarray:
     """Centre, width and bounds of one trip while it is held out."""
     (spec,) = choose_models(QUICK, ("hybrid",))
-    hold_out = HoldOut.from_folds("s", "t", data.table, data, np.arange(len(data)))
+    hold_out = HoldOut("s", "t", data.table, data, leave_one_out(np.arange(len(data))))
     (task,) = spec.tasks(0, hold_out, hold_out.splits[held_out : held_out + 1], 0)
     (found,) = task.run()
-    kept = found.forecasts
-    return np.concatenate([found.predicted_wh, *(v.ravel() for v in (kept.sd_wh, kept.low_wh, kept.high_wh))])
+    (kept,) = found.forecasts
+    return np.concatenate([found.predicted_wh, [kept.sd_wh], kept.bounds_wh.ravel()])
 
 
 def test_held_out_trips_do_not_move_their_own_forecast(prepared):
@@ -337,7 +338,7 @@ def test_the_report_shows_other_kinds_of_trips_and_the_arrival(whole, monkeypatc
 
 def test_resumed_run_is_the_identical_one(fleet, whole):
     run, folder = whole
-    kept = sorted(folder.rglob("*.npz"))
+    kept = sorted(folder.rglob("*.fold"))
     assert kept
     kept[0].write_bytes(b"half a file")
     for path in kept[1::8]:

@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 from tests.support.held_out import NO, Trips
 
+from tripwatt.learners.folds import Split
 from tripwatt.study.evaluation import forecast_results
 from tripwatt.study.evaluation.comparison import Comparison
 from tripwatt.study.evaluation.forecast_results import (
@@ -23,8 +24,7 @@ from tripwatt.study.evaluation.forecast_scores import (
     WITHOUT_PHYSICS,
     ForecastInsight,
 )
-from tripwatt.study.evaluation.held_out_forecasts import HeldOutForecasts
-from tripwatt.study.evaluation.hold_outs import Split
+from tripwatt.study.evaluation.held_out_forecasts import HeldOutForecast, of_each
 from tripwatt.study.evaluation.tasks import FoldResult
 from tripwatt.trips import Context, Departure, Plan
 
@@ -36,25 +36,20 @@ def fold(trips, values, model=FORECAST, forecasts=None) -> FoldResult:
     return FoldResult(model, split, np.asarray(values, dtype=float), 0.0, 0.0, forecasts=forecasts)
 
 
-def kept(k: float, series=((0.0, 0.0), (10.0, 50.0)), rows=(2,)) -> HeldOutForecasts:
-    """Forecasts of some trips whose values are those of one trip and `k`; the second column of the series has `k` more."""
-    n, series = len(rows), np.array(series)
-    return HeldOutForecasts(
-        sd_wh=np.full(n, 10.0 + k),
-        low_wh=np.tile([1.0 + k, 2.0 + k, 3.0 + k, 4.0 + k], (n, 1)),
-        high_wh=np.tile([5.0 + k, 6.0 + k, 7.0 + k, 8.0 + k], (n, 1)),
-        factors=np.tile([1.0, 3.0], (n, 1)),
-        pit=np.full(n, 0.1 * k),
-        flags=np.full(n, k, dtype=int),
-        causes_wh=np.tile([1.0 + k, 2.0 + k], (n, 1)),
-        cause_names=np.array(["air", "climate"]),
-        updates_wh=np.tile(1000.0 * k + np.arange(24.0).reshape(1, 4, 6), (n, 1, 1)),
-        shown=np.full(n, 0.2 + k),
-        arrival=np.full((n, 2, 3), 0.3 + k),
-        arrival_chance=np.full((n, 2, 13), 0.4 + k),
-        series=series + np.array([0.0, k]),
-        series_names=np.array(["time_s", "energy_wh"]),
-        series_rows=np.array(rows),
+def kept(k: float) -> HeldOutForecast:
+    """The forecast of a trip, of which all values are `k` more than those of another."""
+    return HeldOutForecast(
+        sd_wh=10.0 + k,
+        bounds_wh=np.column_stack([np.arange(1.0, 5.0), np.arange(5.0, 9.0)]) + k,
+        factors=np.array([1.0, 3.0]),
+        pit=0.1 * k,
+        flags=int(k),
+        causes_wh={"air": 1.0 + k, "climate": 2.0 + k},
+        updates_wh=1000.0 * k + np.arange(24.0).reshape(4, 6),
+        shown=0.2 + k,
+        arrival=np.full((2, 3), 0.3 + k),
+        arrival_chance=np.full((2, 13), 0.4 + k),
+        series=pd.DataFrame({"time_s": [0.0, 10.0], "energy_wh": [k, 50.0 + k]}),
     )
 
 
@@ -65,16 +60,15 @@ class TestResults:
         results = (fold([1, 4], [2.0, 5.0]), fold([0, 2], [1.0, 3.0]))
         comparison = Comparison(SimpleNamespace(table=table), (), results)
         assert comparison.energies_wh(FORECAST).tolist() == [1.0, 2.0, 3.0, 5.0]
-        assert comparison.forecasts(FORECAST) is None
+        assert comparison.forecasts(FORECAST) == []
 
     def test_forecasts_in_the_order_of_the_trips(self) -> None:
-        """Trips of one and of two rows of the series, given in another order."""
-        first = kept(0.0, [(1.0, 1.0), (2.0, 2.0), (3.0, 3.0)], (1, 2))
-        results = (fold([0, 2], [0.0, 0.0], forecasts=first), fold([1], [0.0], forecasts=kept(1.0)))
-        joined = Comparison(None, (), results).forecasts(FORECAST)
-        assert joined.sd_wh.tolist() == [10.0, 11.0, 10.0]
-        assert joined.series_rows.tolist() == [1, 2, 2]
-        assert [piece[:, 0].tolist() for piece in joined.pieces()] == [[1.0], [0.0, 10.0], [2.0, 3.0]]
+        results = (
+            fold([0, 2], [0.0, 0.0], forecasts=[kept(0.0), kept(2.0)]),
+            fold([1], [0.0], forecasts=[kept(1.0)]),
+        )
+        found = Comparison(None, (), results).forecasts(FORECAST)
+        assert [forecast.sd_wh for forecast in found] == [10.0, 11.0, 12.0]
 
     def test_insight(self) -> None:
         """Two folds of a trip each, given in the wrong order."""
@@ -85,8 +79,8 @@ class TestResults:
         pair = np.array([0, 1])
         hold_out = SimpleNamespace(table=Trips("ab"), tested=pair, scored=pair, data=own)
         results = (
-            fold([1], [200.0], forecasts=kept(1.0)),
-            fold([0], [100.0], forecasts=kept(0.0)),
+            fold([1], [200.0], forecasts=[kept(1.0)]),
+            fold([0], [100.0], forecasts=[kept(0.0)]),
             fold([0], [9.0], model="other"),
         )
         part = pd.DataFrame(
@@ -113,8 +107,7 @@ class TestResults:
         assert found.series["a"]["energy_wh"].tolist() == [0.0, 50.0]
         assert found.series["b"]["energy_wh"].tolist() == [1.0, 51.0]
         assert found.logs == {"a": "log a", "b": "log b"}
-        assert comparison.forecasts("other") is None
-        assert comparison.forecasts("third") is None
+        assert comparison.forecasts("other") == comparison.forecasts("third") == []
 
     def test_measured_beside_the_forecast(self) -> None:
         """100 m in 10 s, then 60 m in 20 s; the last speed is none."""
@@ -155,15 +148,19 @@ class TestResults:
                 name,
                 lambda *given, name=name: seen.setdefault(name, given) and {name: 1},
             )
-        own = HeldOutForecasts.joined([kept(0.0), kept(1.0)], np.array([0, 1]))
+        own = [kept(0.0), kept(1.0)]
         found = forecast_scores(own, part, 7, [1, 2])
         plain = {
             name: [v if isinstance(v, int | list) else v.tolist() for v in given]
             for name, given in seen.items()
         }
-        rows = {name: values.tolist() for name, values in vars(own).items()}
+        rows = {
+            name: of_each(own, name).tolist()
+            for name in ("shown", "arrival", "arrival_chance", "sd_wh", "factors", "updates_wh")
+        }
+        low, high = ([[c + k for c in range(first, first + 4)] for k in (0, 1)] for first in (1, 5))
         assert plain["arrival_scores"] == [rows["shown"], rows["arrival"], rows["arrival_chance"], 7]
-        assert plain["coverage_scores"] == [[10.0, 20.0], rows["low_wh"], rows["high_wh"], 7]
+        assert plain["coverage_scores"] == [[10.0, 20.0], low, high, 7]
         assert plain["crps_scores"] == [[10.0, 20.0], [11.0, 22.0], rows["sd_wh"], rows["factors"]]
         assert plain["update_scores"] == [[10.0, 20.0], rows["updates_wh"], 7, [1, 2]]
         assert set(found) == {"arrival", "coverage_scores", "crps_scores", "update"}

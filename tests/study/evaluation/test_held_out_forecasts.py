@@ -11,7 +11,7 @@ from tripwatt.study.evaluation.forecast_scores import (
     LEVELS,
     UPDATES,
 )
-from tripwatt.study.evaluation.held_out_forecasts import HeldOutForecasts, arrivals_of, reforecast
+from tripwatt.study.evaluation.held_out_forecasts import HeldOutForecast, arrivals_of, reforecast
 from tripwatt.trips import Departure, Plan
 
 
@@ -44,28 +44,21 @@ class TestReforecast:
         assert reforecast(Told(), driven_log(), 0.10)[0] == 2000.0
 
 
-def test_what_is_kept_of_forecasts(monkeypatch: pytest.MonkeyPatch) -> None:
-    nothing = np.full((2, 3), NO), np.full((2, 13), NO)
-    monkeypatch.setattr(held_out_forecasts, "arrivals_of", lambda model, plan: nothing)
-    logs = [driven_log(displayed_soc=[0.8, 0.7, 0.6, 0.5, 0.45, NO]), driven_log()]
-    kept = HeldOutForecasts.from_forecasts(None, ["plan"] * 2, [Told(), Told(200.0)], logs)
-    levels = (np.arange(100) + 0.5) / 100
-    assert kept.factors == pytest.approx(np.array([4.0 * levels] * 2), **EXACT)
-    assert kept.low_wh[1] == pytest.approx([200.0 - 10.0 * level for level in LEVELS], **EXACT)
-    assert kept.high_wh[0] == pytest.approx([100.0 + 20.0 * level for level in LEVELS], **EXACT)
-    assert kept.pit == pytest.approx([0.22, 0.22], **EXACT)  # of 220 Wh at the end of the log
-    assert kept.flags.tolist() == [2, 2]
-    assert kept.sd_wh.tolist() == [10.0, 10.0]
-    assert kept.cause_names.tolist() == ["air", "climate"]
-    assert kept.causes_wh.tolist() == [[60.0, 40.0]] * 2
-    assert kept.updates_wh.shape == (2, len(FRACTIONS), len(UPDATES))
-    assert kept.updates_wh[0, 1, 0] == 2000.0
-    assert kept.shown == pytest.approx([0.45, NO], nan_ok=True)
-    assert kept.arrival.shape == (2, 2, 3)
-    assert kept.arrival_chance.shape == (2, 2, 13)
-    assert kept.series_rows.tolist() == [3, 3]
-    assert kept.series[:, 1].tolist() == [0.0, 30.0, 100.0] * 2
-    assert kept.series_names.tolist() == ["time_s", "energy_wh", "distance_m"]
+def test_what_is_kept_of_a_forecast(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(held_out_forecasts, "arrivals_of", lambda model, plan: ("bounds", "chances"))
+    log = driven_log(displayed_soc=[0.8, 0.7, 0.6, 0.5, 0.45, NO])
+    kept = HeldOutForecast.from_forecast(None, "plan", Told(), log)
+    assert kept.factors == pytest.approx(4.0 * (np.arange(100) + 0.5) / 100, **EXACT)
+    assert kept.bounds_wh[:, 0] == pytest.approx([100.0 - 10.0 * level for level in LEVELS], **EXACT)
+    assert kept.bounds_wh[:, 1] == pytest.approx([100.0 + 20.0 * level for level in LEVELS], **EXACT)
+    assert kept.pit == pytest.approx(0.22, **EXACT)  # of 220 Wh at the end of the log
+    assert (kept.flags, kept.sd_wh, kept.causes_wh) == (2, 10.0, {"air": 60.0, "climate": 40.0})
+    assert kept.updates_wh.shape == (len(FRACTIONS), len(UPDATES))
+    assert kept.updates_wh[1, 0] == 2000.0
+    assert kept.shown == 0.45
+    assert np.isnan(HeldOutForecast.from_forecast(None, "plan", Told(200.0), driven_log()).shown)
+    assert (kept.arrival, kept.arrival_chance) == ("bounds", "chances")
+    assert kept.series["energy_wh"].tolist() == [0.0, 30.0, 100.0]
 
 
 def test_arrivals_from_each_charge() -> None:
@@ -91,25 +84,3 @@ def test_arrivals_from_each_charge() -> None:
     assert chance.shape == (2, 13)
     assert chance[0] == pytest.approx(1.0 - (0.4 + offsets), **EXACT)
     assert np.isnan(none[0]).all()
-
-
-def kept(k: float, series=((0.0, 0.0), (10.0, 50.0)), rows=(2,)) -> HeldOutForecasts:
-    """Forecasts of some trips whose values are those of one trip and `k`; the second column of the series has `k` more."""
-    n, series = len(rows), np.array(series)
-    return HeldOutForecasts(
-        sd_wh=np.full(n, 10.0 + k),
-        low_wh=np.tile([1.0 + k, 2.0 + k, 3.0 + k, 4.0 + k], (n, 1)),
-        high_wh=np.tile([5.0 + k, 6.0 + k, 7.0 + k, 8.0 + k], (n, 1)),
-        factors=np.tile([1.0, 3.0], (n, 1)),
-        pit=np.full(n, 0.1 * k),
-        flags=np.full(n, k, dtype=int),
-        causes_wh=np.tile([1.0 + k, 2.0 + k], (n, 1)),
-        cause_names=np.array(["air", "climate"]),
-        updates_wh=np.tile(1000.0 * k + np.arange(24.0).reshape(1, 4, 6), (n, 1, 1)),
-        shown=np.full(n, 0.2 + k),
-        arrival=np.full((n, 2, 3), 0.3 + k),
-        arrival_chance=np.full((n, 2, 13), 0.4 + k),
-        series=series + np.array([0.0, k]),
-        series_names=np.array(["time_s", "energy_wh"]),
-        series_rows=np.array(rows),
-    )

@@ -6,11 +6,18 @@ import numpy as np
 import pytest
 from sklearn.model_selection import KFold
 
-from tripwatt.study.evaluation.hold_outs import LEAVE_ONE_TRIP_OUT, HoldOut, Split, days_of, random_draws
+from tripwatt.learners.folds import Split, leave_one_out
+from tripwatt.study.evaluation.hold_outs import (
+    LEAVE_ONE_TRIP_OUT,
+    HoldOut,
+    HoldOutChoice,
+    days_of,
+    random_draws,
+)
 
 
 def folds_of(*numbers: int, scheme: str = "s") -> HoldOut:
-    return HoldOut.from_folds(scheme, "reference", range(len(numbers)), "data", np.array(numbers))
+    return HoldOut(scheme, "reference", range(len(numbers)), "data", leave_one_out(np.array(numbers)))
 
 
 def plain(splits: tuple[Split, ...]) -> list:
@@ -32,15 +39,21 @@ def test_a_trip_may_be_for_training_alone() -> None:
 
 
 def test_any_splitter_serves() -> None:
-    pairs = KFold(3, shuffle=True, random_state=1).split(np.zeros(7))
-    hold_out = HoldOut.from_pairs("k-fold", "all", range(7), None, pairs)
-    assert [split.number for split in hold_out.splits] == [0, 1, 2]
-    assert hold_out.folds is not None
-    for split in hold_out.splits:
+    class Gap:
+        """Trains on some trips alone; its second split gives a mask."""
+
+        def split(self, X, y, groups):
+            return [([0], [2]), ([0, 1], np.arange(len(X)) == 3)]
+
+    trips = [SimpleNamespace(context=SimpleNamespace(day=None))] * 7
+    splitters = HoldOutChoice((KFold(3, shuffle=True, random_state=1), Gap()))
+    found = {name: HoldOut(name, "all", range(7), None, s) for name, s in splitters.split(trips, np.ones(7))}
+    assert [split.number for split in found["KFold"].splits] == [0, 1, 2]
+    assert found["KFold"].folds is not None
+    for split in found["KFold"].splits:
         assert sorted([*split.train, *split.test]) == list(range(7))
-    gap = HoldOut.from_pairs("gap", "all", range(4), None, [([0], [2]), ([0, 1], [3])])
-    assert gap.folds is None
-    assert gap.scored.tolist() == [2, 3]
+    assert found["Gap"].folds is None
+    assert found["Gap"].scored.tolist() == [2, 3]
 
 
 def test_settings_are_compared_on_the_reference_trips_alone() -> None:

@@ -9,9 +9,10 @@ import pandas as pd
 import pytest
 
 from tripwatt.hybrid import build_table
+from tripwatt.learners.folds import Split, leave_one_out
 from tripwatt.study.evaluation import Execution, evaluate
 from tripwatt.study.evaluation.comparison import Comparison
-from tripwatt.study.evaluation.hold_outs import CarChoice, HoldOut, Split
+from tripwatt.study.evaluation.hold_outs import CarChoice, HoldOut
 from tripwatt.study.evaluation.paper_studies import (
     CHOICES,
     CURVE,
@@ -44,7 +45,7 @@ def table(fleet):
 
 
 def hold_out(table, trips="reference", scheme="leave_one_trip_out"):
-    return HoldOut.from_folds(scheme, trips, table, None, np.arange(len(table), dtype=np.int64))
+    return HoldOut(scheme, trips, table, table, leave_one_out(np.arange(len(table))))
 
 
 # -- forms of the simulation ---------------------------------------------------------------------------------

@@ -3,27 +3,17 @@
 import pytest
 
 from tripwatt.sources import read_logs
-from tripwatt.study.evaluation import Execution, evaluate, paper_protocol
+from tripwatt.study.evaluation import Execution, evaluate
 
 
 @pytest.fixture(scope="module")
 def main_row(data_dir):
-    hold_outs_of = paper_protocol._hold_outs
-
-    def first_hold_out(*given):
-        hold_outs, notes = hold_outs_of(*given)
-        return hold_outs[:1], notes
-
-    with (
-        pytest.MonkeyPatch.context() as patch
-    ):  # without the sets of trips and the simulations that are not asked for
-        patch.setattr(paper_protocol, "_hold_outs", first_hold_out)
-        patch.setattr(paper_protocol, "simulation_forms", lambda *given: {})
-        run = evaluate(
-            read_logs(data_dir / "tum", "tum"),
-            models=("constant", "linear4", "physics"),
-            execution=Execution(n_jobs=1),
-        )
+    run = evaluate(
+        read_logs(data_dir / "tum", "tum"),
+        models=("constant", "linear4", "physics"),
+        hold_outs="leave_one_trip_out:reference",
+        execution=Execution(n_jobs=1),
+    )
     row = run.results["evaluations"][0]
     assert (row["scheme"], row["trips"], row["n_trips"]) == ("leave_one_trip_out", "reference", 58)
     return row["models"]

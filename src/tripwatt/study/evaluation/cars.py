@@ -7,7 +7,7 @@ with few trips scores all that were not drawn. Beside that the trips are forecas
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -27,6 +27,7 @@ from tripwatt.hybrid import SegmentTable, segment_trips
 from tripwatt.hybrid.factors import SDS, TripEvidence
 from tripwatt.hybrid.learning import KINDS, Experts
 from tripwatt.hybrid.parameters import on_road
+from tripwatt.learners.folds import Split, held_out
 from tripwatt.population import Adaptation
 from tripwatt.population.adapting import in_order
 from tripwatt.population.prior import Population, Source, population
@@ -309,30 +310,34 @@ def _curve(
     """Mean error over draws of k trips, each learned in the order of its dates, and with the whole first half."""
     n = len(evidence)
     half = n // 2 if n >= FEW else n
-    counts = [
-        k
+
+    def scores(k: int, splits: Iterable[Split]) -> dict[str, Any]:
+        def fit(known: IntArray) -> Callable[[IntArray], dict[str, float]]:
+            return lambda scored: _drawn(learner, evidence.take(known), evidence.take(scored))
+
+        found = [score for _, score in held_out(splits, fit)]
+        return {"k": k, "draws": len(found), **(_means(found) if k < half else found[0])}
+
+    rows = [
+        scores(k, _draws(n, half, k, draws if k else 1, seed))
         for k in trips
         if k < half and (n >= FEW or n - k >= LEAST_SCORED or not k) and (k or not needs_trips)
     ]
-    rows = []
-    for k in counts:
-        rng = np.random.default_rng((seed, k))
-        many = draws if k else 1
-        drawn = [np.sort(rng.permutation(half)[:k]) for _ in range(many)]
-        second = np.arange(half, n)
-        scores = [
-            _drawn(learner, evidence, known, second if half < n else np.delete(np.arange(n), known))
-            for known in drawn
-        ]
-        rows.append({"k": k, "draws": many, **_means(scores)})
     if n >= FEW:
-        rows.append({"k": half, "draws": 1, **_drawn(learner, evidence, np.arange(half), np.arange(half, n))})
+        rows.append(scores(half, [Split(0, np.arange(half), np.arange(half, n))]))
     return rows
 
 
-def _drawn(learner: Learner, evidence: TripEvidence, known: IntArray, scored: IntArray) -> dict[str, float]:
-    asked = evidence.take(scored)
-    return _error(asked.residual_wh - learner(evidence.take(known), asked), asked.observed_wh)
+def _draws(n: int, half: int, k: int, draws: int, seed: int) -> Iterator[Split]:
+    """Random choices of k of the first trips; the second half is scored, or, without one, all other trips."""
+    rng = np.random.default_rng((seed, k))
+    for draw in range(draws):
+        known = np.sort(rng.permutation(half)[:k])
+        yield Split(draw, known, np.arange(half, n) if half < n else np.delete(np.arange(n), known), draw)
+
+
+def _drawn(learner: Learner, known: TripEvidence, asked: TripEvidence) -> dict[str, float]:
+    return _error(asked.residual_wh - learner(known, asked), asked.observed_wh)
 
 
 def _means(scores: Sequence[Mapping[str, float]]) -> dict[str, Any]:

@@ -6,13 +6,13 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray
-from tripwatt.study.evaluation.held_out_forecasts import HeldOutForecasts
+from tripwatt.study.evaluation.held_out_forecasts import HeldOutForecast
 from tripwatt.study.evaluation.hold_outs import HoldOut
 from tripwatt.study.evaluation.metrics import (
     absolute_percentage_error,
@@ -21,6 +21,8 @@ from tripwatt.study.evaluation.metrics import (
     summarise_errors,
 )
 from tripwatt.study.evaluation.tasks import FoldResult, ModelSpec
+
+T = TypeVar("T")
 
 FOLD_COLUMNS: Final = (
     "scheme",
@@ -59,9 +61,9 @@ class Comparison:
 
     def energies_wh(self, model: str) -> FloatArray:
         """Predicted energy of each scored trip, in their order."""
-        own, order = self._ordered(model)
-        energies = [result.energies_wh(self.hold_out.table) for result in own]
-        return np.asarray(np.concatenate(energies)[order])
+        return np.array(
+            self._ordered(model, [list(r.energies_wh(self.hold_out.table)) for r in self.of(model)])
+        )
 
     def along_wh(self, model: str) -> FloatArray:
         """Predicted cumulative energy at every row of the table; NaN for trips that are not scored.
@@ -77,16 +79,19 @@ class Comparison:
             values[rows] = result.predicted_wh
         return values
 
-    def forecasts(self, model: str) -> HeldOutForecasts | None:
-        """Forecasts of the scored trips, in their order; None for a model that makes none or did not run."""
-        own, order = self._ordered(model)
-        parts = [result.forecasts for result in own if result.forecasts is not None]
-        return HeldOutForecasts.joined(parts, order) if parts else None
+    def forecasts(self, model: str) -> list[HeldOutForecast]:
+        """Forecasts of the scored trips, in their order; none by a model that makes none or did not run."""
+        parts = [result.forecasts for result in self.of(model) if result.forecasts is not None]
+        return self._ordered(model, parts) if parts else []
 
-    def _ordered(self, model: str) -> tuple[list[FoldResult], Any]:
-        own = sorted(self.of(model), key=lambda result: result.split.number)
-        trips = [result.split.test for result in own]
-        return own, np.argsort(np.concatenate(trips), kind="stable") if trips else np.empty(0, np.int64)
+    def _ordered(self, model: str, parts: Sequence[Sequence[T]]) -> list[T]:
+        """What each result of a model has of its trips, in the order of the trips and, for one trip, of the splits."""
+        of_trips = (
+            (trip, result.split.number, each)
+            for result, part in zip(self.of(model), parts, strict=True)
+            for trip, each in zip(result.split.test.tolist(), part, strict=True)
+        )
+        return [each for _, _, each in sorted(of_trips, key=lambda found: found[:2])]
 
     @cached_property
     def frame(self) -> pd.DataFrame:

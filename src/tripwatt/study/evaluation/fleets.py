@@ -20,6 +20,7 @@ from tripwatt.fleet.features import START
 from tripwatt.fleet.model import predict_rows
 from tripwatt.fleet.statistics import TripRows
 from tripwatt.hybrid.groups import Scales, Sums, fit_scales, group_posterior
+from tripwatt.learners.folds import leave_one_out
 from tripwatt.uncertainty import ConformalScores
 
 NEWEST_SHARE: Final = 0.2
@@ -136,11 +137,10 @@ def _left_out(
     rows: TripRows, whole: Sums, scales: Scales, part: IntArray, fold: IntArray, protocol: str
 ) -> pd.DataFrame:
     energy, sd = np.zeros(len(rows)), np.zeros(len(rows))
-    for k in np.unique(part):
-        held = part == k
-        test = rows.where(held)
+    for split in leave_one_out(part):
+        test = rows.take(split.test)
         posterior = group_posterior(_nonempty(whole - test.sums), scales)
-        energy[held], sd[held] = with_errors(posterior, test)
+        energy[split.test], sd[split.test] = with_errors(posterior, test)
     return _frame(rows, energy, sd, fold, protocol)
 
 
@@ -154,10 +154,9 @@ def _frame(rows: TripRows, energy: FloatArray, sd: FloatArray, fold: IntArray, p
     observed = rows.numbers("observed_wh")
     score = np.abs(observed - energy) / sd
     factor = np.zeros(len(rows))
-    for k in np.unique(fold):
-        others = score[fold != k]
-        known = others if len(others) else score
-        factor[fold == k] = ConformalScores.from_errors(known.tolist()).factor(LEVEL)
+    for split in leave_one_out(fold):
+        known = score[split.train] if len(split.train) else score
+        factor[split.test] = ConformalScores.from_errors(known.tolist()).factor(LEVEL)
     return pd.DataFrame(
         {
             "protocol": protocol,

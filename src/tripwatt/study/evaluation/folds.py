@@ -4,19 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import json
-import zipfile
+import pickle
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
+from tripwatt.files import write_bytes
+from tripwatt.learners.folds import Split
 from tripwatt.parallel import map_unordered, one_blas_thread
 from tripwatt.study.evaluation.comparison import Comparison
-from tripwatt.study.evaluation.held_out_forecasts import HeldOutForecasts
-from tripwatt.study.evaluation.hold_outs import Split
 from tripwatt.study.evaluation.tasks import FoldResult, Task
 
 Progress = Callable[[int, int], None]
@@ -63,18 +59,17 @@ def run_folds(
     compares : bool
         Whether settings are compared inside the folds of the reference trips.
     """
-    store = FoldStore.open(execution, comparisons, seed)
     keys = [_key(comparison) for comparison in comparisons]
+    folder = _folder(execution, [_code_digest(), seed, keys])
     results: dict[int, list[FoldResult]] = {keys.index(key): [] for key in keys}
     tasks: list[Task] = []
     for index, done in results.items():
         hold_out = comparisons[index].hold_out
         for spec in comparisons[index].specs:
-            loaded = store.load(index, spec.name, hold_out.splits)
-            known = {result.split.number for result in loaded}
-            missing = [split for split in hold_out.splits if split.number not in known]
+            kept = [_load(_file(folder, index, spec.name, split)) for split in hold_out.splits]
+            done += [result for result in kept if result is not None]
+            missing = [split for split, result in zip(hold_out.splits, kept, strict=True) if result is None]
             tasks += spec.tasks(index, hold_out, missing, seed, compares=compares and hold_out.is_reference)
-            done += loaded
     tasks.sort(key=lambda task: task.rank)
     finished = sum(map(len, results.values()))
     total = finished + sum(len(task.splits) for task in tasks)
@@ -82,7 +77,9 @@ def run_folds(
     report(finished, total)
     for number, fresh in map_unordered(_run, tasks, n_jobs=execution.n_jobs):
         index = tasks[number].comparison
-        store.save(index, fresh)
+        for result in fresh:
+            if (file := _file(folder, index, result.model, result.split)) is not None:
+                write_bytes(file, pickle.dumps(result))
         results[index] += fresh
         finished += len(fresh)
         report(finished, total)
@@ -107,59 +104,28 @@ def _key(comparison: Comparison) -> str:
     )
 
 
-@dataclass(frozen=True)
-class FoldStore:
-    """Finished splits on disk, one .npz for each, in a folder that is named by what they belong to."""
+def _folder(execution: Execution, what: object) -> Path | None:
+    """Where finished splits of the same code, trips, models and seed are kept."""
+    if execution.work_dir is None:
+        return None
+    folder = execution.work_dir / hashlib.sha256(json.dumps(what).encode()).hexdigest()[:16]
+    folder.mkdir(parents=True, exist_ok=True)
+    for old in () if execution.resume else folder.glob("*.fold"):
+        old.unlink()
+    return folder
 
-    folder: Path | None
 
-    @classmethod
-    def open(cls, execution: Execution, comparisons: Sequence[Comparison], seed: int) -> FoldStore:
-        """The splits of an earlier run of the same code, trips and seed, or an empty folder."""
-        if execution.work_dir is None:
-            return cls(None)
-        what = json.dumps([_code_digest(), seed, [_key(comparison) for comparison in comparisons]])
-        folder = execution.work_dir / hashlib.sha256(what.encode()).hexdigest()[:16]
-        folder.mkdir(parents=True, exist_ok=True)
-        if not execution.resume:
-            for old in folder.glob("*.npz"):
-                old.unlink()
-        return cls(folder)
+def _file(folder: Path | None, comparison: int, model: str, split: Split) -> Path | None:
+    return None if folder is None else folder / f"{comparison}.{model}.{split.number}.fold"
 
-    def load(self, comparison: int, model: str, splits: Sequence[Split]) -> list[FoldResult]:
-        """Finished splits of a model; a damaged file is removed, and its split runs again."""
-        results = []
-        for split in splits if self.folder is not None else ():
-            path = self._path(comparison, model, split)
-            try:
-                with np.load(path, allow_pickle=False) as stored:
-                    times = [stored[name].item() for name in ("fit_s", "predict_ms", "inner_error")]
-                    kept = {
-                        f.name: stored[f.name] for f in fields(HeldOutForecasts) if f.name in stored.files
-                    }
-                    result = FoldResult(model, split, stored["predicted_wh"], *times)
-                results.append(replace(result, forecasts=HeldOutForecasts(**kept)) if kept else result)
-            except FileNotFoundError:
-                continue
-            except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile):
-                path.unlink()  # half-written when the run was interrupted
-        return results
 
-    def save(self, comparison: int, results: Sequence[FoldResult]) -> None:
-        """Keep finished splits."""
-        for result in results if self.folder is not None else ():
-            names = ("predicted_wh", "fit_s", "predict_ms", "inner_error")
-            arrays: dict[str, npt.NDArray[Any]] = {name: np.array(getattr(result, name)) for name in names}
-            arrays |= {} if result.forecasts is None else vars(result.forecasts)
-            path = self._path(comparison, result.model, result.split)
-            half = path.with_suffix(".part")
-            with half.open("wb") as stream:
-                np.savez(stream, **arrays)  # type: ignore[arg-type]  # numpy's stub mistakes ** for its own keyword
-            half.replace(path)
-
-    def _path(self, comparison: int, model: str, split: Split) -> Path:
-        assert self.folder is not None
-        return self.folder / f"{comparison}.{model}.{split.number}.npz"
+def _load(file: Path | None) -> FoldResult | None:
+    """A finished split; None where there is none, and where its file is damaged, so that the split runs again."""
+    try:
+        result = None if file is None else pickle.loads(file.read_bytes())  # our own file, of our own folder
+    except (OSError, EOFError, ValueError, LookupError, pickle.UnpicklingError):
+        return None
+    return result if isinstance(result, FoldResult) else None
 
 
 def _code_digest() -> str:

@@ -17,7 +17,7 @@ from tripwatt.hybrid import Corrector, power_corrector
 from tripwatt.hybrid.familiarity import Familiarity
 from tripwatt.hybrid.power import LearnerCorrector
 from tripwatt.study.evaluation.forecast_data import ForecastData
-from tripwatt.study.evaluation.held_out_forecasts import HeldOutForecasts
+from tripwatt.study.evaluation.held_out_forecasts import HeldOutForecast
 from tripwatt.study.evaluation.hold_outs import HoldOut
 from tripwatt.study.evaluation.tasks import Fitted, Method
 
@@ -153,9 +153,11 @@ class ForecastMethod(Method[ForecastData]):
             made.update({int(i): model.forecast(data.plans[int(i)]) for i in test})
             return np.array([made[int(i)].energy_wh for i in test])
 
-        def forecasts(test: IntArray) -> HeldOutForecasts:
-            columns = zip(*((data.plans[i], made[i], data.logs[i]) for i in test.tolist()), strict=True)
-            return HeldOutForecasts.from_forecasts(model, *columns)
+        def forecasts(test: IntArray) -> list[HeldOutForecast]:
+            return [
+                HeldOutForecast.from_forecast(model, data.plans[i], made[i], data.logs[i])
+                for i in test.tolist()
+            ]
 
         return Fitted(predict, forecasts)
 

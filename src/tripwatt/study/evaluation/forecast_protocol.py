@@ -6,6 +6,8 @@ Every model takes of a held-out trip its speed trace and what was known at its d
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
+from operator import attrgetter
 from types import MappingProxyType
 from typing import Any, Final
 
@@ -18,6 +20,7 @@ from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import DEFAULT_CORRECTOR, GIVEN
 from tripwatt.forecasting.model import MIN_TRIPS
 from tripwatt.hybrid import Corrector
+from tripwatt.learners.folds import TRAINING_ONLY, leave_one_out
 from tripwatt.study.evaluation.comparison import Comparison
 from tripwatt.study.evaluation.forecast_data import ForecastData
 from tripwatt.study.evaluation.forecast_models import DataMethod, ForecastMethod, PowerMethod
@@ -32,18 +35,17 @@ from tripwatt.study.evaluation.forecast_results import (
 )
 from tripwatt.study.evaluation.forecast_scores import FORECAST, WITHOUT_PHYSICS
 from tripwatt.study.evaluation.hold_outs import (
-    LEAVE_ONE_DAY_OUT,
     LEAVE_ONE_TRIP_OUT,
     LEAVE_REGIME_OUT,
     OTHER_TRIPS,
     TIME_SPLIT,
-    TRAINING_ONLY,
     WITHOUT_DAYS,
     CarChoice,
     HoldOut,
     HoldOutChoice,
     Prepared,
     days_of,
+    hold_outs_of,
     random_draws,
 )
 from tripwatt.study.evaluation.outside import WholeMethod, WholeModel, is_whole, outside_spec
@@ -177,9 +179,9 @@ class ForecastProtocol:
             days = [held.table.days[i] for i in held.tested]
             for name in summary["models"]:
                 forecasts, part = comparison.forecasts(name), comparison.rows_of(name)
-                if forecasts is not None:
+                if forecasts:
                     summary["models"][name] |= forecast_scores(forecasts, part, seed, days)
-                if forecasts is not None and name == FORECAST:
+                if forecasts and name == FORECAST:
                     insights.append(forecast_insight(comparison.hold_out, forecasts, part))
             summaries.append(summary)
         insight = insights[0] if insights else None
@@ -206,45 +208,18 @@ def _held_out(
     notes = [f"no {name} trips in the data set {fleet.name!r}" for name, trips in every.items() if not trips]
     sets = {name: trips for name, trips in every.items() if trips}
     _require(min(map(len, sets.values()), default=1) - 1, fleet)
-    main = next(iter(sets))
-    known = [(LEAVE_ONE_TRIP_OUT, name) for name in sets]
-    days = days_of(sets[main])
-    if days is None:
+    main = next(iter(sets.values()))
+    by_day = days_of(main)
+    if by_day is None:
         notes.append(WITHOUT_DAYS)
-    elif len(days) - int(np.bincount(days).max()) < MIN_TRIPS:
+    elif len(by_day) - int(np.bincount(by_day).max()) < MIN_TRIPS:
         notes.append("leave-one-day-out left out: too few trips remain without the fullest day")
-    else:
-        known.append((LEAVE_ONE_DAY_OUT, main))
-    regimes, more = _regimes(sets[main])
-    chosen = wanted.of([*known, *regimes])
-    used = dict.fromkeys(main if pair in regimes else pair[1] for pair in chosen)
-    prepared = {
-        n: ForecastData.from_trips(sets[n], vehicle) for n in (*used, *([main] if wanted.splits else []))
-    }
-    hold_outs: list[HoldOut[ForecastData]] = []
-    for scheme, name in chosen:
-        if (scheme, name) in regimes:
-            members, folds = regimes[scheme, name]
-            hold_outs.append(_hold_out(scheme, name, prepared[main].take(members), folds))
-        else:
-            hold_outs.append(
-                _hold_out(scheme, name, prepared[name], days if scheme == LEAVE_ONE_DAY_OUT else None)
-            )
-    if wanted.splits:
-        data = prepared[main]
-        splits = list(wanted.split(main, data.table, data, sets[main]))
-        _require(min(len(split.train) for hold_out in splits for split in hold_out.splits), fleet)
-        hold_outs += splits
-    return wanted.in_order(hold_outs), [*notes, *more] if wanted.chosen is None else wanted.notes(sets[main])
-
-
-def _hold_out(
-    scheme: str, trips: str, data: ForecastData, folds: IntArray | None = None
-) -> HoldOut[ForecastData]:
-    """Each trip is a fold by default."""
-    return HoldOut.from_folds(
-        scheme, trips, data.table, data, np.arange(len(data)) if folds is None else folds
-    )
+        by_day = None
+    regimes, more = _regimes(main)
+    prepare = partial(ForecastData.from_trips, vehicle=vehicle)
+    hold_outs = hold_outs_of(sets, by_day, wanted, prepare, attrgetter("table"), regimes)
+    _require(min(len(split.train) for hold_out in hold_outs for split in hold_out.splits), fleet)
+    return hold_outs, [*notes, *more] if wanted.chosen is None else wanted.notes(main)
 
 
 def _regimes(trips: Sequence[Trip]) -> tuple[dict[tuple[str, str], tuple[IntArray, IntArray]], list[str]]:
@@ -292,9 +267,9 @@ def _other_trips(
             "no trip to score", f"--test {test_fleet.name}", "0", "at least 1 after the audit"
         )
     data = ForecastData.from_trips([*test, *train], vehicle)
-    folds = np.repeat([0, TRAINING_ONLY], [len(test), len(train)])
+    splits = leave_one_out(np.repeat([0, TRAINING_ONLY], [len(test), len(train)]))
     note = f"fitted on {len(train)} trips of {fleet.name!r}, scored on {len(test)} of {test_fleet.name!r}"
-    return [_hold_out(OTHER_TRIPS, name, data, folds)], [note]
+    return [HoldOut(OTHER_TRIPS, name, data.table, data, splits)], [note]
 
 
 def _require(training: int, fleet: Fleet) -> None:

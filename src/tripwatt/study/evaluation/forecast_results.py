@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import Any, Final
 
@@ -27,7 +28,7 @@ from tripwatt.study.evaluation.forecast_scores import (
     symmetric_quantiles,
     update_scores,
 )
-from tripwatt.study.evaluation.held_out_forecasts import HeldOutForecasts
+from tripwatt.study.evaluation.held_out_forecasts import HeldOutForecast, of_each
 from tripwatt.study.evaluation.hold_outs import HoldOut
 from tripwatt.study.evaluation.metrics import absolute_percentage_error, bootstrap_interval
 
@@ -43,48 +44,47 @@ def add_crps_of_points(models: dict[str, Any], frame: pd.DataFrame) -> None:
 
 
 def forecast_scores(
-    forecasts: HeldOutForecasts, part: pd.DataFrame, seed: int, days: Sequence[str] | None = None
+    forecasts: Sequence[HeldOutForecast], part: pd.DataFrame, seed: int, days: Sequence[str] | None = None
 ) -> dict[str, Any]:
     """Coverage, CRPS and update scores of the forecast in one hold-out; `part` has its rows of the folds, `days` their days."""
     observed, centre = part["observed_energy_wh"].to_numpy(), part["predicted_energy_wh"].to_numpy()
+    bounds, factors = of_each(forecasts, "bounds_wh"), of_each(forecasts, "factors")
+    shown, arrival, chance = (of_each(forecasts, name) for name in ("shown", "arrival", "arrival_chance"))
     return {
-        "arrival": arrival_scores(forecasts.shown, forecasts.arrival, forecasts.arrival_chance, seed),
-        **coverage_scores(observed, forecasts.low_wh, forecasts.high_wh, seed),
-        **crps_scores(observed, centre, forecasts.sd_wh, forecasts.factors),
-        "update": update_scores(observed, forecasts.updates_wh, seed, days),
+        "arrival": arrival_scores(shown, arrival, chance, seed),
+        **coverage_scores(observed, bounds[:, :, 0], bounds[:, :, 1], seed),
+        **crps_scores(observed, centre, of_each(forecasts, "sd_wh"), factors),
+        "update": update_scores(observed, of_each(forecasts, "updates_wh"), seed, days),
     }
 
 
 def forecast_insight(
-    hold_out: HoldOut[ForecastData], forecasts: HeldOutForecasts, part: pd.DataFrame
+    hold_out: HoldOut[ForecastData], forecasts: Sequence[HeldOutForecast], part: pd.DataFrame
 ) -> ForecastInsight:
     """Held-out forecasts of one hold-out; `part` has their rows of the folds."""
     observed, centre = part["observed_energy_wh"].to_numpy(), part["predicted_energy_wh"].to_numpy()
-    sd_wh = forecasts.sd_wh
+    sd_wh, bounds = of_each(forecasts, "sd_wh"), of_each(forecasts, "bounds_wh")
+    half_wh = of_each(forecasts, "factors") * sd_wh[:, None]
     columns: dict[str, Any] = {
         "trip": part["trip"].to_numpy(),
         "observed_energy_wh": observed,
         "energy_wh": centre,
         "sd_wh": sd_wh,
-        "pit": forecasts.pit,
-        "crps_wh": crps(observed, symmetric_quantiles(centre, forecasts.factors * sd_wh[:, None])),
-        "flags": forecasts.flags,
+        "pit": of_each(forecasts, "pit"),
+        "crps_wh": crps(observed, symmetric_quantiles(centre, half_wh)),
+        "flags": of_each(forecasts, "flags"),
     }
     for j, level in enumerate(LEVELS):
-        columns[f"low_{100 * level:g}"] = forecasts.low_wh[:, j]
-        columns[f"high_{100 * level:g}"] = forecasts.high_wh[:, j]
-    for j, fraction in enumerate(FRACTIONS):
-        for k, name in enumerate(UPDATES):
-            columns[f"{name}_{100 * fraction:g}"] = forecasts.updates_wh[:, j, k]
+        columns[f"low_{100 * level:g}"], columns[f"high_{100 * level:g}"] = bounds[:, j].T
+    updates = of_each(forecasts, "updates_wh")
+    for (j, fraction), (k, name) in itertools.product(enumerate(FRACTIONS), enumerate(UPDATES)):
+        columns[f"{name}_{100 * fraction:g}"] = updates[:, j, k]
     about = about_trips(hold_out.data, hold_out.tested).drop(columns="trip")
     names = [hold_out.table.trip_ids[i] for i in hold_out.tested]
     return ForecastInsight(
         pd.concat([pd.DataFrame(columns), about], axis=1),
-        pd.DataFrame(forecasts.causes_wh, index=names, columns=forecasts.cause_names.tolist()),
-        {
-            name: pd.DataFrame(piece, columns=forecasts.series_names.tolist())
-            for name, piece in zip(names, forecasts.pieces(), strict=True)
-        },
+        pd.DataFrame([forecast.causes_wh for forecast in forecasts], index=names),
+        {name: forecast.series for name, forecast in zip(names, forecasts, strict=True)},
         {name: hold_out.data.logs[i] for name, i in zip(names, hold_out.tested, strict=True)},
     )
 

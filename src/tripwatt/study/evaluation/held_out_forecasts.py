@@ -1,4 +1,4 @@
-"""Forecasts of held-out trips: everything that is scored or drawn of them, as plain arrays.
+"""Forecasts of held-out trips: everything that is scored or drawn of them.
 
 Only the re-forecasts see measurements, and of these no sample after the cut.
 """
@@ -7,13 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
-from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.arrays import FloatArray
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.hybrid.climate_log import TOLD_BY
 from tripwatt.study.evaluation.forecast_data import CHARGE_COLUMNS
@@ -29,115 +28,82 @@ from tripwatt.trips import Plan
 CRPS_LEVELS: Final = 100
 
 
-@dataclass(frozen=True, eq=False)
-class HeldOutForecasts:
-    """Forecasts of some trips before departure and on the way.
+@dataclass(frozen=True, eq=False, slots=True)
+class HeldOutForecast:
+    """The forecast of a trip before departure and on the way.
 
     Attributes
     ----------
-    sd_wh : ndarray, shape (trips,)
-    low_wh, high_wh : ndarray, shape (trips, len(LEVELS))
-        Bounds of the intervals.
-    factors : ndarray, shape (trips, m)
+    sd_wh : float
+    bounds_wh : ndarray, shape (len(LEVELS), 2)
+        Of the intervals.
+    factors : ndarray, shape (m,)
         Half widths in standard deviations at the levels (k + 1/2) / m.
-    pit : ndarray, shape (trips,)
+    pit : float
         Probability that the forecast gave to less than was measured.
-    flags : ndarray of int, shape (trips,)
+    flags : int
         Number of flags.
-    causes_wh : ndarray, shape (trips, causes)
+    causes_wh : dict of str to float
         Energy by cause.
-    cause_names : ndarray of str, shape (causes,)
-    updates_wh : ndarray, shape (trips, len(FRACTIONS), len(UPDATES))
+    updates_wh : ndarray, shape (len(FRACTIONS), len(UPDATES))
         From `reforecast`.
-    shown : ndarray, shape (trips,)
+    shown : float
         Displayed charge at arrival; NaN where it was not logged.
-    arrival : ndarray, shape (trips, len(ARRIVAL_STARTS), 3)
+    arrival : ndarray, shape (len(ARRIVAL_STARTS), 3)
         Its forecast median and the bounds of its interval of `UPDATE_LEVEL`; NaN where the start was not known.
-    arrival_chance : ndarray, shape (trips, len(ARRIVAL_STARTS), len(RESERVE_OFFSETS))
+    arrival_chance : ndarray, shape (len(ARRIVAL_STARTS), len(RESERVE_OFFSETS))
         Probability to arrive with the median plus each of `RESERVE_OFFSETS`.
-    series : ndarray, shape (rows of all trips, columns)
-        `Forecast.series` of each trip, one after the other.
-    series_names : ndarray of str, shape (columns,)
-    series_rows : ndarray of int, shape (trips,)
+    series : DataFrame
+        `Forecast.series`.
     """
 
-    sd_wh: FloatArray
-    low_wh: FloatArray
-    high_wh: FloatArray
+    sd_wh: float
+    bounds_wh: FloatArray
     factors: FloatArray
-    pit: FloatArray
-    flags: IntArray
-    causes_wh: FloatArray
-    cause_names: npt.NDArray[np.str_]
+    pit: float
+    flags: int
+    causes_wh: dict[str, float]
     updates_wh: FloatArray
-    shown: FloatArray
+    shown: float
     arrival: FloatArray
     arrival_chance: FloatArray
-    series: FloatArray
-    series_names: npt.NDArray[np.str_]
-    series_rows: IntArray
+    series: pd.DataFrame
 
     @classmethod
-    def from_forecasts(
-        cls,
-        model: ForecastModel,
-        plans: Sequence[Plan],
-        forecasts: Sequence[Forecast],
-        logs: Sequence[pd.DataFrame],
-    ) -> HeldOutForecasts:
-        """Score forecasts of a model on what was measured.
+    def from_forecast(
+        cls, model: ForecastModel, plan: Plan, forecast: Forecast, log: pd.DataFrame
+    ) -> HeldOutForecast:
+        """Score a forecast of a model on what was measured.
 
         Parameters
         ----------
         model : ForecastModel
             For the forecasts of the charge at arrival.
-        plans : sequence of Plan
-        forecasts : sequence of Forecast
-        logs : sequence of DataFrame
+        plan : Plan
+        forecast : Forecast
+        log : DataFrame
             From `measured_log`.
         """
         levels = (np.arange(CRPS_LEVELS) + 0.5) / CRPS_LEVELS
-        bounds = np.array([[f.interval(level) for level in LEVELS] for f in forecasts])
-        pairs = list(zip(forecasts, logs, strict=True))
-        series = [f.to_frame() for f in forecasts]
-        arrivals = [arrivals_of(model, plan) for plan in plans]
+        arrival, chance = arrivals_of(model, plan)
         return cls(
-            sd_wh=np.array([f.sd_wh for f in forecasts]),
-            low_wh=bounds[:, :, 0],
-            high_wh=bounds[:, :, 1],
-            factors=np.array([[f.uncertainty.scores.factor(level) for level in levels] for f in forecasts]),
-            pit=np.array(
-                [f.probability_below(float(log["observed_energy_wh"].iloc[-1])) for f, log in pairs]
-            ),
-            flags=np.array([len(f.flags) for f in forecasts]),
-            causes_wh=np.array([list(f.by_cause_wh.values()) for f in forecasts]),
-            cause_names=np.array(list(forecasts[0].by_cause_wh)),
-            updates_wh=np.array([[reforecast(f, log, x) for x in FRACTIONS] for f, log in pairs]),
-            shown=np.array([_shown_at_arrival(log) for log in logs]),
-            arrival=np.array([bounds for bounds, _ in arrivals]),
-            arrival_chance=np.array([chance for _, chance in arrivals]),
-            series=np.concatenate([s.to_numpy(dtype=np.float64) for s in series]),
-            series_names=np.array(list(series[0].columns)),
-            series_rows=np.array([len(s) for s in series]),
+            sd_wh=forecast.sd_wh,
+            bounds_wh=np.array([forecast.interval(level) for level in LEVELS]),
+            factors=np.array([forecast.uncertainty.scores.factor(level) for level in levels]),
+            pit=forecast.probability_below(float(log["observed_energy_wh"].iloc[-1])),
+            flags=len(forecast.flags),
+            causes_wh=dict(forecast.by_cause_wh),
+            updates_wh=np.array([reforecast(forecast, log, x) for x in FRACTIONS]),
+            shown=_shown_at_arrival(log),
+            arrival=arrival,
+            arrival_chance=chance,
+            series=forecast.to_frame().astype(np.float64),
         )
 
-    @classmethod
-    def joined(cls, parts: Sequence[HeldOutForecasts], order: IntArray) -> HeldOutForecasts:
-        """The trips of several parts, one after the other, and then in an order."""
-        first = parts[0]
-        pieces = [piece for part in parts for piece in part.pieces()]
-        whole: dict[str, npt.NDArray[Any]] = {"series": np.concatenate([pieces[i] for i in order])}
-        whole |= {"cause_names": first.cause_names, "series_names": first.series_names}
-        rows: dict[str, npt.NDArray[Any]] = {
-            name: np.concatenate([vars(part)[name] for part in parts])[order]
-            for name in vars(first)
-            if name not in whole
-        }
-        return cls(**rows, **whole)
 
-    def pieces(self) -> list[FloatArray]:
-        """`series` of each trip."""
-        return np.split(self.series, np.cumsum(self.series_rows)[:-1])
+def of_each(forecasts: Sequence[HeldOutForecast], name: str) -> FloatArray:
+    """A number or an array of each forecast, one below the other."""
+    return np.array([getattr(forecast, name) for forecast in forecasts])
 
 
 def _shown_at_arrival(log: pd.DataFrame) -> float:

@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
+import itertools
 import warnings
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, Final, Generic, Protocol, TypeVar
 
 import numpy as np
 
-from tripwatt.arrays import IntArray
+from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.auditing import Audit
 from tripwatt.errors import Fault, InvalidInput, raise_faults
 from tripwatt.hybrid import TripTable
+from tripwatt.learners.folds import Split, leave_one_out
 from tripwatt.trips import Fleet, Trip
 from tripwatt.vehicles import Vehicle, load_vehicle, vehicle_document, vehicle_from_document
-
-TRAINING_ONLY: Final = -1
-"""Fold of a trip that is only fitted on."""
 
 LEAVE_ONE_TRIP_OUT: Final = "leave_one_trip_out"
 LEAVE_ONE_DAY_OUT: Final = "leave_one_day_out"
@@ -37,28 +36,31 @@ MIN_DAYS: Final = 3
 WITHOUT_DAYS: Final = "leave-one-day-out left out: the dates of the trips are unknown or fewer than three"
 WITHOUT_GROUPS: Final = "fewer than three dates of trips are known: each trip is a group of its own"
 
-D = TypeVar("D")
-"""What the models of a protocol need of trips."""
 
+class Trips(Protocol):
+    """Some trips, as models need them.
 
-@dataclass(frozen=True, eq=False)
-class Split:
-    """Trips that a model is fitted on, and trips that it is scored on.
-
-    Attributes
-    ----------
-    number : int
-        Among the splits of a hold-out.
-    train, test : ndarray of int
-        Numbers of trips, ascending.
-    draw : int
-        Number of the random draw; 0 where nothing is drawn.
+    Examples
+    --------
+    >>> trips: Trips = table  # doctest: +SKIP
     """
 
-    number: int
-    train: IntArray
-    test: IntArray
-    draw: int = 0
+    def take(self, members: IntArray) -> Any:
+        """Some of them, by their numbers.
+
+        Parameters
+        ----------
+        members : ndarray of int
+
+        Examples
+        --------
+        >>> table.take(np.arange(3))  # doctest: +SKIP
+        """
+        ...
+
+
+D = TypeVar("D", bound=Trips)
+"""What the models of a protocol need of trips."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,52 +84,6 @@ class HoldOut(Generic[D]):
     table: TripTable
     data: D
     splits: tuple[Split, ...]
-
-    @classmethod
-    def from_folds(cls, scheme: str, trips: str, table: TripTable, data: D, folds: IntArray) -> HoldOut[D]:
-        """Leave one fold out at a time.
-
-        Parameters
-        ----------
-        scheme, trips : str
-        table : TripTable
-        data : object
-        folds : ndarray of int, shape (trips,)
-            Fold of each trip; `TRAINING_ONLY` for a trip that is not scored.
-        """
-        numbers = np.unique(folds[folds != TRAINING_ONLY])
-        return cls.from_pairs(
-            scheme, trips, table, data, ((folds != k, folds == k) for k in numbers), numbers.tolist()
-        )
-
-    @classmethod
-    def from_pairs(
-        cls,
-        scheme: str,
-        trips: str,
-        table: TripTable,
-        data: D,
-        pairs: Iterable[tuple[Any, Any]],
-        numbers: Sequence[int] | None = None,
-    ) -> HoldOut[D]:
-        """Fit on and score what a splitter of scikit-learn's kind gives.
-
-        Parameters
-        ----------
-        scheme, trips : str
-        table : TripTable
-        data : object
-        pairs : iterable of (array, array)
-            Trips to fit on and trips to score, as numbers or as a mask over the trips.
-        numbers : sequence of int, optional
-            Numbers of the splits; from 0 on by default.
-        """
-        every = np.arange(len(table), dtype=np.int64)
-        made = [(np.sort(every[train]), np.sort(every[test])) for train, test in pairs]
-        names = range(len(made)) if numbers is None else numbers
-        return cls(
-            scheme, trips, table, data, tuple(Split(k, *pair) for k, pair in zip(names, made, strict=True))
-        )
 
     @cached_property
     def tested(self) -> IntArray:
@@ -178,14 +134,12 @@ def random_draws(
     """
     n = len(hold_out.table)
     orders = [np.random.default_rng((seed, draw)).permutation(n) for draw in range(draws)]
-    parts = [
-        (np.sort(order[:size]), np.sort(order[size:]), draw)
-        for size in sizes
-        if size + least_scored <= n
-        for draw, order in enumerate(orders)
-    ]
-    splits = tuple(Split(number, *part) for number, part in enumerate(parts))
-    return HoldOut(RANDOM_DRAWS, hold_out.trips, hold_out.table, hold_out.data, splits)
+    drawn = itertools.product((size for size in sizes if size + least_scored <= n), range(draws))
+    splits = tuple(
+        Split(number, np.sort(orders[draw][:size]), np.sort(orders[draw][size:]), draw)
+        for number, (size, draw) in enumerate(drawn)
+    )
+    return replace(hold_out, scheme=RANDOM_DRAWS, splits=splits)
 
 
 def days_of(trips: Sequence[Trip]) -> IntArray | None:
@@ -468,24 +422,22 @@ class HoldOutChoice:
         grouped = [label for label in self.labels if "Group" in label and days_of(trips) is None]
         return [f"{label}: {WITHOUT_GROUPS}" for label in grouped]
 
-    def split(self, trips: str, table: TripTable, data: D, recorded: Sequence[Trip]) -> Iterator[HoldOut[D]]:
-        """Make a hold-out for each splitter, over the trips of a set.
+    def split(
+        self, recorded: Sequence[Trip], energy_wh: FloatArray
+    ) -> Iterator[tuple[str, tuple[Split, ...]]]:
+        """Split the trips of a set by each splitter.
 
         Parameters
         ----------
-        trips : str
-            Name of the set.
-        table : TripTable
-            Of its trips.
-        data : object
-            As of `HoldOut`.
         recorded : sequence of Trip
-            The trips themselves, for the splitter.
+            Those of the set.
+        energy_wh : ndarray, shape (trips,)
+            Measured [Wh].
 
         Yields
         ------
-        HoldOut
-            Named after the class of the splitter.
+        name, splits
+            The name is that of the splitter's class.
 
         Raises
         ------
@@ -494,18 +446,70 @@ class HoldOutChoice:
 
         Examples
         --------
-        >>> list(HoldOutChoice().split("all", None, None, []))
+        >>> list(HoldOutChoice().split([], np.empty(0)))
         []
         """
         for name, splitter in zip(self.labels, self.chosen or (), strict=True):
             if isinstance(splitter, str):
                 continue
-            days = days_of(recorded)
-            groups = np.arange(len(recorded)) if days is None else days
+            days, every = days_of(recorded), np.arange(len(recorded))
             try:
                 with warnings.catch_warnings():
                     warnings.filterwarnings("ignore", "The groups parameter is ignored", UserWarning)
-                    pairs = list(splitter.split(list(recorded), table.observed_wh[table.last_rows], groups))
-                yield HoldOut.from_pairs(name, trips, table, data, pairs)
+                    pairs = list(splitter.split(list(recorded), energy_wh, every if days is None else days))
+                # a splitter gives numbers of trips, or a mask over them
+                cut = [(np.sort(every[train]), np.sort(every[test])) for train, test in pairs]
             except (ValueError, TypeError, IndexError) as error:
                 raise InvalidInput.of("trips cannot be split", name, str(error)[:200]) from error
+            yield name, tuple(Split(number, *pair) for number, pair in enumerate(cut))
+
+
+Regimes = Mapping[tuple[str, str], tuple[IntArray, IntArray]]
+"""Scheme and name of a part of the main trips -> numbers of its trips, and the fold of each of these."""
+
+
+def hold_outs_of(
+    sets: Mapping[str, Sequence[Trip]],
+    by_day: IntArray | None,
+    wanted: HoldOutChoice,
+    prepare: Callable[[Sequence[Trip]], D],
+    table_of: Callable[[D], TripTable],
+    regimes: Regimes | None = None,
+) -> list[HoldOut[D]]:
+    """The chosen hold-outs of a protocol: each set by trips, the main one by days, its regimes, and the splitters.
+
+    Parameters
+    ----------
+    sets : mapping of str to sequence of Trip
+        The main set first.
+    by_day : ndarray of int or None, shape (trips of the main set,)
+        Days that are left out one at a time; None where none is.
+    wanted : HoldOutChoice
+    prepare : callable
+        Trips -> what the models need of them; only for sets of which a hold-out was chosen.
+    table_of : callable
+        This -> their table.
+    regimes : mapping, optional
+        See `Regimes`.
+    """
+    main, regimes = next(iter(sets)), regimes or {}
+    known = [*((LEAVE_ONE_TRIP_OUT, name) for name in sets), *regimes]
+    if by_day is not None:
+        known.insert(len(sets), (LEAVE_ONE_DAY_OUT, main))
+    prepared = cache(lambda name: prepare(sets[name]))
+    hold_outs: list[HoldOut[D]] = []
+    for scheme, name in wanted.of(known):
+        members, folds = None, np.arange(len(sets.get(name, ())))
+        if (scheme, name) in regimes:
+            members, folds = regimes[scheme, name]
+        elif scheme == LEAVE_ONE_DAY_OUT and by_day is not None:
+            folds = by_day
+        data = prepared(main if members is not None else name)
+        data = data if members is None else data.take(members)
+        hold_outs.append(HoldOut(scheme, name, table_of(data), data, leave_one_out(folds)))
+    if wanted.splits:
+        data = prepared(main)
+        table = table_of(data)
+        for name, splits in wanted.split(sets[main], table.observed_wh[table.last_rows]):
+            hold_outs.append(HoldOut(name, main, table, data, splits))
+    return wanted.in_order(hold_outs)

@@ -20,14 +20,13 @@ from tripwatt.hybrid import Corrector, TripTable, build_table
 from tripwatt.hybrid.outside import is_regressor
 from tripwatt.study.evaluation.comparison import Comparison
 from tripwatt.study.evaluation.hold_outs import (
-    LEAVE_ONE_DAY_OUT,
-    LEAVE_ONE_TRIP_OUT,
     WITHOUT_DAYS,
     CarChoice,
     HoldOut,
     HoldOutChoice,
     Prepared,
     days_of,
+    hold_outs_of,
 )
 from tripwatt.study.evaluation.outside import WholeMethod, WholeModel, is_whole, outside_spec
 from tripwatt.study.evaluation.paper_studies import simulation_forms, studies, study_comparisons
@@ -96,13 +95,15 @@ class PaperProtocol:
             name, model, TableMethod(partial(correctors.outside, model)), correctors.SIMULATION
         )
 
-    def beside(self, prepared: Prepared[None], specs: Sequence[ModelSpec], seed: int) -> list[Comparison]:
+    def beside(
+        self, prepared: Prepared[TripTable], specs: Sequence[ModelSpec], seed: int
+    ) -> list[Comparison]:
         """What `tripwatt.study.evaluation.paper_studies` compares."""
         return study_comparisons(prepared.hold_outs[0], [spec.name for spec in specs], seed)
 
     def prepare(
         self, fleet: Fleet, test_fleet: Fleet | None, car: CarChoice, wanted: HoldOutChoice
-    ) -> Prepared[None]:
+    ) -> Prepared[TripTable]:
         """Each set of trips under leave-one-trip-out, and the main set under leave-one-day-out."""
         if test_fleet is not None:
             got, allowed = f"protocol {self.name!r}", "protocol 'forecast'"
@@ -117,7 +118,11 @@ class PaperProtocol:
         return Prepared(hold_outs, fleet, None, audited, cars, (*map(message, fleet.notes), *given, *notes))
 
     def assemble(
-        self, prepared: Prepared[None], main: Sequence[Comparison], beside: Sequence[Comparison], seed: int
+        self,
+        prepared: Prepared[TripTable],
+        main: Sequence[Comparison],
+        beside: Sequence[Comparison],
+        seed: int,
     ) -> EvaluationRun:
         """Errors of the totals, predictions along the trips, and the GAMM."""
         first, table = main[0], main[0].hold_out.table
@@ -155,7 +160,7 @@ def _table2(gamm: GammInsight | None) -> list[dict[str, Any]]:
 
 def _hold_outs(
     fleet: Fleet, audited: Audit, cars: Mapping[str, Vehicle], wanted: HoldOutChoice
-) -> tuple[list[HoldOut[None]], list[str]]:
+) -> tuple[list[HoldOut[TripTable]], list[str]]:
     usable, notes = _usable(fleet.trips)
     every = {"reference": fleet.reference_trips(), "audited": audited.trips, "all": usable}
     sets = {name: trips for name, trips in every.items() if trips}
@@ -165,25 +170,11 @@ def _hold_outs(
         got = f"{len(audited.trips)} of {len(fleet.trips)}"
         least = f"at least {MIN_FOLDS} with measured energy"
         raise InvalidInput.of("too few trips after the audit", fleet.name, got, least)
-    main = next(iter(sets))
-    days = days_of(sets[main])
-    known = [(LEAVE_ONE_TRIP_OUT, name) for name in sets]
-    if days is None:
-        notes.append(WITHOUT_DAYS)
-    else:
-        known.append((LEAVE_ONE_DAY_OUT, main))
-    chosen = wanted.of(known)
-    used = dict.fromkeys([*(name for _, name in chosen), *([main] if wanted.splits else [])])
-    tables = {name: build_table(sets[name], cars) for name in used}
-    hold_outs: list[HoldOut[None]] = []
-    for scheme, name in chosen:
-        by_trip = np.arange(len(sets[name]), dtype=np.int64)
-        folds = days if scheme == LEAVE_ONE_DAY_OUT and days is not None else by_trip
-        hold_outs.append(HoldOut.from_folds(scheme, name, tables[name], None, folds))
-    if wanted.splits:
-        hold_outs += wanted.split(main, tables[main], None, sets[main])
-    notes += [*hold_outs[0].table.notes, *wanted.notes(sets[main])]
-    return wanted.in_order(hold_outs), notes
+    main = next(iter(sets.values()))
+    days = days_of(main)
+    notes += [WITHOUT_DAYS] if days is None else []
+    hold_outs = hold_outs_of(sets, days, wanted, partial(build_table, physics=cars), lambda table: table)
+    return hold_outs, [*notes, *hold_outs[0].table.notes, *wanted.notes(main)]
 
 
 def _usable(trips: Sequence[Trip]) -> tuple[list[Trip], list[str]]:

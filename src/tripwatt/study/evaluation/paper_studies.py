@@ -151,7 +151,7 @@ def study_models(names: Sequence[str]) -> tuple[ModelSpec, ...]:
     return tuple(models)
 
 
-def study_comparisons(hold_out: HoldOut[None], names: Sequence[str], seed: int) -> list[Comparison]:
+def study_comparisons(hold_out: HoldOut[TripTable], names: Sequence[str], seed: int) -> list[Comparison]:
     """What runs beside the table: models on the reference trips where their simulation is known, and the learning curve.
 
     Parameters

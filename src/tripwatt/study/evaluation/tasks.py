@@ -11,8 +11,9 @@ import numpy as np
 
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.hybrid import TripTable
-from tripwatt.study.evaluation.held_out_forecasts import HeldOutForecasts
-from tripwatt.study.evaluation.hold_outs import HoldOut, Split
+from tripwatt.learners.folds import Split, held_out
+from tripwatt.study.evaluation.held_out_forecasts import HeldOutForecast
+from tripwatt.study.evaluation.hold_outs import HoldOut
 
 D = TypeVar("D")
 """What a method needs of the trips of a hold-out."""
@@ -38,8 +39,8 @@ class FoldResult:
         Time of the fit, and of the prediction of one trip.
     inner_error : float
         Error by which settings are compared inside the fold; NaN where none are.
-    forecasts : HeldOutForecasts or None
-        Of a model that makes forecasts.
+    forecasts : list of HeldOutForecast or None
+        Of the scored trips, by a model that makes forecasts.
     """
 
     model: str
@@ -48,7 +49,7 @@ class FoldResult:
     fit_s: float
     predict_ms: float
     inner_error: float = np.nan
-    forecasts: HeldOutForecasts | None = None
+    forecasts: list[HeldOutForecast] | None = None
 
     def energies_wh(self, table: TripTable) -> FloatArray:
         """Energy of each of the scored trips."""
@@ -73,7 +74,7 @@ class Fitted:
     """
 
     predict: Predict
-    forecasts: Callable[[IntArray], HeldOutForecasts] | None = None
+    forecasts: Callable[[IntArray], list[HeldOutForecast]] | None = None
     inner_errors: FloatArray | None = None
 
 
@@ -177,35 +178,37 @@ class Task:
     def run(self) -> list[FoldResult]:
         """Fit and predict."""
         if self.folds is None:
-            return [self._run_split(split) for split in self.splits]
+            splits = held_out(self.splits, self._fit)
+            return [FoldResult(self.spec.name, split, **predicted) for split, predicted in splits]
         return self._run_together(self.folds)
-
-    def _run_split(self, split: Split) -> FoldResult:
-        fitted, predicted, times = self._timed(split.train, split.test)
-        kept = None if fitted.forecasts is None else fitted.forecasts(split.test)
-        return FoldResult(self.spec.name, split, predicted, *times, forecasts=kept)
 
     def _run_together(self, folds: IntArray) -> list[FoldResult]:
         """All folds at once; the times are those of one plain fit."""
-        held_out = self.spec.method.together(self.data, folds, self.seed, compares=self.compares)
+        found = self.spec.method.together(self.data, folds, self.seed, compares=self.compares)
         every, numbers = np.arange(len(folds)), np.unique(folds)
-        _, _, times = self._timed(every, every[:TIMED_TRIPS])
-        inner = np.full(len(numbers), np.nan) if held_out.inner_errors is None else held_out.inner_errors
+        plain = self._fit(every)(every[:TIMED_TRIPS])
+        inner = np.full(len(numbers), np.nan) if found.inner_errors is None else found.inner_errors
+        errors = dict(zip(numbers.tolist(), inner.tolist(), strict=True))
         return [
             FoldResult(
                 self.spec.name,
                 split,
-                held_out.predict(split.test),
-                *times,
-                inner_error=float(inner[np.searchsorted(numbers, split.number)]),
+                **plain | {"predicted_wh": found.predict(split.test), "inner_error": errors[split.number]},
             )
             for split in self.splits
         ]
 
-    def _timed(self, train: IntArray, test: IntArray) -> tuple[Fitted, FloatArray, tuple[float, float]]:
+    def _fit(self, train: IntArray) -> Callable[[IntArray], dict[str, Any]]:
+        """A fit whose predictions come with the times that it and they took."""
         began = time.perf_counter()
         fitted = self.spec.method.fit(self.data, train, self.seed)
-        done = time.perf_counter()
-        predicted = fitted.predict(test)
-        each_ms = 1000.0 * (time.perf_counter() - done) / len(test)
-        return fitted, predicted, (done - began, each_ms)
+        fit_s = time.perf_counter() - began
+
+        def predict(test: IntArray) -> dict[str, Any]:
+            began = time.perf_counter()
+            values = {"predicted_wh": fitted.predict(test), "fit_s": fit_s}
+            each_ms = 1000.0 * (time.perf_counter() - began) / len(test)
+            forecasts = None if fitted.forecasts is None else fitted.forecasts(test)
+            return values | {"predict_ms": each_ms, "forecasts": forecasts}
+
+        return predict

@@ -12,6 +12,7 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.hybrid.gamm import gamm_engine
+from tripwatt.learners.folds import deal_folds
 
 TABLE2: Final = (
     "weather",
@@ -196,7 +197,7 @@ class Table2Corrector:
         if len(numbers) < 3:
             return np.full(len(numbers), np.nan)
         blocks = min(INNER_BLOCKS, len(numbers))
-        block = np.random.default_rng([seed, 5]).permutation(np.arange(len(numbers)) % blocks)
+        block = deal_folds(len(numbers), blocks, np.random.default_rng([seed, 5]))
         row_block = block[row_fold]
         ends = np.append(groups[1:] != groups[:-1], True)
         total, count = np.zeros(blocks), np.zeros(blocks)

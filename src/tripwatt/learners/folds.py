@@ -1,0 +1,84 @@
+"""Cross-validation: each item is predicted by a fit that has not seen its fold.
+
+Protocols, the inner folds of a fit and the evaluation of fleets hold trips out with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from typing import Final, TypeVar
+
+import numpy as np
+
+from tripwatt.arrays import IntArray
+
+TRAINING_ONLY: Final = -1
+"""Fold of an item that is only fitted on."""
+
+R = TypeVar("R")
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Split:
+    """Items that a model is fitted on, and items that it is scored on.
+
+    Attributes
+    ----------
+    number : int
+        Among the splits of a hold-out.
+    train, test : ndarray of int
+        Numbers of items, ascending.
+    draw : int
+        Number of the random draw; 0 where nothing is drawn.
+    """
+
+    number: int
+    train: IntArray
+    test: IntArray
+    draw: int = 0
+
+
+def deal_folds(n: int, n_folds: int, rng: np.random.Generator) -> IntArray:
+    """Fold of each of n items, at random, folds of nearly equal size.
+
+    Examples
+    --------
+    >>> np.bincount(deal_folds(7, 3, np.random.default_rng(0))).tolist()
+    [3, 2, 2]
+    """
+    return np.asarray(rng.permutation(np.arange(n) % min(n, n_folds)), dtype=np.int64)
+
+
+def leave_one_out(folds: IntArray) -> tuple[Split, ...]:
+    """Each fold is scored once, after a fit to all others.
+
+    Examples
+    --------
+    >>> [(s.number, s.train.tolist(), s.test.tolist()) for s in leave_one_out(np.array([2, TRAINING_ONLY, 5, 2]))]
+    [(2, [1, 2], [0, 3]), (5, [0, 1, 3], [2])]
+    """
+    numbers = np.unique(folds[folds != TRAINING_ONLY]).tolist()
+    return tuple(Split(k, np.flatnonzero(folds != k), np.flatnonzero(folds == k)) for k in numbers)
+
+
+def held_out(
+    splits: Iterable[Split], fit: Callable[[IntArray], Callable[[IntArray], R]]
+) -> Iterator[tuple[Split, R]]:
+    """Each split with what a fit to its training items predicts of its test items.
+
+    Parameters
+    ----------
+    splits : iterable of Split
+    fit : callable
+        Numbers of the training items -> what predicts items by their numbers.
+
+    Examples
+    --------
+    >>> values = np.array([1.0, 2.0, 6.0])
+    >>> means = held_out(leave_one_out(np.arange(3)), lambda train: lambda test: float(values[train].mean()))
+    >>> [mean for _, mean in means]
+    [4.0, 3.5, 1.5]
+    """
+    for split in splits:
+        yield split, fit(split.train)(split.test)
