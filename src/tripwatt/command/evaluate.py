@@ -14,7 +14,6 @@ import typer
 from tripwatt.command.options import Answer, Logs, SetOption, VehicleOption, option, require_effect
 from tripwatt.command.output import check_writable, finished_folds, unfinished_folder, write_whole
 from tripwatt.command.printing import console, print_notes, print_table, progress
-from tripwatt.command.sentences import forecast_in_words, held_out_in_words
 from tripwatt.errors import Check, Fault, InvalidInput, raise_faults, require_extras
 from tripwatt.files import folder_lock
 
@@ -116,10 +115,9 @@ def evaluate(
     unfinished = unfinished_folder(out)
     with folder_lock(unfinished):
         run = _run(trips, options, jobs, unfinished, resume)
-        lead = _example_in_words() if logs.data is None else _median_trip_in_words(run)
         with shown.status("writing the report"):
-            write_whole(lambda folder: _write(run, folder, lead), out, unfinished)
-    return Answer(run.results, partial(_show, run, out, lead))
+            write_whole(lambda folder: _write(run, folder), out, unfinished)
+    return Answer(run.results, partial(_show, run, out))
 
 
 def _names(options: list[str] | None) -> list[str] | None:
@@ -196,42 +194,19 @@ def _run(fleet: Fleet, options: dict[str, Any], jobs: int, unfinished: Path, res
         raise
 
 
-def _write(run: EvaluationRun, folder: Path, lead: str) -> None:
+def _write(run: EvaluationRun, folder: Path) -> None:
     from tripwatt.study.evaluation import write_results
     from tripwatt.study.report import write_report
 
     write_results(run, folder)
-    write_report(run, folder, lead)
+    write_report(run, folder)
 
 
-def _show(run: EvaluationRun, out: Path, lead: str) -> None:
-    """A forecast in words, the short table, and where the report is, in this order; the rest is in the report."""
+def _show(run: EvaluationRun, out: Path) -> None:
+    """The short table, and where the report is; the rest is in the report."""
     from tripwatt.study.report import render_table
 
-    if lead:
-        typer.echo(f"{lead}\n")
     console(sys.stdout).print(render_table(run.results))
     notes = len(run.results["notes"])
     noted = f" ({notes} note{'s' if notes > 1 else ''} of the run in it)" if notes else ""
     typer.echo(f"Report: {out / 'report.html'}{noted}")
-
-
-def _example_in_words() -> str:
-    """A forecast of the example trip with the model that comes with the package."""
-    from tripwatt.forecasting import load_model
-    from tripwatt.study.synthetic import example_trip
-    from tripwatt.trips import plan_from_samples
-
-    return forecast_in_words(
-        load_model(None).forecast(plan_from_samples(example_trip(), "example")), "Example trip"
-    )
-
-
-def _median_trip_in_words(run: EvaluationRun) -> str:
-    """The held-out forecast of the trip with the median error; empty where the protocol makes no forecasts."""
-    if run.forecast is None:
-        return ""
-    trips = run.forecast.trips
-    error = (trips["energy_wh"] / trips["observed_energy_wh"] - 1.0).abs()
-    middle = trips.loc[error.sort_values(kind="stable").index[(len(error) - 1) // 2]]
-    return held_out_in_words(middle.to_dict(), f"Trip {middle['trip']}, forecast before departure")

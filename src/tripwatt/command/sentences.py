@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import datetime as dt
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 from tripwatt.trips.showing import period
 from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_MINUTE
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
 
     from tripwatt.forecasting import Forecast
     from tripwatt.roads.journey import ChargingPlan, Journey
@@ -125,28 +124,6 @@ def unknown_climb_in_words(forecast: Forecast, reserve: float) -> list[str]:
         "The heights of the road are unknown. "
         f"Each 100 m of climb takes {1e4 * per_metre:.1f} points{change}."
     ]
-
-
-def held_out_in_words(trip: Mapping[str, Any], subject: str) -> str:
-    """A forecast of a logged trip beside what was measured.
-
-    Parameters
-    ----------
-    trip : mapping
-        `distance_m, energy_wh, low_90, high_90, observed_energy_wh` of one row of an evaluation's forecasts.
-    subject : str
-        What the trip is called at the start of the sentence.
-
-    Examples
-    --------
-    >>> row = {"distance_m": 12300.0, "energy_wh": 2100.0, "low_90": 1800.0, "high_90": 2500.0, "observed_energy_wh": 2230.0}
-    >>> held_out_in_words(row, "Trip A")
-    'Trip A, 12.3 km: 2.1 kWh; 9 in 10 such trips take 1.8 to 2.5 kWh. Measured: 2.2 kWh.'
-    """
-    return (
-        f"{subject}, {trip['distance_m'] / 1000.0:.1f} km: {_kwh(trip['energy_wh'])} kWh; 9 in 10 such trips take "
-        f"{_kwh(trip['low_90'])} to {_kwh(trip['high_90'])} kWh. Measured: {_kwh(trip['observed_energy_wh'])} kWh."
-    )
 
 
 def begins(before_s: float, departs_at: dt.datetime | None) -> str:

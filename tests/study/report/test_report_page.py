@@ -132,14 +132,6 @@ def test_page_is_well_formed_and_every_id_is_its_own(html: str) -> None:
     assert wanted <= {f"#{name}" for name in ids}
 
 
-def test_a_given_forecast_begins_the_page(made_up: MakeRun, html: str) -> None:
-    with not_laid_out():
-        led = render_report(synthetic_run(made_up), "One <trip>: 2.1 kWh.")
-    assert led.count('<p class="lead">') == 1
-    assert '<p class="lead">One &lt;trip&gt;: 2.1 kWh.</p>' in led
-    assert '<p class="lead">' not in html
-
-
 def test_no_panel_is_empty(html: str) -> None:
     panels = re.findall(r"<article.*?</article>", html, re.DOTALL)
     assert len(panels) > 10

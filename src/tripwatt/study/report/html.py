@@ -24,15 +24,13 @@ Sections: TypeAlias = Mapping[str, Sequence[Panel]]
 PNG_DPI: Final = 160
 
 
-def render_report(run: EvaluationRun, lead: str = "") -> str:
+def render_report(run: EvaluationRun) -> str:
     """The whole report as HTML text.
 
     Parameters
     ----------
     run : EvaluationRun
         What the run lacks has no panel.
-    lead : str
-        A forecast in words, with which the page begins.
 
     Returns
     -------
@@ -45,10 +43,10 @@ def render_report(run: EvaluationRun, lead: str = "") -> str:
     >>> html = render_report(tw.evaluate(tw.read_logs("logs")))  # doctest: +SKIP
     """
     view = View.from_run(run)
-    return page_text("report.html.jinja", build_sections(view), **_head(view), lead=lead)
+    return page_text("report.html.jinja", build_sections(view), **_head(view))
 
 
-def write_report(run: EvaluationRun, out: Path, lead: str = "") -> None:
+def write_report(run: EvaluationRun, out: Path) -> None:
     """Write `report.html` and `figures/*.png`, `figures/*.svg` into a folder. Each file appears whole or not at all.
 
     Parameters
@@ -57,8 +55,6 @@ def write_report(run: EvaluationRun, out: Path, lead: str = "") -> None:
         As for `render_report`.
     out : Path
         The folder; made when it is not there.
-    lead : str
-        As for `render_report`.
 
     Examples
     --------
@@ -66,7 +62,7 @@ def write_report(run: EvaluationRun, out: Path, lead: str = "") -> None:
     >>> write_report(tw.evaluate(tw.read_logs("logs")), Path("out"))  # doctest: +SKIP
     """
     view = View.from_run(run)
-    write_page(out, "report.html.jinja", build_sections(view), **_head(view), lead=lead)
+    write_page(out, "report.html.jinja", build_sections(view), **_head(view))
 
 
 def write_page(out: Path, template: str, sections: Sections, **context: Any) -> None:
