@@ -40,7 +40,7 @@ def test_a_summary_counts_trips_that_are_better_than_physics():
     energies = {"physics": [1100.0, 2100.0], "better": [1050.0, 2100.0]}
     specs = [SimpleNamespace(name=name, simulation=None) for name in energies]
     results = [
-        FoldResult(name, Split(k, np.array([1 - k]), np.array([k])), np.array([5.0, wh]), 1.0 + k, 10.0 * k)
+        FoldResult(name, Split(k, np.array([1 - k]), np.array([k])), np.array([wh]), 1.0 + k, 10.0 * k)
         for name, both in energies.items()
         for k, wh in enumerate(both)
     ]

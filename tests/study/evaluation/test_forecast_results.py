@@ -13,16 +13,14 @@ from tripwatt.study.evaluation.comparison import Comparison
 from tripwatt.study.evaluation.forecast_results import (
     about_trips,
     add_crps_of_points,
-    forecast_insight,
+    forecast_frame,
     forecast_scores,
     learning_curve,
-    measured_beside,
     strata,
 )
 from tripwatt.study.evaluation.forecast_scores import (
     FORECAST,
     WITHOUT_PHYSICS,
-    ForecastInsight,
 )
 from tripwatt.study.evaluation.held_out_forecasts import HeldOutForecast, of_each
 from tripwatt.study.evaluation.tasks import FoldResult
@@ -44,12 +42,10 @@ def kept(k: float) -> HeldOutForecast:
         factors=np.array([1.0, 3.0]),
         pit=0.1 * k,
         flags=int(k),
-        causes_wh={"air": 1.0 + k, "climate": 2.0 + k},
         updates_wh=1000.0 * k + np.arange(24.0).reshape(4, 6),
         shown=0.2 + k,
         arrival=np.full((2, 3), 0.3 + k),
         arrival_chance=np.full((2, 13), 0.4 + k),
-        series=pd.DataFrame({"time_s": [0.0, 10.0], "energy_wh": [k, 50.0 + k]}),
     )
 
 
@@ -70,12 +66,12 @@ class TestResults:
         found = Comparison(None, (), results).forecasts(FORECAST)
         assert [forecast.sd_wh for forecast in found] == [10.0, 11.0, 12.0]
 
-    def test_insight(self) -> None:
+    def test_frame(self) -> None:
         """Two folds of a trip each, given in the wrong order."""
         samples = pd.DataFrame({"time_s": [0.0, 10.0], "speed_m_s": 10.0, "elevation_m": [500.0, 507.0]})
         plans = [Plan.from_samples(name, samples, Departure(ambient_temperature_degc=-3.0)) for name in "ab"]
         trips = [SimpleNamespace(context=Context(driver=name)) for name in "xy"]
-        own = SimpleNamespace(plans=plans, logs=("log a", "log b"), table=SimpleNamespace(trips=trips))
+        own = SimpleNamespace(plans=plans, table=SimpleNamespace(trips=trips))
         pair = np.array([0, 1])
         hold_out = SimpleNamespace(table=Trips("ab"), tested=pair, scored=pair, data=own)
         results = (
@@ -91,8 +87,7 @@ class TestResults:
             }
         )
         comparison = Comparison(hold_out, (), results)
-        found = forecast_insight(hold_out, comparison.forecasts(FORECAST), part)
-        rows = found.trips
+        rows = forecast_frame(hold_out, comparison.forecasts(FORECAST), part)
         assert rows["trip"].tolist() == ["a", "b"]
         assert rows["sd_wh"].tolist() == [10.0, 11.0]
         assert rows["low_50"].tolist() == [1.0, 2.0]
@@ -103,24 +98,7 @@ class TestResults:
         assert rows["flags"].tolist() == [0, 1]
         assert rows["net_climb_m"].tolist() == [7.0, 7.0]
         assert rows["driver"].tolist() == ["x", "y"]
-        assert found.causes.loc["b"].tolist() == [2.0, 3.0]
-        assert found.series["a"]["energy_wh"].tolist() == [0.0, 50.0]
-        assert found.series["b"]["energy_wh"].tolist() == [1.0, 51.0]
-        assert found.logs == {"a": "log a", "b": "log b"}
         assert comparison.forecasts("other") == comparison.forecasts("third") == []
-
-    def test_measured_beside_the_forecast(self) -> None:
-        """100 m in 10 s, then 60 m in 20 s; the last speed is none."""
-        series = pd.DataFrame(
-            {"time_s": [0.0, 10.0, 30.0], "distance_m": [0.0, 100.0, 160.0], "energy_wh": [0.0, 5.0, 9.0]}
-        )
-        log = pd.DataFrame({"time_s": [0.0, 20.0, 40.0], "observed_energy_wh": [0.0, 8.0, 12.0]})
-        frame = measured_beside(ForecastInsight(pd.DataFrame(), pd.DataFrame(), {"a": series}, {"a": log}))[
-            "a"
-        ]
-        assert frame["speed_m_s"].tolist() == [10.0, 3.0, 0.0]
-        assert frame["observed_energy_wh"].tolist() == [0.0, 4.0, 10.0]
-        assert frame[FORECAST].tolist() == [0.0, 5.0, 9.0]
 
     def test_about_trips(self) -> None:
         samples = pd.DataFrame({"time_s": [0.0, 10.0], "speed_m_s": 10.0})

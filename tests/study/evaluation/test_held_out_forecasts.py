@@ -52,13 +52,12 @@ def test_what_is_kept_of_a_forecast(monkeypatch: pytest.MonkeyPatch) -> None:
     assert kept.bounds_wh[:, 0] == pytest.approx([100.0 - 10.0 * level for level in LEVELS], **EXACT)
     assert kept.bounds_wh[:, 1] == pytest.approx([100.0 + 20.0 * level for level in LEVELS], **EXACT)
     assert kept.pit == pytest.approx(0.22, **EXACT)  # of 220 Wh at the end of the log
-    assert (kept.flags, kept.sd_wh, kept.causes_wh) == (2, 10.0, {"air": 60.0, "climate": 40.0})
+    assert (kept.flags, kept.sd_wh) == (2, 10.0)
     assert kept.updates_wh.shape == (len(FRACTIONS), len(UPDATES))
     assert kept.updates_wh[1, 0] == 2000.0
     assert kept.shown == 0.45
     assert np.isnan(HeldOutForecast.from_forecast(None, "plan", Told(200.0), driven_log()).shown)
     assert (kept.arrival, kept.arrival_chance) == ("bounds", "chances")
-    assert kept.series["energy_wh"].tolist() == [0.0, 30.0, 100.0]
 
 
 def test_arrivals_from_each_charge() -> None:

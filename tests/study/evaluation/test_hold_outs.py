@@ -10,9 +10,9 @@ from tripwatt.learners.folds import Split, leave_one_out
 from tripwatt.study.evaluation.hold_outs import (
     LEAVE_ONE_TRIP_OUT,
     HoldOut,
-    HoldOutChoice,
     days_of,
     random_draws,
+    splits_of,
 )
 
 
@@ -46,8 +46,11 @@ def test_any_splitter_serves() -> None:
             return [([0], [2]), ([0, 1], np.arange(len(X)) == 3)]
 
     trips = [SimpleNamespace(context=SimpleNamespace(day=None))] * 7
-    splitters = HoldOutChoice((KFold(3, shuffle=True, random_state=1), Gap()))
-    found = {name: HoldOut(name, "all", range(7), None, s) for name, s in splitters.split(trips, np.ones(7))}
+    splitters = {"KFold": KFold(3, shuffle=True, random_state=1), "Gap": Gap()}
+    found = {
+        name: HoldOut(name, "all", range(7), None, splits_of(name, splitter, trips, np.ones(7)))
+        for name, splitter in splitters.items()
+    }
     assert [split.number for split in found["KFold"].splits] == [0, 1, 2]
     assert found["KFold"].folds is not None
     for split in found["KFold"].splits:

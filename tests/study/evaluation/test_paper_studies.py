@@ -150,7 +150,7 @@ def test_scores_of_a_study_are_those_of_its_folds(table):
         own = table.rows_of(np.array([i]))
         energy[own] += (1.0 - share[i]) * (observed[i] - simulated[i])
     results = [
-        FoldResult("gamm-ar1", split, energy[table.rows_of(split.test)], 1.0 + i, 10.0 * i)
+        FoldResult("gamm-ar1", split, energy[table.last_rows[split.test]], 1.0 + i, 10.0 * i)
         for i, split in enumerate(hold_out(table).splits)
     ]
     spec = SimpleNamespace(name="gamm", title="the GAMM", simulation="physics-paper")
@@ -322,4 +322,4 @@ def test_a_draw_is_scored_on_the_trips_that_it_does_not_train_on(table):
     train = table.take(np.sort(order[:3]))
     test = table.take(found.split.test)
     energy = correctors.boosting(0).fit(train).predict(test)[test.last_rows]
-    assert found.energies_wh(table) == pytest.approx(energy)
+    assert found.predicted_wh == pytest.approx(energy)

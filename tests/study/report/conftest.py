@@ -102,24 +102,6 @@ def pairs_of(folds: pd.DataFrame, rng: np.random.Generator) -> list[dict]:
     return pairs
 
 
-def make_series(folds: pd.DataFrame, rng: np.random.Generator) -> dict[str, pd.DataFrame]:
-    series = {}
-    for trip, rows in folds.groupby("trip", sort=False):
-        time = np.arange(0.0, float(rng.integers(400, 2400)))
-        speed = np.clip(14 + 10 * np.sin(time / 70) + 4 * np.sin(time / 13), 0, None)
-        share = np.cumsum(speed) / speed.sum()
-        wave = 1 + 0.15 * np.sin(6 * share)
-        columns = {
-            "time_s": time,
-            "speed_m_s": speed,
-            "observed_energy_wh": share * rows["observed_energy_wh"].iloc[0],
-        }
-        for model, value in zip(rows["model"], rows["predicted_energy_wh"], strict=True):
-            columns[model] = value * share * wave / wave[-1]
-        series[str(trip)] = pd.DataFrame(columns)
-    return series
-
-
 @lru_cache
 def fitted_gamm() -> GammInsight:
     """A real fit on few synthetic trips, with a weather that none of them has."""
@@ -196,7 +178,6 @@ def make_run(
     return SimpleNamespace(
         results=results,
         folds=pd.concat(folds, ignore_index=True),
-        series=make_series(main, rng),
         gamm=gamm_of(trips),
     )
 

@@ -82,41 +82,11 @@ def test_box_plot_shows_every_trip_a_far_one_at_the_edge(view: View, folds: pd.D
     assert "errors beyond 150 % are drawn at the edge" in figure._suptitle.get_text()
 
 
-def test_paired_differences_are_those_of_the_results(view: View) -> None:
-    pairs = paired.paired_with(view.results["paired"], view.best)
-    assert len(pairs) == len(MODELS) - 1
-    figure = paired.plot_paired_differences(view, pairs)
-    assert [by_gid(figure, f"pair-{i}").get_xdata()[0] for i in range(len(pairs))] == [
-        p["diff"] for p in pairs
-    ]
-
-
-def test_energy_along_the_trip_ends_where_the_fold_says(view: View, folds: pd.DataFrame) -> None:
-    selected = view.selected_trips()
-    apes = folds.loc[folds["model"] == view.best, "ape"]
-    assert [role for role, _, _ in selected] == ["Best", "Median", "Worst"]
-    assert selected[0][2] == apes.min()
-    assert selected[2][2] == apes.max()
-    assert abs((apes < selected[1][2]).sum() - (apes > selected[1][2]).sum()) <= 1
-    figure = errors.plot_trip_energy(view, selected)
-    for number, (_, trip, _) in enumerate(selected):
-        rows = folds[folds["trip"] == trip].set_index("model")
-        ends = {
-            "measured": rows["observed_energy_wh"].iloc[0],
-            "simulated": rows.loc["physics-paper", "predicted_energy_wh"],
-            "predicted": rows.loc[view.best, "predicted_energy_wh"],
-        }
-        for label, energy in ends.items():
-            line = by_gid(figure, f"energy-{number}-{label}")
-            assert line.get_ydata()[-1] == pytest.approx(energy / 1000)
-            assert line.get_xdata()[-1] == pytest.approx((len(view.series[trip]) - 1) / 60)
-
-
 def test_no_text_of_a_figure_leaves_it_or_covers_its_neighbour(view: View, run: SimpleNamespace) -> None:
     made_up = replace(view, results={**run.results, "synthetic": True})
     panels = [panel for section in build_sections(made_up).values() for panel in section]
     drawn = [panel.figure for panel in panels if panel.figure is not None]
-    assert len(drawn) == 9
+    assert len(drawn) == 7
     for figure in drawn:
         with style_context():
             figure.draw_without_rendering()

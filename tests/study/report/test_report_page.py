@@ -9,7 +9,6 @@ from pathlib import Path
 from types import SimpleNamespace
 from xml.etree import ElementTree
 
-import numpy as np
 import pytest
 
 from tripwatt.study.report import render_report, write_report
@@ -19,11 +18,9 @@ MakeRun = Callable[..., SimpleNamespace]
 STYLES = model_styles()
 MODELS = [name for name in STYLES if not name.startswith(("hybrid", "power-", "physics-identified"))]
 FIGURE_KEYS = (
-    "trip-energy",
     "error-distribution",
     "error-boxes",
     "benchmark-boxes",
-    "paired-differences",
     "gamm-diagnosis",
     "gamm-smooths",
     "gamm-surface",
@@ -75,7 +72,8 @@ class Page(HTMLParser):
 
 @pytest.fixture(scope="module")
 def html(run: SimpleNamespace) -> str:
-    return render_report(run)
+    with not_laid_out():
+        return render_report(run)
 
 
 @pytest.fixture
@@ -134,7 +132,7 @@ def test_page_is_well_formed_and_every_id_is_its_own(html: str) -> None:
 
 def test_no_panel_is_empty(html: str) -> None:
     panels = re.findall(r"<article.*?</article>", html, re.DOTALL)
-    assert len(panels) > 10
+    assert len(panels) > 8
     assert all("<figure>" in panel or "<table>" in panel for panel in panels)
     assert "<h2>Beside the paper</h2>" not in html  # the run has no studies
     assert "<h2>Uncertainty</h2>" not in html  # nor a forecast
@@ -199,7 +197,7 @@ def test_synthetic_trips_are_called_so_in_every_table_and_figure(html: str, synt
 
 def test_hostile_names_are_text_and_nothing_else(made_up: MakeRun) -> None:
     hostile = made_up("tum", trips=HOSTILE, models=FEW)
-    hostile.series = {name: hostile.series[name] for name in HOSTILE[:3]}
+    hostile.folds["model"] = hostile.folds["model"].replace({"linear6": HOSTILE[2]})
     hostile.results["notes"] = ["<img src=x onerror=alert(1)>"]
     finding = {**hostile.results["audit"][0], "what": "</table><script>1</script>"}
     hostile.results["audit"] = [{**finding, "trip": name} for name in HOSTILE]
@@ -211,7 +209,7 @@ def test_hostile_names_are_text_and_nothing_else(made_up: MakeRun) -> None:
     assert "$\\frac{1}{0}$ _^" in page.words()
     assert "\x00" not in html
     pictures = re.findall(r"<svg.*?</svg>", html, re.DOTALL)
-    assert any("$\\frac{1}{0}$ _^, error" in p for p in pictures)  # not typeset as mathematics
+    assert any("$\\frac{1}{0}$ _^" in p for p in pictures)  # not typeset as mathematics
     for picture in pictures:
         ElementTree.fromstring(picture)
 
@@ -234,10 +232,9 @@ def test_same_run_same_bytes(made_up: MakeRun, synthetic_html: str) -> None:
 @pytest.mark.usefixtures("undrawn")
 def test_what_a_run_lacks_is_left_out(small: MakeRun) -> None:
     whole = small()
-    lacking = SimpleNamespace(**{**vars(whole), "series": {}, "gamm": None})
+    lacking = SimpleNamespace(**{**vars(whole), "gamm": None})
     html = render_report(lacking)
     assert "<h2>The GAMM</h2>" not in html
-    assert "panel-trip-energy" not in html
     assert "panel-error-boxes" in html
 
 
@@ -272,35 +269,3 @@ def test_colours_differ_and_are_seen_on_both_pages() -> None:
     colours = [style.colour for style in STYLES.values()]
     assert len(set(colours)) == len(colours)
     assert min(contrast(c, p) for c in colours for p in papers) >= 3.0  # WCAG 2.2, 1.4.11
-
-
-# Machado, Oliveira & Fernandes (2009), full protanopia and deuteranopia, linear RGB
-DICHROMATS = {
-    "protan": [
-        [0.152286, 1.052583, -0.204868],
-        [0.114503, 0.786281, 0.099216],
-        [-0.003882, -0.048116, 1.051998],
-    ],
-    "deutan": [
-        [0.367322, 0.860646, -0.227968],
-        [0.280085, 0.672501, 0.047413],
-        [-0.011820, 0.042940, 0.968881],
-    ],
-}
-
-
-SRGB_TO_XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
-
-
-@pytest.mark.parametrize("eye", list(DICHROMATS))
-@pytest.mark.parametrize("hybrid", ["forest", "boosting", "gamm", "hybrid"])
-def test_simulated_and_corrected_lines_differ_to_every_eye(eye: str, hybrid: str) -> None:
-    def seen(colour: str) -> np.ndarray:
-        """CIE L*a*b* of what the eye sees."""
-        linear = np.array([((int(colour[i : i + 2], 16) / 255 + 0.055) / 1.055) ** 2.4 for i in (1, 3, 5)])
-        xyz = SRGB_TO_XYZ @ np.clip(np.array(DICHROMATS[eye]) @ linear, 0, 1) / [0.9505, 1.0, 1.089]
-        x, y, z = np.where(xyz > 0.008856, np.cbrt(xyz), 7.787 * xyz + 16 / 116)
-        return np.array([116 * y - 16, 500 * (x - y), 200 * (y - z)])
-
-    # a difference of about 2 is just seen side by side; thin lines need ten times that
-    assert np.linalg.norm(seen(STYLES["physics-paper"].colour) - seen(STYLES[hybrid].colour)) > 25

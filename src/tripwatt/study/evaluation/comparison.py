@@ -61,23 +61,7 @@ class Comparison:
 
     def energies_wh(self, model: str) -> FloatArray:
         """Predicted energy of each scored trip, in their order."""
-        return np.array(
-            self._ordered(model, [list(r.energies_wh(self.hold_out.table)) for r in self.of(model)])
-        )
-
-    def along_wh(self, model: str) -> FloatArray:
-        """Predicted cumulative energy at every row of the table; NaN for trips that are not scored.
-
-        Only at the end of each trip for a model without a course.
-        """
-        table, own = self.hold_out.table, self.of(model)
-        values = np.full(len(table.observed_wh), np.nan)
-        for result in own:
-            # the energy of each trip, and not its course
-            whole = len(result.predicted_wh) == len(result.split.test)
-            rows = table.last_rows[result.split.test] if whole else table.rows_of(result.split.test)
-            values[rows] = result.predicted_wh
-        return values
+        return np.array(self._ordered(model, [result.predicted_wh.tolist() for result in self.of(model)]))
 
     def forecasts(self, model: str) -> list[HeldOutForecast]:
         """Forecasts of the scored trips, in their order; none by a model that makes none or did not run."""

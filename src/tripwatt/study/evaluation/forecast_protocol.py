@@ -27,10 +27,9 @@ from tripwatt.study.evaluation.forecast_models import DataMethod, ForecastMethod
 from tripwatt.study.evaluation.forecast_results import (
     CURVE_DRAWS,
     add_crps_of_points,
-    forecast_insight,
+    forecast_frame,
     forecast_scores,
     learning_curve,
-    measured_beside,
     strata,
 )
 from tripwatt.study.evaluation.forecast_scores import FORECAST, WITHOUT_PHYSICS
@@ -171,7 +170,7 @@ class ForecastProtocol:
         seed: int,
     ) -> EvaluationRun:
         """Errors of the totals, intervals, updates, strata and the learning curve."""
-        first, summaries, insights = main[0], [], []
+        first, summaries, frames = main[0], [], []
         for comparison in main:
             summary = comparison.summary(seed)
             add_crps_of_points(summary["models"], comparison.frame)
@@ -182,9 +181,8 @@ class ForecastProtocol:
                 if forecasts:
                     summary["models"][name] |= forecast_scores(forecasts, part, seed, days)
                 if forecasts and name == FORECAST:
-                    insights.append(forecast_insight(comparison.hold_out, forecasts, part))
+                    frames.append(forecast_frame(comparison.hold_out, forecasts, part))
             summaries.append(summary)
-        insight = insights[0] if insights else None
         content: dict[str, Any] = {
             **about_run(self.name, prepared, first, seed),
             "fitted_on": prepared.fleet.name,
@@ -195,8 +193,7 @@ class ForecastProtocol:
         return EvaluationRun(
             results=content,
             folds=pd.concat([comparison.frame for comparison in main], ignore_index=True),
-            series={} if insight is None else measured_beside(insight),
-            forecast=insight,
+            forecast=frames[0] if frames else None,
         )
 
 

@@ -18,7 +18,6 @@ from tripwatt.study.evaluation.forecast_scores import (
     LEVELS,
     UPDATES,
     WITHOUT_PHYSICS,
-    ForecastInsight,
     arrival_scores,
     coverage_scores,
     crps,
@@ -58,10 +57,14 @@ def forecast_scores(
     }
 
 
-def forecast_insight(
+def forecast_frame(
     hold_out: HoldOut[ForecastData], forecasts: Sequence[HeldOutForecast], part: pd.DataFrame
-) -> ForecastInsight:
-    """Held-out forecasts of one hold-out; `part` has their rows of the folds."""
+) -> pd.DataFrame:
+    """Held-out forecasts of one hold-out, a row for each; `part` has their rows of the folds.
+
+    `trip, observed_energy_wh, energy_wh, sd_wh, pit, crps_wh, flags`, bounds `low_50, high_50, ...` by nominal level in percent, for each
+    fraction of the trip's time and each of `UPDATES` a column such as `update_25` [Wh], and `about_trips`.
+    """
     observed, centre = part["observed_energy_wh"].to_numpy(), part["predicted_energy_wh"].to_numpy()
     sd_wh, bounds = of_each(forecasts, "sd_wh"), of_each(forecasts, "bounds_wh")
     half_wh = of_each(forecasts, "factors") * sd_wh[:, None]
@@ -80,32 +83,7 @@ def forecast_insight(
     for (j, fraction), (k, name) in itertools.product(enumerate(FRACTIONS), enumerate(UPDATES)):
         columns[f"{name}_{100 * fraction:g}"] = updates[:, j, k]
     about = about_trips(hold_out.data, hold_out.tested).drop(columns="trip")
-    names = [hold_out.table.trip_ids[i] for i in hold_out.tested]
-    return ForecastInsight(
-        pd.concat([pd.DataFrame(columns), about], axis=1),
-        pd.DataFrame([forecast.causes_wh for forecast in forecasts], index=names),
-        {name: forecast.series for name, forecast in zip(names, forecasts, strict=True)},
-        {name: hold_out.data.logs[i] for name, i in zip(names, hold_out.tested, strict=True)},
-    )
-
-
-def measured_beside(kept: ForecastInsight) -> dict[str, pd.DataFrame]:
-    """The forecast along each trip beside the measured energy, at the ends of the segments."""
-    frames = {}
-    for trip, series in kept.series.items():
-        log = kept.logs[trip]
-        time = series["time_s"].to_numpy()
-        distance = series["distance_m"].to_numpy()
-        speed = np.diff(distance, append=distance[-1]) / np.diff(time, append=time[-1] + 1.0)
-        frames[trip] = pd.DataFrame(
-            {
-                "time_s": time,
-                "speed_m_s": speed,
-                "observed_energy_wh": np.interp(time, log["time_s"], log["observed_energy_wh"]),
-                FORECAST: series["energy_wh"].to_numpy(),
-            }
-        )
-    return frames
+    return pd.concat([pd.DataFrame(columns), about], axis=1)
 
 
 def _known(value: float | None) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -35,30 +35,6 @@ RESERVE_OFFSETS: Final = tuple(round(0.01 * k, 2) for k in range(-6, 7))
 DECILES: Final = 10
 UPDATES: Final = (*TOTALS, "update_low", "update_high")
 """These, and the bounds of the re-forecast at `UPDATE_LEVEL`."""
-
-
-@dataclass(frozen=True, eq=False)
-class ForecastInsight:
-    """Held-out forecasts in the first hold-out.
-
-    Attributes
-    ----------
-    trips : DataFrame
-        One row per trip: `trip, observed_energy_wh, energy_wh, sd_wh, pit, crps_wh, duration_s, distance_m`, bounds
-        `low_50, high_50, ...` by nominal level in percent, and for each fraction of the trip's time and each of
-        `UPDATES` a column such as `update_25` [Wh].
-    causes : DataFrame
-        Energy by cause [Wh], index trip.
-    series : mapping of str to DataFrame
-        `Forecast.series` of each trip.
-    logs : mapping of str to DataFrame
-        What was measured on each trip.
-    """
-
-    trips: pd.DataFrame
-    causes: pd.DataFrame
-    series: Mapping[str, pd.DataFrame]
-    logs: Mapping[str, pd.DataFrame]
 
 
 def crps(observed_wh: FloatArray, quantiles_wh: FloatArray) -> FloatArray:

@@ -43,8 +43,6 @@ class HeldOutForecast:
         Probability that the forecast gave to less than was measured.
     flags : int
         Number of flags.
-    causes_wh : dict of str to float
-        Energy by cause.
     updates_wh : ndarray, shape (len(FRACTIONS), len(UPDATES))
         From `reforecast`.
     shown : float
@@ -53,8 +51,6 @@ class HeldOutForecast:
         Its forecast median and the bounds of its interval of `UPDATE_LEVEL`; NaN where the start was not known.
     arrival_chance : ndarray, shape (len(ARRIVAL_STARTS), len(RESERVE_OFFSETS))
         Probability to arrive with the median plus each of `RESERVE_OFFSETS`.
-    series : DataFrame
-        `Forecast.series`.
     """
 
     sd_wh: float
@@ -62,12 +58,10 @@ class HeldOutForecast:
     factors: FloatArray
     pit: float
     flags: int
-    causes_wh: dict[str, float]
     updates_wh: FloatArray
     shown: float
     arrival: FloatArray
     arrival_chance: FloatArray
-    series: pd.DataFrame
 
     @classmethod
     def from_forecast(
@@ -92,12 +86,10 @@ class HeldOutForecast:
             factors=np.array([forecast.uncertainty.scores.factor(level) for level in levels]),
             pit=forecast.probability_below(float(log["observed_energy_wh"].iloc[-1])),
             flags=len(forecast.flags),
-            causes_wh=dict(forecast.by_cause_wh),
             updates_wh=np.array([reforecast(forecast, log, x) for x in FRACTIONS]),
             shown=_shown_at_arrival(log),
             arrival=arrival,
             arrival_chance=chance,
-            series=forecast.to_frame().astype(np.float64),
         )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from pathlib import Path
@@ -333,38 +333,7 @@ class HoldOutChoice:
             labels.append(f"{label}-{same + 1}" if same and not isinstance(each, str) else label)
         return labels
 
-    def in_order(self, hold_outs: Sequence[HoldOut[D]]) -> list[HoldOut[D]]:
-        """Sort hold-outs into the order in which they were chosen.
-
-        Parameters
-        ----------
-        hold_outs : sequence of HoldOut
-            Those of the protocol, and those of the splitters.
-
-        Returns
-        -------
-        list of HoldOut
-            The same.
-
-        Examples
-        --------
-        >>> HoldOutChoice().in_order([])
-        []
-        """
-        labels = self.labels
-
-        def place(hold_out: HoldOut[D]) -> int:
-            spelt = {hold_out.scheme, hold_out.trips, f"{hold_out.scheme}:{hold_out.trips}"}
-            return next((k for k, label in enumerate(labels) if label in spelt), 0)
-
-        return sorted(hold_outs, key=place)
-
-    @property
-    def splits(self) -> bool:
-        """Whether there is a splitter."""
-        return any(not isinstance(each, str) for each in self.chosen or ())
-
-    def of(self, known: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
+    def of(self, known: Sequence[tuple[str, str]]) -> list[tuple[str, str | Splitter]]:
         """Find the chosen ones among the hold-outs of a protocol.
 
         A name is a scheme, a set of trips, or both as ``scheme:trips``.
@@ -376,8 +345,8 @@ class HoldOutChoice:
 
         Returns
         -------
-        list of (str, str)
-            In the order of the protocol.
+        list of (str, str or Splitter)
+            In the order of the choice: scheme and set of trips of one of the protocol, label of a splitter and itself.
 
         Raises
         ------
@@ -389,17 +358,18 @@ class HoldOutChoice:
         >>> HoldOutChoice().of([("leave_one_trip_out", "all")])
         [('leave_one_trip_out', 'all')]
         """
-        if self.chosen is None:
-            return list(known)
-        spelt = {pair: {*pair, ":".join(pair)} for pair in known}
-        names = [name for name in self.chosen if isinstance(name, str)]
-        allowed = dict.fromkeys([*(scheme for scheme, _ in known), *map(":".join, known)])
-        raise_faults(
-            Fault.unknown("unknown hold-out", "hold_outs", name, allowed)
-            for name in names
-            if not any(name in each for each in spelt.values())
-        )
-        return [pair for pair in known if spelt[pair] & set(names)]
+        chosen: list[tuple[str, str | Splitter]] = []
+        faults = []
+        for label, each in zip(self.labels, self.chosen or (), strict=True):
+            of_name = [pair for pair in known if each in {*pair, ":".join(pair)}]
+            if not isinstance(each, str):
+                chosen.append((label, each))
+            elif not of_name:
+                allowed = dict.fromkeys([*(scheme for scheme, _ in known), *map(":".join, known)])
+                faults.append(Fault.unknown("unknown hold-out", "hold_outs", each, allowed))
+            chosen += [pair for pair in of_name if pair not in chosen]
+        raise_faults(faults)
+        return list(known) if self.chosen is None else chosen
 
     def notes(self, trips: Sequence[Trip]) -> list[str]:
         """Name the splitters of groups that get no days, because the trips have none.
@@ -422,46 +392,36 @@ class HoldOutChoice:
         grouped = [label for label in self.labels if "Group" in label and days_of(trips) is None]
         return [f"{label}: {WITHOUT_GROUPS}" for label in grouped]
 
-    def split(
-        self, recorded: Sequence[Trip], energy_wh: FloatArray
-    ) -> Iterator[tuple[str, tuple[Split, ...]]]:
-        """Split the trips of a set by each splitter.
 
-        Parameters
-        ----------
-        recorded : sequence of Trip
-            Those of the set.
-        energy_wh : ndarray, shape (trips,)
-            Measured [Wh].
+def splits_of(
+    name: str, splitter: Splitter, trips: Sequence[Trip], energy_wh: FloatArray
+) -> tuple[Split, ...]:
+    """Trips as a splitter splits them.
 
-        Yields
-        ------
-        name, splits
-            The name is that of the splitter's class.
+    Parameters
+    ----------
+    name : str
+        Of the splitter, for its errors.
+    splitter : Splitter
+    trips : sequence of Trip
+    energy_wh : ndarray, shape (trips,)
+        Measured [Wh].
 
-        Raises
-        ------
-        InvalidInput
-            When a splitter cannot split them.
-
-        Examples
-        --------
-        >>> list(HoldOutChoice().split([], np.empty(0)))
-        []
-        """
-        for name, splitter in zip(self.labels, self.chosen or (), strict=True):
-            if isinstance(splitter, str):
-                continue
-            days, every = days_of(recorded), np.arange(len(recorded))
-            try:
-                with warnings.catch_warnings():
-                    warnings.filterwarnings("ignore", "The groups parameter is ignored", UserWarning)
-                    pairs = list(splitter.split(list(recorded), energy_wh, every if days is None else days))
-                # a splitter gives numbers of trips, or a mask over them
-                cut = [(np.sort(every[train]), np.sort(every[test])) for train, test in pairs]
-            except (ValueError, TypeError, IndexError) as error:
-                raise InvalidInput.of("trips cannot be split", name, str(error)[:200]) from error
-            yield name, tuple(Split(number, *pair) for number, pair in enumerate(cut))
+    Raises
+    ------
+    InvalidInput
+        When it cannot split them.
+    """
+    days, every = days_of(trips), np.arange(len(trips))
+    try:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "The groups parameter is ignored", UserWarning)
+            pairs = list(splitter.split(list(trips), energy_wh, every if days is None else days))
+        # a splitter gives numbers of trips, or a mask over them
+        cut = [(np.sort(every[train]), np.sort(every[test])) for train, test in pairs]
+    except (ValueError, TypeError, IndexError) as error:
+        raise InvalidInput.of("trips cannot be split", name, str(error)[:200]) from error
+    return tuple(Split(number, *pair) for number, pair in enumerate(cut))
 
 
 Regimes = Mapping[tuple[str, str], tuple[IntArray, IntArray]]
@@ -498,18 +458,18 @@ def hold_outs_of(
         known.insert(len(sets), (LEAVE_ONE_DAY_OUT, main))
     prepared = cache(lambda name: prepare(sets[name]))
     hold_outs: list[HoldOut[D]] = []
-    for scheme, name in wanted.of(known):
-        members, folds = None, np.arange(len(sets.get(name, ())))
-        if (scheme, name) in regimes:
-            members, folds = regimes[scheme, name]
-        elif scheme == LEAVE_ONE_DAY_OUT and by_day is not None:
-            folds = by_day
-        data = prepared(main if members is not None else name)
-        data = data if members is None else data.take(members)
-        hold_outs.append(HoldOut(scheme, name, table_of(data), data, leave_one_out(folds)))
-    if wanted.splits:
-        data = prepared(main)
+    for scheme, which in wanted.of(known):
+        name, data = which, prepared(which if isinstance(which, str) and which in sets else main)
         table = table_of(data)
-        for name, splits in wanted.split(sets[main], table.observed_wh[table.last_rows]):
-            hold_outs.append(HoldOut(name, main, table, data, splits))
-    return wanted.in_order(hold_outs)
+        if not isinstance(which, str):
+            name = main
+            splits = splits_of(scheme, which, sets[main], table.observed_wh[table.last_rows])
+        elif (scheme, which) in regimes:
+            members, folds = regimes[scheme, which]
+            data = data.take(members)
+            splits = leave_one_out(folds)
+        else:
+            days = by_day if scheme == LEAVE_ONE_DAY_OUT else None
+            splits = leave_one_out(np.arange(len(table)) if days is None else days)
+        hold_outs.append(HoldOut(scheme, f"{name}", table_of(data), data, splits))
+    return hold_outs

@@ -13,7 +13,6 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.arrays import FloatArray
 from tripwatt.auditing import Audit, audit
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.hybrid import Corrector, TripTable, build_table
@@ -124,7 +123,7 @@ class PaperProtocol:
         beside: Sequence[Comparison],
         seed: int,
     ) -> EvaluationRun:
-        """Errors of the totals, predictions along the trips, and the GAMM."""
+        """Errors of the totals, and the GAMM."""
         first, table = main[0], main[0].hold_out.table
         methods = {spec.name: spec.method for spec in first.specs}
         models = {name: m.make(seed) for name, m in methods.items() if isinstance(m, TableMethod)}
@@ -139,7 +138,6 @@ class PaperProtocol:
         return EvaluationRun(
             results=content,
             folds=pd.concat([comparison.frame for comparison in main], ignore_index=True),
-            series=_series(table, {spec.name: first.along_wh(spec.name) for spec in first.specs}),
             gamm=gamm,
         )
 
@@ -189,13 +187,3 @@ def _usable(trips: Sequence[Trip]) -> tuple[list[Trip], list[str]]:
         else:
             usable.append(trip)
     return usable, notes
-
-
-def _series(table: TripTable, predictions: Mapping[str, FloatArray]) -> dict[str, pd.DataFrame]:
-    frames = {}
-    for i, trip in enumerate(table.trips):
-        rows = slice(int(table.offsets[i]), int(table.offsets[i + 1]))
-        frame = {name: trip.array(name) for name in ("time_s", "speed_m_s")}
-        frame |= {"observed_energy_wh": table.observed_wh[rows]}
-        frames[trip.trip_id] = pd.DataFrame(frame | {k: values[rows] for k, values in predictions.items()})
-    return frames

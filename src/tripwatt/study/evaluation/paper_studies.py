@@ -243,13 +243,16 @@ def _scores(
     table: TripTable, folds: Mapping[int, FoldResult], simulation: str | None, seed: int
 ) -> dict[str, Any]:
     last = table.last_rows
-    predicted = np.full(len(table.observed_wh), np.nan)
+    observed, simulated, ours = (
+        table.observed_wh[last],
+        table.simulated(simulation)[last],
+        np.empty(len(table)),
+    )
     for result in folds.values():
-        predicted[table.rows_of(result.split.test)] = result.predicted_wh
-    observed, ours = table.observed_wh[last], predicted[last]
-    simulated = absolute_percentage_error(observed, table.simulated(simulation)[last])
-    improved = np.mean(absolute_percentage_error(observed, ours) < simulated)
-    own = simulation is None or np.array_equal(ours, table.simulated(simulation)[last])
+        ours[result.split.test] = result.predicted_wh
+    errors = (absolute_percentage_error(observed, energy_wh) for energy_wh in (ours, simulated))
+    improved = np.mean(np.less(*errors))
+    own = simulation is None or np.array_equal(ours, simulated)
     return asdict(summarise_errors(observed, ours, seed)) | {
         "simulation": simulation,
         "improved_share": None if own else float(improved),
@@ -280,7 +283,7 @@ def trips_needed(draws: Comparison, seed: int) -> dict[str, Any]:
     for result in draws.results:
         split, model = result.split, CURVE_MODELS.index(result.model)
         place = model, np.searchsorted(sizes, len(split.train)), split.draw, split.test
-        errors[place] = absolute_percentage_error(observed[split.test], result.energies_wh(table))
+        errors[place] = absolute_percentage_error(observed[split.test], result.predicted_wh)
     means = _weighted(errors, np.ones(n_draws), np.ones(n_trips))
     rng = np.random.default_rng(seed)
     crossings = []

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import platform
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -18,7 +17,6 @@ import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput, raise_faults
 from tripwatt.study.evaluation.comparison import Comparison
-from tripwatt.study.evaluation.forecast_scores import ForecastInsight
 from tripwatt.study.evaluation.hold_outs import Prepared
 from tripwatt.study.evaluation.metrics import PairedDifference, paired_difference
 from tripwatt.study.paper.insight import GammInsight
@@ -43,28 +41,24 @@ class EvaluationRun:
         The content of `results.json`.
     folds : DataFrame
         The content of `folds.csv`: one row per evaluation, trip and model.
-    series : mapping of str to DataFrame
-        Trip -> `time_s, speed_m_s, observed_energy_wh` and the held-out cumulative prediction of every model, of the
-        first evaluation.
     gamm : GammInsight or None
         Summary, diagnosis and effects of the GAMM, fitted on all trips of the first evaluation; None where it was not among the models.
-    forecast : ForecastInsight or None
-        Held-out forecasts of the first evaluation; None in a protocol without them.
+    forecast : DataFrame or None
+        The content of `forecasts.csv`: held-out forecasts of the first evaluation; None in a protocol without them.
 
     Examples
     --------
     >>> import tripwatt as tw
     >>> from tripwatt.study.evaluation import Execution
     >>> run = tw.evaluate(tw.synthetic_fleet(6), protocol="paper", models=["constant"], execution=Execution(n_jobs=1))
-    >>> run.folds["model"].unique().tolist(), len(run.series)
-    (['constant'], 6)
+    >>> run.folds["model"].unique().tolist()
+    ['constant']
     """
 
     results: dict[str, Any]
     folds: pd.DataFrame
-    series: Mapping[str, pd.DataFrame]
     gamm: GammInsight | None = None
-    forecast: ForecastInsight | None = None
+    forecast: pd.DataFrame | None = None
 
     def to_frame(self) -> pd.DataFrame:
         """Tabulate the errors of every model in every hold-out.
@@ -231,7 +225,7 @@ def write_results(run: EvaluationRun, out: Path) -> None:
     (out / "results.json").write_text(text + "\n", encoding="utf-8")
     run.folds.to_csv(out / "folds.csv", index=False)
     if run.forecast is not None:
-        run.forecast.trips.to_csv(out / "forecasts.csv", index=False)
+        run.forecast.to_csv(out / "forecasts.csv", index=False)
 
 
 def _plain(value: object) -> object:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from tripwatt.arrays import IntArray
+from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.hybrid import EnergyModel, EnergyRegression, PhysicsOnly, TripTable
 from tripwatt.study.evaluation.hold_outs import HoldOut
 from tripwatt.study.evaluation.tasks import Fitted, Method, ModelSpec
@@ -30,9 +30,14 @@ class TableMethod(Method[TripTable]):
     make: Callable[[int], EnergyModel]
 
     def fit(self, data: TripTable, train: IntArray, seed: int) -> Fitted:
-        """Fit to the rows of some trips; predictions are at every row of others."""
+        """Fit to the rows of some trips."""
         model = self.make(seed).fit(data.take(train))
-        return Fitted(lambda test: model.predict(data.take(test)))
+
+        def predict(test: IntArray) -> FloatArray:
+            scored = data.take(test)
+            return model.predict(scored)[scored.last_rows]
+
+        return Fitted(predict)
 
     def shares_folds(self, seed: int) -> bool:
         """Whether the corrector does."""
@@ -40,12 +45,12 @@ class TableMethod(Method[TripTable]):
         return isinstance(model, HybridModel) and model.shares_folds
 
     def together(self, data: TripTable, folds: IntArray, seed: int, *, compares: bool) -> Fitted:
-        """Predict every row."""
+        """Predict each trip without its fold."""
         model = self.make(seed)
         assert isinstance(model, HybridModel)
         predicted = model.predict_held_out(data, folds)
         inner = model.inner_errors(data, folds, seed) if compares else None
-        return Fitted(lambda test: predicted[data.rows_of(test)], inner_errors=inner)
+        return Fitted(lambda test: predicted[data.last_rows[test]], inner_errors=inner)
 
     def needed(self, hold_out: HoldOut[Any], scored: IntArray) -> TripTable:
         """The table without the samples of its trips."""

@@ -10,7 +10,6 @@ from typing import Any, ClassVar, Final, Generic, TypeVar
 import numpy as np
 
 from tripwatt.arrays import FloatArray, IntArray
-from tripwatt.hybrid import TripTable
 from tripwatt.learners.folds import Split, held_out
 from tripwatt.study.evaluation.held_out_forecasts import HeldOutForecast
 from tripwatt.study.evaluation.hold_outs import HoldOut
@@ -22,7 +21,7 @@ TIMED_TRIPS: Final = 8
 """Trips of which the time of a prediction is the mean, where all folds are predicted at once."""
 
 Predict = Callable[[IntArray], FloatArray]
-"""Numbers of trips, ascending -> the cumulative energy at each of their rows, or the energy of each trip [Wh]."""
+"""Numbers of trips, ascending -> the energy of each of them [Wh]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +32,8 @@ class FoldResult:
     ----------
     model : str
     split : Split
-    predicted_wh : ndarray
-        Cumulative energy at every row of the scored trips, or the energy of each of them [Wh].
+    predicted_wh : ndarray, shape (scored trips,)
+        Energy of each of them [Wh].
     fit_s, predict_ms : float
         Time of the fit, and of the prediction of one trip.
     inner_error : float
@@ -50,13 +49,6 @@ class FoldResult:
     predict_ms: float
     inner_error: float = np.nan
     forecasts: list[HeldOutForecast] | None = None
-
-    def energies_wh(self, table: TripTable) -> FloatArray:
-        """Energy of each of the scored trips."""
-        if len(self.predicted_wh) == len(self.split.test):
-            return self.predicted_wh
-        ends = np.cumsum(np.diff(table.offsets)[self.split.test])
-        return np.asarray(self.predicted_wh[ends - 1])
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,8 +12,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import matplotlib
-import numpy as np
-import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
@@ -29,7 +27,6 @@ RULE: Final[str] = STYLE["grid.color"]
 PAPER_COLOUR: Final[str] = STYLE["figure.facecolor"]
 BLACK: Final = "#000000"
 """In the figures of a GAMM: the page exchanges it as it does `INK`."""
-FORECAST_COLOUR: Final = "#0f8797"
 WIDTH_IN: Final = 5.4
 
 
@@ -89,10 +86,3 @@ def row_names(axes: Axes, names: Sequence[str], **text: Any) -> None:
     axes.set_yticks(range(len(names)), names, **text)
     axes.set_ylim(len(names) - 0.4, -0.6)
     axes.tick_params(axis="y", length=0)
-
-
-def thinned(frame: pd.DataFrame, most: int = 500) -> pd.DataFrame:
-    """At most `most` rows evenly spread, the first and the last among them."""
-    if len(frame) <= most:
-        return frame
-    return frame.iloc[np.unique(np.linspace(0, len(frame) - 1, most).round().astype(np.int64))]

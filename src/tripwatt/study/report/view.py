@@ -73,20 +73,17 @@ class View:
         The contract of `results.json`.
     folds : DataFrame
         One row per scheme, trip set, trip and model; possibly empty.
-    series : mapping of str to DataFrame
-        Held-out predictions of the main evaluation along each trip; possibly empty.
     gamm : GammInsight or None
     """
 
     results: Record
     folds: pd.DataFrame = field(default_factory=lambda: pd.DataFrame(columns=list(FOLD_COLUMNS)))
-    series: Mapping[str, pd.DataFrame] = field(default_factory=dict)
     gamm: GammInsight | None = None
 
     @classmethod
     def from_run(cls, run: EvaluationRun) -> View:
         """Read a run."""
-        return cls(run.results, run.folds, run.series, run.gamm)
+        return cls(run.results, run.folds, run.gamm)
 
     @property
     def dataset(self) -> str:
@@ -158,11 +155,6 @@ class View:
         return of_evaluation(self.main) if self.main else ""
 
     @property
-    def note_given(self) -> str:
-        """`note`, and `given` on a line of its own."""
-        return "\n".join(filter(None, [self.note, self.given]))
-
-    @property
     def main_folds(self) -> pd.DataFrame:
         """The folds of the main evaluation."""
         main = (self.folds["scheme"] == self.main.get("scheme")) & (
@@ -173,17 +165,6 @@ class View:
     def captioned(self, caption: str) -> str:
         """A table's caption, marked where the trips are made up."""
         return f"{caption} (synthetic trips)" if self.synthetic else caption
-
-    def selected_trips(self) -> list[tuple[str, str, float]]:
-        """(role, trip, APE) of the best, the median and the worst trip of `best` among the trips with a series."""
-        folds = self.main_folds
-        rows = folds[(folds["model"] == self.best) & folds["trip"].astype(str).isin(list(self.series))]
-        rows = rows.dropna(subset="ape").sort_values("ape", kind="stable")
-        if rows.empty:
-            return []
-        places = {len(rows) - 1: "Worst", (len(rows) - 1) // 2: "Median", 0: "Best"}  # the first role counts
-        chosen = ((places[place], rows.iloc[place]) for place in sorted(places))
-        return [(role, str(row["trip"]), float(row["ape"])) for role, row in chosen]
 
 
 def is_known(value: object) -> TypeGuard[float]:

@@ -10,7 +10,6 @@ from tripwatt.study.report.panels import (
     audit,
     errors,
     gamm,
-    paired,
     paper_studies,
     results_table,
     uncertainty,
@@ -21,7 +20,6 @@ from tripwatt.study.report.view import View
 SECTIONS: Final[Mapping[str, Callable[[View], list[Panel]]]] = {
     "Result": results_table.panels,
     "Errors": errors.panels,
-    "Differences between the models": paired.panels,
     "Uncertainty": uncertainty.panels,
     "Beside the paper": paper_studies.panels,
     "The GAMM": gamm.panels,

@@ -1,9 +1,9 @@
-"""Errors of the trips: along three of them, as histograms and as boxes."""
+"""Errors of the trips, as histograms and as boxes."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -12,9 +12,8 @@ from tripwatt.arrays import FloatArray
 from tripwatt.study.report import style
 from tripwatt.study.report.model_styles import model_style, ordered
 from tripwatt.study.report.panel import Panel
-from tripwatt.study.report.view import View, plain
+from tripwatt.study.report.view import View
 from tripwatt.study.report.words import label
-from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_MINUTE
 
 CUT: Final = 1.5
 """Errors beyond this fraction are drawn at the edge, or a few would flatten all others."""
@@ -22,14 +21,11 @@ EDGE: Final = f"errors beyond {100 * CUT:.0f} % are drawn at the edge"
 
 
 def panels(view: View) -> list[Panel]:
-    """Energy along three trips, the distribution of the errors, and the box plots."""
+    """The distribution of the errors, and the box plots."""
     present = ordered(map(str, view.main_folds["model"].unique()))
     alone = ((m, model_style(m).without_physics) for m in present)
     pairs = [(model_style(m).stands_on, m, other) for m, other in alone if other in present]
     shown = []
-    if selected := view.selected_trips():
-        caption = f"{label(str(view.best))} on the best, the median and the worst trip, as measured and as predicted."
-        shown.append(Panel("trip-energy", "Energy along trips", caption, plot_trip_energy(view, selected)))
     if present:
         caption = "Signed error of every held-out trip, by model."
         drawn = plot_error_distribution(view, present)
@@ -100,44 +96,4 @@ def plot_error_boxes(view: View, models: Sequence[str], title: str) -> Figure:
     style.row_names(axes, [label(m) for m in models])
     axes.set_xlim(left=0)
     style.percent_axis(axes, "absolute percentage error [%]")
-    return figure
-
-
-def plot_trip_energy(view: View, selected: Sequence[tuple[str, str, float]]) -> Figure:
-    """Cumulative energy along trips: measured, simulated and predicted, with the speed below.
-
-    Parameters
-    ----------
-    view : View
-        Its `series` have the trips.
-    selected : sequence of (role, trip, ape)
-        Which trips, e.g. `("Worst", "B28", 0.31)`.
-    """
-    model = str(view.best)
-    title = f"Energy along the trip: {label(model)}"
-    settings = {"height_ratios": [3.2, 1.0] * len(selected)}
-    head = title, view.given
-    figure, rows = style.stacked(view, 1.0 + 2.55 * len(selected), head, 2 * len(selected), **settings)
-    simulated = model_style(model).stands_on
-    curves: list[tuple[str, str, str, Any]] = [("observed_energy_wh", "measured", style.INK, "-")]
-    if simulated and all(simulated in view.series[trip] for _, trip, _ in selected):
-        curves.append((simulated, "simulated", model_style(simulated).colour, (0, (5, 2))))
-    curves.append((model, "predicted", model_style(model).colour, "-"))
-    for place, (role, trip, ape) in enumerate(selected):
-        frame = style.thinned(view.series[trip])
-        minutes = (frame["time_s"] - frame["time_s"].iloc[0]) / SECONDS_PER_MINUTE
-        top, below = rows[2 * place : 2 * place + 2]
-        for column, words, colour, dash in curves:
-            gid = f"energy-{place}-{words}"
-            top.plot(minutes, frame[column] / 1e3, color=colour, ls=dash, lw=1.6, label=words, gid=gid)
-        top.set(title=f"{role} trip: {plain(trip, 34)}, error {100 * ape:.1f} %", ylabel="energy [kWh]")
-        top.grid(axis="y")
-        top.tick_params(labelbottom=False)
-        below.fill_between(minutes, frame["speed_m_s"] / M_S_PER_KM_H, color=style.INK, alpha=0.35, lw=0)
-        below.set(ylabel="km/h")
-        below.set_ylim(bottom=0)
-        for axes in (top, below):
-            axes.set_xlim(0, float(minutes.iloc[-1]) or 1.0)
-    rows[-1].set_xlabel("time since departure [min]")
-    figure.legend(*rows[0].get_legend_handles_labels(), loc="outside lower left", ncols=3)
     return figure

@@ -5,12 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from matplotlib.figure import Figure
-
 from tripwatt.study.evaluation.forecast_scores import UPDATE_LEVEL
 from tripwatt.study.report.intervals import NOTE, OFF, charge_rows, energy_rows, intervals_table
 from tripwatt.study.report.panel import Panel
-from tripwatt.study.report.style import FORECAST_COLOUR, RULE, legend_below, percent_axis, plotted
 from tripwatt.study.report.tables import Column, Table, in_kwh, in_percent, tabulated
 from tripwatt.study.report.view import Record, View, of_evaluation
 
@@ -28,29 +25,10 @@ def panels(view: View) -> list[Panel]:
     arrival = arrival_table(view)
     note = f"{OFF} differs significantly from the level. {NOTE}"
     return [
-        Panel("coverage", "Coverage of the intervals", note, plot_coverage(view), (coverage_by_set(view),)),
+        Panel("coverage", "Coverage of the intervals", note, tables=(coverage_by_set(view),)),
         *([Panel("arrival", "State of charge at arrival", tables=(arrival,))] if arrival.rows else ()),
         Panel("updates", "Error of the forecast during the trip", tables=(updates_table(view),)),
     ]
-
-
-def plot_coverage(view: View) -> Figure:
-    """Share of trips inside the interval against its nominal level, with Clopper-Pearson intervals."""
-    figure, axes = plotted(view, 3.9, "How often the interval holds the measured energy", view.note_given)
-    axes.plot([0.4, 1.0], [0.4, 1.0], color=RULE, lw=1.5, label="exactly as stated")
-    for place, (key, covered) in enumerate(view.focus["coverage"].items()):
-        level, bounds = float(key), view.focus["coverage_ci95"][key]
-        axes.plot([level, level], bounds, color=FORECAST_COLOUR, lw=2.2, solid_capstyle="butt")
-        axes.plot(level, covered, "o", color=FORECAST_COLOUR, ms=7, gid=f"coverage-{place}")
-        offset, side = ((-8, 4), "right") if level < 0.93 else ((10, -14), "left")
-        words, at = f"{100 * covered:.0f} %", (level, covered)
-        axes.annotate(words, at, offset, textcoords="offset points", fontsize=8.5, ha=side)
-    axes.plot([], [], "-o", color=FORECAST_COLOUR, label="held-out trips, 95 % Clopper-Pearson interval")
-    axes.set(xlim=(0.4, 1.0), ylim=(0.25, 1.02), ylabel="inside [% of trips]")
-    axes.yaxis.set_major_formatter(lambda value, _: f"{100 * value:.0f}")
-    axes.grid(axis="y")
-    percent_axis(axes, "nominal level [%]")
-    return legend_below(figure)
 
 
 def scored_sets(view: View) -> list[tuple[str, Record, int]]:
