@@ -109,10 +109,6 @@ def test_scores_are_those_of_the_trips(run) -> None:
     assert car["over_driven"] == pytest.approx(planned["mape"] / car["known"][DRIVEN]["mape"])
 
 
-def test_the_same_seed_gives_the_same_results(run, car) -> None:
-    assert evaluate_before([car], seed=1).results == run.results
-
-
 def test_trips_of_a_fold_are_left_out_together(run, car) -> None:
     """The second trip is driven in another way: a forecast of its fold does not change, one of another fold does."""
     pairs = {trip.trip_id: i // 2 for i, trip in enumerate(car.trips)}
@@ -126,9 +122,8 @@ def test_trips_of_a_fold_are_left_out_together(run, car) -> None:
     assert run.trips[PLANNED][0] != pytest.approx(made[0])
 
 
-@pytest.mark.parametrize("n", [0, 5])
-def test_too_few_trips_with_limits_are_refused(car, n) -> None:
-    few = replace(car, trips=car.trips[:n])
+def test_too_few_trips_with_limits_are_refused(car) -> None:
+    few = replace(car, trips=car.trips[:5])
     with pytest.raises(InvalidInput, match="too few trips with speed limits: cars: got id3") as caught:
         evaluate_before([few])
     (fault,) = caught.value.faults

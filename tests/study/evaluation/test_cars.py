@@ -103,15 +103,6 @@ def test_scores_in_time_are_those_of_forecasts_before_learning(run, cars) -> Non
     assert rows["observed_energy_wh"].iloc[-1] > 1.5 * before["observed_energy_wh"].iloc[-1]
 
 
-def test_one_factor_is_exact_on_a_car_that_takes_a_share_more() -> None:
-    evidence = evidence_of(made("a", "one", "vw_id3", 6, 5), "one")[1]
-    simulated = evidence.observed_wh - evidence.residual_wh
-    share = replace(evidence, residual_wh=0.2 * simulated)
-    known, asked = share.take(range(3)), share.take(range(3, 6))
-    assert protocol._one_factor(known, asked) == pytest.approx(asked.residual_wh)
-    assert protocol._error(np.zeros(3), asked.observed_wh) == {"error": 0.0, "bias": 0.0}
-
-
 @pytest.mark.parametrize(
     ("options", "words"), [({"trips": ()}, "trips"), ({"draws": 0}, "draws"), ({"trips": (-1,)}, "trips")]
 )

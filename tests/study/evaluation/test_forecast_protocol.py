@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.stats import binomtest, norm
+from scipy.stats import norm
 
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import ForecastModel
@@ -24,19 +24,16 @@ from tripwatt.study.evaluation.forecast_scores import (
     coverage_scores,
     crps,
     crps_scores,
-    strata_of,
-    update_scores,
 )
 from tripwatt.study.evaluation.held_out_forecasts import reforecast
 from tripwatt.study.evaluation.hold_outs import CarChoice, HoldOut, HoldOutChoice
 from tripwatt.study.report import render_report
 from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import Trip, plan_from_trip
-from tripwatt.uncertainty.coverage import clopper_pearson
 from tripwatt.vehicles import load_vehicle
 
 ROAD = ("time_s", "speed_m_s", "elevation_m")
-FAST = ("constant", "physics", "physics4", "power-kriging", "hybrid")
+FAST = ("constant", "physics4", "power-kriging", "hybrid")
 
 
 QUICK = ForecastProtocol(corrector="linear")
@@ -57,9 +54,9 @@ def prepared(fleet, car):
     return ForecastData.from_trips(fleet.trips, car)
 
 
-@pytest.fixture(scope="module", params=["linear", "ensemble"])
-def model(request, prepared, car):
-    return ForecastModel(car, corrector=request.param).fit_segments(prepared.segments.take(range(9)))
+@pytest.fixture(scope="module")
+def model(prepared, car):
+    return ForecastModel(car, corrector="linear").fit_segments(prepared.segments.take(range(9)))
 
 
 def randomised(trip: Trip, seed: int) -> Trip:
@@ -112,12 +109,7 @@ def keep_energy(trip: Trip, changed: Trip) -> Trip:
     )
 
 
-def test_forecast_of_a_plan_is_the_forecast_of_its_trip(fleet, model):
-    trip = fleet.trips[9]
-    assert model.forecast(plan_from_trip(trip)).to_dict() == model.forecast(trip).to_dict()
-
-
-@pytest.mark.parametrize("fraction", FRACTIONS)
+@pytest.mark.parametrize("fraction", [FRACTIONS[0], FRACTIONS[-1]])
 def test_reforecast_never_sees_a_sample_after_the_cut(fleet, model, fraction):
     trip = fleet.trips[10]
     forecast = model.forecast(trip)
@@ -135,19 +127,6 @@ def test_reforecast_never_sees_a_sample_after_the_cut(fleet, model, fraction):
     assert moved[UPDATES.index("update")] != before[UPDATES.index("update")]
 
 
-def test_no_update_is_measured_so_far_and_the_departure_forecast_of_the_rest(fleet, model):
-    trip = fleet.trips[10]
-    forecast, log = model.forecast(trip), measured_log(trip)
-    halfway = log[log["time_s"] <= 0.5 * forecast.to_frame()["time_s"].iloc[-1]].iloc[-1]
-    series = forecast.to_frame()
-    rest = forecast.energy_wh - np.interp(halfway["time_s"], series["time_s"], series["energy_wh"])
-    found = dict(zip(UPDATES, reforecast(forecast, log, 0.5), strict=True))
-    assert found["no_update"] == pytest.approx(halfway["observed_energy_wh"] + rest)
-    whole = series["distance_m"].iloc[-1]
-    gauge = halfway["observed_energy_wh"] / halfway["distance_m"] * whole
-    assert found["naive_gauge"] == pytest.approx(gauge)
-
-
 def test_log_rows_depend_on_no_later_sample(fleet):
     trip = fleet.trips[0]
     samples = trip.samples.copy()
@@ -156,12 +135,6 @@ def test_log_rows_depend_on_no_later_sample(fleet):
     part = measured_log(dataclasses.replace(trip, samples=samples.iloc[:120]))
     known = whole[whole["time_s"] <= part["time_s"].iloc[-1]]
     pd.testing.assert_frame_equal(known.reset_index(drop=True), part)
-
-
-@pytest.mark.parametrize(("hits", "n"), [(0, 7), (3, 9), (58, 58), (52, 58), (450, 500)])
-def test_clopper_pearson_is_scipys(hits, n):
-    exact = binomtest(hits, n).proportion_ci(0.95, method="exact")
-    assert clopper_pearson(hits, n) == pytest.approx((exact.low, exact.high), abs=1e-12)
 
 
 def test_coverage_and_scores_of_a_known_distribution():
@@ -187,38 +160,6 @@ def test_coverage_and_scores_of_a_known_distribution():
     assert crps(observed, np.tile(centre[:, None], 40)) == pytest.approx(np.abs(observed - centre))
 
 
-def test_update_scores_compare_over_the_same_trips():
-    observed = np.array([100.0, 200.0, 400.0])
-    energies = np.tile(observed[:, None, None], (1, len(FRACTIONS), len(UPDATES)))
-    energies[:, :, UPDATES.index("no_update")] *= 1.1
-    energies[:, :, UPDATES.index("soc_only")] = np.nan
-    found = update_scores(observed, energies, seed=0)["0.5"]
-    assert found["mape"] == pytest.approx(0.0)
-    assert found["no_update"] == pytest.approx(0.1)
-    assert found["diff"] == pytest.approx(-0.1)
-    assert found["significant"]
-    assert found["soc_only"] is None
-
-
-def test_strata_divide_the_trips():
-    trips = pd.DataFrame(
-        {
-            "net_climb_m": [-50.0, 3.0, np.nan],
-            "battery_temperature_degc": [2.0, 20.0, 31.0],
-            "ambient_temperature_degc": [-4.0, 5.0, 25.0],
-            "distance_m": [4e3, 10e3, 90e3],
-            "duration_s": [1200.0, 900.0, 3600.0],
-            "driver": ["driver 1", None, "driver 1"],
-        }
-    )
-    found = {(s.by, s.name): np.flatnonzero(s.members).tolist() for s in strata_of(trips)}
-    assert found["road", "net descent of more than 10 m"] == [0]
-    assert (found["battery", "below 5 °C"], found["battery", "above 28 °C"]) == ([0], [2])
-    assert found["driver", "driver 1"] == [0, 2]
-    for by in ("ambient", "length", "mean speed"):
-        assert sorted(i for (b, _), members in found.items() if b == by for i in members) == [0, 1, 2]
-
-
 def test_data_only_sees_nothing_simulated(prepared):
     assert not {c for c in DATA_FEATURES if c.endswith("_w")}
     segments = prepared.segments
@@ -236,15 +177,13 @@ def test_data_only_sees_nothing_simulated(prepared):
 
 
 @pytest.fixture(scope="module")
-def whole(fleet, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("folds")
-    return evaluate(
-        fleet, protocol=QUICK, models=FAST, execution=Execution(n_jobs=1, work_dir=folder)
-    ), folder
+def whole(fleet):
+    hold_outs = ["leave_one_trip_out:audited", "leave_regime_out"]
+    return evaluate(fleet, protocol=QUICK, models=FAST, hold_outs=hold_outs, execution=Execution(n_jobs=1))
 
 
 def test_results_hold_the_contract(whole, tmp_path):
-    run, _ = whole
+    run = whole
     write_results(run, tmp_path)
     results = json.loads((tmp_path / "results.json").read_text())
     assert {"learning_curve", "strata", "paired", "evaluations"} <= set(results)
@@ -301,11 +240,10 @@ def with_signals(trip: Trip, car, torque_nm: float, heater_w: float, standing_w:
     return dataclasses.replace(trip, samples=samples)
 
 
-@pytest.mark.parametrize("signal", ["torque_nm", "heater_w", "standing_w"])
-def test_signals_of_a_held_out_trip_do_not_move_its_forecast(fleet, car, signal):
+def test_signals_of_a_held_out_trip_do_not_move_its_forecast(fleet, car):
     """Stages are identified inside the fold: torque, heater and standing power of the held-out trip change nothing."""
     usual = {"torque_nm": 2.0, "heater_w": 600.0, "standing_w": 400.0}
-    loud = {**usual, signal: 5.0 * usual[signal]}
+    loud = {name: 5.0 * value for name, value in usual.items()}
 
     def prepared_with(trip_number):
         trips = [
@@ -324,7 +262,7 @@ def test_signals_of_a_held_out_trip_do_not_move_its_forecast(fleet, car, signal)
 
 def test_the_report_shows_other_kinds_of_trips_and_the_arrival(whole, monkeypatch):
     monkeypatch.setattr("tripwatt.study.report.html.svg_text", lambda figure: "<svg></svg>")
-    run, _ = whole
+    run = whole
     text = re.sub(r"<[^>]+>", " ", render_report(run))
     for evaluation in run.results["evaluations"]:
         if evaluation["scheme"] in ("leave_regime_out", "time_split"):
@@ -333,22 +271,6 @@ def test_the_report_shows_other_kinds_of_trips_and_the_arrival(whole, monkeypatc
     arrival = run.results["evaluations"][0]["models"]["hybrid"]["arrival"]["soc"]
     assert f"{100 * arrival['mae']:.1f}" in text
     assert f"{100 * arrival['coverage']:.1f}" in text
-
-
-def test_resumed_run_is_the_identical_one(fleet, whole):
-    run, folder = whole
-    kept = sorted(folder.rglob("*.fold"))
-    assert kept
-    kept[0].write_bytes(b"half a file")
-    for path in kept[1::8]:
-        path.unlink()
-    again = evaluate(
-        fleet, protocol=QUICK, models=FAST, execution=Execution(n_jobs=1, work_dir=folder, resume=True)
-    )
-    pd.testing.assert_frame_equal(again.folds, run.folds)
-    pd.testing.assert_frame_equal(again.forecast, run.forecast)
-    assert again.results["strata"] == run.results["strata"]
-    assert again.results["learning_curve"] == run.results["learning_curve"]
 
 
 def test_fit_here_score_there(fleet):

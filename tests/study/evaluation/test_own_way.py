@@ -227,16 +227,13 @@ def test_a_figure_of_a_run(run):
     assert own.get_title() == "leave one trip out:audited, 9 trips"
 
 
-@pytest.mark.parametrize("protocol", ["paper", "forecast"])
-def test_a_trip_that_is_scored_twice_counts_once(protocol):
+def test_a_trip_that_is_scored_twice_counts_once(fleet):
     """Repeated splits: the error of a trip is the mean of its errors, and the interval is over trips."""
     splitters = [
         ShuffleSplit(3, test_size=0.4, random_state=0),
         ShuffleSplit(2, test_size=0.4, random_state=1),
     ]
-    fleet = tw.synthetic_fleet(16)
-    models = ["linear4", "physics"] if protocol == "paper" else ["linear4", "physics", "power-linear"]
-    run = tw.evaluate(fleet, protocol=protocol, models=models, hold_outs=splitters, execution=HERE)
+    run = tw.evaluate(fleet, models=["linear4", "physics"], hold_outs=splitters, execution=HERE)
     frame = run.to_frame()
     assert list(dict.fromkeys(frame["scheme"])) == ["ShuffleSplit", "ShuffleSplit-2"]
     for label, splitter in zip(("ShuffleSplit", "ShuffleSplit-2"), splitters, strict=True):
@@ -282,16 +279,5 @@ def test_groups_without_dates_are_noted(fleet):
 
     said = "GroupKFold: fewer than three dates of trips are known: each trip is a group of its own"
     assert notes(undated, GroupKFold(9)) == [said]
-    assert notes(undated, GroupKFold(9), protocol="forecast") == [said]
     assert notes(undated, KFold(3)) == []
     assert notes(fleet.trips, GroupKFold(3)) == []
-
-
-def test_the_car_is_the_second_argument_as_of_a_fit(fleet):
-    heavy = tw.load_vehicle("bmw_i3_60ah", overrides={"mass": 2000.0})
-    given = {"models": ["physics"], "hold_outs": ONE, "execution": HERE}
-    one, two = (
-        tw.evaluate(fleet, car, **given).folds["predicted_energy_wh"] for car in (heavy, "bmw_i3_60ah")
-    )
-    assert (one > two).all()
-    assert tw.fit(fleet.trips, heavy, corrector="linear").vehicle.body == heavy.body

@@ -12,8 +12,6 @@ import matplotlib.text
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from rich.console import Console
 from tools.docs.results_pages import update_readme, update_results_page
 
@@ -102,12 +100,6 @@ def test_no_text_of_a_figure_leaves_it_or_covers_its_neighbour(view: View, run: 
         assert figure.get_size_inches()[0] == WIDTH_IN
 
 
-def test_panels_leave_the_settings_of_the_process_alone(view: View) -> None:
-    before = dict(matplotlib.rcParams)
-    assert build_sections(view)
-    assert dict(matplotlib.rcParams) == before
-
-
 def test_terminal_table_has_five_models_with_their_titles(run: SimpleNamespace) -> None:
     console = Console(width=80, record=True, file=io.StringIO())
     console.print(render_table(run.results))
@@ -181,13 +173,6 @@ def test_readme_without_its_markers_is_refused_and_left_alone(
     with pytest.raises(InvalidInput, match="no place for the results"):
         update_readme({**run.results, "protocol": "forecast"}, readme)
     assert readme.read_text(encoding="utf-8") == text
-
-
-@given(diff=st.floats(-1, 1), low=st.floats(0, 0.5), high=st.floats(0, 0.5))
-def test_a_pair_is_turned_round_with_its_interval(diff: float, low: float, high: float) -> None:
-    pair = {"a": "boosting", "b": "forest", "diff": diff, "ci95": [diff - low, diff + high]}
-    (turned,) = paired.paired_with([pair], "boosting")
-    assert turned["ci95"][0] <= turned["diff"] <= turned["ci95"][1]
 
 
 def test_table_cells_are_those_of_the_results(view: View) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import warnings
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
@@ -270,6 +271,23 @@ HoldOuts = str | Splitter | Sequence[str | Splitter]
 """What `evaluate` takes: names of hold-outs, splitters, or a list of both."""
 
 
+def numbered_names(given: Iterable[object]) -> list[str]:
+    """Names as they are, objects by their class; a class that comes again gets a number.
+
+    Examples
+    --------
+    >>> numbered_names(["constant", 1, 2.0, 3])
+    ['constant', 'int', 'float', 'int-2']
+    """
+    names: list[str] = []
+    count: Counter[str] = Counter()
+    for each in given:
+        name = each if isinstance(each, str) else type(each).__name__
+        count[name] += 1
+        names.append(name if isinstance(each, str) or count[name] == 1 else f"{name}-{count[name]}")
+    return names
+
+
 @dataclass(frozen=True, slots=True)
 class HoldOutChoice:
     """Hold-outs that run: those of the protocol, or some of them, and splitters from outside.
@@ -326,12 +344,7 @@ class HoldOutChoice:
     @property
     def labels(self) -> list[str]:
         """The names, and the classes of the splitters; those that are chosen twice with a number."""
-        labels: list[str] = []
-        for each in self.chosen or ():
-            label = each if isinstance(each, str) else type(each).__name__
-            same = sum(other.rpartition("-")[0] == label or other == label for other in labels)
-            labels.append(f"{label}-{same + 1}" if same and not isinstance(each, str) else label)
-        return labels
+        return numbered_names(self.chosen or ())
 
     def of(self, known: Sequence[tuple[str, str]]) -> list[tuple[str, str | Splitter]]:
         """Find the chosen ones among the hold-outs of a protocol.

@@ -17,7 +17,7 @@ from tripwatt.errors import InvalidInput
 from tripwatt.hybrid import Corrector
 from tripwatt.hybrid.outside import is_regressor, require_fitting
 from tripwatt.learners.outside import checked
-from tripwatt.study.evaluation.hold_outs import HoldOut
+from tripwatt.study.evaluation.hold_outs import HoldOut, numbered_names
 from tripwatt.study.evaluation.tasks import Fitted, Method, ModelSpec
 from tripwatt.trips import Plan, Trip, plan_from_trip
 
@@ -134,15 +134,7 @@ def named_models(models: Sequence[AnyModel] | Mapping[str, AnyModel]) -> dict[st
     """Models by the names of their rows: that of the protocol, the key, or the class."""
     if isinstance(models, Mapping):
         return dict(models)
-    named: dict[str, AnyModel] = {}
-    for model in models:
-        name = usual = model if isinstance(model, str) else type(model).__name__
-        number = 1
-        while name in named and not isinstance(model, str):
-            number += 1
-            name = f"{usual}-{number}"
-        named[name] = model
-    return named
+    return dict(zip(numbered_names(models), models, strict=True))
 
 
 def outside_spec(name: str, model: object, method: Method[Any], simulation: str | None) -> ModelSpec:
