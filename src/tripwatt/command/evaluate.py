@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import sys
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -204,9 +203,9 @@ def _write(run: EvaluationRun, folder: Path) -> None:
 
 def _show(run: EvaluationRun, out: Path) -> None:
     """The short table, and where the report is; the rest is in the report."""
-    from tripwatt.study.report import render_table
+    from tripwatt.study.report import View, short_table
 
-    console(sys.stdout).print(render_table(run.results))
-    notes = len(run.results["notes"])
-    noted = f" ({notes} note{'s' if notes > 1 else ''} of the run in it)" if notes else ""
-    typer.echo(f"Report: {out / 'report.html'}{noted}")
+    table = short_table(View(run.results))
+    numbers, folding = table.columns[1:], table.columns[3:]
+    print_table(table.caption, table.columns, table.rows, numbers=numbers, folding=folding)
+    typer.echo(f"Report, with all models and {len(run.results['notes'])} notes: {out / 'report.html'}")

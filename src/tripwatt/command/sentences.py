@@ -9,7 +9,6 @@ from tripwatt.trips.showing import period
 from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_MINUTE
 
 if TYPE_CHECKING:
-
     from tripwatt.forecasting import Forecast
     from tripwatt.roads.journey import ChargingPlan, Journey
 

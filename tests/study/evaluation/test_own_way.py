@@ -47,6 +47,13 @@ class PerKilometre:
         return self.wh_m * trip.distance_m
 
 
+class Unclear:
+    def fit(self, data):
+        return self
+
+    predict = fit
+
+
 class MeanPower:
     def fit(self, table):
         self.mean_w = float(np.average(table.residual_w, weights=table.hours))
@@ -154,6 +161,7 @@ def test_days_are_the_groups_of_a_splitter(fleet):
             {"models": [MeanPower()]},
             "model not available: models: got MeanPower on segments; allowed: a regressor",
         ),
+        ({"models": [Unclear()]}, r"unknown kind of model: models: got fit\(data\) of Unclear"),
         ({"trips": [1, 2]}, "no trip: trips: got int"),
     ],
 )
@@ -161,17 +169,6 @@ def test_what_cannot_be_evaluated_is_refused(fleet, wrong, message):
     given = {"trips": fleet, "models": ["constant"], "execution": HERE} | wrong
     with pytest.raises(tw.InvalidInput, match=message):
         tw.evaluate(given.pop("trips"), **given)
-
-
-def test_the_argument_of_fit_tells_the_kind_of_a_model(fleet):
-    class Unclear:
-        def fit(self, data):
-            return self
-
-        predict = fit
-
-    with pytest.raises(tw.InvalidInput, match=r"unknown kind of model: models: got fit\(data\) of Unclear"):
-        tw.evaluate(fleet, models=[Unclear()], execution=HERE)
 
 
 def test_tables_of_a_run(run):

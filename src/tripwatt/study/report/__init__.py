@@ -1,9 +1,10 @@
 """Figures, tables and the one-file report of an evaluation.
 
-`write_report` writes them all; `render_table` is its short table in the terminal.
+`write_report` writes them all; `short_table` of a `View` is what the terminal shows.
 """
 
 from tripwatt.study.report.html import render_report, write_report
-from tripwatt.study.report.short_table import render_table
+from tripwatt.study.report.short_table import short_table
+from tripwatt.study.report.view import View
 
-__all__ = ["render_report", "render_table", "write_report"]
+__all__ = ["View", "render_report", "short_table", "write_report"]

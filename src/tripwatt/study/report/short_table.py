@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Final
+from typing import Final
 
 from tripwatt.arrays import by_key
 from tripwatt.study.report.model_styles import model_style
 from tripwatt.study.report.tables import DASH, Column, Table, in_percent, tabulated
 from tripwatt.study.report.view import Record, View, is_known, of_evaluation
 from tripwatt.study.report.words import label
-
-if TYPE_CHECKING:
-    import rich.console
 
 SHORT_ROWS: Final = 5
 """Rows of the short table; a run with no more models than this shows them all."""
@@ -64,49 +60,4 @@ def short_table(view: View, *more: Column) -> Table:
         *more,
         *([inside] if any(inside.cell(row) != DASH for row in rows) else []),
         strong=frozenset(i for i, row in enumerate(rows) if row["name"] == view.best),
-    )
-
-
-def render_table(results: Mapping[str, Any]) -> rich.console.Group:
-    """The result as a short table for the terminal (see `short_table`); the report holds all models and evaluations.
-
-    Parameters
-    ----------
-    results : mapping
-        The contract of `results.json`.
-
-    Returns
-    -------
-    rich.console.Group
-        Title, table and note, to print on a console of rich.
-
-    Examples
-    --------
-    >>> score = {"mape": 0.1, "mape_ci95": [0.08, 0.12], "rmse_wh": 500.0}
-    >>> shown = render_table({"evaluations": [{"scheme": "leave_one_trip_out", "trips": "audited",
-    ...                                        "n_trips": 2, "models": {"boosting": score}}]})
-    >>> print(shown.renderables[0])
-    Error of a trip's energy: leave one trip out, 2 trips the audit keeps
-    """
-    import rich.box
-    import rich.console
-    import rich.table
-    from rich.text import Text
-
-    view = View(results)
-    source = short_table(view)
-    left_out = len(view.models) - len(source.rows)
-    more = f" The best model of each kind; {left_out} more are in the report." if left_out else ""
-    table = rich.table.Table(box=rich.box.SIMPLE, padding=(0, 1, 0, 0), pad_edge=False)
-    for place, head in enumerate(source.columns):
-        table.add_column(
-            head.replace(_INSIDE, "Inside its\n90 % interval [%]"),
-            justify="left" if place in source.text_columns else "right",
-            no_wrap=True,
-        )
-    for place, row in enumerate(source.rows):
-        style = "bold" if place in source.strong else ""
-        table.add_row(*(Text(cell, style=style) for cell in row))
-    return rich.console.Group(
-        Text(source.caption), table, Text(f"95 % interval: bootstrap over trips.{more}")
     )
