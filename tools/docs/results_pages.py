@@ -21,7 +21,7 @@ from tripwatt.study.report.intervals import NOTE, OFF
 from tripwatt.study.report.panels.paired import SIGNIFICANT, difference_column
 from tripwatt.study.report.panels.results_table import results_table, sets_table
 from tripwatt.study.report.panels.uncertainty import coverage_by_set, scored_sets, updates_table
-from tripwatt.study.report.short_table import short_table
+from tripwatt.study.report.shortlist import short_table
 from tripwatt.study.report.view import View
 from tripwatt.study.report.words import listed
 from tripwatt.vehicles import load_vehicle

@@ -15,7 +15,7 @@ from tools.docs.results_pages import update_readme, update_results_page
 from tripwatt.errors import InvalidInput
 from tripwatt.study.report.model_styles import model_styles
 from tripwatt.study.report.panels import audit, build_sections, errors, paired, results_table
-from tripwatt.study.report.short_table import short_list, short_table
+from tripwatt.study.report.shortlist import short_list, short_table
 from tripwatt.study.report.style import WIDTH_IN, style_context
 from tripwatt.study.report.view import View
 

@@ -4,7 +4,7 @@
 """
 
 from tripwatt.study.report.html import render_report, write_report
-from tripwatt.study.report.short_table import short_table
+from tripwatt.study.report.shortlist import short_table
 from tripwatt.study.report.view import View
 
 __all__ = ["View", "render_report", "short_table", "write_report"]
