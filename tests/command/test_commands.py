@@ -442,16 +442,9 @@ def test_audit_tells_the_finding_to_people_and_machines(
     assert set(found[0]) == {"trip", "from_s", "to_s", "what", "consequence"}
 
 
-def test_fetch_checks_a_folder_and_says_so_by_its_code(run: Callable[..., Answer], tum: Path) -> None:
+def test_fetch_says_where_a_set_can_be_had(run: Callable[..., Answer]) -> None:
     assert "10.21227/6jr9-5235" in run("fetch", "tum").out
-    people, machines = run("fetch", "tum", tum), run("fetch", "tum", tum, "--json")
-    assert people.code == machines.code == 1
-    assert "4 of 70 trips" in people.out
-    report = json.loads(machines.out)
-    assert len(report["present"]) == 4
-    assert report["complete"] is False
     assert run("fetch", "moon").code == 2
-    assert run("fetch", "tum", tum / "nowhere").code == 2
 
 
 def test_vehicles_lists_shows_and_refuses(run: Callable[..., Answer], tmp_path: Path) -> None:

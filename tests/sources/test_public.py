@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import pytest
 
 from tripwatt.errors import InvalidInput
-from tripwatt.sources import check_folder, where_to_get
+from tripwatt.sources import where_to_get
 from tripwatt.sources.public import public_sets
 
 NAMES = ("tum", "ved", "twizy", "sedan")
@@ -57,11 +56,3 @@ def test_a_set_that_nobody_named_is_refused_with_all_that_are() -> None:
     (fault,) = caught.value.faults
     assert fault.got == "'twizzy'"
     assert fault.allowed == ", ".join(NAMES)
-
-
-@pytest.mark.parametrize("name", ["ved", "twizy", "sedan", "nothing"])
-def test_folders_of_other_sets_than_the_tum_s_have_no_check(tmp_path: Path, name: str) -> None:
-    with pytest.raises(InvalidInput, match="no check of this data set") as caught:
-        check_folder(tmp_path, name)
-    (fault,) = caught.value.faults
-    assert (fault.where, fault.allowed) == ("dataset", "tum")

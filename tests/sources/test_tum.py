@@ -1,7 +1,6 @@
 """The TUM reader: all spellings of one file read alike, and each damage is named with its place."""
 
 import datetime as dt
-import json
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tripwatt.errors import InvalidInput
-from tripwatt.sources import DATASETS, check_folder, read_logs, where_to_get
+from tripwatt.sources import DATASETS, read_logs
 from tripwatt.sources.tum import REFERENCE_TRIPS, read_tum
 from tripwatt.trips import COLUMNS, Fleet
 from tripwatt.trips.messages import message
@@ -239,24 +238,6 @@ def test_any_damage_of_the_sheet_ends_in_a_fleet_or_in_invalid_input(
     assert all("Overview.xlsx" in f.where for f in faults)
 
 
-def test_check_folder_tells_missing_unreadable_and_shortened(tmp_path, tum_bytes, write_overview):
-    (tmp_path / "TripA01.csv").write_bytes(tum_bytes(rows=100))
-    (tmp_path / "TripA02.csv").write_bytes(tum_bytes()[:-40])
-    rows = [["TripA01", None, None, None, None, None, None, 2.0]]
-    write_overview(tmp_path, rows)
-    report = check_folder(tmp_path)
-    assert report.present == ("TripA01",)
-    assert set(report.unreadable) == {"TripA02"}
-    assert report.shortened == {"TripA01": (pytest.approx(9.9), 120.0)}
-    assert report.overview
-    assert not report.complete
-    assert "TripA03" in report.missing
-    assert "shortened: TripA01 has 9.9 s" in str(report)
-    assert "truncated file" in str(report)
-    assert json.loads(json.dumps(report.as_dict()))["shortened"]["TripA01"]["sheet_s"] == 120.0
-    assert "doi.org/10.21227/6jr9-5235" in where_to_get("tum")
-
-
 def test_datasets_are_known_by_name(tmp_path, tum_bytes):
     (tmp_path / "TripA01.csv").write_bytes(tum_bytes())
     assert read_logs(tmp_path, "tum").name == "tum"
@@ -281,7 +262,3 @@ def test_the_published_files(data_dir):
     assert {t.trip_id for t in fleet.trips if t.context.follows_trip} == {"TripB16", "TripB17", "TripB28"}
     b34 = next(t for t in fleet.trips if t.trip_id == "TripB34")
     assert b34.observed_energy_wh == pytest.approx(1415, abs=1.0)
-    report = check_folder(Path(data_dir) / "tum")
-    assert report.complete
-    assert not report.shortened
-    assert len(report.missing) == 10

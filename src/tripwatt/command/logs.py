@@ -71,9 +71,8 @@ def audit(logs: Logs) -> Answer:
 
 def fetch(
     dataset: Annotated[str, argument("DATASET", "Data set: tum, ved, twizy or sedan.")] = "tum",
-    folder: Annotated[Path | None, argument("FOLDER", "Folder to check.")] = None,
 ) -> Answer:
-    """Show where to download a data set, and check that FOLDER holds all of the TUM set.
+    """Show where to download a data set.
 
     The command downloads nothing: the publishers of the data require an account or a name.
 
@@ -82,16 +81,11 @@ def fetch(
       # show where to download the TUM trips, and the trips of other cars
       tripwatt fetch tum
       tripwatt fetch ved
-      # check that the folder is complete; exit code 1 if not
-      tripwatt fetch tum data/tum
     """
-    from tripwatt.sources import check_folder, where_to_get
+    from tripwatt.sources import where_to_get
 
-    if folder is None:
-        where = where_to_get(dataset)
-        return Answer({"where": where}, where)
-    report = check_folder(folder, dataset)
-    return Answer(report.as_dict, str(report), code=not report.complete)
+    where = where_to_get(dataset)
+    return Answer({"where": where}, where)
 
 
 def anonymise(

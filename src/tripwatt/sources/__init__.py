@@ -12,7 +12,6 @@ from tripwatt.trips import Fleet
 
 if TYPE_CHECKING:
     from tripwatt.arrays import FloatArray
-    from tripwatt.sources.tum_fetch import FolderReport
     from tripwatt.vehicles import Vehicle
 
 DATASETS: Final[Mapping[str, str]] = {
@@ -104,18 +103,3 @@ def where_to_get(dataset: str) -> str:
     if dataset not in public_sets():
         raise InvalidInput(Fault.unknown("unknown data set", "dataset", dataset, public_sets()))
     return public_sets()[dataset]
-
-
-def check_folder(path: Path | str, dataset: str = "tum") -> FolderReport:
-    """What a folder holds of a data set: which trips are there, missing, unreadable or shortened.
-
-    Raises
-    ------
-    InvalidInput
-        When nothing is known of such a data set, there is no such folder, or it holds no trip at all.
-    """
-    if dataset != "tum":
-        raise InvalidInput.of("no check of this data set", "dataset", repr(dataset), "tum")
-    from tripwatt.sources.tum_fetch import check_tum_folder
-
-    return check_tum_folder(path)

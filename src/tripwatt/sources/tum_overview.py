@@ -66,18 +66,6 @@ def read_overview(path: Path, trip_ids: Sequence[str]) -> tuple[dict[str, Contex
     return contexts, notes
 
 
-def read_durations(path: Path) -> dict[str, float]:
-    """Duration [s] of each trip as the sheet gives it, only for telling a shortened log; empty without a sheet.
-
-    Raises
-    ------
-    InvalidInput
-        When the sheet is there but cannot be read.
-    """
-    minutes = {trip_id: row.get("duration") for trip_id, row in (_trip_rows(path) if path.exists() else ())}
-    return {trip_id: 60.0 * each for trip_id, each in minutes.items() if isinstance(each, int | float)}
-
-
 def _trip_rows(path: Path) -> Iterator[tuple[str, Mapping[str, object]]]:
     """The rows of trips, each with the id of its trip."""
     for row in _sheet_rows(path):
