@@ -8,7 +8,7 @@ from __future__ import annotations
 import datetime as dt
 import re
 import secrets
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
@@ -27,6 +27,9 @@ from tripwatt.units import SECONDS_PER_DAY
 MOST_WEEKS: Final = 520
 _NUMBER: Final = re.compile(r"[-+]?(\d+([.,]\d*)?|[.,]\d+)([eE][-+]?\d{1,3})?")
 _UNIT: Final = re.compile(r"[^\W\d]{0,4}[/%°]?[^\W\d]{0,4}")
+_CLOCK: Final = re.compile(r"[\d:.,]+( ?[AaPp][Mm])?")
+_KEPT: Final = {"units": _UNIT, "position": re.compile(r"[-\d., °NSEW]+")}
+"""Texts that stay as they are, by what their column is."""
 HIDDEN: Final = "x"
 """Stands for a text that is no number."""
 
@@ -113,42 +116,79 @@ def _hidden(file: Path, kind: Kind, names: tuple[str, ...], hiding: _Hiding) -> 
         source = open_delimited(file, content + b"\n")
     else:
         source = open_delimited(file, names=names)
-    formats = _formats(kind.mapping)
+    hidden = _HiddenFile(kind.mapping, hiding)
     head = source.data[: source.body_offset].split(b"\n")[:-1]
     own = {column_key(name) for name in source.names if name}
     current: Sequence[str] = source.names
-    first_km: dict[str, float] = {}
-    clocks = {name for name in source.names if _role(name, kind.mapping, hiding) in ("time_s", "date")}
     lines = []
     for number, raw in enumerate([*head, *source.data[source.body_offset :].split(b"\n")]):
         text = decode(raw).strip("\r")
         cells = [cell.strip() for cell in fields_of(text, source.delimiter)]
         if text.strip() and 2 * len(own & {column_key(cell) for cell in cells}) >= len(own) > 0:
             current = cells
-            cells = [
-                name if _role(name, kind.mapping, hiding) else hiding.column(name)
-                for k, name in enumerate(cells)
-            ]
+            cells = [name if hidden.role(name) else hiding.column(name) for name in cells]
         elif number < len(head):
             is_units = source.units and number == len(head) - 1
             cells = [cell if is_units and _UNIT.fullmatch(cell) else HIDDEN if cell else "" for cell in cells]
         else:
-            row = dict(zip(current, cells, strict=False))
-            cells = [
-                _cell(cell, current[k], row, kind.mapping, formats, first_km, hiding)
-                if k < len(current)
-                else HIDDEN * bool(cell)
-                for k, cell in enumerate(cells)
-            ]
-            if any(cell == HIDDEN and name in clocks for cell, name in zip(cells, current, strict=False)):
-                # a row without a time may hold anything in any column
-                cells = [HIDDEN if cell == HIDDEN else "" for cell in cells]
+            cells = hidden.row(cells, current)
         lines.append(line_of(cells, source.delimiter) if text.strip() else b"")
     return b"\n".join(lines)
 
 
-def _role(name: str, mapping: ColumnMapping, hiding: _Hiding) -> str:
-    """What a column is: one of ours, the day of the time, a trip, a vehicle, a signal, a value, positions or an odometer; else empty."""
+@dataclass
+class _HiddenFile:
+    """The rows of one file without what has to go."""
+
+    mapping: ColumnMapping
+    hiding: _Hiding
+    roles: dict[str, str] = field(default_factory=dict)
+    first_km: dict[str, float] = field(default_factory=dict)
+
+    def role(self, name: str) -> str:
+        """What a column is: one of ours, the day of the time, a trip, a vehicle, a signal, a value, positions or an odometer; else empty."""
+        if name not in self.roles:
+            self.roles[name] = _role(name, self.mapping, positions=self.hiding.positions)
+        return self.roles[name]
+
+    def row(self, cells: Sequence[str], names: Sequence[str]) -> list[str]:
+        """The cells of a row below a header."""
+        signal = dict(zip(names, cells, strict=False)).get(self.mapping.long_name or "", "")
+        shown = [self.cell(cell, name, signal) for cell, name in zip(cells, names, strict=False)]
+        shown += [HIDDEN * bool(cell) for cell in cells[len(names) :]]
+        clocks = (self.role(name) in ("time_s", "date") for name in names)
+        if any(cell == HIDDEN and is_clock for cell, is_clock in zip(shown, clocks, strict=False)):
+            # a row without a time may hold anything in any column
+            return [HIDDEN if cell == HIDDEN else "" for cell in shown]
+        return shown
+
+    def cell(self, text: str, name: str, signal: str) -> str:
+        """A cell of a column; `signal` is that of the row, where a file has a row for each value."""
+        role, time = self.role(name), self.mapping.columns["time_s"]
+        if not role or text in NULL_TEXTS:
+            return text if role else ""
+        if role in ("trip", "vehicle"):
+            return self.hiding.name(text)
+        if role in ("signal", "value"):
+            known = {entry.column for ours, entry in self.mapping.columns.items() if ours != "time_s"}
+            if signal not in known:
+                return HIDDEN if role == "signal" else ""
+            if role == "signal":
+                return text
+        if time.unit == "timestamp" and role in ("date", "time_s") and not (role == "time_s" and time.date):
+            form = time.format.partition(" ")[0] if role == "date" else time.format
+            return _shifted(text, form, self.hiding.days)
+        if role in _KEPT or (role == "time_s" and time.date):
+            return text if _KEPT.get(role, _CLOCK).fullmatch(text) else HIDDEN
+        if not _NUMBER.fullmatch(text):
+            return HIDDEN
+        if role == "odometer":
+            value = float(text.replace(",", "."))
+            return f"{value - self.first_km.setdefault(name, value):.3f}"
+        return _later(text, time, self.hiding.days) if role == "time_s" else text
+
+
+def _role(name: str, mapping: ColumnMapping, *, positions: bool) -> str:
     key = column_key(name)
     for ours, entry in mapping.columns.items():
         if key == column_key(entry.column) and (mapping.long_name is None or ours == "time_s"):
@@ -165,56 +205,10 @@ def _role(name: str, mapping: ColumnMapping, hiding: _Hiding) -> str:
     if role or not name:
         return role
     if any(form.search(words(name)) for form in PLACES):
-        return "position" if hiding.positions else ""
+        return "position" if positions else ""
     if mapping.long_name is not None and key in ("unit", "units"):
         return "units"
     return "odometer" if ODOMETER.search(words(name)) else ""
-
-
-def _formats(mapping: ColumnMapping) -> Mapping[str, str]:
-    """Formats of the texts of time and day."""
-    entry = mapping.columns["time_s"]
-    if entry.unit != "timestamp":
-        return {}
-    day, _, clock = entry.format.partition(" ") if entry.date else ("", "", entry.format)
-    return {"date": day, "time_s": clock}
-
-
-def _cell(
-    text: str,
-    name: str,
-    row: Mapping[str, str],
-    mapping: ColumnMapping,
-    formats: Mapping[str, str],
-    first_km: dict[str, float],
-    hiding: _Hiding,
-) -> str:
-    role = _role(name, mapping, hiding)
-    if not role or text in NULL_TEXTS:
-        return text if role else ""
-    if role in ("trip", "vehicle"):
-        return hiding.name(text)
-    if role == "units":
-        return text if _UNIT.fullmatch(text) else HIDDEN
-    signals = {entry.column for ours, entry in mapping.columns.items() if ours != "time_s"}
-    if role == "signal":
-        return text if text in signals else HIDDEN
-    if role == "value" and row.get(mapping.long_name or "") not in signals:
-        return ""
-    if role in formats and not (role == "time_s" and mapping.columns["time_s"].date):
-        return _shifted(text, formats[role], hiding.days)
-    if role == "time_s" and mapping.columns["time_s"].date:
-        return text if re.fullmatch(r"[\d:.,]+( ?[AaPp][Mm])?", text) else HIDDEN
-    if role == "position":
-        return text if re.fullmatch(r"[-\d., °NSEW]+", text) else HIDDEN
-    if not _NUMBER.fullmatch(text):
-        return HIDDEN
-    if role == "odometer":
-        value = float(text.replace(",", "."))
-        return f"{value - first_km.setdefault(name, value):.3f}"
-    if role == "time_s":
-        return _later(text, mapping.columns["time_s"], hiding.days)
-    return text
 
 
 def _later(text: str, entry: MappedColumn, days: int) -> str:
