@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tripwatt.auditing import audit, consistency
+from tripwatt.auditing import consistency
 from tripwatt.auditing.consistency import (
     Balance,
     blank_soc_faults,
@@ -18,7 +18,6 @@ from tripwatt.auditing.consistency import (
     stray_soc,
     unit_findings,
 )
-from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import Log, Recorded
 
 
@@ -312,27 +311,6 @@ def test_an_energy_without_an_error_is_measured():
     assert list(energy_error_findings(Recorded("t", samples, observed_energy_std_wh=100.0))) == []
 
 
-@pytest.fixture(scope="module")
-def sound() -> Log:
-    trip = synthetic_fleet(3).trips[0]
-    return Log.from_samples(trip.trip_id, trip.samples)
-
-
-def with_offset(log: Log, amperes: float) -> Log:
-    return Log.from_samples(log.trip_id, log.samples.assign(current_a=log.samples["current_a"] + amperes))
-
-
-def test_a_sound_drive_is_kept(sound: Log) -> None:
-    assert len(audit([sound]).trips) == 1
-
-
-@pytest.mark.parametrize("amperes", [100.0, -100.0])
-def test_an_offset_of_the_current_sets_the_drive_aside(sound: Log, amperes: float) -> None:
-    result = audit([with_offset(sound, amperes)])
-    assert result.trips == ()
-    assert any(finding.consequence == "set aside" for finding in result.findings)
-
-
 def drive(power_w: float, *, fall_m: float | None, seconds: int = 1000, speed: float = 20.0) -> Log:
     """20 km at a constant power, without a stop."""
     time = np.arange(float(seconds + 1))
@@ -376,13 +354,3 @@ def test_no_car_takes_25_kw_while_it_stands() -> None:
         assert told(Log.from_samples("a", log.samples.assign(speed_m_s=speed))) == found
     light = drive(24_000.0, fall_m=0.0).samples.assign(speed_m_s=np.repeat([0.0, 20.0], [100, 901]))
     assert told(Log.from_samples("a", light)) == []
-
-
-def test_the_fastest_rise_of_a_charge_is_no_jump():
-    full_in_s = 360.0
-    soc = np.array([0.25, 0.25, 0.25, 0.75, 0.75])
-    assert not stray_soc(np.array([0.0, 1.0, 2.0, 2.0 + 0.5 * full_in_s, 183.0]), soc).any()
-    assert (
-        stray_soc(np.array([0.0, 1.0, 2.0, 1.9 + 0.5 * full_in_s, 183.0]), soc).tolist()
-        == [False] * 3 + [True] * 2
-    )

@@ -138,23 +138,6 @@ def test_marked_rows_do_not_count_and_bounds_hold() -> None:
     assert anchored(car, [met], "gear").factor == 1.0
 
 
-def test_bars_have_figures_and_verdicts() -> None:
-    names = ("vw_id4_pro_2024", "renault_megane_60")
-    outcomes = []
-    for name in names:
-        before, after = unanchored(name), load_vehicle(name)
-        outcomes.append(bench.outcome(name, before, after, anchors()[name], certified_figures(name, before)))
-    figures = bench.figures_of_bars(outcomes)
-    assert figures.keys() == bench.BARS.keys()
-    assert figures["cars of 2019 or later"] >= 60.0
-    assert bench.met("share of rows within 4 % after", 0.85)
-    assert not bench.met("share of rows within 4 % after", 0.84)
-    assert bench.met("mean of a car after", 0.02)
-    assert not bench.met("mean of a car after", 0.021)
-    assert figures["mean of a car after"] < 0.02
-    assert "Renault Megane" in bench.render_cars(outcomes)
-
-
 def test_the_page_shows_the_bars_and_the_table_every_anchored_car() -> None:
     outcomes = bench.committed()
     assert pages.of_page("reference/library.md", "anchors") == bench.render(outcomes)

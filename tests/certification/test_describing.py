@@ -123,14 +123,6 @@ def test_a_consumption_that_no_such_car_has_is_refused(consumption: float, words
     assert "kWh/100 km" in str(fault.got)
 
 
-@pytest.mark.parametrize("bound", [(400.0, 6000.0)])
-def test_bounds_belong_to_the_range(bound: tuple[float, float]) -> None:
-    for mass in bound:
-        assert describe_car(mass_kg=mass).body.curb_mass_kg == mass
-    with pytest.raises(InvalidInput):
-        describe_car(mass_kg=bound[0] - 0.1)
-
-
 def test_cars_that_differ_have_different_names() -> None:
     first, second = describe_car(**SIX), describe_car(**{**SIX, "heat_pump": False})
     assert first.name != second.name

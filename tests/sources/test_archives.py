@@ -104,7 +104,7 @@ def test_a_damaged_file_is_one_clear_error_and_leaves_nothing(tmp_path: Path, na
     sheet = [["t", "v"], *([k, 10.0 * k] for k in range(30))]
     whole = zipped({"a.csv": CSV, "b.xlsx": workbook(s=sheet)}) if name == "a.zip" else workbook(s=sheet)
     draw, refused = random.Random(5), 0
-    for number in range(250):
+    for number in range(80):
         damaged = bytearray(whole)
         for _ in range(draw.choice((1, 2, 5, 20))):
             at, kind = draw.randrange(len(damaged)), draw.random()
@@ -124,7 +124,7 @@ def test_a_damaged_file_is_one_clear_error_and_leaves_nothing(tmp_path: Path, na
         assert len(faults) == (made is None)
         assert names(folder) == sorted(file.name for file in made or ())
         refused += made is None
-    assert refused > 150
+    assert refused > 45
 
 
 def test_files_of_an_archive_are_counted_and_its_content_is_bounded(

@@ -344,7 +344,7 @@ def test_a_suggestion_reads_the_file_it_was_made_from(tmp_path):
 
 
 @given(junk=st.binary(max_size=12), at=st.integers(0, 2000), remove=st.integers(0, 60))
-@settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_any_damage_ends_in_a_fleet_or_in_invalid_input(tmp_path, mapping, junk, at, remove):
     stamped = driven(20).assign(Time=lambda d: pd.Timestamp("2024-05-31") + pd.to_timedelta(d.Time, unit="s"))
     data = stamped.to_csv(index=False).encode()

@@ -89,7 +89,7 @@ def climb_of(time, way, height):
     return float(np.diff(heights_of_a_road(time, way, height)).sum())
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(sound_roads())
 def test_a_sound_road_stays_as_it_is(road):
     time, _, way, height = road
@@ -98,7 +98,7 @@ def test_a_sound_road_stays_as_it_is(road):
     assert heights_of_a_road(time, way, with_gaps) is with_gaps
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(
     sound_roads(),
     st.lists(st.tuples(st.floats(30.0, 840.0), st.floats(1.0, 60.0)), min_size=1, max_size=4),
@@ -117,7 +117,7 @@ def test_voids_on_the_way_climb_nothing(road, voids, value):
     assert sound[~known] == pytest.approx(between[~known], abs=1.5)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(sound_roads(), st.floats(1.0, 60.0), st.booleans(), st.sampled_from([0.0, 6000.0, -450.0]))
 def test_a_void_at_an_end_is_level(road, seconds, at_start, value):
     time, _, way, height = road
@@ -127,7 +127,7 @@ def test_a_void_at_an_end_is_level(road, seconds, at_start, value):
     assert sound == pytest.approx(np.where(unknown, nearest, height), abs=1.5)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(sound_roads(), st.floats(1.0, 60.0), st.sampled_from([250.0, -1000.0, 6000.0]))
 def test_an_offset_at_the_end_keeps_the_slopes(road, seconds, offset):
     """The rise of one sample is unknown."""

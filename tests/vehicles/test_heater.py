@@ -70,7 +70,7 @@ def test_a_car_without_a_heater_is_written_and_read_as_it_is(tmp_path: Path) -> 
     assert load_vehicle(path) == bare
 
 
-@pytest.mark.parametrize("value", ['"heat pump"', '"None"', '""', "true", "0", '["none"]'])
+@pytest.mark.parametrize("value", ['"heat pump"', "true", '["none"]'])
 def test_another_heater_is_refused_with_what_is_allowed(tmp_path: Path, value: str) -> None:
     with pytest.raises(InvalidInput, match="unknown heater") as caught:
         load_vehicle(car_file(tmp_path, f"heater = {value}"))
@@ -89,17 +89,6 @@ def test_a_file_of_one_s_own_is_held_against_no_test_unless_it_says_so(tmp_path:
     path.write_text('name = "Mine"\nextends = "bmw_i3_60ah"\n')
     assert load_vehicle("bmw_i3_60ah").anchor == "published"
     assert load_vehicle(path).anchor == "class", "no test was of this car"
-
-
-def test_a_car_by_hand_is_less_certain_than_one_with_published_values(tmp_path: Path) -> None:
-    """The same values: the more open they are, the wider the forecast, around the same energy within a few percent."""
-    found = []
-    for anchor in ("published", "class"):
-        car = load_vehicle(car_file(tmp_path, f'anchor = "{anchor}"', without="anchor = "))
-        found.append(tw.forecast(PLAN, COLD, vehicle=car))
-    published, by_hand = found
-    assert by_hand.sd_wh > 1.01 * published.sd_wh
-    assert by_hand.energy_wh == pytest.approx(published.energy_wh, rel=0.05)
 
 
 def test_a_quadricycle_is_a_light_car_without_climate_control() -> None:
@@ -125,17 +114,6 @@ def test_a_light_car_without_a_kind_of_body_is_a_quadricycle_and_one_with_a_heat
     assert light.title.startswith("extrapolated from quadricycle")
     assert describe_car(body="small").climate is not None
     assert describe_car(body="quadricycle", mass_kg=560.0, usable_battery_kwh=9.0).body.curb_mass_kg == 560.0
-
-
-def test_a_quadricycle_is_stored_and_forecast(tmp_path: Path) -> None:
-    path = tmp_path / "mine.toml"
-    car = describe_car(body="quadricycle")
-    path.write_text(render_vehicle(car), encoding="utf-8")
-    again = load_vehicle(path)
-    assert again.climate is None
-    departure = tw.Departure(soc=0.9, ambient_temperature_degc=10.0)
-    energy = [tw.forecast(PLAN, departure, vehicle=one).energy_wh for one in (car, again)]
-    assert energy[0] == pytest.approx(energy[1], rel=1e-12)
 
 
 def test_no_heat_of_the_heater_leaves_cooling_as_it_is_and_the_cabin_cold() -> None:

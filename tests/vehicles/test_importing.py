@@ -1,7 +1,5 @@
 """Vehicle files of FASTSim and SUMO as cars."""
 
-import csv
-import io
 import math
 import tomllib
 from pathlib import Path
@@ -125,65 +123,16 @@ def test_fastsim_rows_give_the_same_mass_from_parts_and_as_stated(tmp_path: Path
     parts = vehicle_from_document(imported(tmp_path, "a.csv", text, "Sum of parts"), "a", "a.toml")
     stated = vehicle_from_document(imported(tmp_path, "b.csv", text, "2"), "b", "b.toml")
     assert parts.body.curb_mass_kg == pytest.approx(stated.body.curb_mass_kg, abs=0.1)
-    single = "Category,Param Name,Param Value,Param Source\n" + "".join(
-        f",{name},{value},\n"
-        for name, value in zip(
-            [
-                "scenarioName",
-                "vehPtType",
-                "dragCoef",
-                "frontalAreaM2",
-                "cargoKg",
-                "vehOverrideKg",
-                "maxMotorKw",
-                "maxEssKwh",
-                "wheelInertiaKgM2",
-                "numWheels",
-                "wheelRrCoef",
-                "wheelRadiusM",
-                "minSoc",
-                "maxSoc",
-                "auxKw",
-                "transEff",
-                "maxRegen",
-            ],
-            [
-                "x",
-                "BEV",
-                "0.315",
-                "2.755",
-                "136",
-                "1636",
-                "80",
-                "30",
-                "0.815",
-                "4",
-                "0.008",
-                "0.336",
-                "0.05",
-                "0.95",
-                "0.25",
-                "0.98",
-                "0.98",
-            ],
-            strict=True,
-        )
+    values = (
+        "scenarioName=x vehPtType=BEV dragCoef=0.315 frontalAreaM2=2.755 cargoKg=136 vehOverrideKg=1636 maxMotorKw=80 maxEssKwh=30 "
+        "wheelInertiaKgM2=0.815 numWheels=4 wheelRrCoef=0.008 wheelRadiusM=0.336 minSoc=0.05 maxSoc=0.95 auxKw=0.25 transEff=0.98 "
+        "maxRegen=0.98"
     )
+    lines = (f",{value.replace('=', ',')},\n" for value in values.split())
+    single = "Category,Param Name,Param Value,Param Source\n" + "".join(lines)
     alone = vehicle_from_document(imported(tmp_path, "c.csv", single), "c", "c.toml")
     assert alone.body == stated.body
     assert alone.battery == stated.battery
-
-
-def test_fastsim_2_in_yaml_is_its_row_in_csv(tmp_path: Path) -> None:
-    names, *rows = csv.reader(io.StringIO(CSV_HEAD + CSV_ROWS))
-    row = dict(zip(names, rows[0], strict=True))
-    lines = [f"{'scenario_name' if key == 'Scenario name' else key}: {value}" for key, value in row.items()]
-    from_yaml = imported(tmp_path, "car.yaml", "---\n" + "\n".join(lines) + "\n")
-    from_csv = imported(tmp_path, "car.csv", CSV_HEAD + CSV_ROWS, row["Scenario name"])
-    cars = [vehicle_from_document(document, "c", "c.toml") for document in (from_yaml, from_csv)]
-    assert cars[0].body == cars[1].body
-    assert cars[0].road_load == cars[1].road_load
-    assert cars[0].battery == cars[1].battery
 
 
 @pytest.mark.parametrize(

@@ -101,10 +101,6 @@ def test_values_that_contradict_each_other(document, section, key, value, word) 
     assert any(word in fault for fault in faults_of(document))
 
 
-def entry(value: object, unit: str) -> dict[str, object]:
-    return {"value": value, "unit": unit, "source": "a chart", "licence": "user"}
-
-
 def test_coast_down_stands_in_for_drag_and_rolling(document: dict[str, Any]) -> None:
     road = document["road_load"]
     coastdown = {k: v for k, v in road.items() if k.startswith("coastdown_")}
@@ -151,13 +147,3 @@ def test_the_largest_regenerative_torque_is_the_floor_of_the_logged_torque(data_
         braking = braking[braking < -70.0]
         share = np.mean((braking >= -torque) & (braking <= 2.0 - torque))
         assert share > 0.25, name  # a pile at the floor, not a tail
-
-
-def test_the_stated_formula_of_the_regenerative_torque_is_what_it_gives(document: dict[str, Any]) -> None:
-    entry = document["regeneration"]["max_torque_nm"]
-    body, drive = document["body"], document["drivetrain"]
-    mass = body["curb_mass_kg"]["value"] + body["driver_mass_kg"]["value"]
-    stated = mass * 1.6 * drive["wheel_radius_m"]["value"] / drive["gear_ratio"]["value"]
-    assert stated == pytest.approx(78.6, abs=0.05)
-    assert "= 78.6 Nm" in entry["estimated"]
-    assert entry["source"].startswith("TUM data set")
