@@ -11,9 +11,7 @@ import pytest
 from tests.sources.test_suggest import Columns, drive, proposed, stamps
 
 from tripwatt.hybrid.climate_log import logged_climate
-from tripwatt.sources.mapping import load_mapping, shipped_mappings
 from tripwatt.sources.suggest import suggest_mapping
-from tripwatt.sources.table import read_table
 
 AMBIENT_DEGC, CABIN_DEGC, BATTERY_DEGC, HEIGHT_M = 11.0, 20.0, 18.0, 320.0
 SHIFT = 3.0
@@ -186,11 +184,3 @@ def test_common_names_alone_make_no_logger(tmp_path) -> None:
     found = {g.ours: g for g in suggest_mapping(tmp_path / "own.csv").guesses}
     assert found["battery_power_w"].unit == "w"
     assert "shipped" not in found["battery_power_w"].why
-
-
-@pytest.mark.parametrize("name", sorted(set(shipped_mappings()) & set(EXPORTS)))
-def test_a_shipped_mapping_reads_the_export_of_its_logger(tmp_path, name) -> None:
-    (trip,) = read_table(written(tmp_path, name), load_mapping(name)).trips
-    d = drive()
-    energy = np.trapezoid(d.u * d.i, d.t) / 3600.0
-    assert trip.observed_energy_wh == pytest.approx(energy, abs=WHOLE_UNITS.get(name, 0.0) * 0.2, rel=1e-6)

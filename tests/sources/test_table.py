@@ -110,18 +110,6 @@ def test_one_file_with_a_column_of_trips_and_time_stamps(tmp_path):
         assert any("rows without a trip" in note for note in map(message, fleet.notes))
 
 
-def test_power_in_place_of_current(tmp_path):
-    raw = driven()
-    table = pd.DataFrame({"utc": 1_700_000_000 + raw.Time, "speed": raw.Speed, "soc": 80.0 - raw.Time / 300})
-    table["power"] = -raw.Volt * raw.Amp / 1000.0
-    table.to_csv(tmp_path / "drive.csv", index=False)
-    (trip,) = read_table(tmp_path / "drive.csv", "abrp").trips
-    expected = np.trapezoid(1000.0 * table.power, raw.Time) / 3600.0
-    assert trip.observed_energy_wh == pytest.approx(expected, rel=1e-6)
-    assert trip.context.started_at == dt.datetime(2023, 11, 14, 22, 13, 20)
-    assert trip.samples["displayed_soc"][0] == pytest.approx(0.8)
-
-
 def test_energy_from_soc_with_its_uncertainty(tmp_path):
     raw = driven(1200)
     table = pd.DataFrame({"Time": raw.Time, "Speed": raw.Speed, "SoC": np.round(80.0 - raw.Time / 100.0)})
@@ -182,38 +170,6 @@ def test_shipped_mappings_are_sound_and_name_their_source():
     for name in shipped_mappings():
         assert load_mapping(name).columns
         assert load_text(name).startswith("# ")
-
-
-def test_teslamate_and_ovms_tables(tmp_path):
-    raw = driven(900)
-    power = np.round(-raw.Volt * raw.Amp / 1000.0)
-    stamps = pd.Timestamp("2024-05-31 08:00:00") + pd.to_timedelta(raw.Time, unit="s")
-    positions = pd.DataFrame({"date": stamps, "speed": raw.Speed.round(), "power": power, "drive_id": 12})
-    positions.assign(battery_level=70, elevation=500).to_csv(tmp_path / "positions.csv", index=False)
-    (trip,) = read_table(tmp_path / "positions.csv", "teslamate").trips
-    assert trip.trip_id == "12"
-    assert trip.observed_energy_wh == pytest.approx(1000.0 * np.trapezoid(power, raw.Time) / 3600.0)
-    metrics = pd.DataFrame({"m.time.utc": 1.7e9 + raw.Time, "v.p.speed": raw.Speed, "v.b.voltage": raw.Volt})
-    metrics["v.b.current"] = -raw.Amp
-    metrics.to_csv(tmp_path / "ovms.csv", index=False)
-    (trip,) = read_table(tmp_path / "ovms.csv", "ovms").trips
-    assert trip.array("current_a") == pytest.approx(-raw.Amp.to_numpy())
-    assert audit([trip]).set_aside == {}
-
-
-def test_torque_files_read_with_their_odd_times_and_dashes(tmp_path):
-    raw = driven(300)
-    head = "GPS Time, Device Time, Longitude, Latitude, Altitude,Speed (OBD)(km/h),Battery Voltage(V),Battery Current(A)"
-    rows = [head]
-    for i in range(len(raw)):
-        stamp = (dt.datetime(2024, 5, 22, 7) + dt.timedelta(seconds=i)).strftime("%d-%b-%Y %H:%M:%S.%f")[:-3]
-        volt = "-" if i % 3 else f"{raw.Volt[i]:.1f}"
-        rows.append(f"x,{stamp},11.5,48.1,500,{raw.Speed[i]:.1f},{volt},{-raw.Amp[i]:.2f}")
-    (tmp_path / "trackLog.csv").write_text("\n".join(rows) + "\n")
-    (trip,) = read_table(tmp_path / "trackLog.csv", "torque").trips
-    assert trip.context.started_at == dt.datetime(2024, 5, 22, 7)
-    assert trip.array("time_s")[-1] == 299.0
-    assert trip.samples["voltage_v"].notna().all()
 
 
 @pytest.mark.parametrize(
@@ -315,32 +271,6 @@ def test_without_a_mapping_our_names_are_needed(tmp_path):
     ours.to_csv(tmp_path / "ours.csv", index=False)
     (trip,) = read_table(tmp_path / "ours.csv").trips
     assert trip.array("speed_m_s")[0] == pytest.approx(raw.Speed[0] / 3.6)
-
-
-def test_a_suggestion_reads_the_file_it_was_made_from(tmp_path):
-    raw = driven()
-    named = raw.rename(
-        columns={
-            "Volt": "HV Battery Voltage",
-            "Amp": "Pack current",
-            "Outside": "outside_temp",
-            "Height": "alt_m",
-        }
-    ).assign(outside_temp=10.0, trip_id=7, cell_voltage=4.1)
-    named.to_csv(tmp_path / "drive.csv", index=False)
-    suggestion = suggest_mapping(tmp_path / "drive.csv")
-    assert suggestion.missing == ()
-    assert 'positive = "charge"' in suggestion.toml
-    by_name = {g.ours: (g.column, g.unit) for g in suggestion.guesses}
-    assert by_name["speed_m_s"] == ("Speed", "km/h")
-    assert by_name["voltage_v"][0] == "HV Battery Voltage"
-    assert all(g.why for g in suggestion.guesses)
-    (trip,) = read_table(tmp_path / "drive.csv", parse_mapping(suggestion.toml, "proposed")).trips
-    assert trip.trip_id == "7"
-    assert trip.array("current_a")[10] == pytest.approx(-raw.Amp[10])
-    bare = raw[["Time", "Amp"]]
-    bare.to_csv(tmp_path / "bare.csv", index=False)
-    assert "speed_m_s" in suggest_mapping(tmp_path / "bare.csv").missing
 
 
 @given(junk=st.binary(max_size=12), at=st.integers(0, 2000), remove=st.integers(0, 60))

@@ -75,7 +75,7 @@ def test_folders_and_files_that_are_none(tmp_path):
 
 
 @given(junk=st.binary(max_size=12), at=st.integers(0, 700), remove=st.integers(0, 60))
-@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_any_damage_ends_in_a_fleet_or_in_invalid_input(tmp_path, junk, at, remove):
     data = week((LEAF, 1558), (HYBRID, 0)).encode()
     (tmp_path / "VED_171101_week.csv").write_bytes(data[:at] + junk + data[at + remove :])

@@ -12,7 +12,7 @@ import shutil
 import tempfile
 import zipfile
 import zlib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 from typing import IO, Any, Final
@@ -236,24 +236,15 @@ def _write_table(rows: Iterator[list[Any]], folder: Path, budget: Budget) -> tup
         if names >= LEAST_NAMES and below <= names:  # a title has fewer cells than the header below it
             width = min(max(i + 1 for i, cell in enumerate(row) if cell is not None), MOST_COLUMNS)
             with made.open("w", encoding="utf-8", newline="") as text:
-                for line in _lines(itertools.chain(head[k:], filter(_is_filled, rows)), width, budget):
-                    text.write(line)
+                writer = csv.writer(text, lineterminator="\n")
+                for line in itertools.chain(head[k:], filter(_is_filled, rows)):
+                    cells = [_text(cell) for cell in line[:width]] + [""] * (width - len(line))
+                    budget.take(CELLS, max(width - len(line), 0))
+                    budget.take(TABLES, sum(map(len, cells)) + width)
+                    writer.writerow(cells)
                     count += 1
             break
     return count, made
-
-
-def _lines(rows: Iterable[list[Any]], width: int, budget: Budget) -> Iterator[str]:
-    for row in rows:
-        budget.take(CELLS, max(width - len(row), 0))
-        cells = [_text(cell) for cell in row[:width]] + [""] * (width - len(row))
-        line = ",".join(cells)
-        budget.take(TABLES, len(line))
-        if line.count(",") >= width or any(mark in line for mark in '"\r\n'):
-            quoted = io.StringIO()
-            csv.writer(quoted, lineterminator="").writerow(cells)
-            line = quoted.getvalue()
-        yield f"{line}\n"
 
 
 def _is_filled(row: Sequence[Any]) -> bool:

@@ -17,7 +17,6 @@ from tripwatt.trips.fields import Field
 if TYPE_CHECKING:
     import pandas as pd
 
-    from tripwatt.figures import Axes, Figure
     from tripwatt.trips.samples import Sampled
 
 
@@ -236,28 +235,6 @@ class Departure:
         import pandas as pd  # slow to import, and the help of the command line needs this module
 
         return pd.DataFrame([asdict(self)], columns=list(FIELDS))
-
-    def plot(self, ax: Axes | None = None) -> Figure:
-        """The fields that are known, as a table.
-
-        Parameters
-        ----------
-        ax : Axes, optional
-            To draw in; a new figure without them.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-            A table without axes.
-
-        Examples
-        --------
-        >>> from tripwatt import Departure
-        >>> Departure(soc=0.8).plot().savefig("departure.png")  # doctest: +SKIP
-        """
-        from tripwatt.trips.plots import plot_table  # matplotlib is slow to import
-
-        return plot_table("Departure", [(name, str(value)) for name, value in self.to_dict().items()], ax)
 
     def __repr__(self) -> str:
         return f"Departure({', '.join(f'{name}={value!r}' for name, value in self._known())})"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Final
 
 from tripwatt.arrays import FloatArray
@@ -47,16 +47,4 @@ def plot_parts(
     axis.margins(x=0)
     axis.set(xlabel="time [min]", ylabel="energy at the battery terminals [kWh]", title=title)
     axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
-    return figure_of(axis)
-
-
-def plot_table(title: str, rows: Sequence[tuple[str, str]], ax: Axes | None) -> Figure:
-    """Names and values as a picture."""
-    axis = axes_or_new(ax, 6.0, 0.7 + 0.3 * max(len(rows), 1))
-    axis.set_axis_off()
-    axis.set_title(title)
-    if rows:
-        axis.table(cellText=[list(row) for row in rows], loc="center", cellLoc="left", edges="horizontal")
-    else:
-        axis.text(0.5, 0.5, "nothing is known", ha="center", va="center")
     return figure_of(axis)
