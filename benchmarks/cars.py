@@ -40,7 +40,7 @@ from tripwatt.study.evaluation.cars import CarTrips, evaluate_cars
 from tripwatt.study.report.cars import cars_panels, curves_table, factors_table, means_table, time_table
 from tripwatt.study.report.html import png_bytes
 from tripwatt.study.report.tables import Column, tabulated
-from tripwatt.trips import Departure, Fleet, Trip, plan_from_trip
+from tripwatt.trips import Departure, Trip, TripSet, plan_from_trip
 from tripwatt.vehicles import RoadLoad, Vehicle, load_vehicle
 from tripwatt.vehicles.without import without_data
 
@@ -67,7 +67,7 @@ def cars(data: Path = DATA) -> list[CarTrips]:
     ved, leaf = read_logs(data / "ved", "ved"), load_vehicle("nissan_leaf_24")
     for name in ("10", "541"):
         logs = [log for log in ved.logs if log.context.car == name and log.distance_m > LEAST_M]
-        sound = [t for t in audit(Fleet("ved", tuple(logs))).trips if t.observed_energy_wh is not None]
+        sound = [t for t in audit(TripSet("ved", tuple(logs))).trips if t.observed_energy_wh is not None]
         found.append(CarTrips(f"ved-{name}", "ved", leaf, tuple(sound)))
     return found
 

@@ -25,7 +25,7 @@ from tools.data.dirty_logs import FORMATS, Truth, write_dirty_folder, write_leaf
 import tripwatt as tw
 from benchmarks.measure import Row, report
 from tripwatt.errors import InvalidInput
-from tripwatt.trips import COLUMNS, Fleet
+from tripwatt.trips import COLUMNS, TripSet
 from tripwatt.vehicles import load_vehicle
 
 FOLDERS = 400
@@ -69,7 +69,7 @@ def typical(values: np.ndarray) -> np.ndarray:
     return np.quantile(known, [0.25, 0.5, 0.75]) if len(known) else np.full(3, np.nan)
 
 
-def wrong_columns(fleet: Fleet, truth: Truth) -> Iterator[str]:
+def wrong_columns(fleet: TripSet, truth: Truth) -> Iterator[str]:
     """Our columns whose values are not those of the drives, and the measured energy where it is another one."""
     for ours in COLUMNS:
         there = [log.array(ours) for log in fleet.logs if log.has(ours)]

@@ -20,7 +20,7 @@ from benchmarks.measure import Row, report
 from tripwatt.population import adapting, population
 from tripwatt.server.cars import Score, create_car
 from tripwatt.sources import read_logs
-from tripwatt.trips import Fleet
+from tripwatt.trips import TripSet
 
 VEHICLE = "nissan_leaf_24"
 LEAST_M = 2000.0
@@ -35,7 +35,7 @@ def rows(car: str = "10") -> Iterator[Row]:
     with tempfile.TemporaryDirectory() as folder, patch.object(adapting, "population", lambda: others):
         learning = create_car(Path(folder) / "car", VEHICLE)
         done = learning.add(
-            Fleet("ved", tuple(own)),
+            TripSet("ved", tuple(own)),
             progress=lambda k, n: print(f"{k} of {n}", file=sys.stderr) if k % 20 == 0 else None,
         )
         table = learning.diary.table

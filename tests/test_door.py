@@ -118,7 +118,7 @@ def test_what_verbs_give_is_one_line():
     fleet = tw.synthetic_fleet(2)
     run = tw.simulate(tw.read_route(LINKS, trip_id="commute"), "vw_id3")
     lines = {
-        repr(fleet): "<Fleet synthetic: 2 logs>",
+        repr(fleet): "<TripSet synthetic: 2 logs>",
         repr(tw.audit(fleet)): "<Audit 2 drives out of 2 logs are used, 0 are not>",
         repr(tw.load_vehicle("vw_id3")): "<Vehicle vw_id3: Volkswagen ID.3 58 kWh, preset default>",
         repr(
@@ -132,7 +132,7 @@ def test_a_fleet_of_files_has_what_was_read_in_its_line(tmp_path):
     (tmp_path / "a.csv").write_text(tw.synthetic_fleet(1).logs[0].samples.to_csv(index=False))
     (tmp_path / "b.csv").write_text("")
     fleet = tw.read_logs(tmp_path, "table")
-    assert repr(fleet) == f"<Fleet {fleet.name}: 1 logs from {fleet.report}>"
+    assert repr(fleet) == f"<TripSet {fleet.name}: 1 logs from {fleet.report}>"
     assert repr(fleet.report) == f"<ReadingReport {fleet.report}>"
     assert "2 files: 1 read, 1 left out" in repr(fleet)
 

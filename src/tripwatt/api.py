@@ -27,7 +27,7 @@ from tripwatt.routes.tracks import Track
 from tripwatt.sources import read_logs
 from tripwatt.sources.canonical import canonical_samples, read_canonical
 from tripwatt.sources.tum import is_tum_log, read_tum_file
-from tripwatt.trips import Departure, Fleet, Plan, Trip, plan_from_samples, plan_from_trip
+from tripwatt.trips import Departure, Plan, Trip, TripSet, plan_from_samples, plan_from_trip
 from tripwatt.vehicles import ALIASES, Vehicle, load_vehicle, vehicle_document, vehicle_from_document
 
 Route = Path | str | bytes | pd.DataFrame | Sequence[Mapping[str, float | None]]
@@ -185,7 +185,7 @@ def forecast(
 
 
 def fit(
-    trips: Fleet | Sequence[Trip],
+    trips: TripSet | Sequence[Trip],
     vehicle: Vehicle | str,
     *,
     corrector: str | Corrector = DEFAULT_CORRECTOR,
@@ -197,7 +197,7 @@ def fit(
 
     Parameters
     ----------
-    trips : Fleet or sequence of Trip
+    trips : TripSet or sequence of Trip
         A fleet is audited first.
     vehicle : Vehicle or str
         The car, or the name of one of the library.
@@ -239,14 +239,14 @@ def fit(
     return model.fit(sound, car_of=cars.car, progress=progress)
 
 
-def adapt(base: ForecastModel, trips: Fleet | Sequence[Trip], vehicle: Vehicle | str) -> ForecastModel:
+def adapt(base: ForecastModel, trips: TripSet | Sequence[Trip], vehicle: Vehicle | str) -> ForecastModel:
     """Adapt a model of one car to another, with a few trips of that car.
 
     Parameters
     ----------
     base : ForecastModel
         Fitted.
-    trips : Fleet or sequence of Trip
+    trips : TripSet or sequence of Trip
         At least one with measured energy; a fleet is audited first.
     vehicle : Vehicle or str
         The new car, or the name of one of the library.
@@ -412,5 +412,5 @@ def _car(vehicle: Vehicle | str) -> Vehicle:
     return vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
 
 
-def _sound(trips: Fleet | Sequence[Trip]) -> Sequence[Trip]:
-    return audit(trips).trips if isinstance(trips, Fleet) else trips
+def _sound(trips: TripSet | Sequence[Trip]) -> Sequence[Trip]:
+    return audit(trips).trips if isinstance(trips, TripSet) else trips

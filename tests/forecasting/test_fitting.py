@@ -11,12 +11,12 @@ from tripwatt.forecasting.fitting import CarOfTrips, data_digest, fit_with_prove
 from tripwatt.forecasting.inner import INNER_FOLDS
 from tripwatt.hybrid import segment_trips
 from tripwatt.study.synthetic import synthetic_fleet
-from tripwatt.trips import Fleet
+from tripwatt.trips import TripSet
 from tripwatt.vehicles import load_vehicle
 
 
 @pytest.fixture(scope="module")
-def fleet() -> Fleet:
+def fleet() -> TripSet:
     return synthetic_fleet(12, seed=5)
 
 

@@ -16,12 +16,12 @@ from tripwatt.forecasting.storage import model_folder
 from tripwatt.hybrid import segment_trips
 from tripwatt.modelfile import read_model, write_model
 from tripwatt.study.synthetic import synthetic_fleet
-from tripwatt.trips import Flag, Fleet
+from tripwatt.trips import Flag, TripSet
 from tripwatt.vehicles import Vehicle, load_vehicle, vehicle_document, vehicle_from_document
 
 
 @pytest.fixture(scope="module")
-def fleet() -> Fleet:
+def fleet() -> TripSet:
     return synthetic_fleet(12, seed=5)
 
 

@@ -24,7 +24,7 @@ from tripwatt.population import adapt_model, adaptation, population, without_tri
 from tripwatt.population.adapting import PROTOCOL, Adaptation, in_order, population_of, scores_of
 from tripwatt.population.prior import Population, Source
 from tripwatt.study.synthetic import synthetic_fleet
-from tripwatt.trips import Fleet, Trip, plan_from_trip
+from tripwatt.trips import Trip, TripSet, plan_from_trip
 from tripwatt.vehicles import Vehicle, load_vehicle
 
 NOBODY = Population(Sums.empty(len(NAMES)))
@@ -333,7 +333,7 @@ def test_an_adapted_model_is_an_ordinary_one(
     base: ForecastModel, leaf: Vehicle, loaded: list[Trip], tmp_path: Path
 ) -> None:
     about = load_metadata()
-    found, provenance, figures = adapt_model(Fleet("leaf", tuple(loaded[:3])), leaf, base, about)
+    found, provenance, figures = adapt_model(TripSet("leaf", tuple(loaded[:3])), leaf, base, about)
     assert figures["protocol"] == PROTOCOL
     assert figures["trips"] == 3
     assert provenance["base"]["sha256"] == about["sha256"]

@@ -19,7 +19,7 @@ from tripwatt.sources.canonical import read_canonical
 from tripwatt.sources.mapping import load_mapping, parse_mapping, shipped_mappings
 from tripwatt.sources.suggest import suggest_mapping
 from tripwatt.sources.table import read_table
-from tripwatt.trips import Fleet, plan_from_trip
+from tripwatt.trips import TripSet, plan_from_trip
 from tripwatt.trips.messages import message
 from tripwatt.vehicles import load_vehicle
 
@@ -285,7 +285,7 @@ def test_any_damage_ends_in_a_fleet_or_in_invalid_input(tmp_path, mapping, junk,
             found = read(tmp_path / "drive.csv")
         except InvalidInput as error:
             found = error
-        assert not isinstance(found, Fleet) or found.trips
+        assert not isinstance(found, TripSet) or found.trips
 
 
 @given(text=st.text(max_size=60), at=st.integers(0, 400))

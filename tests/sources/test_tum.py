@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from tripwatt.errors import InvalidInput
 from tripwatt.sources import DATASETS, read_logs
 from tripwatt.sources.tum import REFERENCE_TRIPS, read_tum
-from tripwatt.trips import COLUMNS, Fleet
+from tripwatt.trips import COLUMNS, TripSet
 from tripwatt.trips.messages import message
 
 
@@ -28,7 +28,7 @@ def faults_if_refused(folder):
         fleet = read_tum(folder)
     except InvalidInput as error:
         return error.faults
-    assert isinstance(fleet, Fleet)
+    assert isinstance(fleet, TripSet)
     return ()
 
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from tripwatt.errors import InvalidInput
 from tripwatt.sources import read_logs
 from tripwatt.sources.ved import read_ved
-from tripwatt.trips import Fleet
+from tripwatt.trips import TripSet
 from tripwatt.trips.messages import message
 
 HEADER = (
@@ -83,7 +83,7 @@ def test_any_damage_ends_in_a_fleet_or_in_invalid_input(tmp_path, junk, at, remo
         fleet = read_ved(tmp_path)
     except InvalidInput as error:
         fleet = error
-    assert isinstance(fleet, Fleet) or fleet.faults
+    assert isinstance(fleet, TripSet) or fleet.faults
 
 
 def test_the_published_files(data_dir):

@@ -14,7 +14,7 @@ import pandas as pd
 
 from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.study.synthetic.scenario import stream
-from tripwatt.trips import Fleet, Log, Recorded, Trip
+from tripwatt.trips import Log, Recorded, Trip, TripSet
 
 FaultKind = Literal["frozen signal", "wrong sign", "filled gap"]
 
@@ -52,7 +52,7 @@ class PlantedFault:
     unfaulted_energy_wh: float
 
 
-def faulty_fleet(n_trips: int = 32, seed: int = 0) -> tuple[Fleet, tuple[PlantedFault, ...]]:
+def faulty_fleet(n_trips: int = 32, seed: int = 0) -> tuple[TripSet, tuple[PlantedFault, ...]]:
     """`synthetic_fleet` with a frozen signal, a current of the wrong sign and a filled gap, and where they are."""
     sound = synthetic_fleet(n_trips, seed)
     trips, faults = plant_faults(sound.trips, seed)

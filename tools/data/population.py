@@ -25,7 +25,7 @@ from tripwatt.hybrid.factors import SDS, TAIL_DF, USUAL_WH, TripEvidence
 from tripwatt.hybrid.parameters import on_road
 from tripwatt.population.prior import POPULATION_FILE, Population, Source
 from tripwatt.sources import read_logs
-from tripwatt.trips import Fleet, Trip
+from tripwatt.trips import Trip, TripSet
 from tripwatt.vehicles import Vehicle, load_vehicle
 from tripwatt.vehicles.catalogue import QUADRICYCLE
 
@@ -57,7 +57,7 @@ def cars(data: Path) -> Iterator[tuple[Source, list[Trip], Vehicle]]:
     yield _source(twizy, car.name, "twizy"), [t for t in twizy.trips if t.observed_energy_wh is not None], car
 
 
-def _source(fleet: Fleet, car_model: str, vehicle: str) -> Source:
+def _source(fleet: TripSet, car_model: str, vehicle: str) -> Source:
     dataset = vehicle.partition("-")[0]
     return Source(car_model, vehicle, dataset, 0, fleet.citation or CITATIONS[dataset], LICENCES[dataset])
 

@@ -20,7 +20,7 @@ from tripwatt.arrays import by_key
 from tripwatt.auditing import consistency, ranges, road, signals, stamps
 from tripwatt.auditing.findings import Consequence, Cut, Finding, array, between, whole
 from tripwatt.errors import Fault, raise_faults
-from tripwatt.trips import Fleet, Recorded, Trip, require_unique_ids, structure_faults, value_faults
+from tripwatt.trips import Recorded, Trip, TripSet, require_unique_ids, structure_faults, value_faults
 from tripwatt.trips.reading import Alike, alike
 
 __all__ = ["Audit", "Finding", "audit"]
@@ -113,12 +113,12 @@ class Audit:
         return f"<Audit {self}>"
 
 
-def audit(logs: Fleet | Iterable[Recorded]) -> Audit:
+def audit(logs: TripSet | Iterable[Recorded]) -> Audit:
     """Audit raw logs: mend, trim, split or set aside, and report it. O(samples).
 
     Parameters
     ----------
-    logs : Fleet or iterable of Log
+    logs : TripSet or iterable of Log
         As a reader gave them, before any resampling. What the logs of one car have in common (the battery's
         capacity) is taken from all of them together.
 
@@ -146,7 +146,7 @@ def audit(logs: Fleet | Iterable[Recorded]) -> Audit:
     >>> float(result.trips[0].duration_s)
     400.0
     """
-    trips = tuple(logs.logs if isinstance(logs, Fleet) else logs)
+    trips = tuple(logs.logs if isinstance(logs, TripSet) else logs)
     require_unique_ids(trips)
     raise_faults(Fault("not a raw log", t.trip_id, f"means over {t.step_s} s") for t in trips if t.step_s)
     legs: list[Recorded] = []

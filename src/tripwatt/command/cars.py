@@ -26,7 +26,7 @@ from tripwatt.command.printing import console, print_notes, print_table
 from tripwatt.errors import InvalidInput, places_named
 
 if TYPE_CHECKING:
-    from tripwatt.trips import Fleet, Trip
+    from tripwatt.trips import Trip, TripSet
 
 PresetOption = Annotated[
     str,
@@ -219,7 +219,7 @@ def simulate(
     return Answer(answer, partial(_show_simulation, answer))
 
 
-def _chosen(fleet: Fleet, trip: str | None, data: Path | None) -> Trip:
+def _chosen(fleet: TripSet, trip: str | None, data: Path | None) -> Trip:
     if trip is None and (len(fleet.trips) == 1 or data is None):
         return fleet.trips[0]
     log = next((t for t in fleet.trips if t.trip_id == trip), None)

@@ -18,7 +18,7 @@ from tripwatt.files import folder_lock
 
 if TYPE_CHECKING:
     from tripwatt.study.evaluation import EvaluationRun
-    from tripwatt.trips import Fleet
+    from tripwatt.trips import TripSet
 
 CARS = "cars"
 """The protocol of several cars, each forecast from the others."""
@@ -166,7 +166,7 @@ def _check(options: dict[str, Any], overrides: list[str], n_jobs: int) -> None:
             check(raise_faults, [Fault("value out of range", "--jobs", str(n_jobs), "-1, or 1 or more")])
 
 
-def _run(fleet: Fleet, options: dict[str, Any], jobs: int, unfinished: Path, resume: bool) -> EvaluationRun:
+def _run(fleet: TripSet, options: dict[str, Any], jobs: int, unfinished: Path, resume: bool) -> EvaluationRun:
     from tripwatt.study.evaluation import Execution
     from tripwatt.study.evaluation import evaluate as run_evaluation
 

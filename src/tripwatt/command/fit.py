@@ -15,7 +15,7 @@ from tripwatt.errors import Check, Fault, InvalidInput
 
 if TYPE_CHECKING:
     from tripwatt.forecasting import ForecastModel
-    from tripwatt.trips import Fleet
+    from tripwatt.trips import TripSet
 
 
 def fit(
@@ -111,7 +111,7 @@ def _require_storable(corrector: str) -> None:
         raise InvalidInput(Fault.unknown("unknown corrector", "--corrector", corrector, STORABLE))
 
 
-def _show_fit(fleet: Fleet, out: Path, notes: list[str], figures: dict[str, Any]) -> None:
+def _show_fit(fleet: TripSet, out: Path, notes: list[str], figures: dict[str, Any]) -> None:
     from tripwatt.population.adapting import PROTOCOL
 
     how = "adapted to" if figures.get("protocol") == PROTOCOL else "fitted on"

@@ -18,7 +18,7 @@ from tripwatt.errors import Fault, places_named, raise_faults
 
 if TYPE_CHECKING:
     from tripwatt.forecasting import ForecastModel
-    from tripwatt.trips import Flag, Fleet
+    from tripwatt.trips import Flag, TripSet
 
 
 def option(metavar: str, help: str, *names: str, **more: Any) -> Any:
@@ -99,7 +99,7 @@ def read_logs(
     built_in_trips: int = 32,
     lenient: bool = False,
     **more: Any,
-) -> Fleet:
+) -> TripSet:
     """The trips that a user means by DATA, --dataset and --mapping.
 
     Without DATA it is the built-in fleet. A published set is read strictly unless `lenient`; `more` are the `strict`, `vehicle` and
@@ -143,7 +143,7 @@ class Logs:
     mapping: MappingOption = None
     strict: StrictOption = False
 
-    def read(self, **more: Any) -> Fleet:
+    def read(self, **more: Any) -> TripSet:
         """Read them; see `read_logs`."""
         return read_logs(self.data, self.dataset, self.mapping, strict=self.strict, **more)
 

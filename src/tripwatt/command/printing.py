@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from tripwatt.auditing import Audit, Finding
-    from tripwatt.trips import Flag, Fleet
+    from tripwatt.trips import Flag, TripSet
 
 
 UNBROKEN: Final = 1000
@@ -109,7 +109,7 @@ def grouped(flags: Iterable[Flag]) -> list[str]:
     return [f"{k.example} (and {k.count - 1} more like it)" if k.count > 1 else k.example for k in kinds]
 
 
-def print_reading(fleet: Fleet, result: Audit) -> None:
+def print_reading(fleet: TripSet, result: Audit) -> None:
     """What was read and what was left out, a line for each kind, on standard error."""
     from tripwatt.trips.reading import ReadingReport
 

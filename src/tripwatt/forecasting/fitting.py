@@ -16,7 +16,7 @@ from tripwatt.auditing import Audit, audit
 from tripwatt.forecasting.model import DEFAULT_CORRECTOR, ForecastModel, HeldOut
 from tripwatt.hybrid import Identified, StageRecord, identify, stage_record
 from tripwatt.hybrid.calibrate import Calibration, calibrate
-from tripwatt.trips import COLUMNS, Fleet, Trip
+from tripwatt.trips import COLUMNS, Trip, TripSet
 from tripwatt.trips.messages import message
 from tripwatt.vehicles import Vehicle
 
@@ -76,7 +76,7 @@ class CarOfTrips:
 
 
 def fit_with_provenance(
-    fleet: Fleet,
+    fleet: TripSet,
     vehicle: Vehicle,
     *,
     corrector: str = DEFAULT_CORRECTOR,
@@ -89,7 +89,7 @@ def fit_with_provenance(
 
     Parameters
     ----------
-    fleet : Fleet
+    fleet : TripSet
     vehicle : Vehicle
     corrector : str
     seed : int
@@ -139,12 +139,14 @@ def fit_with_provenance(
     return model, provenance, held_out_figures(model.held_out_)
 
 
-def provenance_of(fleet: Fleet, checked: Audit, model: ForecastModel, notes: Sequence[str]) -> dict[str, Any]:
+def provenance_of(
+    fleet: TripSet, checked: Audit, model: ForecastModel, notes: Sequence[str]
+) -> dict[str, Any]:
     """Where a model comes from: data with citation and digest, trips, audit findings, seed, Python and packages.
 
     Parameters
     ----------
-    fleet : Fleet
+    fleet : TripSet
     checked : Audit
         Of the fleet.
     model : ForecastModel

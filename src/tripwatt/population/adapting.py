@@ -24,7 +24,7 @@ from tripwatt.hybrid.parameters import on_road
 from tripwatt.hybrid.segments import driven_roads, driving_w, require_measured
 from tripwatt.parallel import one_blas_thread
 from tripwatt.population.prior import Population, Source, population
-from tripwatt.trips import Fleet, Trip
+from tripwatt.trips import Trip, TripSet
 from tripwatt.uncertainty import ChargeScale
 from tripwatt.uncertainty.conformal import ConformalScores, t4_half_width
 from tripwatt.uncertainty.free_flow import LEAST_TRIPS, FreeFlowTrips
@@ -379,13 +379,13 @@ def in_order(trips: Iterable[Trip]) -> list[Trip]:
 
 
 def adapt_model(
-    fleet: Fleet, vehicle: Vehicle, base: ForecastModel, about_base: Mapping[str, Any]
+    fleet: TripSet, vehicle: Vehicle, base: ForecastModel, about_base: Mapping[str, Any]
 ) -> tuple[ForecastModel, dict[str, Any], dict[str, Any]]:
     """Audit a car's logs, adapt a stored model to the sound trips, and keep where both come from.
 
     Parameters
     ----------
-    fleet : Fleet
+    fleet : TripSet
         Logs of the new car, as a reader gave them.
     vehicle : Vehicle
         The new car.

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final, cast
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.trips import Fleet
+from tripwatt.trips import TripSet
 
 if TYPE_CHECKING:
     from tripwatt.arrays import FloatArray
@@ -31,7 +31,7 @@ def read_logs(
     vehicle: Vehicle | str | None = None,
     progress: Callable[[int, int], None] | None = None,
     heights: Callable[[FloatArray, FloatArray], FloatArray] | None = None,
-) -> Fleet:
+) -> TripSet:
     """Read all logs of a data set.
 
     A cell that cannot be read is missing, a row that cannot be read and a file with too little left are left out; the report of the
@@ -58,8 +58,8 @@ def read_logs(
 
     Returns
     -------
-    Fleet
-        Logs as they came, with notes on the data set; `Fleet.report` says what was left out.
+    TripSet
+        Logs as they came, with notes on the data set; `TripSet.report` says what was left out.
 
     Raises
     ------
@@ -86,7 +86,7 @@ def read_logs(
             "mapping has no effect", "mapping", f"{mapping}", "only with the data set 'table'"
         )
     module, _, name = DATASETS[dataset].partition(":")
-    reader = cast(Callable[..., Fleet], getattr(import_module(module), name))
+    reader = cast(Callable[..., TripSet], getattr(import_module(module), name))
     return reader(Path(path), strict=strict)
 
 

@@ -23,7 +23,7 @@ from tripwatt.sources.mapping import POWER, ColumnMapping, MappedColumn
 from tripwatt.sources.raw_drives import RawDrive, drives_of, joined, log_of, with_own_names, without_copies
 from tripwatt.sources.raw_files import NEEDED, RawFile, in_ours, opened, use_unit, with_seconds
 from tripwatt.sources.scales import Ways, air_unit_of, is_stated, positions_of, speed_unit_of, ways_of
-from tripwatt.trips import COLUMNS, Flag, Fleet, Log
+from tripwatt.trips import COLUMNS, Flag, Log, TripSet
 from tripwatt.trips.inertia import WRONG_SIGN, apparent_mass
 from tripwatt.trips.reading import FileReading, ReadingReport
 from tripwatt.vehicles import Vehicle
@@ -45,7 +45,7 @@ def read_table(
     vehicle: Vehicle | None = None,
     progress: Progress | None = None,
     heights: Heights | None = None,
-) -> Fleet:
+) -> TripSet:
     """Read trips from a CSV or Parquet file, a workbook, an archive, or a folder of them.
 
     Parameters
@@ -66,7 +66,7 @@ def read_table(
 
     Returns
     -------
-    Fleet
+    TripSet
         Raw trips by id. `notes` has what was changed, is missing or stands in for it; `report` what could not be read.
 
     Raises
@@ -95,7 +95,7 @@ def read_kinds(
     progress: Progress | None = None,
     faults: Sequence[Fault] = (),
     heights: Heights | None = None,
-) -> Fleet:
+) -> TripSet:
     """Read files by the mappings of their kinds; `faults` are those of files that could not be unpacked. See `read_table`."""
     todo = [(n, kind, path, names) for n, kind in enumerate(kinds) for path, names in kind.files.items()]
     done: list[Path] = []
@@ -130,7 +130,7 @@ def read_kinds(
         got = f"{len(files)} files without a trip"
         raise InvalidInput.of("no trips", f"{path}", got, "at least one trip")
     notes = [note for file in files for note in file.notes]
-    return Fleet("table", tuple(logs), (*_fleet_notes(logs, files), *notes), report=report)
+    return TripSet("table", tuple(logs), (*_fleet_notes(logs, files), *notes), report=report)
 
 
 def _add_heights(file: RawFile, heights: Heights | None) -> None:

@@ -32,8 +32,8 @@ from tripwatt.trips import (
     REQUIRED_COLUMNS,
     Context,
     Flag,
-    Fleet,
     Log,
+    TripSet,
     raise_faults,
     structure_faults,
 )
@@ -66,7 +66,7 @@ ALL_TRIP_IDS: Final = tuple(f"Trip{short}" for short in _PUBLISHED)
 """The 70 trips that were published."""
 
 
-def read_tum(folder: Path | str, *, strict: bool = False) -> Fleet:
+def read_tum(folder: Path | str, *, strict: bool = False) -> TripSet:
     """Read a folder of `TripA*.csv` and `TripB*.csv`, with `Overview.xlsx` for their context.
 
     Parameters
@@ -77,7 +77,7 @@ def read_tum(folder: Path | str, *, strict: bool = False) -> Fleet:
 
     Returns
     -------
-    Fleet
+    TripSet
         Raw trips in the order of their ids. Without the sheet season and weather are None and `notes` has a note.
         What is left out is in `report`.
 
@@ -110,7 +110,7 @@ def read_tum(folder: Path | str, *, strict: bool = False) -> Fleet:
     if faults:
         readings.append(FileReading(OVERVIEW_NAME, faults=tuple(faults)))
     report = ReadingReport(tuple(readings))
-    return Fleet("tum", tuple(logs.values()), tuple(notes), REFERENCE_TRIPS, CITATION, report)
+    return TripSet("tum", tuple(logs.values()), tuple(notes), REFERENCE_TRIPS, CITATION, report)
 
 
 def trip_files(folder: Path) -> tuple[dict[str, Path], list[Flag]]:

@@ -22,7 +22,7 @@ from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.errors import Fault, InvalidInput, and_more
 from tripwatt.sources.columnar import read_folder, require_folder
 from tripwatt.sources.delimited import Delimited, column_key, open_delimited, raw_columns, read_numbers
-from tripwatt.trips import COLUMNS, Context, Flag, Fleet, Log, raise_faults
+from tripwatt.trips import COLUMNS, Context, Flag, Log, TripSet, raise_faults
 from tripwatt.trips.reading import ReadingReport
 
 CITATION: Final = (
@@ -58,7 +58,7 @@ class _Week:
         return len(self.samples)
 
 
-def read_ved(folder: Path | str, *, strict: bool = False) -> Fleet:
+def read_ved(folder: Path | str, *, strict: bool = False) -> TripSet:
     """Read the electric cars of a folder of weekly files `VED_*_week.csv`.
 
     Parameters
@@ -69,7 +69,7 @@ def read_ved(folder: Path | str, *, strict: bool = False) -> Fleet:
 
     Returns
     -------
-    Fleet
+    TripSet
         Raw trips named `VED<VehId>-<Trip>`, in the order of departure. `notes` counts the trips of combustion cars
         and hybrids that were skipped, and the note that the road counts as flat.
 
@@ -96,7 +96,7 @@ def read_ved(folder: Path | str, *, strict: bool = False) -> Fleet:
         got = f"{len(files)} weekly files, no trip of an electric car"
         raise InvalidInput.of("no trips", f"{folder}", got, "trips with a traction battery and no engine")
     notes.append(Flag("no_elevation", "VED"))
-    return Fleet("ved", tuple(trips), tuple(notes), None, CITATION, ReadingReport(tuple(readings)))
+    return TripSet("ved", tuple(trips), tuple(notes), None, CITATION, ReadingReport(tuple(readings)))
 
 
 def _week_files(folder: Path) -> list[Path]:

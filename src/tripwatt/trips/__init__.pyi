@@ -61,9 +61,6 @@ from .fields import (
 from .flags import (
     Flag as Flag,
 )
-from .fleet import (
-    Fleet as Fleet,
-)
 from .gaps import (
     MOST_DURATION_S as MOST_DURATION_S,
 )
@@ -120,6 +117,9 @@ from .trip import (
 )
 from .trip import (
     resample as resample,
+)
+from .trip_set import (
+    TripSet as TripSet,
 )
 from .weather import (
     PlanWeather as PlanWeather,

@@ -28,7 +28,7 @@ from tripwatt.server.cars import Car, create_car, forget_car, is_car, issue_toke
 from tripwatt.server.cars import own_car as module
 from tripwatt.server.cars.diary import Diary
 from tripwatt.study.synthetic import synthetic_fleet
-from tripwatt.trips import Fleet, Log
+from tripwatt.trips import Log, TripSet
 
 FIRST = dt.datetime(2024, 3, 1, 8, 0)
 
@@ -55,7 +55,7 @@ def base(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def learned(logs: tuple[Log, ...], base: Path, tmp_path_factory: pytest.TempPathFactory) -> Car:
     car = create_car(tmp_path_factory.mktemp("cars") / "leaf", "nissan_leaf_24", base=base)
-    assert car.add(Fleet("first", logs[:4])) == module.Learned(added=4, known=0, entries=4)
+    assert car.add(TripSet("first", logs[:4])) == module.Learned(added=4, known=0, entries=4)
     return car
 
 
@@ -89,7 +89,7 @@ def test_the_last_model_has_learned_every_trip_and_forecasts_like_one_adapted_to
 
     model = learned.model()
     assert set(model.trip_ids_) == {log.trip_id for log in logs[:4]}
-    adapted = adapt(tw.load_model(base), Fleet("same", logs[:4]), tw.load_vehicle("nissan_leaf_24"))
+    adapted = adapt(tw.load_model(base), TripSet("same", logs[:4]), tw.load_vehicle("nissan_leaf_24"))
     trip = synthetic_fleet(1, seed=9).trips[0]
     assert model.forecast(trip).energy_wh == pytest.approx(adapted.forecast(trip).energy_wh, rel=1e-9)
     about = learned.about()
@@ -110,7 +110,7 @@ def test_trips_are_learned_by_departure_once_and_later_ones_go_on(
     car.add([logs[2], logs[0], logs[1]], progress=lambda done, total: seen.append((done, total)))
     assert seen == [(1, 3), (2, 3), (3, 3)]
     assert car.add(logs[:3]) == module.Learned(added=0, known=3, entries=0)
-    done = car.add(Fleet("all", logs[:4]))
+    done = car.add(TripSet("all", logs[:4]))
     assert (done.added, done.known, done.entries) == (1, 3, 1)
     pd.testing.assert_frame_equal(car.diary.table, learned.diary.table)
     assert f"{car!r}".endswith("4 trips in its diary>")
@@ -128,7 +128,7 @@ def test_each_forecast_of_the_diary_is_that_of_a_model_adapted_to_the_trips_befo
 ) -> None:
     table, fitted = learned.diary.table, tw.load_model(base)
     published = for_car(fitted, tw.load_vehicle("nissan_leaf_24"))
-    trips = audit(Fleet("same", logs[:4])).trips
+    trips = audit(TripSet("same", logs[:4])).trips
     for k, trip in enumerate(trips):
         known = adaptation(fitted, trips[:k], learned.vehicle).model if k else published
         forecast, row = known.forecast(trip), table.iloc[k]

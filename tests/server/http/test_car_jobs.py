@@ -16,7 +16,7 @@ from tripwatt.server.http.car_jobs import PROGRESS, CarJobs, _files, preview_of,
 from tripwatt.server.http.car_schemas import plain
 from tripwatt.server.http.problems import Problem
 from tripwatt.study.synthetic import synthetic_fleet
-from tripwatt.trips import Fleet
+from tripwatt.trips import TripSet
 
 
 def test_without_a_folder_there_are_no_cars() -> None:
@@ -56,7 +56,7 @@ def test_a_preview_has_the_sums_and_ends_of_its_drives() -> None:
     made = synthetic_fleet(3, seed=2)
     first, *others = made.logs
     bare = replace(first, samples=first.samples.drop(columns="ambient_temperature_degc"))
-    found = preview_of(Fleet("three", (bare, *others)))
+    found = preview_of(TripSet("three", (bare, *others)))
     trips = made.trips
     assert (found["logs"], found["drives"]) == (3, 3)
     assert [(one["count"], one["consequence"]) for one in found["findings"]] == [(1, "noted")]
@@ -67,7 +67,7 @@ def test_a_preview_has_the_sums_and_ends_of_its_drives() -> None:
     assert (found["from_date"], found["to_date"]) == (days[0], days[-1])
     air = [float(log.samples["ambient_temperature_degc"].iloc[0]) for log in others]
     assert found["ambient_degc"] == [min(air), max(air)]
-    without = preview_of(Fleet("one", (bare,)))
+    without = preview_of(TripSet("one", (bare,)))
     assert (without["drives"], without["ambient_degc"]) == (1, None)
 
 

@@ -35,7 +35,7 @@ from tripwatt.fleet.store.rows import (
     stored_log,
     trips_table,
 )
-from tripwatt.trips import Fleet, Log, Recorded, raise_faults
+from tripwatt.trips import Log, Recorded, TripSet, raise_faults
 
 FORMAT: Final = 1
 BUCKETS: Final = 16
@@ -183,7 +183,7 @@ class TripStore:
 
     def add(
         self,
-        logs: Fleet | Iterable[Recorded],
+        logs: TripSet | Iterable[Recorded],
         *,
         car_model: str,
         vehicle_id: str | None = None,
@@ -198,7 +198,7 @@ class TripStore:
 
         Parameters
         ----------
-        logs : Fleet or iterable of Log
+        logs : TripSet or iterable of Log
             As a reader gave them, before any resampling. They are audited one by one.
         car_model : str
             Name of a car of the library.
@@ -223,7 +223,7 @@ class TripStore:
         if batch < 1:
             raise InvalidInput.of("value out of range", "batch", f"{batch}", "at least 1")
         total = Added()
-        waiting = iter(logs.logs if isinstance(logs, Fleet) else logs)
+        waiting = iter(logs.logs if isinstance(logs, TripSet) else logs)
         while chunk := list(islice(waiting, batch)):
             raise_faults(_log_faults(chunk, vehicle_id))
             stored = [

@@ -26,7 +26,7 @@ from tripwatt.modelfile import FORMAT_VERSION
 from tripwatt.population.adapting import PROTOCOL, Adaptation, about_adaptation, in_order, population_of
 from tripwatt.population.cars import for_car
 from tripwatt.server.cars.diary import Diary, entry
-from tripwatt.trips import Fleet, Trip
+from tripwatt.trips import Trip, TripSet
 from tripwatt.vehicles import Vehicle, load_vehicle
 from tripwatt.vehicles.writing import render_vehicle
 
@@ -148,7 +148,7 @@ class Car:
         return self._known(load_model(self.base)).model if older else load_model(place)
 
     def add(
-        self, logs: Fleet | Iterable[Log], *, progress: Callable[[int, int], None] | None = None
+        self, logs: TripSet | Iterable[Log], *, progress: Callable[[int, int], None] | None = None
     ) -> Learned:
         """Keep logs, forecast their trips one after the other, and learn from them.
 
@@ -156,7 +156,7 @@ class Car:
 
         Parameters
         ----------
-        logs : Fleet or iterable of Log
+        logs : TripSet or iterable of Log
             As a reader gave them.
         progress : callable, optional
             Called with the trips that were forecast and their number.
@@ -174,7 +174,7 @@ class Car:
         with folder_lock(self.folder):
             alone = [
                 replace(log, context=replace(log.context, car=None))
-                for log in (logs.logs if isinstance(logs, Fleet) else logs)
+                for log in (logs.logs if isinstance(logs, TripSet) else logs)
             ]
             rows = self.store.trips(columns=["trip_id", "digest"])
             there = dict(zip(rows["trip_id"], rows["digest"], strict=True))
@@ -276,7 +276,7 @@ class Car:
     def _learn(
         self, given: frozenset[str], progress: Callable[[int, int], None]
     ) -> tuple[int, tuple[str, ...], int]:
-        fleet = Fleet(self.name, tuple(self.store.logs()))
+        fleet = TripSet(self.name, tuple(self.store.logs()))
         diary = self.diary
         judged = audit(fleet)
         left_out = [f"{trip}: {why}" for trip, why in judged.set_aside.items() if trip in given]
@@ -312,10 +312,10 @@ class Car:
             if stored.evidence_ is not None and stored.evidence_.is_current and stored.roads_ is not None:
                 return new.with_evidence(stored.evidence_, stored.ranges_, stored.roads_)
         seen = self.diary.trip_ids
-        trips = audit(Fleet(self.name, tuple(self.store.logs()))).trips
+        trips = audit(TripSet(self.name, tuple(self.store.logs()))).trips
         return new.with_trips([trip for trip in _by_date(trips) if trip.trip_id in seen])
 
-    def _keep(self, known: Adaptation, fleet: Fleet, judged: Audit, diary: Diary) -> None:
+    def _keep(self, known: Adaptation, fleet: TripSet, judged: Audit, diary: Diary) -> None:
         """Write model and diary together: no reader gets one of them without the other."""
         model, base = known.model, load_metadata(self.base, check_parts=False)
         provenance = {**provenance_of(fleet, judged, model, []), **about_adaptation(known, base)}

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 from tripwatt.auditing import audit
 from tripwatt.errors import InvalidInput
-from tripwatt.trips import Departure, Fleet, Plan, plan_from_trip
+from tripwatt.trips import Departure, Plan, TripSet, plan_from_trip
 from tripwatt.units import SECONDS_PER_HOUR
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ def usual_plan(car: Car, trip_id: str) -> Plan:
         When the car has no sound trip of this name.
     """
     logs = tuple(log for log in car.store.logs() if log.trip_id == trip_id)
-    trips = audit(Fleet(car.name, logs)).trips if logs else ()
+    trips = audit(TripSet(car.name, logs)).trips if logs else ()
     if not trips:
         raise InvalidInput.of("no such trip", "trip", trip_id[:60], f"a sound trip of the car {car.name}")
     return replace(plan_from_trip(trips[0]), departure=Departure())

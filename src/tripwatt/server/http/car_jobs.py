@@ -32,7 +32,7 @@ from tripwatt.sources.archives import unpack
 from tripwatt.sources.kinds import Changes, Kind, proposed_kinds
 from tripwatt.sources.mapping import TIME_STAMPS, UNITS
 from tripwatt.sources.table import Heights, read_kinds
-from tripwatt.trips import Fleet
+from tripwatt.trips import TripSet
 from tripwatt.trips.reading import Alike, FileReading, ReadingReport
 from tripwatt.vehicles import Vehicle
 
@@ -258,7 +258,7 @@ def kinds_of(tables: Path, request: LogsRequest, vehicle: Vehicle) -> list[Kind]
     return proposed_kinds(tables, vehicle, changes, request.ignored)
 
 
-def preview_of(fleet: Fleet) -> dict[str, Any]:
+def preview_of(fleet: TripSet) -> dict[str, Any]:
     """The audit of some logs, as `LogsPreview`."""
     audited = audit(fleet)
     sound = [trip for trip in audited.trips if trip.observed_energy_wh is not None]

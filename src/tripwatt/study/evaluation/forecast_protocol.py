@@ -51,7 +51,7 @@ from tripwatt.study.evaluation.outside import WholeMethod, WholeModel, is_whole,
 from tripwatt.study.evaluation.results import EvaluationRun, about_run
 from tripwatt.study.evaluation.table_models import CONSTANT, LINEAR4, LINEAR6, PHYSICS, PHYSICS4
 from tripwatt.study.evaluation.tasks import ModelSpec
-from tripwatt.trips import Fleet, Trip, plan_from_trip
+from tripwatt.trips import Trip, TripSet, plan_from_trip
 from tripwatt.trips.messages import message
 from tripwatt.vehicles import Vehicle
 
@@ -144,7 +144,7 @@ class ForecastProtocol:
         return [Comparison(draws, curves)] if draws.splits else []
 
     def prepare(
-        self, fleet: Fleet, test_fleet: Fleet | None, car: CarChoice, wanted: HoldOutChoice
+        self, fleet: TripSet, test_fleet: TripSet | None, car: CarChoice, wanted: HoldOutChoice
     ) -> Prepared[ForecastData]:
         """Leave one trip and one day out, or fit on one fleet and score another."""
         vehicle = car.load()
@@ -198,7 +198,7 @@ class ForecastProtocol:
 
 
 def _held_out(
-    fleet: Fleet, audited: Audit, vehicle: Vehicle, wanted: HoldOutChoice
+    fleet: TripSet, audited: Audit, vehicle: Vehicle, wanted: HoldOutChoice
 ) -> tuple[list[HoldOut[ForecastData]], list[str]]:
     """Leave-one-trip-out on the reference and the audited trips, leave-one-day-out and regimes of the first of them."""
     every = {"reference": fleet.reference_trips(), "audited": audited.trips}
@@ -252,7 +252,7 @@ def _regimes(trips: Sequence[Trip]) -> tuple[dict[tuple[str, str], tuple[IntArra
 
 
 def _other_trips(
-    fleet: Fleet, audited: Audit, test_fleet: Fleet, test_audited: Audit, vehicle: Vehicle
+    fleet: TripSet, audited: Audit, test_fleet: TripSet, test_audited: Audit, vehicle: Vehicle
 ) -> tuple[list[HoldOut[ForecastData]], list[str]]:
     """Fit on the trips of one fleet, score those of another: reference trips, or audited ones without a reference."""
     train: Sequence[Trip] = fleet.reference_trips() or audited.trips
@@ -269,7 +269,7 @@ def _other_trips(
     return [HoldOut(OTHER_TRIPS, name, data.table, data, splits)], [note]
 
 
-def _require(training: int, fleet: Fleet) -> None:
+def _require(training: int, fleet: TripSet) -> None:
     if training < MIN_TRIPS:
         got = f"{training} to train on, of {len(fleet.trips)}"
         least = f"at least {MIN_TRIPS} to train on"

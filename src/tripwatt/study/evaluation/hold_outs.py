@@ -18,7 +18,7 @@ from tripwatt.auditing import Audit
 from tripwatt.errors import Fault, InvalidInput, raise_faults
 from tripwatt.hybrid import TripTable
 from tripwatt.learners.folds import Split, leave_one_out
-from tripwatt.trips import Fleet, Trip
+from tripwatt.trips import Trip, TripSet
 from tripwatt.vehicles import Vehicle, load_vehicle, vehicle_document, vehicle_from_document
 
 LEAVE_ONE_TRIP_OUT: Final = "leave_one_trip_out"
@@ -160,7 +160,7 @@ class Prepared(Generic[D]):
     ----------
     hold_outs : list of HoldOut
         The main one first.
-    fleet, test_fleet : Fleet, Fleet or None
+    fleet, test_fleet : TripSet, TripSet or None
     audited : Audit
         Of the trips that are scored.
     cars : mapping of str to Vehicle
@@ -169,14 +169,14 @@ class Prepared(Generic[D]):
     """
 
     hold_outs: list[HoldOut[D]]
-    fleet: Fleet
-    test_fleet: Fleet | None
+    fleet: TripSet
+    test_fleet: TripSet | None
     audited: Audit
     cars: Mapping[str, Vehicle]
     notes: tuple[str, ...]
 
     @property
-    def scored_fleet(self) -> Fleet:
+    def scored_fleet(self) -> TripSet:
         """The fleet whose trips are scored."""
         return self.test_fleet or self.fleet
 

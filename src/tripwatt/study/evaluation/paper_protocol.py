@@ -43,7 +43,7 @@ from tripwatt.study.evaluation.table_models import (
 from tripwatt.study.evaluation.tasks import ModelSpec
 from tripwatt.study.paper import correctors
 from tripwatt.study.paper.insight import GammInsight, insight
-from tripwatt.trips import Fleet, Trip, value_faults
+from tripwatt.trips import Trip, TripSet, value_faults
 from tripwatt.trips.messages import message
 from tripwatt.vehicles import Vehicle
 
@@ -101,7 +101,7 @@ class PaperProtocol:
         return study_comparisons(prepared.hold_outs[0], [spec.name for spec in specs], seed)
 
     def prepare(
-        self, fleet: Fleet, test_fleet: Fleet | None, car: CarChoice, wanted: HoldOutChoice
+        self, fleet: TripSet, test_fleet: TripSet | None, car: CarChoice, wanted: HoldOutChoice
     ) -> Prepared[TripTable]:
         """Each set of trips under leave-one-trip-out, and the main set under leave-one-day-out."""
         if test_fleet is not None:
@@ -157,7 +157,7 @@ def _table2(gamm: GammInsight | None) -> list[dict[str, Any]]:
 
 
 def _hold_outs(
-    fleet: Fleet, audited: Audit, cars: Mapping[str, Vehicle], wanted: HoldOutChoice
+    fleet: TripSet, audited: Audit, cars: Mapping[str, Vehicle], wanted: HoldOutChoice
 ) -> tuple[list[HoldOut[TripTable]], list[str]]:
     usable, notes = _usable(fleet.trips)
     every = {"reference": fleet.reference_trips(), "audited": audited.trips, "all": usable}

@@ -14,7 +14,7 @@ from tripwatt.study.evaluation.hold_outs import CarChoice, HoldOutChoice, Prepar
 from tripwatt.study.evaluation.outside import AnyModel, WholeModel, named_models
 from tripwatt.study.evaluation.results import EvaluationRun
 from tripwatt.study.evaluation.tasks import ModelSpec
-from tripwatt.trips import Fleet
+from tripwatt.trips import TripSet
 
 
 class EvaluationProtocol(Protocol):
@@ -100,15 +100,15 @@ class EvaluationProtocol(Protocol):
         ...
 
     def prepare(
-        self, fleet: Fleet, test_fleet: Fleet | None, car: CarChoice, wanted: HoldOutChoice
+        self, fleet: TripSet, test_fleet: TripSet | None, car: CarChoice, wanted: HoldOutChoice
     ) -> Prepared[Any]:
         """Audit the trips, simulate them and set the folds.
 
         Parameters
         ----------
-        fleet : Fleet
+        fleet : TripSet
             Logs to evaluate on.
-        test_fleet : Fleet or None
+        test_fleet : TripSet or None
             Logs to test on instead of held-out trips, where the protocol has such a test.
         car : CarChoice
             The car that is simulated.

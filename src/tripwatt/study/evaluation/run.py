@@ -19,7 +19,7 @@ from tripwatt.study.evaluation.outside import AnyModel
 from tripwatt.study.evaluation.paper_protocol import PaperProtocol
 from tripwatt.study.evaluation.protocol import EvaluationProtocol, choose_models
 from tripwatt.study.evaluation.results import EvaluationRun
-from tripwatt.trips import Fleet, Recorded, Trip
+from tripwatt.trips import Recorded, Trip, TripSet
 from tripwatt.vehicles import Vehicle
 
 PROTOCOLS: Final[Mapping[str, EvaluationProtocol]] = {
@@ -59,21 +59,21 @@ def find_protocol(name: str) -> EvaluationProtocol:
 
 
 def evaluate(
-    trips: Fleet | Sequence[Trip] | Path | str,
+    trips: TripSet | Sequence[Trip] | Path | str,
     vehicle: Vehicle | CarChoice | Path | str = "bmw_i3_60ah",
     *,
     protocol: str | EvaluationProtocol = DEFAULT_PROTOCOL,
     models: Sequence[AnyModel] | Mapping[str, AnyModel] | None = None,
     hold_outs: HoldOuts | None = None,
     seed: int = 0,
-    test_fleet: Fleet | None = None,
+    test_fleet: TripSet | None = None,
     execution: Execution | None = None,
 ) -> EvaluationRun:
     """Audit, simulate, train and score every model of a protocol on held-out trips.
 
     Parameters
     ----------
-    trips : Fleet, sequence of Trip, or path
+    trips : TripSet, sequence of Trip, or path
         Trips of one car as they were recorded. A path is read as by `read_logs`, strictly; read other kinds of logs than
         those of TUM with `read_logs` first.
     vehicle : Vehicle, str or path, or CarChoice
@@ -91,7 +91,7 @@ def evaluate(
         table run only when all of the protocol do, which is the default.
     seed : int
         Makes the run identical, also over a different number of processes.
-    test_fleet : Fleet, optional
+    test_fleet : TripSet, optional
         Protocol "forecast" alone: fit on `trips`, score on these trips.
     execution : Execution, optional
         Processes, and where finished folds are kept.
@@ -124,7 +124,7 @@ def evaluate(
     return chosen.assemble(prepared, done[: len(main)], done[len(main) :], seed)
 
 
-def _fleet(trips: Fleet | Sequence[Trip] | Path | str) -> Fleet:
+def _fleet(trips: TripSet | Sequence[Trip] | Path | str) -> TripSet:
     """Trips as a fleet.
 
     Raises
@@ -132,12 +132,12 @@ def _fleet(trips: Fleet | Sequence[Trip] | Path | str) -> Fleet:
     InvalidInput
         As `read_logs`, and for what are no trips.
     """
-    if isinstance(trips, Fleet):
+    if isinstance(trips, TripSet):
         return trips
     if isinstance(trips, str | Path):
         return read_logs(trips, strict=True)
     logs = tuple(trips)
     if not all(isinstance(log, Recorded) for log in logs):
         got = next(type(log).__name__ for log in logs if not isinstance(log, Recorded))
-        raise InvalidInput.of("no trip", "trips", got, "trips, logs, a Fleet or a folder")
-    return Fleet("trips", logs)
+        raise InvalidInput.of("no trip", "trips", got, "trips, logs, a TripSet or a folder")
+    return TripSet("trips", logs)

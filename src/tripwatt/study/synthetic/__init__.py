@@ -24,7 +24,7 @@ from tripwatt.study.synthetic.roads import drive_route
 from tripwatt.study.synthetic.scenario import Scenario, draw_scenarios, long_drive
 from tripwatt.study.synthetic.sensors import log_samples
 from tripwatt.study.synthetic.world import simulate_truth
-from tripwatt.trips import Context, Flag, Fleet, Trip, raise_faults
+from tripwatt.trips import Context, Flag, Trip, TripSet, raise_faults
 from tripwatt.trips.columns import Column, is_number, number_faults
 from tripwatt.vehicles import Vehicle, load_vehicle
 from tripwatt.vehicles.extras import with_extras
@@ -66,7 +66,7 @@ def synthetic_fleet(
     step_s: float = 1.0,
     vehicle: Vehicle | None = None,
     hours: tuple[float, float] | None = None,
-) -> Fleet:
+) -> TripSet:
     """A computed fleet of one car and several drivers over summer and winter days. O(samples).
 
     Parameters
@@ -85,7 +85,7 @@ def synthetic_fleet(
 
     Returns
     -------
-    Fleet
+    TripSet
         Name "synthetic"; a note states that nothing was measured; no reference trips.
 
     Raises
@@ -146,7 +146,7 @@ def synthetic_world(
     step_s: float = 1.0,
     vehicle: Vehicle | None = None,
     hours: tuple[float, float] | None = None,
-) -> tuple[Fleet, pd.DataFrame]:
+) -> tuple[TripSet, pd.DataFrame]:
     """Make fleet and truth together, computed once. O(samples).
 
     Parameters
@@ -164,7 +164,7 @@ def synthetic_world(
 
     Returns
     -------
-    fleet : Fleet
+    fleet : TripSet
         As of `synthetic_fleet`.
     truth : DataFrame
         As of `synthetic_truth`.
@@ -190,7 +190,7 @@ def synthetic_world(
         trips.append(trip)
         rows.append(row)
     truth = pd.DataFrame(rows).set_index("trip")
-    return Fleet("synthetic", tuple(trips), notes=NOTES), truth
+    return TripSet("synthetic", tuple(trips), notes=NOTES), truth
 
 
 def example_trip(seed: int = 0) -> pd.DataFrame:
@@ -214,12 +214,12 @@ def example_trip(seed: int = 0) -> pd.DataFrame:
     return synthetic_fleet(1, seed).trips[0].samples
 
 
-def example_fleet() -> Iterator[tuple[str, Fleet]]:
+def example_fleet() -> Iterator[tuple[str, TripSet]]:
     """Make the trips of eight vehicles of two car models, to try the commands of fleets; one changes in `CHANGED`.
 
     Yields
     ------
-    str, Fleet
+    str, TripSet
         The car model of a vehicle, and its trips, of which `context.car` is the vehicle.
 
     Examples

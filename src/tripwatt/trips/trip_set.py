@@ -12,7 +12,7 @@ from tripwatt.trips.trip import Recorded, Trip
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Fleet:
+class TripSet:
     """Logs that were read together, and the notes of their source.
 
     Attributes
@@ -71,4 +71,4 @@ class Fleet:
 
     def __repr__(self) -> str:
         read = "" if self.report is None else f" from {self.report}"
-        return f"<Fleet {self.name}: {len(self)} logs{read}>"
+        return f"<TripSet {self.name}: {len(self)} logs{read}>"
