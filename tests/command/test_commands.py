@@ -165,7 +165,7 @@ def test_a_folder_without_trips_says_where_to_get_them(run: Callable[..., Answer
         answer = run(verb, tmp_path)
         assert answer.code == 2
         assert "no trips" in answer.err
-        assert "tripwatt fetch tum" in answer.err
+        assert "doi.org/10.21227/6jr9-5235" in answer.err
     assert sorted(p.name for p in tmp_path.iterdir()) == ["notes.csv"]
 
 
@@ -440,11 +440,6 @@ def test_audit_tells_the_finding_to_people_and_machines(
     assert len(found) == 1
     assert found[0]["what"] in people.out
     assert set(found[0]) == {"trip", "from_s", "to_s", "what", "consequence"}
-
-
-def test_fetch_says_where_a_set_can_be_had(run: Callable[..., Answer]) -> None:
-    assert "10.21227/6jr9-5235" in run("fetch", "tum").out
-    assert run("fetch", "moon").code == 2
 
 
 def test_vehicles_lists_shows_and_refuses(run: Callable[..., Answer], tmp_path: Path) -> None:

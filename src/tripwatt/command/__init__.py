@@ -78,7 +78,7 @@ def _main(
 
 add_commands(app, evaluate.evaluate, fit.fit, forecast.forecast, forecast.example_trip)
 add_commands(app, journey.plan, journey.reach, journey.places, advise.advise)
-add_commands(app, distances.need, distances.range_, inspect.inspect, logs.audit, logs.fetch)
+add_commands(app, distances.need, distances.range_, inspect.inspect, logs.audit)
 add_commands(app, cars.vehicles, cars.simulate, export.export)
 add_commands(app, serve.serve, context_settings={"auto_envvar_prefix": "TRIPWATT"})
 add_commands(app, mcp.mcp, demo.demo)

@@ -69,25 +69,6 @@ def audit(logs: Logs) -> Answer:
     return Answer(document, shown)
 
 
-def fetch(
-    dataset: Annotated[str, argument("DATASET", "Data set: tum, ved, twizy or sedan.")] = "tum",
-) -> Answer:
-    """Show where to download a data set.
-
-    The command downloads nothing: the publishers of the data require an account or a name.
-
-    For example:
-
-      # show where to download the TUM trips, and the trips of other cars
-      tripwatt fetch tum
-      tripwatt fetch ved
-    """
-    from tripwatt.sources import where_to_get
-
-    where = where_to_get(dataset)
-    return Answer({"where": where}, where)
-
-
 def anonymise(
     data: Annotated[Path, argument("DATA", "Folder or file of logs to hand on.")],
     out: Annotated[Path, option("FOLDER", "New or empty folder to write.", "--out", "-o")],

@@ -88,18 +88,3 @@ def read_logs(
     module, _, name = DATASETS[dataset].partition(":")
     reader = cast(Callable[..., TripSet], getattr(import_module(module), name))
     return reader(Path(path), strict=strict)
-
-
-def where_to_get(dataset: str) -> str:
-    """Where a data set can be had, and under which licence.
-
-    Raises
-    ------
-    InvalidInput
-        When nothing is known of such a data set.
-    """
-    from tripwatt.sources.public import public_sets
-
-    if dataset not in public_sets():
-        raise InvalidInput(Fault.unknown("unknown data set", "dataset", dataset, public_sets()))
-    return public_sets()[dataset]

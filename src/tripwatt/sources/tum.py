@@ -122,7 +122,7 @@ def trip_files(folder: Path) -> tuple[dict[str, Path], list[Flag]]:
         When there is no such folder, it holds no trip, or two of its files are the same trip.
     """
     allowed = "a folder with TripA*.csv and TripB*.csv"
-    get_it = "run `tripwatt fetch tum` for the source of the data"
+    get_it = "get the data from https://doi.org/10.21227/6jr9-5235"
     require_folder(folder, allowed, get_it)
     with system_errors("cannot read the folder", f"{folder}", allowed):
         csv_files = sorted(p for p in folder.iterdir() if p.suffix.lower() == ".csv" and p.is_file())
