@@ -20,7 +20,6 @@ USUAL_ERROR: Final = 0.05
 """Error of a trip's energy with the right values, as a share of it: wind, traffic, and what the log does not hold."""
 USUAL_DF: Final = 4.0
 LEAST_TRIPS: Final = 3
-_PASSES: Final = 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +100,8 @@ def most_probable(
     """
     mean: FloatArray = np.zeros(len(width))
     weight = np.ones(len(residual))
-    for _ in range(_PASSES):
+    # a bound of the time: the weights settle in fewer passes
+    for _ in range(20):
         left = residual - X @ mean
         known = float(np.sum(weight * left**2)) + USUAL_DF * usual_wh**2
         scale2 = max(known / (len(left) + USUAL_DF), 1e-12)

@@ -14,8 +14,6 @@ CLIMATE_COLUMNS: Final = ("heating_power_w", "aircon_power_w")
 CLIMATE_IN_ALL: Final = "climate_power_w"
 TOLD_BY: Final = (*CLIMATE_COLUMNS, "requested_heating_power_w", CLIMATE_IN_ALL)
 """Columns that `logged_climate` reads: the requested power shows whether the heater's signal is stuck."""
-LEAST_SHARE: Final = 0.5
-"""Share of a segment's time that has to be logged before its mean counts."""
 
 
 def logged_climate(samples: pd.DataFrame, edges_s: FloatArray) -> FloatArray | None:
@@ -52,7 +50,8 @@ def logged_climate(samples: pd.DataFrame, edges_s: FloatArray) -> FloatArray | N
     energy = np.concatenate(([0.0], np.cumsum(np.where(known, mean * step, 0.0))))
     covered = np.diff(np.interp(edges_s, time, seconds))
     gained = np.diff(np.interp(edges_s, time, energy))
-    enough = covered >= LEAST_SHARE * np.diff(edges_s)
+    # the mean of a segment counts where half of its time is logged; a choice
+    enough = covered >= 0.5 * np.diff(edges_s)
     return np.where(enough, gained / np.where(enough, covered, 1.0), np.nan)
 
 

@@ -15,22 +15,13 @@ from tripwatt.physics.simulate import conditions_at_departure
 from tripwatt.trips import Trip
 from tripwatt.vehicles import Climate, Vehicle
 
-WARM_DEGC: Final = 15.0
 INTERIOR_WIDTH: Final = 0.7
 """Prior standard deviation of the logarithm of the interior heat capacity: a factor of two of the mass that takes part."""
 COOLER_WIDTH: Final = 0.4
 """Prior standard deviation of the logarithm of sensible cooling over electric power: published figures of 2.5 to 3.5 in total, of which drying
 the air, hot surfaces and the cooling of the battery take power that does not follow from the set-point."""
-IDLE_QUANTILE: Final = 0.25
-"""Quantile of the power of a running compressor that stands for its least power."""
-RUNNING_W: Final = 50.0
-LEAST_RUNNING_S: Final = 60.0
 IDLE_WIDTH_W: Final = 300.0
 """Prior standard deviation of the least power: hardly any, because no source has one."""
-MINUTE_SD_W: Final = 600.0
-"""Scatter of the climate power of one minute about the model's: settings of the driver, seats, sun."""
-MINUTES_WORTH: Final = 4.0
-"""Minutes of a trip scatter together; a trip counts as so many of them."""
 FARTHEST: Final = 3.0
 """Prior standard deviations beyond which a value comes from a dead or misnamed signal, and not from the car: the published one stays."""
 LEAST_TRIPS: Final = 3
@@ -74,7 +65,8 @@ class ClimateRecord:
         count = np.bincount(minute)
         last = np.concatenate(([0], np.cumsum(count[:-1]) - 1, [len(time) - 2, len(time) - 1]))
         lengths = np.append(np.full(len(count), time[1] - time[0]), time[-1] - time[-2]) / CONTROL_STEP_S
-        running = compressor_w[compressor_w > RUNNING_W]
+        # a running compressor draws more than 50 W, and its least power in a quarter of at least a minute; choices
+        running = compressor_w[compressor_w > 50.0]
         return cls(
             task.mean_speeds(task.edges()),
             ambient,
@@ -83,7 +75,7 @@ class ClimateRecord:
             lengths,
             count,
             np.bincount(minute, climate_w) / count,
-            float(np.quantile(running, IDLE_QUANTILE)) if len(running) > LEAST_RUNNING_S else float("nan"),
+            float(np.quantile(running, 0.25)) if len(running) > 60.0 else float("nan"),
         )
 
 
@@ -115,7 +107,8 @@ def _values(records: Sequence[ClimateRecord], vehicle: Vehicle) -> Search:
         return {}
     names = ["interior_heat_capacity_j_k"]
     climate = yield from _scaled(climate, names[0], INTERIOR_WIDTH, records)
-    warm = [r for r in records if r.ambient_temperature_degc > WARM_DEGC]
+    # from 15 °C on a compressor cools the cabin; a choice
+    warm = [r for r in records if r.ambient_temperature_degc > 15.0]
     running = [r.least_w for r in warm if np.isfinite(r.least_w)]
     if len(running) >= LEAST_TRIPS:
         known, prior = len(running) / max(float(np.var(running, ddof=1)), 1.0), IDLE_WIDTH_W**-2
@@ -134,14 +127,16 @@ def _scaled(climate: Climate, name: str, width: float, records: Sequence[Climate
     As it is where the best factor is `FARTHEST` widths away: such a log is not of this signal.
     """
     observed = np.concatenate([r.power_w for r in records])
-    weights = np.concatenate([np.full(len(r.power_w), MINUTES_WORTH / len(r.power_w)) for r in records])
+    # minutes of a trip scatter together: a trip counts as four of them; a choice
+    weights = np.concatenate([np.full(len(r.power_w), 4.0 / len(r.power_w)) for r in records])
     farthest = FARTHEST * width
     search = bounded_minimum(-farthest, farthest)
     log = next(search)
     while True:
         at = replace(climate, **{name: getattr(climate, name) * math.exp(log)})
         power = yield at, records
-        error = (power - observed) / MINUTE_SD_W
+        # scatter of the power of one minute: settings of the driver, seats, sun; a choice
+        error = (power - observed) / 600.0
         # the sun and the driver have tails
         cost = 0.5 * (log / width) ** 2 + float(weights @ (np.sqrt(1.0 + error * error) - 1.0))
         try:

@@ -105,11 +105,7 @@ SDS: Final = np.array([factor.sd for factor in FACTORS])
 MILD_DEGC: Final = 19.0
 """Outside air above which climate control cools, by half [°C]."""
 
-_TURN_K: Final = 1.5
 _NEAR_K: Final = 8.0
-_SEASONS_DEGC: Final = (-20.0, 45.0)
-_UNKNOWN_DEGC: Final = 15.0
-_FADING_S: Final = 600.0
 
 USUAL_WH: Final = 40.0
 USUAL_SHARE: Final = 0.042
@@ -149,8 +145,11 @@ def factor_power(table: SegmentTable, mass_kg: float) -> FloatArray:
     values = table.features.to_numpy(dtype=np.float64)
     column = dict(zip(table.features.columns.tolist(), values.T, strict=True))
     known = column["ambient_temperature_degc"]
-    ambient = np.where(np.isfinite(known), known, _UNKNOWN_DEGC)
-    cooling = 1.0 / (1.0 + np.exp(-np.clip((ambient - MILD_DEGC) / _TURN_K, -30.0, 30.0)))
+    # unknown air is neither cold nor warm
+    ambient = np.where(np.isfinite(known), known, 15.0)
+    # the turn from heating to cooling takes some 3 K; a choice
+    cooling = 1.0 / (1.0 + np.exp(-np.clip((ambient - MILD_DEGC) / 1.5, -30.0, 30.0)))
+    # soaked cabin and oil are warm within some ten minutes
     powers = (
         table.simulated_w,
         column["rolling_w"],
@@ -162,9 +161,10 @@ def factor_power(table: SegmentTable, mass_kg: float) -> FloatArray:
         column["moved_w"] * np.maximum(0.0, 15.0 - ambient) / 10.0,
         mass_kg * column["speed_change_m_s2"] * column["speed_m_s"],
         100.0 * np.maximum(0.0, -ambient),
-        50.0 * np.maximum(0.0, 20.0 - ambient) * np.exp(-column["time_s"] / _FADING_S),
+        50.0 * np.maximum(0.0, 20.0 - ambient) * np.exp(-column["time_s"] / 600.0),
     )
-    inside = np.clip(ambient, *_SEASONS_DEGC)
+    # colder and hotter air counts as that of the bounds; a choice
+    inside = np.clip(ambient, -20.0, 45.0)
     near = np.exp(-0.5 * ((inside[:, None] - np.array(list(SEASONS.values()))) / _NEAR_K) ** 2)
     seasons = table.simulated_w[:, None] * near / np.sqrt((near**2).sum(axis=1, keepdims=True))
     return np.asarray(np.column_stack([*powers, seasons]) * SDS)
@@ -271,7 +271,8 @@ class TripEvidence:
         """
         X, y = self.factors_wh, self.residual_wh
         noise, weight = 1.0, np.ones(len(y))
-        for _ in range(_PASSES):
+        # the weights settle in fewer passes
+        for _ in range(20):
             usual = noise * self.usual_wh2 + self.measured_wh2
             gram = (X.T / (usual * weight)) @ X + np.eye(X.shape[1])
             inverse = np.linalg.inv(gram)
@@ -281,13 +282,12 @@ class TripEvidence:
             # of an error the share that is not of its measurement, and what the measurement hides of it
             share = noise * self.usual_wh2 / usual
             own = (share**2 * square / weight + share * self.measured_wh2) / self.usual_wh2
-            noise = max((_USUAL_DF + float(own.sum())) / (_USUAL_DF + len(y)), _LEAST_NOISE)
+            # no car's errors are below a seventh of the usual ones; a choice
+            noise = max((_USUAL_DF + float(own.sum())) / (_USUAL_DF + len(y)), 0.02)
         return Sums.from_trips([(car_model, vehicle)] * len(y), X, y, usual * weight)
 
 
-_PASSES: Final = 20
 _USUAL_DF: Final = 2.0
-_LEAST_NOISE: Final = 0.02
 
 
 def usual_variance_wh2(net_wh: FloatArray, moved_wh: FloatArray, km: FloatArray) -> FloatArray:
@@ -307,8 +307,6 @@ def usual_variance_wh2(net_wh: FloatArray, moved_wh: FloatArray, km: FloatArray)
 LEAST_KM: Final = 0.1
 """Shorter trips count as this long."""
 
-DRIFT_DAYS: Final = 60.0
-"""Days in which a slow drift of the consumption is forgotten."""
 
 USUAL_DAYS: Final = 1.0
 """Between two trips without a date."""
@@ -317,7 +315,8 @@ USUAL_DAYS: Final = 1.0
 def drift_kept(day: FloatArray, since: float | None) -> FloatArray:
     """Share of a drift that is left on other days. Shape of `day`."""
     away = np.abs(day - (np.nan if since is None else since))
-    return np.asarray(np.exp(-np.where(np.isfinite(away), away, USUAL_DAYS) / DRIFT_DAYS))
+    # a slow drift is forgotten in 60 days: about a season; a choice
+    return np.asarray(np.exp(-np.where(np.isfinite(away), away, USUAL_DAYS) / 60.0))
 
 
 @dataclass(frozen=True, eq=False)

@@ -55,27 +55,13 @@ winter tyres and wet roads are not in it."""
 LOW_BIN_M_S: Final = 0.25
 LOW_BINS: Final = 20
 """Bins of speed over which braking power is summed: up to 5 m/s, beyond every published end of the fade."""
-BRAKING_M_S2: Final = 0.3
-"""Deceleration from which braking is not the road's alone."""
-FADE_STEP_M_S: Final = 0.1
-UNSEEN: Final = 1e-3
-"""Weight of a bin without braking over that of the bin with most."""
-FADE_TRIPS: Final = 5.0
-"""The published fade counts as much as so many trips: how late the friction brakes take over is known for few cars."""
-LEAST_RECOVERED: Final = 0.4
-MOST_RECOVERED: Final = 1.2
-"""Shares of the braking power above the published end of the fade that a torque of this car shows; another belongs to no motor."""
 COLD_DEGC: Final = 5.0
 """The rise in the cold needs `LEAST_TRIPS` colder trips than the first: warm ones do not show it. Where all trips are cold the priors
 share an excess between the rise and the rolling resistance at the reference temperature."""
 BASE_WIDTH: Final = 0.4
 """Prior standard deviation of the base load, as in `tripwatt.hybrid.parameters`."""
-LEAST_SD: Final = 0.1
-"""Least scatter of the standing power between trips, as a share of the base load."""
 CURVE_WIDTH_V: Final = 0.05
 """Prior standard deviation of a cell's open-circuit voltage [V]: curves of cathodes of one family differ by about this."""
-CURVE_BEND_V: Final = 0.01
-"""Prior standard deviation of the second difference of its change over steps of 0.1 [V]."""
 REST_SD_V: Final = 0.02
 """Voltage of a cell at rest about its open-circuit voltage, before it has settled [V]."""
 REST_BINS: Final = 20
@@ -83,13 +69,8 @@ RESTING_A: Final = 3.0
 RESTING_S: Final = 10.0
 STANDING_M_S: Final = 0.1
 CLIMATE_OFF_W: Final = 50.0
-LEAST_STANDING_S: Final = 10.0
 
 HEATER: Final = ("heating_power_w", "aircon_power_w")
-_PASSES: Final = 3
-"""Solutions of the road's regression; its error settles in two."""
-STEEPEST_PER_K: Final = 0.03
-"""Largest rise in the cold: rolling drag of 2.2 times the reference at -20 °C, more than any source has."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -391,7 +372,8 @@ def _braking_rows(
     drivetrain, rules = vehicle.drivetrain, vehicle.regeneration
     turning = drivetrain.gear_ratio / drivetrain.wheel_radius_m
     possible = -run.wheel_power_w * drivetrain.gearbox_efficiency * rules.fraction
-    slowing = -np.diff(speed, prepend=speed[:1]) > BRAKING_M_S2 * step
+    # from this deceleration on braking is not the road's alone; a choice
+    slowing = -np.diff(speed, prepend=speed[:1]) > 0.3 * step
     bins = (speed / LOW_BIN_M_S).astype(np.int64)
     soft = possible < FRICTION_SHARE * rules.max_torque_nm * turning * speed
     low = slowing & soft & (possible > 0.0) & (bins < LOW_BINS) & (step > 0.0)
@@ -409,19 +391,23 @@ def _fade_values(records: Sequence[FloatArray], vehicle: Vehicle) -> _Values:
     possible, taken = np.sum(records, axis=0).T
     middle = (np.arange(LOW_BINS) + 0.5) * LOW_BIN_M_S
     high = middle > rules.full_speed_m_s
-    if not LEAST_RECOVERED * possible[high].sum() < taken[high].sum() < MOST_RECOVERED * possible[high].sum():
+    # a torque that recovers a smaller or larger share of the braking power belongs to another motor; a choice
+    if not 0.4 * possible[high].sum() < taken[high].sum() < 1.2 * possible[high].sum():
         return {}
 
     def fade(zero: FloatArray, full: FloatArray) -> FloatArray:
         return np.clip((middle - zero[:, None]) / (full - zero)[:, None], 0.0, 1.0)
 
     published = fade(np.array([rules.zero_speed_m_s]), np.array([rules.full_speed_m_s]))[0]
-    prior = FADE_TRIPS / len(records)
+    # the published fade counts as five trips: how late the friction brakes take over is known for few cars
+    prior = 5.0 / len(records)
     seen = possible > 0.0
     target = published.copy()
     target[seen] = (taken[seen] / possible[seen] + prior * published[seen]) / (1.0 + prior)
-    weight = np.maximum(possible, UNSEEN * possible.max())  # speeds without braking keep the published fade
-    steps = np.arange(0.0, LOW_BINS * LOW_BIN_M_S, FADE_STEP_M_S)
+    # speeds without braking keep the published fade
+    weight = np.maximum(possible, 1e-3 * possible.max())
+    # steps of 0.1 m/s are finer than the bins
+    steps = np.arange(0.0, LOW_BINS * LOW_BIN_M_S, 0.1)
     zero, full = (ends.ravel() for ends in np.meshgrid(steps, steps))
     zero, full = zero[full > zero], full[full > zero]
     best = int(np.argmin(((fade(zero, full) - target) ** 2) @ weight))
@@ -449,7 +435,8 @@ def _road_values(records: Sequence[StageRecord], vehicle: Vehicle) -> _Values:
     scale = float(np.std(everything[:, 3]))
     bounds = (0.0, np.array([np.inf, np.inf if free else 1e-12, np.inf]))
     ends = np.cumsum([len(r.road) for r in records])[:-1]
-    for _ in range(_PASSES):
+    # the error of the regression settles in two solutions
+    for _ in range(3):
         X, y = np.vstack([everything[:, :3] / scale, prior]), np.append(everything[:, 3] / scale, target)
         values = lsq_linear(X, y, bounds=bounds).x
         error = everything[:, 3] - everything[:, :3] @ values
@@ -461,7 +448,8 @@ def _road_values(records: Sequence[StageRecord], vehicle: Vehicle) -> _Values:
     if (np.abs(values - means)[[0, 2]] > FARTHEST * widths[[0, 2]]).any():
         return {}
     if free and rolling > 0.0:
-        identified["tyres.temperature_coefficient_per_k"] = min(colder / rolling, STEEPEST_PER_K)
+        # 3 % per kelvin is a rolling drag of 2.2 times the reference at -20 °C, more than any source has
+        identified["tyres.temperature_coefficient_per_k"] = min(colder / rolling, 0.03)
     if load.method == "coastdown":
         for part in ("road_load.coastdown_a_n", "road_load.coastdown_b_n_s_m"):
             identified[part] = cast(float, vehicle.value(part)) * rolling / rolling_n
@@ -482,13 +470,15 @@ def _standing_power(samples: pd.DataFrame, climate: FloatArray | None) -> float:
     if climate is None or voltage is None or current is None or speed is None:
         return float("nan")
     still = (speed < STANDING_M_S) & (climate < CLIMATE_OFF_W)
-    return float(np.median((voltage * current)[still])) if still.sum() >= LEAST_STANDING_S else float("nan")
+    # the median of fewer than ten seconds would be chance; a choice
+    return float(np.median((voltage * current)[still])) if still.sum() >= 10.0 else float("nan")
 
 
 def _base_value(standing: Sequence[float], vehicle: Vehicle) -> _Values:
     """Base load of the standing car."""
     published = vehicle.auxiliaries.base_load_w
-    sd = max(float(np.std(standing, ddof=1)), LEAST_SD * published, 1.0)
+    # the standing power of trips scatters by a tenth at least; a choice
+    sd = max(float(np.std(standing, ddof=1)), 0.1 * published, 1.0)
     precision, prior = len(standing) / sd**2, max(BASE_WIDTH * published, 1.0) ** -2
     value = (precision * float(np.mean(standing)) + prior * published) / (precision + prior)
     if value <= 0.0 or abs(value - published) > FARTHEST * BASE_WIDTH * published:
@@ -527,8 +517,9 @@ def _curve_value(rows: Sequence[FloatArray], vehicle: Vehicle) -> _Values:
     hats = np.zeros((len(everything), len(knots)))
     hats[np.arange(len(place)), left] = 1.0 - (place - left)
     hats[np.arange(len(place)), left + 1] = place - left
+    # second differences of the change over steps of 0.1 have a prior standard deviation of 0.01 V; a choice
     bends = np.diff(np.eye(len(knots)), n=2, axis=0)
-    X = np.vstack([hats / REST_SD_V, np.eye(len(knots)) / CURVE_WIDTH_V, bends / CURVE_BEND_V])
+    X = np.vstack([hats / REST_SD_V, np.eye(len(knots)) / CURVE_WIDTH_V, bends / 0.01])
     y = np.concatenate([everything[:, 1] / REST_SD_V, np.zeros(len(knots) + len(bends))])
     change = np.linalg.lstsq(X, y, rcond=None)[0]
     if np.abs(change).max() > FARTHEST * CURVE_WIDTH_V:

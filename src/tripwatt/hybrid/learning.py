@@ -46,9 +46,6 @@ CLIMATE_USE: Final = ((1.0, 0.7), (0.5, 0.2), (0.0, 0.1))
 control does not show it."""
 
 NOISES: Final = (0.0625, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
-USUAL_NOISE: Final = 0.75
-NOISE_LOG_SD: Final = 1.0
-"""Variances of a car's errors over the usual one; before any trip log-normal, with this median and so a mean near 1."""
 
 DRIFTS: Final = ((0.03, 0.6), (0.07, 0.4))
 """Standard deviations of a slow drift of the consumption by season, tyres and ageing, as a share, and their weights before any trip: choices. What is left
@@ -56,12 +53,6 @@ of the first and the second half of the logs differs by 3 to 12 % of the consump
 
 MEMORY: Final = 0.98
 """Share of the experts' evidence that is left after each trip."""
-
-_ONE_FACTOR_SD: Final = 0.2
-_PUBLISHED_SD: Final = 0.03
-_OWN_SCALE: Final = 3.0
-_LEAST_SCALE: Final = 0.5
-_LEAST_WEIGHT: Final = 1e-300
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,11 +132,13 @@ class Experts:
         zero, one = np.zeros(p) + shift, np.zeros((p, p))
         mean = mean + shift
         one[0, 0] = 1.0
+        # published values are right within 3 %, or all wrong by some 20 %; choices
+        # the deviations of a car that is like no other are three times as large; a choice
         beliefs = [
-            (0, 1.0, zero, one * (_PUBLISHED_SD / SDS[0]) ** 2),
-            (1, 1.0, zero, one * (_ONE_FACTOR_SD / SDS[0]) ** 2),
+            (0, 1.0, zero, one * (0.03 / SDS[0]) ** 2),
+            (1, 1.0, zero, one * (0.2 / SDS[0]) ** 2),
             (2, 1.0, zero, np.eye(p)),
-            (4, 1.0, mean, covariance * _OWN_SCALE**2),
+            (4, 1.0, mean, covariance * 9.0),
         ]
         total = sum(weight for _, weight in SPREADS) ** 2
         for all_scale, all_weight in SPREADS:
@@ -154,7 +147,8 @@ class Experts:
                 beliefs.append((3, all_weight * weight / total, mean, covariance * np.outer(scales, scales)))
         climate = np.isin(NAMES, CLIMATE) / SDS
         noise = np.array(NOISES)
-        by_noise = np.exp(-0.5 * (np.log(noise / USUAL_NOISE) / NOISE_LOG_SD) ** 2)
+        # log-normal with a median of 0.75, and so a mean near 1
+        by_noise = np.exp(-0.5 * np.log(noise / 0.75) ** 2)
         by_noise /= by_noise.sum()
         every = [
             (kind, KIND_WEIGHTS[kind] * weight * share * part, centre - (1.0 - use) * climate, spread, sd)
@@ -226,7 +220,8 @@ class Experts:
         by_belief = self.weights.reshape(-1, len(NOISES)).sum(axis=1)
         usual = np.exp(self.log_prior.reshape(-1, len(NOISES)))
         share = usual / usual.sum(axis=1, keepdims=True)
-        logs = np.log(np.maximum(by_belief[:, None] * share, _LEAST_WEIGHT)).ravel()
+        # no logarithm of zero
+        logs = np.log(np.maximum(by_belief[:, None] * share, 1e-300)).ravel()
         mean, covariance = self.mean.copy(), self.covariance.copy()
         mean[:, -1] = 0.0
         covariance[:, -1, :] = covariance[:, :, -1] = 0.0
@@ -263,7 +258,8 @@ class Experts:
                 variance
             )
             unusual = (TAIL_DF + (evidence.residual_wh[i] - mean[-1]) ** 2 / total) / (TAIL_DF + 1.0)
-            gain = spread / (known + noise * max(_LEAST_SCALE, unusual))[:, None]
+            # a trip that fits well counts as two at most; a choice
+            gain = spread / (known + noise * max(0.5, unusual))[:, None]
             now = replace(
                 now,
                 mean=now.mean + gain * error[:, None],

@@ -226,7 +226,8 @@ class GPCorrector(PowerCorrector):
             self.shape = np.zeros(features.shape[1])
             return self
         X, r = within[:, :-1], within[:, -1]
-        gram = X.T @ X + np.diag(np.mean(r**2) / (_SHAPE_SHARE * prior))
+        # the shape may be twice as far from the simulation as the totals; a choice
+        gram = X.T @ X + np.diag(np.mean(r**2) / (4.0 * prior))
         self.shape = np.linalg.solve(gram, X.T @ r)
         return self
 
@@ -266,10 +267,6 @@ def fading_columns(terms: Iterable[KernelTerm]) -> tuple[str, ...]:
     """Covariates of the smooth terms; every one of `FADING` where there are only lines."""
     smooth = dict.fromkeys(c for term in terms if term.kind == "smooth" for c in term.columns)
     return tuple(smooth) or FADING
-
-
-_SHAPE_SHARE: Final = 4.0
-"""Prior variance of the shape's weights, over that of the totals' weights: twice as far from the simulation."""
 
 
 def less_trip_mean(values: FloatArray, table: SegmentTable) -> FloatArray:

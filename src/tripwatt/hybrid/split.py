@@ -26,11 +26,6 @@ from tripwatt.hybrid.power import (
 from tripwatt.hybrid.segments import SegmentTable
 from tripwatt.learners.gp import KernelTerm
 
-LEAST_LOGGED: Final = 8
-"""Fewest trips with logged climate control for a separate correction."""
-LEAST_LOGGED_SHARE: Final = 0.5
-"""Their least share of all trips."""
-
 CLIMATE_TERMS: Final = (KernelTerm(("climate_w",), "line", 0.3), *smooth_terms("climate"))
 """Terms of the climate correction: a share of the simulated power (sd 30 %) and smooth functions of the state."""
 
@@ -73,7 +68,8 @@ class SplitCorrector(PowerCorrector):
     def fit(self, table: SegmentTable) -> Self:
         """Learn climate control from the trips that log it, then driving from the remaining residual of all trips."""
         logged = climate_logged(table)
-        enough = int(logged.sum()) >= LEAST_LOGGED and float(logged.mean()) >= LEAST_LOGGED_SHARE
+        # eight trips and half of all with logged climate control: a separate correction from fewer is worse; a choice
+        enough = int(logged.sum()) >= 8 and float(logged.mean()) >= 0.5
         self.split_ = enough if self.split is None else self.split
         if not self.split_:
             self.joint.fit(table)

@@ -24,7 +24,6 @@ from tripwatt.arrays import FloatArray, eigen
 from tripwatt.errors import Fault, InvalidInput, raise_faults
 
 _JITTER: Final = 1e-8
-_T_PASSES: Final = 3
 _INDUCING: Final = 10  # most inducing points of a term of one column; terms of several get four times as many
 _LOG_SD: Final = 3.0  # of the log-normal prior of each variance around its start
 
@@ -302,7 +301,8 @@ class AdditiveGP:
         kernels = np.array([totals[:, s] @ totals[:, s].T for s in self.slices_])
         scale = np.ones(len(target))  # of each cluster's own effects: the latent scale of the t
         self.variances_ = self._variances(kernels, target, effects, scale)
-        for _ in range(_T_PASSES if self.df is not None else 0):
+        # three passes; a choice
+        for _ in range(3 if self.df is not None else 0):
             scale = self._latent_scale(kernels, target, effects, scale)
             self.variances_ = self._variances(kernels, target, effects, scale, self.variances_)
         K = self._covariance(kernels, effects, scale)

@@ -18,13 +18,7 @@ from tripwatt.errors import Fault, InvalidInput, raise_faults
 
 _DEFAULT_LEFT, _MISSING = 2, 12
 _ZERO_IS_MISSING, _NAN_IS_MISSING = 4, 8
-_ZERO: Final = 1e-35
-"""LightGBM takes smaller values for zero."""
 _FIELDS: Final = ("split_feature", "threshold", "decision", "left", "right", "leaf_value")
-_MOST_NODES: Final = 5_000_000
-"""Splits of all trees together; a forest of 500 trees of 255 leaves has 127,000."""
-_MOST_SPLITS: Final = 20_000
-"""Splits of one tree, which bound the steps to a leaf."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +86,8 @@ class TreeTable:
     def _faults(self) -> Iterator[Fault]:
         """Every reason why the arrays are no trees. O(splits)."""
         shape = self.split_feature.shape
-        if len(shape) != 2 or not (1 <= shape[1] <= _MOST_SPLITS and self.split_feature.size <= _MOST_NODES):
+        # a forest of 500 trees of 255 leaves has 127,000 splits; those of one tree bound the steps to a leaf
+        if len(shape) != 2 or not (1 <= shape[1] <= 20_000 and self.split_feature.size <= 5_000_000):
             yield Fault("wrong shape of trees", "trees, split_feature", f"{shape}", "(trees, splits)")
             return
         for name in _FIELDS:
@@ -138,7 +133,8 @@ class TreeTable:
         missing = decision & _MISSING
         unknown = np.isnan(value)
         value = np.where(unknown & (missing != _NAN_IS_MISSING), 0.0, value)
-        zero = (missing == _ZERO_IS_MISSING) & (np.abs(value) <= _ZERO)
+        # LightGBM takes smaller values for zero
+        zero = (missing == _ZERO_IS_MISSING) & (np.abs(value) <= 1e-35)
         absent = (unknown & (missing == _NAN_IS_MISSING)) | zero
         return np.where(absent, (decision & _DEFAULT_LEFT) > 0, value <= self.threshold.take(split))
 

@@ -19,14 +19,9 @@ from tripwatt.trips import Plan, Recorded
 from tripwatt.units import WH_PER_J
 from tripwatt.vehicles import Vehicle
 
-WINDOW: Final = 1024
-"""Drives that are prepared and sorted together: it bounds the memory."""
-
 CHUNK_SAMPLES: Final = 32_768
 """Samples that go through the chain at once: their arrays stay in the cache."""
 
-LENGTHS_PER_OCTAVE: Final = 8
-"""Classes of length, of which one is driven together, for each doubling: a twentieth of the samples is padding."""
 
 PARTS: Final = ("body", "road_load", "tyres", "drivetrain", "regeneration", "battery", "auxiliaries")
 """Parts of a car that the chain takes; the cabins have their own values."""
@@ -101,7 +96,8 @@ def _in_order(pairs: Iterable[Pair], results: Results[R]) -> Iterator[R]:
     # once freed, it stops the C library from handing freed memory back to the system, whose new pages cost more than the chain
     np.empty(3_000_000)
     left = iter(pairs)
-    while window := list(itertools.islice(left, WINDOW)):
+    # 1024 drives at a time bound the memory
+    while window := list(itertools.islice(left, 1024)):
         drives, faults = [], list[Fault]()
         roads: dict[int, FloatArray] = {}
         for vehicle, trip in window:
@@ -122,7 +118,8 @@ def _alike(drives: Sequence[Drive]) -> Iterable[list[int]]:
     groups: dict[tuple[Any, ...], list[int]] = {}
     kinds = {number: _kind(car) for number, car in {id(d.vehicle): d.vehicle for d in drives}.items()}
     for number, drive in enumerate(drives):
-        length = round(LENGTHS_PER_OCTAVE * math.log2(len(drive.time_s)))
+        # eight classes of length for each doubling: a twentieth of the samples is padding
+        length = round(8 * math.log2(len(drive.time_s)))
         key = (length, drive.headwind_m_s is None, kinds[id(drive.vehicle)])
         groups.setdefault(key, []).append(number)
     return groups.values()

@@ -15,14 +15,9 @@ from tripwatt.vehicles import Battery
 MOLAR_GAS_CONSTANT_J_MOL_K: Final = 8.314462618
 """CODATA 2018."""
 
-SOC_TOLERANCE: Final = 5e-5
-"""Two passes that agree to this state of charge have converged; each pass cuts the error by about 50."""
 
 MOST_PASSES: Final = 60
 TINY: Final = float(np.finfo(np.float64).tiny)
-
-LEAST_RESISTANCE_OHM: Final = 1e-12
-"""A battery without resistance has a power without limit; this keeps the number finite."""
 
 
 def open_circuit_voltage(soc: PerTrip, battery: Battery) -> FloatArray:
@@ -113,7 +108,8 @@ def largest_power(ocv_v: FloatArray, resistance_ohm: FloatArray, floor_v: PerTri
     (array([900.]), array([2500.]))
     """
     voltage = np.minimum(np.maximum(0.5 * ocv_v, floor_v), ocv_v)
-    resistance = np.maximum(resistance_ohm, LEAST_RESISTANCE_OHM)
+    # a battery without resistance has a power without limit; this keeps the number finite
+    resistance = np.maximum(resistance_ohm, 1e-12)
     return np.asarray(voltage * (ocv_v - voltage) / resistance, dtype=np.float64)
 
 
@@ -221,7 +217,8 @@ def discharge(
         else:
             gained_k = heat * (step_s / battery.heat_capacity_j_k)
             warmed = initial_temperature_degc + gained_k.cumsum(axis=-1)
-        settled = np.abs(new_soc - soc).max(axis=-1, keepdims=True) < SOC_TOLERANCE
+        # passes that agree to 5e-5 have converged: each cuts the error by about 50
+        settled = np.abs(new_soc - soc).max(axis=-1, keepdims=True) < 5e-5
         if settled.all():
             break
         soc, temperature = np.where(settled, soc, new_soc), np.where(settled, temperature, warmed)

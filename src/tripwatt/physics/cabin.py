@@ -73,13 +73,6 @@ HEAT_PUMP_MOST: Final = 1.5
 """Largest heat of a heat pump in warm air over that at the rating, where the controls stop its rise."""
 
 
-IDLE_FROM_W: Final = 100.0
-"""Cooling from which the compressor's least power counts in full: for less it cycles, and takes a share of it."""
-
-DEFROST_WITHIN_K: Final = 4.0
-"""Range of outside air around `defrost_below_degc` in which fewer and fewer cars have dew or frost."""
-
-
 @dataclass(frozen=True, slots=True)
 class CabinStart:
     """What is known of the cabin at departure.
@@ -178,7 +171,8 @@ class CabinTask:
         """The steps of the control: power of heater and compressor, share of the fans, air and interior at the edges."""
         climate = self.climate
         fans = climate.blower_low_power_w + (climate.blower_high_power_w - climate.blower_low_power_w) * fan
-        frost = 0.5 + (climate.defrost_below_degc - self.ambient_temperature_degc) / DEFROST_WITHIN_K
+        # over 4 K around the threshold fewer and fewer cars have dew or frost; a choice
+        frost = 0.5 + (climate.defrost_below_degc - self.ambient_temperature_degc) / 4.0
         if frost > 0.0 and self.start.mode != "cool":
             share = min(frost, 1.0) * (1.0 - self.start.warmth)
             fans[: math.ceil(climate.defrost_time_s / CONTROL_STEP_S)] += share * climate.defrost_power_w
@@ -282,7 +276,8 @@ def _control_steps(
             surplus = demand - wanted
             free = smaller((1.0 - fan) * fan_range * larger(air - ambient, 0.0), surplus)
             cooling = smaller(surplus - free, most_cooling)
-            power = power + larger(cooling * cooler, idle * smaller(cooling * (1.0 / IDLE_FROM_W), 1.0))
+            # for less than 100 W of cooling the compressor cycles, and takes a share of its least power; a choice
+            power = power + larger(cooling * cooler, idle * smaller(cooling * (1.0 / 100.0), 1.0))
             fan = heat * per_heat + smaller((cooling + free) * per_cooling, 1.0)
             heat = heat - (cooling + free)
         else:

@@ -43,17 +43,6 @@ CAUSE_NAMES: Final = {
 CAUSES: Final = tuple(CAUSE_NAMES)
 """Causes of `Simulation.power_by_cause_w`; `shortfall` is the power that the trace needs beyond the car's limits."""
 
-ACCEPTANCE_TOLERANCE: Final = 1e-3
-"""Share of the largest braking power; passes that agree to it have settled."""
-
-MOST_ACCEPTANCE_PASSES: Final = 6
-
-LEAST_LOST_WH: Final = 50.0
-"""Recovered energy that a full battery does not take is named from here on: some 0.3 km."""
-
-MOVING_M_S: Final = 1.4
-"""Walking pace, 5 km/h: from here on a car draws all of its `moving_load_w`."""
-
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Trace:
@@ -188,9 +177,10 @@ def _forces(vehicle: Vehicle, trace: Trace, conditions: DriveConditions) -> tupl
 def _base_load(vehicle: Vehicle, trace: Trace, conditions: DriveConditions) -> FloatArray:
     """Power of what neither drives nor heats [W], shape (..., samples): more of it while the car moves on a road.
 
-    It rises up to `MOVING_M_S`, so that the noise of a standing car's speed adds next to nothing.
+    It rises up to walking pace, so that the noise of a standing car's speed adds next to nothing.
     """
-    loads, share = vehicle.auxiliaries, np.minimum(trace.mean_speed_m_s * (1.0 / MOVING_M_S), 1.0)
+    # from walking pace on, 5 km/h, all of the load; a choice
+    loads, share = vehicle.auxiliaries, np.minimum(trace.mean_speed_m_s * (1.0 / 1.4), 1.0)
     return np.asarray(loads.base_load_w + (1.0 - conditions.on_dynamometer) * loads.moving_load_w * share)
 
 
@@ -212,7 +202,8 @@ def _drive_and_battery(
     acceptance = regeneration_acceptance(*start, rules)
     hardest = -wheel_power.min(axis=-1, keepdims=True) * rules.fraction
     guess: tuple[FloatArray, FloatArray] | None = None
-    for _ in range(MOST_ACCEPTANCE_PASSES):
+    # a bound of the time; a choice
+    for _ in range(6):
         drive = propulsion(wheel_power, trace.mean_speed_m_s, acceptance, vehicle.drivetrain, rules)
         power = drive.motor_power_w + auxiliary
         guess = first_guess(battery, power, step, soc, temperature) if guess is None else guess
@@ -228,7 +219,8 @@ def _drive_and_battery(
             accepted[trace.beyond] = 1.0
         change = np.abs(accepted - acceptance).max(axis=-1, keepdims=True)
         lowest = np.minimum(accepted, acceptance).min(axis=-1, keepdims=True)
-        settled = (change < ACCEPTANCE_TOLERANCE) | (hardest <= rules.max_power_w * lowest)
+        # passes that agree to a thousandth of the largest braking power have settled
+        settled = (change < 1e-3) | (hardest <= rules.max_power_w * lowest)
         if settled.all():
             break
         acceptance = np.where(settled, acceptance, accepted)
@@ -274,7 +266,8 @@ def _flags(
             for trip in np.flatnonzero(np.atleast_2d(mask).any(axis=-1)):
                 flags[trip].append(Flag(*kind, seconds[trip], "s"))
     for own, lost, converged in zip(flags, lost_wh.ravel(), battery.converged.ravel(), strict=True):
-        if lost >= LEAST_LOST_WH:
+        # named from 50 Wh on, some 0.3 km; a choice
+        if lost >= 50.0:
             own.append(Flag("battery_full", "battery", float(lost), "wh"))
         if not converged:
             own.append(Flag("battery_not_settled", "battery"))

@@ -16,9 +16,6 @@ UNKNOWN_AMBIENT_DEGC: Final = 10.0
 MILD_DEGC: Final = 20.0
 """Outside temperature of a simulation for which none is chosen: that of a laboratory."""
 
-UNKNOWN_SETPOINT_DEGC: Final = 22.0
-"""Set-point of a car without a climate model; it has no effect."""
-
 
 @dataclass(frozen=True, slots=True)
 class DriveConditions:
@@ -108,7 +105,8 @@ class DriveConditions:
         if temperature is None:
             temperature = self.ambient_temperature_degc
         if setpoint is None:
-            setpoint = UNKNOWN_SETPOINT_DEGC if vehicle.climate is None else vehicle.climate.setpoint_degc
+            # the set-point of a car without a climate model has no effect
+            setpoint = 22.0 if vehicle.climate is None else vehicle.climate.setpoint_degc
         sun, warmth = self.solar_irradiance_w_m2, self.initial_warmth
         return CabinStart(temperature, setpoint, sun, warmth, self.climate)
 

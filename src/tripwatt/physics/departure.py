@@ -10,9 +10,6 @@ SUN_HEATS_CABINS_DEGC: Final = (10.0, 14.0)
 """In outside air warmer than the second a warm cabin may come from the sun and is no sign of an earlier drive; in colder air than
 the first it is one. It counts less and less in between."""
 
-LEAST_RISE_K: Final = 5.0
-"""Least rise of a cabin over the outside air that stands for a warm car, where the set-point is hardly above it."""
-
 
 def known_cabin(vehicle: Vehicle, given_degc: float | None, *, logged: bool) -> float | None:
     """Cabin temperature [°C] as far as it is known; None where nothing is.
@@ -81,5 +78,6 @@ def warmth_from_cabin(
     setpoint = climate.setpoint_degc if setpoint_degc is None else setpoint_degc
     cold, warm = SUN_HEATS_CABINS_DEGC
     driven = min(1.0, max(0.0, (warm - ambient_degc) / (warm - cold)))
-    rise = max(setpoint - ambient_degc, LEAST_RISE_K)
+    # 5 K, where the set-point is hardly above the outside air; a choice
+    rise = max(setpoint - ambient_degc, 5.0)
     return driven * min(1.0, max(0.0, (cabin - ambient_degc) / rise))

@@ -69,9 +69,6 @@ def aero_drag_force(
 WET_ROAD: Final = 0.1
 """Relative rise of rolling resistance on a wet road; an estimate for a film of water of a few tenths of a millimetre."""
 
-WET_FROM_MM_H: Final = 1.0
-"""Rain that keeps a road wet; less rain wets it in proportion. A choice."""
-
 
 def wet_factor(rain_mm_h: PerTrip) -> PerTrip:
     """Rolling resistance on a road in the rain over that on a dry one.
@@ -81,7 +78,8 @@ def wet_factor(rain_mm_h: PerTrip) -> PerTrip:
     >>> [float(wet_factor(rain)) for rain in (0.0, 0.5, 8.0)]
     [1.0, 1.05, 1.1]
     """
-    return 1.0 + WET_ROAD * np.minimum(rain_mm_h / WET_FROM_MM_H, 1.0)
+    # 1 mm/h keeps a road wet, less rain wets it in proportion; a choice
+    return 1.0 + WET_ROAD * np.minimum(rain_mm_h, 1.0)
 
 
 def rolling_resistance_force(

@@ -37,8 +37,6 @@ ADAPTED: Final = "population"
 PRIOR_TRIPS: Final = 20.0
 """Weight of the usual scores beside the own trips', in trips: twice the fewest that show a 90 % interval at all."""
 
-_MOST: Final = 9.0
-"""Largest square of a standardised error that counts for the scale."""
 
 _LEVELS: Final = 40
 """Scores that a model on another car keeps."""
@@ -487,7 +485,8 @@ def scores_of(own: FloatArray) -> ConformalScores:
     usual = np.array([t4_half_width(level) for level in levels.tolist()]) / np.sqrt(T_VARIANCE)
     fading = MEMORY ** np.arange(len(own))[::-1]
     share = PRIOR_TRIPS / (PRIOR_TRIPS + fading.sum())
-    usual *= np.sqrt(share + (1.0 - share) * (fading @ np.minimum(own**2, _MOST)) / max(fading.sum(), 1.0))
+    # beyond three standard deviations an error counts no more for the scale; a choice
+    usual *= np.sqrt(share + (1.0 - share) * (fading @ np.minimum(own**2, 9.0)) / max(fading.sum(), 1.0))
     weight = np.append(np.full(_LEVELS, share / _LEVELS), fading * (1.0 - share) / max(fading.sum(), 1.0))
     values = np.append(usual, np.abs(own))
     order = np.argsort(values)

@@ -35,9 +35,6 @@ LEVEL_SDS: Final = np.array([[f.models / f.sd, f.vehicles / f.sd] for f in FACTO
 _LOG_SDS: Final = np.sqrt(0.5 / np.array([[f.df, ASSUMED_DF] for f in FACTORS])).T.ravel()
 """Of the logarithms of these: that of a standard deviation of n degrees of freedom has about this standard deviation."""
 
-_BEYOND_SHARE: Final = 0.25
-"""Standard deviation of the whole consumption by a mass far outside of the classes, over its logarithmic distance."""
-
 
 @dataclass(frozen=True, slots=True)
 class Source:
@@ -299,7 +296,8 @@ def _beyond_values(vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
     for name, width in spreads(vehicle.anchor, beyond).items():
         its = NAMES.index(name)
         variance[its] = max(0.0, (width / SDS[its]) ** 2 - float(LEVEL_SDS[:, its] @ LEVEL_SDS[:, its]))
-    variance[0] += (_BEYOND_SHARE * beyond / SDS[0]) ** 2
+    # standard deviation of the whole consumption: a quarter of the logarithmic distance of the mass; a choice
+    variance[0] += (0.25 * beyond / SDS[0]) ** 2
     if vehicle.body.curb_mass_kg < mass_range_kg()[0]:
         # in proportion to mass and power, or as of the lightest car: the mean of both logarithms
         for its in (NAMES.index("rolling"), NAMES.index("drivetrain")):

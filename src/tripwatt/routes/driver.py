@@ -13,26 +13,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields
-from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
 from tripwatt.arrays import BoolArray, FloatArray, IntArray, running_sum
 from tripwatt.errors import Fault, InvalidInput, and_more, raise_faults
-
-GRID_SPACING_M: Final = 4.0
-"""Longest cell of the distance grid [m]: one metre per second at walking pace is resolved, memory stays small."""
-
-SLOWEST_SHARE: Final = 0.4
-"""Lower bound of the fluctuation, as a share of the aimed speed: stops come from the route, not from fluctuation."""
-
-PEDAL_TIME_S: Final = 1.5
-"""Time [s] at the links' speed over which the pressure on a pedal changes while speeding up or braking."""
-
-LEAST_EFFORT: Final = 0.3
-"""Lower bound of the pressure on a pedal, as a share of the comfortable acceleration."""
-
 
 LinkRule = tuple[str, FloatArray, BoolArray, str]
 """Name and values of a column of links, which of them are sound, and what is allowed."""
@@ -208,7 +194,8 @@ def speed_profile(
     raise_faults(link_faults(rules, step_s))
 
     # two cells at least: a link between two stops needs a point at which the car moves
-    cells = np.maximum(np.ceil(length / GRID_SPACING_M), 2).astype(np.int64)
+    # cells of 4 m resolve one metre per second at walking pace; memory stays small
+    cells = np.maximum(np.ceil(length / 4.0), 2).astype(np.int64)
     ends = np.cumsum(cells)
     position = running_sum(np.repeat(length / cells, cells))
     cell_speed = np.repeat(speed, cells)
@@ -217,14 +204,16 @@ def speed_profile(
     at_speed_s = running_sum(np.repeat(length / cells / speed, cells))
     if rng is not None:
         steadiness = np.exp(style.fluctuation * smooth_noise(at_speed_s, style.fluctuation_time_s, rng))
-        pressure = 1.0 - 2.0 * style.fluctuation * (1.0 + smooth_noise(at_speed_s, PEDAL_TIME_S, rng))
-        effort = np.clip(pressure[1:], LEAST_EFFORT, 1.0)
+        # the pressure on a pedal changes over 1.5 s, and is three tenths of comfort at least; choices
+        pressure = 1.0 - 2.0 * style.fluctuation * (1.0 + smooth_noise(at_speed_s, 1.5, rng))
+        effort = np.clip(pressure[1:], 0.3, 1.0)
     else:
         steadiness, effort = np.ones_like(position), None
     share = style.speed_share * steadiness
     # turned back at the limit, where clipping would cruise on it
     share = np.where(share > 1.0, 2.0 - share, share)
-    aimed = allowed * np.maximum(share, SLOWEST_SHARE * style.speed_share)
+    # stops come from the route, not from fluctuation
+    aimed = allowed * np.maximum(share, 0.4 * style.speed_share)
     stops = ends[dwell > 0]
     aimed[0] = aimed[-1] = 0.0
     aimed[stops] = 0.0

@@ -18,18 +18,9 @@ from tripwatt.routes.links import SAME_SPEED, SHORTEST_STRETCH_M, LinkRoute, lin
 from tripwatt.trips import Plan, Recorded, plan_from_trip
 from tripwatt.units import M_S_PER_KM_H
 
-CITY_KM_H: Final = 50.0
-COUNTRY_KM_H: Final = 100.0
-"""Free speed up to which a road is of the city, and of the country [km/h]."""
-
 CLASSES_KM_H: Final = (30.0, 50.0, 70.0, 100.0, 120.0, 130.0)
-PERCENTILE: Final = 90.0
 LINK_M: Final = 250.0
-STANDS_M_S: Final = 0.5
-"""A slower car stands: its speed is no moving speed."""
 
-LEAST_M: Final = 20_000.0
-"""So much road of a class counts as much as what is assumed of the class from the others."""
 
 LARGEST_FACTOR: Final = 3.0
 
@@ -76,7 +67,8 @@ class TravelTimeFactors:
         free_s = length / speed
         overall = float(seconds.sum() / free_s.sum())
         which = np.argmin(np.abs(speed[:, None] - classes[None, :]), axis=1)
-        prior_s = LEAST_M / classes
+        # 20 km of a class count as much as what is assumed of it from the others; a choice
+        prior_s = 20_000.0 / classes
         total_s, known_s = (np.bincount(which, values, len(classes)) for values in (seconds, free_s))
         near_s, near_known_s = (np.convolve(values, np.ones(3), "same") for values in (total_s, known_s))
         near = (near_s + overall * prior_s) / (near_known_s + prior_s)
@@ -185,7 +177,8 @@ def driven_by_kind(trip: Recorded) -> FloatArray:
     True
     """
     route, driven_s = free_flow_links(trip)
-    bounds = np.array([CITY_KM_H, COUNTRY_KM_H]) * M_S_PER_KM_H + SAME_SPEED
+    # free speed up to which a road is of the city, and of the country
+    bounds = np.array([50.0, 100.0]) * M_S_PER_KM_H + SAME_SPEED
     kind = np.searchsorted(bounds, route.moving_speed_m_s)
     return np.concatenate([np.bincount(kind, part, 3) for part in (route.length_m, driven_s)])
 
@@ -214,8 +207,10 @@ def _limit_links(
 
 def _class_speed(speed_m_s: FloatArray) -> float:
     """The class of the speeds on a link [m/s]; the lowest where the car never moves."""
-    moving = speed_m_s[speed_m_s > STANDS_M_S]
+    # a slower car stands: its speed is no moving speed
+    moving = speed_m_s[speed_m_s > 0.5]
     if not len(moving):
         return CLASSES_KM_H[0] * M_S_PER_KM_H
-    high = float(np.percentile(moving, PERCENTILE)) / M_S_PER_KM_H
+    # the speed where nothing is in the way: a tenth of the moving time is faster; a choice
+    high = float(np.percentile(moving, 90.0)) / M_S_PER_KM_H
     return next((v for v in CLASSES_KM_H if v >= high - 1e-9), CLASSES_KM_H[-1]) * M_S_PER_KM_H

@@ -38,9 +38,6 @@ _KNOWN: Final = frozenset(LINK_KEYS)
 _HARMLESS: Final = {key: 0.0 if key in ("grade", "stop_s") else 1.0 for key in LINK_KEYS}
 """Stands in for a value that is no number, so that it is not called missing or out of range as well."""
 
-MOST_ALIKE: Final = 3
-"""Links that are named one by one for one kind of fault; of more the first is named and the others are counted."""
-
 
 def route_from_links(links: Iterable[Mapping[str, float | None]] | pd.DataFrame) -> LinkRoute:
     """A route from links as a user writes them. O(links).
@@ -142,7 +139,8 @@ class _Faults:
     ) -> None:
         """Add the faults of one kind in links, by mask or index; `got` takes an index, `key` is empty for the link as a whole."""
         bad = wrong if isinstance(wrong, list) else np.flatnonzero(wrong).tolist()
-        alike = len(bad) <= MOST_ALIKE
+        # three are named one by one; of more the first is named and the others are counted
+        alike = len(bad) <= 3
         for k in bad if alike else bad[:1]:
             place = f"{self.where}link {k + 1}{key and ', ' + key}"
             self.faults.append(

@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import InvalidInput
 from tripwatt.routes.points import MOST_POINTS, require_on_earth
-
-_MOST_CHARACTERS: Final = 10
-"""Characters of one number, of five bits each; a coordinate takes seven."""
 
 
 def decode_polyline(text: str, where: str, *, precision: float = 1e5, dimensions: int = 2) -> FloatArray:
@@ -46,7 +41,8 @@ def decode_polyline(text: str, where: str, *, precision: float = 1e5, dimensions
     ends = np.flatnonzero(chunks < 0x20)  # of each number: its last character has no bit for "more follow"
     starts = np.concatenate(([0], ends + 1))
     lengths = np.diff(starts, append=len(chunks))  # the last is that of a number without an end
-    if ((chunks < 0) | (chunks >= 64)).any() or (lengths > _MOST_CHARACTERS).any():
+    # a number has ten characters of five bits each at most; a coordinate takes seven
+    if ((chunks < 0) | (chunks >= 64)).any() or (lengths > 10).any():
         raise InvalidInput.of("not an encoded polyline", where, repr(text[:20]), "an encoded polyline")
     if lengths[-1] or len(ends) % dimensions or len(ends) < 2 * dimensions:
         got = f"{len(ends)} numbers{' and a part of one' if lengths[-1] else ''}"

@@ -28,9 +28,6 @@ from tripwatt.routes.driver import (
     reachable_speed,
 )
 
-REFERENCE_LENGTH_M: Final = 250.0
-"""Length of a link to which `LinkStyle.street_speed_m_s` refers [m]."""
-
 LONGEST_STREET_M: Final = 2000.0
 """The growth of the street speed with the link's length ends here: twice the longest links of its fit [m]. A longer link is
 disturbed once in every such length at least, as a row of links of this length is."""
@@ -39,42 +36,14 @@ MOST_OVER_MEAN_M_S: Final = 8.0
 """The free speed is above the mean speed by this at most [m/s]. Like the next two from the schedules that were made of recorded
 driving (`docs/decisions/forecast-11-even-links.md`)."""
 
-DISTURBED_M_S: Final = 14.0
-"""Up to this mean speed a road has intersections, places and slower cars at full strength [m/s]."""
 
 CRUISE_M_S: Final = 25.0
 """From this mean speed on, nothing slows the car down: it cruises at the mean speed [m/s]."""
 
-SPACING_M: Final = 4.0
-"""Longest cell of the distance grid [m]."""
-
-CELLS_PER_DIP: Final = 12
-"""So many at least, so that the car moves between two stops and between a stop and the link's end."""
-
-SPEED_LOG_STD: Final = 0.05
-"""Standard deviation of the free speed's logarithm from link to link where it is drawn; a choice."""
-
-MOST_NODES: Final = 400_000
-"""Longer routes get longer cells, so that memory and time stay bounded."""
-
-SHORTEST_BETWEEN_STOPS_M: Final = 25.0
-"""Invented stops are no closer than this [m]: about four cars in a queue."""
-
-STANDSTILL_M_S: Final = 0.5
-"""A car that has slowed down to this can as well wait [m/s]."""
-
-MOST_PASSES: Final = 30
-
-FIRST_STEP: Final = 0.12
-"""Largest change of a delay in the first pass; a choice, because links of 250 m and 1 km then take the fewest passes."""
-
-MOST_STEP: Final = 0.5
 
 FIRMER: Final = 3.0
 """A driver who goes faster than the free speed by some share uses the pedals this many times that share more."""
 
-MOST_DELAY: Final = 0.95
-"""Of a link without a place to stop: its speed is lowered to a twentieth of the free speed at most."""
 
 TIME_TOLERANCE: Final = 0.005
 """Passes end when no link's travel time is further off than this share, or `TIME_TOLERANCE_S`."""
@@ -163,7 +132,8 @@ class LinkStyle:
         >>> LinkStyle(street_speed_m_s=10.0, sharpness=2.0).free_speed(np.array([250.0]), np.array([10.0])).round(2)
         array([14.14])
         """
-        reach = np.minimum(length_m, LONGEST_STREET_M) / REFERENCE_LENGTH_M
+        # `street_speed_m_s` is that of a link of 250 m
+        reach = np.minimum(length_m, LONGEST_STREET_M) / 250.0
         street = self.street_speed_m_s * reach**self.length_exponent
         free = (street**self.sharpness + speed_m_s**self.sharpness) ** (1.0 / self.sharpness)
         return undisturbed_speed(speed_m_s, np.minimum(free, speed_m_s + MOST_OVER_MEAN_M_S))
@@ -187,7 +157,7 @@ def undisturbed_speed(mean_m_s: FloatArray, free_m_s: FloatArray) -> FloatArray:
     >>> undisturbed_speed(np.array([10.0, 19.5, 25.0]), np.array([18.0, 30.0, 36.0])).tolist()
     [18.0, 24.75, 25.0]
     """
-    share = np.clip((CRUISE_M_S - mean_m_s) / (CRUISE_M_S - DISTURBED_M_S), 0.0, 1.0)
+    share = np.clip((CRUISE_M_S - mean_m_s) / (CRUISE_M_S - 14.0), 0.0, 1.0)
     return np.asarray(mean_m_s + share * np.maximum(free_m_s - mean_m_s, 0.0), dtype=np.float64)
 
 
@@ -296,12 +266,15 @@ class Course:
         # a link whose stops are given has no reason to go faster than its own speed
         free = np.where(np.isnan(stop) | ~np.isnan(moving), free, mean)
         if rng is not None:
-            free = free * np.exp(SPEED_LOG_STD * rng.standard_normal(free.shape))
+            # 5 % from link to link where it is drawn; a choice
+            free = free * np.exp(0.05 * rng.standard_normal(free.shape))
         self.limit = np.where(np.isnan(limit), np.inf, np.maximum(limit, mean))
         self.free = np.minimum(free, self.limit)
         dips = number_of_dips(length, self.time, self.free, np.isnan(stop), style)
-        spacing = max(SPACING_M, float(length.sum()) / MOST_NODES)
-        cells = np.maximum(np.maximum(np.ceil(length / spacing), 4), CELLS_PER_DIP * dips).astype(np.int64)
+        # cells of 4 m; longer ones on long routes, so that memory and time stay bounded
+        spacing = max(4.0, float(length.sum()) / 400_000)
+        # twelve cells a dip let the car move between two stops and between a stop and the link's end
+        cells = np.maximum(np.maximum(np.ceil(length / spacing), 4), 12 * dips).astype(np.int64)
         self.ends = np.cumsum(cells)
         self.link = np.repeat(np.arange(n), cells)
         self.position = running_sum((length / cells)[self.link])
@@ -313,7 +286,8 @@ class Course:
         around = cells[self.dip_link]
         within = np.rint((order + place) / dips[self.dip_link] * around).astype(np.int64)
         self.dip_node = (self.ends - cells)[self.dip_link] + np.clip(within, 2, around - 2)
-        most = np.where(dips > 0, 1.0, MOST_DELAY)
+        # without a place to stop the speed is lowered to a twentieth of the free speed at most
+        most = np.where(dips > 0, 1.0, 0.95)
         # at both ends of the route the car stands anyway: time to spare is spent there
         at_rest = np.zeros(n, dtype=bool)
         at_rest[[0, -1]] = np.isnan(stop[[0, -1]])
@@ -351,11 +325,13 @@ class Course:
         """
         delay = np.where(self.most_delay == 1.0, 0.4, 0.0)
         least = np.minimum(1.0 - self.fastest / self.free, (1.0 - 1.0 / self.style.comfort) / FIRMER)
-        step = np.full(delay.shape, FIRST_STEP)
+        # a choice, because links of 250 m and 1 km then take the fewest passes
+        step = np.full(delay.shape, 0.12)
         before, slope = np.zeros(delay.shape), np.zeros(delay.shape)
         tolerance = np.maximum(TIME_TOLERANCE * self.time, TIME_TOLERANCE_S)
         change = np.zeros(delay.shape)
-        for _ in range(MOST_PASSES):
+        # a bound of the time; a choice
+        for _ in range(30):
             speed, driving_s = self.drive(delay)
             late = np.bincount(self.link, driving_s, len(delay)) - self.time
             with np.errstate(divide="ignore", invalid="ignore"):
@@ -368,7 +344,7 @@ class Course:
             )
             if settled.all():
                 break
-            step = np.where(late * before < 0, 0.5 * step, np.minimum(1.5 * step, MOST_STEP))
+            step = np.where(late * before < 0, 0.5 * step, np.minimum(1.5 * step, 0.5))
             with np.errstate(divide="ignore", invalid="ignore"):
                 wanted = np.where(slope > 0, np.abs(late) / slope, step)
             wanted = np.where(settled, 0.0, -np.sign(late) * np.minimum(wanted, step))
@@ -394,7 +370,8 @@ class Course:
         """Standstill at each node [s]: what was given, and the time that driving leaves over."""
         n = len(self.length)
         left = np.maximum(self.time - np.bincount(self.link, driving_s, n), 0.0)
-        stands = speed[self.dip_node] < STANDSTILL_M_S
+        # a car that has slowed down to half a metre per second can as well wait; a choice
+        stands = speed[self.dip_node] < 0.5
         # start and end of the route count as stops of the first and the last link
         nodes = np.concatenate((self.dip_node[stands], [0, self.ends[-1]]))
         owner = np.concatenate((self.dip_link[stands], [0, n - 1]))
@@ -444,5 +421,6 @@ def number_of_dips(
     ends = np.bincount([0, len(length) - 1], minlength=len(length))
     fitting = np.maximum(spare / (stop_s + style.driver.dwell_mean_s), length / LONGEST_STREET_M)
     number = np.rint(fitting - 0.5 * ends)
-    number = np.clip(number, np.where(ends > 0, 0, 1), np.maximum(length // SHORTEST_BETWEEN_STOPS_M, 1))
+    # 25 m are about four cars in a queue; a choice
+    number = np.clip(number, np.where(ends > 0, 0, 1), np.maximum(length // 25.0, 1))
     return np.asarray(np.where(unknown & (spare > TIME_TOLERANCE * time), number, 0), dtype=np.int64)

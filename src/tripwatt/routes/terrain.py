@@ -29,13 +29,10 @@ REGION_SCALE_M: Final[Mapping[str, float]] = {"tum": 22.0, "twizy": 82.4}
 """Scale of the net climb over 10 km of logs with heights [m]: around Munich (TUM data set) and around Rabat (RSK Twizy data set), from
 ``python -m benchmarks.unknown_climb``."""
 USUAL_SCALE_M: Final = 20.0
-USUAL_SPREAD: Final = 0.5
 REGION_SPREAD: Final = 0.9
-"""Before any log: median scale of a region that is neither flat nor mountains [m], how well it is known, and how far regions differ
-(standard deviations of logarithms). Choices; two regions with logs are too few to replace them."""
-NODES: Final = 61
+"""Before any log: median scale of a region that is neither flat nor mountains [m], and how far regions differ (standard deviation of
+logarithms). Choices; two regions with logs are too few to replace them."""
 _FARTHEST: Final = 3.2
-_HERMITE: Final = 24
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,7 +125,8 @@ def region_scale_m(regions: Sequence[float]) -> float:
     >>> region_scale_m([]), round(region_scale_m([20.0]), 6), 25.0 < region_scale_m([100.0]) < 40.0
     (20.0, 20.0, True)
     """
-    usual, known = USUAL_SPREAD**-2, REGION_SPREAD**-2
+    # the usual scale is known within a factor of e^0.5; a choice
+    usual, known = 0.5**-2, REGION_SPREAD**-2
     logs = [math.log(scale / USUAL_SCALE_M) for scale in regions]
     return USUAL_SCALE_M * math.exp(known * sum(logs) / (usual + known * len(logs)))
 
@@ -168,12 +166,13 @@ def net_climbs(terrain: str = "unknown", without: str | None = None) -> NetClimb
         "mountains": Terrain(250.0, 0.6, 3000.0, 0.06),
     }
     chosen = list(kinds.values()) if terrain == "unknown" else [kinds[terrain]]
-    nodes, hermite = np.polynomial.hermite_e.hermegauss(_HERMITE)
+    nodes, hermite = np.polynomial.hermite_e.hermegauss(24)
     total = sum(kind.share for kind in chosen)
     scales = np.concatenate([kind.scale_m * np.exp(kind.spread * nodes) for kind in chosen])
     shares = np.concatenate([kind.share / total * hermite / hermite.sum() for kind in chosen])
     grid = np.concatenate(([0.0], np.geomspace(0.1, 30_000.0, 600)))
-    edges = np.array([NormalDist().cdf(z) for z in np.linspace(-_FARTHEST, _FARTHEST, NODES + 1)])
+    # 61 quantiles, and 24 nodes above; choices
+    edges = np.array([NormalDist().cdf(z) for z in np.linspace(-_FARTHEST, _FARTHEST, 62)])
     edges[0], edges[-1] = 0.0, 1.0
     normal = np.vectorize(math.erf)(grid[:, None] / (scales * math.sqrt(2.0)))
     middle = 0.5 * (edges[1:] + edges[:-1])

@@ -27,9 +27,6 @@ from tripwatt.trips.columns import is_number
 from tripwatt.trips.gaps import SHORTEST_GAP_S
 from tripwatt.units import M_S_PER_KM_H
 
-DENSE_STEP_S: Final = 5.0
-"""A track whose median step is at most this is a log of the drive; a sparser one gives links."""
-
 WINDOW_S: Final = 2.0
 """Half of the time [s] over which the speed of a logged track is taken, against the jitter of positions."""
 
@@ -128,7 +125,7 @@ class Track:
     @property
     def is_log(self) -> bool:
         """Whether the times are so dense that the track is the log of a drive."""
-        return self.time_s is not None and float(np.median(np.diff(self.time_s))) <= DENSE_STEP_S
+        return self.time_s is not None and float(np.median(np.diff(self.time_s))) <= 5.0
 
     def elevation(self) -> tuple[FloatArray | None, FloatArray | None, tuple[Flag, ...]]:
         """Distances, heights and what is assumed of them; None where no point has a height.

@@ -22,7 +22,6 @@ from tripwatt.routes.documents import Node, parse_json
 if TYPE_CHECKING:
     import httpx
 
-CONNECT_TIMEOUT_S: Final = 3.0
 TOTAL_TIMEOUT_S: Final = 15.0
 """Longest time [s] of one request with its retries and its answer."""
 
@@ -33,8 +32,6 @@ ATTEMPTS: Final = 3
 FIRST_PAUSE_S: Final = 0.2
 """Pause before the second attempt; the next ones are twice as long each."""
 
-PASSING: Final = frozenset({429, 502, 503, 504})
-"""Statuses after which another attempt may succeed."""
 
 EXTRA: Final = install("routing")
 
@@ -159,7 +156,8 @@ class WebClient:
         deadline = time.monotonic() + self.timeout_s
         for attempt in range(1, ATTEMPTS + 1):
             answer = self._attempt(method, path, body, query, deadline)
-            if isinstance(answer, Answer) and answer.status not in PASSING:
+            # after these another attempt may succeed
+            if isinstance(answer, Answer) and answer.status not in (429, 502, 503, 504):
                 return self._accepted(answer)
             wait_s = FIRST_PAUSE_S * 2.0 ** (attempt - 1)
             if attempt == ATTEMPTS or time.monotonic() + wait_s >= deadline:
@@ -183,7 +181,8 @@ class WebClient:
         """The answer, or in words why there is none."""
         httpx = _httpx()
         left_s = max(deadline - time.monotonic(), 0.05)
-        timeout = httpx.Timeout(left_s, connect=min(CONNECT_TIMEOUT_S, left_s))
+        # a server that is there accepts within 3 s
+        timeout = httpx.Timeout(left_s, connect=min(3.0, left_s))
         try:
             request = httpx.Request(
                 method,

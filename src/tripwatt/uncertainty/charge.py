@@ -22,13 +22,9 @@ PUBLISHED_DISPLAY_SD: Final = 0.01
 PUBLISHED_MANAGED_SD: Final = 0.03
 """The same for a display computed from the battery management's charge by a published window: of a reserve of a tenth of the
 battery, the part at either end is not published, 0.1 / sqrt(12)."""
-RESOLUTION: Final = 0.005
-"""Smallest step that a display is taken to have."""
 NORMAL_SCALE: Final = 0.7716
 """Scale of the t distribution with 4 degrees of freedom, which all errors are taken to have, over the standard deviation
 of a normal one with the same central 90 %: 1.6449 / 2.1318."""
-LEAST_TRIPS: Final = 8
-"""Fewest trips with readings that the display is fitted to."""
 FULL: Final = 0.995
 """A display of this or more is full: what is above it does not show."""
 NEARLY_FULL: Final = 0.985
@@ -185,7 +181,8 @@ class ChargeScale:
         known = np.isfinite(readings).all(axis=1) & np.isfinite(energy_wh)
         soc, shown, energy = readings[known, 0], readings[known, 2:], energy_wh[known]
         taken = shown[:, 0] - shown[:, 1]
-        if len(energy) < LEAST_TRIPS or float(np.ptp(soc)) <= 0.0:
+        # eight trips for two values and two scales; a choice
+        if len(energy) < 8 or float(np.ptp(soc)) <= 0.0:
             return None
         full = (shown[:, 0] >= FULL).astype(np.float64)
         per_wh, hidden = float(energy @ taken) / float(energy @ energy), 0.0
@@ -204,7 +201,8 @@ class ChargeScale:
 
         def scale(error: FloatArray) -> float:
             left = float(np.sum(error**2 - capacity2)) / (len(error) - 1)
-            least = RESOLUTION**2 / 6.0
+            # a display steps by half a percent at least
+            least = 0.005**2 / 6.0
             return float(np.sqrt(max(left, least))) * NORMAL_SCALE
 
         from_display = taken + hidden * full - expected

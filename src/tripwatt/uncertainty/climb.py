@@ -16,10 +16,6 @@ PLACES: Final = 13
 """Places along the way at which quantiles are solved; between them they are linear."""
 RAREST: Final = 5e-10
 """Probabilities of 0 and 1 count as this far inside, as for the scores alone."""
-_TOLERANCE: Final = 1e-12
-"""Of a probability."""
-_SECANTS: Final = 20
-_MOST_STEPS: Final = 60
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,13 +165,16 @@ class UnknownClimb:
         energy_wh = middle + np.sign(alone) * np.hypot(alone, self._at(p) - middle)
         energy_wh = np.minimum(np.maximum(energy_wh, least), most)
         miss = self.weights @ scores.probabilities((energy_wh - offsets) / sd) - p
-        for step in range(_MOST_STEPS):
-            unsolved = np.abs(miss) >= _TOLERANCE
+        # a bound of the time: the last 40 steps halve the bracket
+        for step in range(60):
+            # of a probability: below it the rounding of the sum shows
+            unsolved = np.abs(miss) >= 1e-12
             if not unsolved.any():
                 break
             least, most = np.where(miss < 0.0, energy_wh, least), np.where(miss < 0.0, most, energy_wh)
             to = energy_wh - miss / slope
-            outside = (to < least) | (to > most) | (step >= _SECANTS)
+            # secant steps that did not settle by then give way to bisection; a choice
+            outside = (to < least) | (to > most) | (step >= 20)
             to = np.where(outside, 0.5 * (least + most), to)
             before_wh, energy_wh = energy_wh, np.where(unsolved, to, energy_wh)
             before, miss = miss, self.weights @ scores.probabilities((energy_wh - offsets) / sd) - p

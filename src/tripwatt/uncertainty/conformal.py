@@ -6,14 +6,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
 
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-
-T4_VARIANCE: Final = 2.0
-"""Of a t distribution with four degrees of freedom."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +74,8 @@ class ConformalScores:
         (3.0, 2.38)
         """
         n = len(self.values)
-        usual = np.array([t4_half_width(k / (n + 1)) for k in range(1, n + 1)]) / math.sqrt(T4_VARIANCE)
+        # 2 is the variance of a t distribution with four degrees of freedom
+        usual = np.array([t4_half_width(k / (n + 1)) for k in range(1, n + 1)]) / math.sqrt(2.0)
         return ConformalScores(np.sqrt((1.0 - share) * self.values**2 + share * usual**2))
 
     def factor(self, level: float) -> float:

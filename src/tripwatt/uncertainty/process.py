@@ -32,12 +32,8 @@ _STARTS: Final = {
     "climate": (200.0, 0.15, 300.0, 200.0, 50.0, 2.0, 200.0),
 }
 """Where the search of each component's values starts, in the order of `ComponentProcess`."""
-_LIMIT_SHARE: Final = 0.95
-"""Share of the segments whose climate residual lies within the limit."""
 EXACT_W2: Final = 1.0
 """Variance of a fully measured segment's power, which keeps the system well conditioned."""
-MOVED_SHARE: Final = 0.3
-FLOOR_W: Final = 100.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +86,8 @@ class Segments:
     @property
     def drive_noise_w(self) -> FloatArray:
         """Scale of what is new in every segment of the driving component: it grows with the power that is moved [W]."""
-        return FLOOR_W + MOVED_SHARE * self.moved_w
+        # the fit scales both together; choices
+        return 100.0 + 0.3 * self.moved_w
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,7 +239,8 @@ def fit_process(trips: Sequence[HeldOutResidual]) -> ResidualProcess:
         drive, climate = _fitted(ResidualBatch.from_trips(trips, "joint"), ("drive", "climate"))
         return ResidualProcess(drive, climate, float("inf"), split=False)
     seen = np.concatenate([np.abs(trip.climate_w) for trip in split if trip.climate_w is not None])
-    limit = float(np.quantile(seen, _LIMIT_SHARE))
+    # one segment in twenty is beyond the limit; a choice
+    limit = float(np.quantile(seen, 0.95))
     (climate,) = _fitted(ResidualBatch.from_trips(split, "climate", limit), ("climate",))
     (drive,) = _fitted(ResidualBatch.from_trips(split, "drive"), ("drive",))
     return ResidualProcess(drive, climate, limit, split=True)

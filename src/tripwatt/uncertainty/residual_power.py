@@ -19,8 +19,6 @@ from tripwatt.arrays import BoolArray, FloatArray, IntArray
 
 _TOGETHER: Final = 64
 """Segments whose drifts are summed with one matrix product."""
-_NOTHING_H: Final = 1e-9
-"""Less of a segment than this was measured as a whole [h]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -353,7 +351,8 @@ class MeasuredPower:
         """As of `ResidualPower`. O(segments x (1 + segments behind that count))."""
         prior, J = self.prior, len(self.prior.drifts)
         last = int(np.flatnonzero(self.seen)[-1])
-        hours = np.where(hours > _NOTHING_H, hours, 0.0)
+        # less of a segment than this was measured as a whole
+        hours = np.where(hours > 1e-9, hours, 0.0)
         known = np.where(self.seen, self.variance_w2 / (prior.new_w2 + self.variance_w2), 1.0)
         behind = np.flatnonzero(hours[: last + 1])
         # linear functions of constants and drifts: segments behind, the constants, and the drifts at the last segment

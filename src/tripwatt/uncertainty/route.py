@@ -32,8 +32,6 @@ LENGTHS_M: Final = (250.0, 1000.0, 4000.0)
 MOST_TRIPS: Final = 200
 """Largest number of training trips that are cut into links: three variances need no more."""
 
-LEAST_TRIPS: Final = 5
-
 
 @dataclass(frozen=True, eq=False)
 class RouteUncertainty:
@@ -77,7 +75,8 @@ class RouteUncertainty:
             None with too few trips.
         """
         known = differences[np.isfinite(differences).all(axis=1)]
-        if len(known) < LEAST_TRIPS:
+        # three variances from fewer trips would be chance; a choice
+        if len(known) < 5:
             return None
         variance = np.maximum.accumulate(np.mean(known**2, axis=0))
         return cls(np.array(LENGTHS_M), variance, len(known))

@@ -10,20 +10,15 @@ from typing import Any, Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.hybrid.factors import LEAST_KM, LEAST_NET
+from tripwatt.hybrid.factors import LEAST_KM, LEAST_NET, TAIL_DF
 from tripwatt.uncertainty.process import ResidualProcess, Segments
 from tripwatt.units import SECONDS_PER_HOUR
 
-TAIL_DF: Final = 4.0
-"""Degrees of freedom of the errors' t distribution, as Lange, Little and Taylor (1989) advise for few data."""
 T_VARIANCE: Final = TAIL_DF / (TAIL_DF - 2.0)
 """Variance of this distribution over its squared scale. What is outside of the training has the standard deviation of a prior, and so a
 scale that is smaller by the root of it."""
 _START: Final = np.array([100.0, 200.0, 0.03, 1.0])
 _LOG_SD: Final = 2.0
-_BOUNDS: Final = ((-6.0, 6.0), (-6.0, 6.0), (-6.0, 6.0), (-6.0, 0.0))
-"""Of the logarithms. The corrector's own uncertainty counts at most in full, as it does for a car without trips: more of it would stand in
-for errors that grow with the trip, and leave the models of other cars without these."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,7 +220,10 @@ class TotalScale:
             gradient = (slope / variance) @ (2.0 * parts) + logs / _LOG_SD**2
             return float(value.sum() + 0.5 * np.sum((logs / _LOG_SD) ** 2)), gradient
 
-        logs_of_parts = minimize(cost, np.zeros(4), jac=True, method="L-BFGS-B", bounds=_BOUNDS).x
+        # the corrector's own uncertainty counts at most in full, as it does for a car without trips: more of it would
+        # stand in for errors that grow with the trip, and leave the models of other cars without these
+        bounds = [(-6.0, 6.0)] * 3 + [(-6.0, 0.0)]
+        logs_of_parts = minimize(cost, np.zeros(4), jac=True, method="L-BFGS-B", bounds=bounds).x
         return cls(_START * np.exp(logs_of_parts), course)
 
 

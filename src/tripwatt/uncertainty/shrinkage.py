@@ -16,16 +16,7 @@ from tripwatt.uncertainty.residual_power import PowerPrior, ResidualPower, Shift
 FRACTIONS: Final = (0.1, 0.25, 0.375, 0.5, 0.75, 0.9)
 SURE: Final = 1.645
 """Standard errors to the lower end of a one-sided confidence interval of 95 %."""
-LEAST: Final = 0.1
-"""A smaller share is no reason to change a forecast."""
 COMPONENTS: Final = ("climate", "drive", "joint", "off")
-OFF_W: Final = 50.0
-"""Climate control that draws no more than this in every segment is off: fans and valves take less than this."""
-OFF_S: Final = 120.0
-"""It counts as off after this time: heaters and compressors start within the first two minutes."""
-_LEAST_OFF: Final = 3
-_POINT: Final = 0.9
-_LEAST_TRIPS: Final = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +113,8 @@ class UpdateShrinkage:
             errors = truth - climate - drive * shares[row, 1], truth - joint * shares[row, 2]
             for column, (left, sd) in enumerate(zip(errors, (split_sd, joint_sd), strict=True)):
                 known = (sd > 0.0) & (split if column == 0 else True)
-                if known.sum() >= _LEAST_TRIPS and before > 0.0:
+                # a width from fewer trips would be chance; a choice
+                if known.sum() >= 5 and before > 0.0:
                     factor = _point((left * own)[known] / (sd * scale_wh)[known]) / before
                     unscaled = float(np.sum((sd * scale_wh / own)[known]) / np.sum(scale_wh[known]))
                     sd_factors[row, column] = min(factor, widths[column] / unscaled)
@@ -209,7 +201,8 @@ def _off_share(off: FloatArray, not_drawn: FloatArray, scale_wh: FloatArray) -> 
     and not the mean. 0 for too few trips.
     """
     stays = off != 0.0
-    if int(stays.any(axis=0).sum()) < _LEAST_OFF:
+    # a share of fewer trips would be chance; a choice
+    if int(stays.any(axis=0).sum()) < 3:
         return 0.0
     share, weight = (not_drawn[stays] / off[stays]), (np.abs(off) / scale_wh)[stays]
     order = np.argsort(share, kind="stable")
@@ -269,12 +262,13 @@ def is_off(climate_w: FloatArray, step_s: FloatArray) -> bool:
     >>> is_off(np.array([0.0, 20.0]), np.array([60.0, 60.0])), is_off(np.array([0.0, 800.0]), np.array([60.0, 60.0]))
     (True, False)
     """
-    return bool(step_s.sum() >= OFF_S and np.all(climate_w <= OFF_W))
+    # fans and valves take less than 50 W; heaters and compressors start within the first two minutes
+    return bool(step_s.sum() >= 120.0 and np.all(climate_w <= 50.0))
 
 
 def _point(errors: FloatArray) -> float:
     """Half width of the central 90 % interval of standardised errors."""
-    return ConformalScores.from_errors(errors.tolist()).factor(_POINT)
+    return ConformalScores.from_errors(errors.tolist()).factor(0.9)
 
 
 def _best_share(truth: FloatArray, expected: FloatArray, scale_wh: FloatArray) -> float:
@@ -289,4 +283,5 @@ def _best_share(truth: FloatArray, expected: FloatArray, scale_wh: FloatArray) -
     slope = float(x @ t) / size
     error = float(np.sqrt(np.mean((t - slope * x) ** 2) / size))
     share = float(np.clip(slope - SURE * error, 0.0, 1.0))
-    return share if share >= LEAST else 0.0
+    # a smaller share is no reason to change a forecast; a choice
+    return share if share >= 0.1 else 0.0
