@@ -1,7 +1,5 @@
 """Settings of the correctors."""
 
-from types import SimpleNamespace
-
 from tests.hybrid.tables import CAUSES_W
 
 from tripwatt.hybrid import power
@@ -45,6 +43,8 @@ def test_settings_that_stored_models_were_learned_with() -> None:
         "subsample": 0.7,
     }
     assert boosted["random_state"] == 3
-    assert boosting_corrector(3).tuned(SimpleNamespace(n_rounds_=0)) == {"n_rounds": 1, "n_folds": None}
-    assert boosting_corrector(3).tuned(SimpleNamespace(n_rounds_=7)) == {"n_rounds": 7, "n_folds": None}
+    for chosen, kept in ((0, 1), (7, 7)):
+        fitted = boosting_corrector(3).model
+        fitted.n_rounds_ = chosen
+        assert fitted.tuned().get_params() == boosted | {"n_rounds": kept, "n_folds": None}
     assert forest_corrector(3).model.n_trees == 200

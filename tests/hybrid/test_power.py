@@ -8,7 +8,6 @@ import pytest
 from tests.hybrid.tables import EXACT, Fixed, table
 
 from tripwatt.hybrid.power import (
-    TREE_FEATURES,
     EnsembleCorrector,
     GPCorrector,
     LearnerCorrector,
@@ -91,17 +90,17 @@ class TestCorrectors:
         seen = {}
 
         class Learner:
-            def __init__(self, settings) -> None:
-                self.settings = settings
-
             def fit(self, columns, target, groups) -> None:
                 seen.update(columns=list(columns), target=target, groups=groups)
 
             def predict(self, columns):
                 return columns["row"].to_numpy() * 2.0
 
+            def tuned(self):
+                return "tuned"
+
         own = table([1, 2], [0.1] * 3, observed=[1.0, 2.0, 3.0])
-        made = LearnerCorrector(Learner, lambda model: {"tuned": 1}, features=("row",)).fit(own)
+        made = LearnerCorrector(Learner(), ("row",)).fit(own)
         assert seen["columns"] == ["row"]
         assert seen["target"].tolist() == [1.0, 2.0, 3.0]
         assert seen["groups"].tolist() == [0, 1, 1]
@@ -110,6 +109,4 @@ class TestCorrectors:
         assert factor.tolist() == [[0.0]] * 3
         assert made.outside_factor(own).shape == (3, 0)
         again = made.clone_tuned()
-        assert again.model.settings == {"tuned": 1}
-        assert again.features == ("row",)
-        assert LearnerCorrector(Learner, dict).features == TREE_FEATURES
+        assert (again.model, again.features) == ("tuned", ("row",))

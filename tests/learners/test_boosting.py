@@ -124,9 +124,6 @@ def test_rounds_are_those_of_the_lowest_learning_curve():
     assert set(curve["fold"]) == set(range(5))
     mean = curve.groupby("round")["error"].agg(["mean", "size"]).query("size == 5")["mean"]  # 4 groups a fold
     assert mean.idxmin() == model.n_rounds_
-    staged = model.staged_predict(X)
-    assert staged.shape == (model.n_rounds_, len(X))
-    np.testing.assert_allclose(staged[-1], model.predict(X), rtol=1e-12)
 
 
 @pytest.mark.parametrize("per_fold", [1, 3])
@@ -188,7 +185,6 @@ def test_a_boosting_travels_to_another_process():
     model = small(correlation="ar1").fit(X, y, groups)
     back = pickle.loads(pickle.dumps(model))
     np.testing.assert_array_equal(back.predict(X), model.predict(X))
-    np.testing.assert_array_equal(back.staged_predict(X), model.staged_predict(X))
 
 
 def test_covariates_that_matter_are_named():
@@ -214,18 +210,17 @@ def test_plain_boosting_is_that_of_htree(reference_dir, n_splits, depth):
         **{name: table[name].astype("category").cat.codes.astype(float) for name in ("season", "weather")}
     )
     five_rows = 5 * table["trip"].nunique() / len(table)
-    model = ClusteredBoosting(
-        n_rounds=200,
-        learning_rate=0.05,
-        max_depth=depth,
-        max_leaf_nodes=2**depth,
-        min_leaf_weight=five_rows,
-        start="zero",
-        group_weight="rows",
-        max_rows_per_group=None,
-        max_bins=5000,
-        n_folds=None,
-    ).fit(X, table["y"], table["trip"])
-    staged = model.staged_predict(X)
-    np.testing.assert_allclose(staged[0], expected["tree1"], atol=1e-9)
-    np.testing.assert_allclose(staged[-1], expected["F200"], atol=1e-9)
+    settings_ = {
+        "learning_rate": 0.05,
+        "max_depth": depth,
+        "max_leaf_nodes": 2**depth,
+        "min_leaf_weight": five_rows,
+        "start": "zero",
+        "group_weight": "rows",
+        "max_rows_per_group": None,
+        "max_bins": 5000,
+        "n_folds": None,
+    }
+    for rounds, name in ((1, "tree1"), (200, "F200")):
+        model = ClusteredBoosting(n_rounds=rounds, **settings_).fit(X, table["y"], table["trip"])
+        np.testing.assert_allclose(model.predict(X), expected[name], atol=1e-9)

@@ -68,14 +68,6 @@ def test_bootstrap_draws_whole_groups():
     assert by_row.oob_error_.mean() < 0.5 * by_group.oob_error_.mean()
 
 
-def test_oob_error_is_that_of_the_oob_prediction_and_the_best_of_the_grid():
-    X, y, groups = clustered()
-    forest = small(max_rows_per_group=None).fit(X, y, groups)
-    squared = pd.Series((forest.predict_oob(X, groups) - y) ** 2).groupby(groups).mean()
-    np.testing.assert_allclose(forest.oob_error_, squared.loc[forest.groups_], rtol=1e-12)
-    assert forest.oob_error_.mean() == pytest.approx(min(forest.cv_results_["error"]))
-
-
 def test_leave_groups_out_is_the_refit_in_law():
     X, y, groups = clustered()
     settings_ = {"n_trees": 1500, "param_grid": None}
@@ -99,7 +91,6 @@ def test_held_out_target_moves_nothing_to_the_last_bit(per_fold):
     np.testing.assert_array_equal(before[out], after[out])
     assert forest.fold_params_[1] == other.fold_params_[1]
     assert (before[~out] != after[~out]).any()
-    assert (forest.fold_refitted_ == (per_fold == 8)).all()
 
 
 def test_covariates_that_matter_are_named():
@@ -131,7 +122,6 @@ def test_a_forest_travels_to_another_process():
     forest = small().fit(X, y, groups)
     back = pickle.loads(pickle.dumps(forest))
     np.testing.assert_array_equal(back.predict(X), forest.predict(X))
-    np.testing.assert_array_equal(back.predict_oob(X, groups), forest.predict_oob(X, groups))
     again = clone(back).fit(X, y, groups)
     np.testing.assert_array_equal(again.predict(X), forest.predict(X))
 

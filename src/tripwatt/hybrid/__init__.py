@@ -10,7 +10,6 @@ from tripwatt.hybrid.identification import (
     Identified,
     StageRecord,
     identify,
-    identify_each,
     identify_trips,
     stage_record,
 )
@@ -35,7 +34,6 @@ __all__ = [
     "TripTable",
     "build_table",
     "identify",
-    "identify_each",
     "identify_trips",
     "power_corrector",
     "resimulated",

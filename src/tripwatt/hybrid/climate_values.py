@@ -1,11 +1,11 @@
-"""Values of a climate control from the logged power of heater and compressor, of one set of trips or of many sets in step."""
+"""Values of a climate control from the logged power of heater and compressor."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -26,11 +26,6 @@ FARTHEST: Final = 3.0
 """Prior standard deviations beyond which a value comes from a dead or misnamed signal, and not from the car: the published one stays."""
 LEAST_TRIPS: Final = 3
 """Fewest trips with a signal before it changes anything."""
-LOG_TOLERANCE: Final = 1e-5
-"""The logarithm of a value is searched as far as this."""
-
-Search = Generator[tuple[Climate, Sequence["ClimateRecord"]], FloatArray, Any]
-"""Asks for the power by minutes of trips with a climate control, and gives a result at its end."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,33 +75,13 @@ class ClimateRecord:
 
 
 def climate_values(
-    several: Sequence[Sequence[ClimateRecord]], vehicle: Vehicle
-) -> list[dict[str, float | tuple[float, ...]]]:
-    """Interior heat capacity of the cabin, and in warm air the compressor's least power and power for the cooling, of each set.
-
-    The searches go in step, so that their cabins are simulated side by side; each ends as it does alone.
-    """
-    searches = [_values(records, vehicle) for records in several]
-    results: list[Any] = [None] * len(searches)
-    asked: dict[int, Any] = {}
-    answers: dict[int, Any] = dict.fromkeys(range(len(searches)))
-    while answers:
-        for number, answer in answers.items():
-            try:
-                asked[number] = searches[number].send(answer)
-            except StopIteration as end:
-                results[number] = end.value
-                asked.pop(number, None)
-        answers = dict(zip(asked, _by_minute(list(asked.values())), strict=True))
-    return results
-
-
-def _values(records: Sequence[ClimateRecord], vehicle: Vehicle) -> Search:
+    records: Sequence[ClimateRecord], vehicle: Vehicle
+) -> dict[str, float | tuple[float, ...]]:
+    """Interior heat capacity of the cabin, and in warm air the compressor's least power and power for the cooling."""
     climate = vehicle.climate
-    if climate is None or len(records) < LEAST_TRIPS:
-        return {}
+    assert climate is not None  # else there is no record
     names = ["interior_heat_capacity_j_k"]
-    climate = yield from _scaled(climate, names[0], INTERIOR_WIDTH, records)
+    climate = _scaled(climate, names[0], INTERIOR_WIDTH, records)
     # from 15 °C on a compressor cools the cabin; a choice
     warm = [r for r in records if r.ambient_temperature_degc > 15.0]
     running = [r.least_w for r in warm if np.isfinite(r.least_w)]
@@ -116,105 +91,46 @@ def _values(records: Sequence[ClimateRecord], vehicle: Vehicle) -> Search:
         least = (known * float(np.median(running)) + prior * published) / (known + prior)
         if abs(least - published) <= FARTHEST * IDLE_WIDTH_W:
             climate = replace(climate, compressor_idle_w=least)
-        climate = yield from _scaled(climate, "cooler_cop", COOLER_WIDTH, warm)
+        climate = _scaled(climate, "cooler_cop", COOLER_WIDTH, warm)
         names += ["compressor_idle_w", "cooler_cop"]
     return {f"climate.{name}": getattr(climate, name) for name in names}
 
 
-def _scaled(climate: Climate, name: str, width: float, records: Sequence[ClimateRecord]) -> Search:
+def _scaled(climate: Climate, name: str, width: float, records: Sequence[ClimateRecord]) -> Climate:
     """The climate control with one value times the factor that follows the logged power by minutes best.
 
     As it is where the best factor is `FARTHEST` widths away: such a log is not of this signal.
     """
+    from scipy.optimize import minimize_scalar  # scipy is slow to import
+
     observed = np.concatenate([r.power_w for r in records])
     # minutes of a trip scatter together: a trip counts as four of them; a choice
     weights = np.concatenate([np.full(len(r.power_w), 4.0 / len(r.power_w)) for r in records])
     farthest = FARTHEST * width
-    search = bounded_minimum(-farthest, farthest)
-    log = next(search)
-    while True:
-        at = replace(climate, **{name: getattr(climate, name) * math.exp(log)})
-        power = yield at, records
+
+    def at(log: float) -> Climate:
+        return replace(climate, **{name: getattr(climate, name) * math.exp(log)})
+
+    def cost(log: float) -> float:
         # scatter of the power of one minute: settings of the driver, seats, sun; a choice
-        error = (power - observed) / 600.0
+        error = (_by_minute(at(log), records) - observed) / 600.0
         # the sun and the driver have tails
-        cost = 0.5 * (log / width) ** 2 + float(weights @ (np.sqrt(1.0 + error * error) - 1.0))
-        try:
-            log = search.send(cost)
-        except StopIteration as end:
-            best = float(end.value)
-            break
-    if abs(best) >= 0.98 * farthest:
-        return climate
-    return replace(climate, **{name: getattr(climate, name) * math.exp(best)})
+        return 0.5 * (log / width) ** 2 + float(weights @ (np.sqrt(1.0 + error * error) - 1.0))
+
+    found = minimize_scalar(cost, bounds=(-farthest, farthest), method="bounded", options={"xatol": 1e-5})
+    best = float(found.x)
+    return climate if abs(best) >= 0.98 * farthest else at(best)
 
 
-def _by_minute(requests: Sequence[tuple[Climate, Sequence[ClimateRecord]]]) -> list[FloatArray]:
-    """Simulated power of heater and compressor by minutes [W], all trips of a request one after the other."""
-    pairs = [(climate, record) for climate, records in requests for record in records]
-    if not pairs:
-        return []
-    controls = [control_values(c, r.ambient_temperature_degc, r.start) for c, r in pairs]
-    steps = control_steps(controls, [r.speed_m_s for _, r in pairs])
+def _by_minute(climate: Climate, records: Sequence[ClimateRecord]) -> FloatArray:
+    """Simulated power of heater and compressor by minutes [W], all trips one after the other."""
+    controls = [control_values(climate, r.ambient_temperature_degc, r.start) for r in records]
+    steps = control_steps(controls, [r.speed_m_s for r in records])
     powers = []
-    for (_, record), (heat, *_) in zip(pairs, steps, strict=True):
+    for record, (heat, *_) in zip(records, steps, strict=True):
         reached = np.interp(record.ends, np.arange(len(heat) + 1.0), running_sum(heat))
         sums = (reached[1:] - reached[:-1]) / record.lengths
         sums[0] += heat[0]  # the first sample has no interval
         sums[-2] += sums[-1]
         powers.append(sums[:-1] / record.samples)
-    ends = np.cumsum([len(records) for _, records in requests])
-    return [np.concatenate(powers[end - len(r) : end]) for end, (_, r) in zip(ends, requests, strict=True)]
-
-
-def bounded_minimum(low: float, high: float) -> Generator[float, float, float]:
-    """Search the minimum of a function between two bounds: yields where it is wanted, and takes its value there.
-
-    Golden sections and parabolas after Brent, Algorithms for Minimization without Derivatives (1973), chapter 5, with the steps of
-    `scipy.optimize.minimize_scalar`.
-
-    Examples
-    --------
-    >>> search = bounded_minimum(0.0, 3.0)
-    >>> x = next(search)
-    >>> try:
-    ...     while True:
-    ...         x = search.send((x - 1.0) ** 2)
-    ... except StopIteration as end:
-    ...     round(end.value, 4)
-    1.0
-    """
-    golden = 0.5 * (3.0 - math.sqrt(5.0))
-    best = second = third = low + golden * (high - low)
-    f_best = f_second = f_third = yield best
-    step = before = 0.0
-    while True:
-        middle = 0.5 * (low + high)
-        least = math.sqrt(2.2e-16) * abs(best) + LOG_TOLERANCE / 3.0
-        if abs(best - middle) <= 2.0 * least - 0.5 * (high - low):
-            return best
-        r, q = (best - second) * (f_best - f_third), (best - third) * (f_best - f_second)
-        p, q = (best - third) * q - (best - second) * r, 2.0 * (q - r)
-        p, q = (-p if q > 0.0 else p), abs(q)
-        last, parabola = before, abs(before) > least
-        if parabola:
-            before = step
-            parabola = abs(p) < abs(0.5 * q * last) and q * (low - best) < p < q * (high - best)
-        if parabola:
-            step = p / q
-            if best + step - low < 2.0 * least or high - best - step < 2.0 * least:
-                step = math.copysign(least, middle - best)
-        else:
-            before = (low if best >= middle else high) - best
-            step = golden * before
-        x = best + math.copysign(max(abs(step), least), step)
-        f = yield x
-        if f <= f_best:
-            low, high = (best, high) if x >= best else (low, best)
-            third, f_third, second, f_second, best, f_best = second, f_second, best, f_best, x, f
-        else:
-            low, high = (x, high) if x < best else (low, x)
-            if f <= f_second or second == best:
-                third, f_third, second, f_second = second, f_second, x, f
-            elif f <= f_third or third in (best, second):
-                third, f_third = x, f
+    return np.concatenate(powers)

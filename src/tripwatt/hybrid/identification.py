@@ -233,48 +233,13 @@ def identify(records: Sequence[StageRecord], vehicle: Vehicle) -> Identified:
     >>> dict(identify([], load_vehicle("bmw_i3_60ah")).values)
     {}
     """
-    return identify_each([records], vehicle)[0]
-
-
-def identify_each(several: Sequence[Sequence[StageRecord]], vehicle: Vehicle) -> list[Identified]:
-    """Identify a car from each of several sets of trips, side by side: they share the steps of the cabins.
-
-    Parameters
-    ----------
-    several : sequence of sequence of StageRecord
-        What the signals of the trips of each set show.
-    vehicle : Vehicle
-        The car with its published values.
-
-    Returns
-    -------
-    list of Identified
-        As `identify` gives them for each set.
-
-    Examples
-    --------
-    >>> from tripwatt.vehicles import load_vehicle
-    >>> [dict(found.values) for found in identify_each([[], []], load_vehicle("bmw_i3_60ah"))]
-    [{}, {}]
-    """
-    climates = [[r.climate for r in records if r.climate is not None] for records in several]
-    of_climate = climate_values(climates, vehicle)
-    return [
-        _identified(records, vehicle, values, seen)
-        for records, values, seen in zip(several, of_climate, climates, strict=True)
-    ]
-
-
-def _identified(
-    records: Sequence[StageRecord], vehicle: Vehicle, of_climate: _Values, climates: Sequence[ClimateRecord]
-) -> Identified:
     values: _Values = {}
     trips: dict[str, int] = {}
     signals: tuple[tuple[Callable[[Any, Vehicle], _Values], list[Any]], ...] = (
         (_road_values, [r for r in records if len(r.road)]),
         (_fade_values, [r.braking for r in records if r.braking.any()]),
         (_base_value, [r.standing_w for r in records if np.isfinite(r.standing_w)]),
-        (lambda _records, _vehicle: of_climate, list(climates)),
+        (climate_values, [r.climate for r in records if r.climate is not None]),
         (_curve_value, [r.rest for r in records if len(r.rest)]),
     )
     for values_of, seen in signals:

@@ -120,7 +120,7 @@ def outside_corrector(corrector: Corrector, seed: int) -> PowerCorrector:
     """
     require_fitting(corrector, "corrector", HOW)
     if is_regressor(corrector):
-        return LearnerCorrector(lambda _: OutsideRegressor(corrector, seed), lambda _: {})
+        return LearnerCorrector(OutsideRegressor(corrector, seed))
     return TableCorrector(corrector)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any, ClassVar, Final, Self
 
@@ -276,42 +276,6 @@ def less_trip_mean(values: FloatArray, table: SegmentTable) -> FloatArray:
     return np.asarray(values - means[table.groups])
 
 
-class LearnerCorrector(PowerCorrector):
-    """A scikit-learn style learner on segment rows, each trip weighing the same."""
-
-    def __init__(
-        self,
-        make: Callable[[Mapping[str, Any]], Any],
-        tuned: Callable[[Any], dict[str, Any]],
-        settings: Mapping[str, Any] | None = None,
-        features: tuple[str, ...] | None = None,
-    ) -> None:
-        self.make = make
-        self.tuned = tuned
-        self.features = TREE_FEATURES if features is None else features
-        self.familiarity = Familiarity()
-        self.model = make(settings or {})
-
-    def fit(self, table: SegmentTable) -> Self:
-        """Learn from segment rows, the trip as the cluster."""
-        self.familiarity = Familiarity.from_features(table.features, self.features)
-        self.model.fit(self.columns(table), table.residual_w, groups=table.groups)
-        return self
-
-    def clone_tuned(self) -> LearnerCorrector:
-        """An unfitted copy with the settings that `fit` chose."""
-        return LearnerCorrector(self.make, self.tuned, self.tuned(self.model), self.features)
-
-    def predict(self, table: SegmentTable) -> FloatArray:
-        """Residual power [W]."""
-        power = np.asarray(self.model.predict(self.columns(table)), dtype=np.float64)
-        return power * self.familiarity.share(table.features)
-
-    def columns(self, table: SegmentTable) -> pd.DataFrame:
-        """The learner's features of a table."""
-        return table.features[list(self.features)]
-
-
 TREE_FEATURES: Final = (
     "simulated_w",
     *(f"{cause}_w" for cause in LINE_CAUSES if cause != "base_load"),
@@ -321,6 +285,34 @@ TREE_FEATURES: Final = (
     *TEMPERATURES,
     "payload_mass_kg",
 )
+
+
+class LearnerCorrector(PowerCorrector):
+    """A scikit-learn style learner on segment rows, each trip weighing the same."""
+
+    def __init__(self, model: Any, features: tuple[str, ...] = TREE_FEATURES) -> None:
+        self.model = model
+        self.features = features
+        self.familiarity = Familiarity()
+
+    def fit(self, table: SegmentTable) -> Self:
+        """Learn from segment rows, the trip as the cluster."""
+        self.familiarity = Familiarity.from_features(table.features, self.features)
+        self.model.fit(self.columns(table), table.residual_w, groups=table.groups)
+        return self
+
+    def clone_tuned(self) -> LearnerCorrector:
+        """An unfitted copy with the settings that `fit` chose."""
+        return LearnerCorrector(self.model.tuned(), self.features)
+
+    def predict(self, table: SegmentTable) -> FloatArray:
+        """Residual power [W]."""
+        power = np.asarray(self.model.predict(self.columns(table)), dtype=np.float64)
+        return power * self.familiarity.share(table.features)
+
+    def columns(self, table: SegmentTable) -> pd.DataFrame:
+        """The learner's features of a table."""
+        return table.features[list(self.features)]
 
 
 class EnsembleCorrector(PowerCorrector):
@@ -363,19 +355,19 @@ class EnsembleCorrector(PowerCorrector):
         return np.asarray(np.mean([mean, *(m.predict(table) for m in self.members[1:])], axis=0)), uncertainty
 
 
-def boosting_corrector(seed: int, features: tuple[str, ...] | None = None) -> LearnerCorrector:
+def boosting_corrector(seed: int, features: tuple[str, ...] = TREE_FEATURES) -> LearnerCorrector:
     """Clustered boosting on segment rows, fresh."""
     require_extras({"learners": "the corrector boosting"})
     from tripwatt.learners.boosting import ClusteredBoosting
 
-    def make(settings: Mapping[str, Any]) -> Any:
-        base = {"max_leaf_nodes": 4, "learning_rate": 0.05, "max_features": 0.6, "subsample": 0.7}
-        return ClusteredBoosting(random_state=seed, max_rows_per_group=None, **{**base, **settings})
-
-    def tuned(model: Any) -> dict[str, Any]:
-        return {"n_rounds": max(int(model.n_rounds_), 1), "n_folds": None}
-
-    return LearnerCorrector(make, tuned, features=features)
+    settings: dict[str, Any] = {
+        "max_leaf_nodes": 4,
+        "learning_rate": 0.05,
+        "max_features": 0.6,
+        "subsample": 0.7,
+    }
+    model = ClusteredBoosting(random_state=seed, max_rows_per_group=None, **settings)
+    return LearnerCorrector(model, features)
 
 
 def forest_corrector(seed: int) -> LearnerCorrector:
@@ -383,10 +375,7 @@ def forest_corrector(seed: int) -> LearnerCorrector:
     require_extras({"learners": "the corrector forest"})
     from tripwatt.learners.forest import ClusteredForest
 
-    def make(settings: Mapping[str, Any]) -> Any:
-        return ClusteredForest(n_trees=200, random_state=seed, max_rows_per_group=None, **settings)
-
-    return LearnerCorrector(make, lambda model: {"param_grid": None, **model.best_params_})
+    return LearnerCorrector(ClusteredForest(n_trees=200, random_state=seed, max_rows_per_group=None))
 
 
 class GammCorrector(PowerCorrector):

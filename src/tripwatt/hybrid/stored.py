@@ -258,7 +258,7 @@ def _awaiting(values: Mapping[str, Any], converter: Converter) -> PowerCorrector
     around = OutsideRegressor(Missing(name))
     around.medians_ = converter.structure(values["medians"], dict[str, float])
     features = converter.structure(values["features"], tuple[str, ...])
-    corrector = LearnerCorrector(lambda _: around, lambda _: {}, features=features)
+    corrector = LearnerCorrector(around, features)
     corrector.familiarity = converter.structure(values["familiarity"], Familiarity)
     return corrector
 

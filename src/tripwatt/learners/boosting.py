@@ -14,6 +14,7 @@ from typing import Any, Literal, Self
 import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
+from sklearn.base import clone
 
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.learners.clusters import Loss, ScoreRows, folds_of
@@ -58,7 +59,7 @@ class ClusteredBoosting(ClusteredTrees):
     param_grid : dict, "default" or None
         Values of `learning_rate`, `max_leaf_nodes`, `max_depth`, `min_leaf_weight`, `max_features`, `subsample`,
         `correlation` to choose from.
-    loss : {"squared", "absolute"} or callable
+    loss : {"squared", "absolute"}
         Error of a group in the cross-validation. Each group weighs the same.
     score_rows : {"all", "last"}
         Rows of a group that are scored.
@@ -190,14 +191,6 @@ class ClusteredBoosting(ClusteredTrees):
         self.booster_, self.position_, self.steps_ = write_leaf_values(path)
         return self
 
-    def staged_predict(self, X: Any) -> FloatArray:
-        """F(x) after each round, shape (`n_rounds_`, rows)."""
-        rows = self._rows(X)
-        steps = np.empty((len(self.steps_), len(rows)))
-        for k, (tree, value) in enumerate(zip(self.position_, self.steps_, strict=True)):
-            steps[k] = value if tree < 0 else sum_of_trees(self.booster_, rows, int(tree), 1)
-        return np.asarray(self.start_ + np.cumsum(steps, axis=0))
-
     def leave_groups_out(self, X: Any, y: Any, groups: Any = None, folds: Any = None) -> FloatArray:
         """Prediction of each row by a model that is fitted and tuned without the row's fold.
 
@@ -215,8 +208,8 @@ class ClusteredBoosting(ClusteredTrees):
         Returns
         -------
         ndarray of shape (n_rows,)
-            Predictions. Attributes `fold_labels_`, `fold_params_`, `fold_rounds_` record what each fold used, and
-            `fold_errors_` the mean loss by which it was chosen (NaN without a choice).
+            Predictions. Attributes `fold_labels_` and `fold_rounds_` record what each fold used, and `fold_errors_` the
+            mean loss by which it was chosen (NaN without a choice).
         """
         sample, clusters, rows, seed = self._prepare(X, y, groups)
         fold_labels, fold_of_group = folds_of(folds, clusters)
@@ -224,21 +217,28 @@ class ClusteredBoosting(ClusteredTrees):
         with Parallel(n_jobs=self.n_jobs) as parallel:
             choices = self._shared_choices(sample, fold_of_group, seed, parallel)
             fold_of_row = fold_of_group[clusters.codes]
-            params = [self._base() | settings[setting] for setting, _, _ in choices]
             results = parallel(
                 delayed(self._predict)(
-                    rows[fold_of_row == fold], sample, chosen, fold_of_group != fold, rounds, seed
+                    rows[fold_of_row == fold],
+                    sample,
+                    self._base() | settings[setting],
+                    fold_of_group != fold,
+                    rounds,
+                    seed,
                 )
-                for fold, (chosen, (_, rounds, _)) in enumerate(zip(params, choices, strict=True))
+                for fold, (setting, rounds, _) in enumerate(choices)
             )
         prediction = np.empty(len(rows))
         for fold, values in enumerate(results):
             prediction[fold_of_row == fold] = values
         self.fold_labels_ = fold_labels
-        self.fold_params_ = params
         self.fold_rounds_ = np.array([rounds for _, rounds, _ in choices])
         self.fold_errors_ = np.array([error for _, _, error in choices])
         return prediction
+
+    def tuned(self) -> ClusteredBoosting:
+        """An unfitted copy with the rounds that `fit` chose, to fit on a part of the same groups."""
+        return clone(self).set_params(n_rounds=max(int(self.n_rounds_), 1), n_folds=None)
 
     def _raw(self, rows: FloatArray) -> FloatArray:
         return _values(rows, self.start_, self.booster_, self.position_, self.steps_)

@@ -5,7 +5,6 @@ The group (subject, site, session ...) is the unit: it weighs, it is drawn, it i
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -17,7 +16,7 @@ from sklearn.utils.validation import check_consistent_length
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.errors import Fault, InvalidInput, raise_faults
 
-Loss = Literal["squared", "absolute"] | Callable[[FloatArray, FloatArray], float]
+Loss = Literal["squared", "absolute"]
 ScoreRows = Literal["all", "last"]
 
 
@@ -168,8 +167,8 @@ class GroupLoss:
         Truth, rows sorted by group.
     codes : ndarray of shape (n_rows,)
         Group of each row, ascending.
-    loss : {"squared", "absolute"} or callable
-        Mean over the rows of a group, or `loss(y_group, prediction_group) -> float`.
+    loss : {"squared", "absolute"}
+        Mean over the rows of a group.
     score_rows : {"all", "last"}
         Rows of a group that count.
     """
@@ -185,14 +184,7 @@ class GroupLoss:
 
     def __call__(self, prediction: FloatArray) -> FloatArray:
         """Loss of each group, shape (..., n_groups), of predictions of shape (..., n_rows)."""
-        at_rows = prediction[..., self.rows]
-        if callable(self.loss):
-            loss = self.loss
-            pieces = [slice(start, start + size) for start, size in zip(self.starts, self.sizes, strict=True)]
-            flat = at_rows.reshape(-1, self.rows.size)
-            values = np.array([[float(loss(self.y[p], row[p])) for p in pieces] for row in flat])
-            return np.asarray(values.reshape(*at_rows.shape[:-1], self.sizes.size))
-        error = at_rows - self.y
+        error = prediction[..., self.rows] - self.y
         error = error * error if self.loss == "squared" else np.abs(error)
         return np.asarray(np.add.reduceat(error, self.starts, axis=-1) / self.sizes)
 

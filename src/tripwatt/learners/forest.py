@@ -14,6 +14,7 @@ from typing import Any, Literal, Self
 
 import numpy as np
 import pandas as pd
+from sklearn.base import clone
 
 from tripwatt.arrays import BoolArray, FloatArray, IntArray
 from tripwatt.learners.clusters import Clusters, Loss, ScoreRows, folds_of, mean_over_groups
@@ -78,9 +79,8 @@ class ClusteredForest(ClusteredTrees):
         Most bins of a column; edges depend on X alone.
     param_grid : dict, "default" or None
         Values of `max_leaf_nodes`, `max_depth`, `min_leaf_weight`, `max_features` to choose from.
-    loss : {"squared", "absolute"} or callable
-        Error of a group when settings are compared: mean over its rows, or `loss(y, prediction) -> float`.
-        Each group weighs the same.
+    loss : {"squared", "absolute"}
+        Error of a group when settings are compared: mean over its rows. Each group weighs the same.
     score_rows : {"all", "last"}
         Rows of a group that are scored.
     min_oob_trees : int
@@ -96,8 +96,6 @@ class ClusteredForest(ClusteredTrees):
         Out-of-bag loss of each group under the chosen setting; NaN if it was in every bag.
     best_params_ : dict
         The chosen setting.
-    cv_results_ : dict
-        `params` and `error` of every setting tried.
 
     References
     ----------
@@ -170,37 +168,21 @@ class ClusteredForest(ClusteredTrees):
         forests = [self._grow(sample, counts, setting, seed) for setting in self._settings()]
         out_of_bag = counts == 0
         errors = [_oob_losses(forest, sample, out_of_bag) for forest in forests]
-        means = np.array([mean_over_groups(error) for error in errors])
-        best = int(np.argmin(means))
+        best = int(np.argmin([mean_over_groups(error) for error in errors]))
         self.groups_ = clusters.labels
         self.counts_ = counts
         self.best_params_ = self._base() | forests[best].setting
-        self.cv_results_ = {"params": [f.setting for f in forests], "error": means}
         self.oob_error_ = errors[best]
         self._keep(forests[best])
         return self
 
+    def tuned(self) -> ClusteredForest:
+        """An unfitted copy with the setting that `fit` chose, to fit on a part of the same groups."""
+        return clone(self).set_params(param_grid=None, **self.best_params_)
+
     def _raw(self, rows: FloatArray) -> FloatArray:
         total = sum_of_trees(self.booster_, rows, 0, int((self.position_ >= 0).sum()))
         return np.asarray(total + self.values_[self.position_ < 0, 0].sum()) / len(self.position_)
-
-    def predict_oob(self, X: Any, groups: Any) -> FloatArray:
-        """Prediction of each row by the trees that did not see its group (all trees for a new group).
-
-        Parameters
-        ----------
-        X : array-like or DataFrame of shape (n_rows, n_columns)
-            Covariates.
-        groups : array-like of shape (n_rows,)
-            Group of each row; labels as in `fit`.
-
-        Returns
-        -------
-        ndarray of shape (n_rows,)
-            NaN where a group was in every bag.
-        """
-        rows = self._rows(X)
-        return self._predict_unseen(rows, Clusters.from_groups(groups, len(rows)))
 
     def leave_groups_out(self, X: Any, y: Any, groups: Any = None, folds: Any = None) -> FloatArray:
         """Prediction of each row by a forest that is grown and tuned without the row's fold.
@@ -220,7 +202,7 @@ class ClusteredForest(ClusteredTrees):
         Returns
         -------
         ndarray of shape (n_rows,)
-            Predictions. Attributes `fold_labels_`, `fold_params_`, `fold_refitted_` record what each fold used.
+            Predictions. Attributes `fold_labels_` and `fold_params_` record what each fold used.
         """
         sample, clusters, rows, seed = self._prepare(X, y, groups)
         fold_labels, fold_of_group = folds_of(folds, clusters)
@@ -245,7 +227,6 @@ class ClusteredForest(ClusteredTrees):
             prediction[inside] = chosen.predict(rows[inside], used)
         self.fold_labels_ = fold_labels
         self.fold_params_ = [self._base() | forests[choice].setting for choice in best]
-        self.fold_refitted_ = ~enough
         return prediction
 
     def _grow(self, sample: Sample, counts: IntArray, setting: dict[str, Any], seed: int) -> _Grown:

@@ -74,6 +74,10 @@ class OutsideRegressor:
         made.fit(self._input(columns), np.asarray(y), **({"groups": groups} if takes else {}))
         return self
 
+    def tuned(self) -> OutsideRegressor:
+        """An unfitted copy: what a search chooses is part of each fit."""
+        return OutsideRegressor(self.regressor, self.seed)
+
     def predict(self, X: pd.DataFrame) -> FloatArray:
         """Predict each row.
 

@@ -176,7 +176,7 @@ _ALLOWED: Final[Mapping[str, Allowed]] = {
         "None, 'default' or a dict",
         lambda v: v is None or v == "default" or isinstance(v, Mapping),
     ),
-    "loss": ("'squared', 'absolute' or a function", lambda v: callable(v) or v in ("squared", "absolute")),
+    "loss": ("'squared' or 'absolute'", lambda v: v in ("squared", "absolute")),
     "score_rows": ("'all' or 'last'", lambda v: v in ("all", "last")),
 }
 """Settings of all learners -> what is allowed."""

@@ -14,7 +14,7 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.errors import InvalidInput
-from tripwatt.hybrid import SegmentTable, StageRecord, identify_each, resimulated, segment_trips, stage_record
+from tripwatt.hybrid import SegmentTable, StageRecord, identify, resimulated, segment_trips, stage_record
 from tripwatt.hybrid.climate_log import TOLD_BY
 from tripwatt.hybrid.segments import SEGMENT_S
 from tripwatt.hybrid.trip_table import TripTable, build_table
@@ -109,8 +109,9 @@ class ForecastData:
 
         O(samples) for each. The table is the same where the signals show nothing.
         """
-        records = [[self.stages[i] for i in train] for train in trains]
-        cars = [found.applied(self.vehicle) for found in identify_each(records, self.vehicle)]
+        cars = [
+            identify([self.stages[i] for i in train], self.vehicle).applied(self.vehicle) for train in trains
+        ]
         new = [car for car in cars if car is not self.vehicle]
         tables = iter(resimulated(self.segments, self.plans, new))
         return [(car, self.segments if car is self.vehicle else next(tables)) for car in cars]
