@@ -77,7 +77,7 @@ def identification() -> Iterator[Row]:
     folds = [np.flatnonzero(every % 13 != fold) for fold in range(13)]
     one = seconds(lambda: data.identified(folds[:1]), 3)
     yield Row("identify the car of a fold and simulate its trips", one, "s", most=0.8)
-    yield Row("the same for 13 folds in step", seconds(lambda: data.identified(folds), 3), "s")
+    yield Row("the same for 13 folds", seconds(lambda: data.identified(folds), 3), "s")
 
 
 def rows() -> Iterator[Row]:

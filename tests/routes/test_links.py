@@ -16,7 +16,7 @@ from tripwatt.routes import (
     plan_from_route,
     route_from_links,
 )
-from tripwatt.routes.links import first_of_stretches, given_stops, highest_limits, moving_speeds
+from tripwatt.routes.links import first_of_stretches, joined_links
 from tripwatt.sources import read_logs
 from tripwatt.trips import Departure, Flag, Trip, plan_from_trip, resample
 from tripwatt.vehicles import load_vehicle
@@ -331,14 +331,16 @@ def test_what_is_known_of_joined_links():
         moving_speed_m_s=[10.0, 15.0, NO, 10.0, NO],
         speed_limit_m_s=[10.0, 20.0, NO, NO, 5.0],
     )
-    first, last = np.array([0, 2, 3]), np.array([1, 2, 4])
-    np.testing.assert_array_equal(given_stops(made, first, last), [NO, NO, 5.0])
+    joined = joined_links(made, np.array([0, 2, 3]))
+    np.testing.assert_array_equal(joined["length_m"], [60.0, 60.0, 60.0])
+    np.testing.assert_array_equal(joined["travel_time_s"], [20.0, 10.0, 40.0])
+    np.testing.assert_array_equal(joined["stop_s"], [NO, NO, 5.0])
+    np.testing.assert_array_equal(joined["moving_speed_m_s"], [60.0 / (3.0 + 2.0), NO, NO])
+    np.testing.assert_array_equal(joined["speed_limit_m_s"], [20.0, NO, NO])
     known = route([30.0, 30.0], [10.0, 10.0], stop_s=[0.0, 4.0])
-    np.testing.assert_array_equal(given_stops(known, np.array([0, 1]), np.array([0, 1])), [0.0, 4.0])
-    np.testing.assert_array_equal(given_stops(known, np.array([0]), np.array([1])), [4.0])
-    np.testing.assert_array_equal(moving_speeds(made, first), [60.0 / (3.0 + 2.0), NO, NO])
-    np.testing.assert_array_equal(highest_limits(made, first), [20.0, NO, NO])
-    assert highest_limits(route([30.0], [9.0]), np.array([0])) is None
+    np.testing.assert_array_equal(joined_links(known, np.array([0, 1]))["stop_s"], [0.0, 4.0])
+    np.testing.assert_array_equal(joined_links(known, np.array([0]))["stop_s"], [4.0])
+    assert joined_links(known, np.array([0]))["speed_limit_m_s"] is None
 
 
 def uncut(length, time, **more):

@@ -246,19 +246,6 @@ def test_seeds_draw_different_drives_of_the_same_links():
     np.testing.assert_array_equal(again.speed_m_s, link_profile(length, time).speed_m_s)
 
 
-def test_all_faults_at_once():
-    with pytest.raises(InvalidInput) as caught:
-        link_profile([100.0, -1.0], [10.0, np.nan], stop_s=[20.0, 0.0], step_s=0.0)
-    assert {f.where.split(", ")[-1] for f in caught.value.faults} == {
-        "length_m",
-        "travel_time_s",
-        "stop_s",
-        "step_s",
-    }
-    with pytest.raises(InvalidInput, match="comfort"):
-        LinkStyle(comfort=0.0)
-
-
 NO = np.nan
 
 
@@ -293,32 +280,6 @@ def test_the_free_speed_grows_with_length_up_to_two_kilometres():
     np.testing.assert_allclose(
         sharper.free_speed(np.array([250.0]), np.array([3.0])), (216.0 + 27.0) ** (1 / 3), **EXACT
     )
-
-
-@pytest.mark.parametrize(
-    ("changed", "where"),
-    [
-        ({"length_m": [0.0, 500.0]}, "link 1, length_m"),
-        ({"length_m": [500.0, np.inf]}, "link 2, length_m"),
-        ({"travel_time_s": [60.0, 0.0]}, "link 2, travel_time_s"),
-        ({"travel_time_s": [np.inf, 60.0]}, "link 1, travel_time_s"),
-        ({"stop_s": [-0.1, 0.0]}, "link 1, stop_s"),
-        ({"stop_s": [60.0, 0.0]}, "link 1, stop_s"),
-        ({"stop_s": [0.0, 61.0]}, "link 2, stop_s"),
-        ({"moving_speed_m_s": [NO, 0.0]}, "link 2, moving_speed_m_s"),
-        ({"moving_speed_m_s": [np.inf, NO]}, "link 1, moving_speed_m_s"),
-        ({"speed_limit_m_s": [NO, 0.0]}, "link 2, speed_limit_m_s"),
-        ({"speed_limit_m_s": [np.inf, NO]}, "link 1, speed_limit_m_s"),
-        ({"stop_s": [0.0]}, "stop_s"),
-        ({"step_s": 0.0}, "step_s"),
-        ({"step_s": np.inf}, "step_s"),
-    ],
-)
-def test_one_fault_of_two_links(changed, where):
-    sound = {"length_m": [500.0, 500.0], "travel_time_s": [60.0, 60.0]}
-    with pytest.raises(InvalidInput) as caught:
-        link_profile(**{**sound, **changed})
-    assert [fault.where for fault in caught.value.faults] == [where]
 
 
 def test_values_at_the_edge_are_links():

@@ -114,13 +114,11 @@ class Familiarity:
         return {name: seen.beyond(features[name]) for name, seen in self.ranges.items() if name in features}
 
     def share(self, features: pd.DataFrame) -> FloatArray:
-        """Share of the correction that counts in each row: 1 inside the ranges, towards 0 far outside, shape (rows,)."""
-        return kept_share(len(features), self.distances(features))
+        """Share of the correction that counts in each row: 1 inside the ranges, towards 0 far outside, shape (rows,).
 
-
-def kept_share(rows: int, distances: Mapping[str, FloatArray]) -> FloatArray:
-    """``exp(-d² / 2)`` of the distances of all covariates together, shape (rows,)."""
-    squared = np.zeros(rows)
-    for distance in distances.values():
-        squared += distance**2
-    return np.asarray(np.exp(-0.5 * squared))
+        It is ``exp(-d² / 2)`` of the distances of all covariates together.
+        """
+        squared = np.zeros(len(features))
+        for distance in self.distances(features).values():
+            squared += distance**2
+        return np.asarray(np.exp(-0.5 * squared))

@@ -2,11 +2,10 @@
 
 from tripwatt.population.adapting import Adaptation, adapt_model, adaptation, without_trips
 from tripwatt.population.cars import for_car
-from tripwatt.population.prior import Population, population
+from tripwatt.population.prior import population
 
 __all__ = [
     "Adaptation",
-    "Population",
     "adapt_model",
     "adaptation",
     "for_car",

@@ -4,16 +4,15 @@ from tripwatt.routes.geojson import ROAD_SPEED_M_S, read_geojson
 from tripwatt.routes.gpx import read_gpx
 from tripwatt.routes.kml import read_kml
 from tripwatt.routes.link_objects import route_from_links
-from tripwatt.routes.link_table import is_links_table, route_from_table
+from tripwatt.routes.link_table import is_links_table
 from tripwatt.routes.links import LinkRoute, links_of_trip, plan_from_links
 from tripwatt.routes.plan import plan_from_route, plan_on_links
 from tripwatt.routes.profile import LinkStyle, link_profile
-from tripwatt.routes.responses import ROUTERS, is_route, parse_route, read_response
+from tripwatt.routes.responses import is_route, parse_route, read_response
 from tripwatt.routes.tracks import Track, needs_speed, plan_from_track, route_from_track
 
 __all__ = [
     "ROAD_SPEED_M_S",
-    "ROUTERS",
     "LinkRoute",
     "LinkStyle",
     "Track",
@@ -32,6 +31,5 @@ __all__ = [
     "read_kml",
     "read_response",
     "route_from_links",
-    "route_from_table",
     "route_from_track",
 ]

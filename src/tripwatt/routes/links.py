@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
-from tripwatt.arrays import FloatArray, IntArray, distance_driven
-from tripwatt.errors import Fault, InvalidInput
-from tripwatt.routes.driver import LinkRule, column_faults
+from tripwatt.arrays import BoolArray, FloatArray, IntArray, distance_driven
+from tripwatt.errors import Fault, InvalidInput, and_more
 from tripwatt.routes.profile import LinkStyle, link_profile
 from tripwatt.trips import COLUMNS, LINK_COLUMNS, Flag, Plan, Recorded, raise_faults, table_of
 
@@ -141,7 +140,14 @@ def _route_faults(route: LinkRoute) -> Iterator[Fault]:
     if not 1 <= n_links <= MOST_LINKS:
         yield Fault("number of links out of range", "links", f"{n_links}", f"1 to {MOST_LINKS}")
         return
-    yield from column_faults(_link_rules(route))
+    for name, values, sound, allowed in _link_rules(route):
+        if values.shape != route.length_m.shape:
+            got, shape = f"shape {values.shape}", f"shape {route.length_m.shape} of length_m"
+            yield Fault("wrong shape", name, got, shape)
+        elif not sound.all():
+            bad = np.flatnonzero(~sound)
+            where, got = f"link {bad[0] + 1}, {name}", f"{values[bad[0]]:g}{and_more(bad, 'links')}"
+            yield Fault("link out of range", where, got, allowed)
     with np.errstate(over="ignore"):
         total = float(route.travel_time_s.sum())
     if total > MOST_TRAVEL_TIME_S:
@@ -155,7 +161,8 @@ def _route_faults(route: LinkRoute) -> Iterator[Fault]:
             yield Fault("elevation out of range", where, got, f"{column.minimum:g} to {column.maximum:g} m")
 
 
-def _link_rules(route: LinkRoute) -> Iterator[LinkRule]:
+def _link_rules(route: LinkRoute) -> Iterator[tuple[str, FloatArray, BoolArray, str]]:
+    """Name and values of each column, which of them are sound, and what is allowed."""
     length, time, stop, moving = route.length_m, route.travel_time_s, route.stop_s, route.moving_speed_m_s
     limit = np.full(length.shape, np.nan) if route.speed_limit_m_s is None else route.speed_limit_m_s
     with np.errstate(all="ignore"):
@@ -274,22 +281,13 @@ def plan_from_links(
         raise InvalidInput.of("step out of range", "step_s", f"{step_s}", f"{finest:g} s or more")
     route = _uncut(route)
     first = first_of_stretches(route)
-    length, time = np.add.reduceat(route.length_m, first), np.add.reduceat(route.travel_time_s, first)
-    last = np.append(first[1:], len(route)) - 1
-    profile = link_profile(
-        length,
-        time,
-        stop_s=given_stops(route, first, last),
-        moving_speed_m_s=moving_speeds(route, first),
-        speed_limit_m_s=highest_limits(route, first),
-        style=style,
-        rng=rng,
-        step_s=step_s,
-    )
+    stretches = joined_links(route, first)
+    profile = link_profile(**stretches, style=style, rng=rng, step_s=step_s)
     columns = {"time_s": profile.time_s, "speed_m_s": profile.speed_m_s}
     height = route.elevation_at(profile.position_m)
     if height is not None:
         columns["elevation_m"] = height
+    length = stretches["length_m"]
     link_m = float(length @ length / length.sum())
     plan = Plan.from_samples(trip_id, table_of(columns), link_m=link_m, flags=route.flags)
     return replace(plan, step_s=step_s, free_flow=route.free_flow)
@@ -306,18 +304,8 @@ def _uncut(route: LinkRoute) -> LinkRoute:
         if values is not None:
             alike &= np.isclose(values[:-1], values[1:], SAME_SPEED, 0.0, equal_nan=True)
     first = np.flatnonzero(np.concatenate(([True], ~alike)))
-    length = np.add.reduceat(route.length_m, first)
-    if float(length.max()) > LONGEST_LINK_M:
-        return route
-    limit = route.speed_limit_m_s
-    return replace(
-        route,
-        length_m=length,
-        travel_time_s=np.add.reduceat(route.travel_time_s, first),
-        stop_s=stop[first],
-        moving_speed_m_s=route.moving_speed_m_s[first],
-        speed_limit_m_s=None if limit is None else limit[first],
-    )
+    one = joined_links(route, first)
+    return route if float(one["length_m"].max()) > LONGEST_LINK_M else replace(route, **one)
 
 
 def first_of_stretches(route: LinkRoute) -> IntArray:
@@ -336,20 +324,20 @@ def first_of_stretches(route: LinkRoute) -> IntArray:
     return np.array(first, dtype=np.int64)
 
 
-def given_stops(route: LinkRoute, first: IntArray, last: IntArray) -> FloatArray:
-    """Given standstill at the end of each stretch; unknown where it is unknown on one of its links."""
-    unknown = np.add.reduceat(np.isnan(route.stop_s).astype(np.float64), first) > 0
-    end = route.stop_s[last]
-    return np.where(unknown & ~(end > 0), np.nan, np.nan_to_num(end, nan=0.0))
+def joined_links(route: LinkRoute, first: IntArray) -> dict[str, Any]:
+    """Columns of a route with the links from each of `first` to before the next as one.
 
-
-def moving_speeds(route: LinkRoute, first: IntArray) -> FloatArray:
-    """Length over the sum of the moving times of a stretch, unknown where it is unknown on one of its links."""
-    moving_s = np.add.reduceat(route.length_m / route.moving_speed_m_s, first)
-    return np.asarray(np.add.reduceat(route.length_m, first) / moving_s, dtype=np.float64)
-
-
-def highest_limits(route: LinkRoute, first: IntArray) -> FloatArray | None:
-    """Highest speed limit of each stretch, unknown where it is unknown on one of its links."""
+    The standstill is that at the end; it is unknown, like free speed and limit, where it is unknown on one of the links. The free speed
+    is the length over the sum of the moving times, the limit the highest one.
+    """
+    length = np.add.reduceat(route.length_m, first)
+    end = route.stop_s[np.append(first[1:], len(route)) - 1]
+    unknown = np.logical_or.reduceat(np.isnan(route.stop_s), first) & ~(end > 0)
     limit = route.speed_limit_m_s
-    return None if limit is None else np.asarray(np.maximum.reduceat(limit, first))
+    return {
+        "length_m": length,
+        "travel_time_s": np.add.reduceat(route.travel_time_s, first),
+        "stop_s": np.where(unknown, np.nan, np.nan_to_num(end, nan=0.0)),
+        "moving_speed_m_s": length / np.add.reduceat(route.length_m / route.moving_speed_m_s, first),
+        "speed_limit_m_s": None if limit is None else np.maximum.reduceat(limit, first),
+    }

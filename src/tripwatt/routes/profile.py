@@ -19,11 +19,8 @@ from tripwatt.arrays import BoolArray, FloatArray, IntArray, running_sum
 from tripwatt.errors import Fault, raise_faults
 from tripwatt.routes.driver import (
     DriverStyle,
-    LinkRule,
     SpeedProfile,
     draw_dwell,
-    link_column,
-    link_faults,
     profile_over_time,
     reachable_speed,
 )
@@ -202,11 +199,6 @@ def link_profile(
     SpeedProfile
         Samples of time, speed and position, and the travel times of the links as driven.
 
-    Raises
-    ------
-    InvalidInput
-        With every fault of the links.
-
     Examples
     --------
     >>> profile = link_profile([250.0, 250.0, 250.0], [30.0, 60.0, 30.0])
@@ -214,30 +206,15 @@ def link_profile(
     (750.0, True)
     """
     style = style or LinkStyle()
-    length, time = link_column(length_m), link_column(travel_time_s)
-    unknown = np.full(length.shape, np.nan)
-    given = (stop_s, moving_speed_m_s, speed_limit_m_s)
-    stop, moving, limit = (link_column(values, unknown) for values in given)
-    raise_faults(link_faults(_rules(length, time, stop, moving, limit), step_s))
+    length = np.asarray(length_m, dtype=np.float64)
+    time, stop, moving, limit = (
+        np.full(length.shape, np.nan) if values is None else np.asarray(values, dtype=np.float64)
+        for values in (travel_time_s, stop_s, moving_speed_m_s, speed_limit_m_s)
+    )
     course = Course(length, time, stop, moving, limit, style, rng)
     speed, driving_s = course.solve()
     waiting_s = course.waiting(speed, driving_s, rng)
     return profile_over_time(course.position, speed, driving_s, waiting_s, course.ends, step_s)
-
-
-def _rules(
-    length: FloatArray, time: FloatArray, stop: FloatArray, moving: FloatArray, limit: FloatArray
-) -> list[LinkRule]:
-    not_whole = stop < time if stop.shape == time.shape else True
-    sound = np.isnan(stop) | (np.isfinite(stop) & (stop >= 0) & not_whole)
-    above, perhaps = "finite, more than 0", "more than 0 m/s, NaN if unknown"
-    return [
-        ("length_m", length, np.isfinite(length) & (length > 0), f"{above} m"),
-        ("travel_time_s", time, np.isfinite(time) & (time > 0), f"{above} s"),
-        ("stop_s", stop, sound, "0 s to less than the travel time, NaN if unknown"),
-        ("moving_speed_m_s", moving, ~((moving <= 0) | np.isinf(moving)), perhaps),
-        ("speed_limit_m_s", limit, ~((limit <= 0) | np.isinf(limit)), perhaps),
-    ]
 
 
 class Course:

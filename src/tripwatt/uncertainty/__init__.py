@@ -4,11 +4,9 @@ from tripwatt.uncertainty.charge import ChargeScale
 from tripwatt.uncertainty.conformal import ConformalScores
 from tripwatt.uncertainty.coverage import Coverage
 from tripwatt.uncertainty.model import UncertaintyModel
-from tripwatt.uncertainty.process import ResidualProcess, Segments, fit_process
+from tripwatt.uncertainty.process import Segments, fit_process
 from tripwatt.uncertainty.residual_power import PowerPrior, ResidualPower
 from tripwatt.uncertainty.route import LinkedTrips, RouteUncertainty, linked_trips
-from tripwatt.uncertainty.scale import TotalScale
-from tripwatt.uncertainty.shrinkage import UpdateShrinkage
 
 __all__ = [
     "ChargeScale",
@@ -17,12 +15,9 @@ __all__ = [
     "LinkedTrips",
     "PowerPrior",
     "ResidualPower",
-    "ResidualProcess",
     "RouteUncertainty",
     "Segments",
-    "TotalScale",
     "UncertaintyModel",
-    "UpdateShrinkage",
     "fit_process",
     "linked_trips",
 ]

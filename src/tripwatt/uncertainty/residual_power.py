@@ -250,7 +250,32 @@ class PowerPrior:
         MeasuredPower
             The distribution after the measurements.
         """
-        return MeasuredPower.from_segments(self, seen, power_w, variance_w2)
+        n, J, last = len(self.time_s), len(self.drifts), int(seen[-1])
+        is_seen = np.zeros(n, dtype=bool)
+        is_seen[seen] = True
+        error = np.zeros(n)
+        error[seen] = variance_w2
+        observed = np.zeros(n)
+        observed[seen] = power_w
+        weight = np.where(is_seen, 1.0 / np.where(is_seen, self.new_w2 + error, 1.0), 0.0)[: last + 1]
+        S = self.constant_w[: last + 1]
+        sizes = np.array([drift.size_w[: last + 1] for drift in self.drifts]).reshape(J, last + 1).T
+        solve = _band_solver(self, sizes, weight)
+        border = (sizes[:, :, None] * (weight[:, None] * S)[:, None, :]).reshape((last + 1) * J, S.shape[1])
+        X = solve(border)
+        corner = np.eye(S.shape[1]) + S.T @ (weight[:, None] * S) - border.T @ X
+        covariance = np.asarray(np.linalg.inv(corner))
+        seen_w = weight * observed[: last + 1]
+        b = (sizes * seen_w[:, None]).reshape(-1)
+        constants = covariance @ (S.T @ seen_w - X.T @ b)
+        drifts = (solve(b[:, None])[:, 0] - X @ constants).reshape(last + 1, J)
+        mean = self.constant_w @ constants
+        mean[: last + 1] += np.sum(sizes * drifts, axis=1)
+        mean[: last + 1] += self.new_w2[: last + 1] * weight * (observed - mean)[: last + 1]
+        ahead = np.arange(last + 1, n)
+        for j, drift in enumerate(self.drifts):
+            mean[ahead] += _carried(self, drift, last)[ahead] * drifts[last, j]
+        return MeasuredPower(self, is_seen, error, mean, solve, X, covariance)
 
     def averaged(self, weights: FloatArray, power_w: FloatArray, variance_w2: FloatArray) -> AveragedPower:
         """Condition the distribution on measured means over segments. O(segments x readings²).
@@ -269,7 +294,13 @@ class PowerPrior:
         AveragedPower
             The distribution after the readings.
         """
-        return AveragedPower.from_readings(self, weights, power_w, variance_w2)
+        from scipy.linalg import solve_triangular
+
+        cross = self.times(np.ascontiguousarray(weights.T))
+        total = weights @ cross + np.diag(variance_w2)
+        lower = np.linalg.cholesky(total)
+        factor = solve_triangular(lower, cross.T, lower=True).T
+        return AveragedPower(self, factor @ solve_triangular(lower, power_w, lower=True), factor)
 
 
 def fading_sums(time_s: FloatArray, values: FloatArray, fading_s: float) -> FloatArray:
@@ -314,38 +345,6 @@ class MeasuredPower:
     solve: Callable[[FloatArray], FloatArray]
     X: FloatArray
     constant_covariance: FloatArray
-
-    @classmethod
-    def from_segments(
-        cls, prior: PowerPrior, seen: IntArray, power_w: FloatArray, variance_w2: FloatArray
-    ) -> MeasuredPower:
-        """See `PowerPrior.measured`."""
-        n, J, last = len(prior.time_s), len(prior.drifts), int(seen[-1])
-        is_seen = np.zeros(n, dtype=bool)
-        is_seen[seen] = True
-        error = np.zeros(n)
-        error[seen] = variance_w2
-        observed = np.zeros(n)
-        observed[seen] = power_w
-        weight = np.where(is_seen, 1.0 / np.where(is_seen, prior.new_w2 + error, 1.0), 0.0)[: last + 1]
-        S = prior.constant_w[: last + 1]
-        sizes = np.array([drift.size_w[: last + 1] for drift in prior.drifts]).reshape(J, last + 1).T
-        solve = _band_solver(prior, sizes, weight)
-        border = (sizes[:, :, None] * (weight[:, None] * S)[:, None, :]).reshape((last + 1) * J, S.shape[1])
-        X = solve(border)
-        corner = np.eye(S.shape[1]) + S.T @ (weight[:, None] * S) - border.T @ X
-        covariance = np.asarray(np.linalg.inv(corner))
-        seen_w = weight * observed[: last + 1]
-        b = (sizes * seen_w[:, None]).reshape(-1)
-        constants = covariance @ (S.T @ seen_w - X.T @ b)
-        drifts = (solve(b[:, None])[:, 0] - X @ constants).reshape(last + 1, J)
-        mean = prior.constant_w @ constants
-        mean[: last + 1] += np.sum(sizes * drifts, axis=1)
-        mean[: last + 1] += prior.new_w2[: last + 1] * weight * (observed - mean)[: last + 1]
-        ahead = np.arange(last + 1, n)
-        for j, drift in enumerate(prior.drifts):
-            mean[ahead] += _carried(prior, drift, last)[ahead] * drifts[last, j]
-        return cls(prior, is_seen, error, mean, solve, X, covariance)
 
     def energy_wh(self, hours: FloatArray) -> tuple[FloatArray, FloatArray]:
         """As of `ResidualPower`. O(segments x (1 + segments behind that count))."""
@@ -403,19 +402,6 @@ class AveragedPower:
     prior: PowerPrior
     mean_w: FloatArray
     factor_w: FloatArray
-
-    @classmethod
-    def from_readings(
-        cls, prior: PowerPrior, weights: FloatArray, power_w: FloatArray, variance_w2: FloatArray
-    ) -> AveragedPower:
-        """See `PowerPrior.averaged`."""
-        from scipy.linalg import solve_triangular
-
-        cross = prior.times(np.ascontiguousarray(weights.T))
-        total = weights @ cross + np.diag(variance_w2)
-        lower = np.linalg.cholesky(total)
-        factor = solve_triangular(lower, cross.T, lower=True).T
-        return cls(prior, factor @ solve_triangular(lower, power_w, lower=True), factor)
 
     def energy_wh(self, hours: FloatArray) -> tuple[FloatArray, FloatArray]:
         """As of `ResidualPower`. O(segments x readings)."""
