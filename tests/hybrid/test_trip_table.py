@@ -91,11 +91,3 @@ class TestTripTable:
         slim = made.without_samples()
         assert all(len(t.samples) == 0 for t in slim.trips)
         assert slim.digest() == made.digest()
-
-    def test_energy_above_zero(self) -> None:
-        car = {"x": load_vehicle("bmw_i3_60ah")}
-        with pytest.raises(InvalidInput) as caught:
-            build_table([self.trip(current_a=0.0), self.trip("b", current_a=-1.0), self.trip("c")], car)
-        assert [f.where for f in caught.value.faults] == ["a", "b"]
-        with pytest.raises(InvalidInput, match="no trips"):
-            build_table([], car)

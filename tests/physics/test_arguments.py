@@ -1,7 +1,6 @@
 """Arguments of a simulation, each bound from both sides."""
 
 import dataclasses
-import math
 
 import numpy as np
 import pytest
@@ -52,35 +51,6 @@ class TestArguments:
         with pytest.raises(InvalidInput) as caught:
             simulate(car(), time, speed, conditions=OFF, **given)
         return [str(fault) for fault in caught.value.faults]
-
-    def test_shapes(self) -> None:
-        assert (
-            self.faults([0.0], [1.0])[0]
-            == "wrong shape: time_s: got (1,); allowed: one dimension, at least 2 samples"
-        )
-        assert (
-            self.faults(speed=[1.0])[0] == "wrong shape: speed_m_s: got (1,); allowed: that of time_s, (3,)"
-        )
-        assert self.faults([[0.0, 1.0]], [[1.0, 1.0]])[0].startswith("wrong shape: time_s: got (1, 2)")
-        assert self.faults(climate_power_w=[1.0, 2.0])[0].startswith("wrong shape: climate_power_w")
-        assert len(simulate(car(), [0.0, 1.0], [1.0, 1.0], climate_power_w=5.0, conditions=OFF).time_s) == 2
-
-    def test_missing_and_infinite(self) -> None:
-        assert self.faults(speed=[1.0, 2.0, np.nan])[0].startswith(
-            "missing value: speed_m_s, sample 2: got nan"
-        )
-        assert self.faults(grade=[0.0, np.inf, np.nan])[0].startswith(
-            "missing value: grade, sample 1: got inf"
-        )
-        assert self.faults(elevation_m=[0.0, np.nan, -math.inf])[0].startswith("infinite value: elevation_m")
-
-    def test_times(self) -> None:
-        assert self.faults([0.0, 2.0, 2.0])[0] == (
-            "time does not increase: time_s, sample 2: got 2 s after 2 s; allowed: increasing times"
-        )
-        assert self.faults([0.0, -1.0, 2.0])[0].startswith(
-            "time does not increase: time_s, sample 1: got -1 s after 0 s"
-        )
 
     def test_bounds(self) -> None:
         assert (

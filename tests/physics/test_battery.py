@@ -7,12 +7,10 @@ import pytest
 
 from tripwatt.physics import battery as battery_module
 from tripwatt.physics.battery import (
-    battery_current,
     discharge,
     internal_resistance,
     largest_power,
     open_circuit_voltage,
-    shift,
 )
 from tripwatt.vehicles import Vehicle
 from tripwatt.vehicles.parts import Battery
@@ -42,33 +40,17 @@ def pack(**changes: object) -> Battery:
 
 
 class TestBattery:
-    def test_tables(self) -> None:
-        sloped = pack(ocv_v=(3.0, 4.0), resistance_ohm=(0.002, 0.001))
-        soc = np.array([0.0, 0.5, 0.75])
-        assert open_circuit_voltage(soc, sloped) == pytest.approx([300.0, 350.0, 375.0], **EXACT)
-        at_reference = internal_resistance(soc, np.full(3, 25.0), sloped)
-        assert at_reference == pytest.approx([0.2, 0.15, 0.125], **EXACT)
-
     def test_arrhenius(self) -> None:
         """With an activation energy of 1000 K times the gas constant the exponent is 1000 K (1/T - 1/298.15 K)."""
         cold = pack(resistance_activation_energy_j_mol=8_314.462618)
         given = internal_resistance(np.array([0.5]), np.array([0.0]), cold)
         assert given == pytest.approx([0.1 * math.exp(1000.0 / 273.15 - 1000.0 / 298.15)], **EXACT)
 
-    def test_current(self) -> None:
-        """(100 V - 10 A 1 Ohm) 10 A are 900 W; without resistance 9 A are; beyond the vertex the root is 0."""
-        volts, ohms = np.full(4, 100.0), np.array([1.0, 0.0, 1.0, 1.0])
-        power = np.array([900.0, 900.0, 2600.0, -1100.0])
-        assert battery_current(power, volts, ohms) == pytest.approx([10.0, 9.0, 52.0, -10.0], **EXACT)
-
     def test_largest_power(self) -> None:
         volts, ohms = np.full(4, 100.0), np.array([1.0, 1.0, 2.0, 1.0])
         assert largest_power(volts, ohms, 90.0)[:3] == pytest.approx([900.0, 900.0, 450.0], **EXACT)
         assert largest_power(volts, ohms, 0.0)[0] == 50.0 * 50.0
         assert (largest_power(volts, ohms, 110.0) == 0.0).all()
-
-    def test_shift(self) -> None:
-        assert shift(7.0, np.array([1.0, 2.0, 3.0])).tolist() == [7.0, 1.0, 2.0]
 
     def test_discharge_by_hand(self) -> None:
         """345 V 50 A: 50 A for 360 s are 5 Ah of 100; 50² 0.1 W for 360 s warm 9 kJ/K by 10 K."""

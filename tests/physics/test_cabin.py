@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from tripwatt.physics.cabin import (
     HEAT_PUMP_RATING_DEGC,
-    SUN_W_M2,
     UNKNOWN_SUN_W_M2,
     WINTER_SUN,
     CabinStart,
@@ -144,15 +143,6 @@ class TestCabinByHand:
         run = self.run(10.0, start, 10.0, speed=0.0)
         assert run.power_w == pytest.approx([50.0 + wanted / 3_000.0 * 200.0] * 2, rel=1e-12)
         assert run.temperature_degc[-1] == pytest.approx(22.5, rel=1e-12)
-
-    def test_modes(self) -> None:
-        """Only the blower where the mode forbids the rest; defrosting belongs to heating."""
-        assert self.run(-3.0, CabinStart(7.0, 22.0, mode="cool"), 10.0).power_w.tolist() == [50.0, 50.0]
-        heat = self.run(35.0, CabinStart(30.0, 22.0, mode="heat"), 10.0)
-        assert heat.power_w.tolist() == [50.0, 50.0]
-        assert heat.temperature_degc[-1] == pytest.approx(
-            cabin_step(30.0, 30.0, 35.0, 60.0, 0.0, sun=600.0)[0], rel=1e-12
-        )
 
     def test_defrosting_below_its_temperature(self) -> None:
         """At 3 °C on half of the cars, at 1 °C on all, at 5 °C on none."""
@@ -338,14 +328,3 @@ def test_sun_of_a_report(report, expected):
     winter = expected if report is None else expected * WINTER_SUN
     assert irradiance(report, "winter") == pytest.approx(winter)
     assert irradiance(report, "summer") == pytest.approx(expected)
-
-
-def test_values_have_their_reasons():
-    sun = {word: sun_w_m2 for words, sun_w_m2 in SUN_W_M2 for word in words}
-    # observers call three to seven eighths of cloud partly cloudy
-    assert under_cloud(7 / 8) < sun["partly cloudy"] < under_cloud(3 / 8)
-    assert sun["snow"] == sun["rain"] == sun["fog"] < under_cloud(1.0)
-    assert sun["dark"] < sun["sunset"] < sun["rain"]
-    # a noon sun at 18 to 20 degrees against 60 to 65 in summer: sin is 0.33 against 0.89, through twice the air
-    assert 0.3 < WINTER_SUN < 0.6
-    assert UNKNOWN_SUN_W_M2 == CLEAR / 2

@@ -8,7 +8,7 @@ import pytest
 
 from tripwatt.errors import InvalidInput
 from tripwatt.physics import simulate_trip
-from tripwatt.physics.conditions import UNKNOWN_AMBIENT_DEGC, DriveConditions
+from tripwatt.physics.conditions import DriveConditions
 from tripwatt.physics.simulate import conditions_at_departure, simulate
 from tripwatt.trips import Departure, Plan
 from tripwatt.vehicles import Vehicle, load_vehicle
@@ -53,23 +53,6 @@ def car(capacity_ah: float = 1e3, **battery: object) -> Vehicle:
 
 
 class TestConditions:
-    def test_defaults(self) -> None:
-        known = DriveConditions()
-        assert (known.ambient_temperature_degc, known.initial_soc, known.payload_mass_kg) == (20.0, 0.8, 0.0)
-        assert (known.solar_irradiance_w_m2, known.initial_warmth, known.climate) == (300.0, 0.0, "auto")
-        assert UNKNOWN_AMBIENT_DEGC == 10.0
-        assert DriveConditions(initial_battery_temperature_degc=5.0).battery_start_degc == 5.0
-        usual = load_vehicle("bmw_i3_60ah")
-        start = DriveConditions(ambient_temperature_degc=3.0, initial_warmth=0.5, climate="heat").cabin_start(
-            usual
-        )
-        assert (start.temperature_degc, start.setpoint_degc) == (3.0, usual.climate.setpoint_degc)
-        assert (start.solar_irradiance_w_m2, start.warmth, start.mode) == (300.0, 0.5, "heat")
-        bare = dataclasses.replace(usual, climate=None)
-        assert DriveConditions().cabin_start(bare).setpoint_degc == 22.0
-        own = DriveConditions(initial_cabin_temperature_degc=9.0, cabin_setpoint_degc=24.0).cabin_start(bare)
-        assert (own.temperature_degc, own.setpoint_degc) == (9.0, 24.0)
-
     @pytest.mark.parametrize(
         ("name", "low", "high", "beyond"),
         [

@@ -16,7 +16,6 @@ import tripwatt as tw
 from tripwatt.forecasting import load_model, save_model
 from tripwatt.forecasting.leaving import leaving_with
 from tripwatt.population import adaptation, for_car
-from tripwatt.roads.journey.forecasting import RoadForecaster
 from tripwatt.server.cars import RoadCar, Sample
 from tripwatt.server.http.car_jobs import CarJobs
 from tripwatt.server.http.jobs import Jobs
@@ -101,23 +100,6 @@ def test_own_trips_take_the_flags_away(other: tw.ForecastModel) -> None:
 
 def test_the_library_flags_another_car() -> None:
     assert codes(tw.forecast(LINKS, vehicle=OTHER).flags)[0] == FIRST
-
-
-def test_the_command_line_flags_another_car(links: Path) -> None:
-    document = answered("forecast", links, "--vehicle", OTHER, "--json")
-    assert codes(json.loads(document.out)["flags"])[0] == FIRST
-
-
-def test_a_request_flags_another_car() -> None:
-    document = Jobs({"i3": tw.load_model()}, Limits()).forecast(
-        json.dumps({"links": LINKS, "vehicle": OTHER}).encode()
-    )
-    assert codes(document["flags"])[0] == FIRST
-
-
-def test_a_journey_flags_another_car(other: tw.ForecastModel) -> None:
-    plan = tw.read_route(LINKS)
-    assert codes(RoadForecaster(other, tw.Departure(soc=0.8)).forecast_plan(plan).flags)[0] == FIRST
 
 
 def test_a_car_on_the_road_flags_that_it_has_no_trips(other: tw.ForecastModel, tmp_path: Path) -> None:

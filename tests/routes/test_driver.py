@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tripwatt.errors import InvalidInput
-from tripwatt.routes import LinkStyle, driver, profile
+from tripwatt.routes import driver, profile
 from tripwatt.routes.driver import (
     DriverStyle,
     draw_dwell,
@@ -151,20 +151,6 @@ NO = np.nan
 
 
 EXACT = {"rtol": 1e-12, "atol": 1e-12}
-
-
-def test_the_usual_styles():
-    """Of the links: what `calibrate_style` found on the cars of the Vehicle Energy Dataset. Of the driver: near UDDS."""
-    style = LinkStyle()
-    assert (style.comfort, style.street_speed_m_s, style.length_exponent) == (0.32, 8.2, 0.53)
-    assert (style.sharpness, style.stop_place) == (3.5, 0.5)
-    firm = style.driver
-    assert (firm.acceleration_m_s2, firm.deceleration_m_s2) == (2.5, 2.5)
-    assert (firm.half_acceleration_speed_m_s, firm.dwell_mean_s) == (35.0, 20.0)
-    usual = DriverStyle()
-    assert (usual.acceleration_m_s2, usual.deceleration_m_s2) == (1.6, 1.5)
-    assert (usual.half_acceleration_speed_m_s, usual.speed_share) == (20.0, 0.97)
-    assert (usual.fluctuation, usual.fluctuation_time_s, usual.dwell_mean_s) == (0.06, 10.0, 20.0)
 
 
 @pytest.mark.parametrize(

@@ -50,27 +50,6 @@ def test_a_standstill_is_no_speed_but_counts_as_time():
     assert route.travel_time_s == pytest.approx(route.distance_m / (50.0 / 3.6))
 
 
-def test_a_tenth_of_a_link_may_be_faster():
-    assert 3.6 * free_flow_links(trip((91, 28), (9, 60)), 5000.0)[0].moving_speed_m_s == pytest.approx([30.0])
-    assert 3.6 * free_flow_links(trip((88, 28), (12, 60)), 5000.0)[0].moving_speed_m_s == pytest.approx(
-        [70.0]
-    )
-
-
-@pytest.mark.parametrize(("slow_m_s", "free"), [(0.5, 50.0), (0.51, 30.0)])
-def test_half_a_metre_a_second_is_no_speed(slow_m_s, free):
-    """9 m/s, which are 32.4 km/h, in two of 32 samples: of those that move alone they are the highest tenth."""
-    route, _ = free_flow_links(trip((30, 3.6 * slow_m_s), (2, 32.4)), 5000.0)
-    assert 3.6 * route.moving_speed_m_s == pytest.approx([free])
-
-
-def test_a_link_on_which_the_car_hardly_moves_has_the_lowest_class():
-    route, seconds = free_flow_links(trip((101, 1.44)))
-    assert 3.6 * route.moving_speed_m_s == pytest.approx([30.0])
-    assert route.length_m == pytest.approx([40.0])
-    assert seconds == pytest.approx([100.0])
-
-
 def test_each_sample_counts_for_the_link_on_which_it_lies():
     """Two links of 250 m. A sample of 20 m/s lies at 249.5 m, another one at the end of the trip, 500 m.
 
@@ -181,29 +160,6 @@ def test_energy_does_not_depend_on_how_a_road_is_cut(more):
     found = [model.forecast(plan_from_links(cut(n, **more)), departure) for n in (1, 20, 200)]
     assert [f.energy_wh for f in found] == pytest.approx([found[0].energy_wh] * 3, rel=1e-6)
     assert [f.sd_wh for f in found] == pytest.approx([found[0].sd_wh] * 3, rel=1e-6)
-
-
-def test_links_that_differ_stay_apart():
-    def number(**second):
-        pair = [{"length_m": 1000.0, "speed_m_s": 10.0}, {"length_m": 1000.0, "speed_m_s": 10.0, **second}]
-        return plan_from_links(route_from_links(pair)).link_m
-
-    assert number() == 2000.0
-    for second in (
-        {"speed_m_s": 10.001},
-        {"stop_s": 10.0},
-        {"stop_s": 0.0},
-        {"moving_speed_m_s": 12.0},
-        {"speed_limit_m_s": 14.0},
-    ):
-        assert number(**second) == 1000.0, second
-
-
-def test_a_given_stop_stays_between_equal_links():
-    stops = [{"length_m": 500.0, "speed_m_s": 10.0, "stop_s": 5.0}] * 4
-    plan = plan_from_links(route_from_links(stops))
-    standing = (plan.array("speed_m_s")[1:-1] == 0.0).astype(int)
-    assert (np.diff(standing) == 1).sum() >= 3
 
 
 def test_an_impossible_log_cannot_be_cut():

@@ -108,27 +108,6 @@ def feature(properties, positions=((1.0, 2.0), (1.0, 3.0))):
     return json.dumps({"type": "Feature", "geometry": geometry, "properties": properties}).encode()
 
 
-def test_properties_of_a_line():
-    assert read_geojson(feature({"speed_m_s": 0.5})).piece_speed_m_s.tolist() == [0.5]
-    assert read_geojson(feature({"speed_m_s": None, "highway": "service"})).piece_speed_m_s == pytest.approx(
-        [15.0 / 3.6]
-    )
-    assert np.isnan(read_geojson(feature(None)).piece_speed_m_s).all()
-    (fault,) = faults_of(read_geojson, feature([1]))
-    assert (fault.what, fault.got) == ("not an object", "a list of 1")
-
-
-def test_times_of_a_line():
-    stamps = ["2026-05-01T08:00:00Z", "2026-05-01T08:00:09Z"]
-    both = {"coordTimes": stamps, "coordinateProperties": {"times": ["x"]}}
-    assert read_geojson(feature(both)).time_s.tolist() == [0.0, 9.0]
-    (fault,) = faults_of(read_geojson, feature({"coordTimes": [stamps[0], ["a" * 90, 5]]}))
-    assert fault.what == "times and points differ in number"
-    (fault,) = faults_of(read_geojson, feature({"coordTimes": [stamps[0], {"a" * 90: 1}]}))
-    assert fault.got == "{'" + "a" * 38
-    assert read_geojson(feature({"coordTimes": None})).time_s is None
-
-
 def test_the_points_of_all_lines_are_counted(monkeypatch):
     """And places east of 90 degrees are on earth."""
     monkeypatch.setattr(points, "MOST_POINTS", 4)
@@ -169,13 +148,6 @@ LINE = [[11.0, 48.0], [11.1, 48.1, 530.0]]
 
 
 class TestGeojson:
-    def test_a_line(self) -> None:
-        found = read_geojson(json.dumps({"type": "LineString", "coordinates": LINE}).encode())
-        assert found.latitude_deg.tolist() == [48.0, 48.1]
-        assert found.longitude_deg.tolist() == [11.0, 11.1]
-        assert np.isnan(found.elevation_m[0])
-        assert found.elevation_m[1] == 530.0
-
     def test_the_piece_between_two_lines_has_the_speed_of_the_second(self) -> None:
         other = [[11.2, 48.2], [11.3, 48.3]]
         made = read_geojson(

@@ -60,12 +60,6 @@ def test_a_logged_drive_comes_back_from_gpx():
     assert trip.array("elevation_m")[[0, -1]].tolist() == pytest.approx([500.0, 530.0], abs=0.1)
 
 
-def test_too_many_points(monkeypatch):
-    monkeypatch.setattr("tripwatt.routes.xml_events.MOST_POINTS", 50)
-    with pytest.raises(InvalidInput, match="too many points"):
-        read_gpx(gpx(drive(SPEED)))
-
-
 NO = np.nan
 
 
@@ -103,11 +97,6 @@ def test_an_element_belongs_to_the_point_around_it():
     found = read_gpx(gpx_text(f'<ele>9</ele><rtept lat="1" lon="1">{inside}</rtept><time>never</time>'))
     np.testing.assert_array_equal(found.elevation_m, [7.0, NO])
     assert found.time_s is None
-
-
-def test_a_point_without_a_route_around_it_is_left_out():
-    found = read_gpx(b'<gpx><rtept lat="9" lon="1"/>' + gpx_text('<rtept lat="1" lon="1"/>')[5:])
-    assert found.latitude_deg.tolist() == [1.0, 2.0]
 
 
 def test_points_of_the_first_track_alone_are_counted_with_the_others():

@@ -161,12 +161,6 @@ def test_points_of_kml_are_cut_in_messages():
     assert (fault.where, fault.got) == ("route, point 1", repr("x" * 60))
 
 
-def test_the_most_points_of_kml(monkeypatch):
-    monkeypatch.setattr(xml_events, "MOST_POINTS", 2)
-    assert len(read_kml(kml_text("1,2 1,3"))) == 2
-    assert faults_of(read_kml, kml_text("1,2 1,3 1,4"))[0].got == "more than 2"
-
-
 def test_a_little_height_is_a_height():
     assert read_kml(kml_text("1,2,0 1,3,0.5")).elevation_m.tolist() == [0.0, 0.5]
     assert read_kml(kml_text("1,2,0 1,3,-0.5")).elevation_m.tolist() == [0.0, -0.5]
@@ -203,3 +197,9 @@ def test_a_recording_has_a_time_for_each_point():
     assert read_kml(f"<kml><Track>{where}</Track></kml>".encode()).time_s is None
     (fault,) = faults_of(read_kml, track.replace("<coord>1 0</coord>", "").encode())
     assert fault.got == "3 times, 2 points"
+
+
+def test_the_most_points_of_kml(monkeypatch):
+    monkeypatch.setattr(xml_events, "MOST_POINTS", 2)
+    assert len(read_kml(kml_text("1,2 1,3"))) == 2
+    assert faults_of(read_kml, kml_text("1,2 1,3 1,4"))[0].got == "more than 2"

@@ -56,19 +56,6 @@ def test_a_steep_link_climbs_as_given(grade):
         route_from_links([{"length_m": 100.0, "speed_m_s": 8.0, "grade": 0.45}])
 
 
-def test_heights_at_the_ends_of_a_link_mean_a_grade():
-    """Of heights 10 m may be noise; 0.4 of 100 m are 40 m."""
-    link = {"length_m": 100.0, "speed_m_s": 8.0, "start_elevation_m": 400.0}
-    for height in (450.0, 350.0):
-        assert route_from_links([{**link, "end_elevation_m": height}]).elevation_m.tolist() == [400.0, height]
-    for height, grade in ((451.0, "0.51"), (349.0, "-0.51"), (1520.0, "11.2"), (0.0, "-4")):
-        with pytest.raises(InvalidInput) as caught:
-            route_from_links([{**link, "end_elevation_m": height}, {**link, "length_m": 0.0}])
-        assert f"grade out of range: link 1, end_elevation_m: got {grade}; allowed: -0.4 to 0.4" in [
-            str(fault) for fault in caught.value.faults
-        ]
-
-
 def test_every_fault_of_the_links_at_once():
     with pytest.raises(InvalidInput) as caught:
         route_from_links(
@@ -289,12 +276,6 @@ def test_links_leave_out_what_is_not_known() -> None:
     assert (second["length_m"], second["travel_time_s"]) == (50.0, 5.0)
     assert "speed_limit_m_s" not in second
     assert all(value == value for link in (first, second) for value in link.values())
-
-
-def test_links_without_limits_have_none() -> None:
-    (link,) = fields_of_route(route_from_links([{"length_m": 100.0, "speed_m_s": 10.0}]))["links"]
-    assert link["travel_time_s"] == 10.0
-    assert "speed_limit_m_s" not in link
 
 
 def test_the_fields_of_a_route_give_it_again() -> None:

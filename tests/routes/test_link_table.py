@@ -73,23 +73,6 @@ class TestTable:
             route_from_table(text)
         return [str(fault) for fault in caught.value.faults]
 
-    def test_faults_of_a_header(self) -> None:
-        found = self.faults(b"length_m,length_m,colour\n")
-        assert [f.split(":")[0] for f in found] == ["unknown column", "duplicate column", "missing column"]
-        assert "got 2 times" in found[1]
-        assert found[2].endswith("speed_m_s or travel_time_s")
-        assert self.faults(b"speed_m_s\n5\n")[0].endswith("allowed: length_m")
-        long = self.faults(b"length_m,speed_m_s," + b"c" * 80 + b"\n")
-        assert f"column '{'c' * 60}'" in long[0]
-
-    def test_faults_of_cells(self) -> None:
-        found = self.faults(b"length_m,speed_m_s\n500,5\nlong,5\n500,5,5\n")
-        assert found[0].startswith("not a number: links, link 2, length_m: got 'long'")
-        assert found[1].startswith("too many cells: links, link 3: got 3; allowed: 2")
-        assert len(found) == 2
-        wrong = self.faults(b"length_m,speed_m_s\n" + b"x,5\n" * 500)
-        assert len(wrong) < 500
-
     def test_bytes_that_are_no_text(self) -> None:
         assert self.faults(b"length_m,speed_m_s\n\xff,5\n")[0].startswith("not a table")
 
@@ -125,26 +108,9 @@ class TestTable:
         neither = self.faults(f"length_m,{'c' * 200}\n5,5\n".encode())
         assert f"got length_m, {'c' * 110}; allowed: speed_m_s or travel_time_s" in neither[1]
 
-    def test_alike_faults_of_cells_are_counted(self) -> None:
-        found = self.faults(b"length_m,speed_m_s\n" + b"x,5\n" * 3 + b"5,x\n")
-        assert [f.split(": got")[0] for f in found] == [
-            *(f"not a number: links, link {k}, length_m" for k in (1, 2, 3)),
-            "not a number: links, link 4, speed_m_s",
-        ]
-        found = self.faults(b"length_m,speed_m_s\n" + b"x,5\n" * 49 + b"x,x\n" + b"x,5\n" * 9)
-        assert [f.split(";")[0] for f in found] == [
-            "not a number: links, link 1, length_m: got 'x' (and 58 more links)",
-            "not a number: links, link 50, speed_m_s: got 'x'",
-        ]
-
     def test_fifty_rows_with_too_many_cells_are_named(self) -> None:
         for number, faults in ((50, 50), (53, 51)):
             found = self.faults(b"length_m,speed_m_s\n" + b"5,5,5\n" * number)
             assert len(found) == faults
             assert found[0].startswith("too many cells: links, link 1: got 3")
         assert found[-1] == "further faults: links: got 3 more"
-
-    def test_a_link_may_have_as_many_cells_as_the_header(self) -> None:
-        assert len(route_from_table(b"length_m,speed_m_s,grade\n5,5\n5,5,0.01\n")) == 2
-        found = self.faults(b"length_m,speed_m_s\n5,5\n5,5,\n")
-        assert found == ["too many cells: links, link 2: got 3; allowed: 2"]

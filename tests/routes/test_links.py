@@ -186,14 +186,6 @@ def test_bounds_of_a_link():
         assert refused([9.0], [9.0], **{name: [9.0, 9.0]}) == [name]
 
 
-def test_values_below_one_are_values():
-    slow = {"stop_s": [0.5], "moving_speed_m_s": [0.5], "speed_limit_m_s": [0.5]}
-    assert route([0.5], [0.9], **slow).distance_m == 0.5
-    assert links_of_trip(logged([1.0] * 3), 0.5).length_m.tolist() == [0.5] * 4
-    assert links_of_trip(logged([0.2] * 3), 5.0).distance_m == pytest.approx(0.4)
-    assert links_of_trip(logged([5.0, 5.0])).length_m.tolist() == [5.0]
-
-
 def test_bounds_of_a_route():
     assert route([9.0, 9.0], [86_400.0, 86_400.0]).duration_s == 172_800.0
     assert refused([9.0, 9.0], [86_400.0, 86_401.0]) == ["links"]
@@ -210,22 +202,6 @@ def test_bounds_of_a_route():
 def test_several_wrong_links_are_counted():
     with pytest.raises(InvalidInput, match=r"link 2, length_m: got 0 \(and 1 more links\)"):
         route([9.0, 0.0, 0.0], [9.0] * 3)
-
-
-def test_one_wrong_link_is_not_counted():
-    with pytest.raises(InvalidInput) as caught:
-        route([9.0, 0.0], [9.0] * 2)
-    assert caught.value.faults[0].got == "0"
-
-
-def test_what_is_not_given_of_a_route():
-    plain = route([9.0], [9.0])
-    assert plain.free_flow is False
-    assert plan_from_links(plain).step_s == 1.0
-    assert plain.speed_limit_m_s is None
-    assert plain.elevation_at([0.0]) is None
-    assert route([9.0], [9.0], elevation_m=[5.0]).elevation_at([0.0]) is None
-    assert route([9.0], [9.0], elevation_position_m=[0.0]).elevation_at([0.0]) is None
 
 
 def logged(speed, **columns):
@@ -377,24 +353,6 @@ def test_speeds_that_differ_by_a_millionth_are_one():
     assert uncut([200.0, 200.0], [20.0, 20.00003]) == 200.0
     assert links.MOST_SAMPLES == 2_000_000
     assert uncut([200.0, 300.0, 100.0], [20.0, 30.0, 20.0]) == pytest.approx((500.0**2 + 100.0**2) / 600.0)
-
-
-@pytest.mark.parametrize(
-    "more",
-    [
-        {"stop_s": [5.0, NO, NO]},
-        {"stop_s": [NO, 0.0, 0.0]},
-        {"moving_speed_m_s": [12.0, NO, NO]},
-        {"moving_speed_m_s": [12.0, 14.0, 14.0]},
-        {"moving_speed_m_s": [NO, 14.0, 14.0]},
-        {"speed_limit_m_s": [14.0, NO, NO]},
-        {"speed_limit_m_s": [NO, 16.0, 16.0]},
-    ],
-)
-def test_each_link_is_compared_with_its_own_neighbour(more):
-    """The second and the third are one."""
-    found = uncut([200.0] * 3, [20.0] * 3, **more)
-    assert found == pytest.approx((200.0**2 + 400.0**2) / 600.0)
 
 
 def test_equal_neighbours_beyond_the_longest_link_stay_apart(monkeypatch):

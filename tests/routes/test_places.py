@@ -103,38 +103,6 @@ A, B = Place(47.0, 9.0), Place(47.0, 9.1)
 NAN = float("nan")
 
 
-def test_bearings_follow_the_compass():
-    around = bearings_deg(np.array([47.0, 47.1, 47.1, 47.0, 47.0]), np.array([9.0, 9.0, 9.1, 9.1, 9.0]))
-    assert around == pytest.approx([0.0, 89.963, 180.0, 270.037], abs=0.01)
-    assert bearings_deg(np.array([0.0, 1.0]), np.array([179.5, -179.5])) == pytest.approx([45.0], abs=0.01)
-
-
-def test_a_place_that_moved_there_and_back_is_where_it_was():
-    there = A.moved(30.0, 50_000.0)
-    assert A.distance_m(there) == pytest.approx(50_000.0, rel=1e-9)
-    lats, lons = np.array([47.0, there.latitude_deg]), np.array([9.0, there.longitude_deg])
-    assert bearings_deg(lats, lons) == pytest.approx([30.0])
-    assert Place(0.0, 179.9).moved(90.0, 22239.0).longitude_deg == pytest.approx(-179.9, abs=1e-4)
-
-
-@pytest.mark.parametrize("text", ["47.1,9.5", "47.1 9.5", " geo:47.1,9.5", "47.1; 9.5", "47.1, 9.5 "])
-def test_coordinates_are_read_as_people_write_them(text):
-    assert read_coordinates(text) == Place(47.1, 9.5)
-
-
-@pytest.mark.parametrize("text", ["Vaduz", "12", "47.1,9.5,3", "12 Landstrasse", ""])
-def test_other_texts_are_no_coordinates(text):
-    assert read_coordinates(text) is None
-
-
-def test_every_coordinate_that_no_place_has_is_named():
-    with pytest.raises(InvalidInput, match=r"latitude: got 91°; allowed: -90° to 90°\n.*longitude: got 181°"):
-        Place(91.0, 181.0)
-    assert Place(-90.0, 180.0).title == "-90.00000, 180.00000"
-    with pytest.raises(InvalidInput, match="nan°"):
-        Place(NAN, 0.0)
-
-
 def test_places_of_one_name_that_lie_together_are_one() -> None:
     village, office, far = (Place(47.1 + d, 9.5, "Vaduz", "village") for d in (0.0, 0.01, 1.0))
     assert without_twins([village, office, far]) == (village, far)

@@ -282,13 +282,6 @@ def test_the_free_speed_grows_with_length_up_to_two_kilometres():
     )
 
 
-def test_values_at_the_edge_are_links():
-    made = link_profile(
-        [500.0, 500.0], [60.0, 60.0], stop_s=[0.0, NO], moving_speed_m_s=[9.0, NO], speed_limit_m_s=[NO, 20.0]
-    )
-    assert made.time_s[-1] == pytest.approx(120.0, abs=1.0)
-
-
 SOFT = LinkStyle(
     driver=DriverStyle(
         acceleration_m_s2=2.5, deceleration_m_s2=5.0, half_acceleration_speed_m_s=15.0, dwell_mean_s=20.0
@@ -340,23 +333,6 @@ def test_a_link_has_as_many_stops_as_fit_into_the_time_that_is_left():
     assert dips(1500.0, 3.0, unknown=False) == 0
 
 
-def test_a_long_link_is_disturbed_once_in_two_kilometres():
-    assert [dips(length, 0.4) for length in (2900.0, 3100.0, 9900.0)] == [1, 2, 5]
-    assert [dips(length, 0.4, 0) for length in (2900.0, 3100.0, 9900.0)] == [1, 1, 4]
-    assert dips(9900.0, 9.6) == 10
-
-
-def test_without_time_left_over_nothing_is_in_the_way():
-    """A link of 1500 m in 100 s at 15 m/s; half a per cent of its time is within what a travel time is met to."""
-    link_s = 100.0 / (A_STOP_S + 20.0)
-    assert [dips(1500.0, share * link_s) for share in (0.0, 0.0049, 0.0052)] == [0, 0, 1]
-    assert dips(9900.0, 0.0) == 0
-
-
-def test_invented_stops_are_25_metres_apart():
-    assert [dips(length, 9.0) for length in (124.0, 125.0, 49.0, 24.0, 5.0)] == [4, 5, 1, 1, 1]
-
-
 def course(length, time, stop=NO, moving=NO, limit=NO, style=SOFT, rng=None):
     length, time = np.array(length, dtype=float), np.array(time, dtype=float)
     given = (np.broadcast_to(np.asarray(x, dtype=float), length.shape).copy() for x in (stop, moving, limit))
@@ -404,14 +380,6 @@ def test_what_is_known_of_a_link_before_the_delays():
     np.testing.assert_allclose(grid.ramp, np.minimum(ramp, most), **EXACT)
 
 
-def test_nobody_hurries_more_than_1_6_times_and_2_metres_a_second():
-    grid = course([240.0] * 3, [60.0] * 3, moving=30.0)
-    np.testing.assert_allclose(grid.fastest, 30.0, **EXACT)
-    np.testing.assert_allclose(
-        grid.ramp, ramp_speeds(grid.position, grid.ends, np.full(3, 1.6 * 4.0 + 2.0), SOFT), **EXACT
-    )
-
-
 def test_dips_lie_in_their_shares_of_the_link():
     waits = 2.0 * (A_STOP_S + 20.0) + 16.0
     grid = course([240.0] * 3, [20.0, waits, 20.0], moving=15.0)
@@ -422,15 +390,6 @@ def test_dips_lie_in_their_shares_of_the_link():
     assert course([240.0, 40.0, 240.0], [20.0, 4.0, 20.0], moving=15.0, style=early).dip_node.tolist() == [62]
     late = LinkStyle(driver=SOFT.driver, comfort=0.4, stop_place=0.9)
     assert course([240.0, 40.0, 240.0], [20.0, 4.0, 20.0], moving=15.0, style=late).dip_node.tolist() == [70]
-
-
-def test_drawn_speeds_have_a_twentieth_and_drawn_places_the_middle_of_a_link():
-    grid = course([240.0] * 3, [20.0, 80.0, 20.0], moving=15.0, rng=np.random.default_rng(3))
-    twin = np.random.default_rng(3)
-    np.testing.assert_allclose(grid.free, 15.0 * np.exp(0.05 * twin.standard_normal(3)), **EXACT)
-    n = len(grid.dip_link)
-    place = (np.arange(n) + twin.uniform(0.2, 0.8, n)) / n * 60.0
-    assert grid.dip_node.tolist() == (60 + np.rint(place)).tolist()
 
 
 @pytest.fixture
@@ -466,19 +425,6 @@ def test_a_delay_slows_down_at_the_dip_and_a_lead_uses_the_pedals(aims):
         effort[::60], [0.4 * 1.3, 0.4, 0.4 * 1.6, 0.4, 1.0], **EXACT
     )  # comfort, and three times the lead
     np.testing.assert_allclose(driving_s, 8.0 / (speed[1:] + speed[:-1]), **EXACT)
-
-
-def test_the_search_for_the_delays_ends_after_thirty_passes(monkeypatch):
-    """A car that is by turns too slow and too fast never keeps its time."""
-    passes = []
-
-    def by_turns(position, aim, style, effort=None):
-        passes.append(1)
-        return np.full(len(position), 1.0 if len(passes) % 2 else 100.0)
-
-    monkeypatch.setattr(profile, "reachable_speed", by_turns)
-    link_profile([240.0] * 3, [16.0] * 3, moving_speed_m_s=[15.0] * 3)
-    assert len(passes) == 30
 
 
 def test_the_slower_link_rules_where_two_meet_and_a_given_stop_is_a_standstill(aims):

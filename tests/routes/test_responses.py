@@ -115,26 +115,6 @@ def test_heights_of_responses():
     assert read_response(RESPONSES / "osrm.json").flags == (Flag("no_elevation", "road"),)
 
 
-def test_miles_and_feet_of_valhalla():
-    response = json.loads((RESPONSES / "valhalla.json").read_text())
-    response["trip"]["units"] = "miles"
-    route = read_response(json.dumps(response).encode())
-    assert route.distance_m == pytest.approx(2.0 * 1609.344)
-    assert route.elevation_at([0.0])[0] == pytest.approx(152.4)
-
-
-@pytest.mark.parametrize(("units", "metres"), [("m", 1.0), ("km", 1000.0), ("mi", 1609.344)])
-def test_units_of_openrouteservice(units, metres):
-    response = json.loads((RESPONSES / "openrouteservice.json").read_text())
-    for step in response["features"][0]["properties"]["segments"][0]["steps"]:
-        step["distance"] /= metres
-    response["metadata"]["query"] = {"units": units, "profile": "driving-car"}
-    assert read_response(json.dumps(response).encode()).distance_m == pytest.approx(1500.0)
-    response["metadata"]["query"]["units"] = "furlong"
-    with pytest.raises(InvalidInput, match="unknown unit"):
-        read_response(json.dumps(response).encode())
-
-
 def encode(points, scales):
     """An encoded polyline, written the other way round than the reader."""
     text, before = "", np.zeros(len(scales), dtype=np.int64)
@@ -399,15 +379,6 @@ def leg(duration, distances, durations):
     return {"duration": duration, "annotation": {"distance": distances, "duration": durations}}
 
 
-def test_pieces_of_an_osrm_leg_without_length_or_time_have_no_speed():
-    made = osrm(leg(8.0, [0.5, 0.0, 60.0, 90.0], [0.25, 1.75, 2.0, 0.0]))
-    np.testing.assert_allclose(made.length_m, [0.5, 150.0], **EXACT)
-    np.testing.assert_allclose(made.travel_time_s, [0.5, 7.5], **EXACT)
-    np.testing.assert_allclose(made.moving_speed_m_s, [2.0, 30.0], **EXACT)
-    with pytest.raises(InvalidInput, match="no route"):
-        osrm(leg(8.0, [50.0], [0.0]))
-
-
 def test_time_without_length_belongs_to_the_length_before():
     made = osrm(leg(5.0, [90.0, 0.0], [0.0, 5.0]))
     assert (made.length_m.tolist(), made.travel_time_s.tolist()) == ([90.0], [5.0])
@@ -416,11 +387,6 @@ def test_time_without_length_belongs_to_the_length_before():
     np.testing.assert_allclose(behind.travel_time_s, [9.0, 8.0], **EXACT)
     more = osrm(leg(15.0, [90.0, 60.0, 4.0], [9.0, 6.0, 0.0]))
     np.testing.assert_allclose(more.length_m, [90.0, 64.0], **EXACT)
-
-
-def test_an_osrm_leg_may_be_shorter_than_its_pieces():
-    np.testing.assert_allclose(osrm(leg(0.5, [9.0], [0.9])).travel_time_s, [0.9], **EXACT)
-    np.testing.assert_allclose(osrm(leg(0.8, [9.0], [0.4])).travel_time_s, [0.8], **EXACT)
 
 
 def test_what_stands_in_for_an_annotation():
@@ -476,14 +442,6 @@ def test_manoeuvres_of_valhalla():
     for wrong in ([], [turns()]):
         with pytest.raises(InvalidInput, match="too few entries"):
             valhalla(*wrong)
-
-
-def test_heights_of_valhalla_need_all_legs():
-    high = turns((1.0, 60.0), elevation=[500.0, 520.0, 540.0])
-    both = valhalla(high, high)
-    assert both.elevation_position_m.tolist() == [0.0, 500.0, 1000.0, 1000.0, 1500.0, 2000.0]
-    for legs in ([high, turns((1.0, 60.0))], [turns((1.0, 60.0), elevation=[]), high]):
-        assert valhalla(*legs).elevation_m is None
 
 
 def test_one_height_of_valhalla_lies_at_the_start():
@@ -729,6 +687,8 @@ def test_keys_of_an_unknown_document_are_cut():
         ({"routes": [5]}, None),
         ({"routes": {"legs": 1}}, None),
         ({"routes": [], "error": 1}, "openrouteservice"),
+        ({"error": 5}, "openrouteservice"),
+        ({}, None),
     ],
 )
 def test_the_first_sign_of_a_router_counts(response, router):
@@ -750,15 +710,6 @@ def test_pieces_without_length_or_time_go_to_the_next():
     assert made.travel_time_s.tolist() == [15.0, 1.0, 9.0]
     np.testing.assert_allclose(made.elevation_position_m, np.array([0.0, 0.25, 1.0]) * 196.005, **TO_ROUNDING)
     assert made.flags == (Flag("a", "b"),)
-
-
-def test_time_after_the_last_piece_belongs_to_it():
-    pieces = Pieces()
-    pieces.add(100.0, 10.0)
-    pieces.add(0.0, 4.0)
-    made = pieces.route("t", None)
-    assert (made.length_m.tolist(), made.travel_time_s.tolist()) == ([100.0], [14.0])
-    assert made.flags == (Flag("no_elevation", "road"),)
 
 
 def test_a_piece_has_a_centimetre_and_some_time():
@@ -785,18 +736,14 @@ def test_heights_of_points():
     assert heights_of(np.array([[0.0, 0.0, 5.0], [0.0, 0.0, 6.0]])) is None
 
 
-def leg_of(duration, distances, durations):
-    return {"duration": duration, "annotation": {"distance": distances, "duration": durations}}
-
-
 def test_what_a_leg_takes_longer_is_shared_out():
     """60 s for pieces of 10 and 30 s: each takes half as long again, and its moving speed stays."""
-    made = route_from_osrm({"routes": [{"legs": [leg_of(60.0, [100.0, 450.0], [10.0, 30.0])]}]})
+    made = route_from_osrm({"routes": [{"legs": [leg(60.0, [100.0, 450.0], [10.0, 30.0])]}]})
     np.testing.assert_allclose(made.travel_time_s, [15.0, 45.0], **TO_ROUNDING)
     np.testing.assert_allclose(made.moving_speed_m_s, [10.0, 15.0], **TO_ROUNDING)
-    shorter = route_from_osrm({"routes": [{"legs": [leg_of(20.0, [100.0, 450.0], [10.0, 30.0])]}]})
+    shorter = route_from_osrm({"routes": [{"legs": [leg(20.0, [100.0, 450.0], [10.0, 30.0])]}]})
     np.testing.assert_allclose(shorter.travel_time_s, [10.0, 30.0], **TO_ROUNDING)
-    empty = route_from_osrm({"routes": [{"legs": [leg_of(20.0, [0.0, 450.0], [10.0, 30.0])]}]})
+    empty = route_from_osrm({"routes": [{"legs": [leg(20.0, [0.0, 450.0], [10.0, 30.0])]}]})
     np.testing.assert_allclose(empty.moving_speed_m_s, [15.0], **TO_ROUNDING)
     assert empty.travel_time_s.tolist() == [40.0]
 
@@ -825,49 +772,3 @@ def test_legs_of_valhalla_follow_each_other():
     miles = route_from_valhalla({"trip": {"units": "miles", "legs": [leg(1.0, 60.0, [100.0, 200.0])]}})
     assert miles.distance_m == 1609.344
     np.testing.assert_allclose(miles.elevation_m, [30.48, 60.96], **TO_ROUNDING)
-
-
-def test_segments_of_openrouteservice():
-    segment = {"distance": 1.5, "duration": 120.0}
-    made = route_from_openrouteservice(
-        {"routes": [{"segments": [segment]}], "metadata": {"query": {"units": "km"}}}
-    )
-    assert (made.distance_m, made.duration_s) == (1500.0, 120.0)
-    assert made.elevation_m is None
-
-
-def test_details_of_graphhopper():
-    """Points a degree apart, on a path that is twice as long; times in milliseconds, speeds in km/h."""
-    path = {
-        "distance": 2.0 * 2.0 * np.pi / 180.0 * 6_371_008.8,
-        "points": {"coordinates": [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]]},
-        "details": {"time": [[0, 1, 9_000_000], [1, 2, 8_000_000]], "average_speed": [[0, 2, 90.0]]},
-    }
-    made = route_from_graphhopper({"paths": [path]})
-    np.testing.assert_allclose(made.length_m, path["distance"] / 2.0, rtol=1e-9)
-    np.testing.assert_allclose(made.travel_time_s, [9000.0, 8000.0], **TO_ROUNDING)
-    np.testing.assert_allclose(made.moving_speed_m_s, 25.0, **TO_ROUNDING)
-    without = {"distance": 900.0, "time": 60_000.0}
-    assert route_from_graphhopper({"paths": [without]}).duration_s == 60.0
-
-
-@pytest.mark.parametrize(
-    ("response", "router"),
-    [
-        ({"trip": {}}, "valhalla"),
-        ({"paths": []}, "graphhopper"),
-        ({"features": [{"properties": {"segments": []}}]}, "openrouteservice"),
-        ({"features": [{"properties": {}}]}, None),
-        ({"features": [{}]}, None),
-        ({"features": []}, None),
-        ({"features": [5]}, None),
-        ({"code": "Ok"}, "osrm"),
-        ({"routes": [{"legs": []}]}, "osrm"),
-        ({"routes": [{}]}, "openrouteservice"),
-        ({"routes": []}, None),
-        ({"error": 5}, "openrouteservice"),
-        ({}, None),
-    ],
-)
-def test_responses_are_told_apart(response, router):
-    assert router_of(response) == router

@@ -283,44 +283,9 @@ def test_links_end_where_class_limit_or_a_signal_changes(more, lengths):
     assert len(kinds) == len(lengths)
 
 
-@pytest.mark.parametrize(("second_s", "number"), [(10.0, 1), (10.34, 1), (10.4, 2), (9.7, 1), (9.6, 2)])
-def test_speeds_that_differ_by_rounding_are_one(second_s, number):
-    links, _ = pooled(edges_of([100.0, 100.0], [10.0, second_s]))
-    assert len(links) == number
-
-
-def test_a_delay_at_a_signal_is_a_standstill_a_short_one_is_not():
-    found, _ = pooled(edges_of([100.0, 100.0], [15.0, 10.0], [10.0, 10.0], signal=[True, False]))
-    assert found.stop_s[0] == 5.0
-    assert math.isnan(found.stop_s[1])
-    found, _ = pooled(edges_of([100.0, 100.0], [11.9, 10.0], [10.0, 10.0], signal=[True, False]))
-    assert math.isnan(found.stop_s[0])
-
-
 def test_a_time_shorter_than_the_free_one_becomes_the_free_one():
     found, _ = pooled(edges_of([100.0], [9.0], [10.0]))
     assert found.travel_time_s.tolist() == [10.0]
-
-
-def test_edges_without_length_belong_to_the_next():
-    found, _ = pooled(edges_of([0.0, 100.0, 0.001], [0.0, 10.0, 0.0]))
-    assert found.length_m.tolist() == [100.001]
-
-
-@pytest.mark.parametrize("name", ["valhalla", *ROUTERS])
-def test_a_road_far_from_the_place_belongs_to_another(name):
-    far = Place(47.02, 9.0)  # 2.2 km north of the start
-    with pytest.raises(
-        InvalidInput, match=r"place outside of the map: 47.02000, 9.00000: got 2.2 km from the nearest road"
-    ):
-        router_of(name).roads([far, B])
-    assert router_of(name).roads([Place(47.013, 9.0), B])
-
-
-@pytest.mark.parametrize("stops", [[A], [A, A], []])
-def test_a_journey_needs_two_places(stops):
-    with pytest.raises(InvalidInput, match=r"too few places|no way to drive"):
-        valhalla_router().roads(stops)
 
 
 def router_of(name, document=None):

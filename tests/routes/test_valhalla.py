@@ -410,41 +410,6 @@ def test_a_tunnel_is_straight_between_the_heights_at_its_ends():
     assert road.plan().flags == ()
 
 
-@pytest.mark.parametrize(
-    "height", [{"height": [None, None]}, {"range_height": []}, {"range_height": [[0, None], [9, 5.0]]}]
-)
-def test_without_heights_the_road_is_flat_and_flagged(height):
-    (road,) = valhalla_router(height=height).roads([A, B])
-    assert road.links.elevation_m is None
-    assert [flag.code for flag in road.links.flags] == ["no_elevation"]
-
-
-def test_what_valhalla_is_asked():
-    seen = []
-
-    def answer(request):
-        seen.append((request.url.path, body_of(request)))
-        return valhalla()(request)
-
-    server = client(answer)
-    router = ValhallaRouter(lambda action, request: server.post_json(f"/{action}", request))
-    router.roads([A, B])
-    assert [path for path, _ in seen] == ["/base/route", "/base/trace_attributes", "/base/height"]
-    assert seen[0][1] == {
-        "locations": [{"lat": 47.0, "lon": 9.0}, {"lat": 47.0, "lon": 9.1}],
-        "costing": "auto",
-        "directions_type": "none",
-    }
-    assert seen[1][1]["shape_match"] == "edge_walk"
-    assert seen[1][1]["encoded_polyline"] == encoded([(47.0, 9.0), (47.0, 9.05), (47.0, 9.1)])
-    assert seen[2][1]["shape_format"] == "polyline6"
-    seen.clear()
-    router.roads([A, B], alternatives=2)
-    assert seen[0][1]["alternates"] == 2
-    assert seen[1][1]["costing_options"] == {"auto": {"shortest": True}}
-    assert len([path for path, _ in seen if path.endswith("trace_attributes")]) == 1  # the same line twice
-
-
 def test_alternatives_differ_and_tracks_are_left_out():
     def trip(middle):
         return {"trip": {"legs": [{"shape": encoded([(47.0, 9.0), (middle, 9.05), (47.0, 9.1)])}]}}
@@ -484,13 +449,6 @@ def test_legs_follow_each_other():
     assert road.links.elevation_position_m == pytest.approx([0.0, 3790.0, HALF_M, HALF_M + 3790.0], abs=1.0)
 
 
-def test_corners_of_an_isochrone():
-    assert valhalla_router().outline(A, 10.0) == (Place(47.0, 9.1), Place(47.1, 9.0), Place(47.0, 8.9))
-    ring = [[[9.1, 47.0], [9.0, 47.1]]]
-    many = {"features": [{"geometry": {"type": "MultiPolygon", "coordinates": [ring, ring]}}]}
-    assert len(valhalla_router(isochrone=many).outline(A, 10.0)) == 4
-
-
 def test_a_tile_is_passed_on_as_it_comes():
     asked = []
 
@@ -525,9 +483,3 @@ def test_no_road_is_an_invalid_input_and_no_failure_of_the_router(answer, what):
     ) as caught:
         valhalla_router(route=answer).roads([A, B])
     assert not isinstance(caught.value, RemoteError)
-
-
-def test_too_many_edges_are_refused_before_they_are_read(monkeypatch):
-    monkeypatch.setattr("tripwatt.roads.routers.valhalla.MOST_EDGES", 1)
-    with pytest.raises(RemoteError, match="too many edges"):
-        valhalla_router().roads([A, B])

@@ -218,14 +218,6 @@ def test_a_pause_ends_before_the_time_is_over(clock, timeout_s, times):
     assert clock[0] == pytest.approx(100.0 + times[-1])  # no pause behind the last one
 
 
-def test_a_pause_that_ends_with_the_time_is_too_long(clock, monkeypatch):
-    monkeypatch.setattr(web, "FIRST_PAUSE_S", 0.25)
-    server, seen = failing(clock, 0.25)
-    with pytest.raises(RemoteError):
-        server.get_json("/x")
-    assert len(seen) == 1
-
-
 def test_time_outs_of_an_attempt(clock):
     """Three seconds to connect and fifteen in all, less where less is left, 50 ms at least."""
     assert (WebClient("http://h").timeout_s, WebClient("http://h").pause) == (15.0, time.sleep)
@@ -259,24 +251,6 @@ def test_an_answer_ends_with_its_time(clock, late_s, sound):
             server.get_json("/x")
 
 
-def test_the_most_bytes_of_an_answer():
-    assert web.MOST_ANSWER_BYTES == 32 * 2**20
-
-
-@pytest.mark.parametrize("status", [500, 501, 505])
-def test_from_500_on_an_answer_is_a_document(status):
-    with pytest.raises(RemoteError, match=f"the server failed: router.test: got status {status}"):
-        client(lambda r: httpx.Response(status, text="[1]")).request("GET", "/x")
-    assert client(lambda r: httpx.Response(status, text=" {}")).request("GET", "/x").status == status
-
-
-def test_below_500_any_answer_is_one():
-    for status in (200, 204, 400, 402, 404, 499):
-        assert (
-            client(lambda r, s=status: httpx.Response(s, text="oops")).request("GET", "/x").status == status
-        )
-
-
 def test_an_address_is_cut_in_messages():
     with pytest.raises(InvalidInput, match="not the URL of a server") as caught:
         require_url("ftp://me:pw@" + "h" * 99, "x")
@@ -286,22 +260,6 @@ def test_an_address_is_cut_in_messages():
 @pytest.mark.parametrize("url", ["http://h:0", "http://h:1", "https://h:65535", "http://[::1]:8002"])
 def test_ports_of_an_address(url):
     assert require_url(url + "/", "x") == url
-
-
-def test_without_a_key_the_question_has_no_place_for_it(monkeypatch):
-    monkeypatch.setenv("SOME_KEY", "  ")
-    seen = []
-    server = client(
-        lambda r: seen.append(r) or httpx.Response(200, json={}),
-        key_variable="SOME_KEY",
-        key_place="query:key",
-    )
-    server.get_json("/x")
-    server.get_json("/x", {"a": "1"})
-    assert [str(request.url) for request in seen] == [
-        "http://router.test/base/x",
-        "http://router.test/base/x?a=1",
-    ]
 
 
 def test_a_client_is_its_settings(monkeypatch):

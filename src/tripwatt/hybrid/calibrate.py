@@ -19,7 +19,9 @@ TAIL_DF: Final = 4.0
 USUAL_ERROR: Final = 0.05
 """Error of a trip's energy with the right values, as a share of it: wind, traffic, and what the log does not hold."""
 USUAL_DF: Final = 4.0
+"""Trips that the usual error counts for beside the own ones; a choice."""
 LEAST_TRIPS: Final = 3
+"""A choice, because fewer trips show next to nothing of several values."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -106,6 +106,7 @@ MILD_DEGC: Final = 19.0
 """Outside air above which climate control cools, by half [°C]."""
 
 _NEAR_K: Final = 8.0
+"""Kelvins around its temperature within which a season acts; a choice, a little less than from one to the next."""
 
 USUAL_WH: Final = 40.0
 USUAL_SHARE: Final = 0.042
@@ -288,6 +289,7 @@ class TripEvidence:
 
 
 _USUAL_DF: Final = 2.0
+"""Trips that the usual error counts for beside the own ones; a choice."""
 
 
 def usual_variance_wh2(net_wh: FloatArray, moved_wh: FloatArray, km: FloatArray) -> FloatArray:

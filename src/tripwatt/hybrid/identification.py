@@ -65,10 +65,13 @@ CURVE_WIDTH_V: Final = 0.05
 REST_SD_V: Final = 0.02
 """Voltage of a cell at rest about its open-circuit voltage, before it has settled [V]."""
 REST_BINS: Final = 20
+"""Bins of charge in which cells at rest are averaged; a choice, finer than the knots of the curve."""
 RESTING_A: Final = 3.0
 RESTING_S: Final = 10.0
 STANDING_M_S: Final = 0.1
 CLIMATE_OFF_W: Final = 50.0
+"""Below this current [A] for this time [s] a cell rests, below this speed a car stands, below this power [W] its climate control is
+off; choices."""
 
 HEATER: Final = ("heating_power_w", "aircon_power_w")
 

@@ -46,6 +46,7 @@ CLIMATE_USE: Final = ((1.0, 0.7), (0.5, 0.2), (0.0, 0.1))
 control does not show it."""
 
 NOISES: Final = (0.0625, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
+"""Variances of a car's errors over the usual one; a choice, steps of two."""
 
 DRIFTS: Final = ((0.03, 0.6), (0.07, 0.4))
 """Standard deviations of a slow drift of the consumption by season, tyres and ageing, as a share, and their weights before any trip: choices. What is left

@@ -10,6 +10,7 @@ from tripwatt.arrays import FloatArray, IntArray
 
 Correlation = Literal["independence", "exchangeable", "ar1"]
 LARGEST = {"independence": 0.0, "exchangeable": 0.95, "ar1": 0.99}
+"""Largest correlation of each kind; a choice, because at 1 no inverse is left."""
 
 
 class WorkingCorrelation:

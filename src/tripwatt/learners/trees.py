@@ -52,6 +52,7 @@ class TreeShape:
 
 
 _QUIET = {"num_threads": 1, "deterministic": True, "force_row_wise": True, "verbosity": -1}
+"""A choice, because trees then do not depend on the machine."""
 
 
 class TreeGrower:

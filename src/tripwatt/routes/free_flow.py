@@ -19,10 +19,13 @@ from tripwatt.trips import Plan, Recorded, plan_from_trip
 from tripwatt.units import M_S_PER_KM_H
 
 CLASSES_KM_H: Final = (30.0, 50.0, 70.0, 100.0, 120.0, 130.0)
+"""Free speeds of the classes of roads; a choice, usual limits in Europe."""
 LINK_M: Final = 250.0
+"""Length of the links into which a drive is cut; a choice."""
 
 
 LARGEST_FACTOR: Final = 3.0
+"""No class takes more than three times its free time, or less than a third; a choice."""
 
 SHARES: Final = (0.6, 0.7, 0.8, 0.9, 1.0)
 """Shares of the limit that may be the speed between two stops."""

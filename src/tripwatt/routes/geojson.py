@@ -25,8 +25,8 @@ ROAD_SPEED_M_S: Final[Mapping[str, float]] = {
 """Mean speed [m/s] by OpenStreetMap's class of road where nothing better is known: the values of OSRM's car profile."""
 
 DEEPEST: Final = 64
+"""Geometries inside geometries; a choice, far below the limit of recursion."""
 _Line = tuple[FloatArray, float, list[str]]  # points, speed [m/s], times
-"""Geometries inside geometries."""
 
 
 def read_geojson(source: bytes | str | Path, *, where: str | None = None) -> Track:

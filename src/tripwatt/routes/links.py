@@ -304,7 +304,8 @@ def _uncut(route: LinkRoute) -> LinkRoute:
         if values is not None:
             alike &= np.isclose(values[:-1], values[1:], SAME_SPEED, 0.0, equal_nan=True)
     first = np.flatnonzero(np.concatenate(([True], ~alike)))
-    one = joined_links(route, first)
+    # equal free speeds stay as they are to the last bit: the passes of a drive may end elsewhere after a change by rounding
+    one = joined_links(route, first) | {"moving_speed_m_s": route.moving_speed_m_s[first]}
     return route if float(one["length_m"].max()) > LONGEST_LINK_M else replace(route, **one)
 
 

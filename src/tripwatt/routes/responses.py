@@ -34,6 +34,7 @@ from tripwatt.trips import Flag
 from tripwatt.units import M_PER_FOOT, M_PER_MILE
 
 ORS_UNITS_M: Final[Mapping[str, float]] = {"m": 1.0, "km": 1000.0, "mi": M_PER_MILE}
+"""Units of length in which openrouteservice answers."""
 ZIP: Final = b"PK\x03\x04"
 """First bytes of a ZIP archive."""
 

@@ -19,6 +19,7 @@ import numpy as np
 from tripwatt.arrays import FloatArray
 
 REFERENCE_M: Final = 10_000.0
+"""Distance for which the scales of the net climb are given [m]; a choice."""
 GROWTH: Final = 0.6
 """Exponent of the net climb over distance. In logs it falls from 0.8 over some kilometres to 0.4 over tens of them (`python -m benchmarks.climb`)."""
 STEEPEST: Final = 0.2
@@ -33,6 +34,7 @@ REGION_SPREAD: Final = 0.9
 """Before any log: median scale of a region that is neither flat nor mountains [m], and how far regions differ (standard deviation of
 logarithms). Choices; two regions with logs are too few to replace them."""
 _FARTHEST: Final = 3.2
+"""Standard deviations up to which the quantiles are spaced; a choice."""
 
 
 @dataclass(frozen=True, slots=True)

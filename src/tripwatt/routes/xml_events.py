@@ -17,6 +17,7 @@ from tripwatt.routes.points import MOST_POINTS
 from tripwatt.routes.tracks import Track, times_of
 
 DEEPEST_XML: Final = 64
+"""Levels of a text; a choice, which bounds the memory."""
 ROOT_BYTES: Final = 65_536
 """The root of a text begins within its first bytes."""
 

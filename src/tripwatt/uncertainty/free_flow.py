@@ -24,6 +24,7 @@ from tripwatt.trips import Plan, Trip
 from tripwatt.vehicles import Vehicle
 
 LEAST_TRIPS: Final = 5
+"""A choice, because two variances from fewer trips would be chance."""
 
 
 @dataclass(frozen=True, eq=False)

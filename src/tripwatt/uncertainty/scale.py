@@ -18,7 +18,9 @@ T_VARIANCE: Final = TAIL_DF / (TAIL_DF - 2.0)
 """Variance of this distribution over its squared scale. What is outside of the training has the standard deviation of a prior, and so a
 scale that is smaller by the root of it."""
 _START: Final = np.array([100.0, 200.0, 0.03, 1.0])
+"""Usual sizes of the parts: 100 Wh of every trip, 200 W of its time, 3 % of the energy moved, the corrector's own in full; choices."""
 _LOG_SD: Final = 2.0
+"""Of the log-normal priors around these: a part may well be seven times as large or as small; a choice."""
 
 
 @dataclass(frozen=True, slots=True)

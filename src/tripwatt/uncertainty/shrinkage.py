@@ -14,6 +14,7 @@ from tripwatt.uncertainty.process import EXACT_W2, HeldOutResidual, ResidualProc
 from tripwatt.uncertainty.residual_power import PowerPrior, ResidualPower, ShiftedPower
 
 FRACTIONS: Final = (0.1, 0.25, 0.375, 0.5, 0.75, 0.9)
+"""Measured fractions of a trip for which shares are learned; a choice, between them they are linear."""
 SURE: Final = 1.645
 """Standard errors to the lower end of a one-sided confidence interval of 95 %."""
 COMPONENTS: Final = ("climate", "drive", "joint", "off")
