@@ -343,7 +343,7 @@ def height_logs(draw: st.DrawFn) -> dict[str, np.ndarray]:
     return {"time_s": time, "speed_m_s": speed, "elevation_m": height}
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=80, deadline=None)
 @given(height_logs())
 def test_a_log_climbs_from_its_first_to_its_last_height(log) -> None:
     """Mass times gravity times the difference, but at most what the steepest street climbs on a road of this length.

@@ -77,7 +77,7 @@ def test_every_fault_of_the_links_at_once():
         route_from_links([{"length_m": 1000.0, "speed_m_s": 0.001}])
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(
     st.lists(
         st.dictionaries(

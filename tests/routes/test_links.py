@@ -109,7 +109,7 @@ LIMITED = st.lists(
 )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(LIMITED, st.one_of(st.none(), st.integers(0, 9)))
 def test_nobody_drives_faster_than_the_limit_or_the_mean_speed(links, seed):
     route = route_from_links(

@@ -53,7 +53,7 @@ def late_links(length, time, profile):
     return np.diff(borders) - time, borders
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(routes)
 # the last link is too short to brake in; the fast link between slower ones is too short to speed up on
 @example((np.array([500.0, 200.0, 200.0]), np.array([41.667, 12.821, 9.862])))
@@ -82,7 +82,7 @@ def test_every_link_takes_its_travel_time_or_the_driver_is_at_the_limit(route):
     assert profile.position_m[-1] == pytest.approx(length.sum())
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(
     st.lists(st.tuples(st.floats(1.0, 3000.0), st.floats(0.3, 60.0)), min_size=1, max_size=15),
     st.one_of(st.none(), st.integers(0, 9)),

@@ -291,7 +291,7 @@ SNIPPETS = [
 ]
 
 
-@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(
     st.sampled_from(SEEDS),
     st.lists(
@@ -312,7 +312,7 @@ def test_mutants_are_refused_or_driven(text, changes):
     assert np.isfinite(trip.array("speed_m_s")).all()
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=80, deadline=None)
 @given(
     st.recursive(
         st.one_of(

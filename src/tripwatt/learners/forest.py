@@ -214,7 +214,12 @@ class ClusteredForest(ClusteredTrees):
         if len(fold_labels) < 2:
             enough[:] = False
         forests = [self._grow(sample, counts, setting, seed) for setting in self._settings()]
-        best = self._choices(forests, sample, counts == 0, held, without)
+        best = np.zeros(len(held), dtype=np.int64)
+        if len(forests) > 1:
+            # by trees out of bag for the fold and for the group that is scored
+            errors = np.array([_nested_losses(forest, sample, counts == 0, without) for forest in forests])
+            errors[:, held] = np.nan
+            best = np.argmin([[mean_over_groups(e) for e in error] for error in errors], axis=0)
         fold_of_row = fold_of_group[clusters.codes]
         prediction = np.empty(len(rows))
         for fold in range(len(fold_labels)):
@@ -261,21 +266,6 @@ class ClusteredForest(ClusteredTrees):
             losses = [_oob_losses(trial, sample, few == 0)[allowed] for trial in trials]
             best = int(np.argmin([mean_over_groups(loss) for loss in losses]))
         return self._grow(sample, counts, settings[best], seed), np.ones(len(counts), dtype=bool)
-
-    def _choices(
-        self,
-        forests: list[_Grown],
-        sample: Sample,
-        out_of_bag: BoolArray,
-        held: BoolArray,
-        without: BoolArray,
-    ) -> IntArray:
-        """Best setting of each fold, by trees out of bag for the fold and for the group that is scored."""
-        if len(forests) == 1:
-            return np.zeros(len(held), dtype=np.int64)
-        errors = np.array([_nested_losses(forest, sample, out_of_bag, without) for forest in forests])
-        errors[:, held] = np.nan
-        return np.asarray(np.argmin([[mean_over_groups(e) for e in error] for error in errors], axis=0))
 
     def _keep(self, forest: _Grown) -> None:
         """Write the leaf values into the booster, so that it alone predicts."""

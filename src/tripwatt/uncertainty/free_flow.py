@@ -21,6 +21,7 @@ from tripwatt.physics import simulate_trip
 from tripwatt.routes.free_flow import TravelTimeFactors, free_flow_links, moving_share, share_energy
 from tripwatt.routes.links import LinkRoute, plan_from_links
 from tripwatt.trips import Plan, Trip
+from tripwatt.uncertainty.route import energies
 from tripwatt.vehicles import Vehicle
 
 LEAST_TRIPS: Final = 5
@@ -163,7 +164,7 @@ class FreeFlowTrips:
                 continue
             table = segment_table(plan, simulate_trip(self.vehicle, plan))
             base = driven.take([int(k)])
-            differences[row] = _energy(corrector, table) / _energy(corrector, base) - 1.0
+            differences[row] = energies(corrector, table)[0] / energies(corrector, base)[0] - 1.0
         return differences
 
     def uncertainty(self, differences: FloatArray) -> FreeFlowUncertainty | None:
@@ -173,7 +174,3 @@ class FreeFlowTrips:
             return None
         distance = np.array([np.nan if f is None else f[0].distance_m for f in self.links])
         return FreeFlowUncertainty.from_differences(factors, differences, distance)
-
-
-def _energy(corrector: PowerCorrector, table: SegmentTable) -> float:
-    return float(table.totals_wh(table.simulated_w + corrector.predict(table))[0])

@@ -167,12 +167,13 @@ class LinkedTrips:
         if not cut:
             return differences
         on_links = SegmentTable.join([table for k in cut for table in self.tables[int(members[k])]])
-        base = _energies(corrector, driven.take(members[cut]))[:, None]
-        differences[cut] = _energies(corrector, on_links).reshape(len(cut), len(LENGTHS_M)) / base - 1.0
+        base = energies(corrector, driven.take(members[cut]))[:, None]
+        differences[cut] = energies(corrector, on_links).reshape(len(cut), len(LENGTHS_M)) / base - 1.0
         return differences
 
 
-def _energies(corrector: PowerCorrector, table: SegmentTable) -> FloatArray:
+def energies(corrector: PowerCorrector, table: SegmentTable) -> FloatArray:
+    """Corrected energy of each trip of a table [Wh], shape (trips,)."""
     return table.totals_wh(table.simulated_w + corrector.predict(table))
 
 
