@@ -23,11 +23,11 @@ from tools.command import run
 PARTS: Final = ("roads", "server", "fleet", "study", "gamm")
 """Rooms that are a part; all others together are the core. `gamm` is a distribution of its own."""
 BUDGETS: Final[Mapping[str, int]] = {
-    "core": 22_652,
+    "core": 22_173,
     "roads": 4_208,
     "server": 6_369,
     "fleet": 2_372,
-    "study": 5_000,
+    "study": 4_726,
     "gamm": 4_062,
 }
 """Most code lines of each part. They only fall: whoever needs lines finds them first."""
