@@ -15,7 +15,7 @@ from tripwatt.command.output import write_text
 from tripwatt.command.printing import print_notes, print_table
 from tripwatt.command.sentences import chance_to_arrive, forecast_in_words, unknown_climb_in_words
 from tripwatt.errors import Check, InvalidInput, raise_faults
-from tripwatt.forecasting.leaving import soc_needed
+from tripwatt.forecasting.leaving import leave_with, soc_needed
 
 if TYPE_CHECKING:
     from tripwatt.forecasting import Forecast
@@ -94,7 +94,7 @@ def forecast(
     expected = fitted.forecast(plan, known)
     if measured is not None:
         expected = expected.update(measured)
-    leaving = LEAVE_PROBABILITY if observed is None else None
+    leaving = None if observed is not None else leave_with(expected, reserve, LEAVE_PROBABILITY)
     return Answer(partial(expected.to_dict, reserve, leaving), partial(_show_forecast, expected, reserve))
 
 

@@ -238,7 +238,9 @@ class ClusteredBoosting(ClusteredTrees):
 
     def tuned(self) -> ClusteredBoosting:
         """An unfitted copy with the rounds that `fit` chose, to fit on a part of the same groups."""
-        return clone(self).set_params(n_rounds=max(int(self.n_rounds_), 1), n_folds=None)
+        rounds = max(int(self.n_rounds_), 1)
+        copy: ClusteredBoosting = clone(self).set_params(n_rounds=rounds, n_folds=None)
+        return copy
 
     def _raw(self, rows: FloatArray) -> FloatArray:
         return _values(rows, self.start_, self.booster_, self.position_, self.steps_)

@@ -178,7 +178,8 @@ class ClusteredForest(ClusteredTrees):
 
     def tuned(self) -> ClusteredForest:
         """An unfitted copy with the setting that `fit` chose, to fit on a part of the same groups."""
-        return clone(self).set_params(param_grid=None, **self.best_params_)
+        copy: ClusteredForest = clone(self).set_params(param_grid=None, **self.best_params_)
+        return copy
 
     def _raw(self, rows: FloatArray) -> FloatArray:
         total = sum_of_trees(self.booster_, rows, 0, int((self.position_ >= 0).sum()))
