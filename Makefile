@@ -124,12 +124,13 @@ browser:  ## Debian's chromium for the tests of the page, where it is missing; n
 	@command -v chromium-headless-shell >/dev/null || command -v chromium >/dev/null || { apt-get -qq update \
 		&& apt-get -qq install --yes --no-install-recommends chromium-headless-shell >/dev/null; }
 
-types:  ## the page's types from the OpenAPI document of the service, its words of flags from their catalogue; needs Node 20
+types:  ## what the page's sources take from the package, into web/generated: types from the OpenAPI document, words of flags; needs Node 20
 	python -m tools.docs.write_page_flags
 	python -m tripwatt.server.http.app | npm --prefix web run --silent types
 
 page:  ## the page's bundle from its sources in web, into the package; needs Node 20
 	npm --prefix web ci
+	$(MAKE) types
 	npm --prefix web run gate
 	npm --prefix web run build
 

@@ -4,13 +4,7 @@ import textRule from "./text-rule.mjs";
 
 export default tseslint.config(
   {
-    ignores: [
-      "node_modules",
-      "src/api/types.ts",
-      "src/api/fields.ts",
-      "src/api/flags*.ts",
-      "src/api/roads.ts",
-    ],
+    ignores: ["node_modules", "generated"],
   },
   js.configs.recommended,
   {

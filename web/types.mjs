@@ -1,16 +1,16 @@
 /**
- * Writes `src/api/types.ts` and `src/api/fields.ts` from the service's OpenAPI document, which comes from standard input:
+ * Writes `types.ts` and `fields.ts` into `generated` from the service's OpenAPI document, which comes from standard input:
  * `make types` in the folder above.
  */
 
-import { writeFile } from "node:fs/promises";
+import { mkdir, writeFile } from "node:fs/promises";
 import { dirname, join } from "node:path";
 import { text } from "node:stream/consumers";
 import { fileURLToPath } from "node:url";
 import openapiTS, { astToString } from "openapi-typescript";
 
 const HERE = dirname(fileURLToPath(import.meta.url));
-const OUT = process.argv[2] ?? join(HERE, "src", "api");
+const OUT = join(HERE, "generated");
 const WRITTEN = "written by `types.mjs` from the OpenAPI document of the service. Do not edit. */\n\n";
 
 /** A part of the document without texts, examples and problems, and without "one of two fields", which the service checks. */
@@ -56,6 +56,7 @@ const { properties } = document.components.schemas.ForecastRequest;
 const fields = Object.entries(properties)
   .filter(([, schema]) => schema["x-label"])
   .map(([name, schema]) => `  ${name}: ${JSON.stringify(fieldOf(schema))},\n`);
+await mkdir(OUT, { recursive: true });
 await writeFile(join(OUT, "types.ts"), `/** Documents of the service, ${WRITTEN}${astToString(types)}`);
 await writeFile(
   join(OUT, "fields.ts"),

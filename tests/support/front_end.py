@@ -10,6 +10,10 @@ from pathlib import Path
 
 import pytest
 from tests.support import ROOT
+from tools.docs import write_page_flags
+
+from tripwatt.server.http.app import Api
+from tripwatt.server.http.settings import Settings
 
 WEB = ROOT / "web"
 LEAST_NODE = 20
@@ -52,16 +56,24 @@ def is_installed() -> bool:
 
 
 def with_packages(place: Path) -> Path:
-    """The sources with their packages: as they are, or installed into a copy at a place."""
+    """The sources with their packages and what is written for them: as they are, or in a copy at a place."""
     version = node_version()
     if version is None or version < LEAST_NODE:
         pytest.skip(f"needs Node {LEAST_NODE} or newer with npm, found {version}")
     if is_installed():
-        return WEB
+        return with_inputs(WEB)
     shutil.copytree(ROOT / "tests" / "vectors", place / "tests" / "vectors")
     shutil.copytree(WEB, place / "web", ignore=shutil.ignore_patterns("node_modules"))
     cache = f"--cache={place / 'npm-cache'}"
     found = run(place / "web", "npm", "ci", "--no-audit", "--prefer-offline", cache)
     if found.returncode != 0:
         pytest.skip(f"npm ci failed, is there a network? {found.stderr.strip()[-300:]}")
-    return place / "web"
+    return with_inputs(place / "web")
+
+
+def with_inputs(web: Path) -> Path:
+    """The sources, after the modules that come from the package are written, as `make types` does."""
+    write_page_flags.write(web / "generated")
+    document = json.dumps(Api(Settings(), lambda **record: None).app.openapi())
+    run(web, "node", "types.mjs", given=document).check_returncode()
+    return web

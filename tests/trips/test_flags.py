@@ -22,7 +22,7 @@ ENTRY = {
     "en": {"text": "There is snow on the road at {temperature}.", "effect": "{wider}"},
     "de": {"text": "Auf der Straße liegt bei {temperature} Schnee.", "effect": "{wider}"},
 }
-ROOMS = ("forecasting", "journey", "physics", "routes", "service", "population")
+ROOMS = ("forecasting", "roads", "physics", "routes", "server", "population")
 """Rooms whose flags reach the page."""
 
 
@@ -43,11 +43,6 @@ def test_a_new_flag_is_one_entry(monkeypatch: pytest.MonkeyPatch) -> None:
     assert '"snow"' not in "".join(render(catalogue()).values())
 
 
-def test_the_page_has_the_catalogue() -> None:
-    for name, content in render(catalogue()).items():
-        assert (FOLDER / name).read_text() == content, "trips/flags.toml has changed: run `make types page`"
-
-
 def test_every_flag_of_a_forecast_or_a_route_has_words_on_the_page() -> None:
     package = Path(tripwatt.__file__).parent
     sources = "".join(file.read_text() for room in ROOMS for file in sorted((package / room).rglob("*.py")))
@@ -63,7 +58,7 @@ def test_entries_are_whole(code: str) -> None:
     assert entry.get("with", code) in catalogue()["flags"]
     assert ("en" in entry) == ("de" in entry)
     assert entry.get("en", {}).keys() == entry.get("de", {}).keys()
-    page = (FOLDER.parent / "model" / "flags.ts").read_text()
+    page = (FOLDER.parent / "src" / "model" / "flags.ts").read_text()
     page_forms = set(re.findall(r"^  (\w+): \(", page, re.MULTILINE)) | {"parts"}
     for words, forms in [(entry["cli"], set(FORMS)), *((entry.get(x, {}), page_forms) for x in LANGUAGES)]:
         used = set(re.findall(r"\{(\w+)\}", " ".join(templates(words))))

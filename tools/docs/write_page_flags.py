@@ -1,21 +1,22 @@
-"""Write web/src/api/flags.ts and one for each other language, the words of flags on the page, and roads.ts, the kinds of road, as a part of `make types`."""
+"""Write flags.ts and one for each other language, the words of flags on the page, and roads.ts, the kinds of road, into web/generated: a part of `make types`."""
 
 import json
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, Final
 
 from tools import ROOT
 from tripwatt.roads.journey.kinds import KINDS, TOWN_M, UNKNOWN, road_prior, shares_of
 from tripwatt.trips.messages import catalogue
 
-FOLDER: Final = ROOT / "web" / "src" / "api"
+FOLDER: Final = ROOT / "web" / "generated"
 LANGUAGES: Final = ("en", "de")
 """The first one is in the file that the page always loads."""
 
 HEAD: Final = "/** Words of flags, written by `tools/docs/write_page_flags.py` from `trips/flags.toml`. Do not edit. */\n"
 ROADS: Final = "/** Kinds of road, written by `tools/docs/write_page_flags.py` from `journey/kinds.py`. Do not edit. */\n"
 TYPES: Final = """
-import type { FieldName } from "../model/fields";
+import type { FieldName } from "../src/model/fields";
 
 /** One text, or texts by subject, unit, step or plural of a flag. */
 export type Words = string | Readonly<Record<string, string>>;
@@ -75,6 +76,12 @@ def _shared(words: Mapping[str, Any], shared: Mapping[str, str]) -> dict[str, An
     return {key: shared.get(str(value)[1:-1], value) for key, value in words.items()}
 
 
-if __name__ == "__main__":
+def write(folder: Path = FOLDER) -> None:
+    """Write the modules into a folder."""
+    folder.mkdir(exist_ok=True)
     for name, content in render(catalogue()).items():
-        (FOLDER / name).write_text(content)
+        (folder / name).write_text(content)
+
+
+if __name__ == "__main__":
+    write()

@@ -2,7 +2,7 @@
 
 import assert from "node:assert/strict";
 import { describe, test } from "node:test";
-import { FIELDS } from "../src/api/fields";
+import { FIELDS } from "../generated/fields";
 import { CHOICES, type FieldName, NUMBERS, SEVERAL, valuesIn } from "../src/model/fields";
 import { quantityIn, unitsOf } from "../src/model/units";
 import { ASKED, conditionsFrom, fieldsOf, USUAL } from "../src/state/conditions";

@@ -26,7 +26,7 @@ import { energySoFarWh, naiveArrival, samplesUntil } from "../src/model/gauge";
 import { interpolate } from "../src/model/interpolate";
 import { atMotorwaySpeed, hasMotorway } from "../src/model/links";
 import { climbsOf, profileFromSamples, withElevationOf } from "../src/model/profile";
-import { ROADS } from "../src/api/roads";
+import { ROADS } from "../generated/roads";
 import { linksOfDistance, KINDS, type RoadType, sharesOver, sufficing } from "../src/model/distance";
 import { EMPTY_ROW, linksOfRows, rowsOfLinks } from "../src/model/link-rows";
 import { sampleLinks } from "../src/model/sample-links";

@@ -3,7 +3,7 @@
 import assert from "node:assert/strict";
 import { describe, test } from "node:test";
 import type { Flag } from "../src/api/documents";
-import { FLAGS } from "../src/api/flags";
+import { FLAGS } from "../generated/flags";
 import { warningsOf, type Wording } from "../src/model/flags";
 import { formatFor } from "../src/model/format";
 import { ENERGY, PERCENT, type System, unitsOf } from "../src/model/units";

@@ -8,8 +8,6 @@ from pathlib import Path
 from tests.support.front_end import WEB, run
 
 import tripwatt.server.http
-from tripwatt.server.http.app import Api
-from tripwatt.server.http.settings import Settings
 
 PAGE = Path(tripwatt.server.http.__file__).with_name("page")
 
@@ -17,15 +15,6 @@ PAGE = Path(tripwatt.server.http.__file__).with_name("page")
 def test_types_lint_format_and_unit_tests(web: Path) -> None:
     found = run(web, "npm", "run", "--silent", "gate")
     assert found.returncode == 0, found.stdout[-6000:] + found.stderr[-2000:]
-
-
-def test_types_are_written_from_the_document_of_the_service(web: Path, tmp_path: Path) -> None:
-    document = json.dumps(Api(Settings(), lambda **record: None).app.openapi())
-    found = run(web, "node", "types.mjs", str(tmp_path), given=document)
-    assert found.returncode == 0, found.stderr[-2000:]
-    for name in ("types.ts", "fields.ts"):
-        written, committed = ((folder / name).read_text() for folder in (tmp_path, WEB / "src" / "api"))
-        assert written == committed, f"the service has changed {name}: run `make types`"
 
 
 def test_rebuild_has_the_bytes_of_the_bundle(web: Path, tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ import type {
   ReachRequest,
   Figures,
 } from "./documents";
-import type { paths, UpdateRequest } from "./types";
+import type { paths, UpdateRequest } from "../../generated/types";
 
 const TOKEN = "tripwatt.token";
 const MAX_ATTEMPTS = 3;

@@ -1,6 +1,6 @@
 /** Documents of the service by the names that the page has for them; `types.ts` comes from its OpenAPI document. */
 
-import type { ForecastRequest, ProblemDocument } from "./types";
+import type { ForecastRequest, ProblemDocument } from "../../generated/types";
 
 export type {
   ActionDocument as AdvisedAction,
@@ -54,7 +54,7 @@ export type {
   VehicleFigures as Figures,
   VehicleSummary as Vehicle,
   ViewResponse as MapView,
-} from "./types";
+} from "../../generated/types";
 
 /** A problem of the service, or one that the page itself found. */
 export type Problem = Omit<ProblemDocument, "type"> & {

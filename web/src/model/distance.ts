@@ -1,7 +1,7 @@
 /** A trip of which only distance and kind of road are known, as links: assumed shares of town, country roads and motorway. */
 
 import type { Link } from "../api/documents";
-import { ROADS } from "../api/roads";
+import { ROADS } from "../../generated/roads";
 
 export type Kind = "town" | "country" | "mixed" | "motorway";
 export type RoadType = "town" | "country" | "motorway";

@@ -1,7 +1,7 @@
 /** The fields of a departure, by what they hold. */
 
-import { FIELDS } from "../api/fields";
-import type { ForecastRequest } from "../api/types";
+import { FIELDS } from "../../generated/fields";
+import type { ForecastRequest } from "../../generated/types";
 
 type Table = typeof FIELDS;
 type Holding<Entry> = { [Name in FieldName]: Table[Name] extends Entry ? Name : never }[FieldName];

@@ -1,7 +1,7 @@
 /** Flags of the service as sentences. Flags of one group share a sentence; a flag with an unknown code keeps its message. */
 
 import type { Flag } from "../api/documents";
-import { FLAGS, type Words } from "../api/flags";
+import { FLAGS, type Words } from "../../generated/flags";
 import type { Text } from "../text";
 import type { Format } from "./format";
 import { ENERGY, PERCENT, type Units } from "./units";

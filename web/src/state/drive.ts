@@ -4,7 +4,7 @@ import { batch, computed, effect, signal, untracked } from "@preact/signals";
 import { requestUpdate } from "../api/client";
 import { Latest } from "../api/latest";
 import type { Forecast } from "../api/documents";
-import type { UpdateRequest } from "../api/types";
+import type { UpdateRequest } from "../../generated/types";
 import { arrivalBand } from "../model/arrival";
 import { energySoFarWh, naiveArrival, samplesUntil } from "../model/gauge";
 import { interpolate } from "../model/interpolate";

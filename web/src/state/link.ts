@@ -1,7 +1,7 @@
 /** The plan of the page as its link: it survives a reload, goes back and forward, and can be shared. */
 
 import { effect, untracked } from "@preact/signals";
-import { FIELDS } from "../api/fields";
+import { FIELDS } from "../../generated/fields";
 import type { Place } from "../api/documents";
 import { notPast } from "../model/clock";
 import { type Kind, KINDS } from "../model/distance";

@@ -1,6 +1,6 @@
 /** German. It is loaded when it is chosen. */
 
-import { NAMES, WORDS } from "../api/flags-de";
+import { NAMES, WORDS } from "../../generated/flags-de";
 import type { Text } from "./en";
 import type { Plural } from "./plural";
 

@@ -1,6 +1,6 @@
 /** English. Arguments are formatted quantities with their units, or counts as numbers. */
 
-import { NAMES, WORDS } from "../api/flags";
+import { NAMES, WORDS } from "../../generated/flags";
 import type { AskedName, ChoiceTexts } from "../model/fields";
 import { pluralOf } from "./plural";
 

@@ -1,6 +1,6 @@
 import type { ComponentChildren } from "preact";
 import { useId } from "preact/hooks";
-import { FIELDS } from "../api/fields";
+import { FIELDS } from "../../generated/fields";
 import { localOf } from "../model/clock";
 import {
   type ChoiceName,

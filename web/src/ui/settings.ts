@@ -1,6 +1,6 @@
 /** The settings of a trip that a slider changes: quantity, limits and step of each. */
 
-import { FIELDS } from "../api/fields";
+import { FIELDS } from "../../generated/fields";
 import type { AskedName, NumberName } from "../model/fields";
 import { MINUTES, PERCENT, quantityIn, type Quantity } from "../model/units";
 import { units } from "../state/preferences";
