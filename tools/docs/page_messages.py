@@ -3,7 +3,7 @@
 A template is a text of the source with ``{}`` for each of its values. They are found by walking the syntax trees of the rooms
 that a request reaches: texts of faults and problems, findings of the audit, reasons of a proposed mapping; to them come the
 messages of the checks of a document, and the sentences of flags that the page has no own words for. The German of
-`web/src/text/messages-de.ts` has an entry for each.
+`web/src/text/messages-de.json` has an entry for each.
 """
 
 from __future__ import annotations
@@ -27,23 +27,21 @@ PACKAGE: Final = Path(tripwatt.__file__).parent
 ROOMS: Final = (
     "auditing",
     "forecasting",
-    "advice",
-    "journey",
-    "live",
+    "roads",
     "routes",
-    "service",
+    "server",
     "sources",
     "trips",
     "vehicles",
 )
 FILES: Final = ("api.py", "files.py", "errors.py")
 NOT_REACHED: Final = (
-    "live/following.py",
-    "routes/maps/extract.py",
-    "routes/maps/folder.py",
-    "routes/maps/stations.py",
-    "service/serving.py",
-    "service/settings.py",
+    "roads/maps/extract.py",
+    "roads/maps/folder.py",
+    "roads/maps/stations.py",
+    "server/cars/following.py",
+    "server/http/serving.py",
+    "server/http/settings.py",
     "sources/tum.py",
     "sources/tum_fetch.py",
     "sources/tum_overview.py",
