@@ -8,7 +8,7 @@ const said = (text: string) => translator.message(text);
 
 test("a message keeps its values, with the decimal mark of the language", () => {
   assert.equal(said("at most 12.5 kWh"), "höchstens 12,5 kWh");
-  assert.equal(said("folder in use"), "Ordner wird schon verwendet");
+  assert.equal(said("folder in use"), "Ordner wird bereits verwendet");
   assert.equal(said("a new or empty folder"), "ein neuer oder leerer Ordner");
 });
 
@@ -19,7 +19,7 @@ test("values that are messages of their own are said in the language too", () =>
   );
   assert.equal(
     said("elevation stays at 455 m over 12.5 km: the road is treated as flat"),
-    "die Höhe bleibt über 12,5 km bei 455 m: die Strecke gilt als flach",
+    "die Höhe bleibt über 12,5 km bei 455 m: Die Strecke gilt als flach",
   );
 });
 

@@ -84,6 +84,7 @@ describe("languages", () => {
 const ALIKE = [
   "/foot/own",
   "/distanceForm/part",
+  "/journey/road",
   "/conditions/fields/wind_speed_m_s",
   "/conditions/garage",
   "/result/reserve",
@@ -137,10 +138,10 @@ describe("flags", () => {
       flag("outside_training", "payload_mass_kg", 0.3, "sd"),
     ];
     assert.deepEqual(sentencesOf(flags), [
-      "The outside temperature and the load are far outside the range of the trips that were measured. The interval is wider as a result.",
+      "The outside temperature and the load are far outside the range of the measured trips. The range is therefore wider.",
     ]);
     assert.deepEqual(sentencesOf(flags.slice(0, 1), "de"), [
-      "Die Außentemperatur liegt weit außerhalb des Bereichs der gemessenen Fahrten. Das Intervall ist deshalb breiter.",
+      "Die Außentemperatur liegt weit außerhalb des Bereichs der gemessenen Fahrten. Der Bereich ist deshalb breiter.",
     ]);
     assert.equal(warningsOf(flags, wording("en"))[0]?.serious, true);
     assert.equal(warningsOf(flags.slice(1), wording("en"))[0]?.serious, false);
@@ -154,9 +155,9 @@ describe("flags", () => {
       flag("battery_full", "battery", 1300, "wh"),
     ];
     assert.deepEqual(sentencesOf(flags), [
-      "The car cannot follow the speed trace: motor power limit for 40 s and lowest battery voltage for 3 min. The forecast assumes the highest speed that the car reaches.",
+      "The car cannot follow the speed trace: power limit of the motor for 40 s and lowest battery voltage for 3 min. The forecast assumes the highest speed that the car reaches.",
       "The trip takes 1.23 kWh more than the battery holds. The battery is empty before the end.",
-      "The battery is too full for 1.30 kWh of recovered energy. The friction brakes take it.",
+      "The battery is too full to recover 1.30 kWh. The friction brakes take it.",
     ]);
     assert.equal(warningsOf(flags.slice(2, 3), wording("en"))[0]?.serious, true);
   });
@@ -172,7 +173,7 @@ describe("flags", () => {
       "The value in the file is used for the outside temperature: 68 °F.",
     ]);
     assert.deepEqual(sentencesOf([flag("links_too_long", "links", 2345, "m")], "de"), [
-      "Die Straßenabschnitte sind im Mittel 2,3 km lang, länger als die, von denen der Fehler geplanter Straßen bekannt ist. Das Intervall kann zu schmal sein.",
+      "Die Straßenabschnitte sind im Mittel 2,3 km lang und damit länger als die, für die die Genauigkeit bekannt ist. Der Bereich ist vielleicht zu schmal.",
     ]);
   });
 

@@ -152,7 +152,7 @@ def test_a_car_is_made_taught_used_and_deleted(opened: Any, keeper: Service) -> 
     holds(page, f"{TRIPS} from {TRIPS} logs")  # what is sent again counts once
     dialog(page).get_by_role("button", name="Cancel").click()
     send(page, packed)
-    dialog(page).get_by_role("button", name=f"Learn {TRIPS} drives").click()
+    dialog(page).get_by_role("button", name=f"Learn {TRIPS} trips").click()
     dialog(page).get_by_text(f"{TRIPS} new trips learned; 0 logs were known.").wait_for()
     car = keeper.client.get("/v1/cars/my-i3").json()
     rows = dialog(page).locator("table.diary").first.locator("tbody tr")
@@ -164,7 +164,7 @@ def test_a_car_is_made_taught_used_and_deleted(opened: Any, keeper: Service) -> 
     assert f"{100.0 * car['latest']['weighted_error']:.1f}" in shown
     by_name = {name: factor["seen_degc"] for name, factor in car["learned"].items()}
     seen = [degc for range_ in by_name.values() if range_ for degc in range_]
-    shown = f"Seen at {whole(min(seen))} to {whole(max(seen))} °C."
+    shown = f"Measured at {whole(min(seen))} to {whole(max(seen))} °C."
     dialog(page).get_by_text(shown).wait_for()
     dialog(page).get_by_text("more factors").click()
     assert dialog(page).locator("table.learned tbody tr").count() == len(by_name)
@@ -173,7 +173,7 @@ def test_a_car_is_made_taught_used_and_deleted(opened: Any, keeper: Service) -> 
         dialog(page).get_by_role("button", name="Use for forecasts").click()
     assert asked.value.request.post_data_json["model"] == "my-i3"
     assert asked.value.ok
-    page.get_by_text("my-i3, BMW i3 60 Ah: the model of its own trips.").wait_for()
+    page.get_by_text("my-i3, BMW i3 60 Ah: model from its own trips.").wait_for()
     page.wait_for_url(re.compile("own=my-i3"))
     page.reload()
     page.wait_for_selector(SHOWN)
@@ -212,16 +212,16 @@ def test_a_column_is_corrected_and_a_wrong_one_is_explained(opened: Any, tmp_pat
     column = dialog(page).get_by_label("Column with Speed")
     column.select_option("GPS Speed (Meters/second)")
     dialog(page).get_by_label("Unit of Speed").select_option("m/s")
-    dialog(page).get_by_role("button", name="Learn 1 drive").wait_for()
+    dialog(page).get_by_role("button", name="Learn 1 trip").wait_for()
     column.select_option("")
     dialog(page).locator(".files .out").get_by_text("missing key").wait_for()
-    assert dialog(page).get_by_role("button", name="Learn 0 drives").is_disabled()
+    assert dialog(page).get_by_role("button", name="Learn 0 trips").is_disabled()
     column.select_option("GPS Speed (Meters/second)")
-    dialog(page).get_by_role("button", name="Learn 1 drive").wait_for()
+    dialog(page).get_by_role("button", name="Learn 1 trip").wait_for()
     send(page, {"name": "photo.png", "mimeType": "image/png", "buffer": b"\x89PNG"})
     dialog(page).locator(".files .out").get_by_text("no trips").wait_for()
     read(page, "2 files: 1 read, 1 left out")
-    assert dialog(page).get_by_role("button", name="Learn 1 drive").is_enabled()
+    assert dialog(page).get_by_role("button", name="Learn 1 trip").is_enabled()
 
 
 def test_what_is_chosen_for_a_kind_stays_with_it_when_other_files_come(opened: Any, tmp_path: Path) -> None:
@@ -266,12 +266,12 @@ def test_two_hundred_files_of_which_some_are_bad(opened: Any, keeper: Service) -
     read(page, "200 files: 180 read, 20 ignored")
     assert page.evaluate("document.activeElement.className") == "files"
     assert dialog(page).locator(".findings").count() == 0
-    dialog(page).get_by_role("button", name="Learn 180 drives").click()
+    dialog(page).get_by_role("button", name="Learn 180 trips").click()
     dialog(page).get_by_text("180 new trips learned; 0 logs were known.").wait_for()
     (car,) = (c for c in keeper.client.get("/v1/cars").json()["cars"] if c["label"] == "My Model 3")
     assert car["in_diary"] == 180
     dialog(page).get_by_role("button", name="Use for forecasts").click()
-    page.get_by_text("My Model 3, BMW i3 60 Ah: the model of its own trips.").wait_for()
+    page.get_by_text("My Model 3, BMW i3 60 Ah: model from its own trips.").wait_for()
     assert page.get_by_role("combobox", name="Car").input_value().startswith("My Model 3:")
 
 
@@ -282,7 +282,7 @@ def test_one_empty_file_among_four_good_ones(opened: Any) -> None:
     send(page, *files[:2], table("empty.csv", b""), *files[2:])
     read(page, "5 files: 4 read, 1 left out")
     assert dialog(page).locator(".files li").first.locator(".name").inner_text() == "empty.csv"
-    dialog(page).get_by_role("button", name="Learn 4 drives").click()
+    dialog(page).get_by_role("button", name="Learn 4 trips").click()
     dialog(page).get_by_text("4 new trips learned").wait_for()
 
 
@@ -309,7 +309,7 @@ def test_a_file_is_left_out_and_used_again_by_keyboard(opened: Any) -> None:
     page.keyboard.press("Enter")
     read(page, "4 files: 2 read, 1 left out, 1 ignored")
     assert page.evaluate("document.activeElement.getAttribute('aria-label')") == f"Use {name} again"
-    dialog(page).get_by_role("button", name="Learn 2 drives").wait_for()
+    dialog(page).get_by_role("button", name="Learn 2 trips").wait_for()
     page.keyboard.press("Enter")
     read(page, "4 files: 3 read, 1 left out")
     assert page.evaluate("document.activeElement.getAttribute('aria-label')") == f"Leave out {name}"

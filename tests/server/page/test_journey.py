@@ -120,13 +120,13 @@ def test_from_a_to_b_by_keyboard_alone(page: Any) -> None:
     slider.focus()
     colder = whole_answer(page, lambda: page.keyboard.press("PageDown")).json()
     assert 0.1 < answer["soc_needed"] < colder["soc_needed"] < 1.0
-    shown = f"Leave with {-(-colder['soc_needed'] * 100 // 1):.0f}".replace("-", "")
+    shown = f"{-(-colder['soc_needed'] * 100 // 1):.0f}\u00a0% is enough to arrive".replace("-", "")
     page.locator(".journey-answer:not(.old)").get_by_text(shown).wait_for()
 
 
 def test_another_road_is_chosen_with_the_arrow_keys(page: Any) -> None:
     answer = plan(page)
-    roads = page.get_by_role("group", name="Roads").get_by_role("radio")
+    roads = page.get_by_role("group", name="Routes").get_by_role("radio")
     assert roads.count() == len(answer["roads"]) == 2
     assert "Fastest" in page.locator(".roads label").first.inner_text()
     roads.first.focus()
@@ -139,13 +139,13 @@ def test_another_road_is_chosen_with_the_arrow_keys(page: Any) -> None:
 
 def test_a_click_sets_a_then_b_and_dragging_b_gives_the_new_arrival(page: Any) -> None:
     page.wait_for_selector(MAP_SHOWN)
-    page.get_by_text("Click on the map for a start of your own").wait_for()
+    page.get_by_text("Choose your own start on the map").wait_for()
     # the marks of the example are 0.1 ° of longitude apart, and their tips are on the road
     west_mark, ost_mark = (page.locator(f".end-{end}").bounding_box() for end in ("from", "to"))
     y, apart = west_mark["y"] + west_mark["height"] + 25.0, ost_mark["x"] - west_mark["x"]
     x = west_mark["x"] + 0.6 * apart
     page.mouse.click(west_mark["x"] + 0.04 * apart, y)
-    page.get_by_text("Click on the map to set the destination").wait_for()
+    page.get_by_text("Choose the destination on the map").wait_for()
     page.locator(".end-to").wait_for(state="detached")  # the map draws after the text
     answer = whole_answer(page, lambda: page.mouse.click(west_mark["x"] + 0.96 * apart, y))
     west, ost = answer.request.post_data_json["stops"]
@@ -187,14 +187,14 @@ def test_the_area_of_reach_is_fitted_into_view_and_follows_the_charge(page: Any)
     page.route("**/v1/reachable", wider)
     views: list[str] = []
     page.on("request", lambda request: views.append(request.url) if "/v1/map/view" in request.url else None)
-    box = page.get_by_label("Show the area of reach from A")
+    box = page.get_by_label("Show how far you get from A")
     choose(page, "From", "west", "Westend")
     with page.expect_response(lambda r: r.url.endswith("/v1/reachable")) as found:
         box.check()
     asked = found.value.request.post_data_json
     assert asked["start"]["name"] == "Westend"
     assert [area["probability"] for area in found.value.json()["areas"]] == [0.95, 0.5]
-    page.get_by_text("dashed: in 10 of 20 trips").wait_for()
+    page.get_by_text("inside the dashed line in 10 of 20").wait_for()
     rings = [ring for area in found.value.json()["areas"] for ring in area["polygon"]["coordinates"]]
     (west, south), (east, north) = (limit(np.concatenate(rings), axis=0) for limit in (np.min, np.max))
     page.wait_for_timeout(SETTLE_MS)
@@ -207,7 +207,7 @@ def test_the_area_of_reach_is_fitted_into_view_and_follows_the_charge(page: Any)
         page.get_by_role("slider", name="Battery at departure", exact=True).press("Home")
     assert again.value.request.post_data_json["soc"] == pytest.approx(0.0)
     box.uncheck()
-    page.get_by_text("dashed: in 10 of 20 trips").wait_for(state="detached")
+    page.get_by_text("inside the dashed line in 10 of 20").wait_for(state="detached")
     page.unroute("**/v1/reachable")
 
 
@@ -304,15 +304,15 @@ def test_verdict_list_and_chart_speak_of_the_journey_with_its_charging_stop(page
 
     page.route("**/v1/journeys", with_stops)
     whole_answer(page, lambda: page.get_by_role("slider", name="Battery at departure").fill("11"))
-    page.get_by_role("heading", name="You arrive, with 1 charging stop").wait_for()
+    page.get_by_role("heading", name="You will arrive, with 1 charging stop").wait_for()
     assert "Almost impossible" not in page.locator(".verdict").inner_text()
     number = page.locator(".verdict .number")
     assert number.inner_text().startswith("42")
-    assert "97 in 100" in page.locator(".chance").inner_text()
-    assert "17\u00a0min of it at stations, plugging in included" in page.locator(".whole").inner_text()
+    assert "97 of 100 trips" in page.locator(".chance").inner_text()
+    assert "including 17\u00a0min at charging stations" in page.locator(".whole").inner_text()
     stops = page.locator(".stops li")
     assert stops.count() == 1
-    for part in ("Halbweg", "13\u00a0% to 45\u00a0% in 12\u00a0min", "98 in 100", "If it is full: Beiweg"):
+    for part in ("Halbweg", "13\u00a0% to 45\u00a0% in 12\u00a0min", "98 of 100 trips", "If it is full: Beiweg"):
         assert part in stops.inner_text()
     assert page.locator(".mark-arrival").inner_text() == "42\u00a0%"
     assert page.locator(".mark-stop").inner_text() == "1"
@@ -322,7 +322,7 @@ def test_verdict_list_and_chart_speak_of_the_journey_with_its_charging_stop(page
     assert causes.filter(has_text="Heating and cooling").locator(".value").inner_text() == "0.04"
     total = page.locator(".whole dd").last.inner_text().split()[0]
     assert causes.last.locator(".value").inner_text() == total
-    plans = page.get_by_role("group", name="Plans of charging stops").get_by_role("radio")
+    plans = page.get_by_role("group", name="Charging plans").get_by_role("radio")
     plans.first.focus()
     page.keyboard.press("ArrowRight")
     page.wait_for_function("() => document.querySelector('.verdict .number').innerText.startsWith('59')")
@@ -364,7 +364,7 @@ def test_on_a_phone_the_first_of_several_stops_is_on_the_first_screen(
 
 
 def test_the_time_at_a_stop_besides_charging_is_a_condition(page: Any) -> None:
-    slider = page.get_by_role("slider", name="Each charging stop, besides charging")
+    slider = page.get_by_role("slider", name="Extra time per charging stop")
     assert slider.get_attribute("aria-valuetext") == "5\u00a0min"
     asked = whole_answer(page, lambda: slider.fill("12")).request.post_data_json
     assert asked["stop_overhead_s"] == 720.0
@@ -442,8 +442,8 @@ def test_other_names_the_region_of_the_map_and_the_source_of_heights_are_told(
     page.get_by_text(f"No place is called “Qqxz”. The map covers {covers}.").wait_for()
     page.route("**/v1/map", with_heights)
     page.reload()
-    page.locator("section.causes .note").get_by_text("Its heights are from SRTM tiles of NASA.").wait_for()
-    assert "The road climbs " in page.locator("section.causes .note").inner_text()
+    page.locator("section.causes .note").get_by_text("Heights: SRTM tiles of NASA.").wait_for()
+    assert "The route climbs " in page.locator("section.causes .note").inner_text()
     page.unroute("**/v1/map")
 
 
@@ -467,7 +467,7 @@ def test_a_place_outside_of_the_map_is_told_with_its_region(page: Any, expected:
     choose(page, "To", "haupt", "Hauptstraße")
     page.get_by_role("button", name="Plan", exact=True).press("Enter")
     page.locator(".verdict .number").wait_for(state="detached")
-    assert page.locator(".verdict h2").inner_text() == "Do I arrive?"
+    assert page.locator(".verdict h2").inner_text() == "Will I arrive?"
     page.unroute("**/v1/journeys")
 
 

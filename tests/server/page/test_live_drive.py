@@ -88,7 +88,7 @@ def test_figures_follow_the_messages_of_a_car(opened: Any, keeper: Service, cars
     road(page).get_by_text("No message yet.").first.wait_for()
     messages = list(abrp_messages(measured(example_trip()), time.time() - HOUR_S))
     send(keeper, token, [{**messages[0], "speed": 0.0}])
-    road(page).get_by_text("The car is on no trip.").wait_for()
+    road(page).get_by_text("The car is not on a trip.").wait_for()
     soc = messages[0]["soc"]
     assert road(page).locator(".stats dd").first.inner_text() == f"{soc:.0f}\u00a0%"
 
@@ -119,8 +119,8 @@ def test_the_trip_of_the_page_becomes_the_plan_of_the_car(opened: Any, keeper: S
     start_s = time.time() - HOUR_S
     send(keeper, token, [{"utc": start_s, "speed": 0.0, "soc": 70.0, "ext_temp": 3.0}])
     page.get_by_role("button", name="On the road").click()
-    road(page).get_by_text("The car is on no trip.").wait_for()
-    plan = road(page).get_by_role("button", name="Drive the trip of the page")
+    road(page).get_by_text("The car is not on a trip.").wait_for()
+    plan = road(page).get_by_role("button", name="Drive the planned trip")
     assert plan.count() == 0, "a driven trip is no plan"
     page.keyboard.press("Escape")
     page.get_by_role("radio", name="Distance").check()
@@ -176,7 +176,7 @@ def test_an_old_message_a_lost_stream_and_a_deleted_car_are_said(
     page.route("**/events", once)
     page.get_by_role("button", name="On the road").click()
     road(page).get_by_text("Last message 3 minutes ago").wait_for()
-    road(page).get_by_text("No forecast: the road is not known.").wait_for()
+    road(page).get_by_text("No forecast: the route is not known.").wait_for()
     road(page).get_by_text("a charge that rises").wait_for()
     road(page).get_by_text("Connection lost, trying again").wait_for()
     road(page).get_by_text("Connected").wait_for()  # the service itself, at the second attempt

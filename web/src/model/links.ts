@@ -3,7 +3,7 @@
 import type { Link } from "../api/documents";
 
 /** Links with a higher planned speed count as motorway. */
-export const MOTORWAY_M_S = 100 / 3.6;
+const MOTORWAY_M_S = 100 / 3.6;
 
 function speedOf(link: Link): number {
   return link.speed_m_s ?? link.length_m / (link.travel_time_s as number);

@@ -10,7 +10,7 @@ import {
   SEVERAL,
   type SeveralName,
 } from "../model/fields";
-import { hasMotorway, MOTORWAY_M_S } from "../model/links";
+import { hasMotorway } from "../model/links";
 import {
   ASKED,
   type BeforeDeparture,
@@ -100,8 +100,7 @@ function Motorway() {
   const links = trip.value?.links;
   if (!links || !hasMotorway(links)) return null;
   const { conditions: words } = text.value;
-  const from = format.value.shown(MOTORWAY_M_S, units.value.speed);
-  return <Ticked name="motorwayMS" label={words.changeMotorway(from)} slider={words.fields.motorwayMS} />;
+  return <Ticked name="motorwayMS" label={words.limitMotorway} slider={words.fields.motorwayMS} />;
 }
 
 /** The country counts where the heights of the road are unknown. */

@@ -5,6 +5,7 @@ import { PAGE_ERROR, problem } from "../state/forecast";
 import { type Said, said } from "../state/messages";
 import { text } from "../state/preferences";
 import { trip } from "../state/trip";
+import { FaultList } from "./faults";
 import { Icon } from "./icons";
 
 /** Title and detail of a problem. */
@@ -32,7 +33,11 @@ export function Failure() {
       <Icon name="warning" />
       <div>
         <strong>{title}</strong>
-        {failure.faults?.length ? <p>{problems.seeFields}</p> : <p lang={detail.lang}>{detail.text}</p>}
+        {failure.faults?.length ? (
+          <FaultList faults={failure.faults} />
+        ) : (
+          <p lang={detail.lang}>{detail.text}</p>
+        )}
       </div>
       <button type="button" onClick={retry}>
         {failure.faults?.length ? problems.close : problems.retry}

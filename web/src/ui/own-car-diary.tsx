@@ -105,7 +105,10 @@ function Learned({ of }: { of: OwnCar }) {
           {table(words.otherFactors(others.length), others)}
         </details>
       )}
-      <p class="note">{words.counts(format.value.list(counts))}</p>
+      <details class="as-table">
+        <summary>{words.weights}</summary>
+        <p class="note">{format.value.list(counts)}</p>
+      </details>
     </>
   );
 }
@@ -219,8 +222,13 @@ function Seasons({ of }: { of: OwnCar }) {
 function Causes({ of }: { of: OwnCar }) {
   const { ownCars: words, causes } = text.value;
   const { figure } = format.value;
-  const names: Record<string, string> = { ...causes.names, not_forecast: words.notForecast };
   const rows = Object.entries(of.by_cause_wh).sort(([, a], [, b]) => b - a);
+  const magnitude = (name: string, wh: number) => (name === "not_forecast" ? Math.abs(wh) : wh);
+  const less = (of.by_cause_wh.not_forecast ?? 0) < 0;
+  const names: Record<string, string> = {
+    ...causes.names,
+    not_forecast: less ? words.lessThanForecast : words.moreThanForecast,
+  };
   const total = rows.reduce((sum, [, wh]) => sum + wh, 0);
   const most = Math.max(1, ...rows.map(([, wh]) => Math.abs(wh)));
   if (total <= 0) return null;
@@ -234,8 +242,8 @@ function Causes({ of }: { of: OwnCar }) {
             <td class="picture" aria-hidden="true">
               <span class={wh < 0 ? "book" : "own"} style={{ width: `${(100 * Math.abs(wh)) / most}%` }} />
             </td>
-            <td class="value">{figure(ENERGY.from(wh), 1)}</td>
-            <td class="value">{percent(wh / total, 0)}</td>
+            <td class="value">{figure(ENERGY.from(magnitude(name, wh)), 1)}</td>
+            <td class="value">{percent(magnitude(name, wh) / total, 0)}</td>
           </tr>
         ))}
       </tbody>

@@ -28,7 +28,7 @@ function Reasons({ of }: { of: Reason[] }) {
           <strong>
             <Said of={what} />
           </strong>
-          : {consequence ? words.inDrives(count, places) : words.inFiles(count, places)}
+          : {consequence ? words.inTrips(count, places) : words.inFiles(count, places)}
           {consequence && <span class="consequence"> {words.consequences[consequence]}</span>}
           <span class="note">
             {" "}
@@ -58,7 +58,7 @@ function Learnable({ preview, report }: { preview: Preview | null; report: Alike
   const { from_date, to_date, ambient_degc } = preview ?? {};
   const rows: [string, string][] = preview
     ? [
-        [words.drives, words.ofLogs(figure(preview.drives, 0), preview.logs)],
+        [words.trips, words.ofLogs(figure(preview.drives, 0), preview.logs)],
         [words.distance, shown(preview.distance_m, distance)],
         [words.time, duration(preview.duration_s)],
         [words.energy, shown(preview.energy_wh, ENERGY, 1)],

@@ -28,6 +28,9 @@ const OPEN = [0.05, 0.95] as const;
 /** What is said of a road without its charging stops. */
 const EMPTY = "battery_empty";
 
+/** A smaller charge is 0 % as it is shown. */
+const SHOWN_SOC = 0.005;
+
 /** The answer in a sentence. */
 function sentence(now: Answer): string {
   const { verdict: words } = text.value;
@@ -76,7 +79,7 @@ function Empty({ of, afterM }: { of: Forecast; afterM: number }) {
       {result.emptyAfter(shown(afterM, distance, 0))}
       {ends}
       <span class="missing">{result.missing(shown(expected, ENERGY), range)}</span>
-      {best >= 0.005 && <span class="missing">{result.atBest(shown(best, PERCENT))}</span>}
+      {best >= SHOWN_SOC && <span class="missing">{result.atBest(shown(best, PERCENT))}</span>}
     </>
   );
 }
@@ -151,13 +154,14 @@ function Looking({ now }: { now: Answer }) {
 }
 
 /** The charge to leave with in words; rounded up. */
-function leaveText(needed: number, stops: number): string {
+function leaveText(needed: number, stops: number, reserve: number): string {
   const { shown } = format.value;
   const { journey: words } = text.value;
   const upwards = (soc: number) => shown(Math.ceil(soc * 100 - 1e-6) / 100, PERCENT);
   if (stops > 0) return words.leaveWithout(upwards(needed));
-  if (needed > 1) return words.notEnough(upwards(needed - 1));
-  return needed > 0 ? words.leaveWith(upwards(needed)) : words.anyCharge;
+  const left = shown(reserve, PERCENT);
+  if (needed > 1) return words.notEnough(upwards(needed - 1), left);
+  return needed > 0 ? words.leaveWith(upwards(needed), left) : words.anyCharge(left);
 }
 
 function stopText({ station, charging_s, soc_arrival, soc_leave }: Stop): string {
@@ -200,7 +204,7 @@ function ToDo() {
   const speed = isJourney ? journey.value?.motorway_speed_m_s : null;
   const stops = chargingPlan.value?.stops.length ?? 0;
   const texts = [
-    ...(stops === 0 || needed <= 1 ? [leaveText(needed, stops)] : []),
+    ...(stops === 0 || needed <= 1 ? [leaveText(needed, stops, requested.value.at.reserve)] : []),
     ...(speed != null && speed > 0 ? [words.atMost(format.value.shown(speed, units.value.speed, 0))] : []),
   ];
   return (
@@ -229,7 +233,7 @@ function HowSure({ of, now }: { of: Forecast; now: Answer }) {
       {isOpen && <Warnings flags={flags} others={others} serious />}
       <details class="sure">
         <summary>
-          <b>{words.sure}</b> {result.inTrips(bandOf(now.interval))}
+          <b>{words.sure}</b> {now.interval[1] >= SHOWN_SOC && result.inTrips(bandOf(now.interval))}
           {count > 0 && ` · ${words.reasons(count)}`}
         </summary>
         <p class="given">
