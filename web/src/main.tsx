@@ -46,7 +46,7 @@ function Foot() {
       {!own && name && learned && (
         <p>
           {isMeasured.value
-            ? `${foot.own(learned.vehicle_title)} ${foot.model(name, learned.trips)}`
+            ? `${learned.vehicle_title}. ${foot.model(name, learned.trips)}`
             : `${foot.published(vehicle.value?.title ?? car.value?.title ?? "")} ${foot.modelOfCar(name, learned.trips, learned.vehicle_title)}`}{" "}
           {foot.caution}
         </p>

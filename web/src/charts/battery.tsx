@@ -114,9 +114,9 @@ function options({ palette, width, height }: Look): uPlot.Options {
       axis({ palette, scale: "y", text: (y) => (y < 0 ? "" : percent(y)) }),
     ],
     bands: [
-      { series: [1, 2], fill: palette.mainBand },
-      { series: [3, 4], fill: palette.mainCore },
-      { series: [5, 6], fill: palette.otherBand },
+      { series: [1, 2], fill: palette["main-band"] },
+      { series: [3, 4], fill: palette["main-core"] },
+      { series: [5, 6], fill: palette["other-band"] },
     ],
     series: [
       {},

@@ -55,7 +55,7 @@ function options({ palette, width, height }: Look): uPlot.Options {
       axis({ palette, scale: "x", grid: false, text: (x) => `${plain(x)} ${units.value.distance.unit}` }),
       axis({ palette, scale: "y", text: percent }),
     ],
-    bands: [{ series: [1, 2], fill: palette.mainBand }],
+    bands: [{ series: [1, 2], fill: palette["main-band"] }],
     series: [
       {},
       EDGE,

@@ -1,39 +1,32 @@
-/** Colours of the charts, read from the style sheet. */
+/** Colours by their names in the style sheet. */
 
-export interface Palette {
-  text: string;
-  muted: string;
-  grid: string;
-  surface: string;
-  main: string;
-  mainBand: string;
-  mainCore: string;
-  other: string;
-  otherBand: string;
-  driven: string;
-  ground: string;
-  groundLine: string;
-  speed: string;
-  alarm: string;
+export function coloursOf<Name extends string>(
+  element: Element,
+  names: readonly Name[],
+): Record<Name, string> {
+  const style = getComputedStyle(element);
+  return Object.fromEntries(
+    names.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]),
+  ) as Record<Name, string>;
 }
 
+const OF_CHARTS = [
+  "muted",
+  "grid",
+  "main",
+  "main-band",
+  "main-core",
+  "other",
+  "other-band",
+  "driven",
+  "ground",
+  "ground-line",
+  "speed",
+  "alarm",
+] as const;
+
+export type Palette = Record<(typeof OF_CHARTS)[number], string>;
+
 export function paletteFrom(element: Element): Palette {
-  const style = getComputedStyle(element);
-  const colour = (name: string) => style.getPropertyValue(`--${name}`).trim();
-  return {
-    text: colour("text"),
-    muted: colour("muted"),
-    grid: colour("grid"),
-    surface: colour("surface"),
-    main: colour("main"),
-    mainBand: colour("main-band"),
-    mainCore: colour("main-core"),
-    other: colour("other"),
-    otherBand: colour("other-band"),
-    driven: colour("driven"),
-    ground: colour("ground"),
-    groundLine: colour("ground-line"),
-    speed: colour("speed"),
-    alarm: colour("alarm"),
-  };
+  return coloursOf(element, OF_CHARTS);
 }

@@ -54,7 +54,7 @@ function optionsFor(hilly: boolean) {
       { scale: "speed", stroke: palette.speed, width: 1.25, points: { show: false } },
       {
         scale: "height",
-        stroke: palette.groundLine,
+        stroke: palette["ground-line"],
         fill: palette.ground,
         width: 1.25,
         points: { show: false },

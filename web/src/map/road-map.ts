@@ -25,23 +25,23 @@ export interface Mark {
   label: string;
 }
 
-export interface MapPalette {
-  ground: string;
-  text: string;
-  halo: string;
-  minor: string;
-  major: string;
-  motorway: string;
-  low: string;
-  usual: string;
-  high: string;
-  casing: string;
-  other: string;
-  main: string;
-  station: string;
-  dot: string;
-  reach: string;
-}
+/** Names of the colours of the map in the style sheet. */
+export const MAP_COLOURS = [
+  "map-ground",
+  "map-minor",
+  "map-major",
+  "map-motorway",
+  "map-other",
+  "text",
+  "surface",
+  "main",
+  "low",
+  "usual",
+  "high",
+  "station",
+] as const;
+
+export type MapPalette = Record<(typeof MAP_COLOURS)[number], string>;
 
 export interface MapHandlers {
   onClick: (at: Point) => void;
@@ -117,7 +117,7 @@ function roadLayers(palette: MapPalette): LayerSpecification[] {
     filter: ["all", [">=", ["get", "road_class"], lowest], ["<=", ["get", "road_class"], highest]],
     layout: { "line-cap": "round", "line-join": "round" },
     paint: {
-      "line-color": palette[kind === "secondary" ? "major" : kind],
+      "line-color": palette[`map-${kind === "secondary" ? "major" : kind}`],
       "line-width": WIDTHS[kind] as never,
     },
   });
@@ -153,10 +153,10 @@ function journeyLayers(palette: MapPalette, font: string): LayerSpecification[] 
       id: "reach-area",
       type: "fill",
       source: "reach",
-      paint: { "fill-color": palette.reach, "fill-opacity": 0.14 },
+      paint: { "fill-color": palette.main, "fill-opacity": 0.14 },
     },
     line("reach-edge", "reach", {
-      "line-color": palette.reach,
+      "line-color": palette.main,
       "line-width": 2,
       "line-dasharray": [
         "case",
@@ -165,11 +165,11 @@ function journeyLayers(palette: MapPalette, font: string): LayerSpecification[] 
         ["literal", [1, 0]],
       ],
     }),
-    line("other-hit", "others", { "line-color": palette.other, "line-width": 18, "line-opacity": 0 }),
-    line("other", "others", { "line-color": palette.other, "line-width": 4 }),
-    line("road-casing", "roads", { "line-color": palette.casing, "line-width": 10.5 }),
+    line("other-hit", "others", { "line-color": palette["map-other"], "line-width": 18, "line-opacity": 0 }),
+    line("other", "others", { "line-color": palette["map-other"], "line-width": 4 }),
+    line("road-casing", "roads", { "line-color": palette.surface, "line-width": 10.5 }),
     line("road", "roads", { "line-color": level, "line-width": width }),
-    line("road-hit", "roads", { "line-color": palette.casing, "line-width": 22, "line-opacity": 0 }),
+    line("road-hit", "roads", { "line-color": palette.surface, "line-width": 22, "line-opacity": 0 }),
     {
       id: "settlement-dot",
       type: "circle",
@@ -178,7 +178,7 @@ function journeyLayers(palette: MapPalette, font: string): LayerSpecification[] 
       paint: {
         "circle-radius": ["match", ["get", "kind"], "city", 3.5, "town", 3, 2],
         "circle-color": palette.text,
-        "circle-stroke-color": palette.halo,
+        "circle-stroke-color": palette["map-ground"],
         "circle-stroke-width": 1,
       },
     },
@@ -190,7 +190,7 @@ function journeyLayers(palette: MapPalette, font: string): LayerSpecification[] 
       paint: {
         "circle-radius": ["case", ["get", "chosen"], 11, 5],
         "circle-color": palette.station,
-        "circle-stroke-color": palette.casing,
+        "circle-stroke-color": palette.surface,
         "circle-stroke-width": 2,
       },
     },
@@ -213,7 +213,7 @@ function journeyLayers(palette: MapPalette, font: string): LayerSpecification[] 
         "symbol-sort-key": ["get", "rank"],
         "text-padding": 4,
       },
-      paint: { "text-color": palette.text, "text-halo-color": palette.halo, "text-halo-width": 1.6 },
+      paint: { "text-color": palette.text, "text-halo-color": palette["map-ground"], "text-halo-width": 1.6 },
     },
     // What is above is placed first: names keep clear of the road, of stations, of stops and of the pins.
     {
@@ -240,7 +240,7 @@ function journeyLayers(palette: MapPalette, font: string): LayerSpecification[] 
         "text-size": 14,
         "text-allow-overlap": true,
       },
-      paint: { "text-color": palette.casing },
+      paint: { "text-color": palette.surface },
     },
     {
       id: "pin-room",
@@ -259,8 +259,8 @@ function journeyLayers(palette: MapPalette, font: string): LayerSpecification[] 
       source: "dot",
       paint: {
         "circle-radius": 7,
-        "circle-color": palette.dot,
-        "circle-stroke-color": palette.casing,
+        "circle-color": palette.text,
+        "circle-stroke-color": palette.surface,
         "circle-stroke-width": 3,
       },
     },
@@ -282,7 +282,7 @@ function styleOf({ palette, tiles, font }: MapOptions): StyleSpecification {
       dot: data(),
     },
     layers: [
-      { id: "ground", type: "background", paint: { "background-color": palette.ground } },
+      { id: "ground", type: "background", paint: { "background-color": palette["map-ground"] } },
       ...(tiles ? roadLayers(palette) : []),
       ...journeyLayers(palette, font),
     ],

@@ -19,6 +19,8 @@ const de: Text = {
       "Energie und Ladestand entlang einer Fahrt mit dem Elektroauto, mit der Unsicherheit der Prognose",
     noScript: "Diese Seite benötigt JavaScript.",
   },
+  close: "Schließen",
+  cancel: "Abbrechen",
   skip: "Zur Prognose springen",
   header: {
     car: "Fahrzeug",
@@ -38,7 +40,6 @@ const de: Text = {
     changeTheme: (theme) => `${theme}. Ändern`,
   },
   foot: {
-    own: (car) => `${car}.`,
     ownCar: (name, car) => `${name}, ${car}: Modell aus eigenen Fahrten.`,
     published: (car) => `${car}, aus veröffentlichten Fahrzeugdaten.`,
     model: (model, trips) =>
@@ -52,7 +53,6 @@ const de: Text = {
   trip: {
     title: "Fahrt",
     change: "Ändern",
-    close: "Schließen",
     from: "Quelle der Fahrt",
     sources: {
       journey: "Von A nach B",
@@ -88,7 +88,6 @@ const de: Text = {
       motorway: "überwiegend Autobahn",
     },
     types: { town: "Stadt", country: "Landstraße", motorway: "Autobahn" },
-    part: (share, type) => `${share} ${type}`,
     assumed: (parts) => `Etwa ${parts}; die Höhen sind unbekannt.`,
   },
   linksForm: {
@@ -113,16 +112,7 @@ const de: Text = {
     choose: "Bitte aus der Liste wählen.",
     alsoCalled: (name) => `auch ${name}`,
     covers: "Die Karte umfasst",
-    kinds: {
-      city: "Stadt",
-      town: "Stadt",
-      village: "Dorf",
-      suburb: "Stadtteil",
-      hamlet: "Weiler",
-      street: "Straße",
-      poi: "Ziel",
-      house: "Haus",
-    },
+    poi: "Ziel",
     hint: "Ort, Straße oder Haus",
     hintCoordinates: "Breitengrad, Längengrad",
     via: (number) => `Über ${number}`,
@@ -325,7 +315,6 @@ const de: Text = {
     leavingNow: "bei Abfahrt jetzt",
     duration: "Gesamtzeit",
     ofItCharging: (time) => `davon ${time} an Ladestationen`,
-    energy: "Energie",
     stops: (stops, time, station, far, soc) =>
       `${stops} Ladestopps, zusammen ${time}. Zuerst: ${station}, nach ${far}, auf ${soc} laden`,
     sure: "Wie sicher ist das?",
@@ -344,7 +333,6 @@ const de: Text = {
     full: "Eine volle Batterie reicht nicht: eine Fahrt von A nach B mit Ladestopp planen",
     howFar: (soc, reserve) => `Reichweite von ${soc} bis ${reserve}`,
     byKind: "Reichweite nach Straßenart",
-    kind: "Straßenart",
     range: "Erwartet",
     interval: "Hälfte aller Fahrten",
     cautious: "19 von 20, mind.",
@@ -375,7 +363,6 @@ const de: Text = {
     and: " und ",
     saves: (energy: string) => `spart ${energy}`,
     arrives: (soc: string, chance: string) => `Ankunft mit ${soc}, mit der Reserve bei ${chance}`,
-    longer: (time: string) => `${time} länger`,
     noTime: "kostet keine Zeit",
     wall: (energy: string) => `braucht ${energy} aus der Steckdose`,
     whole: (time, stops, change) =>
@@ -457,8 +444,6 @@ const de: Text = {
     instead: (one, other) => `${one} statt ${other}`,
     morePoints: (points) => `${points} Prozentpunkte mehr Ladestand bei Ankunft`,
     lessEnergy: (energy) => `${energy} weniger Energie`,
-    longer: (time) => `${time} länger`,
-    shorter: (time) => `${time} kürzer`,
     noDifference: "kein Unterschied",
     sides: ["Erste Prognose", "Zweite Prognose"],
     first: "Erste",
@@ -509,8 +494,6 @@ const de: Text = {
     gauge: "Einfache Hochrechnung",
     title: "Prognosen während der Fahrt",
     note: "Ladestand bei Ankunft, an jeder Position neu prognostiziert. Das Modell berücksichtigt die Strecke, die noch kommt; die einfache Hochrechnung schreibt den bisherigen Verbrauch fort.",
-    keyForecast: "Prognose",
-    keyBand: "9 von 10 Fahrten",
     keyGauge: "einfache Hochrechnung",
     chart: "Ladestand bei Ankunft, an jeder Position neu prognostiziert.",
     hint: "Mit „Start“ wird die Fahrt wiedergegeben und die Prognose aktualisiert.",
@@ -553,14 +536,11 @@ const de: Text = {
     },
     heatPump: "Wärmepumpe",
     described: (middle, low, high, unit) => `Mein Auto, WLTP ${middle} ${unit} (${low} bis ${high})`,
-    cancel: "Abbrechen",
     use: "Dieses Auto verwenden",
   },
   live: {
     title: "Unterwegs",
-    close: "Schließen",
     night: "Nacht",
-    now: "Ladestand jetzt",
     left: "Noch zu fahren",
     driven: "Gefahren",
     nextTrip: "Ladestand bei Ankunft, nächste Fahrt",
@@ -599,7 +579,6 @@ const de: Text = {
     intro:
       "Ein Auto lernt aus seinen eigenen Fahrten: Mit den Logs einer beliebigen App werden seine Prognosen sicherer. Alles bleibt auf dem Rechner dieses Dienstes.",
     all: "Alle Autos",
-    close: "Schließen",
     newCar: "Auto hinzufügen",
     newCarNote: (car) => `Es beginnt mit den veröffentlichten Werten des gewählten Autos: ${car}.`,
     name: "Name",
@@ -611,7 +590,6 @@ const de: Text = {
     forgetAsk: (name) => `${name} mit allen Logs, dem Modell und dem Tagebuch löschen?`,
     forgetNow: "Löschen",
     keep: "Behalten",
-    cancel: "Abbrechen",
     logs: "Logs hinzufügen",
     dropLogs: "Dateien auswählen oder Dateien und Ordner hier ablegen",
     formats:
@@ -621,12 +599,6 @@ const de: Text = {
     reading: (files) => count(files, { one: "# Datei wird gelesen …", other: "# Dateien werden gelesen …" }),
     files: "Dateien",
     summary: (files, parts) => `${count(files, { one: "# Datei", other: "# Dateien" })}: ${parts}`,
-    counted: {
-      read: (files) => `${count(files, { one: "#", other: "#" })} gelesen`,
-      part: (files) => `${count(files, { one: "#", other: "#" })} teilweise gelesen`,
-      out: (files) => `${count(files, { one: "#", other: "#" })} ausgelassen`,
-      ignored: (files) => `${count(files, { one: "#", other: "#" })} ignoriert`,
-    },
     groups: {
       out: (files) => count(files, { one: "# Datei ist nicht lesbar", other: "# Dateien sind nicht lesbar" }),
       way: (files) => count(files, { one: "# Datei unterwegs", other: "# Dateien unterwegs" }),
@@ -677,8 +649,6 @@ const de: Text = {
     learnable: "Was gelernt wird",
     nothingToLearn: "Noch nichts: Diese Dateien enthalten keine Fahrt.",
     ofLogs: (trips, logs) => `${trips} aus ${count(logs, { one: "# Log", other: "# Logs" })}`,
-    time: "Zeit",
-    energy: "Energie",
     dates: "Datum",
     outside: "Außen",
     lost: (distance, time) => `Nicht verwendet: ${distance} und ${time} der Fahrten, aus diesen Gründen:`,
@@ -715,7 +685,6 @@ const de: Text = {
         one: "# weiterer Faktor, noch nicht messbar",
         other: "# weitere Faktoren, noch nicht messbar",
       }),
-    sd: (value, unit) => `± ${value} ${unit}`,
     weights: "Wie die Prognosen entstehen",
     experts: {
       published: "veröffentlichte Werte",
@@ -757,7 +726,6 @@ const de: Text = {
       `Für jede Fahrt wurde die Prognose gestellt, bevor aus ihr gelernt wurde: Fehler ${error}, ${inside} von ${count(trips, { one: "# Fahrt", other: "# Fahrten" })} im 90-%-Bereich. Der Bereich war ${width} der Energie breit; ${needed} hätten für 90 % der Fahrten gereicht (Klammern im Bild).`,
     trip: "Fahrt",
     trips: "Fahrten",
-    distance: "Strecke",
     forecast: "Prognose (90 %), kWh",
     picture: "Bild",
     took: "Verbrauch, kWh",
@@ -818,7 +786,6 @@ const de: Text = {
   problems: {
     status: (status) => `HTTP ${status}`,
     retry: "Erneut versuchen",
-    close: "Schließen",
     at: (where) => ` bei ${where}`,
     allowed: (allowed) => ` (erlaubt: ${allowed})`,
     more: (faults) => `und ${faults} weitere`,

@@ -12,6 +12,8 @@ export const en = {
     description: "Energy and battery charge along an electric-car trip, with the uncertainty of the forecast",
     noScript: "This page requires JavaScript.",
   },
+  close: "Close",
+  cancel: "Cancel",
   skip: "Skip to the forecast",
   header: {
     car: "Car",
@@ -32,7 +34,6 @@ export const en = {
     changeTheme: (theme: string) => `${theme}. Change`,
   },
   foot: {
-    own: (car: string) => `${car}.`,
     ownCar: (name: string, car: string) => `${name}, ${car}: model from its own trips.`,
     published: (car: string) => `${car}, from published vehicle data.`,
     model: (model: string, trips: number) =>
@@ -46,7 +47,6 @@ export const en = {
   trip: {
     title: "Trip",
     change: "Change",
-    close: "Close",
     from: "Source of the trip",
     sources: {
       journey: "From A to B",
@@ -81,7 +81,6 @@ export const en = {
       motorway: "mostly motorway",
     },
     types: { town: "town", country: "country roads", motorway: "motorway" },
-    part: (share: string, type: string) => `${share} ${type}`,
     assumed: (parts: string) => `About ${parts}; the heights are unknown.`,
   },
   linksForm: {
@@ -107,16 +106,7 @@ export const en = {
     choose: "Choose one of the list.",
     alsoCalled: (name: string) => `also ${name}`,
     covers: "The map covers",
-    kinds: {
-      city: "city",
-      town: "town",
-      village: "village",
-      suburb: "suburb",
-      hamlet: "hamlet",
-      street: "street",
-      poi: "place",
-      house: "house",
-    },
+    poi: "place",
     hintCoordinates: "Latitude, longitude",
     via: (number: number) => `Via ${number}`,
     addVia: "Add a place on the way",
@@ -317,7 +307,6 @@ export const en = {
     leavingNow: "leaving now",
     duration: "Total time",
     ofItCharging: (time: string) => `including ${time} at charging stations`,
-    energy: "Energy",
     stops: (stops: number, time: string, station: string, far: string, soc: string) =>
       `${stops} stops, ${time} in all. First: ${station}, after ${far}, charge to ${soc}`,
     sure: "How sure is this?",
@@ -336,7 +325,6 @@ export const en = {
     full: "A full battery is not enough: plan a trip from A to B with a charging stop",
     howFar: (soc: string, reserve: string) => `How far you get from ${soc} down to ${reserve}`,
     byKind: "Range by kind of road",
-    kind: "Kind of road",
     range: "Expected",
     interval: "Half of all trips",
     cautious: "19 of 20, at least",
@@ -366,7 +354,6 @@ export const en = {
     and: ", and ",
     saves: (energy: string) => `saves ${energy}`,
     arrives: (soc: string, chance: string) => `you arrive with ${soc}, and with the reserve in ${chance}`,
-    longer: (time: string) => `${time} longer`,
     noTime: "takes no time",
     wall: (energy: string) => `uses ${energy} from the socket`,
     whole: (time: string, stops: number, change: string) =>
@@ -450,8 +437,6 @@ export const en = {
     instead: (one: string, other: string) => `${one} instead of ${other}`,
     morePoints: (points: string) => `${points} percentage points more charge on arrival`,
     lessEnergy: (energy: string) => `${energy} less energy`,
-    longer: (time: string) => `${time} longer`,
-    shorter: (time: string) => `${time} shorter`,
     noDifference: "no difference",
     sides: ["First forecast", "Second forecast"] as [string, string],
     first: "First",
@@ -501,8 +486,6 @@ export const en = {
     gauge: "Naive gauge",
     title: "Forecasts made on the way",
     note: "Battery on arrival, as forecast at each position. The model uses the road ahead; the naive gauge extrapolates the consumption so far.",
-    keyForecast: "forecast",
-    keyBand: "9 of 10 trips",
     keyGauge: "naive gauge",
     chart: "Battery on arrival, as forecast at each position.",
     hint: "Press Start to replay the trip and update the forecast.",
@@ -546,14 +529,11 @@ export const en = {
     heatPump: "Heat pump",
     described: (middle: string, low: string, high: string, unit: string) =>
       `My car, WLTP ${middle} ${unit} (${low} to ${high})`,
-    cancel: "Cancel",
     use: "Use this car",
   },
   live: {
     title: "On the road",
-    close: "Close",
     night: "Night",
-    now: "Battery now",
     left: "Left to drive",
     driven: "Driven",
     nextTrip: "Battery on arrival, next trip",
@@ -591,7 +571,6 @@ export const en = {
     intro:
       "A car learns from its own trips: add the logs of any app, and its forecasts become more certain. Everything stays on the computer of this service.",
     all: "All cars",
-    close: "Close",
     newCar: "Add a car",
     newCarNote: (car: string) => `It starts with the published values of the chosen car: ${car}.`,
     name: "Name",
@@ -603,7 +582,6 @@ export const en = {
     forgetAsk: (name: string) => `Delete ${name} with all its logs, its model and its diary?`,
     forgetNow: "Delete",
     keep: "Keep",
-    cancel: "Cancel",
     logs: "Add logs",
     dropLogs: "Choose files, or drop files or folders here",
     formats:
@@ -613,12 +591,6 @@ export const en = {
     files: "Files",
     summary: (files: number, parts: string) =>
       `${count(files, { one: "# file", other: "# files" })}: ${parts}`,
-    counted: {
-      read: (files: number) => `${count(files, { one: "#", other: "#" })} read`,
-      part: (files: number) => `${count(files, { one: "#", other: "#" })} read in part`,
-      out: (files: number) => `${count(files, { one: "#", other: "#" })} left out`,
-      ignored: (files: number) => `${count(files, { one: "#", other: "#" })} ignored`,
-    },
     groups: {
       out: (files: number) => count(files, { one: "# file cannot be read", other: "# files cannot be read" }),
       way: (files: number) => count(files, { one: "# file on its way", other: "# files on their way" }),
@@ -670,8 +642,6 @@ export const en = {
     nothingToLearn: "Nothing yet: these files contain no trip.",
     ofLogs: (trips: string, logs: number) =>
       `${trips} from ${count(logs, { one: "# log", other: "# logs" })}`,
-    time: "Time",
-    energy: "Energy",
     dates: "Dates",
     outside: "Outside",
     lost: (distance: string, time: string) =>
@@ -710,7 +680,6 @@ export const en = {
         one: "# more factor, not measurable yet",
         other: "# more factors, not measurable yet",
       }),
-    sd: (value: string, unit: string) => `± ${value} ${unit}`,
     weights: "How the forecasts are made",
     experts: {
       published: "published values",
@@ -752,7 +721,6 @@ export const en = {
       `Each trip was forecast before it was learned: error ${error}, ${inside} of ${count(trips, { one: "# trip", other: "# trips" })} inside the 90 % range. The range was ${width} of the energy wide; ${needed} would have been enough for 90 % of the trips (brackets in the picture).`,
     trip: "Trip",
     trips: "Trips",
-    distance: "Distance",
     forecast: "Forecast (90 %), kWh",
     picture: "Picture",
     took: "Used, kWh",
@@ -813,7 +781,6 @@ export const en = {
   problems: {
     status: (status: number) => `HTTP ${status}`,
     retry: "Try again",
-    close: "Close",
     at: (where: string) => ` at ${where}`,
     allowed: (allowed: string) => ` (allowed: ${allowed})`,
     more: (faults: number) => `and ${faults} more`,

@@ -61,7 +61,7 @@ function togetherText({ actions }: Advised): string {
 
 function longer({ difference: { duration_s } }: Advised): string {
   const { span } = format.value;
-  return duration_s >= MIN_SHOWN_S ? text.value.advice.longer(span(duration_s)) : text.value.advice.noTime;
+  return duration_s >= MIN_SHOWN_S ? text.value.journey.longer(span(duration_s)) : text.value.advice.noTime;
 }
 
 /** The journey with its charging stops, beside that without the action. */

@@ -1,11 +1,11 @@
 import { signal } from "@preact/signals";
-import { useEffect, useRef } from "preact/hooks";
 import { describeCar, RequestFailed } from "../api/client";
 import type { Fault, Figures } from "../api/documents";
 import { car, chooseDescribed } from "../state/car";
 import { ENERGY, POWER, type Quantity } from "../model/units";
 import { format, text, units } from "../state/preferences";
 import { FaultList } from "./faults";
+import { useModal } from "./parts";
 import { Select } from "./select";
 
 const open = signal(false);
@@ -58,6 +58,10 @@ function figuresFrom(form: HTMLFormElement): Figures {
   return figures;
 }
 
+function close(): void {
+  open.value = false;
+}
+
 /** Apart from the form, whose fields keep what was typed when the faults change. */
 function Faults() {
   return <FaultList faults={faults.value} />;
@@ -65,13 +69,9 @@ function Faults() {
 
 /** A form for a car that the service does not have. */
 export function CarDialog() {
-  const dialog = useRef<HTMLDialogElement>(null);
+  const dialog = useModal(open.value);
   const { ownCar: words } = text.value;
   const known = car.value?.figures;
-  useEffect(() => {
-    if (open.value) dialog.current?.showModal();
-    else dialog.current?.close();
-  }, [open.value]);
   const submit = async (form: HTMLFormElement) => {
     const figures = figuresFrom(form);
     try {
@@ -83,7 +83,7 @@ export function CarDialog() {
       const { wltp_kwh_per_100km: middle } = described;
       chooseDescribed(figures, words.described(shown(middle), shown(low), shown(high), consumption.unit));
       faults.value = [];
-      open.value = false;
+      close();
     } catch (error) {
       if (!(error instanceof RequestFailed)) throw error;
       const { problem } = error;
@@ -91,13 +91,7 @@ export function CarDialog() {
     }
   };
   return (
-    <dialog
-      ref={dialog}
-      aria-labelledby="own-car-title"
-      onClose={() => {
-        open.value = false;
-      }}
-    >
+    <dialog ref={dialog} aria-labelledby="own-car-title" onClose={close}>
       <form
         onSubmit={(event) => {
           event.preventDefault();
@@ -151,14 +145,8 @@ export function CarDialog() {
         </label>
         <Faults />
         <div class="actions">
-          <button
-            type="button"
-            class="quiet"
-            onClick={() => {
-              open.value = false;
-            }}
-          >
-            {words.cancel}
+          <button type="button" class="quiet" onClick={close}>
+            {text.value.cancel}
           </button>
           <button type="submit" class="primary">
             {words.use}

@@ -109,7 +109,7 @@ function Side({ of, kind, name }: { of: Forecast; kind: "main" | "other"; name: 
 /** The difference as a sentence; its subject is the forecast with more charge on arrival. */
 function differenceText(first: Forecast, second: Forecast, names: [string, string]): string {
   const { figure, shown, duration } = format.value;
-  const { compare, result } = text.value;
+  const { compare, journey, result } = text.value;
   const points = PERCENT.from(second.soc_arrival - first.soc_arrival);
   const [one, other] = points >= 0 ? [second, first] : [first, second];
   const [name, otherName] = points >= 0 ? [names[1], names[0]] : names;
@@ -123,8 +123,8 @@ function differenceText(first: Forecast, second: Forecast, names: [string, strin
     const range = low && high ? ` (${result.inTrips(result.range(low, high))})` : "";
     parts.push(compare.lessEnergy(shown(savedWh, ENERGY)) + range);
   }
-  if (longerS >= MIN_SHOWN_S) parts.push(compare.longer(duration(longerS)));
-  if (longerS <= -MIN_SHOWN_S) parts.push(compare.shorter(duration(-longerS)));
+  if (longerS >= MIN_SHOWN_S) parts.push(journey.longer(duration(longerS)));
+  if (longerS <= -MIN_SHOWN_S) parts.push(journey.shorter(duration(-longerS)));
   return `${compare.instead(name, otherName)}: ${parts.join(", ") || compare.noDifference}.`;
 }
 

@@ -30,6 +30,7 @@ import { trip } from "../state/trip";
 import { panelIsOpen } from "./chips";
 import { FaultList } from "./faults";
 import { Icon } from "./icons";
+import { Tick } from "./parts";
 import { Select } from "./select";
 import type { SettingName } from "./settings";
 import { Slider } from "./slider";
@@ -74,14 +75,11 @@ function Ticked({ name, label, slider = label }: { name: SettingName; label: str
   const set = (value: number | null) => change({ [name]: value } as Partial<Conditions>);
   return (
     <div class="field">
-      <label class="tick">
-        <input
-          type="checkbox"
-          checked={now !== null}
-          onChange={(event) => set(event.currentTarget.checked ? firstValue(name) : null)}
-        />
-        {label}
-      </label>
+      <Tick
+        label={label}
+        checked={now !== null}
+        onChange={(checked) => set(checked ? firstValue(name) : null)}
+      />
       {now !== null && (
         <Slider
           setting={name}
@@ -128,18 +126,16 @@ function Several({ name }: { name: SeveralName }) {
     <fieldset class="field ticks">
       <legend>{fields[name]}</legend>
       {FIELDS[name].choices.map((choice) => (
-        <label key={choice} class="tick">
-          <input
-            type="checkbox"
-            checked={chosen.includes(choice)}
-            onChange={(event) => {
-              const others = chosen.filter((one) => one !== choice);
-              const next = event.currentTarget.checked ? [...others, choice] : others;
-              change({ [name]: next.length > 0 ? next : null });
-            }}
-          />
-          {choices[name][choice]}
-        </label>
+        <Tick
+          key={choice}
+          label={choices[name][choice]}
+          checked={chosen.includes(choice)}
+          onChange={(checked) => {
+            const others = chosen.filter((one) => one !== choice);
+            const next = checked ? [...others, choice] : others;
+            change({ [name]: next.length > 0 ? next : null });
+          }}
+        />
       ))}
     </fieldset>
   );
@@ -177,23 +173,22 @@ function BeforeDepartureSelect() {
   );
 }
 
-function Tick({ name, label }: { name: "warmCabin" | "warmBattery" | "preheatForStops"; label: string }) {
+type YesOrNo = "warmCabin" | "warmBattery" | "preheatForStops" | "weatherOfHour";
+
+function Yes({ name, label }: { name: YesOrNo; label: string }) {
   return (
-    <label class="tick">
-      <input
-        type="checkbox"
-        checked={conditions.value[name]}
-        onChange={(event) => change({ [name]: event.currentTarget.checked })}
-      />
-      {label}
-    </label>
+    <Tick
+      label={label}
+      checked={conditions.value[name]}
+      onChange={(checked) => change({ [name]: checked })}
+    />
   );
 }
 
 /** Time of departure, and where the weather comes from; only a journey has them. */
 function Departs() {
   const { conditions: words } = text.value;
-  const { departsAt, weatherOfHour } = conditions.value;
+  const { departsAt } = conditions.value;
   const id = useId();
   if (source.value !== "journey") return null;
   return (
@@ -216,16 +211,7 @@ function Departs() {
         )}
       </div>
       <FaultList faults={faultsOf("departs_at")} />
-      {map.value?.weather && (
-        <label class="tick">
-          <input
-            type="checkbox"
-            checked={weatherOfHour}
-            onChange={(event) => change({ weatherOfHour: event.currentTarget.checked })}
-          />
-          {words.fromServer}
-        </label>
-      )}
+      {map.value?.weather && <Yes name="weatherOfHour" label={words.fromServer} />}
     </div>
   );
 }
@@ -286,9 +272,9 @@ export function ConditionsPanel() {
       <BeforeDepartureSelect />
       <fieldset class="field ticks">
         <legend>{words.warmed}</legend>
-        <Tick name="warmCabin" label={words.cabin} />
-        <Tick name="warmBattery" label={words.battery} />
-        {charges && <Tick name="preheatForStops" label={words.forStops} />}
+        <Yes name="warmCabin" label={words.cabin} />
+        <Yes name="warmBattery" label={words.battery} />
+        {charges && <Yes name="preheatForStops" label={words.forStops} />}
       </fieldset>
       {charges && (
         <Slider

@@ -15,8 +15,8 @@ function sharesText(distanceM: number, kind: Kind): string {
   const { distanceForm: words } = text.value;
   const { list, shown } = format.value;
   const shares = sharesOver(distanceM, kind);
-  const parts = TYPES.filter((type) => shares[type] > 0).map((type) =>
-    words.part(shown(shares[type], PERCENT), words.types[type]),
+  const parts = TYPES.filter((type) => shares[type] > 0).map(
+    (type) => `${shown(shares[type], PERCENT)} ${words.types[type]}`,
   );
   return words.assumed(list(parts));
 }

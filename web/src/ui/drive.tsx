@@ -80,15 +80,15 @@ function errorsText(): string {
 }
 
 export function DriveCard() {
-  const { drive } = text.value;
+  const { drive, result } = text.value;
   const errors = errorsText();
   return (
     <section class="card history" aria-labelledby="history-title">
       <h2 id="history-title">{drive.title}</h2>
       <p class="note">{drive.note}</p>
       <ul class="legend" aria-hidden="true">
-        <li class="key-main">{drive.keyForecast}</li>
-        <li class="key-band">{drive.keyBand}</li>
+        <li class="key-main">{result.forecast}</li>
+        <li class="key-band">{result.band}</li>
         <li class="key-other">{drive.keyGauge}</li>
       </ul>
       {history.value.length > 1 ? (

@@ -40,7 +40,7 @@ export function Failure() {
         )}
       </div>
       <button type="button" onClick={retry}>
-        {failure.faults?.length ? problems.close : problems.retry}
+        {failure.faults?.length ? text.value.close : problems.retry}
       </button>
     </div>
   );

@@ -8,6 +8,7 @@ import { type Language, LANGUAGES } from "../text";
 import { CarField } from "./car-field";
 import { Choice } from "./choice";
 import { Icon } from "./icons";
+import { IconButton } from "./parts";
 
 const THEMES: [Theme, "system" | "sun" | "moon"][] = [
   ["system", "system"],
@@ -95,15 +96,7 @@ export function Header() {
       <ModelSelect />
       <div class="tools">
         {ownCars.value && (
-          <button
-            type="button"
-            class="quiet"
-            aria-label={text.value.live.title}
-            title={text.value.live.title}
-            onClick={() => void openRoad()}
-          >
-            <Icon name="wheel" />
-          </button>
+          <IconButton icon="wheel" label={text.value.live.title} onClick={() => void openRoad()} />
         )}
         <button
           type="button"

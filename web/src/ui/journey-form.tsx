@@ -25,7 +25,7 @@ import { osmKind } from "../state/messages";
 import { text } from "../state/preferences";
 import { Covers } from "./covers";
 import { FaultList } from "./faults";
-import { Icon } from "./icons";
+import { IconButton, Tick } from "./parts";
 
 const PAUSE_MS = 120;
 // eslint-disable-next-line page/text -- names of keys
@@ -75,8 +75,7 @@ async function resolve(end: Field): Promise<void> {
 
 /** What a place is, in words. */
 function kindOf({ kind }: Place): string {
-  const kinds: Record<string, string> = text.value.journey.kinds;
-  return kinds[kind] ?? osmKind(kind);
+  return kind === "poi" ? text.value.journey.poi : osmKind(kind);
 }
 
 async function plan(): Promise<void> {
@@ -152,17 +151,7 @@ function PlaceField({ label, end, onRemove }: { label: string; end: Field; onRem
   return (
     <div class={`place ${onRemove ? "place-via" : `place-${end}`}`}>
       <label for={id}>{label}</label>
-      {onRemove && (
-        <button
-          type="button"
-          class="quiet"
-          aria-label={words.removeVia(label)}
-          title={words.removeVia(label)}
-          onClick={onRemove}
-        >
-          <Icon name="close" />
-        </button>
-      )}
+      {onRemove && <IconButton icon="close" label={words.removeVia(label)} onClick={onRemove} />}
       <input
         id={id}
         role="combobox"
@@ -257,17 +246,14 @@ export function JourneyForm() {
       ))}
       <PlaceField label={words.to} end="to" />
       <div class="inline">
-        <label class="tick">
-          <input
-            type="checkbox"
-            checked={isRound.value}
-            onChange={(event) => {
-              isRound.value = event.currentTarget.checked;
-              void plan();
-            }}
-          />
-          {words.andBack}
-        </label>
+        <Tick
+          label={words.andBack}
+          checked={isRound.value}
+          onChange={(checked) => {
+            isRound.value = checked;
+            void plan();
+          }}
+        />
         {vias.value.length < MOST_STOPS - 2 && (
           <button
             type="button"

@@ -1,9 +1,8 @@
 /** A car on the road, in large figures for a phone in a holder. */
 
 import type { ComponentChildren } from "preact";
-import { useEffect, useRef } from "preact/hooks";
 import type { LiveCar, LiveForecast } from "../api/documents";
-import { likelihoodOf, verdictOf } from "../model/arrival";
+import { verdictOf } from "../model/arrival";
 import { ENERGY, PERCENT } from "../model/units";
 import {
   awake,
@@ -22,8 +21,10 @@ import { labelOf } from "../state/own-cars";
 import { format, text, units } from "../state/preferences";
 import { canPlan, planFromPage } from "../state/road-plan";
 import { trip } from "../state/trip";
+import { Chance } from "./chance";
 import { Icon } from "./icons";
 import { openOwnCars } from "./own-cars-dialog";
+import { IconButton, Stat, useModal } from "./parts";
 import { chanceInFigures, tripTitle } from "./wording";
 import { Said } from "./said";
 import { Warnings } from "./warnings";
@@ -33,21 +34,11 @@ const OLD_S = 120;
 const LOW = "0.05";
 const HIGH = "0.95";
 
-function Figure({ label, children }: { label: string; children: ComponentChildren }) {
-  return (
-    <div>
-      <dt>{label}</dt>
-      <dd>{children}</dd>
-    </div>
-  );
-}
-
 function Arrival({ of, label }: { of: LiveForecast; label: string }) {
-  const { result, chance } = text.value;
-  const { figure, shown } = format.value;
+  const { result } = text.value;
+  const { figure } = format.value;
   const low = figure(PERCENT.from(of.soc_quantiles[LOW] ?? 0), 0);
   const high = figure(PERCENT.from(of.soc_quantiles[HIGH] ?? 0), 0);
-  const verdict = verdictOf(of.p_arrive);
   return (
     <>
       <p class="arrival" aria-live="polite">
@@ -58,15 +49,12 @@ function Arrival({ of, label }: { of: LiveForecast; label: string }) {
         </span>
         <span class="range">{result.inTrips(`${result.range(low, high)}\u00a0${PERCENT.unit}`)}</span>
       </p>
-      <p class={`chance chance-${verdict}`}>
-        <Icon name={verdict === "good" ? "check" : "warning"} />
-        <span>
-          <strong>{chance.words[likelihoodOf(of.p_arrive)]}</strong>
-          {of.reserve > 0 ? chance.withReserve(shown(of.reserve, PERCENT)) : chance.withCharge}
-          <span class="figures"> · {chanceInFigures(of.p_arrive)}</span>
-          {of.reserve > 0 && <span class="at-all">{chance.atAll(chanceInFigures(of.p_arrive_at_all))}</span>}
-        </span>
-      </p>
+      <Chance
+        verdict={verdictOf(of.p_arrive)}
+        chance={of.p_arrive}
+        reserve={of.reserve}
+        atAll={of.p_arrive_at_all}
+      />
     </>
   );
 }
@@ -136,13 +124,13 @@ function Car({ of }: { of: LiveCar }) {
         </p>
       )}
       <dl class="stats">
-        <Figure label={words.now}>{soc === null ? "–" : shown(soc, PERCENT)}</Figure>
-        {leftM !== null && <Figure label={words.left}>{shown(leftM, distance)}</Figure>}
-        {trip && <Figure label={words.driven}>{shown(trip.distance_m, distance)}</Figure>}
+        <Stat label={text.value.drive.now}>{soc === null ? "–" : shown(soc, PERCENT)}</Stat>
+        {leftM !== null && <Stat label={words.left}>{shown(leftM, distance)}</Stat>}
+        {trip && <Stat label={words.driven}>{shown(trip.distance_m, distance)}</Stat>}
         {forecast && (
-          <Figure label={result.energy}>
+          <Stat label={result.energy}>
             {shown(forecast.energy_wh, ENERGY, 1)} <small>{result.range(low, high)}</small>
-          </Figure>
+          </Stat>
         )}
       </dl>
       {of.flags.length > 0 && <Warnings flags={of.flags} others={[]} serious={null} />}
@@ -230,12 +218,8 @@ function Choose() {
 }
 
 export function LiveDrive() {
-  const dialog = useRef<HTMLDialogElement>(null);
+  const dialog = useModal(isOpen.value);
   const { live: words } = text.value;
-  useEffect(() => {
-    if (isOpen.value) dialog.current?.showModal();
-    else dialog.current?.close();
-  }, [isOpen.value]);
   const several = followed.value !== "" && (roadCars.value?.length ?? 0) > 1;
   return (
     <dialog
@@ -261,9 +245,7 @@ export function LiveDrive() {
           <Icon name="moon" />
           {words.night}
         </button>
-        <button type="button" class="quiet" aria-label={words.close} onClick={closeRoad}>
-          <Icon name="close" />
-        </button>
+        <IconButton icon="close" label={text.value.close} onClick={closeRoad} />
       </div>
       {isOpen.value && (
         <>

@@ -2,7 +2,8 @@ import { untracked, useSignal, useSignalEffect } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { tilesUrl, tokenHeaders, viewMap } from "../api/client";
 import type { Journey, MapView, Road, Station } from "../api/documents";
-import type { Feature, MapPalette, Mark, RoadMap, StationMark } from "../map/road-map";
+import { coloursOf } from "../charts/palette";
+import type { Feature, Mark, RoadMap, StationMark } from "../map/road-map";
 import {
   boundsOf,
   type Bounds,
@@ -37,32 +38,11 @@ import {
 import { positionM, selectedM } from "../state/position";
 import { dark, format, text } from "../state/preferences";
 import { trip } from "../state/trip";
+import { Tick } from "./parts";
 
 const VIEW_PAUSE_MS = 150;
 // eslint-disable-next-line page/text -- a font
 const FONT = "Inter Variable";
-
-function paletteOf(element: Element): MapPalette {
-  const style = getComputedStyle(element);
-  const colour = (name: string) => style.getPropertyValue(`--${name}`).trim();
-  return {
-    ground: colour("map-ground"),
-    text: colour("text"),
-    halo: colour("map-ground"),
-    minor: colour("map-minor"),
-    major: colour("map-major"),
-    motorway: colour("map-motorway"),
-    low: colour("low"),
-    usual: colour("usual"),
-    high: colour("high"),
-    casing: colour("surface"),
-    other: colour("map-other"),
-    main: colour("main"),
-    station: colour("station"),
-    dot: colour("text"),
-    reach: colour("main"),
-  };
-}
 
 function feature(geometry: GeoJSON.Geometry, properties: GeoJSON.GeoJsonProperties = {}): Feature {
   // eslint-disable-next-line page/text -- types of GeoJSON
@@ -158,13 +138,13 @@ function MapCanvas({
       }, VIEW_PAUSE_MS);
     };
     void Promise.all([import("../map/road-map"), import("maplibre-gl")])
-      .then(([{ RoadMap: Made }, library]) => {
+      .then(([{ MAP_COLOURS, RoadMap: Made }, library]) => {
         const container = box.current;
         if (isGone || !container) return;
         created = new Made({
           library,
           container,
-          palette: paletteOf(container),
+          palette: coloursOf(container, MAP_COLOURS),
           tiles: map.value?.tiles ? tilesUrl() : "",
           font: FONT,
           headers: tokenHeaders,
@@ -307,17 +287,14 @@ export function MapCard() {
       )}
       <div class="map-foot">
         <p class="note">{hint(station.value)}</p>
-        <label class="tick">
-          <input
-            type="checkbox"
-            checked={wantsReach.value}
-            disabled={!ends.value.from}
-            onChange={(event) => {
-              wantsReach.value = wantsReachFit.value = event.currentTarget.checked;
-            }}
-          />
-          {isFindingReach.value ? words.reachRunning : words.reach}
-        </label>
+        <Tick
+          label={isFindingReach.value ? words.reachRunning : words.reach}
+          checked={wantsReach.value}
+          disabled={!ends.value.from}
+          onChange={(checked) => {
+            wantsReach.value = wantsReachFit.value = checked;
+          }}
+        />
         {reach.value && (
           <p class="note">
             {words.reachKey}

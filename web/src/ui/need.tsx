@@ -25,7 +25,10 @@ function Kinds({ rows }: { rows: RangeOfKind[] }) {
   const { shown } = format.value;
   const names: Record<string, string> = words.kinds;
   return (
-    <DataTable label={words.byKind} heads={[words.kind, words.range, words.interval, words.cautious]}>
+    <DataTable
+      label={words.byKind}
+      heads={[text.value.distanceForm.kind, words.range, words.interval, words.cautious]}
+    >
       {rows.map(({ kind, range_m, half_m, interval_m }) => (
         <tr key={kind}>
           <th scope="row">{names[kind] ?? kind}</th>

@@ -70,7 +70,7 @@ function Factor({
       <th scope="row">{words.parameters[name as keyof typeof words.parameters]}</th>
       <td>
         {`${signed(value, digits)}\u00a0${sign}`}{" "}
-        <span class="note">{words.sd(figure(isPower ? sd : PERCENT.from(sd), digits), sign)}</span>
+        <span class="note">{`± ${figure(isPower ? sd : PERCENT.from(sd), digits)} ${sign}`}</span>
       </td>
       <td>{seen_degc ? temperaturesText(seen_degc) : words.notSeen}</td>
     </tr>
@@ -159,7 +159,14 @@ function Trips({ of }: { of: OwnCar }) {
   const needed = width && needed_width !== null ? needed_width / width : null;
   const day = new Intl.DateTimeFormat(format.value.locale, { dateStyle: "medium", timeStyle: "short" });
   const kwh = (wh: number) => figure(ENERGY.from(wh), 2);
-  const heads = [words.trip, words.distance, words.forecast, words.picture, words.took, words.error];
+  const heads = [
+    words.trip,
+    text.value.result.distance,
+    words.forecast,
+    words.picture,
+    words.took,
+    words.error,
+  ];
   return (
     <DataTable label={words.diary} class="diary with-picture" heads={heads}>
       {of.diary.map((row) => (
@@ -197,7 +204,14 @@ function Seasons({ of }: { of: OwnCar }) {
   const { consumption, distance } = units.value;
   const seasons = Object.entries(of.by_season);
   if (seasons.length === 0) return null;
-  const heads = [words.season, words.trips, words.distance, consumption.unit, words.error, words.coverage];
+  const heads = [
+    words.season,
+    words.trips,
+    text.value.result.distance,
+    consumption.unit,
+    words.error,
+    words.coverage,
+  ];
   return (
     <DataTable label={words.seasons} class="diary" caption={words.seasons} heads={heads}>
       {seasons.map(([name, row]) => (

@@ -71,7 +71,7 @@ function summary(): string {
   const files = logFiles.value;
   const counted = (["read", "part", "out", "ignored"] as const).flatMap((state) => {
     const number = files.filter((file) => file.state === state).length;
-    return number > 0 ? [words.counted[state](number)] : [];
+    return number > 0 ? [`${format.value.figure(number, 0)} ${words.states[state]}`] : [];
   });
   return words.summary(files.length, counted.join(", "));
 }

@@ -47,7 +47,7 @@ function datesText(from: string, to: string | null): string {
 
 /** What the logs hold for the car, and what of them is lost. */
 function Learnable({ preview, report }: { preview: Preview | null; report: Alike[] }) {
-  const { ownCars: words } = text.value;
+  const { ownCars: words, result, tables } = text.value;
   const { shown, duration, figure } = format.value;
   const { distance } = units.value;
   const reasons: Reason[] = [...(preview?.findings ?? []), ...report];
@@ -59,9 +59,9 @@ function Learnable({ preview, report }: { preview: Preview | null; report: Alike
   const rows: [string, string][] = preview
     ? [
         [words.trips, words.ofLogs(figure(preview.drives, 0), preview.logs)],
-        [words.distance, shown(preview.distance_m, distance)],
-        [words.time, duration(preview.duration_s)],
-        [words.energy, shown(preview.energy_wh, ENERGY, 1)],
+        [result.distance, shown(preview.distance_m, distance)],
+        [tables.time, duration(preview.duration_s)],
+        [result.energy, shown(preview.energy_wh, ENERGY, 1)],
         ...(from_date ? [[words.dates, datesText(from_date, to_date ?? null)] as [string, string]] : []),
         ...(ambient_degc ? [[words.outside, temperaturesText(ambient_degc)] as [string, string]] : []),
       ]
@@ -125,7 +125,7 @@ export function OwnCarLogs({ car }: { car: string }) {
                 logs.value = null;
               }}
             >
-              {words.cancel}
+              {text.value.cancel}
             </button>
             {now.read && (
               <button

@@ -1,7 +1,7 @@
 /** The cars that the service keeps: made, chosen, taught with logs, shown with their diaries, erased. */
 
 import { signal } from "@preact/signals";
-import { useEffect, useRef, useState } from "preact/hooks";
+import { useState } from "preact/hooks";
 import type { OwnCar } from "../api/documents";
 import { car, vehicle } from "../state/car";
 import {
@@ -19,9 +19,9 @@ import { logs } from "../state/own-logs";
 import { openRoad } from "../state/live-drive";
 import { text } from "../state/preferences";
 import { FaultList } from "./faults";
-import { Icon } from "./icons";
 import { OwnCarDiary } from "./own-car-diary";
 import { OwnCarLogs } from "./own-car-logs";
+import { IconButton, useModal } from "./parts";
 
 const open = signal(false);
 
@@ -159,13 +159,9 @@ function Shown({ of }: { of: OwnCar }) {
 }
 
 export function OwnCarsDialog() {
-  const dialog = useRef<HTMLDialogElement>(null);
+  const dialog = useModal(open.value);
   const { ownCars: words } = text.value;
   const now = shownCar.value;
-  useEffect(() => {
-    if (open.value) dialog.current?.showModal();
-    else dialog.current?.close();
-  }, [open.value]);
   const close = () => {
     open.value = false;
   };
@@ -184,9 +180,7 @@ export function OwnCarsDialog() {
             {words.all}
           </button>
         )}
-        <button type="button" class="quiet" aria-label={words.close} onClick={close}>
-          <Icon name="close" />
-        </button>
+        <IconButton icon="close" label={text.value.close} onClick={close} />
       </div>
       {now ? (
         <Shown of={now} key={now.name} />

@@ -1,4 +1,3 @@
-import type { ComponentChildren } from "preact";
 import type { Forecast } from "../api/documents";
 import { BatteryChart } from "../charts/battery";
 import { RoadChart } from "../charts/road";
@@ -12,20 +11,12 @@ import { trip } from "../state/trip";
 import { Choice } from "./choice";
 import { CompareControls } from "./compare";
 import { DriveControls, DriveLine } from "./drive";
+import { Stat, Tick } from "./parts";
 import { PositionSlider } from "./position-slider";
 import { RouteTable } from "./tables";
 import { bandOf } from "./wording";
 
 const MODES: Mode[] = ["plan", "compare", "drive"];
-
-function Stat({ label, children }: { label: string; children: ComponentChildren }) {
-  return (
-    <div>
-      <dt>{label}</dt>
-      <dd>{children}</dd>
-    </div>
-  );
-}
 
 function Stats({ of }: { of: Forecast }) {
   const distance = of.series.distance_m.at(-1) as number;
@@ -87,16 +78,13 @@ function Picture({ of }: { of: Forecast }) {
       <figcaption>
         <h3>{result.alongTheWay}</h3>
         <Legend />
-        <label class="tick">
-          <input
-            type="checkbox"
-            checked={wholeBattery.value}
-            onChange={(event) => {
-              wholeBattery.value = event.currentTarget.checked;
-            }}
-          />
-          {result.wholeBattery}
-        </label>
+        <Tick
+          label={result.wholeBattery}
+          checked={wholeBattery.value}
+          onChange={(checked) => {
+            wholeBattery.value = checked;
+          }}
+        />
       </figcaption>
       <BatteryChart height={tall ? 320 : 240} label={chartLabel(of)} />
       {!chargingPlan.value && <RoadHeading />}

@@ -6,7 +6,7 @@ import { conditions } from "../state/conditions";
 import { linkOf } from "../state/link";
 import { text } from "../state/preferences";
 import { trip } from "../state/trip";
-import { Icon } from "./icons";
+import { IconButton } from "./parts";
 
 const SHOWN_MS = 4000;
 
@@ -34,24 +34,8 @@ export function ShareTools() {
       <span role="status" class="figures">
         {said}
       </span>
-      <button
-        type="button"
-        class="quiet"
-        aria-label={share.copy}
-        title={share.copy}
-        onClick={() => void copy()}
-      >
-        <Icon name="link" />
-      </button>
-      <button
-        type="button"
-        class="quiet"
-        aria-label={share.print}
-        title={share.print}
-        onClick={() => window.print()}
-      >
-        <Icon name="print" />
-      </button>
+      <IconButton icon="link" label={share.copy} onClick={() => void copy()} />
+      <IconButton icon="print" label={share.print} onClick={() => window.print()} />
     </div>
   );
 }

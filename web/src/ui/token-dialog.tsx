@@ -1,7 +1,7 @@
 import { signal } from "@preact/signals";
-import { useEffect, useRef } from "preact/hooks";
 import { setTokenProvider } from "../api/client";
 import { text } from "../state/preferences";
+import { useModal } from "./parts";
 
 interface TokenRequest {
   again: boolean;
@@ -22,13 +22,9 @@ export function connectTokenDialog(): void {
 }
 
 export function TokenDialog() {
-  const dialog = useRef<HTMLDialogElement>(null);
   const now = pending.value;
+  const dialog = useModal(now !== null);
   const { token: words } = text.value;
-  useEffect(() => {
-    if (now) dialog.current?.showModal();
-    else dialog.current?.close();
-  }, [now]);
   return (
     <dialog ref={dialog} aria-labelledby="token-title" onCancel={(event) => event.preventDefault()}>
       <form

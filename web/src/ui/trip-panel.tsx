@@ -133,7 +133,7 @@ export function TripPanel() {
         <h2 id="trip-title">{words.title}</h2>
         {!starts && (
           <button type="button" class="link more" aria-expanded={open} onClick={() => setOpen(!open)}>
-            {open ? words.close : words.change}
+            {open ? text.value.close : words.change}
           </button>
         )}
       </div>

@@ -1,9 +1,8 @@
 /** The first thing that a driver reads: whether the trip arrives, with what, when, and what to do. */
 
-import type { ComponentChildren } from "preact";
 import type { ChargingPlan, Forecast, Stop } from "../api/documents";
 import { type Answer, decisiveChance, verdictOfAnswer } from "../model/answer";
-import { emptyAfterM, likelihoodOf } from "../model/arrival";
+import { emptyAfterM } from "../model/arrival";
 import { warningsOf } from "../model/flags";
 import { ENERGY, PERCENT } from "../model/units";
 import { source } from "../state/catalogue";
@@ -13,14 +12,15 @@ import { alternative, leaving, leavingIsOld, mode, problem, requested } from "..
 import { answersAreOld, journey } from "../state/journey";
 import { format, text, units } from "../state/preferences";
 import { trip } from "../state/trip";
+import { Chance } from "./chance";
 import { Climb } from "./climb";
 import { CompareLine } from "./compare";
 import { Failure, Waiting } from "./failure";
-import { Icon } from "./icons";
 import { NeedAnswer, needSentence, needVerdict } from "./need";
+import { Stat } from "./parts";
 import { ShareTools } from "./share";
 import { Warnings } from "./warnings";
-import { bandOf, chanceInFigures, clockText } from "./wording";
+import { bandOf, clockText } from "./wording";
 
 /** Chances between these are an open question. */
 const OPEN = [0.05, 0.95] as const;
@@ -44,25 +44,6 @@ function sentence(now: Answer): string {
   return now.pArrive >= 0.5 ? words.perhaps : words.not;
 }
 
-function Chance({ now }: { now: Answer }) {
-  const { reserve } = requested.value.at;
-  const chance = decisiveChance(now);
-  const { words, withReserve, withCharge, atAll } = text.value.chance;
-  const { shown } = format.value;
-  const verdict = verdictOfAnswer(now);
-  return (
-    <p class={`chance chance-${verdict}`}>
-      <Icon name={verdict === "good" ? "check" : "warning"} />
-      <span>
-        <strong>{words[likelihoodOf(chance)]}</strong>
-        {reserve > 0 && now.pReserve !== null ? withReserve(shown(reserve, PERCENT)) : withCharge}
-        <span class="figures"> · {chanceInFigures(chance)}</span>
-        {reserve > 0 && <span class="at-all">{atAll(chanceInFigures(now.pArrive))}</span>}
-      </span>
-    </p>
-  );
-}
-
 /** Where a battery that is expected to run empty does so, and what it lacks. */
 function Empty({ of, afterM }: { of: Forecast; afterM: number }) {
   const { result } = text.value;
@@ -84,18 +65,9 @@ function Empty({ of, afterM }: { of: Forecast; afterM: number }) {
   );
 }
 
-function Stat({ label, children }: { label: string; children: ComponentChildren }) {
-  return (
-    <div>
-      <dt>{label}</dt>
-      <dd>{children}</dd>
-    </div>
-  );
-}
-
 /** Clock time of arrival, time and energy of the whole trip. */
 function Whole({ now }: { now: Answer }) {
-  const { verdict: words } = text.value;
+  const { verdict: words, result } = text.value;
   const { duration, shown } = format.value;
   const at = clock.value;
   const km = shown(now.distanceM, units.value.distance, now.distanceM < 100_000 ? 1 : 0);
@@ -111,7 +83,7 @@ function Whole({ now }: { now: Answer }) {
         {duration(now.drivingS + now.chargingS)}
         <small>{now.chargingS > 0 ? words.ofItCharging(duration(now.chargingS)) : km}</small>
       </Stat>
-      <Stat label={words.energy}>
+      <Stat label={result.energy}>
         {shown(now.energyWh, ENERGY)}
         {now.chargingS > 0 && <small>{km}</small>}
       </Stat>
@@ -124,6 +96,7 @@ function Headline({ of, now }: { of: Forecast; now: Answer }) {
   const measured = driving.value && arrived.value;
   const { result } = text.value;
   const { figure } = format.value;
+  const { reserve } = requested.value.at;
   const detail = measured ? result.measured : result.inTrips(bandOf(now.interval));
   return (
     <div class="headline">
@@ -136,7 +109,14 @@ function Headline({ of, now }: { of: Forecast; now: Answer }) {
         <span class="range">{emptyM === null ? detail : <Empty of={of} afterM={emptyM} />}</span>
       </p>
       <Whole now={now} />
-      {!measured && <Chance now={now} />}
+      {!measured && (
+        <Chance
+          verdict={verdictOfAnswer(now)}
+          chance={decisiveChance(now)}
+          reserve={now.pReserve === null ? 0 : reserve}
+          atAll={now.pArrive}
+        />
+      )}
     </div>
   );
 }
