@@ -58,7 +58,7 @@ def render(known: Mapping[str, Any]) -> dict[str, str]:
 def roads() -> str:
     """The module of the kinds of road: shares of the distance, mean speeds, and the distance up to which town grows."""
     types, prior = ("town", "country", "motorway"), road_prior()
-    shares = {"town" if kind == "city" else kind: shares_of(kind) for kind in (*KINDS, UNKNOWN)}
+    shares = {kind: shares_of(kind) for kind in (*KINDS, UNKNOWN)}
     table = {
         "speeds_m_s": dict(zip(types, prior.speed_m_s, strict=True)),
         "shares": {kind: dict(zip(types, values, strict=True)) for kind, values in shares.items()},

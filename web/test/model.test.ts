@@ -270,7 +270,7 @@ describe("a trip by distance and kind of road", () => {
   });
 
   test("in town there are no other roads", () => {
-    assert.equal(linksOfDistance(2500, "town").length, 4); // two halves of 1250 m, in two links each
+    assert.equal(linksOfDistance(2500, "city").length, 4); // two halves of 1250 m, in two links each
     assert.ok(hasMotorway(linksOfDistance(5000, "mixed")));
     assert.ok(!hasMotorway(linksOfDistance(5000, "country")));
   });

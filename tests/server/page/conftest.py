@@ -1,8 +1,9 @@
-"""A real browser with the page of a real service."""
+"""A real browser with the page of a real service: one of each for all modules of this folder."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -10,16 +11,23 @@ from tests.support.service_process import TOKEN, Service, serving
 from tools.quality.page import SHOWN, browsing, chromium, context_of
 
 
-@pytest.fixture(scope="module")
-def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
-    with serving(tmp_path_factory.mktemp("page"), "--workers", "1", token=TOKEN) as found:
+@pytest.fixture(scope="package")
+def cars(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of the cars of the service."""
+    return tmp_path_factory.mktemp("cars")
+
+
+@pytest.fixture(scope="package")
+def service(cars: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+    more = ("--workers", "1", "--cars", f"{cars}", "--limit", "live_every_s=0.1")
+    with serving(tmp_path_factory.mktemp("page"), *more, token=TOKEN) as found:
         found.client.headers["Authorization"] = f"Bearer {TOKEN}"
         yield found
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="package")
 def browser() -> Iterator[Any]:
-    """For a module, not for the session: while it lives, this thread has a running event loop."""
+    """For this folder, not for the session: while it lives, this thread has a running event loop."""
     if chromium() is None:
         pytest.skip("no chromium: install Debian's package of that name (as root, `make browser` does)")
     pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
@@ -65,3 +73,13 @@ def look(browser: Any, service: Service) -> Iterator[Callable[..., Any]]:
         context.close()
     assert [text for text in said if not any(part in text for part in allowed)] == []
     assert strangers == []
+
+
+def serious(page: Any) -> list[tuple[str, list[str]]]:
+    """What axe finds on a page that is serious or critical: the rule, and where."""
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe is not installed").Axe()
+    return [
+        (found["id"], [node["html"][:120] for node in found["nodes"]])
+        for found in axe.run(page).response["violations"]
+        if found["impact"] in ("serious", "critical")
+    ]

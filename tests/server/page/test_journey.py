@@ -11,6 +11,7 @@ from urllib.parse import parse_qsl, urlsplit
 import numpy as np
 import pytest
 from PIL import Image
+from tests.server.page.conftest import serious
 from tests.support.roads import END, START, encoded, valhalla_answers
 from tests.support.router_server import answering, write_map
 from tests.support.service_process import Service, serving
@@ -225,6 +226,11 @@ def test_the_verdict_is_first_and_follows_every_condition(page: Any, planner: Se
             assert box["y"] + box["height"] <= FIRST_PX, (part, size)
         assert page.locator(".verdict").bounding_box()["y"] < page.locator(".map").bounding_box()["y"]
     page.locator(".chips").press("Enter")  # on a phone, the conditions are behind their line
+    slider = page.get_by_role("slider", name="Extra time per charging stop")
+    assert slider.get_attribute("aria-valuetext") == "5\u00a0min"
+    asked = whole_answer(page, lambda: slider.fill("12")).request.post_data_json
+    assert asked["stop_overhead_s"] == 720.0
+    assert "12\u00a0min per stop" in page.locator(".chips").inner_text()
     whole_answer(page, lambda: page.get_by_label("Departure", exact=True).fill("2030-01-12T07:30"))
     with page.expect_response(lambda r: r.url.endswith("/v1/journeys")) as asked:
         page.get_by_label("Battery", exact=True).check()
@@ -312,7 +318,12 @@ def test_verdict_list_and_chart_speak_of_the_journey_with_its_charging_stop(page
     assert "including 17\u00a0min at charging stations" in page.locator(".whole").inner_text()
     stops = page.locator(".stops li")
     assert stops.count() == 1
-    for part in ("Halbweg", "13\u00a0% to 45\u00a0% in 12\u00a0min", "98 of 100 trips", "If it is full: Beiweg"):
+    for part in (
+        "Halbweg",
+        "13\u00a0% to 45\u00a0% in 12\u00a0min",
+        "98 of 100 trips",
+        "If it is full: Beiweg",
+    ):
         assert part in stops.inner_text()
     assert page.locator(".mark-arrival").inner_text() == "42\u00a0%"
     assert page.locator(".mark-stop").inner_text() == "1"
@@ -361,15 +372,6 @@ def test_on_a_phone_the_first_of_several_stops_is_on_the_first_screen(
     assert each.count() == 3
     assert "13\u00a0%" in each.last.inner_text()
     context.close()
-
-
-def test_the_time_at_a_stop_besides_charging_is_a_condition(page: Any) -> None:
-    slider = page.get_by_role("slider", name="Extra time per charging stop")
-    assert slider.get_attribute("aria-valuetext") == "5\u00a0min"
-    asked = whole_answer(page, lambda: slider.fill("12")).request.post_data_json
-    assert asked["stop_overhead_s"] == 720.0
-    assert "12\u00a0min per stop" in page.locator(".chips").inner_text()
-    page.wait_for_function("() => location.hash.includes('stopOverheadS=720') || !location.hash")
 
 
 def test_names_on_the_map_keep_clear_of_the_pins_and_of_the_road(page: Any) -> None:
@@ -577,7 +579,7 @@ def test_another_tab_leaves_no_answer_up_and_paper_has_the_answer_without_contro
     page.locator(".verdict .number").wait_for()
 
 
-def test_coordinates_are_places_and_escape_closes_the_suggestions(page: Any) -> None:
+def test_places_are_typed_as_coordinates_or_as_whole_names_and_an_unknown_one_is_said(page: Any) -> None:
     choose(page, "From", "47.0, 9.0", "47.0000, 9.0000")
     page.get_by_label("To", exact=True).first.focus()
     page.keyboard.type("ost")
@@ -586,9 +588,6 @@ def test_coordinates_are_places_and_escape_closes_the_suggestions(page: Any) -> 
     assert page.locator("[role=option]").count() == 0
     page.get_by_label("To", exact=True).first.fill("")
     assert page.get_by_role("button", name="Plan", exact=True).is_disabled()
-
-
-def test_names_that_were_typed_whole_need_no_suggestion_to_be_taken(page: Any) -> None:
     button = page.get_by_role("button", name="Plan", exact=True)
     page.get_by_label("From", exact=True).first.fill("Westend")
     page.get_by_label("To", exact=True).first.fill("")
@@ -599,10 +598,6 @@ def test_names_that_were_typed_whole_need_no_suggestion_to_be_taken(page: Any) -
     assert [stop["name"] for stop in answer["stops"]] == ["Westend", "Ostheim"]
     assert page.get_by_label("To", exact=True).first.input_value() == "Ostheim"
     assert page.locator("[role=option]").count() == 0
-
-
-def test_a_name_that_no_place_has_is_said_and_nothing_is_planned(page: Any) -> None:
-    plan(page)
     to = page.get_by_label("To", exact=True).first
     to.fill("Qqxz")
     page.get_by_text("No place is called “Qqxz”.").wait_for()
@@ -616,14 +611,12 @@ def test_a_name_that_no_place_has_is_said_and_nothing_is_planned(page: Any) -> N
 
 
 def test_axe_finds_nothing_serious_in_a_journey(page: Any) -> None:
-    from axe_playwright_python.sync_playwright import Axe
-
     page.emulate_media(color_scheme="dark")
     page.wait_for_selector(MAP_SHOWN)
     plan(page)
-    found = Axe().run(page).response["violations"]
+    found = serious(page)
     page.emulate_media(color_scheme="light")
-    assert [v["id"] for v in found if v["impact"] in ("serious", "critical")] == []
+    assert found == []
 
 
 def test_a_phone_starts_with_from_and_to_and_needs_no_webgl(browser: Any, planner: Service) -> None:

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
 from tests.server.cars.messages import abrp_messages, measured
-from tests.support.service_process import TOKEN, Service, serving
-from tools.quality.page import SHOWN, context_of
+from tests.server.page.conftest import serious
+from tests.support.service_process import TOKEN, Service
 
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
 
@@ -23,82 +22,51 @@ HOUR_S = 3600.0
 FIRST_ROWS = 240
 
 
-@pytest.fixture(scope="module")
-def cars(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("cars")
-
-
-@pytest.fixture(scope="module")
-def keeper(cars: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
-    place = tmp_path_factory.mktemp("road")
-    more = ("--workers", "1", "--cars", f"{cars}", "--limit", "live_every_s=0.1")
-    with serving(place, *more, token=TOKEN) as found:
-        found.client.headers["Authorization"] = f"Bearer {TOKEN}"
-        yield found
-
-
 @pytest.fixture
-def opened(browser: Any, keeper: Service, request: pytest.FixtureRequest) -> Iterator[Any]:
+def opened(look: Any, request: pytest.FixtureRequest) -> Any:
     size, scheme, locale = getattr(request, "param", ("phone", "light", "en-IE"))
-    context, wrong = context_of(browser, size, scheme, locale), []
-    context.set_default_timeout(60_000)
-    context.add_init_script(f"sessionStorage.setItem('tripwatt.token', '{TOKEN}')")
-    page = context.new_page()
-    page.on("console", lambda message: wrong.append(message.text))
-    page.on("pageerror", lambda error: wrong.append(str(error)))
-    page.on("request", lambda r: None if r.url.startswith(keeper.url) else wrong.append(r.url))
-    page.goto(keeper.url)
-    page.wait_for_selector(SHOWN)
-    yield page
-    context.close()
-    assert wrong == []
+    return look(size, scheme, locale=locale)
 
 
 def road(page: Any) -> Any:
     return page.locator("dialog.road")
 
 
-def new_car(keeper: Service, cars: Path, name: str) -> str:
+def new_car(service: Service, cars: Path, name: str) -> str:
     """A car that the service follows; its token."""
     create_car(cars / name, "bmw_i3_60ah")
-    return str(keeper.client.post(f"/v1/cars/{name}/token").json()["token"])
+    return str(service.client.post(f"/v1/cars/{name}/token").json()["token"])
 
 
-def send(keeper: Service, token: str, messages: list[dict[str, Any]]) -> None:
-    with httpx.Client(base_url=keeper.url) as client:
+def send(service: Service, token: str, messages: list[dict[str, Any]]) -> None:
+    with httpx.Client(base_url=service.url) as client:
         for message in messages:
             assert client.post("/v1/telemetry", json={"token": token, "tlm": message}).status_code == 200
 
 
-def serious(page: Any) -> list[str]:
-    from axe_playwright_python.sync_playwright import Axe
-
-    return [v["id"] for v in Axe().run(page).response["violations"] if v["impact"] in ("serious", "critical")]
-
-
-def test_figures_follow_the_messages_of_a_car(opened: Any, keeper: Service, cars: Path) -> None:
+def test_figures_follow_the_messages_of_a_car(opened: Any, service: Service, cars: Path) -> None:
     page = opened
     page.get_by_role("button", name="On the road").click()
     road(page).get_by_text("No car sends messages yet.").wait_for()
     road(page).get_by_role("button", name="Close").click()
 
-    token = new_car(keeper, cars, "my-i3")
+    token = new_car(service, cars, "my-i3")
     page.get_by_role("button", name="On the road").click()
     road(page).get_by_role("heading", name="my-i3").wait_for()  # the only one is followed at once
     road(page).get_by_text("No message yet.").first.wait_for()
     messages = list(abrp_messages(measured(example_trip()), time.time() - HOUR_S))
-    send(keeper, token, [{**messages[0], "speed": 0.0}])
+    send(service, token, [{**messages[0], "speed": 0.0}])
     road(page).get_by_text("The car is not on a trip.").wait_for()
     soc = messages[0]["soc"]
     assert road(page).locator(".stats dd").first.inner_text() == f"{soc:.0f}\u00a0%"
 
-    keeper.client.put("/v1/live/my-i3/plan", json=PLAN).raise_for_status()
-    send(keeper, token, [{**messages[1], "speed": 0.0}])
+    service.client.put("/v1/live/my-i3/plan", json=PLAN).raise_for_status()
+    send(service, token, [{**messages[1], "speed": 0.0}])
     road(page).get_by_text("Battery on arrival, next trip").wait_for()
-    send(keeper, token, messages[2:FIRST_ROWS])
+    send(service, token, messages[2:FIRST_ROWS])
     road(page).get_by_text("Left to drive").wait_for()
     page.wait_for_timeout(1000)
-    now = keeper.client.get("/v1/live/my-i3").json()
+    now = service.client.get("/v1/live/my-i3").json()
     forecast, driven = now["forecast"], now["trip"]["distance_m"]
     assert road(page).locator(".number").inner_text() == f"{100.0 * forecast['soc_arrival']:.0f}%"
     figures = road(page).locator(".stats dd").all_inner_texts()
@@ -109,15 +77,15 @@ def test_figures_follow_the_messages_of_a_car(opened: Any, keeper: Service, cars
     road(page).get_by_text("Message within the last minute").wait_for()
     road(page).get_by_text("Connected").wait_for()
     road(page).get_by_text("screen").wait_for()  # whether it stays on is the browser's choice
-    keeper.client.delete("/v1/cars/my-i3").raise_for_status()
+    service.client.delete("/v1/cars/my-i3").raise_for_status()
 
 
 @pytest.mark.parametrize("opened", [("desktop", "light", "en-IE")], indirect=True)
-def test_the_trip_of_the_page_becomes_the_plan_of_the_car(opened: Any, keeper: Service, cars: Path) -> None:
+def test_the_trip_of_the_page_becomes_the_plan_of_the_car(opened: Any, service: Service, cars: Path) -> None:
     page = opened
-    token = new_car(keeper, cars, "planned")
+    token = new_car(service, cars, "planned")
     start_s = time.time() - HOUR_S
-    send(keeper, token, [{"utc": start_s, "speed": 0.0, "soc": 70.0, "ext_temp": 3.0}])
+    send(service, token, [{"utc": start_s, "speed": 0.0, "soc": 70.0, "ext_temp": 3.0}])
     page.get_by_role("button", name="On the road").click()
     road(page).get_by_text("The car is not on a trip.").wait_for()
     plan = road(page).get_by_role("button", name="Drive the planned trip")
@@ -137,11 +105,11 @@ def test_the_trip_of_the_page_becomes_the_plan_of_the_car(opened: Any, keeper: S
     road(page).locator(".number", has_text=shown).wait_for()
     assert found["forecast"]["soc_arrival"] < 0.7
     assert plan.count() == 0
-    keeper.client.delete("/v1/cars/planned").raise_for_status()
+    service.client.delete("/v1/cars/planned").raise_for_status()
 
 
 def test_an_old_message_a_lost_stream_and_a_deleted_car_are_said(
-    opened: Any, keeper: Service, cars: Path
+    opened: Any, service: Service, cars: Path
 ) -> None:
     page = opened
     document = {
@@ -162,7 +130,7 @@ def test_an_old_message_a_lost_stream_and_a_deleted_car_are_said(
         "flags": [],
         "faults": [{"what": "a charge that rises", "where": "soc"}],
     }
-    new_car(keeper, cars, "old")
+    new_car(service, cars, "old")
     said: list[Any] = []
 
     def once(route: Any) -> None:
@@ -181,7 +149,7 @@ def test_an_old_message_a_lost_stream_and_a_deleted_car_are_said(
     road(page).get_by_text("Connection lost, trying again").wait_for()
     road(page).get_by_text("Connected").wait_for()  # the service itself, at the second attempt
     assert said[:2] == [f"Bearer {TOKEN}"] * 2
-    keeper.client.delete("/v1/cars/old").raise_for_status()
+    service.client.delete("/v1/cars/old").raise_for_status()
 
 
 @pytest.mark.parametrize(
@@ -190,18 +158,18 @@ def test_an_old_message_a_lost_stream_and_a_deleted_car_are_said(
     indirect=True,
     ids=["phone", "desktop"],
 )
-def test_axe_finds_nothing_serious_by_day_and_by_night(opened: Any, keeper: Service, cars: Path) -> None:
+def test_axe_finds_nothing_serious_by_day_and_by_night(opened: Any, service: Service, cars: Path) -> None:
     page = opened
     size = page.viewport_size["width"]
-    token = new_car(keeper, cars, f"axe-{size}")
-    new_car(keeper, cars, f"other-{size}")
+    token = new_car(service, cars, f"axe-{size}")
+    new_car(service, cars, f"other-{size}")
     messages = list(abrp_messages(measured(example_trip()), time.time() - HOUR_S))
-    keeper.client.put(f"/v1/live/axe-{size}/plan", json=PLAN).raise_for_status()
+    service.client.put(f"/v1/live/axe-{size}/plan", json=PLAN).raise_for_status()
     page.locator("button:has(.icon-wheel)").click()
     road(page).get_by_role("button", name=f"other-{size}").wait_for()
     found = serious(page)
     road(page).get_by_role("button", name=f"axe-{size}").click()
-    send(keeper, token, messages[:FIRST_ROWS])
+    send(service, token, messages[:FIRST_ROWS])
     road(page).locator(".stats div").nth(3).wait_for()
     night = road(page).locator("button[aria-pressed]")
     assert night.get_attribute("aria-pressed") == ("true" if size < 500 else "false")
@@ -215,4 +183,4 @@ def test_axe_finds_nothing_serious_by_day_and_by_night(opened: Any, keeper: Serv
     page.keyboard.press("Escape")
     assert not road(page).is_visible()
     for name in ("axe", "other"):
-        keeper.client.delete(f"/v1/cars/{name}-{size}").raise_for_status()
+        service.client.delete(f"/v1/cars/{name}-{size}").raise_for_status()

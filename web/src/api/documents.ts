@@ -21,7 +21,6 @@ export type {
   AlikeDocument as Alike,
   CarResponse as OwnCar,
   CarSummary as OwnCarSummary,
-  DescribedVehicle,
   DiaryEntry,
   ExampleResponse as Example,
   ExampleSummary,
@@ -48,8 +47,6 @@ export type {
   ReachResponse as Reach,
   RoadDocument as Road,
   RouteResponse as Route,
-  ScoreDocument as Score,
-  Series,
   Station,
   VehicleFigures as Figures,
   VehicleSummary as Vehicle,
@@ -63,5 +60,3 @@ export type Problem = Omit<ProblemDocument, "type"> & {
 export type Column = (number | null)[];
 export type Columns = Record<string, Column>;
 export type Samples = NonNullable<ForecastRequest["samples"]>;
-export type Terrain = NonNullable<ForecastRequest["terrain"]>;
-export type ClimateMode = NonNullable<ForecastRequest["climate"]>;

@@ -3,13 +3,13 @@
 import type { Link } from "../api/documents";
 import { ROADS } from "../../generated/roads";
 
-export type Kind = "town" | "country" | "mixed" | "motorway";
+export type Kind = "city" | "country" | "mixed" | "motorway";
 export type RoadType = "town" | "country" | "motorway";
 
 /** Share of the distance on each type of road, of a trip of up to `ROADS.town_m`. */
 const SHARES: Record<Kind, Record<RoadType, number>> = ROADS.shares;
 
-export const KINDS: Kind[] = ["town", "country", "mixed", "motorway"];
+export const KINDS: Kind[] = ["city", "country", "mixed", "motorway"];
 
 /** Share of a distance on each type of road: a longer trip has no more town, unless it is all town. */
 export function sharesOver(distanceM: number, kind: Kind): Record<RoadType, number> {

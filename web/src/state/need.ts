@@ -11,8 +11,8 @@ import { problem, reportProblem } from "./forecast";
 import { trip } from "./trip";
 
 const MIN_INTERVAL_MS = 80;
-/** The share of trips for which the energy suffices. */
-export const QUANTILE = 0.95;
+/** The share of trips for which the energy is enough. */
+const QUANTILE = 0.95;
 
 export const need = signal<Need | null>(null);
 export const range = signal<Range | null>(null);
@@ -24,14 +24,6 @@ interface NeedJob {
   at: Conditions;
   car: Car | null;
 }
-
-/** What the service calls a kind of road. */
-const KIND_NAMES = {
-  town: "city",
-  country: "country",
-  mixed: "mixed",
-  motorway: "motorway",
-} as const satisfies Record<Kind, string>;
 
 function carQuery(of: Car | null): object {
   if (!of) return {};
@@ -45,11 +37,8 @@ const runner = new Latest<NeedJob>(async ({ distanceM, kind, at, car: by }, sign
   const common = { ...fields, ...carQuery(by) };
   try {
     const [needed, far] = await Promise.all([
-      findNeed(
-        { ...common, distance_km: distanceM / 1000, kind: KIND_NAMES[kind], quantile: QUANTILE, reserve },
-        signal,
-      ),
-      findRange({ ...common, kind: KIND_NAMES[kind], reserve }, signal),
+      findNeed({ ...common, distance_km: distanceM / 1000, kind, quantile: QUANTILE, reserve }, signal),
+      findRange({ ...common, kind, reserve }, signal),
     ]);
     batch(() => {
       need.value = needed;

@@ -79,10 +79,9 @@ const de: Text = {
     loadingFile: (file) => `${file} wird geladen …`,
   },
   distanceForm: {
-    distance: "Entfernung",
     kind: "Straßenart",
     kinds: {
-      town: "Stadt",
+      city: "Stadt",
       country: "Landstraße",
       mixed: "Landstraße und Autobahn",
       motorway: "überwiegend Autobahn",
@@ -220,7 +219,6 @@ const de: Text = {
     fromServer: "Angaben des Wetterdienstes verwenden",
     weatherOfHour: "Wetter vom Wetterdienst",
     warmed: "Vor der Abfahrt vorgewärmt",
-    cabin: "Innenraum",
     battery: "Batterie",
     forStops: "Batterie, auf dem Weg zum Schnelllader",
     perStop: (time) => `${time} je Ladestopp`,
@@ -344,12 +342,6 @@ const de: Text = {
       ambient_temperature_degc: "Außentemperatur",
       kind: "Straßenart",
       "own trips": "Fahrten des eigenen Autos",
-    },
-    kinds: {
-      city: "Stadt",
-      country: "Landstraße",
-      mixed: "gemischte Straßen",
-      motorway: "überwiegend Autobahn",
     },
     basis: "Von der Strecke sind nur Länge und Straßenart bekannt.",
   },
@@ -477,7 +469,6 @@ const de: Text = {
       `Die Korrektur ist die Differenz zwischen gemessenen Fahrten eines anderen Fahrzeugs (${car}) und der Physik.`,
   },
   arrival: {
-    title: "Ladestand bei Ankunft",
     dots: (dots) => `Jeder Punkt ist einer von ${dots} gleich wahrscheinlichen Ausgängen.`,
     kept: (kept, dots, reserve) =>
       `Bei ${kept} von ${dots} gleich wahrscheinlichen Ausgängen bleibt die Reserve von ${reserve}`,
@@ -650,7 +641,6 @@ const de: Text = {
     nothingToLearn: "Noch nichts: Diese Dateien enthalten keine Fahrt.",
     ofLogs: (trips, logs) => `${trips} aus ${count(logs, { one: "# Log", other: "# Logs" })}`,
     dates: "Datum",
-    outside: "Außen",
     lost: (distance, time) => `Nicht verwendet: ${distance} und ${time} der Fahrten, aus diesen Gründen:`,
     inTrips: (times, trips) =>
       `${count(times, { one: "einmal", other: "#-mal" })} in ${count(trips, { one: "# Fahrt", other: "# Fahrten" })}`,
@@ -711,7 +701,6 @@ const de: Text = {
       near_22: "Verbrauch um 22 °C",
       near_32: "Verbrauch um 32 °C",
     },
-    byBook: "veröffentlichte Werte",
     byTrips: "eigene Fahrten",
     errorOfLast: (trips) =>
       count(trips, { one: "Fehler der letzten Fahrt", other: "Fehler der letzten # Fahrten" }),
@@ -724,7 +713,6 @@ const de: Text = {
     widthNeeded: "hätte gereicht",
     score: (error, inside, trips, width, needed) =>
       `Für jede Fahrt wurde die Prognose gestellt, bevor aus ihr gelernt wurde: Fehler ${error}, ${inside} von ${count(trips, { one: "# Fahrt", other: "# Fahrten" })} im 90-%-Bereich. Der Bereich war ${width} der Energie breit; ${needed} hätten für 90 % der Fahrten gereicht (Klammern im Bild).`,
-    trip: "Fahrt",
     trips: "Fahrten",
     forecast: "Prognose (90 %), kWh",
     picture: "Bild",
@@ -753,7 +741,6 @@ const de: Text = {
     makeToken: "Token erzeugen",
     replaceToken: "Token ersetzen",
     tokenOnce: "Bitte jetzt kopieren: Es wird nicht noch einmal gezeigt.",
-    mine: "Ihre Autos",
     manage: "Ihre Autos: Logs und Tagebücher …",
     fields: {
       time_s: "Zeit",

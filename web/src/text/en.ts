@@ -72,10 +72,9 @@ export const en = {
     loadingFile: (file: string) => `Loading ${file} …`,
   },
   distanceForm: {
-    distance: "Distance",
     kind: "Kind of road",
     kinds: {
-      town: "town",
+      city: "town",
       country: "country roads",
       mixed: "country roads and motorway",
       motorway: "mostly motorway",
@@ -212,7 +211,6 @@ export const en = {
     fromServer: "Use the weather forecast",
     weatherOfHour: "weather forecast",
     warmed: "Warmed up before departure",
-    cabin: "Cabin",
     battery: "Battery",
     forStops: "Battery, on the way to a fast charger",
     perStop: (time: string) => `${time} per stop`,
@@ -336,12 +334,6 @@ export const en = {
       ambient_temperature_degc: "The outside temperature",
       kind: "The kind of road",
       "own trips": "Trips of your own car",
-    },
-    kinds: {
-      city: "town",
-      country: "country roads",
-      mixed: "mixed roads",
-      motorway: "mostly motorway",
     },
     basis: "Only length and kind of the road are known.",
   },
@@ -469,7 +461,6 @@ export const en = {
       `The correction is the difference between measured trips of a ${car} and the physics.`,
   },
   arrival: {
-    title: "Battery on arrival",
     dots: (dots: number) => `Each dot is one of ${dots} equally likely outcomes.`,
     kept: (kept: number, dots: number, reserve: string) =>
       `${kept} of ${dots} equally likely outcomes keep the reserve of ${reserve}`,
@@ -643,7 +634,6 @@ export const en = {
     ofLogs: (trips: string, logs: number) =>
       `${trips} from ${count(logs, { one: "# log", other: "# logs" })}`,
     dates: "Dates",
-    outside: "Outside",
     lost: (distance: string, time: string) =>
       `Not used: ${distance} and ${time} of the trips, for these reasons:`,
     inTrips: (times: number, trips: number) =>
@@ -706,7 +696,6 @@ export const en = {
       near_22: "consumption around 22 °C",
       near_32: "consumption around 32 °C",
     },
-    byBook: "published values",
     byTrips: "own trips",
     errorOfLast: (trips: number) =>
       count(trips, { one: "Error of the last trip", other: "Error of the last # trips" }),
@@ -719,7 +708,6 @@ export const en = {
     widthNeeded: "would have been enough",
     score: (error: string, inside: number, trips: number, width: string, needed: string) =>
       `Each trip was forecast before it was learned: error ${error}, ${inside} of ${count(trips, { one: "# trip", other: "# trips" })} inside the 90 % range. The range was ${width} of the energy wide; ${needed} would have been enough for 90 % of the trips (brackets in the picture).`,
-    trip: "Trip",
     trips: "Trips",
     forecast: "Forecast (90 %), kWh",
     picture: "Picture",
@@ -748,7 +736,6 @@ export const en = {
     makeToken: "Create a token",
     replaceToken: "Replace the token",
     tokenOnce: "Copy it now: it cannot be shown again.",
-    mine: "Your cars",
     manage: "Your cars: logs and diaries …",
     fields: {
       time_s: "Time",

@@ -49,7 +49,7 @@ function optionsFor(words: string): Option[] {
     .map((row) => ({
       key: `own:${row.name}`,
       name: row.label,
-      detail: `${row.title} · ${own.mine}`,
+      detail: `${row.title} · ${own.title}`,
       take: () => useCar(row),
     }));
   const rows = matches.value ?? [...vehicles.value].sort((a, b) => b.models.length - a.models.length);

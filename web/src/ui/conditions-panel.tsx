@@ -272,7 +272,7 @@ export function ConditionsPanel() {
       <BeforeDepartureSelect />
       <fieldset class="field ticks">
         <legend>{words.warmed}</legend>
-        <Yes name="warmCabin" label={words.cabin} />
+        <Yes name="warmCabin" label={words.fields.cabin_setpoint_degc} />
         <Yes name="warmBattery" label={words.battery} />
         {charges && <Yes name="preheatForStops" label={words.forStops} />}
       </fieldset>

@@ -41,10 +41,10 @@ function ArrivalDots({ of, shared, name }: { of: Forecast; shared: Forecast[]; n
 
 function Arrival({ of, other }: { of: Forecast; other: Forecast | null }) {
   const shared = other ? [of, other] : [of];
-  const { arrival, compare } = text.value;
+  const { arrival, compare, result } = text.value;
   return (
     <section class="card arrival-card" aria-labelledby="arrival-title">
-      <h2 id="arrival-title">{arrival.title}</h2>
+      <h2 id="arrival-title">{result.onArrival}</h2>
       <p class="note">{arrival.dots(DOTS)}</p>
       {shared.map((one, k) => (
         <ArrivalDots key={k} of={one} shared={shared} name={other ? (compare.sides[k] as string) : ""} />

@@ -39,7 +39,7 @@ export function DistanceForm() {
     <div class="journey">
       <div class="inline">
         <NumberField
-          label={words.distance}
+          label={text.value.trip.sources.distance}
           value={distanceM}
           quantity={distance}
           onChange={(next) => {

@@ -8,7 +8,7 @@ import { type Language, LANGUAGES } from "../text";
 import { CarField } from "./car-field";
 import { Choice } from "./choice";
 import { Icon } from "./icons";
-import { IconButton } from "./parts";
+import { IconButton, into } from "./parts";
 
 const THEMES: [Theme, "system" | "sun" | "moon"][] = [
   ["system", "system"],
@@ -55,9 +55,7 @@ function LanguageChoice() {
             </abbr>,
           ] as const,
       )}
-      onChoose={(code) => {
-        chosenLanguage.value = code;
-      }}
+      onChoose={into(chosenLanguage)}
     />
   );
 }
@@ -116,9 +114,7 @@ export function Header() {
               const { distance, temperature } = unitsOf(name);
               return [name, `${distance.unit}\u00a0${temperature.unit}`] as const;
             })}
-            onChoose={(value) => {
-              system.value = value;
-            }}
+            onChoose={into(system)}
           />
           <LanguageChoice />
           <ThemeButton />

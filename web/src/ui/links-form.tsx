@@ -16,6 +16,11 @@ export function LinksForm() {
   const id = useId();
   const { linksForm: words } = text.value;
   const { distance, speed, height } = units.value;
+  const columns = [
+    { name: "lengthM", label: words.length, quantity: distance, digits: 3 },
+    { name: "speedMS", label: words.speed, quantity: speed, digits: 1 },
+    { name: "heightM", label: words.height, quantity: height, digits: 0 },
+  ] as const;
   const change = (at: number, some: Partial<LinkRow>) =>
     setRows(rows.map((row, k) => (k === at ? { ...row, ...some } : row)));
   const use = (links: object) => void chooseRoute(JSON.stringify(links), "", "links", 0);
@@ -50,35 +55,18 @@ export function LinksForm() {
             <tbody>
               {rows.map((row, k) => (
                 <tr key={k}>
-                  <td>
-                    <NumberField
-                      isInTable
-                      label={words.length(k + 1)}
-                      value={row.lengthM}
-                      quantity={distance}
-                      digits={3}
-                      onChange={(lengthM) => change(k, { lengthM })}
-                    />
-                  </td>
-                  <td>
-                    <NumberField
-                      isInTable
-                      label={words.speed(k + 1)}
-                      value={row.speedMS}
-                      quantity={speed}
-                      digits={1}
-                      onChange={(speedMS) => change(k, { speedMS })}
-                    />
-                  </td>
-                  <td>
-                    <NumberField
-                      isInTable
-                      label={words.height(k + 1)}
-                      value={row.heightM}
-                      quantity={height}
-                      onChange={(heightM) => change(k, { heightM })}
-                    />
-                  </td>
+                  {columns.map(({ name, label, quantity, digits }) => (
+                    <td key={name}>
+                      <NumberField
+                        isInTable
+                        label={label(k + 1)}
+                        value={row[name]}
+                        quantity={quantity}
+                        digits={digits}
+                        onChange={(si) => change(k, { [name]: si })}
+                      />
+                    </td>
+                  ))}
                   <td>
                     <button
                       type="button"

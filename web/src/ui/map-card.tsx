@@ -38,7 +38,7 @@ import {
 import { positionM, selectedM } from "../state/position";
 import { dark, format, text } from "../state/preferences";
 import { trip } from "../state/trip";
-import { Tick } from "./parts";
+import { into, Tick } from "./parts";
 
 const VIEW_PAUSE_MS = 150;
 // eslint-disable-next-line page/text -- a font
@@ -280,9 +280,7 @@ export function MapCard() {
           onFail={() => {
             hasFailed.value = true;
           }}
-          onStation={(at) => {
-            station.value = at;
-          }}
+          onStation={into(station)}
         />
       )}
       <div class="map-foot">

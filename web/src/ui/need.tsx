@@ -23,7 +23,7 @@ function intervalText([low = 0, high = 0]: readonly number[]): string {
 function Kinds({ rows }: { rows: RangeOfKind[] }) {
   const { need: words } = text.value;
   const { shown } = format.value;
-  const names: Record<string, string> = words.kinds;
+  const names: Record<string, string> = text.value.distanceForm.kinds;
   return (
     <DataTable
       label={words.byKind}

@@ -31,7 +31,7 @@ function BeforeAfter({
   const { ownCars: words } = text.value;
   const most = Math.max(before ?? 0, after ?? 0, needed ?? 0) || 1;
   const rows: [string, number | null, string][] = [
-    [words.byBook, before, "book"],
+    [words.experts.published, before, "book"],
     [words.byTrips, after, "own"],
     ...(needed === undefined ? [] : [[words.widthNeeded, needed, "book"] as [string, number | null, string]]),
   ];
@@ -160,7 +160,7 @@ function Trips({ of }: { of: OwnCar }) {
   const day = new Intl.DateTimeFormat(format.value.locale, { dateStyle: "medium", timeStyle: "short" });
   const kwh = (wh: number) => figure(ENERGY.from(wh), 2);
   const heads = [
-    words.trip,
+    text.value.trip.title,
     text.value.result.distance,
     words.forecast,
     words.picture,

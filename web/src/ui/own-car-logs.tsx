@@ -63,7 +63,14 @@ function Learnable({ preview, report }: { preview: Preview | null; report: Alike
         [tables.time, duration(preview.duration_s)],
         [result.energy, shown(preview.energy_wh, ENERGY, 1)],
         ...(from_date ? [[words.dates, datesText(from_date, to_date ?? null)] as [string, string]] : []),
-        ...(ambient_degc ? [[words.outside, temperaturesText(ambient_degc)] as [string, string]] : []),
+        ...(ambient_degc
+          ? [
+              [text.value.conditions.fields.ambient_temperature_degc, temperaturesText(ambient_degc)] as [
+                string,
+                string,
+              ],
+            ]
+          : []),
       ]
     : [];
   return (

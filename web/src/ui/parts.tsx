@@ -1,8 +1,16 @@
 /** Small parts that many cards and dialogs have. */
 
+import type { Signal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { useEffect, useRef } from "preact/hooks";
 import { Icon, type IconName } from "./icons";
+
+/** A handler that puts what is chosen into a signal. */
+export function into<T>(signal: Signal<T>): (value: T) => void {
+  return (value) => {
+    signal.value = value;
+  };
+}
 
 /** A figure with its name, in a list of such. */
 export function Stat({ label, children }: { label: string; children: ComponentChildren }) {

@@ -11,7 +11,7 @@ import { trip } from "../state/trip";
 import { Choice } from "./choice";
 import { CompareControls } from "./compare";
 import { DriveControls, DriveLine } from "./drive";
-import { Stat, Tick } from "./parts";
+import { into, Stat, Tick } from "./parts";
 import { PositionSlider } from "./position-slider";
 import { RouteTable } from "./tables";
 import { bandOf } from "./wording";
@@ -78,13 +78,7 @@ function Picture({ of }: { of: Forecast }) {
       <figcaption>
         <h3>{result.alongTheWay}</h3>
         <Legend />
-        <Tick
-          label={result.wholeBattery}
-          checked={wholeBattery.value}
-          onChange={(checked) => {
-            wholeBattery.value = checked;
-          }}
-        />
+        <Tick label={result.wholeBattery} checked={wholeBattery.value} onChange={into(wholeBattery)} />
       </figcaption>
       <BatteryChart height={tall ? 320 : 240} label={chartLabel(of)} />
       {!chargingPlan.value && <RoadHeading />}
@@ -111,9 +105,7 @@ export function Result() {
           value={mode.value}
           options={MODES.map((name) => [name, result.modes[name]] as const)}
           disabled={canDrive.value ? [] : ["drive"]}
-          onChoose={(value) => {
-            mode.value = value;
-          }}
+          onChoose={into(mode)}
         />
         {trip.value && driveObstacle.value && <p class="note">{result[driveObstacle.value]}</p>}
       </div>
