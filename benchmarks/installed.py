@@ -53,7 +53,7 @@ assert (result.failed, result.attempted > 6) == (0, True)
 TESTS: Final = {
     "core": (
         (f"{ROOT}", "hypothesis", "pytest"),
-        "tests/trips tests/physics tests/routes tests/uncertainty tests/auditing tests/vehicles",
+        "tests/physics tests/uncertainty",
     ),
     "gamm": ((f"{ROOT / 'gamm'}[test]",), "gamm/tests"),
 }
