@@ -106,7 +106,7 @@ def attacks(seconds: float, rest_s: float = 60.0) -> Iterator[Row]:
     with (
         tempfile.TemporaryDirectory() as folder,
         tempfile.TemporaryDirectory() as cars,
-        serving(Path(folder), "--workers", "2", "--cars", cars, "--limit", "rate_per_s=0") as service,
+        serving(Path(folder), "--workers", "2", "--cars", cars) as service,
     ):
         memory = [used_once(service)]
         for number in range(ROUNDS):

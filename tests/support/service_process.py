@@ -34,9 +34,15 @@ class Service:
         return [orjson.loads(line) for line in self.log.read_bytes().splitlines()]
 
     def workers(self) -> list[int]:
-        """Process ids of its workers."""
-        listed = Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children").read_text()
-        return [int(pid) for pid in listed.split()]
+        """Process ids of its workers; the tracker of resources of the standard library is none."""
+        children = [  # a thread of the pool may start a worker
+            pid
+            for task in Path(f"/proc/{self.process.pid}/task").iterdir()
+            for pid in (task / "children").read_text().split()
+        ]
+        return sorted(
+            int(pid) for pid in children if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()
+        )
 
     def resident_bytes(self) -> int:
         """Memory of the service and its workers."""

@@ -9,65 +9,30 @@ from typing import Any
 import orjson
 import pytest
 
-from tripwatt.server.http.batching import LineSplitter, forecast_lines
+from tripwatt.server.http.batching import forecast_lines, lines_of
 from tripwatt.server.http.metrics import Metrics
 from tripwatt.server.http.pool import JobResult
 from tripwatt.server.http.problems import Problem
 from tripwatt.server.http.settings import Limits
 
 
-def lines_of(splitter: LineSplitter, *parts: bytes) -> list[bytes]:
-    for part in parts:
-        splitter.take(part)
-    return splitter.lines()
-
-
-def kind_of(splitter: LineSplitter, *parts: bytes) -> str:
+def problem_of(body: bytes, most: int) -> Problem:
     with pytest.raises(Problem) as caught:
-        lines_of(splitter, *parts)
-    return caught.value.kind
+        lines_of(body, most)
+    return caught.value
 
 
-def test_lines_are_put_together_and_empty_ones_left_out() -> None:
-    splitter = LineSplitter(3)
-    for part in (b"", b"a\n\n \t\nb", b"", b"c\r", b"\nd"):
-        splitter.take(part)
-    assert splitter.lines() == [b"a", b"bc\r", b"d"]
-
-
-def test_as_many_lines_as_the_limit_are_taken() -> None:
-    splitter = LineSplitter(1)
-    splitter.take(b"a\n")
-    assert splitter.lines() == [b"a"]
-    assert kind_of(LineSplitter(1), b"a\nb") == "too-large"
-    assert kind_of(LineSplitter(2), b"a\nb\nc") == "too-large"
-
-
-def test_a_line_too_many_is_refused_as_it_ends() -> None:
-    splitter = LineSplitter(1)
-    with pytest.raises(Problem) as caught:
-        splitter.take(b"a\nb\n")
-    assert (caught.value.detail, dict(caught.value.headers)) == ("at most 1 trips", {"Connection": "close"})
-
-
-def test_twice_as_many_line_breaks_are_taken() -> None:
-    splitter = LineSplitter(3)
-    splitter.take(b"a\n\n\n")
-    splitter.take(b"\n\n\n")
-    assert splitter.lines() == [b"a"]
-    assert kind_of(LineSplitter(3), b"a\n\n\n", b"\n\n\n", b"\n") == "too-large"
-
-
-def test_no_line_is_a_fault_of_the_body() -> None:
-    with pytest.raises(Problem) as caught:
-        LineSplitter(3).lines()
-    (fault,) = caught.value.faults
-    assert (caught.value.kind, fault.what, fault.where, fault.got) == (
-        "invalid-input",
-        "no trips",
-        "body",
-        "no line",
-    )
+def test_a_batch_has_a_largest_number_of_lines_and_empty_ones_are_left_out() -> None:
+    assert lines_of(b"a\n\n \t\nbc\r\nd", 3) == [b"a", b"bc\r", b"d"]
+    assert lines_of(b"a\n", 1) == [b"a"]
+    assert lines_of(b"a\n\n\n\n\n\n", 3) == [b"a"]
+    for body, most in ((b"a\nb", 1), (b"a\nb\nc", 2), (b"\n" * 7, 3)):
+        assert (problem_of(body, most).kind, problem_of(body, most).detail) == (
+            "too-large",
+            f"at most {most} trips",
+        )
+    nothing = problem_of(b" \n", 3)
+    assert [(fault.what, fault.where) for fault in nothing.faults] == [("no trips", "body")]
 
 
 class Pool:

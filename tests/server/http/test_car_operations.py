@@ -48,7 +48,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def service(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
     place = tmp_path_factory.mktemp("service")
-    with serving(place, "--workers", "1", "--cars", f"{folder}", "--limit", "rate_per_s=0") as found:
+    with serving(place, "--workers", "1", "--cars", f"{folder}") as found:
         yield found
 
 
@@ -476,7 +476,7 @@ def test_files_of_one_name_that_come_at_once_are_all_kept(tmp_path: Path) -> Non
 def test_what_takes_too_much_memory_is_refused_while_others_are_served_and_its_worker_goes_on(
     tmp_path: Path,
 ) -> None:
-    rng, limits = np.random.default_rng(5), ("--limit", "rate_per_s=0", "--limit", "memory_bytes=300_000_000")
+    rng, limits = np.random.default_rng(5), ("--limit", "memory_bytes=300_000_000")
     rows = b"".join(
         rng.bytes(200).hex().encode() * 60 for _ in range(8_000)
     )  # 190 MB in 2 MB, within the bounds

@@ -16,8 +16,8 @@ from tests.support.service_process import Service
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting.document import ForecastResponse
 from tripwatt.server.http.app import Api
-from tripwatt.server.http.contract import Repeats, chosen, known_parameters, tagged
-from tripwatt.server.http.problems import TITLES, Problem, pointer_to
+from tripwatt.server.http.contract import chosen, known_parameters, tagged
+from tripwatt.server.http.problems import TITLES, pointer_to
 from tripwatt.server.http.settings import Settings
 
 
@@ -220,67 +220,11 @@ def test_headers_are_in_the_document(document: dict[str, Any]) -> None:
             True,
             False,
         )
-    for path in ("/v1/cars", "/v1/cars/{car}/token", "/v1/cars/{car}/uploads/{upload}/learn"):
-        assert "Idempotency-Key" in [p["name"] for p in paths[path]["post"]["parameters"]]
     forecast = paths["/v1/forecast"]["post"]
     assert "parameters" not in forecast or all(p["in"] == "query" for p in forecast["parameters"])
     assert "headers" not in forecast["responses"]["200"]
-    assert all("Retry-After" in forecast["responses"][status]["headers"] for status in ("429", "503"))
+    assert "Retry-After" in forecast["responses"]["503"]["headers"]
     assert "headers" not in forecast["responses"]["422"]
-
-
-def asked(key: str | None, path: str = "/v1/cars") -> Request:
-    headers = [] if key is None else [(b"idempotency-key", key.encode("latin-1"))]
-    scope = {"type": "http", "method": "POST", "path": path, "headers": headers, "query_string": b""}
-    return Request({**scope, "scheme": "http", "server": ("localhost", 80), "root_path": ""})
-
-
-def test_a_repeated_request_is_done_once() -> None:
-    repeats, done, status = Repeats(), list[int](), [200]
-
-    async def work() -> Response:
-        done.append(len(done))
-        await asyncio.sleep(0.01)
-        return Response(str(len(done)), status[0], media_type="application/json")
-
-    async def run() -> None:
-        both = await asyncio.gather(*(repeats.once(asked("k"), b"{}", work) for _ in range(2)))
-        assert [response.body for response in both] == [b"1", b"1"]
-        with pytest.raises(Problem, match="key-used") as used:
-            await repeats.once(asked("k"), b"[]", work)
-        assert used.value.status == 422
-        assert (await repeats.once(asked("k", "/v1/cars/other/token"), b"{}", work)).body == b"2"
-        assert (await repeats.once(asked(None), b"{}", work)).body == b"3"
-        status[0] = 503
-        assert [(await repeats.once(asked("late"), b"{}", work)).status_code for _ in "12"] == [503, 503]
-        with pytest.raises(InvalidInput):
-            await repeats.once(asked("with space"), b"{}", work)
-
-    asyncio.run(run())
-    assert len(done) == 5
-
-
-@pytest.mark.parametrize(("status", "times"), [(200, 1), (399, 1), (400, 2), (503, 2)])
-def test_what_was_refused_may_be_sent_again(status: int, times: int) -> None:
-    repeats, done = Repeats(), list[int]()
-
-    async def work() -> Response:
-        done.append(status)
-        return Response(b"x", status, media_type="text/plain")
-
-    async def run() -> list[Response]:
-        return [await repeats.once(asked("k" * 255), b"", work) for _ in range(2)]
-
-    responses = asyncio.run(run())
-    assert done == [status] * times
-    assert [(r.status_code, r.body, r.media_type) for r in responses] == [(status, b"x", "text/plain")] * 2
-    with pytest.raises(InvalidInput):
-        asyncio.run(repeats.once(asked("k" * 256), b"", work))
-
-
-def test_a_thousand_keys_are_kept_for_a_day() -> None:
-    kept = Repeats()._kept
-    assert (kept.maxsize, kept.ttl) == (1000, 24 * 3600)
 
 
 def test_a_tag_is_of_the_content() -> None:

@@ -71,7 +71,7 @@ def test_every_option_has_a_variable(monkeypatch: pytest.MonkeyPatch, tmp_path: 
         "STATIONS": "stations.csv",
         "CARS": f"{tmp_path / 'cars'}",
         "KEEP_DAYS": "2.5",
-        "LIMIT": "timeout_s=5 burst=7",
+        "LIMIT": "timeout_s=5 batch=7",
         "PREFIX": "/under/",
         "MQTT": "mqtt://localhost",
         "FOLLOW": "leaf=ovms:ovms/me/leaf/metric zoe=plain:zoe",
@@ -89,7 +89,7 @@ def test_every_option_has_a_variable(monkeypatch: pytest.MonkeyPatch, tmp_path: 
     (found,) = given
     assert (found.host, found.port, found.workers, found.token) == ("127.0.0.2", 8124, 3, "x" * 16)
     assert found.models == {name: (tmp_path / name).resolve() for name in "ab"}
-    assert (found.limits.timeout_s, found.limits.burst, found.keep_days) == (5.0, 7, 2.5)
+    assert (found.limits.timeout_s, found.limits.batch, found.keep_days) == (5.0, 7, 2.5)
     atlas = AtlasSettings("", "photon=http://localhost", "http://localhost:1", "stations.csv")
     assert (found.atlas, found.cars) == (atlas, tmp_path / "cars")
     assert found.mqtt is not None

@@ -5,13 +5,11 @@ from __future__ import annotations
 import asyncio
 from typing import Any
 
-import orjson
 import pytest
 import uvicorn
 from tests.support.virtual_time import elapsed_s, run_jumping
 from uvicorn.server import ServerState
 
-from tripwatt.server.http.problems import Problem
 from tripwatt.server.http.protocol import BoundedProtocol
 
 START = b"GET / HTTP/1.1\r\nHost: x\r\n"
@@ -85,7 +83,7 @@ class Connection:
 
     @property
     def is_refused(self) -> bool:
-        return b"HTTP/1.1 431 Request Header Fields Too Large\r\n" in self.transport.written
+        return b"HTTP/1.1 400 Bad Request\r\n" in self.transport.written
 
 
 def refused(*parts: bytes) -> bool:
@@ -156,74 +154,6 @@ def test_a_chunk_without_an_end_is_bounded() -> None:
     assert run_jumping(run()) == (False, True)
 
 
-def test_a_request_has_at_most_100_headers() -> None:
-    async def run(number: int) -> tuple[bool, list[int]]:
-        connection = Connection()
-        connection.send(START + b"a: b\r\n" * (number - 1) + b"\r\n")
-        await asyncio.sleep(0)
-        await connection.end()
-        return connection.is_refused, connection.headers
-
-    assert run_jumping(run(100)) == (False, [100])
-    assert run_jumping(run(101)) == (True, [])
-
-
-def test_the_refusal_of_a_head_is_a_problem_document() -> None:
-    async def run() -> None:
-        connection = Connection().send(head_of(32_769))
-        head, _, body = connection.transport.written.partition(b"\r\n\r\n")
-        document = Problem("head-too-large", "at most 32768 bytes and 100 headers").document()
-        assert orjson.loads(body) == document
-        assert head.decode().split("\r\n") == [
-            "HTTP/1.1 431 Request Header Fields Too Large",
-            "Content-Type: application/problem+json",
-            f"Content-Length: {len(body)}",
-            "Connection: close",
-        ]
-        connection.send(b"x" * 50_000)
-        assert connection.transport.written == head + b"\r\n\r\n" + body
-        await connection.end()
-
-    run_jumping(run())
-
-
-def test_bytes_that_are_no_http_are_a_bad_request() -> None:
-    async def run() -> None:
-        connection = Connection().send(b"\x16\x03\x01\r\n\r\n")
-        head, _, body = connection.transport.written.partition(b"\r\n\r\n")
-        assert head.startswith(b"HTTP/1.1 400 Bad Request\r\n")
-        assert orjson.loads(body) == Problem("bad-request", "Invalid HTTP request received.").document()
-        assert connection.transport.closes == 1
-        await connection.end()
-
-    run_jumping(run())
-
-
-def test_nothing_is_written_into_a_response_that_is_not_complete() -> None:
-    async def run() -> None:
-        connection = Connection(answers=False).send(START + b"\r\n")
-        await asyncio.sleep(0)
-        connection.send(b"\x16\r\n\r\n")
-        assert connection.transport.is_closing()
-        assert connection.transport.written == b""
-        await connection.end()
-
-    run_jumping(run())
-
-
-def test_a_refusal_follows_a_response_that_is_complete() -> None:
-    async def run() -> None:
-        connection = Connection().send(START + b"\r\n")
-        for _ in range(5):
-            await asyncio.sleep(0)
-        assert connection.transport.written.startswith(b"HTTP/1.1 204")
-        connection.send(b"\x16\r\n\r\n")
-        assert b"HTTP/1.1 400 Bad Request" in connection.transport.written
-        await connection.end()
-
-    run_jumping(run())
-
-
 def test_a_body_is_whole_however_it_is_cut() -> None:
     chunked = b"Transfer-Encoding: chunked\r\n\r\n2\r\nab\r\n1\r\nc\r\n0\r\n\r\n"
 
@@ -239,35 +169,6 @@ def test_a_body_is_whole_however_it_is_cut() -> None:
             await connection.end()
 
     run_jumping(run())
-
-
-def closed_s(*parts: tuple[float, bytes]) -> float | None:
-    """When a connection closes to which the parts are sent after the given delays [s]."""
-
-    async def run() -> float | None:
-        connection = Connection(answers=False)
-        for delay_s, part in parts:
-            await asyncio.sleep(delay_s)
-            connection.send(part)
-        await asyncio.sleep(30.0)
-        found = connection.transport
-        assert found.closes == (found.closed_s is not None)
-        closed_s = found.closed_s
-        await connection.end()
-        return closed_s
-
-    return run_jumping(run())
-
-
-def test_a_head_has_ten_seconds() -> None:
-    assert closed_s() == 10.0
-    assert closed_s((1.0, START)) == 11.0  # the time begins again with the first byte
-    assert closed_s((1.0, START), (9.0, b"a: b\r\n")) == 11.0
-    assert closed_s((1.0, START), (9.0, b"\r\n")) is None
-
-
-def test_an_answer_that_ends_a_connection_stops_the_time_of_its_head() -> None:
-    assert closed_s((2.0, b"\x16\r\n\r\n")) == 2.0
 
 
 def test_a_client_has_twenty_seconds_to_read() -> None:

@@ -88,7 +88,7 @@ def test_a_request_that_names_a_car_or_a_model_keeps_it(cars: Path, monkeypatch:
 
 
 def followed(cars: Path, place: Path) -> Any:
-    return serving(place, "--workers", "1", "--cars", f"{cars}", "--limit", "rate_per_s=0")
+    return serving(place, "--workers", "1", "--cars", f"{cars}")
 
 
 def drive(service: Service, token: str, number: int, start_s: float) -> dict[str, Any]:

@@ -25,12 +25,10 @@ def test_every_limit_has_its_documented_default() -> None:
         "duration_s": 43_200.0,  # half a day: the computing time grows with its square
         "batch": 5_000,
         "waiting": 64,
-        "bodies": 128,
+        "arriving_bytes": 256_000_000,
         "batches": 2,
         "timeout_s": 20.0,
         "body_timeout_s": 20.0,
-        "rate_per_s": 50.0,
-        "burst": 100,  # two seconds of the mean rate
         "upload_bytes": 64_000_000,  # a month of drives of a logger, packed
         "car_bytes": 512_000_000,
         "learn_s": 1800.0,
@@ -68,28 +66,22 @@ def test_names_that_the_host_header_may_have() -> None:
 
 
 def test_limits_are_parsed_by_their_type() -> None:
-    found = parse_limits(["samples=7", "timeout_s=1.5", "burst=1"])
-    assert found == Limits(samples=7, timeout_s=1.5, burst=1)
+    found = parse_limits(["samples=7", "timeout_s=1.5"])
+    assert found == Limits(samples=7, timeout_s=1.5)
     assert type(found.samples) is int
     assert parse_limits([]) == Limits()
-
-
-def test_only_the_rate_may_be_zero() -> None:
-    assert parse_limits(["rate_per_s=0"]).rate_per_s == 0.0
-    assert [fault.where for fault in faults_of("burst=0")] == ["--limit burst"]
-    assert [fault.where for fault in faults_of("timeout_s=0")] == ["--limit timeout_s"]
 
 
 def test_a_limit_is_below_a_million_millions() -> None:
     assert parse_limits(["samples=999999999999"]).samples == 999_999_999_999
     assert faults_of("samples=1000000000000")[0].what == "value out of range"
-    assert faults_of("timeout_s=nan", "rate_per_s=-0.1", "timeout_s=inf")[2].got == "inf"
+    assert faults_of("timeout_s=nan", "samples=0", "timeout_s=inf")[2].got == "inf"
 
 
 def test_values_that_are_no_numbers_are_out_of_range() -> None:
-    whole, number = faults_of("samples=1.5", "rate_per_s=fast")
+    whole, number = faults_of("samples=1.5", "timeout_s=fast")
     assert whole == Fault("value out of range", "--limit samples", "1.5", "a whole number above 0")
-    assert number == Fault("value out of range", "--limit rate_per_s", "fast", "a number above 0")
+    assert number == Fault("value out of range", "--limit timeout_s", "fast", "a number above 0")
 
 
 def test_unknown_limits_are_listed_with_the_known_ones() -> None:

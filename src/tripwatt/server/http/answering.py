@@ -9,12 +9,12 @@ import orjson
 from starlette.requests import Request
 from starlette.responses import Response
 
-from tripwatt.server.http.contract import Repeats, tagged
+from tripwatt.server.http.contract import tagged
 from tripwatt.server.http.metrics import Metrics
 from tripwatt.server.http.openapi import JSON
 from tripwatt.server.http.pool import JobResult, WorkerPool
 from tripwatt.server.http.problems import MEDIA_TYPE, Problem
-from tripwatt.server.http.receiving import Arrivals, request_id
+from tripwatt.server.http.receiving import Bodies, request_id
 from tripwatt.server.http.settings import Settings
 
 
@@ -29,39 +29,24 @@ class Answering:
 
     Attributes
     ----------
-    bodies, batch_bodies : Arrivals
-        Bodies that are arriving, and those of batches and of files.
-    repeats : Repeats
-        Of requests that create something.
+    bodies : Bodies
+        Those that are arriving.
     """
 
     def __init__(self, settings: Settings, pool: WorkerPool, metrics: Metrics) -> None:
         self.settings, self.pool, self.metrics = settings, pool, metrics
-        self.bodies, self.batch_bodies = Arrivals(settings.limits.bodies), Arrivals(settings.limits.batches)
-        self.repeats = Repeats()
+        self.bodies = Bodies(settings.limits.arriving_bytes)
         self._kept: dict[bytes, bytes] = {}
 
     async def read(
-        self,
-        request: Request,
-        media_types: Sequence[str] = (JSON,),
-        most_bytes: int | None = None,
-        *,
-        large: bool = False,
+        self, request: Request, media_types: Sequence[str] = (JSON,), most_bytes: int | None = None
     ) -> bytes:
-        """Read the body of a request for a job, unless too many requests wait already.
-
-        A `large` body takes one of the places of batches, and may have more than `Limits.body_bytes`.
-        """
+        """Read the body of a request for a job, unless too many requests wait already."""
         limits = self.settings.limits
-        if most_bytes is None or not large:
-            most_bytes = min(most_bytes or limits.body_bytes, limits.body_bytes)
         if self.pool.waiting >= limits.waiting:
             raise Problem("busy", "too many requests wait", headers={"Retry-After": "1"})
-        parts: list[bytes] = []
-        bodies = self.batch_bodies if large else self.bodies
-        await bodies.read(request, media_types, most_bytes, limits.body_timeout_s, parts.append)
-        return parts[0] if len(parts) == 1 else b"".join(parts)
+        most = limits.body_bytes if most_bytes is None else most_bytes
+        return await self.bodies.read(request, media_types, most, limits.body_timeout_s)
 
     async def job(
         self, request: Request, kind: str, body: bytes = b"", media_type: str = JSON, **parameters: Any

@@ -29,7 +29,7 @@ from tripwatt.forecasting.document import ForecastResponse
 from tripwatt.server.http import openapi, schemas
 from tripwatt.server.http.advice_schemas import AdviceResponse, DifferenceDocument
 from tripwatt.server.http.answering import Answering, json_response
-from tripwatt.server.http.batching import LineSplitter, forecast_lines
+from tripwatt.server.http.batching import forecast_lines, lines_of
 from tripwatt.server.http.car_operations import CarOperations
 from tripwatt.server.http.contract import Fields
 from tripwatt.server.http.example_requests import UPLOADS
@@ -76,7 +76,7 @@ GZIP_LEVEL: Final = 4
 """Higher levels take longer and hardly shrink series of numbers further."""
 
 CORS_METHODS: Final = ("GET", "POST", "PUT", "DELETE")
-CORS_HEADERS: Final = ("Authorization", "Content-Type", "Idempotency-Key", "If-None-Match", "X-Request-ID")
+CORS_HEADERS: Final = ("Authorization", "Content-Type", "If-None-Match", "X-Request-ID")
 """What a page of another origin may ask with, beside what a browser always lets pass."""
 
 CORS_EXPOSED: Final = ("ETag", "Retry-After", "X-Request-ID")
@@ -252,12 +252,11 @@ class Api:
     async def batch(self, request: Request, fields: Fields = None) -> Response:
         """Forecast many trips: one request per line in, one forecast or problem per line out, in the same order."""
         limits = self.settings.limits
-        self._require_place_for_batch()
-        splitter = LineSplitter(limits.batch)
-        await self.answering.batch_bodies.read(
-            request, BATCH_TYPES, limits.batch_bytes, limits.body_timeout_s, splitter.take
+        self._require_place_for_batch()  # before the body arrives
+        body = await self.answering.bodies.read(
+            request, BATCH_TYPES, limits.batch_bytes, limits.body_timeout_s
         )
-        lines = splitter.lines()
+        lines = lines_of(body, limits.batch)
         self._require_place_for_batch()  # another body may have been faster
         self.running_batches += 1
         return BatchResponse(forecast_lines(lines, self.pool, self.metrics, fields), self._end_batch)

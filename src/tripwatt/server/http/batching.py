@@ -19,67 +19,26 @@ QUEUED_JOBS: Final = 1
 """Jobs of a batch that wait while every worker runs one: a single request waits for at most these."""
 
 
-class LineSplitter:
-    r"""The lines of the body of a batch, counted while it arrives; empty lines are left out.
+def lines_of(body: bytes, most: int) -> list[bytes]:
+    r"""The lines of the body of a batch; empty ones are left out.
 
-    Parameters
-    ----------
-    most : int
-        Most lines.
+    Raises
+    ------
+    Problem
+        `invalid-input` for no line, `too-large` for too many; twice as many line breaks allow for empty ones.
 
     Examples
     --------
-    >>> splitter = LineSplitter(2)
-    >>> for part in (b"{} \n", b" \n[", b"]"):
-    ...     splitter.take(part)
-    >>> splitter.lines()
+    >>> lines_of(b"{} \n \n[]", 2)
     [b'{} ', b'[]']
     """
-
-    def __init__(self, most: int) -> None:
-        self.most, self._breaks = most, 0
-        self._lines: list[bytes] = []
-        self._open: list[bytes] = []
-
-    def take(self, part: bytes) -> None:
-        """Take the next part of the body.
-
-        Raises
-        ------
-        Problem
-            `too-large` for too many lines; twice as many line breaks allow for empty lines.
-        """
-        self._breaks += part.count(b"\n")
-        if self._breaks > 2 * self.most:
-            raise self._too_many()
-        first, *others = part.split(b"\n")
-        self._open.append(first)
-        for other in others:
-            self._close()
-            self._open = [other]
-
-    def lines(self) -> list[bytes]:
-        """Return all lines after the last part.
-
-        Raises
-        ------
-        Problem
-            `invalid-input` for no line, `too-large` for too many.
-        """
-        self._close()
-        if not self._lines:
-            raise invalid_input([Fault("no trips", "body", "no line", "one ForecastRequest per line")])
-        return self._lines
-
-    def _close(self) -> None:
-        line, self._open = b"".join(self._open), []
-        if line.strip():
-            self._lines.append(line)
-            if len(self._lines) > self.most:
-                raise self._too_many()
-
-    def _too_many(self) -> Problem:
-        return Problem("too-large", f"at most {self.most} trips", headers={"Connection": "close"})
+    breaks = body.count(b"\n")  # before they become a list
+    lines = [] if breaks > 2 * most else [line for line in body.split(b"\n") if line.strip()]
+    if breaks > 2 * most or len(lines) > most:
+        raise Problem("too-large", f"at most {most} trips")
+    if not lines:
+        raise invalid_input([Fault("no trips", "body", "no line", "one ForecastRequest per line")])
+    return lines
 
 
 async def forecast_lines(

@@ -8,9 +8,9 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections.abc import AsyncIterator, Callable, Mapping
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Annotated, Any, Final
 
 import orjson
@@ -33,8 +33,8 @@ from tripwatt.server.http.car_schemas import (
     UploadResponse,
 )
 from tripwatt.server.http.live import LiveCars
-from tripwatt.server.http.openapi import BINARY, BYTES, KEY, operation
-from tripwatt.server.http.pool import JobResult, WorkerLost, WorkerPool, cancel
+from tripwatt.server.http.openapi import BINARY, BYTES, operation
+from tripwatt.server.http.pool import JobResult, WorkerPool, cancel
 from tripwatt.server.http.problems import Problem, invalid_input
 from tripwatt.server.http.road_trips import RoadTrips
 
@@ -115,15 +115,10 @@ class CarOperations:
         """List the cars."""
         return await self.answering.job(request, "cars.list")
 
-    @operation("POST /v1/cars", "cars", CarResponse, NewCarRequest, also=("name-taken",), header=KEY)
+    @operation("POST /v1/cars", "cars", CarResponse, NewCarRequest, also=("name-taken",))
     async def new_car(self, request: Request) -> Response:
         """Make a car."""
-        body = await self.answering.read(request)
-
-        async def made() -> Response:
-            return _shown(await self.answering.job(request, "new_car", body), None)
-
-        return await self.answering.repeats.once(request, body, made)
+        return _shown(await self.answering.body_job(request, "new_car"), None)
 
     @operation("GET /v1/cars/{car}", "cars", CarResponse)
     async def get_car(self, request: Request, car: CarName) -> Response:
@@ -141,17 +136,13 @@ class CarOperations:
         self.learning.pop(car, None)
         return response
 
-    @operation("POST /v1/cars/{car}/token", "cars", TokenResponse, header=KEY)
+    @operation("POST /v1/cars/{car}/token", "cars", TokenResponse)
     async def new_token(self, request: Request, car: CarName) -> Response:
         """Make a token with which a car sends its messages; an earlier one is no longer accepted."""
-
-        async def made() -> Response:
-            response = await self.answering.job(request, "cars.token", name=car)
-            if response.status_code == 200:
-                await self.live().follow(car_folder(self.settings.cars, car))
-            return response
-
-        return await self.answering.repeats.once(request, b"", made)
+        response = await self.answering.job(request, "cars.token", name=car)
+        if response.status_code == 200:
+            await self.live().follow(car_folder(self.settings.cars, car))
+        return response
 
     @operation(f"PUT {UPLOAD}/{{file}}", "cars", UploadResponse, {BYTES: BINARY})
     async def put_file(self, request: Request, car: CarName, upload: UploadName, file: FileName) -> Response:
@@ -161,7 +152,7 @@ class CarOperations:
             raise Problem("busy", "too many files are unpacked", headers={"Retry-After": "2"})
         async with self._places:
             limits, place = self.settings.limits, {"name": car, "upload": upload, "file": file}
-            content = await self.answering.read(request, (BYTES,), limits.upload_bytes, large=True)
+            content = await self.answering.read(request, (BYTES,), limits.upload_bytes)
             async with self._unpacking:  # one worker unpacks, the others go on
                 return await self.answering.job(
                     request, "cars.store", content, **place, most_bytes=limits.car_bytes
@@ -172,15 +163,10 @@ class CarOperations:
         """Return how the tables of an upload are read, and what the audit says of them; nothing is learned."""
         return await self.answering.body_job(request, "cars.logs", name=car, upload=upload)
 
-    @operation(f"POST {UPLOAD}/learn", "cars", CarResponse, LogsRequest, also=("not-found",), header=KEY)
+    @operation(f"POST {UPLOAD}/learn", "cars", CarResponse, LogsRequest, also=("not-found",))
     async def learn(self, request: Request, car: CarName, upload: UploadName) -> Response:
         """Learn the trips of an upload: the response comes at once, and the car shows the progress."""
         body = await self.answering.read(request)
-        return await self.answering.repeats.once(
-            request, body, partial(self._begin, request, car, upload, body)
-        )
-
-    async def _begin(self, request: Request, car: str, upload: str, body: bytes) -> Response:
         checked = await self.answering.job(request, "cars.logs", body, name=car, upload=upload)
         if checked.status_code != 200:
             return checked
@@ -220,7 +206,7 @@ class CarOperations:
                 self._started = True
                 try:
                     await self.learners.start()
-                except (OSError, TimeoutError, WorkerLost) as error:
+                except (OSError, BrokenProcessPool) as error:
                     self._started = False
                     raise Problem("busy", "no worker started", headers={"Retry-After": "30"}) from error
             learning.result = await self.learners.run(job, body, may_queue=True)

@@ -41,10 +41,9 @@ class JourneyJobs:
     atlas: Atlas | None = None
 
     @classmethod
-    def from_settings(cls, settings: dict[str, str]) -> JourneyJobs:
+    def from_settings(cls, settings: AtlasSettings) -> JourneyJobs:
         """Open the atlas of the settings; none where they name no map."""
-        named = AtlasSettings(**settings)
-        return cls(open_atlas(named) if named.map else None)
+        return cls(open_atlas(settings) if settings.map else None)
 
     @property
     def heights(self) -> Heights | None:

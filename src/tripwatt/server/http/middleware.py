@@ -1,6 +1,6 @@
 """ASGI middleware for all requests.
 
-It checks the Host header, the rate of the client and the token before the application runs. It adds the request id and
+It checks the Host header, the site and the token before the application runs. It adds the request id and
 the security headers to the response, writes the access log and counts requests. An exception of the application becomes
 a problem document.
 """
@@ -8,14 +8,12 @@ a problem document.
 from __future__ import annotations
 
 import hmac
-import ipaddress
 import re
 import secrets
 import time
 from collections.abc import Callable, Sequence
 from typing import Any, Final
 
-from cachetools import LRUCache
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import RedirectResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -25,9 +23,6 @@ from tripwatt.errors import excerpt
 from tripwatt.server.http.metrics import Metrics
 from tripwatt.server.http.problems import SAFE_METHODS, Problem
 from tripwatt.server.http.settings import Settings
-
-OPEN_PATHS: Final = ("/healthz", "/readyz")
-"""Paths without a token and without a rate limit."""
 
 TOKEN_PATHS: Final = ("/v1/", "/metrics", "/openapi.json")
 """First parts of paths that need the token; the files of the page hold no secret."""
@@ -40,9 +35,6 @@ KNOWN_METHODS: Final = frozenset({"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE
 OWN_SITES: Final = ("same-origin", "none")
 """Values of `Sec-Fetch-Site` of a request that the page of the service, or a person, made."""
 
-MAX_CLIENTS: Final = 10_000
-"""Most clients with a token bucket; the least recently active ones are removed first."""
-
 SECURITY_HEADERS: Final = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
     "font-src 'self'; connect-src 'self'; manifest-src 'self'; worker-src 'self'; base-uri 'none'; "
@@ -54,64 +46,6 @@ SECURITY_HEADERS: Final = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Permissions-Policy": "camera=(), geolocation=(), microphone=(), payment=(), usb=()",
 }
-
-
-class TokenBuckets:
-    """Rate limit by client: one token bucket each.
-
-    Parameters
-    ----------
-    rate_per_s : float
-        Mean rate of requests [1/s].
-    burst : int
-        Most requests in quick succession.
-
-    Examples
-    --------
-    >>> buckets = TokenBuckets(rate_per_s=1.0, burst=2)
-    >>> [buckets.wait_s("a", now) for now in (0.0, 0.0, 0.0, 1.0)]
-    [0.0, 0.0, 1.0, 0.0]
-    """
-
-    def __init__(self, rate_per_s: float, burst: int) -> None:
-        self.rate_per_s, self.burst = rate_per_s, float(burst)
-        self.by_client: LRUCache[str, tuple[float, float]] = LRUCache(MAX_CLIENTS)
-
-    def wait_s(self, client: str, now: float) -> float:
-        """Take a token of a client.
-
-        Returns
-        -------
-        float
-            0 if there was a token, else the time [s] until the next one.
-        """
-        tokens, last = self.by_client.get(client, (self.burst, now))
-        tokens = min(self.burst, tokens + (now - last) * self.rate_per_s)
-        wait_s = 0.0 if tokens >= 1.0 else (1.0 - tokens) / self.rate_per_s
-        self.by_client[client] = (tokens if wait_s else tokens - 1.0, now)
-        return wait_s
-
-
-def rate_limit_key(address: str) -> str | None:
-    """Return the key of a client for the rate limit.
-
-    Returns
-    -------
-    str or None
-        An IPv4 address or the /64 network of an IPv6 address; None for loopback, which has no rate limit.
-
-    Examples
-    --------
-    >>> rate_limit_key("127.0.0.1"), rate_limit_key("203.0.113.9"), rate_limit_key("2001:db8::1:2")
-    (None, '203.0.113.9', '2001:db8::/64')
-    """
-    try:
-        ip = ipaddress.ip_address(address)
-    except ValueError:
-        return address
-    if ip.is_loopback:
-        return None
-    return str(ip) if ip.version == 4 else str(ipaddress.ip_network((int(ip), 64), strict=False))
 
 
 class ProxyHeaders(ProxyHeadersMiddleware):
@@ -149,8 +83,6 @@ class ServiceMiddleware:
     def __init__(self, app: ASGIApp, settings: Settings, metrics: Metrics, log: Callable[..., None]) -> None:
         self.app, self.settings, self.metrics, self.log = app, settings, metrics, log
         self.token = settings.token.encode()
-        limits = settings.limits
-        self.buckets = TokenBuckets(limits.rate_per_s, limits.burst) if limits.rate_per_s > 0 else None
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Handle one request."""
@@ -163,39 +95,27 @@ class ServiceMiddleware:
             return
         if prefix and path.startswith(f"{prefix}/"):  # a proxy that takes it off is as good
             scope = {**scope, "path": path.removeprefix(prefix)}
-        await _RequestHandling(self, scope).run(receive, send)
+        await _Exchange(self, scope).run(receive, send)
 
     def check(self, scope: Scope, headers: Headers) -> None:
-        """Check the Host header, the rate and the token of a request.
+        """Check the Host header, the site and the token of a request.
 
         Raises
         ------
         Problem
-            `host-not-served`, `foreign-site`, `too-many-requests` or `token-needed`.
+            `host-not-served`, `foreign-site` or `token-needed`.
         """
         self._check_host(headers.getlist("host"))
         if scope["method"] not in SAFE_METHODS:
             _check_site(headers, self.settings.cors_origins)
         path = scope["path"]
-        if path in OPEN_PATHS:
-            return
-        client = rate_limit_key(scope["client"][0]) if scope.get("client") else None
-        if self.buckets is not None and client is not None:
-            wait_s = self.buckets.wait_s(client, time.monotonic())
-            if wait_s > 0.0:
-                after = str(max(1, round(wait_s + 0.5)))
-                raise Problem("too-many-requests", f"wait {after} s", headers={"Retry-After": after})
         if self.token and path.startswith(TOKEN_PATHS) and path not in CAR_TOKEN_PATHS:
             self._check_token(headers.getlist("authorization"))
 
     def _check_host(self, hosts: list[str]) -> None:
         allowed = self.settings.hosts
-        if not allowed:
-            return
-        name = (
-            hosts[0].rsplit(":", 1)[0] if len(hosts) == 1 and not hosts[0].endswith("]") else "".join(hosts)
-        )
-        if len(hosts) != 1 or name.lower() not in allowed:
+        names = [re.sub(r":\d*$", "", host).lower() for host in hosts]
+        if allowed and (len(names) != 1 or names[0] not in allowed):
             raise Problem("host-not-served", "the Host header does not name this service")
 
     def _check_token(self, given: list[str]) -> None:
@@ -217,8 +137,8 @@ def _check_site(headers: Headers, allowed: Sequence[str]) -> None:
         raise Problem("foreign-site", f"a page of {excerpt(origin or site)} sent the request: {remedy}")
 
 
-class _RequestHandling:
-    """The state of one request."""
+class _Exchange:
+    """A request and its response."""
 
     def __init__(self, middleware: ServiceMiddleware, scope: Scope) -> None:
         self.middleware, self.scope = middleware, scope

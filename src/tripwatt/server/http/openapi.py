@@ -32,7 +32,7 @@ REFERENCE: Final = "#/components/schemas/"
 BINARY: Final = {"schema": {"type": "string", "format": "binary"}}
 TEXT: Final = {"schema": {"type": "string"}}
 
-COMMON_PROBLEMS: Final = ("bad-request", "token-needed", "too-many-requests", "internal")
+COMMON_PROBLEMS: Final = ("bad-request", "token-needed", "internal")
 BODY_PROBLEMS: Final = ("body-late", "too-large", "media-type", "invalid-input")
 QUERY_PROBLEMS: Final = ("invalid-input",)
 POOL_PROBLEMS: Final = ("busy", "timeout")
@@ -44,10 +44,8 @@ TAG_PROBLEMS: Final[Mapping[str, tuple[str, ...]]] = {
 """Problems of all operations of a tag."""
 
 TAG: Final = "If-None-Match"
-KEY: Final = "Idempotency-Key"
 HEADERS: Final = {
     TAG: "the `ETag` that the client has: a 304 has no content",
-    KEY: "of a request that may come twice, 1 to 255 characters: the second one gets the response of the first, for a day",
     "ETag": "changes with the content",
     "Retry-After": "seconds to wait",
 }
@@ -76,7 +74,7 @@ class Operation:
     only : tuple of str or None
         All kinds of problems, where they do not follow.
     header : str
-        A header of the request that the operation heeds: `TAG` or `KEY`; empty for none.
+        A header of the request that the operation heeds: `TAG`; empty for none.
     internal : bool
         Whether it serves the page alone and may change in any version.
     description : str
@@ -139,8 +137,7 @@ class Operation:
 
     def _kinds(self) -> tuple[str, ...]:
         of_input = BODY_PROBLEMS if self.takes else QUERY_PROBLEMS
-        also = (*self.also, "key-used") if self.header == KEY else self.also
-        return (*COMMON_PROBLEMS, *of_input, *POOL_PROBLEMS, *TAG_PROBLEMS.get(self.tag, ()), *also)
+        return (*COMMON_PROBLEMS, *of_input, *POOL_PROBLEMS, *TAG_PROBLEMS.get(self.tag, ()), *self.also)
 
 
 class Schemas(GenerateJsonSchema):
@@ -274,7 +271,7 @@ def _problems(kinds: Iterable[str]) -> dict[int | str, dict[str, Any]]:
         status, title = TITLES[kind]
         by_status.setdefault(status, {})[title] = None
     content = _contents({MEDIA_TYPE: ProblemDocument})
-    retry = dict.fromkeys((429, 503), _headers("Retry-After"))
+    retry = dict.fromkeys((503,), _headers("Retry-After"))
     return {
         status: {"description": "; ".join(titles), "content": content, **retry.get(status, {})}
         for status, titles in sorted(by_status.items())

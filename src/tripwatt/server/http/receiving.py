@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Final
 
 from starlette.requests import ClientDisconnect, Request
 
 from tripwatt.server.http.problems import Problem
 
-GRACE_S: Final = 0.2
-"""Time for which an arriving body cannot be given up for another one."""
+CLOSE: Final = {"Connection": "close"}
+"""Header of a response to a request whose body is not read to its end."""
 
 
 def request_id(request: Request) -> str:
@@ -19,52 +19,26 @@ def request_id(request: Request) -> str:
     return str(request.scope.get("state", {}).get("request_id", ""))
 
 
-class Arrival:
-    """A body that is arriving: when it began and how much of it is there.
+class Bodies:
+    """Request bodies that are arriving, within one bound of their bytes together.
 
-    Parameters
-    ----------
-    deadline : asyncio.Timeout
-        The time-out of its reading.
-    now : float
-        Time of the event loop [s].
-    """
-
-    def __init__(self, deadline: asyncio.Timeout, now: float) -> None:
-        self.deadline, self.started, self.size = deadline, now, 0
-
-    def rate(self, now: float) -> float:
-        """Mean bytes per second."""
-        return self.size / max(now - self.started, 1e-9)
-
-
-class Arrivals:
-    """Places for bodies that are arriving; when all are taken, the slowest body gives its place to the next one.
-
-    A client that sends slowly can therefore not hold a place that another needs. A body that arrives in one part takes
-    no place: the server holds at most 64 kB of a connection, and those connections are counted already.
+    A client that sends slowly holds what it has sent, and takes no place that another needs.
 
     Parameters
     ----------
     most : int
-        Number of places.
+        Bytes of all together.
+
+    Attributes
+    ----------
+    arriving : int
+        Bytes that are there of bodies that are not complete.
     """
 
     def __init__(self, most: int) -> None:
-        self.most = most
-        self._running: set[Arrival] = set()
+        self.most, self.arriving = most, 0
 
-    def __len__(self) -> int:
-        return len(self._running)
-
-    async def read(
-        self,
-        request: Request,
-        media_types: Sequence[str],
-        limit: int,
-        timeout_s: float,
-        take: Callable[[bytes], object],
-    ) -> None:
+    async def read(self, request: Request, media_types: Sequence[str], limit: int, timeout_s: float) -> bytes:
         """Read the body of a request.
 
         Parameters
@@ -76,72 +50,33 @@ class Arrivals:
             Largest size [bytes], counted as the bytes arrive.
         timeout_s : float
             Longest time [s] until the body is complete.
-        take : callable
-            Called with each part of the body; what it raises ends the reading.
 
         Raises
         ------
         Problem
-            `media-type`, `too-large`, `body-late`, or `bad-request` for an incomplete body.
+            `media-type`, `too-large`, `body-late`, `busy` when other bodies have taken all bytes, or `bad-request` for an
+            incomplete body.
         """
         require_media_type(request, media_types)
-        length = request.headers.get("content-length", "0")
-        if not length.isascii() or not length.isdigit():
-            raise Problem("bad-request", "Content-Length is not a number")
-        if len(length) > 18 or int(length) > limit:
-            raise _too_large(limit)
+        parts: list[bytes] = []
+        size = 0
         try:
-            async with asyncio.timeout(timeout_s) as deadline:
-                await self._take_all(request, limit, deadline, take)
+            async with asyncio.timeout(timeout_s):
+                async for part in request.stream():
+                    size += len(part)
+                    self.arriving += len(part)
+                    if size > limit:
+                        raise Problem("too-large", f"at most {limit} bytes", headers=CLOSE)
+                    if self.arriving > self.most:
+                        raise Problem("busy", "too many bodies arrive", headers={**CLOSE, "Retry-After": "2"})
+                    parts.append(part)
         except TimeoutError:
-            detail = f"slower than others, or longer than {timeout_s:g} s"
-            raise Problem("body-late", detail, headers={"Connection": "close"}) from None
+            raise Problem("body-late", f"longer than {timeout_s:g} s", headers=CLOSE) from None
         except ClientDisconnect:
             raise Problem("bad-request", "the body is incomplete") from None
-
-    async def _take_all(
-        self, request: Request, limit: int, deadline: asyncio.Timeout, take: Callable[[bytes], object]
-    ) -> None:
-        size, arrival = 0, None
-        try:
-            while True:
-                message = await request.receive()
-                if message["type"] == "http.disconnect":
-                    raise ClientDisconnect
-                part = message.get("body", b"")
-                size += len(part)
-                if size > limit:
-                    raise _too_large(limit)
-                take(part)
-                if not message.get("more_body", False):
-                    return
-                if arrival is None:
-                    arrival = await self._admit(deadline)
-                arrival.size = size
         finally:
-            if arrival is not None:
-                self._running.discard(arrival)
-
-    async def _admit(self, deadline: asyncio.Timeout) -> Arrival:
-        loop = asyncio.get_running_loop()
-        while len(self._running) >= self.most:
-            now = loop.time()
-            oldest_s = now - min(arrival.started for arrival in self._running)
-            if oldest_s < GRACE_S:
-                await asyncio.sleep(GRACE_S - oldest_s)
-                continue
-            slow = (arrival for arrival in self._running if now - arrival.started >= GRACE_S)
-            slowest = min(slow, key=lambda arrival: arrival.rate(now))
-            self._running.discard(slowest)
-            slowest.deadline.reschedule(now)
-        arrival = Arrival(deadline, loop.time())
-        self._running.add(arrival)
-        return arrival
-
-
-def _too_large(limit: int) -> Problem:
-    # the rest of the body is not read
-    return Problem("too-large", f"at most {limit} bytes", headers={"Connection": "close"})
+            self.arriving -= size
+        return b"".join(parts)
 
 
 def require_media_type(request: Request, media_types: Sequence[str]) -> None:

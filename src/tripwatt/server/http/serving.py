@@ -114,6 +114,7 @@ def serve(settings: Settings, on_start: Callable[[str], None] = lambda url: None
     from tripwatt.server.http.app import create_app
     from tripwatt.server.http.middleware import ProxyHeaders
     from tripwatt.server.http.protocol import BoundedProtocol
+    from tripwatt.server.http.worker import ENVIRONMENT
 
     class Server(uvicorn.Server):
         async def startup(self, sockets: list[socket.socket] | None = None) -> None:
@@ -122,6 +123,8 @@ def serve(settings: Settings, on_start: Callable[[str], None] = lambda url: None
                 on_start(url_of(listener))
 
     require_safe(settings)
+    os.environ.update(ENVIRONMENT)
+    os.environ.pop(TOKEN_VARIABLE, None)  # workers, which read the files of strangers, do not get it
     app = ProxyHeaders(create_app(settings, log_json), os.environ.get("FORWARDED_ALLOW_IPS", ""))
     with open_socket(settings) as listener:
         config = uvicorn.Config(

@@ -41,19 +41,14 @@ class Limits:
         Most trips of a batch.
     waiting : int
         Most requests that wait for a worker; further requests are refused.
-    bodies : int
-        Most request bodies received at the same time, without batches; a further one takes the place of the slowest.
+    arriving_bytes : int
+        Most bytes of all bodies that are arriving; the request whose body exceeds them is refused.
     batches : int
-        Most batches at the same time, arriving and running; a further one takes the place of the slowest that arrives
-        and is refused while as many run.
+        Most batches that run at the same time.
     timeout_s : float
         Longest time [s] from the arrival of a request to its response, including the wait for a worker.
     body_timeout_s : float
         Longest time [s] until the body of a request has arrived.
-    rate_per_s : float
-        Mean rate of the requests of one client [1/s]; 0 for no limit. A batch counts as one request.
-    burst : int
-        Most requests of one client in quick succession.
     upload_bytes : int
         Largest file of logs.
     car_bytes : int
@@ -75,12 +70,10 @@ class Limits:
     duration_s: float = 12 * 3600.0
     batch: int = 5_000
     waiting: int = 64
-    bodies: int = 128
+    arriving_bytes: int = 256_000_000
     batches: int = 2
     timeout_s: float = 20.0
     body_timeout_s: float = 20.0
-    rate_per_s: float = 50.0
-    burst: int = 100
     upload_bytes: int = 64_000_000
     car_bytes: int = 512_000_000
     learn_s: float = 1800.0
@@ -190,7 +183,7 @@ def parse_limits(pairs: list[str]) -> Limits:
             value = float(text) if known[key] == "float" else int(text)
         except ValueError:
             value = -1
-        if not 0 <= value < 1e12 or (value == 0 and key != "rate_per_s"):
+        if not 0 < value < 1e12:
             allowed = "a number" if known[key] == "float" else "a whole number"
             faults.append(Fault("value out of range", f"--limit {key}", text, f"{allowed} above 0"))
         values[key] = value

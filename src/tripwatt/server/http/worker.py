@@ -1,26 +1,26 @@
-"""A worker process: it reads jobs from standard input and writes their results to standard output, one at a time.
-
-`pool` starts it. It ends when its input ends, so that it never outlives the service.
-"""
+"""What a worker process does: it loads its models once, and then runs one job after the other."""
 
 from __future__ import annotations
 
 import contextlib
 import gc
+import multiprocessing
 import os
 import signal
 import sys
+import threading
 import time
 import traceback
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import orjson
 
 from tripwatt.errors import InvalidInput, RemoteError
+from tripwatt.roads.journey import AtlasSettings
 from tripwatt.server.http.car_jobs import CarJobs
 from tripwatt.server.http.contract import chosen
-from tripwatt.server.http.frames import encode_frame, read_frame
 from tripwatt.server.http.jobs import Jobs
 from tripwatt.server.http.journeys import JourneyJobs
 from tripwatt.server.http.problems import Problem, invalid_input
@@ -30,8 +30,55 @@ from tripwatt.server.http.settings import Limits
 if sys.platform == "linux":
     import resource
 
+ENVIRONMENT: Final[Mapping[str, str]] = {
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+    "ARROW_DEFAULT_MEMORY_POOL": "system",  # the others reserve a gigabyte at their start
+}
+"""Variables that a worker needs before it loads its libraries."""
 
-def run_job(jobs: Jobs, job: dict[str, Any], body: bytes) -> tuple[int, bytes]:
+PREPARED: Final[list[Jobs]] = []
+"""The jobs of this process, once it is prepared."""
+
+
+def prepare(models: Mapping[str, Path], limits: Limits, atlas: AtlasSettings, cars: Path | None) -> None:
+    """Load models, map and cars, and bound the memory of this process.
+
+    Parameters
+    ----------
+    models : mapping of str to Path
+    limits : Limits
+    atlas : AtlasSettings
+    cars : Path or None
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the service ends its workers
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    threading.Thread(target=_end_with_service, daemon=True).start()
+    journeys = JourneyJobs.from_settings(atlas)
+    jobs = Jobs.from_folders(models, limits, journeys, CarJobs(cars, journeys.heights), log_json)
+    jobs.warm_up()
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(50_000)  # jobs create few reference cycles
+    bound_memory(limits.memory_bytes)
+    PREPARED.append(jobs)
+
+
+def _end_with_service() -> None:
+    """End this process with the one that started it, which may be killed."""
+    service = multiprocessing.parent_process()
+    if service is not None:
+        service.join()
+        os._exit(1)
+
+
+def run_job(job: dict[str, Any], body: bytes) -> tuple[int, bytes, float]:
+    """Run a job of this process; return HTTP status, document and computing time [s]."""
+    started = time.perf_counter()
+    return *answer_to(PREPARED[0], job, body), time.perf_counter() - started
+
+
+def answer_to(jobs: Jobs, job: dict[str, Any], body: bytes) -> tuple[int, bytes]:
     """Run a job; an unexpected exception is logged and becomes a problem document with status 500.
 
     Parameters
@@ -48,7 +95,7 @@ def run_job(jobs: Jobs, job: dict[str, Any], body: bytes) -> tuple[int, bytes]:
 
     Examples
     --------
-    >>> run_job(Jobs({}, Limits()), {"kind": "forecast"}, b"{")[0]
+    >>> answer_to(Jobs({}, Limits()), {"kind": "forecast"}, b"{")[0]
     400
     """
     try:
@@ -79,39 +126,3 @@ def bound_memory(more_bytes: int) -> None:
         most = resource.getrlimit(resource.RLIMIT_DATA)[1]
         with contextlib.suppress(ValueError):  # the system allows less
             resource.setrlimit(resource.RLIMIT_DATA, (pages * resource.getpagesize() + more_bytes, most))
-
-
-def main() -> None:
-    """Run jobs until the input ends."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the service stops its workers
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    output = os.fdopen(os.dup(sys.stdout.fileno()), "wb", buffering=0)
-    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # prints of libraries go to the log
-    first = read_frame(sys.stdin.buffer)
-    if first is None:
-        return
-    models = {name: Path(folder) for name, folder in first[0]["models"].items()}
-    journeys = JourneyJobs.from_settings(first[0]["atlas"])
-    folder = first[0].get("cars")
-    cars = CarJobs(None if folder is None else Path(folder), journeys.heights)
-    jobs = Jobs.from_folders(models, Limits(**first[0]["limits"]), journeys, cars, log_json)
-    jobs.warm_up()
-    gc.collect()
-    gc.freeze()
-    gc.set_threshold(50_000)  # jobs create few reference cycles
-    bound_memory(jobs.limits.memory_bytes)
-    _write(output, encode_frame({"ready": True}, b""))
-    while (frame := read_frame(sys.stdin.buffer)) is not None:
-        started = time.perf_counter()
-        status, document = run_job(jobs, *frame)
-        _write(output, encode_frame({"status": status, "seconds": time.perf_counter() - started}, document))
-
-
-def _write(output: Any, data: bytes) -> None:
-    remaining = memoryview(data)
-    while len(remaining):
-        remaining = remaining[output.write(remaining) :]
-
-
-if __name__ == "__main__":
-    main()
