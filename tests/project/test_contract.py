@@ -144,8 +144,8 @@ KINDS: dict[str, tuple[Callable[[Any], Any], str]] = {
         "POST /v1/forecast request.trip: pattern None beside ^[a-z]+$",
     ),
     "status": (
-        lambda d: forecast(d)["responses"].pop("422"),
-        "POST /v1/forecast response 422: is removed",
+        lambda d: forecast(d)["responses"].pop("default"),
+        "POST /v1/forecast response default: is removed",
     ),
     "media type of a response": (
         lambda d: forecast(d)["responses"]["200"]["content"].pop("application/json"),

@@ -106,12 +106,11 @@ def _of_operation(was: Schema, now: Schema | None, old: Schema, new: Schema) -> 
         yield " request: a body is required"
     yield from _of_content(body, body_now, old, new, " request", to_service=True)
     for status, answer in was["responses"].items():
-        if status not in now["responses"]:
+        found = now["responses"].get(status, now["responses"].get("default"))
+        if found is None:
             yield f" response {status}: is removed"
         else:
-            yield from _of_content(
-                answer, now["responses"][status], old, new, f" response {status}", to_service=False
-            )
+            yield from _of_content(answer, found, old, new, f" response {status}", to_service=False)
 
 
 def _parameters(operation: Schema) -> dict[str, Schema]:

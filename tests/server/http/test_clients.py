@@ -107,7 +107,7 @@ def test_a_python_client_has_every_operation(
     assert ask("routes.route", body=track).duration_s == 90.0
     links = models.RouteJsonBody.from_dict({"links": PLANNED_REQUEST["links"]})
     assert ask("routes.route", body=links, speed_m_s=14.0).distance_m == pytest.approx(12_800.0, rel=1e-3)
-    assert models.ProblemDocumentType.KEY_USED == "/problems/key-used"
+    assert models.ProblemDocumentType.NAME_TAKEN == "/problems/name-taken"
     rest = {key: value for key, value in raw["forecast"].items() if key != "energy_wh"}
     with pytest.raises(KeyError):
         models.ForecastResponse.from_dict(rest)

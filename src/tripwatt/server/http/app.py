@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
 import sys
 from collections.abc import AsyncIterator, Callable
@@ -21,7 +22,7 @@ from starlette.middleware.gzip import GZipMiddleware
 from starlette.responses import StreamingResponse
 from starlette.routing import Route
 from starlette.staticfiles import StaticFiles
-from starlette.types import ASGIApp, Receive, Scope, Send
+from starlette.types import ASGIApp, Scope
 
 import tripwatt
 from tripwatt.errors import InvalidInput
@@ -66,8 +67,6 @@ BATCH_TYPES: Final = (openapi.NDJSON, "application/jsonl", "application/ndjson")
 
 PROBLEM_KINDS: Final = {400: "bad-request", 404: "not-found", 405: "method-not-allowed"}
 """HTTP status of an error of the framework -> kind of problem."""
-
-HEALTH_PROBLEMS: Final = ("bad-request", "internal")
 
 MIN_GZIP_BYTES: Final = 1000
 """Smaller bodies fit into one packet without compression."""
@@ -116,38 +115,6 @@ class PageFiles(StaticFiles):
         return response
 
 
-class BatchResponse(StreamingResponse):
-    """A response of NDJSON lines.
-
-    Parameters
-    ----------
-    lines : async iterator of bytes
-    on_end : callable
-        Called once after the last line, or when the client disconnects.
-    """
-
-    def __init__(self, lines: AsyncIterator[bytes], on_end: Callable[[], None]) -> None:
-        super().__init__(self._until_end(lines), media_type=openapi.NDJSON)
-        self.on_end: Callable[[], None] | None = on_end
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Send the response."""
-        try:
-            await super().__call__(scope, receive, send)
-        finally:
-            self._end()
-
-    async def _until_end(self, lines: AsyncIterator[bytes]) -> AsyncIterator[bytes]:
-        async for line in lines:
-            yield line
-        self._end()  # before the client receives the end, so that its next batch is not refused
-
-    def _end(self) -> None:
-        if self.on_end is not None:
-            self.on_end()
-            self.on_end = None
-
-
 def create_app(settings: Settings | None = None, log: Log = lambda **record: None) -> ASGIApp:
     """Create the application; its workers start and stop with its lifespan.
 
@@ -188,7 +155,7 @@ class Api:
         self.metrics.waiting.set_function(lambda: self.pool.waiting)
         self.metrics.workers.set_function(lambda: self.pool.ready)
         self.metrics.lost.set_function(lambda: self.pool.lost)
-        self.running_batches = 0
+        self.batches = asyncio.Semaphore(settings.limits.batches)
         self.answering = Answering(settings, self.pool, self.metrics)
         jobs = Jobs.from_folders(settings.models, settings.limits)  # raises faults before a worker starts
         self.kept = self.answering.job if jobs.fleets else self.answering.kept
@@ -246,27 +213,23 @@ class Api:
         "forecast",
         {openapi.NDJSON: openapi.TEXT},
         {openapi.NDJSON: {"schema": {"description": "one ForecastRequest per line"}}},
-        only=(*openapi.COMMON_PROBLEMS, *openapi.BODY_PROBLEMS, "busy"),
         description="One ForecastResponse or ProblemDocument per line, in the order of the requests",
     )
     async def batch(self, request: Request, fields: Fields = None) -> Response:
         """Forecast many trips: one request per line in, one forecast or problem per line out, in the same order."""
         limits = self.settings.limits
-        self._require_place_for_batch()  # before the body arrives
         body = await self.answering.bodies.read(
             request, BATCH_TYPES, limits.batch_bytes, limits.body_timeout_s
         )
         lines = lines_of(body, limits.batch)
-        self._require_place_for_batch()  # another body may have been faster
-        self.running_batches += 1
-        return BatchResponse(forecast_lines(lines, self.pool, self.metrics, fields), self._end_batch)
-
-    def _require_place_for_batch(self) -> None:
-        if self.running_batches >= self.settings.limits.batches:
+        if self.batches.locked():
             raise Problem("busy", "too many batches", headers={"Retry-After": "5"})
+        return StreamingResponse(self._forecast_lines(lines, fields), media_type=openapi.NDJSON)
 
-    def _end_batch(self) -> None:
-        self.running_batches -= 1
+    async def _forecast_lines(self, lines: list[bytes], fields: str | None) -> AsyncIterator[bytes]:
+        async with self.batches:
+            async for line in forecast_lines(lines, self.pool, self.metrics, fields):
+                yield line
 
     @openapi.operation("POST /v1/routes", "routes", schemas.RouteResponse, UPLOADS)
     async def route(self, request: Request, speed_m_s: MeanSpeed = None) -> Response:
@@ -297,7 +260,7 @@ class Api:
         """Return the area that the charge reaches with 95 % and with 50 %."""
         return await self.answering.body_job(request, "reach")
 
-    @openapi.operation("GET /v1/need", "journeys", NeedAnswer, also=("no-plan", "no-live"))
+    @openapi.operation("GET /v1/need", "journeys", NeedAnswer)
     async def get_need(self, request: Request, query: Annotated[NeedQuery, Query()]) -> Response:
         """Return what some kilometres or a usual trip need, without a road; without either, what the next trip of a car on the road needs."""
         if query.distance_km is None and query.trip is None and query.car is not None:
@@ -314,7 +277,7 @@ class Api:
         """Find places by the start of their names."""
         return await self.answering.job(request, "journeys.places", text=q, limit=limit)
 
-    @openapi.operation("GET /v1/map", "library", MapResponse, header=openapi.TAG)
+    @openapi.operation("GET /v1/map", "library", MapResponse, tagged=True)
     async def get_map(self, request: Request) -> Response:
         """Return the roads, places and weather of the service."""
         return await self.answering.kept(request, "journeys.describe")
@@ -349,7 +312,7 @@ class Api:
         response.headers["Cache-Control"] = "private, max-age=3600"
         return response
 
-    @openapi.operation("GET /v1/models", "library", schemas.ModelsResponse, header=openapi.TAG)
+    @openapi.operation("GET /v1/models", "library", schemas.ModelsResponse, tagged=True)
     async def get_models(self, request: Request) -> Response:
         """List the models with their inputs, provenance and scores."""
         return await self.kept(request, "summaries")
@@ -359,7 +322,7 @@ class Api:
         """Describe a car that the library does not have, by a few figures."""
         return await self.answering.body_job(request, "describe")
 
-    @openapi.operation("GET /v1/vehicles", "library", schemas.VehiclesResponse, header=openapi.TAG)
+    @openapi.operation("GET /v1/vehicles", "library", schemas.VehiclesResponse, tagged=True)
     async def get_vehicles(self, request: Request, search: CarWords = None) -> Response:
         """List the cars of the library, or those that words find, and the models fitted on each."""
         if search is not None:
@@ -371,19 +334,17 @@ class Api:
         """List synthetic trips as examples."""
         return await self.answering.kept(request, "examples")
 
-    @openapi.operation(
-        "GET /v1/examples/{trip}", "library", schemas.ExampleResponse, also=("not-found",), internal=True
-    )
+    @openapi.operation("GET /v1/examples/{trip}", "library", schemas.ExampleResponse, internal=True)
     async def get_example(self, request: Request, trip: str) -> Response:
         """Return one synthetic trip: a request for a forecast, and the samples simulated for it."""
         return await self.answering.kept(request, "example", trip=trip)
 
-    @openapi.operation("GET /healthz", "operation", schemas.HealthResponse, only=HEALTH_PROBLEMS)
+    @openapi.operation("GET /healthz", openapi.HEALTH, schemas.HealthResponse)
     async def healthz(self) -> Response:
         """Check that the service is alive."""
         return json_response({"status": "alive", "workers": self.pool.ready})
 
-    @openapi.operation("GET /readyz", "operation", schemas.HealthResponse, only=(*HEALTH_PROBLEMS, "busy"))
+    @openapi.operation("GET /readyz", openapi.HEALTH, schemas.HealthResponse)
     async def readyz(self) -> Response:
         """Check that a worker is ready to forecast."""
         if not self.pool.ready:
@@ -392,9 +353,8 @@ class Api:
 
     @openapi.operation(
         "GET /metrics",
-        "operation",
+        openapi.HEALTH,
         {"text/plain": openapi.TEXT},
-        only=openapi.COMMON_PROBLEMS,
         description="Metrics in the text format of Prometheus",
     )
     async def get_metrics(self) -> Response:

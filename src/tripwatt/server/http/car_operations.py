@@ -115,7 +115,7 @@ class CarOperations:
         """List the cars."""
         return await self.answering.job(request, "cars.list")
 
-    @operation("POST /v1/cars", "cars", CarResponse, NewCarRequest, also=("name-taken",))
+    @operation("POST /v1/cars", "cars", CarResponse, NewCarRequest)
     async def new_car(self, request: Request) -> Response:
         """Make a car."""
         return _shown(await self.answering.body_job(request, "new_car"), None)
@@ -158,12 +158,12 @@ class CarOperations:
                     request, "cars.store", content, **place, most_bytes=limits.car_bytes
                 )
 
-    @operation(f"POST {UPLOAD}", "cars", LogsResponse, LogsRequest, also=("not-found",))
+    @operation(f"POST {UPLOAD}", "cars", LogsResponse, LogsRequest)
     async def read_logs(self, request: Request, car: CarName, upload: UploadName) -> Response:
         """Return how the tables of an upload are read, and what the audit says of them; nothing is learned."""
         return await self.answering.body_job(request, "cars.logs", name=car, upload=upload)
 
-    @operation(f"POST {UPLOAD}/learn", "cars", CarResponse, LogsRequest, also=("not-found",))
+    @operation(f"POST {UPLOAD}/learn", "cars", CarResponse, LogsRequest)
     async def learn(self, request: Request, car: CarName, upload: UploadName) -> Response:
         """Learn the trips of an upload: the response comes at once, and the car shows the progress."""
         body = await self.answering.read(request)

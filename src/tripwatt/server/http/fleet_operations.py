@@ -13,7 +13,7 @@ from tripwatt.fleet.registry import REPORT_FILES
 from tripwatt.server.http.answering import Answering
 from tripwatt.server.http.contract import tagged
 from tripwatt.server.http.fleets import NightRequest, NightResponse, is_registry
-from tripwatt.server.http.openapi import JSON, TAG, TEXT, operation
+from tripwatt.server.http.openapi import JSON, TEXT, operation
 from tripwatt.server.http.problems import Problem
 
 MEDIA_TYPES: Final = {".html": "text/html", ".json": JSON, ".csv": "text/csv", ".txt": "text/plain"}
@@ -43,8 +43,7 @@ class FleetOperations:
         "GET /v1/fleet/report/{file}",
         "fleet",
         {media_type: {} if media_type == JSON else TEXT for media_type in MEDIA_TYPES.values()},
-        also=("not-found",),
-        header=TAG,
+        tagged=True,
         description="The file",
     )
     async def get_fleet_report(

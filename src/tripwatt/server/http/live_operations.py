@@ -98,7 +98,6 @@ class LiveOperations:
         "live",
         TelemetryResponse,
         {openapi.JSON: TelemetryRequest, openapi.FORM: TelemetryRequest},
-        only=(*openapi.COMMON_PROBLEMS, *openapi.BODY_PROBLEMS, "busy", "no-live"),
         more={"security": [{"car": []}, {}]},  # or the token is part of the message
     )
     async def telemetry(
@@ -111,7 +110,7 @@ class LiveOperations:
         car = cars.by_token(given_token(message, request, token))
         return json_response(await cars.take(car, sample_from_abrp(telemetry_of(message))))
 
-    @openapi.operation("GET /v1/live", "live", LiveCarsResponse, only=(*openapi.COMMON_PROBLEMS, "no-live"))
+    @openapi.operation("GET /v1/live", "live", LiveCarsResponse)
     async def list_live(self, request: Request) -> Response:
         """List the cars on the road: those with a token."""
         return json_response(self.cars.summary())

@@ -14,7 +14,7 @@ from starlette.responses import Response
 
 from tripwatt.server.http.contract import known_parameters
 from tripwatt.server.http.example_requests import EXAMPLES
-from tripwatt.server.http.problems import MEDIA_TYPE, SAFE_METHODS, TITLES
+from tripwatt.server.http.problems import MEDIA_TYPE
 from tripwatt.server.http.schemas import ProblemDocument
 
 DESCRIPTION: Final = """The service returns the same forecast as `tripwatt forecast --json`, with the same field names. The
@@ -29,27 +29,20 @@ BYTES: Final = "application/octet-stream"
 TILE: Final = "application/vnd.mapbox-vector-tile"
 
 REFERENCE: Final = "#/components/schemas/"
+HEALTH: Final = "operation"
+"""Tag of operations for monitoring, which ignore unknown parameters."""
+
 BINARY: Final = {"schema": {"type": "string", "format": "binary"}}
 TEXT: Final = {"schema": {"type": "string"}}
 
-COMMON_PROBLEMS: Final = ("bad-request", "token-needed", "internal")
-BODY_PROBLEMS: Final = ("body-late", "too-large", "media-type", "invalid-input")
-QUERY_PROBLEMS: Final = ("invalid-input",)
-POOL_PROBLEMS: Final = ("busy", "timeout")
-TAG_PROBLEMS: Final[Mapping[str, tuple[str, ...]]] = {
-    "journeys": ("no-map", "remote"),
-    "live": ("no-such-car", "no-live"),
-    "cars": ("no-such-car", "no-live"),
+TAG: Final = {"ETag": {"description": "changes with the content", **TEXT}}
+HELD: Final = {
+    "name": "If-None-Match",
+    "in": "header",
+    "description": "the `ETag` that the client has: a 304 has no content",
+    **TEXT,
 }
-"""Problems of all operations of a tag."""
-
-TAG: Final = "If-None-Match"
-HEADERS: Final = {
-    TAG: "the `ETag` that the client has: a 304 has no content",
-    "ETag": "changes with the content",
-    "Retry-After": "seconds to wait",
-}
-"""Headers of requests that an operation heeds, and of responses."""
+"""Headers of a document that seldom changes, and of a request for it."""
 
 Content = type | dict[str, Any]
 """A document of JSON by its schema, or an object of OpenAPI for a media type."""
@@ -69,12 +62,8 @@ class Operation:
         Content of that response by media type.
     takes : mapping of str to Content
         Content of the request by media type; empty for a request without a body.
-    also : tuple of str
-        Kinds of problems beside those that follow from body, parameters and tag.
-    only : tuple of str or None
-        All kinds of problems, where they do not follow.
-    header : str
-        A header of the request that the operation heeds: `TAG`; empty for none.
+    tagged : bool
+        Whether it heeds `If-None-Match`.
     internal : bool
         Whether it serves the page alone and may change in any version.
     description : str
@@ -88,37 +77,28 @@ class Operation:
     tag: str
     answer: Mapping[str, Content]
     takes: Mapping[str, Content]
-    also: tuple[str, ...] = ()
-    only: tuple[str, ...] | None = None
-    header: str = ""
+    tagged: bool = False
     internal: bool = False
     description: str = ""
     more: Mapping[str, Any] = field(default_factory=dict)
 
     def add_to(self, app: FastAPI, handler: Callable[..., Any]) -> None:
-        """Add the operation to an application."""
+        """Add the operation to an application; every answer that is none is a problem document."""
+        answer = {"description": self._description(), "content": _contents(self.answer)}
+        answers: dict[int | str, dict[str, Any]] = {200: answer, "default": PROBLEM}
         extra = {**self.more, **({"x-internal": True} if self.internal else {})}
         if self.takes:
             extra["requestBody"] = {"required": True, "content": _contents(self.takes)}
-        kinds = self._kinds() if self.only is None else self.only
-        if self.method not in SAFE_METHODS:
-            kinds = (*kinds, "foreign-site")
-        checks = known_parameters(handler, self.path) if "invalid-input" in kinds else []
-        answer = {"description": self._description(), "content": _contents(self.answer)}
-        answers = {200: answer, **_problems(kinds)}
-        if self.header == TAG:
-            answer |= _headers("ETag")
-            answers[304] = {"description": "The client has it already", **_headers("ETag")}
-        if self.header:
-            heeded = {"name": self.header, "in": "header", "description": HEADERS[self.header], **TEXT}
-            extra["parameters"] = [heeded]
+        if self.tagged:
+            answers[304] = {"description": "The client has it already", "headers": TAG}
+            answer["headers"], extra["parameters"] = TAG, [HELD]
         app.add_api_route(
             self.path,
             handler,
             methods=[self.method],
             operation_id=handler.__name__,
             tags=[self.tag],
-            dependencies=checks,
+            dependencies=[] if self.tag == HEALTH else known_parameters(handler, self.path),
             response_class=Response,
             response_model=None,
             responses=answers,
@@ -134,10 +114,6 @@ class Operation:
         content, *_ = self.answer.values()
         summary = inspect.getdoc(content) if isinstance(content, type) else ""
         return self.description or (summary or "").partition("\n")[0]
-
-    def _kinds(self) -> tuple[str, ...]:
-        of_input = BODY_PROBLEMS if self.takes else QUERY_PROBLEMS
-        return (*COMMON_PROBLEMS, *of_input, *POOL_PROBLEMS, *TAG_PROBLEMS.get(self.tag, ()), *self.also)
 
 
 class Schemas(GenerateJsonSchema):
@@ -260,19 +236,9 @@ def _contents(contents: Mapping[str, Content]) -> dict[str, Any]:
     return described
 
 
-def _headers(*names: str) -> dict[str, Any]:
-    return {"headers": {name: {"description": HEADERS[name], **TEXT} for name in names}}
-
-
-def _problems(kinds: Iterable[str]) -> dict[int | str, dict[str, Any]]:
-    """Responses with problem documents, by status; kinds of one status share a response."""
-    by_status: dict[int, dict[str, None]] = {}
-    for kind in kinds:
-        status, title = TITLES[kind]
-        by_status.setdefault(status, {})[title] = None
-    content = _contents({MEDIA_TYPE: ProblemDocument})
-    retry = dict.fromkeys((503,), _headers("Retry-After"))
-    return {
-        status: {"description": "; ".join(titles), "content": content, **retry.get(status, {})}
-        for status, titles in sorted(by_status.items())
-    }
+PROBLEM: Final[dict[str, Any]] = {
+    "description": "A problem document",
+    "content": _contents({MEDIA_TYPE: ProblemDocument}),
+    "headers": {"Retry-After": {"description": "seconds to wait, where the service is busy", **TEXT}},
+}
+"""Every answer of an operation that is none of those described."""

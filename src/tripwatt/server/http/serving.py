@@ -74,19 +74,10 @@ def open_socket(settings: Settings) -> socket.socket:
     """
     allowed, place = "an address of this machine and a free port", f"{settings.host} port {settings.port}"
     with system_errors("cannot listen", "--host, --port", allowed, place):
-        addresses = socket.getaddrinfo(
+        (family, _, _, _, address), *_ = socket.getaddrinfo(
             settings.host, settings.port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
         )
-        family, kind, protocol, _, address = addresses[0]
-        listener = socket.socket(family, kind, protocol)
-        try:
-            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            listener.bind(address)
-            listener.listen(BACKLOG)
-        except OSError:
-            listener.close()
-            raise
-    return listener
+        return socket.create_server(address[:2], family=family, backlog=BACKLOG)
 
 
 def url_of(listener: socket.socket) -> str:
