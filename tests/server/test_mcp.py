@@ -57,7 +57,7 @@ def cars(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def jobs(roads: str, cars: Path) -> Jobs:
-    atlas = JourneyJobs.from_settings({"map": roads})
+    atlas = JourneyJobs.from_settings(AtlasSettings(roads))
     return Jobs.from_folders({}, Limits(), atlas, CarJobs(cars))
 
 

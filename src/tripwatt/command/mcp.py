@@ -42,10 +42,10 @@ def mcp(
     from tripwatt.server.http import car_jobs, jobs, journeys, settings
     from tripwatt.server.mcp import make_server, serve
 
-    atlas = asdict(on_map.settings())
+    atlas = on_map.settings()
     with Check() as check:
         folders = check(models_of, model or [])
         check(make_cars_folder, cars)
         planned = check(journeys.JourneyJobs.from_settings, atlas)
     made = jobs.Jobs.from_folders(folders, settings.Limits(), planned, car_jobs.CarJobs(cars))
-    serve(make_server(made, changes=changes, remote=any("://" in named for named in atlas.values())))
+    serve(make_server(made, changes=changes, remote=any("://" in named for named in asdict(atlas).values())))

@@ -193,7 +193,7 @@ def test_the_fields_of_a_night_have_bounds() -> None:
         trip = {**night()["trips"][0], **({name: value} if name in bounds else {})}
         asked = night(**{"trips": [trip], **({name: value} if name in of_night else {})})
         try:
-            check_request(asked, NightRequest)
+            check_request(asked, NightRequest, Jobs({}, Limits()))
         except InvalidInput as error:
             return [fault.where.rpartition(".")[2] for fault in error.faults]
         return []
@@ -201,7 +201,7 @@ def test_the_fields_of_a_night_have_bounds() -> None:
     for name, (within, beyond) in (bounds | of_night).items():
         assert [refused(name, value) for value in within] == [[]] * len(within), name
         assert [refused(name, value) for value in beyond] == [[name]] * len(beyond), name
-    usual = check_request(night(), NightRequest)
+    usual = check_request(night(), NightRequest, Jobs({}, Limits()))
     assert (usual.quantile, usual.reserve, usual.plug_w) == (0.95, 0.0, 7400.0)
 
 

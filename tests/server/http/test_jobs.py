@@ -123,7 +123,9 @@ def test_a_distance_is_answered_for_a_described_car(jobs: Jobs) -> None:
     assert described["energy_wh"] > 1.2 * jobs.distance(asked())["energy_wh"]
     far = jobs.range(orjson.dumps({"vehicle_figures": heavy}))
     assert far["range_m"] > 1.5 * jobs.range(b"{}")["range_m"]
-    assert {f.where for f in faults_of(jobs.distance, asked(vehicle_figures='{"mass_kg": 1}'))} == {"mass_kg"}
+    assert {f.where for f in faults_of(jobs.distance, asked(vehicle_figures='{"mass_kg": 1}'))} == {
+        "vehicle_figures.mass_kg"
+    }
     (fault,) = faults_of(jobs.distance, asked(vehicle_figures=heavy, vehicle="vw_id3"))
     assert fault.where == "vehicle, vehicle_figures"
     (fault,) = faults_of(jobs.distance, asked(vehicle_figures=heavy, car="mine"))
@@ -302,3 +304,9 @@ def test_every_value_of_a_forecast_is_finite(name: str) -> None:
     for spoiled in ({name: float("nan")}, {"p_arrive_by_soc": {"0": float("inf")}}):
         with pytest.raises(InvalidInput, match="no forecast"):
             require_finite(found | spoiled)
+
+
+def test_a_fault_of_one_of_two_trips_names_its_trip(jobs: Jobs) -> None:
+    wrong = {"links": [{"length_m": -1.0, "speed_m_s": 9.0}], "model": "zzz"}
+    found = faults_of(jobs.difference, orjson.dumps({"one": {"links": LINKS}, "other": wrong}))
+    assert [fault.where for fault in found] == ["other.model", "other.link 1, length_m"]

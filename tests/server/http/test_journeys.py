@@ -5,7 +5,6 @@ from __future__ import annotations
 import datetime as dt
 import math
 from collections.abc import Iterator
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -294,7 +293,7 @@ EAST = {"latitude_deg": 47.0, "longitude_deg": 9.1}
 @pytest.fixture(scope="module")
 def jobs(tmp_path_factory: pytest.TempPathFactory) -> JourneyJobs:
     folder = write_map(tmp_path_factory.mktemp("map") / "map")
-    return JourneyJobs.from_settings(asdict(AtlasSettings(f"{folder}@osrm=http://127.0.0.1:9")))
+    return JourneyJobs.from_settings(AtlasSettings(f"{folder}@osrm=http://127.0.0.1:9"))
 
 
 def faults_of(call: Any, *arguments: Any) -> tuple[Fault, ...]:
@@ -304,7 +303,7 @@ def faults_of(call: Any, *arguments: Any) -> tuple[Fault, ...]:
 
 
 def test_without_a_map_nothing_is_served() -> None:
-    none = JourneyJobs.from_settings(asdict(AtlasSettings()))
+    none = JourneyJobs.from_settings(AtlasSettings())
     assert none.atlas is None
     with pytest.raises(Problem, match="no-map") as caught:
         none.places("a", 1)

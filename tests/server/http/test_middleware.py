@@ -218,7 +218,7 @@ def test_a_bug_is_a_500_with_its_traceback_in_the_log_only() -> None:
     said: list[dict[str, Any]] = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(worker, "log_json", lambda **record: said.append(record))
-        status, document = worker.answer_to(Jobs({}, Limits()), {"kind": "no such job"}, b"")
+        status, document = worker.run_job(Jobs({}, Limits()), {"kind": "no such job"}, b"")
     assert (status, orjson.loads(document)) == (500, Problem("internal").document())
     assert "AttributeError" in said[0]["traceback"]
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import orjson
 import pytest
 from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic.json_schema import models_json_schema
@@ -14,7 +13,15 @@ import tripwatt as tw
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting.document import ForecastResponse
 from tripwatt.forecasting.leaving import leave_with
-from tripwatt.server.http.journey_schemas import ReachRequest
+from tripwatt.server.http.car_schemas import ColumnChoice, NewCarRequest
+from tripwatt.server.http.journey_schemas import (
+    NeedQuery,
+    PlaceRequest,
+    PlanRequest,
+    RangeQuery,
+    ReachRequest,
+)
+from tripwatt.server.http.live_schemas import TelemetryRequest
 from tripwatt.server.http.problems import Problem
 from tripwatt.server.http.schemas import (
     MIN_DURATION_S,
@@ -31,6 +38,7 @@ from tripwatt.server.http.schemas import (
     parse_observed,
     parse_samples,
     require_duration,
+    with_elevation,
 )
 from tripwatt.server.http.settings import Limits
 
@@ -51,7 +59,11 @@ def is_valid(model: type[BaseModel], document: dict[str, Any]) -> bool:
     return True
 
 
-FIELDS: list[tuple[type[BaseModel], dict[str, Any], str, float, float]] = [
+PLACE = {"latitude_deg": 47.0, "longitude_deg": 9.0}
+PLAN: dict[str, Any] = {"stops": [PLACE, "Ostheim"]}
+REACH: dict[str, Any] = {"start": PLACE}
+
+NUMBERS: list[tuple[type[BaseModel], dict[str, Any], str, float, float]] = [
     (VehicleFigures, {}, "mass_kg", 400.0, 6000.0),
     (VehicleFigures, {}, "usable_battery_kwh", 4.0, 300.0),
     (VehicleFigures, {}, "consumption_kwh_per_100km", 6.0, 60.0),
@@ -67,80 +79,100 @@ FIELDS: list[tuple[type[BaseModel], dict[str, Any], str, float, float]] = [
     (Link, NEVER, "grade", -0.4, 0.4),
     (Link, NEVER, "start_elevation_m", -500.0, 9000.0),
     (Link, NEVER, "end_elevation_m", -500.0, 9000.0),
+    (PlaceRequest, PLACE, "latitude_deg", -90.0, 90.0),
+    (PlaceRequest, PLACE, "longitude_deg", -180.0, 180.0),
+    (ReachRequest, REACH, "wind_speed_m_s", 0.0, 60.0),
+    (ReachRequest, REACH, "wind_from_deg", 0.0, 360.0),
+    (ReachRequest, REACH, "rain_mm_h", 0.0, 200.0),
+    (ReachRequest, REACH, "pressure_pa", 30_000.0, 110_000.0),
+    (PlanRequest, PLAN, "reserve", 0.0, 1.0),
+    (NeedQuery, {}, "distance_km", 0.5, 2000.0),
+    (NeedQuery, {}, "probability", 0.5, 0.99),
+    (NeedQuery, {}, "plug_w", 0.0, 400_000.0),
+    (NeedQuery, {}, "reserve", 0.0, 1.0),
 ]
 
 
-@pytest.mark.parametrize(("model", "others", "name", "low", "high"), FIELDS)
-def test_a_number_has_its_bounds(
-    model: type[BaseModel], others: dict[str, Any], name: str, low: float, high: float
-) -> None:
-    assert is_valid(model, others | {name: low})
-    assert is_valid(model, others | {name: high})
-    assert not is_valid(model, others | {name: float(np.nextafter(low, -np.inf))})
-    assert not is_valid(model, others | {name: float(np.nextafter(high, np.inf))})
+def test_a_number_has_its_bounds() -> None:
+    for model, others, name, low, high in NUMBERS:
+        taken = [is_valid(model, others | {name: value}) for value in (low, high)]
+        beyond = (float(np.nextafter(low, -np.inf)), float(np.nextafter(high, np.inf)), float("nan"))
+        assert (taken, name) == ([True, True], name)
+        assert not any(is_valid(model, others | {name: value}) for value in beyond), name
 
 
-@pytest.mark.parametrize(
-    ("name", "high"),
-    [
-        ("length_m", 1e7),
-        ("travel_time_s", 172_800.0),
-        ("moving_speed_m_s", 70.0),
-        ("speed_limit_m_s", 70.0),
-    ],
-)
-def test_a_positive_number_is_above_zero(name: str, high: float) -> None:
-    assert is_valid(Link, NEVER | {name: 5e-324})
-    assert is_valid(Link, NEVER | {name: high})
-    assert not is_valid(Link, NEVER | {name: 0.0})
-    assert not is_valid(Link, NEVER | {name: float(np.nextafter(high, np.inf))})
+def test_a_positive_number_is_above_zero() -> None:
+    highest = {"length_m": 1e7, "travel_time_s": 172_800.0, "moving_speed_m_s": 70.0, "speed_limit_m_s": 70.0}
+    for name, high in highest.items():
+        taken = [is_valid(Link, NEVER | {name: v}) for v in (0.0, 5e-324, high, np.nextafter(high, np.inf))]
+        assert taken == [False, True, True, False], name
 
 
-@pytest.mark.parametrize(
-    ("model", "name", "least", "most"),
-    [
-        (ForecastRequest, "model", 0, 100),
-        (ForecastRequest, "vehicle", 0, 100),
-        (ForecastRequest, "trip", 1, 100),
-        (VehicleFigures, "title", 1, 100),
-    ],
-)
-def test_a_text_has_its_lengths(model: type[BaseModel], name: str, least: int, most: int) -> None:
-    assert is_valid(model, {name: "x" * least})
-    assert is_valid(model, {name: "x" * most})
-    assert least == 0 or not is_valid(model, {name: "x" * (least - 1)})
-    assert not is_valid(model, {name: "x" * (most + 1)})
+TEXTS: list[tuple[type[BaseModel], dict[str, Any], str, int, int]] = [
+    (ForecastRequest, {}, "model", 0, 100),
+    (ForecastRequest, {}, "vehicle", 0, 100),
+    (ForecastRequest, {}, "trip", 1, 100),
+    (VehicleFigures, {}, "title", 1, 100),
+    (ReachRequest, {}, "start", 1, 200),
+    (PlaceRequest, PLACE, "name", 0, 200),
+    (RangeQuery, {}, "model", 0, 100),
+    (RangeQuery, {}, "vehicle", 1, 100),
+    (RangeQuery, {}, "car", 0, 100),
+    (RangeQuery, {}, "vehicle_figures", 0, 1000),
+    (NeedQuery, {}, "trip", 0, 200),
+    (TelemetryRequest, {"tlm": {}}, "token", 0, 200),
+    (NewCarRequest, {"name": "a"}, "name", 1, 100),
+    (NewCarRequest, {"name": "a"}, "vehicle", 0, 200),
+    (ColumnChoice, {"column": "a"}, "column", 0, 500),
+    (ColumnChoice, {"column": "a"}, "unit", 0, 20),
+]
 
 
-def test_at_most_as_many_extras_as_there_are() -> None:
-    assert is_valid(ForecastRequest, {"extras": ["trailer"] * 5})
-    assert not is_valid(ForecastRequest, {"extras": ["trailer"] * 6})
+def test_a_text_has_its_lengths() -> None:
+    for model, others, name, least, most in TEXTS:
+        found = [is_valid(model, others | {name: "x" * k}) for k in (0, least, most, most + 1)]
+        assert found == [least == 0, True, True, False], name
 
 
-def test_an_elevation_has_one_position_or_more() -> None:
+def test_a_list_has_its_lengths() -> None:
+    assert [is_valid(ForecastRequest, {"extras": ["trailer"] * k}) for k in (5, 6)] == [True, False]
+    assert [is_valid(PlanRequest, {"stops": ["a"] * k}) for k in (1, 2, 20, 21)] == [False, True, True, False]
+    assert [is_valid(PlanRequest, PLAN | {"alternatives": k}) for k in (-1, 0, 3, 4)] == [
+        *(False, True, True, False)
+    ]
+    assert [is_valid(NeedQuery, {"trips": k}) for k in (0, 1, 100, 101)] == [False, True, True, False]
+    assert [is_valid(NeedQuery, {"quantile": q}) for q in (0.4999, 0.5, 0.9999, 1.0)] == [
+        *(False, True, True, False)
+    ]
     assert is_valid(Elevation, {"position_m": [0.0], "elevation_m": [1.0]})
     assert not is_valid(Elevation, {"position_m": [], "elevation_m": [1.0]})
     assert not is_valid(Elevation, {"position_m": [0.0], "elevation_m": []})
 
 
-@pytest.mark.parametrize(
-    ("model", "name"),
-    [(VehicleFigures, "mass_kg"), (ForecastRequest, "payload_mass_kg")],
-)
-@pytest.mark.parametrize("value", ["1500", True, float("nan"), float("inf")])
-def test_numbers_are_numbers(model: type[BaseModel], name: str, value: Any) -> None:
-    assert is_valid(model, {name: 1500})
-    assert not is_valid(model, {name: value})
-
-
-@pytest.mark.parametrize("value", ["1", True, float("nan"), float("inf")])
-def test_numbers_of_an_elevation_are_numbers(value: Any) -> None:
+@pytest.mark.parametrize("value", ["1500", True, float("inf")])
+def test_numbers_are_numbers(value: Any) -> None:
+    assert not is_valid(VehicleFigures, {"mass_kg": value})
+    assert not is_valid(ForecastRequest, {"payload_mass_kg": value})
     assert not is_valid(Elevation, {"position_m": [0.0], "elevation_m": [value]})
 
 
-@pytest.mark.parametrize("model", [VehicleFigures, ForecastRequest, UpdateRequest, Elevation, Link])
-def test_unknown_fields_are_faults(model: type[BaseModel]) -> None:
-    assert "colour" in {fault.where for fault in faults_of(model, {"colour": 1})}
+def test_unknown_fields_are_faults() -> None:
+    for model, others in (
+        (VehicleFigures, {}),
+        (UpdateRequest, {}),
+        (Elevation, {}),
+        (Link, {}),
+        (PlanRequest, PLAN),
+    ):
+        assert "colour" in {fault.where for fault in faults_of(model, {**others, "colour": 1})}
+
+
+def test_a_departure_is_a_text_with_a_time_zone() -> None:
+    found = check_request(PLAN | {"departs_at": "2026-02-01T07:30:00+01:00"}, PlanRequest)
+    assert found.departs_at is not None
+    assert found.departs_at.isoformat() == "2026-02-01T07:30:00+01:00"
+    for other in ("2026-02-01T07:30:00", "2026-02-01", 1769927400, "1769927400", "07:30"):
+        assert not is_valid(PlanRequest, PLAN | {"departs_at": other}), other
 
 
 def test_a_forecast_as_data_is_the_documented_answer() -> None:
@@ -163,6 +195,15 @@ def test_the_defaults_of_a_request() -> None:
     assert ForecastRequest().model_dump(exclude_none=True) == {"trip": "trip", "reserve": 0.1}
     assert VehicleFigures().model_dump(exclude_none=True) == {"procedure": "wltp"}
     assert Link(length_m=1.0).model_dump(exclude_none=True) == {"length_m": 1.0}
+    usual = check_request({}, NeedQuery)
+    assert (usual.quantile, usual.trips, usual.probability, usual.plug_w) == (0.95, 1, 0.9, 7400.0)
+    assert (usual.kind, usual.reserve, usual.distance_km) == ("mixed", None, None)
+    plan = check_request(PLAN, PlanRequest).model_dump(exclude_none=True)
+    assert plan.pop("stops") == [PLACE | {"name": ""}, "Ostheim"]
+    assert [plan.pop(name) for name in ("reserve", "alternatives", "stop_overhead_s")] == [0.1, 0, 300.0]
+    assert plan == {"round_trip": False, "answers": True, "charge": True, "preheat_battery": False}
+    for kind, more, default in ((ForecastRequest, {}, 0.1), (ReachRequest, REACH, 0.0)):
+        assert check_request({**more, "reserve": None}, kind).reserve == default
 
 
 def test_an_update_needs_measurements() -> None:
@@ -250,17 +291,6 @@ def test_only_unknown_fields_get_a_suggestion() -> None:
     assert strange.fix == ""
 
 
-def test_a_suggestion_looks_at_60_characters() -> None:
-    """So much of the name that the ratio of equal characters, 2 * 19 / (60 + 19), stays below 0.6."""
-    name = "ambient_temperature_degc"
-    similar = {
-        len(name) + k: faults_of(ForecastRequest, {name + "x" * k: 1})[0].fix for k in (31, 32, 36, 99)
-    }
-    # 2 * 24 / (24 + n) is 0.6 or more for at most 56 characters
-    assert similar[55] == similar[56] == f"did you mean {name!r}?"
-    assert (similar[60], similar[123]) == ("", "")
-
-
 SAMPLES = {"time_s": [5.0, 6.0, 7.0, 8.0], "speed_m_s": [0, 1.5, 2, 1]}
 
 
@@ -335,33 +365,33 @@ def elevation_of(position_m: list[float], elevation_m: list[float]) -> Elevation
 
 
 def link_faults(given: Any, elevation: Elevation | None = None, **limits: Any) -> list[str]:
+    bounds = Limits(**limits)
     with pytest.raises(InvalidInput) as caught:
-        parse_links(given, elevation, Limits(**limits))
+        with_elevation(parse_links(given, bounds), elevation or elevation_of([0.0], [0.0]), bounds)
     return [f"{fault.what}: {fault.got}" for fault in caught.value.faults]
 
 
 def test_links_are_a_list_within_its_limit_and_duration() -> None:
-    assert len(parse_links(LINKS, None, Limits(links=2, duration_s=15.0))) == 2
+    assert len(parse_links(LINKS, Limits(links=2, duration_s=15.0))) == 2
     assert link_faults(LINKS, links=1) == ["too many links: 2"]
     assert link_faults(LINKS, duration_s=14.9) == ["duration out of range: 15 s"]
     assert link_faults("x") == ["not a list: 'x'"]
 
 
 def test_an_elevation_takes_the_place_of_the_flat_road() -> None:
-    flat = parse_links(LINKS, None, Limits())
-    hilly = parse_links(LINKS, elevation_of([0.0, 150.0], [10.0, 20.0]), Limits(samples=2))
-    assert [flag.code for flag in flat.flags] == ["no_elevation"]
-    assert hilly.flags == ()
+    flat = parse_links(LINKS, Limits())
+    hilly = with_elevation(flat, elevation_of([0.0, 150.0], [10.0, 20.0]), Limits(samples=2))
+    assert ([flag.code for flag in flat.flags], hilly.flags) == (["no_elevation"], ())
     assert hilly.elevation_m is not None
     assert hilly.elevation_position_m is not None
     assert (hilly.elevation_position_m.tolist(), hilly.elevation_m.tolist()) == ([0.0, 150.0], [10.0, 20.0])
 
 
 def test_positions_may_stay_and_not_decrease() -> None:
-    assert (
-        parse_links(LINKS, elevation_of([0.0, 5.0, 5.0, 150.0], [1.0] * 4), Limits()).elevation_m is not None
-    )
-    assert parse_links(LINKS, elevation_of([0.5, 150.0], [1.0] * 2), Limits()).elevation_m is not None
+    for sound in ([0.0, 5.0, 5.0, 150.0], [0.5, 5.0, 6.0, 150.0]):
+        assert (
+            with_elevation(parse_links(LINKS, Limits()), elevation_of(sound, [1.0] * 4), Limits()) is not None
+        )
     assert link_faults(LINKS, elevation_of([0.0, 5.0, 4.5], [1.0] * 3)) == ["position decreases: "]
     assert link_faults(LINKS, elevation_of([-0.5, 5.0], [1.0] * 2)) == ["position decreases: "]
 
@@ -379,16 +409,3 @@ def test_an_elevation_is_given_once(height: dict[str, float]) -> None:
     links = [{**LINKS[0], **height}, {**LINKS[1], **height}]
     found = link_faults(links, elevation_of([0.0, 150.0], [1.0, 2.0]))
     assert found == ["elevation given twice: links with elevations or grades"]
-
-
-def test_a_request_survives_its_own_json() -> None:
-    request = check_request(parse_json(orjson.dumps({"soc": 1, "extras": ["roof_box"]})), ForecastRequest)
-    assert (request.soc, request.extras) == (1.0, ["roof_box"])
-
-
-@pytest.mark.parametrize(
-    ("kind", "more", "default"), [(ForecastRequest, {}, 0.1), (ReachRequest, {"start": "x"}, 0.0)]
-)
-def test_a_reserve_of_null_is_the_default(kind: Any, more: dict[str, Any], default: float) -> None:
-    assert check_request({**more, "reserve": None}, kind).reserve == default
-    assert check_request({**more, "reserve": 0.25}, kind).reserve == 0.25

@@ -48,11 +48,11 @@ class Jobs:
     ],
 )
 def test_a_result_or_what_was_wrong_is_answered(result: Any, status: int, content: bytes) -> None:
-    assert worker.answer_to(Jobs(result), {"kind": "x"}, b"") == (status, content)  # type: ignore[arg-type]
+    assert worker.run_job(Jobs(result), {"kind": "x"}, b"") == (status, content)  # type: ignore[arg-type]
 
 
 def test_a_bug_is_logged_and_not_told(capsys: pytest.CaptureFixture[str]) -> None:
-    found = worker.answer_to(Jobs(ValueError("inside")), {"kind": "forecast"}, b"")  # type: ignore[arg-type]
+    found = worker.run_job(Jobs(ValueError("inside")), {"kind": "forecast"}, b"")  # type: ignore[arg-type]
     assert found == (500, orjson.dumps(Problem("internal").document()))
     record = orjson.loads(capsys.readouterr().err)
     assert (record["event"], record["kind"]) == ("bug", "forecast")
@@ -61,7 +61,7 @@ def test_a_bug_is_logged_and_not_told(capsys: pytest.CaptureFixture[str]) -> Non
 
 def test_too_little_memory_is_a_fault_of_what_was_sent(capsys: pytest.CaptureFixture[str]) -> None:
     for body, kind in ((b"{}", "too-large"), (b"", "internal")):
-        status, content = worker.answer_to(Jobs(MemoryError()), {"kind": "x"}, body)  # type: ignore[arg-type]
+        status, content = worker.run_job(Jobs(MemoryError()), {"kind": "x"}, body)  # type: ignore[arg-type]
         problem = Problem(kind, "it takes more than 1000 bytes of memory")
         assert (status, content) == (problem.status, orjson.dumps(problem.document()))
         assert orjson.loads(capsys.readouterr().err)["event"] == "out of memory"
@@ -72,7 +72,7 @@ def test_a_process_is_prepared_once_and_runs_jobs() -> None:
     with ProcessPoolExecutor(
         1, multiprocessing.get_context("spawn"), worker.prepare, ({}, Limits(), AtlasSettings(), None)
     ) as process:
-        status, content, seconds = process.submit(worker.run_job, {"kind": "forecast"}, b"{").result()
+        status, content, seconds = process.submit(worker.run_here, {"kind": "forecast"}, b"{").result()
         assert (status, orjson.loads(content)["type"]) == (400, "/problems/not-json")
         assert 0.0 <= seconds < 120.0
         assert process.submit(signal.getsignal, signal.SIGTERM).result() is signal.SIG_IGN

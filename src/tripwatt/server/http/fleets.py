@@ -18,7 +18,6 @@ from tripwatt.forecasting import ForecastModel, load_metadata
 from tripwatt.roads.advice.preheating import PLUG_W
 from tripwatt.routes import plan_from_route
 from tripwatt.server.http import schemas
-from tripwatt.server.http.settings import Limits
 from tripwatt.vehicles import load_vehicle
 
 
@@ -49,7 +48,7 @@ def model_summary(folder: Path | None, fleet: FollowedModel | None) -> dict[str,
     return {"model": model, "contract": {}, "provenance": provenance, "evaluation": {}}
 
 
-def vehicle_model(fleet: FleetModel, document: Mapping[str, Any]) -> ForecastModel:
+def vehicle_model(fleet: FleetModel, request: schemas.CarRequest) -> ForecastModel:
     """The model of the vehicle that a request names; without any, of a new one of the fleet's first car model.
 
     Raises
@@ -57,18 +56,16 @@ def vehicle_model(fleet: FleetModel, document: Mapping[str, Any]) -> ForecastMod
     InvalidInput
         When the vehicle is not known, or is another car model.
     """
-    if document.get("vehicle_figures") is not None:
+    if request.vehicle_figures is not None:
         got, allowed = "figures of a car", "vehicle_id, or vehicle for a new one"
         raise InvalidInput.of("not for a fleet", "vehicle_figures", got, allowed)
-    vehicle_id, vehicle, driver = (document.get(name) for name in ("vehicle_id", "vehicle", "driver"))
-    if not all(isinstance(name, str | None) for name in (vehicle_id, vehicle, driver)):
-        raise InvalidInput([])  # another type is a fault of its field
-    if vehicle_id is None and vehicle is None:
+    vehicle = request.vehicle
+    if request.vehicle_id is None and vehicle is None:
         vehicle = min(fleet.vehicles().values())
-    ambient = document.get("ambient_temperature_degc")
-    cold = ambient < COLD_DEGC if isinstance(ambient, int | float) else None
+    ambient = getattr(request, "ambient_temperature_degc", None)
+    cold = None if ambient is None else ambient < COLD_DEGC
     with places_named({"car_model": "vehicle"}):
-        return fleet.of_vehicle(vehicle_id, car_model=vehicle, driver=driver, cold=cold)
+        return fleet.of_vehicle(request.vehicle_id, car_model=vehicle, driver=request.driver, cold=cold)
 
 
 class PlannedTripRequest(schemas.DepartureRequest):
@@ -87,14 +84,14 @@ class PlannedTripRequest(schemas.DepartureRequest):
     driver: str | None = Field(None, max_length=100)
     """who drives"""
 
-    def planned(self, number: int, limits: Limits) -> PlannedTrip:
+    def planned(self, number: int) -> PlannedTrip:
         """The trip, the `number`-th of its request."""
         where = f"trips[{number}]."
         with places_within(where):
             if (self.distance_km is None) == (self.links is None):
                 got = "neither" if self.links is None else "both"
                 raise InvalidInput.of("one of them is needed", "distance_km, links", got, "one of the two")
-            road = self.distance_km or plan_from_route(schemas.parse_links(self.links, None, limits))
+            road: Any = self.distance_km if self.links is None else plan_from_route(self.links)
         known = schemas.departure_of(self)
         soc = float("nan") if known.soc is None else known.soc
         known, named = replace(known, soc=None), (self.vehicle, self.driver)
@@ -155,7 +152,7 @@ class NightResponse(schemas.ResponseModel):
     """paths to post to evcc: the plan of each vehicle"""
 
 
-def night(fleets: Mapping[str, FollowedModel], request: NightRequest, limits: Limits) -> dict[str, Any]:
+def night(fleets: Mapping[str, FollowedModel], request: NightRequest) -> dict[str, Any]:
     """The response to a `NightRequest`.
 
     Raises
@@ -167,6 +164,6 @@ def night(fleets: Mapping[str, FollowedModel], request: NightRequest, limits: Li
     if name not in fleets:
         raise InvalidInput.of("no fleet", "model", name or "none", ", ".join(fleets) or "serve a registry")
     with Check() as check:
-        trips = [check(trip.planned, number, limits) for number, trip in enumerate(request.trips)]
+        trips = [check(trip.planned, number) for number, trip in enumerate(request.trips)]
     needs = needs_by_hour(fleets[name].get(), trips, quantile=request.quantile, reserve=request.reserve)
     return night_document(needs, request.begins_at or dt.datetime.now(dt.UTC), request.plug_w)

@@ -13,10 +13,9 @@ from typing import Any, Final, TypeVar
 
 import orjson
 from cachetools import LRUCache
-from pydantic import ValidationError
 
 from tripwatt.certification import describe_car
-from tripwatt.errors import Check, Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput
 from tripwatt.fleet.registry import FollowedModel
 from tripwatt.forecasting import Forecast, ForecastModel, load_model
 from tripwatt.forecasting.leaving import leave_with, soc_needed
@@ -43,18 +42,15 @@ from tripwatt.server.http.library import described, example, example_summaries, 
 from tripwatt.server.http.route_uploads import read_route
 from tripwatt.server.http.schemas import (
     AdviceRequest,
+    CarRequest,
     DifferenceRequest,
-    Elevation,
     ForecastRequest,
-    RequestModel,
     UpdateRequest,
     VehicleFigures,
     check_request,
     departure_of,
     parse_json,
-    parse_links,
-    parse_observed,
-    parse_samples,
+    with_elevation,
 )
 from tripwatt.server.http.seen import with_seen
 from tripwatt.server.http.settings import Limits
@@ -63,7 +59,7 @@ from tripwatt.trips import Plan, plan_from_samples
 from tripwatt.trips.messages import flag_to_dict, leave_in_words
 from tripwatt.vehicles import Vehicle, find_vehicles, require_vehicle, vehicle_names
 
-Forecasting = TypeVar("Forecasting", bound=ForecastRequest)
+Journey = TypeVar("Journey", bound=journey_schemas.JourneyCar)
 
 MOST_TRANSFERRED: Final = 64
 """Models on other cars that a worker keeps; the one that was used least recently goes first."""
@@ -134,7 +130,9 @@ class Jobs:
     def warm_up(self) -> None:
         """Compute one forecast per model, so that the first request takes no longer than the others."""
         plan = plan_from_samples(example_trip(), "warm-up")
-        of_fleets = (vehicle_model(fleet.get(), {}) for fleet in self.fleets.values())
+        of_fleets = (
+            vehicle_model(fleet.get(), check_request({}, CarRequest)) for fleet in self.fleets.values()
+        )
         for model in (*self.models.values(), *of_fleets):
             model.forecast(plan).to_dict()
 
@@ -166,9 +164,9 @@ class Jobs:
 
     def forecast(self, body: bytes, request: type[ForecastRequest] = ForecastRequest) -> dict[str, Any]:
         """Return the response to a `ForecastRequest`."""
-        asked, forecast = self._forecast(body, request)
-        probability = asked.probability
-        leave = None if probability is None else leave_with(forecast, asked.reserve or 0.0, probability)
+        asked = check_request(parse_json(body), request, self)
+        forecast, probability = self._forecast(asked), asked.probability
+        leave = None if probability is None else leave_with(forecast, asked.reserve, probability)
         return require_finite(forecast.to_dict(asked.reserve, leave))
 
     def update(self, body: bytes) -> dict[str, Any]:
@@ -181,40 +179,31 @@ class Jobs:
 
     def night(self, body: bytes) -> dict[str, Any]:
         """Return the response to a `NightRequest`."""
-        return night(self.fleets, check_request(parse_json(body), NightRequest), self.limits)
+        return night(self.fleets, check_request(parse_json(body), NightRequest, self))
 
     def difference(self, body: bytes) -> dict[str, Any]:
         """Return the response to a `DifferenceRequest`: the first trip less the other one."""
-        return self._difference(
-            body, DifferenceRequest, lambda trip, _: self._forecast(trip, ForecastRequest)[1]
-        )
+        asked = check_request(parse_json(body), DifferenceRequest, self)
+        return self._forecast(asked.one).difference(self._forecast(asked.other)).to_dict()
 
     def journey_difference(self, body: bytes) -> dict[str, Any]:
         """Return the response to a `JourneyDifferenceRequest`: the road of the first journey less that of the other one."""
-        return self._difference(
-            body,
-            journey_schemas.JourneyDifferenceRequest,
-            lambda trip, asked: self.journeys.road(
-                *self._journey(trip, journey_schemas.PlanRequest), asked.road
-            ),
+        asked = check_request(parse_json(body), journey_schemas.JourneyDifferenceRequest, self)
+        one, other = (
+            self.journeys.road(journey, self.model_of(journey), asked.road)
+            for journey in (asked.one, asked.other)
         )
-
-    def _difference(
-        self, body: bytes, kind: type[RequestModel], forecast: Callable[[bytes, RequestModel], Forecast]
-    ) -> dict[str, Any]:
-        document = parse_json(body)
-        asked = check_request(document, kind)
-        one, other = (forecast(orjson.dumps(document[name]), asked) for name in ("one", "other"))
         return one.difference(other).to_dict()
 
     def advice(self, body: bytes) -> dict[str, Any]:
         """Return the response to an `AdviceRequest`."""
-        request, forecast = self._forecast(body, AdviceRequest)
-        return advise(forecast, reserve=request.reserve, chance=request.chance).to_dict()
+        request = check_request(parse_json(body), AdviceRequest, self)
+        return advise(self._forecast(request), reserve=request.reserve, chance=request.chance).to_dict()
 
     def need(self, body: bytes, how: Mapping[str, Any], seen: Mapping[str, Any]) -> dict[str, Any]:
         """Return what a `ForecastRequest` needs with the probability of `how`: energy, charge, and what to do until then."""
-        request, forecast = self._forecast(body, ForecastRequest, seen)
+        request = check_request(parse_json(body), ForecastRequest, self)
+        forecast = self._forecast(request, seen)
         needed = {
             "expected_wh": forecast.energy_wh,
             "energy_quantile_wh": forecast.quantile(how["probability"]),
@@ -283,106 +272,81 @@ class Jobs:
         given = request.vehicle_figures
         if request.car is not None and (request.model, request.vehicle, given) != (None, None, None):
             raise InvalidInput.of("two cars", "car", "a model or vehicle too", "one of them")
-        car: dict[str, Any] = {"model": request.car or request.model, "vehicle": request.vehicle}
-        if given is not None:
-            try:
-                figures = check_request(orjson.loads(given), VehicleFigures)
-            except orjson.JSONDecodeError as error:
-                raise InvalidInput.of(
-                    "not JSON", "query.vehicle_figures", f"{error}"[:80], "an object"
-                ) from error
-            car["vehicle_figures"] = figures.model_dump()
-        return self.model_of(car)
+        try:
+            figures = None if given is None else orjson.loads(given)
+        except orjson.JSONDecodeError as error:
+            raise InvalidInput.of(
+                "not JSON", "query.vehicle_figures", f"{error}"[:80], "an object"
+            ) from error
+        car = {"model": request.car or request.model, "vehicle": request.vehicle}
+        return self.model_named({**car, "vehicle_figures": figures})
 
-    def _journey(self, body: bytes, kind: type[RequestModel]) -> tuple[RequestModel, ForecastModel]:
+    def _journey(self, body: bytes, kind: type[Journey]) -> tuple[Journey, ForecastModel]:
         """The request of a body, and the model for its car."""
-        document = parse_json(body)
-        with Check() as check:
-            request = check(check_request, document, kind)
-            model = check(self._model, document if isinstance(document, dict) else {})
-        return request, model()
+        request = check_request(parse_json(body), kind, self)
+        return request, self.model_of(request)
 
-    def _forecast(
-        self, body: bytes, kind: type[Forecasting], seen: Mapping[str, Any] | None = None
-    ) -> tuple[Forecasting, Forecast]:
-        """The request of a body and its forecast, updated with the samples that the request observed.
-
-        Trip, model and car are checked whatever else is wrong with the request.
-        """
-        document = parse_json(body)
-        plan = model = observed = None
-        with Check() as check:
-            request = check(check_request, document, kind)
-            if isinstance(document, dict):
-                plan = check(self._plan, document)
-                model = check(self._model, document)
-                if "observed" in kind.model_fields and "observed" in document:
-                    observed = check(parse_observed, document["observed"], self.limits)
-        assert plan is not None
-        assert model is not None
-        own = model()
+    def _forecast(self, request: ForecastRequest, seen: Mapping[str, Any] | None = None) -> Forecast:
+        """The forecast of a request, updated with the samples that it observed."""
+        plan, own = self._plan(request), self.model_of(request)
         known, flags = with_seen(plan.departure.merge(departure_of(request)), seen, own.vehicle)
         forecast = own.forecast(replace(plan, trip_id=request.trip), known)
         forecast = replace(forecast, flags=(*flags, *forecast.flags))
-        return request, forecast if observed is None else forecast.update(observed)
+        return forecast.update(request.observed) if isinstance(request, UpdateRequest) else forecast
 
-    def model_of(self, document: Mapping[str, Any]) -> ForecastModel:
-        """The model of a request for its car.
+    def require_known(self, field: str, name: str, model: str | None) -> None:
+        """Check the `model` or the `vehicle` of a request, whose model may be that of a car.
 
         Raises
         ------
         InvalidInput
             When there is no such model or car.
         """
-        return self._model(document)()
+        own = self.cars.model((name if field == "model" else model) or "")
+        if field == "model" and own is None and name not in (*self.models, *self.fleets):
+            known = [*self.models, *self.fleets, *self.cars.names()]
+            raise InvalidInput(Fault.unknown("unknown model", "model", name, known))
+        if field == "vehicle":  # only names of the library, never a path of a file
+            fitted = (*self.models.values(), *(() if own is None else own[1:]))
+            if name not in (*vehicle_names(), *(model.vehicle.name for model in fitted)):
+                require_vehicle(name)
 
-    def _model(self, document: Mapping[str, Any]) -> Callable[[], ForecastModel]:
-        """What gives the model of a request for its car; model and car are checked here, and transferred there."""
-        name, vehicle = document.get("model"), document.get("vehicle")
-        name = next(iter((*self.models, *self.fleets))) if name is None else name
-        label, fitted = name, self.models.get(name) if isinstance(name, str) else None
-        faults: list[Fault] = []
-        if isinstance(name, str) and name not in self.fleets and fitted is None:
-            label, fitted = self.cars.model(name) or (name, None)
-            if fitted is None:
-                known = [*self.models, *self.fleets, *self.cars.names()]
-                faults.append(Fault.unknown("unknown model", "model", name, known))
-        # only names of the library, never a path of a file
-        measured = (model.vehicle.name for model in (*self.models.values(), fitted) if model is not None)
-        if isinstance(vehicle, str) and vehicle not in (*vehicle_names(), *measured):
-            try:
-                require_vehicle(vehicle)
-            except InvalidInput as error:
-                faults += error.faults
-        if not faults and isinstance(name, str) and name in self.fleets:
-            own = vehicle_model(self.fleets[name].get(), document)
-            return lambda: own
-        if fitted is not None and (document.get("vehicle_id") or document.get("driver")) is not None:
+    def model_named(self, document: Mapping[str, Any]) -> ForecastModel:
+        """The model for the car that a document names; `model_of` its fields of a car."""
+        fields = {name: document[name] for name in CarRequest.model_fields if name in document}
+        return self.model_of(check_request(fields, CarRequest, self))
+
+    def model_of(self, request: CarRequest) -> ForecastModel:
+        """The model of a request for its car, transferred to another car where it names one.
+
+        Raises
+        ------
+        InvalidInput
+            When the request names two cars, or a vehicle of another kind of model.
+        """
+        name = next(iter((*self.models, *self.fleets))) if request.model is None else request.model
+        if name in self.fleets:
+            return vehicle_model(self.fleets[name].get(), request)
+        if (request.vehicle_id or request.driver) is not None:
             got, allowed = f"a model of one car, {name}", "the model of a fleet"
-            faults.append(Fault("no fleet", "vehicle_id, driver", got, allowed))
-        if faults or fitted is None or not isinstance(vehicle, str | None):
-            raise InvalidInput(faults)  # another type is a fault of its field
-        figures = document.get("vehicle_figures")
-        if vehicle is not None and figures is not None:
+            raise InvalidInput.of("no fleet", "vehicle_id, driver", got, allowed)
+        if request.vehicle is not None and request.vehicle_figures is not None:
             raise _no_single_car("both")
-        if vehicle is None and figures is None:
-            return lambda: fitted
-        described = _sound(VehicleFigures, figures)
-        if figures is not None and described is None:
-            raise InvalidInput([])
-        key = label, vehicle if described is None else described.model_dump_json()
+        label, fitted = (
+            (name, self.models[name]) if name in self.models else self.cars.model(name) or ("", None)
+        )
+        if fitted is None:  # the car was forgotten a moment ago
+            raise InvalidInput(Fault.unknown("unknown model", "model", name, self.cars.names()))
+        if request.vehicle is None and request.vehicle_figures is None:
+            return fitted
+        figures = request.vehicle_figures
+        key = label, request.vehicle if figures is None else figures.model_dump_json()
         kept = self.transferred.get(key)
-        if kept is not None:
-            return lambda: kept
-        car = vehicle if described is None else describe(described)
-
-        def transferred() -> ForecastModel:
-            moved = for_car(fitted, car)
-            if moved is not fitted:
-                self.transferred[key] = moved
-            return moved
-
-        return transferred
+        if kept is None:
+            kept = for_car(fitted, request.vehicle if figures is None else describe(figures))
+            if kept is not fitted:
+                self.transferred[key] = kept
+        return kept
 
     def describe(self, body: bytes) -> dict[str, Any]:
         """Return the response to `VehicleFigures`."""
@@ -401,14 +365,16 @@ class Jobs:
         require_vehicle(request.vehicle or "")
         return self.cars.create(request.name, request.vehicle or "")
 
-    def _plan(self, document: Mapping[str, Any]) -> Plan:
-        samples, links = document.get("samples"), document.get("links")
-        if (samples is None) == (links is None):
-            got = "neither" if samples is None else "both"
+    def _plan(self, request: ForecastRequest) -> Plan:
+        samples, links = request.samples, request.links
+        if samples is not None and links is None:
+            return plan_from_samples(samples, "samples")
+        if links is None or samples is not None:
+            got = "neither" if links is None else "both"
             raise InvalidInput.of("no single trip", "samples, links", got, "either samples or links")
-        if samples is not None:
-            return plan_from_samples(parse_samples(samples, self.limits), "samples")
-        return plan_from_route(parse_links(links, _sound(Elevation, document.get("elevation")), self.limits))
+        if request.elevation is not None:
+            links = with_elevation(links, request.elevation, self.limits)
+        return plan_from_route(links)
 
     def examples(self) -> dict[str, Any]:
         """Return the synthetic trips without their samples."""
@@ -437,14 +403,6 @@ class Jobs:
 
 def _no_single_car(got: str) -> InvalidInput:
     return InvalidInput.of("no single car", "vehicle, vehicle_figures", got, "one of the two")
-
-
-def _sound(kind: type[RequestModel], value: Any) -> RequestModel | None:
-    """A field of a request on its own; None where it is left out, or its check will find its faults."""
-    try:
-        return None if value is None else kind.model_validate(value)
-    except ValidationError:
-        return None
 
 
 def describe(figures: VehicleFigures) -> Vehicle:

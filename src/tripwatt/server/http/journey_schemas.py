@@ -29,13 +29,13 @@ Stop = Annotated[str, Field(min_length=1, max_length=200)] | PlaceRequest
 """A place: its name, latitude and longitude as text, or an object."""
 
 
-class _Departs(schemas.DepartureRequest, schemas.CarRequest):
+class JourneyCar(schemas.DepartureRequest, schemas.CarRequest):
     """The car, and what is known at departure."""
 
     departs_at: schemas.Time | None = schemas.asked("departs_at", ASKED["departs_at"])[1]
 
 
-class PlanRequest(_Departs):
+class PlanRequest(JourneyCar):
     """A journey: places in their order, the car, and what is known at departure."""
 
     stops: list[Stop] = Field(min_length=2, max_length=20)
@@ -70,7 +70,7 @@ class JourneyDifferenceRequest(schemas.StrictModel):
     """which of the roads of each, from 0 for the fastest; the last where there are fewer"""
 
 
-class ReachRequest(_Departs):
+class ReachRequest(JourneyCar):
     """A start, the car, and what is known at departure."""
 
     start: Stop

@@ -241,7 +241,7 @@ class LiveCars:
         return {**request, "model": name} if own else dict(request)
 
     def _model(self, name: str, request: Mapping[str, Any]) -> ForecastModel:
-        return self._jobs.model_of(self.by_own_model(name, request))
+        return self._jobs.model_named(self.by_own_model(name, request))
 
     @cached_property
     def _jobs(self) -> Jobs:

@@ -19,7 +19,7 @@ from typing import Any, Final
 
 from tripwatt.server.http.problems import Problem
 from tripwatt.server.http.settings import Settings
-from tripwatt.server.http.worker import prepare, run_job
+from tripwatt.server.http.worker import prepare, run_here
 
 MAX_ATTEMPTS: Final = 3
 """Workers that may be lost with one job: a choice, because a job that crashes them would end every worker."""
@@ -157,7 +157,7 @@ class WorkerPool:
                 for _ in range(MAX_ATTEMPTS):
                     worker = await self._next_idle()
                     # a cancelled request leaves the worker with a job that it has to finish
-                    task = self._keep_task(self._run_on(worker, run_job, job, body))
+                    task = self._keep_task(self._run_on(worker, run_here, job, body))
                     result = await asyncio.shield(task)
                     if result is not None:
                         return JobResult(*result)

@@ -19,7 +19,7 @@ MAX_FAULTS: Final = 50
 MAX_TEXT_LENGTH: Final = 300
 """Most characters of a text of a fault, so that a document does not repeat a large input."""
 
-LINK: Final = re.compile(r"link (\d+)(?:, (\w+))?")
+LINK: Final = re.compile(r"(?:(.+)\.)?link (\d+)(?:, (\w+))?")
 IN_BODY: Final = re.compile(r"\w+(\.\w+|\[\d+\])*")
 OUTSIDE: Final = ("query.", "path.", "header.")
 """Places of faults: in a link, elsewhere in the body, and not in the body."""
@@ -124,14 +124,15 @@ def pointer_to(where: str) -> str | None:
 
     Examples
     --------
-    >>> pointer_to("samples.speed_m_s[3]"), pointer_to("link 2, length_m"), pointer_to("body")
-    ('/samples/speed_m_s/3', '/links/1/length_m', '')
+    >>> pointer_to("samples.speed_m_s[3]"), pointer_to("one.link 2, length_m"), pointer_to("body")
+    ('/samples/speed_m_s/3', '/one/links/1/length_m', '')
     """
     if where == "body":
         return ""
     link = LINK.fullmatch(where)
     if link:
-        return "/".join(["/links", str(int(link[1]) - 1), *filter(None, [link[2]])])
+        inside = (pointer_to(link[1]) or "") if link[1] else ""
+        return "/".join([f"{inside}/links", str(int(link[2]) - 1), *filter(None, [link[3]])])
     if where.startswith(OUTSIDE) or not IN_BODY.fullmatch(where):
         return None
     return "/" + re.sub(r"\[(\d+)\]", r".\1", where).replace(".", "/")

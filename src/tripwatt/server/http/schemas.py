@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import datetime as dt
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
 from types import NoneType
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, TypeVar
 
@@ -11,6 +13,7 @@ import numpy as np
 import orjson
 import pandas as pd
 from pydantic import (
+    AfterValidator,
     AwareDatetime,
     BaseModel,
     BeforeValidator,
@@ -22,7 +25,7 @@ from pydantic import (
     create_model,
     field_validator,
 )
-from pydantic_core import PydanticKnownError
+from pydantic_core import PydanticCustomError, PydanticKnownError
 
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import MOST_HINTS, Fault, InvalidInput, did_you_mean, excerpt, raise_faults
@@ -52,6 +55,9 @@ PROBLEM_KINDS: Final[dict[str, Any]] = {
 }
 """Types of problems, and their names in generated clients."""
 
+FAULTS: Final = "tripwatt_faults"
+"""Type of the errors of pydantic that hold faults."""
+
 NUMBER_TYPES: Final = frozenset({float, int, NoneType})
 """Types of JSON numbers and of null. `bool` is excluded, although it is a subclass of `int`."""
 
@@ -73,8 +79,118 @@ def _columns_schema(required: list[str], min_items: int, meaning: str) -> dict[s
     }
 
 
+def checked_by(check: Callable[[Any, Limits], Any]) -> AfterValidator:
+    """A validator that makes of a value what `check` gives; its faults stand beside those of pydantic.
+
+    The context of the validation, a `Jobs`, has the limits.
+    """
+
+    def validate(value: Any, info: ValidationInfo) -> Any:
+        jobs: Any = info.context
+        with faults_beside():
+            return check(value, jobs.limits)
+
+    return AfterValidator(validate)
+
+
+@contextmanager
+def faults_beside() -> Iterator[None]:
+    """Raise faults as an error of pydantic, which collects them with its own for `faults_of`."""
+    try:
+        yield
+    except InvalidInput as error:
+        raise PydanticCustomError(FAULTS, "faults", {"faults": error.faults}) from error
+
+
+def parse_samples(value: Any, limits: Limits) -> pd.DataFrame:
+    """Check the field `samples` of a request.
+
+    Parameters
+    ----------
+    value : object
+        A mapping from column names to lists of numbers.
+    limits : Limits
+
+    Raises
+    ------
+    InvalidInput
+        With the positions of wrong values.
+    """
+    samples = canonical_samples(_columns(value, "samples", limits), "samples")
+    time = samples["time_s"].to_numpy()
+    require_duration(float(time[-1] - time[0]), "samples", limits)
+    return samples
+
+
+def parse_observed(value: Any, limits: Limits) -> pd.DataFrame:
+    """Check the field `observed` of an update; parameters and errors are those of `parse_samples`."""
+    return canonical_samples(
+        _columns(value, "observed", limits), "observed", required=("time_s",), least=MIN_OBSERVED
+    )
+
+
+def parse_links(links: Any, limits: Limits) -> LinkRoute:
+    """Check the field `links` of a request.
+
+    Parameters
+    ----------
+    links : object
+        A list of mappings.
+    limits : Limits
+
+    Raises
+    ------
+    InvalidInput
+        When the links are wrong.
+    """
+    if not isinstance(links, list):
+        raise InvalidInput.of("not a list", "links", excerpt(links), "a list of objects")
+    if len(links) > limits.links:
+        raise InvalidInput.of("too many links", "links", f"{len(links)}", f"at most {limits.links}")
+    route = route_from_links(links)
+    require_duration(route.duration_s, "links", limits)
+    return route
+
+
+def require_duration(duration_s: float, where: str, limits: Limits) -> None:
+    """Check the duration of a trip.
+
+    Raises
+    ------
+    InvalidInput
+        When it is below `MIN_DURATION_S` or above `Limits.duration_s`.
+    """
+    if not MIN_DURATION_S <= duration_s <= limits.duration_s:
+        allowed = f"{MIN_DURATION_S:g} to {limits.duration_s:g} s"
+        raise InvalidInput.of("duration out of range", where, f"{duration_s:g} s", allowed)
+
+
+def _columns(value: Any, where: str, limits: Limits) -> dict[str, FloatArray]:
+    if not isinstance(value, Mapping):
+        raise InvalidInput.of("not an object", where, excerpt(value), "an object of lists of numbers")
+    faults = []
+    columns: dict[str, FloatArray] = {}
+    if "soc" in value:
+        faults.append(Fault("unknown column", f"{where}.soc", fix=did_you_mean("soc", BMS_SOC.values())))
+    for name, values in value.items():
+        field = f"{where}.{name}"[:80]
+        if not isinstance(values, list):
+            faults.append(Fault("not a list", field, excerpt(values), "a list of numbers"))
+        elif len(values) > limits.samples:
+            faults.append(Fault("too many samples", field, f"{len(values)}", f"at most {limits.samples}"))
+        elif not set(map(type, values)) <= NUMBER_TYPES:
+            first = next(k for k, v in enumerate(values) if type(v) not in NUMBER_TYPES)
+            got = excerpt(values[first])
+            faults.append(Fault("not a number", f"{field}[{first}]", got, "a number, or null where unknown"))
+        else:
+            columns["soc" if name == "bms_soc" else name] = np.array(values, dtype=np.float64)
+    raise_faults(faults)
+    return columns
+
+
 Samples = Annotated[
     Any,
+    checked_by(parse_samples),
     WithJsonSchema(
         _columns_schema(
             ["time_s", "speed_m_s"],
@@ -85,6 +201,7 @@ Samples = Annotated[
 ]
 Observed = Annotated[
     Any,
+    checked_by(parse_observed),
     WithJsonSchema(
         _columns_schema(
             ["time_s"],
@@ -94,6 +211,12 @@ Observed = Annotated[
         )
     ),
 ]
+Links = Annotated[
+    Any,
+    checked_by(parse_links),
+    WithJsonSchema({"type": "array", "items": {"$ref": "#/components/schemas/Link"}, "minItems": 1}),
+]
+"""Samples and links, which are checked as tables, not one object at a time: a request has a table and a `LinkRoute`."""
 
 
 def bounded(
@@ -157,13 +280,6 @@ class Elevation(StrictModel):
     """elevation above sea level at each position [m]"""
 
 
-Links = Annotated[
-    Any,
-    WithJsonSchema({"type": "array", "items": {"$ref": "#/components/schemas/Link"}, "minItems": 1}),
-]
-"""Links of a planned route. `tripwatt.routes.route_from_links` checks them as a table, not one object at a time."""
-
-
 class VehicleFigures(StrictModel):
     """A car that the library does not have, by up to six figures; what is missing is that of a usual car of its body."""
 
@@ -200,6 +316,14 @@ class CarRequest(StrictModel):
     """of the model of a fleet: one of its vehicles, or with `vehicle` a new one"""
     driver: str | None = Field(None, max_length=100)
     """of the model of a fleet: who drives"""
+
+    @field_validator("model", "vehicle")
+    @classmethod
+    def _is_known(cls, name: str | None, info: ValidationInfo) -> str | None:
+        if name is not None and info.context is not None:
+            with faults_beside():
+                info.context.require_known(f"{info.field_name}", name, info.data.get("model"))
+        return name
 
 
 def _text_of_time(given: Any) -> Any:
@@ -437,15 +561,16 @@ def parse_json(body: bytes, where: str = "") -> Any:
         raise Problem("not-json", f"{where}{error}") from error
 
 
-def check_request(document: Any, model: type[RequestModel]) -> RequestModel:
-    """Check the fields of a request, without samples and links.
+def check_request(document: Any, model: type[RequestModel], jobs: Any = None) -> RequestModel:
+    """Check a request.
 
     Parameters
     ----------
     document : object
         Parsed JSON.
     model : type
-        `ForecastRequest` or `UpdateRequest`.
+    jobs : Jobs, optional
+        Limits, models and cars of the service, for requests with a trip or a car.
 
     Raises
     ------
@@ -453,76 +578,39 @@ def check_request(document: Any, model: type[RequestModel]) -> RequestModel:
         When fields are missing, unknown or out of range; the fault of an unknown field names the most similar one.
     """
     try:
-        return model.model_validate(document)
+        return model.model_validate(document, context=jobs)
     except ValidationError as error:
-        errors = error.errors(include_url=False, include_context=False)
+        errors = error.errors(include_url=False)
     raise InvalidInput(faults_of(errors, model.model_fields))
 
 
 def faults_of(errors: Iterable[Mapping[str, Any]], known: Iterable[str]) -> Iterator[Fault]:
     """The faults of errors of pydantic; the first unknown names have the most similar of the known ones."""
     for number, error in enumerate(errors):
+        if error["type"] == FAULTS:
+            inside = "".join(f"[{at}]" if isinstance(at, int) else f".{at}" for at in error["loc"][:-1])
+            for fault in error["ctx"]["faults"]:
+                yield replace(fault, where=f"{inside}.{fault.where}".lstrip("."))
+            continue
         is_unknown = number < MOST_HINTS and error["type"] == "extra_forbidden"
         fix = did_you_mean(str(error["loc"][-1]), known) if is_unknown else ""
         where, allowed = ".".join(map(str, error["loc"]))[:80], error["msg"].partition("Input should be ")[2]
         yield Fault(error["msg"], where or "body", excerpt(error.get("input"), 80), allowed, fix)
 
 
-def parse_samples(value: Any, limits: Limits) -> pd.DataFrame:
-    """Check the field `samples` of a request.
-
-    Parameters
-    ----------
-    value : object
-        A mapping from column names to lists of numbers.
-    limits : Limits
+def with_elevation(route: LinkRoute, elevation: Elevation, limits: Limits) -> LinkRoute:
+    """The links of a request with the elevation along them.
 
     Raises
     ------
     InvalidInput
-        With the positions of wrong values.
+        When `elevation` does not fit the links.
     """
-    samples = canonical_samples(_columns(value, "samples", limits), "samples")
-    time = samples["time_s"].to_numpy()
-    require_duration(float(time[-1] - time[0]), "samples", limits)
-    return samples
-
-
-def parse_observed(value: Any, limits: Limits) -> pd.DataFrame:
-    """Check the field `observed` of an update; parameters and errors are those of `parse_samples`."""
-    return canonical_samples(
-        _columns(value, "observed", limits), "observed", required=("time_s",), least=MIN_OBSERVED
-    )
-
-
-def parse_links(links: Any, elevation: Elevation | None, limits: Limits) -> LinkRoute:
-    """Check the fields `links` and `elevation` of a request.
-
-    Parameters
-    ----------
-    links : object
-        A list of mappings.
-    elevation : Elevation or None
-    limits : Limits
-
-    Raises
-    ------
-    InvalidInput
-        When the links are wrong, or `elevation` does not fit them.
-    """
-    if not isinstance(links, list):
-        raise InvalidInput.of("not a list", "links", excerpt(links), "a list of objects")
-    if len(links) > limits.links:
-        raise InvalidInput.of("too many links", "links", f"{len(links)}", f"at most {limits.links}")
-    route = route_from_links(links)
-    require_duration(route.duration_s, "links", limits)
-    if elevation is None:
-        return route
-    raise_faults(_elevation_faults(links, elevation, limits.samples))
+    raise_faults(_elevation_faults(route, elevation, limits.samples))
     return route_with_elevation(route, np.array(elevation.position_m), np.array(elevation.elevation_m))
 
 
-def _elevation_faults(links: list[Any], elevation: Elevation, most: int) -> Iterator[Fault]:
+def _elevation_faults(route: LinkRoute, elevation: Elevation, most: int) -> Iterator[Fault]:
     position, heights = elevation.position_m, elevation.elevation_m
     if len(position) != len(heights) or len(position) > most:
         got = f"{len(position)} positions and {len(heights)} elevations"
@@ -530,41 +618,5 @@ def _elevation_faults(links: list[Any], elevation: Elevation, most: int) -> Iter
         yield Fault(what, "elevation", got, allowed)
     if position[0] < 0 or position != sorted(position):
         yield Fault("position decreases", "elevation.position_m", "", "0 m or more, never decreasing")
-    if any("start_elevation_m" in link or "grade" in link for link in links):
+    if route.elevation_m is not None:
         yield Fault("elevation given twice", "elevation", "links with elevations or grades", "one of the two")
-
-
-def require_duration(duration_s: float, where: str, limits: Limits) -> None:
-    """Check the duration of a trip.
-
-    Raises
-    ------
-    InvalidInput
-        When it is below `MIN_DURATION_S` or above `Limits.duration_s`.
-    """
-    if not MIN_DURATION_S <= duration_s <= limits.duration_s:
-        allowed = f"{MIN_DURATION_S:g} to {limits.duration_s:g} s"
-        raise InvalidInput.of("duration out of range", where, f"{duration_s:g} s", allowed)
-
-
-def _columns(value: Any, where: str, limits: Limits) -> dict[str, FloatArray]:
-    if not isinstance(value, Mapping):
-        raise InvalidInput.of("not an object", where, excerpt(value), "an object of lists of numbers")
-    faults = []
-    columns: dict[str, FloatArray] = {}
-    if "soc" in value:
-        faults.append(Fault("unknown column", f"{where}.soc", fix=did_you_mean("soc", BMS_SOC.values())))
-    for name, values in value.items():
-        field = f"{where}.{name}"[:80]
-        if not isinstance(values, list):
-            faults.append(Fault("not a list", field, excerpt(values), "a list of numbers"))
-        elif len(values) > limits.samples:
-            faults.append(Fault("too many samples", field, f"{len(values)}", f"at most {limits.samples}"))
-        elif not set(map(type, values)) <= NUMBER_TYPES:
-            first = next(k for k, v in enumerate(values) if type(v) not in NUMBER_TYPES)
-            got = excerpt(values[first])
-            faults.append(Fault("not a number", f"{field}[{first}]", got, "a number, or null where unknown"))
-        else:
-            columns["soc" if name == "bms_soc" else name] = np.array(values, dtype=np.float64)
-    raise_faults(faults)
-    return columns

@@ -72,13 +72,13 @@ def _end_with_service() -> None:
         os._exit(1)
 
 
-def run_job(job: dict[str, Any], body: bytes) -> tuple[int, bytes, float]:
+def run_here(job: dict[str, Any], body: bytes) -> tuple[int, bytes, float]:
     """Run a job of this process; return HTTP status, document and computing time [s]."""
     started = time.perf_counter()
-    return *answer_to(PREPARED[0], job, body), time.perf_counter() - started
+    return *run_job(PREPARED[0], job, body), time.perf_counter() - started
 
 
-def answer_to(jobs: Jobs, job: dict[str, Any], body: bytes) -> tuple[int, bytes]:
+def run_job(jobs: Jobs, job: dict[str, Any], body: bytes) -> tuple[int, bytes]:
     """Run a job; an unexpected exception is logged and becomes a problem document with status 500.
 
     Parameters
@@ -95,7 +95,7 @@ def answer_to(jobs: Jobs, job: dict[str, Any], body: bytes) -> tuple[int, bytes]
 
     Examples
     --------
-    >>> answer_to(Jobs({}, Limits()), {"kind": "forecast"}, b"{")[0]
+    >>> run_job(Jobs({}, Limits()), {"kind": "forecast"}, b"{")[0]
     400
     """
     try:
