@@ -35,7 +35,7 @@ def drive() -> dict[str, Any]:
     }
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def complete(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
     """A service with a map and a car on the road."""
     folder = tmp_path_factory.mktemp("served")

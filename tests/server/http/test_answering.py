@@ -18,8 +18,6 @@ from tests.support.service_process import Service
 from tools.quality.same_numbers import compared
 
 import tripwatt as tw
-from tripwatt.errors import InvalidInput
-from tripwatt.server.http.jobs import require_finite
 from tripwatt.trips.messages import leave_in_words
 
 LINKS = [
@@ -90,64 +88,36 @@ def test_an_update_uses_the_measurements(service: Service, drive: dict[str, Any]
     assert after == command_line(tmp_path / "trip.csv", *options, "--observed", tmp_path / "seen.csv")
 
 
-def test_all_wrong_fields_are_named_together(service: Service, drive: dict[str, Any]) -> None:
-    wrong = drive | {"soc": 1.5, "payload_mass_kg": "80", "colour": "red"}
-    answer = service.forecast(wrong)
-    assert answer.status_code == 422
-    assert answer.headers["content-type"] == "application/problem+json"
-    assert {fault["where"] for fault in answer.json()["faults"]} == {
-        "soc",
-        "payload_mass_kg",
-        "colour",
-    }
+SAMPLES: list[tuple[Any, str]] = [
+    ({"time_s": [0, 1, 2], "speed_m_s": [0, "1", 2]}, "samples.speed_m_s[1]"),
+    ({"time_s": [0, 1, 1], "speed_m_s": [0, 1, 2]}, "samples, column 'time_s', row 3"),
+    ({"time_s": [0, 1, 2], "speed_m_s": [0, None, 2]}, "samples, column 'speed_m_s', row 2"),
+    ({"time_s": [0, 1, 2], "speed_m_s": [0, 1]}, "samples"),
+    ({"time_s": [0, 1, 2], "speed_km_h": [0, 1, 2]}, "samples, column 'speed_km_h'"),
+    ({"time_s": [0, 1e6, 2e6], "speed_m_s": [0, 1, 2]}, "samples"),
+    ([1, 2], "samples"),
+]
 
 
-@pytest.mark.parametrize(
-    ("samples", "where"),
-    [
-        ({"time_s": [0, 1, 2], "speed_m_s": [0, "1", 2]}, "samples.speed_m_s[1]"),
-        ({"time_s": [0, 1, 2], "speed_m_s": [0, True, 2]}, "samples.speed_m_s[1]"),
-        ({"time_s": [0, 1, 1], "speed_m_s": [0, 1, 2]}, "samples, column 'time_s', row 3"),
-        ({"time_s": [0, 1, 2], "speed_m_s": [0, None, 2]}, "samples, column 'speed_m_s', row 2"),
-        ({"time_s": [0, 1, 2], "speed_m_s": [0, 1]}, "samples"),
-        ({"time_s": [0, 1, 2], "speed_km_h": [0, 1, 2]}, "samples, column 'speed_km_h'"),
-        ({"time_s": [0, 1e6, 2e6], "speed_m_s": [0, 1, 2]}, "samples"),
-        ({"time_s": [0, 1, 2], "speed_m_s": 3}, "samples.speed_m_s"),
-        ([1, 2], "samples"),
-    ],
-)
-def test_faults_of_samples_name_their_position(service: Service, samples: object, where: str) -> None:
-    answer = service.forecast({"samples": samples})
-    assert answer.status_code == 422
-    assert where in [fault["where"] for fault in answer.json()["faults"]]
-
-
-@pytest.mark.parametrize(
-    "request_of",
-    [
-        lambda drive: {},
-        lambda drive: drive | {"links": LINKS},
-        lambda drive: drive | {"model": "../../etc/passwd"},
-        lambda drive: drive | {"vehicle": "/etc/passwd"},
-        lambda drive: drive | {"vehicle": "no_such_car"},
-        lambda drive: {"links": [{"length_m": 10.0}]},
-        lambda drive: {"links": "x"},
-        lambda drive: {"links": LINKS, "elevation": {"position_m": [0.0, 1.0], "elevation_m": [1.0, 2.0]}},
-    ],
-)
-def test_invalid_input_is_a_422(service: Service, drive: dict[str, Any], request_of: Any) -> None:
-    answer = service.forecast(request_of(drive))
-    assert answer.status_code == 422
-    assert answer.json()["faults"]
-
-
-@pytest.mark.parametrize(
-    "body", [b"", b"{", b'{"reserve": NaN}', b'{"reserve": 1e999}', b'"\xff"', b"[" * 5000, b"Infinity"]
-)
-def test_invalid_json_is_a_400(service: Service, body: bytes) -> None:
-    answer = service.client.post("/v1/forecast", content=body, headers={"Content-Type": "application/json"})
-    assert answer.status_code == 400
-    assert answer.json()["type"] == "/problems/not-json"
+def test_what_is_wrong_is_a_fault_with_its_position(service: Service, drive: dict[str, Any]) -> None:
+    level = {"position_m": [0.0, 1.0], "elevation_m": [1.0, 2.0]}
+    wrong: list[tuple[Any, str]] = [
+        ({}, "samples, links"),
+        (drive | {"links": LINKS}, "samples, links"),
+        (drive | {"model": "../../etc/passwd"}, "model"),
+        (drive | {"vehicle": "/etc/passwd"}, "vehicle"),
+        (drive | {"probability": 1.0}, "probability"),
+        ({"links": LINKS, "elevation": level}, "elevation"),
+        *(({"samples": samples}, where) for samples, where in SAMPLES),
+    ]
+    for request, where in wrong:
+        answer = service.forecast(request)
+        assert answer.status_code == 422
+        assert where in [fault["where"] for fault in answer.json()["faults"]], where
+    for body in (b"", b"{", b'{"reserve": NaN}', b'{"reserve": 1e999}', b'"\xff"', b"[" * 5000):
+        headers = {"Content-Type": "application/json"}
+        answer = service.client.post("/v1/forecast", content=body, headers=headers)
+        assert (answer.status_code, answer.json()["type"]) == (400, "/problems/not-json")
 
 
 def test_a_batch_returns_its_lines_in_order(service: Service, drive: dict[str, Any]) -> None:
@@ -274,24 +244,6 @@ def test_examples_can_be_forecast_and_replayed(service: Service) -> None:
         assert at_the_end["energy_wh"] == pytest.approx(brief["observed_energy_wh"], rel=1e-3)
 
 
-@pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf])
-@pytest.mark.parametrize("field", ["energy_wh", "quantiles_wh", "series"])
-def test_a_forecast_that_is_not_finite_is_refused(field: str, wrong: float) -> None:
-    """JSON would hold null instead."""
-    answer: dict[str, Any] = {
-        "energy_wh": 1.0,
-        "soc_arrival": 0.5,
-        "battery_loss_wh": 1.0,
-        "quantiles_wh": {"0.5": 1.0},
-        "p_arrive_by_soc": {"0": 1.0},
-        "series": {"time_s": [0.0, 1.0]},
-    }
-    assert require_finite(answer) == answer
-    spoiled = {"energy_wh": wrong, "quantiles_wh": {"0.5": wrong}, "series": {"time_s": [0.0, wrong, 1.0]}}
-    with pytest.raises(InvalidInput, match="no forecast"):
-        require_finite(answer | {field: spoiled[field]})
-
-
 def test_who_leaves_with_the_charge_arrives_with_the_probability_asked_for(service: Service) -> None:
     found = list(over_http(service, OVER_HTTP))
     assert [one for one in found if one.off > WORST] == []
@@ -299,11 +251,3 @@ def test_who_leaves_with_the_charge_arrives_with_the_probability_asked_for(servi
         assert one.message == leave_in_words(one.soc, RESERVE, one.probability)
         assert one.message.startswith("A full battery does not suffice") == (one.exception == "not even full")
     assert 0.5 * OVER_HTTP < sum(not one.exception for one in found) < OVER_HTTP
-
-
-@pytest.mark.parametrize("probability", [0.49, 1.0, 95])
-def test_a_probability_that_cannot_be_asked_for_is_refused(service: Service, probability: float) -> None:
-    request = {"links": [{"length_m": 5000.0, "speed_m_s": 12.0}], "probability": probability}
-    answer = service.forecast(request)
-    assert answer.status_code == 422
-    assert answer.json()["faults"][0]["where"] == "probability"

@@ -135,13 +135,11 @@ def test_all_faults_come_together_with_suggestions(service: Service) -> None:
     assert "did you mean speed_m_s" in faults["samples, column 'speed_kmh'"]["fix"]
 
 
-@pytest.mark.parametrize("depth", [300, 900])
-@pytest.mark.parametrize("field", ["links", "samples", "model", "soc", "elevation", "colour"])
-def test_nested_json_is_a_fault(service: Service, field: str, depth: int) -> None:
-    nested = b"[" * depth + b"]" * depth
-    body = b'{"links": [{"length_m": 9, "speed_m_s": 1}], "%s": [%s]}' % (field.encode(), nested)
-    answer = service.client.post("/v1/forecast", content=body, headers={"Content-Type": "application/json"})
-    assert answer.status_code == 422
+def test_nested_json_is_a_fault(service: Service) -> None:
+    for field in (b"links", b"samples", b"model", b"soc", b"elevation", b"colour"):
+        nested = b"[" * 900 + b"]" * 900
+        body = b'{"links": [{"length_m": 9, "speed_m_s": 1}], "%s": [%s]}' % (field, nested)
+        assert service.client.post("/v1/forecast", content=body, headers=JSON).status_code == 422, field
 
 
 def test_a_gap_is_refused_or_flagged(service: Service) -> None:

@@ -86,19 +86,6 @@ def test_a_trip_has_samples_or_links(jobs: Jobs) -> None:
     assert jobs.forecast(orjson.dumps({"samples": samples}))["given"] == "the driven speed trace"
 
 
-@pytest.mark.parametrize(
-    ("name", "fix"), [("bmw_i3_tu", "did you mean 'bmw_i3_tum'?"), ("zzz", ""), ("bmw_i3_tum" + "x" * 90, "")]
-)
-def test_an_unknown_model_gets_a_suggestion(jobs: Jobs, name: str, fix: str) -> None:
-    (fault,) = faults_of(jobs.forecast, body_of(model=name))
-    assert (fault.what, fault.where, fault.allowed, fault.fix) == (
-        "unknown model",
-        "model",
-        DEFAULT_MODEL,
-        fix,
-    )
-
-
 def test_a_model_and_a_car_are_texts(jobs: Jobs) -> None:
     assert [fault.where for fault in faults_of(jobs.forecast, body_of(model=3))] == ["model"]
     assert [fault.where for fault in faults_of(jobs.forecast, body_of(vehicle=3))] == ["vehicle"]
@@ -199,14 +186,6 @@ def test_an_uploaded_route_has_its_limits(jobs: Jobs) -> None:
     assert faults_of(read_route, body, None, limited(jobs, duration_s=149.0).limits)[0].got == "150 s"
 
 
-@pytest.mark.parametrize("before", [b"", b"\xef\xbb\xbf", b" \t\r\n"])
-def test_the_content_of_an_upload_decides(jobs: Jobs, before: bytes) -> None:
-    assert read_route(before + orjson.dumps(LINKS), None, jobs.limits)["links"] is not None
-    table = b"length_m,speed_m_s\n800,8\n"
-    assert read_route(table, None, jobs.limits)["links"] is not None
-    assert read_route(CSV, None, jobs.limits)["links"] is None
-
-
 def line_of(*points: list[float]) -> bytes:
     return orjson.dumps({"type": "LineString", "coordinates": points})
 
@@ -286,27 +265,38 @@ def test_a_forecast_that_physics_forbids_is_a_fault_of_the_request(jobs: Jobs) -
     assert orjson.loads(answer)["faults"][0]["what"] == "energy that physics forbids"
 
 
-def test_a_job_is_a_method_by_its_name_with_the_parameters_that_it_takes(jobs: Jobs) -> None:
-    assert jobs.run({"kind": "journeys.describe"}, b"") == jobs.journeys.describe()
-
-
-@pytest.mark.parametrize("name", ["energy_wh", "soc_arrival", "battery_loss_wh"])
-def test_every_value_of_a_forecast_is_finite(name: str) -> None:
-    found: dict[str, Any] = {
-        "energy_wh": 1.0,
-        "soc_arrival": 0.5,
-        "battery_loss_wh": 1.0,
-        "quantiles_wh": {"0.5": 1.0},
-        "p_arrive_by_soc": {"0": 1.0},
-        "series": {"time_s": [0.0, 1.0]},
-    }
-    assert require_finite(found) == found
-    for spoiled in ({name: float("nan")}, {"p_arrive_by_soc": {"0": float("inf")}}):
-        with pytest.raises(InvalidInput, match="no forecast"):
-            require_finite(found | spoiled)
-
-
 def test_a_fault_of_one_of_two_trips_names_its_trip(jobs: Jobs) -> None:
     wrong = {"links": [{"length_m": -1.0, "speed_m_s": 9.0}], "model": "zzz"}
     found = faults_of(jobs.difference, orjson.dumps({"one": {"links": LINKS}, "other": wrong}))
     assert [fault.where for fault in found] == ["other.model", "other.link 1, length_m"]
+
+
+def test_an_unknown_model_gets_a_suggestion(jobs: Jobs) -> None:
+    for name, fix in (("bmw_i3_tu", "did you mean 'bmw_i3_tum'?"), ("zzz", "")):
+        (fault,) = faults_of(jobs.forecast, body_of(model=name))
+        found = (fault.what, fault.where, fault.allowed, fault.fix)
+        assert found == ("unknown model", "model", DEFAULT_MODEL, fix)
+
+
+def test_the_content_of_an_upload_decides(jobs: Jobs) -> None:
+    for before in (b"", b"\xef\xbb\xbf", b" \t\r\n"):
+        assert read_route(before + orjson.dumps(LINKS), None, jobs.limits)["links"] is not None
+    assert read_route(b"length_m,speed_m_s\n800,8\n", None, jobs.limits)["links"] is not None
+    assert read_route(CSV, None, jobs.limits)["links"] is None
+
+
+def test_every_value_of_a_forecast_is_finite() -> None:
+    """JSON would hold null instead."""
+    sound: dict[str, Any] = {
+        **dict.fromkeys(("energy_wh", "soc_arrival", "battery_loss_wh"), 1.0),
+        "quantiles_wh": {"0.5": 1.0},
+        "p_arrive_by_soc": {"0": 1.0},
+        "series": {"time_s": [0.0, 1.0]},
+    }
+    assert require_finite(sound) == sound
+    for wrong in (float("nan"), float("inf")):
+        spoiled = [{name: wrong} for name in ("energy_wh", "soc_arrival", "battery_loss_wh")]
+        spoiled += [{"quantiles_wh": {"0.5": wrong}}, {"p_arrive_by_soc": {"0": wrong}}]
+        for one in (*spoiled, {"series": {"time_s": [0.0, wrong]}}):
+            with pytest.raises(InvalidInput, match="no forecast"):
+                require_finite(sound | one)

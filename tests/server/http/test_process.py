@@ -124,8 +124,9 @@ def patient(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
 
 @pytest.fixture(scope="module")
 def hasty(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
-    """One worker whose jobs time out soon."""
-    with serving(tmp_path_factory.mktemp("hasty"), "--workers", "1", "--limit", "timeout_s=1") as found:
+    """One worker whose jobs time out soon, and one batch at a time."""
+    limits = ("--limit", "timeout_s=1", "--limit", "batches=1")
+    with serving(tmp_path_factory.mktemp("hasty"), "--workers", "1", *limits) as found:
         yield found
 
 
@@ -174,6 +175,24 @@ def test_shutdown_finishes_running_requests(patient: Service, drive: dict[str, A
         assert [answer.result().status_code for answer in sent] == [200] * 4
         assert service.process.wait(60) == 0
         assert wait_for(lambda: not any(map(alive, workers)))
+
+
+def test_an_aborted_batch_leaves_no_jobs(hasty: Service) -> None:
+    """The place of the batch and the workers are free again."""
+    body = b"\n".join([b'{"links": [{"length_m": 9000, "speed_m_s": 15}]}'] * 5000)  # many seconds of work
+    headers = {"Content-Type": "application/x-ndjson"}
+
+    def short() -> httpx.Response:
+        return hasty.client.post("/v1/forecast/batch", content=b"{}", headers=headers)
+
+    for _ in range(2):
+        assert wait_for(lambda: short().status_code == 200)
+        with hasty.client.stream("POST", "/v1/forecast/batch", content=body, headers=headers) as answer:
+            assert answer.status_code == 200
+            next(answer.iter_lines())
+            busy = short()
+            assert (busy.status_code, busy.headers["retry-after"]) == (503, "5")
+        assert wait_for(lambda: b"tripwatt_jobs_waiting 0.0" in hasty.client.get("/metrics").content)
 
 
 def test_a_job_of_a_hung_worker_times_out(hasty: Service, drive: dict[str, Any]) -> None:

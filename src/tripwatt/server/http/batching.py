@@ -77,20 +77,18 @@ async def forecast_lines(
 
 async def _forecast_line(line: bytes, pool: WorkerPool, metrics: Metrics, job: dict[str, Any]) -> bytes:
     """A forecast, or a problem document with the trip of the request as far as the line shows it."""
-    most_bytes, outcome = pool.settings.limits.body_bytes, "refused"
+    most_bytes = pool.settings.limits.body_bytes
     try:
         if len(line) > most_bytes:
             raise Problem("too-large", f"at most {most_bytes} bytes per trip")
-        outcome = "failed"
         result = await pool.run(job, line, may_queue=True)
     except Problem as problem:
-        document = problem.document()
+        status, document = problem.status, problem.document()
     else:
         metrics.job_seconds.labels("batch").observe(result.seconds)
-        outcome = "answered" if result.status == 200 else "refused"
-        document = {} if result.status == 200 else orjson.loads(result.content)
-    metrics.trips.labels(outcome).inc()
-    if outcome == "answered":
+        status, document = result.status, {} if result.status == 200 else orjson.loads(result.content)
+    metrics.trips.labels("answered" if status == 200 else "refused" if status < 500 else "failed").inc()
+    if status == 200:
         return result.content + b"\n"
     with contextlib.suppress(orjson.JSONDecodeError, AttributeError):
         document["trip"] = orjson.loads(line if len(line) <= most_bytes else b"[]").get("trip", "trip")
