@@ -14,8 +14,9 @@ import uvicorn
 
 from tripwatt.errors import InvalidInput
 from tripwatt.server.http import app, serving
+from tripwatt.server.http.log import log_json
 from tripwatt.server.http.protocol import BoundedProtocol
-from tripwatt.server.http.serving import log_json, open_socket, require_safe, serve, url_of
+from tripwatt.server.http.serving import open_socket, require_safe, serve, url_of
 from tripwatt.server.http.settings import Limits, Settings
 
 

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import datetime as dt
-import json
 import logging
 import os
 import re
 import signal
 import socket
-import sys
-import time
 from collections.abc import Callable, Iterator
-from typing import Any, Final
+from typing import Final
 
 from tripwatt.errors import Fault, InvalidInput, raise_faults, system_errors
+from tripwatt.server.http.log import JsonHandler, log_json
 from tripwatt.server.http.settings import MIN_TOKEN_LENGTH, TOKEN_VARIABLE, Settings, is_loopback
 
 KEEP_ALIVE_S: Final = 75
@@ -25,9 +22,6 @@ BACKLOG: Final = 512
 
 SHUTDOWN_MARGIN_S: Final = 5
 """Time for running requests at shutdown, beyond `Limits.timeout_s`."""
-
-MAX_MESSAGE_LENGTH: Final = 4000
-"""Most characters of a message of the HTTP server in the log."""
 
 
 def require_safe(settings: Settings) -> None:
@@ -129,30 +123,10 @@ def serve(settings: Settings, on_start: Callable[[str], None] = lambda url: None
             timeout_graceful_shutdown=int(settings.limits.timeout_s) + SHUTDOWN_MARGIN_S,
             lifespan="on",
         )
-        logging.getLogger("uvicorn").addHandler(_JsonHandler())
+        logging.getLogger("uvicorn").addHandler(JsonHandler())
         for number in (signal.SIGINT, signal.SIGTERM):  # the server raises them again after its shutdown
             signal.signal(number, lambda *_: None)
         server = Server(config)
         server.run(sockets=[listener])
     if not server.started:
         raise InvalidInput.of("service did not start", "workers", fix="see the log")
-
-
-def log_json(**record: Any) -> None:
-    """Write one record as a line of JSON to standard error.
-
-    Parameters
-    ----------
-    **record : object
-        Values that JSON can hold; `event` is `request` by default.
-    """
-    at = dt.datetime.fromtimestamp(time.time(), dt.UTC).replace(tzinfo=None)
-    line = {"time": f"{at.isoformat(timespec='milliseconds')}Z", "event": "request", **record}
-    sys.stderr.write(json.dumps(line, ensure_ascii=True) + "\n")
-
-
-class _JsonHandler(logging.Handler):
-    def emit(self, record: logging.LogRecord) -> None:
-        if record.levelno >= logging.WARNING:
-            text = self.format(record)
-            log_json(event="server", level=record.levelname.lower(), message=text[:MAX_MESSAGE_LENGTH])

@@ -23,8 +23,8 @@ from tripwatt.server.http.car_jobs import CarJobs
 from tripwatt.server.http.contract import chosen
 from tripwatt.server.http.jobs import Jobs
 from tripwatt.server.http.journeys import JourneyJobs
+from tripwatt.server.http.log import log_json
 from tripwatt.server.http.problems import Problem, invalid_input
-from tripwatt.server.http.serving import log_json
 from tripwatt.server.http.settings import Limits
 
 if sys.platform == "linux":

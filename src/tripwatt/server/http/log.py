@@ -1,0 +1,36 @@
+"""The log of the service: lines of JSON on standard error."""
+
+from __future__ import annotations
+
+import datetime as dt
+import json
+import logging
+import sys
+import time
+from typing import Any, Final
+
+MAX_MESSAGE_LENGTH: Final = 4000
+"""Most characters of a message of the HTTP server in the log."""
+
+
+def log_json(**record: Any) -> None:
+    """Write one record as a line of JSON to standard error.
+
+    Parameters
+    ----------
+    **record : object
+        Values that JSON can hold; `event` is `request` by default.
+    """
+    at = dt.datetime.fromtimestamp(time.time(), dt.UTC).replace(tzinfo=None)
+    line = {"time": f"{at.isoformat(timespec='milliseconds')}Z", "event": "request", **record}
+    sys.stderr.write(json.dumps(line, ensure_ascii=True) + "\n")
+
+
+class JsonHandler(logging.Handler):
+    """Writes warnings and errors of the HTTP server."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Write one record."""
+        if record.levelno >= logging.WARNING:
+            text = self.format(record)
+            log_json(event="server", level=record.levelname.lower(), message=text[:MAX_MESSAGE_LENGTH])
