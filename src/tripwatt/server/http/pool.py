@@ -25,7 +25,8 @@ MAX_ATTEMPTS: Final = 3
 """Workers that may be lost with one job: a choice, because a job that crashes them would end every worker."""
 
 CHECK_S: Final = 1.0
-"""Time between two looks whether idle workers still run."""
+CHECK_TIMEOUT_S: Final = 60.0
+"""Time between two looks whether idle workers still run, and for the answer of one, which a busy machine may delay."""
 
 RESTART_DELAY_S: Final = 5.0
 """Delay before another start, after one that failed."""
@@ -157,7 +158,7 @@ class WorkerPool:
                 for _ in range(MAX_ATTEMPTS):
                     worker = await self._next_idle()
                     # a cancelled request leaves the worker with a job that it has to finish
-                    task = self._keep_task(self._run_on(worker, run_here, job, body))
+                    task = self._keep_task(self._run_on(worker, limits.timeout_s, run_here, job, body))
                     result = await asyncio.shield(task)
                     if result is not None:
                         return JobResult(*result)
@@ -172,9 +173,9 @@ class WorkerPool:
         finally:
             self.waiting -= 1
 
-    async def _run_on(self, worker: Worker, work: Callable[..., Any], *args: Any) -> Any:
+    async def _run_on(self, worker: Worker, timeout_s: float, work: Callable[..., Any], *args: Any) -> Any:
         """What the work returns; None where its worker ended, or was killed because it hung."""
-        timer = asyncio.get_running_loop().call_later(self.settings.limits.timeout_s, worker.kill)
+        timer = asyncio.get_running_loop().call_later(timeout_s, worker.kill)
         try:
             result = await asyncio.wrap_future(worker.executor.submit(work, *args))
         except BrokenProcessPool:
@@ -193,7 +194,7 @@ class WorkerPool:
         while True:
             await asyncio.sleep(CHECK_S)
             for _ in range(self._idle.qsize()):
-                self._keep_task(self._run_on(self._idle.get_nowait(), os.getpid))
+                self._keep_task(self._run_on(self._idle.get_nowait(), CHECK_TIMEOUT_S, os.getpid))
 
     def _keep_task(self, work: Coroutine[Any, Any, Any]) -> asyncio.Task[Any]:
         """Run and hold a task until it is done; asyncio itself holds a weak reference."""
