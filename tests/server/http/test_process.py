@@ -116,17 +116,16 @@ def test_models_are_named_after_their_folders(tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def patient(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
-    """Two workers, no job of which times out on a busy machine."""
+    """Two workers, no job of which times out on a busy machine; one batch at a time."""
     folder = tmp_path_factory.mktemp("patient")
-    with serving(folder, "--workers", "2", "--limit", "timeout_s=120") as found:
+    with serving(folder, "--workers", "2", "--limit", "timeout_s=120", "--limit", "batches=1") as found:
         yield found
 
 
 @pytest.fixture(scope="module")
 def hasty(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
-    """One worker whose jobs time out soon, and one batch at a time."""
-    limits = ("--limit", "timeout_s=1", "--limit", "batches=1")
-    with serving(tmp_path_factory.mktemp("hasty"), "--workers", "1", *limits) as found:
+    """One worker whose jobs time out soon."""
+    with serving(tmp_path_factory.mktemp("hasty"), "--workers", "1", "--limit", "timeout_s=1") as found:
         yield found
 
 
@@ -156,6 +155,25 @@ def test_no_response_is_lost_with_a_killed_worker(patient: Service, drive: dict[
         assert [r["pid"] for r in service.records() if r["event"] == "worker lost"] == killed
 
 
+def test_an_aborted_batch_leaves_no_jobs(patient: Service) -> None:
+    """The place of the batch and the workers are free again."""
+    body = b"\n".join([b'{"links": [{"length_m": 9000, "speed_m_s": 15}]}'] * 5000)  # many seconds of work
+    headers = {"Content-Type": "application/x-ndjson"}
+
+    def short() -> httpx.Response:
+        return patient.client.post("/v1/forecast/batch", content=b"{}", headers=headers)
+
+    for _ in range(2):
+        assert wait_for(lambda: short().status_code == 200)
+        with patient.client.stream("POST", "/v1/forecast/batch", content=body, headers=headers) as answer:
+            assert answer.status_code == 200
+            lines = answer.iter_lines()  # kept: the stream ends with it
+            assert orjson.loads(next(lines))["energy_wh"] > 0.0
+            busy = short()
+            assert (busy.status_code, busy.headers.get("retry-after")) == (503, "5")
+        assert wait_for(lambda: b"tripwatt_jobs_waiting 0.0" in patient.client.get("/metrics").content)
+
+
 def test_shutdown_finishes_running_requests(patient: Service, drive: dict[str, Any]) -> None:
     """The last test of this service."""
     service = patient
@@ -175,24 +193,6 @@ def test_shutdown_finishes_running_requests(patient: Service, drive: dict[str, A
         assert [answer.result().status_code for answer in sent] == [200] * 4
         assert service.process.wait(60) == 0
         assert wait_for(lambda: not any(map(alive, workers)))
-
-
-def test_an_aborted_batch_leaves_no_jobs(hasty: Service) -> None:
-    """The place of the batch and the workers are free again."""
-    body = b"\n".join([b'{"links": [{"length_m": 9000, "speed_m_s": 15}]}'] * 5000)  # many seconds of work
-    headers = {"Content-Type": "application/x-ndjson"}
-
-    def short() -> httpx.Response:
-        return hasty.client.post("/v1/forecast/batch", content=b"{}", headers=headers)
-
-    for _ in range(2):
-        assert wait_for(lambda: short().status_code == 200)
-        with hasty.client.stream("POST", "/v1/forecast/batch", content=body, headers=headers) as answer:
-            assert answer.status_code == 200
-            next(answer.iter_lines())
-            busy = short()
-            assert (busy.status_code, busy.headers["retry-after"]) == (503, "5")
-        assert wait_for(lambda: b"tripwatt_jobs_waiting 0.0" in hasty.client.get("/metrics").content)
 
 
 def test_a_job_of_a_hung_worker_times_out(hasty: Service, drive: dict[str, Any]) -> None:
