@@ -8,7 +8,6 @@ moment of every trip, and of every other one within four messages of the fault. 
 from __future__ import annotations
 
 import math
-import os
 import random
 import sys
 import tempfile
@@ -29,7 +28,7 @@ from tools.command import run
 import tripwatt as tw
 from benchmarks.measure import Row, report
 from tripwatt.errors import InvalidInput
-from tripwatt.server.cars import RoadCar, sample_from_abrp, sender
+from tripwatt.server.cars import Car, sample_from_abrp, sender
 from tripwatt.server.cars.live_trip import MOVING_M_S
 from tripwatt.sources.tum import REFERENCE_TRIPS
 from tripwatt.units import SECONDS_PER_DAY
@@ -162,14 +161,12 @@ class Machine:
         clocks = SimpleNamespace(time=lambda: self.true_s + self.error_s, monotonic=lambda: self.true_s)
         self._patch = mock.patch.object(sender, "time", clocks)
         self._patch.start()
-        self.car = RoadCar(folder)
+        self.car = Car.follow(folder)
 
     def restart(self) -> None:
         """Kill the process and start it again; nothing is written by the one that ends."""
         self.car.close()
-        journal = self.folder / "live" / "journal.ndjson"
-        os.utime(journal, (self.true_s + self.error_s,) * 2)
-        self.car = RoadCar(self.folder)
+        self.car = Car.follow(self.folder)
 
     def wait_until(self, true_s: float) -> None:
         """Look for a silent car every `LOOK_S` meanwhile."""
@@ -188,7 +185,7 @@ def drive(
 ) -> None:
     """Drive a trip, and compare what was acknowledged with what was finished."""
     sent = messages(table, start_s, fault, draw)
-    known = {path.name for path in machine.folder.glob("live/trips/*.csv")}
+    known = {log.trip_id for log in machine.car.logs()}
     middle = len(sent) // 2
     restarts = {draw.randrange(len(sent)), middle + draw.randrange(4) if draw.random() < 0.5 else -1}
     middle_s = sent[middle].comes_s
@@ -199,7 +196,7 @@ def drive(
         if k in restarts:
             machine.restart()
         try:
-            answer: str = machine.car.add(sample_from_abrp(one.message))
+            answer: str = machine.car.record(sample_from_abrp(one.message))
         except InvalidInput:
             answer = "refused"
         if one.tag >= 0:
@@ -209,8 +206,8 @@ def drive(
     machine.error_s = server_error_s(fault, 0.0, math.inf)
     tally.sent += len(answers)
     tally.answers.update(answers.values())
-    new = [path for path in machine.folder.glob("live/trips/*.csv") if path.name not in known]
-    tables = [np.rint(pd.read_csv(path)["cabin_temperature_degc"] / TAG_STEP).astype(int) for path in new]
+    new = [log for log in machine.car.logs() if log.trip_id not in known]
+    tables = [np.rint(log.samples["cabin_temperature_degc"] / TAG_STEP).astype(int) for log in new]
     tally.split += max(len(new) - 1, 0)
     tally.joined += not new
     there = Counter(tag for tagged in tables for tag in tagged if tag >= 0)

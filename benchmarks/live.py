@@ -43,7 +43,7 @@ from tools.command import run
 import tripwatt as tw
 from benchmarks.measure import Row, not_measured, report
 from tripwatt.forecasting import Forecast
-from tripwatt.server.cars import RoadCar, TopicJoiner, issue_token
+from tripwatt.server.cars import Car, TopicJoiner, issue_token
 from tripwatt.server.http.schemas import BMS_SOC
 from tripwatt.sources.tum import REFERENCE_TRIPS
 from tripwatt.study.synthetic import example_trip
@@ -195,11 +195,11 @@ def on_the_way(drive: Drive, at_departure: Forecast, *, bad: bool) -> list[bool]
     took = drive.trip.observed_energy_wh
     assert took is not None
     inside = []
-    with tempfile.TemporaryDirectory() as place, RoadCar(Path(place) / "car") as car:
+    with tempfile.TemporaryDirectory() as place, Car.follow(Path(place) / "car") as car:
         car.set_plan({}, NOON_S)
         marks = [int(share * len(sent)) for share in SHARES]
         for k, sample in enumerate(sent, start=1):
-            car.add(sample)
+            car.record(sample)
             if k in marks:
                 low, high = car.update(at_departure).interval(0.9)
                 inside.append(low <= took <= high)
@@ -283,13 +283,13 @@ def one_message(links: list[dict[str, float]], text: str) -> Row:
     table["displayed_soc"] = np.linspace(0.9, 0.55, len(table))
     messages = [json.dumps(message).encode() for message in abrp_messages(table)]
     joiner, model, times = TopicJoiner("abrp", "car"), tw.load_model(), []
-    with tempfile.TemporaryDirectory() as place, RoadCar(Path(place) / "car", lambda _: model) as car:
+    with tempfile.TemporaryDirectory() as place, Car.follow(Path(place) / "car", lambda _: model) as car:
         car.set_plan({"links": links})
         for k, message in enumerate(messages):
             start = time.thread_time()
             sample = joiner.take("car", message, NOON_S + k)
             assert sample is not None
-            car.add(sample)
+            car.record(sample)
             if k >= HOUR_S:
                 answer = json.dumps(car.document(NOON_S + k))
                 times.append(time.thread_time() - start)

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from tripwatt.command import app
 from tripwatt.command.serve import make_cars_folder
 from tripwatt.errors import InvalidInput
-from tripwatt.server.cars.tokens import digest_of, token_digest
+from tripwatt.server.cars.folder import digest_of, token_digest
 
 
 def run(*arguments: object) -> str:

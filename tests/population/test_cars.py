@@ -16,7 +16,7 @@ import tripwatt as tw
 from tripwatt.forecasting import load_model, save_model
 from tripwatt.forecasting.leaving import leaving_with
 from tripwatt.population import adaptation, for_car
-from tripwatt.server.cars import RoadCar, Sample
+from tripwatt.server.cars import Car, Sample
 from tripwatt.server.http.car_jobs import CarJobs
 from tripwatt.server.http.jobs import Jobs
 from tripwatt.server.http.settings import Limits
@@ -103,8 +103,8 @@ def test_the_library_flags_another_car() -> None:
 
 
 def test_a_car_on_the_road_flags_that_it_has_no_trips(other: tw.ForecastModel, tmp_path: Path) -> None:
-    with RoadCar(tmp_path / "live", lambda _: other) as car:
-        car.add(Sample(1.7e9, {"speed_m_s": 0.0, "displayed_soc": 0.8}))
+    with Car.follow(tmp_path / "live", lambda _: other) as car:
+        car.record(Sample(1.7e9, {"speed_m_s": 0.0, "displayed_soc": 0.8}))
         car.set_plan({"links": LINKS})
         made = car.at_departure()
     assert made is not None

@@ -132,7 +132,7 @@ def test_serve_checks_what_its_options_need_before_it_starts(
 ) -> None:
     from tripwatt.command.serve import serve
 
-    monkeypatch.setattr("tripwatt.errors.find_spec", lambda name: None if name == "deltalake" else object())
-    with pytest.raises(InvalidInput, match=r"missing package: --cars: got no deltalake.*\.\[fleet\]"):
-        serve(cars=tmp_path / "cars")
+    monkeypatch.setattr("tripwatt.errors.find_spec", lambda name: None if name == "aiomqtt" else object())
+    with pytest.raises(InvalidInput, match=r"missing package: --mqtt: got no aiomqtt.*\.\[live\]"):
+        serve(cars=tmp_path / "cars", mqtt="mqtt://192.0.2.7")
     assert not (tmp_path / "cars").exists()

@@ -37,10 +37,9 @@ from tripwatt.forecasting.plausible import battery_wh
 from tripwatt.forecasting.storage import model_folder
 from tripwatt.roads.maps.folder import INDEX_NAME, INFO_NAME, open_map
 from tripwatt.routes import parse_route
-from tripwatt.server.cars import RoadCar, Sample, TopicJoiner, sample_from_abrp
-from tripwatt.server.cars.journal import line_of
-from tripwatt.server.cars.own_car import JOURNAL, LIVE
-from tripwatt.server.cars.tokens import token_digest
+from tripwatt.server.cars import Car, Sample, TopicJoiner, sample_from_abrp
+from tripwatt.server.cars.car_file import text_of
+from tripwatt.server.cars.folder import token_digest
 from tripwatt.server.http.jobs import Jobs
 from tripwatt.server.http.problems import Problem
 from tripwatt.server.http.settings import Limits
@@ -263,18 +262,19 @@ def _message(example: bytes) -> tuple[str, bytes]:
     return topic.decode(), payload
 
 
-LONG_JOURNAL_BYTES: Final = 20_000
+MOST_MESSAGES: Final = 300
 
 
 def _kept_once(place: Path, sample: Sample) -> None:
-    """A sample that a car took is there after it was opened again, and counts once. A long journal is put away: each opening reads it."""
-    journal = place / LIVE / JOURNAL
-    if journal.is_file() and journal.stat().st_size > LONG_JOURNAL_BYTES:
+    """A sample that a car took is there after it was opened again, and counts once. One with many is put away: each opening reads them."""
+    with Car.follow(place) as car:
+        many = len(car.file.messages()) > MOST_MESSAGES
+    if many:
         shutil.rmtree(place)
-    with RoadCar(place) as car:
-        taken = car.add(sample, now_s=sample.time_s) == "new"
-    with RoadCar(place) as car:
-        again = car.add(sample, now_s=sample.time_s)
+    with Car.follow(place) as car:
+        taken = car.record(sample, now_s=sample.time_s) == "new"
+    with Car.follow(place) as car:
+        again = car.record(sample, now_s=sample.time_s)
     assert not (taken and again == "new"), f"an acknowledged sample is lost: {sample}"
 
 
@@ -287,23 +287,23 @@ def _live_folder(folder: Path) -> Path:
 
 def _journal_lines() -> list[bytes]:
     drive = [Sample(LIVE_S + k, {"speed_m_s": 15.0, "displayed_soc": 0.6}) for k in range(60)]
-    lines = b"".join(line_of(sample) for sample in drive)
+    lines = "".join(f"{text_of(sample)}\n" for sample in drive).encode()
     return [
         lines,
         b'{"after_s":1699999999.0}\n' + lines,
-        lines + line_of(Sample(LIVE_S + 61.0, charging=True)),
+        lines + f"{text_of(Sample(LIVE_S + 61.0, charging=True))}\n".encode(),
     ]
 
 
 def _journal(content: bytes, folder: Path) -> None:
-    """A car with this journal opens; what it takes then is there after it was opened again."""
+    """A car whose older version wrote this journal opens; what it takes then is there after it was opened again."""
     place = _live_folder(folder)
     (place / "live" / "journal.ndjson").write_bytes(content)
-    with RoadCar(place) as car:
-        whole = {sample.time_s for sample in car._journal.read()}
+    with Car.follow(place) as car:
+        whole = {sample.time_s for sample in car.file.messages()}
         newest = max(whole, default=LIVE_S)
-    with RoadCar(place) as car:
-        assert {sample.time_s for sample in car._journal.read()} == whole, "what was recovered is lost"
+    with Car.follow(place) as car:
+        assert {sample.time_s for sample in car.file.messages()} == whole, "what was recovered is lost"
     _kept_once(place, Sample(min(newest + 7.0, LIVE_S + 1e6), {"speed_m_s": 3.0}))
 
 
@@ -313,7 +313,7 @@ def _live_file(name: str) -> Read:
     def read(content: bytes, folder: Path) -> None:
         place = _live_folder(folder)
         (place / "live" / name).write_bytes(content)
-        with RoadCar(place) as car:
+        with Car.follow(place) as car:
             token_digest(place)
             if car.plan is not None:
                 with contextlib.suppress(InvalidInput):

@@ -53,9 +53,7 @@ def run(text):
 """
 
 LIVE: Final = """
-import json, os
-import pandas as pd
-from tripwatt.server.cars import Sample, RoadCar
+from tripwatt.server.cars import Car, Sample
 T0 = 1_700_000_000.0
 def samples(text):
     shift = 0.0 if text == "old" else 3600.0
@@ -63,42 +61,37 @@ def samples(text):
         moves = 5 <= k < 50
         yield Sample(T0 + shift + k, {"speed_m_s": 15.0 if moves else 0.0}, charging=k >= 55)
 def kept():
-    found = []
-    for path in (out / "live" / "trips").glob("*.csv"):
-        table = pd.read_csv(path)
-        start = pd.to_datetime(path.stem, format="%Y%m%dT%H%M%SZ").timestamp()
-        found += [round(start + t) for t in table["time_s"]]
-    with RoadCar(out) as car:
-        found += [round(s.time_s) for s in car._journal.read()]
-    return found
+    with Car.follow(out) as car:  # whatever was left undone is done
+        found = [round(sample.time_s) for sample in car.file.messages()]
+        for start_s in car.file.departures(1e10):
+            (log,) = car.file.logs("start_s = ?", start_s)
+            found += [round(start_s + t) for t in log.array("time_s")]
+        return found
 if out.exists():
     place = out / "acknowledged"
-    with RoadCar(out):
-        pass  # whatever was left undone is done
     found = kept()
     acknowledged = [int(t) for t in place.read_text().split()] if place.exists() else []
     assert set(acknowledged) <= set(found), "an acknowledged sample is lost"
     assert len(found) == len(set(found)), "a sample counts twice"
 def run(text):
-    with RoadCar(out) as car:
+    with Car.follow(out) as car:
         for sample in samples(text):
-            car.add(sample)
+            car.record(sample)
             if sample.values["speed_m_s"]:
                 with (out / "acknowledged").open("a") as stream:
                     stream.write(chr(10) + f"{sample.time_s:.0f}" + chr(10))
 """
 
 CAR: Final = """
-import deltalake, pyarrow.dataset
 from tripwatt.forecasting import load_model
 load_model()
 from dataclasses import replace
 from tripwatt.server.cars import create_car, is_car, open_car
 from tripwatt.study.synthetic import synthetic_fleet
 LOGS = [replace(log, samples=log.samples.iloc[:500]) for log in synthetic_fleet(2).logs]
-if out.exists():
+if out.exists() and (with_old or is_car(out)):
     car = open_car(out)
-    stored = [(log.trip_id, len(log.samples)) for log in car.store.logs()]
+    stored = [(log.trip_id, len(log.samples)) for log in car.logs()]
     diary, known = list(car.diary.table["trip_id"]), {log.trip_id for log in LOGS}
     assert len(stored) == len(set(stored)) and len(diary) == len(set(diary)), "a trip counts twice"
     assert set(stored) <= {(name, 500) for name in known}, "half a trip"
@@ -111,27 +104,28 @@ def run(text):
 """
 
 LEARN: Final = """
-import deltalake, pyarrow.dataset
 from tripwatt.forecasting import load_model
 load_model()
-from tripwatt.server.cars import create_car, is_car, learn_finished, open_car
-from tripwatt.server.cars.folder import finished_names, keep_trip, live_folder
+from tripwatt.server.cars import Car, Sample, create_car, is_car, open_car
 from tripwatt.study.synthetic import synthetic_fleet
-TABLE = synthetic_fleet(1).logs[0].samples.iloc[:500]
+ROWS = synthetic_fleet(1).logs[0].samples.iloc[:500].to_dict("records")
 STARTS = {"old": [1_700_000_000.0], "new": [1_700_000_000.0, 1_700_100_000.0]}
 if out.exists() and is_car(out):
     car = open_car(out)
-    stored, diary = [log.trip_id for log in car.store.logs()], list(car.diary.table["trip_id"])
+    stored, diary = [log.trip_id for log in car.logs()], list(car.diary.table["trip_id"])
     assert len(stored) == len(set(stored)) and len(diary) == len(set(diary)), "a trip counts twice"
     assert len(diary) >= (2 if stage == "later" else 1 if with_old else 0), "a trip is lost"
-    assert len(finished_names(out)) >= len(diary), "a finished trip is lost"
+    assert len(stored) >= len(diary), "a finished trip is lost"
 def run(text):
     if not is_car(out):
         create_car(out, "nissan_leaf_24")
-    live_folder(out)
-    for start_s in STARTS[text]:
-        keep_trip(out, start_s, TABLE, ())
-    learn_finished(out)
+    with Car.follow(out) as car:
+        for start_s in STARTS[text]:
+            for row in ROWS:
+                values = {n: row[n] for n in ("speed_m_s", "voltage_v", "current_a")}
+                car.record(Sample(start_s + row["time_s"], values), now_s=start_s + row["time_s"])
+            car.finish_trip()
+    open_car(out).learn()
 """
 
 STORE: Final = """

@@ -22,7 +22,7 @@ from tools.quality import probe
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.routes import plan_on_links
-from tripwatt.server.cars import RoadCar, Sample
+from tripwatt.server.cars import Car, Sample
 from tripwatt.study.evaluation import Execution
 from tripwatt.study.evaluation.forecast_data import measured_log
 from tripwatt.trips import plan_from_trip
@@ -109,8 +109,8 @@ def on_the_road(model: ForecastModel) -> Iterator[Answers]:
     plan = plan_from_trip(probe.trips()[0])
     with tempfile.TemporaryDirectory() as place:
         for start in range(0, len(sent), RESTART_EACH):
-            with RoadCar(Path(place) / "car") as car:
-                became = [car.add(sample) for sample in sent[max(0, start - 20) : start + RESTART_EACH]]
+            with Car.follow(Path(place) / "car") as car:
+                became = [car.record(sample) for sample in sent[max(0, start - 20) : start + RESTART_EACH]]
                 updated = car.update(model.forecast(plan))
                 yield {
                     "became": became,

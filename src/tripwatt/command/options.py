@@ -322,7 +322,8 @@ def model_of(folder: Path | None) -> ForecastModel:
     """
     from tripwatt.forecasting import load_model
 
-    if folder is not None and (folder / "car.json").is_file():
+    # an older version wrote a car.json
+    if folder is not None and any((folder / name).is_file() for name in ("car.sqlite", "car.json")):
         from tripwatt.server.cars import is_car, open_car  # slow to import, and most folders are models
 
         if is_car(folder):

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from tripwatt.server.cars import Car, Learned
 
-GROUP = "Your own car: its trips, the model that is adapted to them, and its diary. Needs the extra tripwatt[fleet]."
+GROUP = "Your own car: its trips, the model that is adapted to them, and its diary."
 
 CarArgument = Annotated[Path, argument("CAR", "Folder of the car, made by `tripwatt car new`.")]
 

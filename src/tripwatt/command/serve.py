@@ -133,8 +133,6 @@ def serve(
     from tripwatt.roads.journey import open_atlas
 
     needed = {"service": "tripwatt serve"}
-    if cars is not None:
-        needed["fleet"] = "--cars"
     if mqtt:
         needed["live"] = "--mqtt"
     atlas = on_map.settings()
@@ -206,7 +204,7 @@ def car_and_topic(given: str) -> tuple[str, tuple[str, str]]:
     ('my-3', ('teslamate', 'teslamate/cars/1'))
     """
     from tripwatt.server.cars import TopicJoiner
-    from tripwatt.server.cars.own_car import VALID_NAME
+    from tripwatt.server.cars.live_car import VALID_NAME
 
     parts = re.fullmatch(f"({VALID_NAME.pattern})=([^:]+):(.+)", given)
     if parts is None:

@@ -20,7 +20,7 @@ from tests.server.cars.messages import NOON_S, abrp_messages, over_a_bad_connect
 from tests.support.service_process import free_port
 
 from tripwatt.forecasting import Forecast
-from tripwatt.server.cars import Broker, Follower, MqttSettings, RoadCar, Sample, sample_from_abrp
+from tripwatt.server.cars import Broker, Car, Follower, MqttSettings, Sample, sample_from_abrp
 from tripwatt.server.cars.live_trip import SILENCE_S
 
 MOSQUITTO: Final = shutil.which("mosquitto") or shutil.which("/usr/sbin/mosquitto")
@@ -109,7 +109,7 @@ async def _replay(
     victim: subprocess.Popen[bytes] | None,
 ) -> list[Replayed]:
     async with AsyncExitStack() as stack:
-        cars = {d.name: stack.enter_context(RoadCar(folder / "cars" / d.name)) for d in drives}
+        cars = {d.name: stack.enter_context(Car.follow(folder / "cars" / d.name)) for d in drives}
         for car in cars.values():
             car.set_plan({}, NOON_S)
         settings = MqttSettings(where, {d.name: ("abrp", d.topic) for d in drives})
@@ -174,7 +174,7 @@ async def retained(where: Broker, topics: str, count: int) -> dict[str, bytes]:
 
 
 def follower_of(
-    cars: Mapping[str, RoadCar],
+    cars: Mapping[str, Car],
     settings: MqttSettings,
     note: Callable[[str], None] = lambda _: None,
     every_s: float = 0.1,
@@ -182,7 +182,7 @@ def follower_of(
     """Follows cars in this process, without a service."""
 
     async def take(name: str, sample: Sample) -> None:
-        cars[name].add(sample)
+        cars[name].record(sample)
 
     async def documents() -> dict[str, Mapping[str, Any]]:
         return {name: dict(car.document(time.time())) for name, car in cars.items()}
@@ -190,9 +190,7 @@ def follower_of(
     return Follower(settings, take, documents, note, every_s)
 
 
-async def _send(
-    where: Broker, drive: Sent, car: RoadCar, start: int, stop: int, *, wait: bool = True
-) -> None:
+async def _send(where: Broker, drive: Sent, car: Car, start: int, stop: int, *, wait: bool = True) -> None:
     """Send a part of a drive. Without `wait`, what is sent last may not be with the car when this returns."""
     before = sum(car.counts.values())
     async with aiomqtt.Client(where.host, where.port) as client:
@@ -213,7 +211,7 @@ async def until(condition: Callable[[], Any]) -> None:
     raise AssertionError("it did not come true in a minute")
 
 
-def _judged(drive: Sent, car: RoadCar, forecast: Forecast) -> Replayed:
+def _judged(drive: Sent, car: Car, forecast: Forecast) -> Replayed:
     expected = drive.table()
     difference = abs(car.update(forecast).energy_wh - forecast.update(expected).energy_wh)
     assert car.update(forecast).energy_wh != forecast.energy_wh

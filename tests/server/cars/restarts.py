@@ -14,7 +14,7 @@ import aiomqtt
 from tests.server.cars.brokers import broker, follower_of, subscribed, until
 from tests.server.cars.messages import abrp_messages, measured
 
-from tripwatt.server.cars import MqttSettings, RoadCar, Sample, sample_from_abrp
+from tripwatt.server.cars import Car, MqttSettings, Sample, sample_from_abrp
 from tripwatt.server.cars.live_trip import SILENCE_S
 from tripwatt.study.synthetic import example_trip
 
@@ -63,7 +63,7 @@ class Home:
 
     def start(self) -> None:
         """Start the program."""
-        self.car = RoadCar(self.folder / "cars" / "leaf")
+        self.car = Car.follow(self.folder / "cars" / "leaf")
         settings = MqttSettings(self.where, {"leaf": ("abrp", "cars/leaf/tlm")})
         follower = follower_of({"leaf": self.car}, settings)
         store, self.stuck = follower.take, asyncio.Event()

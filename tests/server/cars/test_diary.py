@@ -2,23 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pandas as pd
 import pytest
 
 from tripwatt.server.cars import Diary, Score
-
-
-def test_causes_of_an_old_diary_have_their_names_of_today(tmp_path: Path) -> None:
-    table = Diary.empty().table
-    table.loc[0, ["trip_id", "started_at"]] = ["A", ""]
-    table.loc[0, ["energy_wh", "forecast_wh"]] = [1000.0, 950.0]
-    table.assign(cause_hvac_wh=300.0, cause_learned_correction_wh=-50.0).to_parquet(
-        tmp_path / "diary.parquet"
-    )
-    found = Diary.read(tmp_path / "diary.parquet").by_cause_wh()
-    assert found == {"climate": 300.0, "correction": -50.0, "not_forecast": 50.0}
 
 
 def test_scores_by_hand() -> None:

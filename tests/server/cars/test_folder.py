@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import datetime as dt
 import math
 from pathlib import Path
 
@@ -10,8 +9,8 @@ import pytest
 from tests.server.cars.messages import NOON_S, abrp_messages, measured
 
 from tripwatt.errors import InvalidInput
-from tripwatt.server.cars import RoadCar, create_car, forget_car, issue_token, sample_from_abrp
-from tripwatt.server.cars.folder import finished_logs, finished_names, forecasts_of
+from tripwatt.server.cars import Car, create_car, forget_car, has_token, issue_token, sample_from_abrp
+from tripwatt.server.cars.folder import digest_of, token_digest
 from tripwatt.server.cars.live_trip import SILENCE_S
 from tripwatt.study.synthetic import example_trip
 
@@ -27,10 +26,10 @@ def content(folder: Path) -> bytes:
 
 def drive(folder: Path, start_s: float, *, ended: bool = True, keep_days: float = math.inf) -> None:
     table = measured(example_trip()).iloc[:400]
-    with RoadCar(folder, keep_days=keep_days) as car:
+    with Car.follow(folder, keep_days=keep_days) as car:
         for message in abrp_messages(table, start_s):
             sample = sample_from_abrp({**message, "lat": LATITUDE, "lon": LONGITUDE})
-            assert car.add(sample, now_s=sample.time_s) == "new"
+            assert car.record(sample, now_s=sample.time_s) == "new"
         if ended:
             car._listening_s = start_s
             assert car.end_when_silent(start_s + 400.0 + SILENCE_S + 1.0)
@@ -51,9 +50,9 @@ def test_no_coordinate_is_written(tmp_path: Path, ended: bool) -> None:
 def test_the_same_trip_is_found_without_coordinates(tmp_path: Path) -> None:
     found = []
     for name, more in (("with", {"lat": LATITUDE, "lon": LONGITUDE}), ("without", {})):
-        with RoadCar(tmp_path / name) as car:
+        with Car.follow(tmp_path / name) as car:
             for message in abrp_messages(measured(example_trip()).iloc[:400]):
-                car.add(sample_from_abrp({**message, **more}), now_s=NOON_S + 500.0)
+                car.record(sample_from_abrp({**message, **more}), now_s=NOON_S + 500.0)
             found.append(car.observed())
     assert len(found[0]) > 300
     assert found[0].equals(found[1])
@@ -63,64 +62,47 @@ def test_trips_are_erased_after_the_days_that_were_asked_for(tmp_path: Path) -> 
     folder = tmp_path / "leaf"
     for days in (0, 5, 9):
         drive(folder, NOON_S + days * DAY_S)
-    with RoadCar(folder) as car:
+    with Car.follow(folder) as car:
         assert len(car.logs()) == 3
         assert car.erase_old(NOON_S + 1000.0 * DAY_S) == 0
-    with RoadCar(folder) as car:
+    with Car.follow(folder) as car:
         car.keep_days = 7.0
         assert car.erase_old(NOON_S + 10.0 * DAY_S) == 1
-        left = finished_names(folder)
-        assert left == [
-            f"{dt.datetime.fromtimestamp(NOON_S, dt.UTC) + dt.timedelta(days=d):%Y%m%d}T{s}"
-            for d, s in zip((5, 9), [p[9:] for p in left], strict=True)
-        ]
+        assert car.file.departures(math.inf) == [NOON_S + 5.0 * DAY_S, NOON_S + 9.0 * DAY_S]
         assert car.erase_old(NOON_S + 10.0 * DAY_S) == 0
         car.received_s = None
         car.end_when_silent(NOON_S + 13.0 * DAY_S)  # asked for every hour by those who follow a car
         assert len(car.logs()) == 1
-    with RoadCar(folder, keep_days=30.0) as car:  # today is years later
+    with Car.follow(folder, keep_days=30.0) as car:  # today is years later
         assert car.logs() == ()
-    assert list((folder / "live" / "trips").iterdir()) == []
 
 
 def test_samples_of_a_silent_car_are_erased_and_those_of_a_trip_stay(tmp_path: Path) -> None:
     parked = {"utc": NOON_S, "speed": 0, "soc": 61.0, "is_parked": 1}
-    with RoadCar(tmp_path / "parked", keep_days=7.0) as car:
-        car.add(sample_from_abrp(parked), now_s=NOON_S)
+    with Car.follow(tmp_path / "parked", keep_days=7.0) as car:
+        car.record(sample_from_abrp(parked), now_s=NOON_S)
         car.erase_old(NOON_S + 6.0 * DAY_S)
-        assert b"0.61" in content(tmp_path / "parked")
+        assert b"displayed_soc" in content(tmp_path / "parked")
         car.erase_old(NOON_S + 8.0 * DAY_S)
-        assert b"0.61" not in content(tmp_path / "parked")
-        assert car.add(sample_from_abrp(parked), now_s=NOON_S + 8.0 * DAY_S) != "new"
+        assert b"displayed_soc" not in content(tmp_path / "parked")
+        assert car.record(sample_from_abrp(parked), now_s=NOON_S + 8.0 * DAY_S) != "new"
     drive(tmp_path / "leaf", NOON_S, ended=False)
-    with RoadCar(tmp_path / "leaf") as car:
+    with Car.follow(tmp_path / "leaf") as car:
         assert car.trip is not None
         car.keep_days = 7.0
         car.erase_old(NOON_S + 3000.0 * DAY_S)
         assert len(car.observed()) > 300
-    with RoadCar(tmp_path / "leaf") as car:
+    with Car.follow(tmp_path / "leaf") as car:
         assert len(car.observed()) > 300, "on disk, too"
-
-
-def test_a_journal_without_samples_is_not_written_again_when_the_car_is_silent(tmp_path: Path) -> None:
-    with RoadCar(tmp_path / "parked", keep_days=7.0) as car:
-        car.add(sample_from_abrp({"utc": NOON_S, "speed": 0, "soc": 61.0}), now_s=NOON_S)
-        for day in (8.0, 9.0):
-            car.erase_old(NOON_S + day * DAY_S)
-            written = car._journal.path.stat()
-            assert car.about(NOON_S)["soc"] is None
-        car.erase_old(NOON_S + 10.0 * DAY_S)
-        assert car._journal.path.stat().st_ino == written.st_ino
 
 
 @pytest.mark.parametrize("ended", [True, False])
 def test_nothing_is_left_of_a_forgotten_car(tmp_path: Path, ended: bool) -> None:
-    pytest.importorskip("deltalake", reason="the extra tripwatt[fleet] is not installed")
     folder = tmp_path / "leaf"
     create_car(folder, "nissan_leaf_24")
     issue_token(folder)
     drive(folder, NOON_S, ended=ended)
-    with RoadCar(folder) as car:
+    with Car.follow(folder) as car:
         car.set_plan({"points": [[LATITUDE, LONGITUDE]]}, NOON_S)
     assert f"{LATITUDE}".encode() in content(tmp_path)  # of the plan, while it is needed
     forget_car(folder)
@@ -129,40 +111,34 @@ def test_nothing_is_left_of_a_forgotten_car(tmp_path: Path, ended: bool) -> None
     assert content(tmp_path) == b""
 
 
-@pytest.mark.parametrize(
-    "name", ["99999999T999999Z", "20240231T080000Z", "99991231T235959Z", "00010101T000000Z"]
-)
-def test_a_file_whose_name_is_no_time_is_no_trip(tmp_path: Path, name: str) -> None:
-    folder = tmp_path / "leaf"
-    drive(folder, NOON_S)
-    (folder / "live" / "trips" / f"{name}.csv").write_text("time_s,speed_m_s\n0,1\n")
-    assert len(finished_names(folder)) == 1
-    assert len(finished_logs(folder)) == 1
-    assert forecasts_of(folder, f"leaf-{name}") == ()
-
-
 @pytest.mark.parametrize("name", ["a b", ".hidden", "-x", "ü", "x" * 65])
 def test_a_name_is_part_of_a_path_and_of_a_url(tmp_path: Path, name: str) -> None:
     with pytest.raises(InvalidInput, match="name cannot be used"):
-        RoadCar(tmp_path / name)
+        Car.follow(tmp_path / name)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_folder_that_cannot_be_made_or_a_damaged_plan_is_refused(folder: Path) -> None:
+def test_a_folder_that_cannot_be_made_is_refused(folder: Path) -> None:
     folder.write_text("")
     with pytest.raises(InvalidInput, match="cannot write the folder"):
-        RoadCar(folder)
-    other = folder.with_name("other")
-    (other / "live").mkdir(parents=True)
-    for content in ("{", "{}", "[]"):
-        (other / "live" / "plan.json").write_text(content)
-        with pytest.raises(InvalidInput, match="damaged file"):
-            RoadCar(other)
+        Car.follow(folder)
 
 
-def test_a_plan_is_taken_away_twice(folder: Path) -> None:
-    with RoadCar(folder) as car:
-        car.set_plan({"links": []})
-        for _ in range(2):
-            car.set_plan(None)
-            assert (car.plan, (folder / "live" / "plan.json").exists()) == (None, False)
+def test_a_car_that_is_followed_is_not_forgotten_beside_its_service(folder: Path) -> None:
+    with Car.follow(folder), pytest.raises(InvalidInput, match="another run"):
+        forget_car(folder)
+    forget_car(folder)
+    assert not folder.exists()
+
+
+def test_a_token_is_that_of_one_car_and_is_not_stored(folder: Path) -> None:
+    assert not has_token(folder)
+    token, other = issue_token(folder), issue_token(folder.with_name("other"))
+    assert has_token(folder)
+    assert token_digest(folder) == digest_of(token)
+    assert token_digest(folder.with_name("other")) == digest_of(other)
+    again = issue_token(folder)
+    assert token_digest(folder) == digest_of(again)
+    assert len({token, other, again}) == 3
+    assert again.encode() not in content(folder)
+    assert token_digest(folder.with_name("third")) is None

@@ -31,7 +31,7 @@ import aiomqtt
 
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
-from tripwatt.server.cars import Broker, MqttSettings, RoadCar, Sample, following
+from tripwatt.server.cars import Broker, Car, MqttSettings, Sample, following
 from tripwatt.server.cars.discovery import EXPIRES_S, SENSORS, discovery
 from tripwatt.study.synthetic import example_trip
 from tripwatt.trips import plan_from_samples
@@ -74,13 +74,13 @@ async def publish(where: Broker, rows: pd.DataFrame) -> None:
 def following_car(
     folder: Path,
     where: Broker,
-    work: Callable[[RoadCar], Awaitable[None]],
+    work: Callable[[Car], Awaitable[None]],
     note: Callable[[str], None] = lambda _: None,
 ) -> None:
     """Do something while a car is followed."""
 
     async def run() -> None:
-        with RoadCar(folder / "leaf", lambda _: MODEL) as car:
+        with Car.follow(folder / "leaf", lambda _: MODEL) as car:
             car.set_plan(request())
             follower = follower_of({"leaf": car}, MqttSettings(where, {"leaf": ("ovms", ROOT)}), note)
             task = asyncio.ensure_future(follower.follow())
@@ -102,7 +102,7 @@ def test_the_forecast_over_mqtt_is_that_of_update(
     sensors: dict[str, bytes] = {}
     states: list[bytes] = []
 
-    async def work(car: RoadCar) -> None:
+    async def work(car: Car) -> None:
         await subscribed(where)
         await publish(where, drive)
         documents.append(
@@ -133,8 +133,8 @@ def test_the_age_of_a_silent_car_grows(tmp_path: Path, monkeypatch: pytest.Monke
     monkeypatch.setattr(following, "AGE_S", 0.5)
     ages: list[float] = []
 
-    async def work(car: RoadCar) -> None:
-        car.add(Sample(NOON_S, {"speed_m_s": 0.0}), now_s=time.time() - 40.0)
+    async def work(car: Car) -> None:
+        car.record(Sample(NOON_S, {"speed_m_s": 0.0}), now_s=time.time() - 40.0)
         while len(ages) < 3:
             wanted = max(ages, default=39.0)
             found = await published(
@@ -214,7 +214,7 @@ def test_a_broker_that_is_killed_costs_no_message_that_comes_after_it(
     monkeypatch.setattr(following, "FLUSH_S", 0.3)
     notes: list[str] = []
 
-    async def work(car: RoadCar) -> None:
+    async def work(car: Car) -> None:
         await subscribed(where)
         await publish(where, drive.iloc[:100])
         await until(lambda: car.counts["new"] == 100)

@@ -11,7 +11,7 @@ from tests.server.cars.messages import NOON_S, samples_of
 from tests.support.plans import request_of_samples
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.server.cars import RoadCar, Sample
+from tripwatt.server.cars import Car, Sample
 from tripwatt.server.cars.live_trip import SILENCE_S, STANDING_S
 from tripwatt.server.cars.plan import LivePlan
 from tripwatt.study.synthetic import example_trip
@@ -20,12 +20,12 @@ from tripwatt.trips import Log
 
 def test_a_plan_stays_until_its_trip_has_ended(drive: pd.DataFrame, folder: Path) -> None:
     samples = samples_of(drive)
-    with RoadCar(folder) as car:
+    with Car.follow(folder) as car:
         car.set_plan({"to": "work"}, departure_s=NOON_S + 5.0)
         fed(car, samples)
         assert car.observed()["time_s"].iloc[0] == 0.0
         assert len(car.observed()) == len(drive) - 5
-    with RoadCar(folder) as car:
+    with Car.follow(folder) as car:
         assert car.plan == LivePlan({"to": "work"}, NOON_S + 5.0, None)
         fed(car, [Sample(NOON_S + 600.0 + k, {"speed_m_s": 0.0}) for k in range(int(STANDING_S) - 100)])
         car.set_plan({"to": "home"})
@@ -34,7 +34,7 @@ def test_a_plan_stays_until_its_trip_has_ended(drive: pd.DataFrame, folder: Path
         assert car.plan is not None, "a plan that was given after the arrival is that of the next trip"
         assert car.plan.request == {"to": "home"}
         car.set_plan(None)
-    with RoadCar(folder) as car:
+    with Car.follow(folder) as car:
         assert car.plan is None
 
 
@@ -43,7 +43,7 @@ def test_a_plan_that_cannot_be_forecast_is_a_fault(folder: Path, monkeypatch: py
         raise InvalidInput(Fault("no such road", "plan"))
 
     monkeypatch.setattr(type(MODEL), "forecast", refuse)
-    with RoadCar(folder, lambda _: MODEL) as car:
+    with Car.follow(folder, lambda _: MODEL) as car:
         for request, what in (({"links": LINKS}, "no such road"), ({"to": "work"}, "no road")):
             car.set_plan(request)
             found = car.document(NOON_S)
@@ -52,7 +52,7 @@ def test_a_plan_that_cannot_be_forecast_is_a_fault(folder: Path, monkeypatch: py
 
 
 def test_the_plan_of_a_trip_that_has_ended_is_not_used_again(drive: pd.DataFrame, folder: Path) -> None:
-    with RoadCar(folder, lambda _: MODEL) as car:
+    with Car.follow(folder, lambda _: MODEL) as car:
         car.set_plan(request_of_samples(example_trip()))
         fed(car, samples_of(drive))
         assert car.document(NOW_S)["forecast"] is not None
@@ -62,11 +62,11 @@ def test_the_plan_of_a_trip_that_has_ended_is_not_used_again(drive: pd.DataFrame
 
 
 def test_a_plan_outlives_a_restart_with_its_figures(drive: pd.DataFrame, folder: Path) -> None:
-    with RoadCar(folder, lambda _: MODEL) as car:
+    with Car.follow(folder, lambda _: MODEL) as car:
         car.set_plan({"links": LINKS, "reserve": 0.3})
         fed(car, samples_of(drive.iloc[:200]))
         before = car.document(NOW_S)
-    with RoadCar(folder, lambda _: MODEL) as car:
+    with Car.follow(folder, lambda _: MODEL) as car:
         after = car.document(NOW_S)
         assert (after["plan"], after["forecast"]) == ("given", before["forecast"])
 

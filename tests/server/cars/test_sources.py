@@ -12,7 +12,7 @@ import pytest
 from tests.server.cars.messages import NOON_S, measured
 
 import tripwatt as tw
-from tripwatt.server.cars import RoadCar, TopicJoiner
+from tripwatt.server.cars import Car, TopicJoiner
 from tripwatt.server.cars.telemetry import format_of
 from tripwatt.sources.mapping import POWER
 
@@ -66,14 +66,14 @@ def test_one_drive_by_five_senders_ends_in_one_forecast(data_dir: Path, tmp_path
     arrivals = {"log": departure.update_since_departure(table).soc_arrival}
     for source in SENDERS:
         joiner = TopicJoiner(source, ROOT)
-        with RoadCar(tmp_path / source) as car:
+        with Car.follow(tmp_path / source) as car:
             for topic, payload, time_s in sent(source, table):
                 sample = joiner.take(topic, payload, time_s)
                 if sample is not None:
-                    car.add(sample, now_s=time_s + 1.0)
+                    car.record(sample, now_s=time_s + 1.0)
             last = joiner.flush()
             if last is not None:
-                car.add(last, now_s=NOON_S + 1e5)
+                car.record(last, now_s=NOON_S + 1e5)
             car.set_plan({}, NOON_S)
             arrivals[source] = car.update(departure).soc_arrival
     assert max(arrivals.values()) - min(arrivals.values()) <= 0.5 * POINT, arrivals

@@ -10,7 +10,7 @@ from tests.support.roads import osrm
 from tests.support.router_server import answering, write_map
 from tests.support.service_process import Service, serving
 
-from tripwatt.server.cars.tokens import issue_token
+from tripwatt.server.cars.folder import issue_token
 from tripwatt.study.synthetic import example_trip
 
 

@@ -9,8 +9,6 @@ from types import SimpleNamespace
 
 import pytest
 
-pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
-
 from tripwatt.errors import Fault
 from tripwatt.server.http.car_jobs import PROGRESS, CarJobs, _files, preview_of, read_progress, uploaded
 from tripwatt.server.http.car_schemas import plain

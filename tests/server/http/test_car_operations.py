@@ -24,8 +24,6 @@ from tests.support.service_attacks import seen_by_another
 from tests.support.service_process import Service, serving
 from tests.support.service_schema import conformance
 
-pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
-
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
 from tripwatt.hybrid.factors import NAMES, UNITS
@@ -361,7 +359,7 @@ def test_logs_with_positions_get_the_heights_of_the_map(tmp_path: Path) -> None:
     assert own.logs("car", "first001", b"{}")["faults"] == []
     assert own.learn("car", "first001", b"{}")["flat"] == 0
     assert seen == [len(samples)] * 2
-    (trip,) = open_car(tmp_path / "car").store.logs()
+    (trip,) = open_car(tmp_path / "car").logs()
     assert trip.array("elevation_m") == pytest.approx(np.full(len(samples), 500.0))
 
 

@@ -22,8 +22,7 @@ from tools.data import country
 
 from tripwatt.roads.maps.engine import valhalla_folder
 from tripwatt.roads.maps.extract import read_objects
-from tripwatt.server.cars import RoadCar
-from tripwatt.server.cars.own_car import open_car
+from tripwatt.server.cars import Car, open_car
 from tripwatt.server.http import demo
 from tripwatt.server.http.settings import Settings
 
@@ -56,8 +55,8 @@ def test_the_car_has_a_diary_and_a_drive_of_this_moment(made: Settings) -> None:
     assert [later - time_s for (time_s, _), (later, _) in itertools.pairwise(rest)] == pytest.approx(
         [demo.EVERY_S] * (len(rest) - 1), abs=0.01
     )
-    with RoadCar(made.cars / demo.CAR) as car:
-        trip = car.about(time.time())["trip"]
+    with Car.follow(made.cars / demo.CAR) as car:
+        trip = car.shown(time.time())["trip"]
         assert trip is not None
         assert trip["duration_s"] == pytest.approx(
             len(rest) * demo.EVERY_S * demo.DRIVEN / (1.0 - demo.DRIVEN), rel=0.05

@@ -6,6 +6,7 @@ import asyncio
 import dataclasses
 import datetime as dt
 import json
+import sqlite3
 import urllib.parse
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -26,7 +27,16 @@ from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.forecasting.leaving import soc_needed
 from tripwatt.roads.advice.preheating import CHARGER, preheating
 from tripwatt.routes import links_of_trip, plan_from_links
-from tripwatt.server.cars import Broker, MqttSettings, RoadCar, Sample, create_car, has_token, issue_token
+from tripwatt.server.cars import (
+    Broker,
+    Car,
+    MqttSettings,
+    Sample,
+    create_car,
+    has_token,
+    issue_token,
+    live_car,
+)
 from tripwatt.server.cars.live_trip import SILENCE_S
 from tripwatt.server.http import app as room
 from tripwatt.server.http import live as module
@@ -473,7 +483,7 @@ def test_a_body_that_is_no_message_is_a_problem(
 def test_a_message_that_does_not_count_is_answered_as_such(served: Served) -> None:
     car = _cars(served).by_name("leaf")
     for k in range(100):
-        car.add(Sample(NOON_S + k, {"speed_m_s": 10.0}), now_s=car.now_s() - 1000.0 + k)
+        car.record(Sample(NOON_S + k, {"speed_m_s": 10.0}), now_s=car.now_s() - 1000.0 + k)
     held = served.send(message(86_400.0))
     assert (held.status_code, held.json()["status"], held.json()["arrival"]) == (200, "held", "held")
     assert served("/v1/live/leaf").json()["held"] == 1
@@ -572,26 +582,23 @@ def test_without_a_folder_of_cars_the_service_follows_none(monkeypatch: pytest.M
 def test_a_folder_that_is_missing_is_refused_and_an_empty_one_is_not(tmp_path: Path) -> None:
     with pytest.raises(InvalidInput, match="no folder of cars"):
         create_app(Settings(cars=tmp_path / "missing"))
-    RoadCar(tmp_path / "no-token").close()
+    Car.follow(tmp_path / "no-token").close()
     create_app(Settings(cars=tmp_path))
 
 
-def test_a_message_that_cannot_be_stored_is_to_be_sent_again(served: Served) -> None:
-    cars = _cars(served)
+def test_a_message_that_cannot_be_stored_is_to_be_sent_again(
+    served: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise sqlite3.OperationalError("database or disk is full")
 
-    def full(_: Sample) -> None:
-        raise OSError("no space left on device")
-
-    journal = cars.cars["leaf"]._journal
-    append, journal.append = journal.append, full  # type: ignore[method-assign]
-    found = served.send(message(0.0))
+    with monkeypatch.context() as patch:
+        patch.setattr(live_car, "put_messages", full)
+        found = served.send(message(0.0))
     assert (found.status_code, found.headers["retry-after"]) == (503, "10")
-    assert {
-        "event": "message not stored",
-        "vehicle": "leaf",
-        "error": "no space left on device",
-    } in served.logged
-    journal.append = append  # type: ignore[method-assign]
+    (logged,) = (record for record in served.logged if "event" in record)
+    assert (logged["event"], logged["vehicle"]) == ("message not stored", "leaf")
+    assert "database or disk is full" in logged["error"]
     assert served.send(message(0.0)).json()["arrival"] == "new"
 
 
@@ -612,7 +619,7 @@ def test_events_come_at_once_and_after_news(served: Served, monkeypatch: pytest.
             found.append(part.encode())
             assert cars.listeners == 1
             if len(found) == 1:
-                car.add(Sample(NOON_S, {"speed_m_s": 1.0}))
+                car.record(Sample(NOON_S, {"speed_m_s": 1.0}))
             else:
                 ending.set()
         return found
@@ -753,7 +760,7 @@ def test_silent_cars_are_looked_for_while_the_service_runs(
     asyncio.run(run())
     assert (car.trip, len(car.logs())) == (None, 1)
     cars.close()
-    RoadCar(car.folder).close()
+    Car.follow(car.folder).close()
 
 
 @pytest.fixture(scope="module")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import datetime as dt
+import sqlite3
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,7 +18,7 @@ import tripwatt as tw
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting.leaving import soc_needed
 from tripwatt.roads.advice.preheating import CHARGER, PLUG_W
-from tripwatt.server.cars import Broker, MqttSettings, Sample, issue_token, sample_from_abrp
+from tripwatt.server.cars import Broker, MqttSettings, Sample, issue_token, live_car, sample_from_abrp
 from tripwatt.server.http.jobs import Jobs
 from tripwatt.server.http.live import LiveCars
 from tripwatt.server.http.over_mqtt import PROBABILITY, OverMqtt
@@ -147,14 +148,14 @@ def test_messages_of_forgotten_cars_and_a_full_disk_are_passed_over(
         raise InvalidInput.of("message too late", "utc")
 
     with monkeypatch.context() as patch:
-        patch.setattr(published.car, "add", late)
+        patch.setattr(published.car, "record", late)
         with pytest.raises(InvalidInput, match="message too late"):  # the follower notes it
             published.take(PARKED)
 
-    def full(_: Sample) -> None:
-        raise OSError("no space left on device")
+    def full(*_: object) -> None:
+        raise sqlite3.OperationalError("database or disk is full")
 
-    monkeypatch.setattr(published.car._journal, "append", full)
+    monkeypatch.setattr(live_car, "put_messages", full)
     published.take(Sample(NOON_S + 2.0, {"speed_m_s": 0.0}))
     assert [record["event"] for record in published.logged] == ["message not stored"]
 

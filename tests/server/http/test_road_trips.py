@@ -13,14 +13,12 @@ import pytest
 from tests.server.cars.messages import abrp_messages, measured
 from tests.support.service_process import Service, serving, wait_for
 
-pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
-
 from tripwatt.server.cars import create_car, issue_token, open_car
-from tripwatt.server.cars.folder import finished_names
-from tripwatt.server.http import road_trips as module
+from tripwatt.server.http import car_operations as module
+from tripwatt.server.http.answering import Answering
+from tripwatt.server.http.car_operations import CarOperations
 from tripwatt.server.http.jobs import Jobs
 from tripwatt.server.http.live import LiveCars
-from tripwatt.server.http.road_trips import RoadTrips
 from tripwatt.server.http.settings import Settings
 from tripwatt.study.synthetic import synthetic_fleet
 
@@ -28,36 +26,37 @@ HOUR_S = 3600.0
 PARKED = {"speed": 0.0, "is_parked": 1}
 
 
-class Teacher:
-    """Learns nothing, but counts."""
+def test_a_car_that_cannot_learn_is_tried_again_later_and_later(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What it finishes meanwhile is learned as well; a car without news is not asked."""
+    create_car(tmp_path / "zoe", "nissan_leaf_24")
+    news, asked, slept = iter([True, True, True, False]), list[str](), list[float]()
+    answers = iter([False, False, True])
 
-    def __init__(self, *answers: bool) -> None:
-        self.answers, self.asked = list(answers), list[str]()
+    async def learn(car: str) -> bool:
+        asked.append(car)
+        answer = next(answers)
+        if answer:
+            operations.learn_soon(car)  # another trip ends
+        return answer
 
-    async def __call__(self, name: str) -> bool:
-        self.asked.append(name)
-        return self.answers.pop(0)
+    async def sleep(seconds: float) -> None:
+        slept.append(seconds)
 
+    async def run() -> None:
+        operations.learn_soon("zoe")
+        operations.learn_soon("leaf")
+        operations.learn_soon("leaf")
+        await asyncio.gather(*operations._teaching.values())
 
-def test_a_car_that_cannot_learn_is_tried_again_later_and_later(tmp_path: Path) -> None:
-    for name in ("leaf", "zoe"):
-        create_car(tmp_path / name, "nissan_leaf_24")
-    (tmp_path / "leaf" / "live" / "trips").mkdir(parents=True)
-    (tmp_path / "leaf" / "live" / "trips" / "20240501T080000Z.csv").write_text("")
-    teacher = Teacher(False, False, True, True)
-    found = RoadTrips(tmp_path, teacher)
-    first, second = module.FIRST_DELAY_S, 2.0 * module.FIRST_DELAY_S
-    times = (0.0, first - 1.0, first, first + second - 1.0, first + second, 1e6)
-    counts = []
-    for now_s in times:
-        asyncio.run(found.look(now_s))
-        counts.append(len(teacher.asked))
-    assert counts == [1, 1, 2, 2, 3, 3]
-    assert set(teacher.asked) == {"leaf"}
-    (tmp_path / "leaf" / "live" / "trips" / "20240502T080000Z.csv").write_text("")
-    asyncio.run(found.look(1e6))
-    assert len(teacher.asked) == 4
-    assert not (RoadTrips(tmp_path / "missing", teacher)._changed())
+    operations = CarOperations(Answering(Settings(cars=tmp_path), None, None), None, print)  # type: ignore[arg-type]
+    monkeypatch.setattr(operations, "learn_finished", learn)
+    monkeypatch.setattr(operations, "_has_news", lambda car: car == "leaf" and next(news))
+    monkeypatch.setattr(module.asyncio, "sleep", sleep)
+    asyncio.run(run())
+    assert (asked, slept) == (["leaf"] * 3, [module.FIRST_DELAY_S, 2.0 * module.FIRST_DELAY_S])
+    assert (operations._teaching, operations._news) == ({}, set())
 
 
 @pytest.fixture
@@ -137,7 +136,7 @@ def test_a_trip_of_the_road_enters_the_diary_and_teaches_without_a_restart(
         assert 0.0 < shown["soc"] <= 1.0
         assert wait_for(lambda: len(diary(service)) == 1)
         (row,) = diary(service)
-        assert row["trip_id"] == f"leaf-{finished_names(cars / 'leaf')[0]}"
+        assert [row["trip_id"]] == [log.trip_id for log in open_car(cars / "leaf").logs()]
         first, *later = row["on_the_way"]
         assert (first["at_s"], first["energy_wh"]) == (0.0, pytest.approx(at_departure["energy_wh"]))
         assert later[0]["energy_wh"] == pytest.approx(shown["forecast"]["energy_wh"])
@@ -159,11 +158,11 @@ def test_a_service_that_is_killed_at_the_end_of_a_trip_counts_it_once(cars: Path
         service.process.send_signal(signal.SIGKILL)
         service.process.wait(60)
     assert wait_for(lambda: not any(Path(f"/proc/{pid}").exists() for pid in workers))
-    assert len(finished_names(cars / "leaf")) == 1
+    assert len(open_car(cars / "leaf").logs()) == 1
     with followed(cars, tmp_path / "logs") as service:
         assert wait_for(lambda: len(diary(service)) == 1)
         drive(service, token, 1, start_s + 2.0 * HOUR_S)
         assert wait_for(lambda: len(diary(service)) == 2)
     own = open_car(cars / "leaf")
     assert own.diary.table["trips_learned"].tolist() == [0, 1]
-    assert (own.store.about()["trips"], len(own.model().trip_ids_)) == (2, 2)
+    assert (len(own.logs()), len(own.model().trip_ids_)) == (2, 2)

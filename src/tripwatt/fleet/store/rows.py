@@ -147,7 +147,7 @@ def stored_log(log: Recorded, vehicle_id: str, car_model: str, buckets: int) -> 
         "as_logged": _unchanged(log, judged.trips),
         "ambient_temperature_degc": _ambient(drives[0]),
         "findings": findings_text(judged.findings),
-        "context": json.dumps(_context_values(log), ensure_ascii=False),
+        "context": json.dumps(context_values(log), ensure_ascii=False),
         "columns": json.dumps(kept_columns(log)),
         "samples": len(log),
     }
@@ -192,7 +192,8 @@ def findings_text(findings: Sequence[Finding]) -> str:
     return json.dumps(values, ensure_ascii=False)
 
 
-def _context_values(log: Recorded) -> dict[str, Any]:
+def context_values(log: Recorded) -> dict[str, Any]:
+    """What is known of a log as a whole, for `log_from_rows`: its departure and its driver have columns of their own."""
     values = {field: getattr(log.context, field.name) for field in fields(Context)}
     of_columns = ("started_at", "driver")
     known = {f.name: value for f, value in values.items() if f.name not in of_columns and value != f.default}

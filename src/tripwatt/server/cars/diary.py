@@ -5,13 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 import pandas as pd
 
-from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import Forecast
 from tripwatt.hybrid.factors import acts_between
 from tripwatt.trips import Trip
@@ -34,12 +32,6 @@ NUMBERS: Final = (
 )
 CAUSE: Final = "cause_"
 """Start of the columns with the forecast's energy by cause [Wh]."""
-
-OLD_CAUSES: Final = {
-    "cause_hvac_wh": "cause_climate_wh",
-    "cause_learned_correction_wh": "cause_correction_wh",
-}
-"""Columns of diaries of 0.2.0: nobody's diary is lost."""
 
 QUARTERS: Final = ("december_to_february", "march_to_may", "june_to_august", "september_to_november")
 LATEST: Final = 20
@@ -215,38 +207,6 @@ class Diary:
         """
         texts = {name: pd.Series(dtype=str) for name in TEXTS}
         return cls(pd.DataFrame({**texts, **{name: pd.Series(dtype=np.float64) for name in NUMBERS}}))
-
-    @classmethod
-    def read(cls, path: Path) -> Diary:
-        """Read a diary from a file.
-
-        Parameters
-        ----------
-        path : Path
-            A Parquet file.
-
-        Returns
-        -------
-        Diary
-            With the trips of the file.
-
-        Raises
-        ------
-        InvalidInput
-            When it cannot be read or is no diary.
-
-        Examples
-        --------
-        >>> Diary.read(Path("my-leaf/learned/diary.parquet"))  # doctest: +SKIP
-        """
-        try:
-            table = pd.read_parquet(path).rename(columns=OLD_CAUSES)
-        except (OSError, ValueError) as error:
-            raise InvalidInput.of("cannot read the diary", f"{path}", f"{error}"[:200], "a diary") from error
-        missing = [name for name in (*TEXTS, *NUMBERS) if name not in table]
-        if missing:
-            raise InvalidInput.of("no diary", f"{path}", "a table without " + ", ".join(missing), "a diary")
-        return cls(table)
 
     def with_entries(self, entries: Iterable[Mapping[str, Any]]) -> Diary:
         """Add rows.

@@ -1,123 +1,272 @@
-"""The folder `live` of a car: its finished trips as tables, and the forecasts that were made of them on the way."""
+"""Folders of cars: made, opened, forgotten, and the token with which a car sends."""
 
 from __future__ import annotations
 
-import datetime as dt
+import hashlib
 import re
-from collections.abc import Iterable
+import secrets
+import shutil
+import unicodedata
 from pathlib import Path
 from typing import Final
 
-import pandas as pd
-
 from tripwatt.errors import InvalidInput, system_errors
-from tripwatt.files import write_file
-from tripwatt.server.cars.on_the_way import MadeForecast, read_forecasts, write_forecasts
-from tripwatt.server.cars.own_car import LIVE, VALID_NAME
-from tripwatt.server.cars.telemetry import FIRST_TIME_S, LAST_TIME_S
-from tripwatt.sources.canonical import read_canonical
-from tripwatt.trips import Context, Log
+from tripwatt.files import folder_lock
+from tripwatt.forecasting.storage import vehicle_values
+from tripwatt.population.cars import for_car
+from tripwatt.server.cars import older
+from tripwatt.server.cars.car import Car
+from tripwatt.server.cars.car_file import FILE, CarFile, put_settings
+from tripwatt.server.cars.live_car import VALID_NAME, made_folder
+from tripwatt.vehicles import Vehicle, load_vehicle
 
-TRIPS: Final = "trips"
-FORECASTS: Final = "forecasts.json"
-"""Forecasts of the trip that the car is on; of a finished trip, the end of the name of its file."""
-NAMES: Final = re.compile(r"\d{8}T\d{6}Z")
-NAMED: Final = "%Y%m%dT%H%M%SZ"
-"""Name of a finished trip: its departure in UTC."""
+UPLOADS: Final = "uploads"
+"""Folder of logs that were sent and are not learned yet."""
 
 
-def live_folder(place: Path) -> Path:
-    """The folder `live` of a car, made where it is missing.
-
-    Raises
-    ------
-    InvalidInput
-        When the name of the car cannot be one, or the folder cannot be made.
-    """
-    if VALID_NAME.fullmatch(place.name) is None:
-        allowed = "up to 64 letters, digits, '.', '_' and '-'"
-        raise InvalidInput.of("name cannot be used", f"{place}", place.name, allowed)
-    with system_errors("cannot write the folder", f"{place}", "a writable folder"):
-        (place / LIVE).mkdir(mode=0o700, parents=True, exist_ok=True)
-    return place / LIVE
-
-
-def finished_names(folder: Path) -> list[str]:
-    """Names of the trips that a car has finished, in the order of their departure; files that others put there are left out."""
-    files = (folder / LIVE / TRIPS).glob("*.csv")
-    return sorted(path.stem for path in files if _is_name(path.stem))
-
-
-def _is_name(name: str) -> bool:
-    try:
-        return (
-            NAMES.fullmatch(name) is not None and FIRST_TIME_S <= started_at(name).timestamp() <= LAST_TIME_S
-        )
-    except ValueError:  # no such day or time of day
-        return False
-
-
-def finished_logs(folder: Path, names: Iterable[str] | None = None) -> tuple[Log, ...]:
-    """Trips that a car has finished, all or those of some names. Another process may follow the car meanwhile.
-
-    Raises
-    ------
-    InvalidInput
-        When one of them cannot be read.
-    """
-    return tuple(_read_trip(folder, name) for name in (finished_names(folder) if names is None else names))
-
-
-def keep_trip(folder: Path, start_s: float, table: pd.DataFrame, made: tuple[MadeForecast, ...]) -> None:
-    """Write a trip that a car has finished, with the forecasts that were made on the way.
-
-    Raises
-    ------
-    OSError
-        When it cannot be written.
-    """
-    trips = folder / LIVE / TRIPS
-    trips.mkdir(mode=0o700, exist_ok=True)
-    name = f"{dt.datetime.fromtimestamp(start_s, dt.UTC):{NAMED}}"
-    if made:  # first: who reads the trip as soon as it is there reads its forecasts as well
-        write_forecasts(trips / f"{name}.{FORECASTS}", start_s, made)
-    write_file(trips / f"{name}.csv", lambda part: table.to_csv(part, index=False))
-
-
-def erase_trips(folder: Path, before_s: float) -> int:
-    """Erase finished trips whose departure is earlier [s since 1970]; their number. O(finished trips)."""
-    old = [name for name in finished_names(folder) if started_at(name).timestamp() < before_s]
-    for name in old:
-        for end in (FORECASTS, "csv"):
-            (folder / LIVE / TRIPS / f"{name}.{end}").unlink(missing_ok=True)
-    return len(old)
-
-
-def log_name(car: str, name: str) -> str:
-    """Name of the log of a finished trip.
+def folder_name(label: str) -> str:
+    """A name for the folder of a car, from what its owner calls it.
 
     Examples
     --------
-    >>> log_name("leaf", "20240501T080000Z")
-    'leaf-20240501T080000Z'
+    >>> folder_name("My Model 3"), folder_name("Zoé"), folder_name("my-leaf"), folder_name("???")
+    ('My-Model-3', 'Zoe', 'my-leaf', 'car')
     """
-    return f"{car}-{name}"
+    folded = unicodedata.normalize("NFKD", label.replace("ß", "ss")).encode("ascii", "ignore").decode()
+    return re.sub(r"[^A-Za-z0-9._]+", "-", folded).strip("-.")[:64] or "car"
 
 
-def forecasts_of(folder: Path, trip_id: str) -> tuple[MadeForecast, ...]:
-    """Forecasts that were made during a finished trip, by the name of its log; none where none were made."""
-    name = trip_id.removeprefix(log_name(folder.name, ""))
-    if not _is_name(name):
-        return ()
-    return read_forecasts(folder / LIVE / TRIPS / f"{name}.{FORECASTS}")[1]
+def create_car(
+    folder: Path | str, vehicle: Vehicle | str | Path, *, base: Path | str | None = None, label: str = ""
+) -> Car:
+    """Make the folder of a car whose model will be adapted to its trips.
+
+    Parameters
+    ----------
+    folder : path
+        New or empty, or that of a car on the road, which gets a description so. A name that cannot be part of a URL, such as "My Model 3", becomes the label of the car, and the folder is
+        called after it: "My-Model-3".
+    vehicle : Vehicle, str or path
+        A car, the name of one of the library, or a TOML file.
+    base : path, optional
+        A stored model to adapt; the bundled one by default.
+    label : str
+        As its owner calls the car; the name of the folder by default.
+
+    Returns
+    -------
+    Car
+        Without trips.
+
+    Raises
+    ------
+    InvalidInput
+        When there is no such vehicle or base, or the folder is in use.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> car = tw.create_car("my-leaf", "nissan_leaf_24")  # doctest: +SKIP
+    """
+    wanted = Path(folder)
+    place = _place(wanted)
+    car = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
+    there = {entry.name for entry in place.iterdir()} if place.is_dir() else set[str]()
+    other = {name for name in there if name not in (FILE, older.LIVE) and not name.startswith(f"{FILE}-")}
+    if other or (place.exists() and not place.is_dir()) or is_car(place):
+        got, allowed = "not empty", "a new or empty folder, or that of a car on the road"
+        raise InvalidInput.of("folder in use", f"{place}", got, allowed)
+    root = None if base is None else Path(base).resolve()
+    for_car(root, car)
+    with system_errors("cannot write the folder", f"{place}", "a writable folder"):
+        place.mkdir(mode=0o700, parents=True, exist_ok=True)
+        made = Car(place)
+        about = {"vehicle": vehicle_values(car), "base": None if root is None else f"{root}"}
+        with made.file.write() as db:
+            put_settings(db, {**about, "label": label or wanted.name, "state": secrets.token_hex(8)})
+        made.file.checkpoint()
+    return made
 
 
-def started_at(name: str) -> dt.datetime:
-    """Departure of a finished trip, by its name."""
-    return dt.datetime.strptime(name, NAMED).replace(tzinfo=dt.UTC)
+def is_car(folder: Path | str) -> bool:
+    """Tell whether a folder is that of a car.
+
+    Parameters
+    ----------
+    folder : Path or str
+        Any folder.
+
+    Returns
+    -------
+    bool
+        False for a car that only sends on the road: nothing describes it.
+
+    Examples
+    --------
+    >>> is_car("no-such-folder")
+    False
+    """
+    return learned_state(folder) is not None
 
 
-def _read_trip(folder: Path, name: str) -> Log:
-    local = started_at(name).astimezone().replace(tzinfo=None)
-    table = read_canonical(folder / LIVE / TRIPS / f"{name}.csv")
-    return Log.from_samples(log_name(folder.name, name), table, Context(started_at=local))
+def learned_state(folder: Path | str) -> str | None:
+    """Identify what the car in a folder has learned, as `Car.learned_state`; None where there is no car."""
+    state = _setting(Path(folder), "state")
+    return None if state is None else f"{state}"
+
+
+def open_car(folder: Path | str) -> Car:
+    """Open the folder of a car that `create_car` or `tripwatt car new` made.
+
+    Parameters
+    ----------
+    folder : path
+        Where the car was made.
+
+    Returns
+    -------
+    Car
+        With its trips, its model and its diary.
+
+    Raises
+    ------
+    InvalidInput
+        When it is none, it is damaged, or of a newer format.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> tw.open_car("my-leaf").diary.score  # doctest: +SKIP
+    Score(trips=12, error=0.09, weighted_error=0.08, bias=0.01, coverage=0.92, width=0.4)
+    """
+    place = _place(Path(folder))
+    if not is_car(place):
+        got = "a folder" if place.is_dir() else "a file" if place.exists() else "no such folder"
+        fix = "make one: tripwatt car new"
+        raise InvalidInput.of("not a car", f"{place}", got, "a folder of `tripwatt car new`", fix)
+    return Car(place)
+
+
+def _place(folder: Path) -> Path:
+    """The folder of a car by its name or its label."""
+    usual = folder.name == "" or VALID_NAME.fullmatch(folder.name) is not None or is_car(folder)
+    return folder if usual else folder.with_name(folder_name(folder.name))
+
+
+def forget_car(folder: Path | str) -> None:
+    """Erase a car: its trips, its model, its diary and what it sent while it drove; files that others put into the folder stay.
+
+    Parameters
+    ----------
+    folder : Path or str
+        Of the car.
+
+    Raises
+    ------
+    InvalidInput
+        When it is no car, and none on the road, or another process follows it.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     place = create_car(Path(folder, "my-leaf"), "nissan_leaf_24").folder
+    ...     forget_car(place)
+    ...     print(place.exists())
+    False
+    """
+    place = _place(Path(folder))
+    if not (place / FILE).is_file() and not (place / older.LIVE).is_dir():
+        place = open_car(folder).folder
+    with folder_lock(place):
+        older.remove(place)
+        shutil.rmtree(place / UPLOADS, ignore_errors=True)
+        for end in ("-wal", "-shm", ""):  # the car is one until the last of them is gone
+            (place / f"{FILE}{end}").unlink(missing_ok=True)
+        if not any(place.iterdir()):
+            place.rmdir()
+
+
+def has_token(folder: Path | str) -> bool:
+    """Tell whether a folder is that of a car with a token.
+
+    Parameters
+    ----------
+    folder : Path or str
+        Of a car.
+
+    Returns
+    -------
+    bool
+        Without opening the car.
+
+    Examples
+    --------
+    >>> has_token("no-such-folder")
+    False
+    """
+    return token_digest(folder) is not None
+
+
+def issue_token(folder: Path | str) -> str:
+    """Make the token with which a car sends its samples; an earlier one is no longer accepted.
+
+    The folder holds a digest of the token, from which it cannot be found.
+
+    Parameters
+    ----------
+    folder : Path or str
+        Of a car; made where it is missing.
+
+    Returns
+    -------
+    str
+        The token; it cannot be read again.
+
+    Raises
+    ------
+    InvalidInput
+        When its name cannot be one, or it cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     token = issue_token(Path(folder, "my-leaf"))
+    ...     print(len(token), token_digest(Path(folder, "my-leaf")) == digest_of(token))
+    32 True
+    """
+    token, place = secrets.token_urlsafe(24), Path(folder).absolute()
+    made_folder(place)
+    car = Car(place)
+    with (
+        system_errors("cannot write the folder", f"{place}", "a writable folder"),
+        car.file.write() as db,
+    ):
+        put_settings(db, {"token": digest_of(token)})
+    return token
+
+
+def digest_of(token: str) -> str:
+    """SHA-256 of a token; tokens are random, so that a digest needs no salt."""
+    return hashlib.sha256(token.encode("utf-8", "replace")).hexdigest()
+
+
+def token_digest(folder: Path | str) -> str | None:
+    """The digest of a car's token; None where it has none.
+
+    Raises
+    ------
+    InvalidInput
+        When the file is damaged.
+    """
+    digest = _setting(Path(folder), "token")
+    return None if digest is None else f"{digest}"
+
+
+def _setting(place: Path, name: str) -> object:
+    """A setting of the car in a folder; None where there is none."""
+    if older.is_there(place):
+        Car(place)
+    file = CarFile(place)
+    return file.setting(name) if file.path.is_file() else None

@@ -1,25 +1,19 @@
-"""The plan of a trip that a car is on or comes next, as the fields of a request; kept on disk until the trip has ended."""
+"""The plan of a trip that a car is on or comes next, as the fields of a request; kept until the trip has ended."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
-from tripwatt.errors import InvalidInput, damage, or_none
-from tripwatt.files import read_file, write_text
+from tripwatt.errors import InvalidInput, or_none
 from tripwatt.routes import links_of_trip, plan_from_links, route_from_links
 from tripwatt.routes.link_objects import fields_of_route, route_with_elevation
 from tripwatt.sources.canonical import canonical_samples
 from tripwatt.trips import ASKED, Departure, Plan, Recorded, plan_from_samples
-
-PLAN: Final = "plan.json"
-MOST_BYTES: Final = 1 << 24
 
 
 @dataclass(frozen=True)
@@ -81,29 +75,23 @@ class LivePlan:
         links = or_none(links_of_trip, trip)
         return None if links is None else cls(fields_of_route(links), usual_trip=trip.trip_id)
 
-    def write(self, folder: Path) -> None:
-        """Write the plan into the folder `live` of a car.
+    def to_dict(self) -> dict[str, Any]:
+        """The plan as plain values.
 
-        Raises
-        ------
-        OSError
-            When it cannot be written.
+        Returns
+        -------
+        dict
+            For `from_dict`.
         """
-        about = {"given_s": self.given_s, "departure_s": self.departure_s, "request": self.request}
-        write_text(folder / PLAN, json.dumps(about) + "\n")
+        return {"given_s": self.given_s, "departure_s": self.departure_s, "request": self.request}
 
     @classmethod
-    def read(cls, folder: Path) -> LivePlan | None:
-        """The plan in the folder `live` of a car; None where there is none.
+    def from_dict(cls, about: Mapping[str, Any]) -> LivePlan:
+        """Reverse of `to_dict`.
 
         Raises
         ------
-        InvalidInput
-            When the file is damaged.
+        KeyError, TypeError
+            When the values are those of no plan.
         """
-        path = folder / PLAN
-        if not path.is_file():
-            return None
-        with damage(path, "a plan", "remove it"):
-            about = json.loads(read_file(path, MOST_BYTES))
-            return cls(dict(about["request"]), about["departure_s"], about["given_s"])
+        return cls(dict(about["request"]), about["departure_s"], about["given_s"])

@@ -1,170 +1,85 @@
-"""What a car sends is kept: its samples as they arrive, the trip that it is on, its plan, and the trips that it has finished."""
+"""From samples to trips, in memory: which samples count, in which order, and which trip they make."""
 
 from __future__ import annotations
 
 import datetime as dt
 import math
 from collections.abc import Mapping
-from contextlib import ExitStack
 from dataclasses import replace
-from pathlib import Path
-from typing import Any, Final, Self
+from typing import Any
 
 import pandas as pd
 
-from tripwatt.errors import Fault, InvalidInput, or_none
-from tripwatt.files import folder_lock
+from tripwatt.errors import Fault
 from tripwatt.server.cars.documents import LiveMessages
-from tripwatt.server.cars.folder import (
-    FORECASTS,
-    erase_trips,
-    finished_logs,
-    finished_names,
-    keep_trip,
-    live_folder,
-    started_at,
-)
-from tripwatt.server.cars.journal import Charge, Journal, charge_of
-from tripwatt.server.cars.live_trip import LEAST_M, SILENCE_S, LiveTrip, TripFinder
-from tripwatt.server.cars.on_the_way import OnTheWay
+from tripwatt.server.cars.live_trip import SILENCE_S, LiveTrip, TripFinder
 from tripwatt.server.cars.ordering import Arrival, OrderedSamples, Place
-from tripwatt.server.cars.own_car import JOURNAL, LIVE
-from tripwatt.server.cars.plan import PLAN, LivePlan
-from tripwatt.server.cars.sender import Sender, steady_clock
-from tripwatt.server.cars.telemetry import CHARGES, Sample, number_of
-from tripwatt.server.cars.usual import LONGER, usual_departure
-from tripwatt.trips import Context, Departure, Log
+from tripwatt.server.cars.plan import LivePlan
+from tripwatt.server.cars.sender import Sender
+from tripwatt.server.cars.telemetry import CHARGES, Sample
+from tripwatt.trips import Context, Departure
 from tripwatt.trips.departure import FIRST_S
 from tripwatt.trips.samples import Sampled
-from tripwatt.units import SECONDS_PER_DAY
 
-FAR_S: Final = 366.0 * SECONDS_PER_DAY
-"""No clock of ours is slow by more [s]."""
-
-LEAST_ROWS: Final = 3
-"""Fewest samples of a table that can be read again."""
-
-AIR: Final = ("air_s", "air_degc")
-
-ERASE_EVERY_S: Final = 3600.0
-
-SLACK_LINES: Final = 1000
-"""Lines that the journal of a standing car may hold beyond those that count."""
+Charge = tuple[float, str, float]
+"""Time, field of a departure and value."""
 
 
 class Recorder:
-    """From samples to trips: what a car sends is written before it counts, and a trip that has ended becomes a table.
+    """What the samples of one car show: its charge, and the trip that it is on.
 
     Parameters
     ----------
-    folder : Path or str
-        Of the car, whose name is that of the folder.
-    keep_days : float
-        Days that finished trips, and samples of a car that is silent, stay on disk; older ones are erased now and every hour.
+    name : str
+        Of the car.
 
     Attributes
     ----------
     counts : dict of str to int
-        Samples since the car was opened: `new`, `doubled` and `late`, which are also those whose time fits no clock of the sender.
-    now_s : callable
-        Returns the time by our clock [s since 1970], which goes on steadily when that of the machine is set.
+        Samples that were taken: `new`, `doubled` and `late`, which are also those whose time fits no clock of the sender.
     received_s : float or None
         When the last message came [s since 1970, by our clock].
+    ended : list of LiveTrip
+        Trips that have ended and are not written yet.
     plan : LivePlan or None
         The plan that was given for the trip that the car is on, or for its next one.
 
-    Raises
-    ------
-    InvalidInput
-        When its name cannot be one, it cannot be written, its plan is damaged, or another process has it open.
-
     Examples
     --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder, Recorder(f"{folder}/leaf") as car:
-    ...     print(car.name, car.trip, car.counts)
-    leaf None {'new': 0, 'doubled': 0, 'late': 0}
+    >>> seen = Recorder("leaf")
+    >>> for k in range(4):
+    ...     sample = Sample(1.7e9 + 10.0 * k, {"speed_m_s": 10.0, "displayed_soc": 0.8})
+    ...     seen._take(sample, seen._arrival(sample))
+    >>> seen.counts["new"], seen.observed().shape, seen.departure().soc
+    (4, (4, 3), 0.8)
     """
 
-    def __init__(self, folder: Path | str, *, keep_days: float = math.inf) -> None:
-        self.folder = Path(folder).absolute()
-        self.name = self.folder.name
-        self.keep_days = keep_days
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.plan: LivePlan | None = None
         self.counts: LiveMessages = {"new": 0, "doubled": 0, "late": 0}
+        self.received_s: float | None = None
+        self.ended: list[LiveTrip] = []
         self._finder = TripFinder()
-        self._ended: list[LiveTrip] = []
-        # departure of a trip, its usual trip, and the road of that
-        self._usual: tuple[float, Log | None, LivePlan | None] | None = None
-        # time, field of a departure and charge of the latest sample that has one, and of the latest one before the trip
-        self._soc: Charge | None = None
-        self._parked: Charge | None = None
-        self._erased_s = -math.inf
-        self._plans = 0
-        self.now_s = steady_clock()
         # start and departure of a trip, and what its first samples show
         self._first: tuple[tuple[float, float], Departure] | None = None
-        with ExitStack() as stack:
-            live = live_folder(self.folder)
-            stack.enter_context(folder_lock(live))
-            self._journal = Journal(live / JOURNAL)
-            stack.callback(self._journal.close)
-            self._ordered = OrderedSamples(self._journal.after_s)
-            offset_s = number_of(self._journal.more.get("offset_s"))
-            self._sender = Sender(None if math.isnan(offset_s) else offset_s)
-            self._soc, self._parked = charge_of(self._journal.more.get("charge"))
-            # time and value of the latest outside temperature
-            self._air = tuple(number_of(self._journal.more.get(name)) for name in AIR)
-            self.plan = LivePlan.read(live)
-            self._on_the_way = OnTheWay(live / FORECASTS)
-            for sample in self._journal.read():
-                self._take(sample, self._arrival(sample))
-            self.counts = {"new": 0, "doubled": 0, "late": 0}
-            self.received_s = self._journal.written_s if self._journal.lines else None
-            self._listening_s = self.now_s() if self._journal.lines else -math.inf
-            self._finish()
-            self.erase_old(self.now_s())
-            self._open = stack.pop_all()
+        self._recall({})
+
+    def _recall(self, before: Mapping[str, Any]) -> None:
+        """Take up what samples showed that are no longer kept, as `_rest` gives it."""
+        self._ordered = OrderedSamples(before.get("after_s", -math.inf))
+        self._sender = Sender(before.get("offset_s"))
+        # time, field of a departure and charge of the latest sample that has one, and of the latest one before the trip
+        charge = before.get("charge")
+        self._soc: Charge | None = None if charge is None else tuple(charge)
+        self._parked: Charge | None = self._soc if before.get("parked") else None
+        # time and value of the latest outside temperature
+        self._air: tuple[float, float] = tuple(before.get("air", (math.nan, math.nan)))
 
     @property
     def trip(self) -> LiveTrip | None:
         """The trip that the car is on; its start is seen when no earlier sample can come."""
         return self._finder.trip
-
-    def add(self, sample: Sample, *, now_s: float | None = None) -> Arrival:
-        """Take a sample; it is on disk when this returns. O(1) amortised.
-
-        Parameters
-        ----------
-        sample : Sample
-            What the car sent.
-        now_s : float, optional
-            The time by our clock [s since 1970].
-
-        Returns
-        -------
-        {"new", "doubled", "late", "held"}
-            Only a new sample counts. One that is held counts when later ones confirm that the clock of the sender was set.
-
-        Raises
-        ------
-        InvalidInput
-            When the clock of the sender is not known yet, and the time is ahead of ours by more than `FAR_S`.
-        OSError
-            When it cannot be written; send it again.
-        """
-        now_s = self.now_s() if now_s is None else now_s
-        if self._sender.offset_s is None and sample.time_s > now_s + FAR_S:
-            got = f"{sample.time_s - now_s:.0f} s ahead"
-            allowed, fix = f"at most {FAR_S:g} s ahead of our clock", "set the clock of the sender"
-            raise InvalidInput.of("time in the future", "utc", got, allowed, fix)
-        sample = replace(sample, received_s=now_s)
-        arrival = self._arrival(sample)
-        if arrival in ("new", "held"):
-            self._journal.append(sample)
-        self._take(sample, arrival)
-        self.received_s = now_s
-        self._finish()
-        return "new" if arrival == "held" and not self._sender.held else arrival
 
     def _arrival(self, sample: Sample) -> Arrival:
         arrival = self._ordered.arrival(sample)
@@ -204,15 +119,11 @@ class Recorder:
 
     def _move(self, by_s: float) -> None:
         """Give all samples so far the times that the clock of the sender has now."""
-        trip = self.trip
-        before_s = None if trip is None else trip.start_s
         self._ordered.move(by_s)
         self._finder.move(by_s)
-        if trip is not None and before_s is not None:
-            self._on_the_way.move(before_s, trip.start_s)
         self._soc, self._parked = (one and (one[0] + by_s, *one[1:]) for one in (self._soc, self._parked))
         self._air = self._air[0] + by_s, self._air[1]
-        self._usual = self._first = None
+        self._first = None
 
     def _count(self, sample: Sample, arrival: Place) -> None:
         self.counts[arrival] += 1
@@ -234,95 +145,36 @@ class Recorder:
 
     def _end(self, trip: LiveTrip | None) -> None:
         if trip is not None:
-            self._ended.append(trip)
+            self.ended.append(trip)
             self._parked = self._soc if self._soc is not None and self._soc[0] >= trip.moved_s else None
 
-    def end_when_silent(self, now_s: float) -> bool:
-        """End the trip of a car that sent nothing for `SILENCE_S` by our clock, while this process listened.
-
-        Parameters
-        ----------
-        now_s : float
-            The time by our clock [s since 1970].
-
-        Returns
-        -------
-        bool
-            Whether a trip has ended.
-        """
-        if now_s - self._erased_s > ERASE_EVERY_S:
-            self._erased_s = now_s
-            self.erase_old(now_s)
-        if self.received_s is None or now_s - max(self.received_s, self._listening_s) < SILENCE_S:
-            return False
+    def _end_trip(self) -> None:
+        """End the trip that the car is on: no more samples come."""
         self._release()
         self._follow(self._ordered.rest())
         self._end(self._finder.end())
-        done = bool(self._ended)
-        self._finish()
-        return done
 
-    def erase_old(self, now_s: float) -> int:
-        """Erase what is older than `keep_days`: finished trips by their departure, and the samples of a car that sends no more.
+    @property
+    def _waiting(self) -> list[Sample]:
+        """Samples that a car on no trip still needs."""
+        return [*self._finder.before, *self._ordered.waiting, *self._sender.held]
 
-        A trip that the car is on stays. O(finished trips).
+    def _rest(self) -> dict[str, Any]:
+        """What samples showed that are no longer kept, once the car is on no trip and `_waiting` alone is kept."""
+        kept = [*self._finder.before, *self._ordered.waiting]
+        after_s = math.nextafter(kept[0].time_s, -math.inf) if kept else self._ordered.given_s
+        return {
+            "after_s": after_s,
+            "offset_s": self._sender.offset_s,
+            "charge": self._soc,
+            "parked": self._parked is not None,
+            "air": self._air,
+        }
 
-        Parameters
-        ----------
-        now_s : float
-            The time by our clock [s since 1970].
-
-        Returns
-        -------
-        int
-            Trips that were erased.
-
-        Examples
-        --------
-        >>> import tempfile
-        >>> with tempfile.TemporaryDirectory() as folder, Recorder(f"{folder}/leaf", keep_days=90.0) as car:
-        ...     car.erase_old(1.8e9)
-        0
-        """
-        before_s = now_s - self.keep_days * SECONDS_PER_DAY
-        if before_s == -math.inf:
-            return 0
-        erased = erase_trips(self.folder, before_s)
-        silent = self.received_s is not None and self.received_s < before_s
-        if silent and self.trip is None and self._journal.lines:
-            self._soc = self._parked = None
-            self._rewrite([], self._ordered.newest_s)
-        if erased:
-            self._usual = None
-        return erased
-
-    def _finish(self) -> None:
-        """Write ended trips, forget their plan and their samples. Whatever a killed process left undone is done again."""
-        done = bool(self._ended)
-        while self._ended:
-            self._keep(self._ended[0])
-            del self._ended[0]
-        if self.trip is not None:
-            return  # a trip has begun already: the journal is shortened after it
-        waiting = len(self._finder.before) + len(self._ordered.waiting) + len(self._sender.held)
-        if done or self._journal.lines > 2 * waiting + SLACK_LINES:
-            rest = [*self._finder.before, *self._ordered.waiting]
-            after_s = math.nextafter(rest[0].time_s, -math.inf) if rest else self._ordered.given_s
-            self._rewrite([*rest, *self._sender.held], after_s)
-
-    def _rewrite(self, samples: list[Sample], after_s: float) -> None:
-        charge = None if self._soc is None else [*self._soc, self._parked is not None]
-        more = {"offset_s": self._sender.offset_s, "charge": charge, **dict(zip(AIR, self._air, strict=True))}
-        self._journal.rewrite(samples, after_s, more)
-
-    def _keep(self, trip: LiveTrip) -> None:
-        table = trip.table(until_s=trip.moved_s)
-        if trip.distance_m < LEAST_M or len(table) < LEAST_ROWS:
-            return
-        keep_trip(self.folder, trip.start_s, table, self._on_the_way.of(trip.start_s))
-        plan = self.plan
-        if plan is not None and (plan.given_s is None or plan.given_s <= trip.moved_s):
-            self.set_plan(None)
+    def _forget_charge(self) -> dict[str, Any]:
+        """Forget the charge; what is known then, as `_rest`."""
+        self._soc = self._parked = None
+        return {**self._rest(), "after_s": self._ordered.newest_s}
 
     def observed(self, start_s: float = 0.0) -> pd.DataFrame:
         """Tabulate what the car measured on its trip so far, also what waits for late samples. O(samples of the trip).
@@ -374,81 +226,8 @@ class Recorder:
             self._first = of, departure  # no sample that comes now can change it
         return departure
 
-    def usual_trip(self) -> Log | None:
-        """Find the finished trip that began nearest by time of day to the one that the car is on.
-
-        O(finished trips), once for a trip.
-
-        Returns
-        -------
-        Log or None
-            None where there is none within `NEAR_S`, or the car has driven further than that trip.
-        """
-        trip = self.trip
-        if trip is None:
-            return None
-        if self._usual is None or self._usual[0] != trip.start_s:
-            log = self.usual_trip_at(trip.start_s)
-            self._usual = trip.start_s, log, None if log is None else LivePlan.from_trip(log)
-        log = self._usual[1]
-        return None if log is None or trip.distance_m > LONGER * log.distance_m else log
-
-    def usual_trip_at(self, start_s: float) -> Log | None:
-        """Find the finished trip that began nearest by time of day to a departure. O(finished trips).
-
-        Parameters
-        ----------
-        start_s : float
-            The departure [s since 1970].
-
-        Returns
-        -------
-        Log or None
-            None where there is none within `NEAR_S`, or its file was changed.
-        """
-        names = {started_at(name).timestamp(): name for name in finished_names(self.folder)}
-        usual = usual_departure((other for other in names if other < start_s), start_s)
-        logs = None if usual is None else or_none(finished_logs, self.folder, [names[usual]])
-        return None if logs is None else logs[0]
-
-    def plan_at(self, departure_s: float) -> LivePlan | None:
-        """The plan of a trip that departs at a time [s since 1970]: the one that was given, else the road of the usual trip."""
-        trip = None if self.plan is not None else self.usual_trip_at(departure_s)
-        return self.plan if trip is None else LivePlan.from_trip(trip)
-
-    def set_plan(self, request: Mapping[str, Any] | None, departure_s: float | None = None) -> None:
-        """Give the plan of the trip that the car is on, or of its next one; None takes it away.
-
-        It is kept until its trip has ended.
-
-        Parameters
-        ----------
-        request : mapping or None
-            Fields of a request for a forecast, see `LivePlan`.
-        departure_s : float, optional
-            Departure on the clock of the plan [s since 1970]. Earlier samples do not count.
-        """
-        plan = None
-        if request is None:
-            (self.folder / LIVE / PLAN).unlink(missing_ok=True)
-        else:
-            newest_s = self._ordered.newest_s
-            plan = LivePlan(request, departure_s, newest_s if newest_s > 0.0 else None)
-            plan.write(self.folder / LIVE)
-        self.plan, self._plans = plan, self._plans + 1
-
-    def logs(self) -> tuple[Log, ...]:
-        """Read the finished trips.
-
-        Returns
-        -------
-        tuple of Log
-            In the order of their departure, as `Car.add` takes them.
-        """
-        return finished_logs(self.folder)
-
-    def about(self, now_s: float) -> dict[str, Any]:
-        """Describe the car: seconds since its last message, messages since it was opened, and its trip.
+    def shown(self, now_s: float) -> dict[str, Any]:
+        """Describe what the messages of the car show.
 
         Parameters
         ----------
@@ -458,7 +237,7 @@ class Recorder:
         Returns
         -------
         dict
-            Plain values; `trip` is None where the car is on none.
+            Plain values, as far as `LiveResponse` has them without a forecast; `trip` is None where the car is on none.
         """
         trip = self.trip
         return {
@@ -495,13 +274,3 @@ class Recorder:
             return []
         allowed, fix = "the messages of one sender", "make another token for the other one"
         return [Fault("two senders", "utc", self.name, allowed, fix).texts]
-
-    def close(self) -> None:
-        """Leave the car to another process."""
-        self._open.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()

@@ -5,15 +5,13 @@ from __future__ import annotations
 import datetime as dt
 from collections.abc import Iterable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final
+from typing import Final, Protocol
 
 from tripwatt.auditing import audit
 from tripwatt.errors import InvalidInput
-from tripwatt.trips import Departure, Plan, TripSet, plan_from_trip
+from tripwatt.server.cars.car_file import CarFile
+from tripwatt.trips import Departure, TripSet, Plan, plan_from_trip
 from tripwatt.units import SECONDS_PER_HOUR
-
-if TYPE_CHECKING:
-    from tripwatt.server.cars.own_car import Car
 
 NEAR_S: Final = 1.5 * SECONDS_PER_HOUR
 """A trip that began at a time of day further away is no guide to this one [s]."""
@@ -23,6 +21,13 @@ LONGER: Final = 1.1
 
 _DAY_S: Final = 24.0 * SECONDS_PER_HOUR
 _SATURDAY: Final = 5
+
+
+class HasTrips(Protocol):
+    """A car with its trips in its file."""
+
+    name: str
+    file: CarFile
 
 
 def usual_departure(earlier_s: Iterable[float], departure_s: float) -> float | None:
@@ -53,7 +58,7 @@ def usual_departure(earlier_s: Iterable[float], departure_s: float) -> float | N
     return min(alike or near, key=lambda pair: (pair[1], -pair[0]), default=(None, 0.0))[0]
 
 
-def usual_plan(car: Car, trip_id: str) -> Plan:
+def usual_plan(car: HasTrips, trip_id: str) -> Plan:
     """A trip of a car, to be driven again: its road and its speeds, without what was known at its departure.
 
     Parameters
@@ -73,7 +78,7 @@ def usual_plan(car: Car, trip_id: str) -> Plan:
     InvalidInput
         When the car has no sound trip of this name.
     """
-    logs = tuple(log for log in car.store.logs() if log.trip_id == trip_id)
+    logs = car.file.logs("trip_id = ?", trip_id)
     trips = audit(TripSet(car.name, logs)).trips if logs else ()
     if not trips:
         raise InvalidInput.of("no such trip", "trip", trip_id[:60], f"a sound trip of the car {car.name}")

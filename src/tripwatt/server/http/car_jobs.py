@@ -23,8 +23,8 @@ from tripwatt.files import write_bytes
 from tripwatt.forecasting import ForecastModel
 from tripwatt.server import cars as live
 from tripwatt.server.cars.diary import CAUSE
-from tripwatt.server.cars.folder import forecasts_of
-from tripwatt.server.cars.own_car import UPLOADS, VALID_NAME, folder_name, state_of
+from tripwatt.server.cars.folder import UPLOADS, folder_name, learned_state
+from tripwatt.server.cars.live_car import VALID_NAME
 from tripwatt.server.http.car_schemas import CarResponse, CarSummary, LogsRequest, plain
 from tripwatt.server.http.problems import MAX_FAULTS, Problem, fault_document
 from tripwatt.server.http.schemas import check_request, parse_json
@@ -66,12 +66,12 @@ class CarJobs:
     heights : callable or None
         As for `tripwatt.read_logs`: those of the service's map.
     models : LRUCache
-        Models in memory, by name: what they were read from, and the model.
+        Models in memory, by name: what the car had learned, and the model.
     """
 
     folder: Path | None = None
     heights: Heights | None = None
-    models: LRUCache[str, tuple[tuple[int, ...], ForecastModel]] = field(
+    models: LRUCache[str, tuple[str, ForecastModel]] = field(
         default_factory=lambda: LRUCache(MOST_KEPT_MODELS)
     )
 
@@ -87,15 +87,14 @@ class CarJobs:
 
     def model(self, name: str) -> tuple[str, ForecastModel] | None:
         """The model of a car as it is now, with a label that changes when it learns; None where there is no such car."""
-        try:
-            state = state_of(car_folder(self.folder, name))
-            kept = self.models.get(name)
-            if kept is None or kept[0] != state:
-                own = self.car(name)
-                self.models[name] = kept = own.state(), own.model()
-        except Problem:
+        if self.folder is None or VALID_NAME.fullmatch(name) is None:
             return None
-        return f"{name}@{kept[0]}", kept[1]
+        state, kept = learned_state(self.folder / name), self.models.get(name)
+        if state is None:
+            return None
+        if kept is None or kept[0] != state:
+            self.models[name] = kept = state, live.open_car(self.folder / name).model()
+        return f"{name}@{state}", kept[1]
 
     def list(self) -> dict[str, Any]:
         """Return the cars, as `CarsResponse`."""
@@ -109,7 +108,7 @@ class CarJobs:
         diary = own.diary
         about = own.about(diary)
         rows = diary.table.tail(SHOWN_TRIPS).iloc[::-1].to_dict("records")
-        return {**_summary(own, about, CarResponse), "diary": [_entry(row, own.folder) for row in rows]}
+        return {**_summary(own, about, CarResponse), "diary": [_entry(row, own) for row in rows]}
 
     def create(self, name: str, vehicle: Vehicle | str) -> dict[str, Any]:
         """Make a car, and return it as `show`."""
@@ -190,7 +189,7 @@ class CarJobs:
 
     def learn_finished(self, name: str) -> dict[str, Any]:
         """Learn the trips that a car finished on the road, as `learn`."""
-        return _learned(live.learn_finished(self.car(name).folder))
+        return _learned(self.car(name).learn())
 
 
 def require_folder(folder: Path | None) -> Path:
@@ -355,7 +354,7 @@ def _alike(group: Alike, tables: Path) -> dict[str, Any]:
     return {**asdict(group), "example": group.example.replace(f"{tables}{os.sep}", "")}
 
 
-def _entry(row: Mapping[Hashable, Any], car: Path) -> dict[str, Any]:
+def _entry(row: Mapping[Hashable, Any], car: live.Car) -> dict[str, Any]:
     """A row of the diary of a car, as `DiaryEntry`."""
     values = {f"{key}": plain(value) for key, value in row.items()}
     causes = {key for key in values if key.startswith(CAUSE)}
@@ -366,7 +365,7 @@ def _entry(row: Mapping[Hashable, Any], car: Path) -> dict[str, Any]:
             for key in values
             if key in causes and values[key] is not None
         },
-        "on_the_way": [asdict(made) for made in forecasts_of(car, f"{row['trip_id']}")],
+        "on_the_way": [asdict(made) for made in car.forecasts_of(f"{row['trip_id']}")],
     }
 
 

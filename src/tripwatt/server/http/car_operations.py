@@ -18,7 +18,8 @@ from fastapi import Path as PathValue
 from starlette.requests import Request
 from starlette.responses import Response
 
-from tripwatt.errors import Fault
+from tripwatt.errors import Fault, or_none
+from tripwatt.server.cars import is_car, open_car
 from tripwatt.server.http.answering import Answering, json_response
 from tripwatt.server.http.car_jobs import car_folder, read_progress, require_folder
 from tripwatt.server.http.car_schemas import (
@@ -36,12 +37,15 @@ from tripwatt.server.http.live import LiveCars
 from tripwatt.server.http.openapi import BINARY, BYTES, operation
 from tripwatt.server.http.pool import JobResult, WorkerPool, cancel
 from tripwatt.server.http.problems import Problem, invalid_input
-from tripwatt.server.http.road_trips import RoadTrips
 
 UPLOAD: Final = "/v1/cars/{car}/uploads/{upload}"
 UPLOAD_PATTERN: Final = "^[a-z0-9]{8,32}$"
 MOST_PLACES: Final = 4
 """Most files that arrive and wait to be unpacked; further ones are refused."""
+
+FIRST_DELAY_S: Final = 30.0
+MOST_DELAY_S: Final = 3600.0
+"""Delay before a car that could not learn is tried again: doubled each time, up to the longest."""
 
 CarName = Annotated[str, PathValue(pattern=NAME_PATTERN, description="name of the car")]
 UploadName = Annotated[
@@ -94,21 +98,47 @@ class CarOperations:
         self.learners = WorkerPool(replace(self.settings, workers=1, limits=limits), log)
         self.learning: dict[str, Learning] = {}
         self._started = False
+        # cars that may have finished a trip, and what lets them learn
+        self._news: set[str] = set()
+        self._teaching: dict[str, asyncio.Task[None]] = {}
         self._places, self._unpacking = asyncio.Semaphore(MOST_PLACES), asyncio.Lock()
 
     @asynccontextmanager
     async def running(self) -> AsyncIterator[None]:
         """Learn what cars finish on the road; stop with the service: what was learned by then is kept."""
-        folder = self.settings.cars
-        watched = () if folder is None else (RoadTrips(folder, self.learn_finished).watch(),)
-        watches = [*map(asyncio.ensure_future, watched)]
+        if self.settings.cars is not None:
+            self.live().learn = self.learn_soon
+            for (
+                place
+            ) in self.settings.cars.iterdir():  # a trip may have ended right before the last service did
+                self.learn_soon(place.name)
         try:
             yield
         finally:
-            await cancel(watches)  # first: it starts to learn
+            await cancel(self._teaching.values())  # first: it starts to learn
             await cancel(one.task for one in self.learning.values() if one.task is not None)
             if self._started:
                 await self.learners.stop()
+
+    def learn_soon(self, car: str) -> None:
+        """Let a car learn what it has finished on the road, as soon as it can."""
+        self._news.add(car)
+        if car not in self._teaching:
+            self._teaching[car] = asyncio.ensure_future(self._teach(car))
+
+    async def _teach(self, car: str) -> None:
+        delay_s = FIRST_DELAY_S
+        while car in self._news:
+            self._news.discard(car)
+            if await asyncio.to_thread(or_none, self._has_news, car) and not await self.learn_finished(car):
+                await asyncio.sleep(delay_s)
+                delay_s = min(2.0 * delay_s, MOST_DELAY_S)
+                self._news.add(car)
+        del self._teaching[car]
+
+    def _has_news(self, car: str) -> bool:
+        place = require_folder(self.settings.cars) / car
+        return is_car(place) and open_car(place).has_news
 
     @operation("GET /v1/cars", "cars", CarsResponse)
     async def list_cars(self, request: Request) -> Response:

@@ -6,9 +6,9 @@ from typing import Any, Literal
 
 from pydantic import Field
 
+from tripwatt.server.cars.car_file import MadeForecast
 from tripwatt.server.cars.documents import ProblemFault
-from tripwatt.server.cars.on_the_way import MadeForecast
-from tripwatt.server.cars.own_car import VALID_NAME
+from tripwatt.server.cars.live_car import VALID_NAME
 from tripwatt.server.http.schemas import ResponseModel, StrictModel, VehicleFigures
 from tripwatt.sources.mapping import UNITS
 

@@ -23,8 +23,8 @@ from sse_starlette import EventSourceResponse, ServerSentEvent
 from tripwatt.errors import InvalidInput, did_you_mean, or_none
 from tripwatt.forecasting import ForecastModel
 from tripwatt.roads.advice import Companion, Message
-from tripwatt.server.cars import RoadCar, Sample, has_token, is_car
-from tripwatt.server.cars.tokens import digest_of, token_digest
+from tripwatt.server.cars import Car, Sample, has_token, is_car
+from tripwatt.server.cars.folder import digest_of, token_digest
 from tripwatt.server.http.car_jobs import CarJobs
 from tripwatt.server.http.jobs import Jobs
 from tripwatt.server.http.pool import JobResult, WorkerPool, cancel
@@ -62,10 +62,12 @@ class LiveCars:
 
     Attributes
     ----------
-    cars : dict of str to RoadCar
+    cars : dict of str to Car
         The cars that are followed, by name.
     listeners : int
         Streams that are open.
+    learn : callable
+        Called with the name of a car that has finished a trip.
 
     Raises
     ------
@@ -75,8 +77,10 @@ class LiveCars:
 
     def __init__(self, settings: Settings, pool: WorkerPool, log: Callable[..., None]) -> None:
         self.settings, self.pool, self.log = settings, pool, log
-        self.cars: dict[str, RoadCar] = {}
+        self.cars: dict[str, Car] = {}
         self.listeners = 0
+        self.learn: Callable[[str], None] = lambda name: None
+        self._loop: asyncio.AbstractEventLoop | None = None
         self._digests: dict[str, str] = {}
         self._companions: dict[str, Companion] = {}
         self._thread = ThreadPoolExecutor(1, "cars")
@@ -96,10 +100,15 @@ class LiveCars:
         name = place.name
         if name not in self.cars:
             keep_days = self.settings.keep_days
-            car = RoadCar(place, lambda request: self._model(name, request), keep_days=keep_days)
+            car = Car.follow(place, lambda request: self._model(name, request), keep_days=keep_days)
             car.note = lambda text: self.log(event="forecast not stored", vehicle=name, error=text)
+            car.finished = partial(self._finished, name)
             self.cars[name] = car
         self._digests[name] = token_digest(place) or ""
+
+    def _finished(self, name: str) -> None:
+        if self._loop is not None:
+            self._loop.call_soon_threadsafe(self.learn, name)
 
     async def follow(self, place: Path) -> None:
         """Follow the car of a folder; of one that is followed already, only its token is read again.
@@ -119,7 +128,7 @@ class LiveCars:
         if car is not None:
             await self.run(car.close)
 
-    def by_name(self, name: str) -> RoadCar:
+    def by_name(self, name: str) -> Car:
         """The car of this name.
 
         Raises
@@ -132,7 +141,7 @@ class LiveCars:
             raise Problem("no-such-car", hint)
         return self.cars[name]
 
-    def by_token(self, token: str) -> RoadCar:
+    def by_token(self, token: str) -> Car:
         """The car whose token this is. Digests are compared, each in constant time. O(cars).
 
         Raises
@@ -147,7 +156,7 @@ class LiveCars:
             raise Problem("token-needed", "the token of a car: `token`, or a bearer token", headers=challenge)
         return self.cars[name]
 
-    async def take(self, car: RoadCar, sample: Sample) -> dict[str, Any]:
+    async def take(self, car: Car, sample: Sample) -> dict[str, Any]:
         """Store a message of a car.
 
         Returns
@@ -163,7 +172,7 @@ class LiveCars:
             `busy` where it cannot be stored.
         """
         try:
-            arrival = await self.run(car.add, sample)
+            arrival = await self.run(car.record, sample)
         except OSError as error:
             raise self._not_stored("message", car, error) from error
         if arrival == "late":
@@ -178,12 +187,12 @@ class LiveCars:
             "ignored": ignored,
         }
 
-    async def set_plan(self, car: RoadCar, plan: dict[str, Any], departure_s: float | None) -> JobResult:
+    async def set_plan(self, car: Car, plan: dict[str, Any], departure_s: float | None) -> JobResult:
         """Give a car the plan of its trip, if it can be forecast.
 
         Parameters
         ----------
-        car : RoadCar
+        car : Car
         plan : dict
             A `ForecastRequest`.
         departure_s : float or None
@@ -202,15 +211,15 @@ class LiveCars:
                 raise self._not_stored("plan", car, error) from error
         return checked
 
-    def _not_stored(self, what: str, car: RoadCar, error: OSError) -> Problem:
+    def _not_stored(self, what: str, car: Car, error: OSError) -> Problem:
         self.log(event=f"{what} not stored", vehicle=car.name, error=f"{error}"[:200])
         return Problem("busy", f"the {what} cannot be stored; send it again", headers={"Retry-After": "10"})
 
-    async def document(self, car: RoadCar) -> dict[str, Any]:
+    async def document(self, car: Car) -> dict[str, Any]:
         """A car, the latest forecast of its trip and the latest message, as `LiveResponse`."""
         return await self.run(self._document, car)
 
-    def _document(self, car: RoadCar) -> dict[str, Any]:
+    def _document(self, car: Car) -> dict[str, Any]:
         document = car.document(car.now_s())
         message = None if document["faults"] else or_none(self._told, car)
         told = None if message is None else message.to_dict()
@@ -218,7 +227,7 @@ class LiveCars:
         flags = [] if named else [flag_to_dict(undescribed(car.name, self._model(car.name, {}).vehicle))]
         return {**document, "flags": flags, "message": told}
 
-    def _told(self, car: RoadCar) -> Message | None:
+    def _told(self, car: Car) -> Message | None:
         """The latest message on the trip of a car; its companion goes with the forecast at departure."""
         departing = car.at_departure()
         if departing is None or car.trip is None:
@@ -249,12 +258,12 @@ class LiveCars:
         settings = self.settings
         return Jobs.from_folders(settings.models, settings.limits, cars=CarJobs(settings.cars))
 
-    async def need(self, car: RoadCar, how: Mapping[str, float], known: Mapping[str, float]) -> JobResult:
+    async def need(self, car: Car, how: Mapping[str, float], known: Mapping[str, float]) -> JobResult:
         """What the next trip of a car needs, as `NeedResponse`.
 
         Parameters
         ----------
-        car : RoadCar
+        car : Car
         how : mapping of str to float
             `probability`, 0.5 to 1; `departure_s`, when it leaves [s since 1970]; `plug_w`, power of the plug [W].
         known : mapping of str to float
@@ -285,7 +294,7 @@ class LiveCars:
         }
         return replace(result, content=orjson.dumps(needed))
 
-    async def job_of(self, car: RoadCar, request: Mapping[str, Any]) -> dict[str, Any]:
+    async def job_of(self, car: Car, request: Mapping[str, Any]) -> dict[str, Any]:
         """A job about a car: its body, which names the own model, and what its last messages show where the request leaves it out."""
         asked = self.by_own_model(car.name, request)
         seen = {
@@ -295,7 +304,7 @@ class LiveCars:
         }
         return {"body": orjson.dumps(asked), "seen": seen}
 
-    async def job_without_road(self, car: RoadCar, known: Mapping[str, Any]) -> dict[str, Any]:
+    async def job_without_road(self, car: Car, known: Mapping[str, Any]) -> dict[str, Any]:
         """`job_of` for the range of a car or the need of a distance; a car that its plan names counts before its own model."""
         asked = {} if car.plan is None else {name: car.plan.request.get(name) for name in CAR_FIELDS}
         if asked.get("vehicle_figures") is not None:
@@ -304,7 +313,7 @@ class LiveCars:
 
     def summary(self) -> dict[str, Any]:
         """The cars, as `LiveCarsResponse`."""
-        rows = (car.about(car.now_s()) for _, car in sorted(self.cars.items()))
+        rows = (car.shown(car.now_s()) for _, car in sorted(self.cars.items()))
         cars = [
             {
                 "car": row["car"],
@@ -315,7 +324,7 @@ class LiveCars:
         ]
         return {"cars": cars}
 
-    def stream(self, car: RoadCar) -> EventSourceResponse:
+    def stream(self, car: Car) -> EventSourceResponse:
         """The forecasts of a car as server-sent events.
 
         Raises
@@ -336,7 +345,7 @@ class LiveCars:
             shutdown_grace_period=STREAM_END_S,
         )
 
-    async def events(self, car: RoadCar, ending: anyio.Event) -> AsyncIterator[ServerSentEvent]:
+    async def events(self, car: Car, ending: anyio.Event) -> AsyncIterator[ServerSentEvent]:
         """The documents of a car as events: at once, and then after new messages, until the service ends.
 
         Yields
@@ -348,8 +357,8 @@ class LiveCars:
         sent: tuple[Any, ...] | None = None
         try:
             while not ending.is_set() and self.cars.get(car.name) is car:
-                if sent != car.state:
-                    sent = car.state
+                if sent != car.live_state:
+                    sent = car.live_state
                     data = orjson.dumps(await self.document(car)).decode()
                     yield ServerSentEvent(data, event="live", sep="\n")
                 with anyio.move_on_after(self.settings.limits.live_every_s):
@@ -362,9 +371,7 @@ class LiveCars:
         while True:
             for car in [*self.cars.values()]:
                 try:
-                    await self.run(car.end_when_silent, car.now_s())
-                    if car.wants_forecast:
-                        await self.run(car.document, car.now_s())
+                    await self.run(_watched, car)
                 except OSError as error:
                     self._not_stored("trip", car, error)
                 except Exception as error:  # the other cars are watched all the same
@@ -374,6 +381,7 @@ class LiveCars:
     @contextlib.asynccontextmanager
     async def running(self, *work: Awaitable[None]) -> AsyncIterator[None]:
         """Watch the cars and do some more work, and leave them to another process at the end."""
+        self._loop = asyncio.get_running_loop()
         tasks = [asyncio.ensure_future(one) for one in (self.watch(), *work)]
         try:
             yield
@@ -386,6 +394,12 @@ class LiveCars:
         self._thread.shutdown()
         for car in self.cars.values():
             car.close()
+
+
+def _watched(car: Car) -> None:
+    """End the trip of a car that is silent; make its forecast if a diary keeps it."""
+    if not car.end_when_silent(car.now_s()) and car.wants_forecast:
+        car.document(car.now_s())
 
 
 def _names_car(request: Mapping[str, Any]) -> bool:

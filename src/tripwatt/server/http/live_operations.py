@@ -18,7 +18,7 @@ from starlette.responses import Response
 from tripwatt.errors import Fault, excerpt
 from tripwatt.server.cars import sample_from_abrp
 from tripwatt.server.cars.documents import LiveResponse
-from tripwatt.server.cars.own_car import VALID_NAME
+from tripwatt.server.cars.live_car import VALID_NAME
 from tripwatt.server.http import openapi
 from tripwatt.server.http.answering import answer, json_response
 from tripwatt.server.http.journey_schemas import NeedQuery, RangeQuery

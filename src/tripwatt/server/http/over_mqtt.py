@@ -10,7 +10,7 @@ import orjson
 
 from tripwatt.errors import InvalidInput
 from tripwatt.roads.advice.preheating import PLUG_W
-from tripwatt.server.cars import Follower, MqttSettings, RoadCar, Sample
+from tripwatt.server.cars import Car, Follower, MqttSettings, Sample
 from tripwatt.server.http.live import LiveCars
 from tripwatt.server.http.problems import Problem
 
@@ -70,14 +70,14 @@ class OverMqtt:
         documents = {}
         for name, car in [*self.cars.cars.items()]:
             document = await self.cars.document(car)
-            made_of = (*car.state[1:], document["soc"], time.time() // NEED_S)
+            made_of = (*car.live_state[1:], document["soc"], time.time() // NEED_S)
             if name not in self._ahead or self._ahead[name][0] != made_of:
                 ahead = {"need": await self._need(car), "range": await self._range(car, document["soc"])}
                 self._ahead[name] = made_of, ahead
             documents[name] = {**document, **self._ahead[name][1]}
         return documents
 
-    async def _need(self, car: RoadCar) -> dict[str, Any] | None:
+    async def _need(self, car: Car) -> dict[str, Any] | None:
         """What the next trip of a car needs, as `NeedResponse`; None on a trip, and where it is unknown."""
         if car.trip:
             return None
@@ -87,7 +87,7 @@ class OverMqtt:
             return orjson.loads(result.content) if result.status == 200 else None
         return None
 
-    async def _range(self, car: RoadCar, soc: float | None) -> dict[str, Any] | None:
+    async def _range(self, car: Car, soc: float | None) -> dict[str, Any] | None:
         """How far the charge of a car carries, as `RangeResponse`; None where it is unknown."""
         if soc is None:
             return None

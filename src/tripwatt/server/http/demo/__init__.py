@@ -14,9 +14,7 @@ import orjson
 
 from tripwatt.roads.journey import AtlasSettings
 from tripwatt.roads.maps import build_map
-from tripwatt.server.cars import RoadCar, Sample
-from tripwatt.server.cars.own_car import create_car
-from tripwatt.server.cars.tokens import issue_token
+from tripwatt.server.cars import Car, Sample, create_car, issue_token
 from tripwatt.server.http.library import EXAMPLE_CAR, examples
 from tripwatt.server.http.settings import Settings
 from tripwatt.study.synthetic import synthetic_fleet
@@ -94,12 +92,12 @@ def depart(settings: Settings) -> Drive:
     trip = max(examples().values(), key=lambda example: example["duration_s"])
     begins_s = time.time() - DRIVEN * trip["duration_s"]
     samples = _samples(trip, begins_s)
-    with RoadCar(settings.cars / CAR) as car:
+    with Car.follow(settings.cars / CAR) as car:
         car.set_plan({**trip["request"]}, begins_s)
         for time_s, values in samples:
             if time_s > time.time():
                 break
-            car.add(Sample(time_s, values))
+            car.record(Sample(time_s, values))
     return samples
 
 

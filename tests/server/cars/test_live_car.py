@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import sqlite3
 import subprocess
 import sys
 import time
@@ -22,12 +23,12 @@ import tripwatt as tw
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import Forecast
 from tripwatt.routes import links_of_trip, plan_from_links
-from tripwatt.server.cars import RoadCar, Sample, TopicJoiner, on_the_way, sample_from_abrp
-from tripwatt.server.cars import folder as folder_module
-from tripwatt.server.cars import recording as module
+from tripwatt.server.cars import Car, Sample, TopicJoiner, sample_from_abrp
+from tripwatt.server.cars import car as car_module
+from tripwatt.server.cars import live_car as module
+from tripwatt.server.cars.car import AIR_S
 from tripwatt.server.cars.live_trip import SILENCE_S
 from tripwatt.server.cars.ordering import LATE_S
-from tripwatt.server.cars.road_car import AIR_S
 from tripwatt.study.synthetic import example_trip
 from tripwatt.trips import plan_from_samples
 from tripwatt.trips.messages import flag_to_dict
@@ -53,10 +54,10 @@ def same(one: Forecast, other: Forecast) -> None:
 def test_the_forecast_is_that_of_update_at_every_moment(
     drive: pd.DataFrame, forecast: Forecast, folder: Path
 ) -> None:
-    with RoadCar(folder) as car:
+    with Car.follow(folder) as car:
         assert car.update(forecast) is forecast, "before the trip it is the forecast at departure"
         for k, sample in enumerate(samples_of(drive), start=1):
-            car.add(sample, now_s=NOW_S)
+            car.record(sample, now_s=NOW_S)
             if k % 120 == 0:
                 same(car.update(forecast), forecast.update(on_the_clock(drive.iloc[:k])))
         pd.testing.assert_frame_equal(
@@ -65,16 +66,16 @@ def test_the_forecast_is_that_of_update_at_every_moment(
 
 
 def test_the_time_since_a_message_is_never_below_zero(folder: Path) -> None:
-    with RoadCar(folder) as car:
-        assert car.about(NOON_S)["seconds_since_message"] is None
-        car.add(Sample(NOON_S, {"speed_m_s": 0.0}), now_s=NOON_S)
-        found = [car.about(NOON_S + later)["seconds_since_message"] for later in (-5.0, 0.0, 0.5, 7.0)]
+    with Car.follow(folder) as car:
+        assert car.shown(NOON_S)["seconds_since_message"] is None
+        car.record(Sample(NOON_S, {"speed_m_s": 0.0}), now_s=NOON_S)
+        found = [car.shown(NOON_S + later)["seconds_since_message"] for later in (-5.0, 0.0, 0.5, 7.0)]
     assert found == [0.0, 0.0, 0.5, 7.0]
 
 
 def test_one_sample_of_a_trip_is_no_update(drive: pd.DataFrame, forecast: Forecast, folder: Path) -> None:
     sent = samples_of(drive)[:200]
-    with RoadCar(folder) as car:
+    with Car.follow(folder) as car:
         fed(car, sent)
         for rows in (1, 2):
             car.set_plan({}, sent[-rows].time_s)
@@ -85,9 +86,9 @@ def test_one_sample_of_a_trip_is_no_update(drive: pd.DataFrame, forecast: Foreca
 def test_messages_of_abrp_give_the_same_forecast(
     drive: pd.DataFrame, forecast: Forecast, folder: Path
 ) -> None:
-    with RoadCar(folder) as car:
+    with Car.follow(folder) as car:
         for message in abrp_messages(drive):
-            car.add(sample_from_abrp(json.loads(json.dumps(message))), now_s=NOW_S)
+            car.record(sample_from_abrp(json.loads(json.dumps(message))), now_s=NOW_S)
         same(car.update(forecast), forecast.update(on_the_clock(drive)))
 
 
@@ -96,7 +97,7 @@ def test_late_and_doubled_messages_change_nothing(
     drive: pd.DataFrame, forecast: Forecast, folder: Path, seed: int
 ) -> None:
     sent = over_a_bad_connection(samples_of(drive), seed, late_s=LATE_S - 1.0)
-    with RoadCar(folder) as car:
+    with Car.follow(folder) as car:
         car.set_plan({}, NOON_S)
         arrivals = fed(car, sent)
         left = sorted({sample.time_s - NOON_S for sample in sent})
@@ -112,10 +113,10 @@ def test_a_restart_at_any_moment_loses_and_doubles_nothing(
     samples = samples_of(drive)
     sent = over_a_bad_connection(samples, 7)
     for k in range(0, len(sent), 100):
-        with RoadCar(folder) as car:
+        with Car.follow(folder) as car:
             fed(car, sent[max(0, k - 20) : k + 100])
     other = folder.with_name("other")
-    with RoadCar(folder) as car, RoadCar(other) as straight:
+    with Car.follow(folder) as car, Car.follow(other) as straight:
         fed(straight, sent)
         pd.testing.assert_frame_equal(car.observed(), straight.observed())
         same(car.update(forecast), straight.update(forecast))
@@ -123,15 +124,14 @@ def test_a_restart_at_any_moment_loses_and_doubles_nothing(
 
 def test_a_finished_trip_is_a_log_and_leaves_no_samples_behind(drive: pd.DataFrame, folder: Path) -> None:
     moving = int(np.flatnonzero(drive["speed_m_s"] >= 1.0)[-1])
-    with RoadCar(folder) as car:
+    with Car.follow(folder) as car:
         car.set_plan({"any": "thing"}, NOON_S)
         fed(car, samples_of(drive))
-        lines = len((folder / "live" / "journal.ndjson").read_bytes().splitlines())
-        assert lines == len(drive)
+        assert len(car.file.messages()) == len(drive)
         ended(car, float(moving))
         assert (car.trip, car.plan) == (None, None)
         assert len(car.observed()) == 0
-        assert len((folder / "live" / "journal.ndjson").read_bytes().splitlines()) < 50
+        assert len(car.file.messages()) < 50
         (log,) = car.logs()
     expected = on_the_clock(drive).iloc[: moving + 1]
     expected = expected[expected["time_s"] <= moving]
@@ -141,59 +141,52 @@ def test_a_finished_trip_is_a_log_and_leaves_no_samples_behind(drive: pd.DataFra
     assert log.context.started_at.timestamp() == NOON_S
 
 
-def test_a_trip_that_ends_twice_is_one_trip(
+def test_a_trip_that_has_ended_is_in_the_file_with_what_is_left_of_its_messages_or_not_at_all(
     drive: pd.DataFrame, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The process is killed between writing the trip and shortening the journal."""
-    with RoadCar(folder) as car:
-        fed(car, samples_of(drive))
-        with monkeypatch.context() as patch:
-            patch.setattr(car._journal, "rewrite", lambda *_: None)
-            ended(car, 600.0)
-    with RoadCar(folder) as car:
-        assert len(car.logs()) == 1
-        assert car.trip is None
-        assert fed(car, samples_of(drive)[-20:]) == ["late"] * 20, (
-            "a sender that repeats itself starts no trip"
-        )
+    """The process is killed, or the disk is full, right before the transaction ends."""
 
-
-def test_a_trip_that_cannot_be_written_is_written_later(
-    drive: pd.DataFrame, folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
     def full(*_: object) -> None:
-        raise OSError("no space left on device")
+        raise sqlite3.OperationalError("database or disk is full")
 
-    with RoadCar(folder) as car:
+    finished = list[str]()
+    with Car.follow(folder) as car:
+        car.finished = lambda: finished.append(car.name)
+        car.set_plan({"to": "work"})
         fed(car, samples_of(drive))
         with monkeypatch.context() as patch:
-            patch.setattr(folder_module, "write_file", full)
-            with pytest.raises(OSError, match="no space"):
-                ended(car, 600.0)
-        assert car.logs() == ()
-        ended(car, 1000.0)
-        assert len(car.logs()) == 1
+            patch.setattr(module, "put_messages", full)
+            with pytest.raises(OSError, match="disk is full"):
+                car.finish_trip()
+        assert (car.logs(), finished) == ((), [])
+        assert len(car.file.messages()) == len(drive)
+        assert car.plan is not None
+    with Car.follow(folder) as car:  # it was killed
+        car.finished = lambda: finished.append(car.name)
+        ended(car, 600.0)
+        assert (len(car.logs()), car.trip, car.plan, finished) == (1, None, None, [car.name])
+        late = samples_of(drive)[-20:]
+        assert fed(car, late) == ["late"] * 20, "a sender that repeats itself starts no trip"
 
 
 def test_silence_by_our_clock_ends_a_trip(drive: pd.DataFrame, folder: Path) -> None:
-    with RoadCar(folder) as car:
+    with Car.follow(folder) as car:
         assert not car.end_when_silent(NOW_S)
         fed(car, samples_of(drive))
         assert not car.end_when_silent(NOW_S + SILENCE_S - 1.0)
         assert car.end_when_silent(NOW_S + SILENCE_S)
         assert not car.end_when_silent(NOW_S + SILENCE_S)
         assert len(car.logs()) == 1
-    with RoadCar(folder) as car:
+    with Car.follow(folder) as car:
         assert fed(car, samples_of(drive)[-3:]) == ["late", "late", "doubled"]
         assert car.trip is None
 
 
 def test_a_car_is_not_silent_while_nobody_listened(drive: pd.DataFrame, folder: Path) -> None:
-    with RoadCar(folder) as car:
+    with Car.follow(folder) as car:
         fed(car, samples_of(drive))
     opened_s = time.time()
-    os.utime(folder / "live" / "journal.ndjson", (NOW_S, NOW_S))
-    with RoadCar(folder) as car:
+    with Car.follow(folder) as car:
         assert car.received_s == NOW_S
         assert not car.end_when_silent(opened_s + SILENCE_S - 1.0)
         assert car.trip is not None
@@ -201,7 +194,7 @@ def test_a_car_is_not_silent_while_nobody_listened(drive: pd.DataFrame, folder: 
 
 
 def test_a_car_that_is_moved_a_little_is_on_no_trip(folder: Path) -> None:
-    with RoadCar(folder) as car:
+    with Car.follow(folder) as car:
         car.set_plan({"to": "work"})
         fed(car, [Sample(NOON_S + k, {"speed_m_s": 2.0 if k < 50 else 0.0}) for k in range(400)])
         assert (car.trip, car.logs()) == (None, ())
@@ -210,7 +203,7 @@ def test_a_car_that_is_moved_a_little_is_on_no_trip(folder: Path) -> None:
 
 def test_the_usual_trip_is_that_of_this_time_of_day(drive: pd.DataFrame, folder: Path) -> None:
     day_s = 86_400.0
-    with RoadCar(folder) as car:
+    with Car.follow(folder) as car:
         assert car.usual_trip() is None
         fed(car, samples_of(drive))
         assert car.usual_trip() is None, "a trip is not its own"
@@ -219,14 +212,7 @@ def test_the_usual_trip_is_that_of_this_time_of_day(drive: pd.DataFrame, folder:
         usual = car.usual_trip()
         assert usual is not None
         assert usual.trip_id == car.logs()[0].trip_id
-        assert car.usual_trip() is usual, "its file is read once"
-        path = next((folder / "live" / "trips").iterdir())
-        path.with_name("notes.csv").write_text("mine")
-        assert len(car.logs()) == 1
-        whole = path.read_bytes()
-        path.write_text("time_s\n")
-        assert car.usual_trip_at(NOON_S + day_s) is None
-        path.write_bytes(whole)
+        assert car.usual_trip() is usual, "it is read once"
         fed(car, [Sample(NOON_S + day_s + 1000.0 + k, {"speed_m_s": 30.0}) for k in range(400)])
         assert car.usual_trip() is None, "the car goes elsewhere"
         ended(car, day_s + 1400.0)
@@ -236,9 +222,11 @@ def test_the_usual_trip_is_that_of_this_time_of_day(drive: pd.DataFrame, folder:
 
 
 def test_the_departure_is_what_the_first_samples_show(drive: pd.DataFrame, folder: Path) -> None:
-    with RoadCar(folder) as car:
+    with Car.follow(folder) as car:
         assert car.departure() == tw.Departure()
-        car.add(Sample(NOON_S - 900.0, {"displayed_soc": 0.9, "ambient_temperature_degc": 3.0}), now_s=NOW_S)
+        car.record(
+            Sample(NOON_S - 900.0, {"displayed_soc": 0.9, "ambient_temperature_degc": 3.0}), now_s=NOW_S
+        )
         assert car.departure() == tw.Departure(soc=0.9, ambient_temperature_degc=3.0)
         fed(car, samples_of(drive.assign(displayed_soc=np.linspace(0.8, 0.7, len(drive)), soc=np.nan)))
         found = car.departure()
@@ -246,29 +234,27 @@ def test_the_departure_is_what_the_first_samples_show(drive: pd.DataFrame, folde
 
 
 def test_a_standing_car_needs_no_more_memory_or_disk_however_long_it_stands(folder: Path) -> None:
-    with RoadCar(folder) as car:
+    with Car.follow(folder) as car:
         for k in range(5000):
-            car.add(Sample(NOON_S + k, {"speed_m_s": 0.0}), now_s=NOW_S)
+            car.record(Sample(NOON_S + k, {"speed_m_s": 0.0}), now_s=NOW_S)
         assert len(car._finder.before) <= 181
         assert len(car._ordered.waiting) <= 31
-        lines = len((folder / "live" / "journal.ndjson").read_bytes().splitlines())
-        assert lines <= module.SLACK_LINES + 2 * 212 + 2
+        assert len(car.file.messages()) <= module.SLACK_MESSAGES + 2 * 212 + 2
 
 
 def test_a_time_ahead_of_our_clock_counts(folder: Path) -> None:
     """Our clock may be slow: that of the sender orders its samples."""
-    with RoadCar(folder) as car:
-        assert car.add(Sample(NOON_S + 1e5), now_s=NOON_S) == "new"
+    with Car.follow(folder) as car:
+        assert car.record(Sample(NOON_S + 1e5), now_s=NOON_S) == "new"
         assert (car.counts["new"], car.received_s) == (1, NOON_S)
         with pytest.raises(InvalidInput, match="time in the future"):
-            car.add(Sample(NOON_S + module.FAR_S + 1.0), now_s=NOON_S)
-        assert "on no trip" in repr(car)
+            car.record(Sample(NOON_S + module.FAR_S + 1.0), now_s=NOON_S)
 
 
 def test_one_process_has_a_car_open(folder: Path) -> None:
-    with RoadCar(folder), pytest.raises(InvalidInput, match="another run"):
-        RoadCar(folder)
-    RoadCar(folder).close()
+    with Car.follow(folder), pytest.raises(InvalidInput, match="another run"):
+        Car.follow(folder)
+    Car.follow(folder).close()
 
 
 def test_a_forecast_that_was_not_stored_is_not_that_of_the_departure(
@@ -277,16 +263,16 @@ def test_a_forecast_that_was_not_stored_is_not_that_of_the_departure(
     """The disk is full when the trip begins; what is kept later counts from where the car was."""
 
     def full(*_: object) -> None:
-        raise OSError("no space left on device")
+        raise sqlite3.OperationalError("database or disk is full")
 
     sent = samples_of(drive)
-    with RoadCar(folder, lambda _: MODEL) as car:
+    with Car.follow(folder, lambda _: MODEL) as car:
         car.set_plan(request_of_samples(example_trip().iloc[:700]), NOON_S)
         for until in (0, 100, 200):
             fed(car, sent[len(car.observed()) : until])
             with monkeypatch.context() as patch:
                 if until < 200:
-                    patch.setattr(on_the_way, "write_text", full)
+                    patch.setattr(car_module, "put_forecasts", full)
                 assert car.document(NOW_S)["forecast"] is not None
         (kept,) = car.forecasts
         assert car.trip is not None
@@ -297,10 +283,10 @@ def test_a_document_is_that_of_update_for_every_message(
     drive: pd.DataFrame, forecast: Forecast, folder: Path
 ) -> None:
     """What is kept of the departure and of the trip changes no figure: to 1e-9, after each of the messages."""
-    with RoadCar(folder, lambda _: MODEL, reserve=0.2) as car:
+    with Car.follow(folder, lambda _: MODEL, reserve=0.2) as car:
         car.set_plan(request_of_samples(example_trip().iloc[:700]), NOON_S)
         for k, sample in enumerate(samples_of(drive), start=1):
-            car.add(sample, now_s=NOW_S)
+            car.record(sample, now_s=NOW_S)
             if k < 40 or k % 37:
                 continue
             found = car.document(NOW_S)
@@ -327,13 +313,13 @@ def test_a_document_is_that_of_update_for_every_message(
 
 
 def test_a_forecast_is_of_what_is_known_of_the_departure(folder: Path) -> None:
-    with RoadCar(folder, lambda _: MODEL) as car:
+    with Car.follow(folder, lambda _: MODEL) as car:
         assert car.at_departure() is None
         car.set_plan({"links": LINKS, "soc": 0.5})
         unknown = car.at_departure()
         assert unknown is not None
         assert car.at_departure() is unknown
-        car.add(Sample(NOON_S, {"displayed_soc": 0.9, "ambient_temperature_degc": -8.0}))
+        car.record(Sample(NOON_S, {"displayed_soc": 0.9, "ambient_temperature_degc": -8.0}))
         known = car.at_departure()
         assert known is not None
         assert known.plan.departure == tw.Departure(soc=0.5, ambient_temperature_degc=-8.0)
@@ -341,17 +327,17 @@ def test_a_forecast_is_of_what_is_known_of_the_departure(folder: Path) -> None:
 
 
 def test_what_cannot_be_of_the_trip_leaves_the_forecast_at_departure(folder: Path) -> None:
-    with RoadCar(folder, lambda _: MODEL) as car:
+    with Car.follow(folder, lambda _: MODEL) as car:
         car.set_plan({"links": LINKS})
         for k in range(60):
-            car.add(Sample(NOON_S + k, {"speed_m_s": 10.0, "displayed_soc": 0.3 if k < 50 else 0.9}))
+            car.record(Sample(NOON_S + k, {"speed_m_s": 10.0, "displayed_soc": 0.3 if k < 50 else 0.9}))
         found = car.document(NOON_S)
         assert found["forecast"] is not None
         assert found["forecast"]["measured_until_s"] == 0.0
         assert [fault["what"] for fault in found["faults"]] == ["charge rises"]
 
 
-def ovms_after_a_night(car: RoadCar, soc: float | None, *, drives_s: int = 100) -> None:
+def ovms_after_a_night(car: Car, soc: float | None, *, drives_s: int = 100) -> None:
     """OVMS sends the charge once, the time for an hour, and then drives: senders repeat only what changes."""
     joiner = TopicJoiner("ovms", "car")
     for k in [*range(0, 3600, 60), *range(3600, 3600 + drives_s)]:
@@ -367,7 +353,7 @@ def ovms_after_a_night(car: RoadCar, soc: float | None, *, drives_s: int = 100) 
 
 @pytest.mark.parametrize("soc", [0.69, 0.78])
 def test_a_charge_holds_while_the_car_stands(folder: Path, soc: float) -> None:
-    with RoadCar(folder, lambda _: MODEL) as car:
+    with Car.follow(folder, lambda _: MODEL) as car:
         car.set_plan({"links": LINKS})
         ovms_after_a_night(car, soc)
         assert car.trip is not None
@@ -380,7 +366,7 @@ def test_a_charge_holds_while_the_car_stands(folder: Path, soc: float) -> None:
 
 
 def test_an_unknown_charge_is_assumed_with_a_flag(folder: Path) -> None:
-    with RoadCar(folder, lambda _: MODEL) as car:
+    with Car.follow(folder, lambda _: MODEL) as car:
         car.set_plan({"links": LINKS})
         ovms_after_a_night(car, None)
         found = car.document(NOW_S)
@@ -394,7 +380,7 @@ def test_an_unknown_charge_is_assumed_with_a_flag(folder: Path) -> None:
 
 
 def test_a_charge_of_before_the_last_trip_does_not_hold(folder: Path) -> None:
-    with RoadCar(folder) as car:
+    with Car.follow(folder) as car:
         fed(car, [Sample(NOON_S, {"speed_m_s": 0.0, "displayed_soc": 0.8})])
         fed(car, [Sample(NOON_S + 10.0 * k, {"speed_m_s": 20.0}) for k in range(1, 60)])
         ended(car, 600.0)
@@ -406,7 +392,7 @@ def test_a_charge_of_before_the_last_trip_does_not_hold(folder: Path) -> None:
 
 
 def test_a_charge_of_the_battery_management_is_shown_as_the_display_shows_it(folder: Path) -> None:
-    with RoadCar(folder, lambda _: MODEL) as car:
+    with Car.follow(folder, lambda _: MODEL) as car:
         car.set_plan({"links": LINKS})
         fed(car, [Sample(NOON_S + k, {"speed_m_s": 0.0, "soc": 0.6}) for k in range(5)])
         found = car.document(NOW_S)
@@ -415,7 +401,7 @@ def test_a_charge_of_the_battery_management_is_shown_as_the_display_shows_it(fol
         assert departing is not None
         assert found["soc"] == pytest.approx(float(departing.charge.displayed(0.6)))
         assert abs(found["soc"] - 0.6) > 1e-3
-    with RoadCar(folder) as car:
+    with Car.follow(folder) as car:
         found = car.document(NOW_S)
         assert (found["soc"], found["soc_source"]) == (None, "bms_soc"), "without a model"
 
@@ -426,7 +412,7 @@ def test_a_charge_of_the_battery_management_counts_from_the_display_of_the_plan(
 ) -> None:
     arrivals = []
     for more in (0.0, beyond):
-        with RoadCar(folder / f"{more}", lambda _: MODEL) as car:
+        with Car.follow(folder / f"{more}", lambda _: MODEL) as car:
             charge = MODEL.forecast(tw.read_route(LINKS)).charge
             car.set_plan({"links": LINKS, "soc": float(charge.displayed(0.6)) + more})
             values = {"speed_m_s": 15.0, "voltage_v": 360.0, "current_a": 30.0}
@@ -438,7 +424,7 @@ def test_a_charge_of_the_battery_management_counts_from_the_display_of_the_plan(
 
 
 def test_without_a_plan_the_road_is_that_of_the_usual_trip(drive: pd.DataFrame, folder: Path) -> None:
-    with RoadCar(folder, lambda _: MODEL) as car:
+    with Car.follow(folder, lambda _: MODEL) as car:
         fed(car, samples_of(drive))
         found = car.document(NOW_S)
         assert (found["plan"], found["usual_trip"], found["forecast"], found["faults"]) == (
@@ -466,8 +452,8 @@ def test_the_charge_of_ovms_is_the_one_that_is_shown(folder: Path) -> None:
         joiner.take(f"ovms/me/leaf/metric/{metric}", text.encode(), NOON_S)
     sample = joiner.flush()
     assert sample is not None
-    with RoadCar(folder, lambda _: MODEL) as car:
-        car.add(sample)
+    with Car.follow(folder, lambda _: MODEL) as car:
+        car.record(sample)
         car.set_plan({"links": [{"length_m": 100.0, "speed_m_s": 10.0}]})
         found = car.document(NOON_S)
         assert (car.departure().soc, car.departure().bms_soc) == (pytest.approx(0.69), None)
@@ -480,12 +466,12 @@ KILLED = """
 import sys
 from pathlib import Path
 from tests.server.cars.messages import measured, samples_of
-from tripwatt.server.cars import RoadCar
+from tripwatt.server.cars import Car
 from tripwatt.study.synthetic import example_trip
-car = RoadCar(sys.argv[1])
+car = Car.follow(sys.argv[1])
 for sample in samples_of(measured(example_trip())):
     sys.stdin.readline()
-    car.add(sample)
+    car.record(sample)
     print(sample.time_s, flush=True)
 """
 
@@ -501,7 +487,7 @@ def test_a_killed_process_loses_nothing_that_it_acknowledged(folder: Path) -> No
             last = max(float(process.stdout.readline()) for _ in range(number - 30))
             os.kill(process.pid, signal.SIGKILL)
             last = max([last, *map(float, process.stdout.read().splitlines())])
-        with RoadCar(folder) as car:
+        with Car.follow(folder) as car:
             observed = car.observed()
             assert int(last - NOON_S) + 1 <= len(observed) <= number
             assert observed["time_s"].tolist() == [float(k) for k in range(len(observed))]
@@ -513,7 +499,7 @@ def test_trips_of_the_tum_set_end_with_the_forecast_of_update(data_dir: Path, tm
     for trip in (trip for trip in tw.audit(fleet).trips if trip.trip_id in REPLAYED):
         table, at_departure = measured(trip.samples), model.forecast(trip)
         table = table.assign(time_s=table["time_s"] - at_departure.plan.start_s)
-        with RoadCar(tmp_path / trip.trip_id) as car:
+        with Car.follow(tmp_path / trip.trip_id) as car:
             fed(car, samples_of(table, NOON_S + float(table["time_s"].iloc[0])))
             car.set_plan({}, NOON_S)
             same(car.update(at_departure), at_departure.update_since_departure(table))
@@ -521,14 +507,14 @@ def test_trips_of_the_tum_set_end_with_the_forecast_of_update(data_dir: Path, tm
 
 def test_the_outside_temperature_stays_after_a_trip_and_a_restart_for_a_day(folder: Path) -> None:
     air = {"ambient_temperature_degc": -3.0}
-    with RoadCar(folder) as car:
+    with Car.follow(folder) as car:
         for k in range(400):
-            car.add(Sample(NOON_S + k, {"speed_m_s": 10.0, **(air if k < 100 else {})}), now_s=NOON_S + k)
-        car.add(Sample(NOON_S + 401.0, {"speed_m_s": 0.0}), now_s=NOON_S + 401.0)
+            car.record(Sample(NOON_S + k, {"speed_m_s": 10.0, **(air if k < 100 else {})}), now_s=NOON_S + k)
+        car.record(Sample(NOON_S + 401.0, {"speed_m_s": 0.0}), now_s=NOON_S + 401.0)
         car.end_when_silent(NOON_S + 401.0 + 1200.0)
         assert len(car.logs()) == 1
         assert car.last_air_degc(car.received_s or 0.0) == -3.0
-    with RoadCar(folder) as again:
-        again.add(Sample(NOON_S + 2000.0, {"speed_m_s": 0.0}), now_s=NOON_S + 2000.0)
+    with Car.follow(folder) as again:
+        again.record(Sample(NOON_S + 2000.0, {"speed_m_s": 0.0}), now_s=NOON_S + 2000.0)
         assert again.last_air_degc(NOON_S + 2000.0) == -3.0
         assert again.last_air_degc(NOON_S + AIR_S + 3000.0) is None

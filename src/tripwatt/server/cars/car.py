@@ -1,0 +1,585 @@
+"""A user's car: one object for its description, its trips, its diary, its model, and what it sends while it drives.
+
+All of it is in one SQLite file of the car's folder. A trip that a car finishes on the road is a log as any other from then on.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import secrets
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import astuple, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, Self, cast
+
+from tripwatt.errors import Fault, InvalidInput, raise_faults, system_errors
+from tripwatt.forecasting import Forecast, ForecastModel
+from tripwatt.forecasting.storage import vehicle_of_values
+from tripwatt.modelfile import FORMAT_VERSION, METADATA
+from tripwatt.server.cars.car_file import (
+    MadeForecast,
+    put_forecasts,
+    put_logs,
+    put_settings,
+    row_of_log,
+)
+from tripwatt.server.cars.diary import Diary
+from tripwatt.server.cars.documents import HIGH, LOW, LiveForecastDocument, LiveResponse, live_forecast
+from tripwatt.server.cars.learning import Learned, Learner, Lesson, Progress, model_of_parts
+from tripwatt.server.cars.live_car import LiveCar, made_folder
+from tripwatt.server.cars.plan import LivePlan
+from tripwatt.trips import Departure, TripSet
+from tripwatt.trips.columns import require_fraction
+from tripwatt.units import SECONDS_PER_DAY
+
+if TYPE_CHECKING:
+    from tripwatt.trips import Log
+    from tripwatt.vehicles import Vehicle
+
+MOST_LEFT_OUT: Final = 100
+"""Trips that are in no diary whose reasons are kept; the latest ones stay."""
+
+
+AIR_S: Final = SECONDS_PER_DAY
+"""An outside temperature of a message counts for so long."""
+
+ModelOf = Callable[[Mapping[str, Any]], ForecastModel]
+"""The request of a plan -> the model of its forecast; the same object for as long as the model is the same."""
+
+
+class Car(LiveCar):
+    """A car with its folder; made by `create_car`, opened by `open_car` or, with what it sends on the road, by `Car.follow`.
+
+    Parameters
+    ----------
+    folder : Path or str
+        Of the car, whose name is that of the folder. A folder of tripwatt 0.2 or 0.3.0.dev0 is read once into the file of the car.
+
+    Attributes
+    ----------
+    model_of : callable or None
+        Request of a plan -> model of its forecast.
+    reserve : float
+        Displayed state of charge to keep, where the plan has none.
+    note : callable
+        Called with a sentence when a forecast cannot be kept.
+    updated : Forecast or None
+        That of the latest document; None without a plan.
+
+    Raises
+    ------
+    InvalidInput
+        When the file cannot be made, is damaged, or is of a newer format.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder, Car.follow(Path(folder, "my-leaf")) as car:
+    ...     print([car.record(Sample(1.7e9 + 10.0 * k, {"speed_m_s": 10.0, "displayed_soc": 0.8})) for k in range(4)])
+    ...     print(car.observed().shape, car.departure().soc, car.shown(1.7e9 + 60.0)["seconds_since_message"] is None)
+    ...     print(car.usual_trip(), car.usual_trip_at(1.7e9))
+    ...     car.set_plan({"links": []})
+    ...     print(car.plan.request, car.at_departure(), car.document(1.7e9)["forecast"])
+    ...     print(car.end_when_silent(1.7e9), car.logs())
+    ['new', 'new', 'new', 'new']
+    (4, 3) 0.8 False
+    None None
+    {'links': []} None None
+    False ()
+    >>> open_car("cars/my-leaf").add(tw.read_logs("exports", mapping="leaf_spy"))  # doctest: +SKIP
+    Learned(added=12, known=0, entries=11, left_out=(), flat=0)
+    """
+
+    def __init__(self, folder: Path | str) -> None:
+        super().__init__(folder)
+        self.model_of: ModelOf | None = None
+        self.reserve = 0.1
+        self.note: Callable[[str], None] = lambda _: None
+        # what the forecast at departure was made of, and that forecast
+        self._departing: tuple[tuple[LivePlan, ForecastModel, Departure], Forecast] | None = None
+        self._of: tuple[Any, ...] = ()
+        self._forecast: LiveForecastDocument | None = None
+        self._faults: list[dict[str, str]] = []
+        self.updated: Forecast | None = None
+
+    @classmethod
+    def follow(
+        cls,
+        folder: Path | str,
+        model_of: ModelOf | None = None,
+        *,
+        reserve: float = 0.1,
+        keep_days: float = math.inf,
+    ) -> Self:
+        """Open a car that sends samples, to be closed at the end; one process at a time follows it.
+
+        Parameters
+        ----------
+        folder : Path or str
+            Of the car; made where it is missing.
+        model_of : callable, optional
+            Request of a plan -> model of its forecast. Without one, trips are kept and not forecast.
+        reserve : float
+            Displayed state of charge to keep, where the plan has none.
+        keep_days : float
+            Days that finished trips, and samples of a car that is silent, stay on disk; older ones are erased now and every hour.
+
+        Returns
+        -------
+        Car
+            With the trip that it is on.
+
+        Raises
+        ------
+        InvalidInput
+            When its name cannot be one, it cannot be written, or another process follows it.
+        """
+        require_fraction("reserve", reserve)
+        made_folder(Path(folder).absolute())
+        car = cls(folder)
+        car.model_of, car.reserve, car.keep_days = model_of, reserve, keep_days
+        car._resume()
+        return car
+
+    @cached_property
+    def vehicle(self) -> Vehicle:
+        """The car with its published values.
+
+        Raises
+        ------
+        InvalidInput
+            When nothing describes the car: it only sends on the road.
+        """
+        values = self.file.setting("vehicle")
+        if values is None:
+            got, fix = "no description", "make one: tripwatt car new"
+            raise InvalidInput.of("not a car", f"{self.folder}", got, "a folder of `tripwatt car new`", fix)
+        return vehicle_of_values(values)
+
+    @property
+    def base(self) -> Path | None:
+        """Model that is adapted to the trips; None for the bundled one."""
+        base = self.file.setting("base")
+        return None if base is None else Path(base)
+
+    @property
+    def label(self) -> str:
+        """The car as its owner calls it."""
+        return f"{self.file.setting('label') or self.name}"
+
+    @property
+    def diary(self) -> Diary:
+        """Its trips, each forecast before it was learned."""
+        with self.file.read() as db:
+            rows = db.execute("SELECT entry FROM diary ORDER BY rowid").fetchall()
+        return Diary.empty().with_entries(json.loads(entry) for (entry,) in rows)
+
+    @property
+    def left_out(self) -> dict[str, str]:
+        """Trips that did not enter the diary, and why: the audit set them aside, or they cannot be forecast."""
+        return self.file.setting("left_out") or {}
+
+    def logs(self) -> tuple[Log, ...]:
+        """Read all trips as they came.
+
+        Returns
+        -------
+        tuple of Log
+            In the order of their departure.
+        """
+        return self.file.logs()
+
+    def model(self) -> ForecastModel:
+        """Load the model of the car.
+
+        Returns
+        -------
+        ForecastModel
+            Adapted to its trips, or that of its published values before the first one.
+        """
+        return self._learner().model()
+
+    def learned_state(self) -> str:
+        """Identify what the car has learned.
+
+        Returns
+        -------
+        str
+            Another one whenever it learns.
+        """
+        return f"{self.file.setting('state')}"
+
+    def add(self, logs: TripSet | Iterable[Log], *, progress: Progress | None = None) -> Learned:
+        """Keep logs, forecast their trips one after the other, and learn from them.
+
+        A log that is there already is not added again. O(samples of all logs).
+
+        Parameters
+        ----------
+        logs : TripSet or iterable of Log
+            As a reader gave them.
+        progress : callable, optional
+            Called with the trips that were forecast and their number.
+
+        Returns
+        -------
+        Learned
+            What is new among the logs and in the diary.
+
+        Raises
+        ------
+        InvalidInput
+            When a log was resampled, or the car cannot be written.
+        """
+        given = [
+            replace(log, context=replace(log.context, car=None))
+            for log in (logs.logs if isinstance(logs, TripSet) else logs)
+        ]
+        raise_faults(
+            Fault("not a raw log", log.trip_id, f"means over {log.step_s} s")
+            for log in given
+            if log.step_s is not None
+        )
+        rows = [row_of_log(log) for log in given]
+        with system_errors("cannot write the car", f"{self.folder}", "a writable folder with space"):
+            with self.file.write() as db:
+                added = put_logs(db, rows)
+                digests = {digest for (digest,) in db.execute("SELECT digest FROM trips")}
+            other = "another log of this name was added before"
+            others = {f"{name}": other for name, digest, *_ in rows if digest not in digests}
+            known = len(rows) - added - len(others)
+            return self._learn(
+                {log.trip_id for log in given} - {*others}, Learned(added, known), others, progress
+            )
+
+    def learn(self, *, progress: Progress | None = None) -> Learned:
+        """Learn the trips that the car finished on the road: each is forecast before the model is adapted to it, and enters the diary.
+
+        Parameters
+        ----------
+        progress : callable, optional
+            As of `add`.
+
+        Returns
+        -------
+        Learned
+            Trips that it learned earlier are `known`.
+
+        Raises
+        ------
+        InvalidInput
+            When nothing describes the car, or it cannot be written.
+        """
+        with self.file.read() as db:
+            rows = db.execute("SELECT trip_id, is_learned FROM trips WHERE start_s IS NOT NULL").fetchall()
+        new = {name for name, is_learned in rows if not is_learned}
+        with system_errors("cannot write the car", f"{self.folder}", "a writable folder with space"):
+            return self._learn(new, Learned(len(new), len(rows) - len(new)), {}, progress)
+
+    @property
+    def has_news(self) -> bool:
+        """Whether the car has finished a trip on the road that it has not learned; never where nothing describes it."""
+        with self.file.read() as db:
+            found = db.execute(
+                """SELECT 1 FROM settings WHERE name = 'vehicle'
+                AND EXISTS (SELECT 1 FROM trips WHERE start_s IS NOT NULL AND NOT is_learned)"""
+            )
+            return found.fetchone() is not None
+
+    def _learner(self) -> Learner:
+        with self.file.read() as db:
+            parts = dict(db.execute("SELECT part, content FROM model"))
+        is_current = bool(parts) and json.loads(parts[METADATA])["format_version"] == FORMAT_VERSION
+        stored = model_of_parts(parts) if is_current else None
+        return Learner(self.vehicle, self.base, TripSet(self.name, self.logs()), self.diary.trip_ids, stored)
+
+    def _learn(
+        self, given: Iterable[str], counts: Learned, others: Mapping[str, str], progress: Progress | None
+    ) -> Learned:
+        """Learn all trips that are in no diary; again where another process taught the car meanwhile."""
+        is_kept = False
+        while not is_kept:
+            state, learner = self.learned_state(), self._learner()
+            lesson = learner.learn(given, progress or (lambda done, total: None))
+            lesson.left_out |= others
+            is_kept = self._keep_lesson(state, learner.logs, lesson)
+        left_out = tuple(f"{trip}: {why}" for trip, why in lesson.left_out.items())
+        return replace(counts, entries=len(lesson.entries), left_out=left_out, flat=lesson.flat)
+
+    def _keep_lesson(self, state: str, logs: TripSet, lesson: Lesson) -> bool:
+        """Write model and diary together, unless what the car has learned is no longer that of the state."""
+        with self.file.write() as db:
+            if db.execute("SELECT value FROM settings WHERE name = 'state'").fetchone() != (
+                json.dumps(state),
+            ):
+                return False
+            names = [(log.trip_id,) for log in logs.logs]
+            db.executemany("UPDATE trips SET is_learned = TRUE WHERE trip_id = ?", names)
+            if lesson.entries:
+                rows = [(entry["trip_id"], json.dumps(entry)) for entry in lesson.entries]
+                db.executemany("INSERT INTO diary VALUES (?, ?)", rows)
+                db.execute("DELETE FROM model")
+                db.executemany("INSERT INTO model VALUES (?, ?)", lesson.model.items())
+                put_settings(db, {"state": secrets.token_hex(8)})
+            if lesson.left_out:
+                left_out = [*{**self.left_out, **lesson.left_out}.items()]
+                put_settings(db, {"left_out": dict(left_out[-MOST_LEFT_OUT:])})
+        self.file.checkpoint()
+        return True
+
+    def about(self, diary: Diary | None = None) -> dict[str, Any]:
+        """Describe the car, its trips, what was learned, and its scores.
+
+        Parameters
+        ----------
+        diary : Diary, optional
+            Its diary, where it was read already.
+
+        Returns
+        -------
+        dict
+            Plain values.
+        """
+        diary = self.diary if diary is None else diary
+        latest, by_book = diary.latest()
+        with self.file.read() as db:
+            (trips,) = db.execute("SELECT count(*) FROM trips").fetchone()
+            (text,) = db.execute("SELECT content FROM model WHERE part = ?", (METADATA,)).fetchone() or (
+                "{}",
+            )
+        metadata = json.loads(text)
+        is_current = metadata.get("format_version") == FORMAT_VERSION
+        adapted = metadata["provenance"]["adapted"] if is_current else {}
+        return {
+            "car": self.name,
+            "label": self.label,
+            "folder": f"{self.folder}",
+            "vehicle": self.vehicle.name,
+            "title": self.vehicle.title,
+            "trips": trips,
+            "in_diary": len(diary),
+            "left_out": self.left_out,
+            "learned": {
+                name: {**value, "seen_degc": diary.seen_degc(name)}
+                for name, value in adapted.get("parameters", {}).items()
+            },
+            "experts": adapted.get("experts", {}),
+            "score": diary.score.to_dict(),
+            "latest": latest.to_dict(),
+            "latest_by_book": by_book.to_dict(),
+            "by_temperature": {name: score.to_dict() for name, score in diary.by_temperature().items()},
+            "by_season": diary.by_season(),
+            "by_cause_wh": diary.by_cause_wh(),
+        }
+
+    def at_departure(self) -> Forecast | None:
+        """Forecast the trip at its departure; what the plan leaves unknown of the departure is what the samples show.
+
+        It is made again when plan, model or departure are others.
+
+        Returns
+        -------
+        Forecast or None
+            None without a plan and a usual trip, or without a model.
+
+        Raises
+        ------
+        InvalidInput
+            When the plan cannot be forecast.
+        """
+        plan = self.plan
+        if plan is None and self.usual_trip() is not None and self._usual is not None:
+            plan = self._usual[2]
+        if plan is None or self.model_of is None:
+            return None
+        model, known, shown = self.model_of(plan.request), plan.road.departure, self.departure()
+        if known.soc is not None or known.bms_soc is not None:
+            shown = replace(shown, soc=None, bms_soc=None)
+        made_of = plan, model, shown.merge(known)
+        if self._departing is None or self._departing[0] != made_of:
+            self._departing = made_of, model.forecast(replace(plan.road, departure=made_of[2]))
+        return self._departing[1]
+
+    def update(self, forecast: Forecast) -> Forecast:
+        """Update a forecast of the trip made at its departure by what was measured so far. O(samples of the trip).
+
+        Parameters
+        ----------
+        forecast : Forecast
+            Of the trip that the car is on.
+
+        Returns
+        -------
+        Forecast
+            The same where fewer than two samples were measured.
+
+        Raises
+        ------
+        InvalidInput
+            As `Forecast.update`: when the samples are not those of this trip.
+        """
+        observed = self.observed(forecast.plan.start_s)
+        return forecast if len(observed) < 2 else forecast.update(observed)
+
+    def shown_soc(self) -> float | None:
+        """Return the displayed charge by the latest message that has a charge.
+
+        Returns
+        -------
+        float or None
+            A charge of the battery management is converted by the model of the car; None without one, and without a charge.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> from tripwatt.server.cars import Sample
+        >>> with tempfile.TemporaryDirectory() as folder, Car.follow(f"{folder}/leaf") as car:
+        ...     car.record(Sample(1.7e9, {"displayed_soc": 0.8}))
+        ...     car.shown_soc()
+        'new'
+        0.8
+        """
+        if self._soc is None or self._soc[1] == "soc" or self.model_of is None:
+            return None if self._soc is None or self._soc[1] != "soc" else self._soc[2]
+        model = self.model_of({} if self.plan is None else self.plan.request)
+        scale = None if model.uncertainty_ is None else model.uncertainty_.charge
+        shown = scale.displayed if scale is not None else model.vehicle.battery.displayed_from_soc
+        return min(max(float(shown(self._soc[2])), 0.0), 1.0)
+
+    def last_air_degc(self, now_s: float) -> float | None:
+        """Return the outside temperature by the latest message that has one.
+
+        Parameters
+        ----------
+        now_s : float
+            The time by our clock [s since 1970].
+
+        Returns
+        -------
+        float or None
+            [°C]; None without one, and where it is older than `AIR_S`.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> from tripwatt.server.cars import Sample
+        >>> with tempfile.TemporaryDirectory() as folder, Car.follow(f"{folder}/leaf") as car:
+        ...     car.record(Sample(1.7e9, {"ambient_temperature_degc": -3.0}))
+        ...     print(car.last_air_degc(car.now_s()), car.last_air_degc(car.now_s() + 2.0 * AIR_S))
+        'new'
+        -3.0 None
+        """
+        age_s = now_s - (self.received_s or 0.0) + self._ordered.newest_s - self._air[0]
+        return self._air[1] if age_s <= AIR_S else None
+
+    @property
+    def live_state(self) -> tuple[int, int, float | None]:
+        """What a forecast depends on: numbers of samples and of plans, and the start of the trip."""
+        return self.counts["new"], self._plans, None if self.trip is None else self.trip.start_s
+
+    def document(self, now_s: float) -> LiveResponse:
+        """Describe the car and the forecast of its trip, given what was measured. It is made once for the same samples.
+
+        Samples that cannot be of the trip leave the forecast before them, else that of the departure, and `faults`.
+
+        Parameters
+        ----------
+        now_s : float
+            The time by our clock [s since 1970].
+
+        Returns
+        -------
+        dict
+            Plain values, as the service gives them.
+        """
+        if self._of != self.live_state:
+            self._make()
+        usual = None
+        if self.plan is None and self._forecast is not None and self._departing is not None:
+            usual = self._departing[0][0].usual_trip
+        document = {
+            **self.shown(now_s),
+            "soc": self.shown_soc(),
+            "ambient_temperature_degc": self.last_air_degc(now_s),
+            "plan": "given" if self.plan is not None else None if usual is None else "usual",
+            "usual_trip": usual,
+            "forecast": self._forecast,
+            "flags": [],
+            "message": None,
+            "faults": [*self._faults, *self.mixed(now_s)],
+        }
+        return cast(LiveResponse, document)
+
+    def _make(self) -> None:
+        """Make the forecast of the document; one that is due is kept for the diary."""
+        before, of, self._of = self._forecast, self._of, self.live_state
+        departing, self._faults = None, []
+        try:
+            departing = self.at_departure()
+            self.updated = None if departing is None else self.update(departing)
+            self._forecast = None if self.updated is None else self._live(self.updated)
+        except InvalidInput as error:
+            self._faults = [fault.texts for fault in error.faults]
+            if of[1:] != self._of[1:]:  # the forecast before is of another trip or plan
+                self._forecast = None if departing is None else self._live(departing)
+            return
+        if self._forecast is None:
+            return
+        try:
+            # the forecast before is that of the departure if the car was on no trip
+            if before is not None and of[1:] == (self._of[1], None):
+                self.keep_forecast(before, departing=True)
+            self.keep_forecast(self._forecast)
+        except OSError as error:
+            self.note(f"forecast not stored: {error}"[:200])
+
+    def _live(self, forecast: Forecast) -> LiveForecastDocument:
+        plan = None if self._departing is None else self._departing[0][0]
+        reserve = None if plan is None else plan.request.get("reserve")
+        return live_forecast(forecast, self.reserve if reserve is None else reserve)
+
+    def keep_forecast(self, forecast: LiveForecastDocument, *, departing: bool = False) -> bool:
+        """Keep a forecast of the whole trip for the diary, if it is due.
+
+        Parameters
+        ----------
+        forecast : dict
+            As in `document`.
+        departing : bool
+            Whether it is that of the departure; it counts only as the first one.
+
+        Returns
+        -------
+        bool
+            Whether it was kept.
+
+        Raises
+        ------
+        OSError
+            When it cannot be written.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> with tempfile.TemporaryDirectory() as folder, Car.follow(f"{folder}/leaf") as car:
+        ...     car.keep_forecast({"energy_wh": 2000.0, "quantiles_wh": {"0.05": 1800.0, "0.95": 2200.0}})
+        False
+        """
+        trip = self.trip
+        if trip is None or (departing and self.forecasts):
+            return False
+        at_s, distance_m = (0.0, 0.0) if departing else (trip.last_s - trip.start_s, trip.distance_m)
+        ends = (forecast["quantiles_wh"][end] for end in (LOW, HIGH))
+        made = MadeForecast(at_s, distance_m, forecast["energy_wh"], *ends)
+        if not self._is_due(at_s) or not all(map(math.isfinite, astuple(made))):
+            return False
+        with self.file.write() as db:
+            put_forecasts(db, trip.start_s, [made])
+        return True
+
+    def __repr__(self) -> str:
+        if self.file.setting("vehicle") is None:
+            return f"<Car {self.name}: no description>"
+        return f"<Car {self.name}: {self.vehicle.title}, {len(self.diary)} trips in its diary>"

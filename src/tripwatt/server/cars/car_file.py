@@ -1,0 +1,289 @@
+"""The SQLite file of a car: what belongs together is one transaction, so that a killed process or a full disk leaves it whole.
+
+The file is in WAL mode: readers wait for nobody, and writers of several processes for each other. A commit is with the system when
+it returns; it is on the disk with the next checkpoint, after a finished trip and after learning.
+"""
+
+from __future__ import annotations
+
+import errno
+import json
+import sqlite3
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import closing, contextmanager, nullcontext, suppress
+from dataclasses import astuple, dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import Any, Final
+from urllib.parse import quote
+
+import numpy as np
+
+from tripwatt.errors import InvalidInput
+from tripwatt.fleet.store.rows import context_values, digest_of, kept_columns, log_from_rows
+from tripwatt.server.cars.telemetry import Sample
+from tripwatt.trips import Log, Recorded
+
+FILE: Final = "car.sqlite"
+FORMAT: Final = 1
+"""Number of the format, the `user_version` of the file."""
+
+BUSY_S: Final = 60.0
+"""A writer waits for so long for another one: the longest transaction reads the folder of an older version."""
+
+SCHEMA: Final = (
+    "CREATE TABLE settings (name TEXT PRIMARY KEY, value TEXT NOT NULL)",
+    # `start_s` is the departure of a trip that was followed on the road [s since 1970]; of other logs it is null
+    """CREATE TABLE trips (trip_id TEXT PRIMARY KEY, digest TEXT NOT NULL UNIQUE, started_at TEXT, driver TEXT, context TEXT NOT NULL,
+    columns TEXT NOT NULL, samples BLOB NOT NULL, start_s REAL, is_learned INTEGER NOT NULL DEFAULT 0)""",
+    "CREATE TABLE diary (trip_id TEXT PRIMARY KEY, entry TEXT NOT NULL)",
+    "CREATE TABLE model (part TEXT PRIMARY KEY, content BLOB NOT NULL)",
+    """CREATE TABLE forecasts (start_s REAL NOT NULL, at_s REAL NOT NULL, distance_m REAL NOT NULL, energy_wh REAL NOT NULL,
+    low_wh REAL NOT NULL, high_wh REAL NOT NULL)""",
+    # samples that no finished trip holds, in the order of their arrival
+    "CREATE TABLE messages (sample TEXT NOT NULL)",
+)
+
+FLAGS: Final = ("charging", "parked")
+
+
+@dataclass(frozen=True, slots=True)
+class MadeForecast:
+    """A forecast of the whole trip, made on the way.
+
+    Attributes
+    ----------
+    at_s : float
+        Time since the start of the trip [s]; 0 for the forecast at departure.
+    distance_m : float
+        Driven by then.
+    energy_wh, low_wh, high_wh : float
+        Energy of the whole trip, and the ends of its 90 % interval.
+    """
+
+    at_s: float
+    distance_m: float
+    energy_wh: float
+    low_wh: float
+    high_wh: float
+
+
+class CarFile:
+    """The file of the car in a folder.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the car.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.path = folder / FILE
+        self._kept: sqlite3.Connection | None = None
+
+    def prepare(self, fill: Callable[[sqlite3.Connection], None]) -> None:
+        """Make the tables of a new file and fill them, in one transaction; a file that has them stays as it is.
+
+        Raises
+        ------
+        InvalidInput
+            When the file is of a newer format or damaged.
+        OSError
+            When it cannot be written.
+        """
+        self.path.touch(0o600)
+        with self.read() as db:
+            db.execute("PRAGMA journal_mode = WAL")
+            (number,) = db.execute("PRAGMA user_version").fetchone()
+        if number > FORMAT:
+            got, allowed, fix = f"format {number}", f"format {FORMAT}", "install a newer tripwatt"
+            raise InvalidInput.of("car of a newer format", f"{self.path.parent}", got, allowed, fix)
+        if number == 0:
+            with self.write() as db:
+                if db.execute("PRAGMA user_version").fetchone() == (0,):  # no other process was faster
+                    for statement in SCHEMA:
+                        db.execute(statement)
+                    fill(db)
+                    db.execute(f"PRAGMA user_version = {FORMAT}")
+
+    def keep_open(self) -> None:
+        """Use one connection from now on, in one thread at a time, until `close`."""
+        self._kept = _connect(self.path)
+
+    def close(self) -> None:
+        """Close the connection that is kept."""
+        if self._kept is not None:
+            self._kept.close()
+            self._kept = None
+
+    @contextmanager
+    def read(self) -> Iterator[sqlite3.Connection]:
+        """A connection to read by.
+
+        Raises
+        ------
+        InvalidInput
+            When the file cannot be read.
+        """
+        try:
+            with closing(_connect(self.path)) if self._kept is None else nullcontext(self._kept) as db:
+                yield db
+        except sqlite3.Error as error:
+            got, allowed = f"{error}"[:200], "a file of tripwatt"
+            raise InvalidInput.of("damaged file", f"{self.path}", got, allowed) from error
+
+    @contextmanager
+    def write(self) -> Iterator[sqlite3.Connection]:
+        """A transaction: all that is written in it is there after it, or nothing.
+
+        Raises
+        ------
+        OSError
+            When it cannot be written.
+        """
+        try:
+            with closing(_connect(self.path)) if self._kept is None else nullcontext(self._kept) as db, db:
+                db.execute("BEGIN IMMEDIATE")
+                yield db
+        except sqlite3.Error as error:
+            raise OSError(errno.EIO, f"cannot write the car: {error}", f"{self.path}") from error
+
+    def checkpoint(self) -> None:
+        """Bring what was committed to the disk, and overwrite there what was deleted; on a full disk SQLite does so later."""
+        with suppress(InvalidInput), self.read() as db:
+            db.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchall()
+
+    def setting(self, name: str) -> Any:
+        """A setting; None where there is none, and in a file that a killed process began."""
+        with self.read() as db:
+            if db.execute("PRAGMA user_version").fetchone() == (0,):
+                return None
+            row = db.execute("SELECT value FROM settings WHERE name = ?", (name,)).fetchone()
+        return None if row is None else json.loads(row[0])
+
+    def logs(self, where: str = "TRUE", *values: object) -> tuple[Log, ...]:
+        """Trips in the order of their departure, those without one last. O(samples)."""
+        columns = ("trip_id", "started_at", "driver", "context", "columns", "samples")
+        order = "ORDER BY started_at IS NULL, started_at, trip_id"
+        with self.read() as db:
+            rows = db.execute(f"SELECT {', '.join(columns)} FROM trips WHERE {where} {order}", values)
+            return tuple(_log(dict(zip(columns, row, strict=True))) for row in rows)
+
+    def departures(self, before_s: float) -> list[float]:
+        """Departures of finished trips of the road before a time [s since 1970]."""
+        with self.read() as db:
+            return [
+                start_s
+                for (start_s,) in db.execute("SELECT start_s FROM trips WHERE start_s < ?", (before_s,))
+            ]
+
+    def forecasts(self, start_s: float) -> tuple[MadeForecast, ...]:
+        """Forecasts that were made on the trip that started at a time [s since 1970]."""
+        names = ", ".join(MadeForecast.__slots__)
+        with self.read() as db:
+            rows = db.execute(f"SELECT {names} FROM forecasts WHERE start_s = ? ORDER BY rowid", (start_s,))
+            return tuple(MadeForecast(*row) for row in rows)
+
+    def messages(self) -> list[Sample]:
+        """Samples that no finished trip holds, in the order of their arrival."""
+        with self.read() as db:
+            return [
+                sample_of_text(text) for (text,) in db.execute("SELECT sample FROM messages ORDER BY rowid")
+            ]
+
+
+def put_settings(db: sqlite3.Connection, settings: Mapping[str, Any]) -> None:
+    """Write settings; those that are None are removed."""
+    db.executemany("DELETE FROM settings WHERE name = ?", [(name,) for name in settings])
+    rows = [(name, json.dumps(value)) for name, value in settings.items() if value is not None]
+    db.executemany("INSERT INTO settings VALUES (?, ?)", rows)
+
+
+def put_logs(
+    db: sqlite3.Connection,
+    rows: Iterable[tuple[object, ...]],
+    *,
+    start_s: float | None = None,
+    is_learned: bool = False,
+) -> int:
+    """Add rows of `row_of_log`, unless there is a log of the same name or content; how many are new."""
+    before = db.total_changes
+    statement = "INSERT OR IGNORE INTO trips VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)"
+    db.executemany(statement, [(*row, start_s, is_learned) for row in rows])
+    return db.total_changes - before
+
+
+def row_of_log(log: Recorded) -> tuple[object, ...]:
+    """A log as it is stored, value for value. O(samples)."""
+    samples, started, names = BytesIO(), log.context.started_at, kept_columns(log)
+    arrays: dict[str, Any] = {name: log.array(name) for name in names}
+    np.savez_compressed(samples, **arrays)
+    return (
+        log.trip_id,
+        digest_of("", log),
+        None if started is None else started.isoformat(),
+        log.context.driver,
+        json.dumps(context_values(log)),
+        json.dumps(names),
+        samples.getvalue(),
+    )
+
+
+def put_forecasts(db: sqlite3.Connection, start_s: float, made: Iterable[MadeForecast]) -> None:
+    """Add forecasts of the trip that started at a time [s since 1970]."""
+    db.executemany(
+        "INSERT INTO forecasts VALUES (?, ?, ?, ?, ?, ?)", [(start_s, *astuple(one)) for one in made]
+    )
+
+
+def put_messages(db: sqlite3.Connection, samples: Iterable[Sample]) -> None:
+    """Add samples behind the others."""
+    db.executemany("INSERT INTO messages VALUES (?)", [(text_of(sample),) for sample in samples])
+
+
+def text_of(sample: Sample) -> str:
+    """A sample as text, without its position.
+
+    Examples
+    --------
+    >>> text_of(Sample(1.7e9, {"speed_m_s": 20.0}, parked=True))
+    '{"time_s": 1700000000.0, "speed_m_s": 20.0, "parked": true}'
+    """
+    flags = {name: True for name in FLAGS if getattr(sample, name)}
+    received = {} if sample.received_s is None else {"received_s": sample.received_s}
+    return json.dumps({"time_s": sample.time_s, **sample.values, **flags, **received}, allow_nan=False)
+
+
+def sample_of_text(text: str | bytes) -> Sample:
+    """The sample of a text.
+
+    Raises
+    ------
+    ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError, InvalidInput
+        When the text is none of ours.
+    """
+    fields = json.loads(text)
+    charging, parked = (bool(fields.pop(name, False)) for name in FLAGS)
+    time_s, received_s = float(fields.pop("time_s")), fields.pop("received_s", None)
+    values = {name: float(value) for name, value in fields.items()}
+    return Sample(
+        time_s, values, charging, parked, received_s=None if received_s is None else float(received_s)
+    )
+
+
+def _log(row: Mapping[str, Any]) -> Log:
+    with np.load(BytesIO(row["samples"]), allow_pickle=False) as arrays:
+        return log_from_rows(row, dict(arrays))
+
+
+def _connect(path: Path) -> sqlite3.Connection:
+    db = sqlite3.connect(
+        f"file:{quote(f'{path}')}?mode=rw",
+        uri=True,
+        timeout=BUSY_S,
+        isolation_level=None,
+        check_same_thread=False,
+    )
+    db.execute("PRAGMA synchronous = NORMAL")
+    db.execute("PRAGMA secure_delete = ON")
+    return db

@@ -1,0 +1,169 @@
+"""How a car learns: each new trip is forecast by a model that has not seen it, and only then is the model adapted to it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from tripwatt.auditing import audit
+from tripwatt.errors import InvalidInput
+from tripwatt.forecasting import ForecastModel, load_metadata, load_model, save_model
+from tripwatt.forecasting.fitting import held_out_figures, provenance_of
+from tripwatt.population.adapting import PROTOCOL, Adaptation, about_adaptation, in_order, population_of
+from tripwatt.population.cars import for_car
+from tripwatt.server.cars.diary import entry
+from tripwatt.trips import TripSet, Trip
+from tripwatt.vehicles import Vehicle
+
+Progress = Callable[[int, int], None]
+"""Called with the trips that were forecast and their number."""
+
+
+@dataclass(frozen=True, slots=True)
+class Learned:
+    """What adding logs brought.
+
+    Attributes
+    ----------
+    added, known : int
+        Logs that are new, and that were there before.
+    entries : int
+        New trips of the diary.
+    left_out : tuple of str
+        Given drives that are not in the diary, with the reason.
+    flat : int
+        New trips of the diary without heights: their climb is unknown.
+
+    Examples
+    --------
+    >>> Learned(added=12, known=0, entries=11, left_out=("A: no sound drive",)).entries
+    11
+    """
+
+    added: int
+    known: int
+    entries: int = 0
+    left_out: tuple[str, ...] = ()
+    flat: int = 0
+
+
+@dataclass
+class Lesson:
+    """What a car learns of its logs.
+
+    Attributes
+    ----------
+    entries : list of dict
+        New rows of the diary.
+    left_out : dict of str to str
+        Given drives that are not in the diary, and why.
+    flat : int
+        As of `Learned`.
+    model : dict of str to bytes
+        The parts of the stored model; empty where nothing was learned.
+    """
+
+    entries: list[dict[str, Any]] = field(default_factory=list)
+    left_out: dict[str, str] = field(default_factory=dict)
+    flat: int = 0
+    model: dict[str, bytes] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Learner:
+    """What a car is, and what it has learned so far.
+
+    Attributes
+    ----------
+    vehicle : Vehicle
+        With its published values.
+    base : Path or None
+        Model that is adapted to the trips; None for the bundled one.
+    logs : TripSet
+        All of the car.
+    seen : frozenset of str
+        Trips of its diary.
+    stored : ForecastModel or None
+        The model that is adapted to them; None before the first one, and where an older version of tripwatt wrote it.
+    """
+
+    vehicle: Vehicle
+    base: Path | None
+    logs: TripSet
+    seen: frozenset[str]
+    stored: ForecastModel | None
+
+    def model(self) -> ForecastModel:
+        """The model of the car: that of its published values before the first trip."""
+        if self.stored is not None:
+            return self.stored
+        return self.known().model if self.seen else for_car(self.base, self.vehicle)
+
+    def known(self) -> Adaptation:
+        """What the car has learned; from its trips again where an older version of tripwatt learned them."""
+        base, stored = load_model(self.base), self.stored
+        new = Adaptation.before_trips(base, self.vehicle, population_of(base))
+        evidence = None if stored is None else stored.evidence_
+        if stored is not None and evidence is not None and evidence.is_current and stored.roads_ is not None:
+            return new.with_evidence(evidence, stored.ranges_, stored.roads_)
+        if not self.seen:
+            return new
+        return new.with_trips([t for t in _by_date(audit(self.logs).trips) if t.trip_id in self.seen])
+
+    def learn(self, given: Iterable[str], progress: Progress) -> Lesson:
+        """Forecast the trips that are in no diary one after the other, each before it is learned.
+
+        Parameters
+        ----------
+        given : iterable of str
+            Logs of which it is told why they are left out.
+        progress : callable
+        """
+        judged, lesson, given = audit(self.logs), Lesson(), {*given}
+        lesson.left_out |= {trip: why for trip, why in judged.set_aside.items() if trip in given}
+        ahead = [trip for trip in _by_date(judged.trips) if trip.trip_id not in self.seen]
+        if not ahead:
+            return lesson
+        published, known, model = for_car(self.base, self.vehicle), self.known(), self.model()
+        for number, trip in enumerate(ahead, start=1):
+            try:
+                row = entry(trip, model.forecast(trip), published.forecast(trip), len(known.evidence))
+                known = known.with_trips([trip])
+            except InvalidInput as error:
+                lesson.left_out[trip.trip_id] = f"{error}"
+            else:
+                lesson.entries.append(row)
+                model = known.model
+                lesson.flat += not (trip.has("elevation_m") or trip.has("grade"))
+            progress(number, len(ahead))
+        if lesson.entries:
+            base = load_metadata(self.base, check_parts=False)
+            provenance = {**provenance_of(self.logs, judged, model, []), **about_adaptation(known, base)}
+            lesson.model = _parts(model, provenance)
+        return lesson
+
+
+def _parts(model: ForecastModel, provenance: Mapping[str, Any]) -> dict[str, bytes]:
+    figures = {**held_out_figures(model.held_out_), "protocol": PROTOCOL}
+    with TemporaryDirectory() as folder:
+        place = Path(folder, "model")
+        save_model(model, place, provenance=provenance, evaluation=figures)
+        return {file.name: file.read_bytes() for file in place.iterdir()}
+
+
+def model_of_parts(parts: Mapping[str, bytes]) -> ForecastModel:
+    """The model of its stored parts."""
+    with TemporaryDirectory() as folder:
+        for name, content in parts.items():
+            Path(folder, name).write_bytes(content)
+        return load_model(folder)
+
+
+def _by_date(trips: Iterable[Trip]) -> list[Trip]:
+    """Trips with measured energy by their departure; those without a date come last, by name."""
+    dated = in_order(trip for trip in trips if trip.context.started_at is not None)
+    others = (trip for trip in trips if trip.context.started_at is None)
+    return [*dated, *sorted(in_order(others), key=lambda trip: trip.trip_id)]

@@ -1,0 +1,404 @@
+"""A car on the road: its samples are kept as they arrive, the trip that it is on is forecast after each of them, and a trip that ends is a log.
+
+A sample is in the car's file before it counts. The state after a restart is that of the same samples taken again.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+import math
+import re
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, Self
+
+from tripwatt.errors import InvalidInput, or_none, system_errors
+from tripwatt.files import folder_lock
+from tripwatt.server.cars import older
+from tripwatt.server.cars.car_file import (
+    CarFile,
+    MadeForecast,
+    put_logs,
+    put_messages,
+    put_settings,
+    row_of_log,
+)
+from tripwatt.server.cars.live_trip import LEAST_M, SILENCE_S, LiveTrip
+from tripwatt.server.cars.ordering import Arrival
+from tripwatt.server.cars.plan import LivePlan
+from tripwatt.server.cars.recording import Recorder
+from tripwatt.server.cars.sender import steady_clock
+from tripwatt.server.cars.telemetry import Sample
+from tripwatt.server.cars.usual import LONGER, usual_departure
+from tripwatt.trips import Context, Log
+from tripwatt.units import SECONDS_PER_DAY
+
+if TYPE_CHECKING:
+    import sqlite3
+
+FAR_S: Final = 366.0 * SECONDS_PER_DAY
+"""No clock of ours is slow by more [s]."""
+
+LEAST_ROWS: Final = 3
+"""Fewest samples of a trip: fewer make no log."""
+
+ERASE_EVERY_S: Final = 3600.0
+
+SLACK_MESSAGES: Final = 1000
+"""Samples of a standing car that may be kept beyond those that count."""
+
+EVERY_S: Final = 120.0
+"""Time between two forecasts of a trip that are kept [s]."""
+
+MOST_FORECASTS: Final = 400
+"""Most forecasts of a trip that are kept: 13 h, longer than the longest trip."""
+
+VALID_NAME: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]{0,63}")
+"""Names of folders of cars: they are parts of paths and of URLs."""
+
+
+class LiveCar(Recorder):
+    """What a car sends on the road, in the file of the car.
+
+    Parameters
+    ----------
+    folder : Path or str
+        Of the car, whose name is that of the folder. A folder of tripwatt 0.2 or 0.3.0.dev0 is read once into the file.
+
+    Attributes
+    ----------
+    now_s : callable
+        Returns the time by our clock [s since 1970], which goes on steadily when that of the machine is set.
+    finished : callable
+        Called when a trip that has ended was written.
+    keep_days : float
+        Days that finished trips, and samples of a car that is silent, stay on disk.
+
+    Raises
+    ------
+    InvalidInput
+        When the file cannot be made, is damaged, or is of a newer format.
+    """
+
+    def __init__(self, folder: Path | str) -> None:
+        self.folder = Path(folder).absolute()
+        self.file = CarFile(self.folder)
+        with system_errors("cannot write the folder", f"{self.folder}", "a writable folder"):
+            self.file.prepare(partial(older.fill, self.folder))
+        older.remove(self.folder)
+        super().__init__(self.folder.name)
+        self.keep_days = math.inf
+        self.now_s = steady_clock()
+        self.finished: Callable[[], None] = lambda: None
+        self._open = ExitStack()
+        self._listening_s = self._erased_s = -math.inf
+        self._messages = self._plans = 0
+        # departure of a trip, its usual trip, and the road of that
+        self._usual: tuple[float, Log | None, LivePlan | None] | None = None
+
+    def _resume(self) -> None:
+        """Take the samples again that no finished trip holds."""
+        with ExitStack() as stack:
+            stack.enter_context(folder_lock(self.folder))
+            self.file.keep_open()
+            stack.callback(self.file.close)
+            self._recall(self.file.setting("live") or {})
+            plan = self.file.setting("plan")
+            self.plan = None if plan is None else LivePlan.from_dict(plan)
+            for sample in self.file.messages():
+                self._take(sample, self._arrival(sample))
+                self._messages += 1
+                self.received_s = sample.received_s
+            if self._messages:
+                self._listening_s = self.now_s()
+            self.counts = {"new": 0, "doubled": 0, "late": 0}
+            self._finish()
+            self.erase_old(self.now_s())
+            self._open = stack.pop_all()
+
+    def record(self, sample: Sample, *, now_s: float | None = None) -> Arrival:
+        """Take a sample; it is in the file when this returns. O(1) amortised.
+
+        Parameters
+        ----------
+        sample : Sample
+            What the car sent.
+        now_s : float, optional
+            The time by our clock [s since 1970].
+
+        Returns
+        -------
+        {"new", "doubled", "late", "held"}
+            Only a new sample counts. One that is held counts when later ones confirm that the clock of the sender was set.
+
+        Raises
+        ------
+        InvalidInput
+            When the clock of the sender is not known yet, and the time is ahead of ours by more than `FAR_S`.
+        OSError
+            When it cannot be written; send it again.
+        """
+        now_s = self.now_s() if now_s is None else now_s
+        if self._sender.offset_s is None and sample.time_s > now_s + FAR_S:
+            got = f"{sample.time_s - now_s:.0f} s ahead"
+            allowed, fix = f"at most {FAR_S:g} s ahead of our clock", "set the clock of the sender"
+            raise InvalidInput.of("time in the future", "utc", got, allowed, fix)
+        sample = replace(sample, received_s=now_s)
+        arrival = self._arrival(sample)
+        if arrival in ("new", "held"):
+            with self.file.write() as db:
+                put_messages(db, [sample])
+            self._messages += 1
+        self._take(sample, arrival)
+        self.received_s = now_s
+        self._finish()
+        return "new" if arrival == "held" and not self._sender.held else arrival
+
+    def _move(self, by_s: float) -> None:
+        trip = self.trip
+        before_s = math.nan if trip is None else trip.start_s
+        super()._move(by_s)
+        self._usual = None
+        if trip is not None:
+            with self.file.write() as db:
+                db.execute("UPDATE forecasts SET start_s = ? WHERE start_s = ?", (trip.start_s, before_s))
+
+    def end_when_silent(self, now_s: float) -> bool:
+        """End the trip of a car that sent nothing for `SILENCE_S` by our clock, while this process listened.
+
+        Parameters
+        ----------
+        now_s : float
+            The time by our clock [s since 1970].
+
+        Returns
+        -------
+        bool
+            Whether a trip has ended.
+
+        Raises
+        ------
+        OSError
+            As `finish_trip`.
+        """
+        if now_s - self._erased_s > ERASE_EVERY_S:
+            self._erased_s = now_s
+            self.erase_old(now_s)
+        if self.received_s is None or now_s - max(self.received_s, self._listening_s) < SILENCE_S:
+            return False
+        return self.finish_trip()
+
+    def finish_trip(self) -> bool:
+        """End the trip that the car is on, and keep it as a log.
+
+        Returns
+        -------
+        bool
+            Whether there was one.
+
+        Raises
+        ------
+        OSError
+            When it cannot be written; it is written with the next sample.
+        """
+        self._end_trip()
+        done = bool(self.ended)
+        self._finish()
+        return done
+
+    def _finish(self) -> None:
+        """Write ended trips, and forget their plan and their samples, in one transaction."""
+        waiting, done = self._waiting, bool(self.ended)
+        # while the car is on a trip again, its samples are needed to find it after a restart
+        shorten = self.trip is None and (done or self._messages > 2 * len(waiting) + SLACK_MESSAGES)
+        if not done and not shorten:
+            return
+        with self.file.write() as db:
+            kept = [trip for trip in self.ended if self._keep(db, trip)]
+            plan = self.plan
+            if plan is not None and any(
+                plan.given_s is None or plan.given_s <= trip.moved_s for trip in kept
+            ):
+                put_settings(db, {"plan": None})
+                plan = None
+            if shorten:
+                db.execute("DELETE FROM messages")
+                put_messages(db, waiting)
+                put_settings(db, {"live": self._rest()})
+        self.ended.clear()
+        self._plans += plan is not self.plan
+        self.plan = plan
+        self._messages = len(waiting) if shorten else self._messages
+        if done:
+            self.file.checkpoint()
+            self.finished()
+
+    def _keep(self, db: sqlite3.Connection, trip: LiveTrip) -> bool:
+        """Write a trip that has ended as a log; one that is too short leaves nothing."""
+        table = trip.table(until_s=trip.moved_s)
+        started = dt.datetime.fromtimestamp(int(trip.start_s), dt.UTC)
+        context = Context(started_at=started.astimezone().replace(tzinfo=None))
+        log = None
+        if trip.distance_m >= LEAST_M and len(table) >= LEAST_ROWS:
+            log = or_none(Log.from_samples, f"{self.name}-{started:%Y%m%dT%H%M%SZ}", table, context)
+        if log is None:
+            db.execute("DELETE FROM forecasts WHERE start_s = ?", (trip.start_s,))
+            return False
+        put_logs(db, [row_of_log(log)], start_s=trip.start_s)
+        return True
+
+    def erase_old(self, now_s: float) -> int:
+        """Erase what is older than `keep_days`: finished trips by their departure, and the samples of a car that sends no more.
+
+        A trip that the car is on stays, and what was learned of a finished one stays as its log. O(finished trips).
+
+        Parameters
+        ----------
+        now_s : float
+            The time by our clock [s since 1970].
+
+        Returns
+        -------
+        int
+            Trips that were erased.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> with tempfile.TemporaryDirectory() as folder, LiveCar(folder) as car:
+        ...     car.erase_old(1.8e9)
+        0
+        """
+        before_s = now_s - self.keep_days * SECONDS_PER_DAY
+        is_silent = self.received_s is not None and self.received_s < before_s and self.trip is None
+        old = len(self.file.departures(before_s))
+        if not old and not (is_silent and self._messages):
+            return 0
+        with self.file.write() as db:
+            db.execute(
+                "DELETE FROM forecasts WHERE start_s IN (SELECT start_s FROM trips WHERE start_s < ?)",
+                (before_s,),
+            )
+            db.execute("DELETE FROM trips WHERE start_s < ? AND NOT is_learned", (before_s,))
+            db.execute("UPDATE trips SET start_s = NULL WHERE start_s < ?", (before_s,))
+            if is_silent:
+                db.execute("DELETE FROM messages")
+                put_settings(db, {"live": self._forget_charge()})
+                self._messages = 0
+        self.file.checkpoint()
+        self._usual = None
+        return old
+
+    def usual_trip(self) -> Log | None:
+        """Find the finished trip that began nearest by time of day to the one that the car is on.
+
+        O(finished trips), once for a trip.
+
+        Returns
+        -------
+        Log or None
+            None where there is none within `NEAR_S`, or the car has driven further than that trip.
+        """
+        trip = self.trip
+        if trip is None:
+            return None
+        if self._usual is None or self._usual[0] != trip.start_s:
+            log = self.usual_trip_at(trip.start_s)
+            self._usual = trip.start_s, log, None if log is None else LivePlan.from_trip(log)
+        log = self._usual[1]
+        return None if log is None or trip.distance_m > LONGER * log.distance_m else log
+
+    def usual_trip_at(self, start_s: float) -> Log | None:
+        """Find the finished trip that began nearest by time of day to a departure. O(finished trips).
+
+        Parameters
+        ----------
+        start_s : float
+            The departure [s since 1970].
+
+        Returns
+        -------
+        Log or None
+            None where there is none within `NEAR_S`.
+        """
+        usual_s = usual_departure(self.file.departures(start_s), start_s)
+        return None if usual_s is None else self.file.logs("start_s = ?", usual_s)[0]
+
+    def plan_at(self, departure_s: float) -> LivePlan | None:
+        """The plan of a trip that departs at a time [s since 1970]: the one that was given, else the road of the usual trip."""
+        trip = None if self.plan is not None else self.usual_trip_at(departure_s)
+        return self.plan if trip is None else LivePlan.from_trip(trip)
+
+    def set_plan(self, request: Mapping[str, Any] | None, departure_s: float | None = None) -> None:
+        """Give the plan of the trip that the car is on, or of its next one; None takes it away.
+
+        It is kept until its trip has ended.
+
+        Parameters
+        ----------
+        request : mapping or None
+            Fields of a request for a forecast, see `LivePlan`.
+        departure_s : float, optional
+            Departure on the clock of the plan [s since 1970]. Earlier samples do not count.
+
+        Raises
+        ------
+        OSError
+            When it cannot be written.
+        """
+        newest_s = self._ordered.newest_s
+        plan = (
+            None if request is None else LivePlan(request, departure_s, newest_s if newest_s > 0.0 else None)
+        )
+        with self.file.write() as db:
+            put_settings(db, {"plan": None if plan is None else plan.to_dict()})
+        self.plan, self._plans = plan, self._plans + 1
+
+    def forecasts_of(self, trip_id: str) -> tuple[MadeForecast, ...]:
+        """Forecasts that were made during a finished trip of the road, by the name of its log."""
+        with self.file.read() as db:
+            row = db.execute("SELECT start_s FROM trips WHERE trip_id = ?", (trip_id,)).fetchone()
+        return () if row is None else self.file.forecasts(row[0])
+
+    @property
+    def forecasts(self) -> tuple[MadeForecast, ...]:
+        """Forecasts that were kept of the trip that the car is on."""
+        return () if self.trip is None else self.file.forecasts(self.trip.start_s)
+
+    @property
+    def wants_forecast(self) -> bool:
+        """Whether a forecast that is made now is kept with the trip."""
+        trip = self.trip
+        return trip is not None and self._is_due(trip.last_s - trip.start_s)
+
+    def _is_due(self, at_s: float) -> bool:
+        made = self.forecasts
+        return not made or (at_s - made[-1].at_s >= EVERY_S and len(made) < MOST_FORECASTS)
+
+    def close(self) -> None:
+        """Leave the car to another process."""
+        self._open.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def made_folder(place: Path) -> None:
+    """Make the folder of a car where it is missing.
+
+    Raises
+    ------
+    InvalidInput
+        When the name of the car cannot be one, or the folder cannot be made.
+    """
+    if VALID_NAME.fullmatch(place.name) is None:
+        allowed = "up to 64 letters, digits, '.', '_' and '-'"
+        raise InvalidInput.of("name cannot be used", f"{place}", place.name, allowed)
+    with system_errors("cannot write the folder", f"{place}", "a writable folder"):
+        place.mkdir(mode=0o700, parents=True, exist_ok=True)

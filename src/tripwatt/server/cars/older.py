@@ -1,0 +1,203 @@
+"""Folders of cars that tripwatt 0.2.0 and 0.3.0.dev0 wrote: read once into the file of the car, and then removed.
+
+They had a description, a Delta store of logs, a folder with model and diary, and a folder `live` with a journal of samples, finished trips
+as tables, the plan, the token, and forecasts.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import datetime as dt
+import json
+import math
+import secrets
+import shutil
+import sqlite3
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final
+
+import pandas as pd
+
+from tripwatt.errors import InvalidInput, damage
+from tripwatt.files import folder_lock, read_file, read_text_file, restore_folder
+from tripwatt.fleet.store import open_store
+from tripwatt.forecasting.storage import vehicle_values
+from tripwatt.server.cars.car_file import (
+    MadeForecast,
+    put_forecasts,
+    put_logs,
+    put_messages,
+    put_settings,
+    row_of_log,
+    sample_of_text,
+)
+from tripwatt.server.cars.plan import LivePlan
+from tripwatt.server.cars.telemetry import CHARGES, Sample, number_of
+from tripwatt.sources.canonical import read_canonical
+from tripwatt.trips import Context, Log
+from tripwatt.vehicles import load_vehicle
+
+ABOUT: Final = "car.json"
+"""The description; a folder without it is that of a car that only sends on the road, or none."""
+
+LIVE: Final = "live"
+NAMES: Final = ("trips", "learned", ".learned.older", LIVE, "car.toml", "left-out.json", ABOUT)
+"""Files and folders of an older version; the description goes last."""
+
+MOST_TEXT_BYTES: Final = 1 << 24
+MOST_LINE_BYTES: Final = 4096
+OLD_CAUSES: Final = {
+    "cause_hvac_wh": "cause_climate_wh",
+    "cause_learned_correction_wh": "cause_correction_wh",
+}
+"""Columns of diaries of 0.2.0."""
+
+UNREADABLE: Final = (
+    ValueError,
+    TypeError,
+    KeyError,
+    AttributeError,
+    OverflowError,
+    RecursionError,
+    InvalidInput,
+)
+
+
+def fill(folder: Path, db: sqlite3.Connection) -> None:
+    """Read the folder of an older version into the new file of its car. O(bytes).
+
+    Raises
+    ------
+    InvalidInput
+        When a part is damaged without which the car would be another one, or an older version follows the car.
+    """
+    live = folder / LIVE
+    if (folder / ABOUT).is_file():
+        _read_description(folder, db)
+    if live.is_dir():
+        with folder_lock(live):
+            _read_settings(live, db)
+            _read_journal(live / "journal.ndjson", db)
+            _read_trips(folder.name, live, db)
+
+
+def remove(folder: Path) -> None:
+    """Remove what an older version wrote."""
+    if not is_there(folder):
+        return
+    for place in (*folder.glob(".learned.*.writing"), *(folder / name for name in NAMES)):
+        if place.is_dir():
+            shutil.rmtree(place, ignore_errors=True)
+        else:
+            place.unlink(missing_ok=True)
+
+
+def is_there(folder: Path) -> bool:
+    """Whether an older version wrote this folder."""
+    return (folder / ABOUT).is_file() or (folder / LIVE).is_dir()
+
+
+def _read_description(folder: Path, db: sqlite3.Connection) -> None:
+    with damage(folder / ABOUT, "the description of a car"):
+        about = json.loads(read_text_file(folder / ABOUT, MOST_TEXT_BYTES))
+        car = replace(load_vehicle(folder / "car.toml"), name=f"{about['vehicle']}")
+        settings = {"vehicle": vehicle_values(car), "base": about["base"], "label": about.get("label")}
+    left_out = folder / "left-out.json"
+    if left_out.is_file():
+        with damage(left_out, "reasons by trip"):
+            settings["left_out"] = dict(json.loads(read_text_file(left_out, MOST_TEXT_BYTES)))
+    put_settings(db, {**settings, "state": secrets.token_hex(8)})
+    put_logs(db, map(row_of_log, open_store(folder / "trips").logs()), is_learned=True)
+    learned = folder / "learned"
+    restore_folder(learned)
+    if learned.is_dir():
+        with damage(learned / "diary.parquet", "a diary"):
+            table = pd.read_parquet(learned / "diary.parquet").rename(columns=OLD_CAUSES)
+            rows = [(f"{row['trip_id']}", json.dumps(row)) for row in table.to_dict("records")]
+        db.executemany("INSERT INTO diary VALUES (?, ?)", rows)
+        parts = [(part.name, read_file(part)) for part in (learned / "model").iterdir()]
+        db.executemany("INSERT INTO model VALUES (?, ?)", parts)
+
+
+def _read_settings(live: Path, db: sqlite3.Connection) -> None:
+    token, plan = live / "token.json", live / "plan.json"
+    if token.is_file():
+        with damage(token, "the digest of a token"):
+            put_settings(db, {"token": f"{json.loads(read_text_file(token, MOST_TEXT_BYTES))['sha256']}"})
+    if plan.is_file():
+        with damage(plan, "a plan", "remove it"):
+            about = LivePlan.from_dict(json.loads(read_file(plan, MOST_TEXT_BYTES))).to_dict()
+            put_settings(db, {"plan": about})
+    start_s, made = _forecasts(live / "forecasts.json")
+    put_forecasts(db, start_s, made)
+
+
+def _read_journal(path: Path, db: sqlite3.Connection) -> None:
+    """The samples of a journal; damaged lines, and the end that a killed process left, are left out."""
+    if not path.is_file():
+        return
+    samples: list[Sample] = []
+    with path.open("rb") as stream:
+        first = stream.readline(MOST_LINE_BYTES)
+        stream.seek(0)
+        while line := stream.readline(MOST_LINE_BYTES):
+            with contextlib.suppress(*UNREADABLE):
+                samples.append(sample_of_text(line))
+    if samples and samples[-1].received_s is None:
+        samples[-1] = replace(samples[-1], received_s=path.stat().st_mtime)
+    put_messages(db, samples)
+    with contextlib.suppress(*UNREADABLE):
+        put_settings(db, {"live": _known(json.loads(first))})
+
+
+def _known(line: Mapping[str, Any]) -> dict[str, Any]:
+    """What the first line of a journal tells of samples before those in it."""
+    charge, parked, offset_s = None, False, number_of(line.get("offset_s"))
+    if line.get("charge") is not None:
+        time_s, field, value, parked = line["charge"]
+        charge = Sample(time_s, {CHARGES[field]: value}).time_s, field, value
+    return {
+        "after_s": Sample(line["after_s"]).time_s,
+        "offset_s": None if math.isnan(offset_s) else offset_s,
+        "charge": charge,
+        "parked": parked,
+        "air": [number_of(line.get(name)) for name in ("air_s", "air_degc")],
+    }
+
+
+def _read_trips(car: str, live: Path, db: sqlite3.Connection) -> None:
+    """The finished trips of the road; the text of one that cannot be read is kept as it is."""
+    taught: set[str] = set()
+    with contextlib.suppress(*UNREADABLE):
+        taught = set(json.loads(read_text_file(live / "taught.json", MOST_TEXT_BYTES))["trips"])
+    unread = {}
+    for path in sorted((live / "trips").glob("*.csv")):
+        name = path.stem
+        try:
+            start = dt.datetime.strptime(name, "%Y%m%dT%H%M%SZ").replace(tzinfo=dt.UTC)
+            log_name, start_s, is_learned = f"{car}-{name}", start.timestamp(), name in taught
+            given = (start_s, is_learned, log_name)
+            if not db.execute(
+                "UPDATE trips SET start_s = ?, is_learned = ? WHERE trip_id = ?", given
+            ).rowcount:
+                context = Context(started_at=start.astimezone().replace(tzinfo=None))
+                row = row_of_log(Log.from_samples(log_name, read_canonical(path), context))
+                put_logs(db, [row], start_s=start_s, is_learned=is_learned)
+        except UNREADABLE:
+            unread[path.name] = read_file(path).decode("utf-8", "replace")
+        else:
+            put_forecasts(db, start_s, _forecasts(path.with_name(f"{name}.forecasts.json"))[1])
+    if unread:
+        put_settings(db, {"unread": unread})
+
+
+def _forecasts(path: Path) -> tuple[float, tuple[MadeForecast, ...]]:
+    """Departure of the trip of a file of forecasts, and these; none where there is no such file or it is damaged."""
+    with contextlib.suppress(*UNREADABLE):
+        document = json.loads(read_text_file(path, MOST_TEXT_BYTES))
+        rows = [[float(row[name]) for name in MadeForecast.__slots__] for row in document["forecasts"]]
+        if all(math.isfinite(value) for row in rows for value in row):
+            return float(document["start_s"]), tuple(MadeForecast(*row) for row in rows)
+    return math.nan, ()
