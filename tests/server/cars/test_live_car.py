@@ -477,7 +477,7 @@ for sample in samples_of(measured(example_trip())):
 
 
 def test_a_killed_process_loses_nothing_that_it_acknowledged(folder: Path) -> None:
-    for number in (150, 300, 450):
+    for number in (150, 400):
         command = [sys.executable, "-c", KILLED, f"{folder}"]
         with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
             assert process.stdin is not None
