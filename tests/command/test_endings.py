@@ -152,7 +152,6 @@ cli.main()
 
 
 def test_a_full_disk_ends_car_add_with_one_message(tmp_path: Path) -> None:
-    pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
     create_car(tmp_path / "leaf", "nissan_leaf_24")
     (log,) = synthetic_fleet(1).logs
     log.samples.iloc[:300].to_csv(tmp_path / "a.csv", index=False)
@@ -173,7 +172,7 @@ with full_disk(FREE):
         assert done.returncode == code, done.stderr
         assert "Traceback" not in done.stderr
         if code:
-            assert done.stderr.splitlines()[-1].startswith("error: trip store cannot be used: ")
+            assert done.stderr.splitlines()[-1].startswith("error: cannot use the car: ")
     assert len(open_car(tmp_path / "leaf").diary) == 1
 
 

@@ -129,8 +129,10 @@ class CarFile:
             with closing(_connect(self.path)) if self._kept is None else nullcontext(self._kept) as db:
                 yield db
         except sqlite3.Error as error:
-            got, allowed = f"{error}"[:200], "a file of tripwatt"
-            raise InvalidInput.of("damaged file", f"{self.path}", got, allowed) from error
+            # a full disk or a missing permission is no damage
+            what = "cannot use the car" if isinstance(error, sqlite3.OperationalError) else "damaged file"
+            got, allowed = f"{error}"[:200], "a file of tripwatt, on a disk with space"
+            raise InvalidInput.of(what, f"{self.path}", got, allowed) from error
 
     @contextmanager
     def write(self) -> Iterator[sqlite3.Connection]:
