@@ -130,7 +130,10 @@ class CarJobs:
 
     def store(self, name: str, upload: str, file: str, body: bytes, most_bytes: int) -> dict[str, int]:
         """Unpack a file into the tables of an upload, and return their number and bytes; uploads that were left are erased."""
-        place = car_folder(self.folder, name) / UPLOADS / upload
+        try:
+            place = car_folder(self.folder, name) / UPLOADS / upload
+        except InvalidInput as error:  # a full disk: not even the car can be read
+            raise Problem("busy", f"the file cannot be stored: {error.faults[0].got}") from error
         tables = place / TABLES
         _expire(place.parent, time.time() - EXPIRES_AFTER_S)
         room = max(most_bytes - sum(_sizes(place.parent)), 0)
