@@ -20,7 +20,7 @@ from tripwatt.hybrid.learning import KINDS
 from tripwatt.population import adaptation, for_car
 from tripwatt.server.cars import Car, Learned, create_car, forget_car, is_car, issue_token, open_car
 from tripwatt.study.synthetic import synthetic_fleet
-from tripwatt.trips import TripSet, Log
+from tripwatt.trips import Log, TripSet
 
 FIRST = dt.datetime(2024, 3, 1, 8, 0)
 

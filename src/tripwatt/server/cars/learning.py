@@ -15,7 +15,7 @@ from tripwatt.forecasting.fitting import held_out_figures, provenance_of
 from tripwatt.population.adapting import PROTOCOL, Adaptation, about_adaptation, in_order, population_of
 from tripwatt.population.cars import for_car
 from tripwatt.server.cars.diary import entry
-from tripwatt.trips import TripSet, Trip
+from tripwatt.trips import Trip, TripSet
 from tripwatt.vehicles import Vehicle
 
 Progress = Callable[[int, int], None]

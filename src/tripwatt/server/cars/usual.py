@@ -10,7 +10,7 @@ from typing import Final, Protocol
 from tripwatt.auditing import audit
 from tripwatt.errors import InvalidInput
 from tripwatt.server.cars.car_file import CarFile
-from tripwatt.trips import Departure, TripSet, Plan, plan_from_trip
+from tripwatt.trips import Departure, Plan, TripSet, plan_from_trip
 from tripwatt.units import SECONDS_PER_HOUR
 
 NEAR_S: Final = 1.5 * SECONDS_PER_HOUR
