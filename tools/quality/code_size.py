@@ -25,7 +25,7 @@ PARTS: Final = ("roads", "server", "fleet", "study", "gamm")
 BUDGETS: Final[Mapping[str, int]] = {
     "core": 22_176,
     "roads": 4_208,
-    "server": 6_019,
+    "server": 6_182,
     "fleet": 2_372,
     "study": 4_726,
     "gamm": 4_062,
