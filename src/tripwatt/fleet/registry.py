@@ -221,36 +221,6 @@ class Registry:
         self._point(version)
         self._record("promote", version, note, None if comparison is None else asdict(comparison))
 
-    def roll_back(self, note: str = "") -> str:
-        """Move the pointer to the version that was in use before the present one.
-
-        Returns
-        -------
-        str
-            The version now in use.
-
-        Raises
-        ------
-        InvalidInput
-            When there is none.
-        """
-        now = self.current()
-        stack: list[str] = []
-        for entry in self.history():
-            if entry["action"] == "promote":
-                stack.append(entry["version"])
-            elif entry["action"] == "roll back" and len(stack) > 1:
-                stack.pop()
-        earlier = stack[-2] if len(stack) > 1 else None
-        if earlier is None:
-            raise InvalidInput.of(
-                "nothing to roll back to", f"{self.folder}", now, "an earlier promoted version"
-            )
-        self.load(earlier)
-        self._point(earlier)
-        self._record("roll back", earlier, note)
-        return earlier
-
     def history(self) -> list[dict[str, Any]]:
         """What was done, oldest first; a line that a crash cut off is left out."""
         entries = []
