@@ -95,11 +95,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def results(folder: Path) -> dict[str, Any]:
     out = folder / "out"
-    answer = answered("evaluate", folder / "cars.toml", "--protocol", "cars", "--json", "--out", out)
+    answer = answered("evaluate", folder / "cars.toml", "--protocol", "cars", "--out", out)
     assert answer.code == 0, answer.err
     assert {file.name for file in out.iterdir()} == {"figures", "report.html", "results.json", "trips.csv"}
-    found: dict[str, Any] = json.loads(answer.out)
-    assert json.loads((out / "results.json").read_text()) == found
+    for words in ("Error [%] by the number of own trips", "In order of time", "leaf: population of cars"):
+        assert words in answer.out
+    assert answer.out.rstrip().endswith("report.html")
+    found: dict[str, Any] = json.loads((out / "results.json").read_text())
     return found
 
 
@@ -161,17 +163,6 @@ def test_the_table_of_trips_has_each_trip_before_and_after_it_was_learned(
         by_hand = error[own].sum() / trips.loc[own, "observed_energy_wh"].sum()
         assert car["without_trips"]["error"] == pytest.approx(by_hand, rel=1e-9)
         assert car["curves"]["population"][0]["error"] == pytest.approx(by_hand, rel=1e-9)
-
-
-def test_people_get_tables(run: Run, folder: Path, tmp_path: Path) -> None:
-    (tmp_path / "one.toml").write_text(
-        f'[mine]\nlogs = "{folder / "leaf.csv"}"\nmapping = "{folder / "my.toml"}"\nvehicle = "nissan_leaf_24"\n'
-    )
-    answer = run("evaluate", tmp_path / "one.toml", "--protocol", "cars", "--out", tmp_path / "out")
-    assert answer.code == 0, answer.err
-    for words in ("Error [%] by the number of own trips", "In order of time", "mine: population of cars"):
-        assert words in answer.out
-    assert answer.out.rstrip().endswith("report.html")
 
 
 @pytest.mark.parametrize(

@@ -28,7 +28,7 @@ def run(*arguments, code=0):
 
 def test_a_store_from_the_command_line(tmp_path):
     store = tmp_path / "s"
-    assert "an empty trip store" in run("store", "create", store, "--buckets", 2)
+    assert "an empty trip store" in run("store", "create", store)
     for i in range(3):
         drive(start=0.3 * i).samples.to_csv(tmp_path / f"d{i}.csv", index=False)
     for i in range(2):
@@ -99,7 +99,7 @@ def test_a_car_of_a_file_is_kept_by_its_whole_path(tmp_path, monkeypatch):
     run("vehicles", "new", *figures.split(), car)
     drive().samples.to_csv(tmp_path / "d.csv", index=False)
     store = tmp_path / "s"
-    run("store", "create", store, "--buckets", 1)
+    run("store", "create", store)
     monkeypatch.chdir(tmp_path)
     run("store", "add", store, "d.csv", "--vehicle", "./evito.toml", "--vehicle-id", "V1")
     assert json.loads(run("store", "show", store, "--json"))["car_models"] == {f"{car}": 1}

@@ -27,10 +27,7 @@ def written(folder: Path, change: dict[str, Any]) -> Path:
     [
         ({}, 0),
         ({"model": {}}, 2),
-        ({"contract": {"inputs": [{"name": 3}]}}, 2),
-        ({"contract": []}, 2),
         ({"evaluation": {"mape": "small", "rmse_wh": 1, "bias_wh": 1, "trips": 1, "given": ""}}, 2),
-        ({"provenance": {"data": None}}, 2),
         ({"kind": "fleet", "model": None}, 2),
     ],
 )

@@ -28,7 +28,7 @@ def test_adding_trips_without_heights_says_what_these_would_bring(run: Run, tmp_
         car = create_car(tmp_path / name, VEHICLE)
         printed.append(run("car", "add", car.folder, tmp_path / "drive.csv", *more).out)
         assert len(open_car(car.folder).diary) == 1
-    assert "1 of 1 new trips have no heights. Switch on the altitude in the app" in printed[0]
+    assert "1 of 1 new trips have no heights. Heights narrow the forecasts most" in printed[0]
     assert "no heights" not in printed[1]
     (trip,) = open_car(tmp_path / "hills").logs()
     assert trip.array("elevation_m") == pytest.approx(np.full(len(trip.samples), 500.0))

@@ -63,12 +63,14 @@ def takes_file(parameter: Any) -> bool:
     return type(parameter.type).__name__ == "TyperPath" or is_named
 
 
-CASES = [
+ALL = [
     (names, command, parameter)
     for names, command in commands(typer.main.get_command(app))
     for parameter in command.params
     if takes_file(parameter)
 ]
+CASES = list({(case[2].name, case[2].metavar, case[2].help): case for case in reversed(ALL)}.values())
+"""An option that several commands share is tried in the first of them."""
 
 
 def line(names: tuple[str, ...], command: Any, strange: Any, value: Path) -> list[str]:
@@ -134,19 +136,8 @@ def here(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_every_kind_of_command_is_tried() -> None:
     tried = {names[0] for names, _, _ in CASES}
-    assert {
-        "evaluate",
-        "fit",
-        "forecast",
-        "plan",
-        "serve",
-        "map",
-        "mapping",
-        "store",
-        "fleet",
-        "car",
-    } <= tried
-    assert len(CASES) > 100
+    assert {"evaluate", "fit", "forecast", "serve", "map", "mapping", "store", "fleet", "car"} <= tried
+    assert len(CASES) > 40
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes as files")

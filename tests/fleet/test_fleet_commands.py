@@ -8,7 +8,10 @@ import pyarrow.parquet as pq
 import pytest
 from typer.testing import CliRunner
 
+import tripwatt as tw
 from tripwatt.command import app
+from tripwatt.fleet.executors import executor_for
+from tripwatt.fleet.model import fit_fleet
 from tripwatt.fleet.registry import Registry
 from tripwatt.fleet.statistics import TripRows
 
@@ -31,17 +34,25 @@ def registry(fleet, tmp_path):
 
 def test_fit_promotes_the_first_version_only(fleet, tmp_path):
     _, store, *_ = fleet
-    arguments = ("fit", store.place, tmp_path / "m", "--until", "2023-01-10")
+    arguments = ("fit", store.place, tmp_path / "m")
     first = json.loads(run(*arguments, "--json"))
     assert (first["version"], first["in_use"], first["vehicles"]) == ("0001", True, 8)
-    assert first["trips"] == len(store.trips(until="2023-01-10").query("drives > 0"))
+    assert first["trips"] == len(store.trips().query("drives > 0"))
     assert "promote it to use it" in run(*arguments)
     assert Registry(tmp_path / "m").current() == "0001"
-    updated = json.loads(run("update", store.place, tmp_path / "m", "--json"))
-    assert updated["version"] == "0003"
+    assert "no new trips" in run("update", store.place, tmp_path / "m")
+
+
+def test_an_update_takes_in_new_trips(fleet, tmp_path):
+    _, store, *_ = fleet
+    target = Registry(tmp_path / "m")
+    with executor_for(1) as (executor, workers):
+        older = fit_fleet(store, tmp_path / "work", executor, workers, which={"until": "2023-01-10"})
+    target.promote(target.add(older))
+    updated = json.loads(run("update", store.place, target.folder, "--json"))
+    assert updated["version"] == target.current() == "0002"
     assert updated["trips"] == len(store.trips(since="2023-01-10").query("drives > 0"))
     assert 0.0 <= updated["coverage"] <= 1.0
-    assert "no new trips" in run("update", store.place, tmp_path / "m")
 
 
 def test_versions_are_promoted_forth_and_back(fleet, registry):
@@ -58,30 +69,14 @@ def test_a_vehicle_is_forecast(fleet, registry, tmp_path):
     *_, model, _ = fleet
     links = tmp_path / "links.csv"
     links.write_text("length_m,speed_m_s\n3000,15\n4000,20\n")
-    shown = json.loads(
-        run(
-            "forecast",
-            registry.folder,
-            links,
-            "--vehicle-id",
-            "V00001",
-            "--soc",
-            0.8,
-            "--ambient",
-            4,
-            "--json",
-        )
-    )
-    import tripwatt as tw
-
+    asked = ("forecast", registry.folder, links, "--vehicle-id")
+    shown = json.loads(run(*asked, "V00001", "--soc", 0.8, "--ambient", 4, "--json"))
     own = model.forecast(
         tw.read_route(links), tw.Departure(soc=0.8, ambient_temperature_degc=4.0), vehicle_id="V00001"
     )
     assert shown["vehicle_id"] == "V00001"
     assert shown["energy_wh"] == pytest.approx(own.energy_wh)
-    text = run(
-        "forecast", registry.folder, links, "--vehicle-id", "new", "--car-model", "vw_id3", "--reserve", 0.1
-    )
+    text = run(*asked, "new", "--car-model", "vw_id3", "--reserve", 0.1)
     assert "probability to arrive with 10 % or more" in text
     rows = [{"trip": "a", "vehicle_id": "V00001", "length_m": 3000.0, "speed_m_s": 15.0, "soc": 0.8}]
     pq.write_table(pa.Table.from_pylist(rows), tmp_path / "in.parquet")
@@ -152,7 +147,7 @@ def test_the_report_is_a_folder_of_the_registry(fleet, registry, tmp_path):
     }
     page = (out / "report.html").read_text("utf-8")
     assert "suffices with 90\u00a0%" in page
-    facts = {"Model version": "0001", "Charger": "11 kW", "Reserve": "0 %", "A need suffices with": "90 %"}
+    facts = {"Model version": "0001", "Charger": "11 kW", "Reserve": "0 %", "A need is enough with": "90 %"}
     assert facts.items() <= written["about"].items()
     assert written["about"]["Charging begins"].startswith("2030-01-11 18:00 ")
     assert "<h1>Fleet report</h1>" in page

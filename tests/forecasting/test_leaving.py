@@ -64,7 +64,7 @@ def test_a_descent_needs_less_than_its_reserve_and_may_need_nothing(model):
     nothing = soc_needed(asked(model, "descent"), 0.0, 0.5)
     assert nothing < 0.02
     words = leave_in_words(0.0, 0.0, 0.5)
-    assert words == "Any charge suffices to arrive in 1 of 2 trips."
+    assert words == "Any charge is enough to arrive in 1 of 2 trips."
 
 
 def test_a_pass_is_not_crossed_with_an_empty_battery(model):

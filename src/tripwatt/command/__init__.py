@@ -121,7 +121,7 @@ def main() -> None:
             traceback.print_exc()
         got = printable(f"an error of tripwatt, not of your input: {type(error).__name__}: {error}")[:250]
         fix = f"report it with what the same command prints with {TRACEBACK}=1"
-        _fail(f"{got}; what was written before is whole; {fix}", UNEXPECTED)
+        _fail(f"{got}; files that were written before are complete; {fix}", UNEXPECTED)
 
 
 def _fail(text: str, code: int = 2) -> NoReturn:

@@ -13,19 +13,15 @@ import typer
 
 from tripwatt.command.options import option
 from tripwatt.command.printing import print_notes
+from tripwatt.command.shared import Port
 from tripwatt.errors import require_extras
 
 
 def demo(
-    port: Annotated[
-        int, option("PORT", "Port to listen on; 0 selects a free port.", "--port", min=0, max=65535)
-    ] = 8000,
-    folder: Annotated[
-        Path | None,
-        option("DIR", "Keep map, car and diary here for the next time. Default: a temporary folder."),
-    ] = None,
+    port: Port = 8000,
+    folder: Annotated[Path | None, option("DIR", "Keep map, car and diary here for the next time.")] = None,
 ) -> None:
-    """Serve the page with example data: a car, its diary, a live drive and the map of a made-up country.
+    """Serve the page with example data: a car, its diary, a live trip and the map of a made-up country.
 
     The command requires the extras `tripwatt[service,fleet]`, and `tripwatt[routing]` for the map. It takes a few seconds, then
     prints the address of the page. Nothing in it is measured. Interrupt the command to end it.
@@ -37,7 +33,7 @@ def demo(
       # keep what it makes, and start at once the next time
       tripwatt demo --folder demo --port 8080
     """
-    require_extras({"service": "tripwatt demo", "fleet": "tripwatt demo"})
+    require_extras(dict.fromkeys(("service", "fleet"), "tripwatt demo"))
     from tripwatt.server.http.demo import depart, make_demo, send
     from tripwatt.server.http.serving import serve
 
@@ -51,7 +47,9 @@ def demo(
         def show(url: str) -> None:
             threading.Thread(target=send, args=(samples, url, token), daemon=True).start()
             typer.echo(f"tripwatt: {url}")
-            typer.echo("The page opens with the Example car. Its diary: Your cars, in the field of the car.")
-            typer.echo("A live drive with its forecast: the steering wheel beside it.")
+            typer.echo(
+                "The page opens with the example car. Its diary is under Your cars, in the field of the car."
+            )
+            typer.echo("The steering wheel beside the field shows a live trip with its forecast.")
 
         serve(replace(settings, port=port), show)

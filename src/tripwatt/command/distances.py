@@ -11,15 +11,16 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
+import tripwatt as tw
+from tripwatt.command import shared
 from tripwatt.command.departing import Departing
-from tripwatt.command.journey import CarOption, ModelOption
-from tripwatt.command.options import Answer, argument, option, options_named
-from tripwatt.command.printing import print_few_notes, print_table
+from tripwatt.command.options import Answer, argument, option
+from tripwatt.command.printing import kwh, print_few_notes, print_table
 from tripwatt.command.sentences import begins
 from tripwatt.errors import InvalidInput
+from tripwatt.trips.showing import period
 
 if TYPE_CHECKING:
-    from tripwatt.roads.journey import Need, Range
     from tripwatt.roads.journey.distances import Doubt
 
 
@@ -27,24 +28,21 @@ if TYPE_CHECKING:
 class Drive:
     """What is known of the road and of the car."""
 
-    kind: Annotated[str, option("KIND", "city, country, motorway, or mixed where the road is unknown.")] = (
-        "mixed"
-    )
-    reserve: Annotated[float, option("0..1", "State of charge to keep.")] = 0.0
+    kind: Annotated[str, option("KIND", "Road: city, country, motorway, or mixed if unknown.")] = "mixed"
+    reserve: shared.Reserve = 0.0
     car: Annotated[Path | None, option("FOLDER", "Your own car, made by `tripwatt car new`.")] = None
-    vehicle: CarOption = None
-    model: ModelOption = None
+    vehicle: shared.Car = None
+    model: shared.Model = None
 
     def own(self) -> dict[str, Any]:
         """The car as `need` and `range_km` take it, and what plans a usual trip of one's own."""
         if self.car is None:
             return {"model": self.model, "vehicle": self.vehicle}
-        from tripwatt.server.cars import open_car
         from tripwatt.server.cars.usual import usual_plan
 
         if self.vehicle is not None or self.model is not None:
             raise InvalidInput.of("two cars", "--car", "--vehicle or --model too", "one of them")
-        own = open_car(self.car)
+        own = tw.open_car(self.car)
         return {"model": own.model(), "plan": partial(usual_plan, own)}
 
 
@@ -52,16 +50,12 @@ def need(
     departure: Departing,
     drive: Drive,
     distance: Annotated[list[str] | None, argument("DISTANCE [km]", "Kilometres of each trip.")] = None,
-    quantile: Annotated[float, option("0.5..1", "Probability that the energy is enough.")] = 0.95,
+    quantile: shared.Quantile = 0.95,
     trips: Annotated[int, option("N", "Number of equal trips.", min=1, max=100)] = 1,
-    trip: Annotated[
-        str | None, option("NAME", "A usual trip of your own car, in place of the distance.", "--trip")
-    ] = None,
-    plug: Annotated[
-        float, option("W", "Power of the plug at home; 0: the car is not plugged in.", min=0.0)
-    ] = 7400.0,
+    trip: Annotated[str | None, option("NAME", "A trip of your own car in place of the distance.")] = None,
+    plug: shared.Plug = 7400.0,
 ) -> Answer:
-    """Forecast what some kilometres need, without a road: energy and charge, with a margin, and what to do until then.
+    """Forecast what a distance takes, without a road: energy and charge with a margin, and when to charge and preheat.
 
     For example:
 
@@ -76,13 +70,11 @@ def need(
     """
     from tripwatt.roads.advice.preheating import need_before_departure
 
-    with options_named():
+    with shared.options_named():
         if (distance is None) == (trip is None) or (trip is not None and drive.car is None):
             got = "both" if distance and trip else "a trip without its car" if trip else "neither"
-            allowed = "a distance, or --trip with --car"
-            raise InvalidInput.of(
-                "what is to be driven", "DISTANCE, --trip", got, allowed, "tripwatt need 50 km"
-            )
+            allowed, fix = "a distance, or --trip with --car", "tripwatt need 50 km"
+            raise InvalidInput.of("what is to be driven", "DISTANCE, --trip", got, allowed, fix)
         own = drive.own()
         again = own.pop("plan", None)
         ahead: Any = again(trip) if trip else _kilometres(distance or [])
@@ -91,18 +83,16 @@ def need(
     return Answer(found.to_dict() | until, partial(_show_need, found, until, known.departs_at))
 
 
-def _show_need(found: Need, until: Mapping[str, Any], leaves: dt.datetime | None) -> None:
-    less, more = (wh / 1000.0 for wh in found.half_wh)
+def _show_need(found: tw.Need, until: Mapping[str, Any], leaves: dt.datetime | None) -> None:
+    less, more = map(kwh, found.half_wh)
     rows = [
-        ("likely", f"{found.energy_wh / 1000.0:.2f} kWh"),
-        ("middle half", f"{less:.2f} to {more:.2f} kWh"),
-        (f"cautious ({100.0 * found.quantile:g} %)", f"{found.energy_quantile_wh / 1000.0:.2f} kWh"),
+        ("likely", kwh(found.energy_wh)),
+        ("middle half", f"{less.removesuffix(' kWh')} to {more}"),
+        (f"cautious ({100.0 * found.quantile:g} %)", kwh(found.energy_quantile_wh)),
         ("charge for it", f"{100.0 * found.soc_needed:.0f} %"),
     ]
     if until["charging_s"]:
-        rows.append(
-            ("on the plug", f"{until['wall_wh'] / 1000.0:.2f} kWh, {until['charging_s'] / 3600.0:.1f} h")
-        )
+        rows.append(("on the plug", f"{kwh(until['wall_wh'])}, {period(until['charging_s'])}"))
     if until["preheat"]:
         rows.append(("preheat", begins(until["preheat"]["before_s"], leaves)))
     print_table(f"{found.distance_m / 1000.0:.1f} km, {found.kind}, {found.car}", ("what", "value"), rows)
@@ -121,16 +111,14 @@ def range_(departure: Departing, drive: Drive) -> Answer:
       # keep 10 %, as data
       tripwatt range --soc 0.8 --reserve 0.1 --vehicle vw_id3 --json
     """
-    from tripwatt.roads.journey import range_km
-
-    with options_named():
+    with shared.options_named():
         own = drive.own()
         own.pop("plan", None)
-        found = range_km(None, drive.kind, departure(), reserve=drive.reserve, **own)
+        found = tw.range_km(None, drive.kind, departure(), reserve=drive.reserve, **own)
     return Answer(found.to_dict, partial(_show_range, found))
 
 
-def _show_range(found: Range) -> None:
+def _show_range(found: tw.Range) -> None:
     rows = [
         (
             name,
@@ -157,16 +145,12 @@ _NARROWS: Final = {
 def _doubt_in_words(doubt: Doubt) -> str:
     """Where the interval comes from, and what would narrow it most."""
     shares = ", ".join(f"{name} {getattr(doubt, name):.0%}" for name in ("car", "road", "weather", "day"))
-    most = (
-        f" {_NARROWS[doubt.narrows]} would narrow it most, by up to {doubt.narrower:.0%}."
-        if doubt.narrows
-        else ""
-    )
+    narrows = _NARROWS.get(doubt.narrows or "")
+    most = f" {narrows} would narrow it most, by up to {doubt.narrower:.0%}." if narrows else ""
     return f"Shares of the uncertainty: {shares}.{most}"
 
 
 def _kilometres(words: list[str]) -> float:
-
     text = "".join(words).lower()
     try:
         return float(text.removesuffix("km"))

@@ -10,15 +10,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tripwatt.command.options import Answer, Logs, SetOption, VehicleOption, option, require_effect
+from tripwatt import trips
+from tripwatt.command import shared
+from tripwatt.command.options import Answer, flag, option, require_effect
 from tripwatt.command.output import check_writable, finished_folds, unfinished_folder, write_whole
 from tripwatt.command.printing import console, print_notes, print_table, progress
 from tripwatt.errors import Check, Fault, InvalidInput, raise_faults, require_extras
 from tripwatt.files import folder_lock
 
 if TYPE_CHECKING:
-    from tripwatt.study.evaluation import EvaluationRun
-    from tripwatt.trips import TripSet
+    from tripwatt.study.evaluation import CarChoice, EvaluationRun
 
 CARS = "cars"
 """The protocol of several cars, each forecast from the others."""
@@ -31,36 +32,21 @@ INTERRUPTED = 130
 
 
 def evaluate(
-    logs: Logs,
-    out: Annotated[
-        Path,
-        option("FOLDER", "Folder for the results. It is created when the run is complete.", "--out", "-o"),
-    ] = Path("out"),
+    logs: shared.LogsOfCar,
+    out: shared.OutFolder = Path("out"),
     protocol: Annotated[str, option("NAME", "Comparison: paper, forecast or cars.")] = "paper",
-    test: Annotated[
-        Path | None, option("DATA", "Fit on DATA and score on these trips. Only with --protocol forecast.")
-    ] = None,
-    models: Annotated[
-        list[str] | None, option("NAME,NAME", "Models to evaluate. Default: all models of the protocol.")
-    ] = None,
+    test: Annotated[Path | None, option("DATA", "Score on these trips; only with forecast.")] = None,
+    models: Annotated[shared.Texts, option("NAME,NAME", "Models. Default: all of the protocol.")] = None,
     hold_outs: Annotated[
-        list[str] | None,
-        option(
-            "NAME,NAME",
-            "Hold-outs to run, for example leave_one_trip_out:reference. Default: all of the protocol, and its additional studies.",
-        ),
+        shared.Texts, option("NAME,NAME", "Hold-outs. Default: all of the protocol.")
     ] = None,
-    vehicle: VehicleOption = None,
-    overrides: SetOption = None,
     jobs: Annotated[int, option("N", "Number of processes; -1 uses all cores.")] = -1,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Continue an interrupted run; finished folds are reused.")
-    ] = False,
+    resume: Annotated[bool, flag("--resume", "Continue an interrupted run with its finished folds.")] = False,
 ) -> Answer:
-    """Train every model, score it on held-out trips, and write a report.
+    """Fit every model, score it on held-out trips, and write a report.
 
-    The command reads and audits the trips, simulates the car, and trains each model with one trip (and with one day)
-    left out at a time. It writes results.json, folds.csv, report.html and the figures into OUT.
+    The command reads and audits the trips, simulates the car, and fits each model with one trip (and with one day)
+    left out at a time. It writes results.json, folds.csv, report.html and the figures into FOLDER.
 
     For example:
 
@@ -84,36 +70,32 @@ def evaluate(
     require_extras({"study": "tripwatt evaluate"})
     shown = console()
     if protocol == CARS:
-        others: dict[str, Any] = {
+        others = {
             "--dataset": logs.dataset,
             "--mapping": logs.mapping,
             "--test": test,
             "--models": models and ",".join(models),
             "--hold-outs": hold_outs and ",".join(hold_outs),
-            "--vehicle": vehicle,
+            "--vehicle": logs.vehicle,
+            "--set": logs.overrides,
+            "--resume": resume or None,
         }
-        others |= {"--set": overrides, "--resume": resume or None}
         require_effect(others, "only with another --protocol: the file names data and cars")
         return _evaluate_cars(logs.data, out)
-    car, note = logs.car(vehicle)
-    options: dict[str, Any] = {
-        "protocol": protocol,
-        "models": _names(models),
-        "hold_outs": _names(hold_outs),
-        "vehicle": car,
-    }
+    car, note = logs.named()
+    options: dict[str, Any] = {"protocol": protocol, "models": _names(models), "hold_outs": _names(hold_outs)}
     with Check() as check:
-        check(_check, options, overrides or [], jobs)
+        options["vehicle"] = check(_checked_car, options, car, logs.overrides or [], jobs)
         check(check_writable, out)
         with shown.status("reading trips"):
             fleet = check(logs.read, built_in_trips=BUILT_IN_TRIPS)
             options["test_fleet"] = test and check(replace(logs, data=test).read)
-    trips = replace(fleet, notes=(*fleet.notes, *note))
-    shown.print(f"{len(trips)} trips read ({trips.name})")
+    fleet = replace(fleet, notes=(*fleet.notes, *note))
+    shown.print(f"{len(fleet)} trips read ({fleet.name})")
     print_notes(note)
     unfinished = unfinished_folder(out)
     with folder_lock(unfinished):
-        run = _run(trips, options, jobs, unfinished, resume)
+        run = _run(fleet, options, jobs, unfinished, resume)
         with shown.status("writing the report"):
             write_whole(lambda folder: _write(run, folder), out, unfinished)
     return Answer(run.results, partial(_show, run, out))
@@ -129,8 +111,8 @@ def _evaluate_cars(data: Path | None, out: Path) -> Answer:
     from tripwatt.study.report.cars import cars_tables, write_cars
 
     if data is None:
-        fix = "see docs/explanation/cars.md"
-        raise InvalidInput.of("no cars", "DATA", "nothing", "a TOML file with a table for each car", fix)
+        allowed, fix = "a TOML file with a table for each car", "see docs/explanation/cars.md"
+        raise InvalidInput.of("no cars", "DATA", "nothing", allowed, fix)
     shown = console()
     with Check() as check:
         with shown.status("reading trips"):
@@ -149,24 +131,27 @@ def _evaluate_cars(data: Path | None, out: Path) -> Answer:
     return Answer(run.results, show)
 
 
-def _check(options: dict[str, Any], overrides: list[str], n_jobs: int) -> None:
-    """Everything that can be wrong with the options, before hours of work; settles the overrides."""
+def _checked_car(options: dict[str, Any], car: str, overrides: list[str], n_jobs: int) -> CarChoice:
+    """The car; everything that can be wrong with the options is found before hours of work."""
     from tripwatt.study.evaluation import CarChoice, choose_models, find_protocol
     from tripwatt.vehicles import parse_overrides
 
+    faults = []
+    if options["models"] == []:
+        faults.append(Fault("no models", "--models", "an empty list", "names separated by commas"))
+    if n_jobs < -1 or n_jobs == 0:
+        faults.append(Fault("value out of range", "--jobs", str(n_jobs), "-1, or 1 or more"))
     with Check() as check:
+        check(raise_faults, faults)
         check(lambda: choose_models(find_protocol(options["protocol"]), options["models"]))
-        if options["models"] == []:
-            allowed = "names separated by commas"
-            check(raise_faults, [Fault("no models", "--models", "an empty list", allowed)])
-        changes = check(parse_overrides, overrides)
-        options["vehicle"] = CarChoice(options["vehicle"], changes)
-        check(options["vehicle"].load)
-        if n_jobs < -1 or n_jobs == 0:
-            check(raise_faults, [Fault("value out of range", "--jobs", str(n_jobs), "-1, or 1 or more")])
+        choice = CarChoice(car, check(parse_overrides, overrides))
+        check(choice.load)
+    return choice
 
 
-def _run(fleet: TripSet, options: dict[str, Any], jobs: int, unfinished: Path, resume: bool) -> EvaluationRun:
+def _run(
+    fleet: trips.TripSet, options: dict[str, Any], jobs: int, unfinished: Path, resume: bool
+) -> EvaluationRun:
     from tripwatt.study.evaluation import Execution
     from tripwatt.study.evaluation import evaluate as run_evaluation
 
@@ -177,9 +162,8 @@ def _run(fleet: TripSet, options: dict[str, Any], jobs: int, unfinished: Path, r
             execution = Execution(jobs, unfinished / "folds", resume, report_progress)
             return run_evaluation(fleet, **options, execution=execution)
     except (KeyboardInterrupt, SystemExit) as stop:
-        typer.echo(
-            "interrupted: the finished folds are kept; continue with the same command and --resume", err=True
-        )
+        more = "continue with the same command and --resume"
+        typer.echo(f"interrupted: the finished folds are kept; {more}", err=True)
         if isinstance(stop, SystemExit):
             raise
         raise typer.Exit(INTERRUPTED) from None

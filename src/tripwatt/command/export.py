@@ -8,15 +8,14 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
+import tripwatt as tw
+from tripwatt.command import shared
 from tripwatt.command.departing import DepartureOf, departure_options
-from tripwatt.command.journey import CarOption, ModelOption
-from tripwatt.command.options import argument, options_named
+from tripwatt.command.options import argument, flag
 from tripwatt.command.printing import print_json, print_notes
-from tripwatt.errors import Check, Fault, InvalidInput
+from tripwatt.errors import Check, InvalidInput
 
 if TYPE_CHECKING:
-    from tripwatt.export import ConsumptionCurve
-    from tripwatt.trips import Plan
     from tripwatt.vehicles import Vehicle
 
 USUAL: Final = {"ambient_temperature_degc": 20.0, "payload_mass_kg": 0.0, "soc": 0.8}
@@ -28,9 +27,9 @@ Asked = Annotated[DepartureOf, departure_options(without=("departs_at", "terrain
 def export(
     service: Annotated[str, argument("SERVICE", "here, tomtom, mapbox or abrp.")],
     departure: Asked,
-    model: ModelOption = None,
-    vehicle: CarOption = None,
-    query: Annotated[bool, typer.Option("--query", help="Print a URL query string instead of JSON.")] = False,
+    model: shared.Model = None,
+    vehicle: shared.Car = None,
+    query: Annotated[bool, flag("--query", "Print a URL query string instead of JSON.")] = False,
 ) -> None:
     """Print the consumption curve of a car as the parameters of a routing service: a JSON object of strings.
 
@@ -45,39 +44,24 @@ def export(
       # export another car from physics only
       tripwatt export tomtom --vehicle nissan_leaf_40 --query
     """
-    from tripwatt.export import EXPORTS, render_query
+    from tripwatt.export import export_curve, render_query
 
-    if service not in EXPORTS:
-        raise InvalidInput(Fault.unknown("unknown service", "SERVICE", service, EXPORTS))
-    curve, notes = _curve(model, vehicle, departure)
-    parameters = EXPORTS[service](curve)
-    typer.echo(render_query(parameters)) if query else print_json(parameters)
-    print_notes(notes)
-
-
-def _curve(
-    model: Path | None, vehicle: str | None, departure: DepartureOf
-) -> tuple[ConsumptionCurve, list[str]]:
-    from tripwatt.export import consumption_curve
-
-    with options_named(), Check() as check:
+    with shared.options_named(), Check() as check:
         described, known = check(_car, model, vehicle), check(departure)
     car, correction, note = described
-    return consumption_curve(car, known, correction=correction), [note]
+    parameters = export_curve(car, service, known, correction=correction)
+    typer.echo(render_query(parameters)) if query else print_json(parameters)
+    print_notes([note])
 
 
-def _car(model: Path | None, vehicle: str | None) -> tuple[Vehicle, Callable[[Plan], float] | None, str]:
+def _car(model: Path | None, vehicle: str | None) -> tuple[Vehicle, Callable[[tw.Plan], float] | None, str]:
     """The car, its correction, and a note about that."""
     if vehicle is None:
-        from tripwatt.forecasting import load_model
-
-        fitted = load_model(model)
+        fitted = tw.load_model(model)
         note = f"{fitted.vehicle.title}: physics with the correction of the model"
         return fitted.vehicle, lambda trip: fitted.forecast(trip).by_cause_wh["correction"], note
-    from tripwatt.vehicles import load_vehicle
-
     if model is not None:
         got = f"--model {model} --vehicle {vehicle}"
         raise InvalidInput.of("conflicting options", "--model and --vehicle", got, "one of the two")
-    car = load_vehicle(vehicle)
+    car = tw.load_vehicle(vehicle)
     return car, None, f"{car.title}: physics only, without a correction"

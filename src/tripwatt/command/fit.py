@@ -5,43 +5,26 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
-from tripwatt.command.options import Answer, Logs, SetOption, VehicleOption, option
-from tripwatt.command.printing import console, grouped, print_notes, progress
+import tripwatt as tw
+from tripwatt import trips
+from tripwatt.command import shared
+from tripwatt.command.options import Answer, flag, option
+from tripwatt.command.printing import console, grouped, kwh, print_notes, progress, share
 from tripwatt.errors import Check, Fault, InvalidInput
-
-if TYPE_CHECKING:
-    from tripwatt.forecasting import ForecastModel
-    from tripwatt.trips import TripSet
 
 
 def fit(
-    logs: Logs,
-    out: Annotated[
-        Path, option("MODEL", "Folder of the model. It is created when the fit is complete.", "--out", "-o")
-    ] = Path("model"),
-    vehicle: VehicleOption = None,
-    overrides: SetOption = None,
+    logs: shared.LogsOfCar,
+    out: shared.OutFolder = Path("model"),
     corrector: Annotated[
         str, option("NAME", "Statistical model: linear, gp, boosting, forest, ensemble or split.")
     ] = "split",
-    published: Annotated[
-        bool,
-        typer.Option(
-            "--published",
-            help="Keep the published values of the car. Default: identify those that signals of its stages show.",
-        ),
-    ] = False,
-    base: Annotated[
-        Path | None,
-        option(
-            "MODEL",
-            "Adapt this model of another car to the trips. A few trips are enough. The corrector is that of this model.",
-        ),
-    ] = None,
+    published: Annotated[bool, flag("--published", "Keep the published values of the car.")] = False,
+    base: Annotated[Path | None, option("MODEL", "Adapt this model; a few trips are enough.")] = None,
 ) -> Answer:
     """Fit a forecasting model on logged trips and write it as a folder.
 
@@ -60,14 +43,12 @@ def fit(
       tripwatt fit --out example-model
     """
     from tripwatt.modelfile import require_place
-    from tripwatt.vehicles import load_vehicle, parse_overrides
 
-    shown = console()
-    car, note = logs.car(vehicle)
+    shown, note = console(), logs.named()[1]
     with Check() as check:
         started = None if base is None else check(_stored, base)
         check(_require_storable, corrector)
-        own = check(lambda: load_vehicle(car, overrides=parse_overrides(overrides or [])))
+        own = check(logs.car)
         check(require_place, out)
         with shown.status("reading trips"):
             fleet = check(logs.read)
@@ -75,20 +56,15 @@ def fit(
     shown.print(f"{len(fleet.trips)} trips read ({fleet.name})")
     from tripwatt.forecasting.fitting import fit_with_provenance
     from tripwatt.forecasting.storage import save_model
+    from tripwatt.population.adapting import adapt_model
 
     if started is not None:
-        from tripwatt.population.adapting import adapt_model
-
-        with shown.status("adapting the base"):
+        with shown.status("adapting the model"):
             model, provenance, figures = adapt_model(fleet, own, *started)
     else:
         with progress(shown) as advance:
             model, provenance, figures = fit_with_provenance(
-                fleet,
-                own,
-                corrector=corrector,
-                identified=not published,
-                progress=advance,
+                fleet, own, corrector=corrector, identified=not published, progress=advance
             )
     save_model(model, out, provenance=provenance, evaluation=figures)
     notes = provenance["data"]["notes"]
@@ -97,11 +73,11 @@ def fit(
     return Answer(document, partial(_show_fit, fleet, out, notes, figures))
 
 
-def _stored(folder: Path) -> tuple[ForecastModel, dict[str, Any]]:
+def _stored(folder: Path) -> tuple[tw.ForecastModel, dict[str, Any]]:
     """A stored model and its metadata."""
-    from tripwatt.forecasting import load_metadata, load_model
+    from tripwatt.forecasting import load_metadata
 
-    return load_model(folder), load_metadata(folder, check_parts=False)
+    return tw.load_model(folder), load_metadata(folder, check_parts=False)
 
 
 def _require_storable(corrector: str) -> None:
@@ -111,15 +87,13 @@ def _require_storable(corrector: str) -> None:
         raise InvalidInput(Fault.unknown("unknown corrector", "--corrector", corrector, STORABLE))
 
 
-def _show_fit(fleet: TripSet, out: Path, notes: list[str], figures: dict[str, Any]) -> None:
+def _show_fit(fleet: trips.TripSet, out: Path, notes: list[str], figures: dict[str, Any]) -> None:
     from tripwatt.population.adapting import PROTOCOL
 
     how = "adapted to" if figures.get("protocol") == PROTOCOL else "fitted on"
     used, read = figures["trips"], len(fleet.trips)
     others = f" of {read} (`tripwatt audit` has the reasons)" if used < read else ""
     typer.echo(f"model: {out}, {how} {used} trips{others} ({fleet.name})")
-    typer.echo(
-        f"held-out trips: mean error {figures['mape']:.1%}, RMSE {figures['rmse_wh'] / 1000.0:.3f} kWh, "
-        f"{figures['given']}"
-    )
+    errors = f"mean error {share(figures['mape'])}, RMSE {kwh(figures['rmse_wh'], 3)}"
+    typer.echo(f"held-out trips: {errors}, {figures['given']}")
     print_notes([*grouped(fleet.notes), *notes[len(fleet.notes) :]])

@@ -12,12 +12,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+import tripwatt as tw
+from tripwatt.command import shared
 from tripwatt.command.departing import DepartingNow, time_of
 from tripwatt.command.forecast import show_arrival
-from tripwatt.command.options import Answer, argument, option, options_named
+from tripwatt.command.options import Answer, argument, flag, option
 from tripwatt.command.output import write_text
 from tripwatt.command.printing import console, print_notes, print_table, progress
-from tripwatt.command.stores import SinceOption, Store, UntilOption
+from tripwatt.command.stores import Store
 from tripwatt.errors import require_extras
 
 if TYPE_CHECKING:
@@ -32,24 +34,17 @@ GROUP = (
     "extra tripwatt[fleet]."
 )
 
-RegistryArgument = Annotated[Path, argument("REGISTRY", "Folder of the model's versions.")]
-JobsOption = Annotated[int, option("N", "Processes of this machine.", "--jobs", min=1)]
-ClusterOption = Annotated[
-    str | None,
-    option("ADDRESS", "Scheduler of a Dask cluster, such as tcp://10.0.0.5:8786, in place of --jobs."),
-]
-WorkOption = Annotated[
-    Path | None,
-    option("FOLDER", "Folder of finished parts, which every worker reaches. Default: REGISTRY/work."),
-]
+RegistryFolder = Annotated[Path, argument("REGISTRY", "Folder of the model's versions.")]
+CLUSTER = "Scheduler of a Dask cluster, such as tcp://10.0.0.5:8786, in place of --jobs."
+WORK = "Folder of finished parts, which every worker reaches. Default: REGISTRY/work."
 
 
 @dataclass(frozen=True, kw_only=True)
 class Workers:
     """What works on the trips of a fleet."""
 
-    jobs: JobsOption = 1
-    cluster: ClusterOption = None
+    jobs: Annotated[int, option("N", "Processes of this machine.", min=1)] = 1
+    cluster: Annotated[str | None, option("ADDRESS", CLUSTER)] = None
 
     def running(self) -> AbstractContextManager[tuple[Executor, int]]:
         """Start processes or reach a cluster; gives the executor and the number of its workers."""
@@ -62,8 +57,8 @@ class Workers:
 class Fleet(Store, Workers):
     """A fleet: the store of its trips, the versions of its model, and what works on them."""
 
-    registry: RegistryArgument
-    work: WorkOption = None
+    registry: RegistryFolder
+    work: Annotated[Path | None, option("FOLDER", WORK)] = None
 
     @property
     def place(self) -> Path:
@@ -77,7 +72,7 @@ def _registry(folder: Path) -> Registry:
     return Registry(folder)
 
 
-def fit(fleet: Fleet, since: SinceOption = None, until: UntilOption = None) -> Answer:
+def fit(fleet: Fleet) -> Answer:
     """Fit a model on the trips of a store, and promote it if the registry has no version in use yet.
 
     An interrupted fit goes on with its finished parts.
@@ -91,9 +86,9 @@ def fit(fleet: Fleet, since: SinceOption = None, until: UntilOption = None) -> A
     """
     from tripwatt.fleet.model import fit_fleet
 
-    source, target, which = fleet.opened(), _registry(fleet.registry), {"since": since, "until": until}
+    source, target = fleet.opened(), _registry(fleet.registry)
     with progress(console()) as advance, fleet.running() as (executor, workers):
-        model = fit_fleet(source, fleet.place, executor, workers, which=which, progress=advance)
+        model = fit_fleet(source, fleet.place, executor, workers, progress=advance)
     version = target.add(model, f"fit on {model.trips} trips")
     first = not any(entry["action"] == "promote" for entry in target.history())
     if first:
@@ -122,23 +117,20 @@ def update(fleet: Fleet) -> Answer:
     before = target.load()
     with fleet.running() as (executor, workers):
         model, rows = update_fleet(before, source, fleet.place, executor, workers)
-    change: dict[str, Any] = {"trips": 0}
     version = target.current()
-    if len(rows):
-        change = drift(before.posterior, rows)
-        version = target.add(model, f"update by {len(rows)} trips")
-        target.promote(version)
-    document = {"version": version, **change}
     if not len(rows):
-        return Answer(document, f"version {version}: no new trips")
-    return Answer(document, partial(_show_update, f"version {version}: {model!r}", change))
+        return Answer({"version": version, "trips": 0}, f"version {version}: no new trips")
+    change = drift(before.posterior, rows)
+    version = target.add(model, f"update by {len(rows)} trips")
+    target.promote(version)
+    return Answer(
+        {"version": version, **change}, partial(_show_update, f"version {version}: {model!r}", change)
+    )
 
 
 def _show_update(updated: str, change: Mapping[str, Any]) -> None:
-    typer.echo(
-        f"{updated}; {change['trips']} new trips, mean error {change['bias']:+.1%}, "
-        f"{change['coverage']:.0%} inside the 90 % interval"
-    )
+    new = f"{change['trips']} new trips, mean error {change['bias']:+.1%}"
+    typer.echo(f"{updated}; {new}, {change['coverage']:.0%} inside the 90 % interval")
     drifting = [
         (name, f"{v['trips']}", f"{100.0 * v['bias']:+.1f}", f"{v['z']:+.1f}")
         for name, v in change["vehicles"].items()
@@ -154,8 +146,8 @@ def refit(
 ) -> Answer:
     """Fit anew on all but the newest weeks, compare with the model in use, and promote it unless it is worse.
 
-    Worse is an error larger by more than a twentieth, beyond chance. The comparison is on trips of the newest weeks, paired by vehicle. Both models are taken without these trips. A
-    promoted model then takes them in. The exit code is 1 if the model in use stays.
+    Worse means an error that is more than 5 % larger, beyond chance. Both models are compared on trips of the newest weeks, which
+    neither has seen. A promoted model then takes them in. The exit code is 1 if the model in use stays.
 
     For example:
 
@@ -166,17 +158,14 @@ def refit(
 
     source, target = fleet.opened(), _registry(fleet.registry)
     with progress(console()) as advance, fleet.running() as (executor, workers):
-        version, comparison, promoted = refit_fleet(
-            source, target, fleet.place, executor, workers, weeks=weeks, progress=advance
-        )
-    return Answer(
-        {"version": version, "in_use": promoted, "reason": f"{comparison}", "comparison": asdict(comparison)},
-        f"version {version} is {'' if promoted else 'not '}in use: {comparison}",
-        code=not promoted,
-    )
+        done = refit_fleet(source, target, fleet.place, executor, workers, weeks=weeks, progress=advance)
+    version, comparison, promoted = done
+    document = {"version": version, "in_use": promoted, "reason": f"{comparison}"}
+    said = f"version {version} is {'' if promoted else 'not '}in use: {comparison}"
+    return Answer(document | {"comparison": asdict(comparison)}, said, code=not promoted)
 
 
-def versions(registry: RegistryArgument) -> Answer:
+def versions(registry: RegistryFolder) -> Answer:
     """List the versions of a registry and what was done with them.
 
     For example:
@@ -195,7 +184,7 @@ def versions(registry: RegistryArgument) -> Answer:
 
 
 def promote(
-    registry: RegistryArgument,
+    registry: RegistryFolder,
     version: Annotated[str, argument("VERSION", "A version of `tripwatt fleet versions`.")],
 ) -> Answer:
     """Use a version from now on, a newer or an older one. Programs that follow the registry change without losing a request.
@@ -210,13 +199,13 @@ def promote(
 
 
 def forecast(
-    registry: RegistryArgument,
+    registry: RegistryFolder,
     trip: Annotated[Path, argument("TRIP", "A route or a speed trace, as for `tripwatt forecast`.")],
     vehicle_id: Annotated[str, option("ID", "The vehicle.")],
     departure: DepartingNow,
     car_model: Annotated[str | None, option("NAME", "The car model of a vehicle without trips.")] = None,
-    driver: Annotated[str | None, option("NAME", "The driver, if trips of his were logged.")] = None,
-    reserve: Annotated[float, option("X", "Charge to arrive with, 0 to 1.", min=0.0, max=1.0)] = 0.0,
+    driver: Annotated[str | None, option("NAME", "The driver, if the store has trips of theirs.")] = None,
+    reserve: shared.Reserve = 0.0,
 ) -> Answer:
     """Forecast a trip of one vehicle with the version in use. A vehicle without trips starts from its --car-model.
 
@@ -225,11 +214,9 @@ def forecast(
       # forecast a trip of one vehicle
       tripwatt fleet forecast models trip.csv --vehicle-id V17 --soc 0.8
     """
-    import tripwatt as tw
-
     model = _registry(registry).load()
     plan = tw.read_route(trip)
-    with options_named():
+    with shared.options_named():
         known = departure()
     expected = model.forecast(plan, known, vehicle_id=vehicle_id, car_model=car_model, driver=driver)
 
@@ -241,14 +228,13 @@ def forecast(
 
 def batch(
     workers: Workers,
-    registry: RegistryArgument,
+    registry: RegistryFolder,
     trips: Annotated[Path, argument("TRIPS.parquet", "One row a link; see docs/howto/fleet.md.")],
-    out: Annotated[Path, option("FILE", "Parquet file to write.", "--out", "-o")] = Path("forecasts.parquet"),
+    out: shared.OutFile = Path("forecasts.parquet"),
     quantile: Annotated[
-        list[float] | None,
-        option("Q", "Quantile of the energy; you can repeat the option. Default: 0.05, 0.5, 0.95."),
+        list[float] | None, option("Q", "Quantile, repeatable. Default: 0.05, 0.5, 0.95.")
     ] = None,
-    reserve: Annotated[float, option("X", "Charge to arrive with, 0 to 1.")] = 0.0,
+    reserve: shared.Reserve = 0.0,
 ) -> Answer:
     """Forecast many planned trips with the version in use, Parquet in and Parquet out.
 
@@ -266,39 +252,29 @@ def batch(
 
         from tripwatt.fleet.batch import QUANTILES, forecast_batch
 
-        target = _registry(registry)
-        folder = target.path(target.current())
-        done = forecast_batch(
-            folder, trips, out, executor, count, quantiles=quantile or QUANTILES, reserve=reserve
-        )
+        target, asked = _registry(registry), quantile or QUANTILES
+        model = target.path(target.current())
+        done = forecast_batch(model, trips, out, executor, count, quantiles=asked, reserve=reserve)
     table = pq.read_table(out, columns=["energy_wh", "error"])
     failed = done - int(table["error"].null_count)
     total_wh = float(pc.sum(table["energy_wh"]).as_py() or 0.0)
     without = f"; {failed} cannot be forecast, see the column error" if failed else ""
-    return Answer(
-        {"out": str(out), "trips": done, "failed": failed, "energy_wh": total_wh},
-        f"{out}: {done} trips, {total_wh / 1000.0:.1f} kWh in all{without}",
-        code=failed > 0,
-    )
+    document = {"out": str(out), "trips": done, "failed": failed, "energy_wh": total_wh}
+    said = f"{out}: {done} trips, {total_wh / 1000.0:.1f} kWh in all{without}"
+    return Answer(document, said, code=failed > 0)
 
 
 def report(
     fleet: Fleet,
-    planned: Annotated[
-        Path | None, option("FILE", "Planned trips, CSV or Parquet: what they need. See docs/howto/fleet.md.")
-    ] = None,
-    out: Annotated[
-        Path | None, option("FOLDER", "Default: REGISTRY/report, which the service serves.", "--out", "-o")
-    ] = None,
+    planned: Annotated[Path | None, option("FILE", "Planned trips, CSV or Parquet: what they need.")] = None,
+    out: Annotated[Path | None, option("FOLDER", "Default: REGISTRY/report.", "--out", "-o")] = None,
     ambient: Annotated[float | None, option("DEGC", "Outside temperature of trips that have none.")] = None,
     coldest: Annotated[float | None, option("DEGC", "Temperature in place of the coldest week's.")] = None,
-    drivers: Annotated[bool, typer.Option("--drivers", help="Compare drivers, too.")] = False,
-    quantile: Annotated[float, option("Q", "Probability with which a need suffices, 0.5 to 1.")] = 0.95,
-    reserve: Annotated[float, option("X", "Charge to come back with, 0 to 1.")] = 0.0,
+    drivers: Annotated[bool, flag("--drivers", "Compare drivers, too.")] = False,
+    quantile: shared.Quantile = 0.95,
+    reserve: shared.Reserve = 0.0,
     plug: Annotated[float, option("W", "Power of a charger.", min=1.0)] = 7400.0,
-    begins: Annotated[
-        str | None, option("TIME", "When charging may begin, such as 18:00. Default: now.")
-    ] = None,
+    begins: Annotated[str | None, option("TIME", "When charging may begin, such as 18:00; else now.")] = None,
 ) -> Answer:
     """Report which vehicles changed, since when and by which cause, and what planned trips need, as HTML, CSV and JSON.
 
@@ -320,7 +296,7 @@ def report(
     versions, folder = _registry(fleet.registry), out or fleet.registry / "report"
     about = {"Store": fleet.store, "Written": f"{now:%Y-%m-%d %H:%M}", "Model version": versions.current()}
     if planned is not None:
-        about |= {"A need suffices with": f"{100 * quantile:g} %", "Reserve": f"{100 * reserve:g} %"}
+        about |= {"A need is enough with": f"{100 * quantile:g} %", "Reserve": f"{100 * reserve:g} %"}
         about |= {"Charger": f"{plug / 1e3:g} kW", "Charging begins": f"{at:%Y-%m-%d %H:%M %z}"}
     trips = read_planned(planned, ambient) if planned is not None else []
     ahead = [trip for trip in trips if trip.departs_at >= min(now, at)]
@@ -343,9 +319,8 @@ def _show_report(made: ManagerReport, folder: Path) -> None:
             typer.echo(panel.caption)
         if panel.key == "changes" and panel.tables:
             (table,) = panel.tables
-            print_table(
-                table.caption, table.columns, table.rows, numbers=("more [%]", "trips before", "after")
-            )
+            numbers = ("more [%]", "trips before", "after")
+            print_table(table.caption, table.columns, table.rows, numbers=numbers)
     print_notes(made.notes)
     typer.echo(f"{folder / 'report.html'}")
 
@@ -363,8 +338,8 @@ def _rows(store: Store, work: Path, on: Workers) -> TripRows:
 def evaluate(
     store: Store,
     workers: Workers,
-    out: Annotated[Path, option("FILE.html", "Page to write.", "--out", "-o")] = Path("fleet.html"),
-    work: Annotated[Path, option("FOLDER", "Folder of finished parts, which every worker reaches.")] = Path(
+    out: shared.OutFile = Path("fleet.html"),
+    work: Annotated[Path, option("FOLDER", "Folder of finished parts, for all workers.")] = Path(
         "fleet.work"
     ),
 ) -> Answer:

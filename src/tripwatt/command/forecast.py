@@ -8,17 +8,20 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
+import tripwatt as tw
+from tripwatt.command import shared
 from tripwatt.command.departing import DepartingNow
-from tripwatt.command.journey import CarOption
-from tripwatt.command.options import Answer, argument, model_of, option, options_named
+from tripwatt.command.options import Answer, argument, option
 from tripwatt.command.output import write_text
-from tripwatt.command.printing import print_notes, print_table
+from tripwatt.command.printing import kwh, print_notes, print_table
 from tripwatt.command.sentences import chance_to_arrive, forecast_in_words, unknown_climb_in_words
-from tripwatt.errors import Check, InvalidInput, raise_faults
-from tripwatt.forecasting.leaving import leave_with, soc_needed
+from tripwatt.errors import Check, InvalidInput
+from tripwatt.trips.columns import require_fraction
+from tripwatt.trips.showing import period
+from tripwatt.units import M_S_PER_KM_H
 
 if TYPE_CHECKING:
-    from tripwatt.forecasting import Forecast
+    from tripwatt.forecasting.document import LeaveWith
 
 LEAVE_PROBABILITY: Final = 0.95
 """Of "leave with": 19 of 20 trips."""
@@ -29,25 +32,25 @@ def forecast(
         list[Path],
         argument(
             "[MODEL] TRIP",
-            "Folder of a model (default: the bundled model), and a trip. The trip is a speed trace or a planned route. "
-            "Speed trace: CSV or Parquet with the columns time_s, speed_m_s, and optionally elevation_m or grade; other "
-            "signals give only their first sample. Planned route: GPX, KML, GeoJSON, the saved response of OSRM, Valhalla, "
-            "openrouteservice or GraphHopper, or links as CSV or JSON (length_m, speed_m_s or travel_time_s, and optionally "
-            "grade or start_elevation_m and end_elevation_m, stop_s, speed_limit_m_s).",
+            "Folder of a model (default: the bundled model), and a trip: a speed trace or a planned route. "
+            "Speed trace: CSV or Parquet with time_s, speed_m_s, and optionally elevation_m or grade; of other signals the first "
+            "sample counts. Planned route: GPX, KML, GeoJSON, the saved response of OSRM, Valhalla, openrouteservice or "
+            "GraphHopper, or links as CSV or JSON (length_m, speed_m_s or travel_time_s, and optionally grade or "
+            "start_elevation_m and end_elevation_m, stop_s, speed_limit_m_s).",
         ),
     ],
     departure: DepartingNow,
-    vehicle: CarOption = None,
-    speed: Annotated[float | None, option("KM/H", "Mean speed on a track without times and speeds.")] = None,
+    vehicle: shared.Car = None,
+    speed: Annotated[float | None, option("KM/H", "Mean speed of a track without times and speeds.")] = None,
     observed: Annotated[
         Path | None,
         option(
             "SAMPLES",
-            "Samples measured so far, on the clock of the trip: time_s with voltage_v and current_a, or with soc or "
-            "displayed_soc. On a planned route, speed_m_s gives the distance driven.",
+            "Samples measured so far, on the clock of the trip: time_s with voltage_v and current_a, soc or displayed_soc; on a "
+            "planned route also speed_m_s.",
         ),
     ] = None,
-    reserve: Annotated[float, option("0..1", "Required state of charge at arrival, as displayed.")] = 0.1,
+    reserve: shared.Reserve = 0.1,
 ) -> Answer:
     """Forecast the energy of a trip with its interval and its causes, given a speed trace or a planned route.
 
@@ -71,78 +74,69 @@ def forecast(
       # forecast for another car of the library
       tripwatt forecast ride.gpx --vehicle vw_id3 --soc 0.8
     """
-    from tripwatt.api import read_route
-    from tripwatt.population import for_car
+    from tripwatt.forecasting.leaving import leave_with
     from tripwatt.sources.canonical import read_canonical
-    from tripwatt.trips.columns import QUANTITIES, number_faults
-    from tripwatt.units import M_S_PER_KM_H
-    from tripwatt.vehicles import load_vehicle
 
     model, trip = model_and_trip(paths)
     speed_m_s = None if speed is None else speed * M_S_PER_KM_H
-    with options_named():
+    with shared.options_named():
         with Check() as check:
-            check(raise_faults, number_faults("--reserve", reserve, QUANTITIES["reserve"]))
-            fitted = check(model_of, model)
-            plan = check(read_route, trip, speed_m_s=speed_m_s)
-            measured = None
-            if observed is not None:
-                measured = check(read_canonical, observed, required=("time_s",), least=2)
-            car = None if vehicle is None else check(load_vehicle, vehicle)
+            check(require_fraction, "reserve", reserve)
+            fitted = check(shared.model_of, model)
+            plan = check(tw.read_route, trip, speed_m_s=speed_m_s)
+            measured = (
+                None if observed is None else check(read_canonical, observed, required=("time_s",), least=2)
+            )
+            car = vehicle and check(tw.load_vehicle, vehicle)
             known = check(departure)
-        fitted = for_car(fitted, car)
-    expected = fitted.forecast(plan, known)
+        expected = tw.for_car(fitted, car).forecast(plan, known)
     if measured is not None:
         expected = expected.update(measured)
-    leaving = None if observed is not None else leave_with(expected, reserve, LEAVE_PROBABILITY)
-    return Answer(partial(expected.to_dict, reserve, leaving), partial(_show_forecast, expected, reserve))
+    leave = leave_with(expected, reserve, LEAVE_PROBABILITY) if observed is None else None
+    return Answer(
+        partial(expected.to_dict, reserve, leave), partial(_show_forecast, expected, reserve, leave)
+    )
 
 
 def model_and_trip(paths: list[Path]) -> tuple[Path | None, Path]:
     """The arguments `[MODEL] TRIP`."""
     if len(paths) > 2:
-        got = " ".join(map(str, paths))
-        raise InvalidInput.of(
-            "too many arguments", "MODEL TRIP", got, "a folder with a model and a file with a trip"
-        )
-    return (None, paths[0]) if len(paths) == 1 else (paths[0], paths[1])
+        got, allowed = " ".join(map(str, paths)), "a folder with a model and a file with a trip"
+        raise InvalidInput.of("too many arguments", "MODEL TRIP", got, allowed)
+    *model, trip = paths
+    return (model[0] if model else None), trip
 
 
-def show_arrival(forecast: Forecast, subject: str, reserve: float) -> None:
+def show_arrival(forecast: tw.Forecast, subject: str, reserve: float) -> None:
     """Print what a driver asks of a forecast: energy, charge at arrival, the chance to keep the reserve."""
-    typer.echo(forecast_in_words(forecast, subject))
-    for sentence in unknown_climb_in_words(forecast, reserve):
-        typer.echo(sentence)
+    sentences = [forecast_in_words(forecast, subject), *unknown_climb_in_words(forecast, reserve)]
+    typer.echo("\n".join(sentences))
     chance = chance_to_arrive(forecast, reserve)
     typer.echo(f"The probability to arrive with {100.0 * reserve:g} % or more is {chance}.")
 
 
-def _show_forecast(forecast: Forecast, reserve: float) -> None:
+def _show_forecast(forecast: tw.Forecast, reserve: float, leave: LeaveWith | None) -> None:
     from tripwatt.physics.chain import CAUSE_NAMES
-    from tripwatt.trips.messages import leave_in_words
-    from tripwatt.trips.showing import period
 
     show_arrival(forecast, forecast.plan.trip_id, reserve)
     when = f"after {period(forecast.measured_until_s)}"
-    if forecast.measured_until_s <= 0.0:
-        when, needed = "before departure", soc_needed(forecast, reserve, LEAVE_PROBABILITY)
-        typer.echo(leave_in_words(needed, reserve, LEAVE_PROBABILITY))
+    if leave is not None:
+        when = "before departure"
+        typer.echo(leave["message"])
     typer.echo("")
     causes = [
-        (CAUSE_NAMES.get(cause, cause), f"{round(energy / 1000.0, 3) + 0.0:+.3f} kWh")
+        (CAUSE_NAMES.get(cause, cause), kwh(energy, 3, "+"))
         for cause, energy in forecast.by_cause_wh.items()
         if cause != "shortfall" or energy
     ]
-    causes.append(("in all", f"{forecast.energy_wh / 1000.0:+.3f} kWh"))
+    causes.append(("in all", kwh(forecast.energy_wh, 3, "+")))
     title = f"{forecast.vehicle.title}, {when}, given {forecast.given}"
     print_table(title, ("cause", "energy"), causes, numbers=("energy",))
     print_notes(forecast.flags)
 
 
 def example_trip(
-    out: Annotated[
-        Path | None, option("FILE", "Write the table to this file instead of printing it.", "--out", "-o")
-    ] = None,
+    out: shared.TextFile = None,
     seed: Annotated[int, option("N", "Number of the trip.", min=0)] = 0,
 ) -> None:
     """Print a synthetic trip as a CSV table, as an input for `tripwatt forecast`.

@@ -11,26 +11,20 @@ from typing import Annotated
 
 import typer
 
-from tripwatt.command.options import (
-    Answer,
-    Logs,
-    MappingOption,
-    TripOption,
-    argument,
-    option,
-    read_logs,
-)
+import tripwatt as tw
+from tripwatt import trips
+from tripwatt.command import shared
+from tripwatt.command.options import Answer, argument, flag
 from tripwatt.command.output import write_text
 from tripwatt.command.printing import console, print_findings, print_notes, print_reading, print_table
 from tripwatt.errors import Fault, InvalidInput
+from tripwatt.trips.messages import flag_to_dict
 
-MAPPINGS = (
-    "Mappings from the columns of your tables to canonical columns: list, show, suggest and apply them."
-)
-LOGS = "Files of loggers: take out of them what tells whose they are."
+MAPPINGS = "Columns of your tables and what they hold: list, show, suggest and apply mappings."
+LOGS = "Files of loggers: remove what tells whose they are."
 
 
-def audit(logs: Logs) -> Answer:
+def audit(logs: shared.Logs) -> Answer:
     """List the faults of logged trips and their consequences.
 
     No file is changed. Each finding gives the trip, the time span, the fault, and the consequence: trimmed, split, set
@@ -45,11 +39,8 @@ def audit(logs: Logs) -> Answer:
       # audit a log of the app Torque
       tripwatt audit drive.csv --mapping torque
     """
-    from tripwatt.auditing import audit as run_audit
-    from tripwatt.trips.messages import flag_to_dict
-
     fleet = logs.read(lenient=True)
-    result = run_audit(fleet)
+    result = tw.audit(fleet)
     document = {
         "read": len(fleet.trips),
         "used": [t.trip_id for t in result.trips],
@@ -59,7 +50,7 @@ def audit(logs: Logs) -> Answer:
     }
 
     def shown() -> None:
-        title = f"{len(fleet.trips)} trips read, {len(result.trips)} drives used ({fleet.name})"
+        title = f"{len(fleet.trips)} trips read, {len(result.trips)} used ({fleet.name})"
         if result.findings:
             print_findings(title, result.findings)
         else:
@@ -71,14 +62,14 @@ def audit(logs: Logs) -> Answer:
 
 def anonymise(
     data: Annotated[Path, argument("DATA", "Folder or file of logs to hand on.")],
-    out: Annotated[Path, option("FOLDER", "New or empty folder to write.", "--out", "-o")],
-    mapping: MappingOption = None,
-    positions: Annotated[bool, typer.Option("--positions", help="Keep latitude and longitude.")] = False,
+    out: shared.OutFolder,
+    mapping: shared.Columns = None,
+    positions: Annotated[bool, flag("--positions", "Keep latitude and longitude.")] = False,
 ) -> Answer:
-    """Write logs without names, positions, VIN and true dates, so that you can hand them in with a bug report.
+    """Write logs without names, positions, VIN and true dates, for a bug report.
 
-    Numbers of the columns that tripwatt reads stay as they are, with all faults of rows and cells. All times move by the same
-    secret number of weeks. Everything else is empty. Look at the files before you send them.
+    The columns that tripwatt reads keep their numbers and faults. All times move by the same secret number of weeks.
+    Everything else is empty. Look at the files before you send them.
 
     For example:
 
@@ -128,12 +119,8 @@ def show(name: Annotated[str, argument("NAME", "A name from `tripwatt mapping li
 
 
 def suggest(
-    file: Annotated[
-        Path, argument("FILE", "A CSV or Parquet file of trips, or a folder; its largest file is used.")
-    ],
-    out: Annotated[
-        Path | None, option("FILE", "Write the TOML to this file instead of printing it.", "--out", "-o")
-    ] = None,
+    file: Annotated[Path, argument("FILE", "A table of trips, or a folder; its largest file counts.")],
+    out: shared.TextFile = None,
 ) -> Answer:
     """Propose a mapping for a table from its header and its values, with a reason for each entry.
 
@@ -148,19 +135,14 @@ def suggest(
       # use the mapping
       tripwatt evaluate logs --mapping my.toml
     """
-    from tripwatt.sources.suggest import SPELLED, suggest_mapping
+    from tripwatt.sources.suggest import suggest_mapping
 
     proposal = suggest_mapping(file)
     if out is not None:
         write_text(proposal.toml, out)
 
     def shown() -> None:
-        if out is None:
-            typer.echo(proposal.toml, nl=False)
-        else:
-            columns = ("canonical column", "your column", "unit", "reason")
-            rows = [(g.ours, g.column, SPELLED.get(g.unit, g.unit), g.why) for g in proposal.guesses]
-            print_table(f"Proposed in {out}", columns, rows, folding=("reason",))
+        typer.echo(proposal.toml if out is None else f"{out}: check every line", nl=out is not None)
         print_notes(f"add {what} by hand" for what in proposal.missing)
 
     return Answer(asdict(proposal), shown, code=bool(proposal.missing))
@@ -168,9 +150,9 @@ def suggest(
 
 def apply(
     data: Annotated[Path, argument("DATA", "A table of trips, or a folder of tables.")],
-    mapping: MappingOption = None,
-    trip: TripOption = None,
-    out: Annotated[Path, option("FILE", "CSV file to write.", "--out", "-o")] = Path("trip.csv"),
+    mapping: shared.Columns = None,
+    trip: shared.TripId = None,
+    out: shared.OutFile = Path("trip.csv"),
 ) -> Answer:
     """Audit one trip of a table and write it with canonical columns and units, as input for `tripwatt forecast`.
 
@@ -183,31 +165,23 @@ def apply(
       # forecast the converted trip
       tripwatt forecast my-model trip.csv
     """
-    from tripwatt.auditing import audit as run_audit
-    from tripwatt.trips import COLUMNS
-
     if out.suffix.lower() != ".csv":
         raise InvalidInput.of("unknown file format", "--out", str(out), "a .csv file")
-    fleet = read_logs(data, "table", mapping)
-    result = run_audit(fleet)
-    wanted = [t for t in result.trips if trip in (None, t.trip_id)]
-    if len(wanted) != 1:
-        ids = [t.trip_id for t in result.trips]
-        aside = result.set_aside.get(trip or fleet.trips[0].trip_id, "")
-        allowed = ", ".join(ids[:12]) + (f" and {len(ids) - 12} more" if len(ids) > 12 else "")
-        got = f"set aside by the audit: {aside}" if aside else trip or f"{len(ids)} drives"
-        raise InvalidInput.of("no single trip", "--trip", got, allowed or "a drive that the audit uses")
-    samples = wanted[0].samples
-    table = samples[[c for c in COLUMNS if c in samples.columns]].copy()
+    fleet = shared.Logs(data, "table", mapping).read()
+    result = tw.audit(fleet)
+    aside = result.set_aside.get(trip or fleet.trips[0].trip_id, "")
+    wanted = shared.one_trip(result.trips, trip, aside and f"set aside by the audit: {aside}")
+    samples = wanted.samples
+    table = samples[[c for c in trips.COLUMNS if c in samples.columns]].copy()
     table["time_s"] -= table["time_s"].iloc[0]
     write_text(table.to_csv(index=False, lineterminator="\n"), out)
-    notes = [f"{f.trip}: {f.what} ({f.consequence})" for f in result.findings if f.trip == wanted[0].trip_id]
+    notes = [f"{f.trip}: {f.what} ({f.consequence})" for f in result.findings if f.trip == wanted.trip_id]
 
     def shown() -> None:
-        typer.echo(f"{out}: {len(table)} samples of {wanted[0].trip_id} with {', '.join(table.columns)}")
+        typer.echo(f"{out}: {len(table)} samples of {wanted.trip_id} with {', '.join(table.columns)}")
         print_notes([*notes, *fleet.notes])
 
-    document = {"trip": wanted[0].trip_id, "out": str(out), "samples": len(table), "notes": notes}
+    document = {"trip": wanted.trip_id, "out": str(out), "samples": len(table), "notes": notes}
     return Answer(document, shown)
 
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from tripwatt.command.options import Answer, argument, option
+from tripwatt.command.options import Answer, argument
 from tripwatt.command.printing import print_notes, print_table
+from tripwatt.command.shared import OutFolder, Tiles
 
 if TYPE_CHECKING:
     from tripwatt.roads.maps import MapFolder
@@ -16,14 +17,8 @@ GROUP = "Maps of a region on this machine."
 
 def build(
     extract: Annotated[Path, argument("REGION.osm.pbf", "An OpenStreetMap extract.")],
-    out: Annotated[Path, option("FOLDER", "Folder of the map.", "--out", "-o")] = Path("map"),
-    elevation: Annotated[
-        Path | None,
-        option(
-            "FOLDER",
-            "Elevation tiles: of SRTM (N47E009.hgt, also .gz or .zip), or GeoTIFF. Without them the climb of roads is unknown.",
-        ),
-    ] = None,
+    out: OutFolder = Path("map"),
+    elevation: Tiles = None,
 ) -> Answer:
     """Build a map of an OpenStreetMap extract: roads for Valhalla, an index of places, charging stations.
 
@@ -38,10 +33,10 @@ def build(
     """
     from tripwatt.roads.maps import build_map
 
-    folder = build_map(
-        extract, out, elevation=elevation, progress=lambda step: print_notes([f"building: {step}"])
-    )
-    return _shown(folder)
+    def progress(step: str) -> None:
+        print_notes([f"building: {step}"])
+
+    return _shown(build_map(extract, out, elevation=elevation, progress=progress))
 
 
 def info(folder: Annotated[Path, argument("FOLDER", "Folder of the map.")]) -> Answer:

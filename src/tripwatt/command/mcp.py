@@ -3,28 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from pathlib import Path
 from typing import Annotated
 
-import typer
-
-from tripwatt.command.journey import OnMap
-from tripwatt.command.options import argument, option
+from tripwatt.command import shared
+from tripwatt.command.options import argument, flag
 from tripwatt.command.serve import make_cars_folder, models_of
 from tripwatt.errors import Check, require_extras
 
 
 def mcp(
-    model: Annotated[
-        list[str] | None, argument("[MODEL ...]", "Folders of models, as for `tripwatt serve`.")
-    ] = None,
-    on_map: OnMap = OnMap(),  # noqa: B008, it is frozen
-    cars: Annotated[
-        Path | None, option("DIR", "Folder of cars that learn from their trips (see `tripwatt car`).")
-    ] = None,
-    changes: Annotated[
-        bool, typer.Option("--changes", help="Also offer tools that change something, such as a new car.")
-    ] = False,
+    model: Annotated[shared.Texts, argument("[MODEL ...]", "Folders of models, as for `serve`.")] = None,
+    on_map: shared.OnMap = shared.OnMap(),  # noqa: B008, it is frozen
+    cars: shared.Cars = None,
+    changes: Annotated[bool, flag("--changes", "Also offer tools that change something.")] = False,
 ) -> None:
     """Serve an assistant over standard input and output, by the Model Context Protocol.
 
@@ -38,7 +29,8 @@ def mcp(
       # also plan journeys on a map, and read the diaries of your cars
       tripwatt mcp --map map --cars cars
     """
-    require_extras(dict.fromkeys(("service", "mcp"), "tripwatt mcp") | ({"fleet": "--cars"} if cars else {}))
+    needed = dict.fromkeys(("service", "mcp"), "tripwatt mcp") | ({"fleet": "--cars"} if cars else {})
+    require_extras(needed)
     from tripwatt.server.http import car_jobs, jobs, journeys, settings
     from tripwatt.server.mcp import make_server, serve
 

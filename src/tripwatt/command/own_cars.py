@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -9,20 +10,22 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tripwatt.command.options import (
-    Answer,
-    MappingOption,
-    StrictOption,
-    argument,
-    option,
-    read_logs,
+import tripwatt as tw
+from tripwatt.command import shared
+from tripwatt.command.options import Answer, argument, option
+from tripwatt.command.printing import (
+    change,
+    console,
+    kwh,
+    print_notes,
+    print_reading,
+    print_table,
+    progress,
+    share,
 )
-from tripwatt.command.printing import change, console, print_notes, print_reading, print_table, progress
 from tripwatt.errors import printable
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     import pandas as pd
 
     from tripwatt.server.cars import Car, Learned
@@ -41,13 +44,8 @@ WORDS = {
     "transients": "braking and accelerating",
     "frost": "load for each 10 K below freezing",
     "warm_up": "load at departure at 0 °C",
-    "near_minus_8": "the whole consumption around -8 °C",
-    "near_2": "the whole consumption around 2 °C",
-    "near_12": "the whole consumption around 12 °C",
-    "near_22": "the whole consumption around 22 °C",
-    "near_32": "the whole consumption around 32 °C",
 }
-"""Factors of a car in words."""
+"""Factors of a car in words; those of a season are `near_` and a temperature."""
 
 
 def new(
@@ -64,29 +62,19 @@ def new(
       # a car of `tripwatt vehicles new`
       tripwatt car new cars/my-car --vehicle my-car.toml
     """
-    from tripwatt.server.cars import create_car
-
-    made = create_car(car, vehicle, base=base)
+    made = tw.create_car(car, vehicle, base=base)
     made_of = f"{made.folder}: {made.label}, {made.vehicle.title}, no trips yet"
     return Answer(made.about, printable(made_of))
 
 
 def add(
     car: CarArgument,
-    data: Annotated[
-        Path, argument("DATA", "Folder or file of logged trips: tables, workbooks, ZIP archives.")
-    ],
-    mapping: MappingOption = None,
-    elevation: Annotated[
-        Path | None,
-        option(
-            "FOLDER",
-            "A map, or a folder of elevation tiles: heights for logs with positions and without heights.",
-        ),
-    ] = None,
-    strict: StrictOption = False,
+    data: Annotated[Path, argument("DATA", "Logged trips: tables, workbooks, ZIP archives, or a folder.")],
+    mapping: shared.Columns = None,
+    elevation: shared.Tiles = None,
+    strict: shared.Strict = False,
 ) -> Answer:
-    """Add trips: each is forecast before the car learns from it, and both go into the diary.
+    """Add trips: each is forecast before the car learns from it; forecast and trip go into the diary.
 
     The command keeps the logs as they are, audits them, and adapts the model to the sound trips. A trip that is there
     already is not added again, so you can repeat the command with a growing folder. Without --mapping, header and values of
@@ -103,20 +91,15 @@ def add(
       # take the heights of the road from a map
       tripwatt car add cars/my-leaf exports --elevation map
     """
-    from tripwatt.auditing import audit
-    from tripwatt.server.cars import open_car
-
-    own, shown = open_car(car), console()
-    more: dict[str, Any] = {}
+    own, shown = tw.open_car(car), console()
+    more: dict[str, Any] = {"vehicle": own.vehicle}
     if elevation is not None:
         from tripwatt.roads.maps import Elevation
 
         more["heights"] = Elevation.from_folder(elevation).at
     with progress(shown, "files") as advance:
-        fleet = read_logs(
-            data, "table", mapping, strict=strict, vehicle=own.vehicle, progress=advance, **more
-        )
-    print_reading(fleet, audit(fleet))
+        fleet = shared.Logs(data, "table", mapping, strict).read(progress=advance, **more)
+    print_reading(fleet, tw.audit(fleet))
     with progress(shown, "trips") as advance:
         done = own.add(fleet, progress=advance)
     return _done(car, own, done)
@@ -134,35 +117,37 @@ def show(
       # forecast with what it learned
       tripwatt forecast cars/my-leaf route.gpx --soc 0.8
     """
-    from tripwatt.server.cars import open_car
-
-    own = open_car(car)
+    own = tw.open_car(car)
     about, table = own.about(), own.diary.table.tail(trips)
     rows = table.astype(object).where(table.notna(), None).to_dict("records")
     return Answer({**about, "diary": rows}, partial(_show, about, table))
 
 
 def _show(about: Mapping[str, Any], table: pd.DataFrame) -> None:
-    typer.echo(
-        f"{printable(about['label'])}: {printable(about['title'])}, {about['trips']} trips, {about['in_diary']} in the diary"
-    )
+    who, counted = f"{printable(about['label'])}: {printable(about['title'])}", about["in_diary"]
+    typer.echo(f"{who}, {about['trips']} trips, {counted} in the diary")
     print_notes(f"not in the diary: {trip}: {why}" for trip, why in about["left_out"].items())
-    if not about["in_diary"]:
+    if not counted:
         typer.echo("Add trips with `tripwatt car add`.")
         return
     _show_learned(about)
     _show_scores(about)
-    _show_causes(about["by_cause_wh"])
+    total = sum(about["by_cause_wh"].values())
+    spent = [
+        (name.replace("_", " "), kwh(energy), share(energy / total if total else None))
+        for name, energy in about["by_cause_wh"].items()
+    ]
+    print_table("Where the energy went", ("cause", "energy", "share"), spent, numbers=("energy", "share"))
     columns = ("trip", "departure", "distance", "forecast", "90 % interval", "took", "error")
     listed = [
         (
             row["trip_id"],
             row["started_at"][:16].replace("T", " "),
             f"{row['distance_m'] / 1000.0:.1f} km",
-            _kwh(row["forecast_wh"]),
+            kwh(row["forecast_wh"]),
             f"{row['low_wh'] / 1000.0:.2f} to {row['high_wh'] / 1000.0:.2f}",
-            _kwh(row["energy_wh"]),
-            f"{(row['forecast_wh'] - row['energy_wh']) / 1000.0:+.2f} kWh",
+            kwh(row["energy_wh"]),
+            kwh(row["forecast_wh"] - row["energy_wh"], sign="+"),
         )
         for row in table.to_dict("records")
     ]
@@ -213,8 +198,8 @@ def _done(car: Path, own: Car, done: Learned) -> Answer:
         print_notes(f"left out: {group}" for group in alike((why, trip, 1, trip) for trip, _, why in reasons))
         if done.flat:
             typer.echo(
-                f"{done.flat} of {done.entries} new trips have no heights. Switch on the altitude in the app that logs them, or "
-                "give --elevation for logs with positions: nothing narrows the forecasts more."
+                f"{done.flat} of {done.entries} new trips have no heights. Heights narrow the forecasts most: switch on the altitude "
+                "in the app that logs them, or give --elevation for logs with positions."
             )
         _show_learned(about)
 
@@ -222,30 +207,20 @@ def _done(car: Path, own: Car, done: Learned) -> Answer:
 
 
 def _show_learned(about: Mapping[str, Any]) -> None:
-    latest, by_book = about["latest"], about["latest_by_book"]
+    latest, published = about["latest"], about["latest_by_book"]
     if latest["trips"]:
         typer.echo(
-            f"Last {latest['trips']} trips: mean error {_percent(by_book['weighted_error'])} with published values, "
-            f"{_percent(latest['weighted_error'])} with own trips; width of the 90 % interval "
-            f"{_percent(by_book['width'])} and {_percent(latest['width'])} of the energy, "
-            f"{_percent(latest['needed_width'])} would have been enough."
+            f"Last {latest['trips']} trips: mean error {share(published['weighted_error'])} with published values, "
+            f"{share(latest['weighted_error'])} with own trips; width of the 90 % interval {share(published['width'])} and "
+            f"{share(latest['width'])} of the energy, {share(latest['needed_width'])} would have been enough."
         )
     rows = [
-        (
-            WORDS.get(name, name),
-            change(value, "change"),
-            change(value, "sd", sign=""),
-            _seen(value["seen_degc"]),
-        )
+        (_in_words(name), change(value, "change"), change(value, "sd", sign=""), _seen(value["seen_degc"]))
         for name, value in about["learned"].items()
     ]
     if rows:
-        print_table(
-            f"Learned from {about['in_diary']} trips",
-            ("what", "change", "uncertainty (sd)", "seen at"),
-            rows,
-            numbers=("change", "uncertainty (sd)"),
-        )
+        columns = ("what", "change", "uncertainty (sd)", "seen at")
+        print_table(f"Learned from {about['in_diary']} trips", columns, rows, numbers=columns[1:3])
 
 
 def _show_scores(about: Mapping[str, Any]) -> None:
@@ -253,11 +228,11 @@ def _show_scores(about: Mapping[str, Any]) -> None:
         (
             name,
             f"{score['trips']}",
-            _percent(score["weighted_error"]),
+            share(score["weighted_error"]),
             "" if score["bias"] is None else f"{score['bias']:+.1%}",
             f"{score['inside']}",
-            _percent(score["width"]),
-            _percent(score["needed_width"]),
+            share(score["width"]),
+            share(score["needed_width"]),
         )
         for name, score in {"all": about["score"], **about["by_temperature"]}.items()
     ]
@@ -265,26 +240,17 @@ def _show_scores(about: Mapping[str, Any]) -> None:
     print_table("Forecasts, each before its trip was learned", columns, rows, numbers=columns[1:])
 
 
-def _show_causes(by_cause_wh: Mapping[str, float]) -> None:
-    total = sum(by_cause_wh.values())
-    rows = [
-        (name.replace("_", " "), _kwh(energy), _percent(energy / total if total else None))
-        for name, energy in by_cause_wh.items()
-    ]
-    print_table("Where the energy went", ("cause", "energy", "share"), rows, numbers=("energy", "share"))
+def _in_words(factor: str) -> str:
+    from tripwatt.hybrid.factors import SEASONS
+
+    if factor in SEASONS:
+        return f"the whole consumption around {SEASONS[factor]:.0f} °C"
+    return WORDS.get(factor, factor)
 
 
 def _seen(degc: tuple[float, float] | None) -> str:
     """Outside temperatures at which trips show a factor."""
     return "not measurable yet" if degc is None else f"{degc[0]:.0f} to {degc[1]:.0f} °C"
-
-
-def _kwh(energy_wh: float) -> str:
-    return f"{energy_wh / 1000.0:.2f} kWh"
-
-
-def _percent(share: float | None) -> str:
-    return "unknown" if share is None else f"{share:.1%}"
 
 
 COMMANDS = (new, add, show, token, forget)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Final, TextIO
 import typer
 
 from tripwatt.errors import printable
+from tripwatt.trips.messages import message, severity_of
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -62,24 +63,21 @@ def print_table(
 
     rows = [[printable(cell.replace("\u00a0", " ")) for cell in row] for row in rows]
     table = Table(box=SIMPLE, padding=(0, 1, 0, 0), pad_edge=False)
-    needed = 0
-    for k, column in enumerate(columns):
-        longest = max([cell_len(column), *(cell_len(row[k]) for row in rows)])
-        least = min(longest, NARROWEST) if column in folding else longest
-        needed += least + PADDING
+    for column, *cells in zip(columns, *rows, strict=True):
+        longest, folds = max(map(cell_len, (column, *cells))), column in folding
         table.add_column(
             column,
             justify="right" if column in numbers else "left",
-            no_wrap=column not in folding,
+            no_wrap=not folds,
             overflow="fold",
-            min_width=least,
+            min_width=min(longest, NARROWEST) if folds else longest,
         )
     for row in rows:
         table.add_row(*row)
     shown = console(sys.stdout)
     shown.print(title)
     # a column that does not fit would lose its ends, and numbers their last digits: the terminal breaks the line instead
-    shown.width = max(shown.width, needed)
+    shown.width = max(shown.width, sum((column.min_width or 0) + PADDING for column in table.columns))
     shown.print(table, crop=False)
 
 
@@ -90,20 +88,13 @@ def print_findings(title: str, findings: Iterable[Finding]) -> None:
     print_table(title, columns, rows, numbers=columns[1:3], folding=("finding",))
 
 
-def _note(flag: Flag) -> str:
-    from tripwatt.trips.messages import message, severity_of  # pandas is slow to import
-
-    return f"{'warning' if severity_of(flag) == 'warning' else 'note'}: {message(flag)}"
-
-
 MOST_GROUPS: Final = 12
 """Kinds of faults and notes that are listed."""
 
 
 def grouped(flags: Iterable[Flag]) -> list[str]:
     """Sentences of flags, one for each kind, with the number of those like it."""
-    from tripwatt.trips.messages import message
-    from tripwatt.trips.reading import alike
+    from tripwatt.trips.reading import alike  # pandas is slow to import
 
     kinds = alike((flag.code, flag.subject, 1, message(flag)) for flag in flags)
     return [f"{k.example} (and {k.count - 1} more like it)" if k.count > 1 else k.example for k in kinds]
@@ -111,10 +102,8 @@ def grouped(flags: Iterable[Flag]) -> list[str]:
 
 def print_reading(fleet: TripSet, result: Audit) -> None:
     """What was read and what was left out, a line for each kind, on standard error."""
-    from tripwatt.trips.reading import ReadingReport
-
-    shown, report = console(), fleet.report or ReadingReport(())
-    if report.files:
+    shown, report = console(), fleet.report
+    if report is not None and report.files:
         shown.print(f"{report}")
 
     def amount(distance_m: float, duration_s: float) -> str:
@@ -122,28 +111,26 @@ def print_reading(fleet: TripSet, result: Audit) -> None:
 
     used = amount(sum(t.distance_m for t in result.trips), sum(t.duration_s for t in result.trips))
     lost = amount(result.lost_distance_m, result.lost_duration_s)
-    shown.print(f"{len(result.trips)} drives with {used} are used; {lost} are left out")
-    aside = (group for consequence, group in result.groups() if consequence == "set aside")
-    lines = [*map(str, (*report.groups(), *aside)), *grouped(fleet.notes)]
-    more = (
-        [f"{len(lines) - MOST_GROUPS} more kinds (`tripwatt audit DATA --json` lists all)"]
-        if len(lines) > MOST_GROUPS
-        else []
-    )
+    shown.print(f"{len(result.trips)} trips with {used} are used; {lost} are left out")
+    kinds = [] if report is None else [*report.groups()]
+    kinds += [group for consequence, group in result.groups() if consequence == "set aside"]
+    lines = [*map(str, kinds), *grouped(fleet.notes)]
+    rest = len(lines) - MOST_GROUPS
+    more = [f"{rest} more kinds (`tripwatt audit DATA --json` lists all)"] if rest > 0 else []
     print_notes([*lines[:MOST_GROUPS], *more])
 
 
 def print_notes(notes: Iterable[str | Flag]) -> None:
     """Notes on standard error; a flag as its sentence, a serious one as a warning."""
     for note in notes:
-        text = f"note: {note}" if isinstance(note, str) else _note(note)
+        text = f"note: {note}"
+        if not isinstance(note, str):
+            text = f"{'warning' if severity_of(note) == 'warning' else 'note'}: {message(note)}"
         console().print("\n".join(map(printable, text.splitlines())))
 
 
 def print_few_notes(flags: Sequence[Flag]) -> None:
     """Notes of a short answer: what is serious, and an outside temperature that counts."""
-    from tripwatt.trips.messages import severity_of
-
     few = [f for f in flags if severity_of(f) != "note" or f.subject == "ambient_temperature_degc"]
     rest = len(flags) - len(few)
     print_notes([*few, f"{rest} more, such as values that are assumed: --json has all"] if rest else few)
@@ -154,13 +141,9 @@ PROGRESS_EVERY_S: Final = 5.0
 
 
 def progress_lines(
-    write: Callable[[str], object],
-    what: str = "folds",
-    *,
-    every_s: float = PROGRESS_EVERY_S,
-    clock: Callable[[], float] = time.monotonic,
+    write: Callable[[str], object], what: str = "folds", *, clock: Callable[[], float] = time.monotonic
 ) -> Callable[[int, int], None]:
-    """A function of (finished, all) that writes plain lines: the first, the last, and few between, with the time left.
+    """A function of (finished, all) that writes plain lines: the first, the last, and few between.
 
     Parameters
     ----------
@@ -168,25 +151,17 @@ def progress_lines(
         Takes one line.
     what : str
         What is counted.
-    every_s : float
-        Least time between two lines [s].
     clock : callable
         Gives a time [s].
     """
-    started = clock()
-    last: list[float] = []
-    first: list[int] = []  # finished before: of an earlier run
+    started, last = clock(), -math.inf
 
     def advance(finished: int, total: int) -> None:
+        nonlocal last
         now = clock()
-        first[:] = first or [finished]
-        if last and finished < total and now - last[0] < every_s:
-            return
-        last[:] = [now]
-        done = finished - first[0]
-        left_s = (now - started) / done * (total - finished) if done else 0.0
-        left = f", about {math.ceil(left_s / 60.0)} min left" if left_s else ""
-        write(f"{finished} of {total} {what} finished after {now - started:.0f} s{left}")
+        if finished == total or now - last >= PROGRESS_EVERY_S:
+            last = now
+            write(f"{finished} of {total} {what} finished after {now - started:.0f} s")
 
     return advance
 
@@ -202,11 +177,29 @@ def progress(shown: Console, what: str = "folds") -> Iterator[Callable[[int, int
     done, times = bars.MofNCompleteColumn(), (bars.TimeElapsedColumn(), "left", bars.TimeRemainingColumn())
     with bars.Progress("{task.description}", bars.BarColumn(), done, *times, console=shown) as bar:
         task = bar.add_task(what, total=None)
+        yield lambda finished, total: bar.update(task, completed=finished, total=total)
 
-        def advance(finished: int, total: int) -> None:
-            bar.update(task, completed=finished, total=total)
 
-        yield advance
+def kwh(energy_wh: float, digits: int = 2, sign: str = "") -> str:
+    """Energy in kWh.
+
+    Examples
+    --------
+    >>> kwh(1234.0), kwh(-0.1, 3, "+")
+    ('1.23 kWh', '+0.000 kWh')
+    """
+    return f"{round(energy_wh / 1000.0, digits) + 0.0:{sign}.{digits}f} kWh"
+
+
+def share(value: float | None) -> str:
+    """A share in percent.
+
+    Examples
+    --------
+    >>> share(0.0774), share(None)
+    ('7.7%', 'unknown')
+    """
+    return "unknown" if value is None else f"{value:.1%}"
 
 
 def change(value: Mapping[str, Any], key: str, sign: str = "+") -> str:

@@ -5,18 +5,19 @@ from __future__ import annotations
 import datetime as dt
 from typing import TYPE_CHECKING, Final
 
+import tripwatt as tw
+from tripwatt.command.printing import kwh
 from tripwatt.trips.showing import period
 from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_MINUTE
 
 if TYPE_CHECKING:
-    from tripwatt.forecasting import Forecast
-    from tripwatt.roads.journey import ChargingPlan, Journey
+    from tripwatt.roads.journey import ChargingPlan
 
 NINE_IN_TEN: Final = 0.9
 """Level of the interval that the sentences call "9 in 10"."""
 
 
-def forecast_in_words(forecast: Forecast, subject: str = "This trip") -> str:
+def forecast_in_words(forecast: tw.Forecast, subject: str = "This trip") -> str:
     """Energy, its 90 % interval and the charge at arrival of one forecast; of a battery that does not last, where it is empty.
 
     Parameters
@@ -40,19 +41,19 @@ def forecast_in_words(forecast: Forecast, subject: str = "This trip") -> str:
     return f"{about} {_arrival(forecast)}"
 
 
-def _how_far(forecast: Forecast) -> str:
+def _how_far(forecast: tw.Forecast) -> str:
     """Length, duration and outside temperature; on the way also how much of it is behind."""
     along = forecast.to_frame().iloc[-1]
     text = f"{along['distance_m'] / 1000.0:.1f} km in {along['time_s'] / SECONDS_PER_MINUTE:.0f} min"
     ambient = forecast.plan.departure.ambient_temperature_degc
     if ambient is not None:
-        text += f" at {_whole(ambient)} °C"
+        text += f" at {round(ambient)} °C"
     if forecast.measured_until_s > 0.0:
         text += f", {forecast.measured_until_s / SECONDS_PER_MINUTE:.0f} min of it driven"
     return text
 
 
-def _arrival(forecast: Forecast) -> str:
+def _arrival(forecast: tw.Forecast) -> str:
     """The displayed charge at departure and at arrival."""
     along = forecast.to_frame()
     start = float(along["displayed_soc"].iloc[0])
@@ -71,14 +72,14 @@ def _arrival(forecast: Forecast) -> str:
     return f"{text} {arrives}" if low <= 0.0 else text
 
 
-def _where_empty(forecast: Forecast) -> str:
+def _where_empty(forecast: tw.Forecast) -> str:
     """Where a battery that is expected to run empty does so, with the ends of the 90 % band."""
     early, expected, late = (None if m is None else f"{m / 1000.0:.0f}" for m in forecast.along.empty_at_m)
     between = f"{early} to {late} km" if late else f"{early} km or later"
     return f"after {expected} km ({between})"
 
 
-def journey_in_words(journey: Journey) -> list[str]:
+def journey_in_words(journey: tw.Journey) -> list[str]:
     """What a driver asks of a journey, a sentence each: arrival, charge to leave with, speed, charging stop."""
     forecast, reserve = journey.forecast, _percent(journey.reserve)
     title = " to ".join(place.title for place in journey.stops)
@@ -89,11 +90,11 @@ def journey_in_words(journey: Journey) -> list[str]:
         speed = round(advice.speed_m_s / M_S_PER_KM_H)
         sentences.append(f"Drive at most {speed} km/h on motorways to arrive with {reserve} %.")
     if journey.charging is not None:
-        sentences += plan_in_words(journey.charging, title)
+        sentences += plan_in_words(journey.charging, title, journey.verdict.departs_at)
     return sentences
 
 
-def plan_in_words(plan: ChargingPlan, title: str) -> list[str]:
+def plan_in_words(plan: ChargingPlan, title: str, leaves: dt.datetime | None = None) -> list[str]:
     """The whole journey with its stops to charge, then a sentence for each stop."""
     low, high = plan.soc_interval
     count = len(plan.stops)
@@ -104,16 +105,22 @@ def plan_in_words(plan: ChargingPlan, title: str) -> list[str]:
         f"end is {chance(plan.p_reserve)}."
     ]
     for stop in plan.stops:
+        at = f", at {leaves + dt.timedelta(seconds=stop.arrives_after_s):%H:%M}," if leaves else ""
+        other = stop.if_full
+        full = (
+            f" If it is occupied: {other.station.place.title}, {period(other.more_s)} more." if other else ""
+        )
         heated = " Heat the battery on the way there." if stop.preheat else ""
         sentences.append(
-            f"Charge at {stop.station.place.title} ({stop.station.power_w / 1000.0:.0f} kW) after {stop.position_m / 1000.0:.0f} km "
-            f"for {period(stop.charging_s)}: you arrive there with {_percent(stop.soc_arrival)} % and leave with "
-            f"{_percent(stop.soc_leave)} %.{heated}"
+            f"Charge at {stop.station.place.title} ({stop.station.power_w / 1000.0:.0f} kW) after {stop.position_m / 1000.0:.0f} km"
+            f"{at} for {period(stop.charging_s)}: you arrive there with {_percent(stop.soc_arrival)} % "
+            f"({_percent(stop.soc_interval[0])} to {_percent(stop.soc_interval[1])} %) and leave with "
+            f"{_percent(stop.soc_leave)} %.{full}{heated}"
         )
     return sentences
 
 
-def unknown_climb_in_words(forecast: Forecast, reserve: float) -> list[str]:
+def unknown_climb_in_words(forecast: tw.Forecast, reserve: float) -> list[str]:
     """What unknown heights may change; nothing where they are known or no such climb changes the arrival."""
     per_metre, climb = forecast.soc_per_climb_m, forecast.climb_to(reserve)
     if per_metre is None or climb is None:
@@ -142,7 +149,7 @@ UNCERTAIN: Final = 0.99
 """No higher probability is shown where an unknown climb would change the arrival: no log shows how often roads climb so far."""
 
 
-def chance_to_arrive(forecast: Forecast, reserve: float = 0.0) -> str:
+def chance_to_arrive(forecast: tw.Forecast, reserve: float = 0.0) -> str:
     """Probability to arrive with a reserve; nothing near certainty where an unknown climb would change it."""
     probability = forecast.p_arrive(reserve)
     if probability > UNCERTAIN and forecast.climb_to(reserve) is not None:
@@ -164,14 +171,9 @@ def chance(probability: float) -> str:
 
 
 def _kwh(energy_wh: float) -> str:
-    """Energy in kWh to 0.1, below 1 kWh to 0.01."""
-    value = energy_wh / 1000.0
-    return f"{value:.1f}" if abs(value) >= 1.0 else f"{value:.2f}".replace("-0.00", "0.00")
-
-
-def _whole(value: float) -> str:
-    return f"{value:.0f}".replace("-0", "0") if round(value) == 0 else f"{value:.0f}".replace("-", "−")
+    """Energy in kWh to 0.1, below 1 kWh to 0.01, without the unit."""
+    return kwh(energy_wh, 1 if abs(energy_wh) >= 1000.0 else 2).removesuffix(" kWh")
 
 
 def _percent(fraction: float) -> str:
-    return _whole(100.0 * fraction)
+    return f"{round(100.0 * fraction)}"

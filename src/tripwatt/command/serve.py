@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from tripwatt.command.journey import OnMap
+from tripwatt.command import shared
 from tripwatt.command.options import argument, option, require_effect
 from tripwatt.errors import Check, Fault, InvalidInput, excerpt, raise_faults, require_extras, system_errors
 
@@ -26,85 +26,39 @@ def serve(
     model: Annotated[
         list[str] | None,
         argument(
-            "[MODEL ...]", "Folders of models; the folder name is the model name. Default: the bundled model."
-        ),
-    ] = None,
-    also: Annotated[
-        list[str] | None,
-        option(
-            "FOLDER|registry:FOLDER",
-            "One more model, or the version in use of a fleet's registry, which the service follows. You can repeat the option.",
-            "--model",
+            "[MODEL ...]",
+            "Folders of models, or registry:FOLDER, of which the service follows the version in use. Default: the bundled model.",
             envvar="TRIPWATT_MODEL",
         ),
     ] = None,
-    host: Annotated[
-        str, option("ADDRESS", "Address to listen on. Addresses other than loopback require a token.")
-    ] = "127.0.0.1",
-    port: Annotated[
-        int, option("PORT", "Port to listen on; 0 selects a free port.", "--port", min=0, max=65535)
-    ] = 8000,
+    host: Annotated[str, option("ADDRESS", "Address; others than loopback require a token.")] = "127.0.0.1",
+    port: shared.Port = 8000,
     workers: Annotated[int, option("N", "Number of worker processes.", min=1)] = 2,
-    on_map: OnMap = OnMap(),  # noqa: B008, it is frozen
-    cars: Annotated[
-        Path | None,
-        option(
-            "DIR",
-            "Also keep cars that learn from their trips, and follow those with a token on the road: a folder of "
-            "cars, which may be empty (see `tripwatt car`).",
-        ),
-    ] = None,
-    keep_days: Annotated[
-        float | None,
-        option(
-            "DAYS",
-            "Erase what cars sent on the road after so many days. Default: keep it until the car is forgotten.",
-            min=0.01,
-            max=36_500.0,
-        ),
-    ] = None,
-    mqtt: Annotated[
-        str,
-        option(
-            "URL",
-            "Follow and publish the cars of --cars over a broker: mqtt://[NAME@]HOST[:PORT], or mqtts:// encrypted.",
-        ),
-    ] = "",
+    on_map: shared.OnMap = shared.OnMap(),  # noqa: B008, it is frozen
+    cars: shared.Cars = None,
+    keep_days: Annotated[float, option("DAYS", "Days to keep what cars sent.", min=0.01)] = math.inf,
+    mqtt: Annotated[str, option("URL", "Broker of the cars: mqtt[s]://[NAME@]HOST[:PORT].")] = "",
     follow: Annotated[
         list[str] | None,
         option(
             "CAR=SOURCE:TOPIC",
-            "With --mqtt: follow a car of --cars, made where it is missing. SOURCE: ovms, teslamate, abrp, plain, or a mapping. "
-            "TOPIC: that below which its values are, or of whole messages. You can repeat the option.",
+            "With --mqtt: follow a car; it is made where it is missing. SOURCE: ovms, teslamate, abrp, plain, or a mapping. "
+            "TOPIC: of whole messages, or above the topics of the values. Repeatable.",
         ),
     ] = None,
     publish: Annotated[
-        str, option("TOPIC", "With --mqtt: publish cars as JSON below this topic. Empty: publish nothing.")
+        str, option("TOPIC", "Topic of cars as JSON on the broker; may be empty.")
     ] = "tripwatt",
     discovery: Annotated[
-        str,
-        option(
-            "PREFIX",
-            "With --mqtt: let Home Assistant find what is published, below this prefix of topics. Empty: do not.",
-        ),
+        str, option("PREFIX", "Topics by which Home Assistant finds cars; may be empty.")
     ] = "homeassistant",
     limit: Annotated[
-        list[str] | None,
-        option(
-            "KEY=VALUE",
-            "Change a limit, for example timeout_s=5. You can repeat the option. docs/reference/service.md lists the limits.",
-        ),
+        shared.Texts, option("KEY=VALUE", "A limit of docs/reference/service.md: timeout_s=5. Repeatable.")
     ] = None,
-    prefix: Annotated[
-        str, option("PATH", "Path under which a proxy serves the service, for example /tripwatt.")
-    ] = "",
+    prefix: Annotated[str, option("PATH", "Path behind a proxy, for example /tripwatt.")] = "",
     cors_origin: Annotated[
-        list[str] | None,
-        option(
-            "ORIGIN",
-            "Let pages of this origin read answers, for example https://example.org. You can repeat the option. Default: no "
-            "other origin.",
-        ),
+        shared.Texts,
+        option("ORIGIN", "Origin whose pages may read answers: https://example.org. Repeatable."),
     ] = None,
 ) -> None:
     """Serve the HTTP API and the web page until you interrupt the command.
@@ -120,7 +74,7 @@ def serve(
       # serve your own models; the first is the default
       tripwatt serve my-i3 my-id3 --workers 4
       # forecast the vehicles of a fleet, and follow the version in use
-      tripwatt serve --model registry:models
+      tripwatt serve registry:models
       # also plan journeys on a map (see `tripwatt map build`)
       tripwatt serve --map map
       # also keep cars that learn, and follow them on the road
@@ -142,19 +96,16 @@ def serve(
             check(open_atlas, atlas)
     from tripwatt.server.http.serving import require_safe
     from tripwatt.server.http.serving import serve as run
-    from tripwatt.server.http.settings import TOKEN_VARIABLE, Limits, Settings, parse_limits
+    from tripwatt.server.http.settings import TOKEN_VARIABLE, Settings, parse_limits
 
     with Check() as check:
-        folders = check(models_of, [*(model or ()), *(also or ())])
-        limits = check(parse_limits, limit) if limit else Limits()
+        folders = check(models_of, model or [])
+        limits = check(parse_limits, limit or [])
         over_mqtt = check(mqtt_of, mqtt, follow or [], publish, discovery, cars)
         check(make_cars_folder, cars)
-    token = os.environ.get(TOKEN_VARIABLE, "")
-    days = math.inf if keep_days is None else keep_days
-    origins = tuple(cors_origin or ())
-    settings = Settings(
-        folders, host, port, workers, token, limits, atlas, cars, days, prefix.rstrip("/"), origins, over_mqtt
-    )
+    token, prefix, origins = os.environ.get(TOKEN_VARIABLE, ""), prefix.rstrip("/"), tuple(cors_origin or ())
+    listens = (folders, host, port, workers, token, limits)
+    settings = Settings(*listens, atlas, cars, keep_days, prefix, origins, over_mqtt)
     require_safe(settings)
     run(settings, lambda address: typer.echo(f"tripwatt: {address}"))
 

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tripwatt.command.options import Answer, DatasetOption, MappingOption, argument, dataset_of, option
+import tripwatt as tw
+from tripwatt.command import shared
+from tripwatt.command.options import Answer, argument, flag, option
 from tripwatt.command.printing import console, print_findings, print_notes, print_table
 from tripwatt.errors import Fault, InvalidInput, grouped, raise_faults
 
@@ -21,46 +23,19 @@ GROUP = (
     "tripwatt[fleet]."
 )
 
-StoreArgument = Annotated[
-    str, argument("STORE", "Folder of the store, or its URL, such as s3://bucket/fleet.")
-]
-StoreOption = Annotated[
-    list[str] | None,
-    option(
-        "KEY=VALUE",
-        "What an object store needs, such as AWS_REGION=eu-central-1. You can repeat the option. Variables of the "
-        "environment count as well.",
-        "--store-option",
-    ),
-]
-VehicleIdOption = Annotated[str | None, option("ID", "Trips of this vehicle only.", "--vehicle-id")]
-CarModelOption = Annotated[str | None, option("NAME", "Trips of this car model only.", "--car-model")]
-SinceOption = Annotated[str | None, option("DATE", "Trips that began on this day or later.")]
-UntilOption = Annotated[str | None, option("DATE", "Trips that began before this day.")]
+PAIRS = "What an object store needs, such as AWS_REGION=eu-central-1; environment variables count too. Repeatable."
 
 
 @dataclass(frozen=True, kw_only=True)
 class Store:
     """The store that a user means by STORE and --store-option."""
 
-    store: StoreArgument
-    options: StoreOption = None
+    store: Annotated[str, argument("STORE", "Folder of the store, or its URL, such as s3://bucket/fleet.")]
+    options: Annotated[list[str] | None, option("KEY=VALUE", PAIRS, "--store-option")] = None
 
     def opened(self) -> TripStore:
         """Open it."""
-        from tripwatt.fleet.store import open_store
-
-        return open_store(self.store, options=store_options(self.options))
-
-
-@dataclass(frozen=True)
-class Which:
-    """Trips of a store."""
-
-    vehicle_id: VehicleIdOption = None
-    car_model: CarModelOption = None
-    since: SinceOption = None
-    until: UntilOption = None
+        return tw.open_store(self.store, options=store_options(self.options))
 
 
 def store_options(options: list[str] | None) -> dict[str, str]:
@@ -82,12 +57,7 @@ def store_options(options: list[str] | None) -> dict[str, str]:
 
 def create(
     store: Store,
-    buckets: Annotated[
-        int, option("N", "Parts by vehicle. Some hundred vehicles a part are a good number.")
-    ] = 16,
-    example: Annotated[
-        bool, typer.Option("--example", help="Add the computed trips of eight vehicles, to try the commands.")
-    ] = False,
+    example: Annotated[bool, flag("--example", "Add computed trips of eight vehicles, to try it.")] = False,
 ) -> Answer:
     """Make an empty trip store: the Delta tables samples and trips. With `--example` it has trips to try the commands.
 
@@ -98,10 +68,10 @@ def create(
       # create a store with an example fleet
       tripwatt store create fleet --example
     """
-    from tripwatt.fleet.store import Added, create_store
+    from tripwatt.fleet.store import Added
     from tripwatt.study.synthetic import example_fleet
 
-    made = create_store(store.store, buckets=buckets, options=store_options(store.options))
+    made = tw.create_store(store.store, options=store_options(store.options))
     done = Added()
     for car_model, fleet in example_fleet() if example else ():
         done += made.add(fleet, car_model=car_model)
@@ -113,14 +83,10 @@ def create(
 def add(
     store: Store,
     data: Annotated[Path, argument("DATA", "Folder or file of logged trips.")],
-    vehicle: Annotated[
-        str, option("NAME|FILE", "The car model: a name from `tripwatt vehicles`, or a TOML.")
-    ],
-    vehicle_id: Annotated[
-        str | None, option("ID", "The vehicle of logs whose mapping has no column of the vehicle.")
-    ] = None,
-    dataset: DatasetOption = None,
-    mapping: MappingOption = None,
+    vehicle: Annotated[str, option("NAME|FILE", "Car model: a name of `tripwatt vehicles`, or a TOML file.")],
+    vehicle_id: Annotated[str | None, option("ID", "The vehicle of logs that do not name theirs.")] = None,
+    dataset: shared.Dataset = None,
+    mapping: shared.Columns = None,
 ) -> Answer:
     """Add logs to a store. A trip that is in the store is not added again, so you can repeat the command.
 
@@ -135,9 +101,8 @@ def add(
       tripwatt store add fleet drive.csv --vehicle vw_id3 --vehicle-id V17
     """
     from tripwatt.fleet.store import add_files
-    from tripwatt.vehicles import load_vehicle
 
-    load_vehicle(vehicle)
+    tw.load_vehicle(vehicle)
     vehicle = f"{Path(vehicle).resolve()}" if vehicle.endswith(".toml") else vehicle
     target, shown = store.opened(), console()
     try:
@@ -146,7 +111,7 @@ def add(
             data,
             car_model=vehicle,
             vehicle_id=vehicle_id,
-            dataset=dataset or dataset_of(data, mapping),
+            dataset=dataset or shared.dataset_of(data, mapping),
             mapping=mapping,
             progress=lambda sums: shown.print(f"{sums}"),
         )
@@ -165,7 +130,7 @@ def show(store: Store) -> Answer:
     """
     about = store.opened().about()
     models = ", ".join(f"{name} ({count})" for name, count in about["car_models"].items())
-    rows: list[tuple[str, str]] = [
+    rows = [
         ("trips", f"{about['trips']}, {about['usable']} usable, {about['with_energy']} with measured energy"),
         ("vehicles", f"{about['vehicles']} in {about['buckets']} parts"),
         ("car models", models),
@@ -177,7 +142,9 @@ def show(store: Store) -> Answer:
     return Answer(about, partial(print_table, title, ("", "value"), rows, folding=("value",)))
 
 
-def audit(store: Store, which: Which) -> Answer:
+def audit(
+    store: Store, vehicle_id: Annotated[str | None, option("ID", "Trips of this vehicle only.")] = None
+) -> Answer:
     """List the faults of stored logs and their consequences. The logs of a vehicle are judged together.
 
     For example:
@@ -185,7 +152,7 @@ def audit(store: Store, which: Which) -> Answer:
       # list the faults of its logs
       tripwatt store audit fleet --vehicle-id V17
     """
-    result = store.opened().audit(**asdict(which))
+    result = store.opened().audit(vehicle_id=vehicle_id)
     findings = [asdict(finding) for finding in result]
     return Answer(findings, partial(print_findings, f"{len(result)} findings", result))
 
@@ -218,8 +185,9 @@ def forget(store: Store, vehicle_id: Annotated[str, option("ID", "The vehicle to
 
     def shown() -> None:
         typer.echo(f"{store.store}: {erased} trips of {vehicle_id} erased")
-        left = "models and reports that were made with these trips still contain what was learned from them"
-        print_notes([left])
+        print_notes(
+            ["models and reports that were fitted on these trips still contain what was learned from them"]
+        )
 
     return Answer({"vehicle_id": vehicle_id, "erased": erased}, shown)
 

@@ -134,21 +134,21 @@ def leave_in_words(soc: float, reserve: float, probability: float) -> str:
     Examples
     --------
     >>> leave_in_words(0.4412, 0.1, 0.95)
-    'Leave with 45 % to arrive with 10 % or more in 19 of 20 trips.'
+    '45 % is enough to arrive with 10 % left in 19 of 20 trips.'
     >>> leave_in_words(1.112, 0.1, 0.9)
-    'A full battery does not suffice to arrive with 10 % or more in 9 of 10 trips: 12 % of it are missing.'
+    'A full battery is not enough to arrive with 10 % left in 9 of 10 trips: you need 12 % more.'
     >>> leave_in_words(0.0, 0.0, 0.5)
-    'Any charge suffices to arrive in 1 of 2 trips.'
+    'Any charge is enough to arrive in 1 of 2 trips.'
     """
-    share = Fraction(probability).limit_denominator(20)
-    if abs(float(share) - probability) > 1e-9:
-        share = Fraction(probability).limit_denominator(1000)
-    left = f" with {100.0 * reserve:g} % or more" if reserve > 0.0 else ""
-    aim = f"to arrive{left} in {share.numerator} of {share.denominator} trips"
+    fraction = Fraction(probability).limit_denominator(20)
+    if abs(float(fraction) - probability) > 1e-9:
+        fraction = Fraction(probability).limit_denominator(1000)
+    left = f" with {100.0 * reserve:g} % left" if reserve > 0.0 else ""
+    aim = f"to arrive{left} in {fraction.numerator} of {fraction.denominator} trips"
     percent = math.ceil(100.0 * (soc - 1.0 if soc > 1.0 else soc) - 1e-6)
     if soc > 1.0:
-        return f"A full battery does not suffice {aim}: {percent} % of it are missing."
-    return f"Leave with {percent} % {aim}." if soc > 0.0 else f"Any charge suffices {aim}."
+        return f"A full battery is not enough {aim}: you need {percent} % more."
+    return f"{percent} % is enough {aim}." if soc > 0.0 else f"Any charge is enough {aim}."
 
 
 def flag_to_dict(flag: Flag) -> dict[str, Any]:

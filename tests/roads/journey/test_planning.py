@@ -38,7 +38,7 @@ def test_where_a_full_battery_does_not_suffice_the_answer_is_above_one(model):
     )
     assert not found.arrives
     assert found.to_dict()["soc_needed"] == found.soc_needed
-    assert found.to_dict()["leave"].startswith("A full battery does not suffice")
+    assert found.to_dict()["leave"].startswith("A full battery is not enough")
 
 
 def test_the_needed_charge_of_a_forecast_follows_its_quantile(model):

@@ -249,5 +249,5 @@ def test_who_leaves_with_the_charge_arrives_with_the_probability_asked_for(servi
     assert [one for one in found if one.off > WORST] == []
     for one in found:
         assert one.message == leave_in_words(one.soc, RESERVE, one.probability)
-        assert one.message.startswith("A full battery does not suffice") == (one.exception == "not even full")
+        assert one.message.startswith("A full battery is not enough") == (one.exception == "not even full")
     assert 0.5 * OVER_HTTP < sum(not one.exception for one in found) < OVER_HTTP

@@ -225,7 +225,7 @@ def test_files_of_a_report_are_those_of_the_registry(registry: Registry, tmp_pat
 def test_a_service_follows_its_registry(fleet: Any, registry: Registry, tmp_path: Path) -> None:
     (tmp_path / "log").mkdir()
     place = f"registry:{registry.folder}"
-    with serving(tmp_path / "log", "--model", place, "--workers", "1") as service:
+    with serving(tmp_path / "log", place, "--workers", "1") as service:
 
         def answer() -> float:
             given = {"links": LINKS, "soc": 0.8, "ambient_temperature_degc": 4.0, "vehicle_id": "V00000"}

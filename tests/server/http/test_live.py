@@ -336,7 +336,7 @@ def test_a_car_without_a_description_is_flagged_until_it_has_one(served: Served,
     served.send(message(0.0, speed=0, soc=40.0))
     (flag,) = served("/v1/live/leaf").json()["flags"]
     assert flag["message"] == (
-        "leaf has no description: BMW i3 60 Ah assumed; describe it: tripwatt car new cars/leaf --vehicle NAME"
+        "leaf has no description: BMW i3 60 Ah is assumed; describe it with `tripwatt car new cars/leaf --vehicle NAME`"
     )
     assert flag["code"] in codes_of(served("/v1/range", params={"car": "leaf"}).json())
     made = create_car(tmp_path / "leaf", "hyundai_ioniq_5_lr_rwd")  # the folder has `live` and a token

@@ -1,0 +1,196 @@
+"""Options that commands share, and what they stand for: logged trips, a car, a model, a map."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+import tripwatt as tw
+from tripwatt import trips
+from tripwatt.command.options import argument, flag, option, require_effect
+from tripwatt.errors import InvalidInput, places_named
+from tripwatt.trips.departure import ASKED
+
+if TYPE_CHECKING:
+    from tripwatt.roads.journey import AtlasSettings
+    from tripwatt.vehicles import Vehicle
+
+Data = Annotated[
+    Path | None, argument("DATA", "Folder or file of logged trips. Default: the built-in synthetic trips.")
+]
+FORMATS: Final = "Format of DATA: tum, ved or table. Default: table for a file or with --mapping, else tum."
+Dataset = Annotated[str | None, option("NAME", FORMATS, "--dataset")]
+COLUMNS: Final = "Columns and units of a table: a TOML file, or a name from `tripwatt mapping list`."
+Columns = Annotated[str | None, option("FILE.toml|NAME", COLUMNS, "--mapping")]
+STRICT: Final = "Refuse DATA that has faults, and list all of them. Default: leave out what has faults."
+Strict = Annotated[bool, flag("--strict", STRICT)]
+LOGGED: Final = "The car that was driven. Default: the car of the data set; for a table, the BMW i3."
+LoggedCar = Annotated[str | None, option("NAME|FILE.toml", LOGGED, "--vehicle")]
+SET: Final = (
+    "Replace a value of the car, such as mass=1300; `tripwatt vehicles NAME` lists the keys. Repeatable."
+)
+Overrides = Annotated[list[str] | None, option("KEY=VALUE", SET, "--set")]
+TripId = Annotated[str | None, option("ID", "Trip to use if DATA contains several.", "--trip")]
+ANOTHER: Final = "Another car: a name from `tripwatt vehicles`, or a TOML file. The interval is wider."
+Car = Annotated[str | None, option("NAME|FILE", ANOTHER, "--vehicle")]
+Model = Annotated[Path | None, option("FOLDER", "Folder of a model. Default: the bundled one.", "--model")]
+Reserve = Annotated[float, option("0..1", "Charge to arrive with, as displayed.", "--reserve")]
+Quantile = Annotated[float, option("0.5..1", "Probability that the energy is enough.", "--quantile")]
+Plug = Annotated[float, option("W", "Power of the plug; 0: not plugged in.", "--plug", min=0.0)]
+Cars = Annotated[Path | None, option("DIR", "Folder of cars that learn (see `tripwatt car`).", "--cars")]
+Port = Annotated[int, option("PORT", "Port; 0 selects a free one.", "--port", min=0, max=65535)]
+TextFile = Annotated[Path | None, option("FILE", "Write to this file instead of printing.", "--out", "-o")]
+OutFolder = Annotated[Path, option("FOLDER", "Folder to write.", "--out", "-o")]
+OutFile = Annotated[Path, option("FILE", "File to write.", "--out", "-o")]
+Texts = list[str] | None
+Tiles = Annotated[
+    Path | None,
+    option("FOLDER", "Elevation tiles: SRTM (N47E009.hgt, also .gz or .zip) or GeoTIFF.", "--elevation"),
+]
+ROADS: Final = (
+    "Folder of a map (see `tripwatt map build`), or a router's server: valhalla=URL, osrm=URL, graphhopper=URL or "
+    "openrouteservice=URL. FOLDER@KIND=URL takes places from a map and roads from a server. Default: TRIPWATT_MAP."
+)
+Map = Annotated[str, option("FOLDER|KIND=URL", ROADS, "--map", envvar="TRIPWATT_MAP", show_envvar=False)]
+PLACES: Final = "Server that finds places: photon=URL or nominatim=URL. Default: the index of the map."
+Places = Annotated[str, option("KIND=URL", PLACES, "--places")]
+WEATHER: Final = "Weather server with the interface of Open-Meteo. Default: no server is asked."
+STATIONS: Final = (
+    "Charging stations as CSV: latitude_deg, longitude_deg, power_kw, name. Default: those of the map."
+)
+
+CARS: Final[Mapping[str, str]] = {"synthetic": "bmw_i3_60ah", "tum": "bmw_i3_60ah", "ved": "nissan_leaf_24"}
+"""Data set -> the car that drove it."""
+
+UNKNOWN_CAR: Final = "bmw_i3_60ah"
+"""The car that is assumed for a table without --vehicle; the commands note it."""
+
+MOST_NAMES: Final = 12
+"""Trips that a message lists."""
+
+
+def dataset_of(data: Path, mapping: str | None) -> str:
+    """The format of DATA where --dataset does not name it.
+
+    Examples
+    --------
+    >>> dataset_of(Path("logs"), None), dataset_of(Path("logs"), "torque")
+    ('tum', 'table')
+    """
+    return "table" if mapping is not None or data.is_file() else "tum"
+
+
+@dataclass(frozen=True)
+class Logs:
+    """The logged trips that a command reads."""
+
+    data: Data = None
+    dataset: Dataset = None
+    mapping: Columns = None
+    strict: Strict = False
+
+    def read(self, *, built_in_trips: int = 32, lenient: bool = False, **more: Any) -> trips.TripSet:
+        """The trips that a user means; without DATA the built-in ones.
+
+        A published set is read strictly unless `lenient`: a study of it has all of it. `more` are the `vehicle` and `progress` of
+        the reader.
+
+        Raises
+        ------
+        InvalidInput
+            With every fault of the data.
+        """
+        if self.data is None:
+            require_effect({"--dataset": self.dataset, "--mapping": self.mapping}, "only together with DATA")
+            return tw.synthetic_fleet(built_in_trips)
+        dataset = self.dataset or dataset_of(self.data, self.mapping)
+        strict = self.strict or not (lenient or dataset == "table")
+        return tw.read_logs(self.data, dataset, self.mapping, strict=strict, **more)
+
+
+@dataclass(frozen=True)
+class LogsOfCar(Logs):
+    """Logged trips and the car that drove them."""
+
+    vehicle: LoggedCar = None
+    overrides: Overrides = None
+
+    def named(self) -> tuple[str, tuple[trips.Flag, ...]]:
+        """The car's name, and a flag where neither the user nor the data set names it.
+
+        Examples
+        --------
+        >>> LogsOfCar(Path("logs"), "ved").named()
+        ('nissan_leaf_24', ())
+        """
+        dataset = "synthetic" if self.data is None else self.dataset or dataset_of(self.data, self.mapping)
+        known = self.vehicle or CARS.get(dataset)
+        return (known, ()) if known else (UNKNOWN_CAR, (trips.Flag("car_assumed", UNKNOWN_CAR),))
+
+    def car(self) -> Vehicle:
+        """The car with its replaced values."""
+        from tripwatt.vehicles import parse_overrides
+
+        return tw.load_vehicle(self.named()[0], overrides=parse_overrides(self.overrides or []))
+
+
+@dataclass(frozen=True)
+class OnMap:
+    """The map of a command, and the servers that it may ask."""
+
+    map_: Map = ""
+    places: Places = ""
+    weather: Annotated[str, option("URL", WEATHER)] = ""
+    stations: Annotated[Path | None, option("FILE", STATIONS)] = None
+
+    def settings(self) -> AtlasSettings:
+        """Settings of an atlas."""
+        from tripwatt.roads.journey import AtlasSettings
+
+        stations = "" if self.stations is None else str(self.stations)
+        return AtlasSettings(self.map_, self.places, self.weather, stations)
+
+
+def one_trip(found: Sequence[tw.Trip], wanted: str | None, why_not: str = "") -> tw.Trip:
+    """The trip of this name, or the only one.
+
+    Raises
+    ------
+    InvalidInput
+        When there is none, or several without a name.
+    """
+    chosen = [trip for trip in found if wanted in (None, trip.trip_id)]
+    if len(chosen) == 1:
+        return chosen[0]
+    names = ", ".join(trip.trip_id for trip in found[:MOST_NAMES]) or "a trip that the audit uses"
+    more = f" and {len(found) - MOST_NAMES} more" if len(found) > MOST_NAMES else ""
+    got = why_not or wanted or f"{len(found)} trips"
+    raise InvalidInput.of("no single trip", "--trip", got, names + more)
+
+
+@contextmanager
+def options_named() -> Iterator[None]:
+    """Faults of what options give, under the names of the options."""
+    more = {"vehicle": "--vehicle", "reserve": "--reserve", "speed_m_s": "--speed"}
+    with places_named({name: field.option for name, field in ASKED.items()} | more):
+        yield
+
+
+def model_of(folder: Path | None) -> tw.ForecastModel:
+    """The model that a user means by a folder: a stored model, or a car with what it learned; without one the bundled model.
+
+    Raises
+    ------
+    InvalidInput
+        When the folder holds neither.
+    """
+    # an older version wrote a car.json
+    if folder is not None and any((folder / name).is_file() for name in ("car.sqlite", "car.json")):
+        from tripwatt.server.cars import is_car  # slow to import, and most folders are models
+
+        if is_car(folder):
+            return tw.open_car(folder).model()
+    return tw.load_model(folder)
