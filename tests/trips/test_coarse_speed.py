@@ -143,7 +143,7 @@ def test_the_reader_of_tables_rebuilds_and_notes_it(tmp_path):
     assert np.array_equal(log.array("current_a"), table["i"])
     (note,) = [n for n in fleet.notes if n.code == "speed_rebuilt"]
     assert (note.subject, note.value, note.unit) == ("trip a", 5.0, "s")
-    assert message(note).startswith("trip a: the speed is a new value every 5 s")
+    assert message(note).startswith("trip a: the speed is logged only every 5 s")
 
 
 @pytest.mark.parametrize(
