@@ -35,7 +35,7 @@ def test_the_reserve_is_part_of_the_charge_and_few_notes_follow(run: Run) -> Non
     assert kept["reserve"] == 0.1
     printed = run(*asked, "--reserve", 0.1)
     assert kept["message"] in printed.out
-    assert "arrive with 10 % or more" in kept["message"]
+    assert "arrive with 10 % left" in kept["message"]
     assert "soc_assumed" not in [flag["code"] for flag in kept["flags"]]
     few = printed.err.count("note:") + printed.err.count("warning:")
     assert 1 < few < len(kept["flags"])
