@@ -17,7 +17,7 @@ MOLAR_GAS_CONSTANT_J_MOL_K: Final = 8.314462618
 
 
 MOST_PASSES: Final = 60
-"""A bound of the time; a choice, because a few passes settle."""
+"""A bound of the time; a choice, because the passes settle after four or five."""
 TINY: Final = float(np.finfo(np.float64).tiny)
 
 
