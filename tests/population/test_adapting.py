@@ -86,6 +86,16 @@ def hungry(roads: list[Trip], leaf: Vehicle) -> list[Trip]:
     return car_with(roads, leaf, 1.2)
 
 
+@pytest.fixture(scope="module")
+def learned(
+    base: ForecastModel, leaf: Vehicle, as_published: list[Trip], loaded: list[Trip], hungry: list[Trip]
+) -> dict[str, Adaptation]:
+    """The car after the trips that are learned, by what its file has wrong."""
+    new = Adaptation.before_trips(base, leaf, NOBODY)
+    cars = {"as_published": as_published, "loaded": loaded, "hungry": hungry}
+    return {name: new.with_trips(trips[:LEARNED]) for name, trips in cars.items()}
+
+
 def error_of(model: ForecastModel, trips: Sequence[Trip]) -> float:
     """Sum of absolute errors over the energy."""
     observed = np.array([trip.observed_energy_wh for trip in trips])
@@ -104,6 +114,7 @@ def mean_sd(model: ForecastModel, trips: Sequence[Trip]) -> float:
 def test_many_trips_find_what_the_file_has_wrong(
     base: ForecastModel,
     leaf: Vehicle,
+    learned: dict[str, Adaptation],
     request: pytest.FixtureRequest,
     fixture: str,
     factor: str,
@@ -111,7 +122,7 @@ def test_many_trips_find_what_the_file_has_wrong(
 ) -> None:
     trips = request.getfixturevalue(fixture)
     before = Adaptation.before_trips(base, leaf, NOBODY)
-    after = before.with_trips(trips[:LEARNED])
+    after = learned[fixture]
     change, sd = after.changes[factor]
     assert abs(change - truth) < 2.0 * sd
     assert change > 0.5 * truth
@@ -121,10 +132,8 @@ def test_many_trips_find_what_the_file_has_wrong(
     assert own < 3.0 * ERROR
 
 
-def test_a_car_as_its_file_says_stays_so(
-    base: ForecastModel, leaf: Vehicle, as_published: list[Trip]
-) -> None:
-    after = Adaptation.before_trips(base, leaf, NOBODY).with_trips(as_published[:LEARNED])
+def test_a_car_as_its_file_says_stays_so(as_published: list[Trip], learned: dict[str, Adaptation]) -> None:
+    after = learned["as_published"]
     for name, (change, sd) in after.changes.items():
         assert abs(change) < 2.0 * sd, name
     assert abs(after.changes["everything"][0]) < 0.03
@@ -144,20 +153,16 @@ def test_more_trips_are_surer_and_nearer(base: ForecastModel, leaf: Vehicle, hun
 
 
 def test_kinds_of_experts_count_by_their_forecasts(
-    base: ForecastModel, leaf: Vehicle, as_published: list[Trip], loaded: list[Trip], hungry: list[Trip]
+    base: ForecastModel, leaf: Vehicle, learned: dict[str, Adaptation]
 ) -> None:
-    new = Adaptation.before_trips(base, leaf, NOBODY)
-
     def weights(known: Adaptation) -> dict[str, float]:
         found = known.experts.kind_weights
         assert found.sum() == pytest.approx(1.0)
         return dict(zip(KINDS, found.tolist(), strict=True))
 
-    before = weights(new)
+    before = weights(Adaptation.before_trips(base, leaf, NOBODY))
     assert before == pytest.approx(dict(zip(KINDS, learning.KIND_WEIGHTS, strict=True)))
-    published, load, everything = (
-        weights(new.with_trips(trips[:LEARNED])) for trips in (as_published, loaded, hungry)
-    )
+    published, load, everything = map(weights, learned.values())
     assert published["published"] > before["published"]
     assert load["published"] < 0.2 * before["published"]
     assert everything["published"] < 2e-3
@@ -165,10 +170,10 @@ def test_kinds_of_experts_count_by_their_forecasts(
 
 
 def test_a_car_whose_errors_are_larger_has_wider_intervals(
-    base: ForecastModel, leaf: Vehicle, roads: list[Trip], as_published: list[Trip]
+    base: ForecastModel, leaf: Vehicle, roads: list[Trip], learned: dict[str, Adaptation]
 ) -> None:
-    wild = car_with(roads, leaf, error=0.15)
-    calm, loud = (adaptation(base, trips[:LEARNED], leaf, NOBODY) for trips in (as_published, wild))
+    wild = car_with(roads[:LEARNED], leaf, error=0.15)
+    calm, loud = learned["as_published"], adaptation(base, wild, leaf, NOBODY)
     assert calm.experts.noise_scale < 0.5 < loud.experts.noise_scale
     widths = []
     for known in (calm, loud):
@@ -247,10 +252,10 @@ def test_an_energy_from_the_state_of_charge_counts_less(
 
 
 def test_what_was_learned_long_ago_is_less_certain(
-    base: ForecastModel, leaf: Vehicle, as_published: list[Trip]
+    as_published: list[Trip], learned: dict[str, Adaptation]
 ) -> None:
     """The consumption drifts slowly: the day after the last trip it is known better than five years later."""
-    model = adaptation(base, as_published[:LEARNED], leaf, NOBODY).model
+    model = learned["as_published"].model
     last = as_published[LEARNED - 1].context.started_at
     assert last is not None
     asked = as_published[-1]
@@ -419,9 +424,9 @@ def test_what_cannot_be_adapted_is_refused(base: ForecastModel, leaf: Vehicle, l
 
 @pytest.mark.parametrize("ambient", [-8.0, 33.0])
 def test_a_departure_without_climate_control_has_no_correction_of_it(
-    base: ForecastModel, leaf: Vehicle, loaded: list[Trip], ambient: float
+    leaf: Vehicle, loaded: list[Trip], learned: dict[str, Adaptation], ambient: float
 ) -> None:
-    model = adaptation(base, loaded[:LEARNED], leaf).model
+    model = learned["loaded"].model
     assert isinstance(model.corrector_, FactorCorrector)
     plan = plan_from_trip(loaded[-1])
     known = tw.Departure(soc=0.8, ambient_temperature_degc=ambient)
@@ -522,9 +527,9 @@ def test_what_all_cars_have_in_common_is_expected_of_the_next(
 
 
 def test_a_car_model_with_trips_of_another_vehicle_starts_from_these(
-    base: ForecastModel, leaf: Vehicle, hungry: list[Trip]
+    base: ForecastModel, leaf: Vehicle, hungry: list[Trip], learned: dict[str, Adaptation]
 ) -> None:
-    evidence = Adaptation.before_trips(base, leaf, NOBODY).with_trips(hungry[:LEARNED]).evidence
+    evidence = learned["hungry"].evidence
     source = Source(leaf.name, "other leaf", "mine", len(evidence), "", "")
     seen = NOBODY.with_car(source, evidence)
     assert seen.sources == (source,)
