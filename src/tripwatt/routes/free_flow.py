@@ -24,9 +24,6 @@ LINK_M: Final = 250.0
 """Length of the links into which a drive is cut; a choice."""
 
 
-LARGEST_FACTOR: Final = 3.0
-"""No class takes more than three times its free time, or less than a third; a choice."""
-
 SHARES: Final = (0.6, 0.7, 0.8, 0.9, 1.0)
 """Shares of the limit that may be the speed between two stops."""
 
@@ -78,7 +75,8 @@ class TravelTimeFactors:
         factor = (total_s + near * prior_s) / (known_s + prior_s)
         driven = known_s > 0.0
         classes[driven] = np.bincount(which, length, len(classes))[driven] / known_s[driven]
-        return cls(classes, np.clip(factor, 1.0 / LARGEST_FACTOR, LARGEST_FACTOR), moving_share)
+        # no class takes more than three times its free time, or less than a third; a choice
+        return cls(classes, np.clip(factor, 1.0 / 3.0, 3.0), moving_share)
 
     def at(self, speed_m_s: FloatArray) -> FloatArray:
         """Factor at free speeds, linear between the classes, shape of `speed_m_s`."""

@@ -33,8 +33,6 @@ USUAL_SCALE_M: Final = 20.0
 REGION_SPREAD: Final = 0.9
 """Before any log: median scale of a region that is neither flat nor mountains [m], and how far regions differ (standard deviation of
 logarithms). Choices; two regions with logs are too few to replace them."""
-_FARTHEST: Final = 3.2
-"""Standard deviations up to which the quantiles are spaced; a choice."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,8 +171,8 @@ def net_climbs(terrain: str = "unknown", without: str | None = None) -> NetClimb
     scales = np.concatenate([kind.scale_m * np.exp(kind.spread * nodes) for kind in chosen])
     shares = np.concatenate([kind.share / total * hermite / hermite.sum() for kind in chosen])
     grid = np.concatenate(([0.0], np.geomspace(0.1, 30_000.0, 600)))
-    # 61 quantiles, and 24 nodes above; choices
-    edges = np.array([NormalDist().cdf(z) for z in np.linspace(-_FARTHEST, _FARTHEST, 62)])
+    # 61 quantiles, spaced within 3.2 standard deviations, and 24 nodes above; choices
+    edges = np.array([NormalDist().cdf(z) for z in np.linspace(-3.2, 3.2, 62)])
     edges[0], edges[-1] = 0.0, 1.0
     normal = np.vectorize(math.erf)(grid[:, None] / (scales * math.sqrt(2.0)))
     middle = 0.5 * (edges[1:] + edges[:-1])

@@ -29,8 +29,6 @@ FULL: Final = 0.995
 """A display of this or more is full: what is above it does not show."""
 NEARLY_FULL: Final = 0.985
 """Between this display and `FULL` the hidden charge rises in a straight line: no step of the charge to leave with."""
-LEAST_FULL: Final = 5
-"""Fewest trips from a full display, and fewest others, that what a full display hides is fitted to."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,7 +184,8 @@ class ChargeScale:
             return None
         full = (shown[:, 0] >= FULL).astype(np.float64)
         per_wh, hidden = float(energy @ taken) / float(energy @ energy), 0.0
-        if LEAST_FULL <= full.sum() <= len(full) - LEAST_FULL:
+        # five trips from a full display, and five others; a choice
+        if 5 <= full.sum() <= len(full) - 5:
             both = np.linalg.lstsq(np.column_stack([energy, -full]), taken, rcond=None)[0]
             if both[1] > 0.0:
                 per_wh, hidden = float(both[0]), float(both[1])

@@ -14,8 +14,6 @@ from tripwatt.uncertainty.conformal import ConformalScores
 
 PLACES: Final = 13
 """Places along the way at which quantiles are solved; between them they are linear."""
-RAREST: Final = 5e-10
-"""Probabilities of 0 and 1 count as this far inside, as for the scores alone."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +155,8 @@ class UnknownClimb:
         Secant steps, and bisection where they leave the bracket: Dekker (1969), Finding a zero by means of successive
         linear interpolation.
         """
-        offsets, sd, p = self.offsets_wh, np.maximum(sd_wh, 1e-9), np.clip(p, RAREST, 1.0 - RAREST)
+        # probabilities of 0 and 1 count as this far inside, as for the scores alone
+        offsets, sd, p = self.offsets_wh, np.maximum(sd_wh, 1e-9), np.clip(p, 5e-10, 1.0 - 5e-10)
         alone = alone_wh(scores, p, sd)
         least, most = self._ascending[0] + alone, self._ascending[-1] + alone + 1e-9
         middle = self._at(0.5)

@@ -26,7 +26,6 @@ from tripwatt.arrays import BoolArray, FloatArray
 from tripwatt.uncertainty.residual_power import ComponentProcess, PowerPrior
 from tripwatt.units import SECONDS_PER_HOUR
 
-_LOG_BOUND: Final = 4.6  # parameters stay within a factor of 100 of their start
 _STARTS: Final = {
     "drive": (100.0, 0.05, 300.0, 200.0, 0.5, 0.0, 1.0),
     "climate": (200.0, 0.15, 300.0, 200.0, 50.0, 2.0, 200.0),
@@ -262,7 +261,8 @@ def _fitted(batch: ResidualBatch, components: tuple[str, ...]) -> list[Component
         pull = (logs - start) / 2.0
         return value + 0.5 * float(pull @ pull), gradient[free] + pull / 2.0
 
-    bounds = [(value - _LOG_BOUND, value + _LOG_BOUND) for value in start]
+    # parameters stay within a factor of 100 of their start; a choice
+    bounds = [(value - 4.6, value + 4.6) for value in start]
     starts[free] = np.exp(
         minimize(cost, start, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": 80}).x
     )
