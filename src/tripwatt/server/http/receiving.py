@@ -22,7 +22,7 @@ def request_id(request: Request) -> str:
 class Bodies:
     """Request bodies that are arriving, within one bound of their bytes together.
 
-    A client that sends slowly holds what it has sent, and takes no place that another needs.
+    Where slow bodies fill the bound, further bodies are refused until the time-out of bodies.
 
     Parameters
     ----------
