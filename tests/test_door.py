@@ -36,6 +36,7 @@ NAMES = {
     "fit",
     "for_car",
     "forecast",
+    "leaving_with",
     "load_model",
     "load_vehicle",
     "need",
@@ -48,6 +49,7 @@ NAMES = {
     "read_trips",
     "save_model",
     "simulate",
+    "soc_needed",
     "sweep",
     "synthetic_fleet",
 }
@@ -171,7 +173,7 @@ def test_the_departure_counts_before_what_the_file_holds(model):
     given = model.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=-5))
     assert given.plan.departure == tw.Departure(soc=0.8, ambient_temperature_degc=-5)
     assert given.energy_wh > model.forecast(plan).energy_wh
-    assert given.series()["displayed_soc"][0] == pytest.approx(0.8)
+    assert given.to_frame()["displayed_soc"][0] == pytest.approx(0.8)
 
 
 def test_one_forecast_in_one_call_is_that_of_the_model(model):

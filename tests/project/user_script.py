@@ -10,7 +10,6 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 import tripwatt as tw
-from tripwatt.forecasting.leaving import soc_needed
 
 
 def plans(route: Path) -> list[tw.Plan]:
@@ -30,7 +29,7 @@ def charge_to_leave_with(plan: tw.Plan) -> float:
     later = forecast.update_since_departure(half[["time_s", "displayed_soc"]].head(3))
     figure: Figure = later.plot()
     figure.show()
-    return soc_needed(later, reserve=0.1)
+    return tw.soc_needed(tw.leaving_with(later, 0.7), reserve=0.1)
 
 
 def by_cause(plan: tw.Plan) -> dict[str, float]:
