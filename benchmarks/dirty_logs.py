@@ -169,7 +169,7 @@ def owner_rows() -> Iterator[Row]:
             result = runner.invoke(app, ["car", "add", f"{place}/leaf", f"{folder}"])
         seconds = time.perf_counter() - start
         own = tw.open_car(f"{place}/leaf")
-        starts = [log.context.started_at for log in own.store.logs()]
+        starts = [log.context.started_at for log in own.logs()]
         diary = own.diary.table
         sys.stderr.write(result.output[-3000:])
         kept = 0.0
