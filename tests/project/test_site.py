@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 from urllib.parse import unquote, urljoin, urlsplit
 
@@ -72,13 +73,14 @@ def test_what_a_page_prints_can_be_written_into_it(tmp_path: Path) -> None:
 def test_the_request_for_home_assistant_is_one_that_the_service_takes() -> None:
     pytest.importorskip("pydantic", reason="needs the extra tripwatt[service]")
     from tripwatt.server.http.schemas import ForecastRequest
+    from tripwatt.server.http.settings import Limits
 
     text = (DOCS / "howto" / "home-assistant-evcc.md").read_text("utf-8")
     (payload,) = re.findall(r"payload: >-\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
     body, replaced = re.subn(r"\{\{.*?\}\}", "0.5", payload)
     assert replaced == 2
     assert set(json.loads(body)) <= set(ForecastRequest.model_fields)
-    request = ForecastRequest.model_validate_json(body)
+    request = ForecastRequest.model_validate_json(body, context=SimpleNamespace(limits=Limits()))
     assert (request.soc, request.ambient_temperature_degc, request.trip) == (0.5, 0.5, "commute")
 
 

@@ -70,7 +70,7 @@ def test_a_request_that_names_a_car_or_a_model_keeps_it(cars: Path, monkeypatch:
     issue_token(cars / "leaf")
     issue_token(cars / "zoe")
     asked: list[Any] = []
-    monkeypatch.setattr(Jobs, "model_of", lambda _, request: asked.append(request))
+    monkeypatch.setattr(Jobs, "model_named", lambda _, document: asked.append(document))
     live = LiveCars(Settings(cars=cars), None, print)  # type: ignore[arg-type]
 
     def model_of(name: str, request: dict[str, Any]) -> dict[str, Any]:

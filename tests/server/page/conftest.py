@@ -1,4 +1,4 @@
-"""A real browser with the page of a real service: one of each for all modules of this folder."""
+"""A real browser with the page of a real service: one of each for a module."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from tests.support.service_process import TOKEN, Service, serving
 from tools.quality.page import SHOWN, browsing, chromium, context_of
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="module")
 def cars(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of the cars of the service."""
     return tmp_path_factory.mktemp("cars")
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="module")
 def service(cars: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
     more = ("--workers", "1", "--cars", f"{cars}", "--limit", "live_every_s=0.1")
     with serving(tmp_path_factory.mktemp("page"), *more, token=TOKEN) as found:
@@ -25,9 +25,9 @@ def service(cars: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Se
         yield found
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
-    """For this folder, not for the session: while it lives, this thread has a running event loop."""
+    """For one module: while it lives, this thread has a running event loop, and asyncio cannot begin another."""
     if chromium() is None:
         pytest.skip("no chromium: install Debian's package of that name (as root, `make browser` does)")
     pytest.importorskip("playwright.sync_api", reason="playwright is not installed")

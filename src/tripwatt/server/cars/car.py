@@ -76,6 +76,7 @@ class Car(LiveCar):
     Examples
     --------
     >>> import tempfile
+    >>> from tripwatt.server.cars.telemetry import Sample
     >>> with tempfile.TemporaryDirectory() as folder, Car.follow(Path(folder, "my-leaf")) as car:
     ...     print([car.record(Sample(1.7e9 + 10.0 * k, {"speed_m_s": 10.0, "displayed_soc": 0.8})) for k in range(4)])
     ...     print(car.observed().shape, car.departure().soc, car.shown(1.7e9 + 60.0)["seconds_since_message"] is None)
