@@ -11,6 +11,8 @@ OUT ?= out
 EXTRAS ?= service,fleet,routing,study
 # processes that run the tests, and that check the types
 WORKERS ?= 2
+# one process more than cores: many tests wait for a browser, a broker or Home Assistant
+TEST_WORKERS ?= 3
 export MYPY_NUM_WORKERS ?= $(WORKERS)
 PIP_INSTALL = -m pip install --quiet --disable-pip-version-check
 UV = UV_CACHE_DIR=.venv-tools/cache UV_PYTHON_DOWNLOADS=never .venv-tools/bin/uv
@@ -68,7 +70,7 @@ check: .venv-check/.ready  ## the whole gate, with the versions of constraints/c
 	.venv-check/bin/ruff check .
 	.venv-check/bin/mypy
 	.venv-check/bin/lint-imports
-	.venv-check/bin/python -m pytest -n $(WORKERS) --dist loadscope
+	.venv-check/bin/python -m pytest -n $(TEST_WORKERS) --dist loadscope
 
 check-latest: .venv-tools/.ready  ## the gate with the newest release of everything
 	$(PYTHON) -m venv --clear .venv-latest
@@ -77,12 +79,12 @@ check-latest: .venv-tools/.ready  ## the gate with the newest release of everyth
 	.venv-latest/bin/ruff check .
 	.venv-latest/bin/mypy
 	.venv-latest/bin/lint-imports
-	.venv-latest/bin/python -m pytest -n $(WORKERS) --dist loadscope
+	.venv-latest/bin/python -m pytest -n $(TEST_WORKERS) --dist loadscope
 
 lowest: .venv-tools/.ready  ## the tests without a browser, with the lowest declared release of each dependency
 	$(UV) venv --quiet --clear --python 3.11 .venv-lowest
 	$(UV) pip install --quiet --python .venv-lowest/bin/python --resolution lowest-direct -e gamm -e ".[dev,interop]"
-	.venv-lowest/bin/python -m pytest -n $(WORKERS) --dist loadscope --ignore=tests/server/page
+	.venv-lowest/bin/python -m pytest -n $(TEST_WORKERS) --dist loadscope --ignore=tests/server/page
 
 constraints: .venv-tools/.ready  ## the newest release of everything into constraints, with hashes: for the gate, for the container
 	$(UV) pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
