@@ -9,7 +9,7 @@ DATA ?=
 OUT ?= out
 # what the commands of the README need: the page, your cars, journeys
 EXTRAS ?= service,fleet,routing,study
-# processes that run the tests, and that check the types
+# processes that check the types
 WORKERS ?= 2
 # one process more than cores: many tests wait for a browser, a broker or Home Assistant
 TEST_WORKERS ?= 3
