@@ -1,6 +1,6 @@
-"""A user's car: one object for its description, its trips, its diary, its model, and what it sends while it drives.
+"""A user's car: its description, trips, diary and model, and the samples that it sends while it drives.
 
-All of it is in one SQLite file of the car's folder. A trip that a car finishes on the road is a log as any other from then on.
+One SQLite file in the car's folder holds all of this. A trip that ends on the road is stored as a log like any other.
 """
 
 from __future__ import annotations
@@ -39,34 +39,34 @@ if TYPE_CHECKING:
     from tripwatt.vehicles import Vehicle
 
 MOST_LEFT_OUT: Final = 100
-"""Trips that are in no diary whose reasons are kept; the latest ones stay."""
+"""Most trips left out of the diary whose reasons are kept; the oldest reasons are dropped first."""
 
 
 AIR_S: Final = SECONDS_PER_DAY
-"""An outside temperature of a message counts for so long."""
+"""Longest age of an outside temperature that is still used [s]."""
 
 ModelOf = Callable[[Mapping[str, Any]], ForecastModel]
-"""The request of a plan -> the model of its forecast; the same object for as long as the model is the same."""
+"""Request of a plan -> model that forecasts it; the same object until the model changes."""
 
 
 class Car(LiveCar):
-    """A car with its folder; made by `create_car`, opened by `open_car` or, with what it sends on the road, by `Car.follow`.
+    """A car and its folder; made by `create_car`, opened by `open_car`, or by `Car.follow` to record samples on the road.
 
     Parameters
     ----------
     folder : Path or str
-        Of the car, whose name is that of the folder. A folder of tripwatt 0.2 or 0.3.0.dev0 is read once into the file of the car.
+        Folder of the car; its name is the car's name. A folder of tripwatt 0.2 or 0.3.0.dev0 is read once into the car's file.
 
     Attributes
     ----------
     model_of : callable or None
-        Request of a plan -> model of its forecast.
+        Request of a plan -> model that forecasts it.
     reserve : float
-        Displayed state of charge to keep, where the plan has none.
+        Displayed state of charge to keep if the plan has no reserve.
     note : callable
         Called with a sentence when a forecast cannot be kept.
     updated : Forecast or None
-        That of the latest document; None without a plan.
+        Forecast of the latest `document`; None if `at_departure` returned None.
 
     Raises
     ------
@@ -114,28 +114,28 @@ class Car(LiveCar):
         reserve: float = 0.1,
         keep_days: float = math.inf,
     ) -> Self:
-        """Open a car that sends samples, to be closed at the end; one process at a time follows it.
+        """Open a car that sends samples. Close it at the end: only one process at a time can follow a car.
 
         Parameters
         ----------
         folder : Path or str
-            Of the car; made where it is missing.
+            Folder of the car; created if missing.
         model_of : callable, optional
-            Request of a plan -> model of its forecast. Without one, trips are kept and not forecast.
+            Request of a plan -> model that forecasts it. Without it, trips are stored but not forecast.
         reserve : float
-            Displayed state of charge to keep, where the plan has none.
+            Displayed state of charge to keep if the plan has no reserve.
         keep_days : float
-            Days that finished trips, and samples of a car that is silent, stay on disk; older ones are erased now and every hour.
+            Days for which finished trips, and samples of a silent car, stay on disk. Older ones are erased now and every hour.
 
         Returns
         -------
         Car
-            With the trip that it is on.
+            The car, with the trip that it is on restored from its file.
 
         Raises
         ------
         InvalidInput
-            When its name cannot be one, it cannot be written, or another process follows it.
+            When the folder's name is not a valid car name, the folder cannot be written, or another process follows the car.
         """
         require_fraction("reserve", reserve)
         made_folder(Path(folder).absolute())
@@ -151,7 +151,7 @@ class Car(LiveCar):
         Raises
         ------
         InvalidInput
-            When nothing describes the car: it only sends on the road.
+            When the car has no description, only samples from the road.
         """
         values = self.file.setting("vehicle")
         if values is None:
@@ -161,34 +161,34 @@ class Car(LiveCar):
 
     @property
     def base(self) -> Path | None:
-        """Model that is adapted to the trips; None for the bundled one."""
+        """Folder of the model that is adapted to the trips; None for the bundled model."""
         base = self.file.setting("base")
         return None if base is None else Path(base)
 
     @property
     def label(self) -> str:
-        """The car as its owner calls it."""
+        """The owner's name for the car; by default the name of its folder."""
         return f"{self.file.setting('label') or self.name}"
 
     @property
     def diary(self) -> Diary:
-        """Its trips, each forecast before it was learned."""
+        """The diary of the car: its trips, each with the forecast made before it was learned."""
         with self.file.read() as db:
             rows = db.execute("SELECT entry FROM diary ORDER BY rowid").fetchall()
         return Diary.empty().with_entries(json.loads(entry) for (entry,) in rows)
 
     @property
     def left_out(self) -> dict[str, str]:
-        """Trips that did not enter the diary, and why: the audit set them aside, or they cannot be forecast."""
+        """Trip -> why it is not in the diary, such as that the audit set it aside or that it cannot be forecast."""
         return self.file.setting("left_out") or {}
 
     def logs(self) -> tuple[Log, ...]:
-        """Read all trips as they came.
+        """Read all logs of the car as they were recorded.
 
         Returns
         -------
         tuple of Log
-            In the order of their departure.
+            Logs in the order of their departure.
         """
         return self.file.logs()
 
@@ -198,31 +198,31 @@ class Car(LiveCar):
         Returns
         -------
         ForecastModel
-            Adapted to its trips, or that of its published values before the first one.
+            The model adapted to the car's trips; before the first trip, that of its published values.
         """
         return self._learner().model()
 
     def learned_state(self) -> str:
-        """Identify what the car has learned.
+        """Return an identifier of what the car has learned.
 
         Returns
         -------
         str
-            Another one whenever it learns.
+            Text that changes whenever the car learns.
         """
         return f"{self.file.setting('state')}"
 
     def add(self, logs: TripSet | Iterable[Log], *, progress: Progress | None = None) -> Learned:
-        """Keep logs, forecast their trips one after the other, and learn from them.
+        """Store logs, forecast their trips one after the other, and learn from them.
 
-        A log that is there already is not added again. O(samples of all logs).
+        A log that is stored already is not added again. O(samples of all logs).
 
         Parameters
         ----------
         logs : TripSet or iterable of Log
-            As a reader gave them.
+            Logs as a reader returned them, not resampled.
         progress : callable, optional
-            Called with the trips that were forecast and their number.
+            Called with the number of trips forecast so far, and the number of all.
 
         Returns
         -------
@@ -256,22 +256,24 @@ class Car(LiveCar):
             )
 
     def learn(self, *, progress: Progress | None = None) -> Learned:
-        """Learn the trips that the car finished on the road: each is forecast before the model is adapted to it, and enters the diary.
+        """Learn the trips that the car finished on the road.
+
+        Each trip is forecast before the model is adapted to it, and then entered in the diary.
 
         Parameters
         ----------
         progress : callable, optional
-            As of `add`.
+            As in `add`.
 
         Returns
         -------
         Learned
-            Trips that it learned earlier are `known`.
+            Counts of trips; `known` are those learned earlier.
 
         Raises
         ------
         InvalidInput
-            When nothing describes the car, or it cannot be written.
+            When the car has no description, or cannot be written.
         """
         with self.file.read() as db:
             rows = db.execute("SELECT trip_id, is_learned FROM trips WHERE start_s IS NOT NULL").fetchall()
@@ -281,7 +283,7 @@ class Car(LiveCar):
 
     @property
     def has_news(self) -> bool:
-        """Whether the car has finished a trip on the road that it has not learned; never where nothing describes it."""
+        """Whether a trip that was finished on the road is not learned yet; False if the car has no description."""
         with self.file.read() as db:
             found = db.execute(
                 """SELECT 1 FROM settings WHERE name = 'vehicle'
@@ -299,7 +301,7 @@ class Car(LiveCar):
     def _learn(
         self, given: Iterable[str], counts: Learned, others: Mapping[str, str], progress: Progress | None
     ) -> Learned:
-        """Learn all trips that are in no diary; again where another process taught the car meanwhile."""
+        """Learn all trips that are not in the diary; repeat this if another process changed the learned state meanwhile."""
         is_kept = False
         while not is_kept:
             state, learner = self.learned_state(), self._learner()
@@ -310,7 +312,7 @@ class Car(LiveCar):
         return replace(counts, entries=len(lesson.entries), left_out=left_out, flat=lesson.flat)
 
     def _keep_lesson(self, state: str, logs: TripSet, lesson: Lesson) -> bool:
-        """Write model and diary together, unless what the car has learned is no longer that of the state."""
+        """Write model and diary in one transaction; return False if the learned state is no longer `state`."""
         with self.file.write() as db:
             if db.execute("SELECT value FROM settings WHERE name = 'state'").fetchone() != (
                 json.dumps(state),
@@ -336,7 +338,7 @@ class Car(LiveCar):
         Parameters
         ----------
         diary : Diary, optional
-            Its diary, where it was read already.
+            Diary of the car, if it was read already.
 
         Returns
         -------
@@ -376,14 +378,14 @@ class Car(LiveCar):
         }
 
     def at_departure(self) -> Forecast | None:
-        """Forecast the trip at its departure; what the plan leaves unknown of the departure is what the samples show.
+        """Forecast the trip at its departure. Values of the departure that the plan leaves out come from the samples.
 
-        It is made again when plan, model or departure are others.
+        The forecast is made again only if the plan, the model or the departure changed.
 
         Returns
         -------
         Forecast or None
-            None without a plan and a usual trip, or without a model.
+            None if there is neither a plan nor a usual trip, or no model.
 
         Raises
         ------
@@ -404,33 +406,34 @@ class Car(LiveCar):
         return self._departing[1]
 
     def update(self, forecast: Forecast) -> Forecast:
-        """Update a forecast of the trip made at its departure by what was measured so far. O(samples of the trip).
+        """Update the forecast made at departure with what was measured so far. O(samples of the trip).
 
         Parameters
         ----------
         forecast : Forecast
-            Of the trip that the car is on.
+            Forecast of the trip that the car is on.
 
         Returns
         -------
         Forecast
-            The same where fewer than two samples were measured.
+            The same forecast if fewer than two samples were measured.
 
         Raises
         ------
         InvalidInput
-            As `Forecast.update`: when the samples are not those of this trip.
+            As in `Forecast.update`: when the samples do not fit this trip.
         """
         observed = self.observed(forecast.plan.start_s)
         return forecast if len(observed) < 2 else forecast.update(observed)
 
     def shown_soc(self) -> float | None:
-        """Return the displayed charge by the latest message that has a charge.
+        """Return the displayed state of charge from the latest message that has a charge.
 
         Returns
         -------
         float or None
-            A charge of the battery management is converted by the model of the car; None without one, and without a charge.
+            A charge of the battery management is converted with the car's model; None if there is no model.
+            None also if no message has a charge.
 
         Examples
         --------
@@ -450,7 +453,7 @@ class Car(LiveCar):
         return min(max(float(shown(self._soc[2])), 0.0), 1.0)
 
     def last_air_degc(self, now_s: float) -> float | None:
-        """Return the outside temperature by the latest message that has one.
+        """Return the outside temperature from the latest message that has one.
 
         Parameters
         ----------
@@ -460,7 +463,7 @@ class Car(LiveCar):
         Returns
         -------
         float or None
-            [°C]; None without one, and where it is older than `AIR_S`.
+            Temperature [°C]; None if no message has one, or if it is older than `AIR_S`.
 
         Examples
         --------
@@ -477,13 +480,14 @@ class Car(LiveCar):
 
     @property
     def live_state(self) -> tuple[int, int, float | None]:
-        """What a forecast depends on: numbers of samples and of plans, and the start of the trip."""
+        """What a forecast depends on: number of new samples, number of plan changes, start of the trip (None without a trip)."""
         return self.counts["new"], self._plans, None if self.trip is None else self.trip.start_s
 
     def document(self, now_s: float) -> LiveResponse:
-        """Describe the car and the forecast of its trip, given what was measured. It is made once for the same samples.
+        """Return the car and the forecast of its trip, given what was measured.
 
-        Samples that cannot be of the trip leave the forecast before them, else that of the departure, and `faults`.
+        A new forecast is made only after `live_state` changed. If the samples do not fit the trip, `faults` has the reason and the
+        forecast stays the previous one. If the trip or the plan has changed since, the forecast is that at departure.
 
         Parameters
         ----------
@@ -493,7 +497,7 @@ class Car(LiveCar):
         Returns
         -------
         dict
-            Plain values, as the service gives them.
+            Plain values, as in the response of the service.
         """
         if self._of != self.live_state:
             self._make()
@@ -514,7 +518,7 @@ class Car(LiveCar):
         return cast(LiveResponse, document)
 
     def _make(self) -> None:
-        """Make the forecast of the document; one that is due is kept for the diary."""
+        """Make the forecast of the document, and store it for the diary if one is due."""
         before, of, self._of = self._forecast, self._of, self.live_state
         departing, self._faults = None, []
         try:
@@ -542,24 +546,24 @@ class Car(LiveCar):
         return live_forecast(forecast, self.reserve if reserve is None else reserve)
 
     def keep_forecast(self, forecast: LiveForecastDocument, *, departing: bool = False) -> bool:
-        """Keep a forecast of the whole trip for the diary, if it is due.
+        """Store a forecast of the whole trip for the diary, if one is due.
 
         Parameters
         ----------
         forecast : dict
             As in `document`.
         departing : bool
-            Whether it is that of the departure; it counts only as the first one.
+            Whether this is the forecast at departure, which is stored only if no other is stored yet.
 
         Returns
         -------
         bool
-            Whether it was kept.
+            Whether the forecast was stored.
 
         Raises
         ------
         OSError
-            When it cannot be written.
+            When the forecast cannot be written.
 
         Examples
         --------

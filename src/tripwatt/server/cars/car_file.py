@@ -1,7 +1,7 @@
-"""The SQLite file of a car: what belongs together is one transaction, so that a killed process or a full disk leaves it whole.
+"""The SQLite file of a car. Related changes are one transaction, so that a killed process or a full disk leaves the file intact.
 
-The file is in WAL mode: readers wait for nobody, and writers of several processes for each other. A commit is with the system when
-it returns; it is on the disk with the next checkpoint, after a finished trip and after learning.
+The file is in WAL mode: readers do not wait, and writers of several processes wait for each other. When a commit returns, the
+operating system has the data; the next checkpoint, after a finished trip or after learning, brings them to the disk.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ FORMAT: Final = 1
 """Number of the format, the `user_version` of the file."""
 
 BUSY_S: Final = 60.0
-"""A writer waits for so long for another one: the longest transaction reads the folder of an older version."""
+"""Longest wait of a writer for another one [s]: the longest transaction reads the folder of an older version."""
 
 SCHEMA: Final = (
     "CREATE TABLE settings (name TEXT PRIMARY KEY, value TEXT NOT NULL)",
@@ -74,7 +74,7 @@ class CarFile:
     Parameters
     ----------
     folder : Path
-        Of the car.
+        Folder of the car.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -82,14 +82,14 @@ class CarFile:
         self._kept: sqlite3.Connection | None = None
 
     def prepare(self, fill: Callable[[sqlite3.Connection], None]) -> None:
-        """Make the tables of a new file and fill them, in one transaction; a file that has them stays as it is.
+        """Create the tables of a new file and fill them, in one transaction; a file that has tables stays as it is.
 
         Raises
         ------
         InvalidInput
             When the file is of a newer format or damaged.
         OSError
-            When it cannot be written.
+            When the file cannot be written.
         """
         self.path.touch(0o600)
         with self.read() as db:
@@ -118,7 +118,7 @@ class CarFile:
 
     @contextmanager
     def read(self) -> Iterator[sqlite3.Connection]:
-        """A connection to read by.
+        """Open a connection for reading.
 
         Raises
         ------
@@ -136,12 +136,12 @@ class CarFile:
 
     @contextmanager
     def write(self) -> Iterator[sqlite3.Connection]:
-        """A transaction: all that is written in it is there after it, or nothing.
+        """Open a transaction: either all of its changes are written, or none.
 
         Raises
         ------
         OSError
-            When it cannot be written.
+            When the file cannot be written.
         """
         try:
             with closing(_connect(self.path)) if self._kept is None else nullcontext(self._kept) as db, db:
@@ -151,12 +151,12 @@ class CarFile:
             raise OSError(errno.EIO, f"cannot write the car: {error}", f"{self.path}") from error
 
     def checkpoint(self) -> None:
-        """Bring what was committed to the disk, and overwrite there what was deleted; on a full disk SQLite does so later."""
+        """Write committed data to the disk, and overwrite deleted data there; on a full disk SQLite does so later."""
         with suppress(InvalidInput), self.read() as db:
             db.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchall()
 
     def setting(self, name: str) -> Any:
-        """A setting; None where there is none, and in a file that a killed process began."""
+        """Return a setting; None if it is missing, or if a killed process left the file without tables."""
         with self.read() as db:
             if db.execute("PRAGMA user_version").fetchone() == (0,):
                 return None
@@ -164,7 +164,7 @@ class CarFile:
         return None if row is None else json.loads(row[0])
 
     def logs(self, where: str = "TRUE", *values: object) -> tuple[Log, ...]:
-        """Trips in the order of their departure, those without one last. O(samples)."""
+        """Return the trips that meet an SQL condition, by departure; those without a departure come last. O(samples)."""
         columns = ("trip_id", "started_at", "driver", "context", "columns", "samples")
         order = "ORDER BY started_at IS NULL, started_at, trip_id"
         with self.read() as db:
@@ -172,7 +172,7 @@ class CarFile:
             return tuple(_log(dict(zip(columns, row, strict=True))) for row in rows)
 
     def departures(self, before_s: float) -> list[float]:
-        """Departures of finished trips of the road before a time [s since 1970]."""
+        """Return the departures of finished trips on the road before `before_s` [s since 1970]."""
         with self.read() as db:
             return [
                 start_s
@@ -180,14 +180,14 @@ class CarFile:
             ]
 
     def forecasts(self, start_s: float) -> tuple[MadeForecast, ...]:
-        """Forecasts that were made on the trip that started at a time [s since 1970]."""
+        """Return the forecasts made on the trip that started at `start_s` [s since 1970]."""
         names = ", ".join(MadeForecast.__slots__)
         with self.read() as db:
             rows = db.execute(f"SELECT {names} FROM forecasts WHERE start_s = ? ORDER BY rowid", (start_s,))
             return tuple(MadeForecast(*row) for row in rows)
 
     def messages(self) -> list[Sample]:
-        """Samples that no finished trip holds, in the order of their arrival."""
+        """Return the samples that belong to no finished trip, in the order of their arrival."""
         with self.read() as db:
             return [
                 sample_of_text(text) for (text,) in db.execute("SELECT sample FROM messages ORDER BY rowid")
@@ -195,7 +195,7 @@ class CarFile:
 
 
 def put_settings(db: sqlite3.Connection, settings: Mapping[str, Any]) -> None:
-    """Write settings; those that are None are removed."""
+    """Write settings; remove those whose value is None."""
     db.executemany("DELETE FROM settings WHERE name = ?", [(name,) for name in settings])
     rows = [(name, json.dumps(value)) for name, value in settings.items() if value is not None]
     db.executemany("INSERT INTO settings VALUES (?, ?)", rows)
@@ -208,7 +208,7 @@ def put_logs(
     start_s: float | None = None,
     is_learned: bool = False,
 ) -> int:
-    """Add rows of `row_of_log`, unless there is a log of the same name or content; how many are new."""
+    """Add rows of `row_of_log`, except logs whose name or content is stored already; return the number of added rows."""
     before = db.total_changes
     statement = "INSERT OR IGNORE INTO trips VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)"
     db.executemany(statement, [(*row, start_s, is_learned) for row in rows])
@@ -216,7 +216,7 @@ def put_logs(
 
 
 def row_of_log(log: Recorded) -> tuple[object, ...]:
-    """A log as it is stored, value for value. O(samples)."""
+    """Return a log as a row of the table `trips`, without its last two columns. O(samples)."""
     samples, started, names = BytesIO(), log.context.started_at, kept_columns(log)
     arrays: dict[str, Any] = {name: log.array(name) for name in names}
     np.savez_compressed(samples, **arrays)
@@ -232,19 +232,19 @@ def row_of_log(log: Recorded) -> tuple[object, ...]:
 
 
 def put_forecasts(db: sqlite3.Connection, start_s: float, made: Iterable[MadeForecast]) -> None:
-    """Add forecasts of the trip that started at a time [s since 1970]."""
+    """Add forecasts of the trip that started at `start_s` [s since 1970]."""
     db.executemany(
         "INSERT INTO forecasts VALUES (?, ?, ?, ?, ?, ?)", [(start_s, *astuple(one)) for one in made]
     )
 
 
 def put_messages(db: sqlite3.Connection, samples: Iterable[Sample]) -> None:
-    """Add samples behind the others."""
+    """Append samples to those that are stored."""
     db.executemany("INSERT INTO messages VALUES (?)", [(text_of(sample),) for sample in samples])
 
 
 def text_of(sample: Sample) -> str:
-    """A sample as text, without its position.
+    """Return a sample as JSON text, without its faults.
 
     Examples
     --------
@@ -257,12 +257,12 @@ def text_of(sample: Sample) -> str:
 
 
 def sample_of_text(text: str | bytes) -> Sample:
-    """The sample of a text.
+    """Return the sample of a text that `text_of` made.
 
     Raises
     ------
     ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError, InvalidInput
-        When the text is none of ours.
+        When `text_of` cannot have made the text.
     """
     fields = json.loads(text)
     charging, parked = (bool(fields.pop(name, False)) for name in FLAGS)

@@ -1,4 +1,4 @@
-"""The diary of a car: each trip as it was forecast before the model was adapted to it, and what it took."""
+"""The diary of a car: for each trip, the forecast made before the model was adapted to it, and the measured energy."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ FORECAST: Final = ("forecast_wh", "low_wh", "high_wh")
 """Columns of a forecast and of its interval."""
 
 BOOK: Final = "book_"
-"""Start of the columns of the forecast by the model without own trips: by the published values of the car."""
+"""Prefix of the columns with the forecast by the published values of the car, without its own trips."""
 
 NUMBERS: Final = (
     *("trips_learned", "distance_m", "duration_s", "ambient_temperature_degc", "energy_wh"),
@@ -31,11 +31,11 @@ NUMBERS: Final = (
     *(f"{BOOK}{name}" for name in FORECAST),
 )
 CAUSE: Final = "cause_"
-"""Start of the columns with the forecast's energy by cause [Wh]."""
+"""Prefix of the columns with the forecast's energy by cause [Wh]."""
 
 QUARTERS: Final = ("december_to_february", "march_to_may", "june_to_august", "september_to_november")
 LATEST: Final = 20
-"""Trips of the running score."""
+"""Number of latest trips in the running score."""
 
 COLD_DEGC: Final = 5.0
 WARM_DEGC: Final = 20.0
@@ -44,14 +44,14 @@ WARM_DEGC: Final = 20.0
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """Forecasts beside what the trips took.
+    """Score of forecasts against the measured energy of their trips.
 
     Attributes
     ----------
     trips : int
         Number of trips.
     error : float
-        Mean of the absolute error of a trip over its energy; trips without consumption do not count.
+        Mean of the absolute error of a trip divided by its energy; trips without consumption are left out.
     weighted_error : float
         Sum of the absolute errors over the sum of the energies.
     bias : float
@@ -63,8 +63,8 @@ class Score:
     inside : int
         Trips within their interval.
     needed_width : float
-        Width with which the intervals, all scaled by one factor, would have held exactly 90 % of these trips, over the energies as
-        `width`. Far below it the intervals were wider than the trips called for.
+        The `width` at which the intervals, all scaled by one factor, would have held exactly 90 % of these trips. If it is far
+        below `width`, the intervals were wider than necessary.
 
     Examples
     --------
@@ -96,7 +96,7 @@ class Score:
         Returns
         -------
         Score
-            NaN for what no row shows.
+            NaN for values that no row determines.
 
         Examples
         --------
@@ -131,23 +131,23 @@ class Score:
         Returns
         -------
         dict
-            One key for each attribute; None for what no trip shows.
+            One key for each attribute; None instead of NaN.
         """
         values = {name: getattr(self, name) for name in self.__slots__}
         return {name: value if math.isfinite(value) else None for name, value in values.items()}
 
 
 def entry(trip: Trip, forecast: Forecast, published: Forecast, trips_learned: int) -> dict[str, Any]:
-    """The row of a trip.
+    """Return the row of a trip in the diary.
 
     Parameters
     ----------
     trip : Trip
-        With measured energy.
+        Trip with measured energy.
     forecast, published : Forecast
-        At its departure, by the model of that moment and by one without own trips.
+        Forecasts at its departure: by the model as it was then, and by the model without the car's own trips.
     trips_learned : int
-        Trips that the car had driven before.
+        Number of trips learned before.
     """
     started = trip.context.started_at
     return {
@@ -176,8 +176,8 @@ class Diary:
     Attributes
     ----------
     table : DataFrame
-        One row a trip: `trip_id`, `started_at`, `trips_learned` before it, what is known of the drive, `energy_wh` as
-        measured, the forecast at departure with its 90 % interval (`forecast_wh`, `low_wh`, `high_wh`), the same by the
+        One row per trip: `trip_id`, `started_at`, `trips_learned` before it, distance, duration and temperature, the measured
+        `energy_wh`, the forecast at departure with its 90 % interval (`forecast_wh`, `low_wh`, `high_wh`), the same by the
         model without own trips (`book_forecast_wh`, `book_low_wh`, `book_high_wh`), and the forecast by cause.
 
     Examples
@@ -203,7 +203,7 @@ class Diary:
         Returns
         -------
         Diary
-            With all columns but those by cause.
+            No rows; all columns except those by cause.
         """
         texts = {name: pd.Series(dtype=str) for name in TEXTS}
         return cls(pd.DataFrame({**texts, **{name: pd.Series(dtype=np.float64) for name in NUMBERS}}))
@@ -231,12 +231,12 @@ class Diary:
 
     @property
     def trip_ids(self) -> frozenset[str]:
-        """Trips that are in it."""
+        """Names of the trips in the diary."""
         return frozenset(self.table["trip_id"])
 
     @property
     def score(self) -> Score:
-        """Over all trips, each forecast before it was learned."""
+        """Score over all trips, each forecast before it was learned."""
         return Score.of(self.table)
 
     def latest(self, trips: int = LATEST) -> tuple[Score, Score]:
@@ -245,14 +245,14 @@ class Diary:
         Parameters
         ----------
         trips : int
-            How many.
+            Number of trips.
 
         Returns
         -------
         own : Score
-            By the model of the time of each trip.
+            Score of the forecasts by the model as it was at each trip.
         book : Score
-            By the model without own trips.
+            Score of the forecasts by the model without own trips.
         """
         last = self.table.tail(trips)
         return Score.of(last), Score.of(last, BOOK)
@@ -307,7 +307,7 @@ class Diary:
         }
 
     def seen_degc(self, factor: str) -> tuple[float, float] | None:
-        """Outside temperatures of the trips that show a factor of the car.
+        """Return the range of outside temperatures of the trips that show a factor of the car.
 
         Parameters
         ----------
@@ -317,7 +317,7 @@ class Diary:
         Returns
         -------
         (float, float) or None
-            Lowest and highest [°C]; None where no trip shows it.
+            Lowest and highest [°C]; None if no trip shows the factor.
 
         Examples
         --------
@@ -330,12 +330,12 @@ class Diary:
         return (float(seen.min()), float(seen.max())) if len(seen) else None
 
     def by_cause_wh(self) -> dict[str, float]:
-        """Sum where the energy went: the forecasts by cause, and what was measured beside their sum.
+        """Sum the energy of all trips by cause: the forecasts by cause, and the energy that was not forecast.
 
         Returns
         -------
         dict of str to float
-            Cause -> energy [Wh]; `not_forecast` is measured less forecast energy. Empty where no forecast is by cause.
+            Cause -> energy [Wh]; `not_forecast` is measured less forecast energy. Empty if no forecast is by cause.
         """
         causes = {
             name.removeprefix(CAUSE).removesuffix("_wh"): float(self.table[name].sum())

@@ -14,16 +14,16 @@ OFFLINE: Final = "offline"
 """Messages on the topic that shows whether somebody publishes."""
 
 EXPIRES_S: Final = 300
-"""A figure that is not published again for so long is unavailable [s]: several times what a silent car is published again after."""
+"""A figure that is not published again within this time is unavailable [s]: several times the interval for a silent car."""
 
 
 SCALES: Final = {"%": ("* 100", 1), "kWh": ("/ 1000", 2), "km": ("/ 1000", 0), "min": ("/ 60", 1)}
-"""Unit of a sensor -> what gives it from the figure of the document, and how many digits."""
+"""Unit of a sensor -> conversion of the document's figure to this unit, and number of decimals."""
 
 
 @dataclass(frozen=True, slots=True)
 class Sensor:
-    """One figure of the published document, `of` it; it is unknown where that or the part around it is null."""
+    """One figure of the published document, at its path `of`; unknown if the figure or the part around it is null."""
 
     key: str
     title: str
@@ -57,14 +57,14 @@ SENSORS: Final = (
 
 
 def discovery(car: str, topic: str, prefix: str) -> Iterator[tuple[str, dict[str, Any]]]:
-    """The retained messages by which Home Assistant finds a car.
+    """Return the retained messages by which Home Assistant finds a car.
 
     Parameters
     ----------
     car : str
         Name of the car.
     topic : str
-        Cars are published below it, and on it whether somebody publishes.
+        Topic below which cars are published; the topic itself has `online` or `offline`.
     prefix : str
         Usually `homeassistant`.
 

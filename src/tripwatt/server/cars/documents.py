@@ -1,4 +1,4 @@
-"""What a car on the road is as plain values: the same over HTTP, over MQTT and on the page.
+"""The state of a car on the road as plain values: the same over HTTP, over MQTT and on the page.
 
 The docstrings of the fields are their descriptions in the OpenAPI document.
 """
@@ -123,7 +123,7 @@ class LiveResponse(TypedDict):
 
 
 def live_forecast(forecast: Forecast, reserve: float) -> LiveForecastDocument:
-    """A forecast as plain values.
+    """Convert a forecast to plain values.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Folders of cars: made, opened, forgotten, and the token with which a car sends."""
+"""Create, open and erase folders of cars, and issue the tokens with which cars send."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ UPLOADS: Final = "uploads"
 
 
 def folder_name(label: str) -> str:
-    """A name for the folder of a car, from what its owner calls it.
+    """Return a valid folder name for a car, made from its owner's name for it.
 
     Examples
     --------
@@ -44,19 +44,19 @@ def create_car(
     Parameters
     ----------
     folder : path
-        New or empty, or that of a car on the road, which gets a description so. A name that cannot be part of a URL, such as "My Model 3", becomes the label of the car, and the folder is
-        called after it: "My-Model-3".
+        New or empty folder, or that of a car on the road, which then gets a description. If its name cannot be part of a URL, such
+        as "My Model 3", this name becomes the label of the car, and the folder is called "My-Model-3".
     vehicle : Vehicle, str or path
-        A car, the name of one of the library, or a TOML file.
+        A vehicle, the name of one in the library, or a TOML file.
     base : path, optional
         A stored model to adapt; the bundled one by default.
     label : str
-        As its owner calls the car; the name of the folder by default.
+        The owner's name for the car; the name of the folder by default.
 
     Returns
     -------
     Car
-        Without trips.
+        A car without trips.
 
     Raises
     ------
@@ -89,7 +89,7 @@ def create_car(
 
 
 def is_car(folder: Path | str) -> bool:
-    """Tell whether a folder is that of a car.
+    """Return whether a folder is that of a car with a description.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def is_car(folder: Path | str) -> bool:
     Returns
     -------
     bool
-        False for a car that only sends on the road: nothing describes it.
+        False for a car that only sends on the road, because it has no description.
 
     Examples
     --------
@@ -110,7 +110,7 @@ def is_car(folder: Path | str) -> bool:
 
 
 def learned_state(folder: Path | str) -> str | None:
-    """Identify what the car in a folder has learned, as `Car.learned_state`; None where there is no car."""
+    """Return `Car.learned_state` of the car in a folder; None if there is no car with a description."""
     state = _setting(Path(folder), "state")
     return None if state is None else f"{state}"
 
@@ -126,12 +126,12 @@ def open_car(folder: Path | str) -> Car:
     Returns
     -------
     Car
-        With its trips, its model and its diary.
+        The car with its trips, model and diary.
 
     Raises
     ------
     InvalidInput
-        When it is none, it is damaged, or of a newer format.
+        When the folder is not that of a car, is damaged, or is of a newer format.
 
     Examples
     --------
@@ -148,23 +148,23 @@ def open_car(folder: Path | str) -> Car:
 
 
 def _place(folder: Path) -> Path:
-    """The folder of a car by its name or its label."""
+    """Return the folder of a car, given with its name or its label as last part."""
     usual = folder.name == "" or VALID_NAME.fullmatch(folder.name) is not None or is_car(folder)
     return folder if usual else folder.with_name(folder_name(folder.name))
 
 
 def forget_car(folder: Path | str) -> None:
-    """Erase a car: its trips, its model, its diary and what it sent while it drove; files that others put into the folder stay.
+    """Erase a car: its trips, model, diary, samples and uploads. Other files in the folder stay.
 
     Parameters
     ----------
     folder : Path or str
-        Of the car.
+        Folder of the car.
 
     Raises
     ------
     InvalidInput
-        When it is no car, and none on the road, or another process follows it.
+        When the folder is not that of a car, or another process follows the car.
 
     Examples
     --------
@@ -181,24 +181,24 @@ def forget_car(folder: Path | str) -> None:
     with folder_lock(place):
         older.remove(place)
         shutil.rmtree(place / UPLOADS, ignore_errors=True)
-        for end in ("-wal", "-shm", ""):  # the car is one until the last of them is gone
+        for end in ("-wal", "-shm", ""):  # a car is there until the last of them is gone
             (place / f"{FILE}{end}").unlink(missing_ok=True)
         if not any(place.iterdir()):
             place.rmdir()
 
 
 def has_token(folder: Path | str) -> bool:
-    """Tell whether a folder is that of a car with a token.
+    """Return whether a folder is that of a car with a token.
 
     Parameters
     ----------
     folder : Path or str
-        Of a car.
+        Folder of a car.
 
     Returns
     -------
     bool
-        Without opening the car.
+        False also if there is no car.
 
     Examples
     --------
@@ -209,14 +209,14 @@ def has_token(folder: Path | str) -> bool:
 
 
 def issue_token(folder: Path | str) -> str:
-    """Make the token with which a car sends its samples; an earlier one is no longer accepted.
+    """Make the token with which a car sends its samples; an earlier token is no longer accepted.
 
-    The folder holds a digest of the token, from which it cannot be found.
+    The folder holds only a digest, from which the token cannot be recovered.
 
     Parameters
     ----------
     folder : Path or str
-        Of a car; made where it is missing.
+        Folder of a car; created if missing.
 
     Returns
     -------
@@ -226,7 +226,7 @@ def issue_token(folder: Path | str) -> str:
     Raises
     ------
     InvalidInput
-        When its name cannot be one, or it cannot be written.
+        When the folder's name is not a valid car name, or the folder cannot be written.
 
     Examples
     --------
@@ -248,12 +248,12 @@ def issue_token(folder: Path | str) -> str:
 
 
 def digest_of(token: str) -> str:
-    """SHA-256 of a token; tokens are random, so that a digest needs no salt."""
+    """Return the SHA-256 digest of a token; tokens are random, so a digest needs no salt."""
     return hashlib.sha256(token.encode("utf-8", "replace")).hexdigest()
 
 
 def token_digest(folder: Path | str) -> str | None:
-    """The digest of a car's token; None where it has none.
+    """Return the digest of a car's token; None if there is no car or it has no token.
 
     Raises
     ------
@@ -265,7 +265,7 @@ def token_digest(folder: Path | str) -> str | None:
 
 
 def _setting(place: Path, name: str) -> object:
-    """A setting of the car in a folder; None where there is none."""
+    """Return a setting of the car in a folder; None if there is no car or no such setting."""
     if older.is_there(place):
         Car(place)
     file = CarFile(place)

@@ -1,4 +1,4 @@
-"""Following cars over MQTT: their messages become samples, and what the cars are is published every few seconds."""
+"""Follow cars over MQTT: their messages become samples, and the state of each car is published every few seconds."""
 
 from __future__ import annotations
 
@@ -26,28 +26,28 @@ PORTS: Final = {"mqtt": 1883, "mqtts": 8883}
 """Scheme of a URL -> usual port; `mqtts` is encrypted."""
 
 AGAIN_S: Final = (1.0, 60.0)
-"""First and longest wait before a broker that was lost is asked again [s]."""
+"""First and longest wait before connecting to a lost broker again [s]."""
 
 FLUSH_S: Final = 2.0
-"""A sample is complete when nothing came for so long [s]."""
+"""A sample is complete if nothing arrives for this long [s]."""
 
 AGE_S: Final = 30.0
-"""What is known of a car is published again after so long without news [s]: the time since its last message grows."""
+"""A car without news is published again after this time [s], because the time since its last message grows."""
 
 KEEP_ALIVE_S: Final = 30
-"""A broker that hears nothing for one and a half times this publishes the will [s]."""
+"""A broker that receives nothing for one and a half times this publishes the will [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Broker:
-    """Where an MQTT broker is.
+    """Address and account of an MQTT broker.
 
     Attributes
     ----------
     host : str
         Name or address.
     port : int
-        Of TCP.
+        TCP port.
     username, password : str or None
         None for a broker without accounts.
     encrypted : bool
@@ -72,19 +72,19 @@ class Broker:
         Parameters
         ----------
         url : str
-            With the scheme `mqtt` or `mqtts`.
+            URL with the scheme `mqtt` or `mqtts`.
         password : str, optional
-            For a URL without one.
+            Password for a URL without one.
 
         Returns
         -------
         Broker
-            With the usual port of the scheme where the URL has none.
+            The broker, with the usual port of the scheme if the URL has none.
 
         Raises
         ------
         InvalidInput
-            When it is none.
+            When the URL is not that of a broker.
 
         Examples
         --------
@@ -108,16 +108,16 @@ class Broker:
 
 @dataclass(frozen=True, slots=True)
 class MqttSettings:
-    """What is followed and published over MQTT.
+    """Which cars are followed over MQTT, and to which topics they are published.
 
     Attributes
     ----------
     broker : Broker
-        Where the cars send to.
+        Broker that the cars send to.
     cars : mapping of str to tuple of str
-        Name of a car -> what sends (see `TopicJoiner`), and its topic.
+        Name of a car -> its sender (see `TopicJoiner`) and topic.
     publish_to : str
-        Cars are published below this topic, and on it whether somebody publishes: `online` or `offline`. Empty for nothing.
+        Topic below which cars are published; the topic itself has `online` or `offline`. Empty to publish nothing.
     announce_below : str
         Prefix of topics below which Home Assistant finds what is published; empty for none.
 
@@ -135,25 +135,25 @@ class MqttSettings:
 
 @dataclass(eq=False)
 class Follower:
-    """Follows cars over MQTT, and publishes what they are, until it is cancelled. It knows cars by their names alone.
+    """Follows cars over MQTT and publishes their state, until `follow` is cancelled. Cars are given by name only.
 
     Attributes
     ----------
     settings : MqttSettings
         What is followed and published.
     take : callable
-        Called with the name of a car and a sample of it; what it raises as `InvalidInput` is noted.
+        Called with the name of a car and a sample; an `InvalidInput` that it raises goes to `note`.
     documents : callable
-        Returns what is published of each car, by its name.
+        Returns name of a car -> document to publish.
     note : callable
         Called with a sentence when the broker is lost or a message is not stored.
     every_s : float
-        Shortest time between two messages of a car [s].
+        Shortest time between two published messages of a car [s].
 
     Raises
     ------
     InvalidInput
-        For an unknown sender or a topic that cannot be one.
+        For an unknown sender or an invalid topic.
 
     Examples
     --------
@@ -180,7 +180,7 @@ class Follower:
         self._published: dict[str, tuple[dict[str, Any], float]] = {}
 
     async def follow(self) -> None:
-        """Follow the cars; a broker that is lost is asked again, for as long as it takes."""
+        """Follow the cars; connect to a lost broker again, for as long as it takes."""
         import aiomqtt  # an extra
 
         wait_s = AGAIN_S[0]
@@ -243,7 +243,7 @@ class Follower:
                 return
 
     async def _publish_car(self, client: aiomqtt.Client, name: str, document: Mapping[str, Any]) -> None:
-        """Publish a car where it is another, and at times so that its age grows."""
+        """Publish a car if its document changed; without a change, publish it every `AGE_S` to update its age."""
         now_s, lasting = self._now_s(), {**document, "seconds_since_message": None}
         before = self._published.get(name)
         if before is not None and before[0] == lasting and now_s < before[1] + AGE_S:
@@ -260,7 +260,7 @@ class Follower:
             await client.publish(f"{self.settings.publish_to}{below}", text, qos=1, retain=True)
 
     def _client(self) -> aiomqtt.Client:
-        """A client whose messages the broker keeps while it is away."""
+        """Return a client for which the broker keeps messages while it is disconnected."""
         import aiomqtt
 
         broker, topic = self.settings.broker, self.settings.publish_to

@@ -19,23 +19,23 @@ from tripwatt.trips import Trip, TripSet
 from tripwatt.vehicles import Vehicle
 
 Progress = Callable[[int, int], None]
-"""Called with the trips that were forecast and their number."""
+"""Called with the number of trips forecast so far, and the number of all."""
 
 
 @dataclass(frozen=True, slots=True)
 class Learned:
-    """What adding logs brought.
+    """Result of adding logs to a car.
 
     Attributes
     ----------
     added, known : int
-        Logs that are new, and that were there before.
+        Number of logs that are new, and number that were stored before.
     entries : int
-        New trips of the diary.
+        Number of new trips in the diary.
     left_out : tuple of str
         Given drives that are not in the diary, with the reason.
     flat : int
-        New trips of the diary without heights: their climb is unknown.
+        Number of new trips in the diary without heights, whose climb is unknown.
 
     Examples
     --------
@@ -52,7 +52,7 @@ class Learned:
 
 @dataclass
 class Lesson:
-    """What a car learns of its logs.
+    """What a car learns from its logs.
 
     Attributes
     ----------
@@ -61,9 +61,9 @@ class Lesson:
     left_out : dict of str to str
         Given drives that are not in the diary, and why.
     flat : int
-        As of `Learned`.
+        As in `Learned`.
     model : dict of str to bytes
-        The parts of the stored model; empty where nothing was learned.
+        The parts of the stored model; empty if nothing was learned.
     """
 
     entries: list[dict[str, Any]] = field(default_factory=list)
@@ -74,20 +74,20 @@ class Lesson:
 
 @dataclass(frozen=True)
 class Learner:
-    """What a car is, and what it has learned so far.
+    """A car's vehicle and logs, and what it has learned so far.
 
     Attributes
     ----------
     vehicle : Vehicle
-        With its published values.
+        The vehicle with its published values.
     base : Path or None
-        Model that is adapted to the trips; None for the bundled one.
+        Folder of the model that is adapted to the trips; None for the bundled model.
     logs : TripSet
-        All of the car.
+        All logs of the car.
     seen : frozenset of str
-        Trips of its diary.
+        Names of the trips in its diary.
     stored : ForecastModel or None
-        The model that is adapted to them; None before the first one, and where an older version of tripwatt wrote it.
+        Stored model, adapted to these trips; None before the first trip, or if an older version of tripwatt wrote the model.
     """
 
     vehicle: Vehicle
@@ -97,13 +97,13 @@ class Learner:
     stored: ForecastModel | None
 
     def model(self) -> ForecastModel:
-        """The model of the car: that of its published values before the first trip."""
+        """Return the model of the car; before the first trip, that of its published values."""
         if self.stored is not None:
             return self.stored
         return self.known().model if self.seen else for_car(self.base, self.vehicle)
 
     def known(self) -> Adaptation:
-        """What the car has learned; from its trips again where an older version of tripwatt learned them."""
+        """Return what the car has learned; computed from its trips again if an older version of tripwatt learned them."""
         base, stored = load_model(self.base), self.stored
         new = Adaptation.before_trips(base, self.vehicle, population_of(base))
         evidence = None if stored is None else stored.evidence_
@@ -114,12 +114,12 @@ class Learner:
         return new.with_trips([t for t in _by_date(audit(self.logs).trips) if t.trip_id in self.seen])
 
     def learn(self, given: Iterable[str], progress: Progress) -> Lesson:
-        """Forecast the trips that are in no diary one after the other, each before it is learned.
+        """Forecast the trips that are not in the diary one after the other, each before it is learned.
 
         Parameters
         ----------
         given : iterable of str
-            Logs of which it is told why they are left out.
+            Names of logs; if the audit sets them aside, `Lesson.left_out` has the reason.
         progress : callable
         """
         judged, lesson, given = audit(self.logs), Lesson(), {*given}
@@ -155,7 +155,7 @@ def _parts(model: ForecastModel, provenance: Mapping[str, Any]) -> dict[str, byt
 
 
 def model_of_parts(parts: Mapping[str, bytes]) -> ForecastModel:
-    """The model of its stored parts."""
+    """Load a model from its stored parts."""
     with TemporaryDirectory() as folder:
         for name, content in parts.items():
             Path(folder, name).write_bytes(content)
@@ -163,7 +163,7 @@ def model_of_parts(parts: Mapping[str, bytes]) -> ForecastModel:
 
 
 def _by_date(trips: Iterable[Trip]) -> list[Trip]:
-    """Trips with measured energy by their departure; those without a date come last, by name."""
+    """Sort trips with measured energy by departure; those without a date come last, by name."""
     dated = in_order(trip for trip in trips if trip.context.started_at is not None)
     others = (trip for trip in trips if trip.context.started_at is None)
     return [*dated, *sorted(in_order(others), key=lambda trip: trip.trip_id)]

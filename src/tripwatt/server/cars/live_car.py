@@ -1,6 +1,6 @@
-"""A car on the road: its samples are kept as they arrive, the trip that it is on is forecast after each of them, and a trip that ends is a log.
+"""A car on the road: samples are stored as they arrive, and a trip that ends is stored as a log. `Car` adds the forecasts.
 
-A sample is in the car's file before it counts. The state after a restart is that of the same samples taken again.
+A sample is written to the car's file before it is used. After a restart, taking the stored samples again gives the same state.
 """
 
 from __future__ import annotations
@@ -40,42 +40,42 @@ if TYPE_CHECKING:
     import sqlite3
 
 FAR_S: Final = 366.0 * SECONDS_PER_DAY
-"""No clock of ours is slow by more [s]."""
+"""Most that our clock may be slow [s]; before the sender's clock is known, samples further ahead are refused."""
 
 LEAST_ROWS: Final = 3
-"""Fewest samples of a trip: fewer make no log."""
+"""Fewest samples from which a log is made."""
 
 ERASE_EVERY_S: Final = 3600.0
 
 SLACK_MESSAGES: Final = 1000
-"""Samples of a standing car that may be kept beyond those that count."""
+"""Samples of a standing car that may stay in the file beyond twice those that are still needed."""
 
 EVERY_S: Final = 120.0
-"""Time between two forecasts of a trip that are kept [s]."""
+"""Shortest time between two stored forecasts of a trip [s]."""
 
 MOST_FORECASTS: Final = 400
-"""Most forecasts of a trip that are kept: 13 h, longer than the longest trip."""
+"""Most stored forecasts of a trip: enough for 13 h, longer than the longest trip."""
 
 VALID_NAME: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]{0,63}")
-"""Names of folders of cars: they are parts of paths and of URLs."""
+"""Valid names of car folders, which become parts of paths and URLs."""
 
 
 class LiveCar(Recorder):
-    """What a car sends on the road, in the file of the car.
+    """A car that sends samples on the road; its file stores them.
 
     Parameters
     ----------
     folder : Path or str
-        Of the car, whose name is that of the folder. A folder of tripwatt 0.2 or 0.3.0.dev0 is read once into the file.
+        Folder of the car; its name is the car's name. A folder of tripwatt 0.2 or 0.3.0.dev0 is read once into the file.
 
     Attributes
     ----------
     now_s : callable
         Returns the time by our clock [s since 1970], which goes on steadily when that of the machine is set.
     finished : callable
-        Called when a trip that has ended was written.
+        Called after a trip has ended and was written.
     keep_days : float
-        Days that finished trips, and samples of a car that is silent, stay on disk.
+        Days for which finished trips, and samples of a silent car, stay on disk.
 
     Raises
     ------
@@ -96,11 +96,11 @@ class LiveCar(Recorder):
         self._open = ExitStack()
         self._listening_s = self._erased_s = -math.inf
         self._messages = self._plans = 0
-        # departure of a trip, its usual trip, and the road of that
+        # departure of a trip, its usual trip, and the road of the usual trip
         self._usual: tuple[float, Log | None, LivePlan | None] | None = None
 
     def _resume(self) -> None:
-        """Take the samples again that no finished trip holds."""
+        """Lock the folder, and take the stored samples again that belong to no finished trip."""
         with ExitStack() as stack:
             stack.enter_context(folder_lock(self.folder))
             self.file.keep_open()
@@ -120,7 +120,7 @@ class LiveCar(Recorder):
             self._open = stack.pop_all()
 
     def record(self, sample: Sample, *, now_s: float | None = None) -> Arrival:
-        """Take a sample; it is in the file when this returns. O(1) amortised.
+        """Take a sample; a new or held one is in the file when this returns. O(1) amortised.
 
         Parameters
         ----------
@@ -132,14 +132,14 @@ class LiveCar(Recorder):
         Returns
         -------
         {"new", "doubled", "late", "held"}
-            Only a new sample counts. One that is held counts when later ones confirm that the clock of the sender was set.
+            Only a new sample is used. A held one is used once later samples confirm that the clock of the sender was set.
 
         Raises
         ------
         InvalidInput
-            When the clock of the sender is not known yet, and the time is ahead of ours by more than `FAR_S`.
+            When the clock of the sender is not known yet, and the sample's time is ahead of our clock by more than `FAR_S`.
         OSError
-            When it cannot be written; send it again.
+            When the sample cannot be written; send it again.
         """
         now_s = self.now_s() if now_s is None else now_s
         if self._sender.offset_s is None and sample.time_s > now_s + FAR_S:
@@ -167,7 +167,7 @@ class LiveCar(Recorder):
                 db.execute("UPDATE forecasts SET start_s = ? WHERE start_s = ?", (trip.start_s, before_s))
 
     def end_when_silent(self, now_s: float) -> bool:
-        """End the trip of a car that sent nothing for `SILENCE_S` by our clock, while this process listened.
+        """End the trip if the car sent nothing for `SILENCE_S` by our clock while this process listened; erase old data hourly.
 
         Parameters
         ----------
@@ -182,7 +182,7 @@ class LiveCar(Recorder):
         Raises
         ------
         OSError
-            As `finish_trip`.
+            As in `finish_trip`.
         """
         if now_s - self._erased_s > ERASE_EVERY_S:
             self._erased_s = now_s
@@ -192,17 +192,17 @@ class LiveCar(Recorder):
         return self.finish_trip()
 
     def finish_trip(self) -> bool:
-        """End the trip that the car is on, and keep it as a log.
+        """End the trip that the car is on, and store it as a log.
 
         Returns
         -------
         bool
-            Whether there was one.
+            Whether a trip has ended.
 
         Raises
         ------
         OSError
-            When it cannot be written; it is written with the next sample.
+            When the trip cannot be written; the next sample tries again.
         """
         self._end_trip()
         done = bool(self.ended)
@@ -237,7 +237,7 @@ class LiveCar(Recorder):
             self.finished()
 
     def _keep(self, db: sqlite3.Connection, trip: LiveTrip) -> bool:
-        """Write a trip that has ended as a log; one that is too short leaves nothing."""
+        """Write an ended trip as a log and return True; if it is too short, delete its forecasts and return False."""
         table = trip.table(until_s=trip.moved_s)
         started = dt.datetime.fromtimestamp(int(trip.start_s), dt.UTC)
         context = Context(started_at=started.astimezone().replace(tzinfo=None))
@@ -251,9 +251,9 @@ class LiveCar(Recorder):
         return True
 
     def erase_old(self, now_s: float) -> int:
-        """Erase what is older than `keep_days`: finished trips by their departure, and the samples of a car that sends no more.
+        """Erase data older than `keep_days`: finished trips by their departure, and the samples of a car that fell silent.
 
-        A trip that the car is on stays, and what was learned of a finished one stays as its log. O(finished trips).
+        The trip that the car is on stays, and so does the log of a finished trip that was learned. O(finished trips).
 
         Parameters
         ----------
@@ -263,7 +263,7 @@ class LiveCar(Recorder):
         Returns
         -------
         int
-            Trips that were erased.
+            Number of trips that were erased.
 
         Examples
         --------
@@ -293,14 +293,14 @@ class LiveCar(Recorder):
         return old
 
     def usual_trip(self) -> Log | None:
-        """Find the finished trip that began nearest by time of day to the one that the car is on.
+        """Find the finished trip whose departure is nearest by time of day to that of the current trip.
 
-        O(finished trips), once for a trip.
+        O(finished trips) in the first call of a trip.
 
         Returns
         -------
         Log or None
-            None where there is none within `NEAR_S`, or the car has driven further than that trip.
+            None if the car is on no trip, no departure is within `NEAR_S`, or the car has driven further than `LONGER` allows.
         """
         trip = self.trip
         if trip is None:
@@ -312,7 +312,7 @@ class LiveCar(Recorder):
         return None if log is None or trip.distance_m > LONGER * log.distance_m else log
 
     def usual_trip_at(self, start_s: float) -> Log | None:
-        """Find the finished trip that began nearest by time of day to a departure. O(finished trips).
+        """Find the finished trip whose departure is nearest by time of day to another departure. O(finished trips).
 
         Parameters
         ----------
@@ -322,32 +322,32 @@ class LiveCar(Recorder):
         Returns
         -------
         Log or None
-            None where there is none within `NEAR_S`.
+            None if no departure is within `NEAR_S`.
         """
         usual_s = usual_departure(self.file.departures(start_s), start_s)
         return None if usual_s is None else self.file.logs("start_s = ?", usual_s)[0]
 
     def plan_at(self, departure_s: float) -> LivePlan | None:
-        """The plan of a trip that departs at a time [s since 1970]: the one that was given, else the road of the usual trip."""
+        """Return the plan of a trip that departs at `departure_s` [s since 1970]: the given one, else that of the usual trip."""
         trip = None if self.plan is not None else self.usual_trip_at(departure_s)
         return self.plan if trip is None else LivePlan.from_trip(trip)
 
     def set_plan(self, request: Mapping[str, Any] | None, departure_s: float | None = None) -> None:
-        """Give the plan of the trip that the car is on, or of its next one; None takes it away.
+        """Set the plan of the trip that the car is on, or else of its next trip; None removes the plan.
 
-        It is kept until its trip has ended.
+        The plan is kept until its trip has ended.
 
         Parameters
         ----------
         request : mapping or None
             Fields of a request for a forecast, see `LivePlan`.
         departure_s : float, optional
-            Departure on the clock of the plan [s since 1970]. Earlier samples do not count.
+            Departure on the clock of the plan [s since 1970]. Earlier samples are ignored.
 
         Raises
         ------
         OSError
-            When it cannot be written.
+            When the plan cannot be written.
         """
         newest_s = self._ordered.newest_s
         plan = (
@@ -358,19 +358,19 @@ class LiveCar(Recorder):
         self.plan, self._plans = plan, self._plans + 1
 
     def forecasts_of(self, trip_id: str) -> tuple[MadeForecast, ...]:
-        """Forecasts that were made during a finished trip of the road, by the name of its log."""
+        """Return the forecasts made during a finished trip on the road, by the name of its log; none for another name."""
         with self.file.read() as db:
             row = db.execute("SELECT start_s FROM trips WHERE trip_id = ?", (trip_id,)).fetchone()
         return () if row is None else self.file.forecasts(row[0])
 
     @property
     def forecasts(self) -> tuple[MadeForecast, ...]:
-        """Forecasts that were kept of the trip that the car is on."""
+        """Stored forecasts of the trip that the car is on; empty without a trip."""
         return () if self.trip is None else self.file.forecasts(self.trip.start_s)
 
     @property
     def wants_forecast(self) -> bool:
-        """Whether a forecast that is made now is kept with the trip."""
+        """Whether a forecast made now is due to be stored with the trip."""
         trip = self.trip
         return trip is not None and self._is_due(trip.last_s - trip.start_s)
 
@@ -379,7 +379,7 @@ class LiveCar(Recorder):
         return not made or (at_s - made[-1].at_s >= EVERY_S and len(made) < MOST_FORECASTS)
 
     def close(self) -> None:
-        """Leave the car to another process."""
+        """Close the car's file and unlock its folder, so that another process can follow the car."""
         self._open.close()
 
     def __enter__(self) -> Self:
@@ -390,12 +390,12 @@ class LiveCar(Recorder):
 
 
 def made_folder(place: Path) -> None:
-    """Make the folder of a car where it is missing.
+    """Create the folder of a car if it is missing.
 
     Raises
     ------
     InvalidInput
-        When the name of the car cannot be one, or the folder cannot be made.
+        When the folder's name is not a valid car name, or the folder cannot be created.
     """
     if VALID_NAME.fullmatch(place.name) is None:
         allowed = "up to 64 letters, digits, '.', '_' and '-'"

@@ -1,4 +1,4 @@
-"""The trip that a car is on: found by its motion, its samples kept by column."""
+"""The trip that a car is on: detected from its motion, with its samples stored by column."""
 
 from __future__ import annotations
 
@@ -18,32 +18,32 @@ from tripwatt.server.cars.telemetry import Sample, moved
 from tripwatt.trips import MOST_DURATION_S, table_of
 
 MOVING_M_S: Final = 1.0
-"""A car that is faster drives; positioning by satellite shows a parked car at up to about half of it."""
+"""Speed from which a car drives [m/s]; satellite positioning shows a parked car at up to about half of this speed."""
 
 BEFORE_S: Final = 180.0
-"""The standstill right before the first motion that belongs to a trip [s]: the car is switched on. Those of the TUM set take
-up to 154 s."""
+"""Longest standstill before the first motion that belongs to a trip [s]: the car is switched on. In the TUM set such
+standstills take up to 154 s."""
 
 STANDING_S: Final = 300.0
 """A standstill of this length ends a trip [s]: longer than a traffic light, a barrier or a short jam."""
 
 PARKED_S: Final = 60.0
-"""The same while the gear is in park [s]."""
+"""A standstill of this length ends a trip if the gear is in park [s]."""
 
 SILENCE_S: Final = 600.0
-"""A trip ends where a car sends nothing for so long [s]: a tunnel or a dead spot is shorter."""
+"""A trip ends if the car sends nothing for this long [s]: a tunnel or a dead spot is shorter."""
 
 LEAST_M: Final = 200.0
 """A shorter drive is no trip [m]: the car was moved, or the positioning was wrong."""
 
 HOLD_S: Final = 10.0
-"""A speed holds for so long where messages lack it [s]."""
+"""A speed is held for up to this long if later messages have none [s]."""
 
 MOST_SAMPLES: Final = 40_000
-"""Most samples of a trip that are held: 11 h at 1 Hz. When they are full, every other one goes, and of the next ones too."""
+"""Most stored samples of a trip: 11 h at 1 Hz. At this number every other sample is dropped, and later ones are thinned alike."""
 
 GAP_STEPS: Final = 1.5
-"""A late sample counts where those around it are apart by so many of the usual steps of the trip: other ones are doubles, or strays."""
+"""A late sample is used if its neighbours are at least this many median time steps of the trip apart; others are doubles or strays."""
 
 _MOST_BEFORE: Final = 2000
 
@@ -54,7 +54,7 @@ class LiveTrip:
     Parameters
     ----------
     samples : sequence of Sample
-        The first ones.
+        The first samples.
 
     Attributes
     ----------
@@ -63,9 +63,9 @@ class LiveTrip:
     moved_s : float
         Time of the last sample in motion [s since 1970].
     stood_s : float
-        Since when the car stands, as far as samples show it [s since 1970]; infinite while it drives.
+        Start of the present standstill, as far as samples show it [s since 1970]; infinite while the car drives.
     distance_m : float
-        Driven so far [m].
+        Distance driven so far [m].
 
     Examples
     --------
@@ -98,12 +98,12 @@ class LiveTrip:
         return len(self._columns["time_s"])
 
     def append(self, sample: Sample) -> None:
-        """Take the next sample. O(1) amortised.
+        """Add the next sample. O(1) amortised.
 
         Parameters
         ----------
         sample : Sample
-            Later than all before.
+            Sample that is later than all others.
         """
         speed = sample.values.get("speed_m_s")
         if speed is not None:
@@ -133,17 +133,17 @@ class LiveTrip:
         self._columns["time_s"].append(sample.time_s)
 
     def has(self, sample: Sample) -> bool:
-        """Tell whether the very sample is part of the trip. O(log(samples)).
+        """Return whether exactly this sample is part of the trip. O(log(samples)).
 
         Parameters
         ----------
         sample : Sample
-            One that came again.
+            Sample that may have arrived before.
 
         Returns
         -------
         bool
-            False for another one of the same time.
+            False also if the trip has a sample of this time with other values.
         """
         at = bisect.bisect_left(self._columns["time_s"], sample.time_s)
         row = {name: values[at : at + 1] for name, values in self._columns.items()}
@@ -151,17 +151,17 @@ class LiveTrip:
         return all(row.get(name, array("d")).tolist() == [value] for name, value in sent.items())
 
     def insert(self, sample: Sample) -> bool:
-        """Take a late sample into a gap of the trip, if there is one at its time. O(samples).
+        """Insert a late sample if the trip has a gap at its time. O(samples).
 
         Parameters
         ----------
         sample : Sample
-            One that is earlier than the latest of the trip.
+            Sample that is earlier than the latest of the trip.
 
         Returns
         -------
         bool
-            Whether it was taken.
+            Whether the sample was inserted.
         """
         times = self._columns["time_s"]
         at, steps = bisect.bisect_left(times, sample.time_s), np.diff(times)
@@ -183,12 +183,12 @@ class LiveTrip:
         return float(0.5 * (speed[1:] + speed[:-1]) @ np.minimum(np.diff(time), HOLD_S))
 
     def move(self, by_s: float) -> None:
-        """Move all times: the clock of the sender was set. O(samples).
+        """Shift all times after the clock of the sender was set. O(samples).
 
         Parameters
         ----------
         by_s : float
-            What is added to them [s].
+            Time to add to all times [s].
         """
         self._columns["time_s"] = array("d", (time_s + by_s for time_s in self._columns["time_s"]))
         for name in ("start_s", "moved_s", "last_s", "stood_s"):
@@ -204,15 +204,15 @@ class LiveTrip:
     ) -> pd.DataFrame:
         """Tabulate the samples with canonical columns, timed from a departure. O(samples).
 
-        A speed that is missing is the last one for up to `HOLD_S`; a sample without a speed is left out.
+        A missing speed is filled with the last one for up to `HOLD_S`. A sample that still has no speed is left out.
 
         Parameters
         ----------
         more : iterable of Sample
-            Samples after those of the trip, until one of a car that is being charged.
+            Samples after those of the trip; they are used up to the first one of a charging car.
         since_s, until_s : float, optional
-            The departure, that of the trip by default, and the last time that counts [s since 1970]. Earlier samples are
-            left out.
+            First and last time of the table [s since 1970]. The first is the departure, by default the start of the trip.
+            Other samples are left out.
         start_s : float
             Time of the departure in the table [s].
 
@@ -246,14 +246,14 @@ class TripFinder:
 
     A trip starts with the first sample faster than `MOVING_M_S` and has up to `BEFORE_S` of standstill before it. It ends
     after a standstill of `STANDING_S` (`PARKED_S` with the gear in park), after `SILENCE_S` without a sample, when the car is
-    charged, or after the longest duration of a trip. What follows its last motion is no part of it.
+    charged, or after the longest duration of a trip. Samples after its last motion are no part of a trip.
 
     Attributes
     ----------
     trip : LiveTrip or None
         The trip that the car is on.
     before : deque of Sample
-        The last samples of a car that stands.
+        Latest samples of a standing car that is on no trip.
 
     Examples
     --------
@@ -277,12 +277,12 @@ class TripFinder:
         Parameters
         ----------
         sample : Sample
-            Later than all before.
+            Sample that is later than all others.
 
         Returns
         -------
         LiveTrip or None
-            The trip that has ended.
+            The trip that this sample has ended; None if no trip has ended.
         """
         ended = None
         if self.trip is not None and self._ends(self.trip, sample):
@@ -299,18 +299,18 @@ class TripFinder:
         Returns
         -------
         LiveTrip or None
-            The trip that has ended; None where the car was on none.
+            The trip that has ended; None if the car was on no trip.
         """
         ended, self.trip = self.trip, None
         return ended
 
     def move(self, by_s: float) -> None:
-        """Move all times: the clock of the sender was set. O(samples).
+        """Shift all times after the clock of the sender was set. O(samples).
 
         Parameters
         ----------
         by_s : float
-            What is added to them [s].
+            Time to add to all times [s].
         """
         self.before = deque((moved(sample, by_s) for sample in self.before), _MOST_BEFORE)
         if self.trip is not None:

@@ -40,7 +40,7 @@ from tripwatt.trips import Context, Log
 from tripwatt.vehicles import load_vehicle
 
 ABOUT: Final = "car.json"
-"""The description; a folder without it is that of a car that only sends on the road, or none."""
+"""File with the description; a folder without it is that of a car that only sends on the road, or of no car."""
 
 LIVE: Final = "live"
 NAMES: Final = ("trips", "learned", ".learned.older", LIVE, "car.toml", "left-out.json", ABOUT)
@@ -71,7 +71,7 @@ def fill(folder: Path, db: sqlite3.Connection) -> None:
     Raises
     ------
     InvalidInput
-        When a part is damaged without which the car would be another one, or an older version follows the car.
+        When a part is damaged that cannot be left out, or a process of an older version follows the car.
     """
     live = folder / LIVE
     if (folder / ABOUT).is_file():
@@ -135,7 +135,7 @@ def _read_settings(live: Path, db: sqlite3.Connection) -> None:
 
 
 def _read_journal(path: Path, db: sqlite3.Connection) -> None:
-    """The samples of a journal; damaged lines, and the end that a killed process left, are left out."""
+    """Read the samples of a journal; damaged lines, and an incomplete end that a killed process left, are left out."""
     if not path.is_file():
         return
     samples: list[Sample] = []
@@ -153,7 +153,7 @@ def _read_journal(path: Path, db: sqlite3.Connection) -> None:
 
 
 def _known(line: Mapping[str, Any]) -> dict[str, Any]:
-    """What the first line of a journal tells of samples before those in it."""
+    """Return what the first line of a journal holds of earlier samples, in the form of `Recorder._rest`."""
     charge, parked, offset_s = None, False, number_of(line.get("offset_s"))
     if line.get("charge") is not None:
         time_s, field, value, parked = line["charge"]
@@ -168,7 +168,7 @@ def _known(line: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _read_trips(car: str, live: Path, db: sqlite3.Connection) -> None:
-    """The finished trips of the road; the text of one that cannot be read is kept as it is."""
+    """Read the finished trips on the road; the text of a trip that cannot be read is kept in the setting `unread`."""
     taught: set[str] = set()
     with contextlib.suppress(*UNREADABLE):
         taught = set(json.loads(read_text_file(live / "taught.json", MOST_TEXT_BYTES))["trips"])
@@ -194,7 +194,7 @@ def _read_trips(car: str, live: Path, db: sqlite3.Connection) -> None:
 
 
 def _forecasts(path: Path) -> tuple[float, tuple[MadeForecast, ...]]:
-    """Departure of the trip of a file of forecasts, and these; none where there is no such file or it is damaged."""
+    """Return the departure of a trip and its forecasts from a file; NaN and no forecasts if it is missing or damaged."""
     with contextlib.suppress(*UNREADABLE):
         document = json.loads(read_text_file(path, MOST_TEXT_BYTES))
         rows = [[float(row[name]) for name in MadeForecast.__slots__] for row in document["forecasts"]]

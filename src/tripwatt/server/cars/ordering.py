@@ -1,4 +1,4 @@
-"""Samples that arrive late, twice or in another order, given on in the order of their times."""
+"""Put samples that arrive late, twice or out of order into the order of their times."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ LATE_S: Final = 30.0
 """A sample may arrive this much later than one that was sent after it [s of its own time]."""
 
 MOST_WAITING: Final = 600
-"""Most samples that wait for late ones: 20 Hz for `LATE_S`. Of more, the oldest waits no longer."""
+"""Most samples that wait for late ones: 20 Hz for `LATE_S`. If there are more, the oldest are released."""
 
 Place = Literal["new", "doubled", "late"]
 Arrival = Place | Literal["held"]
@@ -22,19 +22,19 @@ _time = attrgetter("time_s")
 
 
 class OrderedSamples:
-    """A bounded window in which samples wait until none can come before them.
+    """A bounded window in which samples wait until no earlier one can arrive.
 
     Parameters
     ----------
     after_s : float
-        Samples up to this time were given on before.
+        Samples up to this time were released before [s since 1970].
 
     Attributes
     ----------
     waiting : list of Sample
-        By time, at most `MOST_WAITING`.
+        Samples in the window by time, at most `MOST_WAITING`.
     newest_s, given_s : float
-        Latest time that arrived, and that was given on; `after_s` before the first one.
+        Latest time of an arrived and of a released sample [s since 1970]; `after_s` before the first one.
 
     Examples
     --------
@@ -54,7 +54,7 @@ class OrderedSamples:
         self.newest_s = self.given_s = after_s
 
     def arrival(self, sample: Sample) -> Place:
-        """Whether a sample is new, is there already by its time, or is too late. O(log(`MOST_WAITING`))."""
+        """Return whether a sample is new, doubled (its time is there already) or too late. O(log(`MOST_WAITING`))."""
         if sample.time_s <= self.given_s:
             return "doubled" if sample.time_s == self.given_s else "late"
         at = bisect.bisect_left(self.waiting, sample.time_s, key=_time)
@@ -62,22 +62,22 @@ class OrderedSamples:
         return "doubled" if there else "new"
 
     def insert(self, sample: Sample) -> None:
-        """Take a new sample into the window. O(`MOST_WAITING`), and O(1) for one that is the latest."""
+        """Insert a new sample into the window. O(`MOST_WAITING`), or O(1) for the latest sample."""
         bisect.insort(self.waiting, sample, key=_time)
         self.newest_s = max(self.newest_s, sample.time_s)
 
     def ready(self) -> list[Sample]:
-        """Give the samples on before which no other can come, in the order of their times."""
+        """Release and return, in the order of their times, the samples before which no other can arrive."""
         count = bisect.bisect_right(self.waiting, self.newest_s - LATE_S, key=_time)
         return self._give(max(count, len(self.waiting) - MOST_WAITING))
 
     def move(self, by_s: float) -> None:
-        """Move all times: the clock of the sender was set."""
+        """Shift all times by `by_s` [s] after the clock of the sender was set."""
         self.waiting = [moved(sample, by_s) for sample in self.waiting]
         self.newest_s, self.given_s = self.newest_s + by_s, self.given_s + by_s
 
     def rest(self) -> list[Sample]:
-        """Give all samples on; nothing is awaited any more."""
+        """Release and return all samples."""
         return self._give(len(self.waiting))
 
     def _give(self, count: int) -> list[Sample]:

@@ -1,4 +1,4 @@
-"""The plan of a trip that a car is on or comes next, as the fields of a request; kept until the trip has ended."""
+"""The plan of a car's current or next trip, as the fields of a request; kept until the trip has ended."""
 
 from __future__ import annotations
 
@@ -45,12 +45,12 @@ class LivePlan:
 
     @cached_property
     def road(self) -> Plan:
-        """The road with what the request holds of the departure.
+        """The planned road, with what the request holds of the departure.
 
         Raises
         ------
         InvalidInput
-            When the fields are no road.
+            When the fields do not describe a road.
         """
         given = {name: value for name, value in self.request.items() if value is not None}
         try:
@@ -71,27 +71,27 @@ class LivePlan:
 
     @classmethod
     def from_trip(cls, trip: Recorded) -> LivePlan | None:
-        """The road of a finished trip; None where its samples give none."""
+        """Make a plan from the road of a finished trip; return None if its samples give no road."""
         links = or_none(links_of_trip, trip)
         return None if links is None else cls(fields_of_route(links), usual_trip=trip.trip_id)
 
     def to_dict(self) -> dict[str, Any]:
-        """The plan as plain values.
+        """Convert the plan to plain values.
 
         Returns
         -------
         dict
-            For `from_dict`.
+            Values for `from_dict`.
         """
         return {"given_s": self.given_s, "departure_s": self.departure_s, "request": self.request}
 
     @classmethod
     def from_dict(cls, about: Mapping[str, Any]) -> LivePlan:
-        """Reverse of `to_dict`.
+        """Make a plan from the values of `to_dict`.
 
         Raises
         ------
         KeyError, TypeError
-            When the values are those of no plan.
+            When the values are not those of a plan.
         """
         return cls(dict(about["request"]), about["departure_s"], about["given_s"])

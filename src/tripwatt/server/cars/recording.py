@@ -1,4 +1,4 @@
-"""From samples to trips, in memory: which samples count, in which order, and which trip they make."""
+"""From samples to trips, in memory: choose the samples that count, order them, and find their trip."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tripwatt.trips.departure import FIRST_S
 from tripwatt.trips.samples import Sampled
 
 Charge = tuple[float, str, float]
-"""Time, field of a departure and value."""
+"""Time [s since 1970], field of a departure (`soc` or `bms_soc`), and state of charge."""
 
 
 class Recorder:
@@ -31,14 +31,14 @@ class Recorder:
     Parameters
     ----------
     name : str
-        Of the car.
+        Name of the car.
 
     Attributes
     ----------
     counts : dict of str to int
-        Samples that were taken: `new`, `doubled` and `late`, which are also those whose time fits no clock of the sender.
+        Number of samples that were `new`, `doubled` or `late`; a sample whose time fits no clock of the sender counts as `late`.
     received_s : float or None
-        When the last message came [s since 1970, by our clock].
+        Arrival of the last message by our clock [s since 1970]; None before the first one.
     ended : list of LiveTrip
         Trips that have ended and are not written yet.
     plan : LivePlan or None
@@ -61,12 +61,12 @@ class Recorder:
         self.received_s: float | None = None
         self.ended: list[LiveTrip] = []
         self._finder = TripFinder()
-        # start and departure of a trip, and what its first samples show
+        # start and departure [s since 1970] of a trip, and what its first samples show of the departure
         self._first: tuple[tuple[float, float], Departure] | None = None
         self._recall({})
 
     def _recall(self, before: Mapping[str, Any]) -> None:
-        """Take up what samples showed that are no longer kept, as `_rest` gives it."""
+        """Restore what samples that are no longer kept have shown, from the result of `_rest`."""
         self._ordered = OrderedSamples(before.get("after_s", -math.inf))
         self._sender = Sender(before.get("offset_s"))
         # time, field of a departure and charge of the latest sample that has one, and of the latest one before the trip
@@ -78,7 +78,7 @@ class Recorder:
 
     @property
     def trip(self) -> LiveTrip | None:
-        """The trip that the car is on; its start is seen when no earlier sample can come."""
+        """The trip that the car is on; its start is detected once no earlier sample can arrive."""
         return self._finder.trip
 
     def _arrival(self, sample: Sample) -> Arrival:
@@ -107,7 +107,7 @@ class Recorder:
             self._release()
 
     def _release(self) -> None:
-        """Count the samples that were held, for which there is a gap in the trip: they come from a time without a network."""
+        """Release the held samples; those that fit a gap in the trip, from a time without a network, count as new."""
         for sample in self._sender.release():
             arrival = self._ordered.arrival(sample)
             if arrival == "late" and self.trip is not None and self.trip.insert(sample):
@@ -118,7 +118,7 @@ class Recorder:
                     self._sender.contradict(sample)
 
     def _move(self, by_s: float) -> None:
-        """Give all samples so far the times that the clock of the sender has now."""
+        """Shift all samples so far to the new clock of the sender."""
         self._ordered.move(by_s)
         self._finder.move(by_s)
         self._soc, self._parked = (one and (one[0] + by_s, *one[1:]) for one in (self._soc, self._parked))
@@ -149,18 +149,18 @@ class Recorder:
             self._parked = self._soc if self._soc is not None and self._soc[0] >= trip.moved_s else None
 
     def _end_trip(self) -> None:
-        """End the trip that the car is on: no more samples come."""
+        """End the trip that the car is on, because no more samples arrive."""
         self._release()
         self._follow(self._ordered.rest())
         self._end(self._finder.end())
 
     @property
     def _waiting(self) -> list[Sample]:
-        """Samples that a car on no trip still needs."""
+        """Samples that are still needed if the car is on no trip."""
         return [*self._finder.before, *self._ordered.waiting, *self._sender.held]
 
     def _rest(self) -> dict[str, Any]:
-        """What samples showed that are no longer kept, once the car is on no trip and `_waiting` alone is kept."""
+        """Return what samples have shown that are dropped when the car is on no trip and only `_waiting` is kept."""
         kept = [*self._finder.before, *self._ordered.waiting]
         after_s = math.nextafter(kept[0].time_s, -math.inf) if kept else self._ordered.given_s
         return {
@@ -172,12 +172,12 @@ class Recorder:
         }
 
     def _forget_charge(self) -> dict[str, Any]:
-        """Forget the charge; what is known then, as `_rest`."""
+        """Forget the charge; return what is still known, as `_rest` does."""
         self._soc = self._parked = None
         return {**self._rest(), "after_s": self._ordered.newest_s}
 
     def observed(self, start_s: float = 0.0) -> pd.DataFrame:
-        """Tabulate what the car measured on its trip so far, also what waits for late samples. O(samples of the trip).
+        """Tabulate what the car measured on its trip so far, including samples that wait for late ones. O(samples of the trip).
 
         Parameters
         ----------
@@ -187,14 +187,14 @@ class Recorder:
         Returns
         -------
         DataFrame
-            Canonical columns; without rows where the car is on no trip.
+            Canonical columns; no rows if the car is on no trip.
         """
         if self.trip is None:
             return pd.DataFrame({"time_s": [], "speed_m_s": []}, dtype="float64")
         return self.trip.table(self._ordered.waiting, since_s=self._since_s(self.trip), start_s=start_s)
 
     def _since_s(self, trip: LiveTrip) -> float:
-        """Departure of a trip: that of its plan, else its start [s since 1970]."""
+        """Return the departure of a trip [s since 1970]: that of its plan, else its start."""
         given = None if self.plan is None else self.plan.departure_s
         return trip.start_s if given is None else given
 
@@ -204,8 +204,8 @@ class Recorder:
         Returns
         -------
         Departure
-            Of the first values on a trip, of the latest ones before it; without payload and without whether it follows a trip.
-            A charge holds while the car stands, however long: senders repeat only what changes.
+            From the first values of a trip, or from the latest values before a trip. Payload and `follows_trip` are unknown.
+            A charge stays valid as long as the car stands, because senders repeat only what changes.
         """
         trip = self.trip
         of = None if trip is None else (trip.start_s, self._since_s(trip))
@@ -227,7 +227,7 @@ class Recorder:
         return departure
 
     def shown(self, now_s: float) -> dict[str, Any]:
-        """Describe what the messages of the car show.
+        """Return what the messages of the car show.
 
         Parameters
         ----------
@@ -237,7 +237,7 @@ class Recorder:
         Returns
         -------
         dict
-            Plain values, as far as `LiveResponse` has them without a forecast; `trip` is None where the car is on none.
+            Fields of `LiveResponse` that need no forecast, as plain values; `trip` is None if the car is on no trip.
         """
         trip = self.trip
         return {
@@ -258,7 +258,7 @@ class Recorder:
         }
 
     def mixed(self, now_s: float) -> list[dict[str, str]]:
-        """Fault of messages that look like those of two senders, for `SILENCE_S` after the last of them.
+        """Return the fault of messages that seem to come from two senders, until `SILENCE_S` after the last of them.
 
         Parameters
         ----------
@@ -268,7 +268,7 @@ class Recorder:
         Returns
         -------
         list of dict
-            Empty where there is one sender.
+            One fault; empty if the messages come from one sender.
         """
         if now_s - self._sender.mixed_s >= SILENCE_S:
             return []

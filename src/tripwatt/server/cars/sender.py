@@ -1,7 +1,7 @@
-"""The clock of what sends for a car: how far it is from ours, whether it was set, and whether there are two of them.
+"""The clock of a car's sender: its offset from our clock, whether it was set, and whether there are two senders.
 
-The stamps of a sender order its samples, so its clock need not be right: only jumps count. A stamp that fits neither the order
-nor the clock is held until later ones confirm that the clock was set, or contradict it.
+Samples are ordered by the sender's time stamps, so its clock need not be right: only jumps matter. A sample whose stamp does not
+fit the order or the clock is held until later samples confirm or contradict that the clock was set.
 """
 
 from __future__ import annotations
@@ -21,42 +21,42 @@ FUTURE_S: Final = 120.0
 """A stamp may be this much ahead of the sender's own clock [s]; one that is further ahead is held."""
 
 STEADY: Final = (3, 5.0, 10.0)
-"""Messages show a clock where there are so many, over so long [s], whose stamps keep their distance to ours to so much [s]."""
+"""Messages that show a clock: fewest of them, shortest time from first to last arrival [s], largest spread of their offsets [s]."""
 
 RECENT: Final = 15
-"""Messages that show the clock as it is now."""
+"""Number of latest messages from which the clock is estimated."""
 
 MOST_HELD: Final = 600
 """Most samples that are held."""
 
 WENT_ON: Final = 3
-"""Messages by the clock as it was that show that it was not set."""
+"""Number of messages by the earlier clock that show that it was not set."""
 
 POSSIBLE: Final = {"speed_m_s": (5.0, 6.0), "displayed_soc": (0.02, 1e-3), "soc": (0.02, 1e-3)}
-"""Column -> largest difference of two samples of one car: at once, and for each second between them."""
+"""Column -> largest difference between two samples of one car: at the same time, and for each second between them."""
 
 APART: Final = (1.0, -0.1, 10.0)
-"""What a sample adds that cannot be of the car before it, what another one adds, and the sum of two cars."""
+"""Score of a sample that cannot come from the same car as the one before, score of any other sample, and sum that shows two cars."""
 
 
 def steady_clock() -> Callable[[], float]:
-    """Our clock [s since 1970] as it is now, which goes on steadily when that of the machine is set."""
+    """Return a clock that starts at the present time [s since 1970] and is steady even if the machine's clock is set."""
     began_s = time.time() - time.monotonic()
     return lambda: began_s + time.monotonic()
 
 
 class Sender:
-    """What sends for a car, by the stamps of its messages and the times of their arrival.
+    """The sender of a car's messages, judged by their time stamps and times of arrival.
 
     Parameters
     ----------
     offset_s : float, optional
-        As it was known before.
+        Offset as it was known before [s].
 
     Attributes
     ----------
     offset_s : float or None
-        Our clock less that of the sender, with the delay of its messages: their median [s]; None while it is not known.
+        Our clock less that of the sender, including the delay of messages [s]: the median of recent messages. None while unknown.
     held : list of Sample
         Samples whose stamps are neither confirmed nor contradicted.
     mixed_s : float
@@ -82,21 +82,21 @@ class Sender:
         self._apart = 0.0
 
     def fits(self, sample: Sample, *, late: bool = False) -> bool:
-        """Whether a sample is by the clock as it is known: neither far ahead of it nor late. Any one while it is not known."""
+        """Whether a sample fits the known clock: neither far ahead of it nor late. True while no clock is known."""
         if self.offset_s is None or sample.received_s is None:
             return True
         ahead = self.offset_s - _offset_s(sample) > FUTURE_S and not self._follows(self._last, sample)
         return not (late or ahead)
 
     def _follows(self, last: Sample | None, sample: Sample) -> bool:
-        """Whether a stamp is as much later than the one before as it came later, or less."""
+        """Whether the stamp of a sample is later than that of `last` by no more than its arrival, within tolerances."""
         if last is None or last.received_s is None or sample.received_s is None:
             return False
         most_s = FUTURE_S + max(sample.received_s - last.received_s, 0.0)
         return -LATE_S <= sample.time_s - last.time_s <= most_s
 
     def go_on(self, sample: Sample) -> None:
-        """Take a sample by the clock as it is known. O(1)."""
+        """Take a sample that fits the known clock, and update this clock. O(1)."""
         if self._last is not None:
             odd = _differ(self._last, sample)
             self._apart = min(max(self._apart + APART[not odd], 0.0), APART[2])
@@ -110,36 +110,36 @@ class Sender:
             self.offset_s = statistics.median(map(_offset_s, self._recent))
 
     def takes(self, sample: Sample) -> bool:
-        """Whether a sample can be held with those before it."""
+        """Whether a sample can be held together with those already held."""
         return not self.held or (len(self.held) < MOST_HELD and self._follows(self.held[-1], sample))
 
     @property
     def was_set(self) -> bool:
-        """Whether the samples that are held show another clock, and none came by the one as it was known."""
+        """Whether the held samples show another clock, and fewer than `WENT_ON` - 1 samples came by the known one."""
         return self._went_on < WENT_ON - 1 and _steady(self.held)
 
     @property
     def was_not_set(self) -> bool:
-        """Whether the clock as it was known went on beside the samples that are held."""
+        """Whether enough samples by the known clock came beside the held samples."""
         return self._went_on >= WENT_ON or (self._went_on >= WENT_ON - 1 and _steady(self.held))
 
     def set_clock(self, newest_s: float) -> tuple[float, list[Sample]]:
-        """Take the clock of the samples that are held: by how much all before them is to be moved [s], and these samples."""
+        """Adopt the clock of the held samples; return the shift for all samples before them [s], and the held samples."""
         before_s = 0.0 if self.offset_s is None else self.offset_s
         self._recent = deque(self.held, RECENT)
         self.offset_s = statistics.median(map(_offset_s, self._recent))
         held = self.release()
         self._last = held[-1]
-        # what came before was sent before
+        # samples that arrived before the held ones were sent before them
         return min(before_s - self.offset_s, min(s.time_s for s in held) - newest_s - 1e-3), held
 
     def release(self) -> list[Sample]:
-        """The samples that are held, which are no longer."""
+        """Return the held samples, and hold them no longer."""
         held, self.held, self._went_on = self.held, [], 0
         return held
 
     def contradict(self, sample: Sample) -> None:
-        """Take note of a sample that does not count; some of a clock of their own are those of another sender."""
+        """Note a sample that does not count; if several share a clock of their own, there is another sender."""
         self._strays.append(sample)
         if _steady(self._strays) and sample.received_s is not None:
             self.mixed_s = sample.received_s
@@ -159,7 +159,7 @@ def _steady(samples: Collection[Sample]) -> bool:
 
 
 def _differ(one: Sample, other: Sample) -> bool:
-    """Whether two samples at about one time cannot be of one car."""
+    """Whether two samples of about the same time cannot come from one car."""
     apart_s = abs(other.time_s - one.time_s)
     return apart_s <= HOLD_S and any(
         abs(one.values[name] - other.values[name]) > at_once + rate * apart_s

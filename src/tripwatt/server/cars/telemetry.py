@@ -1,4 +1,4 @@
-"""Messages of a car on the road, each as one sample in the units of the schema; `FORMATS` lists what senders write.
+"""Convert messages of a car on the road to samples in the units of the schema; `FORMATS` has the formats of senders.
 
 Names, units and signs of a format are those of its mapping for tables (`tripwatt/sources/mappings`).
 """
@@ -27,17 +27,17 @@ SIGNALS: Final = tuple(name for name in COLUMNS if name != "time_s")
 """Columns that a sample may have."""
 
 CHARGES: Final = {"soc": "displayed_soc", "bms_soc": "soc"}
-"""Field of a departure -> column of its charge: what the driver sees comes before what the battery management has."""
+"""Field of a departure -> column of its charge; the displayed charge comes before that of the battery management."""
 
 FIRST_TIME_S: Final = 946_684_800.0
 LAST_TIME_S: Final = 4_102_444_800.0
 """Bounds of a time stamp: the years 2000 and 2100. Milliseconds since 1970 are far outside."""
 
 OWN_HOLD_S: Final = 10.0
-"""What changes quickly holds for so long [s], where a sender has our columns."""
+"""How long values that change quickly are held if a sender has our columns [s]."""
 
 OWN_VOLTAGE_V: Final = 370.0
-"""Stands in for a voltage where a sender has our columns and a power alone [V]: only the product with the current counts."""
+"""Assumed voltage if a sender has our columns and sends power without voltage [V]: only its product with the current counts."""
 
 MOST_POWER_W: Final = 2e6
 """Largest battery power; that of a lorry on a megawatt charger is below."""
@@ -56,14 +56,14 @@ class Sample:
     charging, parked : bool
         Whether the car is being charged; whether its gear is in park.
     faults : tuple of Fault
-        Values of the message that are out of range or no numbers: they are left out.
+        Faults of values that are out of range or not numbers; these values are left out.
     received_s : float or None
-        When it came, by our clock [s since 1970]; None where that was not kept.
+        Time of arrival by our clock [s since 1970]; None if it was not recorded.
 
     Raises
     ------
     InvalidInput
-        When the time, a column or a value cannot be one.
+        When the time or a value is out of range, or a column is unknown.
 
     Examples
     --------
@@ -90,7 +90,7 @@ class Sample:
 
 
 def moved(sample: Sample, by_s: float) -> Sample:
-    """A sample whose stamp is another one, within the bounds of stamps."""
+    """Return the sample with its time shifted by `by_s` [s], within the bounds of time stamps."""
     return replace(sample, time_s=min(max(sample.time_s + by_s, FIRST_TIME_S), LAST_TIME_S))
 
 
@@ -104,15 +104,15 @@ def _time_faults(time_s: float) -> list[Fault]:
 
 @dataclass(frozen=True)
 class MessageFormat:
-    """What a sender writes: an entry of `FORMATS`.
+    """Format of a sender's messages: an entry of `FORMATS`.
 
     Attributes
     ----------
     mapping_name : str
-        Shipped mapping, or file of one, with names, units and signs of its fields; empty for our columns in our units. A time
-        in seconds or milliseconds since 1970 is read from the messages; else the time of arrival counts.
+        Shipped mapping, or mapping file, with names, units and signs of the fields; empty for our columns in our units. A time
+        in seconds or milliseconds since 1970 is read from the messages; otherwise the time of arrival is used.
     charging, parked : mapping of str to tuple of str
-        Field -> its texts, in lower case, of a car that is charged or parked.
+        Field -> texts, in lower case, that mean that the car is charging or parked.
     more : mapping of str to str
         Fields that the mapping lacks -> our columns, in our units.
     """
@@ -124,7 +124,7 @@ class MessageFormat:
 
     @cached_property
     def mapping(self) -> ColumnMapping:
-        """The mapping of this name."""
+        """The mapping of `mapping_name`; for an empty name, that of our columns."""
         if self.mapping_name:
             return load_mapping(self.mapping_name)
         own = {name: MappedColumn(name, next(iter(units))) for name, units in UNITS.items()}
@@ -133,12 +133,12 @@ class MessageFormat:
 
     @property
     def time_field(self) -> str:
-        """Field with the time since 1970; empty where the sender gives none."""
+        """Field with the time since 1970; empty if the sender sends no such time."""
         return self.mapping.columns["time_s"].column if math.isfinite(self.time_unit_s) else ""
 
     @property
     def time_unit_s(self) -> float:
-        """Unit of that time [s]; NaN where the sender gives none."""
+        """Unit of the time in `time_field` [s]; NaN if the sender sends no such time."""
         return TIME_STAMPS.get(self.mapping.columns["time_s"].unit, math.nan)
 
     @cached_property
@@ -153,7 +153,7 @@ class MessageFormat:
         return sources
 
     def with_current(self, values: dict[str, float]) -> dict[str, float]:
-        """The values with voltage and current in place of a power; only their product is the power."""
+        """Replace the power in `values` by a voltage and a current with this product; return `values`."""
         power = values.pop(POWER, None)
         if power is not None:
             voltage = values.setdefault("voltage_v", float(self.mapping.nominal_voltage_v or math.nan))
@@ -163,7 +163,7 @@ class MessageFormat:
         return values
 
     def sample(self, message: Any, received_s: float | None = None) -> Sample:
-        """The sample of a whole message, of the time of its arrival where it has none. O(fields). See `sample_from_abrp`."""
+        """Convert a whole message to a sample, with the time of arrival if the message has none. O(fields). See `sample_from_abrp`."""
         if not isinstance(message, Mapping):
             allowed = "an object with utc, speed, power, soc"
             raise InvalidInput.of("not an object", "tlm", excerpt(message), allowed)
@@ -194,20 +194,20 @@ FORMATS: Final[Mapping[str, MessageFormat]] = {
     ),
     "plain": MessageFormat(charging={"charging": _TRUE}, parked={"parked": _TRUE}),
 }
-"""Name of a sender -> what it writes. A new one is an entry, and a mapping where there is none for its tables.
+"""Name of a sender -> format of its messages. A new sender needs an entry, and a mapping if there is none for its tables.
 
-The metrics of OVMS; the values of TeslaMate (https://docs.teslamate.org/docs/integrations/mqtt), whose power is in whole
-kilowatts; live data of A Better Routeplanner (https://documenter.getpostman.com/view/7396339/SWTK5a8w), which OVMS, TeslaMate,
-evcc and many adapters send too; our own columns. Any other mapping names what its messages have."""
+`ovms`: the metrics of OVMS. `teslamate`: the values of TeslaMate (https://docs.teslamate.org/docs/integrations/mqtt), whose power
+is in whole kilowatts. `abrp`: live data of A Better Routeplanner (https://documenter.getpostman.com/view/7396339/SWTK5a8w), which
+OVMS, TeslaMate, evcc and many adapters send too. `plain`: our own columns. For other senders, `format_of` takes a mapping."""
 
 
 def format_of(source: str) -> MessageFormat:
-    """What a sender writes: one of `FORMATS`, else by the names of a shipped mapping, or of a file of one.
+    """Return the format of a sender: an entry of `FORMATS`, else one with a shipped mapping or a mapping file (`FILE.toml`).
 
     Raises
     ------
     InvalidInput
-        For an unknown sender, and with the faults of a mapping.
+        For an unknown sender, or with the faults of a mapping.
     """
     if source not in (*FORMATS, *shipped_mappings()) and not source.endswith(".toml"):
         allowed = ", ".join(dict.fromkeys((*FORMATS, *shipped_mappings(), "or a file FILE.toml")))
@@ -224,13 +224,13 @@ def is_sound(column: str, value: float) -> bool:
 
 
 def is_set(flags: Mapping[str, tuple[str, ...]], values: Mapping[str, Any]) -> bool:
-    """Whether one of some fields has one of its texts."""
+    """Whether `values` has, in a field of `flags`, one of the texts of this field."""
     given = ((values.get(name), texts) for name, texts in flags.items())
     return any(isinstance(value, str | int | float) and f"{value}".lower() in texts for value, texts in given)
 
 
 def number_of(given: Any) -> float:
-    """A number, or the text of one; NaN for anything else."""
+    """Return a number, or the number that a text contains; NaN for anything else."""
     if isinstance(given, bool) or not isinstance(given, int | float | str):
         return math.nan
     try:
@@ -248,7 +248,7 @@ def _bounds(column: str) -> tuple[float, float]:
 def _number(
     message: Mapping[str, Any], name: str, column: tuple[str, float, float], faults: list[Fault]
 ) -> float | None:
-    """A number of a message in our unit; None, with its fault, where it cannot be one."""
+    """Return a number of a message in our unit; None if it is missing or, with a fault added to `faults`, not a valid number."""
     given, (ours, factor, offset) = message.get(name), column
     if given is None or given == "":
         return None
@@ -262,7 +262,7 @@ def _number(
 
 
 def sample_from_abrp(message: Mapping[str, Any]) -> Sample:
-    """A sample of a message in the format of A Better Routeplanner's live data. O(fields).
+    """Convert a message in the format of A Better Routeplanner's live data to a sample. O(fields).
 
     Parameters
     ----------
@@ -275,12 +275,13 @@ def sample_from_abrp(message: Mapping[str, Any]) -> Sample:
     Returns
     -------
     Sample
-        A value that cannot be one is left out, with its fault in `faults`. A parked car without a speed stands.
+        A value that is out of range or not a number is left out, and its fault is in `faults`. A parked car without a speed has
+        speed 0.
 
     Raises
     ------
     InvalidInput
-        When the message is no object or its time is missing or cannot be one.
+        When the message is not an object, or its time is missing or out of range.
 
     Examples
     --------

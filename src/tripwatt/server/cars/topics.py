@@ -1,4 +1,4 @@
-"""Senders with a topic for each metric: values joined by time into samples."""
+"""Join the values of senders with one topic per metric into samples, by time."""
 
 from __future__ import annotations
 
@@ -12,33 +12,33 @@ from tripwatt.server.cars.telemetry import Sample, format_of, is_set, is_sound, 
 from tripwatt.sources.mapping import POWER
 
 JOIN_S: Final = 1.0
-"""Values that come within so long are of one sample [s], where the sender gives no time."""
+"""Values that arrive within this time form one sample if the sender sends no time [s]."""
 
 TIME_WAIT_S: Final = 30.0
-"""A sender that may give its time is awaited for so long [s] before the time of arrival counts."""
+"""How long to wait for the time of a sender that may send one [s]; after that, the time of arrival is used."""
 
 SLOW_HOLD_S: Final = 600.0
-"""A state of charge or a temperature holds for so long [s]: senders repeat only what changes."""
+"""How long a state of charge or a temperature is held [s], because senders repeat only what changes."""
 
 FAST: Final = frozenset({"speed_m_s", "voltage_v", "current_a", POWER})
-"""What holds for as long as in the sender's mapping; values of these that the broker kept from before do not count."""
+"""Columns that are held as long as in the sender's mapping; their values that the broker kept from before are ignored."""
 
 MOST_TEXT_BYTES: Final = 64
 MOST_MESSAGE_BYTES: Final = 65_536
 
 
 class TopicJoiner:
-    """Joins the values of one car's topics into samples. A message on the topic of the car itself is a sample, as JSON.
+    """Joins the values of one car's topics into samples. A message on the topic of the car itself is a whole sample as JSON.
 
-    A sample has the values that came since the last one, and earlier ones while they hold. Its time is that of the sender
-    where it sends one, else the second of the arrival.
+    A sample has the values that arrived since the last sample, and earlier values that are still held. Its time is that of the
+    sender if it sends one, else the second of the arrival.
 
     Parameters
     ----------
     source : str
-        As of `format_of`.
+        Name of a sender, as in `format_of`.
     root : str
-        Topic below which the metrics are: `ovms/me/leaf/metric`, `teslamate/cars/1`; or that of whole messages.
+        Topic above the metrics, such as `ovms/me/leaf/metric` or `teslamate/cars/1`; or the topic of whole messages.
 
     Attributes
     ----------
@@ -76,18 +76,18 @@ class TopicJoiner:
 
     @property
     def filter(self) -> str:
-        """What to subscribe to."""
+        """Filter of topics to subscribe to."""
         return f"{self.root}/#"  # the topic itself, too
 
     def take(self, topic: str, payload: bytes, received_s: float, *, retained: bool = False) -> Sample | None:
-        """Take a value. O(1).
+        """Take a message: a value, or a whole sample. O(1).
 
         Parameters
         ----------
         topic : str
-            Of the message.
+            Topic of the message.
         payload : bytes
-            Of the message.
+            Payload of the message.
         received_s : float
             Time of its arrival [s since 1970].
         retained : bool
@@ -96,7 +96,7 @@ class TopicJoiner:
         Returns
         -------
         Sample or None
-            The sample that is complete now.
+            The sample that is complete now; None if there is none.
         """
         if topic == self.root:
             return None if retained else self._whole(payload, received_s)
@@ -120,12 +120,12 @@ class TopicJoiner:
         return done
 
     def flush(self) -> Sample | None:
-        """Give the sample that is not complete yet.
+        """Return the sample of the values so far, without waiting for more.
 
         Returns
         -------
         Sample or None
-            None where nothing came since the last one.
+            None if nothing arrived since the last sample.
         """
         if not self._fresh or self._open_s == -math.inf:
             return None
@@ -133,13 +133,13 @@ class TopicJoiner:
         return self._sample()
 
     def _open(self, time_s: float) -> None:
-        """Begin a sample. What came before the first one is of its time."""
+        """Begin a sample at `time_s`. Values that came before the first sample get its time."""
         if self._open_s == -math.inf:
             self._values = {name: (value, time_s) for name, (value, _) in self._values.items()}
         self._open_s = time_s
 
     def _start_at(self, time_s: float) -> Sample | None:
-        """Begin a sample at a time that the sender gives."""
+        """Begin a sample at a time that the sender sent; return the sample before it."""
         if not math.isfinite(time_s) or time_s == self._open_s:
             return None
         done = self.flush()
@@ -148,7 +148,7 @@ class TopicJoiner:
         return done
 
     def _note(self, received_s: float) -> Sample | None:
-        """Note that something came; without a sender's time it may belong to the next sample."""
+        """Note that a value came; if the sender sends no time, it may begin the next sample. Return the sample before it."""
         done = None
         self._first_s = min(self._first_s, received_s)
         if not self._timed and self.format.time_field and received_s < self._first_s + TIME_WAIT_S:
@@ -169,10 +169,10 @@ class TopicJoiner:
         if parked:
             values["speed_m_s"] = 0.0
         values, charging = self.format.with_current(values), is_set(self.format.charging, self._flags)
-        return or_none(Sample, self._open_s, values, charging, parked)  # a time out of its bounds
+        return or_none(Sample, self._open_s, values, charging, parked)  # None for a time out of bounds
 
     def _whole(self, payload: bytes, received_s: float) -> Sample | None:
-        """The sample of a message with all values; None where it is none."""
+        """Return the sample of a message with all values as JSON; None if it is not valid (faults of values go to `note`)."""
         if len(payload) > MOST_MESSAGE_BYTES:
             return None
         try:

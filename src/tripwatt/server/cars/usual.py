@@ -1,4 +1,4 @@
-"""Where a car usually goes at this hour: its earlier trip that began nearest by time of day."""
+"""Where a car usually goes at this hour: the earlier trip whose departure is nearest by time of day."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tripwatt.trips import Departure, Plan, TripSet, plan_from_trip
 from tripwatt.units import SECONDS_PER_HOUR
 
 NEAR_S: Final = 1.5 * SECONDS_PER_HOUR
-"""A trip that began at a time of day further away is no guide to this one [s]."""
+"""Largest difference by time of day between a departure and that of its usual trip [s]."""
 
 LONGER: Final = 1.1
 """A trip that is longer than the usual one by this factor goes elsewhere."""
@@ -31,21 +31,22 @@ class HasTrips(Protocol):
 
 
 def usual_departure(earlier_s: Iterable[float], departure_s: float) -> float | None:
-    """The earlier departure that is nearest by local time of day; of the same kind of day if there is one. O(departures).
+    """Return the earlier departure that is nearest by local time of day. O(departures).
 
-    Working days are of one kind, Saturday and Sunday of another. Of two that are as near, the later one counts.
+    If there are departures on the same kind of day, only these count: working days are one kind, Saturday and Sunday another.
+    If two departures are equally near, the later one is returned.
 
     Parameters
     ----------
     earlier_s : iterable of float
         Departures of finished trips [s since 1970].
     departure_s : float
-        [s since 1970]
+        Departure of the trip in question [s since 1970].
 
     Returns
     -------
     float or None
-        None where none is within `NEAR_S`.
+        None if no earlier departure is within `NEAR_S`.
 
     Examples
     --------
@@ -59,14 +60,14 @@ def usual_departure(earlier_s: Iterable[float], departure_s: float) -> float | N
 
 
 def usual_plan(car: HasTrips, trip_id: str) -> Plan:
-    """A trip of a car, to be driven again: its road and its speeds, without what was known at its departure.
+    """Return the plan to drive a trip of a car again: its road and its speeds, without what was known at its departure.
 
     Parameters
     ----------
     car : Car
-        With its trips.
+        Car with its trips.
     trip_id : str
-        Name of one of them.
+        Name of one of these trips.
 
     Returns
     -------
@@ -86,7 +87,7 @@ def usual_plan(car: HasTrips, trip_id: str) -> Plan:
 
 
 def _away_s(one_s: float, other_s: float) -> float:
-    """Difference of two times of day, over midnight if that is shorter."""
+    """Return the difference between two times of day [s], over midnight if that is shorter."""
     apart = abs(_time_of_day_s(one_s) - _time_of_day_s(other_s))
     return min(apart, _DAY_S - apart)
 
