@@ -65,7 +65,7 @@ def _cars(jobs: Jobs, body: bytes) -> dict[str, Any]:
 
 
 class Tool(NamedTuple):
-    """A tool: what it runs, what it takes and gives."""
+    """A tool: the function that it runs, and the schemas of its request and its answer."""
 
     run: Callable[[Jobs, bytes], dict[str, Any]]
     takes: type[BaseModel]
@@ -91,7 +91,7 @@ CHANGING: Final = ("new_car",)
 
 OF_MAP: Final = ("plan", "advise_journey")
 OF_CARS: Final = ("diary", "cars", "new_car")
-"""Tools that need a map, and a folder of cars: others are not offered without."""
+"""Tools that need a map, and tools that need a folder of cars; without these they are not offered."""
 
 ABOUT: Final[Mapping[str, str]] = {
     "plan": "Plan a journey from place to place: whether it arrives and with what charge, stops to charge, other roads. Needs a map.",
@@ -109,7 +109,7 @@ ABOUT: Final[Mapping[str, str]] = {
 
 
 def make_server(jobs: Jobs, *, changes: bool = False, remote: bool = False) -> Server[Any]:
-    """The server of the tools.
+    """Make the server of the tools.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def make_server(jobs: Jobs, *, changes: bool = False, remote: bool = False) -> S
     Returns
     -------
     mcp.server.lowlevel.Server
-        It runs one tool at a time.
+        Server that runs one tool at a time.
 
     Examples
     --------
@@ -172,7 +172,7 @@ def serve(server: Server[Any]) -> None:
 
 
 def _document(name: str, remote: bool) -> types.Tool:
-    """A tool as an assistant sees it."""
+    """Return the description of a tool for an assistant, with its schemas."""
     tool, reads = TOOLS[name], name not in CHANGING
     wanted: list[tuple[type[BaseModel], Literal["validation"]]] = [(tool.takes, "validation")]
     if "links" in tool.takes.model_fields:
@@ -192,7 +192,7 @@ def _document(name: str, remote: bool) -> types.Tool:
 
 
 def _short(value: Any) -> Any:
-    """A document, or its schema, without the fields that are left out."""
+    """Return a document, or its schema, without the fields of `LEFT_OUT`."""
     if isinstance(value, Mapping):
         return {name: _short(inner) for name, inner in value.items() if name not in LEFT_OUT}
     if isinstance(value, list):

@@ -19,7 +19,7 @@ from tripwatt.server.http.settings import Settings
 
 
 class Answering:
-    """What all endpoints with a job share.
+    """Reading of bodies and running of jobs, for all endpoints that have a job.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ class Answering:
     Attributes
     ----------
     bodies : Bodies
-        Those that are arriving.
+        Bodies that are arriving.
     """
 
     def __init__(self, settings: Settings, pool: WorkerPool, metrics: Metrics) -> None:
@@ -41,7 +41,7 @@ class Answering:
     async def read(
         self, request: Request, media_types: Sequence[str] = (JSON,), most_bytes: int | None = None
     ) -> bytes:
-        """Read the body of a request for a job, unless too many requests wait already."""
+        """Read the body of a request for a job; raise the problem `busy` if too many requests wait already."""
         limits = self.settings.limits
         if self.pool.waiting >= limits.waiting:
             raise Problem("busy", "too many requests wait", headers={"Retry-After": "1"})
@@ -51,17 +51,17 @@ class Answering:
     async def job(
         self, request: Request, kind: str, body: bytes = b"", media_type: str = JSON, **parameters: Any
     ) -> Response:
-        """Return the document of a job as the response to a request."""
+        """Run a job, and return its document as the response to a request."""
         result = await self.pool.run({"kind": kind, **parameters}, body)
         self.metrics.job_seconds.labels(kind).observe(result.seconds)
         return answer(request, result, media_type)
 
     async def body_job(self, request: Request, kind: str, **parameters: Any) -> Response:
-        """Return the document of a job of the body of a request."""
+        """Run a job on the body of a request, and return its document as the response."""
         return await self.job(request, kind, await self.read(request), **parameters)
 
     async def kept(self, request: Request, kind: str, **parameters: Any) -> Response:
-        """Return the document of a job that stays the same while the service runs, computed once."""
+        """Return a document that stays the same while the service runs; its job runs only once."""
         key = orjson.dumps([kind, parameters])
         if key not in self._kept:
             response = await self.job(request, kind, **parameters)

@@ -76,10 +76,10 @@ GZIP_LEVEL: Final = 4
 
 CORS_METHODS: Final = ("GET", "POST", "PUT", "DELETE")
 CORS_HEADERS: Final = ("Authorization", "Content-Type", "If-None-Match", "X-Request-ID")
-"""What a page of another origin may ask with, beside what a browser always lets pass."""
+"""Methods and headers that a page of another origin may use in requests, beside those that a browser always allows."""
 
 CORS_EXPOSED: Final = ("ETag", "Retry-After", "X-Request-ID")
-"""What it may read of the headers of a response, beside what a browser always shows."""
+"""Headers of a response that such a page may read, beside those that a browser always shows."""
 
 MAX_ZOOM: Final = 22
 """Finest zoom of a tile, as maps have it."""
@@ -393,7 +393,7 @@ def add_handlers(app: FastAPI) -> None:
     async def on_http(request: Request, error: HTTPException) -> Response:
         kind = PROBLEM_KINDS.get(error.status_code, "internal" if error.status_code >= 500 else "bad-request")
         headers = dict(error.headers or {})
-        if error.status_code == 405:  # starlette names the methods of the first route of a path alone
+        if error.status_code == 405:  # starlette names only the methods of a path's first route
             of_path = [r for r in app.routes if isinstance(r, Route) and r.path_regex.match(request.url.path)]
             methods = {method for route in of_path for method in route.methods or ()}
             headers["Allow"] = ", ".join(sorted(methods | ({"HEAD"} if "GET" in methods else set())))

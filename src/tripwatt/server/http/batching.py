@@ -20,12 +20,12 @@ QUEUED_JOBS: Final = 1
 
 
 def lines_of(body: bytes, most: int) -> list[bytes]:
-    r"""The lines of the body of a batch; empty ones are left out.
+    r"""Return the lines of the body of a batch without empty lines.
 
     Raises
     ------
     Problem
-        `invalid-input` for no line, `too-large` for too many; twice as many line breaks allow for empty ones.
+        `invalid-input` if there is no line. `too-large` if there are more than `most` lines, or more than twice as many line breaks.
 
     Examples
     --------
@@ -76,7 +76,7 @@ async def forecast_lines(
 
 
 async def _forecast_line(line: bytes, pool: WorkerPool, metrics: Metrics, job: dict[str, Any]) -> bytes:
-    """A forecast, or a problem document with the trip of the request as far as the line shows it."""
+    """Return a forecast, or a problem document with the name of the trip if the line can be read."""
     most_bytes = pool.settings.limits.body_bytes
     try:
         if len(line) > most_bytes:

@@ -44,7 +44,7 @@ MOST_FILES: Final = 4000
 """Most tables of an upload."""
 
 EXPIRES_AFTER_S: Final = 3600.0
-"""An upload that is not learned is erased after so long, when the car gets the next one."""
+"""An upload that did not change for this time [s] is erased when the car gets its next file."""
 
 CARS_ARE_LISTED: Final = "GET /v1/cars lists the cars"
 SHOWN_FINDINGS: Final = 40
@@ -52,7 +52,7 @@ SHOWN_FAULTS: Final = 5
 SHOWN_TRIPS: Final = 200
 SHOWN_REASONS: Final = 20
 MOST_KEPT_MODELS: Final = 16
-"""Models of cars that a worker keeps in memory; the one that was used least recently goes first."""
+"""Most models of cars that a worker keeps in memory; the least recently used is dropped first."""
 
 
 @dataclass(frozen=True)
@@ -62,11 +62,11 @@ class CarJobs:
     Attributes
     ----------
     folder : Path or None
-        None for a service without cars.
+        Folder of the cars; None for a service without cars.
     heights : callable or None
-        As for `tripwatt.read_logs`: those of the service's map.
+        Heights of the service's map, as for `tripwatt.read_logs`.
     models : LRUCache
-        Models in memory, by name: what the car had learned, and the model.
+        Name of a car -> its learned state and its model at that state.
     """
 
     folder: Path | None = None
@@ -76,17 +76,17 @@ class CarJobs:
     )
 
     def names(self) -> list[str]:
-        """Names of the cars."""
+        """Return the names of the cars."""
         if self.folder is None or not self.folder.is_dir():
             return []
         return sorted(place.name for place in self.folder.iterdir() if live.is_car(place))
 
     def car(self, name: str) -> live.Car:
-        """The car of this name; errors are those of `car_folder`."""
+        """Open the car of this name; raises as `car_folder` does."""
         return live.open_car(car_folder(self.folder, name))
 
     def model(self, name: str) -> tuple[str, ForecastModel] | None:
-        """The model of a car as it is now, with a label that changes when it learns; None where there is no such car."""
+        """Return a label that changes whenever the car learns, and its current model; None if there is no such car."""
         if self.folder is None or VALID_NAME.fullmatch(name) is None:
             return None
         state, kept = learned_state(self.folder / name), self.models.get(name)
@@ -129,7 +129,7 @@ class CarJobs:
         return {"token": live.issue_token(self.car(name).folder)}
 
     def store(self, name: str, upload: str, file: str, body: bytes, most_bytes: int) -> dict[str, int]:
-        """Unpack a file into the tables of an upload, and return their number and bytes; uploads that were left are erased."""
+        """Unpack a file into the tables of an upload, and return their number and bytes; expired uploads are erased first."""
         try:
             place = car_folder(self.folder, name) / UPLOADS / upload
         except InvalidInput as error:  # a full disk: not even the car can be read
@@ -175,7 +175,7 @@ class CarJobs:
         }
 
     def learn(self, name: str, upload: str, body: bytes) -> dict[str, Any]:
-        """Learn the trips of an upload, and drop it; return what became of them."""
+        """Learn the trips of an upload and erase the upload; return the fields of `Learned`."""
         own, request = self.car(name), check_request(parse_json(body), LogsRequest)
         tables = uploaded(own.folder, upload)
         file = tables.parent / PROGRESS
@@ -191,12 +191,12 @@ class CarJobs:
         return _learned(done)
 
     def learn_finished(self, name: str) -> dict[str, Any]:
-        """Learn the trips that a car finished on the road, as `learn`."""
+        """Learn the trips that a car finished on the road; return the fields of `Learned`."""
         return _learned(self.car(name).learn())
 
 
 def require_folder(folder: Path | None) -> Path:
-    """The folder of cars.
+    """Return the folder of cars, if the service has one.
 
     Raises
     ------
@@ -209,7 +209,7 @@ def require_folder(folder: Path | None) -> Path:
 
 
 def car_folder(folder: Path | None, name: str) -> Path:
-    """The folder of the car of this name.
+    """Return the folder of the car of this name.
 
     Raises
     ------
@@ -223,7 +223,7 @@ def car_folder(folder: Path | None, name: str) -> Path:
 
 
 def uploaded(car: Path, upload: str) -> Path:
-    """The folder with the tables of an upload.
+    """Return the folder with the tables of an upload.
 
     Raises
     ------
@@ -237,7 +237,7 @@ def uploaded(car: Path, upload: str) -> Path:
 
 
 def units_of(ours: str) -> list[str]:
-    """Units that a column of a table may have for one of ours.
+    """Return the units that a table's column may have for one of our columns.
 
     Examples
     --------
@@ -248,7 +248,7 @@ def units_of(ours: str) -> list[str]:
 
 
 def kinds_of(tables: Path, request: LogsRequest, vehicle: Vehicle) -> list[Kind]:
-    """The kinds of files of an upload, with the changes of a request."""
+    """Return the kinds of files of an upload, with the changes of a request."""
     changes = {
         int(number): Changes(
             {ours: None if choice is None else choice.model_dump() for ours, choice in kind.changes.items()},
@@ -261,7 +261,7 @@ def kinds_of(tables: Path, request: LogsRequest, vehicle: Vehicle) -> list[Kind]
 
 
 def preview_of(fleet: TripSet) -> dict[str, Any]:
-    """The audit of some logs, as `LogsPreview`."""
+    """Return the audit of logs, as `LogsPreview`."""
     audited = audit(fleet)
     sound = [trip for trip in audited.trips if trip.observed_energy_wh is not None]
     starts = sorted(trip.context.started_at for trip in sound if trip.context.started_at is not None)
@@ -286,7 +286,7 @@ def preview_of(fleet: TripSet) -> dict[str, Any]:
 
 
 def read_progress(folder: Path, upload: str) -> tuple[int, int | None]:
-    """Trips of an upload that were learned, and their number; 0 and None before the first."""
+    """Return the number of trips of an upload learned so far, and of all its trips; 0 and None before the first."""
     try:
         progress = orjson.loads((folder / UPLOADS / upload / PROGRESS).read_bytes())
         return int(progress["done"]), int(progress["total"])
@@ -295,7 +295,7 @@ def read_progress(folder: Path, upload: str) -> tuple[int, int | None]:
 
 
 def _by_file(error: InvalidInput, tables: Path) -> InvalidInput:
-    """The same faults with files by their names: clients need not know where the service keeps them."""
+    """Return the same faults with names of files without the service's folder, which clients need not know."""
     folder = f"{tables}{os.sep}"
     return InvalidInput(
         Fault(**{name: text.replace(folder, "") for name, text in fault.texts.items()}, count=fault.count)
@@ -377,13 +377,13 @@ def _learned(done: live.Learned) -> dict[str, Any]:
 
 
 def _summary(own: live.Car, about: Mapping[str, Any], model: type[BaseModel]) -> dict[str, Any]:
-    """What a car says of itself, as far as a response has it."""
+    """Return the fields of `about` that a response has, with the name of the car and whether it has a token."""
     known = {key: about[key] for key in model.model_fields if key in about}
     return {"name": own.name, "has_token": live.has_token(own.folder), **known}
 
 
 def _sizes(folder: Path) -> list[int]:
-    """Bytes of the files below a folder, without those that are being written or that another upload takes away meanwhile."""
+    """Return the sizes of the files below a folder [bytes], without those being written, or erased meanwhile by another upload."""
     sizes = []
     for place, _, names in os.walk(folder):
         for name in () if Path(place).name.startswith(".") else names:

@@ -56,7 +56,7 @@ FileName = Annotated[str, PathValue(min_length=1, max_length=200, description="n
 
 @dataclass(eq=False)
 class Learning:
-    """Trips that a car learns, or has learned last.
+    """The learning of trips by a car: the current run, or the last one.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class Learning:
         Empty for trips that the car finished on the road.
     task : asyncio.Task
     result : JobResult or None
-        None while it runs.
+        None while the learning runs.
     """
 
     upload: str = ""
@@ -73,23 +73,23 @@ class Learning:
 
 
 class CarOperations:
-    """The endpoints of cars; each is the problem `no-live` where the service has no folder of cars.
+    """The endpoints of cars; each raises the problem `no-live` if the service has no folder of cars.
 
     Parameters
     ----------
     answering : Answering
         Its pool shows cars and reads logs.
     live : callable
-        Returns the cars on the road; what it raises is passed on.
+        Returns the cars on the road; its exceptions are passed on.
     log : callable
-        As of `WorkerPool`.
+        As in `WorkerPool`.
 
     Attributes
     ----------
     learners : WorkerPool
         One worker, started with the first upload that is learned; its jobs may take minutes.
     learning : dict
-        By name of the car.
+        Name of a car -> its current or last `Learning`.
     """
 
     def __init__(self, answering: Answering, live: Callable[[], LiveCars], log: Callable[..., None]) -> None:
@@ -98,14 +98,14 @@ class CarOperations:
         self.learners = WorkerPool(replace(self.settings, workers=1, limits=limits), log)
         self.learning: dict[str, Learning] = {}
         self._started = False
-        # cars that may have finished a trip, and what lets them learn
+        # cars that may have finished a trip, and the tasks that learn these trips
         self._news: set[str] = set()
         self._teaching: dict[str, asyncio.Task[None]] = {}
         self._places, self._unpacking = asyncio.Semaphore(MOST_PLACES), asyncio.Lock()
 
     @asynccontextmanager
     async def running(self) -> AsyncIterator[None]:
-        """Learn what cars finish on the road; stop with the service: what was learned by then is kept."""
+        """Learn trips that cars finish on the road, until the service stops; what was learned by then is kept."""
         if self.settings.cars is not None:
             self.live().learn = self.learn_soon
             for (
@@ -115,13 +115,13 @@ class CarOperations:
         try:
             yield
         finally:
-            await cancel(self._teaching.values())  # first: it starts to learn
+            await cancel(self._teaching.values())  # first, because they start to learn
             await cancel(one.task for one in self.learning.values() if one.task is not None)
             if self._started:
                 await self.learners.stop()
 
     def learn_soon(self, car: str) -> None:
-        """Let a car learn what it has finished on the road, as soon as it can."""
+        """Learn the trips that a car has finished on the road, as soon as possible."""
         self._news.add(car)
         if car not in self._teaching:
             self._teaching[car] = asyncio.ensure_future(self._teach(car))
@@ -210,12 +210,12 @@ class CarOperations:
         return await self.get_car(request, car)
 
     async def learn_finished(self, car: str) -> bool:
-        """Let a car learn the trips that it finished on the road, unless it learns already.
+        """Learn the trips that a car finished on the road, unless the car is learning already.
 
         Returns
         -------
         bool
-            Whether it did.
+            Whether the trips were learned.
         """
         if self._is_learning(car):
             return False
@@ -251,7 +251,7 @@ class CarOperations:
             raise Problem("busy", "the car is learning", headers={"Retry-After": "5"})
 
     def _learning(self, car: str) -> dict[str, Any] | None:
-        """What a car learns, as `LearningDocument`."""
+        """Return what a car learns or learned last, as `LearningDocument`; None if it has not learned yet."""
         learning = self.learning.get(car)
         if learning is None:
             return None
@@ -268,7 +268,7 @@ class CarOperations:
 
 
 def _shown(response: Response, learning: Mapping[str, Any] | None) -> Response:
-    """The document of a car with what it learns."""
+    """Return the response with a car's document, completed by what the car learns."""
     if response.status_code != 200:
         return response
     return json_response({**orjson.loads(response.body), "learning": learning})

@@ -22,12 +22,12 @@ Fields = Annotated[
 
 
 def known_parameters(handler: Callable[..., Any], path: str) -> list[Depends]:
-    """The check that a request has no parameter in its query which the handler of its operation lacks; a model checks its own.
+    """Return the dependency that refuses query parameters which the handler lacks; none if a model checks its parameters.
 
     Raises
     ------
     InvalidInput
-        With the most similar name, by the check.
+        By the dependency, with the most similar name.
     """
     types = get_type_hints(handler)
     parameters = inspect.signature(handler).parameters
@@ -46,7 +46,7 @@ def known_parameters(handler: Callable[..., Any], path: str) -> list[Depends]:
 
 
 def chosen(document: Any, fields: str | None) -> Any:
-    """The named fields of a document; all where no name is given.
+    """Return the named fields of a document; all fields if `fields` is None.
 
     Raises
     ------
@@ -70,7 +70,7 @@ def chosen(document: Any, fields: str | None) -> Any:
 
 
 def tagged(request: Request, content: bytes, media_type: str) -> Response:
-    """A document that seldom changes, with its entity tag; without content where the client has it already."""
+    """Return a document that seldom changes with its entity tag; status 304 without content if the client has it already."""
     tag = f'W/"{hashlib.sha256(content).hexdigest()[:20]}"'
     headers = {"ETag": tag, "Cache-Control": "no-cache"}
     if tag in [given.strip() for given in request.headers.get("if-none-match", "").split(",")]:

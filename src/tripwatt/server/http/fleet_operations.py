@@ -17,7 +17,7 @@ from tripwatt.server.http.openapi import JSON, TEXT, operation
 from tripwatt.server.http.problems import Problem
 
 MEDIA_TYPES: Final = {".html": "text/html", ".json": JSON, ".csv": "text/csv", ".txt": "text/plain"}
-"""Of the files of a report."""
+"""Suffix of a file of a report -> media type."""
 
 POLICY: Final = "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 """Content-Security-Policy of a report, which is one file with its style and without scripts."""
@@ -67,7 +67,7 @@ class FleetOperations:
 
 
 def report_file(folders: Mapping[str, Path], model: str | None, name: str) -> bytes | None:
-    """A file of the report in the registry of a fleet, the first one where `model` is None; None where there is none."""
+    """Return a file of the report in the registry of a fleet, by default of the first fleet; None if there is no such file."""
     registries = {fleet: folder for fleet, folder in folders.items() if is_registry(folder)}
     folder = registries.get(next(iter(registries), "") if model is None else model)
     file = None if folder is None else folder / "report" / name

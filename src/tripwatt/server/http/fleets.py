@@ -27,7 +27,7 @@ def is_registry(folder: Path | None) -> bool:
 
 
 def followed(name: str, folder: Path, log: Callable[..., None]) -> FollowedModel:
-    """The model in use of a registry; the log has every change, and why one was refused, with its name in the service."""
+    """Return the model that a registry has in use, and follow it; each change or refusal is logged with `name`."""
 
     def on_change(version: str, error: InvalidInput | None) -> None:
         refused = {} if error is None else {"reason": f"{error}"}
@@ -37,7 +37,7 @@ def followed(name: str, folder: Path, log: Callable[..., None]) -> FollowedModel
 
 
 def model_summary(folder: Path | None, fleet: FollowedModel | None) -> dict[str, Any]:
-    """What `/v1/models` has of a model, beside its name."""
+    """Return the entry of a model in `/v1/models`, without its name."""
     if fleet is None:
         return load_metadata(folder)
     fleet.get()  # the version in use, if the pointer has moved
@@ -49,12 +49,12 @@ def model_summary(folder: Path | None, fleet: FollowedModel | None) -> dict[str,
 
 
 def vehicle_model(fleet: FleetModel, request: schemas.CarRequest) -> ForecastModel:
-    """The model of the vehicle that a request names; without any, of a new one of the fleet's first car model.
+    """Return the model of the vehicle that a request names; by default, of a new vehicle of the fleet's first car model.
 
     Raises
     ------
     InvalidInput
-        When the vehicle is not known, or is another car model.
+        When the vehicle is not known, or is of another car model.
     """
     if request.vehicle_figures is not None:
         got, allowed = "figures of a car", "vehicle_id, or vehicle for a new one"
@@ -85,7 +85,7 @@ class PlannedTripRequest(schemas.DepartureRequest):
     """who drives"""
 
     def planned(self, number: int) -> PlannedTrip:
-        """The trip, the `number`-th of its request."""
+        """Return the planned trip; `number` is its position in the request, from 0."""
         where = f"trips[{number}]."
         with places_within(where):
             if (self.distance_km is None) == (self.links is None):
@@ -153,7 +153,7 @@ class NightResponse(schemas.ResponseModel):
 
 
 def night(fleets: Mapping[str, FollowedModel], request: NightRequest) -> dict[str, Any]:
-    """The response to a `NightRequest`.
+    """Return the response to a `NightRequest`.
 
     Raises
     ------

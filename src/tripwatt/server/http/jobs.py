@@ -62,7 +62,7 @@ from tripwatt.vehicles import Vehicle, find_vehicles, require_vehicle, vehicle_n
 Journey = TypeVar("Journey", bound=journey_schemas.JourneyCar)
 
 MOST_TRANSFERRED: Final = 64
-"""Models on other cars that a worker keeps; the one that was used least recently goes first."""
+"""Most models on other cars that a worker keeps; the least recently used is dropped first."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class Jobs:
     fleets : mapping of str to FollowedModel
         Models of fleets that requests may name; without `models` the first is the default.
     folders : mapping of str to Path
-        Of models and registries.
+        Folders of models and registries, by name.
     """
 
     models: Mapping[str, ForecastModel]
@@ -282,12 +282,12 @@ class Jobs:
         return self.model_named({**car, "vehicle_figures": figures})
 
     def _journey(self, body: bytes, kind: type[Journey]) -> tuple[Journey, ForecastModel]:
-        """The request of a body, and the model for its car."""
+        """Return the request of a body, and the model for its car."""
         request = check_request(parse_json(body), kind, self)
         return request, self.model_of(request)
 
     def _forecast(self, request: ForecastRequest, seen: Mapping[str, Any] | None = None) -> Forecast:
-        """The forecast of a request, updated with the samples that it observed."""
+        """Return the forecast of a request, updated with the observed samples of an `UpdateRequest`."""
         plan, own = self._plan(request), self.model_of(request)
         known, flags = with_seen(plan.departure.merge(departure_of(request)), seen, own.vehicle)
         forecast = own.forecast(replace(plan, trip_id=request.trip), known)
@@ -295,7 +295,9 @@ class Jobs:
         return forecast.update(request.observed) if isinstance(request, UpdateRequest) else forecast
 
     def require_known(self, field: str, name: str, model: str | None) -> None:
-        """Check the `model` or the `vehicle` of a request, whose model may be that of a car.
+        """Check that the `model` or the `vehicle` of a request exists; a car counts as a model.
+
+        `field` is the one to check, `name` its value, and `model` the model that the request names beside a vehicle.
 
         Raises
         ------
@@ -312,12 +314,12 @@ class Jobs:
                 require_vehicle(name)
 
     def model_named(self, document: Mapping[str, Any]) -> ForecastModel:
-        """The model for the car that a document names; `model_of` its fields of a car."""
+        """Return the model for the car that a document names, as `model_of` for the fields of a `CarRequest`."""
         fields = {name: document[name] for name in CarRequest.model_fields if name in document}
         return self.model_of(check_request(fields, CarRequest, self))
 
     def model_of(self, request: CarRequest) -> ForecastModel:
-        """The model of a request for its car, transferred to another car where it names one.
+        """Return the model that a request names; if the request names another car, transfer the model to it.
 
         Raises
         ------
@@ -392,7 +394,7 @@ class Jobs:
         return {"models": [{"name": name, **model_summary(*place)} for name, place in places.items()]}
 
     def vehicles(self, search: str | None = None) -> dict[str, Any]:
-        """Return the cars of the library, or those that words find, each with the models fitted on its trips."""
+        """Return the cars of the library, or those that the words of `search` find, each with the models fitted on its trips."""
         cars = {name: {model.vehicle.name} for name, model in self.models.items()}
         cars |= {name: {*fleet.get().vehicles().values()} for name, fleet in self.fleets.items()}
         by_name = {row["name"]: row for row in vehicles()}
@@ -406,7 +408,7 @@ def _no_single_car(got: str) -> InvalidInput:
 
 
 def describe(figures: VehicleFigures) -> Vehicle:
-    """Return the car of a request."""
+    """Return the vehicle that the figures of a request describe."""
     return describe_car(**figures.model_dump())
 
 

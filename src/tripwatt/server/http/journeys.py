@@ -35,19 +35,19 @@ class JourneyJobs:
     Attributes
     ----------
     atlas : Atlas or None
-        None where the service has no map.
+        None if the service has no map.
     """
 
     atlas: Atlas | None = None
 
     @classmethod
     def from_settings(cls, settings: AtlasSettings) -> JourneyJobs:
-        """Open the atlas of the settings; none where they name no map."""
+        """Open the atlas of the settings; without a map there is none."""
         return cls(open_atlas(settings) if settings.map else None)
 
     @property
     def heights(self) -> Heights | None:
-        """Those of the atlas."""
+        """Heights of the atlas; None without an atlas."""
         return None if self.atlas is None else self.atlas.heights
 
     def plan(self, request: PlanRequest, model: ForecastModel) -> dict[str, Any]:
@@ -55,7 +55,7 @@ class JourneyJobs:
         return self._journey(request, self._forecaster(request, model)).to_dict()
 
     def road(self, request: PlanRequest, model: ForecastModel, number: int) -> Forecast:
-        """Forecast one of the roads of a `PlanRequest`; the last where there are fewer."""
+        """Forecast the road with index `number` of a `PlanRequest`; the last road if there are fewer."""
         quick = request.model_copy(update={"answers": False})
         roads = self._journey(quick, self._forecaster(request, model)).roads
         return roads[min(number, len(roads) - 1)].forecast
@@ -139,7 +139,7 @@ class JourneyJobs:
 
 
 def place_of(stop: str | PlaceRequest) -> str | Place:
-    """A stop of a request as a place, or the text that names it."""
+    """Return a stop of a request as a place, or its text if the stop is given by name."""
     if isinstance(stop, str):
         return stop
     return Place(stop.latitude_deg, stop.longitude_deg, stop.name)

@@ -28,7 +28,7 @@ def vehicles() -> tuple[dict[str, Any], ...]:
 
 
 def described(car: Vehicle) -> dict[str, Any]:
-    """Return a car from a few figures with what it would be certified with."""
+    """Return the values of a car from a few figures, with the WLTP consumption and interval that it would be certified with."""
     certified = certified_interval(car)
     return {
         **_values(car),
@@ -59,7 +59,7 @@ def examples() -> dict[str, dict[str, Any]]:
             name: known[name] for name in ForecastRequest.model_fields if name in known
         }
         managed = float(trip.array("soc")[0])
-        # as the bundled model reads the samples on the way, so that the curve starts where the departure does
+        # converted as the bundled model converts the samples on the way, so that the curve starts at the charge of the departure
         shown = battery.displayed_from_soc(managed) if charge is None else charge.displayed(managed)
         at_departure["soc"] = float(np.clip(shown, 0.0, 1.0))
         route = [c for c in ("time_s", "speed_m_s", "elevation_m") if c in trip]

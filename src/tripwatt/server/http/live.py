@@ -1,7 +1,7 @@
 """Cars on the road: their messages, the plan of their trip, its forecast, and a stream of forecasts for listeners.
 
-One thread does all work of the cars, so that the event loop reads no file, and no two threads meet in a car. Workers check a
-plan before it is taken: what takes too long or crashes is refused there.
+One thread does all work on cars, so that the event loop reads no file and no two threads use the same car. A worker forecasts a
+plan before it is set: a plan that takes too long or crashes is refused there.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ from tripwatt.server.http.settings import Settings
 from tripwatt.trips.messages import flag_to_dict
 
 SILENCE_CHECK_S: Final = 30.0
-"""Time between two looks for cars that became silent."""
+"""Time between two checks for cars that became silent [s]."""
 
 KEEP_ALIVE_S: Final = 15.0
-"""A stream sends a comment after so long, so that no proxy closes it."""
+"""A stream without events sends a comment after this time [s], so that no proxy closes the stream."""
 
 STREAM_END_S: Final = 5.0
 """Time that streams have to end with the service [s]."""
@@ -93,7 +93,7 @@ class LiveCars:
             self._open(folder / name)
 
     async def run(self, work: Callable[Given, Result], *args: Given.args, **more: Given.kwargs) -> Result:
-        """Do some work of cars in their thread."""
+        """Call `work` in the thread of the cars, and return its result."""
         return await asyncio.get_running_loop().run_in_executor(self._thread, partial(work, *args, **more))
 
     def _open(self, place: Path) -> None:
@@ -111,7 +111,7 @@ class LiveCars:
             self._loop.call_soon_threadsafe(self.learn, name)
 
     async def follow(self, place: Path) -> None:
-        """Follow the car of a folder; of one that is followed already, only its token is read again.
+        """Follow the car of a folder; if it is followed already, only read its token again.
 
         Raises
         ------
@@ -121,7 +121,7 @@ class LiveCars:
         await self.run(self._open, place)
 
     async def drop(self, name: str) -> None:
-        """Follow a car no longer."""
+        """Close a car and stop following it."""
         self._digests.pop(name, None)
         self._companions.pop(name, None)
         car = self.cars.pop(name, None)
@@ -129,7 +129,7 @@ class LiveCars:
             await self.run(car.close)
 
     def by_name(self, name: str) -> Car:
-        """The car of this name.
+        """Return the followed car of this name.
 
         Raises
         ------
@@ -142,7 +142,7 @@ class LiveCars:
         return self.cars[name]
 
     def by_token(self, token: str) -> Car:
-        """The car whose token this is. Digests are compared, each in constant time. O(cars).
+        """Return the car with this token. Digests are compared, each in constant time. O(cars).
 
         Raises
         ------
@@ -169,7 +169,7 @@ class LiveCars:
         InvalidInput
             For a message that is too late to count.
         Problem
-            `busy` where it cannot be stored.
+            `busy` if the message cannot be stored.
         """
         try:
             arrival = await self.run(car.record, sample)
@@ -188,7 +188,7 @@ class LiveCars:
         }
 
     async def set_plan(self, car: Car, plan: dict[str, Any], departure_s: float | None) -> JobResult:
-        """Give a car the plan of its trip, if it can be forecast.
+        """Set the plan of a car's trip, if the plan can be forecast.
 
         Parameters
         ----------
@@ -196,12 +196,12 @@ class LiveCars:
         plan : dict
             A `ForecastRequest`.
         departure_s : float or None
-            When it leaves [s since 1970].
+            Departure [s since 1970].
 
         Returns
         -------
         JobResult
-            Of the forecast at departure; the plan is taken when its status is 200.
+            Result of the forecast at departure; the plan is set if the status is 200.
         """
         checked = await self.pool.run({"kind": "forecast"}, orjson.dumps(self.by_own_model(car.name, plan)))
         if checked.status == 200:
@@ -216,7 +216,7 @@ class LiveCars:
         return Problem("busy", f"the {what} cannot be stored; send it again", headers={"Retry-After": "10"})
 
     async def document(self, car: Car) -> dict[str, Any]:
-        """A car, the latest forecast of its trip and the latest message, as `LiveResponse`."""
+        """Return a car with the latest forecast of its trip and the latest message, as `LiveResponse`."""
         return await self.run(self._document, car)
 
     def _document(self, car: Car) -> dict[str, Any]:
@@ -228,7 +228,7 @@ class LiveCars:
         return {**document, "flags": flags, "message": told}
 
     def _told(self, car: Car) -> Message | None:
-        """The latest message on the trip of a car; its companion goes with the forecast at departure."""
+        """Return the latest message on the trip of a car; each forecast at departure gets a companion of its own."""
         departing = car.at_departure()
         if departing is None or car.trip is None:
             return None
@@ -244,7 +244,7 @@ class LiveCars:
         return companion.last
 
     def by_own_model(self, name: str, request: Mapping[str, Any]) -> dict[str, Any]:
-        """A request with the model of a car's own trips, unless the request names a car or a model."""
+        """Return a request that names the model of the car's own trips, unless it names a car or a model already."""
         cars = self.settings.cars
         own = not _names_car(request) and cars is not None and is_car(cars / name)
         return {**request, "model": name} if own else dict(request)
@@ -254,12 +254,12 @@ class LiveCars:
 
     @cached_property
     def _jobs(self) -> Jobs:
-        """The models that workers have, loaded when a car first needs one."""
+        """The same models as in the workers, loaded when a car first needs one."""
         settings = self.settings
         return Jobs.from_folders(settings.models, settings.limits, cars=CarJobs(settings.cars))
 
     async def need(self, car: Car, how: Mapping[str, float], known: Mapping[str, float]) -> JobResult:
-        """What the next trip of a car needs, as `NeedResponse`.
+        """Return what the next trip of a car needs, as `NeedResponse`.
 
         Parameters
         ----------
@@ -267,19 +267,19 @@ class LiveCars:
         how : mapping of str to float
             `probability`, 0.5 to 1; `departure_s`, when it leaves [s since 1970]; `plug_w`, power of the plug [W].
         known : mapping of str to float
-            Fields of the request that take the place of those of the plan.
+            Fields of the request that replace those of the plan.
 
         Raises
         ------
         Problem
-            `no-plan` without a plan and a usual trip.
+            `no-plan` if there is neither a plan nor a usual trip.
         """
         plan = await self.run(car.plan_at, how["departure_s"])
         if plan is None:
             raise Problem("no-plan", "no plan, and no earlier trip at this time of day")
         soc = await self.run(car.shown_soc) if car.trip is None else None
         asked = await self.job_of(car, {**plan.request, **known})
-        seen = {**asked["seen"], "soc": None}  # that of the plan counts
+        seen = {**asked["seen"], "soc": None}  # only the charge of the plan counts
         result = await self.pool.run(
             {"kind": "need", "how": {**how, "soc": soc}, "seen": seen}, asked["body"]
         )
@@ -295,7 +295,7 @@ class LiveCars:
         return replace(result, content=orjson.dumps(needed))
 
     async def job_of(self, car: Car, request: Mapping[str, Any]) -> dict[str, Any]:
-        """A job about a car: its body, which names the own model, and what its last messages show where the request leaves it out."""
+        """Return the parameters of a job about a car: `body` is the request with the own model, `seen` what the last messages show."""
         asked = self.by_own_model(car.name, request)
         seen = {
             "soc": await self.run(car.shown_soc),
@@ -305,14 +305,14 @@ class LiveCars:
         return {"body": orjson.dumps(asked), "seen": seen}
 
     async def job_without_road(self, car: Car, known: Mapping[str, Any]) -> dict[str, Any]:
-        """`job_of` for the range of a car or the need of a distance; a car that its plan names counts before its own model."""
+        """Return `job_of` for the range of a car or the need of a distance; a car that the plan names replaces the own model."""
         asked = {} if car.plan is None else {name: car.plan.request.get(name) for name in CAR_FIELDS}
         if asked.get("vehicle_figures") is not None:
             asked["vehicle_figures"] = orjson.dumps(asked["vehicle_figures"]).decode()
         return await self.job_of(car, {**asked, **known})
 
     def summary(self) -> dict[str, Any]:
-        """The cars, as `LiveCarsResponse`."""
+        """Return the cars, as `LiveCarsResponse`."""
         rows = (car.shown(car.now_s()) for _, car in sorted(self.cars.items()))
         cars = [
             {
@@ -325,12 +325,12 @@ class LiveCars:
         return {"cars": cars}
 
     def stream(self, car: Car) -> EventSourceResponse:
-        """The forecasts of a car as server-sent events.
+        """Return the forecasts of a car as a stream of server-sent events.
 
         Raises
         ------
         Problem
-            `busy` when the places of all listeners are taken.
+            `busy` if there are too many listeners already.
         """
         if self.listeners >= self.settings.limits.listeners:
             raise Problem("busy", "too many listeners", headers={"Retry-After": "30"})
@@ -346,7 +346,7 @@ class LiveCars:
         )
 
     async def events(self, car: Car, ending: anyio.Event) -> AsyncIterator[ServerSentEvent]:
-        """The documents of a car as events: at once, and then after new messages, until the service ends.
+        """Yield documents of a car as events: one at once, then one after each change, until the service or the following ends.
 
         Yields
         ------
@@ -380,7 +380,7 @@ class LiveCars:
 
     @contextlib.asynccontextmanager
     async def running(self, *work: Awaitable[None]) -> AsyncIterator[None]:
-        """Watch the cars and do some more work, and leave them to another process at the end."""
+        """Watch the cars and await `work` meanwhile; close the cars at the end."""
         self._loop = asyncio.get_running_loop()
         tasks = [asyncio.ensure_future(one) for one in (self.watch(), *work)]
         try:
@@ -390,14 +390,14 @@ class LiveCars:
             self.close()
 
     def close(self) -> None:
-        """Leave the cars to another process."""
+        """Close the cars, so that another process can follow them."""
         self._thread.shutdown()
         for car in self.cars.values():
             car.close()
 
 
 def _watched(car: Car) -> None:
-    """End the trip of a car that is silent; make its forecast if a diary keeps it."""
+    """End the trip of a car that is silent; otherwise make its forecast if one is due for the diary."""
     if not car.end_when_silent(car.now_s()) and car.wants_forecast:
         car.document(car.now_s())
 

@@ -51,7 +51,7 @@ Name = Annotated[str, PathValue(pattern=f"^{VALID_NAME.pattern}$", description="
 
 
 class LiveOperations:
-    """The endpoints of cars on the road; each is the problem `no-live` where the service has no folder of cars.
+    """The endpoints of cars on the road; each raises the problem `no-live` if the service has no folder of cars.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ class LiveOperations:
 
     @property
     def cars(self) -> LiveCars:
-        """The cars.
+        """The cars on the road.
 
         Raises
         ------
@@ -132,7 +132,7 @@ class LiveOperations:
         return answer(request, result)
 
     async def job_of(self, query: RangeQuery) -> dict[str, Any]:
-        """The job of a query: `body`, and `seen` where it asks of a car on the road."""
+        """Return the parameters of a query's job: `body`, and `seen` if the query is about a car on the road."""
         given = query.model_dump(mode="json", exclude_unset=True)
         if self._cars is None or query.car not in self._cars.cars or any(map(given.get, CAR_FIELDS)):
             return {"body": orjson.dumps(given)}
@@ -165,12 +165,12 @@ class LiveOperations:
 
 
 def message_of(body: bytes, kind: str) -> dict[str, Any]:
-    """The object of a body: JSON, or the fields of a form.
+    """Return the object of a body: JSON, or the fields of a form.
 
     Raises
     ------
     Problem
-        `not-json`, or `invalid-input` for JSON that is no object and for a form with too many fields.
+        `not-json`, or `invalid-input` for JSON that is not an object and for a form that is not valid.
 
     Examples
     --------
@@ -187,19 +187,19 @@ def message_of(body: bytes, kind: str) -> dict[str, Any]:
 
 
 def given_token(message: Mapping[str, Any], request: Request, of_query: str | None) -> str:
-    """The token of a request: a bearer token, a field of its message, or a parameter of its URL."""
+    """Return the token of a request: a bearer token, else a field of its message, else a parameter of its URL; empty if none."""
     kind, _, bearer = request.headers.get("authorization", "").partition(" ")
     candidates = (bearer.strip() if kind.lower() == "bearer" else "", message.get("token"), of_query)
     return next((token for token in candidates if isinstance(token, str) and token), "")
 
 
 def telemetry_of(message: Mapping[str, Any]) -> Any:
-    """The object `tlm` of a message, which may be its JSON text; the message itself where it has a `utc`.
+    """Return the object `tlm` of a message, which may be JSON text; without `tlm`, the message itself if it has a `utc`.
 
     Raises
     ------
     Problem
-        `not-json` for a text that is none.
+        `not-json` if the text is not JSON.
     """
     given = message.get("tlm", message if "utc" in message else None)
     return parse_json(given.encode(), "tlm: ") if isinstance(given, str) else given

@@ -49,7 +49,7 @@ SECURITY_HEADERS: Final = {
 
 
 class ProxyHeaders(ProxyHeadersMiddleware):
-    """The headers of a proxy: `X-Forwarded-For` names the client, `X-Forwarded-Host` the host; those of other peers do not count.
+    """Reads the client from `X-Forwarded-For` and the host from `X-Forwarded-Host` of a trusted proxy; ignores those of other peers.
 
     Parameters
     ----------
@@ -90,10 +90,10 @@ class ServiceMiddleware:
             await self.app(scope, receive, send)
             return
         prefix, path = self.settings.prefix, scope["path"]
-        if prefix and path == prefix:  # the page asks for what is beside it
+        if prefix and path == prefix:  # the page has relative links
             await RedirectResponse(f"{prefix}/", 308)(scope, receive, send)
             return
-        if prefix and path.startswith(f"{prefix}/"):  # a proxy that takes it off is as good
+        if prefix and path.startswith(f"{prefix}/"):  # a proxy may remove it, too
             scope = {**scope, "path": path.removeprefix(prefix)}
         await _Exchange(self, scope).run(receive, send)
 
@@ -128,7 +128,7 @@ class ServiceMiddleware:
 
 
 def _check_site(headers: Headers, allowed: Sequence[str]) -> None:
-    """Refuse what a page of another site, whose origin is not allowed, makes a browser send; programs send neither header."""
+    """Refuse a request that a browser sends for a page of another site, unless its origin is allowed. Programs send neither header."""
     site, origin = headers.get("sec-fetch-site"), headers.get("origin")
     host = headers.get("x-forwarded-host", headers.get("host", "")).partition(",")[0].strip()
     same = origin is None or origin.lower().partition(":")[2] == f"//{host.lower()}"

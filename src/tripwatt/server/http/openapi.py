@@ -1,4 +1,4 @@
-"""The OpenAPI document: what FastAPI cannot derive of an operation stands at its handler, in `operation`."""
+"""The OpenAPI document: the decorator `operation` of a handler states what FastAPI cannot derive."""
 
 from __future__ import annotations
 
@@ -45,27 +45,27 @@ HELD: Final = {
 """Headers of a document that seldom changes, and of a request for it."""
 
 Content = type | dict[str, Any]
-"""A document of JSON by its schema, or an object of OpenAPI for a media type."""
+"""Schema of a JSON document, or an OpenAPI object for a media type."""
 
 Handler = TypeVar("Handler", bound=Callable[..., Any])
 
 
 @dataclass(frozen=True, slots=True)
 class Operation:
-    """What the document has of an operation beside the signature and the docstring of its handler.
+    """What the OpenAPI document states of an operation beyond the signature and the docstring of its handler.
 
     Attributes
     ----------
     method, path : str
     tag : str
     answer : mapping of str to Content
-        Content of that response by media type.
+        Content of the response with status 200, by media type.
     takes : mapping of str to Content
         Content of the request by media type; empty for a request without a body.
     tagged : bool
-        Whether it heeds `If-None-Match`.
+        Whether the operation supports `If-None-Match`.
     internal : bool
-        Whether it serves the page alone and may change in any version.
+        Whether the operation serves only the page and may change in any version.
     description : str
         Description of the response with status 200; that of its schema by default.
     more : mapping
@@ -83,7 +83,7 @@ class Operation:
     more: Mapping[str, Any] = field(default_factory=dict)
 
     def add_to(self, app: FastAPI, handler: Callable[..., Any]) -> None:
-        """Add the operation to an application; every answer that is none is a problem document."""
+        """Add the operation to an application; any response that it does not describe is a problem document."""
         answer = {"description": self._description(), "content": _contents(self.answer)}
         answers: dict[int | str, dict[str, Any]] = {200: answer, "default": PROBLEM}
         extra = {**self.more, **({"x-internal": True} if self.internal else {})}
@@ -117,10 +117,10 @@ class Operation:
 
 
 class Schemas(GenerateJsonSchema):
-    """Schemas of which generated clients make optional fields: some count a field with a `default` as required."""
+    """Makes schemas with `x-default` in place of `default`: some generated clients take a field with `default` as required."""
 
     def dataclass_schema(self, schema: Any) -> JsonSchemaValue:
-        """Return the schema of a dataclass of the library, which a response has with all its fields."""
+        """Return the schema of a dataclass of the library; all of its fields are required."""
         made = super().dataclass_schema(schema)
         described = (inspect.getdoc(schema["cls"]) or "").partition("\n\nExamples\n")[0]
         return made | {
@@ -212,7 +212,7 @@ def add_operations(app: FastAPI, owners: Iterable[object], *, with_token: bool) 
 
 
 def _without_null(schema: dict[str, Any]) -> dict[str, Any]:
-    """The schema of a parameter: in a URL it can be left out, but not be null."""
+    """Return the schema of a parameter without null: in a URL, a parameter can be left out but not be null."""
     kinds = [one for one in schema.get("anyOf", ()) if one != {"type": "null"}]
     return {**kinds[0], **{k: v for k, v in schema.items() if k != "anyOf"}} if len(kinds) == 1 else schema
 
@@ -224,7 +224,7 @@ def _by_type(content: Content | Mapping[str, Content] | None) -> Mapping[str, Co
 
 
 def _contents(contents: Mapping[str, Content]) -> dict[str, Any]:
-    """Media type objects; a schema comes with its examples."""
+    """Return media type objects; a schema comes with its examples."""
     described = {}
     for media_type, content in contents.items():
         if isinstance(content, type):
@@ -241,4 +241,4 @@ PROBLEM: Final[dict[str, Any]] = {
     "content": _contents({MEDIA_TYPE: ProblemDocument}),
     "headers": {"Retry-After": {"description": "seconds to wait, where the service is busy", **TEXT}},
 }
-"""Every answer of an operation that is none of those described."""
+"""Any response of an operation that is not described otherwise."""

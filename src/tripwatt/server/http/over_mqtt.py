@@ -1,4 +1,4 @@
-"""The cars of a service over MQTT: what they send is taken as over HTTP, and what they are is published."""
+"""The cars of a service over MQTT: their messages are stored as those over HTTP, and their state is published."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from tripwatt.server.http.live import LiveCars
 from tripwatt.server.http.problems import Problem
 
 NEED_S: Final = 600.0
-"""Need and range are made again after so long [s]: usual trips are found by the time of day."""
+"""Need and range are computed again after this time [s], because usual trips depend on the time of day."""
 
 PROBABILITY: Final = 0.9
-"""Of the need that is published."""
+"""Probability of the need that is published."""
 
 
 class OverMqtt:
@@ -29,7 +29,7 @@ class OverMqtt:
     cars : LiveCars
         All of them are published.
     settings : MqttSettings
-        Those that it names are followed.
+        The cars that it names are followed.
 
     Attributes
     ----------
@@ -50,11 +50,11 @@ class OverMqtt:
             lambda text: cars.log(event="mqtt", error=text),
             cars.settings.limits.live_every_s,
         )
-        # what need and range of a car were made of, and these
+        # name of a car -> state of which need and range were computed, and need and range
         self._ahead: dict[str, tuple[tuple[Any, ...], dict[str, Any]]] = {}
 
     async def take(self, name: str, sample: Sample) -> None:
-        """Store a sample of a car that is not forgotten.
+        """Store a sample of a car, unless the car was forgotten.
 
         Raises
         ------
@@ -66,7 +66,7 @@ class OverMqtt:
                 await self.cars.take(self.cars.cars[name], sample)
 
     async def documents(self) -> dict[str, dict[str, Any]]:
-        """What is published of each car: its document, what its next trip needs, and how far its charge carries."""
+        """Return what is published of each car: its document, what its next trip needs, and how far its charge carries."""
         documents = {}
         for name, car in [*self.cars.cars.items()]:
             document = await self.cars.document(car)
@@ -78,7 +78,7 @@ class OverMqtt:
         return documents
 
     async def _need(self, car: Car) -> dict[str, Any] | None:
-        """What the next trip of a car needs, as `NeedResponse`; None on a trip, and where it is unknown."""
+        """Return what the next trip of a car needs, as `NeedResponse`; None if the car is on a trip or the need is unknown."""
         if car.trip:
             return None
         how = {"probability": PROBABILITY, "departure_s": time.time(), "plug_w": PLUG_W}
@@ -88,7 +88,7 @@ class OverMqtt:
         return None
 
     async def _range(self, car: Car, soc: float | None) -> dict[str, Any] | None:
-        """How far the charge of a car carries, as `RangeResponse`; None where it is unknown."""
+        """Return how far the charge of a car carries, as `RangeResponse`; None if this is unknown."""
         if soc is None:
             return None
         asked = await self.cars.job_without_road(car, {})

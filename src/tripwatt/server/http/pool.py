@@ -22,16 +22,16 @@ from tripwatt.server.http.settings import Settings
 from tripwatt.server.http.worker import prepare, run_here
 
 MAX_ATTEMPTS: Final = 3
-"""Workers that may be lost with one job: a choice, because a job that crashes them would end every worker."""
+"""Most workers that one job may lose (a choice): without a bound, a job that crashes its worker would end all workers."""
 
 CHECK_S: Final = 1.0
 CHECK_TIMEOUT_S: Final = 60.0
-"""Time between two looks whether idle workers still run, and for the answer of one, which a busy machine may delay."""
+"""Time between two checks of idle workers, and longest wait for the answer of one, which a busy machine may delay [s]."""
 
 RESTART_DELAY_S: Final = 5.0
-"""Delay before another start, after one that failed."""
+"""Delay after a failed start of a worker, before the next start [s]."""
 
-KILL: Final = getattr(signal, "SIGKILL", signal.SIGTERM)  # Windows has the second one alone, which kills
+KILL: Final = getattr(signal, "SIGKILL", signal.SIGTERM)  # Windows has only SIGTERM, which kills
 
 
 async def cancel(tasks: Iterable[asyncio.Task[Any]]) -> None:
@@ -40,7 +40,7 @@ async def cancel(tasks: Iterable[asyncio.Task[Any]]) -> None:
     Parameters
     ----------
     tasks : iterable of Task
-        Those that have ended stay as they are.
+        Tasks to cancel; those that have ended stay as they are.
 
     Examples
     --------
@@ -79,7 +79,7 @@ class Worker:
     pid: int
 
     def kill(self) -> None:
-        """Kill the process: what it runs fails."""
+        """Kill the process; the job that it runs fails."""
         with contextlib.suppress(ProcessLookupError):
             os.kill(self.pid, KILL)
 
@@ -174,7 +174,7 @@ class WorkerPool:
             self.waiting -= 1
 
     async def _run_on(self, worker: Worker, timeout_s: float, work: Callable[..., Any], *args: Any) -> Any:
-        """What the work returns; None where its worker ended, or was killed because it hung."""
+        """Run `work` on a worker and return its result; return None if the worker ended, or was killed because it hung."""
         timer = asyncio.get_running_loop().call_later(timeout_s, worker.kill)
         try:
             result = await asyncio.wrap_future(worker.executor.submit(work, *args))

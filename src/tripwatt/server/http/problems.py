@@ -22,7 +22,7 @@ MAX_TEXT_LENGTH: Final = 300
 LINK: Final = re.compile(r"(?:(.+)\.)?link (\d+)(?:, (\w+))?")
 IN_BODY: Final = re.compile(r"\w+(\.\w+|\[\d+\])*")
 OUTSIDE: Final = ("query.", "path.", "header.")
-"""Places of faults: in a link, elsewhere in the body, and not in the body."""
+"""Patterns of the places of faults: in a link, elsewhere in the body, and (as prefixes) outside the body."""
 
 SAFE_METHODS: Final = frozenset({"GET", "HEAD", "OPTIONS"})
 """Methods of requests that change nothing."""
@@ -120,7 +120,7 @@ def _with_pointer(fault: Mapping[str, str]) -> dict[str, str]:
 
 
 def pointer_to(where: str) -> str | None:
-    """The JSON pointer (RFC 6901) of a place in the body of a request; None where it is not in the body.
+    """Return the JSON pointer (RFC 6901) of a place in the body of a request; None if the place is not in the body.
 
     Examples
     --------

@@ -1,6 +1,6 @@
 """The HTTP protocol of the server with the bounds that uvicorn lacks: bytes of a head, connections, and time to read a response.
 
-The time of a head, the rate and the connections of one client are the proxy's.
+A proxy has to bound the time of a head, and the rate and the connections of one client.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ SEND_TIMEOUT_S: Final = 20.0
 
 
 def most_connections() -> int:
-    """Half of the files that the process may open: workers, uploads and connections that just arrive need the others."""
+    """Return half of the number of files that the process may open; workers, uploads and new connections need the others."""
     if sys.platform == "win32":
         return 512
     return min(resource.getrlimit(resource.RLIMIT_NOFILE)[0] // 2, 16_384)
@@ -44,7 +44,7 @@ class BoundedProtocol(HttpToolsProtocol):
         self._send_timer: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Take a connection; with too many, close the one that is idle for longest."""
+        """Accept a connection; if there are too many, close the one that has been idle for longest."""
         super().connection_made(transport)
         if len(self.connections) > self.most_connections:
             open_ones = (c for c in self.connections if isinstance(c, BoundedProtocol) and c.is_idle)
@@ -57,11 +57,11 @@ class BoundedProtocol(HttpToolsProtocol):
 
     @property
     def is_idle(self) -> bool:
-        """Whether no request is answered, and the connection is not closing."""
+        """Whether the connection is not closing and no request is being answered."""
         return not self.transport.is_closing() and (self.cycle is None or self.cycle.response_complete)
 
     def data_received(self, data: bytes) -> None:
-        """Parse received bytes in slices, until one exceeds the bound."""
+        """Parse received bytes in slices, until a head exceeds its bound."""
         self._heard_s = self.loop.time()
         for start in range(0, len(data), SLICE_BYTES):
             if self.transport.is_closing():
@@ -74,29 +74,29 @@ class BoundedProtocol(HttpToolsProtocol):
                 self.send_400_response(f"A head has at most {MAX_HEAD_BYTES} bytes.")
 
     def on_headers_complete(self) -> None:
-        """End a head."""
+        """Reset the count of bytes at the end of a head."""
         self._unused_bytes = 0
         super().on_headers_complete()
 
     def on_body(self, body: bytes) -> None:
-        """Take a part of the body; the parts of a slice are passed on together, because each copies what waits."""
+        """Collect a part of the body; the parts of a slice are passed on together, because each pass copies what waits."""
         self._unused_bytes = 0
         self._body.append(body)
 
     def on_message_complete(self) -> None:
-        """End a request."""
+        """Pass the rest of the body on at the end of a request."""
         self._unused_bytes = 0
         self._pass_body_on()
         super().on_message_complete()
 
     def pause_writing(self) -> None:
-        """Start the time of the client to read; an unread response would be held until then."""
+        """Start the time-out of a client that does not read, because its response is held meanwhile."""
         super().pause_writing()
         if self._send_timer is None:
             self._send_timer = self.loop.call_later(SEND_TIMEOUT_S, self.transport.abort)
 
     def resume_writing(self) -> None:
-        """Stop the time of the client to read."""
+        """Stop the time-out of a client that reads again."""
         if self._send_timer is not None:
             self._send_timer.cancel()
             self._send_timer = None

@@ -20,19 +20,19 @@ def request_id(request: Request) -> str:
 
 
 class Bodies:
-    """Request bodies that are arriving, within one bound of their bytes together.
+    """Request bodies that are arriving, with one bound for the sum of their bytes.
 
-    Where slow bodies fill the bound, further bodies are refused until the time-out of bodies.
+    If slow bodies fill the bound, further bodies are refused until the time-out of bodies.
 
     Parameters
     ----------
     most : int
-        Bytes of all together.
+        Most bytes of all bodies together.
 
     Attributes
     ----------
     arriving : int
-        Bytes that are there of bodies that are not complete.
+        Bytes received so far of bodies that are not complete.
     """
 
     def __init__(self, most: int) -> None:

@@ -1,4 +1,4 @@
-"""A route or a log that was uploaded, as fields of a request."""
+"""Read an uploaded route or log as fields of a request."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def read_route(body: bytes, speed_m_s: float | None, limits: Limits) -> dict[str
     Raises
     ------
     InvalidInput
-        When it is none of them, or larger than the limits.
+        When the upload has none of these formats, or exceeds the limits.
     """
     if body.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] not in ROUTE_FIRST_BYTES and not is_links_table(body):
         return _response(canonical_of_text(body, "upload"), limits)
@@ -55,7 +55,7 @@ def read_route(body: bytes, speed_m_s: float | None, limits: Limits) -> dict[str
 
 
 def _response(samples: pd.DataFrame, limits: Limits, flags: tuple[Flag, ...] = ()) -> dict[str, Any]:
-    """The response to an upload, without links."""
+    """Return the response to an upload, without links."""
     time, speed = samples["time_s"].to_numpy(), samples["speed_m_s"].to_numpy()
     if len(samples) > limits.samples:
         allowed = f"at most {limits.samples}"

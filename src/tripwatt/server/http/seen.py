@@ -13,9 +13,10 @@ from tripwatt.vehicles import Vehicle
 def with_seen(
     known: Departure, seen: Mapping[str, Any] | None, vehicle: Vehicle
 ) -> tuple[Departure, tuple[Flag, ...]]:
-    """A departure with temperature and charge of the car's last messages in place of those that it leaves out, and flags of what was taken.
+    """Fill temperature and charge that a departure leaves out from the car's last messages; return the departure and flags.
 
-    A charge is in the answer, and a charge of the battery management is no gap.
+    A temperature that was filled in gets a flag, and so does a car without a description. A charge gets none, because the answer
+    shows it. A charge of the battery management counts as given.
     """
     seen = seen or {}
     given = known if known.bms_soc is None else replace(known, soc=known.bms_soc)
@@ -27,5 +28,5 @@ def with_seen(
 
 
 def undescribed(car: str, assumed: Vehicle) -> Flag:
-    """The flag of a car on the road that nothing describes."""
+    """Return the flag of a car on the road without a description."""
     return Flag("no_description", assumed.title, car)

@@ -30,7 +30,7 @@ def require_safe(settings: Settings) -> None:
     Raises
     ------
     InvalidInput
-        For a missing token, a token that is too short or not printable, no workers, and what is no path or no origin.
+        For a missing token, a token that is too short or not printable, no workers, an invalid prefix, or an invalid origin.
 
     Examples
     --------
@@ -64,7 +64,7 @@ def open_socket(settings: Settings) -> socket.socket:
     Raises
     ------
     InvalidInput
-        When the address is not one of this machine or the port is in use.
+        When the address is not an address of this machine, or the port is in use.
     """
     allowed, place = "an address of this machine and a free port", f"{settings.host} port {settings.port}"
     with system_errors("cannot listen", "--host, --port", allowed, place):

@@ -36,7 +36,7 @@ class Limits:
     links : int
         Most links or points of a route.
     duration_s : float
-        Longest trip [s], that of the library: longer ones are refused before anything is calculated.
+        Longest trip [s], as in the library; longer trips are refused before anything is calculated.
     batch : int
         Most trips of a batch.
     waiting : int
@@ -109,7 +109,7 @@ class Settings:
     cors_origins : tuple of str
         Origins whose pages a browser lets read answers.
     mqtt : MqttSettings or None
-        The broker that cars send to, and that they are published to; None for none.
+        The broker that cars send to, and to which they are published; None for no broker.
     """
 
     models: Mapping[str, Path] = field(default_factory=lambda: MappingProxyType({}))

@@ -65,7 +65,7 @@ def prepare(models: Mapping[str, Path], limits: Limits, atlas: AtlasSettings, ca
 
 
 def _end_with_service() -> None:
-    """End this process with the one that started it, which may be killed."""
+    """End this process when the service that started it ends, even if the service is killed."""
     service = multiprocessing.parent_process()
     if service is not None:
         service.join()
@@ -73,7 +73,7 @@ def _end_with_service() -> None:
 
 
 def run_here(job: dict[str, Any], body: bytes) -> tuple[int, bytes, float]:
-    """Run a job of this process; return HTTP status, document and computing time [s]."""
+    """Run a job with the models of this process; return HTTP status, document and computing time [s]."""
     started = time.perf_counter()
     return *run_job(PREPARED[0], job, body), time.perf_counter() - started
 
@@ -120,7 +120,7 @@ def run_job(jobs: Jobs, job: dict[str, Any], body: bytes) -> tuple[int, bytes]:
 
 
 def bound_memory(more_bytes: int) -> None:
-    """Bound the memory of this process: more than so many bytes beyond what it has is a `MemoryError`. Linux only."""
+    """Bound the memory of this process: more than `more_bytes` beyond its present size raises `MemoryError`. Linux only."""
     if sys.platform == "linux":
         pages = int(Path("/proc/self/statm").read_text().split()[5])
         most = resource.getrlimit(resource.RLIMIT_DATA)[1]

@@ -1,4 +1,4 @@
-"""What `tripwatt demo` serves: a made-up country, a car with its diary, and its drive of this moment. Nothing here is measured."""
+"""What `tripwatt demo` serves: a made-up country, a car with its diary, and its current drive. Nothing here is measured."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def make_demo(folder: Path, progress: Callable[[str], object] = lambda step: Non
     Returns
     -------
     Settings, str
-        Of the service, without a map where `tripwatt[routing]` is missing; and the token of the car on the road.
+        Settings of the service, without a map if `tripwatt[routing]` is missing, and the token of the car on the road.
     """
     atlas = AtlasSettings()
     if find_spec("valhalla") is not None and find_spec("osmium") is not None:
@@ -61,7 +61,7 @@ def make_demo(folder: Path, progress: Callable[[str], object] = lambda step: Non
 
 
 def example_map(folder: Path) -> Path:
-    """The map of the made-up country below a folder, built where it is missing."""
+    """Return the folder of the map of the made-up country; build the map if it is missing."""
     made = folder / "map"
     if not made.is_dir():
         from scipy.ndimage import zoom
@@ -76,7 +76,7 @@ def example_map(folder: Path) -> Path:
 
 
 def depart(settings: Settings) -> Drive:
-    """Let the car drive a trip of the examples up to now, and return the rest of its drive.
+    """Record an example trip of the car up to now, and return the samples to come.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def depart(settings: Settings) -> Drive:
 
 
 def _samples(trip: Mapping[str, Any], begins_s: float) -> Drive:
-    """The measured samples of an example, one in `EVERY_S`."""
+    """Yield time and values of the samples of an example, one every `EVERY_S`."""
     measured = {**trip["request"]["samples"], **trip["observed"]}
     names = [name for name in measured if name != "time_s"]
     after_s = np.array(measured["time_s"]) - measured["time_s"][0]
