@@ -11,7 +11,7 @@ from typing import Any, Final
 
 ONLINE: Final = "online"
 OFFLINE: Final = "offline"
-"""Messages on the topic that shows whether somebody publishes."""
+"""Messages that show whether cars are published at present."""
 
 EXPIRES_S: Final = 300
 """A figure that is not published again within this time is unavailable [s]: several times the interval for a silent car."""
@@ -33,7 +33,7 @@ class Sensor:
 
     @property
     def template(self) -> str:
-        """The figure as a template of Home Assistant."""
+        """The template of Home Assistant for the figure."""
         around = self.of.partition(".")[0]
         known = f"value_json.{around} is not none and value_json.{self.of} is not none"
         scale, digits = SCALES[self.unit]
@@ -57,7 +57,7 @@ SENSORS: Final = (
 
 
 def discovery(car: str, topic: str, prefix: str) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Return the retained messages by which Home Assistant finds a car.
+    """Yield the retained messages by which Home Assistant finds a car.
 
     Parameters
     ----------

@@ -10,7 +10,7 @@ from typing import Final, Literal
 from tripwatt.server.cars.telemetry import Sample, moved
 
 LATE_S: Final = 30.0
-"""A sample may arrive this much later than one that was sent after it [s of its own time]."""
+"""A sample is still used if its time is at most this much before the latest time that arrived [s]."""
 
 MOST_WAITING: Final = 600
 """Most samples that wait for late ones: 20 Hz for `LATE_S`. If there are more, the oldest are released."""

@@ -18,7 +18,7 @@ from tripwatt.server.cars.ordering import LATE_S
 from tripwatt.server.cars.telemetry import Sample
 
 FUTURE_S: Final = 120.0
-"""A stamp may be this much ahead of the sender's own clock [s]; one that is further ahead is held."""
+"""A stamp may be this much ahead of the sender's known clock [s]; a sample that is further ahead is held."""
 
 STEADY: Final = (3, 5.0, 10.0)
 """Messages that show a clock: fewest of them, shortest time from first to last arrival [s], largest spread of their offsets [s]."""

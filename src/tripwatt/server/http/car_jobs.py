@@ -304,7 +304,7 @@ def _by_file(error: InvalidInput, tables: Path) -> InvalidInput:
 
 
 def _kind(number: int, kind: Kind) -> dict[str, Any]:
-    """A kind of files, as `KindDocument`."""
+    """Return a kind of files, as `KindDocument`."""
     guesses = () if kind.proposal is None else kind.proposal.guesses
     why = {(guess.ours, guess.column): guess.why for guess in guesses}
     mapping = [
@@ -317,7 +317,7 @@ def _kind(number: int, kind: Kind) -> dict[str, Any]:
         for ours, entry in kind.tables.get("columns", {}).items()
     ]
     used = [entry["column"] for entry in mapping]
-    # where a file has a row for each value, signals stand for columns
+    # in a file with a row for each value, the signals are the columns
     columns = [column for column in dict.fromkeys([*kind.names, *used]) if column]
     return {
         "number": number,
@@ -334,7 +334,7 @@ def _kind(number: int, kind: Kind) -> dict[str, Any]:
 def _files(
     kinds: Sequence[Kind], report: ReadingReport | None, ignored: Sequence[str], tables: Path
 ) -> list[dict[str, Any]]:
-    """The files of an upload, as `FileDocument`."""
+    """Return the files of an upload, as `FileDocument`."""
     unread = (
         FileReading(f.name, kind=n, faults=kind.faults) for n, kind in enumerate(kinds) for f in kind.files
     )
@@ -358,7 +358,7 @@ def _alike(group: Alike, tables: Path) -> dict[str, Any]:
 
 
 def _entry(row: Mapping[Hashable, Any], car: live.Car) -> dict[str, Any]:
-    """A row of the diary of a car, as `DiaryEntry`."""
+    """Return a row of the diary of a car, as `DiaryEntry`."""
     values = {f"{key}": plain(value) for key, value in row.items()}
     causes = {key for key in values if key.startswith(CAUSE)}
     return {

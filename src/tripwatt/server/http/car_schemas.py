@@ -303,5 +303,5 @@ class Forgotten(ResponseModel):
 
 
 def plain(value: Any) -> Any:
-    """A number that JSON has: None for one that is not finite."""
+    """Return a value as JSON can hold it: None in place of a number that is not finite."""
     return None if isinstance(value, float) and value - value != 0.0 else value

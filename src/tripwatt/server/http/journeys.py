@@ -83,7 +83,7 @@ class JourneyJobs:
         return find_reach(self._forecaster(request, model), start, atlas, reserve=request.reserve).to_dict()
 
     def places(self, text: str, limit: int) -> dict[str, Any]:
-        """Return places by name."""
+        """Return the places that a text finds by name."""
         atlas = self._atlas()
         if atlas.places is None:
             raise InvalidInput.of("names of places are not known", "q", text[:60], "latitude and longitude")
@@ -91,7 +91,7 @@ class JourneyJobs:
         return {"places": [place.to_dict() for place in matches], "attribution": atlas.attribution}
 
     def tile(self, zoom: int, column: int, row: int) -> bytes:
-        """Return a vector tile of the roads; empty where there are none."""
+        """Return a vector tile of the roads; empty if there are no roads."""
         size = 2**zoom
         raise_faults(
             Fault("tile out of range", name, str(value), f"0 to {size - 1} at zoom {zoom}")

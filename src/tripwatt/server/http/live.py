@@ -55,7 +55,7 @@ class LiveCars:
     Parameters
     ----------
     settings : Settings
-        The sub-folders of `cars` with a token are followed, and the cars of `mqtt`.
+        The cars in sub-folders of `cars` with a token are followed, and so are the cars of `mqtt`.
     pool : WorkerPool
     log : callable
         Called with one record of the log as keywords.
@@ -244,7 +244,7 @@ class LiveCars:
         return companion.last
 
     def by_own_model(self, name: str, request: Mapping[str, Any]) -> dict[str, Any]:
-        """Return a request that names the model of the car's own trips, unless it names a car or a model already."""
+        """Return a request; if it names no car or model and the car has a model of its own, add the name of this model."""
         cars = self.settings.cars
         own = not _names_car(request) and cars is not None and is_car(cars / name)
         return {**request, "model": name} if own else dict(request)

@@ -15,7 +15,7 @@ BUCKETS_S: Final = (0.0025, 0.005, 0.01, 0.015, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0
 class Metrics:
     """Metrics of one service.
 
-    Labels are templates of routes and known methods only, so that clients cannot create labels.
+    Labels are only templates of routes and known methods, so that clients cannot create labels.
     """
 
     def __init__(self) -> None:

@@ -47,7 +47,7 @@ MIN_DURATION_S: Final = 1.0
 """Shortest trip: the simulation has steps of one second."""
 
 BMS_SOC: Final = {"soc": "bms_soc"}
-"""The column of the battery management's state of charge in a table, and over HTTP: there, `soc` is the displayed one."""
+"""Column of the battery management's state of charge in a table -> its name over HTTP, where `soc` is the displayed charge."""
 
 PROBLEM_KINDS: Final[dict[str, Any]] = {
     "enum": [f"/problems/{kind}" for kind in TITLES],
@@ -80,9 +80,9 @@ def _columns_schema(required: list[str], min_items: int, meaning: str) -> dict[s
 
 
 def checked_by(check: Callable[[Any, Limits], Any]) -> AfterValidator:
-    """A validator that makes of a value what `check` gives; its faults stand beside those of pydantic.
+    """Return a validator that replaces a value by the result of `check`; its faults are collected with those of pydantic.
 
-    The context of the validation, a `Jobs`, has the limits.
+    The context of the validation is a `Jobs`, which has the limits.
     """
 
     def validate(value: Any, info: ValidationInfo) -> Any:
@@ -103,7 +103,7 @@ def faults_beside() -> Iterator[None]:
 
 
 def parse_samples(value: Any, limits: Limits) -> pd.DataFrame:
-    """Check the field `samples` of a request.
+    """Check the field `samples` of a request, and return it as a table.
 
     Parameters
     ----------
@@ -123,14 +123,14 @@ def parse_samples(value: Any, limits: Limits) -> pd.DataFrame:
 
 
 def parse_observed(value: Any, limits: Limits) -> pd.DataFrame:
-    """Check the field `observed` of an update; parameters and errors are those of `parse_samples`."""
+    """Check the field `observed` of an update, and return it as a table; parameters and errors are those of `parse_samples`."""
     return canonical_samples(
         _columns(value, "observed", limits), "observed", required=("time_s",), least=MIN_OBSERVED
     )
 
 
 def parse_links(links: Any, limits: Limits) -> LinkRoute:
-    """Check the field `links` of a request.
+    """Check the field `links` of a request, and return it as a route.
 
     Parameters
     ----------
@@ -158,7 +158,7 @@ def require_duration(duration_s: float, where: str, limits: Limits) -> None:
     Raises
     ------
     InvalidInput
-        When it is below `MIN_DURATION_S` or above `Limits.duration_s`.
+        When the duration is below `MIN_DURATION_S` or above `Limits.duration_s`.
     """
     if not MIN_DURATION_S <= duration_s <= limits.duration_s:
         allowed = f"{MIN_DURATION_S:g} to {limits.duration_s:g} s"
@@ -216,13 +216,13 @@ Links = Annotated[
     checked_by(parse_links),
     WithJsonSchema({"type": "array", "items": {"$ref": "#/components/schemas/Link"}, "minItems": 1}),
 ]
-"""Samples and links, which are checked as tables, not one object at a time: a request has a table and a `LinkRoute`."""
+"""Fields whose values are checked as whole tables, not one object at a time; a checked request has a table and a `LinkRoute`."""
 
 
 def bounded(
     columns: Mapping[str, Column], name: str, default: Any = None, *, positive: bool = False, **more: Any
 ) -> Any:
-    """A number with the bounds and the description of its column."""
+    """Return the field of a number, with the bounds and the description of its column."""
     column = columns[name]
     return Field(
         default,
@@ -251,7 +251,7 @@ class Link(BaseModel):
 
 
 def reserved(default: float) -> Any:
-    """The field `reserve`; null is its default."""
+    """Return the field `reserve`; null stands for its default."""
 
     def or_null(schema: dict[str, Any]) -> None:
         number = {name: schema.pop(name) for name in ("type", "minimum", "maximum")}
@@ -337,7 +337,7 @@ Time = Annotated[AwareDatetime, BeforeValidator(_text_of_time)]
 
 
 def asked(name: str, field: DepartureField) -> tuple[Any, Any]:
-    """Type and schema of a field of the table in a request; its schema also has what a form needs."""
+    """Return type and schema in a request for a field of a departure; the schema also has what a form needs."""
     kind: Any = Literal[field.choices] if field.choices else float
     unit, rules = "", dict[str, Any]()
     if field.column is not None:
@@ -368,7 +368,7 @@ else:
 
 
 def departure_of(request: DepartureRequest) -> Departure:
-    """The departure of a request."""
+    """Return the departure of a request."""
     known = {name: getattr(request, name) for name in ASKED if name in type(request).model_fields}
     return Departure(**known)
 
@@ -548,7 +548,7 @@ RequestModel = TypeVar("RequestModel", bound=BaseModel)
 
 
 def parse_json(body: bytes, where: str = "") -> Any:
-    """Parse the body of a request, or a part of it with the prefix `where` of what is wrong.
+    """Parse the body of a request, or a part of it; messages of errors begin with `where`.
 
     Raises
     ------
@@ -562,7 +562,7 @@ def parse_json(body: bytes, where: str = "") -> Any:
 
 
 def check_request(document: Any, model: type[RequestModel], jobs: Any = None) -> RequestModel:
-    """Check a request.
+    """Check the document of a request, and return it as a `model`.
 
     Parameters
     ----------
@@ -585,7 +585,7 @@ def check_request(document: Any, model: type[RequestModel], jobs: Any = None) ->
 
 
 def faults_of(errors: Iterable[Mapping[str, Any]], known: Iterable[str]) -> Iterator[Fault]:
-    """The faults of errors of pydantic; the first unknown names have the most similar of the known ones."""
+    """Yield the faults of pydantic's errors; the first faults of unknown names suggest the most similar known name."""
     for number, error in enumerate(errors):
         if error["type"] == FAULTS:
             inside = "".join(f"[{at}]" if isinstance(at, int) else f".{at}" for at in error["loc"][:-1])
@@ -599,7 +599,7 @@ def faults_of(errors: Iterable[Mapping[str, Any]], known: Iterable[str]) -> Iter
 
 
 def with_elevation(route: LinkRoute, elevation: Elevation, limits: Limits) -> LinkRoute:
-    """The links of a request with the elevation along them.
+    """Return the links of a request, with the elevation along them.
 
     Raises
     ------
