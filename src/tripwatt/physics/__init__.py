@@ -1,4 +1,4 @@
-"""The car as pure functions on arrays: road load, drivetrain, battery, and the simulation that chains them."""
+"""Physics of the car as pure functions on arrays: road load, drivetrain, battery, and the simulation that chains them."""
 
 from tripwatt.physics.chain import CAUSES
 from tripwatt.physics.conditions import DriveConditions

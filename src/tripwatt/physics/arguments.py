@@ -1,4 +1,4 @@
-"""Check of the arguments of `simulate`: all faults at once."""
+"""Checks of the arguments of `simulate`, which find all faults at once."""
 
 from __future__ import annotations
 
@@ -24,7 +24,10 @@ def argument_faults(
     scalars: Mapping[str, tuple[float, float, float]],
     headwind: FloatArray | None = None,
 ) -> Iterator[Fault]:
-    """Every argument of `simulate` that cannot be used."""
+    """Yield a fault for every argument of `simulate` that cannot be used.
+
+    `scalars` maps a name to its value, the lowest and the highest value allowed.
+    """
     if time.ndim != 1 or len(time) < 2:
         yield Fault("wrong shape", "time_s", str(time.shape), "one dimension, at least 2 samples")
     arrays = {

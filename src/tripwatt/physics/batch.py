@@ -1,4 +1,4 @@
-"""Many drives at once: cars whose values alone differ go through the chain side by side, a few similar drives at a time."""
+"""Simulation of many drives at once: similar drives of cars that differ only in their values go through the chain together."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from tripwatt.units import WH_PER_J
 from tripwatt.vehicles import Vehicle
 
 CHUNK_SAMPLES: Final = 32_768
-"""Samples that go through the chain at once: their arrays stay in the cache."""
+"""Samples that go through the chain at once, few enough for their arrays to stay in the processor's cache."""
 
 
 PARTS: Final = ("body", "road_load", "tyres", "drivetrain", "regeneration", "battery", "auxiliaries")
-"""Parts of a car that the chain takes; the cabins have their own values."""
+"""Parts of a car that the chain uses; `Climate` is used by the simulation of the cabin."""
 
 Pair = tuple[Vehicle, Recorded | Plan]
 R = TypeVar("R")
@@ -32,22 +32,22 @@ Results = Callable[[Sequence[Drive], Sequence[CabinRun | None]], Iterable[R]]
 
 
 def simulate_trips(pairs: Iterable[Pair]) -> list[Simulation]:
-    """`simulate_trip` of many pairs of a car and a drive. O(samples).
+    """Simulate many pairs of a car and a drive, each as `simulate_trip` does. O(samples).
 
     Parameters
     ----------
     pairs : iterable of (Vehicle, Trip or Plan)
-        As `simulate_trip` takes them.
+        Arguments of `simulate_trip`.
 
     Returns
     -------
     list of Simulation
-        In the order of the pairs.
+        One for each pair, in the order of the pairs.
 
     Raises
     ------
     InvalidInput
-        As `simulate`, with the names of the drives.
+        With the faults that `simulate` would raise, each with the name of its drive.
 
     Examples
     --------
@@ -61,23 +61,23 @@ def simulate_trips(pairs: Iterable[Pair]) -> list[Simulation]:
 
 
 def trip_totals(pairs: Iterable[Pair]) -> dict[str, list[Any]]:
-    """Sums over many drives, without the arrays along them. O(samples) time, O(pairs) memory.
+    """Simulate many pairs of a car and a drive, and return only sums over each drive. O(samples) time, O(pairs) memory.
 
     Parameters
     ----------
     pairs : iterable of (Vehicle, Trip or Plan)
-        As `simulate_trip` takes them; taken a few at a time.
+        Arguments of `simulate_trip`; they are drawn from the iterable a window at a time.
 
     Returns
     -------
     dict of str to list
-        In the order of the pairs: `trip`, `car`, `duration_s`, `distance_m`, `energy_wh` at the battery terminals, `energy_<cause>_wh` by each of `CAUSES`, `soc` of the
-        battery management at the end, and the `flags`.
+        One value for each pair, in their order, under each of `trip`, `car`, `duration_s`, `distance_m`, `energy_wh` at the battery
+        terminals, `energy_<cause>_wh` for each of `CAUSES`, `soc` of the battery management at the end, and `flags`.
 
     Raises
     ------
     InvalidInput
-        As `simulate`, with the names of the drives.
+        With the faults that `simulate` would raise, each with the name of its drive.
 
     Examples
     --------
@@ -92,8 +92,9 @@ def trip_totals(pairs: Iterable[Pair]) -> dict[str, list[Any]]:
 
 
 def _in_order(pairs: Iterable[Pair], results: Results[R]) -> Iterator[R]:
-    """Results of the pairs in their order, a window of them at a time."""
-    # once freed, it stops the C library from handing freed memory back to the system, whose new pages cost more than the chain
+    """Yield the results in the order of the pairs; work on a window of pairs at a time."""
+    # allocated and freed once, this array stops the C library from handing freed memory back to the system;
+    # new pages would cost more time than the chain
     np.empty(3_000_000)
     left = iter(pairs)
     # 1024 drives at a time bound the memory
@@ -114,7 +115,7 @@ def _in_order(pairs: Iterable[Pair], results: Results[R]) -> Iterator[R]:
 
 
 def _alike(drives: Sequence[Drive]) -> Iterable[list[int]]:
-    """Numbers of the drives that can go through the chain together: one kind of car, and about one length."""
+    """Group the indices of drives that can go through the chain together: same kind of car, similar length."""
     groups: dict[tuple[Any, ...], list[int]] = {}
     kinds = {number: _kind(car) for number, car in {id(d.vehicle): d.vehicle for d in drives}.items()}
     for number, drive in enumerate(drives):
@@ -126,7 +127,10 @@ def _alike(drives: Sequence[Drive]) -> Iterable[list[int]]:
 
 
 def _kind(vehicle: Vehicle) -> tuple[Any, ...]:
-    """Equal for cars that can be driven side by side: numbers and the values of tables may differ, all else may not."""
+    """Return a key that is equal for cars that can go through the chain together.
+
+    These cars may differ in numbers and in the values of tables, but in nothing else.
+    """
     parts = {name: part for name in PARTS if (part := getattr(vehicle, name)) is not None}
     values = [(f.name, getattr(part, f.name)) for part in parts.values() for f in fields(part)]
     return (
@@ -141,7 +145,10 @@ def _kind(vehicle: Vehicle) -> tuple[Any, ...]:
 
 
 def _group(drives: Sequence[Drive], numbers: list[int], results: Results[R]) -> Iterator[tuple[int, R]]:
-    """Results of drives that are alike, by number: their cabins together, then so many through the chain as the cache holds."""
+    """Yield index and result of each of some similar drives.
+
+    All their cabins are simulated together; the chain takes as many drives at a time as fit into `CHUNK_SAMPLES`.
+    """
     numbers.sort(key=lambda i: _passes(drives[i]))
     runs = iter(condition_cabins([task for i in numbers if (task := drives[i].cabin) is not None]))
     cabins = [None if drives[i].cabin is None else next(runs) for i in numbers]
@@ -152,14 +159,17 @@ def _group(drives: Sequence[Drive], numbers: list[int], results: Results[R]) -> 
 
 
 def _passes(drive: Drive) -> tuple[bool, float]:
-    """What decides how many passes the battery takes: whether it limits regeneration, and the mean speed."""
+    """Sort key of drives that need a similar number of battery passes: whether the battery limits regeneration, and the mean speed."""
     rules, conditions = drive.vehicle.regeneration, drive.conditions
     cold = conditions.battery_start_degc < rules.full_temperature_degc
     return cold or conditions.initial_soc > rules.full_soc, float(drive.speed_m_s.mean())
 
 
 def _stacked(several: Sequence[Any]) -> Any:
-    """One object of a dataclass with arrays of shape (objects, 1) where numbers differ, (objects, values) where tables do."""
+    """Merge objects of a dataclass into one.
+
+    Numbers that differ become arrays of shape (objects, 1), tables that differ arrays of shape (objects, values).
+    """
     first = several[0]
     if all(each is first for each in several):
         return first
@@ -172,7 +182,7 @@ def _stacked(several: Sequence[Any]) -> Any:
 
 
 def _driven(drives: Sequence[Drive], climate_w: Sequence[FloatArray]) -> tuple[dict[str, Any], list[Flags]]:
-    """Some drives through the chain."""
+    """Run some similar drives through the chain together; shorter ones are padded."""
     length = np.array([len(drive.time_s) for drive in drives])
     beyond = np.arange(length.max()) >= length[:, None]
 

@@ -1,4 +1,4 @@
-"""The high-voltage battery: open-circuit voltage behind one resistance, charge counting, one temperature."""
+"""Model of the high-voltage battery: an open-circuit voltage and one resistance in series, a charge count, one temperature."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ MOLAR_GAS_CONSTANT_J_MOL_K: Final = 8.314462618
 
 
 MOST_PASSES: Final = 60
-"""A bound of the time; a choice, because the passes settle after four or five."""
+"""Largest number of passes of `discharge`, which bounds its time; a choice: the passes settle after four or five."""
 TINY: Final = float(np.finfo(np.float64).tiny)
 
 
 def open_circuit_voltage(soc: PerTrip, battery: Battery) -> FloatArray:
-    """Open-circuit voltage of the pack [V], linear between the table's points. Shape of `soc`.
+    """Open-circuit voltage of the pack [V], by linear interpolation in the table of the cells. Shape of `soc`.
 
     Examples
     --------
@@ -34,7 +34,7 @@ def open_circuit_voltage(soc: PerTrip, battery: Battery) -> FloatArray:
 
 
 def _between(soc: PerTrip, grid: tuple[float, ...], values: tuple[float, ...]) -> FloatArray:
-    """Values of a table between its points, shape of `soc`; each trip has its own table where `values` are several."""
+    """Interpolate a table linearly, shape of `soc`; if `values` has two dimensions, each trip has its own row."""
     if np.ndim(values) == 1:
         return np.asarray(np.interp(soc, grid, values))
     rows = np.broadcast_to(soc, (len(values), np.shape(soc)[-1] if np.ndim(soc) else 1))
@@ -42,14 +42,14 @@ def _between(soc: PerTrip, grid: tuple[float, ...], values: tuple[float, ...]) -
 
 
 def usable_energy_wh(battery: Battery) -> float:
-    """Energy between 0 and 1 of the displayed state of charge [Wh]."""
+    """Return the energy between a displayed state of charge of 0 and of 1 [Wh]."""
     window = np.linspace(battery.displayed_zero_soc, battery.displayed_full_soc, 101)
     mean_v = float(open_circuit_voltage(window, battery).mean())
     return battery.capacity_ah * mean_v * float(window[-1] - window[0])
 
 
 def internal_resistance(soc: FloatArray, temperature_degc: FloatArray, battery: Battery) -> FloatArray:
-    """Resistance of the pack [ohm]: table over state of charge, Arrhenius law over temperature. Shape of `soc`.
+    """Resistance of the pack [ohm]: a table over state of charge times an Arrhenius factor of temperature. Shape of `soc`.
 
     Examples
     --------
@@ -66,9 +66,10 @@ def internal_resistance(soc: FloatArray, temperature_degc: FloatArray, battery: 
 
 
 def battery_current(power_w: FloatArray, ocv_v: FloatArray, resistance_ohm: FloatArray) -> FloatArray:
-    """Current [A] that gives a terminal power, from P = (U - I R) I, the smaller root. + discharges.
+    """Current I [A] at which the battery gives a terminal power P: the smaller root of P = (U - I R) I. + discharges.
 
-    The caller keeps the power below U²/(4 R). The form 2 P / (U + sqrt(U² - 4 R P)) also holds without resistance.
+    U is the open-circuit voltage, R the resistance. The caller has to keep P below U²/(4 R). The form used here,
+    2 P / (U + sqrt(U² - 4 R P)), also holds for R = 0.
 
     Examples
     --------
@@ -81,12 +82,13 @@ def battery_current(power_w: FloatArray, ocv_v: FloatArray, resistance_ohm: Floa
 
 @dataclass(frozen=True, slots=True)
 class BatteryRun:
-    """The battery over a trip. Arrays have shape (..., samples); value k belongs to the interval that ends at k.
+    """State of the battery along a trip. Arrays have shape (..., samples); value k belongs to the interval that ends at k.
 
-    `power_w` [W] is the terminal power after limits, `refused_power_w` [W] the charging power that found no room,
-    `open_circuit_power_w` [W] the terminal power with the heat in the battery; `soc` and `temperature_degc` are those at the
-    end of the interval: `soc` is never above full, and falls below empty where the drive takes more than the battery
-    holds. `converged` is whether the passes settled, shape (..., 1).
+    `power_w` [W] is the terminal power after limits, `refused_power_w` [W] the charging power that the full battery did not take,
+    `open_circuit_power_w` [W] the terminal power plus the heat in the battery. `soc` and `temperature_degc` are the values at the
+    end of the interval. `soc` never rises above full; it falls below empty if the drive takes more than the battery holds.
+    `voltage_floor` marks intervals in which the lowest cell voltage limits the power. `converged` states whether the passes
+    settled, shape (..., 1).
     """
 
     power_w: FloatArray
@@ -115,7 +117,7 @@ def largest_power(ocv_v: FloatArray, resistance_ohm: FloatArray, floor_v: PerTri
 
 
 def shift(initial: PerTrip, values: FloatArray) -> FloatArray:
-    """State at the start of each interval, for the states at their ends. Shape of `values`.
+    """State at the start of each interval, from the states at the ends and the initial one. Shape of `values`.
 
     Examples
     --------
@@ -129,9 +131,9 @@ def shift(initial: PerTrip, values: FloatArray) -> FloatArray:
 
 
 def kept_charge(gains: FloatArray, room: PerTrip) -> tuple[FloatArray, FloatArray]:
-    """Charge gained since the start when it may not exceed `room`, and what found none of each gain. O(samples).
+    """Sum the gains of charge without exceeding `room`, and return this sum and the refused part of each gain. O(samples).
 
-    What is refused up to an interval is the largest excess of the free sum up to there (the reflection of Skorokhod).
+    The charge refused up to an interval is the largest excess of the unlimited sum over `room` up to there (Skorokhod reflection).
 
     Examples
     --------
@@ -152,7 +154,7 @@ def first_guess(
     initial_soc: PerTrip,
     initial_temperature_degc: PerTrip,
 ) -> tuple[FloatArray, FloatArray]:
-    """State of charge, shape of `power_w`, and constant temperature to start the passes of `discharge` from. O(samples)."""
+    """Estimate the state of charge, shape of `power_w`, and the constant temperature with which `discharge` starts. O(samples)."""
     nominal = open_circuit_voltage(initial_soc, battery)
     drawn = (power_w * (step_s / (battery.capacity_ah * SECONDS_PER_HOUR))).cumsum(axis=-1) / nominal
     halfway = open_circuit_voltage(initial_soc - 0.5 * drawn[..., -1:], battery)
@@ -172,20 +174,20 @@ def discharge(
 ) -> BatteryRun:
     """Draw a terminal power from the battery. O(samples x passes), no loop over samples.
 
-    The state of an interval depends on those before it alone, so repeated passes over the whole trip (open-circuit
-    voltage -> current -> charge -> state) settle; four or five do. Of several trips, one that has settled takes its last pass
-    again while the others go on, so each ends as it does alone.
+    The state in an interval depends only on earlier intervals, so repeated passes over the whole trip (open-circuit
+    voltage -> current -> charge -> state) settle, usually after four or five. A trip that has settled repeats its last pass
+    while other trips go on, so its result is the same as for this trip alone.
 
-    A full battery takes no more: the charge never rises above what the display shows as full, or above that of the
-    start. An empty one keeps the voltage and the resistance that it has at empty: what a drive takes beyond its charge
-    is counted as charge below empty, not cut.
+    A full battery takes no more charge: the state of charge never rises above the one that the display shows as full or, if
+    higher, the one at the start. An empty battery keeps its voltage and resistance at empty: charge that a drive takes beyond
+    empty is counted as a state of charge below empty, and the power is not cut.
 
     Parameters
     ----------
     power_w, step_s : ndarray, shape (samples,) or (trips, samples)
         Terminal power wanted [W], + discharges, and length [s] of the interval that ends at each sample.
     guess : tuple of ndarray, optional
-        State of charge and temperature of a run under a similar power, to start from.
+        State of charge and temperature of a run under a similar power, with which the passes start.
     """
     per_step = step_s / (battery.capacity_ah * SECONDS_PER_HOUR)
     loss = battery.heat_loss_w_k
@@ -204,7 +206,7 @@ def discharge(
         least = largest_power(
             ocv.min(axis=-1, keepdims=True), resistance.max(axis=-1, keepdims=True), floor_v
         )
-        limited = (highest_w > least).any()  # the power of a trip beyond the least bound of its intervals
+        limited = (highest_w > least).any()  # some power exceeds the smallest bound of its trip
         bound = largest_power(ocv, resistance, floor_v) if limited else least
         allowed = np.minimum(power_w, bound) if limited else power_w
         wanted = battery_current(allowed, ocv, resistance)

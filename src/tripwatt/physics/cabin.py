@@ -1,7 +1,7 @@
-"""The cabin: air and interior, outside air and sun, and an automatic climate control with its limits.
+"""Model of the cabin: heat of air and interior, outside air, sun, and an automatic climate control with its limits.
 
-Only what is known before departure enters: speed trace, ambient temperature, set-point, the cabin's temperature at
-departure and a guess of the sun.
+The inputs are known before departure: speed trace, ambient temperature, set-point, cabin temperature at departure, and an
+estimate of the sun.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ CONTROL_STEP_S: Final = 10.0
 """Step of the climate control; the cabin's air responds in about a minute."""
 
 LEAST_SIDE_BY_SIDE: Final = 32
-"""Fewest cabins whose steps are computed as arrays: for fewer, plain numbers are faster."""
+"""Smallest number of cabins whose steps are computed with arrays; for fewer, plain numbers are faster."""
 
 UNKNOWN_SUN_W_M2: Final = 300.0
-"""Irradiance when nothing is known: about the mean of a bright half-day in middle latitudes."""
+"""Irradiance assumed if the weather is unknown: about the mean of a bright half-day in middle latitudes."""
 
 SUN_W_M2: Final = (
     (("dark", "night"), 0.0),
@@ -34,11 +34,11 @@ SUN_W_M2: Final = (
     (("cloudy", "overcast"), 150.0),
     (("sun", "clear"), 600.0),
 )
-"""Global irradiance by day for words of a weather report in summer, the first that occurs.
+"""Global irradiance for words of a weather report in summer; the first entry with a word of the report counts.
 
 Under a clear sky the half-day around noon has about 600 W/m² in middle latitudes. Under a share `N` of cloud it is
 ``1 - 0.75 N**3.4`` of that (Kasten and Czeplak 1980, Solar Energy 24, 177-189): 150 W/m² under an overcast sky, and
-310 to 580 W/m² where three to seven eighths are covered, of which "partly cloudy" takes 400. Rain, snow and fog have
+310 to 580 W/m² if three to seven eighths are covered, from which 400 is taken for "partly cloudy". Rain, snow and fog have
 less than an overcast sky, 100 W/m²; around sunrise and sunset the sun stands below 5 degrees.
 """
 
@@ -47,7 +47,7 @@ WINTER_SUN: Final = 0.5
 
 
 def irradiance(weather: str | None, season: str | None = None) -> float:
-    """Sun on the car [W/m²] expected from a weather report.
+    """Solar irradiance [W/m²] expected from a weather report; `UNKNOWN_SUN_W_M2` if there is none or no word is known.
 
     Examples
     --------
@@ -70,7 +70,7 @@ proportion to the density of the vapour it draws in; for R134a that evaporates 8
 10.4 at -1 °C and 7.3 at -10 °C (NIST REFPROP)."""
 
 HEAT_PUMP_MOST: Final = 1.5
-"""Largest heat of a heat pump in warm air over that at the rating, where the controls stop its rise."""
+"""Largest heat of a heat pump in warm air over that at the rating: controls let it rise no further."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +80,7 @@ class CabinStart:
     Attributes
     ----------
     temperature_degc : float
-        Of air and interior [°C].
+        Temperature of air and interior [°C].
     setpoint_degc : float
         Temperature that the driver has set [°C].
     solar_irradiance_w_m2 : float
@@ -89,7 +89,7 @@ class CabinStart:
     mode : {"auto", "heat", "cool"}
         What climate control may do.
     interior_degc : float, optional
-        Of the interior where it differs from the air, as after a short preheating [°C].
+        Temperature of the interior if it differs from the air, as after a short preheating [°C].
     """
 
     temperature_degc: float
@@ -102,7 +102,7 @@ class CabinStart:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class CabinRun:
-    """What the climate control does: in each of its steps, and at the samples of the drive.
+    """Powers and temperatures of a cabin: in each step of the climate control, and at the samples of the drive.
 
     Attributes
     ----------
@@ -110,7 +110,7 @@ class CabinRun:
     edges_s : ndarray, shape (steps + 1,)
         Times between the steps of the control [s].
     heat_w, fan_w : ndarray, shape (steps,)
-        Electric power of heater and compressor, and of blower, rear window and seats.
+        Electric power of heater and compressor, and of blower, rear window and seats, in each step.
     air_degc, interior_degc : ndarray, shape (steps + 1,)
         Temperature of the air, and of seats, trim and glass, at the edges.
     """
@@ -129,7 +129,7 @@ class CabinRun:
 
     @property
     def fan_power_w(self) -> FloatArray:
-        """The part of `power_w` that blower, rear window and seats take, which no log counts as heater or air conditioner."""
+        """Part of `power_w` that blower, rear window and seats take; logs do not count it as heater or air conditioner."""
         return self.means(self.fan_w)
 
     @property
@@ -138,7 +138,7 @@ class CabinRun:
         return np.interp(self.time_s, self.edges_s, self.air_degc)
 
     def means(self, power_w: FloatArray) -> FloatArray:
-        """Mean over the interval that ends at each sample of a power by steps of the control. O(samples)."""
+        """Average a power given in steps of the control over the interval that ends at each sample. O(samples)."""
         time = self.time_s
         cumulative = np.interp(time, self.edges_s, running_sum(power_w * CONTROL_STEP_S))
         result = np.empty_like(time)
@@ -168,7 +168,11 @@ class CabinTask:
         return np.asarray((distance[1:] - distance[:-1]) / CONTROL_STEP_S)
 
     def run(self, edges: FloatArray, heat_w: FloatArray, fan: FloatArray, *degc: FloatArray) -> CabinRun:
-        """The steps of the control: power of heater and compressor, share of the fans, air and interior at the edges."""
+        """Build the run from the results of the control steps.
+
+        `heat_w` is the power of heater and compressor, `fan` the share of the blower, `degc` are the temperatures of air and
+        interior at the edges.
+        """
         climate = self.climate
         fans = climate.blower_low_power_w + (climate.blower_high_power_w - climate.blower_low_power_w) * fan
         # over 4 K around the threshold fewer and fewer cars have dew or frost; a choice
@@ -180,11 +184,12 @@ class CabinTask:
 
 
 def condition_cabins(tasks: Sequence[CabinTask]) -> list[CabinRun]:
-    """Keep cabins at their set-points along speed traces. O(samples + duration / CONTROL_STEP_S); best of similar durations.
+    """Simulate cabins that climate control keeps at their set-points. O(samples + duration / CONTROL_STEP_S).
 
     Air and interior are two heat capacities, stepped implicitly. The control demands the heat that brings the air
-    towards the set-point with its time constant, gets it within the limits of heater and cooler, and blows more
-    fresh air the more it demands. Air that is cool enough outside cools without the compressor.
+    towards the set-point with its time constant; heater and cooler deliver it up to their limits. The more heat is
+    demanded, the more fresh air is blown in. Cool outside air cools without the compressor. Cabins of similar durations
+    are computed together without waste.
 
     Examples
     --------
@@ -200,7 +205,7 @@ def condition_cabins(tasks: Sequence[CabinTask]) -> list[CabinRun]:
     keys = [(control, own.tobytes()) for control, own in zip(controls, speeds, strict=True)]
     first = {
         key: number for number, key in reversed([*enumerate(keys)])
-    }  # one drive at several grades: one cabin
+    }  # a drive on several grades needs one cabin
     steps = control_steps([controls[i] for i in first.values()], [speeds[i] for i in first.values()])
     run_of = dict(zip(first, steps, strict=True))
     return [task.run(own, *run_of[key]) for task, own, key in zip(tasks, edges, keys, strict=True)]
@@ -209,10 +214,10 @@ def condition_cabins(tasks: Sequence[CabinTask]) -> list[CabinRun]:
 def control_steps(
     controls: Sequence[tuple[float, ...]], speeds: Sequence[FloatArray]
 ) -> list[tuple[FloatArray, ...]]:
-    """Steps of the control of several cabins, from their `control_values` and the speed in each step [m/s]. O(steps).
+    """Compute the control steps of several cabins from their `control_values` and the speed in each step [m/s]. O(steps).
 
-    Of each cabin the power of heater and compressor [W] and the share of the fans in each step, and the temperatures of air and
-    interior before the first and after each of them [°C].
+    Returns four arrays for each cabin: the power of heater and compressor [W] and the share of the blower in each step, and the
+    temperatures of the air and of the interior [°C] before the first step and after each step.
     """
     if len(speeds) < LEAST_SIDE_BY_SIDE:
         return [
@@ -230,7 +235,7 @@ def control_steps(
 
 
 def control_values(climate: Climate, ambient: float, start: CabinStart) -> tuple[float, ...]:
-    """What one step of the control computes with, in the order in which `_control_steps` takes it."""
+    """Return the constants of the control steps of a cabin, in the order in which `_control_steps` unpacks them."""
     dt = CONTROL_STEP_S
     air_rate, interior_rate = climate.air_heat_capacity_j_k / dt, climate.interior_heat_capacity_j_k / dt
     exchange, share = climate.interior_exchange_w_k, climate.solar_share_to_air
@@ -255,9 +260,10 @@ def control_values(climate: Climate, ambient: float, start: CabinStart) -> tuple
 def _control_steps(
     control: Iterable[Any], speeds: Iterable[Any], smaller: Any, larger: Any, some: Any
 ) -> tuple[FloatArray, ...]:
-    """Power of heater and compressor [W] and share of the fans in each control step, air and interior temperature at its edges [°C].
+    """Compute the four arrays of `control_steps` for one cabin, or for several cabins together.
 
-    Numbers of one cabin with `_smaller`, `_larger` and `truth`, arrays of several with NumPy's functions.
+    For one cabin the values are numbers, and the functions are `_smaller`, `_larger` and `truth`; for several they are arrays
+    and functions of NumPy.
     """
     air, interior, ambient, air_rate, exchange, rates, inflow, per_speed, fan_range, *others = control
     keep, aim, most_heat, most_cooling, most_pumped, resistive, pumped, cooler, idle, *others = others
@@ -276,7 +282,7 @@ def _control_steps(
             surplus = demand - wanted
             free = smaller((1.0 - fan) * fan_range * larger(air - ambient, 0.0), surplus)
             cooling = smaller(surplus - free, most_cooling)
-            # for less than 100 W of cooling the compressor cycles, and takes a share of its least power; a choice
+            # for less than 100 W of cooling the compressor cycles and takes a share of its idle power; a choice
             power = power + larger(cooling * cooler, idle * smaller(cooling * (1.0 / 100.0), 1.0))
             fan = heat * per_heat + smaller((cooling + free) * per_cooling, 1.0)
             heat = heat - (cooling + free)
@@ -300,7 +306,7 @@ def _larger(a: float, b: float) -> float:
 
 
 def heat_pump_heat(ambient_temperature_degc: float, climate: Climate) -> float:
-    """Largest heat of the heat pump [W] in outside air of a temperature; the heater gives what is missing.
+    """Largest heat of the heat pump [W] at an outside temperature; the resistive heater supplies the rest.
 
     Examples
     --------
@@ -314,7 +320,7 @@ def heat_pump_heat(ambient_temperature_degc: float, climate: Climate) -> float:
 
 
 def heat_pump_cop(ambient_temperature_degc: float, climate: Climate) -> float:
-    """Heat over electric power of the heat pump, linear in the ambient temperature and never below 1.
+    """Coefficient of performance of the heat pump [1], linear in the ambient temperature and at least 1.
 
     Examples
     --------

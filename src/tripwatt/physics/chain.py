@@ -1,7 +1,8 @@
-"""The chain: road load -> drivetrain -> auxiliaries -> battery, over whole trips at once, one or many.
+"""The chain road load -> drivetrain -> auxiliaries -> battery, computed over whole trips at once, for one trip or many.
 
-Arrays of one trip have shape (samples,), and what it has one of is a number. Those of several have shape (trips, samples), and what
-each trip has one of is a column of shape (trips, 1), in the values of the car too. Shorter trips end in intervals without length.
+For one trip, arrays along it have shape (samples,) and single values are numbers. For several trips, arrays have shape
+(trips, samples), and single values, those of the car included, are columns of shape (trips, 1). Shorter trips are padded with
+intervals of zero length.
 """
 
 from __future__ import annotations
@@ -38,17 +39,17 @@ CAUSE_NAMES: Final = {
     "climate": "climate",
     "shortfall": "not delivered",
 }
-"""Names for people of `CAUSES`."""
+"""Cause of `CAUSES` -> its name in plots and texts."""
 
 CAUSES: Final = tuple(CAUSE_NAMES)
-"""Causes of `Simulation.power_by_cause_w`; `shortfall` is the power that the trace needs beyond the car's limits."""
+"""Keys of `Simulation.power_by_cause_w`; `shortfall` is the power that the trace needs beyond the car's limits."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Trace:
-    """Drives by their intervals, each of which ends at a sample: shape (..., samples), the first without length.
+    """One or several drives by intervals. Arrays have shape (..., samples); each interval ends at a sample, the first has no length.
 
-    `beyond` marks the intervals after the end of the shorter ones of several drives; None where there are none.
+    `beyond` marks the padding after the end of shorter drives; None if there is no padding.
     """
 
     time_s: FloatArray
@@ -68,7 +69,7 @@ class Trace:
         headwind: FloatArray | None,
         beyond: BoolArray | None = None,
     ) -> Trace:
-        """Intervals of samples; `grade` is that of the intervals already."""
+        """Make intervals from samples; `grade` is already the one of the intervals."""
         step = np.zeros_like(time)
         np.subtract(time[..., 1:], time[..., :-1], out=step[..., 1:])
         mean_speed = speed.copy()
@@ -91,22 +92,23 @@ Flags = tuple[Flag, ...]
 def drive_chain(
     vehicle: Vehicle, trace: Trace, conditions: DriveConditions, climate_power_w: FloatArray
 ) -> tuple[dict[str, Any], list[Flags]]:
-    """Road load, drivetrain, auxiliaries and battery, one after the other. O(samples).
+    """Compute road load, drivetrain, auxiliaries and battery, one after the other. O(samples).
 
     Parameters
     ----------
     vehicle : Vehicle
     trace : Trace
     conditions : DriveConditions
-        With an air density.
+        Its air density has to be set.
     climate_power_w : ndarray, shape (..., samples)
+        Electric power of climate control [W].
 
     Returns
     -------
     dict of str to ndarray
-        The arrays of `Simulation` but those of the cabin, shape (..., samples).
+        The arrays of `Simulation` except those of the cabin, shape (..., samples).
     list of tuple of Flag
-        Of each trip.
+        The flags of each trip.
     """
     air, rolling, climb, inertia = _forces(vehicle, trace, conditions)
     speed, step = trace.mean_speed_m_s, trace.step_s
@@ -154,7 +156,7 @@ def drive_chain(
 
 
 def _forces(vehicle: Vehicle, trace: Trace, conditions: DriveConditions) -> tuple[FloatArray, ...]:
-    """Air drag, rolling, climb and inertia at the wheels [N], shape (..., samples)."""
+    """Return the forces of air drag, rolling, climb and inertia at the wheels [N], shape (..., samples)."""
     load, mass, speed = vehicle.road_load, vehicle.body.test_mass_kg, trace.mean_speed_m_s
     mass, density = mass + conditions.payload_mass_kg, conditions.air_density_kg_m3
     ambient, warmth = conditions.ambient_temperature_degc, conditions.initial_warmth
@@ -175,11 +177,11 @@ def _forces(vehicle: Vehicle, trace: Trace, conditions: DriveConditions) -> tupl
 
 
 def _base_load(vehicle: Vehicle, trace: Trace, conditions: DriveConditions) -> FloatArray:
-    """Power of what neither drives nor heats [W], shape (..., samples): more of it while the car moves on a road.
+    """Power of loads that neither drive nor heat [W], shape (..., samples); larger while the car moves on a road.
 
-    It rises up to walking pace, so that the noise of a standing car's speed adds next to nothing.
+    The moving load rises with speed up to walking pace, so that a noisy speed of a standing car adds next to nothing.
     """
-    # from walking pace on, 5 km/h, all of the load; a choice
+    # the whole moving load from walking pace, 5 km/h, on; a choice
     loads, share = vehicle.auxiliaries, np.minimum(trace.mean_speed_m_s * (1.0 / 1.4), 1.0)
     return np.asarray(loads.base_load_w + (1.0 - conditions.on_dynamometer) * loads.moving_load_w * share)
 
@@ -191,9 +193,9 @@ def _drive_and_battery(
     auxiliary: FloatArray,
     conditions: DriveConditions,
 ) -> tuple[Propulsion, BatteryRun]:
-    """Drivetrain and battery, repeated until the regeneration that the battery accepts has settled in every trip.
+    """Compute drivetrain and battery in passes until the regeneration that the battery accepts has settled in every trip.
 
-    A trip that has settled takes its last pass again while others go on.
+    A trip that has settled repeats its last pass while others go on.
     """
     rules, battery, step = vehicle.regeneration, vehicle.battery, trace.step_s
     soc, temperature = conditions.initial_soc, conditions.battery_start_degc
@@ -202,7 +204,7 @@ def _drive_and_battery(
     acceptance = regeneration_acceptance(*start, rules)
     hardest = -wheel_power.min(axis=-1, keepdims=True) * rules.fraction
     guess: tuple[FloatArray, FloatArray] | None = None
-    # a bound of the time; a choice
+    # at most six passes, to bound the time; a choice
     for _ in range(6):
         drive = propulsion(wheel_power, trace.mean_speed_m_s, acceptance, vehicle.drivetrain, rules)
         power = drive.motor_power_w + auxiliary
@@ -231,7 +233,7 @@ def _drive_and_battery(
 def _lost_when_full_wh(
     vehicle: Vehicle, trace: Trace, wheel_power: FloatArray, drive: Propulsion, run: BatteryRun
 ) -> FloatArray:
-    """Energy that a battery with room would have recovered, and this one is too full for [Wh], shape (..., 1)."""
+    """Energy that is not recovered because the battery is too full [Wh], shape (..., 1); 0 for a battery with room."""
     rules = vehicle.regeneration
     full = (run.soc.max(axis=-1, keepdims=True) > rules.full_soc) | run.refused_power_w.any(
         axis=-1, keepdims=True
@@ -248,7 +250,10 @@ def _lost_when_full_wh(
 def _flags(
     vehicle: Vehicle, step: FloatArray, drive: Propulsion, battery: BatteryRun, lost_wh: FloatArray
 ) -> list[Flags]:
-    """What the car could not follow in each trip, and for how long [s]; `step` is the length of each interval [s]."""
+    """Return the flags of each trip: limits of the car that were reached, mostly with the time that they lasted [s].
+
+    `step` is the length of each interval [s].
+    """
     window = vehicle.battery
     highest_v = window.max_cell_voltage_v * window.cells_in_series
     lasting = {
@@ -266,7 +271,7 @@ def _flags(
             for trip in np.flatnonzero(np.atleast_2d(mask).any(axis=-1)):
                 flags[trip].append(Flag(*kind, seconds[trip], "s"))
     for own, lost, converged in zip(flags, lost_wh.ravel(), battery.converged.ravel(), strict=True):
-        # named from 50 Wh on, some 0.3 km; a choice
+        # flagged from 50 Wh on, some 0.3 km of driving; a choice
         if lost >= 50.0:
             own.append(Flag("battery_full", "battery", float(lost), "wh"))
         if not converged:

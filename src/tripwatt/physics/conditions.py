@@ -1,4 +1,4 @@
-"""Conditions of a drive: surroundings, load and state of the car at its start."""
+"""Conditions of a drive: surroundings, load, and state of the car at the start."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from tripwatt.trips import COLUMNS, FIELDS, QUANTITIES, raise_faults
 from tripwatt.vehicles import Vehicle
 
 UNKNOWN_AMBIENT_DEGC: Final = 10.0
-"""Outside temperature of a trip without one: that of the hours of a year in central Europe, which in Germany was 9.3 °C from 1991 to
-2020 (Deutscher Wetterdienst, normal values), and somewhat more by day."""
+"""Outside temperature assumed if a trip has none: the annual mean in central Europe, in Germany 9.3 °C from 1991 to 2020
+(Deutscher Wetterdienst, normal values), and somewhat more by day."""
 
 MILD_DEGC: Final = 20.0
-"""Outside temperature of a simulation for which none is chosen: that of a laboratory."""
+"""Default outside temperature of a simulation: that of a laboratory."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,30 +30,30 @@ class DriveConditions:
     initial_soc : float
         State of charge of the battery management, 0 to 1.
     initial_battery_temperature_degc : float, optional
-        The ambient temperature when not given.
+        Battery temperature [°C]; the ambient temperature if not given.
     payload_mass_kg : float
         Load on top of the car's test mass; may be negative for a lighter test.
     climate : {"auto", "off", "heat", "cool"}
-        What climate control may do; without effect for a car without one.
+        What climate control may do; no effect for a car without a climate model.
     initial_cabin_temperature_degc : float, optional
-        The ambient temperature when not given.
+        Cabin temperature [°C]; the ambient temperature if not given.
     cabin_setpoint_degc : float, optional
-        The car's usual set-point when not given.
+        Set-point of the cabin [°C]; the car's usual one if not given.
     solar_irradiance_w_m2 : float
         Irradiance of a horizontal surface [W/m²].
     initial_warmth : float
-        0 for tyres and driveline after a long stop, 1 as warm as after a long fast drive.
+        Warmth of tyres and driveline: 0 after a long stop, 1 after a long fast drive.
     air_density_kg_m3 : float, optional
-        Air density [kg/m³] in place of the atmosphere's, as on a dynamometer.
+        Air density [kg/m³], as on a dynamometer; that of the standard atmosphere if not given.
     rain_mm_h : float
-        Rain on the road.
+        Rain on the road [mm/h].
     on_dynamometer : bool
-        Whether the wheels turn on a drum: without `Auxiliaries.moving_load_w`.
+        Whether the wheels turn on a drum; `Auxiliaries.moving_load_w` is then left out.
 
     Raises
     ------
     InvalidInput
-        When the mode of climate control is unknown.
+        If the mode of climate control is unknown.
 
     Examples
     --------
@@ -83,13 +83,13 @@ class DriveConditions:
 
     @property
     def battery_start_degc(self) -> float:
-        """Battery temperature at the start [°C]: as given, else that of the outside air."""
+        """Battery temperature at the start [°C]: the given one, or else that of the outside air."""
         if self.initial_battery_temperature_degc is None:
             return self.ambient_temperature_degc
         return self.initial_battery_temperature_degc
 
     def cabin_start(self, vehicle: Vehicle) -> CabinStart:
-        """Collect the state of the cabin at the start, with the car's usual set-point where none is given.
+        """Collect the state of the cabin at the start, with the car's usual set-point if none is given.
 
         Parameters
         ----------
@@ -99,7 +99,7 @@ class DriveConditions:
         Returns
         -------
         CabinStart
-            The cabin has the ambient temperature where none is given.
+            Its temperature is the ambient one if no cabin temperature is given.
         """
         temperature, setpoint = self.initial_cabin_temperature_degc, self.cabin_setpoint_degc
         if temperature is None:
@@ -111,7 +111,7 @@ class DriveConditions:
         return CabinStart(temperature, setpoint, sun, warmth, self.climate)
 
     def bounded_values(self, vehicle: Vehicle) -> dict[str, tuple[float, float, float]]:
-        """List each number with the lowest and the highest that is allowed.
+        """List each number with the lowest and the highest value allowed.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""How warm the car is at departure, from what is known there."""
+"""Temperature of the cabin and warmth of the tyres at departure, from what is known then."""
 
 from __future__ import annotations
 
@@ -7,14 +7,15 @@ from typing import Final
 from tripwatt.vehicles import Vehicle
 
 SUN_HEATS_CABINS_DEGC: Final = (10.0, 14.0)
-"""In outside air warmer than the second a warm cabin may come from the sun and is no sign of an earlier drive; in colder air than
-the first it is one. It counts less and less in between."""
+"""Outside temperatures between which a warm cabin stops being a sign of an earlier drive. Below the first one it is such a sign;
+above the second one the sun may have heated the cabin. In between it counts in proportion."""
 
 
 def known_cabin(vehicle: Vehicle, given_degc: float | None, *, logged: bool) -> float | None:
-    """Cabin temperature [°C] as far as it is known; None where nothing is.
+    """Cabin temperature [°C] if it is known, else None.
 
-    A sensor at the lower end of its range shows only that the cabin is no warmer. What a person gives is no reading.
+    A logged reading at the lower end of the sensor's range is unknown: it shows only that the cabin is no warmer. A temperature
+    that a person gives (`logged` false) is taken as it is.
 
     Examples
     --------
@@ -32,9 +33,10 @@ def known_cabin(vehicle: Vehicle, given_degc: float | None, *, logged: bool) -> 
 def cabin_at_departure(
     vehicle: Vehicle, given_degc: float | None, ambient_degc: float, *, logged: bool = False
 ) -> float:
-    """Cabin temperature [°C] at departure: as given, else that of the outside air.
+    """Cabin temperature [°C] at departure: the given one, or else that of the outside air.
 
-    Behind a sensor at the lower end of its range the cabin is assumed to be as cold as the air outside.
+    If the sensor reads the lower end of its range, the cabin is assumed to be as cold as the outside air, but no warmer than
+    the reading.
 
     Examples
     --------
@@ -57,10 +59,10 @@ def warmth_from_cabin(
     *,
     logged: bool = False,
 ) -> float:
-    """Warmth of tyres and driveline at departure, from a cabin that is still warm in cold weather, 0 to 1.
+    """Warmth of tyres and driveline at departure, 0 to 1, inferred from a cabin that is still warm in cold weather.
 
-    Interior and tyres cool at a similar pace, in about half an hour, so the cabin's excess over the outside air,
-    relative to that at the set-point, is the measure of the rest. It is continuous in all temperatures.
+    Interior and tyres cool at a similar pace, in about half an hour. The warmth is therefore the cabin's excess over the
+    outside air, relative to the excess at the set-point. It is continuous in all temperatures, and 0 if the cabin is unknown.
 
     Examples
     --------
@@ -78,6 +80,6 @@ def warmth_from_cabin(
     setpoint = climate.setpoint_degc if setpoint_degc is None else setpoint_degc
     cold, warm = SUN_HEATS_CABINS_DEGC
     driven = min(1.0, max(0.0, (warm - ambient_degc) / (warm - cold)))
-    # 5 K, where the set-point is hardly above the outside air; a choice
+    # at least 5 K, for a set-point hardly above the outside air; a choice
     rise = max(setpoint - ambient_degc, 5.0)
     return driven * min(1.0, max(0.0, (cabin - ambient_degc) / rise))

@@ -1,4 +1,4 @@
-"""From the wheel to the direct-current side of the inverter, with limits, losses and regeneration."""
+"""Model of the drivetrain from the wheel to the direct-current side of the inverter, with limits, losses and regeneration."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ TINY: Final = float(np.finfo(np.float64).tiny)
 
 @dataclass(frozen=True, slots=True)
 class Propulsion:
-    """What the drivetrain does with the wheel power of a trace. Arrays have shape (samples,).
+    """Powers and limits of the drivetrain along a trace. Arrays have shape (samples,).
 
-    `motor_power_w` [W] is on the direct-current side, + discharges. `friction_brake_power_w` [W] is braking that
-    becomes heat, `shortfall_power_w` [W] the wheel power that the motor could not give, `recovered_wheel_power_w` [W] braking
-    that goes through the motor; none is negative.
+    `motor_power_w` [W] is the power on the direct-current side, + discharges. The other powers are never negative:
+    `friction_brake_power_w` [W] is braking that becomes heat, `shortfall_power_w` [W] the wheel power that the motor could not
+    give, `recovered_wheel_power_w` [W] braking that goes through the motor.
     """
 
     motor_power_w: FloatArray
@@ -35,7 +35,7 @@ class Propulsion:
 def regeneration_acceptance(
     soc: FloatArray, temperature_degc: FloatArray, regeneration: Regeneration
 ) -> FloatArray:
-    """Share of the largest braking power that a full or cold battery still takes, 0 to 1. Shape of `soc`.
+    """Share of the largest braking power that a battery takes, 0 to 1: less if it is nearly full or cold. Shape of `soc`.
 
     Examples
     --------
@@ -52,16 +52,16 @@ def regeneration_acceptance(
 
 
 def with_refused(drive: Propulsion, refused_power_w: FloatArray) -> Propulsion:
-    """The drivetrain where a full battery refuses a part of the recovered power. O(samples).
+    """Move the recovered power that a full battery refuses to the friction brakes. O(samples).
 
-    The friction brakes take over for a part of the interval, in which motor and inverter neither give nor lose power.
+    In a part of each such interval only the friction brakes work; motor and inverter then neither give nor lose power.
 
     Parameters
     ----------
     drive : Propulsion
-        As if the battery took everything.
+        Computed for a battery that takes everything.
     refused_power_w : ndarray, shape (samples,)
-        Power at the terminals that found no room in the battery [W].
+        Power at the terminals that the full battery refuses [W].
 
     Examples
     --------
@@ -90,11 +90,10 @@ def propulsion(
     drivetrain: Drivetrain,
     regeneration: Regeneration,
 ) -> Propulsion:
-    """Take the wheel power of each interval through gearbox, motor and inverter. Arrays of shape (samples,).
+    """Convert the wheel power of each interval through gearbox, motor and inverter. Arrays have shape (samples,).
 
     Braking power goes through the motor up to `fraction`, the torque and power limits, and the fade-out at low
-    speed; `acceptance` scales the power limit. Where that would cost energy rather than bring some, the friction
-    brakes take all.
+    speed; `acceptance` scales the power limit. If recovery would cost energy, the friction brakes take all braking.
 
     Examples
     --------

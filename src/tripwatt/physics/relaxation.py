@@ -1,4 +1,4 @@
-"""Linear recursions without a loop over samples: lumped temperatures relax towards what heats or cools them."""
+"""Linear recursions solved without a loop over samples, such as lumped temperatures that relax towards a target."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ import numpy as np
 from tripwatt.arrays import FloatArray, PerTrip
 
 LONGEST_BLOCK: Final = 200.0
-"""Time constants solved at once; exp(200) is far from overflow and sums of one sign lose no digits."""
+"""Length of a block that is solved at once, in time constants; exp(200) is far from overflow and sums of one sign lose no digits."""
 
 
 class Relaxation:
     """Solver of y[k] = y[k-1] e^(-step[k]) + target[k] (1 - e^(-step[k])) for all k at once.
 
-    What depends on the steps alone is computed once, for repeated passes over one trip, or over trips with the same steps.
+    Factors that depend only on the steps are computed once, for repeated passes over trips with the same steps.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class Relaxation:
         while first < len(step):
             before = elapsed[first] - step[first]
             last = int(np.searchsorted(elapsed, before + LONGEST_BLOCK))
-            if last <= first:  # one interval longer than a block: what came before is forgotten
+            if last <= first:  # the interval is longer than a block: earlier states have decayed
                 last = first + 1
                 self.growth[first] = np.inf
             else:
@@ -56,14 +56,14 @@ class Relaxation:
             first = last
 
     def solve(self, initial: PerTrip, target: FloatArray) -> FloatArray:
-        """The state at the end of each interval, for where it would settle in each. O(samples).
+        """Return the state at the end of each interval, shape of `target`. O(samples).
 
         Parameters
         ----------
         initial : float or ndarray, shape (trips, 1)
             State before the first interval.
         target : ndarray, shape (samples,) or (trips, samples)
-            Where the state would settle, constant over the interval that ends at k.
+            Value towards which the state relaxes, constant over the interval that ends at the sample.
         """
         if self.rows:
             rows = self.rows * (len(target) // len(self.rows))

@@ -1,4 +1,4 @@
-"""Forces on the car: air, rolling, grade, inertia; and the grade of a logged elevation."""
+"""Forces on the car from air, rolling, grade and inertia; and the grade from a logged elevation."""
 
 from __future__ import annotations
 
@@ -51,9 +51,9 @@ def aero_drag_force(
     density_kg_m3: PerTrip,
     headwind_m_s: FloatArray | None = None,
 ) -> FloatArray:
-    """Air drag ρ/2 · c_d A · (v + w) |v + w| [N], shape of `speed_m_s`; w is the wind against the car.
+    """Air drag ρ/2 · c_d A · (v + w) |v + w| [N], shape of `speed_m_s`; v is the speed of the car, w the headwind.
 
-    Wind from the side changes neither the force along the car nor its drag coefficient here.
+    Crosswind is neglected: it changes neither the force along the car nor the drag coefficient.
 
     Examples
     --------
@@ -71,7 +71,7 @@ WET_ROAD: Final = 0.1
 
 
 def wet_factor(rain_mm_h: PerTrip) -> PerTrip:
-    """Rolling resistance on a road in the rain over that on a dry one.
+    """Rolling resistance on a road in the rain over that on a dry road [1].
 
     Examples
     --------
@@ -88,7 +88,7 @@ def rolling_resistance_force(
     coefficients: tuple[FloatArray | float, float],
     cosine: FloatArray | float = 1.0,
 ) -> FloatArray:
-    """Rolling and driveline drag m g cos(α) · (c0 + c1 v) [N]; zero at standstill. Shape of `speed_m_s`.
+    """Rolling and driveline drag m g cos(α) · (c0 + c1 v) [N], 0 at standstill; `coefficients` are (c0, c1). Shape of `speed_m_s`.
 
     Examples
     --------
@@ -107,11 +107,11 @@ def rolling_factor(
     tyres: Tyres,
     initial_warmth: PerTrip = 0.0,
 ) -> FloatArray:
-    """Rolling and driveline drag over that of the warm car at the reference temperature. Shape of `speed_m_s`.
+    """Ratio of rolling and driveline drag to that of the warm car at the reference temperature. Shape of `speed_m_s`.
 
-    The factor is (1 + k (T_ref - T)) (1 + e (1 - w)), never below half; above T_ref the slope k is the published one, if that is
-    smaller (`Tyres.weather_factor`). The warmth w, `initial_warmth` at departure,
-    relaxes with the tyres' time constant to the square root of speed over the speed that warms up fully.
+    The ratio is (1 + k (T_ref - T)) (1 + e (1 - w)), but at least 0.5. T is the air temperature, e the cold excess; the first
+    factor, with its slope k, is `Tyres.weather_factor`. The warmth w is `initial_warmth` at departure, and relaxes with the tyres'
+    time constant to the square root of speed over `Tyres.warm_up_speed_m_s`, but to no more than 1.
 
     Notes
     -----
@@ -131,7 +131,7 @@ def rolling_factor(
 
 
 def grade_force(grade: FloatArray, mass_kg: PerTrip) -> FloatArray:
-    """Downhill force m g sin(α) [N] for `grade` = tan(α), shape of `grade`.
+    """Force of gravity m g sin(α) [N] against a car that climbs, with `grade` = tan(α). Shape of `grade`.
 
     Examples
     --------
@@ -153,7 +153,7 @@ def inertia_force(acceleration_m_s2: FloatArray, mass_kg: PerTrip, rotating_mass
 
 
 def grade_from_elevation(time_s: FloatArray, speed_m_s: FloatArray, elevation_m: FloatArray) -> FloatArray:
-    """Road grade over each interval from a logged elevation, smoothed over distance. O(samples + distance).
+    """Compute the road grade of each interval from a logged elevation, smoothed over distance. O(samples + distance).
 
     Heights that no road can have are left out before (`tripwatt.trips.elevation.heights_of_a_road`). The road climbs as much as the
     others: from the first to the last of them. They are averaged over pieces of road of
@@ -164,15 +164,15 @@ def grade_from_elevation(time_s: FloatArray, speed_m_s: FloatArray, elevation_m:
     Parameters
     ----------
     time_s, speed_m_s, elevation_m : ndarray, shape (samples,)
-        Missing elevations (NaN) are bridged; an elevation that is missing throughout gives a flat road. The road is level
-        before the first and after the last known elevation.
+        Missing elevations (NaN) are bridged; without any elevation the road is flat. The road is level before the first and
+        after the last known elevation.
 
     Returns
     -------
     ndarray, shape (samples,)
         Grade of the interval that ends at the sample, rise over horizontal distance: the sum of
-        ``step * sin(arctan(grade))`` is the climb. A log that rises faster than the steepest street over its whole
-        length has the grade of that street.
+        ``step * sin(arctan(grade))`` is the climb. If the log rises more steeply than `STEEPEST_GRADE` over its whole length,
+        the grade is that one.
 
     Examples
     --------
@@ -198,7 +198,7 @@ def grade_from_elevation(time_s: FloatArray, speed_m_s: FloatArray, elevation_m:
     climb = np.interp(distance, border, running_sum(rise))
     piece = np.minimum((distance / border[1]).astype(np.int64), len(rise) - 1)
     slope = rise[piece] / border[1]
-    # At standstill, and where rounding would show, the slope is that of the place.
+    # At standstill and in very short steps, the slope is that of the piece of road.
     moves = np.flatnonzero(step > 1e-3) + 1
     slope[moves] = (climb[moves] - climb[moves - 1]) / step[moves - 1]
     return np.asarray(slope / np.sqrt(1.0 - slope * slope), dtype=np.float64)
@@ -207,7 +207,7 @@ def grade_from_elevation(time_s: FloatArray, speed_m_s: FloatArray, elevation_m:
 def _height_over_distance(
     distance: FloatArray, elevation_m: FloatArray, known: BoolArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Borders of equal pieces of road of about `GRADE_BIN_M`, and the height at each; both ends keep the logged height."""
+    """Return the borders of equal pieces of road of about `GRADE_BIN_M`, and the height at each; both ends keep the logged height."""
     place = (distance[known] / GRADE_BIN_M).astype(np.int64)
     count = np.bincount(place)
     filled = np.flatnonzero(count)
@@ -222,10 +222,10 @@ def _height_over_distance(
 
 
 def _with_slope_at_most(steepest: float, height: FloatArray) -> FloatArray:
-    """The heights with the least largest change whose neighbours differ by at most `steepest`; both ends stay.
+    """Change heights so that neighbours differ by at most `steepest`, with the smallest possible largest change; both ends stay.
 
-    The mean of the largest such heights below and the smallest above is the nearest (McShane 1934), and limits through
-    the two ends keep it there. Where the ends differ too much, the last one gives way.
+    The result is the mean of the largest such heights below and the smallest above (McShane 1934), within limits through the
+    two ends. If the ends differ too much, the last one is changed.
     """
     ramp = np.asarray(steepest * np.arange(len(height)), dtype=np.float64)
     first = height[0]
@@ -237,6 +237,6 @@ def _with_slope_at_most(steepest: float, height: FloatArray) -> FloatArray:
 
 
 def _largest_below(height: FloatArray, ramp: FloatArray) -> FloatArray:
-    """Largest heights below others that rise and fall by at most the steps of a ramp."""
+    """Return the largest heights below the given ones that rise and fall by at most the steps of a ramp."""
     after = np.minimum.accumulate((height + ramp)[::-1])[::-1] - ramp
     return np.minimum(np.minimum.accumulate(height - ramp) + ramp, after)

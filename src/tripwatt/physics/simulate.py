@@ -1,4 +1,4 @@
-"""A drive of a car: what it takes, the simulation, and its conditions from what is known at departure."""
+"""Simulation of a drive of a car, and its conditions from what is known at departure."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
 class Simulation:
-    """What the car does over a trip. Arrays have shape (samples,).
+    """Forces, powers and state of a car along a trip. Arrays have shape (samples,).
 
     Value k belongs to the interval that ends at sample k; the first interval has no length. Powers are positive
     when they discharge the battery, except `regen_power_w` and `friction_brake_power_w`, which are never negative.
@@ -42,7 +42,7 @@ class Simulation:
     grade : ndarray
         Road grade used [1].
     aero_drag_force_n, rolling_resistance_force_n, grade_force_n, inertia_force_n : ndarray
-        Their sum is the traction force at the wheels.
+        Forces of air drag, rolling, grade and inertia [N]; their sum is `traction_force_n`.
     wheel_power_w : ndarray
         Power at the wheels that the trace needs.
     motor_power_w : ndarray
@@ -50,24 +50,24 @@ class Simulation:
     regen_power_w : ndarray
         Electric power that motor and inverter give back.
     friction_brake_power_w, auxiliary_power_w, climate_power_w, fan_power_w : ndarray
-        Power of the friction brakes, of all auxiliaries, of climate control as part of these, and of its blower, rear window
-        and seats as part of that.
+        Power of the friction brakes; of all auxiliaries; of climate control, a part of the auxiliaries; and of blower, rear
+        window and seats, a part of climate control.
     battery_power_w : ndarray
-        Power at the battery terminals, on which the energy is counted.
+        Power at the battery terminals; the energy is its integral.
     battery_current_a, terminal_voltage_v, battery_temperature_degc, soc : ndarray
-        Current and voltage at the terminals of the battery, its temperature, and the state of charge of its management, which
-        regeneration never raises above full.
+        Current and voltage at the battery terminals, temperature of the battery, and state of charge of the battery management;
+        regeneration never raises the latter above full.
     cabin_temperature_degc : ndarray
-        NaN where no climate control was simulated.
+        Temperature of the cabin air [°C]; NaN if no climate control was simulated.
     battery_loss_w : ndarray
         Heat in the battery, on top of `battery_power_w`.
     energy_wh : ndarray
         Cumulative energy at the battery terminals [Wh].
     power_by_cause_w : dict of str to ndarray
-        Power at the battery terminals [W] by each of `CAUSES`; they sum to `battery_power_w`. What a full battery does not
-        take is heat of the friction brakes.
+        Power at the battery terminals [W] due to each of `CAUSES`; the sum is `battery_power_w`. Power that a full battery does
+        not take counts for the friction brakes.
     flags : tuple of Flag
-        What the car could not follow, each with the time that it lasted [s]; empty when all is well.
+        Limits of the car that the trip reached, mostly with the time that they lasted [s]; empty if there are none.
 
     Examples
     --------
@@ -109,12 +109,12 @@ class Simulation:
 
     @property
     def by_cause_wh(self) -> dict[str, float]:
-        """Energy of the whole trip [Wh] by each of `CAUSES`, as `Forecast.by_cause_wh`; they sum to `simulated_energy_wh`."""
+        """Energy of the whole trip [Wh] due to each of `CAUSES`, as in `Forecast.by_cause_wh`; the sum is `simulated_energy_wh`."""
         return {cause: float(energy[-1]) for cause, energy in self.cumulative_by_cause_wh.items()}
 
     @property
     def cumulative_by_cause_wh(self) -> dict[str, FloatArray]:
-        """Cumulative energy [Wh] by each of `CAUSES`; they sum to `energy_wh`."""
+        """Cumulative energy [Wh] due to each of `CAUSES`; the sum is `energy_wh`."""
         hours = np.diff(self.time_s, prepend=self.time_s[:1]) * WH_PER_J
         return {cause: np.cumsum(power * hours) for cause, power in self.power_by_cause_w.items()}
 
@@ -125,7 +125,7 @@ class Simulation:
         return resistance + self.grade_force_n + self.inertia_force_n
 
     def frame(self) -> pd.DataFrame:
-        """Tabulate all arrays.
+        """Put all arrays into one table.
 
         Returns
         -------
@@ -140,17 +140,17 @@ class Simulation:
         return pd.DataFrame(columns)
 
     def plot(self, ax: Axes | None = None) -> Figure:
-        """Energy at the battery terminals by cause, and their sum, over time.
+        """Plot the energy at the battery terminals over time, by cause and in total.
 
         Parameters
         ----------
         ax : Axes, optional
-            To draw in; a new figure without them.
+            Axes to draw in; a new figure if not given.
 
         Returns
         -------
         matplotlib.figure.Figure
-            Cumulative energy [kWh] over time [min]; without causes that take and give nothing.
+            Cumulative energy [kWh] over time [min]; causes with next to no energy are left out.
 
         Examples
         --------
@@ -179,7 +179,7 @@ def simulate(
     headwind_m_s: npt.ArrayLike | None = None,
     conditions: DriveConditions | None = None,
 ) -> Simulation:
-    """Drive a speed trace with a car. O(samples), no loop over samples.
+    """Simulate a car that drives a speed trace. O(samples), no loop over samples.
 
     Parameters
     ----------
@@ -187,16 +187,16 @@ def simulate(
     time_s, speed_m_s : array_like, shape (samples,)
         Increasing times [s] and speeds [m/s].
     grade : array_like, shape (samples,), optional
-        Road grade at the samples, rise over distance. Wins over `elevation_m`.
+        Road grade at the samples, rise over distance. If given, the slope of `elevation_m` is not used.
     elevation_m : array_like, shape (samples,), optional
         Logged elevation [m], cleaned by `grade_from_elevation`; NaN where missing.
     climate_power_w : float or array_like, shape (samples,), optional
-        Electric power of heating and cooling [W] over the interval that ends at each sample, in place of that of the
-        car's climate model.
+        Electric power of heating and cooling [W] over the interval that ends at each sample; from the car's climate model
+        if not given.
     headwind_m_s : array_like, shape (samples,), optional
-        Wind against the direction of travel at the car's height [m/s], negative from behind; calm without it.
+        Wind against the direction of travel at the car's height [m/s], negative from behind; calm if not given.
     conditions : DriveConditions, optional
-        Surroundings, load and state of the car at the start; `DriveConditions()` when not given.
+        Surroundings, load and state of the car at the start; `DriveConditions()` if not given.
 
     Returns
     -------
@@ -205,7 +205,7 @@ def simulate(
     Raises
     ------
     InvalidInput
-        With every argument that cannot be used. A trace that the car cannot follow is no error: see `flags`.
+        With every argument that cannot be used. A trace that the car cannot follow raises no error: see `Simulation.flags`.
 
     Examples
     --------
@@ -222,15 +222,15 @@ def simulate(
 def simulate_trip(vehicle: Vehicle, trip: Recorded | Plan) -> Simulation:
     """Simulate a trip or a plan from what is known at departure, its speed trace and its road.
 
-    Of what was measured only `trip.departure` enters; what is unknown there is left to the defaults of `DriveConditions`.
-    Works on raw and on resampled trips.
+    Measurements enter only through `trip.departure`; `conditions_at_departure` fills in what is unknown there.
+    The trip may be raw or resampled.
 
     Parameters
     ----------
     vehicle : Vehicle
-        The car, without the extras of the departure.
+        The car, without the extras of the departure: these are added here.
     trip : Trip or Plan
-        With `time_s`, `speed_m_s`, and `grade` or `elevation_m` where known.
+        With `time_s`, `speed_m_s`, and `grade` or `elevation_m` if known.
 
     Returns
     -------
@@ -240,7 +240,7 @@ def simulate_trip(vehicle: Vehicle, trip: Recorded | Plan) -> Simulation:
     Raises
     ------
     InvalidInput
-        As `simulate`.
+        For the same faults as `simulate`.
 
     Examples
     --------
@@ -258,7 +258,7 @@ def simulate_trip(vehicle: Vehicle, trip: Recorded | Plan) -> Simulation:
 def conditions_at_departure(
     vehicle: Vehicle, known: Departure, weather: PlanWeather | None = None
 ) -> DriveConditions:
-    """Choose the conditions of a drive from what is known at departure; the usual value of what is unknown.
+    """Choose the conditions of a drive from what is known at departure, with usual values for what is unknown.
 
     Parameters
     ----------
@@ -267,7 +267,7 @@ def conditions_at_departure(
     known : Departure
         What is known.
     weather : PlanWeather, optional
-        Along the plan; its air density and rain count.
+        Weather along the plan, of which air density and rain are used.
 
     Returns
     -------
@@ -311,9 +311,9 @@ def conditions_at_departure(
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Drive:
-    """A drive as it enters the chain, checked: arrays of shape (samples,), `grade` that of the intervals.
+    """Checked inputs of the chain. Arrays have shape (samples,); `grade` is the one of the intervals.
 
-    `conditions` have an air density and a battery temperature; `climate_power_w` is used where `cabin` is None.
+    `conditions` have an air density and a battery temperature. `climate_power_w` is used if `cabin` is None.
     """
 
     vehicle: Vehicle
@@ -327,7 +327,10 @@ class Drive:
     name: str = ""
 
     def climate(self, cabin: CabinRun | None) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Power of climate control and of its fans, and temperature of the cabin: NaN where none was simulated."""
+        """Return the power of climate control, the part of its fans, and the cabin temperature.
+
+        The cabin temperature is NaN if no cabin was simulated.
+        """
         if cabin is not None:
             return cabin.power_w, cabin.fan_power_w, cabin.temperature_degc
         power = np.broadcast_to(self.climate_power_w, self.time_s.shape)
@@ -343,9 +346,9 @@ def drive_of(
     name: str = "",
     road: FloatArray | None = None,
 ) -> Drive:
-    """Check the arguments of `simulate`, and put them together: `more` are grade, elevation, climate power and headwind. O(samples).
+    """Check the arguments of `simulate` and collect them in a `Drive`. O(samples).
 
-    `road` is the grade of the intervals, where it was made of the same elevation before.
+    `more` are grade, elevation, climate power and headwind. `road` is the grade of the intervals, if it was computed before.
     """
     conditions = DriveConditions() if conditions is None else conditions
     time = np.asarray(time_s, dtype=np.float64)
@@ -376,7 +379,7 @@ def drive_of(
 
 
 def drive_of_trip(vehicle: Vehicle, trip: Recorded | Plan, road: FloatArray | None = None) -> Drive:
-    """`drive_of` a trip or a plan, as `simulate_trip` takes it. O(samples)."""
+    """Make the `Drive` of a car, with the extras of the departure, on a trip or a plan. O(samples)."""
     weather = trip.air if isinstance(trip, Plan) else None
     return drive_of(
         with_extras(vehicle, trip.departure.extras or (), trip.departure.tyre_pressure),
