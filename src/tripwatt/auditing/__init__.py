@@ -1,7 +1,7 @@
-"""What is wrong with a log, and what was done about it. Nothing here looks at any model.
+"""Audit of logs: find what is wrong with each log, and mend, trim, split or set it aside. No model is used.
 
-A log is not yet a trip: it may hold a freeze, a charging stop, a sensor that stops half-way. Each rule is a small
-function with named thresholds in one of the modules beside this one; this one puts them in order.
+A log is not yet a trip: it may contain a freeze, a charging stop, or a sensor that stops half-way. Each rule is a small
+function with named thresholds in a module of this package; `audit` applies the rules in order.
 """
 
 from __future__ import annotations
@@ -27,28 +27,28 @@ __all__ = ["Audit", "Finding", "audit"]
 
 SHORTEST_LEG_M: Final = 1000.0
 SHORTEST_LEG_S: Final = 120.0
-"""On shorter drives pulling away once and the resolution of the sensors are most of the energy."""
+"""Shortest distance and duration of a drive. On shorter drives one start and the resolution of the sensors are most of the energy."""
 
 ALL_LOGS: Final = "all logs"
 
 DRIVEN_M: Final = 50.0
-"""A piece of a log with less than this is part of the stop beside it, not a drive."""
+"""Shortest distance of a piece of a log that counts as a drive; a shorter one is part of a stop."""
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Audit:
-    """The drives that can be used, and everything that is wrong with the logs.
+    """Result of an audit: the drives that can be used, and everything that is wrong with the logs.
 
     Attributes
     ----------
     trips : tuple of Trip
-        Sound drives: values validated, energy measured anew over the samples that are left.
+        Sound drives: values validated, energy measured again over the remaining samples.
     findings : tuple of Finding
-        In the order of the logs.
+        What is wrong with the logs, in the order of the logs.
     n_logs : int
         How many logs were audited.
     lost_distance_m, lost_duration_s : float
-        Of the drives that are not used.
+        Distance [m] and duration [s] of the drives that are not used.
 
     Examples
     --------
@@ -68,7 +68,7 @@ class Audit:
 
     @property
     def set_aside(self) -> dict[str, str]:
-        """Drives that are not used, and why."""
+        """Name of each drive that is not used -> the reasons."""
         aside = (finding for finding in self.findings if finding.consequence == "set aside")
         by_trip = by_key(aside, lambda finding: finding.trip)
         return {trip: "; ".join(finding.what for finding in its) for trip, its in by_trip.items()}
@@ -79,7 +79,7 @@ class Audit:
         Returns
         -------
         tuple of (str, Alike)
-            What costs a drive first, the most frequent kind first.
+            Consequences in the order "set aside", "trimmed", "split", "noted"; for each, the most frequent kind first.
 
         Examples
         --------
@@ -114,13 +114,13 @@ class Audit:
 
 
 def audit(logs: TripSet | Iterable[Recorded]) -> Audit:
-    """Audit raw logs: mend, trim, split or set aside, and report it. O(samples).
+    """Audit raw logs: mend, trim, split or set them aside, and report each change. O(samples).
 
     Parameters
     ----------
     logs : TripSet or iterable of Log
-        As a reader gave them, before any resampling. What the logs of one car have in common (the battery's
-        capacity) is taken from all of them together.
+        Logs of one car as a reader gives them, before any resampling. The capacity of the battery is estimated from all of
+        them together.
 
     Returns
     -------
@@ -130,7 +130,7 @@ def audit(logs: TripSet | Iterable[Recorded]) -> Audit:
     Raises
     ------
     InvalidInput
-        When two logs share an id or one was resampled.
+        If two logs share an id, or a log was resampled.
 
     Examples
     --------
@@ -171,7 +171,7 @@ def audit(logs: TripSet | Iterable[Recorded]) -> Audit:
 
 
 def _audit_log(trip: Recorded) -> tuple[list[Recorded], list[Finding]]:
-    """The drives of one log, each mended and judged by itself."""
+    """Return the drives of one log, each mended and judged separately, and the findings."""
     samples, findings = ranges.blank_infinite(trip.samples, trip.trip_id)
     samples, cuts, more = stamps.mend_stamps(samples, trip.trip_id)
     findings += more
@@ -198,7 +198,7 @@ def _audit_log(trip: Recorded) -> tuple[list[Recorded], list[Finding]]:
 
 
 def _legs(trip: Recorded, samples: pd.DataFrame, cuts: Sequence[Cut]) -> tuple[list[Recorded], list[Finding]]:
-    """What is left of a log between its cuts, and the findings about them."""
+    """Return the drives that are left of a log between its cuts, and the findings about the cuts."""
     keep = np.ones(len(samples), dtype=bool)
     edges = {0, len(samples)}
     for cut in cuts:
@@ -225,7 +225,7 @@ def _legs(trip: Recorded, samples: pd.DataFrame, cuts: Sequence[Cut]) -> tuple[l
 
 
 def driven_m(samples: pd.DataFrame) -> float:
-    """Way of the samples with a speed [m]."""
+    """Distance driven in some samples [m], by those with a known speed."""
     speed, time = array(samples, "speed_m_s"), array(samples, "time_s")
     known = np.isfinite(speed) & np.isfinite(time)
     return float(np.trapezoid(speed[known], time[known]))
@@ -234,7 +234,7 @@ def driven_m(samples: pd.DataFrame) -> float:
 def finding_of_cut(
     trip_id: str, samples: pd.DataFrame, cut: Cut, driven: Sequence[tuple[int, pd.DataFrame]]
 ) -> Finding:
-    """A cut at an end trims; one with drives on both sides splits."""
+    """Make the finding of a cut: "split" if there are drives on both sides of the cut, else "trimmed"."""
     before = any(first < cut.first for first, _ in driven)
     after = any(first >= cut.last for first, _ in driven)
     first, last = max(cut.first - 1, 0), min(cut.last, len(samples) - 1)
@@ -251,7 +251,7 @@ def _leg(trip: Recorded, samples: pd.DataFrame, name: str, *, follows: bool) -> 
 
 
 def _judge_leg(leg: Recorded) -> tuple[Recorded, list[Finding]]:
-    """The rules on one drive. The drive comes back mended also when it is set aside."""
+    """Apply the rules to one drive; return the mended drive, even if it is set aside, and the findings."""
     samples = ranges.drop_blank_speed(leg.samples)
     name = leg.trip_id
     findings = [
@@ -280,7 +280,7 @@ def _judge_leg(leg: Recorded) -> tuple[Recorded, list[Finding]]:
 
 
 def without_repeats(findings: Sequence[Finding], n_logs: int) -> tuple[Finding, ...]:
-    """A note that every log of a set earns, such as a column the set does not have, is one note on the set."""
+    """Merge a note that every log has, such as that of a missing column, into one note on all logs."""
     counts = Counter(f.what for f in findings if f.consequence == "noted")
     common = {what for what, n in counts.items() if n == n_logs > 1}
     shared = (Finding(ALL_LOGS, 0.0, max(f.to_s for f in findings), what, "noted") for what in sorted(common))

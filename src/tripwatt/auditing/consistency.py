@@ -1,4 +1,4 @@
-"""Rules that compare quantities which physics ties together: charge and state of charge, power and acceleration."""
+"""Rules that compare physically related quantities: charge and state of charge, power and acceleration."""
 
 from __future__ import annotations
 
@@ -17,29 +17,29 @@ from tripwatt.trips.messages import signal_name
 from tripwatt.units import SECONDS_PER_HOUR
 
 SOC_TOLERANCE: Final = 0.1
-"""Relative error of a state of charge that battery managements make (ageing, temperature, balancing)."""
+"""Usual relative error of the state of charge of a battery management (ageing, temperature, balancing)."""
 
 SOC_DRIFT: Final = 0.01
-"""Correction that a battery management may make during a drive, on top of two steps of its resolution."""
+"""Correction of the state of charge that a battery management may make during a drive, beyond two steps of its resolution."""
 
 SMALLEST_SOC_CHANGE: Final = 0.03
-"""The capacity from a smaller change is too uncertain for the car's median."""
+"""Smallest change of the state of charge from which a capacity counts for the car's median."""
 
 MOST_STD: Final = 5.0
-"""A car whose state of charge scatters by itself (near full some stand still for kilometres) is allowed so many of
-its own standard deviations; 5 of them leave one sound drive in a million outside."""
+"""Error of the state of charge that is allowed, in standard deviations of the car's own scatter (near full some displays stand still
+for kilometres); 5 of them leave one sound drive in a million outside."""
 
 FEWEST_TRIPS: Final = 5
-"""A median of fewer drives is not used."""
+"""Smallest number of drives whose median capacity is used."""
 
 OF_ANOTHER_CAR: Final = 2
-"""So many other drives with the same capacity make it another car, not a fault."""
+"""Number of other drives with the same deviating capacity from which another car is assumed, not a fault."""
 
 COARSE_SHARE: Final = 0.25
 """Standard error over the energy above which it is reported; a forecast's own error is smaller."""
 
 USELESS_SHARE: Final = 0.5
-"""Standard error over the energy at which the energy is not known: two of them reach to nothing."""
+"""Standard error over the energy from which the energy counts as unknown: two standard errors reach 0."""
 
 NORMAL_MAD: Final = 1.4826
 """Standard deviation of a normal distribution per median absolute deviation."""
@@ -48,12 +48,12 @@ POSSIBLE_CAPACITY_AH: Final = (10.0, 1500.0)
 """From a light quadricycle's pack to a heavy truck's."""
 
 POSSIBLE_MASS_KG: Final = (450.0, 8000.0)
-"""Slope of battery power over speed times acceleration: a car's mass over its driveline efficiency."""
+"""Possible slopes of battery power over speed times acceleration: a car's mass over its driveline efficiency."""
 
 CLEAR_CORRELATION: Final = 0.5
 
 LONG_MISSING_SOC_S: Final = 10.0
-"""Logs commonly lose the last second or two of the state of charge; that is not worth a word."""
+"""A shorter gap at an end is not reported: logs commonly lack the state of charge of the last second or two."""
 
 SOC_JUMP: Final = 0.03
 SOC_JUMP_RATE_PER_S: Final = 1.0 / 360.0
@@ -62,30 +62,33 @@ SOC_JUMP_RATE_PER_S: Final = 1.0 / 360.0
 
 STANDING_M_S: Final = 0.3
 FEWEST_STANDING: Final = 10
-"""Samples at standstill that a median needs."""
+"""Smallest number of samples at standstill for a median."""
 
 MOST_STANDING_W: Final = 25_000.0
-"""More than heater, air conditioner and base load of a car together."""
+"""Power of a standing car that shows an offset: more than heater, air conditioner and base load together."""
 
 HEAVY_CAR_KG: Final = 3500.0
 """Largest mass of a passenger car."""
 
 STEEP_ROAD: Final = 0.1
-"""Mean descent of the steepest long roads, for a road of unknown elevation."""
+"""Descent assumed for a road of unknown elevation: mean of the steepest long roads."""
 
 HEIGHT_MARGIN_M: Final = 30.0
-"""Error of a logged height, and the height that the speed at the start is worth (88 km/h)."""
+"""Margin for errors of a logged height and for the kinetic energy at the start (30 m are worth 88 km/h)."""
 
 MOST_WH_KM: Final = 3000.0
-"""Twice what a loaded 40 t truck takes."""
+"""Largest possible consumption: twice that of a loaded 40 t truck."""
 
 LONG_KM: Final = 5.0
-"""On shorter drives heating before the departure may take most of the energy."""
+"""Shortest distance to which `MOST_WH_KM` applies: on shorter drives preheating may take most of the energy."""
 
 
 @dataclass(frozen=True, slots=True)
 class Balance:
-    """Charge [Ah] and change of state of charge over the same span of a drive."""
+    """Charge drawn [Ah] and fall of the state of charge over the same span of a drive.
+
+    `resolution` is the step of the state of charge.
+    """
 
     charge_ah: float
     soc_change: float
@@ -93,11 +96,11 @@ class Balance:
 
     @property
     def capacity_ah(self) -> float:
-        """Charge per unit of state of charge."""
+        """Capacity of the battery [Ah]: charge over change of state of charge; NaN if the latter is 0."""
         return self.charge_ah / self.soc_change if self.soc_change else float("nan")
 
     def fits(self, capacity_ah: float, std: float) -> bool:
-        """Whether a battery of that capacity explains the change of state of charge."""
+        """Return whether a battery of a capacity explains the change of state of charge."""
         expected = self.charge_ah / capacity_ah
         allowed = SOC_TOLERANCE * max(abs(expected), abs(self.soc_change))
         allowed += 2.0 * self.resolution + SOC_DRIFT
@@ -105,7 +108,7 @@ class Balance:
 
 
 def charge_balance(samples: pd.DataFrame) -> Balance | None:
-    """Charge and state of charge between the first and the last sample that has one; None without."""
+    """Balance between the first and the last sample with a state of charge; None without states of charge or currents."""
     if not (has(samples, "soc") and has(samples, "current_a")):
         return None
     time, soc, current = (array(samples, c) for c in ("time_s", "soc", "current_a"))
@@ -121,7 +124,7 @@ def charge_balance(samples: pd.DataFrame) -> Balance | None:
 
 
 def soc_resolution(soc: FloatArray) -> float:
-    """Median step between values that the state of charge rests at; 0 for one that never rests.
+    """Median step between values at which the state of charge rests for several samples; 0 if it never rests.
 
     Examples
     --------
@@ -135,10 +138,11 @@ def soc_resolution(soc: FloatArray) -> float:
 
 
 def soc_findings(trips: Sequence[Recorded], sound: Sequence[bool]) -> dict[str, list[Finding]]:
-    """Drives whose charge contradicts their state of charge, by trip id.
+    """Find drives whose charge contradicts their state of charge; return the findings by trip id.
 
-    Charge, not energy, is compared: a battery management counts charge, so the ratio is the capacity and does not
-    depend on the level as the energy does through the voltage. `sound` marks the drives that count for the median.
+    Charge is compared rather than energy: a battery management counts charge, so its ratio to the state of charge is the
+    capacity at any level, while energy depends on the level through the voltage. `sound` marks the drives that count for the
+    median capacity.
     """
     balances = {t.trip_id: b for t in trips if (b := charge_balance(t.samples)) is not None}
     steps = [b.resolution for b in balances.values() if b.resolution > 0.0]
@@ -164,7 +168,7 @@ def soc_findings(trips: Sequence[Recorded], sound: Sequence[bool]) -> dict[str, 
 def _soc_finding(
     trip: Recorded, balance: Balance, capacities: Mapping[str, float], median: float | None, std: float
 ) -> Finding | None:
-    """What is wrong with the balance of one drive, beside the capacities of the sound ones."""
+    """Judge the balance of one drive by the capacities of the sound drives; None if nothing is wrong."""
     low, high = POSSIBLE_CAPACITY_AH
     change = (
         f"{balance.charge_ah:.2f} Ah for a change of the state of charge of {100 * balance.soc_change:.1f} %"
@@ -186,7 +190,7 @@ def _soc_finding(
 
 
 def stopped_soc(trip: Recorded, capacity_ah: float, std: float) -> Finding | None:
-    """A state of charge that fits as long as it moves and then stands: its sensor stopped, the energy is sound."""
+    """Find a state of charge that fits until it stops changing: its sensor stopped, the energy is sound. None if there is none."""
     soc = array(trip.samples, "soc")
     known = np.flatnonzero(np.isfinite(soc))
     moved = np.flatnonzero(np.diff(soc[known]) != 0)
@@ -202,7 +206,7 @@ def stopped_soc(trip: Recorded, capacity_ah: float, std: float) -> Finding | Non
 
 @blanking
 def blank_soc_faults(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
-    """Zeros and jumps of the state of charge that no battery makes; long missing ends are reported."""
+    """Blank zeros and impossible jumps of the state of charge; report states of charge that are missing for long at an end."""
     time = array(samples, "time_s")
     for name in (name for name in ("soc", "displayed_soc") if has(samples, name)):
         soc = array(samples, name)
@@ -218,9 +222,12 @@ def blank_soc_faults(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
 
 
 def stray_soc(time: FloatArray, soc: FloatArray) -> BoolArray:
-    """Pieces between jumps that are shorter than the longest piece and jump away from it."""
+    """Mark faulty states of charge, shape (samples,).
+
+    Faulty are zeros beside a jump, and pieces between jumps whose level differs from that of the longest piece.
+    """
     stray = np.zeros(len(soc), dtype=bool)
-    if np.nanmax(soc) > SOC_JUMP:  # a 0 beside it is a sensor that is off, however long it stays
+    if np.nanmax(soc) > SOC_JUMP:  # a 0 beside a jump means that the sensor is off, however long it lasts
         zero = soc == 0.0
         beside = np.diff(soc, prepend=soc[:1]), np.diff(soc, append=soc[-1:])
         if bool(np.any(zero & ((np.abs(beside[0]) > SOC_JUMP) | (np.abs(beside[1]) > SOC_JUMP)))):
@@ -239,7 +246,7 @@ def stray_soc(time: FloatArray, soc: FloatArray) -> BoolArray:
 
 
 def missing_soc(time: FloatArray, soc: FloatArray, trip_id: str) -> list[Finding]:
-    """A state of charge that is missing for long at the start or at the end."""
+    """Find a state of charge that is missing for long at the start or at the end."""
     known = np.flatnonzero(np.isfinite(soc))
     findings: list[Finding] = []
     spans = ((0, int(known[0]), "start"), (int(known[-1]), len(soc) - 1, "end"))
@@ -251,7 +258,7 @@ def missing_soc(time: FloatArray, soc: FloatArray, trip_id: str) -> list[Finding
 
 
 def unit_findings(trip: Recorded) -> list[Finding]:
-    """Speed, current or voltage in a wrong unit or with the wrong sign, found by the car's apparent mass."""
+    """Find speed, current or voltage in a wrong unit or with the wrong sign, by the car's apparent mass."""
     samples = trip.samples
     power = array(samples, "voltage_v") * array(samples, "current_a")
     answer = apparent_mass(array(samples, "time_s"), array(samples, "speed_m_s"), power)
@@ -273,7 +280,7 @@ def unit_findings(trip: Recorded) -> list[Finding]:
 
 
 def offset_findings(trip: Recorded) -> Iterator[Finding]:
-    """A current with an offset: energy that no road and no load explain."""
+    """Find a current with an offset: a power at standstill or an energy that no load and no road explain."""
     energy, samples = trip.observed_energy_wh, trip.samples
     if energy is None:
         return
@@ -305,7 +312,7 @@ def offset_findings(trip: Recorded) -> Iterator[Finding]:
 
 
 def energy_error_findings(trip: Recorded) -> Iterator[Finding]:
-    """An energy that its own standard error drowns, as on short trips with a charge in whole percent or a power in whole kW."""
+    """Find an energy with a large standard error, as on short trips with a charge in whole percent or a power in whole kW."""
     error, energy = trip.observed_energy_std_wh, trip.observed_energy_wh
     if error is None or energy is None:
         return

@@ -1,4 +1,4 @@
-"""Findings of an audit: one `Finding` for each thing that was wrong with a log, and what was done about it."""
+"""Findings of an audit: a `Finding` states one thing that is wrong with a log, and what was done about it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tripwatt.arrays import BoolArray, FloatArray
 Consequence = Literal["trimmed", "split", "set aside", "noted"]
 
 MEASURED: Final = ("speed_m_s", "voltage_v", "current_a")
-"""The signals that every sound log of a drive holds and that never stand still together while the car moves."""
+"""Signals that every sound log of a drive has, and that never all stay constant while the car moves."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,12 +27,12 @@ class Finding:
     trip : str
         Id of the log, or of the leg that was cut out of it.
     from_s, to_s : float
-        Log time [s] between which it lies.
+        Start and end of the affected part, on the clock of the log [s].
     what : str
         What is wrong, with its figures.
     consequence : {"trimmed", "split", "set aside", "noted"}
-        An end was cut off; a middle was cut out and the rest became legs; the drive is not used; the drive is used,
-        and the samples that `what` names are blank.
+        "trimmed": an end was cut off. "split": a middle part was cut out and the rest became legs. "set aside": the drive is
+        not used. "noted": the drive is used; values that `what` calls removed are blank.
 
     Examples
     --------
@@ -52,7 +52,7 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class Cut:
-    """Samples `first` to `last` (excluded) cannot be used; `first == last` cuts between two samples."""
+    """Samples from `first` to before `last` that cannot be used; if `first == last`, a cut between two samples."""
 
     first: int
     last: int
@@ -60,25 +60,25 @@ class Cut:
 
 
 Change = tuple[str, FloatArray | None, Finding]
-"""A column, its values with NaN in place of those that are removed (None = all stay), and the finding."""
+"""Name of a column, its values with NaN for removed ones (None if no value is removed), and the finding."""
 
 Rule = Callable[[pd.DataFrame, str], Iterator[Change]]
 
 
 def array(samples: pd.DataFrame, column: str) -> FloatArray:
-    """A column as float64, all missing when the log lacks it."""
+    """Return a column as float64; all NaN if the log lacks the column."""
     if column not in samples.columns:
         return np.full(len(samples), np.nan)
     return samples[column].to_numpy(dtype=np.float64)
 
 
 def has(samples: pd.DataFrame, column: str) -> bool:
-    """Whether the column is there with at least one value."""
+    """Return whether the column exists and has at least one value."""
     return column in samples.columns and not bool(np.isnan(array(samples, column)).all())
 
 
 def runs(mask: BoolArray) -> list[tuple[int, int]]:
-    """First index and one past the last of every run of true values.
+    """Return the first index, and the one after the last, of every run of true values.
 
     Examples
     --------
@@ -90,7 +90,7 @@ def runs(mask: BoolArray) -> list[tuple[int, int]]:
 
 
 def whole(samples: pd.DataFrame, trip_id: str, what: str, consequence: Consequence) -> Finding:
-    """A finding on the whole of a log."""
+    """Make a finding about a whole log."""
     time = array(samples, "time_s")
     known = time[np.isfinite(time)]
     ends = (float(known[0]), float(known[-1])) if len(known) else (0.0, 0.0)
@@ -100,13 +100,16 @@ def whole(samples: pd.DataFrame, trip_id: str, what: str, consequence: Consequen
 def between(
     samples: pd.DataFrame, trip_id: str, first: int, last: int, what: str, consequence: Consequence
 ) -> Finding:
-    """A finding from one sample to another, both included."""
+    """Make a finding about the time from one sample to another."""
     time = array(samples, "time_s")
     return Finding(trip_id, float(time[first]), float(time[last]), what, consequence)
 
 
 def blanking(rule: Rule) -> Callable[[pd.DataFrame, str], tuple[pd.DataFrame, list[Finding]]]:
-    """A rule that gives the name of a column, the values that it keeps and a finding, as one that changes the samples."""
+    """Decorate a rule that yields a `Change` for each affected column.
+
+    The decorated rule applies the changes, and returns the new samples and the findings.
+    """
 
     @wraps(rule)
     def applied(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame, list[Finding]]:

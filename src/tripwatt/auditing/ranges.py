@@ -1,4 +1,4 @@
-"""Rules on single columns: missing ones, values that cannot be, and wrong units, recognised by the values."""
+"""Rules on single columns: missing columns, impossible values, and wrong units recognised by the values."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ from tripwatt.trips import COLUMNS
 from tripwatt.trips.messages import signal_name
 
 STRAY_SHARE: Final = 0.01
-"""Up to this share of impossible values are dropouts of a sensor; more means that the column is something else."""
+"""Largest share of impossible values that counts as dropouts of a sensor; a larger one means that the column is something else."""
 
 REVERSING_M_S: Final = 10.0
-"""Cars reverse more slowly than this; a slower negative speed is reversing, a faster one is a fault."""
+"""Fastest reversing: a negative speed up to this magnitude counts as reversing, a faster one as a fault."""
 
 SPIKE_M_S: Final = 8.0
-"""No car gains and loses this much speed from one sample to the next and the next within `SPIKE_WINDOW_S`."""
+"""Change of speed of a spike: no car gains and loses this much over three samples within `SPIKE_WINDOW_S`."""
 
 SPIKE_WINDOW_S: Final = 2.0
 
 LARGEST_HEATER_W: Final = 12_000.0
-"""Cabin heaters of passenger cars have 3 to 7 kW, twin heaters about 10 kW."""
+"""Largest possible heating power: cabin heaters of passenger cars have 3 to 7 kW, twin heaters about 10 kW."""
 
 _KELVIN: Final = (213.0, 343.0)
 
@@ -50,7 +50,7 @@ WORTH_NOTING: Final = {
 
 
 def missing_columns(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
-    """Columns that are absent or empty: without voltage and current no energy was measured."""
+    """Find columns that are absent or empty. Without speed, or without any measurement of energy, the drive is set aside."""
     lost = [c for c in MEASURED if not has(samples, c)]
     if lost and has(samples, "observed_energy_wh") and has(samples, "speed_m_s"):
         what = "no voltage and current: the energy is calculated from the state of charge"
@@ -67,7 +67,7 @@ def missing_columns(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
 
 @blanking
 def blank_infinite(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
-    """Infinite values are missing ones: every rule after this one may rely on finite or missing."""
+    """Blank infinite values, so that later rules meet only finite and missing ones."""
     for name in (name for name in samples.columns if name in COLUMNS):
         values = array(samples, name)
         bad = np.isinf(values)
@@ -77,7 +77,10 @@ def blank_infinite(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
 
 
 def blank_impossible(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame, list[Finding]]:
-    """Blank every value outside its column's range; a measured signal with many of them sets the drive aside."""
+    """Blank every value outside its column's range; set the drive aside if a measured signal has many such values.
+
+    A small negative speed counts as reversing and is made positive.
+    """
     samples, reversing = _make_speed_positive(samples, trip_id)
     samples, findings = _blank_outside(samples, trip_id)
     return samples, [*reversing, *findings]
@@ -114,7 +117,7 @@ def _make_speed_positive(samples: pd.DataFrame, trip_id: str) -> Iterator[Change
 
 
 def speed_spikes(time: FloatArray, speed: FloatArray) -> BoolArray:
-    """Single samples far above or far below both neighbours."""
+    """Mark single samples far above or far below both neighbours, shape (samples,)."""
     spikes = np.zeros(len(speed), dtype=bool)
     if len(speed) > 2:
         up, down = speed[1:-1] - speed[:-2], speed[1:-1] - speed[2:]
@@ -130,7 +133,7 @@ def _extremes(values: FloatArray) -> str:
 
 
 def guessed_unit(name: str, values: FloatArray) -> str:
-    """What the unit of a column may be whose values cannot be in ours; empty without a guess."""
+    """Guess the actual unit of a column with impossible values; return a hint, or an empty text without a guess."""
     middle = float(np.nanmedian(values))
     largest = float(np.nanmax(np.abs(values)))
     if name.endswith("_degc") and _KELVIN[0] <= middle <= _KELVIN[1]:
@@ -152,7 +155,7 @@ def guessed_unit(name: str, values: FloatArray) -> str:
 
 @blanking
 def blank_fahrenheit(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
-    """An ambient temperature that no place on Earth has, but that is an ordinary one in °F."""
+    """Blank an ambient temperature whose mean is hotter than any on Earth, and so is probably in °F."""
     ambient = array(samples, "ambient_temperature_degc")
     if np.isfinite(ambient).any() and float(np.nanmean(ambient)) > HOTTEST_AIR_DEGC:
         what = f"mean outside temperature of {np.nanmean(ambient):.1f} °C is impossible: the unit appears to be °F; convert it to °C"
@@ -161,7 +164,7 @@ def blank_fahrenheit(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
 
 
 def drop_blank_speed(samples: pd.DataFrame) -> pd.DataFrame:
-    """Samples with a speed: the others cannot be part of a trip. Their findings were made where they were blanked."""
+    """Drop samples without a speed, which cannot be part of a trip; the findings were made when the speed was blanked."""
     known = np.isfinite(array(samples, "speed_m_s"))
     return samples if known.all() else samples[known].reset_index(drop=True)
 

@@ -1,4 +1,4 @@
-"""Rules on the road: elevation and ambient temperature, which the models work without, and how rarely the speed is known."""
+"""Rules on elevation and ambient temperature, which a trip may lack, and on the time between values of the speed."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from tripwatt.trips.elevation import HEIGHT_NOISE_M, heights_of_a_road
 from tripwatt.trips.messages import signal_name
 
 FLAT_ROAD_M: Final = 2000.0
-"""No road keeps one height to the last digit for so long."""
+"""Distance over which no road keeps one height to the last digit."""
 
 CONSTANT_AMBIENT_S: Final = 3600.0
-"""Sensors resolve 0.5 to 1 °C; within an hour of driving the air changes by more."""
+"""Duration over which a constant temperature is suspicious: sensors resolve 0.5 to 1 °C, and the air changes by more in an hour."""
 
 DEFAULT_AMBIENT_DEGC: Final = (-40.0, 85.0, 127.0, 127.5, 215.0)
-"""Value of a bus message without a sensor: the ends of the usual codings."""
+"""Values of a bus message without a sensor: the ends of the usual codings."""
 
 COARSE_S: Final = 5.0
-"""From this time between speeds [s] on, the simulated energy of TUM trips is off by 1 % in the median and by 3 % in one of ten; at
-10 s it is 3 % and 6 %."""
+"""Time between speeds [s] from which a finding is made. At this time the simulated energy of TUM trips is off by 1 % in the median
+and by 3 % in one of ten; at 10 s by 3 % and 6 %."""
 
 
 @blanking
 def mend_heights(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
-    """A height that never changes is noted, and so are jumps; heights that no road can have are replaced."""
+    """Note a height that never changes, and jumps of the height; replace heights that no road can have."""
     time, speed, logged = (array(samples, c) for c in ("time_s", "speed_m_s", "elevation_m"))
     known = np.flatnonzero(np.isfinite(logged) & np.isfinite(speed))
     if len(known) < 2:
@@ -61,7 +61,7 @@ def mend_heights(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
 
 
 def ambient_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
-    """An ambient temperature that is no measurement."""
+    """Find a constant ambient temperature that was probably not measured."""
     if not has(samples, "ambient_temperature_degc"):
         return
     values, time = array(samples, "ambient_temperature_degc"), array(samples, "time_s")
@@ -74,7 +74,10 @@ def ambient_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
 
 
 def coarse_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
-    """A speed that is so seldom new that what the car does between is unknown; set aside where it may stop and start there."""
+    """Find a speed that changes too rarely to show accelerations.
+
+    The drive is set aside if the car may have stopped and started between two values.
+    """
     time, speed = array(samples, "time_s"), array(samples, "speed_m_s")
     known = np.isfinite(time) & np.isfinite(speed)
     time, speed = time[known], speed[known]

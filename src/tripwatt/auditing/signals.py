@@ -1,4 +1,4 @@
-"""Rules on what the signals do together: freezes, filled gaps, sensors that stop, charging, and stuck heaters."""
+"""Rules on several signals together: freezes, filled gaps, sensors that stop, charging, and stuck heaters."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from tripwatt.trips.messages import signal_name
 from tripwatt.units import M_S_PER_KM_H
 
 FEWEST_SAMPLES: Final = 10
-"""A coincidence of a few samples is none of many: every rule on runs needs at least so many."""
+"""Smallest number of samples of a run that counts: a few samples may coincide by chance."""
 
 ROUNDING: Final = 1e-9
 """Relative difference between means of equal values."""
@@ -34,55 +34,55 @@ MOVING_M_S: Final = 1.0
 STANDSTILL_M_S: Final = 0.3
 
 FREEZE_MOVING_S: Final = 10.0
-"""Speed, voltage and current of a moving car never keep one value together for so long."""
+"""Duration for which speed, voltage and current of a moving car never all stay constant."""
 
 UNUSUAL: Final = 5.0
-"""A logger with coarse steps, such as whole km/h and whole kW, rests often: a freeze is so many times its usual rest."""
+"""Duration of a freeze over the usual rest of the log: with coarse steps, such as whole km/h and whole kW, signals rest often."""
 
 FREEZE_STANDING_S: Final = 60.0
-"""A parked car may keep all three for a while; a minute of it at the end of a log has no information and is removed."""
+"""Duration of a freeze at standstill that is removed at an end of a log, where it carries no information."""
 
 FROZEN_SENSOR_S: Final = 60.0
-"""Voltage or current cannot keep one value for a minute while the speed changes by `SPEED_CHANGE_M_S`."""
+"""Duration for which voltage or current cannot stay constant while the speed changes by `SPEED_CHANGE_M_S`."""
 
 SPEED_CHANGE_M_S: Final = 3.0
 
 FROZEN_SHARE: Final = 0.1
-"""A current that is frozen for more of the drive leaves its energy unknown. The voltage varies by a few percent only."""
+"""Largest share of a drive in which the current may be frozen; beyond it the energy is unknown. Voltage varies only by a few percent."""
 
 STANDING_POWER_W: Final = 20_000.0
-"""Heater, air conditioner and everything else of a standing car stay below this."""
+"""Power that heater, air conditioner and all other loads of a standing car stay below."""
 
 STANDING_POWER_S: Final = 10.0
 
 SHORTEST_FILL_S: Final = 10.0
-"""Two signals of a car are straight lines together for shorter than this [s], unless a gap was filled."""
+"""Duration [s] from which signals that are all straight lines show a filled gap."""
 
 STRAIGHTNESS: Final = 0.0005
 """Deviation from a straight line that rounding explains, as a share of the signal's range in the log."""
 
 SENSOR_STOP_S: Final = 10.0
-"""Up to this time a missing signal is bridged by a straight line, as a gap in time is."""
+"""Longest time for which a missing signal is bridged by a straight line, as a gap in time is."""
 
 CHARGING_S: Final = 60.0
 CHARGING_A: Final = 1.0
-"""Current into the battery of a standing car: nothing but a charger does that, and never for less than a minute."""
+"""Least duration and current into the battery of a standing car that show a charger."""
 
 STUCK_SHARE: Final = 0.9
-"""A heater that is on follows a controller; one value in nine tenths of the samples is a message that stands."""
+"""Share of samples with one value from which a heater signal counts as stuck: a working heater follows a controller."""
 
 STUCK_S: Final = 600.0
 STUCK_W: Final = 50.0
 
 PULSE_W: Final = 3000.0
 PULSE_S: Final = 3.0
-"""A heater's water circuit takes many seconds to take or lose kilowatts; shorter pulses are codes, not power."""
+"""Height and duration of a false pulse: a heater's water circuit needs many seconds to take or lose kilowatts."""
 
 FEWEST_PULSES: Final = 3
 
 
 def _steady(samples: pd.DataFrame) -> BoolArray:
-    """Whether each step leaves speed, voltage and current exactly as they were, shape (samples - 1,)."""
+    """Mark the steps in which speed, voltage and current all stay constant, shape (samples - 1,)."""
     same = np.ones(max(len(samples) - 1, 0), dtype=bool)
     for name in MEASURED:
         same &= resting_steps(array(samples, name))
@@ -90,13 +90,13 @@ def _steady(samples: pd.DataFrame) -> BoolArray:
 
 
 def resting_steps(values: FloatArray) -> BoolArray:
-    """Whether each step leaves a value as it was, but for the rounding of means; shape (samples - 1,)."""
+    """Mark the steps in which a value stays constant, up to the rounding of means; shape (samples - 1,)."""
     with np.errstate(invalid="ignore"):
         return np.asarray(np.abs(np.diff(values)) <= ROUNDING * (1.0 + np.abs(values[1:])), dtype=bool)
 
 
 def freeze_cuts(samples: pd.DataFrame) -> Iterator[Cut]:
-    """Runs in which every measured signal stands still although the car moves, or at an end of the log."""
+    """Cut runs in which all measured signals are frozen while the car moves, or for long at an end of the log."""
     time, speed = array(samples, "time_s"), array(samples, "speed_m_s")
     steady = _steady(samples)
     shortest = max(FREEZE_MOVING_S, UNUSUAL * usual_rest_s(time, speed, steady))
@@ -113,7 +113,7 @@ def freeze_cuts(samples: pd.DataFrame) -> Iterator[Cut]:
 
 
 def usual_rest_s(time: FloatArray, speed: FloatArray, steady: BoolArray) -> float:
-    """How long [s] the signals of the moving car rest in this log between two changes, its 99th percentile."""
+    """Return the 99th percentile of the time [s] between two changes of the signals of the moving car; 0 if there are too few."""
     changes = np.flatnonzero(~steady)
     if len(changes) < FEWEST_SAMPLES:
         return 0.0
@@ -123,7 +123,7 @@ def usual_rest_s(time: FloatArray, speed: FloatArray, steady: BoolArray) -> floa
 
 
 def frozen_sensor_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
-    """One measured signal that is frozen while the others change."""
+    """Find a voltage or current that is frozen while the speed changes, and a speed frozen at 0 under high power."""
     time, speed = array(samples, "time_s"), array(samples, "speed_m_s")
     for name in ("voltage_v", "current_a"):
         values = array(samples, name)
@@ -147,7 +147,7 @@ def frozen_sensor_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Find
 
 
 def filled_gaps(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
-    """Runs in which speed, voltage and current are straight lines together: a filled gap."""
+    """Find filled gaps: runs in which speed, voltage and current are all straight lines."""
     if len(samples) < FEWEST_SAMPLES + 2 or not all(has(samples, name) for name in MEASURED):
         return
     time = array(samples, "time_s")
@@ -170,7 +170,7 @@ def filled_gaps(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
 
 
 def are_lines(time: FloatArray, signals: list[FloatArray], tolerances: list[float]) -> bool:
-    """Whether every signal keeps to its chord, two of them really change, and the car is not just standing.
+    """Return whether all signals are straight lines, at least two of them change, and the car moves.
 
     Real samples beside a gap may be straight by chance, so a tenth of the run at either end does not count.
     """
@@ -178,7 +178,7 @@ def are_lines(time: FloatArray, signals: list[FloatArray], tolerances: list[floa
     inner = slice(edge, -edge)
     time, signals = time[inner], [x[inner] for x in signals]
     changing = sum(bool(abs(x[-1] - x[0]) > 3.0 * t) for x, t in zip(signals, tolerances, strict=True))
-    if changing < 2:  # one ramp beside resting signals is a steady pull with a coarse logger
+    if changing < 2:  # one ramp beside constant signals is a steady acceleration in a coarse log
         return False
     fraction = (time - time[0]) / (time[-1] - time[0])
     for values, tolerance in zip(signals, tolerances, strict=True):
@@ -189,7 +189,7 @@ def are_lines(time: FloatArray, signals: list[FloatArray], tolerances: list[floa
 
 
 def sensor_stop_cuts(samples: pd.DataFrame) -> Iterator[Cut]:
-    """Runs in which a measured signal is missing for longer than can be bridged."""
+    """Cut runs in which a measured signal is missing for too long to be bridged."""
     time = array(samples, "time_s")
     missing = np.zeros(len(samples), dtype=bool)
     measured = [n for n in MEASURED if has(samples, n)]
@@ -203,7 +203,7 @@ def sensor_stop_cuts(samples: pd.DataFrame) -> Iterator[Cut]:
 
 
 def charging_cuts(samples: pd.DataFrame) -> Iterator[Cut]:
-    """Standstills in which a charger fed the battery for more than a minute."""
+    """Cut standstills in which a charger fed the battery for more than `CHARGING_S`."""
     time, speed, current = (array(samples, c) for c in ("time_s", "speed_m_s", "current_a"))
     with np.errstate(invalid="ignore"):
         standing, fed = speed < STANDSTILL_M_S, current < -CHARGING_A
@@ -221,7 +221,7 @@ def charging_cuts(samples: pd.DataFrame) -> Iterator[Cut]:
 
 @blanking
 def blank_stuck_heater(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
-    """A heater signal that stands at one value, and pulses that no heater can make."""
+    """Blank a heater signal that is stuck at one value, or its pulses that no heater can make."""
     time = array(samples, "time_s")
     for name in ("heating_power_w", "requested_heating_power_w"):
         if not has(samples, name):
@@ -244,10 +244,10 @@ def blank_stuck_heater(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
 def stuck_level(
     samples: pd.DataFrame, values: FloatArray, pulses: list[tuple[int, int]]
 ) -> tuple[float, float] | None:
-    """The value [W] that a heater signal stands at and its share of the samples; None for one that works.
+    """Return the value [W] at which a heater signal is stuck and its share of the samples; None if the signal works.
 
-    A heater may hold one power for a while, above all its highest. It is stuck when it holds it although other power
-    was requested, when pulses stand on top, or for very long while it is neither off nor at its highest.
+    A heater may hold one power for a while, above all its highest. The signal is stuck if the held value differs from the
+    requested power, if pulses stand on top of it, or if it lasts very long and is neither 0 nor the highest power.
     """
     known = values[np.isfinite(values)]
     levels, counts = np.unique(known, return_counts=True)
@@ -263,7 +263,7 @@ def stuck_level(
 
 
 def short_pulses(time: FloatArray, values: FloatArray) -> list[tuple[int, int]]:
-    """Short runs that stand more than `PULSE_W` above the samples before and after them."""
+    """Find short runs more than `PULSE_W` above the samples around them; return first index and one after the last."""
     step = np.diff(values)
     pulses: list[tuple[int, int]] = []
     for edge in np.flatnonzero(step > 0.5 * PULSE_W):

@@ -1,4 +1,4 @@
-"""Rules on time: missing, repeated and falling stamps, and gaps."""
+"""Rules on time stamps: missing, repeated and decreasing stamps, and gaps."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.auditing.findings import Cut, Finding, array, between, whole
 
 STRAY_SHARE: Final = 0.01
-"""Up to this share of samples with a falling stamp are strays and go; more means that the clock was set back."""
+"""Largest share of samples with a decreasing stamp that are left out as strays; a larger one means that the clock was set back."""
 
 SHORTEST_GAP_S: Final = 10.0
-"""A car can change everything about its power within this time, so a straight line across it is a guess."""
+"""Shortest gap that is reported: in this time the power of a car can change completely, so a straight line is a guess."""
 
 SPLIT_GAP_S: Final = 60.0
-"""Across a minute without samples neither the energy nor the road is known: the log is two drives."""
+"""Longest gap inside a drive: across a longer one neither the energy nor the road is known, so the log is split."""
 
 
 def mend_stamps(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame, list[Cut], list[Finding]]:
-    """Samples with stamps that increase inside each part, the cuts between parts, and what was done.
+    """Make the stamps increase inside each part; return the samples, the cuts between the parts and the findings.
 
-    O(samples), O(samples log samples) where stamps fall.
+    O(samples), or O(samples log samples) if stamps decrease.
     """
     findings: list[Finding] = []
     time = array(samples, "time_s")
@@ -57,7 +57,7 @@ def mend_stamps(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame, list
 
 
 def longest_increasing(values: FloatArray) -> IntArray:
-    """Indices of the longest strictly increasing subsequence (patience sorting, O(n log n))."""
+    """Return the indices of the longest strictly increasing subsequence (patience sorting, O(n log n))."""
     tails: list[float] = []
     tail_index: list[int] = []
     before = np.full(len(values), -1, dtype=np.int64)
@@ -79,7 +79,7 @@ def longest_increasing(values: FloatArray) -> IntArray:
 
 
 def gap_cuts(samples: pd.DataFrame) -> Iterator[Cut]:
-    """A cut at every gap after which the log has to be read as another drive."""
+    """Cut the log at every gap longer than `SPLIT_GAP_S`; another drive begins there."""
     time = array(samples, "time_s")
     step = np.diff(time)
     for i in np.flatnonzero(step > SPLIT_GAP_S):
@@ -87,7 +87,7 @@ def gap_cuts(samples: pd.DataFrame) -> Iterator[Cut]:
 
 
 def gap_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
-    """Gaps that are bridged: long beside the log's own step and long in seconds."""
+    """Report gaps that are bridged: longer than `SHORTEST_GAP_S` and than five usual steps of the log."""
     time = array(samples, "time_s")
     step = np.diff(time)
     if not len(step):

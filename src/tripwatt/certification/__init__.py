@@ -1,4 +1,4 @@
-"""Cars held against their certified consumption: schedules, simulated consumption, anchors, cars from a few figures."""
+"""Certified consumption of cars: schedules, simulated consumption, anchors, and cars from a few figures."""
 
 from tripwatt.certification.anchoring import Anchored, anchored, scaled
 from tripwatt.certification.consumption import (

@@ -1,10 +1,10 @@
-"""One loss of a car, by its physical name, closes the mean error of its certified consumption.
+"""Anchoring: change one physical loss of a car so that the mean error of its certified consumption is zero.
 
-The simulation of a car with published values misses its certified consumption. Of a car with a measured coast-down the gap lies
+The simulation of a car with published values misses its certified consumption. For a car with a measured coast-down the gap lies
 between wheel and battery, and one of three losses is changed: that of the map of motor and inverter ("motor"), an eddy-current loss of
 the flux beside the map ("iron", in proportion to the square of speed), or that of the gear ("gear", in proportion to the power through
-it); `tools.data.anchoring` chooses which. Of a car without one, all is changed that its class leaves open ("road load"), after the
-losses that cars have in common: rolling, air drag and gear, each in the proportion in which it is most probably the cause (`OPEN`).
+it); `tools.data.anchoring` chooses which. For a car without a coast-down, everything that its class leaves open is changed together
+("road load"): rolling, air drag and gear, each in the proportion in which it is most probably the cause (`OPEN`).
 """
 
 from __future__ import annotations
@@ -22,46 +22,46 @@ from tripwatt.vehicles import Vehicle
 from tripwatt.vehicles.anchors import Anchor
 
 TOLERANCE: Final = 1e-4
-"""Mean error that counts as none, and the accuracy of a factor."""
+"""Mean error that counts as zero, and the accuracy of a factor."""
 
 IRON_LOSS_W: Final = 200.0
 IRON_SPEED_M_S: Final = 20.0
-"""Speed of the car at which a factor of 2 stands for `IRON_LOSS_W` of iron loss."""
+"""Speed of the car at which raising the factor "iron" by 1 adds `IRON_LOSS_W`."""
 
 BOUNDS: Final = {"motor": (0.0, 2.5), "iron": (1.0, 40.0), "gear": (0.0, 40.0), "road load": (0.3, 4.0)}
-"""Smallest and largest factor of each. The map of a motor has field weakening, which a large factor carries far beyond the speeds of the
-schedules."""
+"""Smallest and largest factor of each loss. The map of a motor includes field weakening, which a large factor would raise far beyond the
+speeds of the schedules."""
 
 ROAD_LOAD: Final = "road load"
 
 OPEN: Final = {"rolling": 0.4, "air": 0.2, "gear": 1.0}
-"""Powers of a factor of the "road load". A gap is closed most probably by changes in proportion to variance times share of the energy:
+"""Exponents of the factor "road load" for each part. The most probable changes are in proportion to variance times share of the energy:
 cars of a class scatter by 17 % in rolling, 11 % in air drag and 45 % in the losses between wheel and battery (`vehicles.spreads`, without
-tyres and trims), which take 36, 42 and 13 % of the WLTC. A factor of all three parts of the road load alone would put most of the gap
-into the air drag of the motorway."""
+tyres and trims), which take 36, 42 and 13 % of the WLTC. One factor for the whole road load would put most of the gap into the
+air drag of the motorway."""
 
 UNITS: Final = {
     "drivetrain.motor_loss_factor": "1",
     "drivetrain.flux_loss_w_s2_rad2": "W s2/rad2",
     "drivetrain.gearbox_efficiency": "1",
 }
-"""Unit of the entry of each loss."""
+"""Entry of each loss -> its unit."""
 
 
 @dataclass(frozen=True, slots=True)
 class Anchored:
-    """A car and the factor that closes its mean error.
+    """A car after anchoring, with the factor and the errors before and after.
 
     Attributes
     ----------
     vehicle : Vehicle
-        With the factor.
+        The car with the changed loss.
     loss : str
-        What it multiplies.
+        The loss that was changed, a key of `BOUNDS`.
     factor : float
         Factor of the loss.
     before, after : ndarray, shape (figures,)
-        Relative errors.
+        Relative error of each figure before and after.
 
     Examples
     --------
@@ -79,7 +79,7 @@ class Anchored:
     after: FloatArray
 
     def anchor(self, level: str) -> Anchor:
-        """Collect the entries that the factor changes.
+        """Collect the entries that the factor has changed.
 
         Parameters
         ----------
@@ -89,7 +89,7 @@ class Anchored:
         Returns
         -------
         Anchor
-            With the values of the entries, their units, and the mean relative error that the factor closes.
+            The values of the entries, their units, and the mean relative error before.
         """
         known = self.vehicle.entries
         entries = {
@@ -100,14 +100,14 @@ class Anchored:
 
 
 def keys(vehicle: Vehicle, loss: str) -> tuple[str, ...]:
-    """Entries that a factor changes."""
+    """Return the entries of a car that the factor of a loss changes."""
     if loss == ROAD_LOAD:
         return *road_parts(vehicle), _KEYS["gear"]
     return tuple(_KEYS[one] for one in loss.split(" and "))
 
 
 def road_parts(vehicle: Vehicle) -> dict[str, str]:
-    """Entries of a road load, and whether each is rolling or air."""
+    """Return the entries of a car's road load that a factor changes, each with its kind: "rolling" or "air"."""
     if vehicle.road_load.method == "coastdown":
         parts = {"a_n": "rolling", "b_n_s_m": "rolling", "c_n_s2_m2": "air"}
         return {f"road_load.coastdown_{part}": kind for part, kind in parts.items()}
@@ -124,8 +124,8 @@ _KEYS: Final = {
 def scaled(vehicle: Vehicle, loss: str, factor: float) -> Vehicle:
     """Multiply one loss of a car by a factor.
 
-    The gear's factor is an exponent of its efficiency; 1 more of iron is `IRON_LOSS_W` at `IRON_SPEED_M_S`; that of the road load
-    counts in powers (`OPEN`).
+    "motor": the loss factor of the map is multiplied. "gear": the factor is an exponent of the efficiency. "iron": each 1 above a
+    factor of 1 adds `IRON_LOSS_W` at `IRON_SPEED_M_S`. "road load": the factor is raised to the exponents of `OPEN`.
 
     Parameters
     ----------
@@ -134,12 +134,12 @@ def scaled(vehicle: Vehicle, loss: str, factor: float) -> Vehicle:
     loss : str
         A key of `BOUNDS`.
     factor : float
-        How many times the loss.
+        1 leaves the car as it is.
 
     Returns
     -------
     Vehicle
-        A copy with other parts; its entries stay as they are.
+        A copy with other values; its `entries` are not updated.
 
     Examples
     --------
@@ -167,21 +167,21 @@ def scaled(vehicle: Vehicle, loss: str, factor: float) -> Vehicle:
 
 
 def anchored(vehicle: Vehicle, figures: Sequence[CertifiedFigure], loss: str = ROAD_LOAD) -> Anchored:
-    """Close the mean error of a car's certified figures by one of its losses. O(figures x samples).
+    """Change one loss of a car so that the mean error of its certified figures is zero. O(figures x samples).
 
     Parameters
     ----------
     vehicle : Vehicle
-        Not anchored yet.
+        A car that is not anchored yet.
     figures : sequence of CertifiedFigure
-        At least one. Those marked as outliers are left out, unless all are.
+        At least one. Outliers are left out, unless all figures are outliers.
     loss : str
         A key of `BOUNDS`.
 
     Returns
     -------
     Anchored
-        The car with the loss.
+        The car with the changed loss, the factor and the errors.
 
     Examples
     --------
@@ -199,17 +199,17 @@ def anchored(vehicle: Vehicle, figures: Sequence[CertifiedFigure], loss: str = R
 
 
 def without_outliers(figures: Sequence[CertifiedFigure]) -> list[CertifiedFigure]:
-    """Those that are not marked as outliers, or all of them where all are."""
+    """Return the figures that are not marked as outliers, or all figures if all are outliers."""
     return [figure for figure in figures if not figure.outlier] or list(figures)
 
 
 def errors(vehicle: Vehicle, figures: Sequence[CertifiedFigure]) -> FloatArray:
-    """Relative error of each figure, shape (figures,)."""
+    """Return the relative error of the simulation for each figure, shape (figures,)."""
     return np.array([relative_error(vehicle, figure) for figure in figures])
 
 
 def closing_factor(vehicle: Vehicle, figures: Sequence[CertifiedFigure], loss: str) -> float:
-    """The factor of a loss at which the mean error of some figures is zero, or else the bound that is nearest to it."""
+    """Find the factor of a loss at which the mean error of some figures is zero, or else the nearest bound of the factor."""
     from scipy.optimize import brentq  # slow to import
 
     def mean_error(factor: float) -> float:

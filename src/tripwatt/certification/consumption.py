@@ -1,4 +1,4 @@
-"""Consumption of a car on the schedules of its certification: simulated, and as it was certified."""
+"""Consumption of a car on the schedules of certification: simulated and certified."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ from tripwatt.vehicles import Vehicle
 from tripwatt.vehicles.catalogue import catalogue
 
 CELL_TEMPERATURE_DEGC: Final = 23.0
-"""Air of the test cell: 20 to 30 degC (40 CFR 86.135), 23 degC (UN GTR 15)."""
+"""Air temperature of the test cell: 20 to 30 degC (40 CFR 86.135), 23 degC (UN GTR 15)."""
 
 INITIAL_SOC: Final = 0.6
-"""State of charge: both procedures drive the battery from full to empty."""
+"""State of charge of the simulation: both procedures drive the battery from full to empty."""
 
 WLTP_LOAD_KG: Final = 25.0
-"""Luggage of the test mass, Regulation (EU) 2017/1151 Annex XXI."""
+"""Luggage in the test mass, Regulation (EU) 2017/1151 Annex XXI."""
 
 WLTP_SHARE_OF_LOAD: Final = 0.15
-"""Share of the largest load on top, same annex, for passenger cars."""
+"""Share of the largest load that is added to the test mass of passenger cars, same annex."""
 
 USUAL_LOAD_KG: Final = 350.0
-"""Largest load less 25 kg of a passenger car whose largest mass is not in the table: four more people and luggage."""
+"""Largest load less 25 kg, assumed if the largest mass of a car is unknown: four more people and luggage."""
 
 SCHEDULE_DENSITY_DEGC: Final = 20.0
 
 
 @dataclass(frozen=True, slots=True)
 class CertifiedFigure:
-    """A certified consumption.
+    """A certified consumption of a car on one schedule.
 
     Attributes
     ----------
@@ -45,13 +45,13 @@ class CertifiedFigure:
     wh_per_km : float
         Consumption [Wh/km].
     at_wall : bool
-        At the wall, with what charging takes, or else at the battery terminals.
+        Whether the figure is measured at the wall, with the losses of charging, or else at the battery terminals.
     test_mass_kg : float
         Mass of the car in the test [kg].
     source : str
         Where the figure comes from.
     outlier : bool
-        Marked in the list as out of proportion to the work at the wheels.
+        Whether the list marks the figure as out of proportion to the work at the wheels.
 
     Examples
     --------
@@ -69,7 +69,7 @@ class CertifiedFigure:
 
 @cache
 def charging_efficiency() -> float:
-    """Battery over wall: mean of the certificates of the table that state both.
+    """Energy at the battery over energy at the wall [1]: mean of the certificates of the table that state both.
 
     Examples
     --------
@@ -80,14 +80,14 @@ def charging_efficiency() -> float:
 
 
 def wltp_test_mass(running_order_kg: float, largest_mass_kg: float | None = None) -> float:
-    """Test mass without options [kg], Regulation (EU) 2017/1151 Annex XXI.
+    """WLTP test mass of a car without options [kg], Regulation (EU) 2017/1151 Annex XXI.
 
     Parameters
     ----------
     running_order_kg : float
-        Mass with a driver of 75 kg.
+        Mass in running order, with a driver of 75 kg [kg].
     largest_mass_kg : float, optional
-        Technically permissible; a usual load when not given.
+        Technically permissible mass [kg]; a usual load is assumed if not given.
 
     Examples
     --------
@@ -99,7 +99,7 @@ def wltp_test_mass(running_order_kg: float, largest_mass_kg: float | None = None
 
 
 def driven_wh_per_km(vehicle: Vehicle, trace: tuple[FloatArray, FloatArray], test_mass_kg: float) -> float:
-    """Simulate the consumption at the battery terminals on a dynamometer: warm car, no climate control. O(samples).
+    """Simulate the consumption of a warm car on a dynamometer without climate control, at the battery terminals. O(samples).
 
     Parameters
     ----------
@@ -144,19 +144,19 @@ def driven_wh_per_km(vehicle: Vehicle, trace: tuple[FloatArray, FloatArray], tes
 
 
 def simulated_wh_per_km(vehicle: Vehicle, figure: CertifiedFigure) -> float:
-    """Simulate the consumption where the certified figure was measured. O(samples).
+    """Simulate the test of a certified figure, and return its consumption at the wall or at the battery terminals. O(samples).
 
     Parameters
     ----------
     vehicle : Vehicle
         The car.
     figure : CertifiedFigure
-        Its cycle, test mass, and place of measurement.
+        The figure, of which cycle, test mass and place of measurement are used.
 
     Returns
     -------
     float
-        Consumption at the wall or at the battery terminals [Wh/km].
+        Consumption where the figure was measured [Wh/km].
 
     Examples
     --------
@@ -171,19 +171,19 @@ def simulated_wh_per_km(vehicle: Vehicle, figure: CertifiedFigure) -> float:
 
 
 def relative_error(vehicle: Vehicle, figure: CertifiedFigure) -> float:
-    """Compute simulated over certified consumption, less one. O(samples).
+    """Return simulated over certified consumption, less one. O(samples).
 
     Parameters
     ----------
     vehicle : Vehicle
         The car.
     figure : CertifiedFigure
-        What it was certified with.
+        Its certified consumption.
 
     Returns
     -------
     float
-        Positive when the simulation takes more.
+        Positive if the simulated consumption is larger.
 
     Examples
     --------

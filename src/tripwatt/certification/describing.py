@@ -1,4 +1,4 @@
-"""A car from a few published figures, and how well these fix its consumption."""
+"""Cars described by a few published figures, and how well these figures determine the consumption."""
 
 from __future__ import annotations
 
@@ -40,22 +40,22 @@ from tripwatt.vehicles.similar import Figures, similar_document
 from tripwatt.vehicles.spreads import REPEAT_SD, loss_sd
 
 PROCEDURES: Final = ("wltp", "epa")
-"""Where a consumption comes from: the WLTP, or the label of the EPA, city and highway combined."""
+"""Procedures of a published consumption: the WLTP, or the combined city and highway figure of the EPA label."""
 
 LABEL_FACTOR: Final = 0.7
-"""Dynamometer over label of the EPA, 40 CFR 600.210-12."""
+"""Consumption on the dynamometer over consumption on the EPA label, 40 CFR 600.210-12."""
 
 LABEL_SHARES: Final = {"udds": 0.55, "hwfet": 0.45}
-"""City and highway in the combined label, 40 CFR 600.210-12."""
+"""Shares of city and highway in the combined label, 40 CFR 600.210-12."""
 
 PROCEDURE_SD: Final = 0.05
-"""Scatter of one procedure's figure about the other's: test masses, tyres and the factor of the label (0.7 to 0.75) differ."""
+"""Relative scatter of one procedure's figure about the other's: test masses, tyres and the factor of the label (0.7 to 0.75) differ."""
 
 VAN_SD: Final = 0.15
-"""Scatter of the drag area of vans: the table has no coast-down of one, and they reach from 1.8 to 2.0 m in height."""
+"""Relative scatter of the drag area of vans: the table has no coast-down of a van, and vans are 1.8 to 2.0 m high."""
 
 TWIZY: Final = {"mass_kg": 474.0, "usable_battery_kwh": 6.1, "motor_power_kw": 13.0}
-"""A quadricycle: Renault, technical data of the Twizy 80. It has no climate control."""
+"""Figures of a usual quadricycle, which has no climate control: Renault, technical data of the Twizy 80."""
 
 USUAL_PACK_V: Final = 360.0
 """Nominal voltage of a pack of 96 to 100 cells in series."""
@@ -69,7 +69,7 @@ LIMITS: Final = {
     "consumption_kwh_per_100km": (6.0, 60.0, "kWh/100 km"),
     "motor_power_kw": (5.0, 1500.0, "kW"),
 }
-"""Smallest and largest value of each figure."""
+"""Smallest and largest value of each figure, and its unit."""
 
 FOLLOWING: Final = {
     "mass_kg": ("body.curb_mass_kg", "road_load."),
@@ -90,40 +90,42 @@ def describe_car(
     procedure: str = "wltp",
     title: str | None = None,
 ) -> Vehicle:
-    """Describe a car that the library does not have by up to six figures.
+    """Make a car that the library does not have from up to six figures.
 
-    What is not given is that of a usual car of its kind of body in the library. A car that is lighter or heavier than every car of the library
-    is titled so, takes the nearest kind of body if none is given, and its forecasts widen with the distance. The consumption anchors the car: its road load is
-    changed until the simulated test meets it. A forecast is the wider, the less is given.
+    A figure that is not given is that of a usual car with this kind of body in the library. If the consumption is given, the road
+    load is changed until the simulated test meets it. The fewer figures are given, the wider are the forecasts.
+
+    A car that is lighter or heavier than every car of the library gets a title that says so, and its forecasts widen with the
+    distance; if no body is given, it has the kind of body with the nearest usual mass.
 
     Parameters
     ----------
     mass_kg : float, optional
-        Ready to drive, nobody inside: the curb mass, or the mass in running order less 75 kg.
+        Mass ready to drive with nobody inside: the curb mass, or the mass in running order less 75 kg.
     usable_battery_kwh : float, optional
         Energy between an empty and a full display.
     consumption_kwh_per_100km : float, optional
-        As published, at the wall.
+        Published consumption, at the wall.
     motor_power_kw : float, optional
         Largest power of all motors together.
     body : str, optional
         One of `BODIES`, or a word of `BODY_WORDS`.
     heat_pump : bool, optional
-        None is taken as a car without one.
+        Whether the car has a heat pump; None counts as no.
     procedure : {"wltp", "epa"}
-        Where the consumption comes from; "epa" is the combined figure of the label.
+        Procedure of the consumption; "epa" is the combined figure of the label.
     title : str, optional
-        Name for people.
+        Title of the car; made from the figures if not given.
 
     Returns
     -------
     Vehicle
-        With a source, or the class that it was taken from, for every value.
+        The car; each value names its source or the class that it was taken from.
 
     Raises
     ------
     InvalidInput
-        With every figure that is out of range, and for a consumption that no such car can have.
+        With every figure that is out of range, or if no such car can have this consumption.
 
     Examples
     --------
@@ -148,16 +150,16 @@ def described(
     title: str | None = None,
     without: Collection[str] = (),
 ) -> Vehicle:
-    """`describe_car` with road loads of a class without some cars of the library.
+    """Make a car as `describe_car` does, with class values computed without some cars of the library.
 
     Parameters
     ----------
     given : mapping of str to float or None
-        The keys of `LIMITS`.
+        A value or None for each key of `LIMITS`.
     body, heat_pump, procedure, title
         As for `describe_car`.
     without : collection of str
-        Cars whose coast-down takes no part.
+        Cars whose coast-down is left out of the class values.
     """
     kind = _checked(given, body, heat_pump, procedure)
     if body is None:
@@ -176,14 +178,14 @@ def described(
 
 
 def _in_figures(fault: Fault) -> Fault:
-    """A fault between entries of the described car, with the figures that the entries follow from."""
+    """Rewrite a fault of entries of the described car so that it names the figures from which the entries follow."""
     figures = [figure for figure, entries in FOLLOWING.items() if any(e in fault.where for e in entries)]
     fix = "check the figures; one that is not given is that of a usual car with this body"
     return replace(fault, where=" and ".join(figures), fix=fix) if figures else fault
 
 
 def _checked(given: Mapping[str, float | None], body: str | None, heat_pump: object, procedure: str) -> str:
-    """The kind of body, once everything that is given is in range."""
+    """Check that the figures are valid, and return the kind of body; "suv" if none is given."""
     faults: list[Fault] = []
     for key, value in given.items():
         low, high, unit = LIMITS[key]
@@ -202,9 +204,9 @@ def _checked(given: Mapping[str, float | None], body: str | None, heat_pump: obj
 
 @cache
 def usual_figures(body: str) -> Mapping[str, float]:
-    """Mass [kg], usable energy [kWh] and power [kW] of a usual car of a kind of body: medians of the table.
+    """Mass [kg], usable energy [kWh] and power [kW] of a usual car with a kind of body: medians of the table.
 
-    A kind of fewer than two cars takes those of all, a quadricycle those of the Renault Twizy.
+    For a kind with fewer than two cars they are the medians of all cars, for a quadricycle the figures of the Renault Twizy.
 
     Parameters
     ----------
@@ -231,7 +233,7 @@ def usual_figures(body: str) -> Mapping[str, float]:
 
 
 def _nearest_body(mass_kg: float | None, usual: str) -> str:
-    """The kind of body of a car that is lighter or heavier than every car of the library; else the usual one."""
+    """Choose the body with the nearest usual mass for a car outside the library's range of masses; else return `usual`."""
     if mass_kg is None or not beyond_classes(mass_kg):
         return usual
     return min(BODIES, key=lambda body: abs(math.log(usual_figures(body)["mass_kg"] / mass_kg)))
@@ -280,7 +282,10 @@ def _figures(
 
 
 def _certified(car: Vehicle, wh_per_km: float, procedure: str) -> list[CertifiedFigure]:
-    """The figures whose mean error is closed: the WLTP's, or city and highway at equal error of the label."""
+    """Return the certified figures for a consumption: that of the WLTP, or city and highway figures.
+
+    City and highway figures have the simulated ratio to each other, so both have the same relative error.
+    """
     if procedure == "wltp":
         mass = wltp_test_mass(car.body.test_mass_kg)
         return [CertifiedFigure("wltc", wh_per_km, True, mass, "given by the caller")]
@@ -296,7 +301,7 @@ def _certified(car: Vehicle, wh_per_km: float, procedure: str) -> list[Certified
 
 
 def _meeting(car: Vehicle, document: Mapping[str, Any], wh_per_km: float, procedure: str) -> Vehicle:
-    """The car with the road load that meets a consumption."""
+    """Return the car with a road load at which its simulated consumption is the given one."""
     done = anchored(car, _certified(car, wh_per_km, procedure))
     left = float(done.after.mean())
     if abs(left) > REPEAT_SD:
@@ -316,7 +321,7 @@ def _meeting(car: Vehicle, document: Mapping[str, Any], wh_per_km: float, proced
 
 @dataclass(frozen=True, slots=True)
 class ConsumptionInterval:
-    """Consumption of a test at the wall [kWh/100 km] and its central interval.
+    """Median and central interval of the consumption in a test, at the wall [kWh/100 km].
 
     Attributes
     ----------
@@ -340,13 +345,14 @@ class ConsumptionInterval:
 
 
 def certified_interval(car: Vehicle, cycle: str = "wltc", level: float = 0.9) -> ConsumptionInterval:
-    """Consumption that a described car would be certified with, and how sure that is. Three simulations of the schedule.
+    """Predict the certified consumption of a described car, with an interval. Up to five simulations of the schedule.
 
     Parameters
     ----------
     car : Vehicle
-        From `describe_car`; of another car what its anchor leaves open.
+        A car from `describe_car`. For another car the interval depends on its anchor.
     cycle : {"wltc", "udds", "hwfet"}
+        Schedule of the test.
     level : float
         Probability of the interval, 0 to 1.
 
@@ -357,10 +363,10 @@ def certified_interval(car: Vehicle, cycle: str = "wltc", level: float = 0.9) ->
 
     Notes
     -----
-    Rolling drag, air drag and what lies between wheel and battery are independent before the consumption is known, with the
-    scatter of the library's cars, and the procedures differ. A consumption that was met fixes the sum, and the scatter between
-    procedures is left. Cars of one maker are alike, so that the scatter is known from as many cars as there are makers: the
-    logarithm of the consumption has a t distribution with one degree of freedom less.
+    If the consumption is unknown, rolling drag, air drag and the losses between wheel and battery are independent and scatter
+    as in the library's cars; the scatter between procedures comes on top. If the car was made to meet a consumption, only the
+    scatter between tests and between procedures is left. Cars of one maker are alike, so the scatter is known from as many cars
+    as there are makers: the logarithm of the consumption has a t distribution with one degree of freedom less.
 
     Examples
     --------
@@ -402,14 +408,14 @@ _STEP: Final = 0.02
 
 
 def _with_more(car: Vehicle, part: str) -> Vehicle:
-    """The car with more rolling or air drag."""
+    """Return the car with a rolling or air drag larger by `_STEP`."""
     keys = [key for key, kind in road_parts(car).items() if kind == part]
     return car.with_values({key: cast(float, car.value(key)) * (1.0 + _STEP) for key in keys})
 
 
 @cache
 def makers() -> int:
-    """Makers of the cars with a measured coast-down."""
+    """Count the makers of cars with a measured coast-down in the table."""
     rows = catalogue().values()
     return len({row["title"][0].value.split()[0] for row in rows if "title" in row and "coastdown_a" in row})
 

@@ -1,8 +1,8 @@
 """Speed traces with the same changes of speed as the schedules of certification.
 
-`data/schedules.csv` has, for UDDS, HWFET and WLTC (class 3b), a trace that changes from one speed to the next as often as the schedule
-does, on a grid of `SPEED_STEP_M_S`. It has the schedule's distance, its stops and, for a warm car without climate control, its energy,
-in another order. `python -m tools.data.schedules --write` makes the file.
+`data/schedules.csv` has one trace each for UDDS, HWFET and WLTC (class 3b). It contains each change from one speed to another as often
+as the schedule does, on a grid of `SPEED_STEP_M_S`, but in another order. Distance, stops and, for a warm car without climate control,
+energy are those of the schedule. `python -m tools.data.schedules --write` makes the file.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 from tripwatt.arrays import FloatArray
 
 SPEED_STEP_M_S: Final = 0.1
-"""Grid of the speeds; at 0.1 m/s the energy of a schedule changes by 0.1 % and less."""
+"""Step of the grid of speeds; at 0.1 m/s the energy of a schedule changes by at most 0.1 %."""
 
 CYCLES: Final = ("udds", "hwfet", "wltc")
 """City and highway schedule of the EPA (40 CFR 600.111), and the cycle of UN GTR 15 for cars of class 3b."""
@@ -25,7 +25,7 @@ CYCLES: Final = ("udds", "hwfet", "wltc")
 
 @cache
 def schedule(cycle: str) -> tuple[FloatArray, FloatArray]:
-    """Time [s] and speed [m/s] of a trace with the changes of speed of a schedule, each of shape (samples,).
+    """Return time [s] and speed [m/s] of the trace that stands for a schedule, shape (samples,) each.
 
     Parameters
     ----------
