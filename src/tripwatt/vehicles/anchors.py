@@ -1,7 +1,7 @@
 """Values that close the gap between a car's simulated and its certified consumption, from `data/table/anchors.csv`.
 
-`python -m benchmarks.anchors --write` computes the file with the physics of the day by `tripwatt.certification`. Each row
-is an entry of a car: its value, and the mean error of the car before it. The car `*` is what the class has in common.
+`python -m benchmarks.anchors --write` computes the file with `tripwatt.certification` and the current physics. Each row is an entry of
+a car: its value, and the mean error of the car without it. The rows of the car `*` hold for the whole class.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ CLASS: Final = "*"
 
 @dataclass(frozen=True, slots=True)
 class Anchor:
-    """What closes the mean error of a car.
+    """Changed entries of a car with which its mean error of certified consumption is zero.
 
     Attributes
     ----------
     level : str
         One of `tripwatt.vehicles.ANCHORS`.
     loss : str
-        What was changed: "motor", "iron" or "gear" losses, or the "road load".
+        Loss that was changed: "motor", "iron" or "gear" losses, or the "road load".
     entries : mapping of str to (float, str)
         "section.key" -> value and unit.
     before : float
@@ -41,7 +41,7 @@ class Anchor:
 
     @property
     def reason(self) -> str:
-        """How the values came about, for the entries."""
+        """Text for the field `estimated` of the entries: how their values were found."""
         if self.level == "class":
             return f"median of the library's cars; before, their certified consumption was missed by {self.before:+.1%}"
         return f"closes the mean error of the certified consumption, {self.before:+.1%} before ({self.loss})"
@@ -49,7 +49,7 @@ class Anchor:
 
 @cache
 def anchors() -> Mapping[str, Anchor]:
-    """Anchors by the name of the car.
+    """Return the anchor of each car by its name; `CLASS` is the name of the class.
 
     Examples
     --------
@@ -68,7 +68,7 @@ def anchors() -> Mapping[str, Anchor]:
 
 
 def with_anchor(document: Mapping[str, Any], anchor: Anchor | None) -> dict[str, Any]:
-    """The document with the entries of an anchor in place of its own."""
+    """Return the document with its entries replaced by those of an anchor; unchanged if there is no anchor."""
     if anchor is None:
         return dict(document)
     result: dict[str, Any] = {**document, "anchor": anchor.level}

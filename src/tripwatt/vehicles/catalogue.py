@@ -1,8 +1,8 @@
-"""The table of cars: published figures with their sources, one cell each, and the cars that they describe.
+"""The table of cars: published figures with their sources, and the values of classes of cars.
 
-`data/table/cars.csv` has one row for each cell: car, key, value, unit, source, note. A car that has a `title` is a car of the
-library; the table can also hold certified figures of a car that has a TOML of its own. What the table does not have comes from
-its class: shared entries, the motor and the cells of a reference car, similar in power and energy, and, where no coast-down is
+`data/table/cars.csv` has one row for each published figure (a cell): car, key, value, unit, source, note. A car with a `title` is a
+car of the library; the table can also have certified figures of a car with its own TOML. Values that the table lacks come from the
+class of the car: shared entries, motor and cells of a reference car in proportion to power and energy, and, if no coast-down is
 published, the medians of the coast-downs of the table.
 """
 
@@ -23,7 +23,7 @@ from tripwatt.vehicles.inheriting import data_folder
 
 QUADRICYCLE: Final = "quadricycle"
 BODIES: Final = ("small", "hatchback", "sedan", "suv", "van", "pickup", QUADRICYCLE)
-"""Kinds of body, by which the drag area of a car without a coast-down is chosen."""
+"""Kinds of body, which determine the drag area of a car without a coast-down."""
 
 M_S_PER_MPH: Final = M_PER_MILE / SECONDS_PER_HOUR
 
@@ -31,23 +31,23 @@ ROAD_LOAD_DENSITY_KG_M3: Final = 1.167
 """Air density of published coast-downs, 20 degC and 98.21 kPa (SAE J2263)."""
 
 SPLIT_SPEEDS_M_S: Final = (10.43, 23.40)
-"""Speeds at which a coast-down with another part C keeps its force. They are the zeros of the parabola that is orthogonal to constants and
-lines over the distance of UDDS and HWFET, so that the energy on these schedules stays."""
+"""Speeds at which a coast-down keeps its force if its part C is changed. They are the zeros of the parabola that is orthogonal to constants
+and lines over the distance of UDDS and HWFET, so the energy on these schedules stays the same."""
 
 ROLLING_SPEED_M_S: Final = 15.0
-"""Speed at which the parts A and B of coast-downs are compared; they trade against each other in a fit."""
+"""Speed at which the sums of the parts A and B of coast-downs are compared; in a fit an error of A is offset by one of B."""
 
 SPREAD_SPEEDS_M_S: Final = (10.0, 30.0)
-"""Speeds of city and motorway, at which the scatter of coast-downs is taken."""
+"""Speeds of city and motorway, at which the scatter of coast-downs is computed."""
 
 SMALLEST_SPREAD: Final = 0.03
-"""Repeatability of a coast-down, SAE J1263: 3 %."""
+"""Smallest relative scatter: the repeatability of a coast-down, SAE J1263, 3 %."""
 
 LEAST_CARS: Final = 2
-"""Fewest cars of a kind of body for a drag area of its own."""
+"""Smallest number of cars of a kind of body for which a median drag area is computed."""
 
 VAN_OVER_SUV: Final = 1.15
-"""Drag area of a van over that of an SUV where no coast-down of one is in the table: Volkswagen's c_d of 0.285 for the ID. Buzz,
+"""Drag area of a van over that of an SUV, used if the table has no coast-down of a van: Volkswagen's c_d of 0.285 for the ID. Buzz,
 1.98 m wide and 1.93 m high, against the SUVs of the table."""
 
 TWIZY_DRAG_AREA_M2: Final = 0.64
@@ -75,7 +75,7 @@ class Cell:
     unit : str
     source, licence : str
     note : str
-        Which row of the source it is, or how it was chosen.
+        Row of the source, or how the value was chosen.
     """
 
     value: str
@@ -91,23 +91,23 @@ class Cell:
 
     @property
     def citation(self) -> str:
-        """Source and note."""
+        """Source and note as one text."""
         return f"{self.source}: {self.note}" if self.note else self.source
 
 
 Row = Mapping[str, tuple[Cell, ...]]
-"""Cells of a car by their key; certified figures can come several times."""
+"""Key -> cells of a car; a car may have several certified figures."""
 
 
 def records(name: str) -> Iterator[dict[str, str]]:
-    """Rows of a file of `data/table`."""
+    """Yield the rows of a CSV file in `data/table`."""
     file = data_folder() / "table" / name
     yield from csv.DictReader(file.read_text(encoding="utf-8").splitlines())
 
 
 @cache
 def catalogue() -> Mapping[str, Row]:
-    """Every car of the table.
+    """Return the cells of every car of the table, by the name of the car.
 
     Examples
     --------
@@ -125,12 +125,12 @@ def catalogue() -> Mapping[str, Row]:
 
 
 def table_names() -> tuple[str, ...]:
-    """Names of the cars that the table describes, sorted."""
+    """Return the names of the library cars that the table describes, sorted."""
     return tuple(sorted(name for name, row in catalogue().items() if "title" in row))
 
 
 def curb_mass_kg(row: Row) -> float:
-    """Mass of a car of the table with nobody inside [kg]."""
+    """Return the curb mass of a car of the table, with nobody inside [kg]."""
     if "test_weight" in row:
         return row["test_weight"][0].number * KG_PER_LB - LOADED_KG
     return row["running_mass"][0].number - DRIVER_KG
@@ -138,7 +138,7 @@ def curb_mass_kg(row: Row) -> float:
 
 @cache
 def mass_range_kg() -> tuple[float, float]:
-    """Curb mass of the lightest and of the heaviest car of the table [kg].
+    """Return the curb masses of the lightest and of the heaviest library car of the table [kg].
 
     Examples
     --------
@@ -151,7 +151,7 @@ def mass_range_kg() -> tuple[float, float]:
 
 
 def beyond_classes(mass_kg: float) -> float:
-    """Logarithm of a curb mass over that of the nearest car of the table; 0 inside its range.
+    """Distance of a curb mass from the range of the table: |ln| of its ratio to the nearest bound; 0 inside the range.
 
     Examples
     --------
@@ -164,19 +164,20 @@ def beyond_classes(mass_kg: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class ClassValues:
-    """Medians of the coast-downs of a set of cars, and how far single cars are from them.
+    """Medians of the coast-downs of a set of cars, and the scatter of single cars about them.
 
     Attributes
     ----------
     rolling : float
-        Part A over weight [1].
+        Part A of the coast-down over weight [1].
     rolling_per_speed_s_m : float
-        Part B over weight [s/m].
+        Part B of the coast-down over weight [s/m].
     drag_area_m2 : mapping of str to float
-        By body.
+        Kind of body -> drag area [m²].
     rolling_sd, drag_area_sd : float
-        Relative standard deviation of a car's rolling and air drag from these, as if independent.
+        Relative standard deviation of a car's rolling and air drag from these values, assumed independent.
     cars : int
+        Number of cars in the medians.
     """
 
     rolling: float
@@ -189,7 +190,7 @@ class ClassValues:
 
 @dataclass(frozen=True, slots=True)
 class Coastdown:
-    """A coast-down in SI units with its mass [kg]."""
+    """A coast-down, force A + B v + C v², in SI units, with the mass of the car [kg]."""
 
     a_n: float
     b_n_s_m: float
@@ -198,29 +199,29 @@ class Coastdown:
 
     @classmethod
     def from_row(cls, row: Row) -> Coastdown:
-        """From pounds and miles per hour."""
+        """Convert the measured coast-down of a row from pounds and miles per hour."""
         a, b, c = (row[f"coastdown_{letter}"][0].number * N_PER_LBF for letter in "abc")
         mass = row["test_weight"][0].number * KG_PER_LB
         return cls(a, b / M_S_PER_MPH, c / M_S_PER_MPH**2, mass)
 
     @classmethod
     def of_parts(cls, row: Row) -> Coastdown:
-        """From pounds and miles per hour, with the published drag area, or else a usual part B."""
+        """Convert the coast-down of a row, split by its published drag area or else by a usual part B."""
         run = cls.from_row(row)
         if "drag_coefficient" in row:
             return run.with_drag_area(row["drag_coefficient"][0].number * row["frontal_area"][0].number)
         return run.with_linear_part(usual_linear_part_s_m() * run.weight_n)
 
     def with_drag_area(self, drag_area_m2: float) -> Coastdown:
-        """The force split into other parts: C is that of a drag area, A and B take the rest.
+        """Split the force anew: C follows from a drag area, A and B take the rest.
 
-        The parts of a coast-down are collinear, so that their sum is known and each of them is not. The sum stays at
-        `SPLIT_SPEEDS_M_S`, which keeps the energy on the schedules of certification.
+        The parts of a coast-down are nearly collinear: their sum is well known, each single part is not. The sum stays the
+        same at `SPLIT_SPEEDS_M_S`, which keeps the energy on the schedules of certification.
 
         Parameters
         ----------
         drag_area_m2 : float
-            Published, or of a class [m²].
+            Drag area of the car or of its class [m²].
 
         Examples
         --------
@@ -237,7 +238,7 @@ class Coastdown:
         )
 
     def with_linear_part(self, b_n_s_m: float) -> Coastdown:
-        """The force split so that B has a value; A and C take the rest."""
+        """Split the force anew: B is given, A and C take the rest."""
         change = (b_n_s_m - self.b_n_s_m) / sum(SPLIT_SPEEDS_M_S)
         return self.with_drag_area(2.0 * (self.c_n_s2_m2 - change) / ROAD_LOAD_DENSITY_KG_M3)
 
@@ -247,18 +248,18 @@ class Coastdown:
         return self.mass_kg * GRAVITY_M_S2
 
     def force_n(self, speed_m_s: float, air_share: float = 1.0) -> float:
-        """Force at a speed [N]; `air_share` 0 leaves part C out."""
+        """Force at a speed [N]; part C is multiplied by `air_share`."""
         return self.a_n + self.b_n_s_m * speed_m_s + air_share * self.c_n_s2_m2 * speed_m_s**2
 
     @property
     def drag_area_m2(self) -> float:
-        """Drag area of part C [m²]."""
+        """Drag area that corresponds to part C [m²]."""
         return 2.0 * self.c_n_s2_m2 / ROAD_LOAD_DENSITY_KG_M3
 
 
 @cache
 def usual_linear_part_s_m() -> float:
-    """Part B over weight [s/m]: the median of the coast-downs of the table that are split by a published drag area.
+    """Return a usual part B over weight [s/m]: the median of the coast-downs that are split by a published drag area.
 
     Examples
     --------
@@ -271,16 +272,17 @@ def usual_linear_part_s_m() -> float:
 
 @cache
 def class_values(without: frozenset[str] = frozenset()) -> ClassValues:
-    """Medians of the measured coast-downs of the table. O(cars log cars).
+    """Compute the class values from the measured coast-downs of the table. O(cars log cars).
 
     Parameters
     ----------
     without : frozenset of str
-        Cars that take no part, to hold the class values against them.
+        Cars that are left out, so that the class values can be tested on them.
 
     Notes
     -----
-    B over weight is the median; A is the median of what A and B are together at `ROLLING_SPEED_M_S`, less that B.
+    B over weight is the median over cars. A over weight is the median of (A + B v) over weight at the speed v of
+    `ROLLING_SPEED_M_S`, less v times that B.
 
     Examples
     --------
@@ -308,10 +310,11 @@ def class_values(without: frozenset[str] = frozenset()) -> ClassValues:
 
 
 def _spreads(runs: list[tuple[str, Coastdown]], classes: ClassValues) -> tuple[float, float]:
-    """Independent relative deviations of rolling and air drag that give the scatter of the forces at two speeds.
+    """Return independent relative deviations of rolling and air drag that reproduce the scatter of the forces at two speeds.
 
-    Parts A, B and C of one coast-down trade against each other, so that the scatter of each alone is too large. The variances
-    of the logarithm of force over that of the class, at `SPREAD_SPEEDS_M_S`, are two equations for the two variances.
+    Errors of the parts A, B and C of one coast-down offset each other, so the scatter of each part alone is too large. The
+    variances of the logarithm of a car's force over that of its class, at `SPREAD_SPEEDS_M_S`, give two equations for the two
+    unknown variances.
     """
     variances, shares = [], []
     for speed in SPREAD_SPEEDS_M_S:

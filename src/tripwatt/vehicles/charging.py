@@ -1,6 +1,6 @@
 """Charging curves of the library's cars, from `data/table/charging.csv`; `python -m tools.data.car_table --write` makes it.
 
-The curves are simplified from public charts of charging sessions; cars without one have that of their class
+The curves are simplified from public charts of charging sessions; a car without a curve has that of its class
 (`tripwatt.roads.journey.charging`).
 """
 
@@ -17,7 +17,7 @@ LISTED: Final = "simplified by its authors from public charts"
 
 
 def charging_section(name: str) -> dict[str, Any]:
-    """The section `charging` of a car's document; empty when no curve of the car is known.
+    """Return the section `charging` of a car's document; empty if no curve of the car is known.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ def charging_section(name: str) -> dict[str, Any]:
     Returns
     -------
     dict
-        `charging` with its entries, or nothing.
+        {"charging": entries}, or an empty dict.
 
     Examples
     --------

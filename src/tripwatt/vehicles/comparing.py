@@ -1,4 +1,4 @@
-"""Whether two cars are the same: by their values, never by their names, titles or sources."""
+"""Comparison of two cars by their values, never by names, titles or sources."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from tripwatt.vehicles.parts import ROAD_LOADS
 from tripwatt.vehicles.vehicle import SECTIONS, Value, Vehicle
 
 ROUNDING: Final = 1e-9
-"""Relative difference of two numbers that are one value, written and read again."""
+"""Largest relative difference of two numbers that count as equal, as after writing and reading."""
 
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """One value in which a car differs from another one.
+    """One value in which a car differs from another car.
 
     Attributes
     ----------
     key : str
-        "section.key"; the section alone where one of the cars has no such part.
+        "section.key", or the section alone if one of the cars lacks this part.
     value : float, str, tuple of float or None
-        Of the car, in `unit`; None where it has none.
+        Value of the car, in `unit`; None if the car has no value.
     other : float, str, tuple of float or None
-        Of the other car.
+        Value of the other car.
     unit : str
-        Of both; empty for a part as a whole.
+        Unit of both values; empty for a whole part.
 
     Examples
     --------
@@ -44,27 +44,27 @@ class Difference:
 
     @property
     def change(self) -> str:
-        """From the other car's value to the car's, for people."""
+        """Text "other value -> value"."""
         return f"{_shown(self.other)} -> {_shown(self.value)}"
 
 
 def differences(vehicle: Vehicle, other: Vehicle) -> tuple[Difference, ...]:
-    """Compare a car with another one by value. O(values).
+    """List the values in which a car differs from another car. O(values).
 
-    A value of the other car that its trips have changed counts as the published one as well: the published car is the car that was
-    identified. Names, titles, sources and `anchor` do not count.
+    If trips have changed a value of the other car, its published value also counts as equal: a car with published values is the
+    same car before its trips. Names, titles, sources and `anchor` do not count.
 
     Parameters
     ----------
     vehicle : Vehicle
-        The car in question.
+        The car that is compared.
     other : Vehicle
         The car of a model, with its entries.
 
     Returns
     -------
     tuple of Difference
-        In the order of the sections; empty for the same car.
+        Differences in the order of the sections; empty for the same car.
 
     Examples
     --------
@@ -92,21 +92,21 @@ def differences(vehicle: Vehicle, other: Vehicle) -> tuple[Difference, ...]:
 
 
 def with_differences(vehicle: Vehicle, different: Iterable[Difference], source: Vehicle) -> Vehicle:
-    """Put the values in which another car differs into a car, with their sources.
+    """Copy into a car the values in which another car differs, with their sources.
 
     Parameters
     ----------
     vehicle : Vehicle
         The car that is changed.
     different : iterable of Difference
-        Of the other car from this one.
+        Differences of the other car from this car.
     source : Vehicle
-        The other car, for parts as a whole and the sources.
+        The other car, which gives whole parts and the sources.
 
     Returns
     -------
     Vehicle
-        Of the name and title of `vehicle`.
+        The changed car, with name and title of `vehicle`.
 
     Examples
     --------
@@ -125,7 +125,7 @@ def with_differences(vehicle: Vehicle, different: Iterable[Difference], source: 
 
 
 def _is_published(value: Value | None, key: str, other: Vehicle) -> bool:
-    """Whether a value is the one from which the trips of the other car changed its own."""
+    """Return whether a value is the published one that trips of the other car have changed."""
     entry = other.entries.get(key)
     return entry is not None and entry.published is not None and _same(value, entry.published)
 

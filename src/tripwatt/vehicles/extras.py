@@ -1,4 +1,4 @@
-"""What is fitted to a car for a while, or switched on: winter tyres, a roof box, a trailer, headlights, heated seats; and the pressure of its tyres."""
+"""Extras of a car, fitted or switched on: winter tyres, roof box, trailer, headlights, heated seats; and the pressure of its tyres."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from tripwatt.vehicles.vehicle import Vehicle
 
 @dataclass(frozen=True, slots=True)
 class Extra:
-    """What an extra changes.
+    """Effect of an extra on a car.
 
     Attributes
     ----------
     rolling : float
         Factor of the rolling resistance.
     drag_area_m2, mass_kg : float
-        What it adds.
+        Drag area [m²] and mass [kg] that the extra adds.
     load_w : float
-        Power that it takes.
+        Electric power that the extra takes [W].
     source : str
     """
 
@@ -39,37 +39,32 @@ class Extra:
 
 @cache
 def effects() -> Mapping[str, Extra]:
-    """Effect of each extra, from `data/table/extras.toml`."""
+    """Return the effect of each extra by its name, from `data/table/extras.toml`."""
     extras = shipped_toml("vehicles/data/table/extras.toml")
     return MappingProxyType({name: Extra(**effect) for name, effect in extras.items()})
 
 
 TYRE_PRESSURE_EXPONENT: Final = -0.4
-"""Of the rolling resistance over the tyre pressure (Schuring 1980): 1.4 % more for each psi less between 24 and 36 psi, as TRB Special
-Report 286 has it, https://nap.nationalacademies.org/catalog/11620."""
+"""Exponent of the tyre pressure in the rolling resistance (Schuring 1980): 1.4 % more for each psi less between 24 and 36 psi, as in TRB
+Special Report 286, https://nap.nationalacademies.org/catalog/11620."""
 
 
 def with_extras(vehicle: Vehicle, extras: Iterable[str], tyre_pressure: float | None = None) -> Vehicle:
-    """A car with extras, and with tyres of another pressure.
+    """Return a car with extras, and with another tyre pressure.
 
     Parameters
     ----------
     vehicle : Vehicle
         The car without the extras.
     extras : iterable of str
-        Of `EXTRAS`; one that comes twice counts once.
+        Names of `EXTRAS`; repeated names count once, unknown names are ignored.
     tyre_pressure : float, optional
-        Over the recommended one; None where it is not known, and taken as right.
+        Tyre pressure over the recommended one [1]; None counts as the recommended pressure.
 
     Returns
     -------
     Vehicle
-        A copy with other drag area, rolling resistance, mass and base load; the car itself where nothing changes.
-
-    Raises
-    ------
-    KeyError
-        For an unknown extra; `Departure` refuses it before.
+        A copy with other drag area, rolling resistance, mass and base load; the same object if nothing changes.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""What a car's TOML takes over from shared data or from another car, before its entries are checked.
+"""Inheritance of entries: a car's TOML takes over entries from shared files or from another car, before they are checked.
 
 `extends = ["passenger_car", ...]` takes the entries of files in `data/shared` or of bundled cars; later names and the
 car's own entries replace earlier ones. `[scaled]` computes entries from a reference car by similarity:
@@ -21,20 +21,20 @@ from tripwatt.errors import Fault
 from tripwatt.vehicles.licences import with_licences
 
 DEEPEST_EXTENSION: Final = 5
-"""Files that may extend one another before it is taken for a circle."""
+"""Largest depth of files that extend one another; more counts as a circle."""
 
 SCALINGS: Final = ("motor_losses", "cell_resistance")
 """Keys of the table `[scaled]`."""
 
 
 def data_folder() -> Any:
-    """The folder of the files that come with the package."""
+    """Return the folder of data files that come with the package."""
     return resources.files("tripwatt.vehicles") / "data"
 
 
 @cache
 def bundled_text(name: str) -> str | None:
-    """Text of a shared file or of a bundled car, None when there is neither."""
+    """Return the text of a shared file or of a bundled car with a name; None if there is no such file."""
     folder = data_folder()
     files = (place / f"{name}.toml" for place in (folder / "shared", folder))
     return next((str(file.read_text(encoding="utf-8")) for file in files if file.is_file()), None)
@@ -42,14 +42,14 @@ def bundled_text(name: str) -> str | None:
 
 @cache
 def _bundled(name: str, depth: int) -> tuple[dict[str, Any], tuple[Fault, ...]]:
-    """A bundled file with what it takes over, and its faults. It is read, never changed."""
+    """Return the document of a bundled file with inherited entries, and its faults. The document must not be changed."""
     faults: list[Fault] = []
     document = inherit(tomllib.loads(bundled_text(name) or ""), f"{name}.toml", faults, depth)
     return document, tuple(faults)
 
 
 def bundled_bases() -> tuple[str, ...]:
-    """Names that `extends` may use, sorted.
+    """Return the names that `extends` may use, sorted.
 
     Examples
     --------
@@ -61,18 +61,18 @@ def bundled_bases() -> tuple[str, ...]:
 
 
 def inherit(document: Mapping[str, Any], where: str, faults: list[Fault], depth: int = 0) -> dict[str, Any]:
-    """The document with what it takes over and the licences filled in, and without the keys that control this.
+    """Return the document with inherited entries and licences, without the keys that control inheritance.
 
     Parameters
     ----------
     document : mapping
         A parsed TOML.
     where : str
-        Its file, for messages.
+        Name of the file in messages.
     faults : list of Fault
-        Takes what is wrong.
+        Faults that are found are appended to this list.
     depth : int
-        Documents that extend one another down to this one.
+        Number of documents that extend one another down to this one.
 
     Examples
     --------
@@ -100,7 +100,7 @@ def inherit(document: Mapping[str, Any], where: str, faults: list[Fault], depth:
         scale = _scaled_motor if key == "motor_losses" else _scaled_resistance
         values = scale(result, parent, str(reference)) if parent else {}
         section = "drivetrain" if key == "motor_losses" else "battery"
-        # entries of the car itself win; one that is None lacks an entry which is a fault of its own
+        # the car's own entries win; None means that an entry needed for scaling is missing, which is a fault elsewhere
         result[section] = {
             **result.get(section, {}),
             **{k: v for k, v in values.items() if k not in own.get(section, {})},
@@ -139,7 +139,7 @@ def _take_over(result: dict[str, Any], more: Mapping[str, Any]) -> None:
 
 
 def _numbers(document: Mapping[str, Any], section: str, keys: Sequence[str]) -> list[float] | None:
-    """Values of some entries, None when one is missing or not a positive number."""
+    """Return the values of some entries; None if one is missing or not a positive number."""
     table = document.get(section, {})
     values = [table[k].get("value") if isinstance(table.get(k), Mapping) else None for k in keys]
     if not all(isinstance(v, int | float) and v > 0 for v in values):
@@ -148,10 +148,11 @@ def _numbers(document: Mapping[str, Any], section: str, keys: Sequence[str]) -> 
 
 
 def _scaled_motor(car: Mapping[str, Any], reference: Mapping[str, Any], name: str) -> dict[str, Any]:
-    """Loss parameters of the reference at the same shares of its largest torque and of its largest speed; None for each without these.
+    """Scale the loss parameters of a reference to the largest torque and the largest speed of a car.
 
-    At the same voltage the magnet flux falls as speed rises, so phase currents and losses scale with torque times
-    speed. The corner of power over torque would be no scale: many cars limit the power far below the motor's.
+    The losses are the same shares of power at the same shares of torque and speed. At the same voltage the magnet flux falls as
+    speed rises, so phase currents and losses scale with torque times speed. The corner speed, power over torque, is not used
+    as a scale: many cars limit the power far below the motor's. Each value is None if the car lacks torque or speed.
     """
     rated = ("motor_max_torque_nm", "motor_max_speed_rad_s")
     mine, theirs = _numbers(car, "drivetrain", rated), _numbers(reference, "drivetrain", rated)
@@ -181,7 +182,10 @@ def _scaled_motor(car: Mapping[str, Any], reference: Mapping[str, Any], name: st
 
 
 def _scaled_resistance(car: Mapping[str, Any], reference: Mapping[str, Any], name: str) -> dict[str, Any]:
-    """Resistance of one cell (or cells in parallel) in inverse proportion to its capacity; None without one."""
+    """Scale the resistance of one cell (or cells in parallel) of a reference in inverse proportion to capacity.
+
+    Each value is None if the car has no valid capacity.
+    """
     mine = _numbers(car, "battery", ("capacity_ah",))
     theirs = _numbers(reference, "battery", ("capacity_ah",))
     if mine is None or theirs is None:

@@ -1,4 +1,4 @@
-"""Under which licence each value of a car may be passed on.
+"""Licences under which the values of a car may be passed on.
 
 A car's TOML names the licence of every source that it cites:
 
@@ -6,8 +6,8 @@ A car's TOML names the licence of every source that it cites:
 - `licence = "user"` at the top of the file holds for every source that `[licences]` does not list,
 - `licence = "..."` in an entry holds for this entry.
 
-A source text may cite several works, separated by "; ". A part that begins like no listed source belongs to the work
-before it.
+A source text may cite several works, separated by "; ". A part that begins like no listed source belongs to the previous
+work.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from tripwatt.errors import Fault
 from tripwatt.files import shipped_toml
 
 LICENCES: Final[Mapping[str, str]] = shipped_toml("vehicles/data/table/licences.toml")
-"""Licences that a car's TOML may name, SPDX identifiers where there is one."""
+"""Licences that a car's TOML may name, by SPDX identifier if there is one."""
 
 JOINT: Final = " AND "
-"""Between the licences of an entry that cites several works."""
+"""Separator of the licences of an entry that cites several works."""
 
 
 def licence_faults(expression: object, place: str) -> Iterator[Fault]:
-    """What is wrong with the licence, or the licences joined by " AND ", that a file names.
+    """Yield a fault for each unknown licence in a text of one licence, or of several joined by " AND ".
 
     Examples
     --------
@@ -39,16 +39,16 @@ def licence_faults(expression: object, place: str) -> Iterator[Fault]:
 
 
 def with_licences(document: Mapping[str, Any], where: str, faults: list[Fault]) -> dict[str, Any]:
-    """The document with a licence in every entry that has a source, and without the keys that name them.
+    """Return the document with a licence in every entry that has a source, without the keys `licence` and `licences`.
 
     Parameters
     ----------
     document : mapping
-        A parsed TOML, before it takes over anything from other files.
+        A parsed TOML, before it inherits entries from other files.
     where : str
-        Its file, for messages.
+        Name of the file in messages.
     faults : list of Fault
-        Takes unknown licences, and one fault for all sources without a licence.
+        Faults are appended to this list: unknown licences, and one fault for all sources without a licence.
 
     Examples
     --------
@@ -82,7 +82,7 @@ def with_licences(document: Mapping[str, Any], where: str, faults: list[Fault]) 
 
 
 def _sources(raw: object, place: str, faults: list[Fault]) -> Mapping[str, str]:
-    """Beginnings of sources and their licences, the longest first."""
+    """Return beginnings of sources with their licences, the longest beginnings first."""
     table: dict[str, str] = {}
     for licence, sources in (raw if isinstance(raw, Mapping) else {"": raw}).items():
         if not isinstance(sources, Sequence) or isinstance(sources, str) or not all(map(_is_text, sources)):
@@ -99,7 +99,7 @@ def _is_text(value: object) -> bool:
 
 
 def _licence(source: str, table: Mapping[str, str]) -> str:
-    """The licences of the works that a source text cites, empty where its first part is not listed."""
+    """Return the joined licences of the works that a source text cites; empty if its first work is not listed."""
     parts = source.split("; ")
     names = [next((table[s] for s in table if part.startswith(s)), "") for part in parts]
     return JOINT.join(dict.fromkeys(name for name in names if name)) if names[0] else ""

@@ -1,4 +1,4 @@
-"""The cars of the library and cars from TOML files: their names, finding them, loading them."""
+"""Names, search and loading of cars, from the library and from TOML files."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from tripwatt.vehicles.vehicle import Vehicle
 
 @cache
 def vehicle_names() -> tuple[str, ...]:
-    """Names of the cars that come with the package, sorted.
+    """Return the names of the cars that come with the package, sorted.
 
     Examples
     --------
@@ -37,7 +37,7 @@ def vehicle_names() -> tuple[str, ...]:
 
 @cache
 def file_names() -> tuple[str, ...]:
-    """Names of the cars that have a TOML of their own, sorted."""
+    """Return the names of the library cars that have a TOML, sorted."""
     return tuple(sorted(f.name[:-5] for f in data_folder().iterdir() if f.name.endswith(".toml")))
 
 
@@ -54,8 +54,8 @@ def load_vehicle(
         "default", "paper", or a preset of the file.
     overrides : mapping of str to (float or str), optional
         "section.key" or a short name of `tripwatt.vehicles.overriding` -> value in the unit of the entry, e.g.
-        ``{"auxiliaries.base_load_w": 400.0, "mass": 1300.0}``. Those of a part that the preset leaves out
-        change nothing.
+        ``{"auxiliaries.base_load_w": 400.0, "mass": 1300.0}``. Overrides of a part that the preset leaves out
+        have no effect.
 
     Returns
     -------
@@ -80,7 +80,7 @@ def load_vehicle(
         vehicle = _unchanged(name, preset)
         return dataclasses.replace(vehicle, entries=dict(vehicle.entries))
     document = parse_toml(_read(path), str(path))
-    # what a user gives for an own car is the user's, and held against no test unless the file says so
+    # values in a user's file have the licence of the user and are anchored to no test, unless the file says otherwise
     document = {"licence": "user", "anchor": "class", **document}
     return vehicle_from_document(document, path.stem, str(path), preset, overrides or {})
 
@@ -93,12 +93,12 @@ def _from_library(name: str, preset: str, overrides: Mapping[str, float | str]) 
 
 @lru_cache(maxsize=256)
 def _unchanged(name: str, preset: str) -> Vehicle:
-    """A car of the library as it is, read once: its file takes 10 ms. Nothing of it can change but its entries."""
+    """Load a library car without overrides, cached because reading takes 10 ms. Only its `entries` can be changed: copy them."""
     return _from_library(name, preset, {})
 
 
 def require_vehicle(name: str) -> None:
-    """Raise `InvalidInput` for a name that is none of `vehicle_names()`, with the cars that are meant perhaps.
+    """Raise `InvalidInput` if a name is not in `vehicle_names()`, and suggest similar names.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ def require_vehicle(name: str) -> None:
     Raises
     ------
     InvalidInput
-        When the name is none of `vehicle_names()`; with the cars that may be meant.
+        If the name is not in `vehicle_names()`.
 
     Examples
     --------
@@ -126,7 +126,7 @@ def require_vehicle(name: str) -> None:
 
 @cache
 def vehicle_titles() -> Mapping[str, str]:
-    """Name for people of every car of the library, by its name, without loading the cars.
+    """Return the title of every car of the library by its name, without loading the cars.
 
     Examples
     --------
@@ -139,18 +139,20 @@ def vehicle_titles() -> Mapping[str, str]:
 
 
 def find_vehicles(words: str) -> tuple[str, ...]:
-    """Find the cars whose title or name has every one of some words. O(cars).
+    """Find the cars whose title or name contains all of some words. O(cars).
 
     Parameters
     ----------
     words : str
-        Words in any order; a year finds the cars that were made in it. Signs and case do not count: "model3 2022" finds the
-        Model 3 of 2022. A word of one or two letters has to be a whole word of the title, another one begins one.
+        Words in any order; a year matches the cars that were made in it. Punctuation and case do not count: "model3 2022" finds
+        the Model 3 of 2022. A word of one or two letters has to be a whole word of title or name; a longer word may also
+        begin at any word and span several.
 
     Returns
     -------
     tuple of str
-        Names of cars: those first that have the words as whole words, then the shortest titles without their years, then by title; empty for no words.
+        Names of cars; empty if no words are given. The order is by the number of words that match only a beginning, by the
+        length of the title without its years, then by title.
 
     Examples
     --------
@@ -175,13 +177,13 @@ def find_vehicles(words: str) -> tuple[str, ...]:
 
 
 def _plain(text: str) -> str:
-    """Letters and digits of a text, in lower case and without accents."""
+    """Keep letters and digits of a text, in lower case and without accents."""
     plain = unicodedata.normalize("NFKD", text.lower())
     return "".join(sign for sign in plain if sign.isascii() and sign.isalnum())
 
 
 def _years(title: str) -> tuple[int, int] | None:
-    """First and last model year in the brackets at the end of a title."""
+    """Return the first and last model year in the brackets at the end of a title; None if there are none."""
     match = re.search(r"\((\d{4})(?:-(\d{4}))?\)$", title)
     return None if match is None else (int(match[1]), int(match[2] or match[1]))
 
@@ -191,7 +193,7 @@ def _is_year_in(word: str, years: tuple[int, int] | None) -> bool:
 
 
 def library_document(name: str) -> dict[str, Any]:
-    """The document of a car of the library, before it is anchored.
+    """Return the document of a car of the library, before anchoring.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The loss map of motor and inverter that the values of a drivetrain describe."""
+"""Loss map of motor and inverter, computed from the values of a drivetrain."""
 
 from __future__ import annotations
 
@@ -13,13 +13,15 @@ TINY: Final = float(np.finfo(np.float64).tiny)
 
 
 def motor_loss(torque_nm: FloatArray, speed_rad_s: FloatArray, drivetrain: Drivetrain) -> FloatArray:
-    """Loss of motor and inverter [W] at a torque of either sign; zero without torque. Shape of `torque_nm`.
+    """Loss of motor and inverter [W] at a torque of either sign; 0 at a torque of 0. Shape of `torque_nm`.
 
-    The sum of four terms: copper 3/2 R (i_q² + i_d²), iron (k1 ω + k2 ω²) |T|^x, inverter conduction and switching u·i + r·i², and
-    what the inverter needs whenever it switches. With magnets i_q follows from the torque and i_d from field weakening, and their drag
-    without torque is part of the coast-down. Other machines have no flux without a current: see `_chosen_flux`. `motor_loss_factor`
-    on this sum, or an eddy-current loss `flux_loss` ω² beside it, anchor the map to the certified consumption of a car; they are 1 and
-    0 without an anchor.
+    The loss is a sum of four terms: copper 3/2 R (i_q² + i_d²), iron (k1 ω + k2 ω²) |T|^x, inverter conduction and switching
+    u·i + r·i², and a fixed loss of the inverter. T is the torque, ω the speed, R the phase resistance, i the phase current with its
+    parts i_q and i_d. With magnets, i_q follows from the torque and i_d from field weakening; drag of the magnets at no torque is
+    part of the coast-down. Machines without magnets need a current for their flux: see `_chosen_flux`.
+
+    The map is anchored to the certified consumption of a car by `motor_loss_factor`, which multiplies this sum, or by an
+    eddy-current loss `flux_loss_w_s2_rad2` ω², which is added. Without an anchor they are 1 and 0.
 
     Notes
     -----
@@ -35,7 +37,7 @@ def motor_loss(torque_nm: FloatArray, speed_rad_s: FloatArray, drivetrain: Drive
     torque = np.abs(torque_nm)
     # negative below about 20 rad/s, where the fit does not hold
     iron = (drivetrain.iron_loss_linear + drivetrain.iron_loss_quadratic * speed_rad_s) * speed_rad_s
-    # a logarithm and its exponential cost half of a power
+    # a logarithm and an exponential take half the time of a power
     powered = np.exp(drivetrain.iron_loss_torque_exponent * np.log(np.maximum(torque, TINY)))
     iron = np.maximum(iron, 0.0) * powered
     of_machine = _given_flux if drivetrain.machine == "permanent_magnet" else _chosen_flux
@@ -47,7 +49,10 @@ def motor_loss(torque_nm: FloatArray, speed_rad_s: FloatArray, drivetrain: Drive
 def _given_flux(
     torque: FloatArray, speed_rad_s: FloatArray, iron: FloatArray, drivetrain: Drivetrain
 ) -> FloatArray:
-    """Copper, iron and inverter of a machine with magnets [W]: above a speed a current along the flux weakens the field."""
+    """Variable loss of a machine with magnets [W]: copper, iron and inverter.
+
+    Above `field_weakening_speed_rad_s` a current along the flux weakens the field.
+    """
     q_current = torque / drivetrain.torque_constant_nm_a
     with np.errstate(divide="ignore", over="ignore"):
         weakening = 1.0 - drivetrain.field_weakening_speed_rad_s / speed_rad_s
@@ -60,10 +65,11 @@ def _given_flux(
 def _chosen_flux(
     torque: FloatArray, speed_rad_s: FloatArray, iron: FloatArray, drivetrain: Drivetrain
 ) -> FloatArray:
-    """Copper, iron and inverter of a machine whose flux the control chooses [W]: induction, or excitation of the rotor.
+    """Variable loss of a machine without magnets [W]: copper, field, iron and inverter, at the flux with the smallest loss.
 
-    At a share ψ of the full flux the torque needs i_q = T / (k ψ), and field and iron lose (P_field + P_iron) ψ². With copper
-    A / ψ² and field and iron B ψ² the sum is smallest at ψ⁴ = A / B; ψ is at most 1, and at most ω_f / ω at the limit of the voltage.
+    At a share ψ of the full flux, the torque T needs a current i_q = T / (k ψ), where k is the torque constant. The loss is A / ψ²
+    in the copper and B ψ² in field and iron. The sum is smallest at ψ⁴ = A / B; ψ is at most 1, and at most ω_f / ω because the
+    voltage is limited (ω_f is `field_weakening_speed_rad_s`).
     """
     full = torque / drivetrain.torque_constant_nm_a
     copper = (1.5 * drivetrain.phase_resistance_ohm + drivetrain.inverter_resistance_ohm) * full * full

@@ -1,4 +1,4 @@
-"""Overrides of a car's values as a user writes them: `mass=1300`, `c_d=0.27`, `battery.capacity_ah=58`."""
+"""Overrides of a car's values in the notation of the command line: `mass=1300`, `c_d=0.27`, `battery.capacity_ah=58`."""
 
 from __future__ import annotations
 
@@ -9,26 +9,26 @@ from tripwatt.errors import Fault, did_you_mean, raise_faults
 from tripwatt.files import shipped_toml
 
 ALIASES: Final[Mapping[str, str]] = shipped_toml("vehicles/data/table/aliases.toml")
-"""Short names of overrides. `payload` is all that is aboard, the driver included."""
+"""Short name of an override -> its key. `payload` is the mass of everything aboard, including the driver."""
 
 
 def parse_overrides(texts: Iterable[str]) -> dict[str, float | str]:
-    """`["mass=1300"]` as overrides for `load_vehicle`, with short names spelled out.
+    """Parse texts such as "mass=1300" into overrides for `load_vehicle`, with short names spelled out.
 
     Parameters
     ----------
     texts : iterable of str
-        Each `key=value`, the key a short name of `ALIASES` or `section.key`.
+        Texts `key=value`; the key is a short name of `ALIASES`, or `section.key`.
 
     Returns
     -------
     dict of str to (float or str)
-        Full key to value, in SI units as in the TOML; text where it is no number.
+        "section.key" -> value in SI units as in the TOML; a text if the value is not a number.
 
     Raises
     ------
     InvalidInput
-        With every text that is not `key=value`, and every key that comes twice.
+        With every text that is not `key=value`, every unknown short name, and every repeated key.
 
     Examples
     --------

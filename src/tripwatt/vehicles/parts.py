@@ -1,4 +1,4 @@
-"""The parts of a car as frozen dataclasses. Each field has its unit and its bounds, its meaning is in the docstring; the TOML has its value."""
+"""The parts of a car as frozen dataclasses. Each field defines unit and bounds of a value; the docstring has its meaning."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ Number = TypeVar("Number", float, FloatArray)
 
 
 def quantity(unit: str, minimum: float, maximum: float, *, default: Any = MISSING, **more: Any) -> Any:
-    """A dataclass field that holds a quantity: its unit and its bounds.
+    """Make a dataclass field for a quantity with unit and bounds.
 
-    `scaled=True` marks a quantity that is only clear with its state-of-charge scale, so the TOML must name it; `lossless` is
-    the value with which an entry of a loss map loses least.
+    `scaled=True` marks a quantity that depends on the scale of the state of charge, so the TOML must name the scale. `lossless` is
+    the value of an entry of the loss map at which the loss is smallest.
     """
     return field(metadata={"unit": unit, "minimum": minimum, "maximum": maximum, **more}, default=default)
 
 
 def given(value: float | None) -> float:
-    """A value that its method of the road load needs, so that it is there."""
+    """Return a value that the method of the road load requires, so it cannot be None."""
     assert value is not None
     return value
 
 
 def choice(allowed: tuple[str, ...], **default: Any) -> Any:
-    """A dataclass field that holds one of a few words."""
+    """Make a dataclass field that holds one of the allowed words."""
     return field(metadata={"choice": allowed, "unit": ""}, **default)
 
 
@@ -132,7 +132,7 @@ ROAD_LOADS: Final = {
 
 WARM_COEFFICIENT_PER_K: Final = 0.0086
 """Largest relative fall of rolling drag for each kelvin of air above the reference [1/K], SAE J1263. A steeper rise in the cold has
-causes that end there: gear oil, winter tyres, wet roads."""
+causes that do not act above the reference: gear oil, winter tyres, wet roads."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,23 +171,25 @@ class Tyres:
     @property
     def warm_coefficient_per_k(self) -> float:
         """Relative fall of rolling drag for each kelvin above the reference [1/K]."""
-        slope = self.temperature_coefficient_per_k  # a sum over cases, so that columns of several cars pass
+        slope = (
+            self.temperature_coefficient_per_k
+        )  # a sum over both cases, so that it also holds for columns of several cars
         return (slope < WARM_COEFFICIENT_PER_K) * slope + (
             slope >= WARM_COEFFICIENT_PER_K
         ) * WARM_COEFFICIENT_PER_K
 
     def weather_factor(self, temperature_degc: Number) -> Number:
-        """Warm rolling drag in air of a temperature over that at the reference.
+        """Return warm rolling drag at an air temperature over that at the reference temperature [1].
 
         Parameters
         ----------
         temperature_degc : float or ndarray
-            Of the outside air [°C].
+            Temperature of the outside air [°C].
 
         Returns
         -------
         float or ndarray
-            1 at the reference; continuous, and never rising with the temperature.
+            1 at the reference temperature; continuous, and never rising with temperature.
 
         Examples
         --------
@@ -204,7 +206,7 @@ class Tyres:
 
 
 MACHINES: Final = ("permanent_magnet", "induction", "externally_excited")
-"""Types of traction machine: their flux is given by magnets, or chosen by the control with a current of stator or rotor."""
+"""Types of traction machine: their flux comes from magnets, or from a controlled current in stator or rotor."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -287,7 +289,7 @@ class Drivetrain:
 
 @dataclass(frozen=True, slots=True)
 class Regeneration:
-    """How much braking goes through the motor. What does not goes to the friction brakes.
+    """Limits of regeneration: how much braking goes through the motor. The rest goes to the friction brakes.
 
     Attributes
     ----------
@@ -389,7 +391,7 @@ class Battery:
     displayed_full_soc: float = quantity("1", 0.5, 1.0)
 
     def soc_from_displayed(self, displayed_soc: Number) -> Number:
-        """Convert the displayed to the battery management's state of charge.
+        """Convert the displayed state of charge to that of the battery management.
 
         Parameters
         ----------
@@ -404,7 +406,7 @@ class Battery:
         return self.displayed_zero_soc + displayed_soc * (self.displayed_full_soc - self.displayed_zero_soc)
 
     def displayed_from_soc(self, soc: Number) -> Number:
-        """Convert the battery management's state of charge to the displayed one.
+        """Convert the state of charge of the battery management to the displayed one.
 
         Parameters
         ----------
@@ -442,7 +444,7 @@ class Auxiliaries:
 
 @dataclass(frozen=True, slots=True)
 class Charging:
-    """What the car takes from a charging station.
+    """Power that the car takes from a charging station.
 
     Attributes
     ----------

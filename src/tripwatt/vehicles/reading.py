@@ -1,9 +1,9 @@
-"""From a car's TOML to a `Vehicle`, with every fault of the file in one message.
+"""Reading of a car's TOML into a `Vehicle`, with every fault of the file in one message.
 
-An entry is `key = { value = ..., unit = "...", source = "...", estimated = "how" }`; `estimated` is optional: how
-a value follows that no source states as it stands. `tripwatt.vehicles.licences` describes how a file names the
-licence of each source. `[preset.NAME.SECTION]` tables replace entries, and
-`without = ["climate"]` in `[preset.NAME]` leaves out an optional part, and `heater = "none"` climate control altogether.
+An entry is `key = { value = ..., unit = "...", source = "...", estimated = "how" }`. The optional `estimated` states how the value was
+derived if no source states it directly. `tripwatt.vehicles.licences` describes how a file names the licence of each source.
+`[preset.NAME.SECTION]` tables replace entries. `without = ["climate"]` in `[preset.NAME]` leaves out an optional part;
+`heater = "none"` in the file leaves out climate control in all presets.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ SCALES: Final = ("soc", "displayed_soc")
 
 @cache
 def _shared_presets() -> dict[str, dict[str, Any]]:
-    """Presets that every car has unless its own file overrides them."""
+    """Return the presets that every car has unless its own file overrides them."""
     files = sorted((data_folder() / "presets").iterdir(), key=lambda f: str(f.name))
     faults: list[Fault] = []
     presets = {
@@ -49,7 +49,7 @@ def vehicle_from_document(
     preset: str = "default",
     overrides: Mapping[str, float | str] = types.MappingProxyType({}),
 ) -> Vehicle:
-    """Build a `Vehicle` from a parsed TOML document. Arguments and errors as in `tripwatt.vehicles.load_vehicle`.
+    """Build a `Vehicle` from a parsed TOML document.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def vehicle_from_document(
     Returns
     -------
     Vehicle
-        With every part, its values checked.
+        A car whose values are checked.
 
     Raises
     ------
@@ -120,7 +120,7 @@ def _part(
     where: str,
     faults: list[Fault],
 ) -> Any:
-    """A part from its entries; None for one that the car lacks, or with an entry missing."""
+    """Build a part from its entries; None if the car lacks this optional part, or an entry is missing."""
     fields = _fields(section)
     values = {key: entries[name].value for key in fields if (name := f"{section}.{key}") in entries}
     if table is None and not values and section in OPTIONAL_SECTIONS:
@@ -130,7 +130,7 @@ def _part(
     faults += [
         Fault("missing entry", place, "nothing", f"an entry {key!r}", _entry_line(section, key))
         for key in missing
-        if key not in (table or ())  # else its own fault was told
+        if key not in (table or ())  # else the entry already has a fault
     ]
     return None if missing else SECTIONS[section](**values)
 
@@ -138,7 +138,7 @@ def _part(
 def _preset_tables(
     document: Mapping[str, Any], preset: str, where: str, faults: list[Fault]
 ) -> dict[str, dict[str, Any]]:
-    """The sections with the preset's entries in place of their own."""
+    """Return the sections of a document with entries replaced by those of a preset."""
     faults += [
         _unknown_fault("section", f"{where}, [{key}]", key, [*SECTIONS, "preset"])
         for key in document
@@ -184,15 +184,15 @@ def _fields(section: str) -> dict[str, dataclasses.Field[Any]]:
 
 
 def _entry_line(section: str, key: str) -> str:
-    """What to write for an entry that is missing."""
+    """Return the line of TOML to write for a missing entry."""
     unit = _fields(section)[key].metadata["unit"]
     return f'add {key} = {{ value = ..., unit = "{unit}", source = "..." }} under [{section}]'
 
 
 def _entry(section: str, key: str, raw: object, where: str, faults: list[Fault]) -> Entry | None:
-    """One checked entry; None when it cannot be used, with the reason in `faults`."""
+    """Check and build one entry; None if it cannot be used, with the reason appended to `faults`."""
     place = f"{where}, {section}.{key}"
-    if raw is None:  # an entry that `[scaled]` would compute of one that is missing
+    if raw is None:  # `[scaled]` could not compute the entry because another one is missing
         return None
     field = _fields(section).get(key)
     if field is None:
@@ -289,7 +289,7 @@ def _override(entries: dict[str, Entry], key: str, value: float | str, faults: l
 
 
 def _useless_overrides(road_load: RoadLoad, overrides: Mapping[str, float | str]) -> Iterator[Fault]:
-    """Overrides of the description of the road load that is not in use."""
+    """Yield a fault for each override of the description of the road load that is not used."""
     for key in overrides:
         section, _, name = key.partition(".")
         if section != "road_load" or name == "method" or not road_load.method:
@@ -302,7 +302,7 @@ def _useless_overrides(road_load: RoadLoad, overrides: Mapping[str, float | str]
 
 
 def _with_method(road_load: RoadLoad, where: str, faults: list[Fault]) -> RoadLoad:
-    """The road load with its method settled: the one whose values are all there."""
+    """Set the method of the road load to the description that is complete, if the document names none."""
     complete = [m for m, keys in ROAD_LOADS.items() if all(getattr(road_load, k) is not None for k in keys)]
     place = f"{where}, [road_load]"
     if road_load.method and road_load.method not in complete:
@@ -321,7 +321,7 @@ def _with_method(road_load: RoadLoad, where: str, faults: list[Fault]) -> RoadLo
 
 
 def _on_soc_scale(battery: Battery, entries: Mapping[str, Entry]) -> Battery:
-    """The battery with its capacity between soc 0 and soc 1."""
+    """Convert the capacity to the one between soc 0 and soc 1, if it was given on the displayed scale."""
     window = battery.displayed_full_soc - battery.displayed_zero_soc
     if entries["battery.capacity_ah"].scale == "soc" or not window > 0.0:
         return battery

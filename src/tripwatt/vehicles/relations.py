@@ -1,4 +1,4 @@
-"""What must hold between the values of a car: each is inside of its own bounds, but together no car can have them.
+"""Checks of relations between values of a car that are each within bounds, but impossible together.
 
 The limits leave room around every road vehicle from a light quadricycle to a truck and trailer of 60 t. They do not judge
 whether a car is likely.
@@ -44,7 +44,7 @@ MOST_ROLLING: Final = 0.1
 ROLLING_AT_M_S: Final = 25.0
 
 COAST_DOWN_MASSES: Final = (0.25, 4.0)
-"""Mass of the coast-down over that of the car. It is made with the car; the rest is load."""
+"""Smallest and largest mass of the coast-down over that of the car; the difference is load."""
 
 LEAST_EFFICIENCY: Final = {10.0: 0.25, 25.0: 0.5}
 """Least efficiency of motor and inverter on a level road, by speed [m/s]. The least of the library are 0.66 and 0.79."""
@@ -57,7 +57,7 @@ BATTERY_WH_KG: Final = (2.0, 200.0)
 of a car made of cells of 400 Wh/kg would have 200."""
 
 PACK_V: Final = (24.0, 1500.0)
-"""Voltage of the battery, empty and full: up to 1500 V is the class of UN Regulation 100."""
+"""Lowest and highest voltage of the battery: UN Regulation 100 covers up to 1500 V."""
 
 MOST_TYRE_FACTOR: Final = 5.0
 """Largest rolling resistance of a cold tyre at -20 °C over that of a warm one. Cars have 1.7."""
@@ -65,7 +65,7 @@ MOST_TYRE_FACTOR: Final = 5.0
 COLD_DEGC: Final = -20.0
 
 MOST_LOAD_W: Final = 20_000.0
-"""Largest electric power besides driving of a car of up to `MOST_LOAD_MASS_KG`; of heavier ones in proportion to the mass."""
+"""Largest electric power besides driving of a car of up to `MOST_LOAD_MASS_KG`; for heavier cars it grows with the mass."""
 
 MOST_LOAD_MASS_KG: Final = 3500.0
 
@@ -74,7 +74,7 @@ MOST_WH_KM: Final = 3000.0
 
 
 def table_faults(parts: Mapping[str, Any], where: str) -> Iterator[Fault]:
-    """Every fault of the tables of a car, and of values that are in the wrong order. Arguments as in `relation_faults`."""
+    """Yield the faults of the tables of a car, and of pairs of values in the wrong order. Arguments as in `relation_faults`."""
     yield from _battery_table_faults(parts["battery"], where)
     if parts["charging"] is not None:  # from an empty to a full display
         yield from _table_faults(
@@ -84,12 +84,13 @@ def table_faults(parts: Mapping[str, Any], where: str) -> Iterator[Fault]:
 
 
 def relation_faults(parts: Mapping[str, Any], where: str) -> Iterator[Fault]:
-    """Every relation between values of a car that no car has.
+    """Yield a fault for every combination of values that no car can have.
 
     Parameters
     ----------
     parts : mapping of str to part
-        Section -> part of a car, None for a part that it lacks; every value inside of its own bounds, with sound tables.
+        Section -> part of the car, or None for a part that the car lacks. Every value is within its own bounds, and the tables
+        are sound.
     where : str
         Name of the car's document in messages.
     """
@@ -99,7 +100,7 @@ def relation_faults(parts: Mapping[str, Any], where: str) -> Iterator[Fault]:
         *_limit_faults(parts["drivetrain"], parts["body"], where),
         *_load_faults(parts, where),
     ]
-    # a loss or a consumption that follows from one of these would blame the same entries again
+    # losses and consumption are checked only if these are sound: they would blame the same entries again
     yield from simple or list(_loss_faults(parts, where)) or _consumption_faults(parts, where)
 
 
@@ -124,7 +125,7 @@ def _battery_table_faults(battery: Battery, where: str) -> Iterator[Fault]:
 def _table_faults(
     part: Battery | Charging, grid: str, values: str, where: str, ends: tuple[float, float] | None = None
 ) -> Iterator[Fault]:
-    """Faults of values over a grid, which begins and ends with `ends` where these are given."""
+    """Yield the faults of a table of values over a grid; if `ends` are given, the grid has to begin and end with them."""
     x, y, place = getattr(part, grid), getattr(part, values), f"{where}.{grid}"
     if len(x) != len(y):
         got = f"{len(x)} and {len(y)} values"
@@ -172,7 +173,7 @@ def _battery_faults(battery: Battery, body: Body, where: str) -> Iterator[Fault]
 
 
 def _names(load: RoadLoad) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Entries of the road load that make the drag area, and the rolling resistance."""
+    """Return the entries that determine the drag area, and those that determine the rolling resistance."""
     if load.method == "coastdown":
         return (
             ("road_load.coastdown_c_n_s2_m2", "road_load.coastdown_air_density_kg_m3"),
@@ -279,13 +280,13 @@ def _load_fields(parts: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def _tyre_factor(tyres: Tyres) -> float:
-    """Rolling resistance right after a cold night over that of the warm car at its reference."""
+    """Rolling resistance right after a cold night over that of the warm car at the reference temperature [1]."""
     colder = tyres.temperature_coefficient_per_k * (tyres.reference_temperature_degc - COLD_DEGC)
     return (1.0 + max(colder, 0.0)) * (1.0 + tyres.cold_excess)
 
 
 def _loss_faults(parts: Mapping[str, Any], where: str) -> Iterator[Fault]:
-    """A loss of motor and inverter that is too large at peak power, or on a level road; the first of them."""
+    """Yield at most one fault: the first loss of motor and inverter that is too large, at peak power or on a level road."""
     drivetrain: Drivetrain = parts["drivetrain"]
     power, torque = drivetrain.motor_max_power_w, drivetrain.motor_max_torque_nm
     top = drivetrain.motor_max_speed_rad_s
@@ -305,7 +306,7 @@ def _loss_faults(parts: Mapping[str, Any], where: str) -> Iterator[Fault]:
 
 
 def _consumption_faults(parts: Mapping[str, Any], where: str) -> Iterator[Fault]:
-    """A level road in the cold, with all loads, that takes more than any vehicle needs; the first speed that shows it."""
+    """Yield at most one fault: a consumption on a level road, in the cold with all loads, beyond that of any vehicle."""
     drivetrain: Drivetrain = parts["drivetrain"]
     air, rolling = _names(parts["road_load"])
     cold = 1.0 if parts["tyres"] is None else _tyre_factor(parts["tyres"])
@@ -339,7 +340,7 @@ class _LevelRoad:
 
 
 def _level_road(parts: Mapping[str, Any], speed_m_s: float) -> _LevelRoad:
-    """At a speed, or at the top speed of a slower car."""
+    """Compute a level road at a speed, or at the top speed of a slower car."""
     drivetrain: Drivetrain = parts["drivetrain"]
     load: RoadLoad = parts["road_load"]
     speed = min(speed_m_s, top_speed(drivetrain))
@@ -361,11 +362,11 @@ def _loss(shaft_w: float, speed_rad_s: float, drivetrain: Drivetrain) -> float:
 
 
 _LOSSES: Final = {f.name: f.metadata["lossless"] for f in fields(Drivetrain) if "lossless" in f.metadata}
-"""Entries of the loss map, and the value with which each loses least."""
+"""Entry of the loss map -> the value at which its loss is smallest."""
 
 
 def _loss_fields(shaft_w: float, speed_rad_s: float, drivetrain: Drivetrain) -> tuple[str, ...]:
-    """Entries without which the loss would be at least a fifth smaller."""
+    """Return the entries without whose loss the total loss would be at least a fifth smaller."""
     most = 0.8 * _loss(shaft_w, speed_rad_s, drivetrain)
     without = {name: replace(drivetrain, **{name: value}) for name, value in _LOSSES.items()}
     names = [name for name, car in without.items() if _loss(shaft_w, speed_rad_s, car) < most]

@@ -1,7 +1,7 @@
-"""A car of which only a few figures are published, as the document of a car: the rest comes from its class.
+"""Document of a car with only a few published figures: the other values come from its class.
 
-Mass, power, usable energy and, where there is one, the coast-down are the car's own. Wheel, gear, motor and cells are those of
-its class, in proportion to the car's own figures; every such entry names that in `estimated`.
+Mass, power, usable energy and, if published, the coast-down are the car's own. Wheel, gear, motor and cells are those of the class, in
+proportion to the car's own figures; `estimated` of each such entry states this.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from tripwatt.vehicles.catalogue import (
 )
 
 WHEEL_RADIUS_M: Final = shipped_toml("vehicles/data/table/bodies.toml")["wheel_radius_m"]
-"""Rolling radius of usual tyres of a kind of body."""
+"""Kind of body -> rolling radius of its usual tyres."""
 
 GEAR_RATIO: Final = 9.5
 """Motor over wheel speed. The cars with a file of their own have 7.05 to 11.5, their mean is 9.3."""
@@ -34,27 +34,27 @@ CORNER_SPEED_RAD_S: Final = 420.0
 """Largest power over largest torque. The cars with a file of their own have 315 to 563 rad/s, their mean is 419."""
 
 TOP_SPEEDS_KM_H: Final = ((90.0, 160.0), (150.0, 200.0), (float("inf"), 240.0))
-"""Power over curb mass [W/kg] up to which a top speed is usual."""
+"""Pairs of a power over curb mass [W/kg] and the top speed [km/h] that is usual up to it."""
 
 RECOVERY_M_S2: Final = 2.0
-"""Deceleration up to which cars of these years recover energy without friction brakes, road tests: 0.2 g and more."""
+"""Deceleration up to which recent cars recover energy without friction brakes; road tests: 0.2 g and more."""
 
 COASTING_M_S2: Final = 0.7
-"""Deceleration that a quadricycle recovers from: lifting the accelerator alone, since its brake pedal acts on friction brakes (Renault, Twizy)."""
+"""Deceleration up to which a quadricycle recovers energy, without the brake pedal, which acts on friction brakes (Renault, Twizy)."""
 
 RECOVERY_W_PER_KG: Final = 45.0
 """Largest recovery over mass. The cars with a file of their own have 20 to 46 W/kg, newer ones 37 to 46."""
 
 PACK_KG_PER_KWH: Final = 6.2
-"""Pack over usable energy: about 160 Wh/kg, as 375 kg of the ID.3 for 58 kWh."""
+"""Mass of the pack over usable energy: about 160 Wh/kg, such as 375 kg for 58 kWh of the ID.3."""
 
 
 @dataclass(frozen=True, slots=True)
 class Cells:
     """Cells of one chemistry: their shared file, and two voltages of one cell [V].
 
-    The mean between the ends of the display turns energy into charge; the nominal one turns a pack's nominal voltage into the
-    number of cells in series.
+    `mean_v`, the mean over the range of the display, converts energy to charge. `nominal_v` converts the nominal voltage of a pack
+    to the number of cells in series.
     """
 
     shared: str
@@ -63,22 +63,23 @@ class Cells:
 
 
 CHEMISTRIES: Final = {"nmc": Cells("nmc_cells", 3.72, 3.65), "lfp": Cells("lfp_cells", 3.28, 3.20)}
-"""Cathodes: layered oxides (NMC, NCA), and iron phosphate. Nominal voltages are general figures of their cells."""
+"""Cells by their cathode: layered oxides (NMC, NCA), and iron phosphate. The nominal voltages are general figures."""
 
 MACHINES: Final = {
     "psm": "permanent_magnet_motor",
     "asm": "induction_motor",
     "eesm": "externally_excited_motor",
 }
-"""Shared file of each type of motor, by its word in the table."""
+"""Word for a type of motor in the table -> its shared file."""
 
 DISPLAY: Final = (0.03, 0.97)
-"""State of charge at which the display shows 0 and 1, as cars with 94 to 96 % of the gross energy usable."""
+"""State of charge at which the display shows 0 and 1, as in cars with 94 to 96 % of the gross energy usable."""
 
 RECENT_YEAR: Final = 2020
 HEAT_PUMPS: Final = {False: (2500.0, 2.0), True: (5000.0, 2.4)}
-"""Heat at 7 degC outside and coefficient of performance at 0 degC of a heat pump of a car before 2020 and of a later one. The first is that of the small
-cars of the library; the second general figures of R1234yf systems, 4 to 6 kW, and the EPA's rows at 20 degF informed the coefficient."""
+"""Whether a car is of 2020 or later -> heat [W] of its heat pump at 7 degC outside, and coefficient of performance at 0 degC. The values
+before 2020 are those of the small cars of the library. The later ones are general figures of R1234yf systems, 4 to 6 kW; the EPA's
+rows at 20 degF informed the coefficient."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,18 +91,18 @@ class Figures:
     title : str
     body : str
         One of `BODIES`.
-    curb_mass_kg, motor_power_w, usable_energy_wh, pack_voltage_v : Entry-like mapping
-        `value`, `source`, `licence` and perhaps `estimated`.
+    curb_mass, motor_power, usable_energy, pack_voltage : mapping of str to object
+        Figures [kg], [W], [Wh], [V], each with `value`, `source`, `licence` and perhaps `estimated`.
     heat_pump : bool
     recent : bool
         Whether the car is of 2020 or later.
     chemistry : str
-        Of `CHEMISTRIES`.
+        A key of `CHEMISTRIES`.
     machine : str
-        Of `MACHINES`.
+        A key of `MACHINES`.
     coastdown : Coastdown, optional
-    coastdown_cell : Cell, optional
-        Its citation.
+    coastdown_source : mapping of str to object, optional
+        Source, licence and estimate of the coast-down.
     """
 
     title: str
@@ -119,7 +120,7 @@ class Figures:
 
 
 def figures_of_row(row: Row) -> Figures:
-    """The figures of a car of the table."""
+    """Collect the figures of a car of the table."""
 
     def first(key: str, factor: float = 1.0, less: float = 0.0, estimated: str = "") -> dict[str, Any]:
         cell = row[key][0]
@@ -150,7 +151,7 @@ def figures_of_row(row: Row) -> Figures:
 
 
 def _split(row: Row) -> str:
-    """How the force of a coast-down was split into its parts."""
+    """Describe how the force of a coast-down was split into its parts."""
     if "drag_coefficient" not in row:
         return "the force is split so that B is that of a usual car; its energy on UDDS and HWFET stays"
     drag, area = row["drag_coefficient"][0], row["frontal_area"][0]
@@ -163,13 +164,13 @@ def _sourced(value: float, cell: Cell, estimated: str = "") -> dict[str, Any]:
 
 
 def similar_document(car: Figures, classes: ClassValues) -> dict[str, Any]:
-    """The document of a car, as a TOML of the library would have it.
+    """Make the document of a car, with the structure of a TOML of the library.
 
     Parameters
     ----------
     car : Figures
     classes : ClassValues
-        Road load of a car without a coast-down.
+        Values for the road load of a car without a coast-down.
     """
     radius = WHEEL_RADIUS_M[car.body]
     mass, power = float(car.curb_mass["value"]), float(car.motor_power["value"])

@@ -1,4 +1,4 @@
-"""A car with the origin of every value."""
+"""A car, and the origin of every value."""
 
 from __future__ import annotations
 
@@ -33,14 +33,15 @@ SECTIONS: Final[Mapping[str, type]] = {
     "climate": Climate,
     "charging": Charging,
 }
-"""Sections of a car's TOML and the part that each describes."""
+"""Section of a car's TOML -> the class of the part that it describes."""
 
 OPTIONAL_SECTIONS: Final[frozenset[str]] = frozenset({"tyres", "climate", "charging"})
 """Parts that a car may lack."""
 
 ANCHORS: Final = ("published", "road_load", "certification", "class", "road")
-"""What a car's values were held against: nothing; its certified consumption with a measured coast-down, or without one;
-nothing of its own, because its values are those of a class; or values carried from a test to the road already."""
+"""Tests to which a car's values are anchored. "published": none. "road_load": certified consumption and a measured coast-down.
+"certification": certified consumption without a coast-down. "class": none, because the values are those of a class. "road": the values
+already hold for the road."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,17 +53,17 @@ class Entry:
     value : float, str or tuple of float
         The value in `unit`.
     unit : str
-        As the TOML has it; "1" for a number without a unit.
+        Unit as in the TOML; "1" for a number without a unit.
     source : str
         Where the value comes from.
     estimated : str
-        How it was estimated; empty for a stated value.
+        How the value was estimated; empty if the source states it.
     scale : str
-        Scale of the state of charge to which the value belongs, empty where the value depends on none.
+        Scale of the state of charge on which the value is given; empty if the value depends on none.
     licence : str
-        Of the source, one of `tripwatt.vehicles.LICENCES`.
+        Licence of the source, one of `tripwatt.vehicles.LICENCES`, or several joined by " AND ".
     published : float, str, tuple of float or None
-        The car's value before trips changed it; None where `value` is the published one.
+        The value before trips changed it; None if `value` is the published one.
 
     Examples
     --------
@@ -90,7 +91,7 @@ class Vehicle:
     name : str
         Name of the TOML without its ending.
     title : str
-        Name for people.
+        Name of the car in texts.
     preset : str
         Preset of the TOML that was read.
     body : Body
@@ -98,7 +99,7 @@ class Vehicle:
     road_load : RoadLoad
         Resistance on a flat road.
     tyres : Tyres or None
-        How rolling drag depends on weather and warmth; None in presets without it.
+        How rolling drag depends on weather and warmth; None if the preset leaves it out.
     drivetrain : Drivetrain
         Gear, motor and inverter.
     regeneration : Regeneration
@@ -108,13 +109,13 @@ class Vehicle:
     auxiliaries : Auxiliaries
         Loads that neither drive nor heat.
     climate : Climate or None
-        Cabin and climate control; None in presets without it.
+        Cabin and climate control; None if the car or the preset has none.
     entries : mapping of str to Entry
-        "section.key" -> value, unit and source, as used.
+        "section.key" -> value, unit and source.
     anchor : str
-        What the values were held against, one of `ANCHORS`.
+        Tests to which the values are anchored, one of `ANCHORS`.
     charging : Charging or None
-        Charging power; None where it is not known.
+        Charging power; None if unknown.
 
     Examples
     --------
@@ -142,7 +143,7 @@ class Vehicle:
     charging: Charging | None = None
 
     def value(self, key: str) -> Value | None:
-        """Value of a part.
+        """Return a value of a part.
 
         Parameters
         ----------
@@ -152,7 +153,7 @@ class Vehicle:
         Returns
         -------
         float, str, tuple of float or None
-            In the unit of the entry; None where the car lacks the part or the value.
+            Value in the unit of the entry; None if the car lacks the part or the value.
 
         Examples
         --------
@@ -167,19 +168,19 @@ class Vehicle:
     def with_values(
         self, values: Mapping[str, Value | None], entries: Mapping[str, Entry] = types.MappingProxyType({})
     ) -> Vehicle:
-        """A car with other values of its parts.
+        """Return the car with other values of its parts.
 
         Parameters
         ----------
         values : mapping of str to (float, str, tuple of float or None)
-            By "section.key", in the unit of the entry.
+            "section.key" -> new value in the unit of the entry.
         entries : mapping of str to Entry
-            Take the place of those of the car.
+            "section.key" -> entry that replaces the one of the car.
 
         Returns
         -------
         Vehicle
-            A copy; nothing is checked.
+            A changed copy; the values are not checked.
 
         Examples
         --------

@@ -1,4 +1,4 @@
-"""A car without the values that the logs of a data set gave, so that it can be scored on these logs."""
+"""Cars without the values that come from the logs of a data set, so that forecasts can be scored on these logs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tripwatt.vehicles.vehicle import SECTIONS, Entry, Vehicle
 
 @cache
 def _known_without() -> Mapping[str, tuple[str, Mapping[str, Entry]]]:
-    """Data set -> its name in sources, and the entries that replace its values."""
+    """Return for each data set its name in sources, and the entries that replace its values."""
     known = {}
     for file in (data_folder() / "without").iterdir():
         document = tomllib.loads(file.read_text(encoding="utf-8"))
@@ -28,7 +28,7 @@ def _known_without() -> Mapping[str, tuple[str, Mapping[str, Entry]]]:
 
 
 def names_data(entry: Entry, dataset: str) -> bool:
-    """Whether a value comes from the logs of a data set, or was decided with them in sight.
+    """Return whether a value comes from the logs of a data set, or was chosen by looking at them.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def names_data(entry: Entry, dataset: str) -> bool:
     Returns
     -------
     bool
-        Whether source or estimate name the data set; False for a set from which no value came.
+        True if source or estimate name the data set; False for a data set from which no value comes.
 
     Examples
     --------
@@ -54,7 +54,7 @@ def names_data(entry: Entry, dataset: str) -> bool:
 
 
 def without_data(vehicle: Vehicle, dataset: str) -> Vehicle:
-    """Replace the values that the logs of a data set gave by those that the library would have without it.
+    """Replace the values that come from the logs of a data set by those that the library would have without them.
 
     Parameters
     ----------
@@ -66,12 +66,12 @@ def without_data(vehicle: Vehicle, dataset: str) -> Vehicle:
     Returns
     -------
     Vehicle
-        The same object where no value comes from the data set.
+        A copy with the replaced values; the same object if no value comes from the data set.
 
     Raises
     ------
     KeyError
-        When a value of the car comes from the data set and the library has no other.
+        If a value of the car comes from the data set and the library has no replacement.
 
     Examples
     --------

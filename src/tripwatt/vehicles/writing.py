@@ -1,4 +1,4 @@
-"""A car with all its values as a document, its text or a table: nothing is taken over from other files."""
+"""Writing of a car with all its values as a document, TOML or table that inherits nothing from other files."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from tripwatt.vehicles.vehicle import SECTIONS, Entry, Vehicle
 
 
 def vehicle_document(vehicle: Vehicle) -> dict[str, Any]:
-    """A car as the document from which `vehicle_from_document` makes the same car, with the source of every value.
+    """Convert a car to a document with the source of every value; `vehicle_from_document` makes the same car from it.
 
     Parameters
     ----------
     vehicle : Vehicle
-        A car with its entries; the source of a value that was replaced after the car was loaded names that.
+        A car with its entries. If a value was replaced after the car was loaded, its source in the document says so.
 
     Returns
     -------
     dict
-        As parsed from TOML: numbers, texts and lists.
+        Document as parsed from TOML: numbers, texts and lists.
 
     Examples
     --------
@@ -54,7 +54,7 @@ def _document(vehicle: Vehicle, entries: Mapping[str, Entry]) -> dict[str, Any]:
 
 
 def _replaced(vehicle: Vehicle, loaded: Vehicle) -> dict[str, Entry]:
-    """Entries of the values that are not those of the car as it was loaded."""
+    """Return entries for the values that were replaced after the car was loaded."""
     entries = {}
     for section in SECTIONS:
         part, before = getattr(vehicle, section), getattr(loaded, section)
@@ -75,7 +75,7 @@ def _replaced(vehicle: Vehicle, loaded: Vehicle) -> dict[str, Entry]:
 
 
 def render_vehicle(vehicle: Vehicle) -> str:
-    """TOML of a car, which `load_vehicle` reads back.
+    """Write a car as TOML, which `load_vehicle` can read.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ def describe_vehicle(
 ) -> tuple[tuple[str, str, str, str, str], ...]:
     """List all values of a car, in the order of the parts.
 
-    Arguments and errors as in `load_vehicle`.
+    Errors are those of `load_vehicle`.
 
     Parameters
     ----------
@@ -162,7 +162,7 @@ def describe_vehicle(
 
 
 def format_value(entry: Entry) -> str:
-    """The value of an entry as text."""
+    """Format the value of an entry as text."""
     if isinstance(entry.value, str):
         return entry.value
     if isinstance(entry.value, tuple):
