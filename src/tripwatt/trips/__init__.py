@@ -1,7 +1,7 @@
-"""Drives as data: `Log` as it came, `Trip` after its audit, `Plan` to come, and what is known at the `Departure`.
+"""Drives as data: a `Log` before its audit, a `Trip` after it, a `Plan` of a drive to come, and what is known at the `Departure`.
 
-`__init__.pyi` lists the names. Each is imported when it is used, since the help of the command line needs the table of a departure
-but not pandas.
+`__init__.pyi` lists the names. Each name is imported on first use, so that the help of the command line, which needs the table of
+departure fields, does not import pandas.
 """
 
 import lazy_loader

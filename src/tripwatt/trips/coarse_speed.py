@@ -1,13 +1,13 @@
 """Speed from a coarse log: values that are held over several rows, and values in whole km/h or mph.
 
-Taken as they stand, held and rounded values are steps: accelerations and standstills that the car never had. Two facts are
-found in the log itself.
+Used directly, held and rounded values are steps, with accelerations and standstills that the car never had. The log itself shows
+how long values are held and how they are rounded.
 
 Held values. A car changes its speed all the time, so a change of more than one step of rounding shows when the value was
-refreshed. The median time for which a value stood before such a change is the time ``H`` between refreshes. A value that stood
-for ``2 H`` or longer was refreshed with the same value until ``H`` before the next one: a standing car, or a steady drive. Only
-the refreshed values count. Between them the speed is a monotone cubic (Fritsch and Carlson, SIAM J. Numer. Anal. 17, 1980, in the
-form of SciPy's `PchipInterpolator`): it has no extremes of its own.
+refreshed. The median time for which a value lasted before such a change is the time ``H`` between refreshes. A value that lasted
+``2 H`` or longer was refreshed with the same value until ``H`` before the next one, by a standing car or in a steady drive. Only
+the refreshed values count. Between them the speed is a monotone cubic without extremes (Fritsch and Carlson, SIAM J. Numer. Anal.
+17, 1980, in the form of SciPy's `PchipInterpolator`).
 
 Rounded values. With the step ``r``, each value has an error of variance ``r^2 / 12``. The acceleration is taken as a random walk
 of intensity ``q``, as in the smoothing spline of Wahba (J. R. Stat. Soc. B 40, 1978):
@@ -15,8 +15,8 @@ of intensity ``q``, as in the smoothing spline of Wahba (J. R. Stat. Soc. B 40, 
     minimise  sum (x_i - y_i)^2 / (r^2 / 12)  +  sum (a_i - a_(i-1))^2 / (q d_i)
 
 over the speeds ``x_i``, with ``y_i`` the values of the log, ``a_i`` the accelerations between two of them and ``d_i`` the time
-from the middle of one interval to that of the next. It is a system with five diagonals. The solution is then cut to within half a
-step of each value.
+from the middle of one interval to the middle of the next. The solution of this system with five diagonals is then limited to within
+half a step of each value.
 """
 
 from __future__ import annotations
@@ -30,45 +30,45 @@ from tripwatt.arrays import FloatArray
 from tripwatt.trips.energy import resolution
 
 FINE_M_S: Final = 0.15
-"""Rounding up to this step [m/s] changes the energy of a drive by less than 0.1 %."""
+"""Largest step of rounding [m/s] that is ignored: it changes the energy of a drive by less than 0.1 %."""
 
 COARSEST_M_S: Final = 1.0
-"""A longer step [m/s] is that of a few values that a log happens to have."""
+"""Largest step of rounding [m/s]; a larger one only shows that a log has few different values."""
 
 FEWEST: Final = 10
-"""A step of fewer different values is a coincidence, and so is a time between fewer refreshes."""
+"""Smallest number of different values for a step, and of refreshes for a time between them; fewer may be chance."""
 
 SHORTEST_HOLD_S: Final = 0.5
-"""Shorter holding disappears in the means over seconds of a simulation."""
+"""Shortest time between refreshes [s] that counts; a shorter one disappears in the means over a second of a simulation."""
 
 LONGEST_HOLD_S: Final = 30.0
-"""Between values that are older [s] a car may stop and start again: no curve stands for its speed."""
+"""Longest time between refreshes [s] that is bridged; in a longer one a car may stop and start again."""
 
 LONGEST_SMOOTHED_S: Final = 4.0
-"""Between samples further apart [s] a car changes its speed by much more than the rounding: smoothing gains nothing."""
+"""Longest step between samples [s] for smoothing; in a longer one the speed changes by much more than the rounding."""
 
 JERK_INTENSITY: Final = 0.1
-"""Intensity of the random walk of a car's acceleration [m^2/s^5]: the one of 0.03, 0.1, 0.3, 1, 3 and 10 that leaves the least error of
+"""Intensity of the random walk of a car's acceleration [m^2/s^5]: the value among 0.03, 0.1, 0.3, 1, 3 and 10 with the least error of
 energy on TUM trips in whole km/h and mph every second."""
 
 _ROWS_HELD: Final = 1.5
 _SHORTEST_GAP_S: Final = 0.05
 _CERTAIN: Final = 1e6
-"""Weight of a standstill beside that of a rounded value."""
+"""Weight of a standstill over that of a rounded value."""
 
 
 @dataclass(frozen=True, slots=True)
 class Rebuilt:
-    """A speed without the steps of its logger.
+    """Speed of a log after held and rounded values are replaced.
 
     Attributes
     ----------
     speed_m_s : ndarray, shape (samples,)
         Speed [m/s], NaN where it is missing.
     held_s : float
-        Usual time between two refreshes of the value [s]; 0 where nothing was done about it.
+        Usual time between two refreshes of the value [s]; 0 if no held values were replaced.
     step_m_s : float
-        Step of rounding [m/s]; 0 where nothing was done about it.
+        Step of rounding [m/s]; 0 if no rounded values were replaced.
     """
 
     speed_m_s: FloatArray
@@ -77,10 +77,10 @@ class Rebuilt:
 
 
 def rebuild_speed(time_s: FloatArray, speed_m_s: FloatArray, filled: FloatArray | None = None) -> Rebuilt:
-    """Rebuild the speed of a coarse log from its measurements; that of a fine log stays as it is. O(samples log(samples)).
+    """Rebuild the speed of a coarse log; return the speed of a fine log unchanged. O(samples log(samples)).
 
-    The result is within half a step of rounding of every refreshed value, is 0 while the car stands, and is never negative where
-    the log is not. Rows whose time does not increase keep their value.
+    The result is within half a step of rounding of every refreshed value, 0 while the car stands, and not negative unless
+    the log is. Rows whose time does not increase keep their value.
 
     Parameters
     ----------
@@ -89,7 +89,8 @@ def rebuild_speed(time_s: FloatArray, speed_m_s: FloatArray, filled: FloatArray 
     speed_m_s : ndarray, shape (samples,)
         Speed as logged [m/s], NaN where it is missing.
     filled : ndarray, shape (samples,), optional
-        The same with missing values replaced by the last ones, where they may be. The result is a line there, and 0 after a 0.
+        The speed with missing values filled by the last known ones, as far as that is allowed. The result is interpolated
+        linearly there, but is 0 if the last known value is 0.
 
     Returns
     -------
@@ -125,7 +126,7 @@ def rebuild_speed(time_s: FloatArray, speed_m_s: FloatArray, filled: FloatArray 
 
 
 def refresh_time(time_s: FloatArray, speed_m_s: FloatArray) -> float:
-    """Usual time between two refreshes of the speed of the moving car [s]; 0 where each row is a measurement.
+    """Return the usual time between two refreshes of the speed of the moving car [s]; 0 if each row is a measurement.
 
     O(samples log(samples)).
 
@@ -139,7 +140,7 @@ def refresh_time(time_s: FloatArray, speed_m_s: FloatArray) -> float:
     Returns
     -------
     float
-        Median time for which a value stood before it changed by more than one step of rounding.
+        Median time for which a value lasted before it changed by more than one step of rounding.
 
     Examples
     --------
@@ -159,13 +160,13 @@ def refresh_time(time_s: FloatArray, speed_m_s: FloatArray) -> float:
 
 
 def _rounding_step(speed: FloatArray) -> float:
-    """Step of rounding [m/s]; 0 where it is fine or of too few values."""
+    """Return the step of rounding [m/s]; 0 if the step is fine, or the speed has too few different values."""
     step = resolution(speed)
     return step if FINE_M_S < step <= COARSEST_M_S and len(np.unique(speed)) >= FEWEST else 0.0
 
 
 def _refreshed(time: FloatArray, speed: FloatArray, held: float) -> tuple[FloatArray, FloatArray]:
-    """Times and values of the measurements: each change, and the last refresh of a value that stood for long."""
+    """Return times and values of the measurements: each change, and the last refresh of a value that lasted long."""
     starts = np.flatnonzero(np.diff(speed, prepend=np.nan) != 0.0)
     last = np.append(time[starts[1:]], time[-1]) - held
     rested = last - time[starts] > held - 0.5 * float(np.median(np.diff(time)))

@@ -1,6 +1,6 @@
-"""Columns of logs, numbers of trips and fields of links: their units, and the only bounds of their values.
+"""Columns of logs, quantities of trips and fields of links: units, bounds and checks of their values.
 
-Without NumPy and pandas, so that the help of the command line is quick.
+This module does not import NumPy and pandas, so that the help of the command line is quick.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from tripwatt.files import shipped_toml
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A canonical sample column: what it means and the range outside which a value cannot be one.
+    """A canonical column or quantity: its meaning, unit and possible range.
 
     Attributes
     ----------
@@ -49,13 +49,13 @@ class Column:
 
     @property
     def allowed(self) -> str:
-        """The range and its unit, as messages give it."""
+        """Text of range and unit for messages."""
         unit = "" if self.unit == "1" else f" {self.unit}"
         return f"{self.minimum:g} to {self.maximum:g}{unit}"
 
 
 def _columns(table: str) -> Mapping[str, Column]:
-    """A table of `columns.toml`."""
+    """Read a table of `columns.toml`."""
     return {name: Column(*about) for name, about in shipped_toml("trips/columns.toml")[table].items()}
 
 
@@ -68,10 +68,10 @@ QUANTITIES: Final = _columns("quantities")
 """Single numbers that belong to a whole trip."""
 
 DEPARTURE_BOUNDS: Final = _columns("departure")
-"""Narrower bounds of what a person gives for a departure."""
+"""Narrower bounds of values that a person gives for a departure."""
 
 BOUNDS: Final[Mapping[str, Column]] = {**QUANTITIES, **COLUMNS, **DEPARTURE_BOUNDS}
-"""Of every value that a departure may have, by its name."""
+"""Name of a number -> unit and bounds; those of `DEPARTURE_BOUNDS` come first."""
 
 LINK_COLUMNS: Final = _columns("links")
 """Fields of a link of a planned road."""
@@ -84,7 +84,7 @@ A_FRACTION: Final = "give a fraction, 0.9 for 90 %"
 
 
 def is_number(value: Any) -> bool:
-    """Whether a value is a single real number; a truth value is none.
+    """Return whether a value is a single real number; truth values do not count.
 
     Examples
     --------
@@ -95,16 +95,16 @@ def is_number(value: Any) -> bool:
 
 
 def number_faults(name: str, value: Any, allowed: Column, *, whole: bool = False) -> Iterator[Fault]:
-    """The fault of a value that is no finite number within bounds, whatever its type.
+    """Yield a fault if a value of any type is not a finite number within bounds.
 
     Parameters
     ----------
     name : str
-        Of the argument, in the message.
+        Name of the argument in the message.
     value : object
         What was given.
     allowed : Column
-        Unit and bounds. Of a fraction the message has a hint.
+        Unit and bounds. For a fraction, the message has a hint.
     whole : bool
         Whether only whole numbers are allowed.
 
@@ -134,12 +134,12 @@ def number_faults(name: str, value: Any, allowed: Column, *, whole: bool = False
 
 
 def require_number(name: str, value: Any, minimum: float = -math.inf, maximum: float = math.inf) -> float:
-    """A finite number of an argument, within bounds.
+    """Check that an argument is a finite number within bounds, and return it as a float.
 
     Raises
     ------
     InvalidInput
-        For another type, no finite number, or one out of its bounds.
+        If the value is not a number, not finite, or out of bounds.
 
     Examples
     --------
@@ -153,12 +153,12 @@ def require_number(name: str, value: Any, minimum: float = -math.inf, maximum: f
 
 
 def require_fraction(name: str, value: Any, minimum: float = 0.0) -> float:
-    """A probability or a state of charge of an argument: `minimum` to 1.
+    """Check that an argument is a fraction from `minimum` to 1, such as a probability, and return it as a float.
 
     Raises
     ------
     InvalidInput
-        For anything else, with the hint that 0.9 stands for 90 %.
+        If the value is anything else; the message has the hint that 0.9 stands for 90 %.
 
     Examples
     --------
@@ -174,17 +174,17 @@ def require_fraction(name: str, value: Any, minimum: float = 0.0) -> float:
 
 
 def scalar_faults(values: Mapping[str, Any]) -> Iterator[Fault]:
-    """Every single number outside the bounds of its name, a key of `COLUMNS` or `QUANTITIES`; None is unknown.
+    """Yield a fault for every number outside the bounds of its name, a key of `BOUNDS`; None means unknown and is allowed.
 
     Parameters
     ----------
     values : mapping of str to (float or None)
-        Name of a quantity to its value in the unit of the name.
+        Name of a quantity -> its value in the unit of the name.
 
     Yields
     ------
     Fault
-        One for each value that is no number, out of its bounds or not finite.
+        One for each value that is not a number, not finite, or out of bounds.
 
     Examples
     --------

@@ -15,13 +15,13 @@ class Context:
     season : {"summer", "winter"} or None
         Season of the drive.
     weather : str or None
-        One of the data set's own levels, in lower case.
+        Weather in the words of the data set, in lower case.
     started_at : datetime or None
-        Local time of departure; its date is the day of leave-one-day-out.
+        Local time of departure; leave-one-day-out groups trips by its date.
     route : str or None
         Kind of road in the words of the source, in lower case.
     cabin_setpoint_degc : float or None
-        Set-point [°C] at departure.
+        Set-point of the cabin at departure [°C].
     payload_mass_kg : float
         Load on top of the vehicle's test mass [kg].
     follows_trip : bool
@@ -29,9 +29,9 @@ class Context:
     remarks : str
         Free text from the source.
     car : str or None
-        Which car of a data set of several drove it; None where the set has one car.
+        Name of the car, if the data set has several cars; None otherwise.
     driver : str or None
-        Who drove, None where the source has no name.
+        Name of the driver; None if the source has none.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""What is known when the car leaves: one table of fields for the command line, the service, the page and the docs."""
+"""Departure: what is known when the car leaves, with one table of fields for command line, service, web page and docs."""
 
 from __future__ import annotations
 
@@ -28,25 +28,25 @@ SIGNALS: Final[Mapping[str, str]] = {
     "bms_soc": "soc",
     "soc": "displayed_soc",
 }
-"""Field of a departure -> the column of a log whose first sample it is. A log's `soc` is the battery management's."""
+"""Field of a departure -> the column of a log whose first value it takes. The column `soc` is that of the battery management."""
 
 TEMPERATURES: Final = tuple(name for name in SIGNALS if name.endswith("_degc"))
-"""Fields among the features of the correctors, which a forecast compares with its training."""
+"""Temperatures among the fields; they are features of the correctors, and a forecast compares them with its training."""
 
 FIRST_S: Final = 60.0
-"""A signal that is logged within this time counts as that of the departure: loggers start one after the other."""
+"""Time after the first sample [s] within which a value counts as that of the departure: signals do not start all at once."""
 
 WEATHER: Final = ("wind_speed_m_s", "wind_from_deg", "rain_mm_h", "pressure_pa")
-"""Fields that take the place of the weather of a server."""
+"""Fields of the weather; if one is known, the weather of a server is not used."""
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Departure:
-    """What is known when the car leaves. None means unknown; the models then take their defaults.
+    """What is known when the car leaves. None means unknown; the models then use defaults.
 
-    Each field is one entry of a table, from which come its checks, the options of the command line, the fields of requests, their
-    schema and the table of the docs. State of charge and temperatures of cabin and battery are those of the start, the others
-    hold for the whole trip.
+    The fields come from a table that also defines their checks, the options of the command line, the fields of requests with
+    their schema, and the table of the docs. State of charge and the temperatures of cabin and battery are those at the start; the
+    other fields hold for the whole trip.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class Departure:
     Raises
     ------
     InvalidInput
-        With every value of another type, out of its bounds, or of no known choice.
+        With every value that has a wrong type, is out of bounds, or is an unknown choice.
 
     Examples
     --------
@@ -94,16 +94,16 @@ class Departure:
 
     @property
     def has_weather(self) -> bool:
-        """Whether wind, rain or air pressure is known: the weather of a server then does not count."""
+        """Whether wind, rain or air pressure is known; the weather of a server is then not used."""
         return any(getattr(self, name) is not None for name in WEATHER)
 
     def without_weather(self) -> Departure:
-        """The departure without wind, rain and air pressure.
+        """Return the departure without wind, rain and air pressure.
 
         Returns
         -------
         Departure
-            With the outside temperature.
+            A copy that still has the outside temperature.
 
         Examples
         --------
@@ -114,22 +114,22 @@ class Departure:
 
     @classmethod
     def from_first_sample(cls, samples: Sampled, context: Context) -> Departure:
-        """The departure of a drive that was recorded, from its first sample and its context.
+        """Make the departure of a recorded drive from its first sample and its context.
 
-        A signal that the first sample lacks is that of the next one within `FIRST_S`, else it is unknown. An outside
-        temperature that only a sensor in the sun can show is unknown.
+        If the first sample lacks a signal, the first value within `FIRST_S` is used; without one the signal is unknown. A value
+        above the bounds for a person's input, as from a temperature sensor in the sun, is unknown.
 
         Parameters
         ----------
         samples : Sampled
-            Its first sample counts.
+            The drive, of which only the first values are used.
         context : Context
             What the log has beside its samples: season, weather, payload, the trip before.
 
         Returns
         -------
         Departure
-            Fields that neither has are None.
+            Fields that are in neither samples nor context are None.
 
         Raises
         ------
@@ -166,20 +166,20 @@ class Departure:
         )
 
     def merge(self, other: Departure | None) -> Departure:
-        """The departure with the known fields of another in place of its own.
+        """Return the departure with its fields replaced by the known fields of another departure.
 
-        A state of charge that a driver gives takes the place of the battery management's reading, a cabin temperature that of
-        the sensor's.
+        A displayed state of charge also replaces the reading of the battery management. A cabin temperature also replaces the
+        information whether it was logged.
 
         Parameters
         ----------
         other : Departure or None
-            None changes nothing.
+            The other departure; None changes nothing.
 
         Returns
         -------
         Departure
-            A new one.
+            A changed copy.
 
         Examples
         --------
@@ -196,7 +196,7 @@ class Departure:
         return replace(self, **known)
 
     def to_dict(self) -> dict[str, Any]:
-        """The fields that are known; the time of departure as ISO 8601.
+        """Return the known fields, with the time of departure as ISO 8601.
 
         Returns
         -------
@@ -215,16 +215,16 @@ class Departure:
         return known
 
     def _known(self) -> Iterator[tuple[str, Any]]:
-        """Name and value of every field that is known."""
+        """Yield name and value of every known field."""
         return ((name, value) for name in FIELDS if (value := getattr(self, name)) is not None)
 
     def to_frame(self) -> pd.DataFrame:
-        """One row; a column for each field, missing where unknown.
+        """Return a table of one row, with a column for each field; unknown fields are missing values.
 
         Returns
         -------
         DataFrame
-            Of one row.
+            Table of one row.
 
         Examples
         --------
@@ -246,7 +246,7 @@ class Departure:
 
 
 def _first_value(samples: Sampled, column: str) -> float | None:
-    """The first value of a column that is known, within `FIRST_S`; None without one."""
+    """Return the first known value of a column within `FIRST_S`; None if there is none."""
     if column not in samples:
         return None
     times = samples.array("time_s")
@@ -258,16 +258,16 @@ def _first_value(samples: Sampled, column: str) -> float | None:
 FIELDS: Final[Mapping[str, Field]] = {
     name: Field.from_entry(name, entry) for name, entry in shipped_toml("trips/departure.toml").items()
 }
-"""The table: name of a field of a departure -> what it holds and how it is given."""
+"""Name of a field of a departure -> its description, bounds and option."""
 
 ASKED: Final[Mapping[str, Field]] = {name: field for name, field in FIELDS.items() if field.option}
-"""Fields that a person gives: options of the command line, fields of a request and of the page."""
+"""Fields that a person can give: options of the command line, fields of a request and of the web page."""
 
 EXTRAS: Final = FIELDS["extras"].choices
-"""What can be fitted to the car or switched on for a trip."""
+"""Extras that can be fitted to the car or switched on for a trip."""
 
 TERRAINS: Final = FIELDS["terrain"].choices
-"""What is known of the country where the heights of a road are unknown."""
+"""Kinds of terrain, for a road of unknown heights."""
 
 
 def _described(name: str, field: Field) -> str:

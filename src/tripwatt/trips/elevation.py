@@ -1,4 +1,4 @@
-"""Heights of a log: those interpolated in time are put where the car was, those that no road can have are left out."""
+"""Repair of heights of a log: interpolate over distance rather than time, and leave out heights that no road can have."""
 
 from __future__ import annotations
 
@@ -10,37 +10,37 @@ from tripwatt.arrays import FloatArray, IntArray, distance_driven, running_sum
 from tripwatt.trips.columns import STEEPEST_GRADE
 
 FIX_TOLERANCE_M: Final = 0.016
-"""A height interpolated between two fixes and rounded to 0.01 m lies this close to the straight line."""
+"""Largest distance from a straight line of a height interpolated between two fixes and rounded to 0.01 m."""
 LEAST_BETWEEN_FIXES_S: Final = 30.0
-"""A measured height changes its slope more often than this."""
+"""Shortest mean time between the fixes of an interpolated height; the slope of a measured height changes more often."""
 
 HEIGHT_NOISE_M: Final = 10.0
-"""Error of satellite heights that a smoothing takes out."""
+"""Error of satellite heights that smoothing removes."""
 DRIFT_M_S: Final = 0.5
-"""A height drifts by at most this while the car stands."""
+"""Largest drift of a height while the car stands."""
 STEEPEST_ON_AVERAGE: Final = 0.2
-"""Mean grade that no road keeps over its length: the steepest streets are a few hundred metres long."""
+"""Largest mean grade of a longer road: the steepest streets are only a few hundred metres long."""
 LEAST_FAULT_M: Final = 60.0
-"""A smaller jump may be the climb since a sensor that holds its height had its last one: the Twizy's logger catches up by 40 m and more."""
+"""Smallest jump that is certainly a fault: a smaller one may be a sensor catching up with the road, by 40 m and more in the Twizy's log."""
 ROAD_PER_JUMP: Final = 25.0
-"""A jump inside the road costs this length of it for each metre: a shorter run between two jumps that cancel is left out."""
+"""Length of road that each metre of a jump costs: a shorter run between two opposite jumps is left out."""
 HELD: Final = 0.1
-"""Worth of a run whose height never changes, such as 0 m before the first fix; a run with a slope has 1."""
+"""Weight of a run whose height never changes, such as 0 m before the first fix; other runs have 1."""
 LONGEST_DRIFT_M: Final = 5000.0
-"""A receiver without a fix, as in a tunnel, drifts for at most this length of road before it jumps back."""
+"""Longest road on which a receiver without a fix, as in a tunnel, drifts before its height jumps back."""
 DRIFT_GRADE: Final = 0.07
-"""A drift is steeper than this: a longer rise of as much is a hill."""
+"""Smallest grade of a drift: a less steep rise is a hill."""
 TUNNEL_GRADE: Final = 0.01
-"""The road climbs by at most this along a drift, beside the noise."""
+"""Largest grade of the road along a drift, beyond the noise."""
 MOST_BACK: Final = 500
-"""Runs that may be left out one after the other."""
+"""Largest number of successive runs that may be left out."""
 
 
 def elevation_over_distance(time_s: FloatArray, speed_m_s: FloatArray, elevation_m: FloatArray) -> FloatArray:
-    """Elevation interpolated over distance between the fixes that a log shows. O(samples x fixes).
+    """Interpolate an elevation over distance, if the log has interpolated it over time. O(samples x fixes).
 
-    Some logs have a fix of the height every few minutes and straight lines in time between them: a car that waits at a
-    light then seems to climb. The fixes are where the lines meet. A height that is no such line is given back as it is.
+    Some logs have a fix of the height every few minutes, and straight lines over time between fixes: a car that waits at a
+    light then seems to climb. The fixes are where the lines meet. Any other elevation is returned unchanged.
 
     Parameters
     ----------
@@ -73,12 +73,12 @@ def elevation_over_distance(time_s: FloatArray, speed_m_s: FloatArray, elevation
 
 
 def heights_of_a_road(time_s: FloatArray, distance_m: FloatArray, elevation_m: FloatArray) -> FloatArray:
-    """Heights without those that no road can have. O(samples + jumps).
+    """Replace heights that no road can have. O(samples + jumps).
 
-    A jump rises by `HEIGHT_NOISE_M` more than the steepest street does in its distance. Between jumps are runs of heights. Those stay
-    that hold most of the road and that a road can join. What lies between them, such as voids of 0 m or a drift in a tunnel, is
-    interpolated over distance. A run at an end that does not stay, such as 0 m before the first fix, keeps its slopes but not its jump.
-    A jump that a sensor catches up with (below `LEAST_FAULT_M`) stays, but not beside 0 m at an end.
+    A jump is a change of height that exceeds that of the steepest street by `HEIGHT_NOISE_M`. Jumps divide the heights into runs.
+    The runs that stay cover most of the road, and a road can join each with the next. Heights between them, such as voids of 0 m
+    or a drift in a tunnel, are interpolated over distance. Other runs at an end, such as 0 m before the first fix, keep their slopes,
+    but their jump is removed. Jumps below `LEAST_FAULT_M`, by which a sensor catches up, stay, except beside 0 m at an end.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def heights_of_a_road(time_s: FloatArray, distance_m: FloatArray, elevation_m: F
     Returns
     -------
     ndarray, shape (samples,)
-        `elevation_m` itself where every height stays.
+        Repaired heights; `elevation_m` itself if every height stays.
 
     Examples
     --------
@@ -126,7 +126,10 @@ def heights_of_a_road(time_s: FloatArray, distance_m: FloatArray, elevation_m: F
 
 
 def _jumps(time: FloatArray, way: FloatArray, height: FloatArray) -> tuple[IntArray, IntArray]:
-    """First and last sample of each jump; a cut, between two samples, parts a drift from the road that it leaves or comes back to."""
+    """Return the first and the last sample of each jump.
+
+    Cuts are added as jumps between two samples, where a drift begins or ends.
+    """
     rise = np.diff(height)
     over = np.abs(rise) - STEEPEST_GRADE * np.diff(way) - DRIFT_M_S * np.diff(time)
     direction = np.where(over > 0.0, np.sign(rise), 0.0)
@@ -147,7 +150,7 @@ def _jumps(time: FloatArray, way: FloatArray, height: FloatArray) -> tuple[IntAr
 
 
 def _chain(way: FloatArray, height: FloatArray, first: IntArray, last: IntArray) -> list[int]:
-    """Numbers of the runs that hold most of the road, of which a road can join each with the next. O(runs)."""
+    """Return the indices of the runs that cover most of the road, such that a road can join each with the next. O(runs)."""
     changes = running_sum(np.diff(height) != 0.0)
     most = np.where(changes[last] > changes[first], 1.0, HELD) * (way[last] - way[first])
     before = np.full(len(first), -1)
@@ -168,7 +171,7 @@ def _chain(way: FloatArray, height: FloatArray, first: IntArray, last: IntArray)
 
 
 def _fixes(time: FloatArray, height: FloatArray, most: int) -> IntArray | None:
-    """Numbers of the samples between which straight lines in time hold (Douglas and Peucker 1973); None for more lines."""
+    """Find samples between which heights are straight lines over time (Douglas and Peucker 1973); None for more than `most` lines."""
     kept = {0, len(time) - 1}
     spans = [(0, len(time) - 1)]
     while spans:

@@ -1,17 +1,18 @@
-"""Measured energy of a drive: the trapezoid of voltage times current, and how well it is known.
+"""Measured energy of a drive, by the trapezoidal rule from voltage times current, and its standard error.
 
-A logged power has two errors. It is rounded to a step ``r``, and it is logged now and then. The error of rounding has the
-variance ``r^2 / 12`` and is the same while the logged value is; with ``w_i`` the time that sample ``i`` counts for in the trapezoid,
+A logged power has two errors: it is rounded to a step ``r``, and it is unknown between samples. The error of rounding has the
+variance ``r^2 / 12`` and is the same while the logged value is the same; with ``w_i`` the weight [s] of sample ``i`` in the trapezoid,
 
     var_rounding = r^2 / 12 * sum over runs of equal values of (sum of w_i in the run)^2,
 
-which is ``r^2 / 12 * T * tau`` for a drive of the duration ``T`` with ``tau`` the mean time that a value lasts. Between two samples
-``d`` apart, a power with the variance ``s^2`` and the correlation ``exp(-lag / t)`` leaves the trapezoid the error variance
+which is ``r^2 / 12 * T * tau`` for a drive of the duration ``T`` with ``tau`` the mean time that a value lasts. For a power with the
+variance ``s^2`` and the correlation ``exp(-lag / t)``, the trapezoid between two samples ``d`` apart has the error variance
 
     s^2 (2 t^2 (x - 1 + e) - 2 d t (1 - e) + d^2 (1 + e) / 2),   x = d / t,   e = exp(-x),
 
-and the covariance ``s^2 a a'`` with that of the next interval, where ``a = t (1 - e) - d (1 + e) / 2``: both are integrals of the
-correlation. `POWER_TIME_S` is ``t``; ``s^2`` is the variance of the logged power less that of its rounding.
+and the covariance ``s^2 a a'`` with the error of the next interval, where ``a = t (1 - e) - d (1 + e) / 2`` and ``a'`` is the same
+for the next interval. Both are integrals of the correlation. `POWER_TIME_S` is ``t``; ``s^2`` is the variance of the logged power less
+that of its rounding.
 """
 
 from __future__ import annotations
@@ -29,16 +30,16 @@ POWER_TIME_S: Final = 4.0
 """Correlation time of a car's battery power: that of the TUM trips falls to 0.75 in 1 s and to 0.25 in 5 s."""
 
 NEGLIGIBLE_SHARE: Final = 0.02
-"""Standard error over the energy that is not worth a word: beside the 6 % error of a good forecast it widens an interval by a twentieth."""
+"""Largest standard error over the energy that is neglected: with the 6 % error of a good forecast it widens an interval by a twentieth."""
 
 _LATTICE_TOLERANCE: Final = 1e-7
 
 
 def observed_cumulative_energy(samples: pd.DataFrame | Mapping[str, FloatArray]) -> FloatArray | None:
-    """Cumulative energy at the battery terminals [Wh], trapezoid of voltage times current.
+    """Cumulative energy at the battery terminals [Wh], by the trapezoidal rule from voltage times current.
 
-    Samples in which voltage or current is missing are bridged by the trapezoid between their neighbours. A log that
-    has neither may bring a column `observed_energy_wh` of its own, such as one from the state of charge.
+    The power of samples without voltage or current is interpolated. A log without both columns may have a column
+    `observed_energy_wh` instead, such as an energy from the state of charge.
 
     Parameters
     ----------
@@ -49,7 +50,7 @@ def observed_cumulative_energy(samples: pd.DataFrame | Mapping[str, FloatArray])
     Returns
     -------
     ndarray, shape (samples,), or None
-        Starts at 0; None without a measurement.
+        Energy, which starts at 0; None without a measurement.
 
     Examples
     --------
@@ -77,7 +78,7 @@ def observed_cumulative_energy(samples: pd.DataFrame | Mapping[str, FloatArray])
 
 
 def observed_energy(samples: pd.DataFrame) -> float | None:
-    """Energy at the battery terminals over all samples [Wh], None without voltage and current.
+    """Energy at the battery terminals over all samples [Wh]; None without a measurement.
 
     Parameters
     ----------
@@ -87,7 +88,7 @@ def observed_energy(samples: pd.DataFrame) -> float | None:
     Returns
     -------
     float or None
-        Energy taken from the battery [Wh], negative when more was charged than discharged.
+        Energy taken from the battery [Wh], negative if more was charged than discharged.
 
     Examples
     --------
@@ -102,12 +103,12 @@ def observed_energy(samples: pd.DataFrame) -> float | None:
 
 
 def observed_energy_std(samples: pd.DataFrame) -> float | None:
-    """Standard error of the energy from voltage and current [Wh], by rounding and by the time between samples. O(samples).
+    """Standard error of the energy from voltage and current [Wh], due to rounding and the time between samples. O(samples).
 
     Returns
     -------
     float or None
-        None without voltage and current, or where it is less than `NEGLIGIBLE_SHARE` of the energy.
+        None without voltage and current, or if the error is at most `NEGLIGIBLE_SHARE` of the energy.
 
     Examples
     --------
@@ -124,7 +125,7 @@ def observed_energy_std(samples: pd.DataFrame) -> float | None:
 
 
 def power_energy_std(time_s: FloatArray, voltage_v: FloatArray, current_a: FloatArray) -> float | None:
-    """`observed_energy_std` of columns, each of shape (samples,); NaN where a value is missing."""
+    """Compute `observed_energy_std` from arrays of shape (samples,); missing values are NaN."""
     known = np.isfinite(time_s) & np.isfinite(voltage_v) & np.isfinite(current_a)
     time, voltage, current = time_s[known], voltage_v[known], current_a[known]
     with np.errstate(over="ignore", invalid="ignore"):  # a log may hold anything until it is audited
@@ -140,7 +141,7 @@ def power_energy_std(time_s: FloatArray, voltage_v: FloatArray, current_a: Float
 
 
 def resolution(values: FloatArray) -> float:
-    """The step that values were rounded to: the largest number of which their differences are multiples; 0 if there is none.
+    """Step to which values were rounded: the largest number of which all their differences are multiples; 0 if there is none.
 
     Examples
     --------
@@ -164,7 +165,7 @@ def resolution(values: FloatArray) -> float:
 
 
 def _rounding_error(power: FloatArray, voltage: FloatArray, current: FloatArray) -> FloatArray:
-    """Standard deviation of the rounding of each power [W], by its own step or by those of its factors."""
+    """Standard deviation of the rounding of each power [W], from the step of the power or else those of voltage and current."""
     step = resolution(power)
     if step > 0.0:
         return np.full(len(power), step / np.sqrt(12.0))
@@ -173,7 +174,7 @@ def _rounding_error(power: FloatArray, voltage: FloatArray, current: FloatArray)
 
 
 def _of_rounding(time: FloatArray, power: FloatArray, error: FloatArray) -> float:
-    """Variance of the energy by the rounding of each sample [J^2]."""
+    """Variance of the energy due to rounding [J^2]."""
     gaps = np.diff(time)
     counts_for = 0.5 * (np.append(gaps, 0.0) + np.append(0.0, gaps))
     starts = np.flatnonzero(np.append(True, np.diff(power) != 0.0))
@@ -181,11 +182,11 @@ def _of_rounding(time: FloatArray, power: FloatArray, error: FloatArray) -> floa
 
 
 def _of_sampling(time: FloatArray, variance_w2: float) -> float:
-    """Variance of the energy by what the power does between its samples [J^2]."""
+    """Variance of the energy due to the unknown power between samples [J^2]."""
     gap, t = np.diff(time), POWER_TIME_S
     x = gap / t
     e, rest = np.exp(-x), -np.expm1(-x)
-    # by its series where the difference of large terms would lose its digits
+    # a series for small x, for which the difference of large terms would lose its digits
     own = np.where(
         x > 0.01,
         2.0 * t**2 * (x - rest) - 2.0 * gap * t * rest + 0.5 * gap**2 * (1.0 + e),

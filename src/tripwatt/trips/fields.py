@@ -1,4 +1,4 @@
-"""A field of a departure: what it holds, its bounds, and how a person gives it on the command line, in a request and in a form."""
+"""Fields of a departure: meaning and bounds, and how a person gives a value on the command line, in a request and in a form."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ class Field:
     Attributes
     ----------
     help : str
-        One sentence or more: what it is.
+        Meaning, in one sentence or more.
     label : str
-        Name for people, in flags and beside the input of a form; empty where a form does not ask for it.
+        Name in flags and beside the input of a form; empty if the form has no such input.
     column : Column or None
         Unit and bounds of a number.
     choices : tuple of str
-        Words that are allowed.
+        Allowed words.
     several : bool
-        Whether it holds any number of the choices.
+        Whether a value may have any number of the choices.
     type : {"text", "truth", "time"} or ""
         Kind of a value that is neither a number nor a choice.
     option : str
-        Option of the command line; two fields of one option are given as `A@B`. Empty without one.
+        Option of the command line, empty without one; two fields with the same option are given as `A@B`.
     metavar : str
-        What the help of the option shows for the value.
+        Placeholder of the value in the help of the option.
 
     Examples
     --------
@@ -52,12 +52,12 @@ class Field:
 
     @property
     def unit(self) -> str:
-        """Unit of a number; empty where it has none."""
+        """Unit of a number; empty if there is none."""
         return "" if self.column is None or self.column.unit == "1" else self.column.unit
 
     @property
     def allowed(self) -> str:
-        """What is allowed, in words."""
+        """Text of the allowed values."""
         if self.column is not None:
             return self.column.allowed
         if self.choices:
@@ -66,14 +66,14 @@ class Field:
 
     @classmethod
     def from_entry(cls, name: str, entry: Mapping[str, Any]) -> Field:
-        """A field of `departure.toml`, with the bounds of its name in the tables of columns and its unit as metavar.
+        """Make a field from an entry of `departure.toml`; bounds come from `BOUNDS`, and the unit is the default metavar.
 
         Parameters
         ----------
         name : str
-            Of the field.
+            Name of the field.
         entry : mapping of str to object
-            Attributes; the column as the name of another one or as its values, where it is not that of the name.
+            Attributes. `column` is a name of `BOUNDS` or the values of a column; by default, it is the column of `name`.
 
         Returns
         -------
@@ -94,12 +94,12 @@ class Field:
         return cls(**about)
 
     def faults(self, name: str, value: Any) -> Iterator[Fault]:
-        """The fault of a value; None is unknown and no fault.
+        """Yield a fault if a value is not allowed; None means unknown and is allowed.
 
         Parameters
         ----------
         name : str
-            Of the field, in the message.
+            Name of the field in the message.
         value : object
             What was given.
 
@@ -132,7 +132,7 @@ KINDS: Final[Mapping[str, str]] = {
 
 
 def _is(kind: str, value: Any) -> bool:
-    """Whether a value is of a kind. Truth values of NumPy count, the missing time of pandas does not."""
+    """Return whether a value is of a kind of `KINDS`. Truth values of NumPy count as "truth", NaT of pandas is no "time"."""
     if kind == "truth":
         return isinstance(value, bool) or type(value).__name__ in ("bool", "bool_")
     if kind == "text":
@@ -141,16 +141,16 @@ def _is(kind: str, value: Any) -> bool:
 
 
 def choice_faults(name: str, value: object, choices: tuple[str, ...]) -> Iterator[Fault]:
-    """The fault of a value that is none of some words; None is unknown and no fault.
+    """Yield a fault if a value is not one of the allowed words; None means unknown and is allowed.
 
     Parameters
     ----------
     name : str
-        Of the field, in the message.
+        Name of the field in the message.
     value : object
         What was given.
     choices : tuple of str
-        Words that are allowed.
+        Allowed words.
 
     Yields
     ------

@@ -1,4 +1,4 @@
-"""Flags: what a forecast, a route or a reader assumed or could not use, as data. `messages` makes the sentences."""
+"""Flags: data about what a forecast, a route or a reader assumed or could not use. `messages` turns flags into sentences."""
 
 from __future__ import annotations
 

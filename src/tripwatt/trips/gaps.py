@@ -1,4 +1,4 @@
-"""Gaps in the samples of a drive to come: short ones are bridged and flagged, longer ones refused."""
+"""Gaps in the samples of a planned drive: short gaps are bridged and flagged, longer gaps are faults."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ LONGEST_GAP_S: Final = 60.0
 """Longest gap of a speed trace that is bridged [s]; the audit splits a log at a longer one."""
 
 _LEAST_MS_STEP: Final = 50.0
-"""Median step from which times that are too long look like milliseconds: 20 Hz."""
+"""Median step of the times from which they look like milliseconds: 50 ms at 20 Hz."""
 
 
 def time_faults(time_s: FloatArray, where: str) -> Iterator[Fault]:
-    """Every reason why increasing times are not those of the samples of one trip to come. O(samples).
+    """Yield the reasons why increasing times cannot be those of the samples of one planned trip. O(samples).
 
     Parameters
     ----------
     time_s : ndarray, shape (samples,)
         Increasing times [s].
     where : str
-        Name for messages.
+        Name of the samples in messages.
 
     Yields
     ------
@@ -70,7 +70,7 @@ def time_faults(time_s: FloatArray, where: str) -> Iterator[Fault]:
 
 
 def gap_flags(time_s: FloatArray) -> tuple[Flag, ...]:
-    """The flag of a speed trace with gaps: their time in all [s]. O(samples).
+    """Return a flag with the total time of the gaps of a speed trace [s]. O(samples).
 
     Parameters
     ----------

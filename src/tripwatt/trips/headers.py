@@ -1,4 +1,4 @@
-"""Names of columns and keys that are not ours: the faults of a header, and our name of the same quantity."""
+"""Unknown names of columns and keys: the faults of a header, and the known name of the same quantity."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from typing import Final
 from tripwatt.errors import MOST_FAULTS, MOST_HINTS, Fault
 
 DELIMITERS: Final = ";,\t|"
-"""What may be between the cells of a text table."""
+"""Possible delimiters between the cells of a text table."""
 
 LONGEST_NAME: Final = 60
-"""Characters of a name that are compared and shown."""
+"""Number of characters of a name that are compared and shown."""
 
 UNITS: Final = re.compile(
     r"_(m_s|km_h|kmh|kph|mph|k?m|mi|ft|m?s|min|h|deg[cf]|[cfk]|[mk]?v|m?a|k?w|k?wh|nm|pa|1|pct|percent)$"
@@ -22,15 +22,16 @@ UNITS: Final = re.compile(
 
 
 def same_quantity(name: object, known: Collection[str], *, cutoff: float = 0.6) -> str:
-    """The known name of the same quantity, whatever its unit, else the most similar one; empty where none is near.
+    """Return the known name of the same quantity in any unit, or else the most similar known name; empty if none is similar.
 
     Parameters
     ----------
     name : object
-        As it comes from outside.
+        Name in the input.
     known : collection of str
+        Known names.
     cutoff : float
-        Least similarity of another quantity's name, see `difflib.get_close_matches`.
+        Least similarity for the name of another quantity, see `difflib.get_close_matches`.
 
     Examples
     --------
@@ -45,18 +46,18 @@ def same_quantity(name: object, known: Collection[str], *, cutoff: float = 0.6) 
 def header_faults(
     names: Sequence[str], known: Collection[str], where: str, what: str, hint: Callable[[str], str]
 ) -> Iterator[Fault]:
-    """Columns that are unknown, and those that occur twice. O(names): hints for the first few alone.
+    """Yield the faults of unknown and of duplicate columns. O(names); only the first few have hints.
 
     Parameters
     ----------
     names : sequence of str
-        As a file has them.
+        Names of the columns of a file.
     known : collection of str
-        Names that are allowed.
+        Allowed names.
     where, what : str
-        Name of the table and of the fault for messages.
+        Names of the table and of the fault of an unknown column in messages.
     hint : callable
-        What helps against an unknown name; empty for nothing.
+        Unknown name -> hint for the message; empty for no hint.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Newton's second law as a check of a log: the mass that would make its power fit its acceleration."""
+"""Check of a log by Newton's second law: the mass at which its power fits its acceleration."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ WRONG_SIGN: Final = -0.3
 
 
 def apparent_mass(time: FloatArray, speed: FloatArray, power: FloatArray) -> tuple[float, float] | None:
-    """Slope [kg] of battery power over speed times acceleration, and their correlation.
+    """Fit battery power over speed times acceleration; return the slope [kg] and the correlation.
 
-    From power = ... + mass x speed x acceleration / efficiency. A speed in a wrong unit enters squared, a power in a
-    wrong unit or with a wrong sign directly, so that a wrong unit makes a mass that no car has. The means over
-    bins of a second keep the noise of differences down.
+    The slope is mass over efficiency, because power = ... + mass x speed x acceleration / efficiency. A speed in a wrong unit
+    enters squared, a power in a wrong unit or with a wrong sign linearly, so the slope is then no possible mass of a car. Means
+    over bins of a second reduce the noise of the differences.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def apparent_mass(time: FloatArray, speed: FloatArray, power: FloatArray) -> tup
     Returns
     -------
     (float, float) or None
-        None when less than two minutes of motion are left, or nothing varies.
+        None if less than two minutes of motion are left, or power or acceleration is constant.
 
     Examples
     --------

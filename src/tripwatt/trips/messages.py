@@ -1,4 +1,4 @@
-"""English sentences for flags from `flags.toml`. Code that computes passes flags on; sentences are made where somebody reads them."""
+"""English sentences of flags, from `flags.toml`. Computations pass flags; sentences are made only for output."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tripwatt.units import M_S_PER_KM_H
 
 
 def name_of(field: str) -> str:
-    """Name for people of a field.
+    """Return the readable name of a field.
 
     Examples
     --------
@@ -31,7 +31,7 @@ def name_of(field: str) -> str:
 
 
 def signal_name(column: str) -> str:
-    """Name for people of a column of a log.
+    """Return the readable name of a column of a log.
 
     Examples
     --------
@@ -46,13 +46,13 @@ def _number(flag: Flag) -> float:
 
 
 def _kwh(flag: Flag) -> str:
-    """Energy of a flag [Wh] in kWh: to 0.1, below 1 kWh to 0.01."""
+    """Format the energy of a flag [Wh] in kWh, rounded to 0.1 kWh, or to 0.01 kWh below 1 kWh."""
     value = _number(flag) / 1000.0
     return f"{value:.1f} kWh" if abs(value) >= 1.0 else f"{value:.2f} kWh"
 
 
 def _changed(flag: Flag, k: int) -> str:
-    """The old (0) or the new (-1) value of "old -> new" with its unit."""
+    """Return the old (k = 0) or the new (k = -1) value of a flag's "old -> new", with its unit."""
     unit = "" if flag.unit in ("", "1") else f" {flag.unit.replace('degc', '°C')}"
     return f"{str(flag.value).split(' -> ')[k]}{unit}"
 
@@ -74,17 +74,17 @@ FORMS: Final[Mapping[str, Callable[[Flag], str]]] = {
     "kwh": _kwh,
     "span": lambda f: period(_number(f)),
 }
-"""What stands in braces in the words of a flag; the page has its own in the units of the reader."""
+"""Placeholder in the words of a flag -> function that fills it. The web page has its own, in the units of the reader."""
 
 
 @cache
 def catalogue() -> Mapping[str, Any]:
-    """The words of all flags as `flags.toml` has them: `shared`, `names`, `flags`."""
+    """Return the tables of `flags.toml` with the words of all flags."""
     return shipped_toml("trips/flags.toml")
 
 
 def _picked(words: str | Mapping[str, str], flag: Flag) -> str:
-    """The words for the subject, the unit or the step of a flag."""
+    """Choose among words by the subject, the unit or the step of a flag."""
     if isinstance(words, str):
         return words
     steps = catalogue()["flags"][flag.code].get("steps", {})
@@ -93,7 +93,7 @@ def _picked(words: str | Mapping[str, str], flag: Flag) -> str:
 
 
 def severity_of(flag: Flag) -> str:
-    """Severity of a flag: "note", "caution", or "warning" for a trip that cannot end as planned.
+    """Return the severity of a flag: "note", "caution", or "warning" if the trip cannot end as planned.
 
     Examples
     --------
@@ -104,7 +104,7 @@ def severity_of(flag: Flag) -> str:
 
 
 def message(flag: Flag) -> str:
-    """The sentence of a flag; one of an unknown code is named with its fields.
+    """Return the sentence of a flag; for an unknown code, a text of its fields.
 
     Examples
     --------
@@ -129,7 +129,7 @@ def message(flag: Flag) -> str:
 
 
 def leave_in_words(soc: float, reserve: float, probability: float) -> str:
-    """What a driver reads of a charge to leave with, as `Forecast.soc_needed` gives it; rounded up.
+    """Return a sentence about the charge to leave with, rounded up to whole percent.
 
     Examples
     --------
@@ -152,7 +152,7 @@ def leave_in_words(soc: float, reserve: float, probability: float) -> str:
 
 
 def flag_to_dict(flag: Flag) -> dict[str, Any]:
-    """The four fields of a flag and its English `message`, as the command line and the service give them in JSON.
+    """Return the four fields of a flag and its English `message`, as in the JSON of the command line and the service.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""A road to come with the speed on it, and what is known at the door: all that a forecast before departure may see."""
+"""Plan of a drive to come: speed along the road, and what is known at departure. A forecast before departure uses nothing else."""
 
 from __future__ import annotations
 
@@ -30,29 +30,28 @@ ROUTE_COLUMNS: Final = ("time_s", "speed_m_s", "elevation_m", "grade")
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
 class Plan(Sampled):
-    """A drive to come: speed and road along its time, no measurements.
+    """A drive to come: speed and road over time, without measurements.
 
     Attributes
     ----------
     departure : Departure
-        What is known at the door.
+        What is known at departure.
     link_m : float or None
-        Where the speed was made from links: their mean length [m], each weighed by its own length. None where the
-        speed is that of a drive.
+        Mean length of the links from which the speed was made [m], weighted by length. None if the speed is that of a drive.
     flags : tuple of Flag
-        What had to be assumed of the road.
+        What had to be assumed about the road.
     step_s : float or None
-        Length of the steps of the samples [s]; None when they are not equal.
+        Step of the samples [s]; None if the steps are not equal.
     start_s : float
-        Time of the departure on the clock of what is measured on the way [s].
+        Time of departure on the clock of the measurements on the way [s].
     end_s : float or None
-        Time of the arrival on that clock [s]; None when only the plan has it.
+        Time of arrival on that clock [s]; None if only the plan itself gives the arrival.
     weather : PlanWeather or None
-        Wind, density of the air and rain along the plan, from a source of weather; None = calm, dry, standard atmosphere.
+        Wind, air density and rain along the plan, from a source of weather; None means calm, dry, standard atmosphere.
     free_flow : bool
-        Whether the travel times are those of an empty road, as a router without traffic gives them.
+        Whether the travel times are those of an empty road, as from a router without traffic.
     heading_deg : ndarray, shape (samples,), or None
-        Direction of travel, clockwise from north; None where it is unknown.
+        Direction of travel, clockwise from north [°]; None if unknown.
 
     Examples
     --------
@@ -78,7 +77,7 @@ class Plan(Sampled):
         _require_duration(self.duration_s, self.trip_id)
 
     def array(self, column: str) -> FloatArray:
-        """One column as a float64 array, shape (samples,), much faster than one of a trip: a plan has few columns.
+        """Return one column as a float64 array, shape (samples,); much faster than for a trip, as a plan has few columns.
 
         Parameters
         ----------
@@ -88,12 +87,12 @@ class Plan(Sampled):
         Returns
         -------
         ndarray, shape (samples,)
-            Its values in the unit of the column, NaN where they are unknown.
+            Values in the unit of the column; unknown values are NaN.
 
         Raises
         ------
         KeyError
-            When the plan lacks the column.
+            If the plan lacks the column.
 
         Examples
         --------
@@ -113,25 +112,25 @@ class Plan(Sampled):
         link_m: float | None = None,
         flags: tuple[Flag, ...] = (),
     ) -> Plan:
-        """A plan from a speed trace as it is, `ROUTE_COLUMNS` alone.
+        """Make a plan from a speed trace with its samples unchanged, except for heights that no road can have.
 
         Parameters
         ----------
         trip_id : str
             Name of the drive.
         samples : DataFrame
-            Canonical columns; those that are no `ROUTE_COLUMNS` are dropped.
+            Canonical columns; all but `ROUTE_COLUMNS` are dropped.
         departure : Departure, optional
-            What is known when the car leaves.
+            What is known at departure.
         link_m : float, optional
             Mean length of the links [m] from which the speed was made.
         flags : tuple of Flag
-            What had to be assumed of the road.
+            What had to be assumed about the road.
 
         Returns
         -------
         Plan
-            With the samples as they are.
+            The plan, with a flag if heights were replaced.
 
         Raises
         ------
@@ -153,17 +152,17 @@ class Plan(Sampled):
         return cls(trip_id, route, departure or Departure(), link_m, tuple(dict.fromkeys((*flags, *more))))
 
     def with_departure(self, departure: Departure | None) -> Plan:
-        """The plan with the known fields of a departure in place of its own.
+        """Return the plan with its departure updated by the known fields of another departure.
 
         Parameters
         ----------
         departure : Departure or None
-            None changes nothing.
+            The other departure; None changes nothing.
 
         Returns
         -------
         Plan
-            A new one.
+            A changed copy.
 
         Examples
         --------
@@ -176,23 +175,23 @@ class Plan(Sampled):
 
     @property
     def air(self) -> PlanWeather | None:
-        """Wind, density of the air and rain: those of the departure where it names any, else `weather`."""
+        """Wind, air density and rain: from the departure if it has any weather, else `weather`."""
         if not self.departure.has_weather:
             return self.weather
         return PlanWeather.from_departure(self.departure, self.array("speed_m_s"), self.heading_deg)
 
     def with_weather(self, weather: PlanWeather | None) -> Plan:
-        """The plan in other weather, also in place of that of its departure.
+        """Return the plan with other weather, which also replaces the weather of its departure.
 
         Parameters
         ----------
         weather : PlanWeather or None
-            None = calm, dry, standard atmosphere.
+            The other weather; None means calm, dry, standard atmosphere.
 
         Returns
         -------
         Plan
-            A new one.
+            A changed copy.
 
         Examples
         --------
@@ -209,12 +208,12 @@ class Plan(Sampled):
         return self.has("elevation_m") or self.has("grade")
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values, with the names that a request of the service has.
+        """Convert the plan to plain values, with the names that a request to the service uses.
 
         Returns
         -------
         dict
-            Numbers, texts, lists and further dicts only.
+            Only numbers, texts, lists, dicts and None.
 
         Examples
         --------
@@ -234,17 +233,17 @@ class Plan(Sampled):
         }
 
     def plot(self, ax: Axes | None = None) -> Figure:
-        """Speed, and elevation where it is known, over time.
+        """Plot speed, and elevation if it is known, over time.
 
         Parameters
         ----------
         ax : Axes, optional
-            Whose place the panels take; a new figure without them.
+            Axes that the panels replace; a new figure if not given.
 
         Returns
         -------
         matplotlib.figure.Figure
-            Speed [km/h], elevation [m].
+            Panels of speed [km/h] and elevation [m].
 
         Examples
         --------
@@ -276,27 +275,27 @@ def _require_duration(duration_s: float, where: str) -> None:
 
 
 def plan_from_trip(trip: Recorded, *, step_s: float = 1.0) -> Plan:
-    """What was known of a trip at its departure: its speed trace and road, and the first raw sample of the rest.
+    """Make a plan of a trip: its speed trace and road, and of the other signals only their values at departure.
 
-    Everything after that (simulation, features, forecast) has no other input, so nothing that was measured on the way
-    can leak into a forecast before departure. O(samples).
+    Simulation, features and forecast have no other input, so nothing that was measured on the way can leak into a forecast
+    before departure. O(samples).
 
     Parameters
     ----------
     trip : Trip
-        Raw samples.
+        A trip with raw samples.
     step_s : float
         Width of the bins of the speed trace [s].
 
     Returns
     -------
     Plan
-        Columns of `ROUTE_COLUMNS` as bin means; no measured energy.
+        Columns of `ROUTE_COLUMNS` as bin means, without the measured energy.
 
     Raises
     ------
     InvalidInput
-        When a value of the first sample is out of its bounds.
+        If a value of the first sample is out of its bounds.
 
     Examples
     --------
@@ -312,7 +311,7 @@ def plan_from_trip(trip: Recorded, *, step_s: float = 1.0) -> Plan:
 def plan_from_samples(
     samples: pd.DataFrame, trip_id: str = "trip", departure: Departure | None = None, *, step_s: float = 1.0
 ) -> Plan:
-    """A plan from a speed trace and its road; of other signals the first sample counts.
+    """Make a plan from a speed trace and its road; of the other signals only the values at departure are used.
 
     Gaps of up to `LONGEST_GAP_S` are bridged and flagged.
 
@@ -323,19 +322,19 @@ def plan_from_samples(
     trip_id : str
         Name of the plan.
     departure : Departure, optional
-        Its known fields take the place of those of the first sample.
+        Departure whose known fields replace those of the first sample.
     step_s : float
         Width of the bins of the speed trace [s].
 
     Returns
     -------
     Plan
-        Speed trace and road as bin means, with a flag when a gap was bridged.
+        Speed trace and road as bin means, with a flag if a gap was bridged.
 
     Raises
     ------
     InvalidInput
-        With every fault of the samples; also when they have a longer gap, or the trip is longer than `MOST_DURATION_S`.
+        With every fault of the samples, including a longer gap and a duration above `MOST_DURATION_S`.
 
     Examples
     --------
@@ -363,7 +362,7 @@ def _plan(drive: Sampled, departure: Departure, step_s: float) -> Plan:
 
 
 def _sound(route: dict[str, FloatArray]) -> tuple[dict[str, FloatArray], tuple[Flag, ...]]:
-    """Columns of a plan without heights that no road can have, and the flag that says so."""
+    """Replace heights that no road can have in the columns of a plan; return the columns, and a flag if any were replaced."""
     if "elevation_m" not in route:
         return route, ()
     time, speed, height = (route[name] for name in ROUTE_COLUMNS[:3])

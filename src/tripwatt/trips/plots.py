@@ -1,4 +1,4 @@
-"""Pictures of departures, trips and plans."""
+"""Plots of trips and plans, and of energies by part."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from tripwatt.units import M_S_PER_KM_H
 
 LINE: Final = "#0b5c8a"
 LEAST_WH: Final = 1.0
-"""Parts of an energy that never take or give more are left out."""
+"""Parts of an energy that always stay below this magnitude are not plotted."""
 
 
 def plot_drive(drive: Sampled, title: str, energy_wh: FloatArray | None, ax: Axes | None) -> Figure:
-    """Speed along a drive, with elevation and measured energy where they are known."""
+    """Plot speed along a drive, and elevation and measured energy if they are known."""
     minutes = (drive.array("time_s") - drive.array("time_s")[0]) / 60.0
     curves = [("speed [km/h]", drive.array("speed_m_s") / M_S_PER_KM_H)]
     if drive.has("elevation_m"):
@@ -37,7 +37,7 @@ def plot_drive(drive: Sampled, title: str, energy_wh: FloatArray | None, ax: Axe
 def plot_parts(
     time_s: FloatArray, parts_wh: Mapping[str, FloatArray], total_wh: FloatArray, title: str, ax: Axes | None
 ) -> Figure:
-    """Cumulative energy by part and their sum over time; without parts that stay below `LEAST_WH`."""
+    """Plot cumulative energy by part and in total over time, without parts that stay below `LEAST_WH`."""
     axis, minutes = axes_or_new(ax, 8.0, 4.4), (time_s - time_s[0]) / 60.0
     for name, energy in parts_wh.items():
         if abs(energy).max() < LEAST_WH:

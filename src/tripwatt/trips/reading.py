@@ -1,4 +1,4 @@
-"""What a reader took of each file, and what it left out and why."""
+"""Reports of readers: what was read from each file, and what was left out and why."""
 
 from __future__ import annotations
 
@@ -50,11 +50,12 @@ def alike(things: Iterable[tuple[str, str, int, str]]) -> tuple[Alike, ...]:
     Parameters
     ----------
     things : iterable of (str, str, int, str)
-        Kind, place, count and the thing in full. Kinds that differ by figures alone are one kind.
+        Kind, place, count, and full text of each thing. Kinds that differ only in numbers are one kind.
 
     Returns
     -------
     tuple of Alike
+        One for each kind.
 
     Examples
     --------
@@ -101,7 +102,7 @@ class FileReading:
 
     @property
     def state(self) -> Literal["read", "in part", "left out"]:
-        """Whether all of it was read."""
+        """Whether the file was read completely, in part, or left out."""
         if not self.logs:
             return "left out"
         return "in part" if self.faults or self.rows_used < self.rows else "read"
@@ -109,12 +110,12 @@ class FileReading:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class ReadingReport:
-    """What a reader took of its files.
+    """What a reader read from its files.
 
     Attributes
     ----------
     files : tuple of FileReading
-        In the order in which they were read.
+        Files in the order in which they were read.
 
     Examples
     --------
@@ -129,12 +130,12 @@ class ReadingReport:
     files: tuple[FileReading, ...]
 
     def groups(self) -> tuple[Alike, ...]:
-        """What could not be read, by kind."""
+        """Group the faults of all files by kind."""
         return alike((f.what, file.name, f.count, f"{f}") for file in self.files for f in file.faults)
 
     @property
     def faults(self) -> Sequence[Fault]:
-        """Everything that could not be read."""
+        """Faults of all files: everything that could not be read."""
         return [fault for file in self.files for fault in file.faults]
 
     def __str__(self) -> str:

@@ -14,12 +14,12 @@ from tripwatt.arrays import FloatArray
 from tripwatt.errors import InvalidInput
 
 MOST_BINS: Final = 10_000_000
-"""Most bins of one drive: 115 days at 1 Hz. A few samples far apart would otherwise take any amount of memory."""
+"""Largest number of bins of one drive: 115 days at 1 Hz. Without it, a few samples far apart could take any amount of memory."""
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
 class Sampled:
-    """Samples of one drive under canonical names; what logs, trips and plans have in common.
+    """Samples of one drive under canonical names; the base of logs, trips and plans.
 
     Samples are never changed in place; each step makes a new object.
 
@@ -54,7 +54,7 @@ class Sampled:
         return column in self.samples.columns
 
     def array(self, column: str) -> FloatArray:
-        """One column as a float64 array, shape (samples,).
+        """Return one column as a float64 array, shape (samples,).
 
         Parameters
         ----------
@@ -64,17 +64,17 @@ class Sampled:
         Returns
         -------
         ndarray, shape (samples,)
-            Its values in the unit of the column, NaN where they are unknown.
+            Values in the unit of the column; unknown values are NaN.
 
         Raises
         ------
         KeyError
-            When the drive lacks the column.
+            If the drive lacks the column.
         """
         return self.samples[column].to_numpy(dtype=np.float64)
 
     def has(self, *columns: str) -> bool:
-        """Tell whether every named column is there with at least one finite value.
+        """Return whether every named column exists and has at least one known value.
 
         Parameters
         ----------
@@ -84,7 +84,7 @@ class Sampled:
         Returns
         -------
         bool
-            True for no names.
+            True if no names are given.
         """
         return all(c in self.samples.columns and not bool(np.isnan(self.array(c)).all()) for c in columns)
 
@@ -96,32 +96,32 @@ class Sampled:
 
     @property
     def distance_m(self) -> float:
-        """Distance by the trapezoid of speed over time [m]."""
+        """Distance driven [m], by the trapezoidal rule from speed over time."""
         return float(np.trapezoid(self.array("speed_m_s"), self.array("time_s")))
 
     def to_frame(self) -> pd.DataFrame:
-        """The samples, a copy.
+        """Return a copy of the samples.
 
         Returns
         -------
         DataFrame
-            One row per sample; to change it does not change the drive.
+            One row per sample; changes to this table do not change the drive.
         """
         return self.samples.copy()
 
 
 def table_of(columns: Mapping[str, FloatArray]) -> pd.DataFrame:
-    """Make a table of columns of floats of one length as one array of numbers, much faster than column by column.
+    """Make a table from float columns of equal length in one array, which is much faster than column by column.
 
     Parameters
     ----------
     columns : mapping of str to ndarray, shape (samples,)
-        Values by name.
+        Name of a column -> its values.
 
     Returns
     -------
     DataFrame
-        One column for each name, in their order, float64.
+        The columns in their order, float64.
 
     Examples
     --------
@@ -135,7 +135,7 @@ def table_of(columns: Mapping[str, FloatArray]) -> pd.DataFrame:
 
 
 def columns_of(samples: pd.DataFrame) -> dict[str, list[float | None]]:
-    """The columns of a table as JSON has them; a missing value is None.
+    """Convert a table to lists by column, as for JSON; missing values become None.
 
     Examples
     --------
@@ -156,14 +156,14 @@ def _names(columns: tuple[str, ...]) -> pd.Index:
 def bin_means(
     time: FloatArray, columns: Mapping[str, FloatArray], step_s: float
 ) -> tuple[int, dict[str, FloatArray]]:
-    """Number of bins of `step_s` seconds, and the mean of each column over each; see `resample`. O(samples).
+    """Divide time into bins of `step_s` seconds, and return the number of bins and the mean of each column in each. O(samples).
 
     Parameters
     ----------
     time : ndarray, shape (samples,)
-        Increasing times [s] since the first sample; they stand for the column `time_s`.
+        Increasing times since the first sample [s]; used in place of the column `time_s`.
     columns : mapping of str to ndarray, shape (samples,)
-        Values by name; NaN is unknown and not part of a mean.
+        Name of a column -> its values; NaN means unknown and is left out of the means.
     step_s : float
         Width of a bin [s], more than 0.
 
@@ -172,12 +172,12 @@ def bin_means(
     n_bins : int
         Number of bins from time 0 to the last sample.
     means : dict of str to ndarray, shape (n_bins,)
-        Means by name. A bin without samples is interpolated; its time is its centre.
+        Name of a column -> its means. In a bin without samples, the mean is interpolated and the time is the centre of the bin.
 
     Raises
     ------
     InvalidInput
-        For more than `MOST_BINS` bins.
+        If there would be `MOST_BINS` bins or more.
 
     Examples
     --------

@@ -1,7 +1,7 @@
 """Checks of a table of samples: its columns, and the bounds of their values.
 
-Everything that reads a log ends in the names of `COLUMNS` and everything that models a trip starts from them; `sources` does all
-renaming and unit conversion.
+Readers of logs produce columns with the names of `COLUMNS`, and models of trips use these; all renaming and unit conversion is in
+`sources`.
 """
 
 from __future__ import annotations
@@ -18,10 +18,9 @@ from tripwatt.trips.columns import COLUMNS, REQUIRED_COLUMNS, raise_faults
 
 
 def is_sound(samples: pd.DataFrame) -> bool:
-    """Whether a table of nothing but canonical columns of floats has no fault; False also for any other table.
+    """Return whether a table has only canonical float columns and no fault; False for any other table, even without a fault.
 
-    One pass over all columns, with the result of `structure_faults` and `value_faults` column by column.
-    O(samples x columns).
+    A quick check in one pass over all columns, consistent with `structure_faults` and `value_faults`. O(samples x columns).
 
     Parameters
     ----------
@@ -31,7 +30,7 @@ def is_sound(samples: pd.DataFrame) -> bool:
     Returns
     -------
     bool
-        True only when `validate_samples` would find nothing.
+        True only if `validate_samples` would find no fault.
 
     Examples
     --------
@@ -56,7 +55,7 @@ def is_sound(samples: pd.DataFrame) -> bool:
 def structure_faults(
     samples: pd.DataFrame, where: str, *, required: Sequence[str] = REQUIRED_COLUMNS
 ) -> Iterator[Fault]:
-    """Every reason why a table cannot be a trip at all. O(columns).
+    """Yield the faults of the structure of a table, with which it cannot be a trip. O(columns).
 
     Parameters
     ----------
@@ -65,12 +64,13 @@ def structure_faults(
     where : str
         Name of the table in messages.
     required : sequence of str
-        Columns that have to be there.
+        Columns that must exist.
 
     Yields
     ------
     Fault
-        One for each missing column, each name that comes twice, for too few samples, and for each column that is not numeric.
+        One for each missing column, for too few samples, for each duplicate name, and for each canonical column that is not
+        numeric.
 
     Examples
     --------
@@ -92,7 +92,10 @@ def structure_faults(
 
 
 def _is_numeric(values: pd.Series[Any]) -> bool:
-    """Whether NumPy takes the values as real numbers: neither truth values nor complex ones, and missing ones as NaN."""
+    """Return whether a column has real numbers of NumPy, or of an extension type without missing values.
+
+    Truth values and complex numbers do not count.
+    """
     if isinstance(values.dtype, np.dtype):
         return values.dtype.kind in "iuf"
     types = pd.api.types
@@ -102,19 +105,20 @@ def _is_numeric(values: pd.Series[Any]) -> bool:
 
 
 def value_faults(samples: pd.DataFrame | Mapping[str, FloatArray], where: str) -> Iterator[Fault]:
-    """Every value that cannot be one, of a table without structure faults. O(samples x columns).
+    """Yield the faults of the values of a table without structure faults. O(samples x columns).
 
     Parameters
     ----------
     samples : DataFrame or mapping of str to ndarray
-        One row per sample, for which `structure_faults` finds nothing.
+        One row per sample; `structure_faults` must find no fault.
     where : str
         Name of the table in messages.
 
     Yields
     ------
     Fault
-        Missing values of required columns, values out of the bounds of their column, times that do not increase.
+        At most one for each column with missing values (if it is required), one for each column with values out of bounds,
+        and one if times do not increase.
 
     Examples
     --------
@@ -146,7 +150,7 @@ def value_faults(samples: pd.DataFrame | Mapping[str, FloatArray], where: str) -
 
 
 def validate_samples(samples: pd.DataFrame, where: str) -> None:
-    """Raise `InvalidInput` with every fault of the samples; return None when there is none.
+    """Raise `InvalidInput` with every fault of the samples, if there is any.
 
     Parameters
     ----------
@@ -158,7 +162,7 @@ def validate_samples(samples: pd.DataFrame, where: str) -> None:
     Raises
     ------
     InvalidInput
-        With every fault of the structure, or, when it has none, with every fault of the values.
+        With every fault of the structure, or, if the structure has none, with every fault of the values.
 
     Examples
     --------

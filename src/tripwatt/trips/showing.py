@@ -1,4 +1,4 @@
-"""How objects of the library look: small HTML tables in a notebook, and lengths of time and way in words."""
+"""Display of objects: small HTML tables in a notebook, and texts of durations and distances."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_MINUTE
 
 
 def html_table(title: str, rows: Iterable[tuple[str, str]]) -> str:
-    """A table of names and values with a caption; every text is escaped.
+    """Return an HTML table of names and values with a caption; every text is escaped.
 
     Examples
     --------
@@ -23,7 +23,7 @@ def html_table(title: str, rows: Iterable[tuple[str, str]]) -> str:
 
 
 def period(seconds: float) -> str:
-    """A length of time in words.
+    """Format a duration as text.
 
     Examples
     --------
@@ -37,7 +37,7 @@ def period(seconds: float) -> str:
 
 
 def span(name: str, low: float, high: float) -> str:
-    """A range in words, in the unit that its name ends with.
+    """Format a range as text; the ending of its name determines the unit.
 
     Examples
     --------
@@ -50,7 +50,7 @@ def span(name: str, low: float, high: float) -> str:
 
 
 def journey(distance_m: float, duration_s: float) -> str:
-    """Distance and duration of a drive, for people.
+    """Format distance and duration of a drive as text.
 
     Examples
     --------

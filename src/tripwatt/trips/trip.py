@@ -1,4 +1,4 @@
-"""Drives that took place: a `Log` as it came, a `Trip` after its audit."""
+"""Drives that took place: a `Log` before its audit, a `Trip` after it."""
 
 from __future__ import annotations
 
@@ -25,22 +25,22 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
 class Recorded(Sampled):
-    """A drive that took place: its context and what was measured of its energy.
+    """A drive that took place, with its context and its measured energy.
 
     Attributes
     ----------
     context : Context
         What is known of the drive as a whole.
     observed_energy_wh : float or None
-        Measured energy of the whole drive [Wh], from the raw samples; None without voltage and current.
+        Measured energy of the whole drive [Wh], from the raw samples; None without a measurement.
     step_s : float or None
-        Length of the steps [s] after `resample`, None for raw samples. After `resample`, the samples also hold
+        Length of the steps [s] after `resample`; None for raw samples. After `resample`, the samples also have
         `observed_energy_wh`, the measured cumulative energy at the end of each step.
     observed_energy_std_wh : float or None
-        Standard error of `observed_energy_wh` [Wh]: of an energy from the state of charge, or from a power that was logged
-        coarsely or seldom; None where it is negligible.
+        Standard error of `observed_energy_wh` [Wh], if the energy comes from the state of charge or from a power that was
+        logged coarsely or rarely; None if the error is negligible.
     observed_energy_common_std : float
-        The part of it that all energies of the car have in common, such as a capacity that is not well known, over the energy.
+        Part of the standard error that all energies of the car have in common, as from an uncertain capacity, over the energy.
 
     Examples
     --------
@@ -65,23 +65,23 @@ class Recorded(Sampled):
 
     @property
     def observed_energy_own_std_wh(self) -> float:
-        """The part of `observed_energy_std_wh` that is independent of other trips [Wh]; 0 where it is negligible."""
+        """Part of `observed_energy_std_wh` that is independent of other trips [Wh]; 0 if it is negligible."""
         common = self.observed_energy_common_std * (self.observed_energy_wh or 0.0)
         return math.sqrt(max((self.observed_energy_std_wh or 0.0) ** 2 - common**2, 0.0))
 
     @property
     def departure(self) -> Departure:
-        """What was known when the car left: the first sample, and the context.
+        """What was known at departure, from the first sample and the context.
 
         Raises
         ------
         InvalidInput
-            When a value of the first sample is out of its bounds.
+            If a value of the first sample is out of its bounds.
         """
         return Departure.from_first_sample(self, self.context)
 
     def between(self, from_s: float, to_s: float, *, trip_id: str | None = None) -> Self:
-        """The part of a raw drive with `from_s <= time_s <= to_s`, its energy measured anew.
+        """Return the part of a raw drive with `from_s <= time_s <= to_s`, with the energy of this part.
 
         Parameters
         ----------
@@ -90,7 +90,7 @@ class Recorded(Sampled):
         to_s : float
             Last time of the part [s], included.
         trip_id : str, optional
-            Name of the part; that of the drive by default.
+            Name of the part; the name of the drive by default.
 
         Returns
         -------
@@ -102,19 +102,19 @@ class Recorded(Sampled):
         return replace(self, trip_id=trip_id or self.trip_id).with_samples(part)
 
     def with_samples(self, samples: pd.DataFrame) -> Self:
-        """The same drive with other raw samples: its energy measured anew, with the standard error of a power.
+        """Return the drive with other raw samples, their energy and its standard error.
 
-        An energy without voltage and current keeps the standard error that it came with.
+        Without voltage and current, the standard error of the drive is kept.
 
         Parameters
         ----------
         samples : DataFrame
-            Canonical columns, one row a sample.
+            Canonical columns, one row per sample.
 
         Returns
         -------
         Self
-            With the energy of these samples.
+            A changed copy.
 
         Examples
         --------
@@ -129,12 +129,13 @@ class Recorded(Sampled):
         return replace(self, samples=samples, observed_energy_wh=energy, observed_energy_std_wh=std)
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values: identity, sums, context and the samples by column.
+        """Convert the drive to plain values: name, totals, context and the samples by column.
 
         Returns
         -------
         dict
-            Keys `trip`, `duration_s`, `distance_m`, `observed_energy_wh`, `context` and `samples`; context without what is unknown.
+            Keys `trip`, `duration_s`, `distance_m`, `observed_energy_wh`, `observed_energy_std_wh`, `context` and `samples`; the
+            context has only known fields.
         """
         context = {name: value for name, value in asdict(self.context).items() if value not in (None, "")}
         if self.context.started_at is not None:
@@ -150,17 +151,17 @@ class Recorded(Sampled):
         }
 
     def plot(self, ax: Axes | None = None) -> Figure:
-        """Speed, and elevation and measured energy where they are known, over time.
+        """Plot speed, and elevation and measured energy if they are known, over time.
 
         Parameters
         ----------
         ax : Axes, optional
-            Whose place the panels take; a new figure without them.
+            Axes that the panels replace; a new figure if not given.
 
         Returns
         -------
         Figure
-            A figure of matplotlib with one panel for each quantity that is known.
+            Figure of matplotlib with one panel for each known quantity.
         """
         from tripwatt.trips.plots import plot_drive  # matplotlib is slow to import
 
@@ -184,7 +185,7 @@ class Recorded(Sampled):
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
 class Log(Recorded):
-    """A drive as it was logged: its table is sound, its values may still be wrong. `tripwatt.auditing` judges them.
+    """A drive as it was logged. Its table is valid, but values may be wrong until `tripwatt.auditing` has judged them.
 
     Attributes
     ----------
@@ -195,11 +196,11 @@ class Log(Recorded):
     context : Context
         What is known of the drive as a whole.
     observed_energy_wh : float or None
-        Measured energy of the whole log [Wh], None without a measurement.
+        Measured energy of the whole log [Wh]; None without a measurement.
     step_s : float or None
-        None: a log is raw.
+        None, because a log is raw.
     observed_energy_std_wh : float or None
-        Standard error of the measured energy [Wh] where it comes from the state of charge, None otherwise.
+        Standard error of the measured energy [Wh]; None if it is negligible or unknown.
 
     Examples
     --------
@@ -210,7 +211,7 @@ class Log(Recorded):
 
     @classmethod
     def from_samples(cls, trip_id: str, samples: pd.DataFrame, context: Context | None = None) -> Log:
-        """A log whose table can be one.
+        """Make a log from a table, if the structure of the table is valid.
 
         Parameters
         ----------
@@ -224,12 +225,12 @@ class Log(Recorded):
         Returns
         -------
         Log
-            With its measured energy where the samples have one.
+            A log with its measured energy, if there is a measurement.
 
         Raises
         ------
         InvalidInput
-            When a required column is missing, is not numeric, or is too short.
+            If a required column is missing, a column is not numeric or duplicate, or there are fewer than two samples.
         """
         raise_faults(structure_faults(samples, trip_id))
         return cls(trip_id, samples, context or Context()).with_samples(samples)
@@ -246,15 +247,15 @@ class Trip(Recorded):
     samples : DataFrame
         One row per sample, canonical columns, float64.
     context : Context
-        What the log has beside its samples.
+        What is known of the drive as a whole.
     observed_energy_wh : float or None
-        Measured energy of the whole drive [Wh]; None without voltage and current.
+        Measured energy of the whole drive [Wh]; None without a measurement.
     step_s : float or None
-        Length of the steps [s] after `resample`, None for raw samples.
+        Length of the steps [s] after `resample`; None for raw samples.
     observed_energy_std_wh : float or None
-        Standard error of the energy [Wh]; None where it is negligible.
+        Standard error of the energy [Wh]; None if it is negligible.
     observed_energy_common_std : float
-        The part of it that all energies of the car have in common, over the energy.
+        Part of the standard error that all energies of the car have in common, over the energy.
 
     Examples
     --------
@@ -274,14 +275,14 @@ class Trip(Recorded):
         trip_id : str
             Name of the drive.
         samples : DataFrame
-            Canonical columns, one row a sample.
+            Canonical columns, one row per sample.
         context : Context, optional
-            What the log has beside its samples.
+            What is known of the drive as a whole.
 
         Returns
         -------
         Trip
-            With its measured energy, where voltage and current are known.
+            A trip with its measured energy, if there is a measurement.
 
         Raises
         ------
@@ -301,17 +302,17 @@ class Trip(Recorded):
 
     @classmethod
     def from_log(cls, log: Recorded) -> Trip:
-        """A log taken as it is, without an audit or a check of its values.
+        """Make a trip of a log without an audit or a check of its values.
 
         Parameters
         ----------
         log : Recorded
-            A log, as a reader gives it.
+            A log, for example from a reader.
 
         Returns
         -------
         Trip
-            With the samples, the context and the energy of the log.
+            A trip with the samples, the context and the energy of the log.
 
         Examples
         --------
@@ -325,28 +326,28 @@ class Trip(Recorded):
 
 
 def resample(trip: Trip, step_s: float = 1.0) -> Trip:
-    """Bin means of every column over steps of `step_s` seconds from the first sample. O(samples).
+    """Average every column over steps (bins) of `step_s` seconds from the first sample. O(samples).
 
-    A bin without samples is interpolated between its neighbours. `time_s` is the mean time of the bin and
-    starts near 0; the column `observed_energy_wh` is the measured cumulative energy at the end of the bin, from
-    the raw samples, so that its last value is the trip's `observed_energy_wh` to the last bit.
+    Bins without samples are interpolated between their neighbours. `time_s` is the mean time in the bin, from near 0 on.
+    The column `observed_energy_wh` is the measured cumulative energy at the end of the bin, from the raw samples, so its last
+    value is exactly the trip's `observed_energy_wh`.
 
     Parameters
     ----------
     trip : Trip
-        With raw samples.
+        A trip with raw samples.
     step_s : float
         Width of a bin [s], more than 0.
 
     Returns
     -------
     Trip
-        One row per bin, its `step_s` set.
+        A trip with one row per bin, and its `step_s` set.
 
     Raises
     ------
     InvalidInput
-        When `step_s` is not positive.
+        If `step_s` is not positive, or there are too many bins.
 
     Examples
     --------
@@ -369,7 +370,7 @@ def resample(trip: Trip, step_s: float = 1.0) -> Trip:
 
 
 def require_unique_ids(drives: Iterable[Sampled]) -> None:
-    """Raise `InvalidInput` when two drives share an id.
+    """Raise `InvalidInput` if two drives have the same id.
 
     Parameters
     ----------
@@ -379,7 +380,7 @@ def require_unique_ids(drives: Iterable[Sampled]) -> None:
     Raises
     ------
     InvalidInput
-        With all ids that come more than once.
+        With all ids that occur more than once.
 
     Examples
     --------

@@ -20,16 +20,16 @@ class TripSet:
     name : str
         The data set, e.g. "tum"; "synthetic" for the built-in fleet.
     logs : tuple of Log
-        Before any audit.
+        Logs before any audit.
     notes : tuple of Flag
         Notes of a reader, e.g. that season and weather are unknown.
     reference : mapping of str to (float or None), or None
-        The data set's reference trips: id -> time [s] at which the trip ends, None for its own end. None when the
-        data set defines none.
+        Reference trips of the data set: id -> time [s] at which the trip is cut off, or None if it is not cut. None if the
+        data set defines no reference trips.
     citation : str
-        Attribution that the data's licence requires, empty when it requires none.
+        Attribution that the licence of the data requires; empty if there is none.
     report : ReadingReport or None
-        What a reader took of each file; None for logs that were made.
+        What was read from each file; None for logs that were not read from files.
 
     Examples
     --------
@@ -48,16 +48,16 @@ class TripSet:
 
     @property
     def trips(self) -> tuple[Trip, ...]:
-        """The logs taken as trips, without an audit."""
+        """The logs as trips, without an audit."""
         return tuple(map(Trip.from_log, self.logs))
 
     def reference_trips(self) -> tuple[Trip, ...]:
-        """The reference trips among the logs, ended where the reference ends; empty without a reference.
+        """Return the reference trips among the logs, cut off where the reference ends; empty without a reference.
 
         Returns
         -------
         tuple of Trip
-            In the order of the logs.
+            Trips in the order of the logs.
         """
         ends = self.reference or {}
         return tuple(

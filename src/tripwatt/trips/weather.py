@@ -1,4 +1,4 @@
-"""The weather along a plan: wind against the car, the air's density, rain."""
+"""Weather along a plan: headwind, air density and rain."""
 
 from __future__ import annotations
 
@@ -22,18 +22,19 @@ WIND_AT_CAR: Final = math.log(CAR_HEIGHT_M / ROUGHNESS_M) / math.log(10.0 / ROUG
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PlanWeather:
-    """The weather along a plan, beside the outside temperature of its departure.
+    """Weather along a plan, except the outside temperature, which belongs to the departure.
 
     Attributes
     ----------
     headwind_m_s : ndarray, shape (samples of the plan,)
         Wind against the direction of travel at the car's height, negative from behind.
     air_density_kg_m3 : float or None
-        None where the pressure is not known: that of the standard atmosphere.
+        Density of the air [kg/m³]; None means that of the standard atmosphere, as the pressure is unknown.
     rain_mm_h : float
-        Rain on the road.
+        Rain on the road [mm/h].
     any_side_m_s : float
-        Root mean square of the headwind where its direction is unknown; `headwind_m_s` is then the one with the expected drag.
+        Root mean square of the headwind [m/s] if its direction is unknown; `headwind_m_s` is then the headwind with the expected
+        drag. Otherwise 0.
 
     Examples
     --------
@@ -53,25 +54,25 @@ class PlanWeather:
     def from_departure(
         cls, departure: Departure, speed_m_s: FloatArray, heading_deg: FloatArray | None
     ) -> PlanWeather:
-        """The weather that a departure names, the same along the whole plan. What it leaves out is calm and dry.
+        """Make the weather from the fields of a departure, constant along the plan; without these fields it is calm and dry.
 
-        Wind from an unknown side, or on a road of unknown direction, comes from each side alike: with the car's speed `v` and the
-        wind `w` at the car, the drag of head wind and tail wind of ``w / sqrt(2)`` has the mean and the variance of that of all
-        directions, as long as the wind is slower than the car.
+        If the direction of the wind or of the road is unknown, all directions of the wind are equally likely. The drag with head
+        wind or tail wind of ``w / sqrt(2)``, where `w` is the wind at the car, then has the same mean and variance as the drag over
+        all directions, as long as the wind is slower than the car.
 
         Parameters
         ----------
         departure : Departure
-            With wind, rain or air pressure.
+            A departure with wind, rain or air pressure.
         speed_m_s : ndarray, shape (samples,)
-            Of the car.
+            Speed of the car [m/s].
         heading_deg : ndarray, shape (samples,), or None
-            Direction of travel, clockwise from north; None where it is unknown.
+            Direction of travel, clockwise from north [°]; None if unknown.
 
         Returns
         -------
         PlanWeather
-            Shape (samples,).
+            Weather with a headwind of shape (samples,).
 
         Examples
         --------
@@ -96,12 +97,12 @@ class PlanWeather:
         return cls(headwind, air_density_at(departure), departure.rain_mm_h or 0.0, any_side)
 
     def sides(self) -> tuple[PlanWeather, PlanWeather]:
-        """Head wind and tail wind all the way, of `any_side_m_s`.
+        """Return two weathers, with a head wind and with a tail wind of `any_side_m_s` along the whole plan.
 
         Returns
         -------
         tuple of PlanWeather
-            Against the car, and from behind.
+            Wind against the car, and wind from behind.
 
         Examples
         --------
@@ -138,7 +139,7 @@ class PlanWeather:
 
 
 def air_density_at(departure: Departure) -> float | None:
-    """Density of the air [kg/m³] from pressure and outside temperature; None where one of them is unknown.
+    """Density of the air [kg/m³] from pressure and outside temperature; None if one of them is unknown.
 
     Examples
     --------
