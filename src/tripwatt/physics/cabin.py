@@ -47,7 +47,7 @@ WINTER_SUN: Final = 0.5
 
 
 def irradiance(weather: str | None, season: str | None = None) -> float:
-    """Solar irradiance [W/m²] expected from a weather report; `UNKNOWN_SUN_W_M2` if there is none or no word is known.
+    """Solar irradiance [W/m²] expected from a weather report; `UNKNOWN_SUN_W_M2` without a report.
 
     Examples
     --------
@@ -188,8 +188,8 @@ def condition_cabins(tasks: Sequence[CabinTask]) -> list[CabinRun]:
 
     Air and interior are two heat capacities, stepped implicitly. The control demands the heat that brings the air
     towards the set-point with its time constant; heater and cooler deliver it up to their limits. The more heat is
-    demanded, the more fresh air is blown in. Cool outside air cools without the compressor. Cabins of similar durations
-    are computed together without waste.
+    demanded, the more fresh air is blown in. Cool outside air cools without the compressor. Give cabins of similar
+    durations together: shorter ones are padded.
 
     Examples
     --------

@@ -77,7 +77,7 @@ class FileReading:
     Attributes
     ----------
     name : str
-        Of the file, as it was given.
+        Name of the file, as it was given.
     rows, rows_used : int
         Rows with a value, and those of them that are in a log.
     logs : int

@@ -23,7 +23,7 @@ class Difference:
     Attributes
     ----------
     key : str
-        "section.key", or the section alone if one of the cars lacks this part.
+        "section.key"; the section alone if one of the cars lacks this part, with the values "given" and "none".
     value : float, str, tuple of float or None
         Value of the car, in `unit`; None if the car has no value.
     other : float, str, tuple of float or None
