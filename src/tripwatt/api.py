@@ -34,33 +34,33 @@ Route = Path | str | bytes | pd.DataFrame | Sequence[Mapping[str, float | None]]
 """What `read_route` reads."""
 
 Cars = Vehicle | str | Sequence[Vehicle | str]
-"""A car, or the name of one of the library; one or several."""
+"""One or several cars, each as a `Vehicle` or by its name in the library."""
 
 
 def read_route(source: Route, *, speed_m_s: float | None = None, trip_id: str | None = None) -> Plan:
-    """Read the drive to come. O(bytes).
+    """Read a planned drive from a file, its content or its links. O(bytes).
 
     Parameters
     ----------
     source : path, bytes, DataFrame or sequence of mapping
         A file or its content: links as CSV or JSON, GPX, GeoJSON, a saved response of OSRM, Valhalla,
-        openrouteservice or GraphHopper; or a driven speed trace as CSV or Parquet with canonical columns, of whose
-        other signals the first sample becomes the departure, or a file of the TUM set. Or links themselves, as
-        `route_from_links` takes them. A table with a column `time_s` is a speed trace, any other has links.
+        openrouteservice or GraphHopper; a driven speed trace as CSV or Parquet with canonical columns; a file of the
+        TUM set. The first sample of the other signals of a speed trace becomes the departure. Or links themselves, as
+        `route_from_links` takes them. A DataFrame with a column `time_s` is a speed trace, any other has links.
     speed_m_s : float, optional
         Mean speed [m/s] of a track without times and speeds.
     trip_id : str, optional
-        Name of the plan; that of the file when not given.
+        Name of the plan; by default the name of the file, or "route".
 
     Returns
     -------
     Plan
-        With what the file has of the departure.
+        Its departure has the values that the file contains.
 
     Raises
     ------
     InvalidInput
-        With every fault of the file; also when a track needs a speed, or a speed is given that has no effect.
+        With every fault of the file; also when a track needs `speed_m_s`, or when `speed_m_s` has no effect.
 
     Examples
     --------
@@ -107,7 +107,7 @@ def read_trips(
     strict: bool = False,
     vehicle: Vehicle | str | None = None,
 ) -> tuple[Trip, ...]:
-    """Read logs, audit them, and keep the sound drives: `read_logs`, whose report says what is left out, then `audit`.
+    """Read logs, audit them and return the sound drives: `read_logs`, then `audit`.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ def read_trips(
     strict : bool
         Refuse what cannot be read as it stands, as for `read_logs`.
     vehicle : Vehicle or str, optional
-        The car of logs that have the state of charge alone, as for `read_logs`.
+        The car of logs that have only the state of charge, as for `read_logs`.
 
     Returns
     -------
@@ -147,18 +147,18 @@ def forecast(
     model: ForecastModel | Path | str | None = None,
     vehicle: Vehicle | str | None = None,
 ) -> Forecast:
-    """Forecast a drive: `ForecastModel.forecast` of a stored model, on its own car or on another.
+    """Forecast the battery energy of a drive with a stored model, for its own car or for another one.
 
     Parameters
     ----------
     plan : Plan or Trip, or what `read_route` reads
-        The drive to come. Of a trip that took place only the speed trace, the road and the first sample count.
+        The planned drive. If it is a recorded trip, only its speed trace, its road and its first sample are used.
     departure : Departure, optional
-        Its known fields take the place of those of the plan.
+        Its known fields replace those of the plan.
     model : ForecastModel or path, optional
-        The model that comes with the package when not given.
+        By default the model that comes with the package.
     vehicle : Vehicle or str, optional
-        A car other than the model's own. No trips of it are known, so the interval is wider.
+        A car other than the model's own. No trips of this car are known, so the interval is wider.
 
     Returns
     -------
@@ -168,7 +168,7 @@ def forecast(
     Raises
     ------
     InvalidInput
-        As `read_route`, `load_model`, `load_vehicle` and `ForecastModel.forecast`; also for a departure of another type.
+        As `read_route`, `load_model`, `load_vehicle` and `ForecastModel.forecast`; also if `departure` is no `Departure`.
 
     Examples
     --------
@@ -198,19 +198,19 @@ def fit(
     Parameters
     ----------
     trips : TripSet or sequence of Trip
-        A fleet is audited first.
+        A `TripSet` is audited first.
     vehicle : Vehicle or str
-        The car, or the name of one of the library.
+        The car, or its name in the library.
     corrector : str or Corrector
-        One of `tripwatt.hybrid.POWER_CORRECTORS`, the name of one of an installed package, or an object from outside: a
-        regressor of scikit-learn's kind, or one with ``fit(table)`` and ``predict(table)`` on a `SegmentTable`.
+        One of `tripwatt.hybrid.POWER_CORRECTORS`, the name of a corrector of an installed package, or an object: a regressor
+        with the interface of scikit-learn, or an object with ``fit(table)`` and ``predict(table)`` on a `SegmentTable`.
     seed : int
         The same seed gives the same model.
     identified : bool
-        Whether values of the car are identified first from the signals of its stages that the trips have: motor torque, heater
-        and air conditioner, power of the standing car, voltage at rest. Otherwise the published values stay.
+        Whether values of the car are first identified from the signals that the trips have: motor torque, heater and air
+        conditioner, power of the standing car, voltage at rest. If False, the published values are kept.
     progress : callable, optional
-        Called with (finished fits, all fits).
+        Called with (number of finished fits, number of all fits).
 
     Returns
     -------
@@ -240,21 +240,21 @@ def fit(
 
 
 def adapt(base: ForecastModel, trips: TripSet | Sequence[Trip], vehicle: Vehicle | str) -> ForecastModel:
-    """Adapt a model of one car to another, with a few trips of that car.
+    """Adapt a model of one car to another car, with a few trips of the new car.
 
     Parameters
     ----------
     base : ForecastModel
-        Fitted.
+        A fitted model.
     trips : TripSet or sequence of Trip
-        At least one with measured energy; a fleet is audited first.
+        At least one trip with measured energy; a `TripSet` is audited first.
     vehicle : Vehicle or str
-        The new car, or the name of one of the library.
+        The new car, or its name in the library.
 
     Returns
     -------
     ForecastModel
-        Of the new car.
+        The model of the new car.
 
     Raises
     ------
@@ -286,27 +286,27 @@ def simulate(
 def simulate(
     trip: Plan | Trip | Iterable[Plan | Trip], vehicle: Cars, departure: Departure | None = None
 ) -> Simulation | pd.DataFrame:
-    """Simulate a drive with a car, or many: physics alone, without a correction. O(samples).
+    """Simulate one or many drives with one or many cars: physics alone, without a correction. O(samples).
 
-    Many drives go through the same equations side by side, a few times faster than one by one; each has the energies that it has
-    alone. The memory depends on the number of rows, so drives may come from a generator.
+    Many drives are simulated side by side, a few times faster than one by one; the energies of a drive are the same either way.
+    The memory depends on the number of rows of the table, so drives may come from a generator.
 
     Parameters
     ----------
     trip : Plan or Trip, or an iterable of them
-        The drive; of a trip that took place only what was known at its departure counts.
+        The drives. If a drive is a recorded trip, only what was known at its departure is used.
     vehicle : Vehicle or str, or a sequence of them
-        A car, or the name of one of the library.
+        The cars, or their names in the library.
     departure : Departure, optional
-        Its known fields take the place of those of the plans.
+        Its known fields replace those of the plans.
 
     Returns
     -------
     Simulation or DataFrame
-        Of one drive with one car power by cause, charge and temperatures of every step. Of several a table with one row for each
-        drive with each car, the cars of a drive one after the other: `trip`, `car`, `duration_s`, `distance_m`, `energy_wh` at the
-        battery terminals, `energy_<cause>_wh` by cause, `soc` of the battery management at the end [1], and `flags`, their codes;
-        ``attrs["units"]`` has the units.
+        For one drive with one car: power by cause, charge and temperatures at every step. Otherwise a table with one row for each
+        drive with each car, all cars of the first drive first: `trip`, `car`, `duration_s`, `distance_m`, `energy_wh` at the
+        battery terminals, `energy_<cause>_wh` by cause, `soc` of the battery management at the end [1], and `flags`, the codes of
+        the flags. ``attrs["units"]`` has the units of the columns.
 
     Raises
     ------
@@ -338,29 +338,29 @@ def sweep(
     values: Mapping[str, npt.ArrayLike],
     departure: Departure | None = None,
 ) -> pd.DataFrame:
-    """Simulate a drive with a car whose values change: every combination of them. O(samples x combinations).
+    """Simulate a drive with every combination of some values of a car. O(samples x combinations).
 
     Parameters
     ----------
     trip : Plan or Trip, or what `read_route` reads
         The drive, as for `simulate`.
     vehicle : Vehicle or str
-        The car, or the name of one of the library.
-    values : mapping of str to sequence of (float or str), or to one
-        Values to try of each entry, by its key or short name, as for `load_vehicle`: ``{"mass": [1300.0, 1500.0]}``.
+        The car, or its name in the library.
+    values : mapping of str to (float or str), or to a sequence of these
+        Values to try for each entry of the car, by its key or short name as in `load_vehicle`: ``{"mass": [1300.0, 1500.0]}``.
     departure : Departure, optional
-        Its known fields take the place of those of the plan.
+        Its known fields replace those of the plan.
 
     Returns
     -------
     DataFrame
-        As of `simulate`, with a column for each key of `values` after `car`; the last key varies fastest.
+        The table of `simulate`, with a column for each key of `values` after `car`; the last key varies fastest.
 
     Raises
     ------
     InvalidInput
-        With every unknown key, every value that is out of its bounds and every combination that no car has; also when the drive
-        cannot be simulated.
+        With every unknown key, every value out of its bounds and every impossible combination; also when the drive cannot be
+        simulated.
 
     Examples
     --------
@@ -392,7 +392,7 @@ def sweep(
 
 
 def _totals_table(pairs: Iterable[tuple[Vehicle, Plan]]) -> pd.DataFrame:
-    """One row for each pair, with the units of its columns."""
+    """A table with one row for each pair of a car and a plan; ``attrs["units"]`` has the units of its columns."""
     totals = trip_totals(pairs)
     totals["flags"] = [", ".join(flag.code for flag in flags) for flags in totals.get("flags", [])]
     table = pd.DataFrame(totals)

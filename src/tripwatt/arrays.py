@@ -1,4 +1,4 @@
-"""Types of arrays, the same in every module."""
+"""Types of arrays, and small functions of arrays and sequences."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ BoolArray = npt.NDArray[np.bool_]
 """Masks."""
 
 PerTrip = float | FloatArray
-"""A number of one trip, or a column of them beside arrays of shape (trips, samples): shape (trips, 1)."""
+"""A number of one trip; for several trips a column of shape (trips, 1), for use with arrays of shape (trips, samples)."""
 
 
 def running_sum(steps: npt.ArrayLike) -> FloatArray:
-    """0 and the sums of the steps up to each of them, shape (steps + 1,).
+    """Cumulative sums of the steps with a 0 before them, shape (steps + 1,).
 
     Examples
     --------
@@ -36,7 +36,7 @@ def running_sum(steps: npt.ArrayLike) -> FloatArray:
 
 
 def distance_driven(time_s: FloatArray, speed_m_s: FloatArray) -> FloatArray:
-    """Distance from the first sample to each [m], with a speed that is linear between two samples. Shape of `time_s`.
+    """Distance [m] driven up to each sample, shape of `time_s`; the speed is linear between two samples.
 
     Examples
     --------
@@ -49,8 +49,7 @@ def distance_driven(time_s: FloatArray, speed_m_s: FloatArray) -> FloatArray:
 def eigen(symmetric: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Eigenvalues, ascending, and eigenvectors of a symmetric matrix. O(n^3).
 
-    LAPACK's fast algorithm (divide and conquer) fails on a few large matrices; the slower QR iteration then takes its
-    place.
+    LAPACK's fast algorithm (divide and conquer) fails on a few large matrices; then the slower QR iteration is used.
 
     Examples
     --------
@@ -67,7 +66,7 @@ def eigen(symmetric: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def held(time: FloatArray, values: FloatArray, hold_s: float) -> FloatArray:
-    """Missing values replaced by the last one while it is not older than `hold_s`.
+    """Values in which a missing value (NaN) is replaced by the last known one, if that is at most `hold_s` old.
 
     Examples
     --------
@@ -80,7 +79,7 @@ def held(time: FloatArray, values: FloatArray, hold_s: float) -> FloatArray:
 
 
 def by_key(items: Iterable[Item], key: Callable[[Item], Key]) -> dict[Key, list[Item]]:
-    """Items with the same key together: keys in the order in which they first occur, items in their own.
+    """Items grouped by their key: keys in the order of their first item, items in their given order.
 
     Examples
     --------

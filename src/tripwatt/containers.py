@@ -1,4 +1,4 @@
-"""What is packed, read within bounds: ZIP archives, workbooks and models, however they are nested."""
+"""Bounds on the content of packed files: ZIP archives, workbooks and models, also when nested."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import Final
 from tripwatt.errors import InvalidInput
 
 MOST_CONTENT_BYTES: Final = 1 << 28
-"""Largest content of a container, and largest tables that are made of it."""
+"""Largest content [bytes] of a container, and largest total size of the tables that are made of it."""
 
 INSIDE: Final = "bytes when inflated"
 TABLES: Final = "bytes of tables"
@@ -22,33 +22,33 @@ ELEMENTS: Final = "elements of XML"
 LIMITS: Final[Mapping[str, int]] = MappingProxyType(
     {INSIDE: MOST_CONTENT_BYTES, TABLES: MOST_CONTENT_BYTES, CELLS: 5_000_000, ELEMENTS: 20_000_000}
 )
-"""Most of what comes out of one file."""
+"""Limit of each kind of content that one file may give."""
 
 MOST_ENTRIES: Final = 20_000
-"""Most files of an archive; what an archive says of one takes half a kilobyte of memory."""
+"""Largest number of files in an archive; the entry of one file takes half a kilobyte of memory."""
 
 MOST_RATIO: Final = 200
-"""Most bytes that a byte of an archive may become; tables of measurements become 5 to 60."""
+"""Largest ratio of inflated to packed bytes of an archive; tables of measurements have 5 to 60."""
 
 ANY_RATIO_BYTES: Final = 1 << 22
-"""Content that may be of any ratio."""
+"""Content [bytes] up to which any ratio is accepted."""
 
 METHODS: Final = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
-"""Methods of compression that are read; the others take memory by what their heads claim."""
+"""Methods of compression that are read; the others allocate as much memory as their headers claim."""
 
 
 @dataclass
 class Budget:
-    """What may still come out of a file: one for all that is nested in it.
+    """Limits on the content of a file, and what was read so far; all archives nested in a file share one budget.
 
     Attributes
     ----------
     where : str
         The file, for the fault.
     limits : mapping of str to int
-        Most of each kind.
+        Limit of each kind of content.
     used : Counter
-        What came out so far, by kind.
+        What was read so far, by kind.
 
     Examples
     --------
@@ -63,12 +63,12 @@ class Budget:
     used: Counter[str] = field(default_factory=Counter)
 
     def take(self, kind: str, count: int) -> None:
-        """Count what comes out, before it is kept.
+        """Add to the count of a kind of content, before the content is kept.
 
         Raises
         ------
         InvalidInput
-            When it is more than the limit of its kind.
+            When the count exceeds the limit of its kind.
         """
         self.used[kind] += count
         if self.used[kind] > self.limits[kind]:
@@ -77,29 +77,30 @@ class Budget:
 
 
 def open_archive(data: bytes, budget: Budget, most_ratio: int = MOST_RATIO) -> zipfile.ZipFile:
-    """A ZIP archive (also .npz and .xlsx) whose content is within a budget, before anything is inflated.
+    """Open a ZIP archive (also .npz and .xlsx) after a check of its entries: nothing is inflated yet.
 
-    A member never gives more bytes than its entry declares, so that the sum of the entries is a bound.
+    A file in an archive never gives more bytes than its entry declares, so that the sum over the entries is a bound.
 
     Parameters
     ----------
     data : bytes
+        Content of the archive.
     budget : Budget
-        Its `INSIDE` is taken from.
+        The size of the content is taken from its limit `INSIDE`.
     most_ratio : int
-        Most bytes of content for each byte, above `ANY_RATIO_BYTES`.
+        Largest ratio of inflated to packed bytes, if the content is larger than `ANY_RATIO_BYTES`.
 
     Raises
     ------
     zipfile.BadZipFile
-        When it is no archive.
+        When the data are not an archive.
     InvalidInput
-        When it has too many files, its content is too large, or a file is compressed by another method than deflate.
+        When the archive has too many files, its content is too large, or the compression of a file is neither deflate nor none.
     """
     if (entries := data.count(zipfile.stringCentralDir)) > MOST_ENTRIES:  # type: ignore[attr-defined]
         raise InvalidInput.of("too many files", budget.where, f"{entries}", f"at most {MOST_ENTRIES}")
     opened = zipfile.ZipFile(io.BytesIO(data))
-    if not budget.used:  # the outermost: what is nested in it is within its bounds
+    if not budget.used:  # the outermost archive: its bounds hold for all that is nested in it
         most = max(ANY_RATIO_BYTES, most_ratio * len(data))
         budget.limits = {kind: min(limit, most) for kind, limit in budget.limits.items()}
     budget.take(INSIDE, sum(entry.file_size for entry in opened.infolist()))

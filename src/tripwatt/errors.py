@@ -1,7 +1,7 @@
-"""What can go wrong, written once: every problem names what, where, what came and what is allowed.
+"""Errors and faults: every fault names what is wrong, where, what is there instead and what is allowed.
 
-The library raises; the command line and the service translate. All faults of an input travel together in
-one `InvalidInput`, so that a user mends a file once.
+The library raises errors; the command line and the service show them in their own form. One `InvalidInput` holds all
+faults of an input, so that a user mends a file once.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ MOST_FAULTS: Final = 50
 """Faults of one kind that are listed one by one; the others are counted."""
 
 MOST_HINTS: Final = 10
-"""Unknown names for which the most similar known one is looked for: each search compares with every known name."""
+"""Largest number of unknown names for which a similar known name is suggested: each search compares with every known name."""
 
 MOST_CHARACTERS: Final = 2000
-"""Most characters of one text of a fault in a message."""
+"""Largest number of characters that a message shows of one text of a fault."""
 
 _SHORT: Final = reprlib.Repr()
 _SHORT.maxlevel = 3
@@ -43,7 +43,7 @@ def excerpt(value: Any, length: int = 60) -> str:
 
 
 def did_you_mean(name: object, known: Iterable[str]) -> str:
-    """The most similar of the known names as a question; empty where none is near.
+    """A question with the most similar of the known names; an empty text if none is similar.
 
     Examples
     --------
@@ -55,7 +55,7 @@ def did_you_mean(name: object, known: Iterable[str]) -> str:
 
 
 def printable(text: str) -> str:
-    r"""Text with every control character as its escape, so that no input can steer a terminal or fake a line.
+    r"""A text with its control characters escaped, so that no input can control a terminal or fake a line of output.
 
     Examples
     --------
@@ -105,7 +105,7 @@ class Fault:
 
     @classmethod
     def unknown(cls, what: str, where: str, name: object, known: Iterable[str]) -> Self:
-        """The fault of a name that is none of the known ones, with the most similar of them.
+        """The fault of an unknown name; it lists the known names and suggests the most similar one.
 
         Examples
         --------
@@ -117,7 +117,7 @@ class Fault:
 
     @property
     def texts(self) -> dict[str, str]:
-        """Its texts that are not empty, by name."""
+        """The texts of the fault that are not empty, by the name of their field."""
         return {name: text for name, text in asdict(self).items() if text and isinstance(text, str)}
 
     def __str__(self) -> str:
@@ -147,11 +147,11 @@ EXTRAS: Final[Mapping[str, tuple[str, ...]]] = {
 
 
 ON_AN_INDEX: Final = False
-"""Whether the package can be installed from an index: `python -m tools.docs.install_lines` sets it, and all lines that install."""
+"""Whether the package can be installed from an index. `python -m tools.docs.install_lines` sets this and every line that installs."""
 
 
 def install(*extras: str) -> str:
-    """What installs extras: from an index, or into the environment of a clone, which stays editable.
+    """The advice how to install extras: from an index, or as an editable install of a clone.
 
     Examples
     --------
@@ -164,7 +164,7 @@ def install(*extras: str) -> str:
 
 
 def clone_line(extras: Iterable[str]) -> str:
-    """The command that installs extras in a clone; the GAMM engine is a distribution in its folder `gamm`.
+    """The command that installs extras in a clone; the extras `gamm` and `study` also install the clone's folder `gamm`.
 
     Examples
     --------
@@ -176,7 +176,7 @@ def clone_line(extras: Iterable[str]) -> str:
 
 
 def extras_faults(needed: Mapping[str, str]) -> list[Fault]:
-    """The faults of extras that are not installed, each with what installs all that is missing.
+    """One fault for each extra that is not installed, with the command that installs all missing extras.
 
     Parameters
     ----------
@@ -203,7 +203,7 @@ def extras_faults(needed: Mapping[str, str]) -> list[Fault]:
 
 
 def require_extras(needed: Mapping[str, str]) -> None:
-    """Raise `InvalidInput` with every extra that is not installed; the argument is that of `extras_faults`.
+    """Raise `InvalidInput` with the faults of `extras_faults`, if there are any.
 
     Examples
     --------
@@ -220,7 +220,7 @@ def _is_there(module: str) -> bool:
 
 
 def and_more(bad: Sized, what: str = "rows") -> str:
-    """What a message adds to the first of several wrong values; empty for a single one.
+    """The end of a message that shows the first of several wrong values; an empty text if there is only one.
 
     Examples
     --------
@@ -231,7 +231,7 @@ def and_more(bad: Sized, what: str = "rows") -> str:
 
 
 def first_faults(faults: Sequence[Fault], where: str, most: int = MOST_FAULTS) -> list[Fault]:
-    """The first faults, and one more with the number of those that are left out.
+    """The first `most` faults; if there are more, one further fault with the number of those left out.
 
     Examples
     --------
@@ -244,7 +244,7 @@ def first_faults(faults: Sequence[Fault], where: str, most: int = MOST_FAULTS) -
 
 
 def grouped(faults: Iterable[Fault]) -> list[Fault]:
-    """Faults that differ by their place alone as one, with the number of the other places.
+    """Faults in which those that differ only by their place are one, with the number of the other places.
 
     Examples
     --------
@@ -258,7 +258,7 @@ def grouped(faults: Iterable[Fault]) -> list[Fault]:
 
 
 class InvalidInput(TripwattError):
-    """An input that cannot be used, with every fault of it.
+    """An input cannot be used; the error lists all its faults.
 
     Parameters
     ----------
@@ -278,7 +278,7 @@ class InvalidInput(TripwattError):
 
     @classmethod
     def of(cls, what: str, where: str, got: str = "", allowed: str = "", fix: str = "") -> Self:
-        """The error of a single fault; the arguments are those of `Fault`.
+        """An error with a single fault, made of the same arguments as `Fault`.
 
         Parameters
         ----------
@@ -287,7 +287,7 @@ class InvalidInput(TripwattError):
         where : str
             File, row, column, key or argument.
         got : str
-            The value there.
+            What is there instead.
         allowed : str
             What would have been right.
         fix : str
@@ -296,7 +296,7 @@ class InvalidInput(TripwattError):
         Returns
         -------
         InvalidInput
-            To be raised.
+            The error, for the caller to raise.
 
         Examples
         --------
@@ -310,17 +310,17 @@ class InvalidInput(TripwattError):
 
 
 def raise_faults(faults: Iterable[Fault]) -> None:
-    """Raise `InvalidInput` with all faults when there is one.
+    """Raise `InvalidInput` with all the faults; do nothing if there are none.
 
     Parameters
     ----------
     faults : iterable of Fault
-        What is wrong; it is exhausted before the error is raised.
+        What is wrong; the iterable is exhausted before the error is raised.
 
     Raises
     ------
     InvalidInput
-        With every fault, in their order.
+        With all the faults, in their order.
 
     Examples
     --------
@@ -336,7 +336,7 @@ def raise_faults(faults: Iterable[Fault]) -> None:
 
 
 class RemoteError(InvalidInput):
-    """A server that was asked gave no answer, or none that can be used: a router, a search for places, the weather.
+    """A server gave no answer, or one that cannot be used: a router, a search for places, a weather service.
 
     Examples
     --------
@@ -352,9 +352,9 @@ def system_errors(what: str, where: str, allowed: str, path: object = "") -> Ite
     Parameters
     ----------
     what, where, allowed : str
-        Of the fault; what is there instead is what the system says.
+        Texts of the fault; its `got` is the message of the system.
     path : object
-        Put before it.
+        Shown before the message of the system.
 
     Examples
     --------
@@ -373,14 +373,14 @@ def system_errors(what: str, where: str, allowed: str, path: object = "") -> Ite
 
 @contextmanager
 def damage(path: object, allowed: str, fix: str = "") -> Iterator[None]:
-    """Raise `InvalidInput` for a file of ours whose content is not what was written.
+    """Raise `InvalidInput` for a file that tripwatt wrote and whose content was damaged since.
 
     Parameters
     ----------
     path : object
         The file.
     allowed, fix : str
-        Of the fault.
+        Texts of the fault.
 
     Examples
     --------
@@ -397,7 +397,7 @@ def damage(path: object, allowed: str, fix: str = "") -> Iterator[None]:
 
 
 def or_none(call: Callable[Given, Checked], *args: Given.args, **more: Given.kwargs) -> Checked | None:
-    """What a call gives; None where its input cannot be used.
+    """The result of a call, or None if the call raises `InvalidInput`.
 
     Examples
     --------
@@ -412,7 +412,7 @@ def or_none(call: Callable[Given, Checked], *args: Given.args, **more: Given.kwa
 
 @contextmanager
 def places_named(names: Mapping[str, str]) -> Iterator[None]:
-    """Raise faults under other names of their places.
+    """Rename the places of the faults that the block raises.
 
     Examples
     --------
@@ -430,7 +430,7 @@ def places_named(names: Mapping[str, str]) -> Iterator[None]:
 
 @contextmanager
 def places_within(place: str) -> Iterator[None]:
-    """Raise faults with the beginning of their places.
+    """Put a text before the places of the faults that the block raises.
 
     Examples
     --------
@@ -447,7 +447,7 @@ def places_within(place: str) -> Iterator[None]:
 
 
 class Check:
-    """Run checks of one input, and raise the faults of all at the end of a `with` block.
+    """Run several checks of one input, and raise the faults of all of them at the end of a `with` block.
 
     Examples
     --------
@@ -469,19 +469,19 @@ class Check:
         return self
 
     def __call__(self, check: Callable[Given, Checked], *args: Given.args, **more: Given.kwargs) -> Checked:
-        """Return the result of a check; where it fails, nothing that the end of the block lets through.
+        """Run a check and return its result; if the check fails, keep its faults for the end of the block.
 
         Parameters
         ----------
         check : callable
-            Gives a result or raises `InvalidInput`.
+            Returns a result or raises `InvalidInput`.
         *args, **more
-            Of the callable.
+            Arguments of the callable.
 
         Returns
         -------
         object
-            What the check gives.
+            The result of the check. If the check fails, None; the end of the block then raises.
 
         Examples
         --------
@@ -496,6 +496,6 @@ class Check:
             return cast(Checked, None)
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        """Raise `InvalidInput` with the faults of all checks, each once."""
+        """Raise `InvalidInput` with the faults of all failed checks, each fault once."""
         if kind is None and self.failed:
             raise InvalidInput(self.faults)

@@ -1,9 +1,9 @@
-"""The consumption curve of a car in the words of routing services: HERE, TomTom, Mapbox, A Better Routeplanner.
+"""The consumption curve of a car as request parameters of HERE, TomTom, Mapbox and A Better Routeplanner.
 
-These services describe a car by what it takes at a constant speed on a level road, by what a metre of height costs and
-brings back, and by a power that flows all the time. All of it is simulated here: drives of half an hour, but at most
-20 km, from the given departure, so that a cold cabin and cold tyres count with their share. `docs/howto/export.md` lists what
-each service takes, in which unit, and where that is written.
+These services describe a car by its consumption at constant speeds on a level road, by the energy that a metre of height
+costs and brings back, and by a constant auxiliary power. All these values are simulated here: drives of half an hour, but at
+most 20 km, from the given departure, so that a cold cabin and cold tyres are included. `docs/howto/export.md` lists the
+parameters of each service, their units and the sources.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from tripwatt.units import GRAVITY_M_S2, M_S_PER_KM_H, SECONDS_PER_HOUR, WH_PER_
 from tripwatt.vehicles import Vehicle
 
 DRIVE_S: Final = 1800.0
-"""Longest simulated drive [s]; the auxiliaries' power is the mean over it."""
+"""Longest simulated drive [s]; the auxiliary power is the mean over such a drive."""
 
 DRIVE_M: Final = 20_000.0
 """Longest simulated drive [m]: no battery runs empty on it."""
@@ -51,22 +51,22 @@ AUXILIARIES: Final = ("base_load", "climate")
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ConsumptionCurve:
-    """What a car takes on level ground and on slopes, without a route. Arrays have shape (speeds,).
+    """Consumption of a car on level ground and on slopes, without a route. Arrays have shape (speeds,).
 
     Attributes
     ----------
     speed_km_h : ndarray of int
         Speeds that the car can hold.
     energy_wh_km : ndarray
-        Energy at the battery terminals at constant speed, without auxiliaries, level road.
+        Energy at the battery terminals at constant speed on a level road, without auxiliaries.
     traffic_energy_wh_km : ndarray
-        The same on links of which the speed is only the mean, stops included.
+        The same energy if the speed is only the mean over each link, stops included.
     auxiliary_power_w : float
         Base load and climate control, mean over the drive.
     ascent_wh_m, descent_wh_m : float
         Energy that a metre of height costs uphill, and that it saves downhill.
     acceleration_efficiency, deceleration_efficiency : float
-        Kinetic energy gained over energy spent for it; energy saved over kinetic energy lost.
+        Kinetic energy gained over the energy spent for it; energy saved over the kinetic energy lost.
     mass_kg : float
         Test mass and payload.
     capacity_wh : float
@@ -114,12 +114,12 @@ def consumption_curve(
     ----------
     vehicle : Vehicle
     departure : Departure, optional
-        Temperatures, payload and state of charge; what is unknown is left to the defaults of `simulate`.
+        Temperatures, payload and state of charge; unknown values are the defaults of `simulate`.
     correction : callable, optional
-        Energy [Wh] to be added to the simulated one of a trip, such as a corrector's. Its power at the lowest speed,
-        where driving takes least, counts as auxiliary; what it is more or less at other speeds and in traffic counts
-        as driving, so that the whole is right at every speed. Slopes and changes of speed are those of the simulation:
-        no log holds half an hour of a steep road.
+        Returns the energy [Wh] to add to the simulated energy of a plan, such as that of a corrector. The power of the
+        correction at the lowest speed, where driving takes least, counts as auxiliary power. Its difference from this power
+        at other speeds and in traffic counts as driving, so that the sum is right at every speed. Slopes and changes of
+        speed are simulated without it: no log holds half an hour of a steep road.
 
     Raises
     ------
@@ -176,14 +176,14 @@ def _capacity_wh(vehicle: Vehicle) -> float:
 
 @dataclass(frozen=True, slots=True)
 class _Driver:
-    """Drives one car from one departure."""
+    """Simulated drives of one car from one departure."""
 
     vehicle: Vehicle
     departure: Departure
     correction: Callable[[Plan], float] | None
 
     def with_correction(self, correction: Callable[[Plan], float] | None) -> tuple[_Driver, float]:
-        """The driver with a correction of driving alone, and the constant power [W] of the correction."""
+        """A copy with the part of the correction that counts as driving, and the rest as a constant power [W]."""
         if correction is None:
             return self, 0.0
         slow = self.steady(LOWEST_KM_H * M_S_PER_KM_H)
@@ -201,7 +201,7 @@ class _Driver:
         return Plan.from_samples("export", table_of(samples), self.departure)
 
     def driving_wh(self, trip: Plan) -> tuple[float, Simulation]:
-        """Energy of a trip without auxiliaries [Wh]."""
+        """Energy of a trip without auxiliaries [Wh], and its simulation."""
         run = simulate_trip(self.vehicle, trip)
         by_cause = run.by_cause_wh
         energy = run.simulated_energy_wh - sum(by_cause[cause] for cause in AUXILIARIES)
@@ -212,7 +212,7 @@ class _Driver:
         return self.trip(np.full(duration + 1, speed_m_s), grade)
 
     def constant(self, speed_m_s: float, grade: float = 0.0) -> tuple[float, tuple[Flag, ...]]:
-        """Energy per kilometre [Wh/km] without auxiliaries, and why the car cannot hold the speed, if so."""
+        """Energy [Wh/km] at constant speed without auxiliaries, and the flags that say why the car cannot hold the speed."""
         trip = self.steady(speed_m_s, grade)
         energy, run = self.driving_wh(trip)
         return energy / (trip.distance_m / 1000.0), run.flags
@@ -230,7 +230,7 @@ class _Driver:
         return (energy + correction) / (trip.distance_m / 1000.0)
 
     def in_traffic(self, speed_m_s: float) -> float:
-        """Energy per kilometre [Wh/km] without auxiliaries on links of which only the mean speed is known."""
+        """Energy per kilometre [Wh/km] without auxiliaries on links with only a mean speed."""
         number = max(3, round(min(speed_m_s * DRIVE_S, DRIVE_M) / TRAFFIC_LINK_M))
         route = route_from_links([{"length_m": TRAFFIC_LINK_M, "speed_m_s": speed_m_s}] * number)
         trip = plan_from_links(route).with_departure(self.departure)
@@ -249,7 +249,7 @@ class _Driver:
         return _share(kinetic_wh / spent), _share(-saved / kinetic_wh)
 
     def _change_wh(self, speed: FloatArray, start: int) -> float:
-        """Energy of a change of speed, less what the same stretch takes without inertia: the mean of both ends' rates."""
+        """Energy [Wh] of a change of speed from sample `start` on, less what the same stretch takes at constant speeds."""
         _, run = self.driving_wh(self.trip(speed))
         hours = np.diff(run.time_s, prepend=run.time_s[:1]) * WH_PER_J
         auxiliary = sum(run.power_by_cause_w[cause] for cause in AUXILIARIES)
@@ -307,7 +307,7 @@ def _pairs(speed_km_h: IntArray, energy: FloatArray, digits: int) -> list[str]:
 
 
 def _rising_end(speed: IntArray, energy: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Without the last points as long as they fall, which TomTom does not take."""
+    """The curve without a falling end, which TomTom does not accept."""
     last = len(speed)
     while last > 1 and energy[last - 1] < energy[last - 2]:
         last -= 1
@@ -330,7 +330,7 @@ def export_curve(
     *,
     correction: Callable[[Plan], float] | None = None,
 ) -> dict[str, str]:
-    """Request parameters that describe a car to a routing service, each as the text that the request takes.
+    """Request parameters that describe a car to a routing service: name -> text of the value.
 
     Parameters
     ----------

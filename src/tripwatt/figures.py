@@ -1,6 +1,6 @@
-"""Figures of matplotlib that a notebook shows and `show` opens, outside of pyplot's list of figures.
+"""Figures of matplotlib that a notebook shows and `show` opens, without pyplot's list of figures.
 
-`plot(ax=None)` of every object gives the figure it is in. One chart is drawn in `ax`; several share its place.
+The method `plot(ax=None)` of an object returns the figure. A single chart is drawn in `ax`; several charts share its place.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ except ImportError as error:
 
 
 class ShownFigure(Figure):
-    """A figure that needs no pyplot: a notebook shows it as a picture, also without `%matplotlib`.
+    """A figure without pyplot: a notebook shows it as a picture, also without `%matplotlib`.
 
     Examples
     --------
@@ -39,13 +39,13 @@ class ShownFigure(Figure):
         Parameters
         ----------
         warn : bool
-            As that of `matplotlib.figure.Figure.show`; without effect.
+            Without effect; it is there because `matplotlib.figure.Figure.show` has it.
         """
         from matplotlib import pyplot
 
         pyplot.figure(FigureClass=lambda **settings: self)  # type: ignore[arg-type]  # this one, no new one
         pyplot.show()
-        # a base has no window whose end would take it off the list
+        # a base manager has no window whose closing would remove the figure from pyplot's list
         if type(self.canvas.manager) is FigureManagerBase:
             pyplot.close(self)
 
@@ -56,7 +56,7 @@ def axes_or_new(ax: Axes | None, width_in: float, height_in: float) -> Axes:
 
 
 def place_for_panels(ax: Axes | None, width_in: float, height_in: float) -> Figure | SubFigure:
-    """A new figure of this size, or the place of given axes in their grid, from which they are removed.
+    """A new figure of this size if `ax` is None; otherwise an empty subfigure in the place of `ax`, which is removed.
 
     Raises
     ------
@@ -84,6 +84,6 @@ def place_for_panels(ax: Axes | None, width_in: float, height_in: float) -> Figu
 
 
 def figure_of(drawn: Axes | Figure | SubFigure) -> Figure:
-    """The whole figure of what was drawn."""
+    """The figure that contains the given axes, figure or subfigure."""
     figure = drawn.figure
     return figure if isinstance(figure, Figure) else figure.figure

@@ -1,8 +1,8 @@
-"""Files from outside, read within bounds, and outputs that are whole at every moment.
+"""Files read within bounds, and files and folders written whole or not at all.
 
-Reading: only regular files, of a bounded size; `containers` bounds what is packed in them. Writing: to another name
-first, which then takes the place of the output in one step. What a killed process left behind is removed by
-the next one that writes the same output.
+Only regular files of a bounded size are read; `containers` bounds what is packed in them. An output is written under
+another name first and then renamed in one step. What a killed process left behind is removed by the next process that
+writes the same output.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ if sys.platform != "win32":
     import fcntl
 
 MOST_FILE_BYTES: Final = 1 << 30
-"""Largest file of samples: twenty years of driving at 1 Hz with ten signals have about as much."""
+"""Largest file of samples [bytes]: about twenty years of driving at 1 Hz with ten signals."""
 
 MOST_TEXT_BYTES: Final = 1 << 18
 """Largest TOML file of a car or a mapping; the largest of the package has 30 kB."""
@@ -59,12 +59,12 @@ def read_file(
     most_bytes : int
         Largest size [bytes].
     what, allowed : str
-        For the fault.
+        Texts of the fault.
 
     Raises
     ------
     InvalidInput
-        When there is no such file, it cannot be read, is no regular file or is too large.
+        When the file does not exist, cannot be read, is not a regular file or is too large.
 
     Examples
     --------
@@ -75,8 +75,10 @@ def read_file(
     """
     try:
         with open_regular(Path(path)) as stream:
-            size = max(os.fstat(stream.fileno()).st_size, 1 << 16)  # 0 of files that the system makes up
-            content = stream.read(min(size, most_bytes) + 1)  # takes this memory before it reads
+            size = max(
+                os.fstat(stream.fileno()).st_size, 1 << 16
+            )  # files that the system makes up have size 0
+            content = stream.read(min(size, most_bytes) + 1)  # allocates this memory before it reads
     except (OSError, ValueError) as error:
         got = getattr(error, "strerror", None) or str(error)
         fix = "write its content into a file first" if got == _NOT_REGULAR else ""
@@ -87,7 +89,7 @@ def read_file(
 
 
 def file_head(path: Path | str, count: int = 4096) -> bytes:
-    """The first bytes of a regular file; none of one that cannot be read."""
+    """The first bytes of a regular file; empty if the file cannot be read."""
     try:
         with open_regular(Path(path)) as stream:
             return stream.read(count)
@@ -99,12 +101,12 @@ _NOT_REGULAR: Final = "no regular file"
 
 
 def open_regular(path: Path) -> IO[bytes]:
-    """Open a regular file to read; a pipe or a device is an `OSError`.
+    """Open a regular file for reading.
 
     Raises
     ------
     OSError
-        For anything else than a regular file.
+        When the file cannot be opened or is not a regular file, such as a pipe or a device.
     """
     # without O_NONBLOCK, opening a pipe waits for its writer
     descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
@@ -118,7 +120,7 @@ def open_regular(path: Path) -> IO[bytes]:
 
 
 def read_text_file(path: Path | str, most_bytes: int, **more: str) -> str:
-    """The content of a regular file in UTF-8; parameters are those of `read_file`.
+    """The text of a regular file in UTF-8; the parameters are those of `read_file`.
 
     Raises
     ------
@@ -137,7 +139,7 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
     Raises
     ------
     InvalidInput
-        When it is none.
+        When the text is not TOML.
     """
     try:
         return tomllib.loads(text)
@@ -146,12 +148,14 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
 
 
 def strict_json(data: bytes | str) -> Any:
-    """The value of a JSON text; NaN and the infinities are none.
+    """The value of a JSON text; NaN and infinities are refused.
 
     Raises
     ------
     ValueError
-        When it is no JSON; RecursionError where it is nested too deeply.
+        When the text is not JSON.
+    RecursionError
+        When the text is nested too deeply.
 
     Examples
     --------
@@ -177,14 +181,14 @@ def shipped_toml(place: str) -> dict[str, Any]:
 
 
 def write_file(path: Path, write: Callable[[Path], object]) -> None:
-    """Write one file, whole or not at all: `write` fills another name beside it, which then takes its place.
+    """Write one file, whole or not at all: `write` writes to a temporary name beside it, which is then renamed.
 
-    A symbolic link stays one: the file that it points to is replaced.
+    A symbolic link is kept: the file that it points to is replaced.
 
     Raises
     ------
     OSError
-        When it cannot be written; a file that was there is as before.
+        When the file cannot be written; an existing file is then unchanged.
     """
     path = path.resolve() if path.is_symlink() else path.absolute()
     with _beside(path, folder=False) as partial:
@@ -198,16 +202,16 @@ def write_bytes(path: Path, content: bytes) -> None:
 
 
 def move_new(file: Path, path: Path) -> None:
-    """Give a file a name that is not taken, in one step; its old name may stay.
+    """Give a file a new name in one step, but never replace another file; the old name may remain as well.
 
     Raises
     ------
     FileExistsError
-        When there is one, which stays as it is.
+        When `path` exists; it is then unchanged.
     """
     try:
         os.link(file, path)
-    except OSError:  # there is one, or the file system has no second names
+    except OSError:  # the name is taken, or the file system has no hard links
         if os.path.lexists(path):
             raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), f"{path}") from None
         file.rename(path)
@@ -219,15 +223,15 @@ def write_text(path: Path, text: str) -> None:
 
 
 def replace_folder(out: Path, write: Callable[[Path], None]) -> None:
-    """Write a folder, whole or not at all: `write` fills another name beside it, which then takes its place.
+    """Write a folder, whole or not at all: `write` fills a temporary folder beside it, which is then renamed.
 
-    On Linux the two names are exchanged in one step. Where the file system cannot do that, an older folder is moved away
-    first; when the process is killed between the two moves, the next call moves it back.
+    On Linux the two names are exchanged in one step. If the file system cannot do that, the older folder is moved away
+    first; if the process is killed between the two moves, the next call moves the older folder back.
 
     Raises
     ------
     OSError
-        When it cannot be written; a folder that was there is as before.
+        When the folder cannot be written; an existing folder is then unchanged.
     """
     out = out.resolve() if out.is_symlink() else out.absolute()
     out.parent.mkdir(parents=True, exist_ok=True)
@@ -248,7 +252,7 @@ def replace_folder(out: Path, write: Callable[[Path], None]) -> None:
 
 
 def restore_folder(out: Path) -> None:
-    """Move a folder back that a killed process had moved away; where its successor is there, remove it."""
+    """Move back an older folder that a killed process had moved away, or remove it if the new folder is in place."""
     older = _older(out)
     if not older.is_dir():
         return
@@ -268,12 +272,12 @@ def exchange(one: Path, other: Path) -> bool:
     Returns
     -------
     bool
-        False when the system or the file system cannot do it; nothing is changed then.
+        False if the system or the file system cannot exchange names; nothing is changed then.
 
     Raises
     ------
     OSError
-        When it fails for another reason.
+        When the exchange fails for another reason.
 
     References
     ----------
@@ -293,7 +297,10 @@ def exchange(one: Path, other: Path) -> bool:
 
 @contextlib.contextmanager
 def _beside(path: Path, *, folder: bool) -> Iterator[Path]:
-    """A locked name beside a path, removed at the end; names whose process has ended are removed first."""
+    """Make a locked temporary file or folder beside a path, and remove it at the end.
+
+    Those of processes that have ended are removed first.
+    """
     for left in path.parent.glob(f".{_escape(path.name)}.*{WRITING}"):
         descriptor = None if _is_alive(left) else _locked(left)
         if descriptor is not None:
@@ -312,7 +319,7 @@ def _beside(path: Path, *, folder: bool) -> Iterator[Path]:
 
 
 def _is_alive(partial: Path) -> bool:
-    """Whether the process that a name beside an output belongs to still runs."""
+    """Whether another process, still running, writes this temporary file or folder."""
     number = partial.name.split(".")[-2]
     try:
         os.kill(int(number), 0)
@@ -335,7 +342,7 @@ def _remove(path: Path) -> None:
 
 
 def _locked(path: Path) -> int | None:
-    """A descriptor that holds the lock of a file or folder; None where another process holds it."""
+    """A descriptor that holds the lock of a file or folder; None if the lock cannot be had."""
     if sys.platform == "win32":
         return None
     try:
@@ -352,12 +359,12 @@ def _locked(path: Path) -> int | None:
 
 @contextlib.contextmanager
 def folder_lock(folder: Path) -> Iterator[None]:
-    """Hold the lock of a folder; it is freed when the block or the process ends, however it ends.
+    """Hold the lock of a folder until the block or the process ends.
 
     Raises
     ------
     InvalidInput
-        When another process holds it.
+        When another process holds the lock.
     """
     descriptor = _locked(folder)
     if descriptor is None and sys.platform != "win32":

@@ -1,9 +1,9 @@
 """A model on disk: a directory of `metadata.json` and parts in open formats. No pickle is ever written or read.
 
-`metadata.json` names the format's version, what the model takes in and where it comes from, and the SHA-256 of every
-part; its own SHA-256 is taken over its bytes with the 64 digits of that value as zeros. A part is an `.npz` of plain
-arrays or a `.json`. A directory that was damaged or altered is refused, by the name of the part. This module
-handles arrays and JSON, independent of their meaning.
+`metadata.json` has the version of the format, the inputs and the origin of the model, and the SHA-256 of every part. Its
+own SHA-256 is computed over its bytes with zeros in place of the 64 digits of that value. A part is an `.npz` of plain
+arrays or a `.json`. A directory that was damaged or altered is refused; the error names the part. This module handles
+arrays and JSON, independent of their meaning.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ RETRY_S: Final = 0.02
 
 @dataclass(frozen=True, eq=False)
 class ModelFile:
-    """What a model directory holds, checked.
+    """The checked content of a model directory.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class ModelFile:
 
 
 def write_model(folder: Path | str, metadata: Mapping[str, Any], parts: Mapping[str, Part]) -> None:
-    """Write a model directory, whole or not at all; an older model of that name is replaced. O(bytes).
+    """Write a model directory, whole or not at all; an older model in the same place is replaced. O(bytes).
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def write_model(folder: Path | str, metadata: Mapping[str, Any], parts: Mapping[
     Raises
     ------
     InvalidInput
-        When the folder holds something else or cannot be written, or a part is neither arrays nor JSON.
+        When the folder contains other files or cannot be written, or a part is neither arrays nor JSON.
 
     Examples
     --------
@@ -107,12 +107,12 @@ def write_model(folder: Path | str, metadata: Mapping[str, Any], parts: Mapping[
 def read_model(folder: Path | str) -> ModelFile:
     """Read a model directory and check every byte of it. O(bytes).
 
-    A model that another process replaces in the meantime is read as it was or as it will be.
+    If another process replaces the model in the meantime, either the whole old or the whole new model is returned.
 
     Raises
     ------
     InvalidInput
-        With every part that is missing, damaged or altered; or when this is no model, or one of another format.
+        With every part that is missing, damaged or altered; also when the folder is not a model, or of another format version.
     """
 
     def read(path: Path) -> ModelFile:
@@ -126,12 +126,12 @@ def read_model(folder: Path | str) -> ModelFile:
 
 
 def read_metadata(folder: Path | str) -> dict[str, Any]:
-    """The checked `metadata.json` of a model, without its parts; also of an older format.
+    """The checked `metadata.json` of a model, also of one in an older format; the parts are not read.
 
     Raises
     ------
     InvalidInput
-        When there is none, it is damaged or altered, or its format is newer than this program.
+        When there is no `metadata.json`, it is damaged or altered, or its format is newer than this program.
     """
     return _while_replaced(_read_metadata, Path(folder))
 
@@ -140,7 +140,7 @@ Read = TypeVar("Read")
 
 
 def _while_replaced(read: Callable[[Path], Read], path: Path) -> Read:
-    """The result of `read`, which is repeated when it fails and the folder has become another one."""
+    """The result of ``read(path)``, which is repeated if it fails because another process replaces the folder."""
     for _ in range(READ_ATTEMPTS):
         with _kept_open(path) as before:
             try:
@@ -156,10 +156,10 @@ def _while_replaced(read: Callable[[Path], Read], path: Path) -> Read:
 
 @contextmanager
 def _kept_open(path: Path) -> Iterator[tuple[int, int] | None]:
-    """The identity of a folder, kept open so that no other folder is given its inode before the block ends."""
+    """Keep a folder open and give its identity: no other folder can get its inode before the block ends."""
     try:
         held = os.open(path, os.O_RDONLY | getattr(os, "O_DIRECTORY", 0))
-    except OSError:  # there is none, or the system opens no folders
+    except OSError:  # there is no folder, or the system cannot open folders
         yield _identity(path)
         return
     try:
@@ -207,7 +207,10 @@ def _read_metadata(path: Path) -> dict[str, Any]:
 
 
 def _require_list_of_parts(parts: object, where: Path) -> None:
-    """Whether the metadata list each part with its digest and size; digests are no signatures, so that it may not."""
+    """Raise a fault unless the metadata list each part with its digest and size.
+
+    This needs a check of its own: a digest is no signature, so altered metadata may have a right one.
+    """
     sound = isinstance(parts, dict) and all(
         isinstance(about, dict)
         and isinstance(about.get("sha256"), str)
@@ -221,12 +224,12 @@ def _require_list_of_parts(parts: object, where: Path) -> None:
 
 
 def require_place(folder: Path) -> None:
-    """Whether a model may be written there, without writing anything.
+    """Raise a fault if a model cannot be written to a folder; nothing is written.
 
     Raises
     ------
     InvalidInput
-        When it is a file, a folder with something else in it, or cannot be made.
+        When the place is a file, a folder with other files, or cannot be made.
     """
     allowed = "a new or empty folder, or a folder with a model"
     if os.path.lexists(folder) and not folder.is_dir():
@@ -240,7 +243,7 @@ def require_place(folder: Path) -> None:
 
 
 def _read_parts(path: Path, listed: Mapping[str, Any]) -> dict[str, Part]:
-    content = {  # read in one go, so that a model that is replaced all the time is whole for long enough
+    content = {  # all parts are read before any is checked, so that a replacement seldom falls in between
         name: _bytes(path / name) if Path(name).name == name and Path(name).suffix in _SUFFIXES else None
         for name in listed
     }
@@ -305,7 +308,7 @@ def _decode(place: Path, raw: bytes) -> Part:
 
 
 def _place(out: Path, content: Mapping[str, bytes]) -> None:
-    """Write beside `out`, then exchange; an older model goes only when the new one is whole."""
+    """Write the files to a folder beside `out`, then exchange the two; an older model is removed only after that."""
 
     def write(made: Path) -> None:
         for name, raw in content.items():

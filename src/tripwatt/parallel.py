@@ -1,4 +1,4 @@
-"""The same map over independent tasks: in this process, on local cores, or on a cluster through joblib; threads of BLAS."""
+"""A map over independent tasks in this process, on local cores or on a cluster (joblib); and a limit on BLAS threads."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from threadpoolctl import ThreadpoolController
 
 WATCH_S: Final = 0.5
-"""Time [s] after which a worker process notices that its parent has ended."""
+"""Time [s] between two checks of a worker process whether its parent still runs."""
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -27,7 +27,7 @@ Given = ParamSpec("Given")
 def map_unordered(
     function: Callable[[Task], Result], tasks: Sequence[Task], *, n_jobs: int = -1
 ) -> Iterator[tuple[int, Result]]:
-    """Results as they finish, each with the index of its task.
+    """Yield the index and the result of each task, in the order in which they finish.
 
     Parameters
     ----------
@@ -35,8 +35,8 @@ def map_unordered(
         Must be importable by name when `n_jobs` is not 1.
     tasks : sequence
     n_jobs : int
-        Number of processes; 1 stays in this process, -1 takes all cores. Inside a ``joblib.parallel_config`` of
-        another backend (for example Dask) that backend does the work.
+        Number of processes; 1 = this process, -1 = all cores. Inside a ``joblib.parallel_config`` with another backend
+        (for example Dask) that backend runs the tasks.
 
     Yields
     ------
@@ -62,13 +62,13 @@ def map_unordered(
     except (KeyboardInterrupt, SystemExit, GeneratorExit):
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", "[0-9]+ tasks which were still being processed", UserWarning)
-            del results  # joblib warns of what it cancels, which is what was asked for
+            del results  # this cancels the tasks that still run; joblib would warn of them
         raise
 
 
 @cache
 def _watch_parent() -> None:
-    """End this worker process soon after its parent has ended, however that ended; once in each process."""
+    """Start a thread that ends this worker process soon after its parent has ended; only the first call has an effect."""
     parent = multiprocessing.parent_process()
 
     def watch() -> None:
@@ -80,10 +80,10 @@ def _watch_parent() -> None:
 
 
 def one_blas_thread(function: Callable[Given, Result]) -> Callable[Given, Result]:
-    """The same function, with one thread for linear algebra while it runs. Costs 0.1 ms a call.
+    """Decorate a function so that linear algebra has one thread while it runs. Costs 0.1 ms a call.
 
-    The matrices of a forecast have some hundred rows. Several threads wait for each other longer than they calculate: on two busy
-    cores a forecast takes three times as long.
+    The matrices of a forecast have some hundred rows, for which several threads wait for each other longer than they compute: on
+    two busy cores a forecast takes three times as long.
 
     Examples
     --------
@@ -106,10 +106,10 @@ def one_blas_thread(function: Callable[Given, Result]) -> Callable[Given, Result
 
 @cache
 def _blas(with_scipy: bool) -> ThreadpoolController:
-    """The libraries of linear algebra in this process, found once, which takes tens of milliseconds.
+    """A controller of the linear algebra libraries in this process; finding them takes tens of milliseconds, so it is cached.
 
-    SciPy has a library of its own. It is looked for again once it is there: `scipy.linalg` takes longer to import than a
-    forecast, which does not need it, to calculate.
+    SciPy has a library of its own, so `with_scipy` separates the cache before and after its import. `scipy.linalg` is not
+    imported here: the import takes longer than a forecast, which does not need it.
     """
     from threadpoolctl import ThreadpoolController
 

@@ -1,4 +1,4 @@
-"""Constants of nature and unit conversions. Conversions happen at the edges, never in between."""
+"""Constants of nature and unit conversions. Units are converted where data come in or go out, never in between."""
 
 from __future__ import annotations
 
