@@ -207,7 +207,7 @@ def _read_metadata(path: Path) -> dict[str, Any]:
 
 
 def _require_list_of_parts(parts: object, where: Path) -> None:
-    """Raise a fault unless the metadata list each part with its digest and size.
+    """Raise `InvalidInput` unless the metadata list each part with its digest and size.
 
     This needs a check of its own: a digest is no signature, so altered metadata may have a right one.
     """
@@ -224,7 +224,7 @@ def _require_list_of_parts(parts: object, where: Path) -> None:
 
 
 def require_place(folder: Path) -> None:
-    """Raise a fault if a model cannot be written to a folder; nothing is written.
+    """Raise `InvalidInput` if a model cannot be written to a folder; nothing is written.
 
     Raises
     ------

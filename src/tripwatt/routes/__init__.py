@@ -1,4 +1,4 @@
-"""A planned trip: links, a recorded track or a router response, and the speed profile that a driver makes of them."""
+"""Planned trips from links, recorded tracks or router responses, and the speed over time of a driver on them."""
 
 from tripwatt.routes.geojson import ROAD_SPEED_M_S, read_geojson
 from tripwatt.routes.gpx import read_gpx

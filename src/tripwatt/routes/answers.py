@@ -1,4 +1,4 @@
-"""What live and saved answers of routers have in common: steps, annotations of OSRM, path details of GraphHopper."""
+"""Common parts of live and saved answers of routers: steps, annotations of OSRM, path details of GraphHopper."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tripwatt.units import M_S_PER_KM_H
 
 
 def steps_of(part: Node, key: str = "steps") -> Sequence[Node]:
-    """The steps of a leg, segment or path; the part itself where it has none.
+    """The steps of a leg, segment or path; the part itself if it has no steps.
 
     Examples
     --------
@@ -36,20 +36,20 @@ def lengths_and_times(steps: Sequence[Node], time: str = "duration") -> FloatArr
 
 
 def annotated(leg: Node, *, own_speed: bool = False) -> FloatArray:
-    """Length, time and speed of each edge by the annotation of a leg of OSRM, shape (edges, 3).
+    """Length, time and speed of each edge from the annotation of an OSRM leg, shape (edges, 3).
 
-    An annotation leaves out turns and lights: what the leg takes longer is shared out by time.
+    The times of an annotation leave out turns and lights. If the leg takes longer than their sum, all are scaled to its duration.
 
     Parameters
     ----------
     leg : Node
     own_speed : bool
-        Take the annotated speed where there is one; else it is the annotated length over time, NaN where one is 0.
+        Take the annotated speed if there is one. Otherwise the speed is the annotated length over time, NaN if either is 0.
 
     Raises
     ------
     InvalidInput
-        When it does not have a length and a time for each edge.
+        When the annotation does not have a length and a time for each edge.
     """
     length = leg["annotation"]["distance"].numbers(least=0.0)
     time = leg["annotation"]["duration"].numbers(least=0.0)
@@ -66,12 +66,12 @@ def annotated(leg: Node, *, own_speed: bool = False) -> FloatArray:
 
 
 def intervals(detail: Node, points: int) -> list[tuple[int, int, Node]]:
-    """First point, last point and value of each entry of a path detail of GraphHopper; none where it is not given.
+    """First point, last point and value of each entry of a path detail of GraphHopper; empty if the detail is not given.
 
     Raises
     ------
     InvalidInput
-        When an entry has no two points of the path, in their order.
+        When the points of an entry are not indices of the path in ascending order.
 
     Examples
     --------
@@ -90,7 +90,7 @@ def intervals(detail: Node, points: int) -> list[tuple[int, int, Node]]:
 
 
 def speeds_at_points(detail: Node, points: int) -> FloatArray:
-    """Speed behind each point [m/s] by a path detail in km/h; NaN where there is none above 0.
+    """Speed after each point [m/s] from a path detail in km/h; NaN where it is unknown or 0.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Texts that come from outside: their bytes within a bound, and JSON documents whose values know their place."""
+"""Documents from outside: their bytes within a bound, and JSON values with their place in the document."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from tripwatt.files import read_file, strict_json
 from tripwatt.routes.points import require_few_points, require_on_earth
 
 MOST_BYTES: Final = 64 * 1024 * 1024
-"""Size of one file: a GPX point takes about 100 bytes."""
+"""Largest size of one file [bytes]: a GPX point takes about 100."""
 
 
 def content(source: bytes | str | Path, where: str | None = None) -> tuple[bytes, str]:
-    """Bytes of a source and its name for messages: bytes are the content itself, anything else is a path.
+    """The bytes of a source and its name for messages. A source of type bytes is the content itself, any other is a path.
 
     Raises
     ------
@@ -42,7 +42,7 @@ def parse_json(data: bytes, where: str) -> Any:
     Raises
     ------
     InvalidInput
-        When it is not JSON.
+        When the text is not JSON.
     """
     try:
         return strict_json(data)
@@ -54,12 +54,12 @@ def parse_json(data: bytes, where: str) -> Any:
 
 @dataclass(frozen=True, slots=True)
 class Node:
-    """A value of a JSON document and where it is, for messages. Each way to read it raises `InvalidInput`.
+    """A value of a JSON document with its place, for messages. Each method raises `InvalidInput` if the value is of another type.
 
     Attributes
     ----------
     value : object
-        As `json.loads` gives it; None also for a member that is not there.
+        As `json.loads` returns it; None also for a missing member.
     where : str
 
     Examples
@@ -76,13 +76,13 @@ class Node:
         return Node(self.members().get(key), f"{self.where}, {key}")
 
     def members(self) -> dict[str, Any]:
-        """The value if it is a JSON object."""
+        """The value as the members of a JSON object."""
         if not isinstance(self.value, dict):
             raise InvalidInput.of("not an object", self.where, _excerpt(self.value), "a JSON object")
         return self.value
 
     def entries(self, *, least: int = 0) -> list[Node]:
-        """The entries of a JSON array of at least `least`."""
+        """The entries of a JSON array that has at least `least` of them."""
         if not isinstance(self.value, list):
             raise InvalidInput.of("not a list", self.where, _excerpt(self.value), "a JSON array")
         if len(self.value) < least:
@@ -90,7 +90,7 @@ class Node:
         return [Node(entry, f"{self.where}[{k}]") for k, entry in enumerate(self.value)]
 
     def number(self, *, least: float = -math.inf) -> float:
-        """The value as a float if it is a finite JSON number of at least `least`."""
+        """The value as a float; it has to be a finite JSON number of at least `least`."""
         is_number = isinstance(self.value, int | float) and not isinstance(self.value, bool)
         try:
             number = float(self.value) if is_number else math.nan
@@ -106,7 +106,7 @@ class Node:
         return np.array([entry.number(least=least) for entry in self.entries()], dtype=np.float64)
 
     def coordinates(self) -> FloatArray:
-        """GeoJSON positions as latitude, longitude, height (NaN where missing), shape (points, 3)."""
+        """GeoJSON positions as latitude [°], longitude [°] and height [m] (NaN = missing), shape (points, 3)."""
         require_few_points(len(self.value) if isinstance(self.value, list) else 0, self.where)
         positions = self.entries(least=2)
         points = np.full((len(positions), 3), np.nan)

@@ -1,11 +1,11 @@
 """The driver model: from a route to speed over time, with limits, comfort, stops and fluctuation.
 
-A route is a row of links, each with a length, a speed that is allowed or expected on it, and a time of standstill at
-its end. The speed over *distance* is found first, by one pass forwards (how fast can the car have become?) and one
-backwards (how fast may it be to make the next limit?). Both are running minima of a potential, so that no loop over
-samples is needed. Only then does distance become time.
+A route is a sequence of links, each with a length, a speed that is allowed or expected on it, and a standstill at its
+end. The speed over *distance* is found first, by one pass forwards (how fast can the car have become?) and one backwards
+(how fast may it be to keep the next limit?). Both are running minima of a potential, so that no loop over samples is
+needed. Only then is distance converted to time.
 
-These are pure functions of arrays and independent of cars and trips: whether the car can follow is a question of the physics.
+These are pure functions of arrays, independent of cars and trips. The physics decides whether a car can follow the profile.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ class DriverStyle:
     speed_share : float
         Share of a link's speed that the driver aims at, in (0, 1].
     fluctuation : float
-        Standard deviation of the aimed speed's logarithm; the pressure on the pedals varies with it. 0 is a perfectly
-        steady foot.
+        Standard deviation of the logarithm of the aimed speed; it also scales how much the pressure on the pedals varies.
+        0 is a perfectly steady foot.
     fluctuation_time_s : float
         Time constant [s] of the fluctuation at the links' speed.
     dwell_mean_s : float
@@ -80,11 +80,11 @@ class SpeedProfile:
     time_s : ndarray, shape (samples,)
         0, step, 2 step, ... [s]; the last sample is the first one at which the car has arrived.
     speed_m_s : ndarray, shape (samples,)
-        Speed at that instant [m/s].
+        Speed at each time [m/s].
     position_m : ndarray, shape (samples,)
-        Distance driven until then [m]; the last is the length of the route.
+        Distance driven until each time [m]; the last is the length of the route.
     link : ndarray of int, shape (samples,)
-        Index of the link on which the car is; at a stop the link that it has just driven.
+        Index of the link on which the car is; during a stop at the end of a link, the index of that link.
     """
 
     time_s: FloatArray
@@ -96,14 +96,14 @@ class SpeedProfile:
 def draw_dwell(
     stop_probability: npt.ArrayLike, style: DriverStyle, rng: np.random.Generator, *, minimum_s: float = 2.0
 ) -> FloatArray:
-    """Standstill at the end of each link, where one comes to pass. O(links).
+    """Draw at random whether the car stops at the end of each link, and for how long. O(links).
 
     Parameters
     ----------
     stop_probability : array_like, shape (links,)
         Chance in [0, 1] that the car has to stop at the end of the link.
     style : DriverStyle
-        Its `dwell_mean_s` is the mean of the exponential that the standstill follows.
+        Its `dwell_mean_s` is the mean standstill; the time above `minimum_s` is exponentially distributed.
     rng : numpy.random.Generator
     minimum_s : float
         Shortest standstill [s].
@@ -146,12 +146,12 @@ def speed_profile(
     speed_m_s : array_like, shape (links,)
         Speed allowed or expected on each link while moving [m/s].
     dwell_s : array_like, shape (links,), optional
-        Standstill at the end of each link [s], 0 = the car does not stop there; none without it. A stop
+        Standstill at the end of each link [s], 0 = the car does not stop there; by default there are no stops. A stop
         shorter than `step_s` may fall between two samples.
     style : DriverStyle, optional
     rng : numpy.random.Generator, optional
-        Source of the fluctuation; without it the foot is steady and the result has no randomness. The draws do not
-        depend on `step_s`.
+        Source of the fluctuation. By default the foot is steady and the result has no randomness. The draws do not depend
+        on `step_s`.
     step_s : float
         Time between two samples [s].
 
@@ -174,7 +174,7 @@ def speed_profile(
     ends = np.cumsum(cells)
     position = running_sum(np.repeat(length / cells, cells))
     cell_speed = np.repeat(speed, cells)
-    # where two cells meet the slower one rules, so that neither's limit is broken
+    # where two cells meet the lower of their speeds is allowed
     allowed = np.minimum(np.append(cell_speed[0], cell_speed), np.append(cell_speed, cell_speed[-1]))
     at_speed_s = running_sum(np.repeat(length / cells / speed, cells))
     if rng is not None:
@@ -185,7 +185,7 @@ def speed_profile(
     else:
         steadiness, effort = np.ones_like(position), None
     share = style.speed_share * steadiness
-    # turned back at the limit, where clipping would cruise on it
+    # mirrored at the limit: with clipping, the car would cruise exactly at the limit
     share = np.where(share > 1.0, 2.0 - share, share)
     # stops come from the route, not from fluctuation
     aimed = allowed * np.maximum(share, 0.4 * style.speed_share)
@@ -203,7 +203,7 @@ def speed_profile(
 def reachable_speed(
     position_m: FloatArray, aimed_m_s: FloatArray, style: DriverStyle, effort: FloatArray | None = None
 ) -> FloatArray:
-    """Highest speed at each point that keeps to the aimed speed there and to the driver's comfort on the way. O(n).
+    """Highest speed at each point that keeps to the aimed speeds and to the driver's acceleration and deceleration. O(n).
 
     With an acceleration `a(v)` the potential `u(v) = ∫ v / a(v) dv` grows by at most one metre per metre driven, so
     the highest `u` at `s` is the minimum over all earlier points `s'` of `u(s') + s - s'`: a running minimum. The
@@ -214,10 +214,10 @@ def reachable_speed(
     position_m : ndarray, shape (n,)
         Increasing [m].
     aimed_m_s : ndarray, shape (n,)
-        Speed that the driver would like at each point [m/s].
+        Highest speed that the driver aims at, at each point [m/s].
     style : DriverStyle
     effort : ndarray, shape (n - 1,), optional
-        Share of the style's acceleration and deceleration used between two points, in (0, 1]; all of it without.
+        Share of the style's acceleration and deceleration used between two points, in (0, 1]; 1 by default.
 
     Returns
     -------
@@ -266,7 +266,7 @@ def reachable_speed(
 
 
 def smooth_noise(at: FloatArray, memory: float, rng: np.random.Generator) -> FloatArray:
-    """A smooth random function at rising places, see `smooth_field`."""
+    """Values of a smooth random function at ascending places, see `smooth_field`."""
     return np.interp(at, *smooth_field(float(at[-1]), memory, rng))
 
 
@@ -287,7 +287,7 @@ def smooth_field(extent: float, memory: float, rng: np.random.Generator) -> tupl
     Returns
     -------
     position, value : ndarrays of equal shape
-        Grid from 0 and the function's values there.
+        Grid from 0, and the values of the function on it.
     """
     points_per_length, burn_in = 10, 80
     n = math.ceil(extent / memory * points_per_length) + 2
@@ -300,16 +300,16 @@ def smooth_field(extent: float, memory: float, rng: np.random.Generator) -> tupl
 
 
 def autoregression(shocks: FloatArray, *weights: float) -> FloatArray:
-    """Each value is its shock plus the weighted values before it, which are 0 before the first. O(shocks).
+    """Values of an autoregression: each is its shock plus the weighted values before it, 0 before the first. O(shocks).
 
-    This is a triangular system with few diagonals, which LAPACK solves. `scipy.signal.lfilter` gives the same, but its
-    import takes a second.
+    This is a triangular system with few diagonals, which LAPACK solves. `scipy.signal.lfilter` gives the same values, but
+    takes a second to import.
 
     Parameters
     ----------
     shocks : ndarray, shape (n,)
     *weights : float
-        Of the value before, of the one before that, and so on.
+        Weight of the previous value, of the value before that, and so on.
 
     Returns
     -------
@@ -335,7 +335,9 @@ def profile_over_time(
     ends: IntArray,
     step_s: float,
 ) -> SpeedProfile:
-    """Distance to time: each node has an arrival and, after its standstill, a departure; in between v is linear in t.
+    """Convert speed over distance to speed over time. Each node has an arrival and, after its standstill, a departure.
+
+    Between two nodes the speed is linear in time.
 
     Parameters
     ----------
@@ -344,7 +346,7 @@ def profile_over_time(
     driving_s : ndarray, shape (nodes - 1,)
         Time from each node to the next [s].
     waiting_s : ndarray, shape (nodes,)
-        Standstill at each node [s]; not 0 only where the speed is 0.
+        Standstill at each node [s]; 0 wherever the speed is not 0.
     ends : ndarray of int, shape (links,)
         Index of the node at which each link ends.
     step_s : float
@@ -361,7 +363,7 @@ def profile_over_time(
     n_steps = math.ceil(float(departure[-1]) / step_s - 1e-9)
     time = np.arange(n_steps + 1, dtype=np.float64) * step_s
     cell = np.clip(np.searchsorted(departure, time, side="right") - 1, 0, len(driving_s) - 1)
-    # a sample between arrival and departure of the next node stands there
+    # a sample between the arrival at the next node and the departure from it is at that node
     into_s = np.minimum(np.maximum(time - departure[cell], 0.0), driving_s[cell])
     slope = (node_speed[cell + 1] - node_speed[cell]) / driving_s[cell]
     there = into_s >= driving_s[cell]

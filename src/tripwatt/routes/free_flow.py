@@ -1,8 +1,8 @@
-"""From the time of an empty road to the time that is expected: how much longer drives take, by the free speed of a link.
+"""Expected travel times from those of an empty road: how much longer drives take, by the free speed of a link.
 
-A router's time is that of an empty road. Where a log carries the speed limit of the road, the empty road is driven at the limit.
-Other logs have a proxy: the speed class of a link, the smallest of `CLASSES_KM_H` that is not below the 90th percentile of the
-car's moving speed on it. The proxy uses the drive, so it is better than a map.
+A router without traffic gives the time on an empty road. If a log has the speed limit of the road, the free speed is the limit.
+For other logs it is the speed class of the link: the smallest of `CLASSES_KM_H` that is not below the 90th percentile of the
+car's moving speed on the link. This proxy uses the drive itself, so it is better than a map.
 """
 
 from __future__ import annotations
@@ -19,24 +19,25 @@ from tripwatt.trips import Plan, Recorded, plan_from_trip
 from tripwatt.units import M_S_PER_KM_H
 
 CLASSES_KM_H: Final = (30.0, 50.0, 70.0, 100.0, 120.0, 130.0)
-"""Free speeds of the classes of roads; a choice, usual limits in Europe."""
+"""Free speeds of the classes of roads [km/h]; a choice, usual limits in Europe."""
 LINK_M: Final = 250.0
-"""Length of the links into which a drive is cut; a choice."""
+"""Length of the links into which a drive is cut [m]; a choice."""
 
 
 SHARES: Final = (0.6, 0.7, 0.8, 0.9, 1.0)
-"""Shares of the limit that may be the speed between two stops."""
+"""Candidates for the speed between two stops as a share of the free speed."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class TravelTimeFactors:
-    """Expected travel time over that of the empty road, by the free speed.
+    """Ratio of the expected travel time to that on an empty road, by the free speed.
 
     Attributes
     ----------
     speed_m_s : ndarray, shape (classes,)
-        Ascending.
+        Free speed of each class [m/s], ascending.
     factor : ndarray, shape (classes,)
+        Ratio of each class.
     moving_share : float
         Speed between two stops over the free speed.
 
@@ -55,10 +56,11 @@ class TravelTimeFactors:
     def from_links(
         cls, routes: Sequence[LinkRoute], driven_s: Sequence[FloatArray], *, moving_share: float = 1.0
     ) -> TravelTimeFactors:
-        """From free-flow links and the times that were driven on them. O(links).
+        """Estimate the factors from free-flow links and the times in which they were driven. O(links).
 
-        A class with little road is drawn to the factor of itself and the two next to it, and where these have little as well, to that
-        of all classes: a motorway is not as slow as the town that most links are of. It stands at the mean free speed of its links.
+        The factor of a class with little road is shrunk to that of the class and its two neighbours together; if these have little
+        road as well, to that of all classes: a motorway is not as slow as the town streets that most links belong to. The speed of a
+        class is the mean free speed of its links.
         """
         length = np.concatenate([route.length_m for route in routes])
         speed = np.concatenate([route.moving_speed_m_s for route in routes])
@@ -67,7 +69,7 @@ class TravelTimeFactors:
         free_s = length / speed
         overall = float(seconds.sum() / free_s.sum())
         which = np.argmin(np.abs(speed[:, None] - classes[None, :]), axis=1)
-        # 20 km of a class count as much as what is assumed of it from the others; a choice
+        # 20 km of a class weigh as much as the factor assumed from the other classes; a choice
         prior_s = 20_000.0 / classes
         total_s, known_s = (np.bincount(which, values, len(classes)) for values in (seconds, free_s))
         near_s, near_known_s = (np.convolve(values, np.ones(3), "same") for values in (total_s, known_s))
@@ -79,13 +81,13 @@ class TravelTimeFactors:
         return cls(classes, np.clip(factor, 1.0 / 3.0, 3.0), moving_share)
 
     def at(self, speed_m_s: FloatArray) -> FloatArray:
-        """Factor at free speeds, linear between the classes, shape of `speed_m_s`."""
+        """Factors at given free speeds, linear between the classes, shape of `speed_m_s`."""
         return np.asarray(np.interp(speed_m_s, self.speed_m_s, self.factor), dtype=np.float64)
 
     def expected(self, route: LinkRoute) -> LinkRoute:
-        """Free-flow links with the times that are expected on them; a router's own delays are not lost. O(links).
+        """Free-flow links with their expected travel times, never shorter than those of the router. O(links).
 
-        A speed limit below the free speed of a link slows the car down, but its factor is that of the free speed.
+        If the speed limit of a link is below its free speed, the car drives at the limit, but the factor is that of the free speed.
         """
         free = np.where(np.isnan(route.moving_speed_m_s), route.speed_m_s, route.moving_speed_m_s)
         moving = free if route.speed_limit_m_s is None else np.fmin(free, route.speed_limit_m_s)
@@ -96,18 +98,18 @@ class TravelTimeFactors:
 def share_energy(
     trip: Recorded, route: LinkRoute, driven_s: FloatArray, energy: Callable[[Plan], float]
 ) -> FloatArray:
-    """Logarithm of the energy on free-flow links in their driven times over that of the drive, for each of `SHARES`. O(samples).
+    """Logarithm of the energy of a plan on free-flow links in the driven times over that of the drive, for each of `SHARES`. O(samples).
 
     Parameters
     ----------
     trip : Trip
         The drive.
     route : LinkRoute
-        Its free-flow links.
+        Free-flow links of the drive.
     driven_s : ndarray, shape (links,)
-        Times that were driven on them.
+        Time in which each link was driven [s].
     energy : callable
-        What is compared, such as the simulated energy of the car; positive.
+        Returns the positive energy of a plan, such as the simulated energy of the car.
 
     Returns
     -------
@@ -120,7 +122,9 @@ def share_energy(
 
 
 def moving_share(energies: Sequence[FloatArray]) -> float:
-    """Share of the free speed with which trips take the energy of their drives in the mean, from `share_energy` of each.
+    """Share of the free speed with which the plans of trips take the energy of the drives on average.
+
+    `energies` has the result of `share_energy` for each trip; the mean over trips is interpolated to 0.
 
     Examples
     --------
@@ -131,9 +135,9 @@ def moving_share(energies: Sequence[FloatArray]) -> float:
 
 
 def free_flow_links(trip: Recorded, length_m: float = LINK_M) -> tuple[LinkRoute, FloatArray]:
-    """Links of a drive as a router without traffic gives them, and the times that were driven. O(samples).
+    """Links of a drive as a router without traffic would give them, and the time in which each was driven. O(samples).
 
-    A log with speed limits is cut where they change. Of its drive, such links have the length of the road and heights every `LINK_M`.
+    A log with speed limits is cut where the limit changes, any other every `length_m`. Heights are kept every `length_m`.
 
     Raises
     ------
@@ -163,7 +167,7 @@ def free_flow_links(trip: Recorded, length_m: float = LINK_M) -> tuple[LinkRoute
 
 
 def driven_by_kind(trip: Recorded) -> FloatArray:
-    """Length [m] and time [s] that a trip has in city, country and on the motorway, shape (6,). O(samples).
+    """Lengths [m] and times [s] of a trip in the city, in the country and on the motorway, shape (6,): lengths first. O(samples).
 
     Raises
     ------
@@ -178,7 +182,7 @@ def driven_by_kind(trip: Recorded) -> FloatArray:
     True
     """
     route, driven_s = free_flow_links(trip)
-    # free speed up to which a road is of the city, and of the country
+    # highest free speed of a road in the city, and of one in the country
     bounds = np.array([50.0, 100.0]) * M_S_PER_KM_H + SAME_SPEED
     kind = np.searchsorted(bounds, route.moving_speed_m_s)
     return np.concatenate([np.bincount(kind, part, 3) for part in (route.length_m, driven_s)])
@@ -187,7 +191,10 @@ def driven_by_kind(trip: Recorded) -> FloatArray:
 def _limit_links(
     even: LinkRoute, time_s: FloatArray, position_m: FloatArray, limit_m_s: FloatArray
 ) -> tuple[LinkRoute, FloatArray]:
-    """Links from change to change of the limit, with the heights of even ones; short and unknown pieces go with the link before them."""
+    """Links cut where the speed limit changes, with the heights of the even links, and the time in which each was driven.
+
+    A piece that is short or has no limit is joined to the link before it.
+    """
     start = np.flatnonzero(np.append(True, np.diff(limit_m_s) != 0.0))
     piece_m = np.diff(np.append(position_m[start], position_m[-1]))
     known_m = np.where(np.isfinite(limit_m_s[start]), piece_m, -1.0)
@@ -207,11 +214,11 @@ def _limit_links(
 
 
 def _class_speed(speed_m_s: FloatArray) -> float:
-    """The class of the speeds on a link [m/s]; the lowest where the car never moves."""
-    # a slower car stands: its speed is no moving speed
+    """Speed class of a link [m/s] from the speeds driven on it; the lowest class if the car never moves."""
+    # below 0.5 m/s the car stands
     moving = speed_m_s[speed_m_s > 0.5]
     if not len(moving):
         return CLASSES_KM_H[0] * M_S_PER_KM_H
-    # the speed where nothing is in the way: a tenth of the moving time is faster; a choice
+    # the free speed: the car is faster for a tenth of the moving time; a choice
     high = float(np.percentile(moving, 90.0)) / M_S_PER_KM_H
     return next((v for v in CLASSES_KM_H if v >= high - 1e-9), CLASSES_KM_H[-1]) * M_S_PER_KM_H

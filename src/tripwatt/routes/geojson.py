@@ -1,4 +1,4 @@
-"""GeoJSON texts as tracks."""
+"""Reader of GeoJSON texts as tracks."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ from tripwatt.units import M_S_PER_KM_H
 ROAD_SPEED_M_S: Final[Mapping[str, float]] = {
     road: km_h * M_S_PER_KM_H for road, km_h in shipped_toml("routes/road_speeds.toml").items()
 }
-"""Mean speed [m/s] by OpenStreetMap's class of road where nothing better is known: the values of OSRM's car profile."""
+"""Mean speed [m/s] by OpenStreetMap's class of road if nothing better is known: the values of OSRM's car profile."""
 
 DEEPEST: Final = 64
-"""Geometries inside geometries; a choice, far below the limit of recursion."""
+"""Largest depth of nested geometries; a choice, far below the limit of recursion."""
 _Line = tuple[FloatArray, float, list[str]]  # points, speed [m/s], times
 
 
 def read_geojson(source: bytes | str | Path, *, where: str | None = None) -> Track:
-    """The lines of a GeoJSON text, joined in their order. O(bytes).
+    """Read the lines of a GeoJSON text, joined in their order. O(bytes).
 
     `LineString`, `MultiLineString`, `Feature`, `FeatureCollection` and `GeometryCollection` are read; other geometries
-    are left out. Of a feature's properties count `speed_m_s` (mean speed), `highway` (class of road, see
+    are left out. These properties of a feature are used: `speed_m_s` (mean speed), `highway` (class of road, see
     `ROAD_SPEED_M_S`) and `coordTimes` or `coordinateProperties.times` (ISO 8601, one for each point).
 
     Parameters
@@ -51,7 +51,7 @@ def read_geojson(source: bytes | str | Path, *, where: str | None = None) -> Tra
     Raises
     ------
     InvalidInput
-        For a text that is not GeoJSON or has no possible line.
+        When the text is not GeoJSON or has no valid line.
 
     Examples
     --------
@@ -63,7 +63,7 @@ def read_geojson(source: bytes | str | Path, *, where: str | None = None) -> Tra
 
 
 def track_from_geojson(document: Node) -> Track:
-    """As `read_geojson`, from the parsed text."""
+    """The track of a parsed GeoJSON document, see `read_geojson`."""
     lines: list[_Line] = []
     skipped = _collect(document, Node({}, document.where), lines, 0)
     if not lines:
@@ -80,7 +80,7 @@ def track_from_geojson(document: Node) -> Track:
 
 
 def _collect(node: Node, properties: Node, lines: list[_Line], depth: int) -> int:
-    """Append the lines below a GeoJSON object; the number of geometries that are no lines."""
+    """Append all lines within a GeoJSON object to `lines`, and return the number of other geometries."""
     if depth > DEEPEST:
         raise InvalidInput.of("nested too deeply", node.where, f"{depth} levels", f"at most {DEEPEST}")
     kind = node["type"].value
@@ -107,7 +107,7 @@ def _collect(node: Node, properties: Node, lines: list[_Line], depth: int) -> in
 
 
 def _texts(properties: Node, number: int) -> list[str]:
-    """The time of each point, empty where it has none."""
+    """The time of each point as text, empty if the point has none."""
     times = properties["coordTimes"]
     if times.value is None and isinstance(properties["coordinateProperties"].value, dict):
         times = properties["coordinateProperties"]["times"]
@@ -125,7 +125,7 @@ def _texts(properties: Node, number: int) -> list[str]:
 
 
 def _speed(properties: Node) -> float:
-    """Mean speed of a line [m/s], NaN where neither it nor its class of road is known."""
+    """Mean speed of a line [m/s], given or by its class of road; NaN if neither is known."""
     speed, road = properties["speed_m_s"], properties["highway"].value
     if speed.value is None:
         return ROAD_SPEED_M_S.get(road, math.nan) if isinstance(road, str) else math.nan

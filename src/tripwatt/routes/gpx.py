@@ -1,4 +1,4 @@
-"""GPX texts as tracks."""
+"""Reader of GPX texts as tracks."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ POINTS: Final = ("trkpt", "rtept")
 
 
 def read_gpx(source: bytes | str | Path, *, where: str | None = None) -> Track:
-    """The first track of a GPX 1.0 or 1.1 text that has two points, else its first route. O(bytes).
+    """Read the first track with at least two points in a GPX 1.0 or 1.1 text, else the first such route. O(bytes).
 
-    The segments of a track are joined. XML is read without a document type, so that no entity can be declared: a
-    text that has one is refused.
+    The segments of a track are joined. A text with a document type declaration is refused, so that no XML entity can be
+    declared.
 
     Parameters
     ----------
@@ -31,12 +31,12 @@ def read_gpx(source: bytes | str | Path, *, where: str | None = None) -> Track:
     Returns
     -------
     Track
-        With times where the first and the last point have one; those in between are interpolated.
+        With times if the first and the last point have a time; missing times in between are interpolated.
 
     Raises
     ------
     InvalidInput
-        For a text that is not well-formed, has a document type, no track, or no possible track.
+        When the text is not well-formed, has a document type declaration, or has no valid track.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""KML texts as tracks: `gx:Track` of a recording, or the line of a route."""
+"""Reader of KML texts as tracks: the `gx:Track` of a recording, or the line of a route."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from tripwatt.routes.xml_events import Line, Point, XmlTracks
 
 
 def read_kml(source: bytes | str | Path, *, where: str | None = None) -> Track:
-    """The first recording of a KML 2.2 text that has two points, else its first line. O(bytes).
+    """Read the first recording with at least two points in a KML 2.2 text, else the first such line. O(bytes).
 
-    A recording is a `gx:Track` with `when` and `gx:coord`, a line a `LineString`. Altitudes that are all 0 are no
-    elevation: KML has them where nothing else is known. XML is read without a document type.
+    A recording is a `gx:Track` with `when` and `gx:coord`, a line is a `LineString`. If all altitudes are 0, they count as
+    unknown: KML files have 0 for an unknown altitude. A text with a document type declaration is refused.
 
     Parameters
     ----------
@@ -31,12 +31,12 @@ def read_kml(source: bytes | str | Path, *, where: str | None = None) -> Track:
     Returns
     -------
     Track
-        With times for a recording.
+        With times if it is a recording.
 
     Raises
     ------
     InvalidInput
-        For a text that is not well-formed, has a document type, no line, or no possible track.
+        When the text is not well-formed, has a document type declaration, or has no valid line or recording.
 
     Examples
     --------
@@ -71,7 +71,7 @@ class _Kml(XmlTracks):
             self.lines[parent][-1].times.append(" ".join(words))
 
     def point(self, numbers: list[str]) -> Point:
-        """A point of longitude, latitude and, where it is there, altitude."""
+        """The point of a longitude, a latitude and an optional altitude, all as text."""
         where = self.count_point()
         try:
             values = [float(text) for text in numbers]

@@ -1,4 +1,4 @@
-"""Links as a user writes them: objects or rows with a length, a speed or a time, and a slope."""
+"""Routes from links that a user writes: objects or rows with a length, a speed or a time, and a slope."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ LINK_KEYS: Final = tuple(sorted(LINK_COLUMNS))
 
 _KNOWN: Final = frozenset(LINK_KEYS)
 _HARMLESS: Final = {key: 0.0 if key in ("grade", "stop_s") else 1.0 for key in LINK_KEYS}
-"""Stands in for a value that is no number, so that it is not called missing or out of range as well."""
+"""Replacement of a value that is not a finite number, so that only one fault is reported for it."""
 
 
 def route_from_links(links: Iterable[Mapping[str, float | None]] | pd.DataFrame) -> LinkRoute:
-    """A route from links as a user writes them. O(links).
+    """Make a route from links. O(links).
 
     Parameters
     ----------
@@ -48,8 +48,8 @@ def route_from_links(links: Iterable[Mapping[str, float | None]] | pd.DataFrame)
         Each with `length_m` [m] and either `speed_m_s`, the mean speed including every standstill [m/s], or
         `travel_time_s` [s]. Optional: `stop_s`, the standstill at the end of the link (part of the travel time; 0 means
         that the car does not stop), `moving_speed_m_s`, the speed while nothing stands in the way, `speed_limit_m_s`,
-        and either `grade` or `start_elevation_m` and `end_elevation_m` [m]. None counts as not given, as does NaN in a table
-        with these columns.
+        and either `grade` or `start_elevation_m` and `end_elevation_m` [m]. A value of None, or NaN in a DataFrame, counts as
+        not given.
 
     Returns
     -------
@@ -78,9 +78,9 @@ def route_from_links(links: Iterable[Mapping[str, float | None]] | pd.DataFrame)
 
 
 def route_of_columns(columns: Mapping[str, FloatArray]) -> LinkRoute:
-    """A route from columns without a fault, as `columns_of_links` gives them."""
+    """A route from columns of `columns_of_links` that have no faults."""
     length, time, limit = (columns[key] for key in ("length_m", "travel_time_s", "speed_limit_m_s"))
-    with np.errstate(over="ignore"):  # what is beyond all bounds is named below
+    with np.errstate(over="ignore"):  # `LinkRoute` reports values out of bounds
         time = np.where(np.isnan(time), length / columns["speed_m_s"], time)
     position, height, flags = _elevation(columns)
     limits = limit if np.isfinite(limit).any() else None
@@ -91,14 +91,14 @@ def route_of_columns(columns: Mapping[str, FloatArray]) -> LinkRoute:
 def route_with_elevation(
     route: LinkRoute, position_m: npt.ArrayLike, elevation_m: npt.ArrayLike
 ) -> LinkRoute:
-    """A route with heights [m] at distances from its start [m], both of shape (heights,), in place of what is known of them."""
+    """A copy of a route with these heights [m] at distances from its start [m], both of shape (heights,), instead of its own."""
     flags = tuple(flag for flag in route.flags if flag != FLAT_ROAD)
     position, height = (np.asarray(values, dtype=np.float64) for values in (position_m, elevation_m))
     return replace(route, elevation_position_m=position, elevation_m=height, flags=flags)
 
 
 def fields_of_route(route: LinkRoute) -> dict[str, Any]:
-    """A route as `links` and `elevation` of a request, the inverse of `route_from_links` and `route_with_elevation`.
+    """The fields `links` and `elevation` of a request for a route: the inverse of `route_from_links` and `route_with_elevation`.
 
     Examples
     --------
@@ -137,9 +137,12 @@ class _Faults:
         allowed: str,
         fix: str = "",
     ) -> None:
-        """Add the faults of one kind in links, by mask or index; `got` takes an index, `key` is empty for the link as a whole."""
+        """Add the faults of one kind.
+
+        `wrong` is a mask or the indices of the wrong links. `got` takes such an index. `key` is empty if the link as a whole is wrong.
+        """
         bad = wrong if isinstance(wrong, list) else np.flatnonzero(wrong).tolist()
-        # three are named one by one; of more the first is named and the others are counted
+        # up to three faults are listed one by one; of more, only the first is listed and the others are counted
         alike = len(bad) <= 3
         for k in bad if alike else bad[:1]:
             place = f"{self.where}link {k + 1}{key and ', ' + key}"
@@ -149,14 +152,14 @@ class _Faults:
 
 
 def columns_of_links(links: Sequence[object], where: str = "") -> tuple[dict[str, FloatArray], list[Fault]]:
-    """Columns of links by key, NaN where not given, and every fault of the links. O(links).
+    """The values of links as columns by key (NaN = not given), and the faults of the links. O(links).
 
     Parameters
     ----------
     links : sequence
         Objects with the keys of `route_from_links`.
     where : str
-        Before the number of a link in messages.
+        Text before the number of a link in messages.
 
     Examples
     --------
@@ -194,7 +197,7 @@ def _shown(values: FloatArray) -> Callable[[int], str]:
 
 
 def key_hint(key: object) -> str:
-    """A question with the key of the same quantity; empty where there is none.
+    """A question with the link key of the same quantity; an empty text if there is no such key.
 
     Examples
     --------
@@ -206,7 +209,7 @@ def key_hint(key: object) -> str:
 
 
 def link_header_faults(names: Sequence[str], where: str) -> list[Fault]:
-    """Every fault of the header of a table of links: one that is wrong makes every link wrong, and is named once.
+    """The faults in the header of a table of links; each is reported once, not for every link.
 
     Examples
     --------
@@ -239,7 +242,7 @@ def _unknown_keys(rows: Sequence[Mapping[str, Any]], wrong: _Faults) -> None:
 
 
 def _numbers(values: Sequence[object], key: str, wrong: _Faults) -> FloatArray:
-    """Values of one key, NaN where not given; see `_HARMLESS` for what is no finite number."""
+    """Values of one key, NaN if not given; `_HARMLESS` replaces a value that is not a finite number, which is a fault."""
     given: list[Any] = list(values)
     if not set(map(type, given)) <= {float, int, NoneType}:
         no_number = np.array([isinstance(v, bool) or not isinstance(v, int | float | None) for v in given])
@@ -259,7 +262,7 @@ def _numbers(values: Sequence[object], key: str, wrong: _Faults) -> FloatArray:
 
 
 def _missing_keys(columns: Mapping[str, FloatArray], is_link: BoolArray, wrong: _Faults) -> None:
-    """Keys that a link needs, and pairs of which it needs one."""
+    """Add the faults of missing keys, and of keys of which only one may be given."""
     there = {key: ~np.isnan(values) for key, values in columns.items()}
 
     def given(k: int) -> str:
@@ -279,12 +282,16 @@ def _missing_keys(columns: Mapping[str, FloatArray], is_link: BoolArray, wrong: 
 def _elevation(
     columns: Mapping[str, FloatArray],
 ) -> tuple[FloatArray | None, FloatArray | None, tuple[Flag, ...]]:
-    """Heights at the ends of the links, from grades or from heights; a link without either is level or joins its neighbours."""
+    """Positions, heights and flags of a route, from the heights at the ends of its links or from their grades.
+
+    If only some links have heights, those without are interpolated. If only some have grades, those without are level. Returns
+    None for positions and heights if no link has either.
+    """
     border = running_sum(columns["length_m"])
     start, end, grade = columns["start_elevation_m"], columns["end_elevation_m"], columns["grade"]
     known = np.isfinite(start)
     if known.any():
-        # links may disagree by a step where they meet, so that each keeps its own two heights
+        # two links may have different heights where they meet, so each link keeps its own two heights
         position = np.column_stack((border[:-1], border[1:])).ravel()
         height = np.column_stack((start, end)).ravel()
         if np.isfinite(grade).any():

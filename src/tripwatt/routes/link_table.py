@@ -13,7 +13,7 @@ from tripwatt.trips.headers import DELIMITERS
 
 
 def is_links_table(data: bytes) -> bool:
-    r"""Tell whether a text begins with a header of a table of links: a length in it, and no time of samples.
+    r"""Whether a text begins with the header of a table of links: it has a length and no time of samples.
 
     Parameters
     ----------
@@ -23,7 +23,7 @@ def is_links_table(data: bytes) -> bool:
     Returns
     -------
     bool
-        Of a long first line the first 4000 bytes count.
+        Decided by the first 4000 bytes of the first line.
 
     Examples
     --------
@@ -35,9 +35,10 @@ def is_links_table(data: bytes) -> bool:
 
 
 def route_from_table(data: bytes, where: str = "links") -> LinkRoute:
-    r"""Read links from a CSV table with a header: comma, semicolon, tab or bar between cells. O(bytes).
+    r"""Read links from a CSV table with a header and comma, semicolon, tab or bar between cells. O(bytes).
 
-    Columns are those of `route_from_links`; an empty cell is not given. A decimal comma is read where no comma is between cells.
+    Columns are those of `route_from_links`; an empty cell is a value not given. A decimal comma is read unless commas separate
+    the cells.
 
     Parameters
     ----------
@@ -83,13 +84,13 @@ def route_from_table(data: bytes, where: str = "links") -> LinkRoute:
 
 
 def _cells(header: str) -> tuple[list[str], str]:
-    """Names of the columns, and what is between them."""
+    """The names of the columns, and the delimiter between them."""
     delimiter = max(DELIMITERS, key=header.count)
     return [name.strip().strip('"').strip().lower() for name in header.split(delimiter)], delimiter
 
 
 def _number(cell: str, decimal_comma: bool) -> float | str | None:
-    """The value of a cell; None for an empty one, its text where it is no number."""
+    """The number in a cell; None if the cell is empty, its text if it is not a number."""
     text = cell.strip()
     try:
         return float(text.replace(",", ".") if decimal_comma else text) if text else None

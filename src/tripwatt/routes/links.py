@@ -1,4 +1,4 @@
-"""A planned route as links, the trip that a driver makes of it, and the links of a trip that was driven."""
+"""Planned routes as links, plans of drives on them, and the links of a recorded trip."""
 
 from __future__ import annotations
 
@@ -16,33 +16,33 @@ from tripwatt.routes.profile import LinkStyle, link_profile
 from tripwatt.trips import COLUMNS, LINK_COLUMNS, Flag, Plan, Recorded, raise_faults, table_of
 
 MOST_LINKS: Final = 200_000
-"""Links of one route; a router response has one for each piece between two nodes of the map."""
+"""Largest number of links in one route; a router response may have one for each piece between two nodes of the map."""
 
 MOST_TRAVEL_TIME_S: Final = LINK_COLUMNS["travel_time_s"].maximum
-"""No battery lasts longer than this without a charge."""
+"""Longest travel time [s]: no battery lasts longer without a charge."""
 
 MOST_SAMPLES: Final = 2_000_000
-"""Samples of one planned trip."""
+"""Largest number of samples in one planned trip."""
 
 FASTEST_LINK_M_S: Final = LINK_COLUMNS["speed_m_s"].maximum
-"""Highest mean speed of a link."""
+"""Highest mean speed of a link [m/s]."""
 
 SHORTEST_LINK_M: Final = LINK_COLUMNS["length_m"].minimum
-"""Shorter pieces are rounding, not road."""
+"""Shortest link [m]: shorter pieces come from rounding."""
 
 LONGEST_LINK_M: Final = LINK_COLUMNS["length_m"].maximum
 
 SHORTEST_STRETCH_M: Final = 60.0
-"""Shorter links are joined with what follows before they are driven: a mean speed over a few metres means nothing."""
+"""Shorter links are joined with the next ones before they are driven: a mean speed over a few metres means nothing."""
 
 SAME_SPEED: Final = 1e-6
-"""Relative difference of two speeds that are one: what rounding leaves."""
+"""Largest relative difference, from rounding, of two speeds that count as equal."""
 
 FLAT_ROAD: Final = Flag("no_elevation", "road")
 
 
 def first_of(what: str, number: int) -> Flag:
-    """The flag of a file that holds several routes, of which the first is used."""
+    """The flag that the first of several routes in a file is used."""
     return Flag("first_of_several", what, float(number), "1")
 
 
@@ -57,15 +57,15 @@ class LinkRoute:
     travel_time_s : ndarray
         Time on the link, every standstill included.
     stop_s : ndarray
-        Standstill at the end of the link, part of its travel time; 0 = none on this link, NaN = not known.
+        Standstill at the end of the link, part of its travel time; 0 = the car does not stop on this link, NaN = not known.
     moving_speed_m_s : ndarray
         Speed while nothing stands in the way, NaN = not known.
     elevation_position_m, elevation_m : ndarray, shape (heights,), or None
-        Heights above sea level at distances from the start; between them the road is straight. None = not known.
+        Distances from the start, and heights above sea level there; in between the height is linear. None = not known.
     flags : tuple of Flag
         What had to be assumed.
     speed_limit_m_s : ndarray or None
-        Highest allowed speed, NaN = not known; None = known of no link.
+        Highest allowed speed, NaN = not known; None = not known for any link.
     free_flow : bool
         Whether the travel times are those of an empty road.
 
@@ -116,17 +116,17 @@ class LinkRoute:
         return self.length_m / self.travel_time_s
 
     def elevation_at(self, position_m: npt.ArrayLike) -> FloatArray | None:
-        """Height [m] at distances from the start, shape of `position_m`; None where no height is known.
+        """Heights [m] at distances from the start; None if no height is known.
 
         Parameters
         ----------
         position_m : array_like
-            Distances from the start [m]; outside the known heights the nearest of them counts.
+            Distances from the start [m]; before the first and after the last known height, that height is returned.
 
         Returns
         -------
         ndarray or None
-            Heights above sea level [m], shape of `position_m`; None where no height is known.
+            Heights above sea level [m], shape of `position_m`; None if no height is known.
         """
         if self.elevation_m is None or self.elevation_position_m is None:
             return None
@@ -162,7 +162,7 @@ def _route_faults(route: LinkRoute) -> Iterator[Fault]:
 
 
 def _link_rules(route: LinkRoute) -> Iterator[tuple[str, FloatArray, BoolArray, str]]:
-    """Name and values of each column, which of them are sound, and what is allowed."""
+    """For each column its name, its values, the mask of values in range, and the text of the allowed range."""
     length, time, stop, moving = route.length_m, route.travel_time_s, route.stop_s, route.moving_speed_m_s
     limit = np.full(length.shape, np.nan) if route.speed_limit_m_s is None else route.speed_limit_m_s
     with np.errstate(all="ignore"):
@@ -179,11 +179,11 @@ def _link_rules(route: LinkRoute) -> Iterator[tuple[str, FloatArray, BoolArray, 
 
 
 def links_of_trip(trip: Recorded, length_m: float = 250.0) -> LinkRoute:
-    """Cut a driven trip into links with their mean speed, as a router with perfect traffic data would see it. O(samples).
+    """Cut a recorded trip into links with their mean speed, as a router with perfect traffic data would give them. O(samples).
 
-    A link's travel time includes every standstill on it; a standstill at a border belongs to the link behind it. The
-    elevation is kept at the links' ends only, stops are not given. What is left over at the end of the trip is a
-    link of its own if it is longer than half a link, else part of the last one.
+    The travel time of a link includes every standstill on it; a standstill at a border belongs to the link after the border.
+    Elevation is kept only at the ends of the links; stops are unknown. The rest at the end of the trip is a link of its own
+    if it is longer than half a link, else part of the last link.
 
     Parameters
     ----------
@@ -240,11 +240,11 @@ def plan_from_links(
     rng: np.random.Generator | None = None,
     step_s: float = 1.0,
 ) -> Plan:
-    """Drive a planned route from standstill to standstill. O(length / 4 m + samples).
+    """Plan the speed over time of a drive on a route, from standstill to standstill. O(length / 4 m + samples).
 
-    Neighbours that differ in nothing are one link, so that the plan does not depend on how a road is cut. Links shorter
-    than `SHORTEST_STRETCH_M` are joined with what follows until a stop that was given. The travel time
-    of every stretch is reproduced by `link_profile`.
+    Neighbouring links with equal values count as one, so that the plan does not depend on how a road is cut. Links shorter
+    than `SHORTEST_STRETCH_M` are joined with the next ones, up to a given stop. `link_profile` reproduces the travel time of
+    every joined stretch.
 
     Parameters
     ----------
@@ -255,14 +255,14 @@ def plan_from_links(
     style : LinkStyle, optional
         How traffic and driver fill a link; the calibrated style by default.
     rng : numpy.random.Generator, optional
-        Draws stops and speeds; without it the same route gives the same trip.
+        Draws stops and speeds; without it the same route always gives the same plan.
     step_s : float
         Time between two samples [s].
 
     Returns
     -------
     Plan
-        Columns `time_s`, `speed_m_s`, and `elevation_m` where it is known; with the length of its links.
+        Columns `time_s`, `speed_m_s`, and `elevation_m` if it is known; `link_m` is the mean length of the links, weighted by length.
 
     Raises
     ------
@@ -294,7 +294,7 @@ def plan_from_links(
 
 
 def _uncut(route: LinkRoute) -> LinkRoute:
-    """The route with neighbours of equal speed, limit and free speed, and without stops between them, as one link."""
+    """The route in which neighbours of equal speed, limit and moving speed are one link, unless a stop lies between them."""
     speed, stop = route.speed_m_s, route.stop_s
     alike = np.abs(np.diff(speed)) <= SAME_SPEED * speed[1:]
     alike &= (np.isnan(stop[1:]) & np.isnan(stop[:-1])) | ((stop[1:] == 0.0) & (stop[:-1] == 0.0))
@@ -304,13 +304,13 @@ def _uncut(route: LinkRoute) -> LinkRoute:
         if values is not None:
             alike &= np.isclose(values[:-1], values[1:], SAME_SPEED, 0.0, equal_nan=True)
     first = np.flatnonzero(np.concatenate(([True], ~alike)))
-    # equal free speeds stay as they are to the last bit: the passes of a drive may end elsewhere after a change by rounding
+    # equal moving speeds are kept to the last bit: a change by rounding could alter where the iteration of a drive ends
     one = joined_links(route, first) | {"moving_speed_m_s": route.moving_speed_m_s[first]}
     return route if float(one["length_m"].max()) > LONGEST_LINK_M else replace(route, **one)
 
 
 def first_of_stretches(route: LinkRoute) -> IntArray:
-    """Index of the first link of each stretch: short links go with what follows, the last one with what went before."""
+    """Index of the first link of each stretch: a short link joins the links after it, a short last stretch the one before."""
     if float(route.length_m.min()) >= SHORTEST_STRETCH_M:
         return np.arange(len(route), dtype=np.int64)
     first, driven = [0], 0.0
@@ -326,10 +326,10 @@ def first_of_stretches(route: LinkRoute) -> IntArray:
 
 
 def joined_links(route: LinkRoute, first: IntArray) -> dict[str, Any]:
-    """Columns of a route with the links from each of `first` to before the next as one.
+    """Columns of a route whose links are joined: each joined link begins at an index in `first`.
 
-    The standstill is that at the end; it is unknown, like free speed and limit, where it is unknown on one of the links. The free speed
-    is the length over the sum of the moving times, the limit the highest one.
+    The standstill of a joined link is the one at its end. The moving speed is the length over the sum of the moving times, the
+    limit the highest one. A value is unknown if it is unknown on one of the links; a standstill only if its end has no known stop.
     """
     length = np.add.reduceat(route.length_m, first)
     end = route.stop_s[np.append(first[1:], len(route)) - 1]

@@ -1,4 +1,4 @@
-"""A place on the map: coordinates, and the name that a person gives it."""
+"""Places on the map with coordinates and names, and directions of travel."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from tripwatt.routes.points import EARTH_RADIUS_M, haversine_m
 from tripwatt.trips import Plan
 
 COORDINATES: Final = re.compile(r"^\s*(?:geo:)?(-?\d{1,3}(?:\.\d+)?)\s*[,; ]\s*(-?\d{1,3}(?:\.\d+)?)\s*$")
-"""Latitude and longitude as a person writes or pastes them."""
+"""Form of a latitude and longitude that a person writes or pastes."""
 
 TWIN_M: Final = 5000.0
-"""Two places of one name within this distance [m] are one for a traveller."""
+"""Two places of the same name within this distance [m] count as one."""
 
 SETTLEMENTS: Final = (
     "city",
@@ -40,12 +40,12 @@ WORD: Final = re.compile(r"\w+")
 SPELLINGS: Final = str.maketrans(
     {"ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss", "æ": "ae", "ø": "oe", "å": "aa"}
 )
-"""How letters are typed on keyboards without them."""
+"""How letters are typed on keyboards that lack them."""
 
 PLAIN: Final = str.maketrans(
     {"ß": "ss", "æ": "ae", "œ": "oe", "ø": "o", "ł": "l", "đ": "d", "ð": "d", "þ": "th", "ı": "i"}
 )
-"""Letters without an accent that can be taken off."""
+"""Replacements of letters from which Unicode decomposition removes no accent."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,16 +57,16 @@ class Place:
     latitude_deg, longitude_deg : float
         WGS 84.
     name : str
-        As shown to a person; empty for coordinates.
+        As shown to a person; empty for bare coordinates.
     kind : str
-        What it is: "city", "street", "house"; empty when unknown.
+        Such as "city", "street" or "house"; empty if unknown.
     also_called : str
-        Its name on the map, where a name in another language or an older one was looked for; else empty.
+        The name on the map if a person searched for another one, such as an older name or one in another language; else empty.
 
     Raises
     ------
     InvalidInput
-        For coordinates that no place has.
+        When the coordinates are out of range.
 
     Examples
     --------
@@ -112,7 +112,7 @@ class Place:
 
     @property
     def context(self) -> str:
-        """What tells it from other places of its name: the settlement that a street lies in; empty where there is nothing.
+        """The part of the name after the first comma, such as the settlement of a street; empty if there is none.
 
         Examples
         --------
@@ -122,9 +122,9 @@ class Place:
         return self.name.partition(", ")[2]
 
     def is_called(self, text: str) -> bool:
-        """Whether a text is the whole name of the place: all words of its first part, and none that its name lacks.
+        """Whether a text is the name of the place: it has all words of the name's first part, and no words beyond the name.
 
-        Case and accents do not count, nor whether a letter is typed as two.
+        Case and accents are ignored, and a letter such as "ä" may be typed as two letters.
 
         Parameters
         ----------
@@ -134,7 +134,7 @@ class Place:
         Returns
         -------
         bool
-            False also for a part of a word.
+            False also if the text has only a part of a word.
 
         Examples
         --------
@@ -150,7 +150,7 @@ class Place:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Convert the place to plain values, as the command line and the service give them.
+        """Convert the place to plain values, as the command line and the service show them.
 
         Returns
         -------
@@ -177,7 +177,7 @@ class Place:
         Parameters
         ----------
         other : Place
-            Anywhere.
+            The other place.
 
         Returns
         -------
@@ -205,7 +205,7 @@ class Place:
         Returns
         -------
         Place
-            Without a name.
+            The place found, without a name.
 
         Examples
         --------
@@ -226,7 +226,7 @@ class Place:
 
 
 def _spelled(text: str) -> tuple[list[str], list[str]]:
-    """The words of a text in lower case without accents, and with the letters that stand for one."""
+    """The words of a text in lower case in two spellings: without accents, and with accented letters typed as two."""
     return plain_words(text), WORD.findall(text.lower().translate(SPELLINGS))
 
 
@@ -245,9 +245,10 @@ def plain_words(text: str) -> list[str]:
 
 
 def without_twins(places: Iterable[Place], most: int | None = None) -> tuple[Place, ...]:
-    """Places without those that are an earlier one: of its name, or of that of a settlement, within `TWIN_M`; the first ones.
+    """The places without repetitions, at most `most` of them. O(places²) for places of the same name.
 
-    O(places²) of a name. A village, its boundary and its post office are one place; streets of one name in two villages are two.
+    A place is left out if, within `TWIN_M`, an earlier place has the same name or is a settlement with the same first part of its
+    name. A village, its boundary and its post office are one place; streets of the same name in two villages are two.
 
     Examples
     --------
@@ -274,7 +275,7 @@ def read_coordinates(text: str) -> Place | None:
     Raises
     ------
     InvalidInput
-        For coordinates that no place has.
+        When the coordinates are out of range.
 
     Examples
     --------
@@ -302,14 +303,16 @@ def bearings_deg(latitude_deg: FloatArray, longitude_deg: FloatArray) -> FloatAr
 def heading_along(
     latitude_deg: FloatArray, longitude_deg: FloatArray, position_m: FloatArray, at_m: FloatArray
 ) -> FloatArray:
-    """Direction of travel along a line at distances from its start, clockwise from north [°], shape of `at_m`.
+    """Direction of travel along a line, clockwise from north [°], at the distances `at_m` and of their shape.
+
+    The direction is 0 everywhere if the line has fewer than two points.
 
     Parameters
     ----------
     latitude_deg, longitude_deg, position_m : ndarray, shape (points,)
-        The line, and the distance of each point from its start.
+        Coordinates of the points of the line [°], and their distances from its start [m].
     at_m : ndarray
-        Distances from the start.
+        Distances from the start of the line [m].
 
     Examples
     --------
@@ -325,7 +328,7 @@ def heading_along(
 
 
 def driven_m(plan: Plan, distance_m: float) -> FloatArray:
-    """Distance of each sample of a plan from its start, on the scale of a road of some length, shape (samples,)."""
+    """Distance of each sample of a plan from its start [m], scaled so that the last one is `distance_m`, shape (samples,)."""
     time = plan.array("time_s")
     driven = np.cumsum(plan.array("speed_m_s") * np.diff(time, prepend=time[0]))
     return driven * (distance_m / driven[-1]) if driven[-1] > 0.0 else driven
@@ -334,6 +337,6 @@ def driven_m(plan: Plan, distance_m: float) -> FloatArray:
 def with_heading(
     plan: Plan, latitude_deg: FloatArray, longitude_deg: FloatArray, position_m: FloatArray, distance_m: float
 ) -> Plan:
-    """A plan with its direction of travel, from a line of some length with the position of each point."""
+    """A copy of a plan with its direction of travel, from the points of a line, their positions and the length of the line."""
     along = heading_along(latitude_deg, longitude_deg, position_m, driven_m(plan, distance_m))
     return replace(plan, heading_deg=along)

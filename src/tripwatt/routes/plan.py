@@ -22,14 +22,15 @@ def plan_from_route(
     rng: np.random.Generator | None = None,
     step_s: float = 1.0,
 ) -> Plan:
-    """A plan from links or a track. O(length / 4 m + samples).
+    """Make a plan from links or a track. O(length / 4 m + samples).
 
-    The log of a drive keeps its own speed; everything else becomes links that a driver drives (`plan_from_links`).
+    The log of a drive keeps its own speed; any other track is first converted to links, and links are driven by
+    `plan_from_links`.
 
     Parameters
     ----------
     route : LinkRoute or Track
-        What `parse_route` gave.
+        A route that `parse_route` returned.
     speed_m_s : float, optional
         Mean speed [m/s] of a track's pieces without time and speed.
     trip_id : str
@@ -37,14 +38,14 @@ def plan_from_route(
     style : LinkStyle, optional
         How traffic and driver fill a link; the calibrated style by default.
     rng : numpy.random.Generator, optional
-        Draws stops and speeds; without it the same route gives the same trip.
+        Draws stops and speeds; without it the same route always gives the same plan.
     step_s : float
         Time between two samples [s].
 
     Returns
     -------
     Plan
-        Speed over time, and elevation where it is known.
+        Speed over time, and elevation if it is known.
 
     Raises
     ------
@@ -71,9 +72,9 @@ def plan_from_route(
 
 
 def plan_on_links(trip: Trip, length_m: float) -> Plan:
-    """Plan of a recorded trip of which only links of one length are known, with their mean speeds.
+    """Plan of a recorded trip as if only the mean speeds of links of one length were known.
 
-    Travel times of the links include every standstill; elevation is known at their ends, stops are not.
+    Travel times of the links include every standstill; elevation is known only at their ends, stops are unknown.
 
     Parameters
     ----------
@@ -90,7 +91,7 @@ def plan_on_links(trip: Trip, length_m: float) -> Plan:
     Raises
     ------
     InvalidInput
-        When the trip does not move, or faster than a link can be.
+        When the car does not move, or moves faster than a link allows.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Points on the earth: distances, and coordinates that a place can have."""
+"""Points on the earth: distances between them, and checks of their coordinates."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ EARTH_RADIUS_M: Final = 6_371_008.8
 """Mean radius of the earth (IUGG, GRS 80)."""
 
 MOST_POINTS: Final = 500_000
-"""Points of one route: 139 hours at one a second."""
+"""Largest number of points in one route: 139 hours at one point a second."""
 
 
 def haversine_m(latitude_deg: npt.ArrayLike, longitude_deg: npt.ArrayLike) -> FloatArray:
@@ -44,7 +44,7 @@ def distances_m(points: FloatArray, total_m: float | None = None) -> FloatArray:
     points : ndarray, shape (points, 2 or more)
         Latitudes and longitudes [°].
     total_m : float, optional
-        Length of the whole line, to which the distances are scaled; those of a line without length stay 0.
+        Length of the whole line, to which the distances are scaled; if all points are the same, the distances stay 0.
 
     Examples
     --------
@@ -58,13 +58,13 @@ def distances_m(points: FloatArray, total_m: float | None = None) -> FloatArray:
 
 
 def require_few_points(number: int, where: str) -> None:
-    """Raise `InvalidInput` for more points than `MOST_POINTS`."""
+    """Raise `InvalidInput` if there are more points than `MOST_POINTS`."""
     if number > MOST_POINTS:
         raise InvalidInput.of("too many points", where, f"{number}", f"at most {MOST_POINTS}")
 
 
 def require_on_earth(latitude_deg: FloatArray, longitude_deg: FloatArray, where: str) -> None:
-    """Raise `InvalidInput` for coordinates that no place has and for too many of them."""
+    """Raise `InvalidInput` if coordinates [°] are out of range or there are too many points."""
     require_few_points(len(latitude_deg), where)
     faults = []
     for name, values, limit in (("latitude", latitude_deg, 90.0), ("longitude", longitude_deg, 180.0)):

@@ -10,7 +10,7 @@ from tripwatt.routes.points import MOST_POINTS, require_on_earth
 
 
 def decode_polyline(text: str, where: str, *, precision: float = 1e5, dimensions: int = 2) -> FloatArray:
-    """Coordinates of an encoded polyline, shape (points, dimensions): latitude, longitude and height in hundredths.
+    """Decode an encoded polyline to latitudes, longitudes [°] and heights [m], shape (points, dimensions).
 
     O(characters), without a loop over them.
 
@@ -18,16 +18,16 @@ def decode_polyline(text: str, where: str, *, precision: float = 1e5, dimensions
     ----------
     text : str
     where : str
-        What messages call it.
+        Name of the text for messages.
     precision : float
-        Latitudes and longitudes are encoded as whole multiples of its inverse [1/deg].
+        Latitudes and longitudes are encoded as whole numbers: degrees times this [1/deg].
     dimensions : int
-        3 where heights are encoded too, in hundredths of a metre.
+        2, or 3 if heights are encoded too, in hundredths of a metre.
 
     Raises
     ------
     InvalidInput
-        When the text is not one, or has more than `MOST_POINTS`.
+        When the text is not an encoded polyline, or has more than `MOST_POINTS` points.
 
     Examples
     --------
@@ -38,9 +38,9 @@ def decode_polyline(text: str, where: str, *, precision: float = 1e5, dimensions
     if len(text) > 32 * MOST_POINTS:
         raise InvalidInput.of("polyline too long", where, f"{len(text)} characters", f"{32 * MOST_POINTS}")
     chunks = np.frombuffer(text.encode("utf-32-le", "surrogatepass"), dtype=np.uint32).astype(np.int64) - 63
-    ends = np.flatnonzero(chunks < 0x20)  # of each number: its last character has no bit for "more follow"
+    ends = np.flatnonzero(chunks < 0x20)  # the last character of each number lacks the bit for "more follow"
     starts = np.concatenate(([0], ends + 1))
-    lengths = np.diff(starts, append=len(chunks))  # the last is that of a number without an end
+    lengths = np.diff(starts, append=len(chunks))  # the last length is that of an unfinished number, else 0
     # a number has ten characters of five bits each at most; a coordinate takes seven
     if ((chunks < 0) | (chunks >= 64)).any() or (lengths > 10).any():
         raise InvalidInput.of("not an encoded polyline", where, repr(text[:20]), "an encoded polyline")

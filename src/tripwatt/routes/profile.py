@@ -1,10 +1,10 @@
-"""From the length and travel time of links to speed over time: where the car stops and how fast it is between.
+"""Speed over time from the length and travel time of links: where the car stops and how fast it is in between.
 
 A link's mean speed includes every standstill. The driver model therefore has two steps: the speed of this driver
-without any disturbance (`LinkStyle.free_speed`), and the use of the time that is left over. A little of it is a place
-at which the car slows down, more of it a stop, still more a longer stop or several. Links that are faster than the free
-speed are driven faster. All of this follows from one number per link, its *delay*. Travel time grows with the delay, so
-that the delays that reproduce the travel times of all links are found at once.
+without any disturbance (`LinkStyle.free_speed`), and the use of the time left over. A little time left over becomes a
+place at which the car slows down; more becomes a stop; still more a longer stop or several. Links whose mean speed is
+above the free speed are driven faster. All of this follows from one number per link, its *delay*. Travel time grows with
+the delay; the delays that reproduce the travel times are found for all links at once.
 """
 
 from __future__ import annotations
@@ -26,53 +26,53 @@ from tripwatt.routes.driver import (
 )
 
 LONGEST_STREET_M: Final = 2000.0
-"""The growth of the street speed with the link's length ends here: twice the longest links of its fit [m]. A longer link is
-disturbed once in every such length at least, as a row of links of this length is."""
+"""Link length [m] above which the street speed no longer grows: twice the longest links of its fit. A longer link has at least
+one disturbance per such length, as several links of this length would have."""
 
 MOST_OVER_MEAN_M_S: Final = 8.0
-"""The free speed is above the mean speed by this at most [m/s]. Like the next two from the schedules that were made of recorded
-driving (`docs/decisions/forecast-11-even-links.md`)."""
+"""Largest difference between free speed and mean speed [m/s]. This and the next two constants come from the driving schedules that
+were made of recorded driving (`docs/decisions/forecast-11-even-links.md`)."""
 
 
 CRUISE_M_S: Final = 25.0
-"""From this mean speed on, nothing slows the car down: it cruises at the mean speed [m/s]."""
+"""From this mean speed [m/s] on, nothing slows the car down: it cruises at the mean speed."""
 
 
 FIRMER: Final = 3.0
-"""A driver who goes faster than the free speed by some share uses the pedals this many times that share more."""
+"""A driver who exceeds the free speed by a share s accelerates and brakes more firmly by the share `FIRMER` times s."""
 
 
 TIME_TOLERANCE: Final = 0.005
-"""Passes end when no link's travel time is further off than this share, or `TIME_TOLERANCE_S`."""
+"""The iteration ends when every link's travel time is right to this share or to `TIME_TOLERANCE_S`, whichever is larger."""
 
 TIME_TOLERANCE_S: Final = 0.2
-"""A choice, a fifth of the usual step between two samples."""
+"""Tolerance of a link's travel time [s]; a choice, a fifth of the usual step between two samples."""
 
 HURRY: Final = 1.6
-"""A car that has to make up time goes at most this many times as fast as the link's mean speed."""
+"""A car that has to make up time drives at most this many times the link's mean speed, plus 2 m/s."""
 
 
 @dataclass(frozen=True, slots=True)
 class LinkStyle:
-    """How traffic and driver fill a link of which only the mean speed is known.
+    """Parameters of the speed over time on a link of which only the mean speed is known.
 
-    The defaults of `street_speed_m_s`, `length_exponent` and `comfort` are what `benchmarks/link_style.py` finds on the electric
-    cars of the Vehicle Energy Dataset, rounded; the other values are a choice (method: `docs/reference/routes.md`).
+    The defaults of `street_speed_m_s`, `length_exponent` and `comfort` are fitted by `benchmarks/link_style.py` to the electric
+    cars of the Vehicle Energy Dataset and rounded; the other values are a choice (method: `docs/reference/routes.md`).
 
     Attributes
     ----------
     driver : DriverStyle
         Its acceleration and deceleration are never exceeded; `speed_share` and `fluctuation` are not used.
     comfort : float
-        Share of these accelerations that the driver uses where the travel time allows, in (0, 1].
+        Share of the driver's acceleration and deceleration that is used if the travel time allows, in (0, 1].
     street_speed_m_s : float
         Speed [m/s] between two stops on a link of 250 m, however slow the link is on the whole.
     length_exponent : float
-        How this speed grows with the length of the link: over a longer link the faster pieces count.
+        Exponent with which this speed grows with the length of the link.
     sharpness : float
-        Exponent of the mean between this speed and the link's own, at least 1: high where the larger of the two wins.
+        Exponent of the power mean of this speed and the link's mean speed, at least 1; a high value gives the larger of the two.
     stop_place : float
-        Where in its share of the link the car slows down or stops: 0 at the start, 1 at the end.
+        Place at which the car slows down or stops, as a share of its part of the link: 0 = start, 1 = end.
 
     Examples
     --------
@@ -108,22 +108,22 @@ class LinkStyle:
         )
 
     def free_speed(self, length_m: FloatArray, speed_m_s: FloatArray) -> FloatArray:
-        """Speed between two disturbances [m/s] on links of a mean speed, shape of `length_m`.
+        """Speed between two disturbances [m/s] on each link, shape of `length_m`.
 
-        It is the power mean of the mean speed and a street speed that grows with the length, but no more than
-        `MOST_OVER_MEAN_M_S` above the mean speed, and nearer to it on fast roads (`undisturbed_speed`).
+        This is the power mean of the mean speed and a street speed that grows with the length, but at most
+        `MOST_OVER_MEAN_M_S` above the mean speed, and nearer to the mean speed on fast roads (`undisturbed_speed`).
 
         Parameters
         ----------
         length_m : ndarray, shape (links,)
-            Length of each link [m]; beyond `LONGEST_STREET_M` it has no effect.
+            Length of each link [m]; above `LONGEST_STREET_M` the speed no longer grows with the length.
         speed_m_s : ndarray, shape (links,)
             Mean speed on each link [m/s].
 
         Returns
         -------
         ndarray, shape (links,)
-            At least the mean speed.
+            Speed [m/s], at least the mean speed.
 
         Examples
         --------
@@ -138,12 +138,12 @@ class LinkStyle:
 
 
 def undisturbed_speed(mean_m_s: FloatArray, free_m_s: FloatArray) -> FloatArray:
-    """Speed between two disturbances, given that of a road with all of them: the faster the road, the nearer to its mean speed.
+    """Speed between two disturbances: `free_m_s` on a slow road, the mean speed on a fast road, in between a blend of the two.
 
     Parameters
     ----------
     mean_m_s, free_m_s : ndarray, shape (links,)
-        Mean speed, and speed between two disturbances were the road slow [m/s].
+        Mean speed, and the speed between two disturbances on a slow road [m/s].
 
     Returns
     -------
@@ -170,11 +170,11 @@ def link_profile(
     rng: np.random.Generator | None = None,
     step_s: float = 1.0,
 ) -> SpeedProfile:
-    """Drive links in their travel times, from standstill to standstill. O(length / 4 m + samples).
+    """Speed over time of a drive on links in their travel times, from standstill to standstill. O(length / 4 m + samples).
 
-    Speed is continuous and changes no faster than `style.driver` allows. Where the travel time of a link cannot be
-    reproduced within these limits, the link takes longer; everywhere else it takes its travel time, to
-    5 per mille or 0.2 s (see `docs/reference/routes.md` for the measured share).
+    Speed is continuous and changes no faster than `style.driver` allows. If the travel time of a link cannot be reproduced
+    within these limits, the link takes longer; every other link takes its travel time to within 5 per mille or 0.2 s (see
+    `docs/reference/routes.md` for the measured share).
 
     Parameters
     ----------
@@ -182,23 +182,23 @@ def link_profile(
         Length of each link [m] and time on it including every standstill [s].
     stop_s : array_like, shape (links,), optional
         Standstill at the end of each link [s], part of its travel time: 0 = the car does not stop on this link, NaN =
-        not known, so that stops are placed where the travel time needs them. All unknown without it.
+        not known, so that stops are placed where the travel time needs them. By default all are unknown.
     moving_speed_m_s : array_like, shape (links,), optional
-        Speed while nothing stands in the way [m/s], NaN = not known. On a fast road it is not reached: there the time left over
-        is that of a slower drive.
+        Speed while nothing stands in the way [m/s], NaN = not known. On a fast road the car stays below this speed, so that less
+        time is left over for stops.
     speed_limit_m_s : array_like, shape (links,), optional
-        Highest speed [m/s], NaN = not known. It is kept except on a link whose mean speed is higher; then that one is.
+        Highest speed [m/s], NaN = not known. If the mean speed of a link is above its limit, the mean speed is the highest speed.
     style : LinkStyle, optional
         How traffic and driver fill a link; the calibrated style by default.
     rng : numpy.random.Generator, optional
-        Without it the profile is the same every time; with it stops, their lengths and the speeds in between are drawn.
+        Draws stops, their lengths and the speeds in between; without it the profile is the same every time.
     step_s : float
         Time between two samples [s].
 
     Returns
     -------
     SpeedProfile
-        Samples of time, speed and position, and the travel times of the links as driven.
+        Samples of time, speed, position and link.
 
     Examples
     --------
@@ -219,11 +219,12 @@ def link_profile(
 
 
 class Course:
-    """The grid over the links and what is known before the delays are.
+    """The grid of cells over the links, and the solver for the delays of the links.
 
-    `limit` is infinite where there is none, `free` the speed without disturbance, `time` the time to drive and to wait in
-    invented stops, without the stops that were given. `link` is that of each cell, `ends` the last node of each link,
-    `ramp` the speed that a node may have at least because the neighbouring link is faster, within the limits.
+    Per link: `limit` is the speed limit (infinite if unknown), `free` the speed without disturbance, `time` the travel time
+    without the given stops, `ends` the last node. Per cell: `link` is the index of its link. Per node: `ramp` is a speed that
+    is allowed in any case because a neighbouring link is faster. A dip is a place at which the car slows down or stops; each
+    has a node (`dip_node`) and a link (`dip_link`).
     """
 
     def __init__(
@@ -241,10 +242,10 @@ class Course:
         self.time = time - self.stop
         mean = length / self.time
         free = np.where(np.isnan(moving), style.free_speed(length, mean), undisturbed_speed(mean, moving))
-        # a link whose stops are given has no reason to go faster than its own speed
+        # on a link whose stops are given the car drives at the mean speed
         free = np.where(np.isnan(stop) | ~np.isnan(moving), free, mean)
         if rng is not None:
-            # 5 % from link to link where it is drawn; a choice
+            # a random variation of 5 % from link to link; a choice
             free = free * np.exp(0.05 * rng.standard_normal(free.shape))
         self.limit = np.where(np.isnan(limit), np.inf, np.maximum(limit, mean))
         self.free = np.minimum(free, self.limit)
@@ -264,9 +265,9 @@ class Course:
         around = cells[self.dip_link]
         within = np.rint((order + place) / dips[self.dip_link] * around).astype(np.int64)
         self.dip_node = (self.ends - cells)[self.dip_link] + np.clip(within, 2, around - 2)
-        # without a place to stop the speed is lowered to a twentieth of the free speed at most
+        # without a place to stop, the speed is lowered to no less than a twentieth of the free speed
         most = np.where(dips > 0, 1.0, 0.95)
-        # at both ends of the route the car stands anyway: time to spare is spent there
+        # at both ends of the route the car stands anyway: the time left over is spent there
         at_rest = np.zeros(n, dtype=bool)
         at_rest[[0, -1]] = np.isnan(stop[[0, -1]])
         self.most_delay = np.where(at_rest & (dips == 0), 0.0, most)
@@ -275,10 +276,10 @@ class Course:
             np.minimum(side, self.limit[self.link], out=side)
 
     def drive(self, delay: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Speed at the nodes [m/s] and time between them [s] for a delay of each link, without waiting.
+        """Speed at the nodes [m/s] and driving time between them [s], given the delay of each link.
 
-        A negative delay is more speed and firmer pedals. A positive one slows the car down at the dips; on a
-        link without any it lowers the speed throughout.
+        A negative delay means more speed and firmer acceleration and braking. A positive delay slows the car down at the dips
+        of the link; on a link without dips it lowers the speed throughout.
         """
         has_dip = self.most_delay == 1.0
         share = np.where(has_dip, 1.0 - np.minimum(delay, 0.0), 1.0 - delay)
@@ -296,14 +297,14 @@ class Course:
         return speed, np.diff(self.position) * 2.0 / (speed[1:] + speed[:-1])
 
     def solve(self) -> tuple[FloatArray, FloatArray]:
-        """Find the delays that reproduce the travel times, all links at once by the secant method.
+        """Find the delays that reproduce the travel times, for all links at once; return the result of `drive` for them.
 
-        Neighbours move each other, so that a secant may mislead: a delay never changes by more than its step, which
-        grows while the sign of the link's error stays and is halved when it changes.
+        The secant method is used. Neighbouring links influence each other, so a secant may mislead: a delay changes at most by
+        a step, which grows while the sign of the link's error is the same and is halved when the sign changes.
         """
         delay = np.where(self.most_delay == 1.0, 0.4, 0.0)
         least = np.minimum(1.0 - self.fastest / self.free, (1.0 - 1.0 / self.style.comfort) / FIRMER)
-        # a choice, because links of 250 m and 1 km then take the fewest passes
+        # a choice: links of 250 m and of 1 km then take the fewest passes
         step = np.full(delay.shape, 0.12)
         before, slope = np.zeros(delay.shape), np.zeros(delay.shape)
         tolerance = np.maximum(TIME_TOLERANCE * self.time, TIME_TOLERANCE_S)
@@ -314,7 +315,7 @@ class Course:
             late = np.bincount(self.link, driving_s, len(delay)) - self.time
             with np.errstate(divide="ignore", invalid="ignore"):
                 slope = np.where(change != 0.0, (late - before) / change, slope)
-            # a link that stops can wait for what is left, one that hurries all it can will not get faster
+            # settled: in tolerance, or early with a stop in which the car can wait, or late and as fast as possible
             settled = (
                 (np.abs(late) <= tolerance)
                 | ((late < 0) & (delay >= self.most_delay) & self.can_wait)
@@ -332,7 +333,7 @@ class Course:
 
     @property
     def can_wait(self) -> BoolArray:
-        """Whether a link has a place at which time to spare is spent standing."""
+        """Whether each link has a place at which the car can wait."""
         can = np.equal(self.most_delay, 1.0)
         can[[0, -1]] |= self.most_delay[[0, -1]] == 0.0
         return can
@@ -345,10 +346,10 @@ class Course:
     def waiting(
         self, speed: FloatArray, driving_s: FloatArray, rng: np.random.Generator | None
     ) -> FloatArray:
-        """Standstill at each node [s]: what was given, and the time that driving leaves over."""
+        """Standstill at each node [s]: the given stops, and the time that driving leaves over."""
         n = len(self.length)
         left = np.maximum(self.time - np.bincount(self.link, driving_s, n), 0.0)
-        # a car that has slowed down to half a metre per second can as well wait; a choice
+        # a car that has slowed down to half a metre per second counts as stopped; a choice
         stands = speed[self.dip_node] < 0.5
         # start and end of the route count as stops of the first and the last link
         nodes = np.concatenate((self.dip_node[stands], [0, self.ends[-1]]))
@@ -363,10 +364,10 @@ class Course:
 
 
 def ramp_speeds(position: FloatArray, ends: IntArray, free: FloatArray, style: LinkStyle) -> FloatArray:
-    """Speed that is allowed at each node [m/s] because a faster link is near, 0 where none is.
+    """Speed that is allowed at each node [m/s] because a faster link is near; 0 if there is none.
 
-    A change of speed lies on both sides of the point at which two links meet: the car passes it at the mean of the
-    two speeds, and on the slower link it speeds up to that, or has come from it, at a comfortable pace.
+    A change of speed lies on both sides of the point at which two links meet. The car passes this point at the mean of the two
+    speeds; on the slower link it accelerates to this mean, or slows down from it, at a comfortable rate.
     """
     border = position[ends[:-1]]
     speed = 0.5 * (free[1:] + free[:-1])
@@ -386,9 +387,10 @@ def ramp_speeds(position: FloatArray, ends: IntArray, free: FloatArray, style: L
 def number_of_dips(
     length: FloatArray, time: FloatArray, free: FloatArray, unknown: BoolArray, style: LinkStyle
 ) -> IntArray:
-    """How often the car slows down or stops on each link: once, more often on a long link or with time left over, never without any.
+    """Number of places on each link at which the car slows down or stops.
 
-    Standing at an end of the route is half a stop.
+    There is none if no time is left over or the stops of the link are known. Otherwise there is at least one, except on the first
+    and the last link, and more on a long link or with much time left over. Standing at an end of the route counts as half a stop.
     """
     up = style.comfort * style.driver.acceleration_m_s2
     down = style.comfort * style.driver.deceleration_m_s2

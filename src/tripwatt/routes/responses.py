@@ -1,8 +1,8 @@
 """Saved responses of routers (OSRM, Valhalla, openrouteservice, GraphHopper) as links.
 
-Each reader follows the public documentation of one router's JSON; `docs/reference/routes.md` names the pages. All of
-them take the first route. What a router expects includes the traffic lights and turns that it counts, so that its times
-are travel times with standstill.
+Each reader follows the public documentation of one router's JSON; `docs/reference/routes.md` names the pages. All readers
+take the first route. The times of a router include the traffic lights and turns that it counts, so they are travel times
+with standstill.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ ROUTE_SUFFIXES: Final = (".gpx", ".kml", ".kmz", ".json", ".geojson")
 
 @dataclass(slots=True)
 class Pieces:
-    """Pieces of a route as they come; pieces without length or time go to the next one that has both."""
+    """Collector of the pieces of a route; a piece without a length or a time is added to the next one."""
 
     length_m: list[float] = field(default_factory=list)
     time_s: list[float] = field(default_factory=list)
@@ -52,7 +52,7 @@ class Pieces:
     left_s: float = 0.0
 
     def add(self, length_m: float, time_s: float, moving_m_s: float = math.nan) -> None:
-        """Add a piece with its speed where nothing stands in the way; NaN = not known."""
+        """Add a piece; `moving_m_s` is the speed on it while nothing stands in the way, NaN = not known."""
         length, time = length_m + self.left_m, time_s + self.left_s
         if length >= SHORTEST_LINK_M and time > 0:
             self.length_m.append(length)
@@ -62,7 +62,7 @@ class Pieces:
         self.left_m, self.left_s = length, time
 
     def route(self, where: str, heights: tuple[FloatArray, FloatArray] | None, *flags: Flag) -> LinkRoute:
-        """The links, with heights at distances, which are scaled to their length.
+        """The pieces as links. `heights` are distances and heights; the distances are scaled to the length of the links.
 
         Raises
         ------
@@ -85,7 +85,7 @@ class Pieces:
 
 
 def heights_of(points: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-    """Distances and heights of points (latitude, longitude, height); None where none has a height.
+    """Distances and heights of points (latitude, longitude, height); None if no point has a height or the line has no length.
 
     Examples
     --------
@@ -97,7 +97,7 @@ def heights_of(points: FloatArray) -> tuple[FloatArray, FloatArray] | None:
     position, known = distances_m(points), np.isfinite(points[:, 2])
     if not position[-1] > 0:
         return None
-    # the whole length belongs to the last position, also where the last point has no height
+    # all positions are kept, also of points without a height, so that the last one is the whole length
     return position, np.interp(position, position[known], points[known, 2])
 
 
@@ -111,15 +111,15 @@ def _no_route(where: str, got: str, allowed: str) -> InvalidInput:
 
 
 def route_from_osrm(response: Mapping[str, Any], where: str = "OSRM response") -> LinkRoute:
-    """Links of an OSRM route response: its annotations if it has them, else its steps, else its legs.
+    """Links of an OSRM route response: one for each annotated edge, else for each step, else for each leg.
 
-    An annotation gives the speed between two nodes of the map without turns and lights; what the leg takes longer on
-    the whole is shared out in proportion, and the annotated speed is the moving speed.
+    An annotation gives the speed between two nodes of the map without turns and lights. If the leg takes longer than all its
+    edges, their times are scaled to its duration, and the annotated speed is the moving speed.
 
     Raises
     ------
     InvalidInput
-        When it is not one, or OSRM found no route.
+        When the response is not valid, or OSRM found no route.
     """
     if response.get("code", "Ok") != "Ok":
         raise _no_route(where, excerpt(response.get("code")), "code Ok")
@@ -135,12 +135,12 @@ def route_from_osrm(response: Mapping[str, Any], where: str = "OSRM response") -
 
 
 def route_from_valhalla(response: Mapping[str, Any], where: str = "Valhalla response") -> LinkRoute:
-    """Links of a Valhalla trip: its manoeuvres, with the elevation if the response has it.
+    """Links of a Valhalla trip: one for each manoeuvre, with the elevation if the response has it.
 
     Raises
     ------
     InvalidInput
-        When it is not one, or Valhalla found no route.
+        When the response is not valid, or Valhalla found no route.
     """
     trip = Node(response, where)["trip"]
     if trip.members().get("status", 0) != 0:
@@ -158,7 +158,7 @@ def route_from_valhalla(response: Mapping[str, Any], where: str = "Valhalla resp
             length += piece
         if leg["elevation"].value:
             height = height_unit * leg["elevation"].numbers()
-            # the interval is the last one's only nearly: the heights are spread evenly over the leg
+            # the last interval differs a little from the others: the heights are spread evenly over the leg
             places.append(driven + np.linspace(0.0, length, len(height)))
             heights.append(height)
         else:
@@ -171,12 +171,12 @@ def route_from_valhalla(response: Mapping[str, Any], where: str = "Valhalla resp
 def route_from_openrouteservice(
     response: Mapping[str, Any], where: str = "openrouteservice response"
 ) -> LinkRoute:
-    """Links of an openrouteservice response, JSON or GeoJSON: its steps, with the elevation if the response has it.
+    """Links of an openrouteservice response in JSON or GeoJSON: one for each step, with the elevation if the response has it.
 
     Raises
     ------
     InvalidInput
-        When it is not one, or an error.
+        When the response is not valid, or is an error message.
     """
     if "error" in response:
         raise _no_route(where, excerpt(response["error"], 120), "routes")
@@ -201,7 +201,7 @@ def route_from_openrouteservice(
 
 
 def _openrouteservice_unit(response: Mapping[str, Any], where: str) -> float:
-    """Metres in a unit of length of the response, which repeats the request; metres by default."""
+    """Metres per unit of length in the response: the unit that the response repeats from the request, by default the metre."""
     metadata = response.get("metadata")
     query = metadata.get("query") if isinstance(metadata, dict) else None
     units = query.get("units", "m") if isinstance(query, dict) else "m"
@@ -212,12 +212,14 @@ def _openrouteservice_unit(response: Mapping[str, Any], where: str) -> float:
 
 
 def route_from_graphhopper(response: Mapping[str, Any], where: str = "GraphHopper response") -> LinkRoute:
-    """Links of a GraphHopper response: its path details `time`, else its instructions, with the elevation if it has it.
+    """Links of a GraphHopper response: one for each entry of the path detail `time`, else for each instruction.
+
+    They have the elevation if the response has it.
 
     Raises
     ------
     InvalidInput
-        When it is not one, or an error.
+        When the response is not valid, or is an error message.
     """
     if "paths" not in response and "message" in response:
         raise _no_route(where, excerpt(response["message"], 120), "paths")
@@ -250,7 +252,7 @@ def _graphhopper_points(path: Node) -> FloatArray | None:
 
 
 def _graphhopper_polyline(text: str, path: Node, precision: float, where: str) -> FloatArray:
-    """Points of an encoded text, with or without heights: whichever fits the length of the path."""
+    """Points of an encoded polyline with or without heights; the decoding that fits the length of the path is returned."""
     lines: dict[int, FloatArray] = {}
     faults: tuple[Fault, ...] = ()
     for dimensions in (2, 3):
@@ -281,7 +283,7 @@ ROUTERS: Final[Mapping[str, Callable[[Mapping[str, Any], str], LinkRoute]]] = {
 
 
 def router_of(response: Mapping[str, Any]) -> str | None:
-    """Which of `ROUTERS` a response looks like, None for none of them.
+    """The name in `ROUTERS` of the router whose response this looks like; None if it looks like none.
 
     Examples
     --------
@@ -326,7 +328,7 @@ def read_response(
     Raises
     ------
     InvalidInput
-        When it is not such a response or holds no route that can be driven.
+        When the file is not a router's response or holds no route that can be driven.
 
     Examples
     --------
@@ -346,9 +348,9 @@ def _route_from(response: dict[str, Any], router: str | None, name: str) -> Link
 
 
 def is_route(path: Path | str) -> bool:
-    r"""Tell whether a file is to be read as a route, by its name or its beginning.
+    r"""Whether a file is to be read as a route, by its suffix or its beginning.
 
-    Everything but a Parquet file and a CSV table of samples is: its faults are then those of a route.
+    True for a file with a suffix of `ROUTE_SUFFIXES`, for a text that begins like XML or JSON, and for a table of links.
 
     Parameters
     ----------
@@ -358,7 +360,7 @@ def is_route(path: Path | str) -> bool:
     Returns
     -------
     bool
-        False where the file cannot be read.
+        False if the file cannot be read.
 
     Examples
     --------
@@ -379,10 +381,10 @@ def is_route(path: Path | str) -> bool:
 
 
 def parse_route(source: bytes | str | Path, *, where: str | None = None) -> LinkRoute | Track:
-    """A route in any of the formats: GPX, KML, GeoJSON, a router's response, or links as JSON or CSV. O(bytes).
+    """Read a route in any of the formats: GPX, KML, GeoJSON, a router's response, or links as JSON or CSV. O(bytes).
 
-    The format is recognised from the content. Links are a JSON array of objects, or an object with a key `links`, as
-    `route_from_links` reads them, or a CSV table with the same names as columns (`route_from_table`).
+    The format is recognised from the content. Links are a JSON array of the objects that `route_from_links` reads, an object
+    with such an array under the key `links`, or a CSV table with the same names as columns (`route_from_table`).
 
     Parameters
     ----------
@@ -399,7 +401,7 @@ def parse_route(source: bytes | str | Path, *, where: str | None = None) -> Link
     Raises
     ------
     InvalidInput
-        When it is none of these, or with the faults that the format's reader finds.
+        When the source has none of these formats; else with the faults that the reader of its format finds.
 
     Examples
     --------

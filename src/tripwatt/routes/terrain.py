@@ -1,8 +1,8 @@
-"""Climb of a road of which no height is known: a heavy-tailed distribution by distance and terrain.
+"""Net climb of a road without known heights: a heavy-tailed distribution by distance and terrain.
 
-The net climb of a road scales with its length as ``(length / 10 km) ** GROWTH``. Within one terrain the scale differs from road to
-road, so a normal climb of a lognormal scale describes it: most roads end near the height where they begin, a few climb far.
-Unknown terrain is a mixture of all of them.
+The net climb of a road scales with its length as ``(length / 10 km) ** GROWTH``. It has a normal distribution whose scale differs
+from road to road of one terrain and is lognormal: most roads end near the height where they begin, a few climb far. Unknown
+terrain is a mixture of all kinds of terrain.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from tripwatt.arrays import FloatArray
 REFERENCE_M: Final = 10_000.0
 """Distance for which the scales of the net climb are given [m]; a choice."""
 GROWTH: Final = 0.6
-"""Exponent of the net climb over distance. In logs it falls from 0.8 over some kilometres to 0.4 over tens of them (`python -m benchmarks.climb`)."""
+"""Exponent of the net climb over distance. In logs it falls from 0.8 over some km to 0.4 over tens of km (`python -m benchmarks.climb`)."""
 STEEPEST: Final = 0.2
-"""Mean grade that no road keeps over its length: the steepest streets have up to 0.35, over some hundred metres."""
+"""Largest mean grade of a road over its length: the steepest streets have up to 0.35, but only over some hundred metres."""
 LOCAL_M: Final = 500.0
 """Length of the hills that a road goes up and down between its ends [m]."""
 REGION_SCALE_M: Final[Mapping[str, float]] = {"tum": 22.0, "twizy": 82.4}
@@ -31,8 +31,8 @@ REGION_SCALE_M: Final[Mapping[str, float]] = {"tum": 22.0, "twizy": 82.4}
 ``python -m benchmarks.unknown_climb``."""
 USUAL_SCALE_M: Final = 20.0
 REGION_SPREAD: Final = 0.9
-"""Before any log: median scale of a region that is neither flat nor mountains [m], and how far regions differ (standard deviation of
-logarithms). Choices; two regions with logs are too few to replace them."""
+"""`USUAL_SCALE_M` is the prior median scale [m] of a region that is neither flat nor mountains; `REGION_SPREAD` is the standard
+deviation of the logarithm of the scale between regions. Choices; two regions with logs are too few to replace them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,9 +66,9 @@ class NetClimbs:
     over_10_km_m : ndarray, shape (scenarios,)
         Net climb over 10 km [m], ascending.
     scale_m : ndarray, shape (scenarios,)
-        Scale of the roads that climb so far [m]: those that end far above or below their start are in rougher country.
+        Mean scale of the roads with this climb [m]: roads that end far above or below their start are in rougher country.
     weights : ndarray, shape (scenarios,)
-        They add up to 1.
+        Probability of each scenario; the sum is 1.
     most_m : float
         Largest net climb of any road of this terrain [m].
 
@@ -87,7 +87,7 @@ class NetClimbs:
     most_m: float
 
     def limit(self, distance_m: FloatArray | float) -> FloatArray:
-        """Net climb that no road of a length exceeds [m]."""
+        """Largest net climb of a road of a given length [m]."""
         return np.minimum(STEEPEST * np.asarray(distance_m, dtype=np.float64), self.most_m)
 
     def net_m(self, distance_m: FloatArray) -> FloatArray:
@@ -98,13 +98,13 @@ class NetClimbs:
         return np.asarray(np.clip(grown, -limit, limit))
 
     def local_grade(self) -> FloatArray:
-        """Typical grade of the hills on the way of each scenario [1], shape (scenarios,)."""
+        """Typical grade of the hills along the road in each scenario [1], shape (scenarios,)."""
         return np.asarray(
             np.minimum(self.scale_m * (LOCAL_M / REFERENCE_M) ** GROWTH / LOCAL_M, 0.5 * STEEPEST)
         )
 
     def quantile(self, p: float, distance_m: float) -> FloatArray:
-        """Quantile of the net climb over a distance [m]."""
+        """Quantile `p` of the net climb over a distance [m]."""
         middle = np.cumsum(self.weights) - 0.5 * self.weights
         grown = np.interp(p, middle, self.over_10_km_m) * (distance_m / REFERENCE_M) ** GROWTH
         limit = self.limit(distance_m)
@@ -116,9 +116,9 @@ class NetClimbs:
 
 
 def region_scale_m(regions: Sequence[float]) -> float:
-    """Scale of an unseen region that is neither flat nor mountains [m], given those of regions with logs.
+    """Scale of an unseen region that is neither flat nor mountains [m], given the scales of regions with logs.
 
-    The mean of logarithms, shrunk to `USUAL_SCALE_M`: the posterior mean of a normal prior.
+    The mean of the logarithms, shrunk to that of `USUAL_SCALE_M`: the posterior mean under a normal prior.
 
     Examples
     --------
@@ -138,9 +138,9 @@ def net_climbs(terrain: str = "unknown", without: str | None = None) -> NetClimb
     Parameters
     ----------
     terrain : {"unknown", "flat", "hilly", "mountains"}
-        What is known of the country.
+        Kind of terrain.
     without : str, optional
-        A data set of `REGION_SCALE_M` whose heights are left out: scores on its trips must not rest on them.
+        A data set of `REGION_SCALE_M` to leave out, so that scores on its trips do not depend on their own heights.
 
     Returns
     -------

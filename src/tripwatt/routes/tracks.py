@@ -1,4 +1,4 @@
-"""Tracks of points, with or without times, turned into links or into a driven trip."""
+"""Tracks of points, with or without times, and their conversion into links or into a plan."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ from tripwatt.trips.gaps import SHORTEST_GAP_S
 from tripwatt.units import M_S_PER_KM_H
 
 WINDOW_S: Final = 2.0
-"""Half of the time [s] over which the speed of a logged track is taken, against the jitter of positions."""
+"""Half of the time [s] over which the speed of a logged track is averaged, against the jitter of positions."""
 
 STANDING_M_S: Final = 0.5
-"""Slower than this a logged position only jitters."""
+"""Below this speed the positions of a logged track only jitter: the car stands."""
 
 TRACK_LINK_M: Final = 100.0
 """Points of a sparse or timeless track are joined until a link has this length."""
 
 MOST_IN_GAPS: Final = 0.25
-"""Largest share of the way of a logged track that may lie in gaps between its points."""
+"""Largest share of the length of a logged track that may lie in gaps between its points."""
 
 EARLIEST_YEAR, LATEST_YEAR = 1970, 2199
-"""Years of a time of a track."""
+"""First and last year allowed for a time of a track."""
 
 TIME_ALLOWED: Final = "ISO 8601, such as 2026-05-01T08:00:00Z"
 
@@ -54,11 +54,11 @@ class Track:
     latitude_deg, longitude_deg : ndarray
         Place of each point in WGS 84 [°].
     elevation_m : ndarray
-        NaN where not known; heights that no place has, such as -9999 m, are not known either.
+        NaN = not known; impossible heights, such as -9999 m, count as not known.
     time_s : ndarray or None
-        Increasing or equal, from 0; None without times.
+        Never decreasing, from 0; None if the track has no times.
     piece_speed_m_s : ndarray, shape (points - 1,)
-        Mean speed between two points where the source has it, else NaN.
+        Mean speed between two points if the source has it, else NaN.
     started_at : datetime or None
         Time of the first point.
     flags : tuple of Flag
@@ -67,7 +67,7 @@ class Track:
     Raises
     ------
     InvalidInput
-        For fewer than two points, places that are not on earth, a time that goes back, a track without length.
+        When the track has fewer than two points, impossible coordinates, decreasing times, an impossible duration or no length.
 
     Examples
     --------
@@ -124,20 +124,20 @@ class Track:
 
     @property
     def is_log(self) -> bool:
-        """Whether the times are so dense that the track is the log of a drive."""
+        """Whether the track is the log of a drive: it has times, with a median step of at most 5 s."""
         return self.time_s is not None and float(np.median(np.diff(self.time_s))) <= 5.0
 
     def elevation(self) -> tuple[FloatArray | None, FloatArray | None, tuple[Flag, ...]]:
-        """Distances, heights and what is assumed of them; None where no point has a height.
+        """The known heights with their distances from the start, and flags of what is assumed.
 
         Returns
         -------
         position_m : ndarray or None
-            Distances from the start [m] of the points with a height.
+            Distances from the start [m] of the points with a height; None if there are none.
         elevation_m : ndarray or None
-            Their heights [m].
+            Heights of these points [m]; None if there are none.
         flags : tuple of Flag
-            That the road is taken as flat, or that heights are interpolated; empty when every point has one.
+            Says that the road is taken as flat or that heights are interpolated; empty if every point has a height.
         """
         column = COLUMNS["elevation_m"]
         known = (self.elevation_m >= column.minimum) & (self.elevation_m <= column.maximum)
@@ -148,17 +148,17 @@ class Track:
 
 
 def needs_speed(route: LinkRoute | Track) -> bool:
-    """Tell whether a route is a track with a piece without time and speed.
+    """Whether a route is a track with a piece that has neither time nor speed.
 
     Parameters
     ----------
     route : LinkRoute or Track
-        What a reader gave.
+        A route that a reader returned.
 
     Returns
     -------
     bool
-        Whether `plan_from_route` needs its `speed_m_s`.
+        Whether `plan_from_route` needs the argument `speed_m_s`.
 
     Examples
     --------
@@ -170,7 +170,10 @@ def needs_speed(route: LinkRoute | Track) -> bool:
 
 
 def times_of(texts: list[str], where: str) -> tuple[FloatArray | None, dt.datetime | None, tuple[Flag, ...]]:
-    """Seconds from the first point, interpolated by order where a point has none; None unless both ends have one."""
+    """Times of points as seconds from the first point, the time of the first point, and flags.
+
+    A missing time is interpolated between its neighbours. Returns None for both times if the first or the last point has none.
+    """
     if not any(texts):
         return None, None, ()
     if not (texts[0] and texts[-1]):
@@ -197,26 +200,26 @@ def _moment(text: str, where: str) -> dt.datetime:
 
 
 def route_from_track(track: Track, speed_m_s: float | None = None) -> LinkRoute:
-    """Turn a track into links: by its times, else by the speeds of its pieces, else by a speed for all. O(points).
+    """Convert a track into links, with its times, else the speeds of its pieces, else a given speed. O(points).
 
-    Points are joined until a link has `TRACK_LINK_M`.
+    Points are joined until a link has the length `TRACK_LINK_M`.
 
     Parameters
     ----------
     track : Track
-        What a reader gave.
+        A track that a reader returned.
     speed_m_s : float, optional
-        Mean speed, standstill included, where the track has neither time nor speed [m/s].
+        Mean speed [m/s], standstill included, of pieces that have neither time nor speed.
 
     Returns
     -------
     LinkRoute
-        With the elevation of the track where it is known.
+        With the known elevation of the track.
 
     Raises
     ------
     InvalidInput
-        When neither is known, or the times imply a speed that no car reaches.
+        When a piece has neither time nor speed and `speed_m_s` is not given, or the times imply a speed that no car reaches.
 
     Examples
     --------
@@ -248,12 +251,12 @@ def route_from_track(track: Track, speed_m_s: float | None = None) -> LinkRoute:
 
 
 def _moving_gaps(time_s: FloatArray, driven_m: FloatArray) -> tuple[Flag, ...]:
-    """The flag of a logged track with gaps in which the car moved, such as tunnels: its mean speed bridges them.
+    """A flag if a logged track has gaps in which the car moved, such as tunnels; the mean speed fills such a gap.
 
     Raises
     ------
     InvalidInput
-        When the gaps take more than `MOST_IN_GAPS` of the way.
+        When more than the share `MOST_IN_GAPS` of the distance lies in gaps.
     """
     step, way = np.diff(time_s), np.diff(driven_m)
     gaps = (step > SHORTEST_GAP_S) & (way >= STANDING_M_S * step)
@@ -268,7 +271,7 @@ def _moving_gaps(time_s: FloatArray, driven_m: FloatArray) -> tuple[Flag, ...]:
 
 
 def _join(step: FloatArray, time: FloatArray, kind: FloatArray) -> IntArray:
-    """First piece of each link; a link ends when it is long enough, or where the speed of the pieces changes."""
+    """Index of the first piece of each link. A link ends if it is long enough, or where `kind`, the speed of the pieces, changes."""
     first, driven, spent = [0], 0.0, 0.0
     steps, times, kinds = step.tolist(), time.tolist(), np.nan_to_num(kind, nan=-1.0).tolist()
     for k in range(1, len(steps)):
@@ -277,21 +280,21 @@ def _join(step: FloatArray, time: FloatArray, kind: FloatArray) -> IntArray:
         if driven >= SHORTEST_LINK_M and spent > 0 and (driven >= TRACK_LINK_M or kinds[k] != kinds[k - 1]):
             first.append(k)
             driven = spent = 0.0
-    # what is left over must be a link too
+    # the last link must be long enough as well
     while len(first) > 1 and not (sum(steps[first[-1] :]) >= SHORTEST_LINK_M and sum(times[first[-1] :]) > 0):
         first.pop()
     return np.array(first, dtype=np.int64)
 
 
 def plan_from_track(track: Track, *, trip_id: str = "track", step_s: float = 1.0) -> Plan:
-    """The speed over time that a track has logged. O(points).
+    """A plan with the speed over time of a logged track. O(points).
 
-    Speed is the change of position over five seconds; below `STANDING_M_S` the car stands.
+    The speed is the mean over `WINDOW_S` before and after each sample; below `STANDING_M_S` it is 0.
 
     Parameters
     ----------
     track : Track
-        With times.
+        A track with times.
     trip_id : str
         Name of the plan.
     step_s : float
@@ -300,12 +303,12 @@ def plan_from_track(track: Track, *, trip_id: str = "track", step_s: float = 1.0
     Returns
     -------
     Plan
-        Speed over time from the first to the last point, and elevation where it is known.
+        Speed over time from the first to the last point, and elevation if it is known.
 
     Raises
     ------
     InvalidInput
-        Without times, or when the track implies a speed that no car reaches.
+        When the track has no times, implies a speed that no car reaches, or has too many gaps, or the step is out of range.
 
     Examples
     --------
@@ -318,7 +321,7 @@ def plan_from_track(track: Track, *, trip_id: str = "track", step_s: float = 1.0
     if track.time_s is None:
         raise InvalidInput.of("no times", "track", "points without time", "a track with times")
     keep = np.concatenate(([True], np.diff(track.time_s) > 0))
-    # of points with one time the last place counts
+    # if several points have the same time, the last position counts
     last = np.append(np.flatnonzero(keep)[1:], len(track)) - 1
     known_s, driven = track.time_s[keep], track.position_m[last]
     span = float(known_s[-1])

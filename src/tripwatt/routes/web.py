@@ -1,7 +1,7 @@
-"""Requests to servers that a user names by URL: time-outs, retries, bounded answers, keys that no message contains.
+"""Requests to servers that a user names by URL, with time-outs, retries, bounded answers and keys that no message shows.
 
 Nothing is sent unless a URL is set. `httpx` is part of the extra `tripwatt[routing]`; only its transport is used, because
-its client logs URLs, and a URL may contain a key.
+the `httpx` client logs URLs, and a URL may contain a key.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ TOTAL_TIMEOUT_S: Final = 15.0
 """Longest time [s] of one request with its retries and its answer."""
 
 MOST_ANSWER_BYTES: Final = 32 * 1024 * 1024
-"""Size of one answer: a route of 10,000 km with all its points has less."""
+"""Largest answer [bytes]: a route of 10,000 km with all its points has less."""
 
 ATTEMPTS: Final = 3
-"""A choice: the pauses between three attempts take 0.6 s in all."""
+"""Attempts of one request. A choice: the pauses between three attempts take 0.6 s in all."""
 FIRST_PAUSE_S: Final = 0.2
-"""Pause before the second attempt; the next ones are twice as long each."""
+"""Pause [s] before the second attempt; each further pause is twice as long."""
 
 
 EXTRA: Final = install("routing")
@@ -47,7 +47,7 @@ class Answer:
 
 @contextmanager
 def as_remote() -> Iterator[None]:
-    """What is wrong with an answer is the server's fault: `RemoteError` in place of `InvalidInput`."""
+    """Raise `RemoteError` in place of `InvalidInput`: a fault in an answer is the server's, not the user's."""
     try:
         yield
     except RemoteError:
@@ -57,12 +57,12 @@ def as_remote() -> Iterator[None]:
 
 
 def an_answer(value: Any, where: str) -> Node:
-    """The JSON object of a server's answer.
+    """The value of a server's answer as a `Node`, after a check that it is a JSON object.
 
     Raises
     ------
     RemoteError
-        When it is none.
+        When the value is not a JSON object.
     """
     with as_remote():
         node = Node(value, where)
@@ -76,7 +76,7 @@ def require_url(url: str, where: str) -> str:
     Raises
     ------
     InvalidInput
-        When it is no HTTP URL with a host, or contains user name and password.
+        When the text is not an HTTP URL with a host, or contains a user name, a password, a query or a fragment.
 
     Examples
     --------
@@ -85,7 +85,7 @@ def require_url(url: str, where: str) -> str:
     """
     try:
         parts = urlsplit(url)
-        host, _ = parts.hostname, parts.port  # which raises for what is no port
+        host, _ = parts.hostname, parts.port  # `port` raises ValueError if it is invalid
         sound = parts.scheme in ("http", "https") and bool(host)
     except ValueError:
         sound = False
@@ -98,13 +98,13 @@ def require_url(url: str, where: str) -> str:
 
 @dataclass(frozen=True)
 class WebClient:
-    """One server of a kind ("the router"), asked over HTTP.
+    """A client of one server over HTTP.
 
     Attributes
     ----------
     base_url : str
     what : str
-        How messages call the server.
+        What messages call the server, for example "the router".
     key_variable : str
         Environment variable of the key; empty for a server without keys.
     key_place : str
@@ -112,9 +112,9 @@ class WebClient:
     timeout_s : float
         Longest time [s] of one request with its retries.
     pause : callable
-        Waits for a time [s].
+        Waits for a given time [s].
     transport : httpx.BaseTransport, optional
-        What sends the requests; connections of the client's own by default.
+        Sends the requests; by default the client opens its own connections.
     """
 
     base_url: str
@@ -127,15 +127,17 @@ class WebClient:
 
     @property
     def host(self) -> str:
-        """Host and port, as messages name the server."""
+        """Host and port of the server, for messages."""
         return urlsplit(self.base_url).netloc
 
     def get_json(self, path: str, query: Mapping[str, Any] | None = None) -> Any:
-        """The JSON document of a GET request. See `post_json`."""
+        """The JSON document of the answer to a GET request. See `post_json`."""
         return self._document(self.request("GET", path, query=query))
 
     def post_json(self, path: str, body: Any, query: Mapping[str, Any] | None = None) -> Any:
-        """The JSON document of the answer to a JSON document, of any status below 500 except 401, 403, 429.
+        """The JSON document of the answer to a POST request with a JSON body.
+
+        The status may be any but 401, 403, 429, 502, 503 and 504; another one of 500 or above only if the body is a JSON object.
 
         Raises
         ------
@@ -147,7 +149,7 @@ class WebClient:
     def request(
         self, method: str, path: str, *, body: Any = None, query: Mapping[str, Any] | None = None
     ) -> Answer:
-        """Send a request, again after failures that pass.
+        """Send a request and return the answer; repeat the request after failures that may pass.
 
         Raises
         ------
@@ -157,7 +159,7 @@ class WebClient:
         deadline = time.monotonic() + self.timeout_s
         for attempt in range(1, ATTEMPTS + 1):
             answer = self._attempt(method, path, body, query, deadline)
-            # after these another attempt may succeed
+            # after these statuses another attempt may succeed
             if isinstance(answer, Answer) and answer.status not in (429, 502, 503, 504):
                 return self._accepted(answer)
             wait_s = FIRST_PAUSE_S * 2.0 ** (attempt - 1)
@@ -179,10 +181,10 @@ class WebClient:
     def _attempt(
         self, method: str, path: str, body: Any, query: Mapping[str, Any] | None, deadline: float
     ) -> Answer | str:
-        """The answer, or in words why there is none."""
+        """The answer, or a text that says why there is none."""
         httpx = _httpx()
         left_s = max(deadline - time.monotonic(), 0.05)
-        # a server that is there accepts within 3 s
+        # a reachable server accepts a connection within 3 s
         timeout = httpx.Timeout(left_s, connect=min(3.0, left_s))
         try:
             request = httpx.Request(
@@ -193,7 +195,7 @@ class WebClient:
                 headers={"Accept": "application/json", "User-Agent": "tripwatt", **self._key("header")},
                 extensions={"timeout": timeout.as_dict()},
             )
-            # not by httpx.Client, which logs the URL of each request with the key in it
+            # not with httpx.Client, which logs the URL of each request, and the URL may contain the key
             response = self._connections.handle_request(request)
             try:
                 return Answer(response.status_code, self._body(response, request, deadline))
@@ -225,14 +227,14 @@ class WebClient:
             raise RemoteError.of(f"{self.what} gives no JSON", self.host, got, "JSON") from error
 
     def _key(self, place: str) -> dict[str, str]:
-        """Name and value of the key where the server expects it in a place, "query" or "header"."""
+        """Name and value of the key if the server expects it in this place, "query" or "header"; else empty."""
         expected, _, name = self.key_place.partition(":")
         key = os.environ.get(self.key_variable, "").strip() if self.key_variable else ""
         return {name: key} if expected == place and key else {}
 
     @cached_property
     def _connections(self) -> httpx.BaseTransport:
-        """One transport for all requests, so that connections stay open; closed with the client."""
+        """The transport of all requests, which keeps connections open and is closed when the client is deleted."""
         if self.transport is not None:
             return self.transport
         transport = _httpx().HTTPTransport(trust_env=False)

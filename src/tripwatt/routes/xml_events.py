@@ -1,4 +1,4 @@
-"""XML texts as tracks: events without document types, so that no entity can be declared; depth and points are bounded."""
+"""Base of the readers of XML tracks. Document types are refused, so that no entity can be declared; depth and points are bounded."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from tripwatt.routes.points import MOST_POINTS
 from tripwatt.routes.tracks import Track, times_of
 
 DEEPEST_XML: Final = 64
-"""Levels of a text; a choice, which bounds the memory."""
+"""Largest depth of elements; a choice, which bounds the memory."""
 ROOT_BYTES: Final = 65_536
-"""The root of a text begins within its first bytes."""
+"""Number of first bytes in which the root of a text has to begin."""
 
 Point = tuple[float, float, float]
-"""Latitude, longitude [°] and altitude [m], which is NaN where there is none."""
+"""Latitude, longitude [°] and altitude [m]; the altitude is NaN if unknown."""
 
 
 class _RootRead(Exception):
-    """The root is read."""
+    """Ends the parsing as soon as the root is read."""
 
 
 def local_name(tag: str) -> str:
@@ -42,35 +42,35 @@ def local_name(tag: str) -> str:
 
 @dataclass(slots=True)
 class Line:
-    """A line of a text: its points, and their times as they are written."""
+    """A line of points, with the texts of their times."""
 
     points: list[Point] = field(default_factory=list)
     times: list[str] = field(default_factory=list)
 
 
 class XmlTracks:
-    """Collector of the lines of an XML text; a subclass gives the elements of its format.
+    """Parser that collects the lines of an XML text; a subclass defines the elements of its format.
 
     Parameters
     ----------
     name : str
-        Of the text, for messages.
+        Name of the text for messages.
     """
 
     root: ClassVar[str]
     """Name of the outermost element."""
 
     kinds: ClassVar[tuple[str, ...]]
-    """Elements that are lines; those of the first kind come first."""
+    """Elements that are lines; lines of the first kind are preferred."""
 
     texts: ClassVar[tuple[str, ...]]
     """Elements whose text is read."""
 
     most_text: ClassVar[float] = math.inf
-    """A part of a text that begins behind so many characters is left out."""
+    """After this many characters of an element's text, further parts of it are left out."""
 
     allowed: ClassVar[str]
-    """What a text holds that has a line of two points, for messages."""
+    """Description of a valid text, for messages."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -81,18 +81,18 @@ class XmlTracks:
         self._characters = 0
 
     def started(self, tag: str, attributes: Mapping[str, str]) -> None:
-        """Called at the start of an element, which ends the path."""
+        """Handle the start of an element; the last entry of `path` is the element."""
 
     def ended(self, tag: str, text: str) -> None:
-        """Called behind an element with its text; the path ends with its parent."""
+        """Handle the end of an element with its text; the last entry of `path` is its parent."""
 
     def count_point(self) -> str:
-        """Count a point; its place for messages.
+        """Count a point and return its place for messages.
 
         Raises
         ------
         InvalidInput
-            When there are too many.
+            When there are more than `MOST_POINTS`.
         """
         self.number += 1
         if self.number > MOST_POINTS:
@@ -101,12 +101,12 @@ class XmlTracks:
         return f"{self.name}, point {self.number}"
 
     def track(self, data: bytes) -> Track:
-        """The first line of a text that has two points. O(bytes).
+        """Parse a text and return its first line with at least two points. O(bytes).
 
         Raises
         ------
         InvalidInput
-            For a text that is not well-formed, has a document type, another root, is nested too deeply, or has no possible track.
+            When the text is not well-formed, has a document type or another root, is nested too deeply, or has no valid track.
         """
         self._parse(data)
         lines = [line for kind in self.kinds for line in self.lines[kind] if len(line.points) >= 2]
@@ -167,7 +167,7 @@ class XmlTracks:
 
 
 def root_of(data: bytes) -> str:
-    """Name of the outermost element of an XML text, without its prefix; empty where it cannot be read.
+    """Name of the outermost element of an XML text, without its prefix; empty if it cannot be read.
 
     Examples
     --------
