@@ -1,4 +1,4 @@
-"""Readers: one small file per data set. All renaming and unit conversion happens here and nowhere else."""
+"""Readers of logs, one module per data set. All renaming and unit conversion of columns happens here and nowhere else."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ def read_logs(
 ) -> TripSet:
     """Read all logs of a data set.
 
-    A cell that cannot be read is missing, a row that cannot be read and a file with too little left are left out; the report of the
-    fleet tells each. Only nothing usable is an error.
+    A cell that cannot be read counts as missing. A row that cannot be read is left out, as is a file with too little left. The report
+    of the result lists all of these. An error is raised only if nothing can be used.
 
     Parameters
     ----------
@@ -44,14 +44,14 @@ def read_logs(
     dataset : str
         A key of `DATASETS`.
     mapping : path or str, optional
-        For `dataset="table"`: a TOML file, or the name of a mapping that comes with the package. Without one, header and values
-        of the files propose it.
+        For `dataset="table"`: a TOML file, or the name of a mapping that comes with the package. By default a mapping is proposed
+        from the header and the values of the files.
     strict : bool
         Refuse everything that cannot be read as it stands, with every fault.
     vehicle : Vehicle or str, optional
-        For tables without a mapping: the car, whose battery gives the energy of a state of charge.
+        For tables without a mapping: the car whose battery converts a state of charge into energy.
     progress : callable, optional
-        For tables: called with the files that were read and their number.
+        For tables: called with (number of files read, number of all files).
     heights : callable, optional
         For tables with positions and without heights: latitudes and longitudes [°] -> heights [m], such as
         `tripwatt.roads.maps.Elevation.at` of a map or of a folder of tiles. The positions are not kept.
@@ -59,12 +59,12 @@ def read_logs(
     Returns
     -------
     TripSet
-        Logs as they came, with notes on the data set; `TripSet.report` says what was left out.
+        Logs not yet audited, with notes on the data set; `TripSet.report` lists what was left out.
 
     Raises
     ------
     InvalidInput
-        When nothing of the data set can be used; with `strict`, with every fault of everything that is wrong with it.
+        When nothing of the data set can be used; with `strict`, with every fault of the data set.
 
     Examples
     --------

@@ -1,6 +1,6 @@
-"""Logs that can be handed on: what a reader needs stays, everything by which a person, a car or a place is known goes.
+"""Anonymised copies of logs: everything that identifies a person, a car or a place is removed, and what a reader needs is kept.
 
-Rows, faults and delimiters stay as they are, so that a fault of reading is still there.
+Rows, faults and delimiters are kept, so that a copy causes the same faults when it is read.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ _NUMBER: Final = re.compile(r"[-+]?(\d+([.,]\d*)?|[.,]\d+)([eE][-+]?\d{1,3})?")
 _UNIT: Final = re.compile(r"[^\W\d]{0,4}[/%°]?[^\W\d]{0,4}")
 _CLOCK: Final = re.compile(r"[\d:.,]+( ?[AaPp][Mm])?")
 _KEPT: Final = {"units": _UNIT, "position": re.compile(r"[-\d., °NSEW]+")}
-"""Texts that stay as they are, by what their column is."""
+"""Form of the texts that are kept, by the role of their column."""
 HIDDEN: Final = "x"
-"""Stands for a text that is no number."""
+"""Replacement of a text that is hidden."""
 
 
 @dataclass
 class _Hiding:
-    """What all files of one call have in common."""
+    """Shift of times and replacements of names that all files of one call share."""
 
     days: int
     positions: bool
@@ -44,30 +44,30 @@ class _Hiding:
     columns: dict[str, str] = field(default_factory=dict)
 
     def column(self, name: str) -> str:
-        """Another name for a column, the same for the same name."""
+        """The replacement of a column's name; equal names have equal replacements."""
         return self.columns.setdefault(column_key(name), f"column {len(self.columns) + 1}") if name else ""
 
     def name(self, text: str) -> str:
-        """Another name for a trip or a vehicle, the same for the same text."""
+        """The replacement of a trip's or a vehicle's name; equal names have equal replacements."""
         return self.names.setdefault(text, f"{len(self.names) + 1}") if text else ""
 
 
 def anonymise_logs(
     path: Path | str, out: Path | str, *, mapping: Path | str | None = None, positions: bool = False
 ) -> list[Path]:
-    """Write logs without what tells whose they are: numbers of the columns that a reader uses, and shifted times.
+    """Write anonymous copies of logs: only the numbers of the columns that a reader uses, and shifted times.
 
-    All times move by the same number of weeks, which nobody is told; an odometer starts at 0; files, trips and vehicles get numbers;
-    cells and names of every other column are empty.
+    All times are shifted by the same random number of weeks, which is not stored. An odometer starts at 0. Files, trips and vehicles
+    get numbers as names. In every other column the cells are empty and the name is replaced.
 
     Parameters
     ----------
     path : path
-        As of `read_logs`.
+        As for `read_logs`.
     out : path
         New or empty folder.
     mapping : path or str, optional
-        As of `read_logs`.
+        As for `read_logs`.
     positions : bool
         Keep columns of latitude and longitude.
 
@@ -106,7 +106,7 @@ def anonymise_logs(
 
 
 def _hidden(file: Path, kind: Kind, names: tuple[str, ...], hiding: _Hiding) -> bytes:
-    """The content of a file without what has to go; nothing of one that cannot be read."""
+    """The anonymised content of a file; empty if the file cannot be read."""
     if kind.mapping is None:
         return b""
     if file.suffix.lower() == ".parquet":
@@ -138,7 +138,7 @@ def _hidden(file: Path, kind: Kind, names: tuple[str, ...], hiding: _Hiding) -> 
 
 @dataclass
 class _HiddenFile:
-    """The rows of one file without what has to go."""
+    """Anonymises the rows of one file."""
 
     mapping: ColumnMapping
     hiding: _Hiding
@@ -146,13 +146,13 @@ class _HiddenFile:
     first_km: dict[str, float] = field(default_factory=dict)
 
     def role(self, name: str) -> str:
-        """What a column is: one of ours, the day of the time, a trip, a vehicle, a signal, a value, positions or an odometer; else empty."""
+        """The role of a column: the name of one of ours, date, trip, vehicle, signal, value, units, position or odometer; else empty."""
         if name not in self.roles:
             self.roles[name] = _role(name, self.mapping, positions=self.hiding.positions)
         return self.roles[name]
 
     def row(self, cells: Sequence[str], names: Sequence[str]) -> list[str]:
-        """The cells of a row below a header."""
+        """The anonymised cells of a row; `names` is the header of the row."""
         signal = dict(zip(names, cells, strict=False)).get(self.mapping.long_name or "", "")
         shown = [self.cell(cell, name, signal) for cell, name in zip(cells, names, strict=False)]
         shown += [HIDDEN * bool(cell) for cell in cells[len(names) :]]
@@ -163,7 +163,7 @@ class _HiddenFile:
         return shown
 
     def cell(self, text: str, name: str, signal: str) -> str:
-        """A cell of a column; `signal` is that of the row, where a file has a row for each value."""
+        """An anonymised cell of a column; `signal` is the signal of the row if the file has a row for each value, else empty."""
         role, time = self.role(name), self.mapping.columns["time_s"]
         if not role or text in NULL_TEXTS:
             return text if role else ""
@@ -212,7 +212,7 @@ def _role(name: str, mapping: ColumnMapping, *, positions: bool) -> str:
 
 
 def _later(text: str, entry: MappedColumn, days: int) -> str:
-    """A time in numbers; one that counts since 1970 moves, unless its clock was not set."""
+    """A numeric time, shifted by `days` if it counts from 1970 and its clock was set."""
     scale = TIME_STAMPS.get(entry.unit)
     value = float(text.replace(",", "."))
     if scale is None or value * scale < FIRST_LOGGERS_S:
@@ -222,7 +222,7 @@ def _later(text: str, entry: MappedColumn, days: int) -> str:
 
 
 def _shifted(text: str, form: str, days: int) -> str:
-    """A time stamp so many days later; a clock that was not set stays."""
+    """A time stamp shifted by `days`; a time of day, or a time of a clock that was not set, is kept."""
     try:
         stamp = dt.datetime.strptime(text, form) if form else dt.datetime.fromisoformat(text)
     except ValueError:

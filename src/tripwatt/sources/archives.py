@@ -1,4 +1,4 @@
-"""Logs as people keep them: archives of many files, and workbooks, unpacked into tables that readers read."""
+"""Archives and workbooks of logs, unpacked into tables that the readers accept."""
 
 from __future__ import annotations
 
@@ -27,22 +27,22 @@ from tripwatt.sources.workbooks import read_workbook
 ARCHIVE: Final = ".zip"
 WORKBOOK: Final = ".xlsx"
 MOST_FILES: Final = 2000
-"""Most tables of an archive."""
+"""Largest number of tables in an archive."""
 
 LEAST_NAMES: Final = 2
-"""Texts that make a row of a sheet its header."""
+"""Least number of texts in the header row of a sheet."""
 
 MOST_LEADING_ROWS: Final = 50
-"""Rows above the header of a sheet."""
+"""Number of first rows of a sheet in which the header is searched."""
 
 LONGEST_STEM: Final = 80
 
 DAMAGED: Final = (zipfile.BadZipFile, zlib.error)
-"""What reading a damaged archive raises beside errors of files and values."""
+"""Errors that a damaged archive raises, besides those of files and values."""
 
 
 def is_packed(path: Path | str) -> bool:
-    """Whether a file has to be unpacked before a reader of tables can read it, by its suffix.
+    """Whether the suffix of a file says that it must be unpacked before its tables can be read.
 
     Examples
     --------
@@ -55,20 +55,20 @@ def is_packed(path: Path | str) -> bool:
 def unpack(
     path: Path | str, folder: Path, *, content: bytes | None = None, limits: Mapping[str, int] = LIMITS
 ) -> list[Path]:
-    """Write the tables of a file into a folder: its own, those of an archive, the sheets of a workbook as CSV.
+    """Write the tables of a file into a folder: the file itself, the tables of an archive, or the sheets of a workbook as CSV.
 
-    Members of an archive that are no tables are left out. O(bytes).
+    Files in an archive that are not tables are left out. O(bytes).
 
     Parameters
     ----------
     path : path
-        Its suffix is its format.
+        The file; its suffix says its format.
     folder : Path
-        An existing folder. Names that are taken get a number.
+        An existing folder. A name that is taken gets a number.
     content : bytes, optional
-        Of the file; it is read when not given.
+        Content of the file; by default the file is read.
     limits : mapping of str to int
-        Most of what comes out of it, see `Budget`.
+        Limits of the unpacked content, see `Budget`.
 
     Returns
     -------
@@ -78,7 +78,7 @@ def unpack(
     Raises
     ------
     InvalidInput
-        When it holds no table, is damaged, or holds more than `MOST_FILES` tables or the limits.
+        When the file holds no table, is damaged, or exceeds `MOST_FILES` tables or the limits.
 
     Examples
     --------
@@ -100,13 +100,13 @@ def unpack(
 
 @contextmanager
 def unpacked(path: Path | str, faults: list[Fault] | None = None) -> Iterator[Path]:
-    """A path that readers of tables read: the file or folder itself, or a temporary folder with its unpacked tables.
+    """Give a path that can be read as tables: the path itself, or a temporary folder with the unpacked tables.
 
     Parameters
     ----------
     path : path
     faults : list, optional
-        Takes those of files that cannot be unpacked; without it, they are refused.
+        Faults of files that cannot be unpacked are appended to this list; by default they are raised.
 
     Yields
     ------
@@ -150,7 +150,7 @@ def _tables(place: Path, data: bytes, folder: Path, budget: Budget) -> Iterator[
 
 
 def safe_name(name: str, suffix: str) -> str:
-    """The last part of a name as a name of a file: letters, digits, blanks and ``._-+()``, with a suffix.
+    """Make a file name from the last part of a path: letters, digits, blanks and ``._-+()``, with a suffix.
 
     Examples
     --------
@@ -169,7 +169,7 @@ def _last_part(name: str) -> str:
 
 
 def _written(folder: Path, name: str, data: IO[bytes]) -> Path:
-    """The file of a table in the folder of its container, under a name that is free."""
+    """Write a table into a folder under a free name, and return its path."""
     wanted = folder / safe_name(name, PurePosixPath(name).suffix.lower())
     place = next(place for place in _names(wanted) if not place.exists())
     with place.open("wb") as made:
@@ -178,7 +178,10 @@ def _written(folder: Path, name: str, data: IO[bytes]) -> Path:
 
 
 def _kept(table: Path, folder: Path) -> Path:
-    """A table in its folder under a name that is free; one with the same content is there already: it was sent again."""
+    """Move a table into a folder under a free name, and return its path.
+
+    If a file of the same name and content exists, such as after a second upload, the path of that file is returned.
+    """
     for place in _names(folder / table.name):
         try:
             move_new(table, place)  # a file of the same name may be written at the same moment
@@ -190,7 +193,7 @@ def _kept(table: Path, folder: Path) -> Path:
 
 
 def _names(wanted: Path) -> Iterator[Path]:
-    """A name, and then the same with a number."""
+    """Yield a name, then the same name with the numbers 2, 3 and so on."""
     return (
         wanted.with_name(f"{wanted.stem} {n}{wanted.suffix}") if n > 1 else wanted for n in itertools.count(1)
     )
@@ -202,7 +205,7 @@ def _is_table(name: str) -> bool:
 
 
 def _members(place: Path, data: bytes, budget: Budget) -> Iterator[tuple[str, bytes]]:
-    """Names and contents of the tables of an archive."""
+    """Yield the name and the content of each table in an archive."""
     try:
         archive = open_archive(data, budget)
         tables = [entry for entry in archive.infolist() if _is_table(entry.filename)]
@@ -228,7 +231,7 @@ def _from_workbook(place: Path, data: bytes, folder: Path, budget: Budget) -> It
 
 
 def _write_table(rows: Iterator[list[Any]], folder: Path, budget: Budget) -> tuple[int, Path]:
-    """Write the rows of a sheet as CSV from its header on, cut to the columns that the header names; their number, and the file."""
+    """Write the rows of a sheet as CSV from the header on, cut to the width of the header; return the number of rows, and the file."""
     head = list(itertools.islice(filter(_is_filled, rows), MOST_LEADING_ROWS))
     made, count = folder / f"{len(list(folder.iterdir()))}", 0
     for k, row in enumerate(head):

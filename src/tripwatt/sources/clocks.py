@@ -1,4 +1,4 @@
-"""Times of logs: text as seconds, the order of day and month, and clocks that are set while a car drives."""
+"""Times of logs: texts as seconds, the order of day and month, and clocks that are set during a drive."""
 
 from __future__ import annotations
 
@@ -14,28 +14,29 @@ from tripwatt.sources.evidence import stamp_format
 from tripwatt.units import SECONDS_PER_DAY, SECONDS_PER_HOUR
 
 EARLIEST_YEAR, LATEST_YEAR = 1970, 2199
-"""Years of a time stamp of a log."""
+"""First and last year allowed for a time stamp of a log."""
 FIRST_LOGGERS_S: Final = 1.1e9
-"""An earlier clock [s since 1970], before November 2004, was not set yet."""
+"""Earliest plausible time [s since 1970], November 2004: an earlier time is of a clock that was not set yet."""
 GAP_S: Final = 60.0
 MOVING_M_S: Final = 1.0
 LONGEST_STEP: Final = 10.0
-"""A step of so many usual ones beside a full hour is the hour of daylight saving time."""
+"""A step that differs from a full hour by at most this many usual steps is a change to or from daylight saving time."""
 FEW_BREAKS: Final = 4
-"""So many times for each fall the rows of sorted times come from another place: blocks were exchanged, no times occur twice."""
+"""Largest number of breaks in the order of rows, after sorting by time, per fall of the time: with so few breaks, blocks of rows were
+exchanged and do not overlap in time."""
 SHORTER: Final = 0.3
-"""The order of day and month is changed where the files then follow each other within this share of the time."""
+"""The order of day and month is changed if this shortens the total time between files to below this share."""
 
 
 def clock_only(form: str) -> bool:
-    """Whether a format has a time of day and no day."""
+    """Whether a time format has a time of day but no date."""
     return bool(form) and not re.search("%[djUVxcsDF]", form)
 
 
 def seconds_of(texts: pd.Series, form: str) -> FloatArray:
-    """Seconds since 1970 of time stamps in a format, ISO 8601 without one; NaN for what is none.
+    """Convert time stamps in a format (ISO 8601 if it is empty) to seconds since 1970; NaN if a text is no time stamp.
 
-    A time of day counts from its first one, over midnight.
+    Times of day without a date are counted from the first one, and a fall by more than half a day is a midnight.
 
     Examples
     --------
@@ -55,10 +56,10 @@ def seconds_of(texts: pd.Series, form: str) -> FloatArray:
 
 
 def decided_format(files: Sequence[Sequence[str]], form: str) -> str:
-    """The format of the time stamps of some files, in their order, near the one that is assumed.
+    """The format of the time stamps of files, given an assumed format `form`; `files` has the texts of each file, in order.
 
-    Where most texts do not have the assumed one, it is found anew. Where day and month may stand either way round, one text with
-    a day after the 12th decides, else the way in which the files follow each other in less time.
+    If most texts do not have the assumed format, the format is determined anew. If day and month may be in either order, a text
+    with a day after the 12th decides; without one, the order in which the files follow each other in much less time.
 
     Examples
     --------
@@ -91,11 +92,11 @@ def decided_format(files: Sequence[Sequence[str]], form: str) -> str:
 
 
 def steady_clock(time: FloatArray, speed: FloatArray) -> tuple[FloatArray, list[str]]:
-    """Stamps [s since 1970] in the order of the rows as if nobody had set the clock, and codes of what was done.
+    """Correct times [s since 1970] for settings of the clock during a drive; return the times and codes of the corrections.
 
-    An hour of daylight saving time is taken back, rows before the clock was set follow on from the first one after it, and rows in
-    another order are sorted by the caller (``rows_sorted``) unless times of parts of them alternate: then the clock was set back,
-    and the audit splits the log there.
+    A change by an hour of daylight saving time is removed. Times before the clock was set are shifted to end just before the first
+    time after that. If rows are out of order, the code ``rows_sorted`` asks the caller to sort them, unless parts of the log
+    overlap in time: then the clock was set back, and the audit splits the log there.
 
     Examples
     --------

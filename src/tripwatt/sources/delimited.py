@@ -1,6 +1,6 @@
-"""Numbers out of a delimited text file: only the wanted columns, and every fault of the file with row and column.
+"""Reader of delimited text files: only the wanted columns are read, and every fault is given with its row and column.
 
-The fast path is Arrow's reader with the column types fixed to numbers. Where it fails, or is not installed (the extra
+The fast path is Arrow's reader with the column types fixed to numbers. If it fails, or is not installed (the extra
 `parquet`), the file is read line by line, which finds every fault that a user has to mend.
 """
 
@@ -26,29 +26,30 @@ from tripwatt.sources.mapping import UNITS
 from tripwatt.trips.headers import DELIMITERS
 
 LARGEST_NUMBER: Final = 1e15
-"""No measurement in any unit is larger; time stamps in milliseconds since 1970 are about 2e12."""
+"""Largest number accepted in any unit; time stamps in milliseconds since 1970 are about 2e12."""
 MOST_HEADER_BYTES: Final = 1_000_000
-"""Longest header."""
+"""Longest header [bytes]."""
 MOST_COLUMNS: Final = 10_000
-"""Most columns; loggers write up to some hundreds."""
+"""Largest number of columns; loggers write up to some hundreds."""
 MOST_TITLE_LINES: Final = 50
-"""Lines above the header."""
+"""Number of first lines in which the header is searched."""
 MOST_SECTIONS: Final = 2000
-"""Different headers in one file."""
+"""Largest number of further headers in one file."""
 MOST_CUT_SHARE: Final = 0.05
-"""More rows than this of one length below that of the header were not cut off: the logger leaves out empty ends."""
+"""If more than this share of the rows has the same number of cells, below that of the header, the logger leaves out empty cells at
+the end; rarer short rows were cut off."""
 SHOWN_ROWS: Final = 5
-"""Rows named for one kind of fault in one column; the others are counted."""
+"""Number of rows listed for one kind of fault in one column; the others are counted."""
 NULL_TEXTS: Final = ("", "NaN", "nan", "NAN", "NA", "N/A", "n/a", "null", "NULL", "None", "-nan", "#N/A", "-")
 _DECIMAL_COMMA: Final = re.compile(r"[+-]?\d+,\d+")
 _UNITS: Final = frozenset().union(*UNITS.values())
 _VALUE: Final = re.compile(r"[-+]?[.,]?\d[-+\d.,:/ eETZ]*")
-"""A cell that is no name of a column: a number, a date, a time."""
+"""Form of a cell that is a value and not the name of a column: a number, a date, a time."""
 
 
 @dataclass(frozen=True, slots=True)
 class RawColumn:
-    """A column of a data set's files: its name there, our name, and the factor to our unit and sign."""
+    """A column of a data set: its name in the files, our name, and the factor to our unit and sign."""
 
     name: str
     ours: str
@@ -57,7 +58,7 @@ class RawColumn:
 
 @cache
 def raw_columns(dataset: str) -> tuple[RawColumn, ...]:
-    """Columns of a public set with a reader of its own, from `public.toml`.
+    """Columns of a public data set that has its own reader, from `public.toml`.
 
     Examples
     --------
@@ -72,20 +73,20 @@ def raw_columns(dataset: str) -> tuple[RawColumn, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Delimited:
-    """A delimited file, its header understood and its body not yet parsed.
+    """A delimited file whose header is parsed and whose body is not.
 
     Attributes
     ----------
     path : Path
     names : tuple of str
-        Header cells as written, without byte order mark, quotes and outer blanks.
+        Header cells without byte order mark, quotes and outer blanks.
     delimiter : str
     data : bytes
-        The whole file in an encoding that keeps ASCII.
+        The content of the file in an encoding that contains ASCII.
     body_offset : int
         Where the line after the header starts in `data`.
     header_line : int
-        1-based line of the header, or of the units below it; 0 for a file without one.
+        1-based line of the header, or of the line of units below the header; one less than the first row's if there is no header.
     units : tuple of str
         Units of the columns, from a line below the header.
     """
@@ -99,15 +100,15 @@ class Delimited:
     units: tuple[str, ...] = ()
 
     def where(self, line: int, column: str) -> str:
-        """Place of a cell, as the user sees it in an editor."""
+        """Place of a cell for messages, with its line as an editor shows it."""
         return f"{self.path} row {line} column {column!r}"
 
 
 def column_key(name: str) -> str:
-    """A header cell without everything that differs between copies of one data set.
+    """A header cell in a form that is the same in all copies of a data set.
 
-    Case, outer and repeated blanks, characters outside ASCII (a degree sign in the wrong encoding, or the question
-    mark that replaced it) and damaged closing brackets go.
+    Lower case without outer and repeated blanks, without characters outside ASCII (a degree sign in the wrong encoding) and
+    the question marks that replaced them, and with damaged closing brackets mended.
 
     Examples
     --------
@@ -121,20 +122,20 @@ def column_key(name: str) -> str:
 
 
 def open_delimited(path: Path, content: bytes | None = None, names: Sequence[str] = ()) -> Delimited:
-    """Read a file and understand its header, which may stand below a title.
+    """Read a file and parse its header, which may be below a title.
 
     Parameters
     ----------
     path : path
     content : bytes, optional
-        What is in the file; `path` is then only its name for messages, and no file is read.
+        Content of the file; no file is then read, and `path` is only its name for messages.
     names : sequence of str
-        Header of a file that has none, as the file before it has it.
+        Header to use if the file has none, such as that of the file before it.
 
     Raises
     ------
     InvalidInput
-        When there is no such file, or it is empty, not text, or has no header or no rows below it.
+        When the file does not exist, is empty, is not text, or has no header or no rows below it.
     """
     data = _text_bytes(path, read_file(path) if content is None else content)
     offset, line, delimiter, own = _header(path, data)
@@ -161,9 +162,9 @@ def open_delimited(path: Path, content: bytes | None = None, names: Sequence[str
 
 
 def _header(path: Path, data: bytes) -> tuple[int, int, str, tuple[str, ...] | None]:
-    """Offset, 1-based line, delimiter and cells of the header; None for the cells where the first line has values.
+    """Offset, 1-based line, delimiter and cells of the header; the cells are None if the line has values instead of names.
 
-    A title has fewer cells than the line below it. `sep=;` is a line for spreadsheets.
+    A title is a line with fewer cells than the header below it. A line `sep=;` states the delimiter for spreadsheets.
     """
     offset, stated = 0, ""
     head: list[tuple[int, int, str]] = []
@@ -192,7 +193,7 @@ def _header(path: Path, data: bytes) -> tuple[int, int, str, tuple[str, ...] | N
 
 
 def _is_title(cells: Sequence[str], below: str, delimiter: str) -> bool:
-    """Whether a line stands above the header: the line below has more names, or another delimiter and more cells."""
+    """Whether a line is a title above the header: the line below has more cells, with either delimiter, and no values."""
     longest = max(
         (fields_of(below, other) for other in {delimiter, max(DELIMITERS, key=below.count)}), key=len
     )
@@ -206,12 +207,12 @@ def _has_values(cells: Sequence[str]) -> bool:
 
 
 def sections(source: Delimited) -> list[Delimited]:
-    """The parts of a file below each of its headers: an app that is updated may write another one in the middle. O(bytes).
+    """Split a file at its headers: an app that was updated may write a new header in the middle. O(bytes).
 
     Raises
     ------
     InvalidInput
-        When there are more than `MOST_SECTIONS`.
+        When there are more than `MOST_SECTIONS` further headers.
     """
     names = {column_key(name) for name in source.names if name}
     starts = "|".join(re.escape(name) for name in source.names if name)
@@ -237,15 +238,15 @@ def sections(source: Delimited) -> list[Delimited]:
 
 
 def even_rows(source: Delimited) -> tuple[Delimited, list[Fault]]:
-    """The same rows with as many cells as the header has, and the faults of those that have others. O(bytes).
+    """Give every row as many cells as the header, and return the faults of the rows that were changed. O(bytes).
 
-    Cells that were appended to the right are cut off, ends that a logger leaves out are empty, and a row that was cut off in the
-    middle is an empty row.
+    Surplus cells on the right are removed. Cells that the logger left out at the end become empty cells. A row that was cut off
+    in the middle becomes an empty row.
 
     Raises
     ------
     InvalidInput
-        When no row has the width of the header: its cells cannot be told apart.
+        When every row has more cells than the header: it is unknown which cells belong to which column.
     """
     width, mark = _body_width(source), source.delimiter.encode()
     body = source.data[source.body_offset :]
@@ -253,7 +254,7 @@ def even_rows(source: Delimited) -> tuple[Delimited, list[Fault]]:
     starts = np.append(0, np.flatnonzero(codes[:-1] == ord("\n")) + 1)
     counts = np.add.reduceat((codes == ord(mark)).view(np.uint8), starts, dtype=np.int64) + 1
     quotes = np.add.reduceat((codes == ord('"')).view(np.uint8), starts, dtype=np.int64)
-    odd = np.flatnonzero((counts != width) | (quotes > 0))  # a delimiter may stand in quotes
+    odd = np.flatnonzero((counts != width) | (quotes > 0))  # a delimiter may be inside quotes
     if not len(odd):
         return source, []
     lines = body.split(b"\n")
@@ -281,7 +282,7 @@ def even_rows(source: Delimited) -> tuple[Delimited, list[Fault]]:
 
 
 def _without_headers(body: bytes, header: bytes, delimiter: str) -> bytes:
-    """The body with empty rows in place of repeated headers, which loggers write at each start; rows keep their numbers."""
+    """The body with empty rows in place of repeated headers, which loggers write at each start; row numbers do not change."""
     if header not in body:
         return body
     empty = delimiter.encode() * header.count(delimiter.encode())
@@ -309,7 +310,7 @@ def _not_text(path: Path, got: str) -> Fault:
 
 
 def decode(raw: bytes) -> str:
-    """Text of bytes in UTF-8, else in latin-1."""
+    """Decode bytes as UTF-8, or as latin-1 if they are not UTF-8."""
     try:
         return raw.decode("utf-8")
     except UnicodeDecodeError:
@@ -317,7 +318,7 @@ def decode(raw: bytes) -> str:
 
 
 def fields_of(line: str, delimiter: str) -> list[str]:
-    """Cells of a line."""
+    """Split a line into its cells."""
     try:
         return next(csv.reader([line], delimiter=delimiter), [])
     except csv.Error:  # a stray carriage return or an unbalanced quote in a damaged line
@@ -325,7 +326,7 @@ def fields_of(line: str, delimiter: str) -> list[str]:
 
 
 def read_texts(source: Delimited, wanted: Sequence[int]) -> list[list[str]]:
-    """The columns at the given positions of the header, as text without outer blanks. O(bytes).
+    """Read the columns at the given positions of the header as texts without outer blanks. O(bytes).
 
     Raises
     ------
@@ -347,21 +348,22 @@ def read_texts(source: Delimited, wanted: Sequence[int]) -> list[list[str]]:
 def read_numbers(
     source: Delimited, wanted: Sequence[int], decimal: str = ".", faults: list[Fault] | None = None
 ) -> list[FloatArray]:
-    """The columns at the given positions of the header, as float64; empty cells are NaN. O(bytes).
+    """Read the columns at the given positions of the header as float64; empty cells are NaN. O(bytes).
 
     Parameters
     ----------
     source : Delimited
     wanted : sequence of int
     decimal : str
-        Its decimal separator.
+        Decimal separator of the file.
     faults : list, optional
-        Takes the faults; what cannot be read is then NaN, and a row of another length what `even_rows` makes of it.
+        Faults are appended to this list instead of raised; cells that cannot be read are then NaN, and rows of another length are
+        changed by `even_rows`.
 
     Raises
     ------
     InvalidInput
-        Without `faults`, with every row of the wrong length and every cell that is not a number.
+        If `faults` is not given: with every row of the wrong length and every cell that is not a number.
     """
     reason, nulls = "", {"null_values": list(NULL_TEXTS), "quoted_strings_can_be_null": True}
     try:
@@ -393,7 +395,10 @@ def read_numbers(
 
 
 def numbers_of(cells: Sequence[str], decimal: str) -> tuple[FloatArray, list[int]]:
-    """Numbers of texts, and the places of those that are none; a number with the other decimal separator is both."""
+    """The numbers in texts, and the indices of texts that are not numbers.
+
+    A number with a decimal comma that is not the separator has a value and is listed as well.
+    """
     values, bad = np.full(len(cells), np.nan), []
     for i, cell in enumerate(cells):
         text = cell.strip('"').strip()
@@ -408,11 +413,11 @@ def numbers_of(cells: Sequence[str], decimal: str) -> tuple[FloatArray, list[int
 
 
 _UNREADABLE: Final = (ValueError, KeyError)
-"""Bases of what Arrow raises for a damaged row."""
+"""Base classes of the errors that Arrow raises for a damaged row."""
 
 
 def _texts_by_line(source: Delimited, wanted: Sequence[int]) -> list[list[str]]:
-    """The columns without Arrow; raises ValueError for a row of another length, as Arrow does."""
+    """Read columns as texts without Arrow; raise ValueError for a row of another length, as Arrow does."""
     lines = source.data[source.body_offset :].split(b"\n")
     rows = [fields_of(decode(line).strip("\r"), source.delimiter) for line in lines if line.strip()]
     if {len(row) for row in rows} != {_body_width(source)}:
@@ -421,7 +426,7 @@ def _texts_by_line(source: Delimited, wanted: Sequence[int]) -> list[list[str]]:
 
 
 def _numbers_by_line(source: Delimited, wanted: Sequence[int], decimal: str) -> list[FloatArray]:
-    """The columns without Arrow; raises ValueError for a cell that is no number."""
+    """Read columns as numbers without Arrow; raise ValueError for a cell that is not a number."""
     columns = [numbers_of(cells, decimal) for cells in _texts_by_line(source, wanted)]
     if any(bad for _, bad in columns):
         raise ValueError("a cell that is no number")
@@ -429,7 +434,7 @@ def _numbers_by_line(source: Delimited, wanted: Sequence[int], decimal: str) -> 
 
 
 def _parsed(source: Delimited, wanted: Sequence[int], kind: str, **options: Any) -> list[Any]:
-    """The columns at the given positions as Arrow's arrays, all of one type."""
+    """Read the columns at the given positions as Arrow arrays of type `kind`."""
     import pyarrow as pa
     import pyarrow.csv as pa_csv
 
@@ -450,14 +455,14 @@ def _parsed(source: Delimited, wanted: Sequence[int], kind: str, **options: Any)
 
 
 def first_row(source: Delimited) -> list[str]:
-    """Cells of the first row."""
+    """Cells of the first row of the body."""
     end = source.data.find(b"\n", source.body_offset)
     first = source.data[source.body_offset : end if end >= 0 else len(source.data)]
     return fields_of(decode(first).strip("\r\n"), source.delimiter) or [""]
 
 
 def _body_width(source: Delimited) -> int:
-    """Fields of a row: the header's, or one fewer or more where only one of them ends in a delimiter."""
+    """Number of cells in a row: as in the header, or one fewer or more if only one of the two ends in a delimiter."""
     row = first_row(source)
     header = len(source.names)
     if len(row) == header - 1 and not source.names[-1]:
@@ -475,7 +480,7 @@ def _value(cell: str) -> float | None:
 
 
 def line_of(cells: Sequence[str], delimiter: str) -> bytes:
-    """A line of cells."""
+    """Join cells to a line."""
     text = io.StringIO()
     csv.writer(text, delimiter=delimiter, lineterminator="").writerow(cells)
     return text.getvalue().encode()
@@ -493,7 +498,10 @@ def _cut_off_fault(source: Delimited, line: int, width: int, cells: Sequence[str
 
 
 def _row_faults(source: Delimited, fields: Mapping[int, int], width: int, cut: int) -> Iterator[Fault]:
-    """A fault for each of the first rows of another length, by their places in the body, and one for the others."""
+    """A fault for each of the first `SHOWN_ROWS` rows of another length, and one fault that counts the others.
+
+    `fields` has the number of cells of each such row by its place in the body; the row at `cut` is left out.
+    """
     rows = [(place, n) for place, n in fields.items() if place != cut]
     what, where = "wrong number of columns", f"{source.path}"
     for place, n in rows[:SHOWN_ROWS]:
@@ -510,7 +518,7 @@ def _row_faults(source: Delimited, fields: Mapping[int, int], width: int, cut: i
 def _cell_faults(
     source: Delimited, position: int, bad: Sequence[tuple[int, str]], decimal: str
 ) -> Iterator[Fault]:
-    """A fault for each cell of a column while they are few, else the first and how many more there are."""
+    """A fault for each bad cell of a column; if there are more than `SHOWN_ROWS`, one fault of the first cell with their number."""
     counted = len(bad) > SHOWN_ROWS
     for line, text in bad[:1] if counted else bad:
         what, allowed, fix = "not a number", "a number with a decimal point, or an empty cell", ""

@@ -1,7 +1,7 @@
 """Units and meaning of a table's columns from their values.
 
-Units come from ranges, time stamps from their form, and Newton's second law gives which column is the current, which way
-it counts, and in which unit the speed is.
+Units follow from the ranges of values, the format of time stamps from their texts. Newton's second law shows which column is
+the current, what its sign means, and which unit the speed has.
 """
 
 from __future__ import annotations
@@ -21,33 +21,33 @@ from tripwatt.trips.inertia import apparent_mass
 from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_HOUR
 
 CLEAR: Final = 0.3
-"""Correlation of power with acceleration above which its direction is clear."""
+"""Correlation of the power with acceleration above which the sign of the current or power is clear."""
 CURRENT_CORRELATION: Final = 0.6
-"""Correlation above which an unnamed column is taken for the current."""
+"""Correlation above which a column without a matching name is taken for the current or the speed."""
 USUAL_KG: Final = 1700.0
 LIGHTEST_KG, HEAVIEST_KG = 600.0, 4500.0
 FURTHEST_KG: Final = (300.0, 9000.0)
-"""A stated unit of speed is marked for a check when the car's mass is outside: grades and heaters blur it."""
+"""A stated unit of speed is marked for a check if the car's apparent mass is outside this range: grades and heaters blur the mass."""
 PACK_V: Final = (150.0, 950.0)
 PACK_SWING: Final = 0.35
 STAND_IN_V: Final = 360.0
-"""Any pack voltage serves to tell a direction."""
+"""Pack voltage if none is logged; any voltage of a pack is good enough to find the sign of the current."""
 MOST_COLUMNS: Final = 12
 
 SINCE_1970: Final = 1e8
-"""No trip lasts so many seconds: larger times count since 1970."""
+"""Times above this count from 1970: no trip lasts so many seconds."""
 
 PPM_FROM: Final = 1e4
-"""No state of charge in percent is so large; Leaf Spy writes percent times 10,000."""
+"""A state of charge above this is in percent times 10,000, as Leaf Spy writes it."""
 
 SPEED_UNITS: Final = {"m/s": 1.0, "km/h": M_S_PER_KM_H, "mph": M_S_PER_MPH}
 
 
 @dataclass(frozen=True, slots=True)
 class Flow:
-    """Findings from the flow of power: columns recognised by it, direction of the current, mass in the assumed unit of speed.
+    """Findings from the flow of power: recognised columns, sign of the current, mass of the car in the assumed unit of speed.
 
-    `columns` holds (our name, column, unit, why).
+    `columns` holds tuples of our name, the column, its unit and the reason.
     """
 
     columns: tuple[tuple[str, str, str, str], ...] = ()
@@ -57,7 +57,7 @@ class Flow:
 
 
 def stamp_format(texts: Sequence[str]) -> tuple[str, str] | None:
-    """`strptime` format of a column of time stamps and why, the format empty for ISO 8601; None for other texts.
+    """The `strptime` format of a column of time stamps, empty for ISO 8601, and the reason; None if the texts are no time stamps.
 
     Examples
     --------
@@ -84,7 +84,7 @@ def stamp_format(texts: Sequence[str]) -> tuple[str, str] | None:
 
 
 def unit_of_values(ours: str, known: FloatArray) -> tuple[str, str]:
-    """Unit of a column whose name has none, from the range of its values, and why."""
+    """Unit of a column whose name states none, from the range of its values, and the reason."""
     low, high = float(np.min(known)), float(np.max(known))
     seen = f"values of {low:g} to {high:g}"
     if ours == "time_s":
@@ -129,7 +129,7 @@ def _unit_of_time(known: FloatArray, low: float, seen: str) -> tuple[str, str]:
 
 
 def speed_unit(assumed: str, mass_kg: float) -> tuple[str, str]:
-    """Unit in which the car has a mass that cars have, for the mass that it has in the assumed one.
+    """Unit of speed in which the mass of the car is plausible, and the reason; `mass_kg` is the mass in the assumed unit.
 
     Examples
     --------
@@ -152,7 +152,7 @@ def speed_unit(assumed: str, mass_kg: float) -> tuple[str, str]:
 def best_flow(
     clock: FloatArray, known: Mapping[str, tuple[str, FloatArray]], others: Mapping[str, FloatArray]
 ) -> Flow:
-    """Columns recognised by their values alone, and the direction of the current.
+    """Recognise columns by their values alone, and find the sign of the current.
 
     Parameters
     ----------
@@ -161,7 +161,7 @@ def best_flow(
     known : mapping
         Our name to (column, values in our unit), and "rows" to ("", 1 for the rows of the longest trip).
     others : mapping
-        Columns that no name explained.
+        Columns that no name has identified.
     """
     rows = known["rows"][1] > 0
     if len(clock) != len(rows) or not rows.any():
@@ -197,7 +197,7 @@ def _match(
     *,
     measured: bool,
 ) -> Flow:
-    """The pair of speed and flow of power that obeys Newton's second law best."""
+    """The findings from the pair of a speed and a power that obeys Newton's second law best."""
     best: tuple[float, float, str, str] | None = None
     for speed_name, speed in list(speeds.items())[:MOST_COLUMNS]:
         for flow_name, flow in list(flows.items())[:MOST_COLUMNS]:

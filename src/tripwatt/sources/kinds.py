@@ -1,4 +1,4 @@
-"""Files of one logger: grouped by their columns, each group with its mapping."""
+"""Files of a folder grouped by their columns, each group with its mapping."""
 
 from __future__ import annotations
 
@@ -22,22 +22,23 @@ from tripwatt.trips import COLUMNS
 from tripwatt.vehicles import Vehicle
 
 HEAD_BYTES: Final = 1 << 16
-"""Enough of a file for its header."""
+"""Number of first bytes of a file that are read for its header."""
 ALIKE: Final = 0.7
-"""Share of columns in common from which files are of one kind."""
+"""Least share of common columns of two files of one kind."""
 HALF_CHARGED: Final = 0.5
-"""State of charge whose open-circuit voltage stands for the battery's nominal voltage."""
+"""State of charge at which the open-circuit voltage is taken as the battery's nominal voltage."""
 
 
 @dataclass(frozen=True, slots=True)
 class Changes:
-    """What a user changes of a proposed mapping.
+    """Changes of a user to a proposed mapping.
 
     Attributes
     ----------
     columns : mapping of str to (mapping or None)
-        Our column -> `column` and `unit` in place of the proposed ones; None to leave it out.
+        Our column -> the `column` and `unit` to use instead of the proposed ones; None to leave the column out.
     current_positive : str or None
+        Meaning of a positive current, "discharge" or "charge"; None to keep the proposed one.
     """
 
     columns: Mapping[str, Mapping[str, str | None] | None] = field(default_factory=dict)
@@ -51,18 +52,18 @@ class Kind:
     Attributes
     ----------
     files : mapping of Path to tuple of str
-        Files, and the header of those that have none.
+        File -> header to use for a file without one, else empty.
     names : tuple of str
-        Columns of the largest file.
+        Columns of the largest file, if possible of one with a header.
     tables : mapping
         The mapping as the tables of its TOML.
     mapping : ColumnMapping or None
-        None where it lacks what is needed; `faults` say what.
+        None if the mapping is incomplete; `faults` say what is missing.
     faults : tuple of Fault
     proposal : Suggestion or None
-        None for a mapping that was given.
+        None if the mapping was given or the columns have canonical names.
     assumed : mapping of str to float
-        Values of the battery that the car's published values fill in.
+        Battery values of the mapping that were filled in from the car's published values.
     """
 
     files: Mapping[Path, tuple[str, ...]]
@@ -75,7 +76,7 @@ class Kind:
 
 
 def given_kind(path: Path, mapping: Path | str | ColumnMapping) -> Kind:
-    """All files of a folder, to be read by one mapping."""
+    """All files of a folder as one kind with a given mapping."""
     checked = mapping if isinstance(mapping, ColumnMapping) else load_mapping(mapping)
     files = table_files(path)
     headers, _ = _headers(files)
@@ -88,23 +89,23 @@ def proposed_kinds(
     changes: Mapping[int, Changes] | None = None,
     ignored: Sequence[str] = (),
 ) -> list[Kind]:
-    """The kinds of files of a folder, each with a mapping that its header and values propose.
+    """The kinds of files in a folder, each with a mapping proposed from its header and values.
 
     Parameters
     ----------
     path : Path
         A table or a folder of tables.
     vehicle : Vehicle, optional
-        The car, whose battery gives the energy of a state of charge, and a voltage that is not logged.
+        The car whose battery gives the energy of a state of charge, or a voltage that is not logged.
     changes : mapping of int to Changes, optional
-        By the number of the kind.
+        Number of the kind -> changes to its proposed mapping.
     ignored : sequence of str
         Names of files that are left out.
 
     Returns
     -------
     list of Kind
-        That of the largest file first; a file without columns is a kind of its own.
+        The kind of the largest file first; each file without columns is a kind of its own.
 
     Raises
     ------
@@ -151,7 +152,7 @@ def _with_mapping(kind: Kind, files: Sequence[Path], vehicle: Vehicle | None, ch
 def _changed(
     tables: dict[str, Any], changes: Changes, vehicle: Vehicle | None
 ) -> tuple[dict[str, Any], dict[str, float]]:
-    """A proposed mapping with the changes of a user, and the values of the battery that the car fills in."""
+    """A proposed mapping with the changes of a user, and the battery values that are filled in from the car."""
     columns = tables.setdefault("columns", {})
     for ours, choice in changes.columns.items():
         before = columns.pop(ours, {})
@@ -181,9 +182,10 @@ def _changed(
 def _headers(
     files: Sequence[Path],
 ) -> tuple[dict[Path, tuple[tuple[str, ...], tuple[str, ...]]], dict[Path, tuple[Fault, ...]]]:
-    """Columns of each file and, for one without a header, those again; and the faults of files that have no columns.
+    """The columns of each file, and the faults of files without columns.
 
-    A file without a header continues the nearest file before it, in the order of names, that has as many columns.
+    Each file has two tuples: its columns, and the header to use if it has none (the columns again), else an empty tuple. A file
+    without a header gets the columns of the nearest file before it, in the order of names, that has as many; else of the next one.
     """
     found: dict[Path, tuple[tuple[str, ...], tuple[str, ...]]] = {}
     faults: dict[Path, tuple[Fault, ...]] = {}
@@ -220,5 +222,5 @@ def _fits(file: Path, names: tuple[str, ...]) -> bool:
 
 
 def natural(path: Path) -> list[tuple[int, str]]:
-    """Names in the order of people: 2 before 10."""
+    """Sort key of paths that orders numbers by value: 2 before 10."""
     return [(int(part), "") if part.isdigit() else (0, part) for part in re.split(r"(\d+)", f"{path}")]

@@ -1,4 +1,4 @@
-"""What loggers call things: the words of a column's name, the unit in it, and our columns that it may be."""
+"""Names that loggers give to columns: the words and the unit in a name, and the canonical columns that it may stand for."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def vocabulary() -> dict[str, Any]:
 
 @cache
 def column_names() -> Mapping[str, tuple[str, ...]]:
-    """Our columns in the order in which they are looked for, and what loggers call them, the likeliest first."""
+    """Our columns in the order in which they are searched -> patterns of the names that loggers use, the likeliest first."""
     pack = vocabulary()["pack"]
     return MappingProxyType(
         {
@@ -56,7 +56,7 @@ def words(name: str) -> str:
 
 
 def units_in(name: str) -> tuple[str, ...]:
-    """Units that a column's name may state: in brackets, the last first, else as its last word.
+    """Units that a column's name may state: the texts in brackets, the last one first; without brackets, the last word.
 
     Examples
     --------
@@ -77,7 +77,7 @@ def _unit(text: str) -> str:
 
 
 def unit_in(ours: str, name: str) -> str | None:
-    """The unit that a column's name states, if one of our column `ours` has it.
+    """The first unit stated in a column's name that is a unit of our column `ours`; None if there is none.
 
     Examples
     --------
@@ -91,7 +91,7 @@ def unit_in(ours: str, name: str) -> str | None:
 
 
 def unit_named(ours: str, text: str) -> str | None:
-    """The unit of our column `ours` that a text is, if it is one.
+    """The unit of our column `ours` that a text names; None if it names none.
 
     Examples
     --------
@@ -103,7 +103,7 @@ def unit_named(ours: str, text: str) -> str | None:
 
 
 def is_something_else(name: str) -> bool:
-    """Whether a column is none of ours by its name alone, so that its values need not be checked.
+    """Whether a column's name alone shows that it is none of our columns, so that its values need no check.
 
     Examples
     --------
@@ -114,7 +114,7 @@ def is_something_else(name: str) -> bool:
 
 
 def candidates(ours: str, names: Sequence[str]) -> list[str]:
-    """Columns that may be `ours` by their names, the likeliest first.
+    """The columns in `names` that by their names may be our column `ours`, the likeliest first.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""A file of samples in its own units: the columns that a mapping wants, as they stand in it."""
+"""Files of samples in their own units: the columns that a mapping names, not yet converted."""
 
 from __future__ import annotations
 
@@ -23,34 +23,35 @@ from tripwatt.trips import Flag
 from tripwatt.trips.reading import FileReading
 
 NEEDED: Final = ("time_s", "speed_m_s")
-"""Columns without which no file is used."""
+"""Columns that every file needs."""
 _ZONE: Final = re.compile(r"\d(?:Z|z|[+-]\d{2}:?\d{2})$")
-"""The end of a time with a time zone, as in 08:15:00+02:00."""
+"""End of a time with a time zone, as in 08:15:00+02:00."""
 
 
 @dataclass(eq=False)
 class RawFile:
-    """A file on its way to logs.
+    """A file whose columns are read but not yet converted into logs.
 
     Attributes
     ----------
     path : Path
     kind : int
-        Number of its kind.
+        Number of the file's `Kind`.
     mapping : ColumnMapping
     entries : dict of str to MappedColumn
-        Our columns, with the file's own spelling of theirs.
+        Our columns -> entries of the mapping, with the names of columns as the file spells them.
     values : dict of str to ndarray, shape (rows,)
-        Numbers in the units of the entries, the time in seconds once `with_seconds` was called; empty for a file that is left out.
+        Our columns -> numbers in the units of the entries; the time is in seconds after `with_seconds`. Empty if the file is left out.
     stamps : list of str
-        Text of the time stamps, empty for a time in numbers.
+        Texts of the time stamps; empty if the time is a number.
     trips, vehicles, drivers : list of str or None
-        Of each row, where the file has columns of them.
+        Trip, vehicle and driver of each row; None if the file has no such column.
     faults, notes : list
         What could not be read as it stands, and what else was changed.
     rows, rows_used, logs : int
+        Number of rows that are not empty, of rows used, and of logs made.
     stamped : bool
-        Whether the time counts since 1970.
+        Whether the time counts from 1970.
     """
 
     path: Path
@@ -71,33 +72,34 @@ class RawFile:
     table: TableFile | None = None
 
     def row(self, index: int) -> int:
-        """Row of a sample as the user counts them."""
+        """Number of a sample's row as the user counts rows."""
         return index if self.table is None else self.table.row(index)
 
     def leave_out(self, faults: Iterable[Fault]) -> None:
-        """Use nothing of the file."""
+        """Add faults and discard all values of the file."""
         self.faults += faults
         self.values = {}
         self.rows_used = 0
 
     @property
     def reading(self) -> FileReading:
-        """What was taken of it."""
+        """Summary of what was read from the file."""
         return FileReading(
             self.path.name, self.rows, self.rows_used, self.logs, tuple(self.faults), self.kind
         )
 
 
 def opened(path: Path, mapping: ColumnMapping, names: Sequence[str], kind: int) -> RawFile:
-    """The wanted columns of a file, as they stand in it.
+    """Read the columns of a file that a mapping names, without conversion.
 
     Parameters
     ----------
     path : Path
     mapping : ColumnMapping
     names : sequence of str
-        Header of a file that has none.
+        Header to use for a file without one; else empty.
     kind : int
+        Number of the file's `Kind`.
     """
     file = RawFile(path, kind, mapping)
     try:
@@ -137,7 +139,7 @@ def _read_wide(file: RawFile, table: TableFile) -> None:
 
 
 def _trip_names(table: TableFile, mapping: ColumnMapping) -> tuple[list[str] | None, list[str] | None]:
-    """The trip of each row, with its vehicle before it where both have a column, and the vehicle; None where a file is one trip."""
+    """The trip and the vehicle of each row, each None if there is no such column; with both, the trip's name begins with the vehicle."""
     trips = table.texts(mapping.trip_column) if mapping.trip_column else None
     if mapping.vehicle_column is None:
         return trips, None
@@ -148,12 +150,12 @@ def _trip_names(table: TableFile, mapping: ColumnMapping) -> tuple[list[str] | N
 
 
 def _entries(file: RawFile, table: TableFile) -> dict[str, MappedColumn]:
-    """Entries with the file's own spelling of their columns. A name is matched exactly, else by `column_key`.
+    """Entries of the mapping with the names of columns as the file spells them: the exact name, else one of equal `column_key`.
 
     Raises
     ------
     InvalidInput
-        Without a column of time or speed; another column that is missing is a fault of the file.
+        When a column of time, speed, trip, vehicle, driver or signal is missing; another missing column is a fault of the file.
     """
     mapping = file.mapping
     own = [getattr(mapping, f"{name}_column") for name in ("trip", "vehicle", "driver")]
@@ -187,7 +189,7 @@ def _missing(table: TableFile, name: str, mapping: ColumnMapping) -> Fault:
 
 
 def _read_long(file: RawFile, table: TableFile) -> None:
-    """A file with a row for each value: the signals side by side on the union of their times."""
+    """Read a file with a row for each value: the signals become columns on the union of their times."""
     mapping = file.mapping
     (raw_time,) = table.numbers([file.entries["time_s"].column])
     timed = np.isfinite(raw_time)
@@ -223,7 +225,7 @@ def _read_long(file: RawFile, table: TableFile) -> None:
 
 
 def use_unit(files: Sequence[RawFile], ours: str, unit: str) -> None:
-    """Read a column of files in another unit than that of the mapping."""
+    """Set the unit of a column in files to one that differs from the mapping's, and add a fault that says so."""
     for file in files:
         entry = file.entries[ours]
         where, allowed = f"{file.path} column {entry.column!r}", f"{entry.unit}, as in {file.mapping.source}"
@@ -232,16 +234,16 @@ def use_unit(files: Sequence[RawFile], ours: str, unit: str) -> None:
 
 
 def in_ours(file: RawFile, ours: str) -> FloatArray:
-    """A column in our unit."""
+    """The values of a column, converted to our unit."""
     column, entry = file.values[ours], file.entries[ours]
     factor, offset = UNITS[ours][entry.unit]
     converted = column if factor == 1.0 and offset == 0.0 else column * factor + offset
-    # a battery that is switched off reports 0 V: that is no measurement
+    # 0 V from a battery that is switched off is no measurement
     return np.where(converted == 0.0, np.nan, converted) if ours == "voltage_v" else converted
 
 
 def with_seconds(file: RawFile) -> None:
-    """Turn the time of a file into seconds, since 1970 where its stamps have a day; stamps that are none are faults of the file."""
+    """Convert the time of a file to seconds, counted from 1970 if its time stamps have a day; invalid stamps are faults of the file."""
     entry = file.entries["time_s"]
     if entry.unit != "timestamp":
         factor = TIME_STAMPS[entry.unit] if entry.unit in TIME_STAMPS else UNITS["time_s"][entry.unit][0]
