@@ -1,4 +1,4 @@
-"""A table whose columns bear our own names, read strictly: a trip to be driven, or what was measured on the way."""
+"""Strict reader of tables whose columns have our own names and units: the samples of one planned or recorded trip."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from tripwatt.trips import COLUMNS, REQUIRED_COLUMNS, is_sound, structure_faults
 from tripwatt.trips.headers import header_faults, same_quantity
 
 LEAST_SAMPLES: Final = 3
-"""Two samples are no drive."""
+"""Least number of samples of a drive."""
 
 ALSO_KNOWN: Final = ("observed_energy_wh",)
-"""Columns of our own tables that are no signals; they are read past."""
+"""Columns of our own tables that are not signals; they are accepted and ignored."""
 
 
 def read_canonical(
     path: Path | str, *, required: Sequence[str] = REQUIRED_COLUMNS, least: int = LEAST_SAMPLES
 ) -> pd.DataFrame:
-    """Samples of one trip from a CSV or Parquet file with the columns of `tripwatt.trips.COLUMNS`.
+    """Read the samples of one trip from a CSV or Parquet file with the columns of `tripwatt.trips.COLUMNS`.
 
     Parameters
     ----------
@@ -34,18 +34,18 @@ def read_canonical(
     required : sequence of str
         Columns that have to be there.
     least : int
-        Fewest samples.
+        Least number of samples.
 
     Returns
     -------
     DataFrame
-        float64; NaN where a cell is empty.
+        float64; NaN if a cell is empty.
 
     Raises
     ------
     InvalidInput
-        With every fault: a name or unit that is not ours, a column that is missing, too few samples, a value that
-        cannot be one, times that are negative or do not increase.
+        With every fault: a name or unit that is not ours, a missing column, too few samples, an impossible value, times that
+        are negative or do not increase.
 
     Examples
     --------
@@ -62,7 +62,7 @@ def read_canonical(
 
 
 def canonical_of_text(content: bytes, where: str = "table") -> pd.DataFrame:
-    r"""Samples of one trip from the content of a CSV file, as `read_canonical`; no file is read.
+    r"""Read the samples of one trip from the content of a CSV file, as `read_canonical` does from a file.
 
     Examples
     --------
@@ -80,24 +80,24 @@ def canonical_samples(
     required: Sequence[str] = REQUIRED_COLUMNS,
     least: int = LEAST_SAMPLES,
 ) -> pd.DataFrame:
-    """Samples of one trip from columns that are at hand, under the rules of `read_canonical`. O(samples x columns).
+    """Check columns in memory by the rules of `read_canonical`, and return them as samples of a trip. O(samples x columns).
 
     Parameters
     ----------
     columns : mapping of str to ndarray, shape (samples,), or DataFrame
-        NaN where a value is missing.
+        NaN = missing value.
     where : str
         Name for messages.
     required : sequence of str
         Columns that have to be there.
     least : int
-        Fewest samples.
+        Least number of samples.
 
     Raises
     ------
     InvalidInput
-        With every fault: a name that is not ours, a column that is missing, no numbers or shorter than another, and as
-        `read_canonical`.
+        With every fault: a name that is not ours, a column that is missing, not numeric or of another length, and the faults
+        of `read_canonical`.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""A CSV or Parquet file as columns, read by name."""
+"""CSV and Parquet files as tables of columns that are read by name."""
 
 from __future__ import annotations
 
@@ -43,32 +43,33 @@ Rows = TypeVar("Rows", bound=Sized)
 PARQUET: Final = ".parquet"
 SUFFIXES: Final = (".csv", ".tsv", ".txt", PARQUET)
 MOST_ROWS: Final = 500_000
-"""Most rows of a Parquet file with less than `LEAST_ROW_BYTES` a row; equal values take next to no space in it."""
+"""Largest number of rows in a Parquet file with less than `LEAST_ROW_BYTES` a row; equal values take almost no space there."""
 LEAST_ROW_BYTES: Final = 4
-"""Bytes that a row of measurements takes at least in a Parquet file."""
+"""Least number of bytes that a row of measurements takes in a Parquet file."""
 INDEX: Final = re.compile(r"__index_level_\d+__")
-"""Columns in which pandas keeps the index of a table."""
+"""Names of the columns in which pandas keeps the index of a table."""
 
 UNFOLLOWED: Final = (ValueError, LookupError, TypeError, ArithmeticError, RecursionError)
-"""What heads that contradict each other raise."""
+"""Errors that damaged or contradictory heads of a Parquet file raise."""
 
 UNREADABLE: Final = "unreadable Parquet file"
 PROSE: Final = ".txt"
-"""In a folder with other tables a file of this suffix is a note about them."""
+"""Suffix of a file that is taken for a note about the tables, if its folder has tables of other suffixes."""
 
 
 @dataclass(frozen=True, slots=True)
 class CsvTable:
-    """A delimited text file; a column that a part of it lacks is empty there.
+    """A delimited text file as a table; a column that is missing in a part of the file is empty in its rows.
 
     Attributes
     ----------
     path : Path
     parts : tuple of Delimited
-        Its rows below each of its headers.
+        The rows below each header of the file.
     decimal : str
+        Decimal separator.
     faults : list of Fault or None
-        Takes what cannot be read; None to refuse it.
+        Faults are appended to this list; with None they are raised.
     """
 
     path: Path
@@ -78,18 +79,18 @@ class CsvTable:
 
     @property
     def names(self) -> Sequence[str]:
-        """Columns of its headers."""
+        """Names of the columns in all headers."""
         if len(self.parts) == 1:
             return self.parts[0].names
         return [*dict.fromkeys(name for part in self.parts for name in part.names)]
 
     @property
     def units(self) -> Mapping[str, str]:
-        """Units of columns from a line below the header."""
+        """Column -> unit, from a line of units below the header; empty without one."""
         return dict(zip(self.parts[0].names, self.parts[0].units, strict=False))
 
     def numbers(self, names: Sequence[str]) -> list[FloatArray]:
-        """Columns as float64; every cell that is none is a fault."""
+        """Read columns as float64; every cell that is not a number is a fault."""
         columns: list[list[FloatArray]] = [[] for _ in names]
         for part in self.parts:
             there = {name: part.names.index(name) for name in names if name in part.names}
@@ -102,7 +103,7 @@ class CsvTable:
         return [pieces[0] if len(pieces) == 1 else np.concatenate(pieces) for pieces in columns]
 
     def texts(self, name: str) -> list[str]:
-        """One column as text."""
+        """Read one column as texts."""
         cells: list[str] = []
         for part in self.parts:
             there = name in part.names
@@ -111,7 +112,7 @@ class CsvTable:
         return cells
 
     def row(self, index: int) -> int:
-        """1-based line of the file."""
+        """1-based line in the file of the row with an index."""
         for part in self.parts[:-1]:
             rows = part.data.count(b"\n", part.body_offset)
             if index < rows:
@@ -122,7 +123,17 @@ class CsvTable:
 
 @dataclass(frozen=True, slots=True)
 class ParquetTable:
-    """A Parquet file. A column is read when it is asked for."""
+    """A Parquet file as a table. A column is read only if it is used.
+
+    Attributes
+    ----------
+    path : Path
+    file : pyarrow.parquet.ParquetFile
+    values, inflated : mapping of str to int
+        Number of values of each column, and bytes of its inflated pages (`column_sizes`).
+    faults : list of Fault or None
+        Faults are appended to this list; with None they are raised.
+    """
 
     path: Path
     file: pq.ParquetFile
@@ -132,21 +143,21 @@ class ParquetTable:
 
     @property
     def names(self) -> Sequence[str]:
-        """Columns of the schema; the index of rows that pandas writes beside them is none."""
+        """Names of the columns of the schema, without the index that pandas writes."""
         return [str(name) for name in self.file.schema_arrow.names if not INDEX.fullmatch(str(name))]
 
     @property
     def units(self) -> Mapping[str, str]:
-        """None: a schema has no units."""
+        """An empty mapping: a Parquet schema has no units."""
         return {}
 
     def read(self, name: str) -> pa.ChunkedArray:
-        """One column, within `MOST_CONTENT_BYTES` as it is and as texts of its rows.
+        """Read one column, if neither its pages nor the texts of its rows exceed `MOST_CONTENT_BYTES`.
 
         Raises
         ------
         InvalidInput
-            When it is larger, has values that are neither numbers, times nor texts, or cannot be read.
+            When the column is larger, has values that are neither numbers, times nor texts, or cannot be read.
         """
         import pyarrow as pa
 
@@ -158,10 +169,10 @@ class ParquetTable:
             if self.values[name] != rows:
                 raise ValueError(f"{self.values[name]} values of {name!r} in {rows} rows")
             if size <= MOST_CONTENT_BYTES:
-                # text stays a dictionary, so that a long text in every row is held once
+                # texts are read as a dictionary, so that a text that is in every row is held once
                 column = self.file.read(columns=[name], use_threads=False)[name]
                 size = sum(map(_text_size, column.chunks))
-        except MemoryError:  # Arrow's own is one of its exceptions, too
+        except MemoryError:  # Arrow's MemoryError is an ArrowException as well
             raise
         except (*UNFOLLOWED, OSError, pa.ArrowException) as error:
             raise InvalidInput(_unreadable(self.path, error)) from error
@@ -176,11 +187,11 @@ class ParquetTable:
         column = self.read(name)
         try:
             return pd.Series(column.to_pandas())
-        except (ValueError, pa.ArrowException) as error:  # a text that is no UTF-8
+        except (ValueError, pa.ArrowException) as error:  # a text that is not UTF-8
             raise InvalidInput(_unreadable(self.path, error)) from error
 
     def numbers(self, names: Sequence[str]) -> list[FloatArray]:
-        """Columns as float64, with every one that holds no numbers named."""
+        """Read columns as float64; every column that is not numeric is a fault."""
         faults: list[Fault] = []
         values: list[FloatArray] = []
         for name in names:
@@ -205,37 +216,38 @@ class ParquetTable:
         return values
 
     def texts(self, name: str) -> list[str]:
-        """One column as text; missing values are empty."""
+        """Read one column as texts; missing values are empty."""
         column = self._column(name)
         return ["" if missing else str(value) for value, missing in zip(column, column.isna(), strict=True)]
 
     def row(self, index: int) -> int:
-        """1-based row."""
+        """1-based number of the row with an index."""
         return index + 1
 
 
 TableFile = CsvTable | ParquetTable
-"""A file of columns, by name."""
+"""A table whose columns are read by name."""
 
 
 def open_table(
     path: Path, decimal: str = ".", names: Sequence[str] = (), faults: list[Fault] | None = None
 ) -> TableFile:
-    """A CSV or Parquet file as columns.
+    """Open a CSV or Parquet file as a table.
 
     Parameters
     ----------
     path : Path
     decimal : str
+        Decimal separator of a text file.
     names : sequence of str
-        Header of a text file that has none.
+        Header to use for a text file without one.
     faults : list, optional
-        Takes what cannot be read; without it, that is refused when the columns are read.
+        Faults are appended to this list; by default they are raised when the columns are read.
 
     Raises
     ------
     InvalidInput
-        When it cannot be read in the format of its suffix.
+        When the file cannot be read in the format of its suffix.
     """
     if path.suffix.lower() == PARQUET:
         return _open_parquet(path, faults)
@@ -281,7 +293,7 @@ def _open_parquet(path: Path, faults: list[Fault] | None) -> ParquetTable:
 
 
 def require_small_columns(path: Path) -> None:
-    """Raise `InvalidInput` for a Parquet file of which a column is larger than `MOST_CONTENT_BYTES`; one that cannot be read is let pass."""
+    """Raise `InvalidInput` if a Parquet file or one of its columns is too large; do nothing if the file cannot be read."""
     try:
         table = _open_parquet(path, None)
         for name in table.names:
@@ -302,7 +314,7 @@ def _is_plain(of: pa.DataType) -> bool:
 
 
 def _text_size(chunk: pa.Array) -> int:
-    """Bytes of the texts of the rows; 0 for numbers."""
+    """Bytes of the texts of all rows in a chunk; for other values, bytes of the chunk."""
     import pyarrow as pa
     import pyarrow.compute as pc
 
@@ -317,12 +329,12 @@ def _unreadable(path: Path, error: Exception) -> Fault:
 
 
 def table_files(path: Path) -> list[Path]:
-    """A table itself, or the tables of a folder by name; hidden files, and notes beside tables, are none.
+    """The path itself if it is a file, else the tables of the folder by name, without hidden files and notes about tables.
 
     Raises
     ------
     InvalidInput
-        When there is none.
+        When the path does not exist or the folder has no table.
     """
     allowed = f"a file or a folder of files {', '.join(SUFFIXES)}"
     if not path.exists():
@@ -338,7 +350,7 @@ def table_files(path: Path) -> list[Path]:
 
 
 def read_all(read: Callable[[Item], Read], items: Iterable[Item]) -> list[Read]:
-    """Results of reading items side by side, in their order."""
+    """Apply `read` to items in several threads, and return the results in the order of the items."""
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
         return list(pool.map(read, items))
 
@@ -350,22 +362,22 @@ def read_folder(
     strict: bool,
     faults: Iterable[Fault] = (),
 ) -> tuple[dict[str, Rows], list[FileReading]]:
-    """What is read of each file, side by side, and what became of the files.
+    """Read files in several threads; return the result of each file that could be read, and a summary of every file.
 
     Parameters
     ----------
     read : callable
-        Takes the name of a file, its path and a list for faults that it can do without; None stands for: raise them.
+        Takes the name of a file, its path, and a list to which it appends faults; if that is None, it raises them.
     files : mapping of str to path
     strict : bool
         Raise every fault of all files.
     faults : iterable of Fault
-        Others, which are raised together with those of the files.
+        Further faults to raise together with those of the files.
 
     Raises
     ------
     InvalidInput
-        When no file can be read, or with `strict`.
+        When no file can be read, or when there is a fault and `strict` is True.
     """
     kept: dict[str, list[Fault]] = {name: [] for name in files}
 
@@ -388,7 +400,7 @@ def read_folder(
 
 
 def require_folder(folder: Path, allowed: str, fix: str) -> None:
-    """Raise `InvalidInput` for a path that is no folder; `fix` names the source of its files."""
+    """Raise `InvalidInput` if a path is not a folder; `allowed` and `fix` are texts of the fault."""
     if not folder.exists():
         raise InvalidInput.of("no such folder", f"{folder}", "", allowed, fix)
     if not folder.is_dir():

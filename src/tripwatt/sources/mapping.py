@@ -1,4 +1,4 @@
-"""Mappings from the columns of a table to ours: a small TOML, read whole or refused with every fault.
+"""Mappings from the columns of a table to ours: a small TOML that is read as a whole, or refused with every fault.
 
     [columns]
     time_s = { column = "Timestamp", unit = "timestamp" }
@@ -34,7 +34,7 @@ from tripwatt.units import M_PER_FOOT, M_S_PER_KM_H, SECONDS_PER_HOUR, ZERO_CELS
 from tripwatt.vehicles import vehicle_names
 
 POWER: Final = "battery_power_w"
-"""Power at the battery's terminals [W], for loggers that give it in place of voltage and current."""
+"""Name of the power at the battery terminals [W], for loggers that write power instead of voltage and current."""
 
 M_S_PER_MPH: Final = 0.44704
 
@@ -53,7 +53,7 @@ _TEMPERATURE: Final = (
 _FRACTION: Final = _units("1 fraction", 1.0) | _units("% percent", 0.01) | _units("ppm", 1e-6)
 _WATT: Final = {"w": (1.0, 0.0), "kw": (1000.0, 0.0), "hp": (745.699872, 0.0), "ps": (735.49875, 0.0)} | {
     f"{step}w": (float(step), 0.0)
-    for step in (50, 100, 250)  # loggers that count steps of so many watts
+    for step in (50, 100, 250)  # some loggers write power as a number of steps of this many watts
 }
 _SECOND: Final = {"s": (1.0, 0.0), "ms": (1e-3, 0.0), "min": (60.0, 0.0), "h": (SECONDS_PER_HOUR, 0.0)}
 
@@ -81,7 +81,7 @@ UNITS: Final[Mapping[str, Mapping[str, tuple[float, float]]]] = {
     "climate_power_w": _WATT,
     POWER: _WATT,
 }
-"""Unit -> (factor, offset) to ours, for each of our columns. Units are read without regard to case."""
+"""Our column -> unit -> (factor, offset) for the conversion to our unit. The case of units is ignored."""
 
 _OWN_UNIT: Final = {"time_s": "s", "grade": "1", POWER: "W"}
 _TABLES: Final = {
@@ -97,7 +97,7 @@ _ENTRY_KEYS: Final = ("column", "date", "unit", "format", "optional")
 
 @dataclass(frozen=True, slots=True)
 class MappedColumn:
-    """One of our columns: which column of the table it is, and how its values become ours.
+    """An entry of a mapping: the column of the table that has the values of one of our columns, and their unit.
 
     Attributes
     ----------
@@ -109,7 +109,7 @@ class MappedColumn:
     optional : bool
         Whether a table may lack the column.
     date : str
-        Column of the day, where `column` has the time of day alone.
+        Column of the day if `column` has only the time of day, else empty.
     """
 
     column: str
@@ -129,26 +129,26 @@ class ColumnMapping:
     Attributes
     ----------
     source : str
-        File or name that it came from.
+        File or name of the mapping.
     columns : mapping of str to MappedColumn
-        Our names (of `COLUMNS`, or `battery_power_w`) to entries.
+        Our names (of `COLUMNS`, or `battery_power_w`) -> entries.
     discharge_sign : float
-        1 when the table counts discharge as positive, -1 when it counts charge so.
+        1 if discharge is positive in the table, -1 if charge is positive.
     trip_column : str or None
-        Column that identifies the trips of one file; each file is a trip without it.
+        Column that identifies the trips of one file; without one, each file is a trip.
     vehicle_column : str or None
-        Column of the vehicle that drove. Trips of different vehicles may then have the same id.
+        Column of the vehicle. Trips of different vehicles may then have the same id.
     nominal_voltage_v, usable_capacity_kwh, usable_capacity_uncertainty : float or None
     battery_vehicle : str or None
-        Car of the library; its open-circuit voltage gives the energy of each part of the charge.
+        Name of a car of the library whose open-circuit voltage is used to convert charge to energy.
     decimal : str
         Decimal separator of text files.
     hold_s : float
-        A missing value is the last one for so long [s]: for loggers that write what changes.
+        Time [s] for which the last value replaces missing ones: for loggers that write a value only if it changes.
     driver_column : str or None
-        Column of who drove.
+        Column of the driver.
     long_name, long_value : str or None
-        Columns of the signal's name and of its value, where a file has a row for each value.
+        Columns of the signal's name and of its value, if a file has a row for each value.
     """
 
     source: str
@@ -180,7 +180,7 @@ def shipped_mappings() -> tuple[str, ...]:
 
 
 def shipped_text(name: str) -> str:
-    """The TOML of a shipped mapping, one of `shipped_mappings`.
+    """The TOML text of a shipped mapping; `name` is one of `shipped_mappings`.
 
     Examples
     --------
@@ -191,12 +191,12 @@ def shipped_text(name: str) -> str:
 
 
 def load_mapping(mapping: Path | str) -> ColumnMapping:
-    """A mapping from a TOML file, or a shipped one by its name.
+    """Load a mapping from a TOML file, or a shipped mapping by its name.
 
     Raises
     ------
     InvalidInput
-        With every key that is unknown, missing or has a value that cannot be.
+        With every key that is unknown, missing or has an invalid value.
     """
     if isinstance(mapping, str) and mapping in shipped_mappings():
         return parse_mapping(shipped_text(mapping), mapping)
@@ -207,7 +207,7 @@ def load_mapping(mapping: Path | str) -> ColumnMapping:
 
 
 def parse_mapping(text: str, source: str) -> ColumnMapping:
-    r"""A mapping from the text of a TOML file. See `load_mapping`.
+    r"""Make a mapping from the text of a TOML file. See `load_mapping`.
 
     Examples
     --------
@@ -218,14 +218,14 @@ def parse_mapping(text: str, source: str) -> ColumnMapping:
 
 
 def mapping_from_tables(tables: Mapping[str, Any], source: str) -> ColumnMapping:
-    """A mapping from the tables of its TOML.
+    """Check the tables of a TOML document and make a mapping from them.
 
     Parameters
     ----------
     tables : mapping
-        Of its TOML, not yet checked.
+        The parsed TOML document.
     source : str
-        File or name that it came from.
+        File or name of the mapping.
 
     Raises
     ------
@@ -345,7 +345,7 @@ def _value_faults(tables: Mapping[str, Any], source: str) -> Iterator[Fault]:
 
 
 def _energy_faults(tables: Mapping[str, Any], source: str) -> Iterator[Fault]:
-    """Power or current without a voltage to go with it."""
+    """The fault of a power or current without a voltage, if neither a column nor the nominal voltage is sure to give one."""
     columns = tables.get("columns", {})
     flow = next((c for c in (POWER, "current_a") if c in columns), None)
     voltage = columns.get("voltage_v")

@@ -1,6 +1,6 @@
-"""What the heads of a Parquet file state of its columns: Arrow follows them without a bound, and cannot be asked for all of them.
+"""Sizes of the columns of a Parquet file from its headers ("heads"): Arrow reads them without a bound and gives no access to all.
 
-What Arrow would read in another way is refused, so that what is counted here is what it reads.
+A header that Arrow might read in another way is refused, so that the sizes found here are those of what Arrow reads.
 """
 
 from __future__ import annotations
@@ -11,16 +11,16 @@ from collections.abc import Iterator
 from typing import Any, Final
 
 MOST_VALUES: Final = 3_000_000
-"""Most values of all heads: those of a file of 1 GiB with fifty columns are half as many."""
+"""Largest number of values in all heads of a file: a file of 1 GiB with fifty columns has half as many."""
 
 I16, I32, I64, BINARY, LIST, STRUCT = 4, 5, 6, 8, 9, 12
 BITS: Final = {I16: 16, I32: 32, I64: 64}
 SIZES: Final = {1: 0, 2: 0, 3: 1, 7: 8}
-"""Kinds of values in Thrift's compact protocol; bytes of bools, which their kind tells, of a byte and of a float."""
+"""Kind -> number of bytes in Thrift's compact protocol: of the two bools, whose value is their kind, of a byte and of a double."""
 
 
 class Heads(io.BytesIO):
-    """Values in Thrift's compact protocol, one after the other.
+    """Reader of consecutive values in Thrift's compact protocol.
 
     Examples
     --------
@@ -31,12 +31,14 @@ class Heads(io.BytesIO):
     left = MOST_VALUES
 
     def value(self, kind: int) -> Any:
-        """The next value of a kind: a struct is a mapping of id and kind to value, as Arrow skips fields of another kind.
+        """Read the next value, which is of a given kind.
+
+        A struct is returned as a mapping of (id, kind) to value: the kind is in the key because Arrow skips a field of another kind.
 
         Raises
         ------
         ValueError, LookupError, ArithmeticError
-            When it is none, or one more than `MOST_VALUES`.
+            When the bytes are not such a value, or there are more than `MOST_VALUES` values.
         """
         self.left -= 1
         if self.left < 0:
@@ -71,17 +73,19 @@ class Heads(io.BytesIO):
 
 
 def column_sizes(content: bytes) -> tuple[Counter[str], Counter[str]]:
-    """Values of each column as the footer states them, and bytes of its pages when inflated, which no page exceeds.
+    """Number of values of each column as the footer states it, and bytes of its inflated pages as their heads state them.
+
+    No page can be inflated to more bytes than its head states.
 
     Parameters
     ----------
     content : bytes
-        Of a Parquet file.
+        Content of a Parquet file.
 
     Raises
     ------
     ValueError, LookupError, TypeError, ArithmeticError, RecursionError
-        When the heads cannot be followed.
+        When the heads are damaged or contradict each other.
     """
     heads, values, inflated = Heads(content), Counter[str](), Counter[str]()
     heads.seek(len(content) - 8 - int.from_bytes(content[-8:-4], "little"))

@@ -1,4 +1,4 @@
-"""Drives out of the columns of files: by their ids, over several files, once where a file was copied; and their logs."""
+"""Drives from the columns of files: split by trip id, joined over files, without copies; and the logs of these drives."""
 
 from __future__ import annotations
 
@@ -27,32 +27,32 @@ CHANGED: Final = {
     "clock_unset": ("clock was not set", "the first times follow from those after them"),
     "clock_daylight_saving": ("clock was set", "an hour was taken out"),
 }
-"""What was done to the times of a drive: fault, and what stands in it."""
+"""Code of a correction of times -> the texts `what` and `got` of its fault."""
 WRONG_COLUMN: Final = 0.2
-"""With more impossible values a column is something else, or in another unit: none of it is used."""
+"""If a larger share of a column is impossible, the column is something else or in another unit, and is not used at all."""
 CONTINUED_S: Final = 5.0
 CONTINUED_STEPS: Final = 3.0
-"""A file that begins so soon after another one ended continues its drive."""
+"""A file continues the drive of another one if it begins at most `CONTINUED_S`, or `CONTINUED_STEPS` usual steps, after its end."""
 REVERSING_M_S: Final = -10.0
 WH_PER_KWH: Final = 1000.0
 OCV_PARTS: Final = 1000
 WHOLE_PERCENT: Final = 0.01
-"""Step of a state of charge that does not change."""
+"""Assumed resolution of a state of charge that does not change."""
 
 
 @dataclass(eq=False)
 class RawDrive:
-    """Samples with one id in canonical columns and units, before they become a log; the time may count since 1970.
+    """The samples of one drive in canonical columns and units, not yet a log; the time may count from 1970.
 
     Attributes
     ----------
     name : str
     files : list of RawFile
-        The files that it is in, the first one first.
+        The files that contain the drive, in order.
     samples : DataFrame
     car : str or None
     driver : str or None
-        Who drove all of it.
+        The driver of the whole drive.
     """
 
     name: str
@@ -69,12 +69,12 @@ class RawDrive:
 
 
 def drives_of(file: RawFile) -> list[RawDrive]:
-    """Drives of one file, after values that contradict their unit became faults of it.
+    """The drives of one file, without values that are impossible in their unit; these are faults of the file.
 
     Raises
     ------
     InvalidInput
-        When nothing of it can be used.
+        When nothing of the file can be used.
     """
     ours = {name: file.values["time_s"] if name == "time_s" else in_ours(file, name) for name in file.values}
     _blank_wrong(file, ours)
@@ -123,7 +123,7 @@ def _groups(file: RawFile, rows: int) -> list[tuple[str, IntArray]]:
 
 
 def _in_order(file: RawFile, frame: pd.DataFrame, name: str, rows: IntArray) -> pd.DataFrame:
-    """Samples of one id with the clock that they would have if nobody had set it, and notes on gaps."""
+    """The samples of one trip id with a corrected clock (`steady_clock`); faults and notes on gaps are added to the file."""
     samples = frame.iloc[rows].reset_index(drop=True)
     time = np.asarray(samples["time_s"], dtype=np.float64)
     codes: list[str] = []
@@ -155,12 +155,12 @@ def _in_order(file: RawFile, frame: pd.DataFrame, name: str, rows: IntArray) -> 
 
 
 def _blank_wrong(file: RawFile, ours: dict[str, FloatArray]) -> None:
-    """Remove values that are impossible with the mapping's unit; where they are many, all of their column.
+    """Replace values that are impossible in the mapping's unit by NaN; if they are many, remove their column.
 
     Raises
     ------
     InvalidInput
-        When none of the speed can be used.
+        When no value of the speed can be used.
     """
     for name, values in [*ours.items()]:
         if name not in COLUMNS or name == "time_s":
@@ -206,7 +206,7 @@ def _range_fault(file: RawFile, name: str, bad: IntArray, lowest: float) -> Faul
 
 
 def with_own_names(drives: Sequence[RawDrive]) -> list[RawDrive]:
-    """Drives with an id of their own each: a name that is taken gets that of the folder before it, or a number."""
+    """The drives with unique names: before a name that is taken its folder's name is put, and if that is taken too, a number added."""
     taken: dict[str, RawFile] = {}
     for drive in drives:
         file, name, number = drive.files[0], drive.name, 2
@@ -221,7 +221,7 @@ def with_own_names(drives: Sequence[RawDrive]) -> list[RawDrive]:
 
 
 def without_copies(drives: Sequence[RawDrive]) -> list[RawDrive]:
-    """Drives without those whose samples another one has."""
+    """The drives without copies: a drive with the same samples as an earlier one is left out, with a fault of its file."""
     seen: dict[bytes, RawDrive] = {}
     for drive in drives:
         table = drive.samples
@@ -237,7 +237,7 @@ def without_copies(drives: Sequence[RawDrive]) -> list[RawDrive]:
 
 
 def joined(drives: Sequence[RawDrive]) -> list[RawDrive]:
-    """Drives in their order, those together that go on in the next file without a break."""
+    """The drives in their order, in which a drive that goes on in another file without a break is one drive."""
     whole = [d for d in drives if d.files[0].stamped and d.files[0].trips is None]
     ahead = sorted(whole, key=lambda drive: drive.ends)
     gone = set()
@@ -262,7 +262,7 @@ def _from_epoch(seconds: float) -> dt.datetime | None:
 
 
 def log_of(drive: RawDrive) -> Log:
-    """The log of a drive."""
+    """Make the log of a drive: hold and rebuild values, convert power or state of charge, and count times from 0."""
     file, samples = drive.files[0], drive.samples
     mapping = file.mapping
     time = np.asarray(samples["time_s"], dtype=np.float64)
@@ -302,10 +302,10 @@ def log_of(drive: RawDrive) -> Log:
 
 
 def _energy_from_soc(columns: Mapping[str, FloatArray], mapping: ColumnMapping) -> tuple[FloatArray, float]:
-    """Cumulative energy [Wh] as the used share of the usable capacity, and the standard error of its last value.
+    """Cumulative energy [Wh] as the used share of the usable capacity, and the standard error of its last value [Wh].
 
-    Both ends are rounded to a step r of the state of charge, an error of variance r^2/12 each; the capacity has the
-    relative error of the mapping.
+    The state of charge at both ends is rounded to a step r, which gives each an error of variance r^2/12. The capacity has the
+    relative error that the mapping states.
     """
     soc = columns["soc"] if "soc" in columns else columns["displayed_soc"]
     time = columns["time_s"]
@@ -325,9 +325,10 @@ def _energy_from_soc(columns: Mapping[str, FloatArray], mapping: ColumnMapping) 
 def _share_of_energy(
     soc: FloatArray, mapping: ColumnMapping, *, displayed: bool
 ) -> tuple[FloatArray, FloatArray]:
-    """Share of the energy of a full battery in each charge, and its slope: the integral of the car's open-circuit voltage.
+    """Share of a full battery's energy at each state of charge, and the slope of this share over the state of charge.
 
-    A state of charge counts charge, and a full battery gives each part of it at a higher voltage. Without a car both count alike.
+    The share is the integral of the car's open-circuit voltage: a state of charge counts charge, and a fuller battery gives charge at
+    a higher voltage. Without a car in the mapping the share is the state of charge itself.
     """
     if mapping.battery_vehicle is None:
         return soc, np.ones(len(soc))

@@ -1,6 +1,6 @@
-"""Units that differ from a mapping's, found from what many files have in common.
+"""Units that differ from those of a mapping, found from several files together.
 
-The way by positions and by the odometer gives the unit of the speed, the temperature of the battery that of the air.
+The distance by positions or by the odometer shows the unit of speed; the temperature of the battery shows that of the air.
 """
 
 from __future__ import annotations
@@ -26,20 +26,20 @@ ODOMETER: Final = re.compile(r"^(odo|odometer|mileage|kilometerstand|v p odomete
 M_PER_DEGREE: Final = 111_195.0
 LONGEST_STEP_S: Final = 30.0
 SLOWEST_M_S: Final = 3.0
-"""Positions of a slower car are mostly their own error."""
+"""Below this speed the changes of position are mostly errors and are not used."""
 FASTEST_M_S: Final = 90.0
-"""Of whatever unit, a car is not as fast: a cell that cannot be."""
+"""Speeds above this, in the assumed unit, count as wrong cells and are not used."""
 LEAST_M: Final = 2000.0
 LEAST_BY_ODOMETER_M: Final = 20_000.0
 NEAR: Final = 0.15
-"""Units of speed differ by 1.6 and more; positions and odometers by a few percent."""
+"""Tolerance of the logarithm of a ratio of distances: units of speed differ by a factor of 1.6 or more, distances by a few percent."""
 CLEARER: Final = 0.7
 HOTTEST_DEGC: Final = 57.0
 
 
 @dataclass(frozen=True, slots=True)
 class Ways:
-    """Ways [m] of one file by the speed in its assumed unit, and by positions and odometer over the same samples."""
+    """Distances [m] of one file by its speed in the assumed unit, and over the same samples by positions and by the odometer."""
 
     speed_at_positions: float = 0.0
     positions: float = 0.0
@@ -48,13 +48,13 @@ class Ways:
 
 
 def ways_of(table: TableFile, time_s: FloatArray, speed_m_s: FloatArray) -> Ways:
-    """The ways of a file. O(samples).
+    """Distances of a file by speed, positions and odometer. O(samples).
 
     Parameters
     ----------
     table : TableFile
     time_s, speed_m_s : ndarray, shape (rows,)
-        NaN where they are missing.
+        NaN = missing value.
     """
     step = np.diff(time_s)
     mean = 0.5 * (speed_m_s[1:] + speed_m_s[:-1])
@@ -79,7 +79,7 @@ def ways_of(table: TableFile, time_s: FloatArray, speed_m_s: FloatArray) -> Ways
 
 
 def positions_of(table: TableFile) -> tuple[FloatArray, FloatArray] | None:
-    """Latitude and longitude of each row [°], NaN where they are missing; None for a file without such columns."""
+    """Latitude and longitude of each row [°], NaN if missing; None if the file has no such columns."""
     names = [_named(table, form) for form in PLACES]
     latitude, longitude = (None if name is None else _degrees(table, name) for name in names)
     return None if latitude is None or longitude is None else (latitude, longitude)
@@ -90,7 +90,7 @@ def _named(table: TableFile, form: re.Pattern[str]) -> str | None:
 
 
 def speed_unit_of(assumed: str, ways: Iterable[Ways]) -> str:
-    """Unit of the speed by the ways of some files; the assumed one where they do not tell.
+    """Unit of the speed in files by their distances; the assumed unit if the distances do not show another one.
 
     Examples
     --------
@@ -113,9 +113,9 @@ def speed_unit_of(assumed: str, ways: Iterable[Ways]) -> str:
 
 
 def air_unit_of(assumed: str, air: Sequence[FloatArray], battery_degc: Sequence[FloatArray]) -> str:
-    """Unit of the outside temperature of some files: that in which it is nearer to the battery's.
+    """Unit of the outside temperature in files: the one in which it is nearer to the battery temperature.
 
-    Without one, values that no air has in °C are in °F.
+    Without a battery temperature, values that are too hot for air in °C are taken to be in °F.
 
     Examples
     --------
@@ -141,7 +141,7 @@ def air_unit_of(assumed: str, air: Sequence[FloatArray], battery_degc: Sequence[
 
 
 def is_stated(ours: str, column: str) -> bool:
-    """Whether a column's name has the unit in it.
+    """Whether the name of a column states its unit.
 
     Examples
     --------
@@ -152,7 +152,7 @@ def is_stated(ours: str, column: str) -> bool:
 
 
 def _degrees(table: TableFile, name: str) -> FloatArray | None:
-    """A column of numbers; of degrees and minutes as in "48 12.345"."""
+    """A column of numbers, which may be written as degrees and minutes as in "48 12.345"; None if it cannot be read."""
     texts = or_none(table.texts, name)
     if texts is None:
         return None

@@ -1,7 +1,7 @@
-"""Proposes a mapping for a table from its header and from its values, and explains each guess.
+"""Proposal of a mapping for a table from its header and its values, with a reason for each guess.
 
-A name is a hint, the values decide: a voltage has to be a traction battery's, a time has to increase. Where a name has
-no unit, physics gives it: in the wrong unit of speed the car would have a mass that no car has.
+The name of a column is a hint, its values decide: a voltage has to be that of a traction battery, a time has to increase.
+If a name has no unit, physics gives the unit: in the wrong unit of speed the mass of the car would be impossible.
 """
 
 from __future__ import annotations
@@ -44,23 +44,23 @@ from tripwatt.sources.naming import candidates, column_names, is_something_else,
 from tripwatt.trips import COLUMNS
 
 MOST_BAD: Final = 0.1
-"""A column of numbers has up to this share of other cells for one number."""
+"""Largest ratio of unreadable cells to numbers in a column of numbers."""
 MOST_BESIDE: Final = 60
-"""Other files whose time stamps are looked at."""
+"""Largest number of other files whose time stamps are read."""
 DAY_FORMATS: Final = ("%Y-%m-%d", "%Y/%m/%d", "%d.%m.%Y", "%m/%d/%Y", "%d/%m/%Y", "%d-%m-%Y", "%m-%d-%Y", "%d.%m.%y", "%m/%d/%y", "%d/%m/%y", "%Y%m%d", "%d-%b-%Y")  # fmt: skip
 _DAY_NAME: Final = re.compile(r"\b(date|day|datum|tag|fecha|jour)\b")
 
 SPARSE_SHARE: Final = 0.2
-"""With more missing values than this in a measured column the logger writes what changes."""
+"""If a larger share of a measured column is missing, the logger is taken to write a value only if it changes."""
 HOLD_S: Final = 10
 
 LEAST_OPTIONAL: Final = 0.6
-"""Share of a shipped mapping's optional columns from which a table is taken for that logger's."""
+"""Least share of a shipped mapping's optional columns in a table that is taken to be of the same logger."""
 
 RISING_SHARE: Final = 0.9
-"""Time goes on from row to row, but for the starts of other trips."""
+"""Least share of rows in which a column of time does not decrease; it may decrease where another trip starts."""
 LEAST_TIMES: Final = 0.08
-"""Share of the samples that have a time of their own: a logger of 10 Hz may write whole seconds."""
+"""Least number of distinct times per sample in a column of time: a logger of 10 Hz may write whole seconds."""
 
 OWN_NAME: Final = "canonical name"
 NAME_AND_UNIT: Final = "name and unit match"
@@ -75,12 +75,12 @@ SPELLED: Final[Mapping[str, str]] = {
     unit.lower(): unit
     for unit in ("V", "mV", "kV", "A", "mA", "dA", "W", "kW", "PS", "degC", "degF", "K", "Nm")
 } | {"c": "degC", "f": "degF", "kmh": "km/h", "kph": "km/h"}
-"""Units of a mapping as people write them."""
+"""Unit in lower case -> usual spelling."""
 
 
 @dataclass(frozen=True, slots=True)
 class Guess:
-    """One of our columns, the column of the table that it may be, and why."""
+    """A guess which column of the table has the values of our column `ours`, with unit and reason."""
 
     ours: str
     column: str
@@ -97,12 +97,12 @@ class Suggestion:
     Attributes
     ----------
     toml : str
-        The mapping, ready to be saved, with the reason in each line.
+        The mapping as a text to be saved, with the reason in each line.
     guesses : tuple of Guess
     missing : tuple of str
         What has to be added by hand before the mapping can be used.
     shipped : str or None
-        A shipped mapping whose columns the table has.
+        Name of a shipped mapping whose columns the table has.
     unused : tuple of str
         Columns of the table that were not recognised.
     """
@@ -121,14 +121,14 @@ def suggest_mapping(path: Path | str, names: Sequence[str] = (), beside: Sequenc
     ----------
     path : path
     names : sequence of str
-        Header of a file that has none.
+        Header to use for a file without one.
     beside : sequence of Path
-        Other files of the same logger, which tell the order of day and month. Those of a folder are taken by themselves.
+        Other files of the same logger, which show the order of day and month. The other files of a folder are added to them.
 
     Raises
     ------
     InvalidInput
-        When there is none or it cannot be read as a table.
+        When there is no file, or none can be read as a table.
     """
     files = table_files(Path(path))
     files.sort(key=lambda file: -file.stat().st_size)
@@ -179,7 +179,7 @@ def suggest_mapping(path: Path | str, names: Sequence[str] = (), beside: Sequenc
 
 
 def _long(path: Path, table: TableFile) -> Suggestion | None:
-    """A shipped mapping for a table with a row for each value, as it is, beside the signals of the file."""
+    """A proposal for a table with a row for each value, made from the shipped mapping for such a table; None if none fits."""
     for name in shipped_mappings():
         mapping = load_mapping(name)
         if mapping.long_name is None or not _has_all(table, name):
@@ -217,7 +217,7 @@ def _long(path: Path, table: TableFile) -> Suggestion | None:
 def _more_signals(
     mapping: ColumnMapping, table: TableFile, signals: Sequence[str], taken: set[str]
 ) -> list[Guess]:
-    """Signals that a shipped mapping lacks, where a column of the file has their unit."""
+    """Guesses for signals that a shipped mapping lacks, from their names and the file's column of units; empty without one."""
     unit_column = next((n for n in table.names if column_key(n) in ("units", "unit")), None)
     if unit_column is None:
         return []
@@ -233,7 +233,7 @@ def _more_signals(
 
 
 def _readable(path: Path, names: Sequence[str]) -> tuple[TableFile, dict[str, FloatArray], str]:
-    """The table, every column of it that holds numbers, and its decimal separator."""
+    """The table of a file, its columns of numbers by name, and its decimal separator."""
     faults: list[Fault] = []
     table = open_table(path, names=names, faults=faults)
     columns: dict[str, FloatArray] = {}
@@ -253,7 +253,7 @@ def _readable(path: Path, names: Sequence[str]) -> tuple[TableFile, dict[str, Fl
 
 
 def _with_day(guess: Guess, table: TableFile, beside: Sequence[Path]) -> Guess:
-    """The guess of a time stamp with the column of its day, and with day and month in the order that all files show."""
+    """The guess of a time stamp, completed with the column of the day and with the order of day and month from all files."""
     if clock_only(guess.format):
         for name in (n for n in table.names if n != guess.column and _DAY_NAME.search(words(n))):
             form = next((f for f in DAY_FORMATS if _fits(table.texts(name), f)), None)
@@ -285,7 +285,7 @@ def _fits(texts: Sequence[str], form: str) -> bool:
 
 
 def _trip_column(table: TableFile, columns: Mapping[str, FloatArray]) -> tuple[str | None, IntArray]:
-    """A column that identifies trips by its name, and the number of each row's trip."""
+    """A column whose name says that it identifies trips, or None, and the number of the trip of each row."""
     for name in table.names:
         if _TRIP_NAME.match(words(name)):
             keys = columns[name] if name in columns else np.array(table.texts(name), dtype=object)
@@ -296,7 +296,7 @@ def _trip_column(table: TableFile, columns: Mapping[str, FloatArray]) -> tuple[s
 
 
 def _by_name(table: TableFile, columns: Mapping[str, FloatArray], trip: str | None) -> dict[str, Guess]:
-    """For each of ours the likeliest column by name whose values can be one."""
+    """For each of our columns the guess of the likeliest column by name whose values are possible."""
     guesses: dict[str, Guess] = {}
     taken = {trip}
     for ours in column_names():
@@ -311,12 +311,12 @@ def _by_name(table: TableFile, columns: Mapping[str, FloatArray], trip: str | No
 
 def _stamped(table: TableFile, name: str) -> Guess | None:
     texts = table.texts(name)
-    form = stamp_format(texts) if any(":" in text for text in texts) else None  # a day alone is no time
+    form = stamp_format(texts) if any(":" in text for text in texts) else None  # a date alone is no time
     return None if form is None else Guess("time_s", name, "timestamp", form[1], form[0])
 
 
 def _with_unit(ours: str, name: str, table: TableFile, values: FloatArray | None) -> Guess | None:
-    """The guess with its unit, from the name if it has one, else from the values; None where they cannot be it."""
+    """The guess with its unit, from the name if it states one, else from the values; None if the values are impossible."""
     if values is None:
         return _stamped(table, name) if ours == "time_s" else None
     known = values[np.isfinite(values)]
@@ -338,10 +338,10 @@ def _with_unit(ours: str, name: str, table: TableFile, values: FloatArray | None
 def _as_shipped(
     guesses: dict[str, Guess], mapping: ColumnMapping, table: TableFile, columns: Mapping[str, FloatArray]
 ) -> dict[str, Guess]:
-    """The guesses with the lines of a shipped mapping in their place, where the table looks like its logger's.
+    """The guesses, replaced by the entries of a shipped mapping if the table looks like one of the same logger.
 
-    Names such as "date", "speed" and "power" are anybody's: most of the optional columns have to be there as well, and
-    every value has to be possible in the unit of the mapping.
+    Names such as "date", "speed" and "power" are used by many loggers. So most of the optional columns have to be there as
+    well, and the values have to be possible in the units of the mapping.
     """
     there = {column_key(n): n for n in table.names}
     optional = [e.column for e in mapping.columns.values() if e.optional]
@@ -369,7 +369,7 @@ def _as_shipped(
 
 
 def _rising(table: TableFile, columns: Mapping[str, FloatArray], taken: set[str]) -> dict[str, Guess]:
-    """The first column that holds time stamps or rises in even steps: time, whatever its name."""
+    """A guess of the time by values alone: the first column that holds time stamps or rises in even steps; empty if none does."""
     for name in (n for n in dict.fromkeys(table.names) if n and n not in taken):
         if name not in columns:
             guess = _stamped(table, name)
@@ -385,7 +385,7 @@ def _rising(table: TableFile, columns: Mapping[str, FloatArray], taken: set[str]
 
 
 def _possible(ours: str, unit: str, known: FloatArray) -> bool:
-    """Whether the middle of the values is one of ours."""
+    """Whether values in this unit are possible for our column: by their median; a time by its increase."""
     if ours == "time_s":
         rises = len(known) > 1 and float(np.mean(np.diff(known) >= 0.0)) > RISING_SHARE
         # a temperature that hardly moves rises as well
@@ -412,7 +412,7 @@ def _clock(guesses: Mapping[str, Guess], columns: Mapping[str, FloatArray], rows
 def _drive_by_drive(
     guesses: Mapping[str, Guess], columns: Mapping[str, FloatArray], groups: IntArray
 ) -> dict[str, tuple[str, FloatArray]]:
-    """What is known of speed, voltage, current and power, in our units as far as they are known; of the longest trip."""
+    """The columns guessed for speed, voltage, current and power, in our units, and under "rows" 1 for rows of the longest trip."""
     longest = groups == int(np.argmax(np.bincount(groups))) if len(groups) else np.zeros(0, bool)
     known: dict[str, tuple[str, FloatArray]] = {"rows": ("", longest.astype(np.float64))}
     for ours in ("speed_m_s", "voltage_v", "current_a", POWER):
@@ -424,7 +424,7 @@ def _drive_by_drive(
 
 
 def _with_speed_unit(guesses: dict[str, Guess], flow: Flow) -> dict[str, Guess]:
-    """The unit of the speed by the mass that the car would have: used where no name has a unit, else a note to check it."""
+    """The guesses with the unit of speed in which the car's mass is plausible; if a name states another unit, with a note to check."""
     speed = guesses.get("speed_m_s")
     if speed is None or flow.mass_kg is None or speed.why == OWN_NAME:
         return guesses
@@ -437,7 +437,7 @@ def _with_speed_unit(guesses: dict[str, Guess], flow: Flow) -> dict[str, Guess]:
 
 
 def _with_american_check(guesses: dict[str, Guess]) -> dict[str, Guess]:
-    """Beside miles or feet a temperature without a unit may be in °F, and a height in feet."""
+    """The guesses with notes to check for °F and feet where no unit is stated, if another column is in miles or feet."""
     units = {guesses[ours].unit for ours in ("speed_m_s", "elevation_m") if ours in guesses}
     if not units & {"mph", "ft"}:
         return guesses

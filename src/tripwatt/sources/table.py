@@ -1,7 +1,7 @@
-"""Any table of samples, CSV or Parquet, one file a trip or one file with a column of trips, through a mapping.
+"""Reader of tables of samples through a mapping: CSV or Parquet, with one file per trip or a column that identifies trips.
 
-Each file is read in its own units first. What all files show together (the order of day and month, a unit that differs from the
-mapping's, the direction of the current) is decided then, and only then do the columns become logs.
+Each file is first read in its own units. Then the order of day and month, units that differ from the mapping's and the sign of the
+current are decided from all files together. Only then are the columns converted to logs.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ from tripwatt.trips.reading import FileReading, ReadingReport
 from tripwatt.vehicles import Vehicle
 
 SHOWN_ALIKE: Final = 2
-"""Faults named of one kind in one column; the others are counted."""
+"""Number of faults listed of one kind in one column; the others are counted."""
 LARGEST_FOR_WAYS: Final = 40
-"""Files, the largest ones, whose positions are looked at."""
+"""Number of files, the largest ones, whose positions and odometer are used to find the unit of speed."""
 
 Progress = Callable[[int, int], None]
 Heights = Callable[[FloatArray, FloatArray], FloatArray]
@@ -52,28 +52,28 @@ def read_table(
     ----------
     path : path
     mapping : path, str or ColumnMapping, optional
-        A TOML file, the name of a shipped mapping, or a mapping. Without one, columns with canonical names are used; of other
-        files header and values propose one.
+        A TOML file, the name of a shipped mapping, or a mapping. By default, columns with canonical names are used; for other
+        files a mapping is proposed from header and values.
     strict : bool
         Refuse everything that cannot be read as it stands, and propose no mapping.
     vehicle : Vehicle, optional
-        The car: its battery gives the energy of a state of charge where a proposed mapping needs it.
+        The car whose battery gives the energy of a state of charge, or the voltage, if a proposed mapping needs it.
     progress : callable, optional
-        Called with the files that were read and their number.
+        Called with (number of files read, number of all files).
     heights : callable, optional
-        Latitudes and longitudes [°] -> heights [m], NaN where none is known. Files with positions and without heights get theirs so; the positions are
-        not kept.
+        Latitudes and longitudes [°] -> heights [m], NaN if unknown. Gives the heights of files that have positions but no heights;
+        the positions are not kept.
 
     Returns
     -------
     TripSet
-        Raw trips by id. `notes` has what was changed, is missing or stands in for it; `report` what could not be read.
+        Raw trips. `notes` lists what was changed, is missing or was assumed; `report` lists what could not be read.
 
     Raises
     ------
     InvalidInput
-        When nothing can be used; with `strict`, with every fault of the mapping and of all files: a column that is not there, a
-        unit that the values contradict, a current of the wrong sign, two trips with one id.
+        When nothing can be used; with `strict`, with every fault of the mapping and of all files: a missing column, a unit that
+        the values contradict, a current of the wrong sign, two trips with the same id.
     """
     faults: list[Fault] = []
     with unpacked(path, faults) as place:
@@ -134,7 +134,7 @@ def read_kinds(
 
 
 def _add_heights(file: RawFile, heights: Heights | None) -> None:
-    """Heights at the positions of a file that has none of its own."""
+    """Add heights at the positions of a file, if it has positions but neither heights nor grades."""
     if (
         heights is None
         or file.table is None
@@ -149,7 +149,7 @@ def _add_heights(file: RawFile, heights: Heights | None) -> None:
 
 
 def _merge_alike(path: Path, faults: Sequence[Fault]) -> Iterator[Fault]:
-    """All faults of all files; of one that many files share in the same column the first ones and how many more."""
+    """Yield all faults; of many faults of the same kind in the same column, only the first ones and one with the number of the others."""
     for alike in by_key(faults, lambda f: (f.what, f.where.partition(" column ")[2], f.allowed)).values():
         if len(alike) <= SHOWN_ALIKE + 1:
             yield from alike
@@ -163,7 +163,7 @@ def _merge_alike(path: Path, faults: Sequence[Fault]) -> Iterator[Fault]:
 
 
 def _canonical(path: Path) -> Kind:
-    """All files by their canonical names, as they have to be where no mapping may be proposed."""
+    """All files as one kind with canonical names of columns, for a strict reading without a mapping."""
     first = table_files(path)[0]
     names = open_table(first).names
     own = [name for name in names if name in COLUMNS]
@@ -177,7 +177,7 @@ def _canonical(path: Path) -> Kind:
 
 
 def _decide_together(files: Sequence[RawFile]) -> None:
-    """What files with the same columns show together: the order of day and month, and units that differ from the mapping's."""
+    """Decide from files with the same columns together the order of day and month, and the units of speed and temperature."""
     for its in _shared(files, "time_s"):
         entry = its[0].entries["time_s"]
         if entry.unit == "timestamp":
@@ -208,7 +208,7 @@ def _decide_together(files: Sequence[RawFile]) -> None:
 
 
 def _shared(files: Sequence[RawFile], ours: str) -> list[list[RawFile]]:
-    """Files that have the same column for one of ours, whose name has no unit."""
+    """Files grouped by the column that they have for our column `ours`; columns whose name states a unit are left out, except time."""
     groups: dict[MappedColumn, list[RawFile]] = {}
     for file in files:
         entry = file.entries.get(ours)
@@ -223,12 +223,12 @@ def _ways(file: RawFile) -> Ways:
         return Ways()
     before = len(file.faults)
     ways = ways_of(file.table, file.values["time_s"], in_ours(file, "speed_m_s"))
-    del file.faults[before:]  # positions are looked at, not read
+    del file.faults[before:]  # positions are only used for this check, so their faults do not matter
     return ways
 
 
 def _logs(drives: Sequence[RawDrive]) -> list[Log]:
-    """The logs of drives. A current, or power, that would charge the battery while the car accelerates counts the other way."""
+    """The logs of drives. If a current or power would charge the battery while the car accelerates, its sign is reversed."""
     logs = [log_of(drive) for drive in drives]
     for kind in sorted({drive.files[0].kind for drive in drives}):
         its = [k for k, drive in enumerate(drives) if drive.files[0].kind == kind]

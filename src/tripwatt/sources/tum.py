@@ -1,8 +1,8 @@
-"""The TUM BMW i3 set: 70 trips of one car around Munich, one CSV a trip and a sheet that gives their context.
+"""Reader of the TUM BMW i3 data set: 70 trips of one car around Munich, a CSV file for each trip and a sheet with their context.
 
 M. Steinstraeter, J. Buberger, D. Trifonov, "Battery and Heating Data in Real Driving Cycles", IEEE DataPort, 2020,
 doi 10.21227/6jr9-5235, CC BY 4.0. The raw files are 10 Hz, semicolon separated and latin-1; re-saved copies (comma,
-UTF-8, 1 s) are read alike. The logs win over the sheet: state of charge, distance and duration never come from it.
+UTF-8, 1 s) are read as well. State of charge, distance and duration come from the logs, never from the sheet.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ OVERVIEW_NAME: Final = "Overview.xlsx"
 
 
 NEEDED_COLUMNS: Final = (*REQUIRED_COLUMNS, "voltage_v", "current_a")
-"""Without these a file gives no observed energy and is refused."""
+"""Columns that a file needs; without them there is no observed energy, and the file is refused."""
 
 _TRIP_FILE: Final = re.compile(r"trip([ab]\d{2,3})(?!\d).*\.csv", re.IGNORECASE)
 _PUBLISHED: Final = (*(f"A{i:02d}" for i in range(1, 33)), *(f"B{i:02d}" for i in range(1, 39)))
@@ -78,8 +78,8 @@ def read_tum(folder: Path | str, *, strict: bool = False) -> TripSet:
     Returns
     -------
     TripSet
-        Raw trips in the order of their ids. Without the sheet season and weather are None and `notes` has a note.
-        What is left out is in `report`.
+        Raw trips in the order of their ids. Without the sheet, season and weather are None and `notes` says so. `report` lists
+        what is left out.
 
     Raises
     ------
@@ -114,12 +114,12 @@ def read_tum(folder: Path | str, *, strict: bool = False) -> TripSet:
 
 
 def trip_files(folder: Path) -> tuple[dict[str, Path], list[Flag]]:
-    """The trip files of a folder by trip id, and notes on what else lies there.
+    """The trip files of a folder by trip id, and a note on the number of its other CSV files.
 
     Raises
     ------
     InvalidInput
-        When there is no such folder, it holds no trip, or two of its files are the same trip.
+        When the folder does not exist, holds no trip, or has two files of the same trip.
     """
     allowed = "a folder with TripA*.csv and TripB*.csv"
     get_it = "get the data from https://doi.org/10.21227/6jr9-5235"
@@ -153,7 +153,7 @@ def trip_files(folder: Path) -> tuple[dict[str, Path], list[Flag]]:
 
 
 def is_tum_log(path: Path) -> bool:
-    """Whether a CSV file has the speed and the time of the TUM set in its first line; False for one that cannot be read."""
+    """Whether the first line of a CSV file has the columns of time and speed of the TUM set; False if it cannot be read."""
     if path.suffix.lower() != ".csv":
         return False
     head = file_head(path).decode("latin-1")
@@ -164,9 +164,9 @@ def is_tum_log(path: Path) -> bool:
 def read_tum_file(
     path: Path, trip_id: str, context: Context | None = None, faults: list[Fault] | None = None
 ) -> Log:
-    """One trip file as a log, its elevation interpolated over distance. See `read_tum`.
+    """Read one trip file as a log, with its elevation interpolated over distance. See `read_tum`.
 
-    `faults` takes what cannot be read; without it, that is refused.
+    Cells that cannot be read are faults. They are appended to `faults` if it is given, else they are raised.
 
     Raises
     ------
@@ -191,7 +191,7 @@ def read_tum_file(
 
 
 def _choose(source: Delimited) -> dict[int, RawColumn]:
-    """Which positions of the header to read, in the order of `COLUMNS`."""
+    """Positions in the header -> columns to read, in the order of `COLUMNS`."""
     positions = by_key(range(len(source.names)), lambda position: column_key(source.names[position]))
     chosen: dict[str, tuple[int, RawColumn]] = {}
     faults: list[Fault] = []

@@ -1,7 +1,7 @@
 """Context of the TUM trips from `Overview.xlsx`: season, weather, departure, set-point, payload, notes.
 
-Only what is not in the logs is taken from the sheet; its states of charge, distances and durations are in part
-wrong and are never read.
+Only what is not in the logs is taken from the sheet. Its states of charge, distances and durations are partly wrong and
+are never read.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from tripwatt.sources.workbooks import read_workbook
 from tripwatt.trips import Context, Flag
 
 SEASONS: Final = {"A": "summer", "B": "winter"}
-"""The set's two campaigns, by the letter in the trip's id."""
+"""Letter in a trip's id -> season of its measurement campaign."""
 
 _TRIP_ID: Final = re.compile(r"trip([ab]\d{2,3})", re.IGNORECASE)
 _PAYLOAD: Final = re.compile(r"\+\s*(\d+(?:[.,]\d+)?)\s*kg", re.IGNORECASE)
@@ -32,19 +32,19 @@ _SETPOINT_RANGE_DEGC: Final = (10.0, 40.0)
 _LARGEST_PAYLOAD_KG: Final = 1000.0
 
 _MOST_SHEET_BYTES: Final = 1 << 26
-"""Largest workbook, also when inflated; that of the set has 25 kB."""
+"""Largest workbook [bytes], also when inflated; that of the data set has 25 kB."""
 _MOST_ROWS, _MOST_COLUMNS = 10_000, 200
 
 
 def read_overview(path: Path, trip_ids: Sequence[str]) -> tuple[dict[str, Context], list[Flag]]:
-    """Context of each trip that the sheet holds, and what has to be said about the sheet.
+    """Read the context of each trip from the sheet; return contexts by trip id, and notes on the sheet.
 
-    A missing sheet, or a trip that it lacks, is a note: season and weather are then unknown.
+    If the sheet or a trip in it is missing, there is a note, and season and weather are unknown.
 
     Raises
     ------
     InvalidInput
-        When the sheet is there but cannot be read or has no column of trip ids.
+        When the sheet exists but cannot be read or has no column of trip ids.
     """
     if not path.exists():
         return {}, [Flag("sheet_missing", path.name)]
@@ -67,7 +67,7 @@ def read_overview(path: Path, trip_ids: Sequence[str]) -> tuple[dict[str, Contex
 
 
 def _trip_rows(path: Path) -> Iterator[tuple[str, Mapping[str, object]]]:
-    """The rows of trips, each with the id of its trip."""
+    """Yield the trip id and the cells by name of each row that belongs to a trip."""
     for row in _sheet_rows(path):
         match = _TRIP_ID.fullmatch(_text(row.get("trip")))
         if match is not None:
@@ -75,7 +75,7 @@ def _trip_rows(path: Path) -> Iterator[tuple[str, Mapping[str, object]]]:
 
 
 def _sheet_rows(path: Path) -> list[Mapping[str, object]]:
-    """Rows of the first sheet that has a column `Trip`, keyed by `column_key` of the header without its unit."""
+    """Rows of the first sheet with a column `Trip`: cells by the `column_key` of their header without its unit."""
     fix = "fetch it again, or remove it to read the trips without season and weather"
 
     def rows_of(rows: Iterator[list[object]]) -> list[list[object]]:

@@ -1,9 +1,9 @@
-"""The Vehicle Energy Dataset: weekly files of many cars around Ann Arbor, of which the electric ones are read.
+"""Reader of the electric cars in the Vehicle Energy Dataset: weekly files of many cars around Ann Arbor.
 
 G. S. Oh, D. J. LeBlanc, H. Peng, "Vehicle Energy Dataset (VED), a large-scale dataset for vehicle energy consumption
 research", IEEE Transactions on Intelligent Transportation Systems 23(4), 2022, doi 10.1109/TITS.2020.3035596; data at
-github.com/gsoh/VED, Apache-2.0. A trip is identified by (VehId, Trip). A sample is logged when a sensor has a new value,
-so that steps are irregular and every other signal keeps its last value.
+github.com/gsoh/VED, Apache-2.0. A trip is identified by (VehId, Trip). A sample is logged if any sensor has a new value, so
+that steps are irregular and every other signal keeps its last value.
 """
 
 from __future__ import annotations
@@ -35,19 +35,19 @@ FIRST_DAY: Final = dt.datetime(2017, 11, 1)
 
 
 LARGEST_KEY: Final = 1e6
-"""No car, trip or day of the set has a larger number."""
+"""Largest number accepted for a car, a trip or a day."""
 
 
 _KEYS: Final = ("DayNum", "VehId", "Trip")
 _ENGINE: Final = ("Engine RPM[RPM]", "MAF[g/sec]", "Fuel Rate[L/hr]")
-"""Signals of a combustion engine: a car that has a value of one of them, be it 0, is none of ours."""
+"""Signals of a combustion engine: a car with any value of one of these, even 0, is not electric."""
 
 _WEEK_FILE: Final = re.compile(r"VED_\d{6}_week.*\.csv", re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True)
 class _Week:
-    """Rows with a traction battery in one file, and the trips and cars that have an engine or no battery."""
+    """One weekly file: its rows with a battery voltage, the keys of all its trips, and its cars with an engine."""
 
     samples: pd.DataFrame
     trips: frozenset[tuple[int, int]]
@@ -70,8 +70,8 @@ def read_ved(folder: Path | str, *, strict: bool = False) -> TripSet:
     Returns
     -------
     TripSet
-        Raw trips named `VED<VehId>-<Trip>`, in the order of departure. `notes` counts the trips of combustion cars
-        and hybrids that were skipped, and the note that the road counts as flat.
+        Raw trips named `VED<VehId>-<Trip>`, in the order of departure. `notes` has the number of skipped trips, such as those of
+        combustion cars and hybrids, and a note that the road counts as flat.
 
     Raises
     ------
@@ -146,7 +146,7 @@ def _positions(source: Delimited) -> Mapping[str, int]:
 def _integer_keys(
     source: Delimited, values: dict[str, FloatArray], kept: list[Fault] | None
 ) -> tuple[IntArray, ...]:
-    """Car and trip number of every row; where faults are `kept`, rows without them go."""
+    """Car and trip number of every row. If `kept` is given, faults are appended to it, and the rows with a fault are removed."""
     faults, wrong = [], np.zeros(len(values["VehId"]), dtype=bool)
     for name in _KEYS:
         column = values[name]

@@ -1,4 +1,4 @@
-"""Sheets of an .xlsx workbook, row by row: nothing of it is held but its texts and formats, and all is counted."""
+"""Sheets of an .xlsx workbook, read row by row: only shared texts and formats are held in memory, and all content is counted."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Convert = Callable[[float], Any]
 
 MOST_SHEETS: Final = 50
 MOST_COLUMNS: Final = 16_384
-"""Most columns of a sheet, as in Excel."""
+"""Largest number of columns in a sheet, as in Excel."""
 
 MOST_DEPTH: Final = 100
 _PIECE_BYTES: Final = 1 << 16
@@ -29,22 +29,22 @@ _PIECE_BYTES: Final = 1 << 16
 def read_workbook(
     data: bytes, read: Callable[[Iterator[list[Any]]], T], budget: Budget, fix: str = ""
 ) -> list[tuple[str, T]]:
-    """Title of each of the first sheets of a workbook, and what a function reads of its rows.
+    """Apply a function to the rows of each of the first `MOST_SHEETS` sheets, and return the titles with the results.
 
     Parameters
     ----------
     data : bytes
-        Of the file.
+        Content of the file.
     read : callable
-        Takes the rows: lists of numbers, texts, times, bools and None.
+        Takes an iterator of the rows of a sheet; a row is a list of numbers, texts, times, bools and None.
     budget : Budget
     fix : str
-        For the fault.
+        Text of the fault.
 
     Raises
     ------
     InvalidInput
-        When it is no workbook, or more comes out of it than the budget allows.
+        When the file is not a workbook, or its content exceeds the budget.
     """
     require_extras({"workbooks": "a workbook"})
     try:
@@ -72,7 +72,7 @@ def _sheets(archive: ZipFile, budget: Budget) -> Iterator[tuple[str, Iterator[li
 
 
 def _elements(archive: ZipFile, name: str, budget: Budget) -> Iterator[Element]:
-    """The elements of a part as they end."""
+    """Yield the XML elements of a part of the archive in the order in which they end."""
     ended: list[Element] = []
     stack: list[tuple[str, dict[str, str]]] = [("", {})]
     text: list[str] = []
@@ -88,7 +88,7 @@ def _elements(archive: ZipFile, name: str, budget: Budget) -> Iterator[Element]:
         text.clear()
 
     def refuse(*_: object) -> None:
-        raise ValueError("a document type")  # it declares entities, which multiply what stands in a file
+        raise ValueError("a document type")  # a document type may declare entities, which can inflate a file
 
     parser = expat.ParserCreate()
     parser.buffer_text = True
@@ -104,7 +104,7 @@ def _elements(archive: ZipFile, name: str, budget: Budget) -> Iterator[Element]:
 
 
 def _links(archive: ZipFile, part: str, budget: Budget) -> dict[str, tuple[str, str]]:
-    """Kind and path of the parts that a part refers to, by id."""
+    """Id -> kind and path of each part to which a part refers."""
     folder, name = posixpath.split(part)
     elements = _elements(archive, posixpath.join(folder, "_rels", f"{name}.rels"), budget)
     return {
@@ -124,7 +124,7 @@ def _link(attributes: dict[str, str]) -> str:
 def _texts(archive: ZipFile, name: str, budget: Budget) -> Iterator[str]:
     pieces: list[str] = []
     for parent, tag, _, text in _elements(archive, name, budget):
-        if tag == "t" and parent != "rPh":  # how a text is pronounced is no part of it
+        if tag == "t" and parent != "rPh":  # "rPh" is the pronunciation of a text
             pieces.append(text)
         elif tag == "si":
             budget.take(CELLS, 1)
@@ -133,7 +133,7 @@ def _texts(archive: ZipFile, name: str, budget: Budget) -> Iterator[str]:
 
 
 def _times(archive: ZipFile, name: str, epoch: dt.datetime, budget: Budget) -> list[Convert | None]:
-    """What makes a time of a number, by the format that cells refer to; None for formats of other numbers."""
+    """For each cell format the function that converts a number to a time; None if the format is not one of times."""
     from openpyxl.styles.numbers import BUILTIN_FORMATS, is_date_format, is_timedelta_format
     from openpyxl.utils.datetime import from_excel
 
@@ -176,7 +176,7 @@ def _rows(
 
 
 def _value(text: str, attributes: dict[str, str], texts: list[str], times: list[Convert | None]) -> Any:
-    """The value of a cell."""
+    """The value of a cell from its text and attributes."""
     match attributes.get("t", "n"):
         case "s":
             return texts[int(text)]
@@ -189,5 +189,5 @@ def _value(text: str, attributes: dict[str, str], texts: list[str], times: list[
                 return number if convert is None else convert(number)
             except (OverflowError, ValueError):
                 return "#VALUE!"
-        case _:  # also a time in ISO 8601, as `sources` writes times
+        case _:  # a text, or a time in ISO 8601, the form in which `archives` writes times
             return text
