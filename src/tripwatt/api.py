@@ -46,7 +46,7 @@ def read_route(source: Route, *, speed_m_s: float | None = None, trip_id: str | 
         A file or its content: links as CSV or JSON, GPX, GeoJSON, a saved response of OSRM, Valhalla,
         openrouteservice or GraphHopper; a driven speed trace as CSV or Parquet with canonical columns; a file of the
         TUM set. The first sample of the other signals of a speed trace becomes the departure. Or links themselves, as
-        `route_from_links` takes them. A DataFrame with a column `time_s` is a speed trace, any other has links.
+        `route_from_links` takes them. A DataFrame with a column `time_s` is a speed trace, any other DataFrame has links.
     speed_m_s : float, optional
         Mean speed [m/s] of a track without times and speeds.
     trip_id : str, optional

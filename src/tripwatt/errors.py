@@ -244,7 +244,7 @@ def first_faults(faults: Sequence[Fault], where: str, most: int = MOST_FAULTS) -
 
 
 def grouped(faults: Iterable[Fault]) -> list[Fault]:
-    """Faults in which those that differ only by their place are one, with the number of the other places.
+    """Merge faults that differ only by their place into one fault with the number of the other places.
 
     Examples
     --------

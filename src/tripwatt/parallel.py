@@ -82,7 +82,7 @@ def _watch_parent() -> None:
 def one_blas_thread(function: Callable[Given, Result]) -> Callable[Given, Result]:
     """Decorate a function so that linear algebra has one thread while it runs. Costs 0.1 ms a call.
 
-    The matrices of a forecast have some hundred rows, for which several threads wait for each other longer than they compute: on
+    The matrices of a forecast have some hundred rows. For these, several threads wait for each other longer than they compute: on
     two busy cores a forecast takes three times as long.
 
     Examples

@@ -111,7 +111,7 @@ def draw_dwell(
     Returns
     -------
     ndarray, shape (links,)
-        Standstill [s], 0 where the car does not stop.
+        Standstill [s], 0 if the car does not stop.
 
     Examples
     --------

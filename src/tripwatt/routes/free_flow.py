@@ -98,7 +98,9 @@ class TravelTimeFactors:
 def share_energy(
     trip: Recorded, route: LinkRoute, driven_s: FloatArray, energy: Callable[[Plan], float]
 ) -> FloatArray:
-    """Logarithm of the energy of a plan on free-flow links in the driven times over that of the drive, for each of `SHARES`. O(samples).
+    """Logarithm of the ratio of planned to driven energy for each of `SHARES`. O(samples).
+
+    The plan takes the free-flow links in the times in which they were driven, at a share of the free speed between stops.
 
     Parameters
     ----------
@@ -114,6 +116,7 @@ def share_energy(
     Returns
     -------
     ndarray, shape (len(SHARES),)
+        Logarithm of the energy of the plan over that of the drive.
     """
     timed = replace(route, travel_time_s=driven_s)
     moving = [replace(timed, moving_speed_m_s=share * route.moving_speed_m_s) for share in SHARES]
@@ -122,9 +125,9 @@ def share_energy(
 
 
 def moving_share(energies: Sequence[FloatArray]) -> float:
-    """Share of the free speed with which the plans of trips take the energy of the drives on average.
+    """Share of the free speed at which the planned energies of trips agree with the driven ones on average.
 
-    `energies` has the result of `share_energy` for each trip; the mean over trips is interpolated to 0.
+    `energies` has the result of `share_energy` for each trip; their mean is interpolated to 0.
 
     Examples
     --------

@@ -95,8 +95,8 @@ def steady_clock(time: FloatArray, speed: FloatArray) -> tuple[FloatArray, list[
     """Correct times [s since 1970] for settings of the clock during a drive; return the times and codes of the corrections.
 
     A change by an hour of daylight saving time is removed. Times before the clock was set are shifted to end just before the first
-    time after that. If rows are out of order, the code ``rows_sorted`` asks the caller to sort them, unless parts of the log
-    overlap in time: then the clock was set back, and the audit splits the log there.
+    time after that. If rows are out of order, the code ``rows_sorted`` means that the caller has to sort them. If parts of the log
+    overlap in time, this code is left out: the clock was set back, and the audit splits the log there.
 
     Examples
     --------
