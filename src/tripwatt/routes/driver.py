@@ -27,8 +27,8 @@ class DriverStyle:
 
     The acceleration of a driver falls with speed as `acceleration_m_s2 / (1 + (v / v_half)²)`, with
     `v_half = half_acceleration_speed_m_s`; braking is equally firm at every speed. The defaults are a choice, near the
-    1.48 m/s² at which EPA's urban schedule (UDDS) both speeds up and brakes at most, and far from the 3.8 and 3.1 m/s²
-    of its aggressive one (US06).
+    1.48 m/s² that are the largest acceleration and deceleration of EPA's urban schedule (UDDS), and far from the 3.8 and
+    3.1 m/s² of its aggressive schedule (US06).
 
     Attributes
     ----------

@@ -116,7 +116,7 @@ class LinkRoute:
         return self.length_m / self.travel_time_s
 
     def elevation_at(self, position_m: npt.ArrayLike) -> FloatArray | None:
-        """Heights [m] at distances from the start; None if no height is known.
+        """Height [m] at distances from the start; None if no height is known.
 
         Parameters
         ----------
