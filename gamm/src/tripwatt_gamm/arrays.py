@@ -6,10 +6,10 @@ import numpy as np
 import numpy.typing as npt
 
 FloatArray = npt.NDArray[np.float64]
-"""Numbers."""
+"""Array of floating-point numbers."""
 
 IntArray = npt.NDArray[np.int64]
-"""Counts."""
+"""Array of integers, such as counts or codes."""
 
 BoolArray = npt.NDArray[np.bool_]
-"""Masks."""
+"""Array of booleans, such as a mask of rows."""

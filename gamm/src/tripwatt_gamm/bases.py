@@ -1,7 +1,7 @@
 """Spline bases and their penalties: P-splines, cubic regression splines, thin plate regression splines.
 
-Every basis is fixed once it has seen the covariates: `matrix` evaluates its columns anywhere, `penalty` is the
-quadratic form of its wiggliness. Bases are independent of factors, constraints or smoothing parameters.
+A basis is built from the covariates and then stays fixed: `matrix` evaluates its columns at any points, `penalty` is
+the quadratic form that measures wiggliness. Bases are independent of factors, constraints and smoothing parameters.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from scipy.sparse.linalg import eigsh
 from tripwatt_gamm.arrays import FloatArray
 
 MAX_KNOTS = 2000
-"""Most distinct points that a thin plate eigenbasis is built from."""
+"""Largest number of distinct points from which a thin plate eigenbasis is built."""
 
 
 class Basis(Protocol):
@@ -34,7 +34,7 @@ class Basis(Protocol):
         """Penalty matrix, (k, k)."""
 
     def matrix(self, x: FloatArray) -> FloatArray:
-        """Columns at the points `x` (n, d), as (n, k)."""
+        """Evaluate the columns at the points `x` (n, d), as (n, k)."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class PSpline:
         return differences.T @ differences
 
     def matrix(self, x: FloatArray) -> FloatArray:
-        """B-splines at `x` (n, 1), as (n, k); constant continuation beyond the knots."""
+        """Evaluate the B-splines at `x` (n, 1), as (n, k); they are constant beyond the inner knots."""
         inside = np.clip(x[:, 0], self.knots[3], self.knots[-4])
         values: FloatArray = BSpline.design_matrix(inside, self.knots, 3).toarray()
         return values
@@ -100,7 +100,7 @@ class CubicRegression:
 
     @cached_property
     def _second_derivatives(self) -> tuple[FloatArray, FloatArray]:
-        """Map from values to second derivatives at the knots (k, k), and the differences D (k - 2, k)."""
+        """Matrix from values to second derivatives at the knots (k, k), and the difference matrix D (k - 2, k)."""
         h = np.diff(self.knots)
         D = np.zeros((self.k - 2, self.k))
         rows = np.arange(self.k - 2)
@@ -119,7 +119,7 @@ class CubicRegression:
         return np.asarray((S + S.T) / 2)
 
     def matrix(self, x: FloatArray) -> FloatArray:
-        """Values at `x` (n, 1) as (n, k); constant continuation beyond the knots."""
+        """Evaluate the columns at `x` (n, 1), as (n, k); they are constant beyond the knots."""
         F, _ = self._second_derivatives
         v = np.clip(x[:, 0], self.knots[0], self.knots[-1])
         j = np.clip(np.searchsorted(self.knots, v, side="right") - 1, 0, self.k - 2)
@@ -147,7 +147,7 @@ class ThinPlate:
     shift : ndarray (d,)
         Centre.
     loadings : ndarray (m, k - M)
-        Radial functions to columns.
+        Matrix that maps the radial functions to the columns; M is the number of polynomials.
     scale : ndarray (k,)
         Divisors of the columns.
     penalty : ndarray (k, k)
@@ -168,7 +168,7 @@ class ThinPlate:
         return len(self.scale)
 
     def matrix(self, x: FloatArray) -> FloatArray:
-        """Columns at `x` (n, d), as (n, k)."""
+        """Evaluate the columns at `x` (n, d), as (n, k)."""
         centred = x - self.shift
         out = np.empty((len(x), self.k))
         radial_columns = self.loadings.shape[1]
@@ -181,7 +181,7 @@ class ThinPlate:
 
 
 def _exponents(d: int, order: int) -> list[tuple[int, ...]]:
-    """Powers of the polynomials of a total degree below `order`, lower degrees first."""
+    """Exponents of the monomials in `d` variables whose total degree is below `order`, lower degrees first."""
     if d == 1:
         return [(i,) for i in range(order)]
     out = [
@@ -222,14 +222,14 @@ def _radial(x: FloatArray, knots: FloatArray, order: int) -> FloatArray:
 
 
 def _trailing_null_space(C: FloatArray) -> FloatArray:
-    """Orthonormal Z (k, k - M) with C Z = 0, from Householder reflections that leave [0, T] (Gill, Murray & Wright)."""
+    """Orthonormal Z (k, k - M) with C Z = 0, from Householder reflections that map C to [0, T] (Gill, Murray & Wright)."""
     M, k = C.shape
     work, Q = C.copy(), np.eye(k)
     for i in range(M):
         v = np.zeros(k)
         v[: k - i] = work[i, : k - i]
         size = float(np.linalg.norm(v))
-        # the pivot of evenly spaced points is zero but for rounding, which must not choose the basis
+        # for evenly spaced points the pivot is zero up to rounding; the sign of that rounding must not decide the basis
         v[k - 1 - i] += -size if v[k - 1 - i] < -1e-9 * size else size
         v /= np.linalg.norm(v)
         work -= 2 * np.outer(work @ v, v)
@@ -238,7 +238,7 @@ def _trailing_null_space(C: FloatArray) -> FloatArray:
 
 
 def _largest_eigenpairs(E: FloatArray, k: int) -> tuple[FloatArray, FloatArray]:
-    """The `k` eigenpairs of largest modulus, eigenvalues in descending order."""
+    """Return the `k` eigenvalues of largest modulus, in descending order, and their eigenvectors."""
     n = len(E)
     if n <= 400 or k > n // 4:
         values, vectors = eigh(E)
@@ -253,7 +253,10 @@ def _largest_eigenpairs(E: FloatArray, k: int) -> tuple[FloatArray, FloatArray]:
 
 
 def _basis_knots(points: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Knots (m, d) and weights (m,): the points, or the means of an even grid's cells and how many points each has."""
+    """Return knots (m, d) and weights (m,): up to `MAX_KNOTS` points themselves, beyond that the means of grid cells.
+
+    The weight of a cell is its number of points.
+    """
     if len(points) <= MAX_KNOTS:
         return points, np.ones(len(points))
     d = points.shape[1]
@@ -273,15 +276,16 @@ def _basis_knots(points: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def thin_plate(points: FloatArray, counts: FloatArray, k: int, order: int) -> ThinPlate:
-    """Thin plate regression spline on distinct points.
+    """Build a thin plate regression spline on distinct points.
 
     Parameters
     ----------
     points : ndarray (n, d)
-        Distinct points, sorted; beyond `MAX_KNOTS` the means of grid cells stand for them, each with the weight of
-        its points, which approximates the eigenbasis of all points.
+        Distinct points, sorted. If there are more than `MAX_KNOTS`, they are replaced by the means of grid cells,
+        weighted
+        by their numbers of points; this approximates the eigenbasis of all points.
     counts : ndarray (n,)
-        How many rows of the data lie on each point: columns have unit mean square over the rows.
+        Number of rows of the data at each point; columns are scaled to unit mean square over the rows.
     k : int
         Number of columns.
     order : int
@@ -315,5 +319,5 @@ def thin_plate(points: FloatArray, counts: FloatArray, k: int, order: int) -> Th
 
 
 def cubic_regression(points: FloatArray, k: int) -> CubicRegression:
-    """Cubic regression spline with knots at even quantiles of the distinct values `points` (n,)."""
+    """Build a cubic regression spline with knots at even quantiles of the distinct values `points` (n,)."""
     return CubicRegression(np.quantile(points, np.linspace(0, 1, k)))

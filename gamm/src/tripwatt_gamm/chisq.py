@@ -1,4 +1,4 @@
-"""Tail of a weighted sum of chi-square variables, accurate to many digits however small it is.
+"""Upper tail probability of a weighted sum of chi-square variables, accurate to many digits even if tiny.
 
 The distribution function of a quadratic form in normal variables is an inversion integral of its moment
 generating function (Imhof 1961, Biometrika 48:419; Davies 1980, Applied Statistics 29:323). Taken along the
@@ -63,7 +63,7 @@ def weighted_chi2_sf(q: float, weights: ArrayLike, df: ArrayLike | None = None) 
 
 
 def _inversion(q: float, lam: FloatArray, h: FloatArray) -> float:
-    """The inversion integral for q >= 0 and some positive weight, by halved steps until it settles."""
+    """Inversion integral for q >= 0 and at least one positive weight; the step is halved until the value settles."""
     c = _saddle(q, lam, h)
     d = 1 - 2 * lam * c
     v = float((2 * h * (lam / d) ** 2).sum() + 1 / c**2)
@@ -77,7 +77,7 @@ def _inversion(q: float, lam: FloatArray, h: FloatArray) -> float:
         slope = width * (1j * np.cosh(x) + bend * np.sinh(x))
         logs = (h[:, None] * np.log(1 - 2 * lam[:, None] * s)).sum(
             axis=0
-        )  # too small for BLAS and its threads
+        )  # a sum: the product is too small for BLAS and its threads
         phi = -0.5 * logs - q * s - np.log(s)
         return np.asarray((np.exp(phi - top) * slope).imag / np.pi, dtype=float)
 
@@ -92,7 +92,10 @@ def _inversion(q: float, lam: FloatArray, h: FloatArray) -> float:
 
 
 def _saddle(q: float, lam: FloatArray, h: FloatArray) -> float:
-    """Minimum over 0 < s < 1/(2 max lam) of log M(s) - s q - log s: a convex function, by bracketed root."""
+    """Return the s in (0, 1/(2 max lam)) that minimises the convex function log M(s) - s q - log s.
+
+    M is the moment generating function of the sum; the root of the slope is bracketed and solved.
+    """
     from scipy.optimize import brentq
 
     end = 0.5 / float(lam.max())

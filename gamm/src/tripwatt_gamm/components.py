@@ -33,10 +33,11 @@ def random_covariance(model: Estimator, fitted: FittedTerm) -> FloatArray:
 
 
 def _log_sd_errors(model: Estimator) -> FloatArray:
-    """Standard errors of the log standard deviations that go with each smoothing parameter, and of the errors' last.
+    """Standard errors of log standard deviations: one for each smoothing parameter, then that of the residuals.
 
     With the scale profiled out of the REML score, log(scale) has the conditional variance 2 / f about a value whose
-    slope in log(lambda_j) is lambda_j b'S_j b / (f scale), f the rows less the unpenalised coefficients.
+    slope in log(lambda_j) is lambda_j b'S_j b / (f scale). Here f is the number of rows minus the number of unpenalised
+    coefficients. All are NaN if the smoothing parameters were given.
     """
     covariance = model.log_sp_covariance_
     size = len(covariance)
@@ -59,7 +60,7 @@ def _log_sd_errors(model: Estimator) -> FloatArray:
 
 
 def variance_components(model: Estimator, level: float = 0.95) -> pd.DataFrame:
-    """Standard deviations of all random effects and of the errors.
+    """Tabulate the standard deviations of all random effects and of the errors.
 
     Parameters
     ----------
@@ -74,7 +75,7 @@ def variance_components(model: Estimator, level: float = 0.95) -> pd.DataFrame:
         One row for each effect and one for the errors: ``term``, ``group`` (columns of the levels), ``effect``
         ("(Intercept)" or the multiplier), ``std_dev``, ``variance``, ``lower``, ``upper`` (of the standard deviation:
         normal on the log scale, from the Hessian of the REML score), ``correlation`` (with the intercept of the level).
-        NaN where there is none: intervals of correlated effects, of Student's t errors and at given smoothing parameters.
+        Intervals are NaN for correlated effects, for Student's t errors and if smoothing parameters were given.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""From columns of a frame to numbers: reading with all faults at once, distinct values, levels, training support."""
+"""Read columns of a frame, with all faults at once; find their distinct values, levels and training support."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from tripwatt_gamm.formula import nearest
 Index: TypeAlias = npt.NDArray[np.intp]
 
 MAX_VALUES = 1000
-"""Distinct values that a discretised covariate keeps."""
+"""Largest number of distinct values of a discretised covariate."""
 
 MAX_JOINT = 10_000
-"""Distinct points that a discretised set of covariates keeps."""
+"""Largest number of distinct points of a discretised set of covariates."""
 
 EXACT_ROWS = 10_000
-"""Up to this many rows `discretise=True` leaves covariates as they are."""
+"""Number of rows up to which `discretise=True` leaves covariates unchanged."""
 
 REACH = 0.05
-"""How far from the nearest training point, in ranges, a surface is followed before it is held."""
+"""Distance from the nearest training point, as a share of each range, beyond which a surface is held constant."""
 
 
 def is_factor(column: pd.Series[Any]) -> bool:
@@ -42,7 +42,7 @@ def is_ordered(column: pd.Series[Any]) -> bool:
 
 
 def crossed(frame: pd.DataFrame, names: tuple[str, ...]) -> pd.Series[Any]:
-    """Levels of a factor, or of several together, joined by colons."""
+    """Column of one factor, or the combined levels of several factors, joined by colons."""
     first, *rest = (frame[name] for name in names)
     for column in rest:
         first = first.astype(str) + ":" + column.astype(str)
@@ -50,7 +50,7 @@ def crossed(frame: pd.DataFrame, names: tuple[str, ...]) -> pd.Series[Any]:
 
 
 def missing_columns(frame: pd.DataFrame, wanted: Iterable[str]) -> list[Fault]:
-    """One fault for each column that the frame does not have."""
+    """Return one fault for each wanted column that the frame does not have."""
     names = [str(name) for name in frame.columns]
     have = ", ".join(names)
     return [
@@ -61,7 +61,7 @@ def missing_columns(frame: pd.DataFrame, wanted: Iterable[str]) -> list[Fault]:
 
 
 def numbers(frame: pd.DataFrame, name: str, label: str) -> tuple[FloatArray, list[Fault]]:
-    """A finite numeric column (n,) and what is wrong with it.
+    """Return a numeric column (n,) and its faults; a column that is not numeric is returned as zeros.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def numbers(frame: pd.DataFrame, name: str, label: str) -> tuple[FloatArray, lis
     name : str
         Column.
     label : str
-        Term that needs it, for the message.
+        Term that uses the column, for the message.
     """
     column = frame[name]
     if is_factor(column):
@@ -85,7 +85,7 @@ def numbers(frame: pd.DataFrame, name: str, label: str) -> tuple[FloatArray, lis
 
 
 def missing_levels(frame: pd.DataFrame, name: str, label: str) -> list[Fault]:
-    """A fault where a factor has missing entries."""
+    """Return one fault if a factor has missing entries, otherwise none."""
     bad = frame[name].isna().to_numpy()
     if not bad.any():
         return []
@@ -95,13 +95,13 @@ def missing_levels(frame: pd.DataFrame, name: str, label: str) -> list[Fault]:
 
 @dataclass(frozen=True)
 class Levels:
-    """Levels of a factor, and the share of training rows that each has.
+    """Levels of a factor, and the share of the training rows at each level.
 
     Attributes
     ----------
     names : tuple of str
     share : ndarray (L,)
-        Zero for a level that no training row has.
+        Zero for a level without training rows.
     """
 
     names: tuple[str, ...]
@@ -109,7 +109,7 @@ class Levels:
 
     @classmethod
     def from_column(cls, column: pd.Series[Any]) -> Levels:
-        """Levels of a column: its categories, or its values, sorted."""
+        """Read the levels of a column: its categories, or its sorted distinct values."""
         if isinstance(column.dtype, pd.CategoricalDtype):
             names = tuple(map(str, column.dtype.categories))
         else:
@@ -118,14 +118,14 @@ class Levels:
         return cls(names, np.bincount(codes, minlength=len(names)) / len(codes))
 
     def codes(self, column: pd.Series[Any]) -> Index:
-        """Position of each row's level (n,), -1 for a level that is not known."""
+        """Position of each row's level (n,); -1 if the level is unknown."""
         position = {name: i for i, name in enumerate(self.names)}
         codes, values = pd.factorize(column)
         table = np.array([position.get(str(value), -1) for value in values] + [-1], dtype=np.intp)
         return table[codes]
 
     def rows(self, codes: Index) -> FloatArray:
-        """Indicator rows (L + 1, L) to be indexed by codes: a level unseen in training has the mean of training rows."""
+        """Indicator row of each code (n, L); a level without training rows gets the mean of the training rows."""
         table = np.vstack([np.eye(len(self.names)), self.share])
         table[:-1][self.share == 0] = self.share
         return table[codes]
@@ -133,7 +133,7 @@ class Levels:
 
 @dataclass(frozen=True)
 class Points:
-    """Distinct values of one or several covariates, and where each row lies.
+    """Distinct points of one or several covariates, and the point of each row.
 
     Attributes
     ----------
@@ -149,7 +149,10 @@ class Points:
 
     @classmethod
     def from_values(cls, x: FloatArray, limits: tuple[int | None, ...] | None = None) -> Points:
-        """Distinct points of rows `x` (n, d), each covariate rounded to an even grid of at most so many values."""
+        """Find the distinct points of rows `x` (n, d).
+
+        A covariate with more distinct values than its entry in `limits` is rounded to an even grid of that many values.
+        """
         wanted = limits if limits is not None else (None,) * x.shape[1]
         axes = [_distinct(x[:, j], limit) for j, limit in enumerate(wanted)]
         code = axes[0][1]
@@ -168,14 +171,17 @@ class Points:
 
 
 def grid_limit(x: FloatArray, limit: int) -> int:
-    """Values per covariate that keep the distinct points of rows `x` (n, d) at `MAX_JOINT` or fewer."""
+    """Lower `limit`, the values per covariate, until rows `x` (n, d) have at most `MAX_JOINT` distinct points.
+
+    It is not lowered once it is 20 or less.
+    """
     while limit > 20 and len(Points.from_values(x, (limit,) * x.shape[1]).values) > MAX_JOINT:
         limit = limit * 3 // 4
     return limit
 
 
 def _distinct(x: FloatArray, limit: int | None) -> tuple[FloatArray, Index]:
-    """Sorted distinct values, or an even grid of at most `limit` values, and the position of each row."""
+    """Return the sorted distinct values, or an even grid of at most `limit` values, and the position of each row."""
     index, values = pd.factorize(x, sort=True)
     if limit is None or len(values) <= limit:
         return values, index
@@ -190,7 +196,7 @@ def _distinct(x: FloatArray, limit: int | None) -> tuple[FloatArray, Index]:
 
 @dataclass(frozen=True)
 class Support:
-    """Where training data lie, and the bounded rule for what lies outside.
+    """Region that training data cover, and the rule that moves points from outside to its edge.
 
     Attributes
     ----------
@@ -220,7 +226,7 @@ class Support:
         return cKDTree((self.points - self.low) / self._span)
 
     def outside(self, x: FloatArray) -> BoolArray:
-        """Rows of `x` (n, d) out of the range of a covariate or, on a surface, far from all training points."""
+        """Mark rows of `x` (n, d) that are out of the range of a covariate or, on a surface, far from all training points."""
         slack = 1e-9 * self._span
         out = ((x < self.low - slack) | (x > self.high + slack)).any(axis=1)
         if x.shape[1] > 1:
@@ -229,7 +235,7 @@ class Support:
         return np.asarray(out)
 
     def clamp(self, x: FloatArray) -> FloatArray:
-        """Rows of `x` (n, d) moved to the range and, on a surface, to within `REACH` of the nearest training point."""
+        """Move rows of `x` (n, d) into the range and, on a surface, to within `REACH` of the nearest training point."""
         inside = np.clip(x, self.low, self.high)
         if x.shape[1] == 1:
             return inside
@@ -244,7 +250,7 @@ class Support:
 
 
 ByPart: TypeAlias = tuple[tuple[str, ...], str, str | None]
-"""Covariates, by-variable and its level, if it is a factor."""
+"""Covariates of a by-smooth, its by-variable, and the level if that variable is a factor."""
 
 
 @dataclass(frozen=True)
@@ -256,7 +262,7 @@ class Training:
     supports : mapping of covariate names to Support
     levels : mapping of factor to Levels
     within : mapping of (covariate names, by-variable, level) to Support
-        Rows of a by-smooth: those of its level, or those where a numeric by-variable is not zero.
+        Support of a by-smooth: the rows of its level, or the rows on which a numeric by-variable is not zero.
     """
 
     supports: Mapping[tuple[str, ...], Support]
@@ -271,14 +277,14 @@ class Training:
         codes: Mapping[str, tuple[tuple[str, ...], Index]],
         members: Mapping[ByPart, BoolArray],
     ) -> Training:
-        """Ranges and levels of some rows (n,).
+        """Find the ranges and levels of some rows (n,).
 
         Parameters
         ----------
         rows : ndarray of bool (n,)
         joint : mapping of covariate names to Points
         codes : mapping of factor to (names of its levels, level of each row)
-        members : mapping of (covariate names, by-variable, level) to rows of a by-smooth
+        members : mapping of (covariate names, by-variable, level) to the rows (n,) of a by-smooth
         """
 
         def support(names: tuple[str, ...], of: BoolArray) -> Support:
@@ -295,16 +301,18 @@ class Training:
         )
 
     def members(self, frame: pd.DataFrame, by: str, level: str | None) -> BoolArray:
-        """Rows (n,) of a frame on which a by-smooth has an effect."""
+        """Mark the rows (n,) of a frame on which a by-smooth has an effect."""
         if level is None:
             return np.asarray(frame[by].to_numpy(dtype=np.float64) != 0)
         return np.asarray(self.levels[by].codes(frame[by]) == self.levels[by].names.index(level))
 
     def clamp_frame(self, frame: pd.DataFrame) -> pd.DataFrame:
-        """The frame with its covariates moved into the range of the training data, before any term is evaluated.
+        """Move the covariates of a frame into the range of the training data, before any term is evaluated.
 
-        Rows are moved, not terms: terms that share a covariate, and may cancel where there are no data, all see the
-        same point. Ranges come first, those of a row's levels next, surfaces last.
+        All terms are evaluated at the moved row, so that terms that share a covariate use the same point. (Far from
+        the data
+        such terms may be large and cancel.) Covariates are first moved into the range of the row's by-level, then into
+        their own range, and last onto surfaces.
         """
         moved: dict[str, FloatArray] = {}
 
@@ -324,7 +332,7 @@ class Training:
 
 
 def response(frame: pd.DataFrame, y: object, name: str | None) -> FloatArray:
-    """The response (n,) from an argument or a column; raises for what cannot be fitted."""
+    """Read the response (n,) from the argument `y` or the column `name`; raise if it cannot be fitted."""
     if y is None:
         if name is None:
             raise InvalidInput.of(

@@ -1,4 +1,4 @@
-"""What a model takes for separate and may not be: terms that other terms can imitate, rows that resemble the last."""
+"""Check two assumptions of a model: that no term can be built from the others, and that rows are independent."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
 
 def concurvity(model: Estimator) -> pd.DataFrame:
-    """How far each term can be had from all the others: 0 not at all, 1 entirely.
+    """Measure how far each term can be built from all the others: 0 is not at all, 1 entirely.
 
-    A term's function f splits into the part g that lies in the space of the other terms and the rest. All three
+    A term's function f is split into the part g in the space of the other terms, and the rest. All three
     measures are ||g||^2 / ||f||^2 on the rows of the data (after Ramsay, Burnett & Krewski 2003, Epidemiology
     14:18, for functions; Wood 2017, section 5.6, for these three).
 
@@ -66,12 +66,12 @@ def concurvity(model: Estimator) -> pd.DataFrame:
 def column_concurvity(
     factor: FloatArray, coef: FloatArray, inside: NDArray[np.intp]
 ) -> tuple[float, float, float]:
-    """Worst, observed and estimate of some columns of a model matrix X against the others.
+    """Return worst, observed and estimated concurvity of some columns of a model matrix X with the others.
 
     Parameters
     ----------
     factor : ndarray (m, p)
-        Any A with A'A = X'X.
+        Any matrix A with A'A = X'X.
     coef : ndarray (p,)
     inside : ndarray of int
         The columns.
@@ -96,7 +96,7 @@ def column_concurvity(
 
 
 def _orthonormal(a: FloatArray) -> FloatArray:
-    """Basis of the column space; columns that repeat others add nothing to it."""
+    """Orthonormal basis of the column space; linearly dependent columns add nothing."""
     u, size, _ = np.linalg.svd(a / np.linalg.norm(a, axis=0), full_matrices=False)
     return np.asarray(u[:, size > 1e-8 * size[0]], dtype=float)
 
@@ -110,7 +110,7 @@ class Autocorrelation:
     lag : ndarray (m,)
         In rows, from 1.
     correlation : ndarray (m,)
-        Pooled over the groups, between -1 and 1; 0 where the residuals of all pairs are 0.
+        Pooled over the groups, between -1 and 1; 0 if the earlier or the later residuals of all pairs are 0.
     pairs : ndarray (m,)
         Pairs of rows behind each value.
 
@@ -132,7 +132,7 @@ class Autocorrelation:
 
     @property
     def warning(self) -> str:
-        """What this means for the summary; empty if the rows may pass for independent."""
+        """Warning for the summary of a model; empty if the rows may pass for independent."""
         first = float(self.correlation[0]) if self.lag.size else 0.0
         if first <= max(0.1, float(self.bound[0]) if self.lag.size else 0.0):
             return ""
@@ -146,14 +146,15 @@ class Autocorrelation:
 def autocorrelation(
     residuals: ArrayLike, groups: ArrayLike | Sequence[object], max_lag: int = 30
 ) -> Autocorrelation:
-    """Autocorrelation of residuals within groups, rows in the order of the data.
+    """Compute the autocorrelation of residuals within groups, rows in the order of the data.
 
     At each lag, the sum of the products of all pairs of one group is divided by the root of the two sums of squares of
     the earlier and of the later members of those same pairs (residuals less their overall mean). By the inequality of
     Cauchy and Schwarz the value lies between -1 and 1. The empirical autocorrelation of mixed models (Pinheiro & Bates
     2000, Mixed-Effects Models in S and S-PLUS, section 5.3) divides the mean product of the pairs at a lag by the variance
-    of all residuals instead. That variance includes rows without a partner at this lag, so where only a few long groups
-    are left the ratio may exceed 1 in absolute value, which no correlation can. For stationary residuals both estimate
+    of all residuals instead. That variance includes rows without a partner at this lag, so the ratio may exceed 1
+    in absolute value, as no correlation can, if only a few long
+    groups have pairs at the lag. For stationary residuals both estimate
     the same quantity.
 
     Parameters
@@ -206,7 +207,7 @@ def autocorrelation(
 
 
 def _pooled_correlation(earlier: FloatArray, later: FloatArray) -> float:
-    """Correlation about 0 of pairs, between -1 and 1; 0 where a side is 0 throughout."""
+    """Correlation about 0 of pairs, between -1 and 1; returns 0 if all earlier or all later values are 0."""
     sizes = float(np.linalg.norm(earlier)), float(np.linalg.norm(later))
     if min(sizes) == 0.0:
         return 0.0

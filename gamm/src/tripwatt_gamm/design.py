@@ -1,7 +1,7 @@
-"""The model matrix as small tables and an index per row: terms meet a frame here.
+"""Build the model matrix X from the terms of a formula and a frame.
 
-A term is a table over the distinct (or discretised) values of its covariates; a row of X is a row of each
-table.
+Each term is stored as a table over the distinct (or discretised) values of its covariates, with an index per row;
+a row of X joins one row of each table.
 """
 
 from __future__ import annotations
@@ -38,15 +38,18 @@ from tripwatt_gamm.tables import IndexedColumns, TableRows
 from tripwatt_gamm.terms import Formula, Parametric, RandomEffect, Smooth, Tensor
 
 LARGEST_RATIO = 1e4
-"""Of the sizes of two correlated effects' columns: beyond it their penalties are parallel to working precision."""
+"""Largest ratio of the root mean squares of two correlated effects' columns.
+
+Beyond this ratio their penalties are parallel to working precision.
+"""
 
 MOST_TABLE_CELLS = 4_000_000
-"""Largest table that holds the smooths of all levels of a factor; beyond it each level has a table of its own."""
+"""Cells up to which one table holds the smooths of all levels of a factor; beyond, each level has its own table."""
 
 
 @dataclass
 class Design:
-    """Terms that have met their data.
+    """Terms of a formula, built for the rows of a frame.
 
     Attributes
     ----------
@@ -55,15 +58,15 @@ class Design:
     rows : TableRows
     training : Training
     notes : list of str
-        Reductions that the data forced.
+        Changes to the model that the data forced, such as columns removed.
     empty : list of int
         Coefficients without data, kept at zero.
     joint : dict
         Distinct points of each set of covariates, with the index of each row.
     codes : dict
-        Names of the levels, and that of each row, for each factor.
+        For each factor the names of its levels, and the level of each row.
     members : dict
-        Rows on which each by-smooth has an effect.
+        Mask of the rows on which each by-smooth has an effect.
     """
 
     formula: Formula
@@ -86,7 +89,7 @@ class Design:
         return self.rows.p
 
     def active(self, gram_diagonal: FloatArray) -> Index:
-        """Coefficients that data or penalties determine."""
+        """Indices of the coefficients that data or penalties determine."""
         alive = gram_diagonal > 0
         alive[self.empty] = False
         for fitted in self.terms:
@@ -95,7 +98,7 @@ class Design:
         return np.flatnonzero(alive).astype(np.intp)
 
     def penalty_stack(self, active: Index) -> tuple[PenaltyStack, list[int]]:
-        """Penalties of the active coefficients, and which of the model's smoothing parameters they are."""
+        """Return the penalties of the active coefficients, and the positions of their smoothing parameters in the model."""
         terms: Blocks = []
         scales: dict[int, FloatArray] = {}
         which: list[int] = []
@@ -112,7 +115,7 @@ class Design:
 
     @property
     def penalty_names(self) -> list[str]:
-        """Names of the smoothing parameters: the label, numbered where a term has several."""
+        """Names of the smoothing parameters: the label of the term, numbered if the term has several."""
         return [
             fitted.label + (str(j + 1) if len(fitted.penalties) > 1 else "")
             for fitted in self.terms
@@ -121,7 +124,11 @@ class Design:
 
 
 def check_columns(formula: Formula, frame: pd.DataFrame) -> None:
-    """Raise with every column that is unknown, not numeric, not finite or has missing levels."""
+    """Check the columns of a formula in a frame; raise one error with all faults.
+
+    Faults are columns that are unknown, not numeric, not finite or have missing levels, terms given twice, and a frame
+    without rows.
+    """
     wanted = [name for term in formula.terms for name in term.columns]
     faults = missing_columns(frame, dict.fromkeys(wanted))
     seen: set[str] = set()
@@ -148,7 +155,7 @@ def check_columns(formula: Formula, frame: pd.DataFrame) -> None:
 
 @dataclass(frozen=True, eq=False)
 class _Piece:
-    """Columns of terms, or `part` of them, as a table with an index and a multiplier of each row."""
+    """Columns of terms, or the `part` of these columns, as a table with an index and a multiplier for each row."""
 
     terms: list[FittedTerm]
     table: FloatArray
@@ -166,7 +173,7 @@ class _Piece:
 
     @property
     def is_plain(self) -> bool:
-        """Whether these are indicators of levels, or the intercept."""
+        """Whether the columns are indicators of levels, or the intercept."""
         kinds = (b.kind == "random" or b.contrast is not None or b.term is None for b in self.terms)
         return self.scale is None and all(kinds)
 
@@ -191,7 +198,7 @@ class _Builder:
         return np.stack([self.frame[name].to_numpy(dtype=np.float64) for name in names], axis=1)
 
     def _grids(self) -> dict[str, int]:
-        """Values that each covariate keeps: the same in curves and surfaces, so that nested terms stay nested."""
+        """Largest number of values for each covariate: the same in curves and surfaces, so that nested terms stay nested."""
         out: dict[str, int] = {}
         if self.limit is None:
             return out
@@ -265,7 +272,7 @@ class _Builder:
             self.pieces.append(_Piece([fitted], np.eye(size), codes, scale, part))
 
     def _correlate(self, fitted: FittedTerm, effects: list[FloatArray | None], levels: int) -> None:
-        """Penalties without correlation, and the sizes of the columns that loadings are measured in."""
+        """Set the penalties, at zero correlation, and the root mean squares of the columns, the units of the loadings."""
         sizes = np.array([1.0 if effect is None else np.sqrt(np.mean(effect**2)) for effect in effects])
         if sizes.max() > LARGEST_RATIO * sizes.min():
             got = ", ".join(f"{name} {size:.3g}" for name, size in zip(fitted.effects, sizes, strict=True))
@@ -346,7 +353,7 @@ class _Builder:
         )
 
     def _nest(self, parts: list[IndexedColumns]) -> list[IndexedColumns]:
-        """Curves written into the table of a surface that has their covariate: one index instead of two."""
+        """Merge the table of a curve into that of a surface with the same covariate: one index instead of two."""
         index_of = {id(points.index): names for names, points in self.joint.items()}
         wide = [part for part in parts if len(index_of.get(id(part.index), ())) > 1 and part.scale is None]
         out = list(parts)
@@ -371,7 +378,7 @@ class _Builder:
         return out
 
     def _parts(self) -> list[IndexedColumns]:
-        """Parts, with all factors and the intercept merged over their joint levels where those are few."""
+        """All parts of X; factors and the intercept are merged into one part if their joint levels are few."""
         plain = [piece for piece in self.pieces if piece.is_plain]
         parts = self._nest([piece.indexed() for piece in self.pieces if not piece.is_plain])
         if not plain:
@@ -388,7 +395,7 @@ class _Builder:
 
 
 def value_limit(discretise: bool | int, n: int) -> int | None:
-    """Distinct values that a covariate keeps: all (None), or so many."""
+    """Largest number of distinct values of a covariate for `n` rows; returns None if all are kept."""
     if discretise is True:
         return MAX_VALUES if n > EXACT_ROWS else None
     if discretise is False:
@@ -406,7 +413,7 @@ def build_design(
     discretise: bool | int = True,
     extrapolation: Extrapolation = "clamp",
 ) -> Design:
-    """Terms of a formula as columns over the rows of a frame.
+    """Build the terms of a formula as columns over the rows of a frame.
 
     Parameters
     ----------
@@ -414,7 +421,7 @@ def build_design(
     frame : DataFrame
         All columns that the terms read.
     discretise : bool or int
-        Whether covariates are rounded to an even grid, and of how many values.
+        Whether covariates are rounded to an even grid, or the number of values of that grid.
     extrapolation : {"clamp", "linear"}
         Rule for smooths of one covariate outside its training range.
 

@@ -1,4 +1,4 @@
-"""Residuals of a fitted model against their distribution."""
+"""Compare the residuals of a fitted model with the fitted error distribution."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def _scatter(ax: Axes, x: FloatArray, y: FloatArray) -> None:
     from tripwatt_gamm import figures
 
     keep = figures.thin_index(x.size)
-    # the extremes are what such a figure is looked at for
+    # keep the extremes, which matter most in such a figure
     keep = np.union1d(keep, np.concatenate([np.argsort(y)[:10], np.argsort(y)[-10:]]))
     ax.scatter(x[keep], y[keep], s=7, color=figures.BLUE, alpha=0.35, linewidths=0, rasterized=True)
 
@@ -69,7 +69,7 @@ def _distribution(model: Estimator) -> ErrorDistribution:
 
 @dataclass(frozen=True, slots=True)
 class QuantileQuantile:
-    """Ordered residuals against the quantiles of the fitted distribution; on the line if it is right.
+    """Ordered residuals and the quantiles of the fitted distribution; equal if the distribution is right.
 
     Attributes
     ----------
@@ -87,22 +87,22 @@ class QuantileQuantile:
 
     @classmethod
     def from_residuals(cls, residual: FloatArray, distribution: ErrorDistribution) -> QuantileQuantile:
-        """Sort residuals (n,) and find their quantiles."""
+        """Sort residuals (n,) and compute the quantiles of the distribution at their ranks."""
         n = residual.size
         return cls(np.sort(residual), distribution.quantile((np.arange(n) + 0.5) / n), distribution)
 
     def band(self, at: NDArray[np.intp] | None = None) -> tuple[FloatArray, FloatArray]:
-        """Where 95 % of each ordered residual would lie, were the rows independent.
+        """Compute the 95 % band of each ordered residual if the rows were independent.
 
         Parameters
         ----------
         at : ndarray of int, optional
-            Which of them; default all.
+            Positions of the ordered residuals; default all.
 
         Returns
         -------
         tuple of ndarray
-            Lower and upper end.
+            Lower and upper ends.
         """
         from scipy import stats
 
@@ -144,11 +144,11 @@ class ResidualHistogram:
     Attributes
     ----------
     edges : ndarray (bins + 1,)
-        Edges of the bins, from the 0.2 % to the 99.8 % quantile: a heavy tail would leave one bar.
+        Edges of the bins, from the 0.2 % to the 99.8 % quantile; with a heavy tail the full range would be one bar.
     count : ndarray (bins,)
         Residuals per bin.
     expected : ndarray (bins,)
-        What the fitted distribution has there, in residuals.
+        Number of residuals per bin that the fitted distribution predicts.
     below, above : int
         Residuals beyond the first and the last edge.
     distribution : str
@@ -164,7 +164,7 @@ class ResidualHistogram:
 
     @classmethod
     def from_residuals(cls, residual: FloatArray, distribution: ErrorDistribution) -> ResidualHistogram:
-        """Bin residuals (n,) after Freedman & Diaconis, at most 60 bins."""
+        """Bin residuals (n,) by the rule of Freedman & Diaconis, with 5 to 60 bins."""
         low, q1, q3, high = np.quantile(residual, [0.002, 0.25, 0.75, 0.998])
         width = 2 * (q3 - q1) / residual.size ** (1 / 3)
         bins = int(np.clip(np.ceil((high - low) / width) if width > 0 else 1, 5, 60))
@@ -199,12 +199,12 @@ class ResidualHistogram:
 
 @dataclass(frozen=True, slots=True)
 class Diagnosis:
-    """The residuals of a fitted model and four figures of them.
+    """The residuals of a fitted model, and four figures to check them.
 
     Attributes
     ----------
     fitted, residual : ndarray (n,)
-        Fitted values and what the response has beyond them, in the order of the data.
+        Fitted values, and response minus fitted values, in the order of the data.
     distribution : ErrorDistribution
         The fitted distribution of the errors.
 
@@ -243,7 +243,7 @@ class Diagnosis:
 
     @property
     def histogram(self) -> ResidualHistogram:
-        """Counts of residuals."""
+        """Histogram of the residuals with the fitted density."""
         return ResidualHistogram.from_residuals(self.residual, self.distribution)
 
     def frame(self) -> pd.DataFrame:
@@ -266,7 +266,7 @@ class Diagnosis:
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Axes whose place the 2 x 2 panels take; a new figure by default.
+            Axes that the 2 x 2 panels replace; a new figure by default.
 
         Returns
         -------

@@ -1,6 +1,6 @@
-"""What each term of a fitted model does: curves with bands, surfaces, random effects.
+"""Effects of the terms of a fitted model: curves with bands, surfaces, random effects, coefficients.
 
-Every object gives its numbers by `frame` and draws itself by `plot`.
+Every effect is tabulated by `frame` and drawn by `plot`.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ if TYPE_CHECKING:
     from tripwatt_gamm.estimator import Estimator
     from tripwatt_gamm.fitted_terms import FittedTerm
 
-_TOO_FAR: Final = 0.1  # of the range of the data: what lies farther from every point is not shown
-_CELLS: Final = 400  # per covariate, finer than a figure shows
+_TOO_FAR: Final = 0.1  # share of the range: a surface farther than this from every point is not shown
+_CELLS: Final = 400  # cells per covariate, finer than a figure shows
 
 
 def _banded(
     name: str, at: FloatArray | tuple[str, ...], effect: FloatArray, std_error: FloatArray, multiplier: float
 ) -> pd.DataFrame:
-    """Effects with the ends of their intervals."""
+    """Tabulate effects with the ends of their intervals."""
     import pandas as pd
 
     table = pd.DataFrame({name: at, "effect": effect, "std_error": std_error})
@@ -49,7 +49,7 @@ class CurveEffect:
     label, covariate : str
         Label of the term, and its covariate.
     x, effect, std_error : ndarray (m,)
-        Grid over the range of the data (of the rows of a by-smooth), centred effect and its standard error.
+        Grid over the range of the data (for a by-smooth, of its own rows), centred effect and its standard error.
     multiplier : float
         Half width of the band in standard errors.
     edf : float
@@ -121,14 +121,14 @@ class CurveEffect:
 
 @dataclass(frozen=True, slots=True)
 class SurfaceEffect:
-    """A smooth of two covariates; of more, a cut through it at the medians of the others.
+    """A smooth of two covariates, or a section through a smooth of more, at fixed values of the others.
 
     Attributes
     ----------
     label : str
         Label of the term.
     covariates : tuple of str
-        The two that span the surface.
+        The two covariates that span the surface.
     x, y : ndarray (m,)
         Grid.
     effect, std_error : ndarray (m, m)
@@ -136,9 +136,9 @@ class SurfaceEffect:
     edf : float
         Effective degrees of freedom.
     points : ndarray (n, 2)
-        Where the data are.
+        Covariates of the data.
     at : dict
-        Values at which other covariates are held.
+        Values at which further covariates are held.
 
     Examples
     --------
@@ -194,7 +194,7 @@ class SurfaceEffect:
         if shown.count() and float(np.ma.ptp(shown)) > 0:
             from matplotlib.ticker import MaxNLocator
 
-            # a spline's runaway corner must not take all the colours
+            # levels from inner quantiles: an extreme corner of a spline must not use up all colours
             low, high = np.quantile(shown.compressed(), [0.02, 0.98])
             levels = np.asarray(MaxNLocator(12).tick_values(low, high))
             filled = ax.contourf(self.x, self.y, shown, levels=levels, cmap="cividis", extend="both")
@@ -216,7 +216,7 @@ class SurfaceEffect:
 
 @dataclass(frozen=True, slots=True)
 class RandomEffects:
-    """Predicted random effects against Gaussian quantiles; on the line if they are normal.
+    """Predicted random effects and Gaussian quantiles; nearly equal if the effects are normal.
 
     Attributes
     ----------
@@ -309,7 +309,7 @@ class FactorEffect:
     multiplier : float
         Half width of the interval in standard errors.
     reference : str
-        Level that the others are compared with; empty for a number.
+        Reference level of a factor; empty for a numeric column.
 
     Examples
     --------
@@ -377,14 +377,14 @@ Effect: TypeAlias = CurveEffect | SurfaceEffect | RandomEffects | FactorEffect
 def term_effects(
     model: Estimator, frame: pd.DataFrame | None = None, level: float = 0.95, points: int | None = None
 ) -> dict[str, Effect]:
-    """All terms of a fitted model as effects.
+    """Compute the effects of all terms of a fitted model.
 
     Parameters
     ----------
     model : GAMM
         A fitted model.
     frame : pandas.DataFrame, optional
-        The data, for rugs and points and to leave out the parts of a surface that are far from all data.
+        The data. Needed for rugs and points, and to leave out the parts of a surface that are far from all data.
     level : float
         Coverage of the bands, between 0 and 1.
     points : int, optional
@@ -398,7 +398,7 @@ def term_effects(
     Raises
     ------
     InvalidInput
-        If `level` or `points` makes no sense, or `frame` lacks a column of the model.
+        If `level` is not between 0 and 1, `points` is below 2, or `frame` lacks a column of the model.
 
     Examples
     --------
@@ -440,7 +440,7 @@ def term_effects(
 def _evaluate(
     model: Estimator, fitted: FittedTerm, columns: Mapping[str, FloatArray]
 ) -> tuple[FloatArray, FloatArray]:
-    """Effect of a fitted term and its standard error where its covariates have these values."""
+    """Return the effect of a fitted term and its standard error at these values of its covariates."""
     import pandas as pd
 
     grid = pd.DataFrame(dict(columns))
@@ -461,7 +461,7 @@ def _rows(fitted: FittedTerm, frame: pd.DataFrame, names: tuple[str, ...]) -> Fl
 
 
 def _cells(points: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
-    """Points (n, 2) thinned to one for each cell of a fine grid."""
+    """Thin points (n, 2) to one for each cell of a fine grid."""
     step = np.where(high > low, high - low, 1.0) / _CELLS
     cell = np.rint((points - low) / step).astype(np.int64)
     _, first = np.unique(cell[:, 0] * (2 * _CELLS) + cell[:, 1], return_index=True)
@@ -480,7 +480,7 @@ def _curve(
     name = fitted.term.names[0]
     x = _grid(model, name, points)
     if fitted.by is not None:
-        # what the model itself follows: beyond the rows of the smooth it is held
+        # range of the smooth's own rows: beyond it the model holds the curve constant
         own = model.training_.within.get((fitted.term.names, fitted.by, fitted.level))
         if own is not None:
             x = np.linspace(float(own.low[0]), float(own.high[0]), points)
@@ -517,7 +517,7 @@ def _surface(model: Estimator, fitted: FittedTerm, frame: pd.DataFrame | None, p
 
 
 def _random(model: Estimator, fitted: FittedTerm) -> dict[str, Effect]:
-    """One plot for each effect that the levels have; those of a correlated term bear their names."""
+    """Return one `RandomEffects` for each effect of a term, by label; correlated effects have their name in the label."""
     from scipy import stats
 
     sds = np.sqrt(np.diag(random_covariance(model, fitted)))
@@ -550,9 +550,9 @@ def plot_effects(found: Mapping[str, Effect], ax: Axes | None = None, columns: i
     Parameters
     ----------
     found : mapping
-        Effects by label, those of `GAMM.effects` or some of them.
+        Effects by label: all or some of those from `GAMM.effects`.
     ax : matplotlib Axes, optional
-        Axes whose place the panels take; a new figure by default.
+        Axes that the panels replace; a new figure by default.
     columns : int
         Panels per row.
 

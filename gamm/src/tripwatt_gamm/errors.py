@@ -1,4 +1,4 @@
-"""What an input has wrong: all faults of it in one error, each with what, where, what came and what is allowed."""
+"""One error for all faults of an input: each names the problem, its place, the value found and what is allowed."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ class Fault(NamedTuple):
     Attributes
     ----------
     what, where : str
-        The problem in a few words; the term, column or argument.
+        The problem in a few words; the term, column or argument that has the problem.
     got, allowed : str
-        What is there instead, and what would have been right.
+        The value found, and the values that are allowed.
     fix : str
         What the user can do, empty when `allowed` is enough.
 
@@ -59,26 +59,26 @@ class InvalidInput(ValueError):
 
     @classmethod
     def of(cls, what: str, where: str, got: str = "", allowed: str = "", fix: str = "") -> InvalidInput:
-        """The error of a single fault.
+        """Build the error of a single fault.
 
         Parameters
         ----------
         what, where, got, allowed, fix : str
-            Of the `Fault`.
+            Fields of the `Fault`.
 
         Returns
         -------
         InvalidInput
-            To be raised.
+            The error, for the caller to raise.
         """
         return cls([Fault(what, where, got, allowed, fix)])
 
     def __reduce__(self) -> tuple[type[InvalidInput], tuple[tuple[Fault, ...]]]:
-        return type(self), (self.faults,)  # survives the way back from a worker process
+        return type(self), (self.faults,)  # so that a worker process can return the error
 
 
 def raise_faults(faults: Iterable[Fault]) -> None:
-    """Raise `InvalidInput` with all faults, each once, when there is one."""
+    """Raise `InvalidInput` with all distinct faults; do nothing if there are none."""
     listed = tuple(dict.fromkeys(faults))
     if listed:
         raise InvalidInput(listed)

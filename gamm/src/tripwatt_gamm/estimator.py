@@ -1,4 +1,4 @@
-"""Fit, predict, leave groups out: the parts of a model that compute."""
+"""The computing part of a model: fit, predict, leave groups out."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ No: TypeAlias = Literal[False]
 
 @dataclass(eq=False)
 class Estimator:
-    """Fit, predict, leave groups out: what `tripwatt_gamm.GAMM`, which explains the parameters, builds on."""
+    """Base class of `tripwatt_gamm.GAMM`: fit, predict, leave groups out; parameters are documented there."""
 
     formula: str | Formula
     family: str | Family = "gaussian"
@@ -51,7 +51,7 @@ class Estimator:
     if TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            """What `fit` sets by name, from the values of `results`."""
+            """Type of the attributes that `fit` sets from the names in `results`."""
 
     def fit(self, frame: pd.DataFrame, y: object = None, groups: object = None) -> Self:
         """Choose smoothing parameters and estimate everything.
@@ -83,7 +83,7 @@ class Estimator:
         sums = self._moments(design, values, codes)
         raw = sums.gram[0]
         design, reduced = identify(design, raw)
-        if design.p != sums.gram.shape[1]:  # columns were taken from a term
+        if design.p != sums.gram.shape[1]:  # columns were removed from a term
             sums = self._moments(design, values, codes)
             reduced = sums.gram[0]
         active = design.active(np.diag(reduced))
@@ -140,20 +140,22 @@ class Estimator:
         exclude : collection of str
             Labels of terms to leave out.
         se : bool
-            Whether standard errors are wanted too.
+            Whether to return standard errors too.
         terms : bool
-            A frame with one column per term instead of their sum.
+            Whether to return a frame with one column per term instead of their sum.
 
         Returns
         -------
         ndarray, shape (n,), or DataFrame
-            The response, or with `terms` the contribution of each term. With `se` a pair: this and its standard errors of
-            the same kind.
+            The response, or with `terms` the contribution of each term. With `se` a pair: the prediction and its
+            standard
+            errors, in the same form.
 
         Notes
         -----
-        A level of a factor that no training row had counts as the mean of the training rows' levels; an unknown
-        level of a random effect as 0. Covariates outside their range follow `extrapolation`.
+        A factor level without training rows has the mean effect of the training rows. An unknown level of a random
+        effect
+        has the effect 0. Covariates outside their range follow `extrapolation`.
         """
         full = self._checked(frame, exclude)
         if self.extrapolation == "clamp":
@@ -232,9 +234,10 @@ class Estimator:
         folds : array-like (n,) or str, optional
             Larger units to leave out at once, e.g. days; default: the groups.
         at : DataFrame (m, ...), optional
-            Rows to predict in place of those of `frame`, for a fit to thinned rows.
+            Rows to predict instead of those of `frame`, for a fit to thinned rows.
         at_folds : array-like (m,) or str, optional
-            Unit of each row of `at`, with the labels of `folds` (of `groups` by default), or its column.
+            Unit of each row of `at`, or its column; labels are those of `folds` (or of `groups` if `folds` is not
+            given).
 
         Returns
         -------
@@ -301,7 +304,7 @@ class Estimator:
         return FitSettings(family, self.method, rho, self.ar1_rho, self.tolerance, self.max_iter)
 
     def _groups(self, frame: pd.DataFrame, groups: object) -> Index:
-        """Codes (n,) of groups given as labels or as a column; without them all rows are one."""
+        """Codes (n,) of groups given as labels or as a column; if `groups` is None, all rows form one group."""
         if groups is None:
             return np.zeros(len(frame), dtype=np.intp)
         codes = pd.factorize(_labels(frame, groups))[0].astype(np.intp)
@@ -316,7 +319,7 @@ class Estimator:
         return grouped_moments(design, y, groups, np.arange(len(y), dtype=np.intp), self.ar1_rho is not None)
 
     def _keep_penalties(self, design: Design, solution: Solution, which: list[int]) -> None:
-        """Set the smoothing parameters; NaN for a term without data."""
+        """Set the smoothing parameters and the covariance of their logs; NaN for a term without data."""
         names = design.penalty_names
         logs = np.full(len(names), math.nan)
         logs[which] = solution.rho
@@ -346,7 +349,7 @@ class Estimator:
         self.notes_ = list(design.notes)
 
     def _checked(self, frame: pd.DataFrame, exclude: Collection[str]) -> pd.DataFrame:
-        """The frame, with the columns that prediction reads."""
+        """Return the frame if prediction can read it; raise if the model is not fitted, or a term or a column is faulty."""
         if not hasattr(self, "coef_"):
             raise InvalidInput.of("not fitted", "GAMM", "", "a model after fit()")
         known = [fitted.label for fitted in self.terms_]
@@ -362,7 +365,7 @@ class Estimator:
 
 
 def _given_logs(given: Sequence[float] | None, design: Design) -> FloatArray | None:
-    """Given smoothing parameters as logs, in the order of the design."""
+    """Return the logs of given smoothing parameters, in the order of the design, or None if none are given."""
     if given is None:
         return None
     names = design.penalty_names
@@ -395,7 +398,7 @@ def _units_at(at: pd.DataFrame, at_folds: object, known: npt.NDArray[Any]) -> In
 
 
 def _column_faults(frame: pd.DataFrame, terms: list[FittedTerm], levels: Container[str]) -> list[Fault]:
-    """Columns that a prediction of these terms reads and that are missing, or are no numbers where it needs them."""
+    """Return the faults of the columns that a prediction of these terms reads: missing, not numeric or not finite."""
     faults = missing_columns(frame, dict.fromkeys(name for fitted in terms for name in fitted.needed))
     for fitted in terms:
         term = fitted.term
@@ -408,6 +411,6 @@ def _column_faults(frame: pd.DataFrame, terms: list[FittedTerm], levels: Contain
 
 
 def _complete_at(at: pd.DataFrame, design: Design) -> pd.DataFrame:
-    """The rows of `at`; levels of random effects need no column."""
+    """Return `at` if its columns can be read, otherwise raise; levels of random effects need no column."""
     raise_faults(_column_faults(at, design.terms, design.training.levels))
     return at

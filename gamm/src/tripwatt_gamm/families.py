@@ -17,7 +17,7 @@ from scipy.special import digamma, gammaln, polygamma
 from tripwatt_gamm.arrays import BoolArray, FloatArray
 
 LOG_EXCESS_DF = (math.log(1e-9), math.log(1e7))
-"""Bounds of log(nu - min_df): beyond the lower one nu is reported as at its bound, the upper one is gaussian."""
+"""Bounds of log(nu - min_df): near the lower one nu counts as at its bound, at the upper one errors are gaussian."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +27,7 @@ class Gaussian:
     Attributes
     ----------
     scale : float, optional
-        Variance; estimated when None.
+        Variance; estimated if None.
 
     Examples
     --------
@@ -48,7 +48,7 @@ class ScaledT:
     min_df : float
         Lower bound of nu; 3 keeps the variance finite with room to spare.
     nu, sigma : float, optional
-        Fixed values; estimated when None.
+        Fixed values; estimated if None.
 
     Examples
     --------
@@ -122,7 +122,7 @@ class ScaledT:
         Returns
         -------
         ndarray, shape (n,)
-            Of each row; bounded, so that an outlier has little weight.
+            Derivative of each row; it is bounded, so that an outlier has little weight.
         """
         return np.asarray((nu + 1) * residual / (nu * sigma**2 + residual**2))
 
@@ -153,7 +153,7 @@ def _log_constant(nu: float, sigma: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Theta:
-    """Shape and scale of a scaled t on the scale of the optimiser: (log(nu - min_df), log sigma)."""
+    """Shape and scale of a scaled t as parameters of the optimiser: (log(nu - min_df), log sigma)."""
 
     excess: float
     log_sigma: float
@@ -161,13 +161,13 @@ class Theta:
 
     @classmethod
     def from_estimates(cls, nu: float, sigma: float, min_df: float) -> Theta:
-        """From nu and sigma."""
+        """Build from nu and sigma; log(nu - min_df) is kept within its bounds."""
         low, high = LOG_EXCESS_DF
         excess = math.log(max(nu - min_df, math.exp(low)))
         return cls(min(excess, high), math.log(sigma), min_df)
 
     def step(self, excess: float, log_sigma: float) -> Theta:
-        """A step away, kept within the bounds."""
+        """Return the parameters after a step; log(nu - min_df) is kept within its bounds."""
         low, high = LOG_EXCESS_DF
         return Theta(float(np.clip(self.excess + excess, low, high)), self.log_sigma + log_sigma, self.min_df)
 
@@ -183,7 +183,7 @@ class Theta:
 
     @property
     def at_bound(self) -> bool:
-        """Whether nu sits on its lower bound."""
+        """Whether nu is at its lower bound."""
         return self.nu - self.min_df < 1e-3
 
     def jacobian(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -217,7 +217,7 @@ class TDerivatives:
 
 
 def t_derivatives(residual: FloatArray, theta: Theta) -> TDerivatives:
-    """All derivatives that Laplace REML with an exact Hessian needs.
+    """Compute all derivatives that Laplace REML with an exact Hessian needs.
 
     Parameters
     ----------
@@ -299,7 +299,7 @@ def theta_objective(residual: FloatArray, theta: Theta) -> tuple[float, FloatArr
 
 
 def fit_theta(residual: FloatArray, theta: Theta, free: tuple[bool, bool], steps: int = 50) -> Theta:
-    """Maximum likelihood of shape and scale given residuals (n,), by Newton with step halving.
+    """Estimate shape and scale from residuals (n,) by maximum likelihood: Newton's method with step halving.
 
     Parameters
     ----------
@@ -308,9 +308,9 @@ def fit_theta(residual: FloatArray, theta: Theta, free: tuple[bool, bool], steps
     theta : Theta
         Start.
     free : tuple of bool
-        Whether nu, and whether sigma is estimated.
+        Whether nu is estimated, and whether sigma is.
     steps : int
-        Most Newton steps.
+        Largest number of Newton steps.
 
     Returns
     -------
@@ -341,12 +341,12 @@ def fit_theta(residual: FloatArray, theta: Theta, free: tuple[bool, bool], steps
 
 
 def _ascent(gradient: FloatArray, hessian: FloatArray, active: BoolArray) -> FloatArray:
-    """Newton step on the active parameters, made to ascend, at most 3 long in each."""
+    """Newton step on the active parameters, turned uphill, with components of at most 3."""
     step = np.zeros(2)
     values, vectors = np.linalg.eigh(-hessian[np.ix_(active, active)])
     steepest = float(np.abs(gradient).max())
     floor = max(
         1e-8 * float(np.abs(values).max()), 1e-12 * steepest, 1e-300
-    )  # a flat direction divides by it
+    )  # bounds the divisor in a flat direction
     step[active] = vectors @ ((vectors.T @ gradient[active]) / np.maximum(np.abs(values), floor))
     return np.asarray(step * min(1.0, 3.0 / max(float(np.abs(step).max()), 1e-300)))

@@ -1,4 +1,4 @@
-"""Colours, axes and thinning that all figures of a model share; the one module that needs matplotlib."""
+"""Colours, axes and thinning that all figures of a model share."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ except ImportError as error:
 BLUE: Final = "#0072B2"  # Okabe & Ito's palette, told apart by every eye
 RED: Final = "#D55E00"
 GREY: Final = "#999999"
-MOST_POINTS: Final = 4000  # more are not seen in a figure, only waited for
+MOST_POINTS: Final = 4000  # more points only take time to draw
 
 
 class NotebookFigure(Figure):
-    """A figure outside of pyplot's list that a notebook shows as a picture."""
+    """A figure that a notebook shows as a picture, although pyplot does not manage it."""
 
     def _repr_png_(self) -> bytes:
         buffer = BytesIO()
@@ -37,12 +37,12 @@ def axes_or_new(ax: Axes | None) -> Axes:
 
 
 def place_for_panels(ax: Axes | None, width_in: float, height_in: float) -> Figure | SubFigure:
-    """A new figure of this size, or the place of given axes in their grid, from which they are removed.
+    """Return a new figure of this size or, if axes are given, a subfigure that replaces them in their grid.
 
     Raises
     ------
     InvalidInput
-        When the axes are not part of a grid.
+        If the axes are not part of a grid.
     """
     if ax is None:
         return NotebookFigure(figsize=(width_in, height_in), layout="constrained")
@@ -55,11 +55,11 @@ def place_for_panels(ax: Axes | None, width_in: float, height_in: float) -> Figu
 
 
 def figure_of(drawn: Axes | SubFigure | Figure) -> Figure:
-    """The whole figure of what was drawn."""
+    """Return the whole figure that axes, a subfigure or a figure belong to."""
     figure = drawn.figure
     return figure if isinstance(figure, Figure) else figure.figure
 
 
 def thin_index(n: int) -> NDArray[np.intp]:
-    """Evenly spaced row numbers, all of them where they are few."""
+    """Return at most `MOST_POINTS` evenly spaced numbers of `n` rows; all of them if they are fewer."""
     return np.unique(np.linspace(0, n - 1, min(n, MOST_POINTS)).round().astype(np.intp))

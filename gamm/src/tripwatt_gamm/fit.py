@@ -31,13 +31,13 @@ class NormalEquations:
     gram : ndarray (p, p)
         X'X in the rotated coordinates of the penalties.
     cross : ndarray (p,)
-        X'y there.
+        X'y in the same coordinates.
     square : float
         y'y.
     n : float
         Number of rows.
     log_jacobian : float
-        Log determinant of a whitening of the rows, zero without one.
+        Log determinant of the whitening of the rows; 0 if they are not whitened.
     """
 
     gram: FloatArray
@@ -61,7 +61,7 @@ class Solution:
     nu, sigma : float
         Shape and scale of a scaled t, NaN otherwise.
     score : float
-        Restricted maximum likelihood score (negative log).
+        Negative log restricted likelihood.
     covariance : ndarray (p, p)
         Bayesian posterior covariance.
     information : ndarray (p, p)
@@ -69,15 +69,15 @@ class Solution:
     converged : bool
     n_iter : int
     message : str
-        What ended the iteration.
+        Why the iteration ended.
     gradient : ndarray (M,)
-        Of the score in `rho` at the end.
+        Gradient of the score in `rho` at the end.
     hessian : ndarray (m, m)
-        Of the score at the end, `rho` first; (0, 0) where the smoothing parameters were given.
+        Hessian of the score at the end, `rho` first; (0, 0) if the smoothing parameters were given.
     white : Whitening or None
-        Of autocorrelated errors.
+        Whitening of autocorrelated errors.
     loadings : ndarray
-        Of correlated effects, as `PenaltyStack.loaded` takes them.
+        Loadings of correlated effects, as `PenaltyStack.loaded` takes them.
     """
 
     beta: FloatArray
@@ -99,14 +99,14 @@ class Solution:
 
 @dataclass(frozen=True)
 class Factor:
-    """Inverse and log determinant of a positive definite matrix, scaled to a unit diagonal first."""
+    """Inverse and log determinant of a positive definite matrix, which is first scaled to a unit diagonal."""
 
     inverse: FloatArray
     log_determinant: float
 
     @classmethod
     def from_matrix(cls, A: FloatArray) -> Factor | None:
-        """Factor `A` (p, p), or None where it is not positive definite to working precision."""
+        """Factor `A` (p, p); return None if it is not positive definite to working precision."""
         diagonal = np.diag(A)
         if not np.all(np.isfinite(diagonal)) or diagonal.min(initial=np.inf) <= 0:
             return None
@@ -123,7 +123,7 @@ class Factor:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """REML score of a gaussian working model with what it is made of, rotated coordinates."""
+    """REML score of a gaussian working model, its derivatives and its ingredients, in rotated coordinates."""
 
     value: float
     gradient: FloatArray
@@ -136,7 +136,7 @@ class Evaluation:
 def gaussian_score(
     data: NormalEquations, stack: PenaltyStack, rho: FloatArray, scale: float | None, derivatives: bool = True
 ) -> Evaluation | None:
-    """REML score (Wood 2011, eq. 4) of a gaussian model with its derivatives in `rho`.
+    """Compute the REML score (Wood 2011, eq. 4) of a gaussian model and its derivatives in `rho`.
 
     Parameters
     ----------
@@ -147,12 +147,12 @@ def gaussian_score(
     scale : float or None
         Variance; None profiles it out.
     derivatives : bool
-        Whether gradient and Hessian are wanted.
+        Whether to compute gradient and Hessian.
 
     Returns
     -------
     Evaluation or None
-        None where the penalised crossproduct is not positive definite.
+        None if the penalised crossproduct is not positive definite.
     """
     factor = Factor.from_matrix(stack.add_to(data.gram, rho))
     if factor is None:
@@ -192,7 +192,7 @@ def newton_step(
     upper: FloatArray,
     longest: float = 5.0,
 ) -> FloatArray:
-    """Descent step: Newton where the Hessian is positive, its absolute value elsewhere, within bounds."""
+    """Newton descent step within bounds; negative eigenvalues of the Hessian are replaced by their absolute values."""
     free = ~(((x <= lower) & (gradient > 0)) | ((x >= upper) & (gradient < 0)))
     step = np.zeros_like(x)
     if not free.any():
@@ -214,15 +214,15 @@ def minimise(
     tolerance: float,
     max_iter: int,
 ) -> tuple[FloatArray, Value, int, bool, str]:
-    """Newton's method with step halving and bounds.
+    """Minimise a score by Newton's method with step halving and bounds.
 
     Parameters
     ----------
     score : callable
-        Value, gradient and Hessian at a point, or None where there is none.
+        Returns value, gradient and Hessian at a point, or None if the score cannot be evaluated there.
     start, lower, upper : ndarray (M,)
     tolerance : float
-        Largest gradient, and smallest predicted gain, relative to 1 + |value| / 1000.
+        The iteration ends once the predicted gain is at most ``tolerance**1.5 * (1 + |value| / 1000)``.
     max_iter : int
 
     Returns
@@ -255,7 +255,7 @@ def minimise(
 
 
 def bounds(gram_diagonal: FloatArray, stack: PenaltyStack) -> tuple[FloatArray, FloatArray]:
-    """Lowest and highest log smoothing parameters that still mean something next to the data."""
+    """Return the lowest and highest log smoothing parameters that still make a difference beside the data."""
     middle = np.array(
         [math.log(max(float(gram_diagonal[pen.where].sum()), 1e-300) / pen.trace) for pen in stack.penalties]
     )
@@ -272,7 +272,7 @@ def fit_gaussian(
     max_iter: int = 200,
     shift: float = 0.0,
 ) -> Solution | None:
-    """REML fit of a gaussian model from its normal equations.
+    """Fit a gaussian model by REML from its normal equations.
 
     Parameters
     ----------
@@ -280,19 +280,19 @@ def fit_gaussian(
         In the rotated coordinates of `stack`.
     stack : PenaltyStack
     rho : ndarray (M,), optional
-        Start, or with `fixed` the log smoothing parameters to use.
+        Start of the log smoothing parameters; with `fixed` their values.
     fixed : bool
     scale : float, optional
         Known variance.
     tolerance, max_iter
-        Of Newton's method.
+        Settings of Newton's method.
     shift : float
-        Moves the default start towards rougher (negative) or smoother functions.
+        Shift of the default start: towards rougher functions if negative, towards smoother ones if positive.
 
     Returns
     -------
     Solution or None
-        None where the model is not identifiable.
+        None if the model is not identifiable.
     """
     lower, upper = bounds(np.diag(data.gram), stack)
     start = rho if rho is not None else lower - LOG_RATIO[0] - 3 + shift

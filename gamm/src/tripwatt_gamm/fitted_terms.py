@@ -23,7 +23,7 @@ class FittedTerm:
     Attributes
     ----------
     label : str
-        As in tables, e.g. ``s(time):seasonwinter``.
+        Label as in tables, e.g. ``s(time):seasonwinter``.
     term : Term
     kind : {"parametric", "smooth", "tensor", "random"}
     names : list of str
@@ -42,7 +42,7 @@ class FittedTerm:
     scales : ndarray (q,) or None
         Root mean squares of the columns of correlated effects.
     training : Training
-        Ranges and levels of the training rows, for rows outside of them.
+        Ranges and levels of the training rows, which decide how rows outside of them are treated.
     extrapolation : {"clamp", "linear"}
     """
 
@@ -68,7 +68,7 @@ class FittedTerm:
 
     @property
     def slice(self) -> slice:
-        """Its coefficients."""
+        """Positions of the term's coefficients among those of the model."""
         return slice(self.start, self.start + self.size)
 
     @property
@@ -86,14 +86,14 @@ class FittedTerm:
         return self.size - self.rank
 
     def matrix(self, frame: pd.DataFrame, training: Training | None = None) -> FloatArray:
-        """Columns of the term at the rows of a frame.
+        """Compute the columns of the term at the rows of a frame.
 
         Parameters
         ----------
         frame : DataFrame
             Columns of the term, finite.
         training : Training, optional
-            Rows that count as known, when they are not those of the fit.
+            Ranges and levels that count as known; default: those of the fit.
 
         Returns
         -------
@@ -115,7 +115,7 @@ class FittedTerm:
 
     @property
     def effects(self) -> tuple[str, ...]:
-        """Effects that each level of a random effect has."""
+        """Names of the effects that each level of a random effect has; empty for other terms."""
         if not isinstance(self.term, RandomEffect):
             return ()
         return (
@@ -125,7 +125,7 @@ class FittedTerm:
         )
 
     def multipliers(self, numbers: list[FloatArray]) -> list[FloatArray | None]:
-        """Multiplier (n,) of each of `effects` from the columns `needed`; None is one."""
+        """Return the multiplier (n,) of each of `effects`, from the columns `needed`; None stands for 1."""
         correlated = isinstance(self.term, RandomEffect) and self.term.correlated
         return [None, *numbers] if correlated else [np.prod(numbers, axis=0) if numbers else None]
 
@@ -166,7 +166,7 @@ class FittedTerm:
         return out
 
     def _slope(self, x: FloatArray, support: Support) -> FloatArray:
-        """What a straight continuation beyond the range adds to the clamped columns."""
+        """Return what a straight-line continuation beyond the range adds to the clamped columns."""
         assert self.smoother is not None
         low, high = support.low, support.high
         h = 1e-4 * (high - low)

@@ -2,8 +2,8 @@
 
     y ~ weather + s(time, by=season) + s(tamb, delev, k=30) + ti(a, b, bs="ps", k=c(6, 6)) + s(trip, bs="re")
 
-The right-hand side happens to be a Python expression, so Python's own parser reads it: there is no grammar
-of our own, and every fault has the position of its character.
+The right-hand side is also a valid Python expression, so it is read with Python's own parser, and every fault has the
+position of its character.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ _FUNCTIONS: Final = ("s", "te", "ti")
 _ARGUMENTS: Final = ("bs", "k", "by")
 _TERMS_ALLOWED: Final = "a column, s(...), te(...), ti(...), (1 + x | group), 1, 0 or -1, joined by +"
 _QUOTED: Final = re.compile(r"`([^`]*)`")
-_MASK: Final = re.compile(r"ǂ(\d+)ǂ*")  # a letter to Python, and one that no column is likely to start with
+_MASK: Final = re.compile(r"ǂ(\d+)ǂ*")  # Python takes it as a letter; a column is unlikely to start with it
 _PLAIN_NAME: Final = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*")
 _RESERVED: Final = ("c", "s", "te", "ti", "True", "False", "None")
 
 
 class _Unreadable(Exception):
-    """Leaves a term whose faults have been noted."""
+    """Raised to stop reading a term whose fault has been noted."""
 
 
 @dataclass
@@ -47,7 +47,7 @@ class _Reader:
     # -- reporting -------------------------------------------------------------------------------
 
     def original(self, node: ast.AST) -> str:
-        """The user's own text of a node."""
+        """Text of a node as the user wrote it."""
         piece = ast.get_source_segment(self.source, node) or ""
         return _MASK.sub(lambda hit: f"`{self.quoted[int(hit[1])]}`", piece)
 
@@ -64,7 +64,7 @@ class _Reader:
     # -- names and values ------------------------------------------------------------------------
 
     def column(self, node: ast.expr) -> str | None:
-        """Column that a node names: a name, a dotted name or a quoted one; None for anything else."""
+        """Column that a node names, by a plain, dotted or quoted name; returns None for any other node."""
         if isinstance(node, ast.Name):
             hit = _MASK.fullmatch(node.id)
             return self.quoted[int(hit[1])] if hit else node.id
@@ -80,7 +80,7 @@ class _Reader:
         return tuple(node.elts) if isinstance(node, ast.Tuple | ast.List) else (node,)
 
     def dimensions(self, call: ast.Call, node: ast.expr) -> tuple[int, ...]:
-        """Basis dimensions that k= gives."""
+        """Read the basis dimensions of the argument `k`."""
         values = []
         for element in self.vector(node):
             value = element.value if isinstance(element, ast.Constant) else None
@@ -129,7 +129,7 @@ class _Reader:
             self.complain(node, "only the intercept can be taken away", f"- {self.original(node)}", "-1")
 
     def call(self, node: ast.Call) -> Term:
-        """A smooth, tensor or random effect from its call."""
+        """Read a smooth, a tensor or a random effect from its call."""
         kind = self.column(node.func) or self.original(node.func)
         if kind not in _FUNCTIONS:
             fix = nearest(kind, _FUNCTIONS) or "compute transformed columns beforehand"
@@ -146,7 +146,7 @@ class _Reader:
         )
 
     def correlated(self, node: ast.BinOp) -> RandomEffect:
-        """Intercept and slopes of a group, (1 + x | g)."""
+        """Read the intercept and slopes of a group, (1 + x | g)."""
         group = self.column(node.right)
         parts = [part for part in _summands(node.left) if ast.unparse(part[1]) != "1" or part[0] < 0]
         names = [name for sign, part in parts if sign > 0 and (name := self.column(part)) is not None]
@@ -204,7 +204,7 @@ class _Reader:
 
 
 def nearest(name: str, allowed: Iterable[str]) -> str:
-    """What may have been meant, as a question; empty if nothing comes near.
+    """Ask whether one of the allowed names was meant; returns an empty text if none is similar.
 
     Examples
     --------
@@ -216,7 +216,7 @@ def nearest(name: str, allowed: Iterable[str]) -> str:
 
 
 def _summands(node: ast.expr, sign: int = 1) -> Iterator[tuple[int, ast.expr]]:
-    """Terms of a sum from left to right with their signs; a loop, so that long formulas do not overflow."""
+    """Yield the terms of a sum from left to right with their signs; a loop, so that long sums do not exhaust the stack."""
     stack = [(node, sign)]
     while stack:
         top, s = stack.pop()
@@ -230,7 +230,7 @@ def _summands(node: ast.expr, sign: int = 1) -> Iterator[tuple[int, ast.expr]]:
 
 
 def _mask_quotes(text: str) -> tuple[str, tuple[str, ...]]:
-    """The text with `quoted names` replaced by identifiers, as long as they where that fits."""
+    """Replace `quoted names` by identifiers, of the same length if possible; return the text and the names."""
     quoted: list[str] = []
 
     def replace(hit: re.Match[str]) -> str:
@@ -275,7 +275,7 @@ def parse_formula(text: str) -> Formula:
         raise InvalidInput.of("wrong number of ~", repr(text), f"{count} of them", "response ~ terms")
     if not right.strip():
         raise InvalidInput.of("no terms", f"right of ~ in {text!r}", "nothing", _TERMS_ALLOWED)
-    # R writes a line break inside a sum freely; Python wants brackets for that, which shift nothing but column 0
+    # R allows a line break inside a sum, Python only within brackets; the opening bracket is part of `offset`
     flat = right.replace("\n", " ").replace("\t", " ").replace("\r", " ")
     masked, quoted = _mask_quotes(flat)
     source = f"({masked})"
@@ -349,7 +349,7 @@ def _render_term(term: Term) -> str:
 
 
 def render_formula(formula: Formula) -> str:
-    """Text of a formula, such that `parse_formula` reads it back.
+    """Write a formula as text that `parse_formula` reads back.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Directions that neither data nor penalties determine: found, removed from the right term, reported."""
+"""Find the directions that neither data nor penalties determine, remove them from a term and note it."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from tripwatt_gamm.tables import IndexedColumns, TableRows
 from tripwatt_gamm.terms import Smooth, Tensor
 
 NULL_TOLERANCE = 1e-12
-"""Eigenvalue, relative to the largest, below which a direction of the scaled penalised crossproduct is nil."""
+"""Relative size of an eigenvalue of the scaled penalised crossproduct below which its direction is undetermined (nil)."""
 
 INVOLVED = 1e-4
-"""Share of a nil direction below which a term has no part in it."""
+"""Norm of a term's part of the nil directions up to which the term is not involved in them."""
 
 
 def _nil_directions(design: Design, gram: FloatArray, active: Index) -> tuple[FloatArray, FloatArray]:
-    """Orthonormal nil directions (p, r) of the scaled crossproduct, and the scale (p,)."""
+    """Return the orthonormal nil directions (p, r) of the scaled penalised crossproduct, and the scale (p,)."""
     total = gram.copy()
     for fitted in design.terms:
         where = fitted.slice
@@ -40,7 +40,10 @@ def _nil_directions(design: Design, gram: FloatArray, active: Index) -> tuple[Fl
 
 
 def _place(fitted: FittedTerm) -> int:
-    """Order in which terms lose a direction that several share: surfaces first, then curves, then factors."""
+    """Rank of a term when several share a nil direction; the highest rank loses it.
+
+    Surfaces have 2; curves and random effects 1; parametric terms 0.
+    """
     if fitted.kind == "parametric":
         return 0
     return (
@@ -51,10 +54,11 @@ def _place(fitted: FittedTerm) -> int:
 
 
 def identify(design: Design, gram: FloatArray) -> tuple[Design, FloatArray]:
-    """The design without the directions that nothing determines, and its crossproduct.
+    """Remove the directions that nothing determines from a design; return the design and its crossproduct.
 
-    A direction shared by several terms is taken from the one with most covariates, then from the later one; of
-    parametric columns the last one is held at zero. Every reduction is a note.
+    A direction that several terms share is removed from a surface rather than a curve, from a curve rather than a
+    parametric term, and then from the later term. If only parametric terms share it, their last column is held at zero.
+    Every reduction is noted.
 
     Parameters
     ----------
@@ -89,7 +93,7 @@ def identify(design: Design, gram: FloatArray) -> tuple[Design, FloatArray]:
 
 
 def _reduce(design: Design, gram: FloatArray, fitted: FittedTerm, Z: FloatArray) -> tuple[Design, FloatArray]:
-    """Map the columns of one term by Z (q, r) throughout the design."""
+    """Replace the columns of one term by their products with Z (q, r), in the design and its crossproduct."""
     where = fitted.slice
     before, after = np.arange(where.start), np.arange(where.stop, design.p)
     middle = gram[:, where] @ Z
@@ -135,11 +139,11 @@ def require_rows(rows: int, stack: PenaltyStack, where: str) -> None:
     Parameters
     ----------
     rows : int
-        Of the fit.
+        Number of rows of the fit.
     stack : PenaltyStack
-        Of the active coefficients.
+        Penalties of the active coefficients.
     where : str
-        What has these rows.
+        Name of the data, for the message.
 
     Raises
     ------

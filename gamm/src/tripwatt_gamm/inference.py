@@ -1,9 +1,10 @@
-"""Tests of the terms of a fitted model, as exact as the papers make them.
+"""Tests of the terms of a fitted model.
 
 Smooth terms after Wood (2013a, "On p-values for smooth components of an extended generalized additive model",
 Biometrika 100:221), random effects after Wood (2013b, "A simple test for random effects in regression models",
-Biometrika 100:1005), parametric coefficients by t or z. The functions on arrays do not depend on models; the
-two tables at the end put a model's parts into them.
+Biometrika 100:1005), parametric coefficients by t or z. The tests work on arrays and do not depend on models; the
+tables at the end apply
+them to the parts of a model.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 
 _WHOLE: Final = 1e-6  # a reference df this close to a whole number is one
 _RANK: Final = 1e-8  # relative size below which an eigenvalue is rounding
-_LEFT: Final = 1e-7  # share of a column, less than which the other terms' rounding can leave of it
+_LEFT: Final = 1e-7  # share of a column up to which what remains after projection on other terms is rounding
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,9 +39,9 @@ class TermTest:
     ref_df : float
         Reference degrees of freedom: the rank that the statistic uses.
     statistic : float
-        Chi-square when the scale is known; the same divided by `ref_df` (an F) when it is estimated.
+        Chi-square if the scale is known; divided by `ref_df` (an F) if it is estimated.
     p_value : float
-        Probability of a larger statistic when the term is zero.
+        Probability of a larger statistic if the term is zero.
     """
 
     ref_df: float
@@ -49,7 +50,7 @@ class TermTest:
 
 
 def _tail(total: float, weights: FloatArray, residual_df: float | None) -> float:
-    """Pr(sum w chi2_1 > total), or of the ratio to chi2/df where the scale is estimated on `residual_df`."""
+    """Pr(sum w chi2_1 > total); if the scale is estimated on `residual_df`, the sum is divided by chi2/df first."""
     if residual_df is None:
         return weighted_chi2_sf(total, weights)
     df = np.append(np.ones_like(weights), residual_df)
@@ -63,7 +64,7 @@ def smooth_test(
     ref_df: float,
     residual_df: float | None = None,
 ) -> TermTest:
-    """Test of a smooth term: T_r = f' V^{r-} f (Wood 2013a, section 3).
+    """Test whether a smooth term is zero: T_r = f' V^{r-} f (Wood 2013a, section 3).
 
     Parameters
     ----------
@@ -72,11 +73,11 @@ def smooth_test(
     vp : ndarray, shape (k, k)
         Their Bayesian covariance.
     factor : ndarray, shape (m, k)
-        Any matrix A with A'A = X_j'WX_j, X_j the columns of the term.
+        Any matrix A with A'A = X_j'WX_j, where X_j are the columns of the term.
     ref_df : float
         Rank r of the test, tr(2F - FF) over the term.
     residual_df : float, optional
-        Degrees of freedom of an estimated scale; None when the scale is known.
+        Degrees of freedom of an estimated scale; None if the scale is known.
 
     Returns
     -------
@@ -86,9 +87,9 @@ def smooth_test(
     -----
     The pseudo-inverse of rank r between k and k + 1 mixes the k-th and (k+1)-th eigen-direction by a 2 x 2
     block with off-diagonal rho = sqrt(nu (1 - nu) / 2), nu = r - k. The paper leaves open the sign of rho, which
-    goes with the arbitrary signs of the eigenvectors. The statistic reported takes every eigenfunction
-    positively correlated with the first basis function; the p-value, which must not hang on such a choice, is
-    the mean over both signs.
+    depends on the arbitrary signs of the eigenvectors. For the reported statistic every eigenvector is given the
+    sign that
+    makes its first component positive. The p-value must not depend on such a choice; it is the mean over both signs.
 
     Examples
     --------
@@ -153,16 +154,17 @@ def random_effect_test(
     Returns
     -------
     TermTest
-        `ref_df` is the rank of the effect, what the other terms leave of it.
+        `ref_df` is the rank of the effect after projection on the other terms.
 
     Notes
     -----
     With the smooths profiled out, the log likelihood ratio of the predicted effects b against b = 0 is
-    T = b'(M + S_b) b / scale, M the part of Z'WZ that the other terms do not explain. If the variance is zero, b
-    has the frequentist covariance P X'WX P plus what the other random effects (variance Psi) pass on to it, so
-    T is a weighted sum of chi-square variables whose weights are eigenvalues; no refit is needed. Other random
-    effects enter M through the marginal covariance I + Z_o Psi Z_o' of the working data. The random effects of
-    the null model are those of the fit.
+    T = b'(M + S_b) b / scale. Here Z are the columns of the effect, S_b its penalty, and M the part of Z'WZ that
+    the other
+    terms do not explain. If the variance is zero, the covariance of b is the frequentist one, P X'WX P with P = (X'WX +
+    S)^-1, plus a part from the other random effects (columns Z_o, variance Psi). T is then a weighted sum of chi-square
+    variables whose weights are eigenvalues; no refit is needed. Other random effects enter M through the marginal
+    covariance I + Z_o Psi Z_o' of the working data. Their variances under the null model are those of the fit.
 
     Examples
     --------
@@ -196,7 +198,7 @@ def random_effect_test(
 
 
 def _rank(a: FloatArray, size: FloatArray) -> int:
-    """Rank of what profiling left of a crossproduct whose diagonal was `size`."""
+    """Rank of the crossproduct `a` after projection on other terms; `size` is its diagonal before."""
     d = np.where(size > 0, size, 1.0) ** 0.5
     return int((np.linalg.eigvalsh(a / np.outer(d, d)) > _LEFT).sum())
 
@@ -208,7 +210,7 @@ def _null_model(
     index: NDArray[np.intp],
     random: NDArray[np.intp],
 ) -> tuple[FloatArray, FloatArray]:
-    """Covariance of b without its own variance (per unit scale), and X'W(I + Z_o Psi Z_o')WX."""
+    """Return the covariance of b if its variance is zero (per unit scale), and X'W(I + Z_o Psi Z_o')WX."""
     g = gram[np.ix_(alive, alive)]
     at = np.searchsorted(alive, index)
     rows = _solve(g + penalty[np.ix_(alive, alive)], np.eye(alive.size)[:, at]).T
@@ -222,7 +224,7 @@ def _null_model(
 
 
 def _solve(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Solve a symmetric non-negative system; scaled to unit diagonal, through eigenvalues if it is singular."""
+    """Solve a symmetric non-negative definite system, scaled to unit diagonal; by eigenvalues if it is singular."""
     diagonal = np.diag(a)
     d = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
     scaled = a / np.outer(d, d)
@@ -240,7 +242,7 @@ def _solve(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def total_penalty(model: Estimator) -> FloatArray:
-    """Penalty of a fitted model, smoothing parameters included.
+    """Compute the penalty matrix of a fitted model, smoothing parameters included.
 
     Parameters
     ----------
@@ -268,18 +270,18 @@ def total_penalty(model: Estimator) -> FloatArray:
         for matrix in fitted.penalties:
             penalty[fitted.slice, fitted.slice] += (
                 np.nan_to_num(next(parameters)) * matrix
-            )  # NaN: no data, no part
+            )  # NaN: a term without data has no penalty
     return penalty
 
 
 def _estimated_scale_df(model: Estimator) -> float | None:
-    """Residual degrees of freedom where the scale is estimated, None where it is known."""
+    """Residual degrees of freedom if the scale is estimated; returns None if it is known."""
     family = model.family_
     return float(model.residual_df_) if isinstance(family, Gaussian) and family.scale is None else None
 
 
 def coefficient_table(model: Estimator) -> pd.DataFrame:
-    """Tests of the parametric coefficients.
+    """Tabulate the tests of the parametric coefficients.
 
     Parameters
     ----------
@@ -290,8 +292,8 @@ def coefficient_table(model: Estimator) -> pd.DataFrame:
     -------
     pandas.DataFrame
         One row per coefficient, named in the index: ``estimate``, ``std_error`` (Bayesian, as is usual),
-        ``statistic`` (t where the scale is estimated, z where it is known) and ``p_value``. A level without
-        data has 0, 0 and no test.
+        ``statistic`` (t if the scale is estimated, z if it is known) and ``p_value``. A level without
+        data has estimate 0, standard error 0 and no test (NaN).
 
     Examples
     --------
@@ -319,7 +321,7 @@ def coefficient_table(model: Estimator) -> pd.DataFrame:
 
 
 def term_table(model: Estimator) -> pd.DataFrame:
-    """Tests of the smooth terms and random effects.
+    """Tabulate the tests of the smooth terms and random effects.
 
     Parameters
     ----------
@@ -329,9 +331,10 @@ def term_table(model: Estimator) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        One row per term, named in the index: ``edf``, ``ref_df``, ``statistic`` (F where the scale is estimated,
-        chi-square where it is known), ``p_value``. A term whose penalty leaves nothing free, a random effect
-        among them, is tested as a variance (Wood 2013b), every other one as a function (Wood 2013a).
+        One row per term, named in the index: ``edf``, ``ref_df``, ``statistic`` (F if the scale is estimated,
+        chi-square if it is known), ``p_value``. A term whose coefficients are all penalised, such as a random
+        effect, is
+        tested as a variance (Wood 2013b); every other term is tested as a function (Wood 2013a).
 
     Examples
     --------

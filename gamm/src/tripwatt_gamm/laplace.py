@@ -1,7 +1,7 @@
-"""Scaled t models by exact Laplace REML over smoothing parameters, shape and scale together.
+"""Fit scaled t models by exact Laplace REML over smoothing parameters, shape and scale together.
 
 The score is that of Wood, Pya & Säfken (2016, eq. 5), the one score that is well defined for a scaled t: the
-coefficients maximise the penalised likelihood, the determinant is of the observed information. Gradient and
+coefficients maximise the penalised likelihood, and the determinant is that of the observed information. Gradient and
 Hessian are exact, by implicit differentiation of the coefficients.
 """
 
@@ -49,13 +49,16 @@ class LaplaceModel:
         self.rows, self.y, self.stack, self.family, self.beta = rows, y, stack, family, beta
 
     def _objective(self, beta: FloatArray, rho: FloatArray, theta: Theta) -> tuple[float, FloatArray]:
-        """Penalised negative log-likelihood, and the residual (n,)."""
+        """Return the penalised negative log-likelihood and the residuals (n,)."""
         r = self.y - self.rows.predictor(self.stack.restore(beta))
         penalty = float((self.stack.products(rho, beta).T @ beta).sum()) / 2
         return penalty - self.family.loglik(r, theta.nu, theta.sigma), r
 
     def mode(self, rho: FloatArray, theta: Theta, max_iter: int = 200) -> Mode | None:
-        """Newton for the coefficients; expected weights where the observed information is indefinite."""
+        """Find the coefficients by Newton's method; return None if it fails.
+
+        If the observed information is indefinite, its weights are raised to at least 5 % of the expected weight.
+        """
         beta = self.beta
         value, r = self._objective(beta, rho, theta)
         for _ in range(max_iter):
@@ -85,7 +88,7 @@ class LaplaceModel:
         return self.stack.add_to(self.stack.rotate_both(self.rows.gram(weights)), rho)
 
     def score(self, rho: FloatArray, theta: Theta) -> tuple[float, Mode] | None:
-        """Score at given parameters, with the mode that belongs to it."""
+        """Return the score at given parameters and the mode there, or None if there is no mode."""
         mode = self.mode(rho, theta)
         if mode is None:
             return None
@@ -94,7 +97,7 @@ class LaplaceModel:
         return mode.value + (mode.factor.log_determinant - log_s) / 2 - constant, mode
 
     def value(self, rho: FloatArray, theta: Theta) -> Value | None:
-        """Score with exact gradient and Hessian in (rho, log(nu - min_df), log sigma)."""
+        """Return the score, its gradient and Hessian in (rho, log(nu - min_df), log sigma), or None if there is no mode."""
         scored = self.score(rho, theta)
         if scored is None:
             return None
@@ -131,7 +134,7 @@ class LaplaceModel:
         mode: Mode,
         parts: tuple[FloatArray, FloatArray, FloatArray, list[FloatArray], list[FloatArray], FloatArray],
     ) -> FloatArray:
-        """Everything of the Hessian that does not come from log|S|+ or the diagonal of the penalty term."""
+        """Hessian of the score without the parts from log|S|+ and from the diagonal of the penalty term."""
         beta1, eta1, V, A1, products, leverage = parts
         stack, d, M = self.stack, mode.derivatives, self.stack.size
         size = M + 2
@@ -140,13 +143,13 @@ class LaplaceModel:
         hessian = np.zeros((size, size))
         for i in range(size):
             for j in range(i + 1):
-                # total derivative of the partial of the penalised likelihood
+                # total derivative of the partial derivative of the penalised likelihood
                 if i < M:
                     outer = float(V[:, i] @ beta1[:, j])
                 else:
                     outer = -float(d.eta_theta[1, i - M] @ eta1[:, j])
                     outer -= float(d.eta_theta2[0, i - M, j - M].sum()) if j >= M else 0.0
-                right = -(A1[i] @ beta1[:, j])  # what A beta_ij equals
+                right = -(A1[i] @ beta1[:, j])  # equals A beta_ij
                 w = -(d.eta[4] * eta1[:, i] * eta1[:, j])
                 if j < M:
                     S = stack.penalties[j]
@@ -181,19 +184,19 @@ def fit_laplace(
     ----------
     model : LaplaceModel
     rho : ndarray (M,)
-        Start, or with `fixed` the log smoothing parameters to use.
+        Start of the log smoothing parameters; with `fixed` their values.
     theta : Theta
-        Start; parameters that the family fixes stay.
+        Start of shape and scale; parameters that the family fixes stay constant.
     gram : ndarray (p, p)
         X'X in rotated coordinates.
     fixed : bool
     tolerance, max_iter
-        Of Newton's method.
+        Settings of Newton's method.
 
     Returns
     -------
     Solution or None
-        None where the score cannot be evaluated.
+        None if the score cannot be evaluated.
     """
     stack, family, M = model.stack, model.family, model.stack.size
     c = family.expected_weight(theta.nu, theta.sigma)

@@ -1,4 +1,7 @@
-"""Leave groups out: every fold's crossproduct is that of its rows, or of many rows the total minus those held out."""
+"""Leave groups out.
+
+The crossproduct of a fold is summed over its rows; if rows are many, it is the total minus that of the rows held out.
+"""
 
 from __future__ import annotations
 
@@ -17,11 +20,11 @@ from tripwatt_gamm.solve import FitSettings, Problem, solve
 from tripwatt_gamm.tables import previous_rows
 
 DEAD = 1e-10
-"""Share of a column's sum of squares below which a downdate has left nothing but rounding."""
+"""Share of a column's sum of squares up to which the rest after subtraction is only rounding."""
 
 
 def grouped_moments(design: Design, y: FloatArray, groups: Index, rows: Index, lagged: bool) -> Moments:
-    """Sums over `rows`, group by group where lagged products are wanted."""
+    """Compute the moments of `rows`; if `lagged`, group by group."""
     if not lagged:
         return moments(design.rows, y, rows, False)
     order = rows[np.argsort(groups[rows], kind="stable")]
@@ -42,10 +45,10 @@ def _fold(
     settings: FitSettings,
     wanted: pd.DataFrame | None = None,
 ) -> tuple[FloatArray, dict[str, int | bool]]:
-    """Predictions of the rows held out, or of those `wanted`, and how the fit without the former went."""
+    """Fit without the rows held out; return predictions of these rows (or of `wanted`) and a report of the fit."""
     lagged = len(total.gram) > 1
     out, kept = np.flatnonzero(held).astype(np.intp), np.flatnonzero(~held).astype(np.intp)
-    if len(y) <= EXACT_ROWS:  # a difference would keep the held-out response in its last digits
+    if len(y) <= EXACT_ROWS:  # in a difference the last digits would still depend on the held-out response
         sums = grouped_moments(design, y, groups, kept, lagged)
     else:
         sums = total - grouped_moments(design, y, groups, out, lagged)
@@ -94,14 +97,14 @@ def leave_out(
     Parameters
     ----------
     design : Design
-        Of all rows; its bases depend on covariates only.
+        Design of all rows; its bases depend on covariates only.
     frame : DataFrame
     y : ndarray (n,)
     groups, folds : ndarray (n,)
         Codes of the groups, and of the units to leave out.
     settings : FitSettings
     at : (DataFrame, ndarray of int), optional
-        Rows to predict in place of those of the fit, and the unit whose fit predicts each of them.
+        Rows to predict instead of those of the fit, and the fold of each: the fit without this fold predicts the row.
 
     Returns
     -------
@@ -112,7 +115,7 @@ def leave_out(
     Raises
     ------
     InvalidInput
-        With fewer than two folds.
+        If there are fewer than two folds.
     """
     count = int(folds.max()) + 1
     if count < 2:

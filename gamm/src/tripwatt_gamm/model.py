@@ -1,4 +1,4 @@
-"""The model that users meet: fitted, it explains itself."""
+"""The public model class, with summary, effects, diagnosis and figures."""
 
 from __future__ import annotations
 
@@ -29,21 +29,27 @@ class GAMM(Estimator):
         How smoothing parameters are chosen. For gaussian errors both are restricted maximum likelihood. For the
         scaled t "fREML" is the performance iteration (fast), "REML" exact Laplace REML.
     discretise : bool or int
-        Round covariates to an even grid of 1,000 (or so many) values; True does so beyond 10,000 rows.
+        True rounds covariates to an even grid of 1,000 values if there are more than 10,000 rows. A number rounds
+        them to a
+        grid of that many values, False never rounds.
     extrapolation : {"clamp", "linear"}
-        Outside its training range (of the rows of its level, for a by-smooth) a curve or a numeric column is held
-        constant, or goes on as a straight line.
-        Surfaces are always held: at the range, and within a twentieth of it from the nearest training point.
-        With "clamp" the row is moved, not the term: all terms of a covariate see the same point.
+        Rule for a curve or a numeric column outside its training range (for a by-smooth, that of the rows of its
+        level): held
+        constant, or continued as a straight line. Surfaces are always held constant: at the edge of the range, and
+        farther
+        than a twentieth of it from the nearest training point. With "clamp" the row itself is moved, so that all
+        terms of a
+        covariate are evaluated at the same point.
     smoothing_parameters : sequence of float, optional
         Given values, in the order of `smoothing_parameters_`.
     ar1_rho : float or "estimate", optional
         Correlation of successive errors within groups. With a scaled t the innovations are sigma times Student's t;
-        to estimate it then, or correlated random effects, takes ``method="REML"``.
+        with a
+        scaled t, estimating this correlation or correlated random effects requires ``method="REML"``.
     tolerance : float
-        The scaled t's iteration stops when nothing moves by more than this many standard errors.
+        The iteration of the scaled t stops once nothing changes by more than this many standard errors.
     max_iter : int
-        Most iterations.
+        Largest number of iterations.
 
     Attributes
     ----------
@@ -54,21 +60,21 @@ class GAMM(Estimator):
     F_ : ndarray (p, p)
         (X'WX + S)^-1 X'WX; its diagonal is `edf_`; `edf1_` is 2 edf - diag(F F).
     R_ : ndarray (p, p)
-        Square root of X'WX / scale: R'R.
+        A matrix with R'R = X'WX / scale.
     terms_, term_slices_
         Fitted pieces, and the coefficients of each by label.
     smoothing_parameters_ : dict
-        By the label of the term, numbered where it has several.
+        Smoothing parameters by the label of the term, numbered if the term has several.
     scale_, nu_, sigma_, nu_at_bound_
         Variance (1 for the scaled t), shape and scale of the t.
     log_sp_covariance_ : ndarray (M, M)
-        Of the logs of `smoothing_parameters_`, from the Hessian of the score.
+        Covariance of the logs of `smoothing_parameters_`, from the Hessian of the score.
     reml_, loglik_, aic_, deviance_explained_, r2_, n_, residual_df_
         `reml_` is the negative log restricted likelihood; lme4's REML criterion is twice as large.
     fitted_values_, residuals_ : ndarray (n,)
-        Of the rows of the fit.
+        Fitted values and residuals of the rows of the fit.
     converged_, n_iter_, message_, notes_
-        How the fit went, and what the data forced.
+        Whether and how the fit ended, and notes on changes to the model that the data forced.
     empty_columns_ : list of str
         Coefficients without data: 0 with standard error 0.
     ranges_, levels_ : dict
@@ -108,7 +114,7 @@ class GAMM(Estimator):
         return Summary.from_model(self)
 
     def variance_components(self, level: float = 0.95) -> pd.DataFrame:
-        """Standard deviations of all random effects and of the errors.
+        """Tabulate the standard deviations of all random effects and of the errors.
 
         Parameters
         ----------
@@ -118,19 +124,19 @@ class GAMM(Estimator):
         Returns
         -------
         DataFrame
-            As of `tripwatt_gamm.components.variance_components`.
+            Table of `tripwatt_gamm.components.variance_components`.
         """
         return variance_components(self, level)
 
     def effects(
         self, frame: pd.DataFrame | None = None, level: float = 0.95, points: int | None = None
     ) -> dict[str, Effect]:
-        """Compute what each term does: curves with bands, surfaces, coefficients, random effects.
+        """Compute the effect of each term: curves with bands, surfaces, coefficients, random effects.
 
         Parameters
         ----------
         frame : DataFrame, optional
-            The data, for rugs and points and to leave out the parts of a surface that are far from all data.
+            The data. Needed for rugs and points, and to leave out the parts of a surface that are far from all data.
         level : float
             Coverage of the bands, between 0 and 1.
         points : int, optional
@@ -144,7 +150,7 @@ class GAMM(Estimator):
         return term_effects(self, frame, level, points)
 
     def diagnosis(self) -> Diagnosis:
-        """Compare the residuals with their distribution.
+        """Compare the residuals with the fitted error distribution.
 
         Returns
         -------
@@ -161,7 +167,7 @@ class GAMM(Estimator):
         frame : DataFrame, optional
             The data, for rugs and points.
         ax : matplotlib Axes, optional
-            Whose place the panels take.
+            Axes that the panels replace; a new figure by default.
         columns : int
             Panels per row.
 

@@ -1,8 +1,9 @@
 """Crossproducts of a design with itself and a response, per group of rows, with or without AR(1) whitening.
 
 Within a group whose errors follow e_t = rho e_(t-1) + noise, the rows (x_t - rho x_(t-1)) / sqrt(1 - rho^2) have
-independent errors. Their crossproduct is a polynomial in rho with three fixed matrices, so that rho can be
-estimated, and groups left out, without another pass over the rows.
+independent errors. Apart from the factor 1 / (1 - rho^2) their crossproduct is a polynomial in rho whose
+coefficients are fixed matrices,
+so that rho can be estimated, and groups left out, without another pass over the rows.
 """
 
 from __future__ import annotations
@@ -21,16 +22,20 @@ from tripwatt_gamm.tables import CHUNK, TableRows
 
 @dataclass(frozen=True)
 class Moments:
-    """Sums over rows: all of them, the first rows of groups, the last ones, and lagged products.
+    """Crossproducts summed over rows, of the columns X with themselves and with the response y.
 
     Attributes
     ----------
     gram : ndarray (s, p, p)
-        s = 1 without autocorrelation; else all rows, lagged (symmetrised), rows with a successor, first rows.
+        X'X. Without autocorrelation s = 1. Otherwise s = 4: over all rows, lagged products (symmetrised), over rows
+        with a
+        successor, over first rows of groups.
     cross : ndarray (s, p)
+        X'y, the same sums.
     square : ndarray (s,)
+        y'y, the same sums.
     n, firsts : float
-        Rows, and how many of them begin a group.
+        Number of rows, and number of groups (first rows).
     """
 
     gram: FloatArray
@@ -40,20 +45,20 @@ class Moments:
     firsts: float
 
     def __sub__(self, other: Moments) -> Moments:
-        """What is left when some rows are taken out."""
+        """Moments of the rows of `self` without those of `other`."""
         pairs = zip(vars(self).values(), vars(other).values(), strict=True)
         return Moments(*(mine - theirs for mine, theirs in pairs))
 
     def __add__(self, other: Moments) -> Moments:
-        """Rows of both."""
+        """Moments of the rows of both."""
         pairs = zip(vars(self).values(), vars(other).values(), strict=True)
         return Moments(*(mine + theirs for mine, theirs in pairs))
 
     def mixture(self, rho: float) -> FloatArray:
-        """Weights (s,) of the sums at autocorrelation `rho`."""
+        """Weights (s,) that combine the sums to those of whitened rows at autocorrelation `rho`."""
         if len(self.gram) == 1:
             return np.ones(1)
-        # (x_t - rho x_(t-1))^2 / (1 - rho^2) over rows with a predecessor, first rows as they are
+        # sum of (x_t - rho x_(t-1))^2 / (1 - rho^2) over rows with a predecessor, plus first rows unchanged
         return np.array([1.0, -rho, rho**2, -(rho**2)]) / (1 - rho**2)
 
     def normal(self, stack: PenaltyStack, active: Index, rho: float = 0.0) -> NormalEquations:
@@ -66,16 +71,16 @@ class Moments:
 
 
 def moments(rows: TableRows, y: FloatArray, order: Index, lagged: bool) -> Moments:
-    """Sums over the rows `order`, which are consecutive in time and of one group when `lagged`.
+    """Compute the moments of the rows `order`; if `lagged`, these are consecutive in time and of one group.
 
     Parameters
     ----------
     rows : TableRows
     y : ndarray (n,)
     order : ndarray (m,)
-        Rows.
+        Numbers of the rows.
     lagged : bool
-        Whether lagged products are wanted.
+        Whether to sum lagged products too.
 
     Returns
     -------

@@ -1,7 +1,7 @@
-"""Quadratic penalties of a model, turned so that what they do not see is exactly zero.
+"""Quadratic penalties of a model, rotated so that unpenalised directions have exactly zero entries.
 
-Each block of coefficients is rotated to the eigenvectors of its summed penalty: a single penalty becomes
-diagonal, several share one range space, in which log|S|+ is exact for smoothing parameters of any ratio
+Each block of coefficients is rotated to the eigenvectors of its summed penalty. A single penalty becomes diagonal.
+Several penalties share one range space, in which log|S|+ is exact for smoothing parameters of any ratio
 (Wood 2011, appendix B; for two penalties by simultaneous diagonalisation).
 """
 
@@ -21,10 +21,10 @@ from tripwatt_gamm.arrays import FloatArray
 RANK_TOLERANCE = 1e-9
 
 LOG_RATIO = (-25.0, 22.0)
-"""Bounds of log(smoothing parameter) about the value at which penalty and data weigh alike."""
+"""Bounds of log(smoothing parameter), relative to the value at which penalty and data have equal weight."""
 
 MOST_CORRELATED = 14.0
-"""The upper one of correlated effects, whose penalties overlap: a larger ratio drowns the smaller penalty in rounding."""
+"""Upper bound for correlated effects, whose penalties overlap: beyond it the smaller penalty is lost in rounding."""
 
 Blocks: TypeAlias = list[tuple[int, list[FloatArray]]]
 """First coefficient and penalties (m, m) of each penalised block."""
@@ -43,11 +43,11 @@ class PenaltyBlock:
     rotation : ndarray (stop - start, stop - start)
         Original = rotation @ rotated.
     matrices : list of ndarray (rank, rank)
-        Penalties, range space only.
+        Penalties in the range space.
     diagonal : ndarray (2, rank) or None
         Diagonals of two penalties in the basis that diagonalises both.
     log_volume : float
-        Log determinant of that change of basis, to be subtracted.
+        Log determinant of the change to this basis, which is subtracted from log|S|+.
     """
 
     start: int
@@ -88,7 +88,7 @@ class PenaltyBlock:
         return cls(start, start + len(total), rank, vectors, inner, both, volume)
 
     def log_determinant(self, rho: FloatArray) -> tuple[float, FloatArray, FloatArray]:
-        """log|S|+ with its gradient and Hessian in the log smoothing parameters `rho` of the block."""
+        """Return log|S|+, its gradient and its Hessian in the log smoothing parameters `rho` of the block."""
         if self.diagonal is not None:
             logs = np.where(
                 self.diagonal > 0, np.log(np.where(self.diagonal > 0, self.diagonal, 1.0)), -np.inf
@@ -104,7 +104,7 @@ class PenaltyBlock:
         return self._log_determinant_of_many(rho)
 
     def _log_determinant_of_many(self, rho: FloatArray) -> tuple[float, FloatArray, FloatArray]:
-        """By QR of the stacked, sorted square roots: row scaling does no harm there."""
+        """Compute log|S|+ by QR of the stacked, sorted square roots, which is stable under scaling of rows."""
         order = np.argsort(-rho)
         roots = []
         for j in order:
@@ -122,10 +122,11 @@ class PenaltyBlock:
 
 
 def correlated_penalties(levels: int, loadings: FloatArray) -> list[FloatArray]:
-    """Penalties of q correlated effects of each of some levels, all levels of an effect together.
+    """Build the q penalties of q correlated effects; coefficients are ordered by effect, then by level.
 
-    With b = L u, L unit lower triangular and independent u, the covariance of the effects of a level is L D L', and its
-    inverse the sum of v_j v_j' / D_j over the rows v_j of the inverse of L: one penalty for each j.
+    The effects of a level are b = L u, with L unit lower triangular and independent u of variances D. Their
+    covariance is
+    L D L', and its inverse is the sum of v_j v_j' / D_j over the rows v_j of the inverse of L: one penalty for each j.
 
     Parameters
     ----------
@@ -147,14 +148,15 @@ class Penalty:
     Attributes
     ----------
     where : slice
-        Its coefficients.
+        Coefficients that the penalty acts on.
     matrix : ndarray (r, r)
     diagonal : ndarray (r,) or None
-        Where it is diagonal.
+        Diagonal of `matrix` if it is a diagonal matrix.
     trace : float
-        Trace that, against that of the crossproduct of `where`, gives the scale of its smoothing parameter.
+        Trace of the penalty; the trace of the crossproduct of `where`, divided by it, is the scale of the smoothing
+        parameter.
     log_most : float
-        Most of the log smoothing parameter about that scale.
+        Upper bound of the log smoothing parameter, relative to the log of that scale.
     """
 
     where: slice
@@ -164,7 +166,7 @@ class Penalty:
     log_most: float = LOG_RATIO[1]
 
     def times(self, M: FloatArray) -> FloatArray:
-        """Penalty times the rows `where` of a vector or matrix M (r, ...)."""
+        """Multiply the penalty by M (r, ...), the rows `where` of a vector or a matrix."""
         if self.diagonal is not None:
             return np.asarray(self.diagonal * M if M.ndim == 1 else self.diagonal[:, None] * M)
         return np.asarray(self.matrix @ M)
@@ -180,7 +182,7 @@ class PenaltyStack:
     terms : list of (int, list of ndarray)
         As `Blocks`.
     scales : mapping of int to ndarray (q,), optional
-        For each block of correlated effects, by its first coefficient, the size of the columns of each effect.
+        Root mean square of the columns of each effect, for each block of correlated effects, by its first coefficient.
 
     Examples
     --------
@@ -211,16 +213,16 @@ class PenaltyStack:
 
     @property
     def n_loadings(self) -> int:
-        """Parameters of correlation, which no penalty is linear in."""
+        """Number of loadings: parameters of correlation, in which the penalties are not linear."""
         return sum(len(size) * (len(size) - 1) // 2 for size in self.scales.values())
 
     def loaded(self, x: FloatArray) -> PenaltyStack:
-        """The stack with other correlations of its correlated effects.
+        """Return the stack with new loadings of its correlated effects.
 
         Parameters
         ----------
         x : ndarray (n_loadings,)
-            Loadings of all blocks, in units of the ratio of the effects' columns.
+            Loadings of all blocks, in units of the ratio of the sizes of the effects' columns.
         """
         terms, rest = [], x
         for start, matrices in self.terms:
@@ -234,7 +236,7 @@ class PenaltyStack:
         return PenaltyStack(self.p, terms, self.scales)
 
     def rotate(self, M: FloatArray) -> FloatArray:
-        """A vector (p,) or the rows of a matrix (p, q) in rotated coordinates."""
+        """Rotate a vector (p,) or the rows of a matrix (p, q)."""
         out = M.copy()
         for block in self.blocks:
             where = slice(block.start, block.stop)
@@ -242,11 +244,11 @@ class PenaltyStack:
         return out
 
     def rotate_both(self, M: FloatArray) -> FloatArray:
-        """A crossproduct (p, p) in rotated coordinates."""
+        """Rotate the rows and columns of a crossproduct (p, p)."""
         return np.ascontiguousarray(self.rotate(self.rotate(M).T))
 
     def restore(self, M: FloatArray) -> FloatArray:
-        """Rotated vector or rows back in the coordinates of the model."""
+        """Return a rotated vector, or rotated rows of a matrix, to the coordinates of the model."""
         out = M.copy()
         for block in self.blocks:
             where = slice(block.start, block.stop)
@@ -254,11 +256,11 @@ class PenaltyStack:
         return out
 
     def restored_both(self, M: FloatArray) -> FloatArray:
-        """A covariance (p, p) back in the coordinates of the model."""
+        """Return the rows and columns of a covariance (p, p) to the coordinates of the model."""
         return self.restore(self.restore(M).T)
 
     def add_to(self, M: FloatArray, rho: FloatArray) -> FloatArray:
-        """M (p, p) plus the penalties with log smoothing parameters `rho`."""
+        """Add the penalties with log smoothing parameters `rho` to M (p, p); return the sum."""
         out = M.copy()
         for penalty, r in zip(self.penalties, rho, strict=True):
             if penalty.diagonal is not None:
@@ -269,7 +271,7 @@ class PenaltyStack:
         return out
 
     def log_determinant(self, rho: FloatArray) -> tuple[float, FloatArray, FloatArray]:
-        """log|S|+ with gradient (M,) and Hessian (M, M) in `rho`."""
+        """Return log|S|+, its gradient (M,) and its Hessian (M, M) in `rho`."""
         value, gradient, hessian = 0.0, np.zeros(self.size), np.zeros((self.size, self.size))
         for block, index in zip(self.blocks, self.members, strict=True):
             v, g, h = block.log_determinant(rho[index])
@@ -279,14 +281,14 @@ class PenaltyStack:
         return value, gradient, hessian
 
     def products(self, rho: FloatArray, beta: FloatArray) -> FloatArray:
-        """Columns lambda_j S_j beta, as (p, M)."""
+        """Return lambda_j S_j beta for every penalty j, as the columns of (p, M)."""
         out = np.zeros((self.p, self.size))
         for j, (penalty, r) in enumerate(zip(self.penalties, rho, strict=True)):
             out[penalty.where, j] = np.exp(r) * penalty.times(beta[penalty.where])
         return out
 
     def traces(self, rho: FloatArray, K: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """lambda_j tr(K S_j) as (M,) and lambda_i lambda_j tr(K S_i K S_j) as (M, M), K symmetric (p, p)."""
+        """Return lambda_j tr(K S_j) as (M,) and lambda_i lambda_j tr(K S_i K S_j) as (M, M); K is symmetric (p, p)."""
         products = [
             np.exp(r) * penalty.times(K[penalty.where]).T
             for penalty, r in zip(self.penalties, rho, strict=True)

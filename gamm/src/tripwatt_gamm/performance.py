@@ -1,4 +1,4 @@
-"""Scaled t models by performance iteration with expected weights: one crossproduct for the whole fit.
+"""Fit scaled t models by performance iteration with expected weights: one crossproduct for the whole fit.
 
 Each pass updates shape and scale given the residuals, forms the working response z = eta + g / c with the
 constant weight c, takes a Newton step of the working model's REML score, and solves for the coefficients
@@ -26,10 +26,10 @@ from tripwatt_gamm.penalties import PenaltyStack
 from tripwatt_gamm.tables import TableRows
 
 SHORT = 0.5
-"""Steps of log smoothing parameters below which, near the end, the working model is not evaluated a second time."""
+"""Largest step of the log smoothing parameters that, near the end, is taken without evaluating the score there."""
 
 CLOSE = 0.014
-"""Change of the predictor in one pass, over sigma, from which on passes are mixed."""
+"""Change of the predictor in one pass, in units of sigma, below which passes are mixed."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class TData:
     gram : ndarray (p, p)
         X'X in rotated coordinates.
     cross : ndarray (p,)
-        X'y there.
+        X'y in the same coordinates.
     """
 
     rows: TableRows
@@ -55,18 +55,18 @@ class TData:
 
 @dataclass(frozen=True)
 class State:
-    """Where the iteration stands: rotated coefficients, log smoothing parameters, shape and scale."""
+    """State of the iteration: rotated coefficients, log smoothing parameters, shape and scale."""
 
     beta: FloatArray
     rho: FloatArray
     theta: Theta
 
     def pack(self) -> FloatArray:
-        """As one vector."""
+        """Return the state as one vector."""
         return np.concatenate([self.beta, self.rho, [self.theta.excess, self.theta.log_sigma]])
 
     def unpack(self, x: FloatArray, lower: FloatArray, upper: FloatArray) -> State:
-        """From one vector, smoothing parameters and shape within their bounds."""
+        """Build a state from one vector; smoothing parameters and shape are clipped to their bounds."""
         p = len(self.beta)
         low, high = LOG_EXCESS_DF
         theta = Theta(float(np.clip(x[-2], low, high)), float(x[-1]), self.theta.min_df)
@@ -75,7 +75,7 @@ class State:
 
 @dataclass(frozen=True)
 class Pass:
-    """Result of one pass: next state, the working model there, and weights of the state's components."""
+    """Result of one pass: next state, working model, weights of the state's components, and normal equations."""
 
     state: State
     working: Evaluation
@@ -100,7 +100,7 @@ class PerformanceIteration:
         self.free = (family.nu is None, family.sigma is None)
 
     def start(self, rho: FloatArray | None) -> State | None:
-        """Gaussian fit, and the scaled t that its residuals look like."""
+        """Start from a gaussian fit and its scale; returns None if that fit fails."""
         d = self.data
         normal = NormalEquations(d.gram, d.cross, float(d.y @ d.y), d.rows.n)
         first = fit_gaussian(normal, self.stack, rho if self.fixed else None, self.fixed, tolerance=1e-4)
@@ -117,7 +117,10 @@ class PerformanceIteration:
         return np.asarray(self.data.y - self.data.rows.predictor(self.stack.restore(state.beta)))
 
     def advance(self, state: State, lower: FloatArray, upper: FloatArray, near: bool = False) -> Pass | None:
-        """One pass: shape and scale, working response, smoothing parameters, coefficients."""
+        """Run one pass: shape and scale, working response, smoothing parameters, coefficients.
+
+        Returns None if the working model is not identifiable.
+        """
         d = self.data
         r = self.residual(state)
         theta = fit_theta(r, state.theta, self.free, steps=3) if any(self.free) else state.theta
@@ -152,7 +155,7 @@ class PerformanceIteration:
         upper: FloatArray,
         near: bool,
     ) -> tuple[Evaluation, FloatArray]:
-        """One Newton step of the working model's score, halved until it descends; a short one near the end is trusted."""
+        """Take one Newton step of the working model's score, halved until the score falls; a short step if `near` is taken as is."""
         step = newton_step(here.gradient, here.hessian, rho, lower, upper)
         if near and float(np.abs(step).max()) < SHORT:
             return here, rho + step  # the coefficients follow in the next pass
@@ -172,12 +175,12 @@ class PerformanceIteration:
         tolerance : float
             Largest change in one pass, in posterior standard deviations.
         max_iter : int
-            Most passes.
+            Largest number of passes.
 
         Returns
         -------
         Solution or None
-            None where the model is not identifiable.
+            None if the model is not identifiable.
         """
         c = self.family.expected_weight(start.theta.nu, start.theta.sigma)
         lower, upper = bounds(c * np.diag(self.data.gram), self.stack)
@@ -223,14 +226,14 @@ class PerformanceIteration:
 
 
 class Mixing:
-    """Anderson acceleration of a fixed point iteration, only where it is already close.
+    """Anderson acceleration of a fixed point iteration, used only close to convergence.
 
-    A scaled t has several modes; the plain passes decide which one is met, mixing only shortens the way there.
+    A scaled t has several modes. Plain passes decide which mode is reached; mixing only speeds up the approach to it.
 
     Parameters
     ----------
     close : float
-        Largest change of a pass, in standard errors, from which on passes are mixed.
+        Change of a pass, in standard errors, below which passes are mixed.
     memory : int
         Number of earlier passes that are mixed in.
     """
@@ -245,20 +248,20 @@ class Mixing:
         self.best_image: FloatArray = np.empty(0)
 
     def next(self, x: FloatArray, fx: FloatArray, weights: FloatArray) -> FloatArray:
-        """Where to evaluate next, given the map's value `fx` at `x` and weights of the components."""
+        """Return the next point to evaluate, given the map's value `fx` at `x` and weights of the components."""
         change = weights * (fx - x)
         size, largest = float(np.linalg.norm(change)), float(np.abs(change).max(initial=0.0))
         before, self.change = self.change, change
         if self.points and (size > 2 * self.best or largest > self.close):
-            back = self.best_image  # mixing made it worse: on from the best point with plain passes
+            back = self.best_image  # mixing made the change larger: plain passes from the best point
             self._forget()
             self.plain = 2
             return back
         growing = before is not None and size > float(np.linalg.norm(before))
         if largest > self.close or self.plain > 0 or (not self.points and growing):
             self.plain -= 1
-            # where residuals are small the observed weight is (nu + 3) / nu times the expected one: at nu = 3 a
-            # pass overshoots by as much as it had to go, and only half of it gets anywhere
+            # for small residuals the observed weight is (nu + 3) / nu times the expected one: at nu = 3 a pass goes
+            # twice as far as it should, so half of it is taken
             swings = before is not None and float(before @ change) < -0.5 * size * float(
                 np.linalg.norm(before)
             )
@@ -269,7 +272,7 @@ class Mixing:
         self.images = [*self.images, fx][-self.memory - 1 :]
         self.mixed += 1
         if self.mixed % (2 * self.memory) == 1:
-            if self.best > 0.5 * self.landmark:  # as at a point that plain passes would leave again
+            if self.best > 0.5 * self.landmark:  # stalled, perhaps at a point that plain passes would leave
                 self._forget()
                 self.plain, self.patience = self.patience, 2 * self.patience
                 return fx

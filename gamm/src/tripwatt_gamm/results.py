@@ -16,7 +16,7 @@ from tripwatt_gamm.fit import Solution
 
 
 def _square_root(M: FloatArray) -> FloatArray:
-    """R with R'R = M, upper triangular where M is positive definite."""
+    """Return R with R'R = M; R is upper triangular if M is positive definite."""
     try:
         return np.asarray(np.linalg.cholesky(M).T)
     except np.linalg.LinAlgError:
@@ -27,7 +27,7 @@ def _square_root(M: FloatArray) -> FloatArray:
 def _likelihood(
     family: Family, residual: FloatArray, y: FloatArray, nu: float, sigma: float
 ) -> tuple[float, float, float]:
-    """Log-likelihood, deviance and deviance of the best constant."""
+    """Return the log-likelihood, the deviance and the deviance of the best constant."""
     n = len(y)
     if isinstance(family, Gaussian):
         deviance = float(residual @ residual)
@@ -38,7 +38,7 @@ def _likelihood(
     def at(constant: float) -> float:
         return float(family.deviance((y - constant) / sigma, nu).sum())
 
-    # the deviance of a constant has local minima in far tails only: look between the quartiles
+    # the deviance of a constant has local minima in the far tails only: search from the 10 % to the 90 % quantile
     low, high = np.quantile(y, [0.1, 0.9])
     best = minimize_scalar(at, bounds=(float(low), float(high)), method="bounded")
     return family.loglik(residual, nu, sigma), deviance, float(best.fun)
@@ -47,7 +47,7 @@ def _likelihood(
 def results(
     design: Design, y: FloatArray, family: Family, solution: Solution, active: Index
 ) -> dict[str, Any]:
-    """All results of a fit about its coefficients and the data.
+    """Compute all results of a fit that concern its coefficients and the data.
 
     Parameters
     ----------
@@ -55,9 +55,9 @@ def results(
     y : ndarray (n,)
     family : Family
     solution : Solution
-        Of the active coefficients.
+        Solution for the active coefficients.
     active : ndarray
-        Which coefficients those are; the others are 0 with variance 0.
+        Numbers of the active coefficients; the others are 0 with variance 0.
 
     Returns
     -------

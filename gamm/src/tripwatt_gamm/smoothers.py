@@ -1,4 +1,4 @@
-"""Identifiable, scaled smooths: a basis with its constraint folded in and its penalties on a common scale."""
+"""Identifiable, scaled smooths: a basis with its constraint built in and its penalties on a common scale."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tripwatt_gamm.terms import Smooth, Tensor
 
 @dataclass(frozen=True)
 class Margin:
-    """A basis and the linear map from its columns to ours.
+    """A basis and a linear map of its columns.
 
     Attributes
     ----------
@@ -28,17 +28,17 @@ class Margin:
     transform: FloatArray
 
     def matrix(self, x: FloatArray) -> FloatArray:
-        """Columns at `x` (n, d), as (n, q)."""
+        """Compute the columns at `x` (n, d), as (n, q)."""
         return np.asarray(self.basis.matrix(x) @ self.transform)
 
     def reduce(self, Z: FloatArray) -> Margin:
-        """The same smooth with its columns mapped by Z (q, r)."""
+        """Return the smooth with its columns multiplied by Z (q, r)."""
         return Margin(self.basis, self.transform @ Z)
 
 
 @dataclass(frozen=True)
 class TensorProduct:
-    """Row-wise products of margins, then a linear map.
+    """Row-wise products of the columns of margins, and a linear map of these products.
 
     Attributes
     ----------
@@ -50,14 +50,14 @@ class TensorProduct:
     transform: FloatArray
 
     def matrix(self, x: FloatArray) -> FloatArray:
-        """Columns at `x` (n, d), as (n, r)."""
+        """Compute the columns at `x` (n, d), as (n, r)."""
         out = self.margins[0].matrix(x[:, :1])
         for j, margin in enumerate(self.margins[1:], start=1):
             out = (out[:, :, None] * margin.matrix(x[:, j : j + 1])[:, None, :]).reshape(len(x), -1)
         return np.asarray(out @ self.transform)
 
     def reduce(self, Z: FloatArray) -> TensorProduct:
-        """The same smooth with its columns mapped by Z (r, s)."""
+        """Return the smooth with its columns multiplied by Z (r, s)."""
         return TensorProduct(self.margins, self.transform @ Z)
 
 
@@ -74,7 +74,7 @@ class Built:
     table : ndarray (m, q)
     penalties : list of ndarray (q, q)
     notes : list of str
-        Reductions that were made.
+        Reductions of `k`.
     """
 
     smoother: Smoother
@@ -84,19 +84,19 @@ class Built:
 
 
 def sum_to_zero(means: FloatArray) -> FloatArray:
-    """Orthonormal Z (k, k - 1) with means' Z = 0, by one Householder reflection."""
+    """Return an orthonormal Z (k, k - 1) with means' Z = 0, by one Householder reflection."""
     Q, _ = np.linalg.qr(means[:, None], mode="complete")
     return np.asarray(Q[:, 1:])
 
 
 def _scale(S: FloatArray, table: FloatArray) -> FloatArray:
-    """Penalty with the norm of the columns' crossproduct, so that smoothing parameters are comparable."""
+    """Scale a penalty to the squared norm of the columns, so that smoothing parameters are comparable."""
     size = float(np.abs(table).sum(axis=1).max()) ** 2
     return np.asarray(S * (size / float(np.abs(S).sum(axis=0).max())))
 
 
 def _usable(k: int, least: int, points: Points, label: str, what: str) -> tuple[int, list[str]]:
-    """Basis dimension that the data can carry, and the note where it had to be reduced."""
+    """Return a basis dimension that the data allow, and a note if `k` was reduced; raise if it is too small."""
     distinct = len(points.values)
     if distinct < 2:
         raise InvalidInput.of(
@@ -118,7 +118,7 @@ def _usable(k: int, least: int, points: Points, label: str, what: str) -> tuple[
 
 
 def _basis(kind: str, points: Points, k: int, label: str, what: str) -> tuple[Basis, list[str]]:
-    """One basis over distinct points (count, d)."""
+    """Build one basis over distinct points (count, d); return it with notes on a reduced `k`."""
     d = points.values.shape[1]
     order = 2 if d == 1 else (d + 1) // 2 + 1
     if kind == "ps":
@@ -129,7 +129,7 @@ def _basis(kind: str, points: Points, k: int, label: str, what: str) -> tuple[Ba
         return cubic_regression(points.values[:, 0], k), notes
     if kind != "tp":
         raise InvalidInput.of("unknown basis", label, repr(kind), "tp, ps or cr")
-    # polynomials in d variables of a total degree below the order are not penalised
+    # polynomials in d variables whose total degree is below the order are not penalised
     k, notes = _usable(k, math.comb(d + order - 1, d) + 1, points, label, what)
     centred = points.values - points.values.mean(axis=0)
     centred = centred / np.maximum(np.abs(centred).max(axis=0), 1e-300)
@@ -141,13 +141,13 @@ def _basis(kind: str, points: Points, k: int, label: str, what: str) -> tuple[Ba
 
 
 def build_smooth(term: Smooth, points: Points, centred: bool) -> Built:
-    """Columns of an isotropic smooth over its distinct points.
+    """Build the columns of an isotropic smooth over its distinct points.
 
     Parameters
     ----------
     term : Smooth
     points : Points
-        Of all rows.
+        Distinct points of all rows.
     centred : bool
         Whether the smooth sums to zero over the rows.
 
@@ -169,7 +169,10 @@ def build_smooth(term: Smooth, points: Points, centred: bool) -> Built:
 
 
 def _margin(term: Tensor, points: Points, column: int, k: int) -> tuple[Margin, FloatArray, list[str]]:
-    """A margin parametrised by its values at even points (Wood 2006), centred for a pure interaction, and its penalty."""
+    """Build a margin, parametrised by its values at even points (Wood 2006); return it with its penalty and notes.
+
+    The margin is centred for a pure interaction ("ti").
+    """
     values, index = np.unique(points.values[:, column], return_inverse=True)
     counts: FloatArray = np.bincount(index, weights=points.counts).astype(np.float64)
     own = Points(values[:, None], index.astype(np.intp), counts)
@@ -186,13 +189,13 @@ def _margin(term: Tensor, points: Points, column: int, k: int) -> tuple[Margin, 
 
 
 def build_tensor(term: Tensor, points: Points, centred: bool) -> Built:
-    """Columns of a tensor product smooth over its distinct points; one penalty per margin.
+    """Build the columns of a tensor product smooth over its distinct points, with one penalty per margin.
 
     Parameters
     ----------
     term : Tensor
     points : Points
-        Of all rows.
+        Distinct points of all rows.
     centred : bool
         Whether a full tensor product sums to zero over the rows.
 

@@ -1,4 +1,4 @@
-"""From sums over rows to a solution: which method runs, where it starts, what it falls back on."""
+"""Solve a model from its sums over rows: choice of method, starts and fallbacks."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ from tripwatt_gamm.tables import TableRows, Whitening
 
 Method = Literal["fREML", "REML"]
 THIN_ROWS = 10_000
-"""A scaled t with twice as many rows is started from a fit to so many of them."""
+"""A scaled t with at least twice this many rows is started from a fit to about this many of them."""
 
 AR1_BOUNDS = (-0.95, 0.9999)
 
 MOST_GRADIENT = 1e-2
-"""Of the score in the loadings of correlated effects, where the search for them has converged."""
+"""Gradient of the score in the loadings of correlated effects below which their search has converged."""
 
 LOADING_STEP = 1e-3
-"""Of the derivatives of the score in the loadings of correlated effects; the score has ten digits or more."""
+"""Step for numerical derivatives of the score in the loadings; the score is accurate to ten digits or more."""
 
 
 @dataclass(frozen=True)
 class FitSettings:
-    """How a model is to be fitted.
+    """Settings of a fit.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class FitSettings:
         Given log smoothing parameters.
     ar1_rho : float, "estimate" or None
     tolerance : float
-        Of the fit, in posterior standard deviations.
+        Tolerance of the fit, in posterior standard deviations.
     max_iter : int
     """
 
@@ -58,7 +58,7 @@ class FitSettings:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What is to be fitted, active coefficients only.
+    """Data and penalties of a fit, restricted to the active coefficients.
 
     Attributes
     ----------
@@ -66,14 +66,14 @@ class Problem:
         Active columns only.
     y : ndarray (n,)
     sums : Moments
-        Of all columns.
+        Sums of all columns.
     stack : PenaltyStack
-        Of the active columns.
+        Penalties of the active columns.
     active : ndarray
-        Active columns.
+        Numbers of the active columns.
     settings : FitSettings
     previous : ndarray (n,), optional
-        The row of the same group before each row, for autocorrelated errors.
+        Number of the preceding row of the same group, for autocorrelated errors.
     """
 
     rows: TableRows
@@ -85,11 +85,11 @@ class Problem:
     previous: Index | None = None
 
     def normal(self, rho: float) -> NormalEquations:
-        """Normal equations at an autocorrelation."""
+        """Normal equations at autocorrelation `rho`."""
         return self.sums.normal(self.stack, self.active, rho)
 
     def whitened(self, rho: float) -> tuple[TableRows, FloatArray]:
-        """Rows and response with independent errors."""
+        """Rows and response, whitened to independent errors if rows are autocorrelated."""
         if self.previous is None:
             return self.rows, self.y
         white = Whitening(self.previous, rho)
@@ -97,7 +97,7 @@ class Problem:
 
 
 def _with_ridge(data: NormalEquations) -> NormalEquations:
-    """A ridge of one part in 1e8, for crossproducts that are singular to working precision."""
+    """Add a ridge of 1e-8 of the diagonal, for crossproducts that are singular to working precision."""
     gram = data.gram.copy()
     gram[np.diag_indices_from(gram)] *= 1 + 1e-8
     return replace(data, gram=gram)
@@ -118,7 +118,7 @@ def _gaussian(
 
 
 def _subset_start(rows: TableRows, y: FloatArray, stack: PenaltyStack, settings: FitSettings) -> State | None:
-    """A start from every so many-th row, where there are many rows; None where that is no use."""
+    """Start from a fit to evenly spaced rows; returns None if rows are too few or that fit fails."""
     step = rows.n // THIN_ROWS
     if step < 2:
         return None
@@ -156,7 +156,7 @@ def _scaled_t(
 
 
 def _at(problem: Problem, rho: float) -> Solution | None:
-    """Fit at a given autocorrelation, with a ridge where it takes one."""
+    """Fit at a given autocorrelation; if the fit fails, again with a ridge."""
     settings, stack, plain = problem.settings, problem.stack, problem.normal(rho)
     for data in (plain, _with_ridge(plain)):
         if isinstance(settings.family, Gaussian):
@@ -170,7 +170,7 @@ def _at(problem: Problem, rho: float) -> Solution | None:
 
 
 def _solve(problem: Problem) -> Solution | None:
-    """Fit with the correlations of effects that the stack has; the autocorrelation by a search on the score."""
+    """Fit with the loadings of the stack; an autocorrelation to estimate is found by a search on the score."""
     settings, stack, family = problem.settings, problem.stack, problem.settings.family
     if not isinstance(settings.ar1_rho, str):
         return _at(problem, float(settings.ar1_rho or 0.0))
@@ -190,13 +190,13 @@ def _solve(problem: Problem) -> Solution | None:
     low, high = np.arctanh(AR1_BOUNDS)
     xatol = (
         1e-8 if stack.n_loadings else 1e-4
-    )  # the search around it needs a smooth score, so no warm starts too
+    )  # the outer search over loadings needs a smooth score (for this reason warm starts are not used either)
     best = minimize_scalar(score, bounds=(low, high), method="bounded", options={"xatol": xatol})
     return _at(problem, float(np.tanh(best.x)))
 
 
 def solve(problem: Problem) -> Solution | None:
-    """Fit the active coefficients, and the correlations of effects by an outer search on the REML score.
+    """Fit the active coefficients; correlations of effects are found by an outer search on the REML score.
 
     Parameters
     ----------
@@ -205,7 +205,7 @@ def solve(problem: Problem) -> Solution | None:
     Returns
     -------
     Solution or None
-        None where no start leads to a positive definite system.
+        None if no start leads to a positive definite system.
     """
     stack = problem.stack
     if not stack.n_loadings:

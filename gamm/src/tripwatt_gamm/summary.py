@@ -1,4 +1,4 @@
-"""A fitted model on one page: coefficients, effective degrees of freedom, tests and scores, as papers print them."""
+"""Summary of a fitted model: coefficients, effective degrees of freedom, tests and scores, as papers print them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _EDF: Final = "EDF: "
 
 
 def stars(p_value: float) -> str:
-    """Stars of a p-value: three below 0.001, two below 0.01, one below 0.05; none where there is no test.
+    """Return the stars of a p-value: three below 0.001, two below 0.01, one below 0.05; none if there is no test (NaN).
 
     Examples
     --------
@@ -35,36 +35,36 @@ def stars(p_value: float) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """Tables and scores of a fitted model; `text` prints them, `rows` has the lines of a table in a paper.
+    """Tables and scores of a fitted model, as plain text (`text`) or as lines of a paper's table (`rows`).
 
     Attributes
     ----------
     parametric : pandas.DataFrame
-        ``estimate, std_error, statistic, p_value`` per coefficient; 0, 0 and no test for a level without data.
+        ``estimate, std_error, statistic, p_value`` per coefficient; a level without data has 0, 0 and no test (NaN).
     smooth : pandas.DataFrame
         ``edf, ref_df, statistic, p_value`` per smooth term and random effect.
     formula, family, method : str
-        What was fitted and how.
+        Formula, distribution of the errors, and method of the fit.
     scale_known : bool
-        Tests are z and chi-square if so, t and F otherwise.
+        Whether the scale is known: then tests are z and chi-square, otherwise t and F.
     r2, deviance_explained : float
-        Adjusted R2 and share of the deviance, fractions.
+        Adjusted R2 and explained share of the deviance, as fractions.
     reml, aic, loglik : float
         Scores of the fit.
     scale : float
-        Variance (gaussian) or 1 (scaled t).
+        Variance of gaussian errors; 1 for a scaled t.
     n : int
         Rows.
     nu, sigma : float
         Shape and scale of a scaled t; NaN otherwise.
     nu_at_bound : bool
-        Whether nu stopped at the least value it was allowed.
+        Whether the estimate of nu is at its lower bound.
     converged : bool
-        Whether the fit did.
+        Whether the fit converged.
     variance : pandas.DataFrame
-        Standard deviations of random effects and errors, as of `GAMM.variance_components`.
+        Standard deviations of random effects and errors, from `GAMM.variance_components`.
     message : str
-        What ended the fit.
+        Why the fit ended.
     notes : tuple of str
         Reductions that the data forced: columns removed, levels without data.
 
@@ -138,7 +138,7 @@ class Summary:
         )
 
     def distribution(self) -> str:
-        """Describe the family in words, with what was estimated of it.
+        """Describe the error distribution in words, with its parameters.
 
         Returns
         -------
@@ -156,8 +156,9 @@ class Summary:
         Returns
         -------
         dict
-            Label to text; with random effects and REML also -2 log of the restricted likelihood, which lme4 prints as
-            the REML criterion.
+            Formatted scores by label. With random effects and REML also -2 log of the restricted likelihood, which
+            lme4 prints
+            as the REML criterion.
         """
         mixed = self.method == "REML" and len(self.variance) > 1
         return {
@@ -171,12 +172,12 @@ class Summary:
         }
 
     def text(self) -> str:
-        """Print the summary as plain text.
+        """Format the summary as plain text.
 
         Returns
         -------
         str
-            Lines, the last with a line break.
+            Lines, each ending with a line break.
         """
         lines = [f"Family:  {self.distribution()}", f"Formula: {self.formula}"]
         if not self.converged:
@@ -202,7 +203,7 @@ class Summary:
         return "\n".join(lines) + "\n"
 
     def rows(self) -> list[tuple[str, str, str]]:
-        """Label, "value (standard error or reference df)" and stars of every line, as the table of a paper has them.
+        """Format the lines of a table as in papers: label, "value (standard error or reference df)" and stars.
 
         Returns
         -------

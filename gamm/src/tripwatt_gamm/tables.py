@@ -1,4 +1,4 @@
-"""A model matrix that is never formed: small tables, and for each row its place in them.
+"""A model matrix X that is never formed: small tables, and for each row its position in each of them.
 
 Products with X cost a few operations per row and term; crossproducts go chunk by chunk through BLAS (Wood et al.
 2017, section 3, has the idea of discrete covariates).
@@ -15,12 +15,15 @@ from tripwatt_gamm.arrays import FloatArray
 from tripwatt_gamm.covariates import Index
 
 CHUNK = 4096
-"""Rows that exist as an array at any time."""
+"""Number of rows of X that are formed at a time."""
 
 
 @dataclass(frozen=True)
 class IndexedColumns:
-    """Columns that share an index: columns, a table (m, q), each row's position in it, and a multiplier."""
+    """Columns of X that share an index.
+
+    They are the rows of a table (m, q) at each row's position, times a multiplier for each row (None is 1).
+    """
 
     columns: Index
     table: FloatArray
@@ -30,12 +33,12 @@ class IndexedColumns:
 
 @dataclass(frozen=True)
 class Whitening:
-    """The rows v_t of a group become (v_t - rho v_(t-1)) / sqrt(1 - rho^2), its first row stays.
+    """Map of autocorrelated rows v_t of a group to (v_t - rho v_(t-1)) / sqrt(1 - rho^2); first rows stay as they are.
 
     Attributes
     ----------
     previous : ndarray (n,)
-        The row of the same group before each row, -1 where there is none.
+        Number of the preceding row of the same group; -1 for the first row of a group.
     rho : float
         Correlation of successive rows.
     """
@@ -55,12 +58,12 @@ class Whitening:
         return -float((self.previous >= 0).sum()) / 2 * math.log(1 - self.rho**2)
 
     def values(self, v: FloatArray) -> FloatArray:
-        """Map a vector (n,)."""
+        """Whiten a vector (n,)."""
         now, before = self.weights
         return np.asarray(now * v + before * v[self.previous])
 
     def rows(self, rows: TableRows) -> TableRows:
-        """Map the rows of a model matrix."""
+        """Whiten the rows of a model matrix."""
         parts = []
         for weight, at in zip(self.weights, (np.arange(rows.n), self.previous), strict=True):
             for q in rows.parts:
@@ -70,7 +73,7 @@ class Whitening:
 
 
 def previous_rows(groups: Index) -> Index:
-    """The row of the same group before each row (n,), -1 for the first of a group."""
+    """Return the number of the preceding row of the same group for each row (n,); -1 for the first of a group."""
     order = np.argsort(groups, kind="stable")
     previous = np.full(len(groups), -1, dtype=np.intp)
     same = np.diff(groups[order]) == 0
@@ -79,7 +82,7 @@ def previous_rows(groups: Index) -> Index:
 
 
 class TableRows:
-    """A model matrix made of parts; every product that fitting needs, and no (n, p) array.
+    """A model matrix X made of parts, with all products that fitting needs; no (n, p) array is formed.
 
     Parameters
     ----------
@@ -90,10 +93,10 @@ class TableRows:
 
     def __init__(self, parts: list[IndexedColumns], n: int, p: int) -> None:
         self.parts, self.n, self.p = parts, n, p
-        self.overlaps = sum(len(q.columns) for q in parts) > p  # as whitened rows do
+        self.overlaps = sum(len(q.columns) for q in parts) > p  # parts share columns, as in whitened rows
 
     def subset(self, rows: Index | None = None, columns: Index | None = None) -> TableRows:
-        """Some rows and some columns, in the given order of rows."""
+        """Return some rows, in the given order, and some columns."""
         parts = self.parts
         if rows is not None:
             parts = [
@@ -133,7 +136,7 @@ class TableRows:
         return out
 
     def dense(self, rows: slice | Index) -> FloatArray:
-        """Rows of X as an array."""
+        """Return rows of X as an array."""
         first = self.parts[0].index[rows]
         out = np.zeros((len(first), self.p))
         for q in self.parts:

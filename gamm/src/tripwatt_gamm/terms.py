@@ -1,7 +1,7 @@
-"""What a model is made of: parametric terms, smooths, tensor products, random effects.
+"""The terms of a model: parametric terms, smooths, tensor products, random effects.
 
-Terms are frozen values without data. `tripwatt_gamm.design` turns them into columns, once it
-has seen a frame; `tripwatt_gamm.formula` reads them from text.
+Terms are frozen values without data. `tripwatt_gamm.design` builds their columns from a frame;
+`tripwatt_gamm.formula` reads them from text.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ class Parametric:
     Attributes
     ----------
     name : str
-        Column of the frame. A column of strings, booleans or categories is a factor.
-        Its levels are the categories, or the values, sorted; the first is the reference. A level that no row has
-        gets the coefficient 0 with standard error 0.
+        Column of the frame. A column of strings or categories is a factor; booleans count as the numbers 0 and 1.
+        Levels of a factor are its categories or its sorted values; the first level with rows is the reference. A level
+        without rows has the coefficient 0 with standard error 0.
 
     Examples
     --------
@@ -57,8 +57,8 @@ class Smooth:
         110 for three.
     by : str, optional
         A numeric column multiplies the smooth. A factor gives one smooth per level. An ordered factor (a pandas
-        categorical column with `ordered=True`) gives one centred difference smooth for each level but the lowest,
-        which is the reference: next to a smooth of the same covariates it is that level's deviation from it.
+        categorical column with `ordered=True`) gives one centred difference smooth for each level but the lowest, which
+        is the reference. Beside a smooth of the same covariates, a difference smooth is its level's deviation from it.
 
     Examples
     --------
@@ -87,7 +87,7 @@ class Smooth:
 
 @dataclass(frozen=True, slots=True)
 class Tensor:
-    """A tensor product smooth: scale-free in each covariate, one penalty per covariate.
+    """A tensor product smooth with one penalty per covariate, independent of the covariates' units.
 
     Attributes
     ----------
@@ -98,7 +98,7 @@ class Tensor:
     k : tuple of int, optional
         Basis dimension of each margin. Default 5 each.
     kind : {"ti", "te"}
-        "te" holds the main effects, "ti" is the pure interaction (margins are centred).
+        "te" includes the main effects; "ti" is the pure interaction (margins are centred).
     by
         As in `Smooth`.
 
@@ -135,12 +135,15 @@ class RandomEffect:
     name : str
         Column of the levels.
     others : tuple of str
-        Further columns. Numbers multiply the effect, which makes it a slope. Factors are crossed with the levels: one
-        effect for each combination that occurs, e.g. of machine and worker. Beside a factor a numeric `name` is
-        refused, since it may be meant as either.
+        Further columns. A numeric column multiplies the effect, which makes it a slope. Factors are crossed with
+        the levels:
+        one effect for each combination that occurs, e.g. of machine and worker. A numeric `name` beside a factor
+        raises an
+        error, since it may be meant as a multiplier or as levels.
     correlated : bool
-        An intercept and one slope for each of `others`, which are then numbers, with a covariance matrix of their
-        own: lme4's ``(1 + x | g)``. Otherwise all effects of the term are independent with one variance.
+        If true, each level has an intercept and one slope for each of `others` (numeric columns), with a covariance
+        matrix:
+        lme4's ``(1 + x | g)``. Otherwise all effects of the term are independent with one variance.
 
     Examples
     --------
@@ -179,9 +182,9 @@ class Formula:
     Attributes
     ----------
     response : str or None
-        Column of the response; None when `y` is given to `fit` apart.
+        Column of the response; None if `y` is an argument of `fit`.
     terms : tuple of terms
-        In the order of the coefficients: parametric terms come first whatever the order here.
+        The terms. In the order of the coefficients, parametric terms always come first.
     intercept : bool
         Whether the model has a constant.
 
