@@ -1,1 +1,1 @@
-"""What reproduces the figures: protocols, hold-outs, scores, the paper, the report, synthetic worlds."""
+"""Reproduce the published figures: protocols, hold-outs, scores, the paper, the report, synthetic worlds."""

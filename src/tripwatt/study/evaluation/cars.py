@@ -1,8 +1,12 @@
-"""The protocol `cars`: each car is forecast as one that nobody has seen, with none and with a few trips of its own.
+"""The protocol `cars`: forecast each car as if it were unknown, with none and with a few trips of its own.
 
-What is known of the other cars comes from their trips alone: of the scored car, of its model and of its data set nothing takes part, and values of
-the library that came from its logs are replaced. Own trips are drawn at random from the first half of the car's trips and score the second half; a car
-with few trips scores all that were not drawn. Beside that the trips are forecast and learned in their order, as by somebody's own car.
+The scored car, its model and its data set are excluded: the population is built from the trips of the other cars,
+and library values that came from
+the logs of the scored car's data set are replaced. Own trips are drawn at random from the first half of the car's
+trips, and its second half is
+scored; for a car with few trips, all trips that were not drawn are scored. In a second evaluation trips are
+forecast in order of time, each with what
+was fitted to the trips before it.
 """
 
 from __future__ import annotations
@@ -40,33 +44,33 @@ from tripwatt.vehicles import Vehicle, load_vehicle, without_data
 TRIPS: Final = (0, 1, 2, 5, 10, 20)
 DRAWS: Final = 100
 FEW: Final = 40
-"""A car with fewer trips has no second half that is scored alone."""
+"""Number of trips below which all trips that were not drawn are scored, instead of the second half."""
 LEAST_SCORED: Final = 5
 LEVEL: Final = 0.9
 TOO_LOW: Final = 0.75
-"""A true coverage that a check should show: the power is stated for it."""
+"""True coverage for which the power of the coverage check is reported."""
 FROM: Final = (0, 5, 20)
-"""Trips before those that the scores in order of time begin with."""
+"""Numbers of earlier trips after which the scores in order of time begin."""
 
 Learner = Callable[[TripEvidence, TripEvidence], FloatArray]
-"""Residual energy [Wh] of the second trips from the first."""
+"""Function (known trips, other trips) -> residual energy of the other trips [Wh]."""
 
 
 @dataclass(frozen=True, eq=False)
 class CarTrips:
-    """A vehicle with trips.
+    """A vehicle with its trips.
 
     Attributes
     ----------
     name : str
     dataset : str
-        Data set that takes no part where the vehicle is scored.
+        Data set that is excluded when the vehicle is scored.
     vehicle : Vehicle
-        Its car with published values.
+        Car model with published values.
     trips : tuple of Trip
-        Sound, with measured energy.
+        Sound trips with measured energy.
     lab : Callable or None
-        The car -> evidence of its runs on a dynamometer.
+        Function from the car to the evidence of its dynamometer runs.
     """
 
     name: str
@@ -76,7 +80,7 @@ class CarTrips:
     lab: Callable[[Vehicle], TripEvidence] | None = None
 
     def source(self) -> Source:
-        """As one of a population."""
+        """Describe the vehicle as a source of a population."""
         return Source(self.vehicle.name, self.name, self.dataset, len(self.trips), "", "")
 
 
@@ -87,10 +91,10 @@ class CarsRun:
     Attributes
     ----------
     results : dict
-        As written to `results.json`.
+        Content of `results.json`.
     trips : DataFrame
-        One row for each trip: `car, trip, observed_energy_wh`, its forecast without own trips and in order of time, with
-        the ends of the 90 % interval of both.
+        One row for each trip: `car, trip, observed_energy_wh`, the forecasts without own trips and in order of
+        time, and the ends of the 90 % interval of both.
     """
 
     results: dict[str, Any]
@@ -109,26 +113,26 @@ def evaluate_cars(
     own_model: bool = True,
     progress: Callable[[int, int], None] | None = None,
 ) -> CarsRun:
-    """Score every car as one that nobody has seen, from all others.
+    """Score every car as if it were unknown, with a model built from all other cars.
 
     Parameters
     ----------
     cars : sequence of CarTrips
-        At least one. Cars of the package's population whose data set none of them has take part as well.
+        At least one car. Cars of the package's population take part too, unless one of these cars has their data set.
     trips : sequence of int
-        Numbers k of own trips.
+        Numbers k of own trips to score with.
     draws : int
-        Random draws of k trips.
+        Number of random draws of k trips.
     seed : int
     own_model : bool
-        Whether a model is fitted to the first half of each car's own trips.
+        Whether to fit another model to the first half of each car's own trips alone.
     progress : callable, optional
         Called with (finished cars, all cars).
 
     Raises
     ------
     InvalidInput
-        When an argument cannot be used.
+        If an argument cannot be used.
     """
     counts = bool(trips) and all(isinstance(k, int) and k >= 0 for k in trips)
     checks = (
@@ -163,15 +167,16 @@ def evaluate_cars(
 
 
 def read_cars(path: Path) -> list[CarTrips]:
-    """Cars with trips from a TOML file: a table for each data set, with `logs`, `vehicle`, and perhaps `dataset` and `mapping`.
+    """Read cars with their trips from a TOML file: a table for each data set, with `logs`, `vehicle` and optional `dataset` and `mapping`.
 
-    Paths are relative to the file. Each vehicle that the logs name is a car of its own; its trips are audited. The data set of tables, of which
-    nothing takes part where they are scored, has the name of their table in the file.
+    Paths are relative to the file. Each vehicle named in the logs becomes a car of its own; its trips are audited.
+    A data set of kind "table" is named
+    after its TOML table; this name decides what is excluded when a car is scored.
 
     Raises
     ------
     InvalidInput
-        With every fault of the file, or of the logs.
+        With all faults of the file, or of the logs.
     """
     document = parse_toml(read_text_file(path, MOST_TEXT_BYTES), f"{path}")
     raise_faults(_file_faults(document, f"{path}"))
@@ -217,7 +222,7 @@ def _file_faults(document: Mapping[str, Any], where: str) -> Iterator[Fault]:
 
 
 def evidence_of(car: CarTrips, dataset: str) -> tuple[Vehicle, TripEvidence, SegmentTable]:
-    """A car as on the road without values from a data set, and what its trips show of it."""
+    """Return a car on the road without values from a data set, the evidence of its trips, and the table of their segments."""
     vehicle = on_road(without_data(car.vehicle, dataset))
     trips = in_order(car.trips)
     table = segment_trips(trips, vehicle)
@@ -225,7 +230,10 @@ def evidence_of(car: CarTrips, dataset: str) -> tuple[Vehicle, TripEvidence, Seg
 
 
 def others_of(cars: Sequence[CarTrips], scored: CarTrips, rest: Population) -> Population:
-    """All cars of another model and another data set than the scored one, simulated without values from its data."""
+    """Build the population of all cars whose model and data set differ from the scored one's.
+
+    They are simulated without values from the scored car's data set; `rest` is the population to add.
+    """
     known = [
         (car.source(), evidence_of(car, scored.dataset)[1])
         for car in cars
@@ -258,7 +266,7 @@ def _score(
     zero, order = _in_time(car, base, published, others)
     mean, _ = new.predict(evidence)
     error = evidence.residual_wh - mean
-    # what is learned from the first half is scored on the second, and so is what learns nothing
+    # score everything on the second half, also what is not fitted to the first half
     second = np.arange(len(evidence) // 2 if len(evidence) >= FEW else 0, len(evidence))
     total = np.append(evidence.factors_wh.sum(axis=0), 0.0)
     common = total @ new.collapsed()[1] @ total
@@ -293,7 +301,7 @@ def _score(
 
 
 def _error(residual_wh: FloatArray, observed_wh: FloatArray) -> dict[str, float]:
-    """Sum of absolute errors and of errors (forecast less observed) over the energy."""
+    """Return `error` and `bias`: sums of absolute and of signed errors (forecast minus observed) over the observed energy."""
     total = float(observed_wh.sum())
     return {"error": float(np.abs(residual_wh).sum()) / total, "bias": -float(residual_wh.sum()) / total}
 
@@ -307,7 +315,7 @@ def _curve(
     *,
     needs_trips: bool,
 ) -> list[dict[str, Any]]:
-    """Mean error over draws of k trips, each learned in the order of its dates, and with the whole first half."""
+    """Return the mean error over random draws for each number k of trips and, for a car with enough trips, with the whole first half."""
     n = len(evidence)
     half = n // 2 if n >= FEW else n
 
@@ -329,7 +337,7 @@ def _curve(
 
 
 def _draws(n: int, half: int, k: int, draws: int, seed: int) -> Iterator[Split]:
-    """Random choices of k of the first trips; the second half is scored, or, without one, all other trips."""
+    """Draw k of the first `half` trips at random; the later trips are scored or, if there are none, all that were not drawn."""
     rng = np.random.default_rng((seed, k))
     for draw in range(draws):
         known = np.sort(rng.permutation(half)[:k])
@@ -354,28 +362,28 @@ def _learned(new: Experts, known: TripEvidence, asked: TripEvidence) -> FloatArr
 
 
 def _constant(known: TripEvidence, asked: TripEvidence, lengths: Mapping[str, float]) -> FloatArray:
-    """A constant energy of each metre."""
+    """Residuals of a forecast with one energy per metre, fitted to the known trips."""
     rate = known.observed_wh.sum() / sum(lengths[name] for name in known.trip_ids)
     simulated = asked.observed_wh - asked.residual_wh
     return np.array([rate * lengths[name] for name in asked.trip_ids]) - simulated
 
 
 def _one_factor(known: TripEvidence, asked: TripEvidence) -> FloatArray:
-    """One factor on the simulated energy."""
+    """Residuals of a forecast with one factor on the simulated energy, fitted to the known trips."""
     simulated = known.factors_wh[:, 0] / SDS[0]
     factor = known.observed_wh.sum() / simulated.sum()
     return np.asarray((factor - 1.0) * asked.factors_wh[:, 0] / SDS[0])
 
 
 def _by_cause(known: TripEvidence, asked: TripEvidence) -> FloatArray:
-    """A line in the factors, shrunk to the published values by their usual standard deviations."""
+    """Residuals by a linear model in the factors, shrunk to the published values by the factors' usual standard deviations."""
     X, variance = known.factors_wh, known.usual_wh2 + known.measured_wh2
     gram = (X.T / variance) @ X + np.eye(X.shape[1])
     return np.asarray(asked.factors_wh @ np.linalg.solve(gram, (X.T / variance) @ known.residual_wh))
 
 
 def _own_model(vehicle: Vehicle, table: SegmentTable) -> dict[str, float] | None:
-    """The default model, fitted to the first half of the car's trips alone and scored on the second."""
+    """Score the default model, fitted to the first half of the car's trips alone, on the second; returns None for too few trips."""
     half = len(table) // 2
     if half < MIN_TRIPS:
         return None
@@ -389,7 +397,7 @@ def _own_model(vehicle: Vehicle, table: SegmentTable) -> dict[str, float] | None
 def _in_time(
     car: CarTrips, base: ForecastModel, vehicle: Vehicle, others: Population
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Each trip as the car's model forecasts it without own trips, and before it learns it, in their order."""
+    """Return two tables of forecasts in order of time: without own trips, and with a model fitted to all earlier own trips."""
     known = Adaptation.before_trips(base, vehicle, others)
     first = model = known.model
     zero: list[tuple[object, ...]] = []
@@ -408,7 +416,7 @@ def _in_time(
 
 
 def _scores(table: pd.DataFrame) -> dict[str, Any]:
-    """Error, coverage of the 90 % interval, and its width over the energy beside that which was needed."""
+    """Return the error, the coverage of the 90 % interval, and its width over the energy beside the width that was needed."""
     observed, forecast, low, high = (
         table[name].to_numpy(dtype=np.float64)
         for name in ("observed_energy_wh", "forecast_wh", "low_wh", "high_wh")

@@ -1,4 +1,4 @@
-"""Models beside each other on the splits of a hold-out: what runs, and how it is scored."""
+"""Compare models on the splits of a hold-out."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ FOLD_COLUMNS: Final = (
     "ape",
 )
 PHYSICS_ALONE: Final = ("physics-paper", "physics")
-"""Models of a simulation alone, over which the share of improved trips is counted."""
+"""Models that are a simulation alone; the share of improved trips is relative to them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,7 @@ class Comparison:
     hold_out : HoldOut
     specs : tuple of ModelSpec
     results : tuple of FoldResult
-        Of every model in every split; empty before it has run.
+        Results of every model in every split; empty before the comparison has run.
     """
 
     hold_out: HoldOut[Any]
@@ -56,20 +56,20 @@ class Comparison:
     results: tuple[FoldResult, ...] = ()
 
     def of(self, model: str) -> list[FoldResult]:
-        """Results of a model."""
+        """Return the results of a model."""
         return [result for result in self.results if result.model == model]
 
     def energies_wh(self, model: str) -> FloatArray:
-        """Predicted energy of each scored trip, in their order."""
+        """Return the predicted energy of each scored trip, in the order of the trips."""
         return np.array(self._ordered(model, [result.predicted_wh.tolist() for result in self.of(model)]))
 
     def forecasts(self, model: str) -> list[HeldOutForecast]:
-        """Forecasts of the scored trips, in their order; none by a model that makes none or did not run."""
+        """Return the forecasts of the scored trips, in the order of the trips; empty if the model makes none or did not run."""
         parts = [result.forecasts for result in self.of(model) if result.forecasts is not None]
         return self._ordered(model, parts) if parts else []
 
     def _ordered(self, model: str, parts: Sequence[Sequence[T]]) -> list[T]:
-        """What each result of a model has of its trips, in the order of the trips and, for one trip, of the splits."""
+        """Sort the values of a model's results (one value per scored trip) by trip, then by split."""
         of_trips = (
             (trip, result.split.number, each)
             for result, part in zip(self.of(model), parts, strict=True)
@@ -79,7 +79,7 @@ class Comparison:
 
     @cached_property
     def frame(self) -> pd.DataFrame:
-        """`FOLD_COLUMNS` of every model: one row for each scored trip, several for a trip of several splits."""
+        """Table with `FOLD_COLUMNS`: one row for each model, scored trip and split that scores it."""
         table, scored = self.hold_out.table, self.hold_out.tested
         last = table.last_rows[scored]
         observed = table.observed_wh[last]
@@ -101,16 +101,16 @@ class Comparison:
         return pd.concat(frames, ignore_index=True)
 
     def rows_of(self, model: str) -> pd.DataFrame:
-        """The rows of a model in `frame`."""
+        """Return the rows of a model in `frame`."""
         return self.frame[self.frame["model"] == model]
 
     def ape(self, model: str) -> FloatArray:
-        """Absolute percentage error of each scored trip, the mean of a trip of several splits."""
+        """Return the absolute percentage error of each scored trip, averaged over the splits that score the trip."""
         _, place = np.unique(self.hold_out.tested, return_inverse=True)
         return np.asarray(np.bincount(place, self.rows_of(model)["ape"]) / np.bincount(place))
 
     def summary(self, seed: int) -> dict[str, Any]:
-        """Errors of every model."""
+        """Summarise the errors of every model."""
         names, models = [spec.name for spec in self.specs], {}
         for name in names:
             rows, own = self.rows_of(name), self.of(name)
@@ -135,7 +135,7 @@ class Comparison:
         }
 
     def paired(self, seed: int) -> list[dict[str, Any]]:
-        """Every pair of models over the scored trips, by days."""
+        """Compare every pair of models over the scored trips; the bootstrap draws days."""
         days = [self.hold_out.table.days[i] for i in self.hold_out.scored]
         where = {"scheme": self.hold_out.scheme, "trips": self.hold_out.trips}
         return [
@@ -145,5 +145,5 @@ class Comparison:
 
 
 def median_times(results: Sequence[FoldResult]) -> dict[str, float]:
-    """Medians over the splits: of a fit, and of the prediction of one trip."""
+    """Return medians over the splits of the time of a fit and of the prediction of one trip."""
     return {name: float(np.median([getattr(r, name) for r in results])) for name in ("fit_s", "predict_ms")}

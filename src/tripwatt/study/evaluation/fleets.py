@@ -1,7 +1,8 @@
-"""How well a fleet's linear model forecasts, on rows of trips: later trips, new vehicles, new car models, few own trips.
+"""Score a fleet's linear model on rows of trips: later trips, new vehicles, new car models, few own trips.
 
-All of it works on the sums: what is held out is taken out of them, and the posterior follows. The scales of the
-deviations come from the training part of the time split, and from all trips elsewhere; trees are not part of it.
+The model is fitted from sums over trips: those of held-out trips are subtracted. The scales of the deviations are
+fitted to the training part for
+the split by time, and to all trips for the other protocols. Trees are not evaluated.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ CLASSES: Final = {
     "temperature": ("ambient_temperature_degc", TEMPERATURES),
     "length": ("distance_m", LENGTHS),
 }
-"""What trips are classed by -> column and bounds."""
+"""Name of a classification of trips -> column and bounds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,17 +51,18 @@ class FleetEvaluation:
     Attributes
     ----------
     trips : DataFrame
-        One row a trip and protocol: `protocol`, `car_model`, `vehicle_id`, `distance_m`, `ambient_temperature_degc`,
+        One row per trip and protocol: `protocol`, `car_model`, `vehicle_id`, `distance_m`, `ambient_temperature_degc`,
         `observed_wh`, `predicted_wh`, `low_wh`, `high_wh`.
     own : DataFrame
-        One row a number of own trips: `own_trips`, `trips`, `pooled`, `own_only`, `fleet_only` (mean relative errors).
+        One row per number of own trips: `own_trips`, `vehicles`, `pooled`, `own_only`, `fleet_only` (mean relative
+        errors).
     """
 
     trips: pd.DataFrame
     own: pd.DataFrame
 
     def table(self, by: str) -> pd.DataFrame:
-        """Mean relative error and coverage by a column, or by "temperature" or "length", of each protocol."""
+        """Return the mean relative error and the coverage of each protocol, by a column or by "temperature" or "length"."""
         trips, observed = self.trips, self.trips["observed_wh"]
         error = (trips["predicted_wh"] - observed).abs() / observed.abs()
         frame = trips.assign(error=error, inside=observed.between(trips["low_wh"], trips["high_wh"]))
@@ -73,7 +75,7 @@ class FleetEvaluation:
 
 
 def classes(values: FloatArray, bounds: Sequence[tuple[float, float, str]]) -> Any:
-    """Name of the class of each value; "unknown" for NaN.
+    """Return the name of the class of each value; "unknown" for NaN.
 
     Examples
     --------
@@ -93,12 +95,12 @@ def evaluate_rows(rows: TripRows, scales: Scales | None = None) -> FleetEvaluati
     ----------
     rows : TripRows
     scales : Scales, optional
-        Found from the trips when not given.
+        Scales of the deviations; fitted to the trips by default.
 
     Raises
     ------
     InvalidInput
-        With fewer than two vehicles.
+        If there are fewer than two vehicles.
     """
     vehicles = sorted(set(rows.texts("vehicle_id").tolist()))
     if len(vehicles) < 2:
@@ -117,7 +119,7 @@ def evaluate_rows(rows: TripRows, scales: Scales | None = None) -> FleetEvaluati
 
 
 def _later(rows: TripRows, fold: IntArray) -> pd.DataFrame | None:
-    """The newest fifth of the trips, from all before."""
+    """Forecast the newest fifth of the trips from all others; returns None if start times are too few or too much alike."""
     started = pd.to_datetime(pd.Series(rows.texts("started_at")), errors="coerce").to_numpy()
     known = ~np.isnat(started)
     if known.sum() < 10:
@@ -145,12 +147,12 @@ def _left_out(
 
 
 def _nonempty(sums: Sums) -> Sums:
-    """Without groups that have no trip left, which would still be known by name."""
+    """Drop the groups without a trip, which would otherwise still count as known."""
     return sums.take(np.flatnonzero(sums.count > 0.5).tolist())
 
 
 def _frame(rows: TripRows, energy: FloatArray, sd: FloatArray, fold: IntArray, protocol: str) -> pd.DataFrame:
-    """Forecasts with intervals; the scores of a vehicle's intervals are those of the vehicles of other folds."""
+    """Tabulate forecasts with intervals; the intervals of a vehicle are calibrated on the vehicles of other folds."""
     observed = rows.numbers("observed_wh")
     score = np.abs(observed - energy) / sd
     factor = np.zeros(len(rows))
@@ -171,18 +173,19 @@ def _frame(rows: TripRows, energy: FloatArray, sd: FloatArray, fold: IntArray, p
 
 
 def own_trips(rows: TripRows, whole: Sums, scales: Scales, most_vehicles: int = 60) -> pd.DataFrame:
-    """Error by the number of own trips: the whole fleet's model, the vehicle's trips alone, the fleet without them.
+    """Tabulate errors by the number of own trips, for models of the fleet with them, of the own trips alone, and of the fleet without them.
 
-    Of each vehicle the earliest trips are known and the 10 after the largest number are forecast.
+    The earliest trips of each vehicle are its known own trips; up to 10 trips after the largest number of them are
+    forecast.
 
     Parameters
     ----------
     rows : TripRows
     whole : Sums
-        Of all rows.
+        Sums of all rows.
     scales : Scales
     most_vehicles : int
-        Vehicles that are looked at, in a seeded order.
+        Largest number of vehicles evaluated, in a seeded random order.
     """
     started = rows.texts("started_at")
     ids = rows.texts("vehicle_id")
@@ -206,7 +209,7 @@ def own_trips(rows: TripRows, whole: Sums, scales: Scales, most_vehicles: int = 
 
 
 def mean_error(sums: Sums, scales: Scales, test: TripRows) -> float:
-    """Mean relative error of some trips by the linear model of others; by the simulation alone without any."""
+    """Return the mean relative error on `test` of a model fitted to `sums`, or of the simulation alone if `sums` has no trips."""
     observed, energy = test.numbers("observed_wh"), test.numbers("simulated_wh")
     if sums.groups:
         energy = predict_rows(group_posterior(sums, scales), test)[0]

@@ -1,4 +1,4 @@
-"""Run the splits of a protocol. Finished ones are kept on disk, so that an interrupted run ends with the same table."""
+"""Run the splits of a protocol; finished splits are kept on disk, so that a resumed run gives the same results."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True, slots=True)
 class Execution:
-    """How an evaluation is run.
+    """Settings of a run: processes, and reuse of finished splits.
 
     Attributes
     ----------
     n_jobs : int
-        Processes; -1 takes all cores. The results do not depend on it.
+        Number of processes; -1 uses all cores. The results do not depend on it.
     work_dir : Path or None
-        Where finished splits are kept.
+        Folder for finished splits; None keeps none.
     resume : bool
-        Use the finished splits that are there, if they belong to the same trips, models, seed and version.
+        Whether to use finished splits in `work_dir` of the same trips, models, seed and source code.
     progress : callable or None
         Called with (finished splits, all splits).
 
@@ -49,7 +49,7 @@ class Execution:
 def run_folds(
     comparisons: Sequence[Comparison], seed: int, execution: Execution, *, compares: bool = False
 ) -> list[Comparison]:
-    """The comparisons with their results; those of the same models, trips and splits run once.
+    """Run the comparisons and return them with their results; equal models, trips and splits run once.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def run_folds(
     seed : int
     execution : Execution
     compares : bool
-        Whether settings are compared inside the folds of the reference trips.
+        Whether to compare settings inside the folds of the reference trips.
     """
     keys = [_key(comparison) for comparison in comparisons]
     folder = _folder(execution, [_code_digest(), seed, keys])
@@ -91,12 +91,12 @@ def run_folds(
 
 @one_blas_thread
 def _run(task: Task) -> list[FoldResult]:
-    """Importable by name, for other processes. Threads of BLAS wait for each other longer than they calculate."""
+    """Run a task in another process, with one BLAS thread: more threads would wait longer than they calculate."""
     return task.run()
 
 
 def _key(comparison: Comparison) -> str:
-    """Equal for the same models on the same trips and splits."""
+    """Return a key that is equal for the same models on the same trips and splits."""
     hold_out = comparison.hold_out
     splits = [[s.number, s.train.tolist(), s.test.tolist()] for s in hold_out.splits]
     return json.dumps(
@@ -105,7 +105,10 @@ def _key(comparison: Comparison) -> str:
 
 
 def _folder(execution: Execution, what: object) -> Path | None:
-    """Where finished splits of the same code, trips, models and seed are kept."""
+    """Return the folder of finished splits of the same code, trips, models and seed; emptied unless the run resumes.
+
+    Returns None if finished splits are not kept.
+    """
     if execution.work_dir is None:
         return None
     folder = execution.work_dir / hashlib.sha256(json.dumps(what).encode()).hexdigest()[:16]
@@ -120,7 +123,7 @@ def _file(folder: Path | None, comparison: int, model: str, split: Split) -> Pat
 
 
 def _load(file: Path | None) -> FoldResult | None:
-    """A finished split; None where there is none, and where its file is damaged, so that the split runs again."""
+    """Load a finished split; returns None if there is none or its file is damaged, and the split runs again."""
     try:
         result = None if file is None else pickle.loads(file.read_bytes())  # our own file, of our own folder
     except (OSError, EOFError, ValueError, LookupError, pickle.UnpicklingError):
@@ -129,7 +132,7 @@ def _load(file: Path | None) -> FoldResult | None:
 
 
 def _code_digest() -> str:
-    """SHA-256 of the package's own source: a fold of other code is another fold."""
+    """SHA-256 of the package's source, so that folds of other code are not reused."""
     root = Path(__file__).parents[2]
     sha = hashlib.sha256()
     for path in sorted(p for p in root.rglob("*") if p.suffix in {".py", ".toml"}):

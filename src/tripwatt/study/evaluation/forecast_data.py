@@ -1,6 +1,6 @@
-"""Trips as the forecast protocol needs them: what is known at departure, and a small log of what was measured.
+"""Prepare trips for the forecast protocol: what is known at departure, and a small log of measurements.
 
-Prepared once and small, so that a fold costs no second reading, resampling or simulation of raw trips.
+Trips are prepared once, so that folds need no further reading, resampling or simulation of raw trips.
 """
 
 from __future__ import annotations
@@ -42,18 +42,18 @@ DATA_FEATURES: Final = (
     "winter",
     *TEMPERATURES,
 )
-"""What the data-only model takes of a segment: the speed trace, the road and the departure, nothing simulated."""
+"""Features of a segment for the data-only model: speed trace, road and departure, nothing simulated."""
 
 
 @dataclass(frozen=True, eq=False)
 class ForecastData:
-    """Some trips, prepared.
+    """Trips prepared for the models of the forecast protocol.
 
     Attributes
     ----------
     vehicle : Vehicle
     table : TripTable
-        Bin means of 1 s; every column but the road is its first raw sample. For the baselines.
+        For the baselines: means over bins of 1 s; every signal but the road is constant at its first raw sample.
     segments : SegmentTable
         For the models of power.
     data_features : DataFrame, (rows of `segments`, DATA_FEATURES)
@@ -61,9 +61,9 @@ class ForecastData:
     logs : tuple of DataFrame
         From `measured_log`.
     stages : tuple of StageRecord
-        What the signals of each trip show of the car's stages.
+        Evidence of each trip's signals about the stages of the car.
     trips : tuple of Trip
-        As they were recorded, for whole models from outside.
+        Trips as recorded, for whole models from outside.
     """
 
     vehicle: Vehicle
@@ -91,7 +91,7 @@ class ForecastData:
         return len(self.plans)
 
     def take(self, members: IntArray) -> ForecastData:
-        """Some of the trips, in the order of their numbers."""
+        """Return some of the trips by their ascending numbers."""
         rows = np.isin(self.segments.groups, members)
         return ForecastData(
             self.vehicle,
@@ -105,9 +105,9 @@ class ForecastData:
         )
 
     def identified(self, trains: Sequence[IntArray]) -> list[tuple[Vehicle, SegmentTable]]:
-        """The car as the signals of some trips show its stages, and the segments of all trips with it; for each of several choices.
+        """Identify the car's stages from each choice of training trips; return each car with the segments of all trips simulated by it.
 
-        O(samples) for each. The table is the same where the signals show nothing.
+        O(samples) for each choice. The table is `segments` itself if the signals change nothing of the car.
         """
         cars = [
             identify([self.stages[i] for i in train], self.vehicle).applied(self.vehicle) for train in trains
@@ -117,7 +117,7 @@ class ForecastData:
         return [(car, self.segments if car is self.vehicle else next(tables)) for car in cars]
 
     def take_stages(self, members: IntArray) -> ForecastData:
-        """Some of the trips with what `identified` needs of them; the rest is empty."""
+        """Return some of the trips with what `identified` needs; all other fields are empty."""
         return replace(
             self.slim(),
             segments=self.segments.take(members),
@@ -127,14 +127,14 @@ class ForecastData:
         )
 
     def slim(self) -> ForecastData:
-        """Segments and data features alone: cheap to send to a process."""
+        """Return the segments and data features alone, which are cheap to send to a process."""
         return replace(self, table=self.table.take([]), plans=(), logs=(), stages=(), trips=())
 
 
 def at_departure_only(trip: Trip) -> Trip:
-    """A raw trip in which every signal but road and measured energy is constant: as it was known at departure.
+    """Return a raw trip as it was known at departure: every signal but road and measured energy is constant at its first sample.
 
-    Columns that are not part of a departure are dropped.
+    Columns that are neither kept nor part of a departure are dropped.
     """
     kept = [c for c in (*ROUTE_COLUMNS, "voltage_v", "current_a", "observed_energy_wh") if c in trip]
     known = Departure.from_first_sample(trip, trip.context)
@@ -144,14 +144,14 @@ def at_departure_only(trip: Trip) -> Trip:
 
 
 def measured_log(trip: Trip, step_s: float = 1.0) -> pd.DataFrame:
-    """What was measured by each second of a trip: raw samples, none of them interpolated.
+    """Thin the measurements of a trip to one raw sample per step, without interpolation.
 
     Parameters
     ----------
     trip : Trip
         Raw samples with measured energy.
     step_s : float
-        One row at most for each step: the last sample that is not after it.
+        Length of a step; each step has at most one row, the last sample up to then.
 
     Returns
     -------
@@ -175,7 +175,7 @@ def measured_log(trip: Trip, step_s: float = 1.0) -> pd.DataFrame:
     distance = np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time))))
     known = np.isfinite(cumulative)
     if {"voltage_v", "current_a"} <= set(raw.columns):
-        # energy under a gap is bridged with the sample after it, so rows in the gap would look ahead
+        # energy in a gap is interpolated with the sample after it, so rows in the gap would depend on a later sample
         known &= np.isfinite(trip.array("voltage_v") * trip.array("current_a"))
     rows = np.flatnonzero(known)
     steps = np.arange(0.0, time[rows[-1]], step_s)
@@ -187,7 +187,7 @@ def measured_log(trip: Trip, step_s: float = 1.0) -> pd.DataFrame:
 
 
 def _data_features(segments: SegmentTable, plans: Sequence[Plan]) -> pd.DataFrame:
-    """`DATA_FEATURES` of each segment."""
+    """Compute `DATA_FEATURES` of each segment."""
     climbs, kinetic = [], []
     for i, plan in enumerate(plans):
         rows = slice(int(segments.offsets[i]), int(segments.offsets[i + 1]))
@@ -217,7 +217,7 @@ def _change(values: FloatArray, plan: Plan, seconds: FloatArray) -> FloatArray:
 
 
 def _distinct(trips: Sequence[Trip]) -> list[Trip]:
-    """Trips of two fleets may have one id; the later one gets a mark."""
+    """Make the ids of trips distinct: a later trip with an id that is taken gets a mark."""
     seen: set[str] = set()
     named = []
     for trip in trips:

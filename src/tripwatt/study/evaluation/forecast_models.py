@@ -1,7 +1,8 @@
 """Models of the forecast protocol: correctors of power, boosting without physics, and the forecast itself.
 
-Everything that is fitted, tuned or calibrated is fitted inside the fold, also the uncertainty of the forecast. A model
-takes of a held-out trip what was known at its departure.
+Everything that is fitted, tuned or calibrated is fitted inside the fold, also the uncertainty of the forecast. To
+predict a held-out trip, a
+model uses its speed trace, its road and what was known at departure.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ class PowerMethod(Method[ForecastData]):
     identified: bool = False
 
     def fit(self, data: ForecastData, train: IntArray, seed: int) -> Fitted:
-        """Fit the corrector to what the physics leaves of the measured power."""
+        """Fit the corrector to the residual: measured minus simulated power."""
         segments = data.identified([train])[0][1] if self.identified else data.segments
         corrector = self.corrector and power_corrector(self.corrector, seed).fit(segments.take(train))
 
@@ -50,13 +51,13 @@ class PowerMethod(Method[ForecastData]):
         return Fitted(predict)
 
     def shares_folds(self, seed: int) -> bool:
-        """Whether the corrector is a learner on one car."""
+        """Whether the corrector is a learner and the car is not identified in each fold."""
         if self.corrector is None or self.identified:
             return False
         return isinstance(power_corrector(self.corrector, seed), LearnerCorrector)
 
     def together(self, data: ForecastData, folds: IntArray, seed: int, *, compares: bool) -> Fitted:
-        """Correct the power of each trip, in so far as it is like those of the other folds."""
+        """Correct the power of each trip by its familiarity with trips of the other folds."""
         learner, segments = held_out_learner(self.corrector or "", seed), data.segments
         correction = _left_out(learner, learner.columns(segments), segments.residual_w, data, folds)
         share, features, row_folds = np.ones(len(correction)), segments.features, folds[segments.groups]
@@ -66,7 +67,7 @@ class PowerMethod(Method[ForecastData]):
         return Fitted(segments.totals_wh(segments.simulated_w + correction * share).__getitem__)
 
     def needed(self, hold_out: HoldOut[ForecastData], scored: IntArray) -> ForecastData:
-        """Segments; with what identifies the stages where it is needed."""
+        """Return the segments, and the data that identify the stages if these are identified."""
         return replace(hold_out.data, logs=()) if self.identified else hold_out.data.slim()
 
 
@@ -96,7 +97,7 @@ class DataMethod(Method[ForecastData]):
         return Fitted(predict)
 
     def shares_folds(self, seed: int) -> bool:
-        """Every learner does."""
+        """Return True: every learner can leave groups out."""
         return True
 
     def together(self, data: ForecastData, folds: IntArray, seed: int, *, compares: bool) -> Fitted:
@@ -106,12 +107,12 @@ class DataMethod(Method[ForecastData]):
         return Fitted(segments.totals_wh(power).__getitem__)
 
     def needed(self, hold_out: HoldOut[ForecastData], scored: IntArray) -> ForecastData:
-        """Segments and data features."""
+        """Return the segments and data features."""
         return hold_out.data.slim()
 
 
 def held_out_learner(corrector: str, seed: int) -> LearnerCorrector:
-    """A corrector whose learner gives the held-out predictions of all folds at once."""
+    """Make a corrector whose learner predicts all folds, each held out, at once."""
     made = power_corrector(corrector, seed)
     assert isinstance(made, LearnerCorrector)
     return made
@@ -120,7 +121,7 @@ def held_out_learner(corrector: str, seed: int) -> LearnerCorrector:
 def _left_out(
     learner: LearnerCorrector, columns: object, target: FloatArray, data: ForecastData, folds: IntArray
 ) -> FloatArray:
-    """Predictions of each segment by a learner without its fold."""
+    """Predict each segment by a learner fitted without the segment's fold."""
     groups = data.segments.groups
     return np.asarray(learner.model.leave_groups_out(columns, target, groups=groups, folds=folds[groups]))
 
@@ -162,7 +163,7 @@ class ForecastMethod(Method[ForecastData]):
         return Fitted(predict, forecasts)
 
     def needed(self, hold_out: HoldOut[ForecastData], scored: IntArray) -> ForecastData:
-        """All but the table and the logs of the other trips."""
+        """Return everything but the table, the recorded trips, and the logs of trips that are not scored."""
         data, wanted = hold_out.data, set(scored.tolist())
         logs = tuple(log if i in wanted else log.iloc[:0] for i, log in enumerate(data.logs))
         return replace(data, table=data.table.take([]), logs=logs, trips=())

@@ -1,6 +1,6 @@
 """The forecast protocol: energy before departure with its uncertainty, and updates on the way.
 
-Every model takes of a held-out trip its speed trace and what was known at its departure.
+To predict a held-out trip, every model uses its speed trace and what was known at departure.
 """
 
 from __future__ import annotations
@@ -56,13 +56,13 @@ from tripwatt.trips.messages import message
 from tripwatt.vehicles import Vehicle
 
 SPLIT: Final = 2.0 / 3.0
-"""Part of the trips that a regime or a later time is forecast from."""
+"""Share of the trips that models are fitted on to forecast a regime or a later time."""
 MIN_SCORED: Final = 3
-"""Fewest trips of a regime that is scored."""
+"""Smallest number of trips of a regime that is scored."""
 CURVE_SIZES: Final = (5, 10, 20, 40)
 """Numbers of training trips of the learning curve."""
 CURVE_LEAST_TEST: Final = 8
-"""Trips that have to be left to score a training size of the curve."""
+"""Smallest number of trips left to score for a training size of the curve."""
 PHYSICS_IDENTIFIED: Final = "physics-identified"
 PUBLISHED_ONLY: Final = "hybrid-published"
 
@@ -76,7 +76,7 @@ _TITLES: Final[Mapping[str, str]] = {
     "split": "default physics + climate and driving corrected separately, by Gaussian processes and boosting",
 }
 _NAMES: Final[Mapping[str, str]] = {"gp": "power-kriging", "split": "power-channels"}
-"""Corrector -> its name in the files where it is not power-CORRECTOR."""
+"""Corrector -> its name in the files if that is not power-CORRECTOR."""
 
 
 def _power(name: str, title: str, corrector: str | None, *, identified: bool = False) -> ModelSpec:
@@ -89,12 +89,12 @@ _DATA_ONLY: Final = ModelSpec(
 
 
 class ForecastProtocol:
-    """See `tripwatt.study.evaluation.protocol.EvaluationProtocol`.
+    """The forecast protocol; its members are documented in `tripwatt.study.evaluation.protocol.EvaluationProtocol`.
 
     Parameters
     ----------
     corrector : str
-        Corrector of the forecast; the others are models beside it.
+        Corrector of the forecast; the other correctors are compared with it.
     """
 
     name = "forecast"
@@ -128,7 +128,7 @@ class ForecastProtocol:
         )
 
     def from_outside(self, name: str, model: Corrector | WholeModel) -> ModelSpec:
-        """A whole model, or a corrector in a forecast with intervals and updates, on physics identified in each fold."""
+        """Make the row of a whole model, or of a corrector in a forecast with intervals and updates on physics identified in each fold."""
         if is_whole(model):
             return outside_spec(name, model, WholeMethod(model, lambda h: h.data.trips), None)
         return outside_spec(name, model, ForecastMethod(model), "physics")
@@ -136,7 +136,7 @@ class ForecastProtocol:
     def beside(
         self, prepared: Prepared[ForecastData], specs: Sequence[ModelSpec], seed: int
     ) -> list[Comparison]:
-        """The learning curve, where both of its models were chosen and there are trips enough."""
+        """Return the learning curve; empty if its two models were not both chosen or trips are too few."""
         main, curves = prepared.hold_outs[0], (self.centre, _DATA_ONLY)
         if main.scheme != LEAVE_ONE_TRIP_OUT or not {m.name for m in curves} <= {s.name for s in specs}:
             return []
@@ -146,7 +146,7 @@ class ForecastProtocol:
     def prepare(
         self, fleet: TripSet, test_fleet: TripSet | None, car: CarChoice, wanted: HoldOutChoice
     ) -> Prepared[ForecastData]:
-        """Leave one trip and one day out, or fit on one fleet and score another."""
+        """Prepare to leave one trip, one day and regimes out or, with `test_fleet`, to fit on one fleet and score another."""
         vehicle = car.load()
         scored = audited = audit(fleet)
         notes = [*map(message, fleet.notes)]
@@ -169,7 +169,7 @@ class ForecastProtocol:
         beside: Sequence[Comparison],
         seed: int,
     ) -> EvaluationRun:
-        """Errors of the totals, intervals, updates, strata and the learning curve."""
+        """Score totals, intervals, updates, strata and the learning curve."""
         first, summaries, frames = main[0], [], []
         for comparison in main:
             summary = comparison.summary(seed)
@@ -200,7 +200,11 @@ class ForecastProtocol:
 def _held_out(
     fleet: TripSet, audited: Audit, vehicle: Vehicle, wanted: HoldOutChoice
 ) -> tuple[list[HoldOut[ForecastData]], list[str]]:
-    """Leave-one-trip-out on the reference and the audited trips, leave-one-day-out and regimes of the first of them."""
+    """Return the hold-outs and notes of one fleet.
+
+    Leave-one-trip-out of the reference and of the audited trips; leave-one-day-out and regimes of the first of
+    these sets.
+    """
     every = {"reference": fleet.reference_trips(), "audited": audited.trips}
     notes = [f"no {name} trips in the data set {fleet.name!r}" for name, trips in every.items() if not trips]
     sets = {name: trips for name, trips in every.items() if trips}
@@ -220,9 +224,9 @@ def _held_out(
 
 
 def _regimes(trips: Sequence[Trip]) -> tuple[dict[tuple[str, str], tuple[IntArray, IntArray]], list[str]]:
-    """Fit on a part of the trips, score another kind: longer, faster, the other season, later.
+    """Find regimes: fit on a part of the trips, score another kind (longer, faster, the other season, later).
 
-    Scheme and name of each regime -> its trips, and the fold of each of these.
+    Returns a mapping from scheme and name of each regime to its trips and their folds, and notes on regimes left out.
     """
     plans = [plan_from_trip(trip) for trip in trips]
     duration = np.array([plan.duration_s for plan in plans])
@@ -254,7 +258,7 @@ def _regimes(trips: Sequence[Trip]) -> tuple[dict[tuple[str, str], tuple[IntArra
 def _other_trips(
     fleet: TripSet, audited: Audit, test_fleet: TripSet, test_audited: Audit, vehicle: Vehicle
 ) -> tuple[list[HoldOut[ForecastData]], list[str]]:
-    """Fit on the trips of one fleet, score those of another: reference trips, or audited ones without a reference."""
+    """Return the hold-out that fits on one fleet and scores another: on the reference trips of each or, without, its audited trips."""
     train: Sequence[Trip] = fleet.reference_trips() or audited.trips
     name = "reference" if test_fleet.reference_trips() else "audited"
     test: Sequence[Trip] = test_fleet.reference_trips() or test_audited.trips

@@ -32,11 +32,11 @@ from tripwatt.study.evaluation.hold_outs import HoldOut
 from tripwatt.study.evaluation.metrics import absolute_percentage_error, bootstrap_interval
 
 CURVE_DRAWS: Final = 6
-"""Random draws of training trips of each size of the learning curve."""
+"""Number of random draws of training trips for each size of the learning curve."""
 
 
 def add_crps_of_points(models: dict[str, Any], frame: pd.DataFrame) -> None:
-    """The CRPS of a forecast that names one number is its mean absolute error."""
+    """Add the CRPS of each model's point forecast, which is its mean absolute error."""
     for name, score in models.items():
         part = frame[frame["model"] == name]
         score["crps_wh"] = float((part["predicted_energy_wh"] - part["observed_energy_wh"]).abs().mean())
@@ -45,7 +45,7 @@ def add_crps_of_points(models: dict[str, Any], frame: pd.DataFrame) -> None:
 def forecast_scores(
     forecasts: Sequence[HeldOutForecast], part: pd.DataFrame, seed: int, days: Sequence[str] | None = None
 ) -> dict[str, Any]:
-    """Coverage, CRPS and update scores of the forecast in one hold-out; `part` has its rows of the folds, `days` their days."""
+    """Score arrival, coverage, CRPS and updates of the forecasts of a hold-out; `part` has their rows of the folds, `days` their days."""
     observed, centre = part["observed_energy_wh"].to_numpy(), part["predicted_energy_wh"].to_numpy()
     bounds, factors = of_each(forecasts, "bounds_wh"), of_each(forecasts, "factors")
     shown, arrival, chance = (of_each(forecasts, name) for name in ("shown", "arrival", "arrival_chance"))
@@ -60,10 +60,12 @@ def forecast_scores(
 def forecast_frame(
     hold_out: HoldOut[ForecastData], forecasts: Sequence[HeldOutForecast], part: pd.DataFrame
 ) -> pd.DataFrame:
-    """Held-out forecasts of one hold-out, a row for each; `part` has their rows of the folds.
+    """Tabulate the forecasts of a hold-out, one row for each; `part` has their rows of the folds.
 
-    `trip, observed_energy_wh, energy_wh, sd_wh, pit, crps_wh, flags`, bounds `low_50, high_50, ...` by nominal level in percent, for each
-    fraction of the trip's time and each of `UPDATES` a column such as `update_25` [Wh], and `about_trips`.
+    Columns: `trip, observed_energy_wh, energy_wh, sd_wh, pit, crps_wh, flags`; bounds `low_50, high_50, ...` by
+    nominal level in percent; for each
+    fraction of the trip's time and each of `UPDATES` a column such as `update_25` [Wh]; and the columns of
+    `about_trips`.
     """
     observed, centre = part["observed_energy_wh"].to_numpy(), part["predicted_energy_wh"].to_numpy()
     sd_wh, bounds = of_each(forecasts, "sd_wh"), of_each(forecasts, "bounds_wh")
@@ -91,7 +93,7 @@ def _known(value: float | None) -> float:
 
 
 def about_trips(data: ForecastData, members: IntArray) -> pd.DataFrame:
-    """What strata divide by, known at departure, one row per trip."""
+    """Tabulate what strata are divided by, known at departure: one row per trip."""
     plans = [data.plans[i] for i in members]
     heights = [plan.array("elevation_m") if "elevation_m" in plan else np.array([np.nan]) for plan in plans]
     return pd.DataFrame(
@@ -108,7 +110,7 @@ def about_trips(data: ForecastData, members: IntArray) -> pd.DataFrame:
 
 
 def strata(main: Comparison, seed: int) -> list[dict[str, Any]]:
-    """Mean errors of forecast and data-only model by kind of trip."""
+    """Return mean errors of forecast and data-only model by stratum; empty if the forecast is not among the models."""
     names = {spec.name for spec in main.specs}
     if FORECAST not in names:
         return []
@@ -119,12 +121,12 @@ def strata(main: Comparison, seed: int) -> list[dict[str, Any]]:
 
 
 def learning_curve(draws: Comparison, seed: int) -> list[dict[str, Any]]:
-    """Mean APE by number of training trips: the mean over draws, and over the trips that no draw was fitted on.
+    """Return the mean APE by number of training trips: the mean over draws of the mean over each draw's remaining trips.
 
     Parameters
     ----------
     draws : Comparison
-        Of the forecast's centre and the model without physics on random draws of trips.
+        Comparison of the forecast's centre and the model without physics on random draws of trips.
     seed : int
     """
     segments = draws.hold_out.data.segments

@@ -1,4 +1,4 @@
-"""How good a probabilistic forecast is: coverage, CRPS, PIT, re-forecasts, strata. Arrays in, plain values out."""
+"""Score probabilistic forecasts: coverage, CRPS, re-forecasts, arrival, strata; from arrays to plain values."""
 
 from __future__ import annotations
 
@@ -26,30 +26,30 @@ WITHOUT_PHYSICS: Final = "boosting-only"
 LEVELS: Final = (0.5, 0.8, 0.9, 0.95)
 FRACTIONS: Final = (0.1, 0.25, 0.5, 0.75)
 TOTALS: Final = ("update", "soc_only", "no_update", "naive_gauge")
-"""Energies of the whole trip after a part of it: re-forecast, the same from the state of charge alone, two baselines."""
+"""Forecasts of the total energy made under way: re-forecast, re-forecast from the state of charge alone, two baselines."""
 UPDATE_LEVEL: Final = 0.9
 ARRIVAL_STARTS: Final = ("soc", "bms_soc")
-"""Fields of a departure that the charge at arrival is forecast from: the display, or the battery management."""
+"""Fields of a departure from which the charge at arrival is forecast: `soc` (display), `bms_soc` (battery management)."""
 RESERVE_OFFSETS: Final = tuple(round(0.01 * k, 2) for k in range(-6, 7))
-"""Reserves around the forecast charge at arrival for which the probability to arrive is scored."""
+"""Reserves, relative to the forecast charge at arrival, for which the probability to arrive is scored."""
 DECILES: Final = 10
 UPDATES: Final = (*TOTALS, "update_low", "update_high")
-"""These, and the bounds of the re-forecast at `UPDATE_LEVEL`."""
+"""`TOTALS`, and the bounds of the re-forecast at `UPDATE_LEVEL`."""
 
 
 def crps(observed_wh: FloatArray, quantiles_wh: FloatArray) -> FloatArray:
-    """Continuous ranked probability score: twice the pinball loss, averaged over equally spaced quantiles.
+    """Compute the continuous ranked probability score: twice the pinball loss, averaged over equally spaced quantiles.
 
     Parameters
     ----------
     observed_wh : ndarray, shape (trips,)
     quantiles_wh : ndarray, shape (trips, m)
-        At the probabilities (k + 1/2) / m (Gneiting and Raftery 2007, equation 20 and section 4.2).
+        Quantiles at the probabilities (k + 1/2) / m (Gneiting and Raftery 2007, equation 20 and section 4.2).
 
     Returns
     -------
     ndarray, shape (trips,)
-        In the unit of the observations.
+        Scores in the unit of the observations.
 
     Examples
     --------
@@ -63,14 +63,14 @@ def crps(observed_wh: FloatArray, quantiles_wh: FloatArray) -> FloatArray:
 
 
 def symmetric_quantiles(centre_wh: FloatArray, half_wh: FloatArray) -> FloatArray:
-    """Quantiles for `crps` from a centre and half widths at the levels (k + 1/2) / m, shape (trips, 2 m)."""
+    """Compute quantiles (trips, 2 m) for `crps` from a centre and half widths at the levels (k + 1/2) / m."""
     return np.concatenate([centre_wh[:, None] - half_wh[:, ::-1], centre_wh[:, None] + half_wh], axis=1)
 
 
 def coverage_scores(
     observed_wh: FloatArray, low_wh: FloatArray, high_wh: FloatArray, seed: int
 ) -> dict[str, Any]:
-    """Coverage and width by nominal level.
+    """Compute coverage and width of intervals by nominal level.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def coverage_scores(
 
 
 def coverage_by_level(observed_wh: FloatArray, low_wh: FloatArray, high_wh: FloatArray) -> dict[str, Any]:
-    """`coverage_scores` without the bootstrap."""
+    """Return the `coverage_scores` without the bootstrap."""
     scores = {
         f"{level:g}": _covered(Coverage.from_bounds(observed_wh, low_wh[:, j], high_wh[:, j], level), "_wh")
         for j, level in enumerate(LEVELS)
@@ -113,7 +113,7 @@ def _covered(intervals: Coverage, unit: str) -> dict[str, Any]:
 def crps_scores(
     observed_wh: FloatArray, centre_wh: FloatArray, sd_wh: FloatArray, factors: FloatArray
 ) -> dict[str, float]:
-    """CRPS, and that of distributions of one width for every trip.
+    """Compute the CRPS of the forecasts, and the CRPS if all trips had the same standard deviation.
 
     Parameters
     ----------
@@ -124,8 +124,9 @@ def crps_scores(
     Returns
     -------
     dict
-        `crps_wh`; `crps_same_width_wh` with the mean standard deviation for every trip; `crps_best_same_width_wh` with
-        the one standard deviation that would have scored best, which is known in hindsight alone.
+        `crps_wh`; `crps_same_width_wh` with the mean standard deviation for every trip; `crps_best_same_width_wh`
+        with the
+        common standard deviation that scores best, which is known only in hindsight.
     """
 
     def score(sd: FloatArray) -> float:
@@ -143,13 +144,13 @@ def crps_scores(
 def update_scores(
     observed_wh: FloatArray, energies_wh: FloatArray, seed: int, days: Sequence[str] | None = None
 ) -> dict[str, Any]:
-    """Errors of the re-forecast total by the fraction of the trip's time.
+    """Compute errors of the re-forecast total by the fraction of the trip's time.
 
     Parameters
     ----------
     observed_wh : ndarray, shape (trips,)
     energies_wh : ndarray, shape (trips, len(FRACTIONS), len(UPDATES))
-        NaN where a trip lacks the measurement.
+        Forecasts of the total; NaN if a trip lacks the measurement.
 
     Returns
     -------
@@ -188,22 +189,23 @@ def update_scores(
 def arrival_scores(
     shown: FloatArray, arrival: FloatArray, chance: FloatArray, seed: int
 ) -> dict[str, dict[str, Any] | None]:
-    """Displayed charge at arrival, and the probability to arrive with a reserve, by what was known at departure.
+    """Score the forecast charge at arrival and the probability to arrive with a reserve, by what was known at departure.
 
     Parameters
     ----------
     shown : ndarray, shape (trips,)
-        Displayed charge at arrival; NaN where it was not logged.
+        Displayed charge at arrival; NaN if it was not logged.
     arrival : ndarray, shape (trips, len(ARRIVAL_STARTS), 3)
-        Its median and the bounds of its interval of `UPDATE_LEVEL`.
+        Forecast median and the bounds of the interval of `UPDATE_LEVEL`.
     chance : ndarray, shape (trips, len(ARRIVAL_STARTS), len(RESERVE_OFFSETS))
         Probability to arrive with the median plus each of `RESERVE_OFFSETS`.
 
     Returns
     -------
     dict
-        Start -> `n_trips, mae, bias, coverage, coverage_ci95, inside, interval_width, needed_width` [1], `reliability`: see `reliability`;
-        None where no trip has the readings.
+        Start -> `n_trips, mae, bias, coverage, coverage_ci95, inside, interval_width, needed_width` [1], and
+        `reliability` (see the function `reliability`);
+        None if no trip has the readings.
     """
     scores: dict[str, dict[str, Any] | None] = dict.fromkeys(ARRIVAL_STARTS)
     for k, start in enumerate(ARRIVAL_STARTS):
@@ -223,7 +225,7 @@ def arrival_scores(
 
 
 def reliability(chance: FloatArray, happened: BoolArray, seed: int) -> list[dict[str, Any]]:
-    """Stated probability and share of what happened, by tenths of the probability. O(draws x trips).
+    """Compare stated probabilities with observed shares, by tenths of the probability. O(draws x trips).
 
     Parameters
     ----------
@@ -234,7 +236,8 @@ def reliability(chance: FloatArray, happened: BoolArray, seed: int) -> list[dict
     -------
     list of dict
         For each tenth with pairs: `share` of all pairs, mean `stated` probability, `observed` share, and
-        `observed_ci95`, a bootstrap over trips: pairs of one trip are no independent evidence.
+        `observed_ci95` by a bootstrap over trips,
+        because pairs of one trip are not independent.
     """
     n_trips = len(chance)
     tenth = np.minimum((chance * DECILES).astype(np.int64), DECILES - 1)
@@ -285,13 +288,13 @@ HOT_BATTERY_DEGC: Final = 28.0
 
 
 def strata_of(trips: pd.DataFrame) -> list[Stratum]:
-    """Strata of trips by what is known of them; those without a trip are left out.
+    """Divide trips into strata by what is known at departure; empty strata are left out.
 
     Parameters
     ----------
     trips : DataFrame
-        `net_climb_m, battery_temperature_degc, ambient_temperature_degc, distance_m, duration_s, driver`, NaN or None
-        where unknown.
+        `net_climb_m, battery_temperature_degc, ambient_temperature_degc, distance_m, duration_s, driver`; NaN or
+        None if unknown.
     """
     battery = trips["battery_temperature_degc"].to_numpy(dtype=float)
     climb = trips["net_climb_m"].to_numpy(dtype=float)
@@ -312,7 +315,7 @@ def strata_of(trips: pd.DataFrame) -> list[Stratum]:
 
 
 def _bins(by: str, values: FloatArray, edges: Sequence[float], unit: str) -> list[Stratum]:
-    """Below the first edge, between neighbouring ones, from the last on."""
+    """Divide trips by `edges`: below the first, between neighbouring edges, and from the last on."""
     bounds = [-np.inf, *edges, np.inf]
     between = [f"{a} to {b}" for a, b in itertools.pairwise(edges)]
     names = [f"below {edges[0]} {unit}", *(f"{n} {unit}" for n in between), f"{edges[-1]} {unit} or more"]
@@ -329,7 +332,7 @@ def strata_scores(
     seed: int,
     days: Sequence[str] | None = None,
 ) -> list[dict[str, Any]]:
-    """Mean APE of hybrid and data-only model by stratum, with the paired difference where there are several trips."""
+    """Return the mean APE of hybrid and data-only model by stratum, and their paired difference; an interval if there are several trips."""
     rows = []
     for stratum in strata:
         own = ape[stratum.members]

@@ -1,6 +1,6 @@
-"""Forecasts of held-out trips: everything that is scored or drawn of them.
+"""Everything about forecasts of held-out trips that is scored or drawn in figures.
 
-Only the re-forecasts see measurements, and of these no sample after the cut.
+Only re-forecasts use measurements, and only samples up to the cut.
 """
 
 from __future__ import annotations
@@ -36,19 +36,19 @@ class HeldOutForecast:
     ----------
     sd_wh : float
     bounds_wh : ndarray, shape (len(LEVELS), 2)
-        Of the intervals.
+        Bounds of the intervals.
     factors : ndarray, shape (m,)
         Half widths in standard deviations at the levels (k + 1/2) / m.
     pit : float
-        Probability that the forecast gave to less than was measured.
+        Forecast probability of an energy below the measured one.
     flags : int
         Number of flags.
     updates_wh : ndarray, shape (len(FRACTIONS), len(UPDATES))
         From `reforecast`.
     shown : float
-        Displayed charge at arrival; NaN where it was not logged.
+        Displayed charge at arrival; NaN if it was not logged.
     arrival : ndarray, shape (len(ARRIVAL_STARTS), 3)
-        Its forecast median and the bounds of its interval of `UPDATE_LEVEL`; NaN where the start was not known.
+        Forecast median of that charge and the bounds of its interval of `UPDATE_LEVEL`; NaN if the start was not known.
     arrival_chance : ndarray, shape (len(ARRIVAL_STARTS), len(RESERVE_OFFSETS))
         Probability to arrive with the median plus each of `RESERVE_OFFSETS`.
     """
@@ -72,7 +72,7 @@ class HeldOutForecast:
         Parameters
         ----------
         model : ForecastModel
-            For the forecasts of the charge at arrival.
+            Fitted model, for the forecasts of the charge at arrival.
         plan : Plan
         forecast : Forecast
         log : DataFrame
@@ -94,7 +94,7 @@ class HeldOutForecast:
 
 
 def of_each(forecasts: Sequence[HeldOutForecast], name: str) -> FloatArray:
-    """A number or an array of each forecast, one below the other."""
+    """Stack the attribute `name` of all forecasts."""
     return np.array([getattr(forecast, name) for forecast in forecasts])
 
 
@@ -104,7 +104,7 @@ def _shown_at_arrival(log: pd.DataFrame) -> float:
 
 
 def arrivals_of(model: ForecastModel, plan: Plan) -> tuple[FloatArray, FloatArray]:
-    """Displayed charge at arrival of a trip, as forecast from each start of `ARRIVAL_STARTS` alone.
+    """Forecast the displayed charge at arrival of a trip, from each start of `ARRIVAL_STARTS` alone.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def arrivals_of(model: ForecastModel, plan: Plan) -> tuple[FloatArray, FloatArra
     Returns
     -------
     bounds : ndarray, shape (len(ARRIVAL_STARTS), 3)
-        Median and bounds of the interval of `UPDATE_LEVEL`; NaN where the start is not known.
+        Median and bounds of the interval of `UPDATE_LEVEL`; NaN if the start is not known.
     chance : ndarray, shape (len(ARRIVAL_STARTS), len(RESERVE_OFFSETS))
         Probability to arrive with the median plus each of `RESERVE_OFFSETS`.
     """
@@ -130,20 +130,20 @@ def arrivals_of(model: ForecastModel, plan: Plan) -> tuple[FloatArray, FloatArra
 
 
 def reforecast(forecast: Forecast, log: pd.DataFrame, fraction: float) -> list[float]:
-    """Energy of the whole trip after a fraction of its time, in the order of `UPDATES` [Wh].
+    """Forecast the energy of the whole trip after a fraction of its time, in the order of `UPDATES` [Wh].
 
     Parameters
     ----------
     forecast : Forecast
-        Before departure.
+        Forecast before departure.
     log : DataFrame
-        From `measured_log`; rows after the cut are not used, except that the gauge needs the whole distance.
+        From `measured_log`; rows after the cut are not used.
     fraction : float
 
     Returns
     -------
     list of float
-        NaN where a measurement is missing. The gauge of a car that has not moved yet shows the departure forecast.
+        NaN if a measurement is missing. The gauge of a car that has not moved yet shows the forecast before departure.
     """
     planned_series = forecast.to_frame()
     cut = fraction * float(planned_series["time_s"].iloc[-1])

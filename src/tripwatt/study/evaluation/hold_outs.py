@@ -1,4 +1,4 @@
-"""Ways to hold trips out: leave one trip out, leave one day out, leave a regime out, a split by time, random draws."""
+"""Hold-outs: leave one trip out, leave one day out, leave a regime out, a split by time, random draws, other splitters."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ TIME_SPLIT: Final = "time_split"
 RANDOM_DRAWS: Final = "random_draws"
 
 REFERENCE: Final = "reference"
-"""The set of trips on which a protocol compares settings inside the folds."""
+"""Name of the set of trips on which a protocol compares settings inside the folds."""
 
 MIN_DAYS: Final = 3
-"""Fewest days of which one is left out at a time."""
+"""Smallest number of days for which one day is left out at a time."""
 
 WITHOUT_DAYS: Final = "leave-one-day-out left out: the dates of the trips are unknown or fewer than three"
 WITHOUT_GROUPS: Final = "fewer than three dates of trips are known: each trip is a group of its own"
 
 
 class Trips(Protocol):
-    """Some trips, as models need them.
+    """Trips in the form that the models of a protocol need.
 
     Examples
     --------
@@ -47,7 +47,7 @@ class Trips(Protocol):
     """
 
     def take(self, members: IntArray) -> Any:
-        """Some of them, by their numbers.
+        """Return some of the trips, by their numbers.
 
         Parameters
         ----------
@@ -61,7 +61,7 @@ class Trips(Protocol):
 
 
 D = TypeVar("D", bound=Trips)
-"""What the models of a protocol need of trips."""
+"""Form of the trips that the models of a protocol need."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,10 +73,10 @@ class HoldOut(Generic[D]):
     scheme : str
         A constant of this module, such as `LEAVE_ONE_TRIP_OUT`.
     trips : str
-        "reference", "audited" or "all"; where a regime is held out, its name.
+        "reference", "audited" or "all"; for a regime, its name.
     table : TripTable
     data : object
-        The trips as the models of the protocol need them.
+        Trips in the form that the models of the protocol need.
     splits : tuple of Split
     """
 
@@ -88,19 +88,20 @@ class HoldOut(Generic[D]):
 
     @cached_property
     def tested(self) -> IntArray:
-        """Numbers of the trips that are scored, ascending; a trip of several splits as often as it is scored."""
+        """Numbers of the scored trips, ascending; a trip appears once for each split that scores it."""
         return np.sort(np.concatenate([split.test for split in self.splits]))
 
     @cached_property
     def scored(self) -> IntArray:
-        """Numbers of the trips that are scored, ascending, each once."""
+        """Numbers of the scored trips, ascending, each once."""
         return np.unique(self.tested)
 
     @cached_property
     def folds(self) -> IntArray | None:
-        """The split that scores each trip, shape (trips,), where each trip is scored once and fitted on in all others.
+        """Number of the split that scores each trip, shape (trips,).
 
-        Only then can a learner give the predictions of all splits at once. Else None.
+        None unless every trip is scored in one split and fitted on in all others; only then can a learner predict
+        all splits at once.
         """
         count = np.bincount(np.concatenate([split.test for split in self.splits]), minlength=len(self.table))
         if (count != 1).any() or any(len(s.train) + len(s.test) != len(self.table) for s in self.splits):
@@ -112,23 +113,23 @@ class HoldOut(Generic[D]):
 
     @property
     def is_reference(self) -> bool:
-        """Whether each of the reference trips is left out once, which is where settings are compared."""
+        """Whether this is leave-one-trip-out on the reference trips, where settings are compared."""
         return self.scheme == LEAVE_ONE_TRIP_OUT and self.trips == REFERENCE
 
 
 def random_draws(
     hold_out: HoldOut[D], sizes: Sequence[int], draws: int, least_scored: int, seed: int
 ) -> HoldOut[D]:
-    """Random training sets of several sizes, each scored on all other trips.
+    """Draw random training sets of several sizes, each scored on all other trips.
 
     Parameters
     ----------
     hold_out : HoldOut
-        Whose trips are drawn.
+        Hold-out whose trips are drawn.
     sizes : sequence of int
         Numbers of training trips. A smaller set is part of the larger one of the same draw.
     draws : int
-        Draws of each size.
+        Number of draws of each size.
     least_scored : int
         Sizes that leave fewer trips to score are left out.
     seed : int
@@ -144,7 +145,7 @@ def random_draws(
 
 
 def days_of(trips: Sequence[Trip]) -> IntArray | None:
-    """Number of the day of each trip; None where a date is unknown or the days are fewer than `MIN_DAYS`."""
+    """Number the day of each trip; returns None if a date is unknown or there are fewer than `MIN_DAYS` days."""
     days = [trip.context.day for trip in trips]
     if any(day is None for day in days) or len(set(days)) < MIN_DAYS:
         return None
@@ -154,15 +155,15 @@ def days_of(trips: Sequence[Trip]) -> IntArray | None:
 
 @dataclass(frozen=True, eq=False)
 class Prepared(Generic[D]):
-    """Trips as a protocol evaluates them.
+    """Trips and hold-outs, prepared for a protocol.
 
     Attributes
     ----------
     hold_outs : list of HoldOut
-        The main one first.
+        The hold-outs, the main one first.
     fleet, test_fleet : TripSet, TripSet or None
     audited : Audit
-        Of the trips that are scored.
+        Audit of the scored trips.
     cars : mapping of str to Vehicle
         Name of the simulated energy -> car.
     notes : tuple of str
@@ -183,14 +184,14 @@ class Prepared(Generic[D]):
 
 @dataclass(frozen=True, slots=True)
 class CarChoice:
-    """A car, or its name or path, and values that replace those of its file.
+    """A choice of car, and values that replace those of its file.
 
     Attributes
     ----------
     car : Vehicle, str or path
         The car itself, its name, or the path of its TOML.
     overrides : mapping of str to (float or str), optional
-        As for `load_vehicle`.
+        Values as for `load_vehicle`.
 
     Examples
     --------
@@ -203,11 +204,11 @@ class CarChoice:
 
     @property
     def name(self) -> str:
-        """Its name or path."""
+        """Name or path of the car."""
         return self.car.name if isinstance(self.car, Vehicle) else str(self.car)
 
     def load(self, preset: str = "default", more: Mapping[str, float | str] | None = None) -> Vehicle:
-        """Load the car under a preset, with the values that replace its own and some more.
+        """Load the car under a preset, with `overrides` and further values.
 
         Parameters
         ----------
@@ -219,12 +220,12 @@ class CarChoice:
         Returns
         -------
         Vehicle
-            With these values.
+            The car with these values.
 
         Raises
         ------
         InvalidInput
-            As `load_vehicle`.
+            If `load_vehicle` raises it.
 
         Examples
         --------
@@ -240,7 +241,7 @@ class CarChoice:
 
 
 class Splitter(Protocol):
-    """A splitter of scikit-learn's kind.
+    """A splitter with the interface of scikit-learn's splitters.
 
     Examples
     --------
@@ -249,7 +250,7 @@ class Splitter(Protocol):
     """
 
     def split(self, X: Any, y: Any = None, groups: Any = None) -> Iterable[tuple[Any, Any]]:
-        """Give numbers of trips to fit on and to score.
+        """Yield pairs of arrays: numbers of the trips to fit on, and of those to score.
 
         Parameters
         ----------
@@ -258,7 +259,7 @@ class Splitter(Protocol):
         y : ndarray, shape (trips,)
             Measured energy [Wh].
         groups : ndarray of int, shape (trips,)
-            Number of the day of each trip; that of the trip where the days are unknown.
+            Number of the day of each trip or, if the days are unknown, of the trip itself.
 
         Examples
         --------
@@ -268,11 +269,11 @@ class Splitter(Protocol):
 
 
 HoldOuts = str | Splitter | Sequence[str | Splitter]
-"""What `evaluate` takes: names of hold-outs, splitters, or a list of both."""
+"""Hold-outs as an argument of `evaluate`: a name, a splitter, or a list of names and splitters."""
 
 
 def numbered_names(given: Iterable[object]) -> list[str]:
-    """Names as they are, objects by their class; a class that comes again gets a number.
+    """Return the names: strings as they are, objects by their class, with a number if the class occurs again.
 
     Examples
     --------
@@ -290,12 +291,12 @@ def numbered_names(given: Iterable[object]) -> list[str]:
 
 @dataclass(frozen=True, slots=True)
 class HoldOutChoice:
-    """Hold-outs that run: those of the protocol, or some of them, and splitters from outside.
+    """The hold-outs of a run: all or some of those of the protocol, and splitters from outside.
 
     Attributes
     ----------
     chosen : tuple of (str or Splitter) or None
-        None for all of the protocol.
+        None for all hold-outs of the protocol.
 
     Examples
     --------
@@ -307,22 +308,22 @@ class HoldOutChoice:
 
     @classmethod
     def from_argument(cls, hold_outs: HoldOuts | None) -> HoldOutChoice:
-        """Take one, several or, with None, all of the protocol.
+        """Read the argument `hold_outs` of `evaluate`; None chooses all hold-outs of the protocol.
 
         Parameters
         ----------
         hold_outs : str, Splitter, sequence of them, or None
-            As of `evaluate`.
+            The argument of `evaluate`.
 
         Returns
         -------
         HoldOutChoice
-            Of the same.
+            The choice.
 
         Raises
         ------
         InvalidInput
-            For what is neither a name nor a splitter, and for an empty list.
+            If an element is neither a name nor a splitter, or the list is empty.
 
         Examples
         --------
@@ -343,11 +344,11 @@ class HoldOutChoice:
 
     @property
     def labels(self) -> list[str]:
-        """The names, and the classes of the splitters; those that are chosen twice with a number."""
+        """The names, and the classes of the splitters; a class that occurs again gets a number."""
         return numbered_names(self.chosen or ())
 
     def of(self, known: Sequence[tuple[str, str]]) -> list[tuple[str, str | Splitter]]:
-        """Find the chosen ones among the hold-outs of a protocol.
+        """Find the chosen hold-outs among those of a protocol.
 
         A name is a scheme, a set of trips, or both as ``scheme:trips``.
 
@@ -359,12 +360,13 @@ class HoldOutChoice:
         Returns
         -------
         list of (str, str or Splitter)
-            In the order of the choice: scheme and set of trips of one of the protocol, label of a splitter and itself.
+            In the order of the choice: scheme and set of trips of a hold-out of the protocol, or label of a
+            splitter and the splitter.
 
         Raises
         ------
         InvalidInput
-            With every name that none of them has.
+            With every name that no hold-out has.
 
         Examples
         --------
@@ -385,17 +387,17 @@ class HoldOutChoice:
         return list(known) if self.chosen is None else chosen
 
     def notes(self, trips: Sequence[Trip]) -> list[str]:
-        """Name the splitters of groups that get no days, because the trips have none.
+        """Note the splitters by groups for which each trip is a group, because the days of the trips are unknown or too few.
 
         Parameters
         ----------
         trips : sequence of Trip
-            Those that are split.
+            The trips that are split.
 
         Returns
         -------
         list of str
-            A note for each.
+            A note for each such splitter.
 
         Examples
         --------
@@ -409,28 +411,28 @@ class HoldOutChoice:
 def splits_of(
     name: str, splitter: Splitter, trips: Sequence[Trip], energy_wh: FloatArray
 ) -> tuple[Split, ...]:
-    """Trips as a splitter splits them.
+    """Split trips with a splitter.
 
     Parameters
     ----------
     name : str
-        Of the splitter, for its errors.
+        Name of the splitter, for error messages.
     splitter : Splitter
     trips : sequence of Trip
     energy_wh : ndarray, shape (trips,)
-        Measured [Wh].
+        Measured energy [Wh].
 
     Raises
     ------
     InvalidInput
-        When it cannot split them.
+        If the splitter cannot split the trips.
     """
     days, every = days_of(trips), np.arange(len(trips))
     try:
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", "The groups parameter is ignored", UserWarning)
             pairs = list(splitter.split(list(trips), energy_wh, every if days is None else days))
-        # a splitter gives numbers of trips, or a mask over them
+        # a splitter yields numbers of trips, or a mask over the trips
         cut = [(np.sort(every[train]), np.sort(every[test])) for train, test in pairs]
     except (ValueError, TypeError, IndexError) as error:
         raise InvalidInput.of("trips cannot be split", name, str(error)[:200]) from error
@@ -449,19 +451,21 @@ def hold_outs_of(
     table_of: Callable[[D], TripTable],
     regimes: Regimes | None = None,
 ) -> list[HoldOut[D]]:
-    """The chosen hold-outs of a protocol: each set by trips, the main one by days, its regimes, and the splitters.
+    """Build the chosen hold-outs of a protocol.
+
+    Every set of trips is held out trip by trip; the main set also by days, by regimes, and by splitters.
 
     Parameters
     ----------
     sets : mapping of str to sequence of Trip
         The main set first.
     by_day : ndarray of int or None, shape (trips of the main set,)
-        Days that are left out one at a time; None where none is.
+        Number of the day of each trip, for leave-one-day-out; None without it.
     wanted : HoldOutChoice
     prepare : callable
-        Trips -> what the models need of them; only for sets of which a hold-out was chosen.
+        Function from trips to the form that the models need; called only for sets with a chosen hold-out.
     table_of : callable
-        This -> their table.
+        Function from that form to the table of the trips.
     regimes : mapping, optional
         See `Regimes`.
     """

@@ -1,4 +1,4 @@
-"""Errors of the energy at the end of the trip, each trip weighing the same, and their uncertainty over trips."""
+"""Errors of the energy at the end of trips, all trips with equal weight, and the uncertainty of these errors."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from tripwatt.arrays import FloatArray
 BOOTSTRAP_DRAWS: Final = 10_000
 CONFIDENCE: Final = 0.95
 SIGNIFICANCE_SEEDS: Final = 40
-"""A difference is significant where the interval of each of so many seeds of the bootstrap leaves out 0."""
+"""Number of bootstrap seeds; a difference is significant if the interval of each of these seeds excludes 0."""
 NEAR: Final = 0.1
-"""An interval that ends further than this part of its width from 0 does so for any seed: the seeds move its ends by a
-hundredth of its width."""
+"""Share of an interval's width; an interval that ends farther than this from 0 excludes 0 for any seed, since seeds
+move its ends by about a hundredth of its width."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +33,7 @@ class ErrorSummary:
     bias : float
         Mean of (predicted - observed) / observed.
     rmse_wh : float
-        Root mean square of predicted less observed energy [Wh].
+        Root mean square of predicted minus observed energy [Wh].
 
     Examples
     --------
@@ -57,11 +57,11 @@ class PairedDifference:
     Attributes
     ----------
     diff : float
-        Negative when `a` errs less.
+        The difference; negative if `a` has the smaller error.
     ci95 : tuple of float
         95 % percentile bootstrap interval over trips.
     significant : bool
-        Whether the interval leaves out 0, whatever the seed of the bootstrap. See `leaves_out_zero`.
+        Whether the interval excludes 0 for all seeds of the bootstrap, see `leaves_out_zero`.
 
     Examples
     --------
@@ -76,7 +76,7 @@ class PairedDifference:
 
 
 def absolute_percentage_error(observed_wh: FloatArray, predicted_wh: FloatArray) -> FloatArray:
-    """|observed - predicted| / |observed|, as a fraction.
+    """Compute |observed - predicted| / |observed|, as a fraction.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ def absolute_percentage_error(observed_wh: FloatArray, predicted_wh: FloatArray)
 def bootstrap_interval(
     values: FloatArray, seed: int, days: Sequence[str] | None = None, *, draws: int = BOOTSTRAP_DRAWS
 ) -> tuple[float, float]:
-    """95 % percentile interval of the mean over trips drawn with replacement, or over days with all their trips. O(draws x trips).
+    """Compute the 95 % bootstrap interval of the mean over trips; with `days`, whole days are drawn instead of trips. O(draws x trips).
 
     Examples
     --------
@@ -163,11 +163,11 @@ def paired_difference(
     ape_a : ndarray, shape (trips,)
         Absolute percentage errors of the first model, as fractions.
     ape_b : ndarray, shape (trips,)
-        Those of the second.
+        Absolute percentage errors of the second model.
     seed : int
         Of the bootstrap.
     days : sequence of str, optional
-        Day of each trip: trips of one day have its weather and traffic in common, so that days are drawn.
+        Day of each trip. If given, the bootstrap draws days, because trips of one day share its weather and traffic.
 
     Returns
     -------
@@ -186,14 +186,14 @@ def paired_difference(
 
 
 def leaves_out_zero(interval: tuple[float, float], again: Callable[[int], tuple[float, float]]) -> bool:
-    """Whether a bootstrap interval leaves out 0 for each of `SIGNIFICANCE_SEEDS` seeds.
+    """Check whether the bootstrap interval excludes 0 for each of `SIGNIFICANCE_SEEDS` seeds.
 
     Parameters
     ----------
     interval : tuple of float
-        Of the first seed.
+        Interval of the first seed.
     again : callable
-        Gives the interval of the seed that is so many further; asked only where the first one ends near 0.
+        Function from k to the interval of the first seed plus k; called only if the first interval ends near 0.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Models from outside as rows of a protocol: correctors, and whole models of the energy of a trip."""
+"""Models from outside the package in a protocol: correctors, and whole models of the energy of a trip."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ HOW: Final = (
 
 
 class WholeModel(Protocol):
-    """A model of the energy of a trip. The name of the argument, `trips`, is what tells it from a corrector.
+    """A model of the energy of a trip; the name `trips` of the argument of `fit` distinguishes it from a corrector.
 
     Examples
     --------
@@ -50,7 +50,7 @@ class WholeModel(Protocol):
         Parameters
         ----------
         trips : sequence of Trip
-            Those of one fold.
+            Training trips of one fold.
 
         Examples
         --------
@@ -90,14 +90,14 @@ class WholeMethod(Method[Sequence[Trip]]):
     ----------
     model : WholeModel
     recorded : callable
-        A hold-out -> its trips as they were recorded.
+        Function from a hold-out to its trips as recorded.
     """
 
     model: WholeModel
     recorded: Callable[[HoldOut[Any]], Sequence[Trip]]
 
     def fit(self, data: Sequence[Trip], train: IntArray, seed: int) -> Fitted:
-        """Fit a copy to the trips; of a scored trip it gets the plan."""
+        """Fit a copy of the model to the trips; a scored trip is passed as a plan."""
         model = copy.deepcopy(self.model)
         model.fit([data[i] for i in train])
 
@@ -107,17 +107,17 @@ class WholeMethod(Method[Sequence[Trip]]):
         return Fitted(predict)
 
     def needed(self, hold_out: HoldOut[Any], scored: IntArray) -> Sequence[Trip]:
-        """The recorded trips."""
+        """Return the recorded trips."""
         return self.recorded(hold_out)
 
 
 def is_whole(model: object) -> bool:
-    """Whether the first argument of `fit` is `trips`.
+    """Check whether a model is a whole model: the first argument of its `fit` is `trips`.
 
     Raises
     ------
     InvalidInput
-        When it is neither `trips` nor `table`, or there is no `fit` and `predict`.
+        If the model is no regressor and that argument is neither `trips` nor `table`, or `fit` or `predict` is missing.
     """
     require_fitting(model, "models", HOW)
     if is_regressor(model):
@@ -131,17 +131,17 @@ def is_whole(model: object) -> bool:
 
 
 def named_models(models: Sequence[AnyModel] | Mapping[str, AnyModel]) -> dict[str, AnyModel]:
-    """Models by the names of their rows: that of the protocol, the key, or the class."""
+    """Return models by the names of their rows: the key of a mapping, or the model's name or class."""
     if isinstance(models, Mapping):
         return dict(models)
     return dict(zip(numbered_names(models), models, strict=True))
 
 
 def outside_spec(name: str, model: object, method: Method[Any], simulation: str | None) -> ModelSpec:
-    """The row of a model from outside; finished folds are used again for an equal object of a class with equal source."""
+    """Make the row of a model from outside; finished folds are reused for an equal object of a class with equal source."""
     try:
         digest = str(joblib.hash((model, inspect.getsource(type(model)))))
-    # without source, or it holds what has no hash
+    # the class has no source, or the model holds something that cannot be hashed
     except (OSError, TypeError, pickle.PicklingError, AttributeError):
         digest = secrets.token_hex(16)
     title = " ".join(repr(model).split())

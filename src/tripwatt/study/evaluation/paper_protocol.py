@@ -1,7 +1,7 @@
 """The protocol of arXiv:2405.10984: cumulative energy, correctors of the paper's physics, leave one trip out.
 
-The correctors always stand on `physics-paper`, also when the default physics gets better. Inside the fold their
-settings are chosen by what the table scores: the absolute error at the end of the trip.
+The correctors always correct `physics-paper`, even if the default physics improves. Inside the fold their
+settings are chosen by the score of the table: the absolute error at the end of the trip.
 """
 
 from __future__ import annotations
@@ -58,11 +58,11 @@ PUBLISHED: Final[Mapping[str, float]] = {
     "forest": 0.106,
     "boosting": 0.103,
 }
-"""Mean errors from leave-one-trip-out in the paper's Table 3, by our names of the models."""
+"""Mean errors from leave-one-trip-out in the paper's Table 3, by the names of models here."""
 
 
 class PaperProtocol:
-    """See `tripwatt.study.evaluation.protocol.EvaluationProtocol`."""
+    """The paper's protocol; its members are documented in `tripwatt.study.evaluation.protocol.EvaluationProtocol`."""
 
     name = "paper"
     title = "the models of arXiv:2405.10984 on cumulative energy"
@@ -83,7 +83,7 @@ class PaperProtocol:
     given = ""
 
     def from_outside(self, name: str, model: Corrector | WholeModel) -> ModelSpec:
-        """A whole model, or a regressor on the covariates and the simulation of the paper's correctors."""
+        """Make the row of a whole model, or of a regressor with the covariates and the simulation of the paper's correctors."""
         if is_whole(model):
             return outside_spec(name, model, WholeMethod(model, lambda h: h.table.trips), None)
         if not is_regressor(model):
@@ -97,13 +97,13 @@ class PaperProtocol:
     def beside(
         self, prepared: Prepared[TripTable], specs: Sequence[ModelSpec], seed: int
     ) -> list[Comparison]:
-        """What `tripwatt.study.evaluation.paper_studies` compares."""
+        """Return the comparisons of `tripwatt.study.evaluation.paper_studies`."""
         return study_comparisons(prepared.hold_outs[0], [spec.name for spec in specs], seed)
 
     def prepare(
         self, fleet: TripSet, test_fleet: TripSet | None, car: CarChoice, wanted: HoldOutChoice
     ) -> Prepared[TripTable]:
-        """Each set of trips under leave-one-trip-out, and the main set under leave-one-day-out."""
+        """Prepare each set of trips for leave-one-trip-out, and the main set also for leave-one-day-out."""
         if test_fleet is not None:
             got, allowed = f"protocol {self.name!r}", "protocol 'forecast'"
             raise InvalidInput.of("option not available", "--test", got, allowed)
@@ -123,7 +123,7 @@ class PaperProtocol:
         beside: Sequence[Comparison],
         seed: int,
     ) -> EvaluationRun:
-        """Errors of the totals, and the GAMM."""
+        """Score the totals and the studies, and fit the GAMM to all trips."""
         first, table = main[0], main[0].hold_out.table
         methods = {spec.name: spec.method for spec in first.specs}
         models = {name: m.make(seed) for name, m in methods.items() if isinstance(m, TableMethod)}
@@ -143,7 +143,7 @@ class PaperProtocol:
 
 
 def _table2(gamm: GammInsight | None) -> list[dict[str, Any]]:
-    """Every term of the fitted GAMM: estimate and standard error, or EDF and reference df, and p; None without data."""
+    """List every term of the fitted GAMM: estimate and standard error, or EDF and reference df, and p (None without a test)."""
     if gamm is None:
         return []
     tables = ((gamm.summary.parametric, "estimate", "std_error"), (gamm.summary.smooth, "edf", "ref_df"))
@@ -176,7 +176,7 @@ def _hold_outs(
 
 
 def _usable(trips: Sequence[Trip]) -> tuple[list[Trip], list[str]]:
-    """Unaudited trips that can be simulated and scored at all; the others are named."""
+    """Return the unaudited trips that can be simulated and scored, and notes that name the others."""
     usable, notes = [], []
     for trip in trips:
         faults = list(value_faults(trip.samples, trip.trip_id))

@@ -1,7 +1,7 @@
-"""What the protocol `paper` measures beside its table, on the reference trips alone.
+"""Studies of the protocol `paper` beside its table, on the reference trips alone.
 
-Other published forms of the simulation and what the correctors reach on them, working correlations of the boosting,
-errors of the GAMM, choices among them inside the fold, and the error by the number of training trips.
+They compare other published forms of the simulation and the correctors on one of them, working correlations of the
+boosting, error models of the GAMM, choices among these inside the fold, and numbers of training trips.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ PAPER_CAR: Final = "bmw_i3_60ah"
 """The car for which the forms of the simulation have values."""
 
 BROCHURE: Final[Mapping[str, float | str]] = {"road_load.method": "coefficients", "body.curb_mass_kg": 1195.0}
-"""Drag, rolling resistance and mass as published for the i3 in place of the measured coast-down and the test weight:
+"""Drag, rolling resistance and mass as published for the i3 instead of the measured coast-down and the test weight:
 c_d 0.29 and 2.38 m² (BMW, technical data i3), c_r 0.0065 (TUM simulation of the i3), 1195 kg (BMW, without driver)."""
 
 NO_AUXILIARIES: Final[Mapping[str, float | str]] = {"auxiliaries.base_load_w": 0.0}
@@ -50,7 +50,7 @@ to wheel and its reciprocal for braking, in place of the loss maps."""
 
 @dataclass(frozen=True, slots=True)
 class SimulationForm:
-    """A published form of the simulation: what differs from the preset `paper`."""
+    """A published form of the simulation: values that differ from the preset `paper`."""
 
     name: str
     title: str
@@ -80,14 +80,14 @@ FORMS: Final = (
         {**BROCHURE, **NO_AUXILIARIES, **CONSTANT_EFFICIENCY, "regeneration.fraction": 0.5 / EFFICIENCY},
     ),
 )
-"""Forms of the paper's simulation. All are without climate control, as the paper's own is."""
+"""Forms of the paper's simulation; like the paper's own, all are without climate control."""
 
 NEAREST: Final = "physics-brochure"
-"""The form whose error on the reference trips is nearest to that of the paper's simulation; the correctors run on it."""
+"""Form of the simulation whose error on the reference trips is nearest to the paper's; correctors are also run on it."""
 
 
 def _studied(name: str, title: str, make: Callable[..., EnergyModel], **settings: Any) -> ModelSpec:
-    """A model with settings of `make`, on its simulation or on that of the correctors."""
+    """Make a model from `make` with settings, on the simulation among the settings or else on that of the correctors."""
     simulation = settings.get("simulation", correctors.SIMULATION)
     return table_model(name, title, functools.partial(make, **settings), simulation)
 
@@ -118,7 +118,7 @@ CHOICES: Final[Mapping[str, tuple[str, ...]]] = {
     "gamm-chosen": ("gamm", *(model.name for model in GAMM_ERRORS)),
     "boosting-chosen": ("boosting", *(model.name for model in CORRELATIONS)),
 }
-"""Name in the results -> models among which each fold chooses by errors of its own training trips."""
+"""Name in the results -> models among which each fold chooses by errors on its own training trips."""
 
 CHOSEN_TITLES: Final[Mapping[str, str]] = {
     "gamm-chosen": "GAMM, errors chosen inside the fold",
@@ -128,20 +128,20 @@ CHOSEN_TITLES: Final[Mapping[str, str]] = {
 SIZES: Final = (3, 6, 12, 24, 48)
 """Numbers of training trips of the learning curve."""
 DRAWS: Final = 4
-"""Random draws of training trips of each number."""
+"""Number of random draws for each number of training trips."""
 CURVE_MODELS: Final = ("boosting", "boosting-only")
 CURVE: Final = (
     table_model("boosting", "", correctors.boosting, correctors.SIMULATION),
     table_model("boosting-only", "", correctors.boosting_without_physics),
 )
-"""The hybrid and the data-driven boosting, whose errors are compared by the number of training trips."""
+"""Hybrid and data-driven boosting, whose errors are compared by the number of training trips."""
 CURVE_BOOTSTRAP: Final = 2000
 MIN_SCORED: Final = 5
-"""Trips that are left to score."""
+"""Smallest number of trips left to score."""
 
 
 def study_models(names: Sequence[str]) -> tuple[ModelSpec, ...]:
-    """The models beside the table, where the models that they vary are in the table."""
+    """Return the models beside the table: variants of models that are in the table."""
     models: list[ModelSpec] = []
     if correctors.SIMULATION in names:
         models += SIMULATIONS
@@ -152,12 +152,12 @@ def study_models(names: Sequence[str]) -> tuple[ModelSpec, ...]:
 
 
 def study_comparisons(hold_out: HoldOut[TripTable], names: Sequence[str], seed: int) -> list[Comparison]:
-    """What runs beside the table: models on the reference trips where their simulation is known, and the learning curve.
+    """Return the comparisons beside the table: models whose simulation is available, and the learning curve.
 
     Parameters
     ----------
     hold_out : HoldOut
-        The main one; nothing runs on other trips than the reference trips.
+        The main hold-out; returns no comparison unless it is that of the reference trips.
     names : sequence of str
         Models of the table.
     seed : int
@@ -172,14 +172,14 @@ def study_comparisons(hold_out: HoldOut[TripTable], names: Sequence[str], seed: 
 
 
 def simulation_forms(car: CarChoice) -> dict[str, Vehicle]:
-    """The forms of the simulation by name; none for another car than the paper's."""
+    """Return the car under each form of the simulation, by name; empty unless it is the paper's car."""
     if car.name != PAPER_CAR:
         return {}
     return {form.name: car.load("paper", form.overrides) for form in FORMS}
 
 
 def studies(main: Comparison, beside: Sequence[Comparison], seed: int) -> dict[str, Any]:
-    """Scores of everything beside the table; empty where the studies did not run.
+    """Score everything beside the table; returns an empty dict if the studies did not run.
 
     Parameters
     ----------
@@ -224,9 +224,9 @@ def studies(main: Comparison, beside: Sequence[Comparison], seed: int) -> dict[s
 def chosen_folds(
     name: str, candidates: Sequence[Mapping[int, FoldResult]]
 ) -> tuple[dict[int, FoldResult], dict[str, int]]:
-    """For each fold the result of the candidate with the least inner error, and how often each was chosen.
+    """Return for each fold the result of the candidate with the smallest inner error, and how often each was chosen.
 
-    The time of a fit is that of all candidates: all of them are fitted for the choice.
+    The time of a fit is the sum over all candidates, because all are fitted for the choice.
     """
     taken, count = {}, {next(iter(c.values())).model: 0 for c in candidates}
     for fold in candidates[0]:
@@ -261,19 +261,19 @@ def _scores(
 
 
 def trips_needed(draws: Comparison, seed: int) -> dict[str, Any]:
-    """The learning curve, and the number of trips at which the hybrid reaches the other's error with the most trips.
+    """Compute the learning curve, and the number of trips at which the hybrid reaches the data-driven model's final error.
 
     Parameters
     ----------
     draws : Comparison
-        Of `CURVE` on random draws of the trips.
+        Comparison of `CURVE` on random draws of the trips.
     seed : int
         Of the bootstrap over draws and trips.
 
     Returns
     -------
     dict
-        `curve` (`n_trips, draws`, mean error by model), `crossing` and its 95 % interval `crossing_ci95` (None where
+        `curve` (`n_trips, draws`, mean error by model), `crossing` and its 95 % interval `crossing_ci95` (None if
         the curve does not reach the error).
     """
     table, splits = draws.hold_out.table, draws.hold_out.splits
@@ -302,7 +302,7 @@ def trips_needed(draws: Comparison, seed: int) -> dict[str, Any]:
 
 
 def _weighted(errors: FloatArray, draws: IntArray | FloatArray, trips: IntArray | FloatArray) -> FloatArray:
-    """Mean error of each model and size, shape (models, sizes), with weights of draws and of trips."""
+    """Compute the mean error of each model and size, shape (models, sizes), weighted by draws and trips."""
     weight = np.where(np.isnan(errors), 0.0, np.outer(draws, trips))
     total = weight.sum(axis=(2, 3))
     with np.errstate(invalid="ignore"):
@@ -310,15 +310,16 @@ def _weighted(errors: FloatArray, draws: IntArray | FloatArray, trips: IntArray 
 
 
 def crossing(sizes: IntArray, means: FloatArray) -> float:
-    """Number of trips at which the first curve comes down to the last value of the second; infinite where it does not.
+    """Find the number of trips at which the first curve falls to the last value of the second; infinite if it never does.
 
-    Between two sizes the error is a straight line in the logarithm of the number of trips. A first curve that is below from
-    the start has the smallest size.
+    Between two sizes the error is interpolated linearly in the logarithm of the number of trips. If the first curve
+    starts
+    at or below that value, the smallest size is returned.
 
     Parameters
     ----------
     sizes : ndarray of int, shape (sizes,)
-        Increasing.
+        Numbers of trips, increasing.
     means : ndarray, shape (2, sizes)
 
     Examples

@@ -10,21 +10,21 @@ from tripwatt.figures import axes_or_new, figure_of
 
 
 def plot_errors(ape: pd.DataFrame, title: str, ax: Axes | None = None) -> Figure:
-    """Box plots of the error of each trip.
+    """Draw a box plot of the trips' errors for each model.
 
     Parameters
     ----------
     ape : DataFrame, shape (trips, models)
         Absolute percentage errors as fractions.
     title : str
-        Of the chart.
+        Title of the chart.
     ax : Axes, optional
-        Where to draw; a new figure by default.
+        Axes to draw on; a new figure by default.
 
     Returns
     -------
     Figure
-        With the lowest mean error, a diamond, at the top.
+        Boxes in order of the mean error (a diamond), the lowest at the top.
 
     Examples
     --------

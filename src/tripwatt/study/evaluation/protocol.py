@@ -1,4 +1,4 @@
-"""What an evaluation protocol is: models, ways to hold trips out, and results."""
+"""The interface of an evaluation protocol: models, hold-outs and results."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class EvaluationProtocol(Protocol):
     Attributes
     ----------
     name, title : str
-        Name by which a run is asked for, and the title of its report.
+        Name of the protocol, and title of its report.
     models : tuple of ModelSpec
         Models that are compared.
     focus : str or None
@@ -31,7 +31,7 @@ class EvaluationProtocol(Protocol):
     published : mapping of str to float
         Mean errors that the paper reports for its data set, by model.
     given : str
-        Condition of every error, repeated beside it; empty where there is none to state.
+        Condition of every error, repeated beside it; empty if there is none.
 
     Examples
     --------
@@ -51,7 +51,7 @@ class EvaluationProtocol(Protocol):
     given: str
 
     def beside(self, prepared: Prepared[Any], specs: Sequence[ModelSpec], seed: int) -> list[Comparison]:
-        """Choose what runs beside the chosen models on the hold-outs, such as learning curves.
+        """Choose further comparisons beside the chosen models on the hold-outs, such as learning curves.
 
         Parameters
         ----------
@@ -60,12 +60,12 @@ class EvaluationProtocol(Protocol):
         specs : sequence of ModelSpec
             The chosen models.
         seed : int
-            Of random draws.
+            Seed of random draws.
 
         Returns
         -------
         list of Comparison
-            Empty where there are none.
+            Further comparisons; empty if there are none.
 
         Examples
         --------
@@ -74,24 +74,24 @@ class EvaluationProtocol(Protocol):
         ...
 
     def from_outside(self, name: str, model: Corrector | WholeModel) -> ModelSpec:
-        """Make a row of a model from outside.
+        """Make the row of a model from outside.
 
         Parameters
         ----------
         name : str
-            Of the row.
+            Name of the row.
         model : Corrector or WholeModel
-            Unfitted.
+            Unfitted model.
 
         Returns
         -------
         ModelSpec
-            To run beside the models of the protocol.
+            Model to run beside those of the protocol.
 
         Raises
         ------
         InvalidInput
-            When the protocol has no use for such an object.
+            If the protocol cannot use such an object.
 
         Examples
         --------
@@ -109,7 +109,7 @@ class EvaluationProtocol(Protocol):
         fleet : TripSet
             Logs to evaluate on.
         test_fleet : TripSet or None
-            Logs to test on instead of held-out trips, where the protocol has such a test.
+            Logs to test on instead of held-out trips, if the protocol has such a test.
         car : CarChoice
             The car that is simulated.
         wanted : HoldOutChoice
@@ -123,7 +123,7 @@ class EvaluationProtocol(Protocol):
         Raises
         ------
         InvalidInput
-            On an unknown car or hold-out, or when too few trips are left.
+            If the car or a hold-out is unknown, or too few trips are left.
         """
         ...
 
@@ -139,7 +139,7 @@ class EvaluationProtocol(Protocol):
         main : sequence of Comparison
             Results of the chosen models on each hold-out.
         beside : sequence of Comparison
-            Results of what `beside` chose.
+            Results of the comparisons from `beside`.
         seed : int
             Of the bootstrap.
 
@@ -156,27 +156,28 @@ def choose_models(
     models: Sequence[AnyModel] | Mapping[str, AnyModel] | None = None,
     seed: int = 0,
 ) -> tuple[ModelSpec, ...]:
-    """Choose the models of a protocol, or those of them that are named, and models from outside.
+    """Choose all or the named models of a protocol, and models from outside.
 
     Parameters
     ----------
     protocol : EvaluationProtocol
-        With its models.
+        Protocol whose models are chosen.
     models : sequence or mapping of str to (str, Corrector or WholeModel), optional
-        Names of models of the protocol and of correctors of installed packages, and objects from outside, perhaps with names of
-        their rows; all models of the protocol by default.
+        Names of models of the protocol and of correctors of installed packages, and objects from outside. A mapping
+        gives the
+        names of their rows. All models of the protocol by default.
     seed : int
-        For correctors of packages.
+        Seed for correctors of packages.
 
     Returns
     -------
     tuple of ModelSpec
-        In the order of the protocol; those from outside at the end.
+        Models in the order of the protocol, then those from outside.
 
     Raises
     ------
     InvalidInput
-        On an unknown model, and an object that is no model.
+        If a model is unknown, its name is taken, or an object is no model.
 
     Examples
     --------

@@ -42,7 +42,8 @@ class EvaluationRun:
     folds : DataFrame
         The content of `folds.csv`: one row per evaluation, trip and model.
     gamm : GammInsight or None
-        Summary, diagnosis and effects of the GAMM, fitted on all trips of the first evaluation; None where it was not among the models.
+        Summary, diagnosis and effects of the GAMM, fitted on all trips of the first evaluation; None if it was not
+        among the models.
     forecast : DataFrame or None
         The content of `forecasts.csv`: held-out forecasts of the first evaluation; None in a protocol without them.
 
@@ -95,12 +96,12 @@ class EvaluationRun:
         a, b : str
             Names of models of the run.
         hold_out : str, optional
-            A hold-out as ``scheme:trips``; the first of the run by default.
+            A hold-out as ``scheme:trips``; default: the first of the run.
 
         Returns
         -------
         PairedDifference
-            Mean APE of `a` less that of `b`, with its bootstrap interval over days.
+            Mean APE of `a` minus that of `b`, with its bootstrap interval over days.
 
         Raises
         ------
@@ -125,14 +126,14 @@ class EvaluationRun:
         return paired_difference(ape[a].to_numpy(), ape[b].to_numpy(), self.results["seed"], days)
 
     def plot(self, ax: Axes | None = None, *, hold_out: str | None = None) -> Figure:
-        """Box plots of the error of each trip, one for each model.
+        """Draw a box plot of the trips' errors for each model.
 
         Parameters
         ----------
         ax : Axes, optional
-            Where to draw; a new figure by default.
+            Axes to draw on; a new figure by default.
         hold_out : str, optional
-            As of `compare`.
+            As for `compare`.
 
         Returns
         -------
@@ -154,7 +155,7 @@ class EvaluationRun:
         return plot_errors(ape, f"{label.replace('_', ' ')}, {len(ape)} trips", ax)
 
     def _ape(self, hold_out: str | None) -> tuple[str, pd.DataFrame]:
-        """A hold-out, and in it the error of each trip (rows) by each model (columns), the mean of a trip of several splits."""
+        """Return the label of a hold-out and its errors: trips as rows, models as columns, averaged over the splits of a trip."""
         labels = self.folds["scheme"] + ":" + self.folds["trips"]
         label = labels.iloc[0] if hold_out is None else hold_out
         if label not in set(labels):
@@ -179,7 +180,7 @@ class EvaluationRun:
 
 
 def about_run(protocol: str, prepared: Prepared[Any], main: Comparison, seed: int) -> dict[str, Any]:
-    """The part of `results.json` about what was evaluated, and the paired differences in the main comparison."""
+    """Return the part of `results.json` about the data and the models, and the paired differences of the main comparison."""
     shown = prepared.scored_fleet
     return {
         "protocol": protocol,
@@ -200,14 +201,14 @@ def about_run(protocol: str, prepared: Prepared[Any], main: Comparison, seed: in
 
 
 def write_results(run: EvaluationRun, out: Path) -> None:
-    """Write `results.json`, `folds.csv` and, where there are forecasts, `forecasts.csv` into the folder `out`.
+    """Write `results.json`, `folds.csv` and, if there are forecasts, `forecasts.csv` into the folder `out`.
 
     Parameters
     ----------
     run : EvaluationRun
-        As `evaluate` returns it.
+        Result of `evaluate`.
     out : Path
-        Folder, made where it is missing; files of an earlier run are replaced.
+        Folder, created if missing; files of an earlier run are replaced.
 
     Examples
     --------

@@ -41,7 +41,7 @@ def find_protocol(name: str) -> EvaluationProtocol:
     Returns
     -------
     EvaluationProtocol
-        With its models and its scores.
+        The protocol.
 
     Raises
     ------
@@ -77,24 +77,27 @@ def evaluate(
         Trips of one car as they were recorded. A path is read as by `read_logs`, strictly; read other kinds of logs than
         those of TUM with `read_logs` first.
     vehicle : Vehicle, str or path, or CarChoice
-        The car, its name, or the path of its TOML. A `CarChoice` has values that replace those of the car, also under a preset of
-        the protocol; the notes of the run name them.
+        The car, its name, or the path of its TOML. The values of a `CarChoice` replace those of the car, also under
+        a preset of
+        the protocol.
     protocol : {"paper", "forecast"} or EvaluationProtocol
-        Which models, which trips are held out, and what is scored.
+        Decides which models run, which trips are held out, and what is scored.
     models : sequence, or mapping of str to model, optional
         Names of some of the protocol's models, and models from outside: a regressor of scikit-learn's kind as a corrector, an
         object with ``fit(table)`` and ``predict(table)`` as a corrector on segments (protocol "forecast"), or one with
-        ``fit(trips)`` and ``predict(trip)`` as a whole model. A mapping names their rows. All of the protocol by default.
+        ``fit(trips)`` and ``predict(trip)`` as a whole model. The keys of a mapping are the names of the rows. All
+        models of the protocol by default.
     hold_outs : str, splitter, or sequence of them, optional
         Which hold-outs run: a scheme ("leave_one_trip_out"), a set of trips ("reference"), both ("leave_one_trip_out:reference"),
-        or a splitter of scikit-learn's kind over the trips of the main set, with their days as groups. The studies beside the
-        table run only when all of the protocol do, which is the default.
+        or a splitter of scikit-learn's kind over the trips of the main set, with their days as groups. The studies
+        beside the
+        table run only by default, that is with all hold-outs of the protocol.
     seed : int
-        Makes the run identical, also over a different number of processes.
+        Runs with equal seeds are identical, whatever the number of processes.
     test_fleet : TripSet, optional
-        Protocol "forecast" alone: fit on `trips`, score on these trips.
+        Only for protocol "forecast": fit on `trips`, score these trips.
     execution : Execution, optional
-        Processes, and where finished folds are kept.
+        Number of processes, and folder of finished folds.
 
     Returns
     -------
@@ -104,8 +107,7 @@ def evaluate(
     Raises
     ------
     InvalidInput
-        On an unknown protocol, model, vehicle, value or hold-out, an object that is no model, or when too few trips are
-        left.
+        If a protocol, model, vehicle, value or hold-out is unknown, an object is no model, or too few trips are left.
 
     Examples
     --------
@@ -125,12 +127,12 @@ def evaluate(
 
 
 def _fleet(trips: TripSet | Sequence[Trip] | Path | str) -> TripSet:
-    """Trips as a fleet.
+    """Read trips as a fleet.
 
     Raises
     ------
     InvalidInput
-        As `read_logs`, and for what are no trips.
+        If `read_logs` raises it, or an element is no trip.
     """
     if isinstance(trips, TripSet):
         return trips

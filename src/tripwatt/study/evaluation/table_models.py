@@ -24,13 +24,13 @@ class TableMethod(Method[TripTable]):
     Attributes
     ----------
     make : callable
-        A fresh, unfitted model from a seed.
+        Function from a seed to a new, unfitted model.
     """
 
     make: Callable[[int], EnergyModel]
 
     def fit(self, data: TripTable, train: IntArray, seed: int) -> Fitted:
-        """Fit to the rows of some trips."""
+        """Fit a model to the rows of the training trips."""
         model = self.make(seed).fit(data.take(train))
 
         def predict(test: IntArray) -> FloatArray:
@@ -40,7 +40,7 @@ class TableMethod(Method[TripTable]):
         return Fitted(predict)
 
     def shares_folds(self, seed: int) -> bool:
-        """Whether the corrector does."""
+        """Whether the model is a hybrid whose corrector predicts all folds at once."""
         model = self.make(seed)
         return isinstance(model, HybridModel) and model.shares_folds
 
@@ -53,24 +53,24 @@ class TableMethod(Method[TripTable]):
         return Fitted(lambda test: predicted[data.last_rows[test]], inner_errors=inner)
 
     def needed(self, hold_out: HoldOut[Any], scored: IntArray) -> TripTable:
-        """The table without the samples of its trips."""
+        """Return the table without the samples of its trips."""
         return hold_out.table.without_samples()
 
 
 def table_model(
     name: str, title: str, make: Callable[[int], EnergyModel], simulation: str | None = None
 ) -> ModelSpec:
-    """A model of cumulative energy from a function that makes it from a seed."""
+    """Make a model of a protocol from a function that makes a model of cumulative energy from a seed."""
     return ModelSpec(name, title, TableMethod(make), simulation)
 
 
 def regression(seed: int, *, sums: tuple[str, ...], simulation: str | None = None) -> EnergyModel:
-    """Regression on sums along the trip; it draws no random numbers."""
+    """Make a regression on sums along the trip; it draws no random numbers."""
     return EnergyRegression(sums, simulation=simulation)
 
 
 def physics(seed: int, *, simulation: str) -> EnergyModel:
-    """A simulation alone; it draws no random numbers."""
+    """Make a model that is a simulation alone; it draws no random numbers."""
     return PhysicsOnly(simulation)
 
 

@@ -1,4 +1,4 @@
-"""A model of a protocol, the tasks of its splits, and their results: the same for every model and every hold-out."""
+"""Models of a protocol, tasks for their splits, and results; the same for every model and every hold-out."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from tripwatt.study.evaluation.held_out_forecasts import HeldOutForecast
 from tripwatt.study.evaluation.hold_outs import HoldOut
 
 D = TypeVar("D")
-"""What a method needs of the trips of a hold-out."""
+"""Data of a hold-out that a method needs."""
 
 TIMED_TRIPS: Final = 8
-"""Trips of which the time of a prediction is the mean, where all folds are predicted at once."""
+"""Number of trips over which the time of a prediction is averaged, if all folds are predicted at once."""
 
 Predict = Callable[[IntArray], FloatArray]
-"""Numbers of trips, ascending -> the energy of each of them [Wh]."""
+"""Function from numbers of trips, ascending, to the energy of each trip [Wh]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,13 +33,13 @@ class FoldResult:
     model : str
     split : Split
     predicted_wh : ndarray, shape (scored trips,)
-        Energy of each of them [Wh].
+        Energy of each scored trip [Wh].
     fit_s, predict_ms : float
         Time of the fit, and of the prediction of one trip.
     inner_error : float
-        Error by which settings are compared inside the fold; NaN where none are.
+        Error by which settings are compared inside the fold; NaN if they are not compared.
     forecasts : list of HeldOutForecast or None
-        Of the scored trips, by a model that makes forecasts.
+        Forecasts of the scored trips; None if the model makes none.
     """
 
     model: str
@@ -53,16 +53,16 @@ class FoldResult:
 
 @dataclass(frozen=True, slots=True)
 class Fitted:
-    """What `Method.fit` and `Method.together` give.
+    """Result of `Method.fit` and `Method.together`.
 
     Attributes
     ----------
     predict : callable
         See `Predict`.
     forecasts : callable or None
-        Everything that is scored of the forecasts of the trips that were predicted.
+        Function from numbers of predicted trips to everything that is scored of their forecasts.
     inner_errors : ndarray or None, shape (folds,)
-        Of `Method.together`: error of each fold by which settings are compared, in the order of the folds' numbers.
+        From `Method.together`: error of each fold by which settings are compared, in the order of the folds' numbers.
     """
 
     predict: Predict
@@ -71,26 +71,26 @@ class Fitted:
 
 
 class Method(Generic[D]):
-    """How a model is fitted and predicts: what is different between the models of a protocol."""
+    """How a model of a protocol is fitted and predicts."""
 
     rank: ClassVar[int] = 3
-    """Tasks of a lower rank take longer and start first, so that no core waits for one at the end."""
+    """Tasks of a lower rank take longer and start first, so that no core waits at the end."""
     splits_per_task: ClassVar[int] = 12
 
     def fit(self, data: D, train: IntArray, seed: int) -> Fitted:
-        """Fit, tune and calibrate on some trips."""
+        """Fit, tune and calibrate on the training trips."""
         raise NotImplementedError
 
     def shares_folds(self, seed: int) -> bool:
-        """Whether `together` gives the held-out predictions of all folds at once."""
+        """Whether `together` predicts all folds at once, each held out."""
         return False
 
     def together(self, data: D, folds: IntArray, seed: int, *, compares: bool) -> Fitted:
-        """Predict each trip by a model that did not see its fold; `compares` asks for the errors inside the folds."""
+        """Predict each trip by a model fitted without its fold; with `compares` also the errors inside the folds."""
         raise NotImplementedError
 
     def needed(self, hold_out: HoldOut[Any], scored: IntArray) -> D:
-        """What `fit` and the prediction of some trips need: it is sent to another process."""
+        """Return the data that `fit` and the prediction of the scored trips need; they are sent to another process."""
         raise NotImplementedError
 
 
@@ -101,14 +101,14 @@ class ModelSpec:
     Attributes
     ----------
     name : str
-        In every table and file.
+        Name in every table and file.
     title : str
         A short description.
     method : Method
     simulation : str or None
         Name of the simulated energy that the model corrects; None without physics.
     digest : str
-        Of a model from outside, for which its name does not stand.
+        Digest of a model from outside, which its name does not identify.
     """
 
     name: str
@@ -126,7 +126,10 @@ class ModelSpec:
         *,
         compares: bool = False,
     ) -> Iterator[Task]:
-        """Tasks for some splits of a hold-out: one where the method gives all folds at once, else one for a few splits."""
+        """Yield the tasks for some splits of a hold-out.
+
+        One task if the method predicts all folds at once, otherwise one for every few splits.
+        """
         folds = hold_out.folds if self.method.shares_folds(seed) else None
         size = self.method.splits_per_task if folds is None else max(len(splits), 1)
         for start in range(0, len(splits), size):
@@ -137,21 +140,21 @@ class ModelSpec:
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """Some splits of one model, to be run anywhere.
+    """Some splits of one model, to be run in any process.
 
     Attributes
     ----------
     comparison : int
-        Its number.
+        Number of the comparison.
     spec : ModelSpec
     data : object
         See `Method.needed`.
     splits : tuple of Split
     seed : int
     folds : ndarray of int or None, shape (trips,)
-        Fold of each trip, where all are predicted at once.
+        Fold of each trip if all folds are predicted at once; otherwise None.
     compares : bool
-        Whether the errors inside the folds are wanted, by which settings can be compared.
+        Whether to compute the errors inside the folds, by which settings are compared.
     """
 
     comparison: int
@@ -164,18 +167,18 @@ class Task:
 
     @property
     def rank(self) -> tuple[int, int]:
-        """Order in which tasks start."""
+        """Key that sorts tasks in the order in which they start."""
         return (self.spec.method.rank if self.folds is None else 0, -len(self.splits))
 
     def run(self) -> list[FoldResult]:
-        """Fit and predict."""
+        """Fit and predict; return the result of each split."""
         if self.folds is None:
             splits = held_out(self.splits, self._fit)
             return [FoldResult(self.spec.name, split, **predicted) for split, predicted in splits]
         return self._run_together(self.folds)
 
     def _run_together(self, folds: IntArray) -> list[FoldResult]:
-        """All folds at once; the times are those of one plain fit."""
+        """Predict all folds at once; the times of fit and prediction are those of one ordinary fit."""
         found = self.spec.method.together(self.data, folds, self.seed, compares=self.compares)
         every, numbers = np.arange(len(folds)), np.unique(folds)
         plain = self._fit(every)(every[:TIMED_TRIPS])
@@ -191,7 +194,7 @@ class Task:
         ]
 
     def _fit(self, train: IntArray) -> Callable[[IntArray], dict[str, Any]]:
-        """A fit whose predictions come with the times that it and they took."""
+        """Fit to trips; return a function that predicts others, with the times of fit and prediction."""
         began = time.perf_counter()
         fitted = self.spec.method.fit(self.data, train, self.seed)
         fit_s = time.perf_counter() - began

@@ -1,6 +1,6 @@
 """The method of arXiv:2405.10984: cumulative energy simulated, its residual fitted with the trip as the cluster.
 
-`correctors` has the paper's models ready to fit, `insight` the inside of a fitted GAMM.
+`correctors` has the paper's models, ready to fit; `insight` has the tables, residuals and effects of a fitted GAMM.
 """
 
 from tripwatt.study.paper.models import Corrector, DataOnly, HybridModel

@@ -12,16 +12,16 @@ from tripwatt.study.paper.models import DataOnly, HybridModel
 from tripwatt.study.paper.table2 import Table2Corrector
 
 SIMULATION = "physics-paper"
-"""Name of the simulated energy that the correctors start from."""
+"""Name of the simulated energy that is corrected."""
 
 
 def gamm(seed: int = 0, simulation: str = SIMULATION, **settings: Any) -> HybridModel:
-    """The GAMM of Table 2 with Student's t errors; it draws no random numbers. `settings` of `Table2Corrector`."""
+    """Make the GAMM of Table 2 with Student's t errors, which draws no random numbers; `settings` are those of `Table2Corrector`."""
     return HybridModel(Table2Corrector(**settings), simulation, shares_folds=True)
 
 
 def forest(seed: int = 0, simulation: str = SIMULATION) -> HybridModel:
-    """The forest with subject-level bootstrap, scored by the absolute error at the end of the trip."""
+    """Make the forest with subject-level bootstrap, scored by the absolute error at the end of the trip."""
     learner = ClusteredForest(random_state=seed, score_rows="last", loss="absolute")
     return HybridModel(learner, simulation, shares_folds=True)
 
@@ -29,7 +29,7 @@ def forest(seed: int = 0, simulation: str = SIMULATION) -> HybridModel:
 def boosting(
     seed: int = 0, simulation: str = SIMULATION, correlation: Correlation = "independence"
 ) -> HybridModel:
-    """Boosting as a marginal model, scored by the absolute error at the end of the trip.
+    """Make boosting as a marginal model, scored by the absolute error at the end of the trip.
 
     Examples
     --------
@@ -47,12 +47,12 @@ def boosting(
 
 
 def boosting_without_physics(seed: int = 0) -> HybridModel:
-    """The same boosting on the observed energy."""
+    """Make the same boosting, fitted to the observed energy without physics."""
     return DataOnly(_boosting(seed), shares_folds=True)
 
 
 def outside(regressor: Any, seed: int = 0, simulation: str = SIMULATION) -> HybridModel:
-    """A regressor of scikit-learn's kind in the place of the learner."""
+    """Make a hybrid whose learner is a regressor with scikit-learn's interface."""
     return HybridModel(OutsideRegressor(regressor, seed), simulation)
 
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class GammInsight:
-    """A fitted GAMM on paper: tables, residuals and effects.
+    """Tables, residuals and effects of a fitted GAMM.
 
     Attributes
     ----------
@@ -28,13 +28,13 @@ class GammInsight:
     diagnosis : Diagnosis
         Residuals in Wh.
     effects : mapping of str to Effect
-        By the label of the term, in Wh; random effects bear the names of the trips.
+        Effects in Wh by the label of the term; levels of random effects are the ids of the trips.
     autocorrelation : Autocorrelation
-        Of the residuals of the rows that were fitted.
+        Autocorrelation of the residuals of the fitted rows.
     row_step_s : float
         Median time between neighbouring rows of the fit [s].
     left_out : tuple of str
-        Terms of the formula whose covariates no trip has or that never vary.
+        Terms of the formula that were left out, because no trip has their covariates or these never vary.
     """
 
     summary: Summary
@@ -48,7 +48,7 @@ class GammInsight:
 def insight(
     table: TripTable, models: Mapping[str, EnergyModel], *, weathers: Sequence[str] = ()
 ) -> GammInsight | None:
-    """Fit the GAMM once on the whole table; None where it is not among the models.
+    """Fit the GAMM once on the whole table; returns None if it is not among the models.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def insight(
 
 
 def _with_levels(table: TripTable, weathers: Sequence[str]) -> TripTable:
-    """The table whose weather declares these levels beside its own."""
+    """Return the table with these levels of the weather declared beside its own."""
     if "weather" not in table.covariates:
         return table
     weather = table.covariates["weather"]
@@ -79,7 +79,7 @@ def gamm_insight(model: HybridModel, table: TripTable) -> GammInsight:
     Parameters
     ----------
     model : HybridModel
-        Its corrector is a `Table2Corrector`.
+        Hybrid whose corrector is a `Table2Corrector`.
     table : TripTable
     """
     model.fit(table)
@@ -100,7 +100,7 @@ def gamm_insight(model: HybridModel, table: TripTable) -> GammInsight:
 
 
 def _named(effect: Effect, trip_ids: Sequence[str]) -> Effect:
-    """Random effects under the names of the trips; in the engine they are numbers."""
+    """Name the levels of random effects by the ids of the trips instead of their numbers; return other effects unchanged."""
     from tripwatt_gamm import RandomEffects
 
     if not isinstance(effect, RandomEffects):

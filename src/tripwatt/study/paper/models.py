@@ -19,7 +19,7 @@ from tripwatt.hybrid.trip_table import TripTable
 
 
 class Corrector(Protocol):
-    """What a hybrid needs of a learner: scikit-learn's fit and predict, with the trip as the cluster.
+    """Interface of a learner for a hybrid: scikit-learn's fit and predict, with the trip as the cluster.
 
     Examples
     --------
@@ -30,12 +30,12 @@ class Corrector(Protocol):
     """
 
     def fit(self, X: Any, y: Any, groups: Any = None) -> Any:
-        """Learn `y` from the columns of `X`; rows of one group belong together.
+        """Fit `y` to the columns of `X`; rows of one group belong to one trip.
 
         Parameters
         ----------
         X : DataFrame, shape (rows, covariates)
-            Known before departure.
+            Covariates known before departure.
         y : array_like, shape (rows,)
             The target, such as the residual [Wh].
         groups : array_like, shape (rows,), optional
@@ -63,7 +63,7 @@ class Corrector(Protocol):
         Returns
         -------
         array_like, shape (rows,)
-            In the unit of `y`.
+            Predictions in the unit of `y`.
 
         Examples
         --------
@@ -79,12 +79,12 @@ class HybridModel:
     Parameters
     ----------
     corrector : Corrector
-        Learns ``residual = observed - simulated`` [Wh] from the covariates; its groups are the trips.
+        Fitted to ``residual = observed - simulated`` [Wh], with the covariates as columns and the trips as groups.
     simulation : str or None
-        Physics preset to correct; None makes it a purely data-driven model (see `DataOnly`).
+        Name of the simulated energy to correct; None makes a purely data-driven model (see `DataOnly`).
     shares_folds : bool
-        Whether the corrector has `leave_groups_out`, which gives the held-out predictions of all folds at once,
-        identical in law to one refit per fold.
+        Whether the corrector has `leave_groups_out`, which predicts all folds at once, each held out, with the same
+        distribution as one refit per fold.
 
     Examples
     --------
@@ -112,7 +112,7 @@ class HybridModel:
     shares_folds: bool = False
 
     def fit(self, table: TripTable) -> Self:
-        """Learn the residual: steps 2 and 3 of the method.
+        """Fit the residual: steps 2 and 3 of the method.
 
         Parameters
         ----------
@@ -164,7 +164,7 @@ class HybridModel:
         return table.simulated(self.simulation) + correction
 
     def predict_held_out(self, table: TripTable, folds: IntArray) -> FloatArray:
-        """Predict every row by a model that never saw its fold.
+        """Predict every row by a model fitted without its fold.
 
         Parameters
         ----------
@@ -184,9 +184,10 @@ class HybridModel:
         return table.simulated(self.simulation) + np.asarray(correction, dtype=np.float64)
 
     def inner_errors(self, table: TripTable, folds: IntArray, seed: int) -> FloatArray | None:
-        """Mean error by which settings are compared inside each fold; None where the corrector has none.
+        """Return the mean error by which settings are compared inside each fold; None if the corrector has no such errors.
 
-        The errors come from trips outside of the fold alone, by models that saw neither the fold nor these trips.
+        The errors of a fold are those on trips outside of it, by models fitted without the fold and without these
+        trips.
 
         Parameters
         ----------
@@ -195,12 +196,12 @@ class HybridModel:
         folds : ndarray of int, shape (trips,)
             Fold of each trip.
         seed : int
-            Of the draw of blocks of folds.
+            Seed of the draw of blocks of folds.
 
         Returns
         -------
         ndarray, shape (folds,), or None
-            In the order of the sorted numbers of the folds [Wh].
+            Errors in the order of the sorted numbers of the folds [Wh].
         """
         if hasattr(self.corrector, "inner_errors"):
             X, residual, groups = self.training_data(table)
@@ -216,14 +217,14 @@ def DataOnly(corrector: Corrector, *, shares_folds: bool = False) -> HybridModel
     Parameters
     ----------
     corrector : Corrector
-        Learns the observed energy [Wh] from the covariates.
+        Fitted to the observed energy [Wh].
     shares_folds : bool
-        As of `HybridModel`.
+        As for `HybridModel`.
 
     Returns
     -------
     HybridModel
-        Without a simulation.
+        A model without a simulation.
 
     Examples
     --------

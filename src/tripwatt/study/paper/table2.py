@@ -25,8 +25,8 @@ TABLE2: Final = (
     "s(ambient_temperature_degc, elevation_difference_m, k=30)",
     's(trip, bs="re")',
 )
-"""Terms of the paper's Table 2; `season` is an ordered factor, whose smooths are the difference of winter from summer,
-`trip` the cluster."""
+"""Terms of the paper's Table 2; smooths by the ordered factor `season` are differences of winter from summer, and `trip` is
+the cluster."""
 
 SEASONS: Final = ("summer", "winter")
 """Levels of `season`; the first is the reference."""
@@ -41,19 +41,21 @@ INNER_BLOCKS: Final = 5
 class Table2Corrector:
     """The paper's GAMM with Student's t errors (its Table 2) as a corrector.
 
-    Terms whose covariates no trip has, or that are the same in all training rows, are left out. A missing value counts
-    as the training rows' median (a trip
-    without elevation counts as flat). Unseen weather and covariates outside the training range follow the engine's
-    rule, which is bounded: the mean effect, and the range's edge.
+    Terms are left out if a covariate is missing in all trips or constant over the training rows. Missing values are
+    replaced
+    by the median of the training rows (a trip without elevation counts as flat). Unseen weather has the mean
+    effect, and
+    covariates outside the training range are moved to its edge, as usual in the engine.
 
     Parameters
     ----------
     every_rows : int
-        The fit takes every so many rows of a trip and its last one. At 1 s the residuals of successive rows are so
-        alike (correlation 0.999) that every smooth would run to its largest number of degrees of freedom.
+        The fit uses one in so many rows of a trip, and the last row. At 1 s the residuals of successive rows are so
+        alike (correlation 0.999) that every smooth would reach its largest number of degrees of freedom.
     errors : {"t", "normal", "ar1"}
-        Student's t, normal, or normal with a correlation rho^|i - j| of the rows i and j of a trip, rho estimated with
-        the smoothing parameters; the last row of a trip, which may follow sooner, counts as one step.
+        Student's t, normal, or normal with a correlation rho^|i - j| of the rows i and j of a trip. There rho is
+        estimated with
+        the smoothing parameters, and the last row of a trip, which may follow sooner, counts as one step.
     terms : tuple of str
         Terms of the formula.
     least_df : float
@@ -64,9 +66,9 @@ class Table2Corrector:
     model_ : GAMM
         The fitted engine, for summary, diagnosis and effects.
     medians_ : Series
-        Medians of the covariates that are numbers, over the training rows.
+        Medians of the numeric covariates over the rows given to the fit.
     left_out_ : tuple of str
-        Those of `terms` that the training rows do not determine.
+        Terms that were left out.
 
     Examples
     --------
@@ -99,7 +101,7 @@ class Table2Corrector:
         Parameters
         ----------
         X : DataFrame, shape (rows, covariates)
-            As of `TripTable.covariates`.
+            Columns as in `TripTable.covariates`.
         y : ndarray, shape (rows,)
             The target, such as the residual [Wh].
         groups : ndarray of int, shape (rows,)
@@ -116,7 +118,7 @@ class Table2Corrector:
         return self
 
     def predict(self, X: pd.DataFrame) -> FloatArray:
-        """Predict `y` of new trips: their random effect is 0.
+        """Predict `y` of new trips, with a random effect of 0.
 
         Parameters
         ----------
@@ -126,7 +128,7 @@ class Table2Corrector:
         Returns
         -------
         ndarray, shape (rows,)
-            In the unit of `y`.
+            Predictions in the unit of `y`.
         """
         return np.asarray(self.model_.predict(self.frame(X)), dtype=np.float64)
 
@@ -135,7 +137,8 @@ class Table2Corrector:
     ) -> FloatArray:
         """Predict `y` of every row by a fit without its fold.
 
-        Coefficients, smoothing parameters and those of the errors are estimated anew for each fold. The knots of the
+        Coefficients, smoothing parameters and parameters of the errors are estimated anew for each fold. The knots
+        of the
         smooths, the medians of missing values and the choice of terms come from the covariates of all rows.
 
         Parameters
@@ -170,10 +173,11 @@ class Table2Corrector:
     def inner_errors(
         self, X: pd.DataFrame, y: FloatArray, groups: IntArray, folds: IntArray, seed: int
     ) -> FloatArray:
-        """Mean absolute error at the end of the other folds' trips, for each fold, by models that saw neither.
+        """Compute for each fold the mean absolute error at the end of trips of other folds, by models fitted without both.
 
-        The folds are put into `INNER_BLOCKS` blocks at random. A model without the blocks b and c predicts c for the folds
-        of b, and b for those of c.
+        The folds are put into `INNER_BLOCKS` blocks at random. A model fitted without the blocks b and c predicts
+        the trips of c for
+        the folds of b, and the trips of b for the folds of c.
 
         Parameters
         ----------
@@ -186,12 +190,13 @@ class Table2Corrector:
         folds : ndarray of int, shape (rows,)
             Fold of each row.
         seed : int
-            Of the draw of the blocks.
+            Seed of the draw of the blocks.
 
         Returns
         -------
         ndarray, shape (folds,)
-            In the order of the sorted numbers of the folds, in the unit of `y`; NaN for fewer than three folds.
+            Errors in the order of the sorted numbers of the folds, in the unit of `y`; NaN if there are fewer than
+            three folds.
         """
         numbers, row_fold = np.unique(folds, return_inverse=True)
         if len(numbers) < 3:
@@ -211,7 +216,7 @@ class Table2Corrector:
         return np.asarray((total / count)[block])
 
     def _training(self, X: pd.DataFrame, groups: IntArray) -> tuple[pd.DataFrame, IntArray]:
-        """Rows of the fit and their numbers; sets the medians and the terms that are left out."""
+        """Return the rows of the fit and their numbers; set the medians and the terms that are left out."""
         self.medians_ = X.select_dtypes("number").median()
         frame, rows = self.training_frame(X, groups)
         varied = {name for name in map(str, frame) if len(frame[name].unique()) > 1}
@@ -219,7 +224,7 @@ class Table2Corrector:
         return frame, rows
 
     def training_frame(self, X: pd.DataFrame, groups: IntArray) -> tuple[pd.DataFrame, IntArray]:
-        """Choose the rows that `fit` takes.
+        """Choose the rows that `fit` uses.
 
         Parameters
         ----------
@@ -231,9 +236,9 @@ class Table2Corrector:
         Returns
         -------
         frame : DataFrame
-            The rows in the engine's columns.
+            Chosen rows, in the engine's columns.
         rows : ndarray of int
-            Their numbers.
+            Numbers of the chosen rows.
         """
         position = pd.Series(groups).groupby(groups, sort=False).cumcount().to_numpy()
         last = np.append(groups[1:] != groups[:-1], True)
@@ -254,17 +259,17 @@ class Table2Corrector:
         X : DataFrame, shape (rows, covariates)
             As of `fit`.
         groups : ndarray of int, shape (rows,), optional
-            Trip of each row; with it, the trips are those of the fit.
+            Trip of each row; adds the column `trip`, which only trips of the fit need.
 
         Returns
         -------
         DataFrame
-            Missing numbers are the medians of the training rows.
+            Covariates with missing numbers replaced by the medians of the training rows.
         """
         assert self.medians_ is not None
         frame = X.fillna(self.medians_.to_dict())
         if "season" in frame:
-            codes = (frame["season"] == "winter").to_numpy().astype(np.intp)  # summer where it is unknown
+            codes = (frame["season"] == "winter").to_numpy().astype(np.intp)  # unknown counts as summer
             seasons = pd.CategoricalDtype(list(SEASONS), ordered=True)
             frame["season"] = pd.Categorical.from_codes(codes, dtype=seasons)
         if groups is not None:
@@ -273,7 +278,7 @@ class Table2Corrector:
 
 
 def _names_in(term: str) -> list[str]:
-    """Column names that a term of `TABLE2` needs."""
+    """Return the names of the columns in a term of `TABLE2`."""
     inner = term[2:-1] if term.startswith("s(") else term
     parts = [part.strip() for part in inner.split(",")]
     return [p.removeprefix("by=") for p in parts if "=" not in p or p.startswith("by=")]

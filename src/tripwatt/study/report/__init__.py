@@ -1,6 +1,6 @@
 """Figures, tables and the one-file report of an evaluation.
 
-`write_report` writes them all; `short_table` of a `View` is what the terminal shows.
+`write_report` writes all of them; the terminal shows the `short_table` of a `View`.
 """
 
 from tripwatt.study.report.html import render_report, write_report

@@ -26,13 +26,13 @@ LEARNERS: Final = {
     "by cause": ("Line by cause", "#7d6bc6", ":", 1.6),
     "constant": ("Constant Wh/km", "#7c7c7c", "-.", 1.4),
 }
-"""Learner -> its name on the page, and colour, line and width of its curve."""
+"""Learner -> its name on the page, and colour, line style and line width of its curve."""
 
 SHOWN_WHOLE: Final = ("population", "one factor", "by cause")
-"""Learners whose curves are whole in the figure; a constant may lie above it."""
+"""Learners whose curves fit into the figure; the curve of a constant may leave it at the top."""
 
 MOST_LETTERS: Final = 32
-"""Of the title of a small figure."""
+"""Largest number of characters in the title of a small figure."""
 
 
 def write_cars(run: CarsRun, out: Path) -> None:
@@ -51,7 +51,7 @@ def write_cars(run: CarsRun, out: Path) -> None:
 
 
 def cars_panels(results: Record) -> list[Panel]:
-    """The panels of the page."""
+    """Return the panels of the page."""
     with style_context():
         drawn = plot_curves(results) if any(map(_has_curve, results["cars"])) else None
     curves, *in_time = cars_tables(results)
@@ -71,12 +71,12 @@ _FACTORS: Final = (
 
 
 def cars_tables(results: Record) -> tuple[Table, ...]:
-    """The tables of the page."""
+    """Return the tables of the page."""
     return curves_table(results), time_table(results), means_table(results)
 
 
 def curves_table(results: Record) -> Table:
-    """Error of each learner by the number of own trips, a row for each car and learner."""
+    """Tabulate the error by the number of own trips, one row for each car and learner."""
     counts = sorted({row["k"] for car in results["cars"] for row in car["curves"]["population"]})
     rows = [
         {
@@ -92,7 +92,7 @@ def curves_table(results: Record) -> Table:
 
 
 def time_table(results: Record) -> Table:
-    """Error, coverage and width in order of time."""
+    """Tabulate error, coverage and width of the forecasts in order of time."""
     rows = [
         {"label": f"{car['car']}, from trip {score['from'] + 1}", **score}
         for car in results["cars"]
@@ -114,7 +114,7 @@ def time_table(results: Record) -> Table:
 
 
 def means_table(results: Record) -> Table:
-    """What each car shows without own trips, and what was measured beside the curves."""
+    """Tabulate the errors of each car without own trips, with its own model, and from the dynamometer."""
     return tabulated(
         "Each car without own trips, and its own model fitted to the first half of its trips",
         results["cars"],
@@ -130,7 +130,7 @@ def means_table(results: Record) -> Table:
 
 
 def factors_table(results: Record) -> Table:
-    """Mean and spread of each factor over the cars of the package."""
+    """Tabulate mean and spread of each factor over the cars of the package."""
     return tabulated(
         "Factors by which cars differ from their simulation",
         results["factors"],
@@ -148,7 +148,7 @@ def factors_table(results: Record) -> Table:
 
 
 def plot_curves(results: Record) -> Figure:
-    """Error by the number of own trips, a panel for each car."""
+    """Draw the error by the number of own trips, one panel for each car."""
     cars = [car for car in results["cars"] if _has_curve(car)]
     rows = max(1, (len(cars) + 1) // 2)
     figure = new_figure(2.6 * rows, "Error by own trips", "given the driven speed trace", False)
@@ -178,7 +178,7 @@ def _has_curve(car: Record) -> bool:
 
 
 def _points(car: Record) -> Iterator[tuple[str, tuple[list[int], list[float]]]]:
-    """Place and error [%] of each learner."""
+    """Yield each learner with the positions on the axis and the errors [%] of its curve."""
     place = {row["k"]: i for i, row in enumerate(car["curves"]["population"])}
     for name in reversed(LEARNERS):
         rows = car["curves"][name]

@@ -1,4 +1,4 @@
-"""How a covariate and a term of the GAMM are called."""
+"""Names of covariates and of terms of the GAMM in words."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ COVARIATES: Final[Mapping[str, str]] = {
 
 
 def covariate_words(name: str) -> str:
-    """A covariate in words; a column without an entry keeps its name.
+    """Return the name of a covariate in words; a column without an entry keeps its name.
 
     Examples
     --------
@@ -27,7 +27,7 @@ def covariate_words(name: str) -> str:
 
 
 def term_in_words(term: str) -> str:
-    """A term with the columns' names in words, and a level of the weather.
+    """Write a term with the names of its columns, or its level of the weather, in words.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""HTML pages on a fleet: how well it is forecast; and for its manager, which vehicles changed, and what planned trips need."""
+"""HTML pages on a fleet: the accuracy of its forecasts and, for its manager, vehicles that changed and needs of planned trips."""
 
 from __future__ import annotations
 
@@ -33,18 +33,18 @@ CLASSES: Final = {
     "length": "length of the trip",
 }
 LEAST_TRIPS: Final = 10
-"""Trips of a vehicle whose share inside of the intervals is looked at."""
+"""Smallest number of trips of a vehicle whose share inside the intervals is shown."""
 
 
 def csv_of(table: pd.DataFrame) -> str:
-    """A table as CSV, with times in ISO 8601 and their offset."""
+    """Write a table as CSV, with times in ISO 8601 and their offset."""
     times = table.columns.intersection(["departs_at", "arrives_at"])
     texts = {name: table[name].map(lambda time: time.isoformat(timespec="seconds")) for name in times}
     return table.assign(**texts).to_csv(index=False)
 
 
 def evaluation_page(title: str, evaluation: FleetEvaluation, rows: TripRows) -> str:
-    """The page on how well a fleet is forecast as one file without scripts."""
+    """Render the page on the accuracy of a fleet's forecasts, as one HTML file without scripts."""
     tables = (
         *(accuracy_table(evaluation, by) for by in CLASSES),
         own_table(evaluation),
@@ -59,14 +59,14 @@ def evaluation_page(title: str, evaluation: FleetEvaluation, rows: TripRows) -> 
 
 
 def said_of_errors(evaluation: FleetEvaluation) -> str:
-    """The mean error of each set of held-out trips."""
+    """Return a sentence with the mean error of each set of held-out trips."""
     errors = (evaluation.trips["predicted_wh"] / evaluation.trips["observed_wh"] - 1.0).abs()
     means = errors.groupby(evaluation.trips["protocol"]).mean()
     return f"Mean error of the linear model: {', '.join(f'{100.0 * mean:.1f} % on {name}' for name, mean in means.items())}."
 
 
 def accuracy_table(evaluation: FleetEvaluation, by: str) -> Table:
-    """Mean error and coverage by one of `CLASSES`."""
+    """Tabulate mean error and coverage by one of `CLASSES`."""
     return tabulated(
         f"By {CLASSES[by]}",
         evaluation.table(by).to_dict("records"),
@@ -79,7 +79,7 @@ def accuracy_table(evaluation: FleetEvaluation, by: str) -> Table:
 
 
 def own_table(evaluation: FleetEvaluation) -> Table:
-    """Mean error by the number of trips of the vehicle that the model has learned."""
+    """Tabulate the mean error by the number of the vehicle's own trips in the fit."""
     return tabulated(
         "Mean error by number of own trips",
         evaluation.own.to_dict("records"),
@@ -92,7 +92,7 @@ def own_table(evaluation: FleetEvaluation) -> Table:
 
 
 def inside_table(evaluation: FleetEvaluation) -> Table:
-    """How much the share of trips inside of the interval differs between vehicles."""
+    """Tabulate how much the share of trips inside the interval differs between vehicles."""
     table = evaluation.table("vehicle_id")
 
     def spread() -> Iterator[dict[str, Any]]:
@@ -113,25 +113,25 @@ def inside_table(evaluation: FleetEvaluation) -> Table:
 
 @dataclass(frozen=True, eq=False)
 class ManagerReport:
-    """What the manager of a fleet asks: which vehicles changed, what the planned trips need, and which cars the routes need.
+    """Report for the manager of a fleet: vehicles that changed, needs of planned trips, and cars for the planned routes.
 
     Attributes
     ----------
     title : str
     quantile : float
-        Probability with which a need suffices.
+        Probability that the stated need suffices.
     changes, vehicles : DataFrame
         From `changes` and `deviations`.
     drivers : DataFrame or None
-        From `deviations`; None where nobody asked for them.
+        From `deviations`; None if they were not requested or there are none.
     needs, routes : DataFrame or None
         From `needs_by_hour` and `needs_by_car`; None without planned trips.
     cold : Cold or None
-        Temperature of the coldest week, or the one that was given.
+        Temperature of the coldest week, or the given temperature.
     refused : tuple of Fault
         Planned trips that cannot be forecast.
     about : mapping of str to str
-        What its head names, such as the version of the model.
+        Facts for the head of the report, such as the version of the model.
     """
 
     title: str
@@ -150,22 +150,22 @@ class ManagerReport:
         cls, about: Mapping[str, str], model: FleetModel, rows: TripRows, planned: Sequence[nights.PlannedTrip] = (), *, quantile: float = nights.QUANTILE,
         reserve: float = 0.0, drivers: bool = False, coldest_degc: float | None = None,
     ) -> ManagerReport:  # fmt: skip
-        """The report on the trips of a fleet.
+        """Build the report on the trips of a fleet.
 
         Parameters
         ----------
         about : mapping of str to str
-            What its head names, such as the version of the model.
+            Facts for the head of the report, such as the version of the model.
         model : FleetModel
         rows : TripRows
-            Of the trips that the model has seen.
+            Rows of the trips that the model was fitted to.
         planned : sequence of PlannedTrip
         quantile, reserve : float
-            As of `needs_by_hour`.
+            As for `needs_by_hour`.
         drivers : bool
-            Whether the drivers are compared.
+            Whether to compare the drivers.
         coldest_degc : float, optional
-            Outside temperature in place of that of the coldest week [°C].
+            Outside temperature instead of that of the coldest week [°C].
         """
         asked = {"quantile": quantile, "reserve": reserve}
         vehicles, changed = deviations(model.posterior, rows), changes(model.posterior, rows)
@@ -190,12 +190,12 @@ class ManagerReport:
 
     @property
     def tables(self) -> dict[str, pd.DataFrame]:
-        """Its tables by name."""
+        """Tables of the report by name; those that are None are left out."""
         return {name: getattr(self, name) for name in REPORT_TABLES if getattr(self, name) is not None}
 
     @property
     def notes(self) -> list[str]:
-        """What the needs assume, what limits them, and why planned trips are left out."""
+        """Notes on assumptions and limits of the needs, and on planned trips that are left out."""
         if self.needs is None:
             return []
         rows = zip(self.needs["vehicle_id"], self.needs["reasons"], strict=True)
@@ -206,7 +206,7 @@ class ManagerReport:
         return [*left, *(re.sub(r"(?<!\S)-(?=\d)", "−", kind) for kind in kinds)]
 
     def page(self) -> str:
-        """The report as one HTML file without scripts."""
+        """Render the report as one HTML file without scripts."""
         counts = {"Trips": self.vehicles["trips"].sum(), "Vehicles": len(self.vehicles)}
         facts = {**counts, "That changed": self.changes["vehicle_id"].nunique(), **self.about}
         there = {*self.tables, *(("emhass", "evcc") if self.needs is not None else ())}
@@ -216,7 +216,7 @@ class ManagerReport:
         )
 
     def panels(self) -> Iterator[Panel]:
-        """Changes, needs, routes, vehicles and drivers, as far as there are any."""
+        """Yield the panels of changes, needs, routes, vehicles and drivers; all but the first only if there is a table."""
         tables: tuple[Table, ...] = (changes_table(self.changes),) if len(self.changes) else ()
         said = said_of_changes(self.changes, len(self.vehicles))
         yield Panel("changes", "Vehicles that changed", said, tables=tables)
@@ -235,7 +235,8 @@ class ManagerReport:
     def write(self, folder: Path, at: dt.datetime, charger_w: float) -> dict[str, Any]:
         """Write the page, the data, each table as CSV and the files for EMHASS and evcc into a folder; return the data.
 
-        Files of an earlier report that this one lacks are removed. `at` and `charger_w` are those of `emhass`.
+        Files of an earlier report that this report does not have are removed. `at` and `charger_w` are those of
+        `emhass`.
         """
         document: dict[str, Any] = {"about": {**self.about}, "quantile": self.quantile}
         document["refused"] = [fault.texts for fault in self.refused]
@@ -271,7 +272,7 @@ NONE_CHANGED: Final = f"No vehicle changed by {percent(LEAST_CHANGE, 0)} or more
 
 
 def said_of_changes(changed: pd.DataFrame, vehicles: int) -> str:
-    """How many vehicles changed, and by which causes."""
+    """Say how many vehicles changed, and by which causes."""
     if not len(changed):
         return NONE_CHANGED
     causes = ", ".join(f"{n} by {cause}" for cause, n in changed["cause"].value_counts().items())
@@ -282,7 +283,7 @@ def said_of_changes(changed: pd.DataFrame, vehicles: int) -> str:
 
 
 def changes_table(changed: pd.DataFrame) -> Table:
-    """A row for each change."""
+    """Tabulate the changes, one row for each."""
     return tabulated(
         "Every change, the largest first",
         changed.to_dict("records"),
@@ -303,7 +304,7 @@ def _more(name: str) -> Callable[[Mapping[str, Any]], str]:
 
 
 def said_of_needs(needs: pd.DataFrame, quantile: float) -> str:
-    """The sums of the night."""
+    """Say how much energy the planned trips need, and how much has to be charged."""
     kwh = needs[["energy_quantile_wh", "charge_wh"]].sum() / 1000.0
     full = int((needs["soc_needed"] > 1.0).groupby(needs["vehicle_id"]).any().sum())
     return (
@@ -316,7 +317,7 @@ def said_of_needs(needs: pd.DataFrame, quantile: float) -> str:
 
 
 def needs_table(needs: pd.DataFrame, quantile: float) -> Table:
-    """A row for each vehicle and hour of departure, those first that have something to charge or need more than a full battery."""
+    """Tabulate needs by vehicle and hour of departure; first rows with something to charge or a need of more than a full battery."""
     urgent = (needs["charge_wh"] > 0.0) | (needs["soc_needed"] > 1.0)
     return tabulated(
         "By vehicle and hour of departure",
@@ -334,7 +335,7 @@ def needs_table(needs: pd.DataFrame, quantile: float) -> Table:
 
 
 def said_of_routes(routes: pd.DataFrame, quantile: float, cold: nights.Cold) -> str:
-    """How many routes every car model can drive, some, and none."""
+    """Say how many routes all car models can drive, how many only some, and how many none."""
     able = (routes.iloc[:, 1:] <= 1.0).mean(axis=1)
     every, none = int((able == 1.0).sum()), int((able == 0.0).sum())
     at = f"at {number(cold.ambient_temperature_degc, 1.0, 0)} °C"
@@ -349,7 +350,7 @@ def said_of_routes(routes: pd.DataFrame, quantile: float, cold: nights.Cold) -> 
 
 
 def routes_table(routes: pd.DataFrame) -> Table:
-    """A row for each route and a column for each car model."""
+    """Tabulate the charge that suffices: one row for each route, one column for each car model."""
     cars = [f"{car}" for car in routes.columns[1:]]
 
     def able(row: Mapping[str, Any]) -> str:
@@ -364,7 +365,7 @@ def routes_table(routes: pd.DataFrame) -> Table:
 
 
 def shares_table(table: pd.DataFrame, key: str) -> Table:
-    """A row for each vehicle or driver."""
+    """Tabulate the deviations, one row for each vehicle or driver."""
     return tabulated(
         f"Every {key}, by deviation",
         table.to_dict("records"),

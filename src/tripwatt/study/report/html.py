@@ -1,4 +1,4 @@
-"""The report as one self-contained HTML file, and its figures beside it."""
+"""Write the report as one self-contained HTML file, with its figures as separate files."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ PNG_DPI: Final = 160
 
 
 def render_report(run: EvaluationRun) -> str:
-    """The whole report as HTML text.
+    """Render the whole report as HTML text.
 
     Parameters
     ----------
     run : EvaluationRun
-        What the run lacks has no panel.
+        Run to report; parts that it does not have get no panel.
 
     Returns
     -------
@@ -54,7 +54,7 @@ def write_report(run: EvaluationRun, out: Path) -> None:
     run : EvaluationRun
         As for `render_report`.
     out : Path
-        The folder; made when it is not there.
+        The folder; created if missing.
 
     Examples
     --------
@@ -66,18 +66,18 @@ def write_report(run: EvaluationRun, out: Path) -> None:
 
 
 def write_page(out: Path, template: str, sections: Sections, **context: Any) -> None:
-    """Write the figures of panels and the page from a template into a folder, the page last.
+    """Write the figures of panels, and then the page from a template, into a folder.
 
     Parameters
     ----------
     out : Path
-        Made when it is not there.
+        The folder; created if missing.
     template : str
         Name of a file in `templates/`.
     sections : mapping of str to sequence of Panel
-        Panels under each heading; one without words has none.
+        Panels by heading; an empty heading is not shown.
     **context : object
-        What else the template needs.
+        Further values for the template.
     """
     figures, folder = _figures(sections), out / "figures"
     svgs = {key: svg_text(figure) for key, figure in figures.items()}
@@ -90,7 +90,7 @@ def write_page(out: Path, template: str, sections: Sections, **context: Any) -> 
 
 
 def page_text(template: str, sections: Sections, **context: Any) -> str:
-    """A page with panels as HTML text; the parameters are those of `write_page`."""
+    """Render a page with panels as HTML text; the parameters are those of `write_page`."""
     svgs = {key: svg_text(figure) for key, figure in _figures(sections).items()}
     return _render(template, sections, svgs, context)
 
@@ -101,20 +101,20 @@ def _figures(sections: Sections) -> dict[str, Figure]:
 
 
 def svg_text(figure: Figure) -> str:
-    """A figure as SVG, the same bytes for the same data."""
+    """Render a figure as SVG, with the same bytes for the same data."""
     unset = dict.fromkeys(("Date", "Creator", "Format", "Type"))
     return _saved(figure, format="svg", metadata=unset).decode("utf-8")
 
 
 def png_bytes(figure: Figure) -> bytes:
-    """A figure as PNG."""
+    """Render a figure as PNG."""
     return _saved(figure, format="png", dpi=PNG_DPI, metadata={"Software": None})
 
 
 def _saved(figure: Figure, **settings: Any) -> bytes:
     buffer = io.BytesIO()
     with style_context(), warnings.catch_warnings():
-        # a trip's name may hold any sign; the page shows it, a picture may show a box for it
+        # a trip's name may hold any character; the page shows it, but a figure may show a box instead
         warnings.filterwarnings("ignore", "Glyph .* missing from font", UserWarning)
         figure.savefig(buffer, **settings)
         figure.set_layout_engine("none")  # the layout that was found also holds for another format
@@ -125,12 +125,12 @@ _IDS: Final = re.compile(r'(\bid="|xlink:href="#|\bhref="#|url\(#)')
 
 
 def inline_svg(svg: str, key: str, description: str) -> str:
-    """An SVG file's text made part of a page: own ids, the page's colours, a description for those who listen.
+    """Adapt the text of an SVG file to a page: ids of its own, the page's colours, a description for screen readers.
 
     Parameters
     ----------
     svg : str
-        What `svg_text` gave.
+        Result of `svg_text`.
     key : str
         Prefix of all ids.
     description : str
@@ -175,7 +175,7 @@ def _render(template: str, sections: Sections, svgs: Mapping[str, str], context:
 
 
 def _head(view: View) -> dict[str, Any]:
-    """Facts for the head and the foot of the page."""
+    """Return the facts for the head and the foot of the page."""
     results = view.results
     facts = {
         "Data": view.dataset or "not named",

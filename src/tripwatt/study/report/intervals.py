@@ -1,4 +1,4 @@
-"""Coverage of intervals with their width and the width that was needed: the same table for every protocol and scheme."""
+"""Tabulate the coverage of intervals, their width and the width that was needed, for every protocol and scheme."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ NOTE: Final = (
     "trips. It is known in hindsight alone. Widths of energy in kWh, of charge in points."
 )
 OFF: Final = "*"
-"""Marks a share whose Clopper-Pearson interval leaves out the level."""
+"""Mark of a share whose Clopper-Pearson interval excludes the level."""
 
 
 def energy_rows(name: str, score: Mapping[str, Any], trips: int) -> Iterable[tuple[str, ...]]:
-    """A row for each level of the energy's interval.
+    """Yield a row for each level of the energy's interval.
 
     Parameters
     ----------
     name : str
-        What was scored.
+        Name of what was scored.
     score : mapping
         From `tripwatt.study.evaluation.forecast_scores.coverage_scores`; results of older versions lack counts and needed widths.
     trips : int
@@ -47,7 +47,7 @@ def energy_rows(name: str, score: Mapping[str, Any], trips: int) -> Iterable[tup
 
 
 def charge_rows(name: str, arrival: Mapping[str, Any], level: float) -> Iterable[tuple[str, ...]]:
-    """A row for the interval of the charge at arrival, where the display was known at departure.
+    """Yield a row for the interval of the charge at arrival; none if there are no scores from the displayed charge.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def charge_rows(name: str, arrival: Mapping[str, Any], level: float) -> Iterable
 
 
 def intervals_table(caption: str, rows: Iterable[tuple[str, ...]]) -> Table:
-    """The rows as a table; a set of trips is named in its first row alone."""
+    """Make a table of the rows; a set of trips is named only in its first row."""
     sets = (enumerate(of_set) for _, of_set in groupby(rows, key=itemgetter(0)))
     shown = (("" if number else row[0], *row[1:]) for of_set in sets for number, row in of_set)
     return Table(caption, COLUMNS, tuple(shown), text_columns=frozenset({0, 1}))

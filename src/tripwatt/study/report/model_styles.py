@@ -1,4 +1,4 @@
-"""How a model is called and coloured: the one place from which every table and figure takes it."""
+"""Names and colours of models, for all tables and figures."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ Kind = Literal["constant", "baseline", "physics", "data", "hybrid"]
 
 @dataclass(frozen=True, slots=True)
 class ModelStyle:
-    """The reader's name and the colour of a model.
+    """Name and colour of a model for readers.
 
     Attributes
     ----------
     label : str
         Name for tables and axes.
     colour : str
-        sRGB hex. At least 3:1 in contrast on the light and on the dark page; a label or a marker always repeats
-        it, so that nothing depends on colour alone.
+        sRGB hex, with a contrast of at least 3:1 on the light and on the dark page. A label or a marker always
+        accompanies it, so that nothing depends on colour alone.
     kind : {"constant", "baseline", "physics", "data", "hybrid"}
         `hybrid` = simulation + correction, `data` = fitted without simulation.
     meaning : str
@@ -33,7 +33,7 @@ class ModelStyle:
     without_physics : str or None
         The same learner without the simulation.
     published : str or None
-        The same model with published values of the car alone.
+        The same model with only published values of the car.
     preset : str
         Short name of a simulation.
     """
@@ -50,20 +50,20 @@ class ModelStyle:
 
 @cache
 def model_styles() -> Mapping[str, ModelStyle]:
-    """The style of every model in the order of the tables, from `models.toml`."""
+    """Return the style of every model in the order of the tables, from `models.toml`."""
     return MappingProxyType(
         {name: ModelStyle(**style) for name, style in shipped_toml("study/report/models.toml").items()}
     )
 
 
 PAPER: Final = "arXiv:2405.10984, Table 3"
-"""Where the paper states its average errors."""
+"""Source of the paper's average errors."""
 
 _UNKNOWN_COLOUR: Final = "#7c7c7c"
 
 
 def model_style(name: str) -> ModelStyle:
-    """The style of a model; a model without an entry keeps its own name and a neutral colour.
+    """Return the style of a model; without an entry, its own name and a neutral colour.
 
     Examples
     --------
@@ -76,7 +76,7 @@ def model_style(name: str) -> ModelStyle:
 
 
 def ordered(names: Iterable[str]) -> list[str]:
-    """Model names in the order of the tables, unknown ones last and by name.
+    """Sort model names in the order of the tables; unknown names come last, by alphabet.
 
     Examples
     --------

@@ -19,7 +19,7 @@ class Panel:
         Anchor in the page and stem of the figure's files.
     title : str
     caption : str
-        Below the title, and what a screen reader says of the figure.
+        Text below the title, also read by screen readers for the figure.
     figure : Figure or None
     tables : tuple of Table
     folded : bool

@@ -11,7 +11,7 @@ from tripwatt.study.report.view import Record, View, is_known, of_evaluation
 from tripwatt.study.report.words import label
 
 SHORT_ROWS: Final = 5
-"""Rows of the short table; a run with no more models than this shows them all."""
+"""Number of models up to which the short table shows all of them."""
 
 
 _INSIDE: Final = "Inside the 90 % interval [% of trips]"
@@ -20,12 +20,15 @@ _KINDS: Final = ("constant", "baseline", "physics", "data", "hybrid")
 
 
 def short_list(view: View) -> list[str]:
-    """The models that a short table shows: the constant, the best model of each kind, the forecast with published values.
+    """Choose the models of the short table: the constant, the best model of each kind, the forecast with published values.
 
-    Each kind is a question that the best hybrid has to answer with a lower error: is more needed than one consumption per
-    distance (the constant), than a few coefficients (the best other baseline), than the simulation (the best physics
-    alone), than learning (the best model without physics)? Best is the lowest mean error in the main evaluation. The
-    forecast stands last, after itself with published values of the car alone, where the run has that.
+    Each kind is a benchmark for the best hybrid: one consumption per distance (the constant), a few coefficients
+    (the best
+    other baseline), the simulation (the best physics alone), a learner (the best model without physics). The best
+    model has
+    the lowest mean error in the main evaluation. The forecast comes last, preceded by its variant with only
+    published values
+    of the car if the run has that.
     """
     names = view.models
     if len(names) <= SHORT_ROWS:
@@ -48,7 +51,7 @@ def _error(score: Record) -> float:
 
 
 def short_table(view: View, *more: Column) -> Table:
-    """The models of `short_list`: mean error with its interval, `more`, and for a forecast how often its interval holds."""
+    """Tabulate the models of `short_list`: mean error with its interval, columns `more`, and coverage if there is a forecast."""
     rows = [{**view.scores[m], "name": m} for m in short_list(view)]
     inside = in_percent(_INSIDE, lambda row: (row.get("coverage") or {}).get("0.9"), 0)
     return tabulated(

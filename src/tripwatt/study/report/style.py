@@ -1,7 +1,7 @@
-"""What all figures share: colours, text, width, the head, axes in percent.
+"""The common style of all figures: colours, text, width, head, axes in percent.
 
-Every figure is drawn for a column of a phone or half a desktop page. Text and rules use the colours `INK`, `RULE`
-and `PAPER_COLOUR` alone, which the page exchanges for its own, so that a figure follows a dark page.
+Every figure is drawn for a column of a phone or half a desktop page. Text and rules use only the colours `INK`, `RULE`
+and `PAPER_COLOUR`, which the page replaces by its own, so that figures match a dark page.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ INK: Final[str] = STYLE["text.color"]
 RULE: Final[str] = STYLE["grid.color"]
 PAPER_COLOUR: Final[str] = STYLE["figure.facecolor"]
 BLACK: Final = "#000000"
-"""In the figures of a GAMM: the page exchanges it as it does `INK`."""
+"""Colour in the figures of a GAMM, which the page replaces like `INK`."""
 WIDTH_IN: Final = 5.4
 
 
 def style_context() -> AbstractContextManager[None]:
-    """The process's matplotlib settings replaced by those of the reports for a while, for drawing and for saving."""
+    """Replace the matplotlib settings by those of the reports within a `with` block, for drawing and saving."""
     return matplotlib.rc_context(STYLE)
 
 
 def new_figure(height_in: float, title: str, note: str, synthetic: bool) -> Figure:
-    """An empty figure of the common width with its head, marked where the trips are made up."""
+    """Make an empty figure of the common width with its head, which is marked if the trips are synthetic."""
     figure = ShownFigure(figsize=(WIDTH_IN, height_in), layout="constrained")
     lines = [title, *([note] if note else [])]
     if synthetic:
@@ -46,15 +46,15 @@ def new_figure(height_in: float, title: str, note: str, synthetic: bool) -> Figu
 
 
 def plotted(view: View, height_in: float, title: str, note: str = "") -> tuple[Figure, Axes]:
-    """A figure of a run with one pair of axes.
+    """Make a figure of a run with one pair of axes.
 
     Parameters
     ----------
     view : View
-        Of which it is marked whether the trips are made up.
+        The run; the figure is marked if its trips are synthetic.
     height_in : float
     title, note : str
-        Its head.
+        Head of the figure.
     """
     figure = new_figure(height_in, title, note, view.synthetic)
     return figure, figure.add_subplot()
@@ -63,26 +63,26 @@ def plotted(view: View, height_in: float, title: str, note: str = "") -> tuple[F
 def stacked(
     view: View, height_in: float, head: tuple[str, str], rows: int, **settings: Any
 ) -> tuple[Figure, list[Axes]]:
-    """The same with a title and a note in `head` and several pairs of axes, one below the other."""
+    """Make a figure of a run with several pairs of axes, one below the other; `head` is a title and a note."""
     figure = new_figure(height_in, *head, view.synthetic)
     return figure, list(figure.subplots(rows, 1, squeeze=False, **settings)[:, 0])
 
 
 def legend_below(figure: Figure, columns: int = 1, **settings: Any) -> Figure:
-    """The figure with its legend below the axes."""
+    """Add a legend below the axes; return the figure."""
     figure.legend(loc="outside lower left", ncols=columns, **settings)
     return figure
 
 
 def percent_axis(axes: Axes, label: str) -> None:
-    """An x axis that shows fractions as percent."""
+    """Show the fractions of the x axis as percent."""
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{100 * value:.0f}".replace("-", "−")))
     axes.set_xlabel(label)
     axes.grid(axis="x")
 
 
 def row_names(axes: Axes, names: Sequence[str], **text: Any) -> None:
-    """One named row each, the first on top."""
+    """Label one row for each name, the first at the top."""
     axes.set_yticks(range(len(names)), names, **text)
     axes.set_ylim(len(names) - 0.4, -0.6)
     axes.tick_params(axis="y", length=0)

@@ -1,4 +1,4 @@
-"""A table of text cells, the text of its numbers, and its Markdown; the page and the terminal show the same table."""
+"""Tables of text cells, and the format of their numbers, for the page and the terminal."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ DASH: Final = "–"
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Text cells with a caption; the first cell of a row is its head.
+    """A table of text cells with a caption; the first cell of a row is its head.
 
     Attributes
     ----------
@@ -21,9 +21,9 @@ class Table:
     columns : tuple of str
     rows : tuple of tuple of str
     text_columns : frozenset of int
-        Columns of words; all others hold numbers and stand to the right.
+        Columns of words; all others hold numbers and are aligned to the right.
     strong : frozenset of int
-        Rows to stress.
+        Rows to emphasise.
     """
 
     caption: str
@@ -41,12 +41,13 @@ class Column:
     ----------
     head : str
     value : str or callable
-        A key of the record, or a function of it. In its cell a text stands as it is, a number times `factor` with `digits`, a
-        pair of fractions as `span`, and a dash for what is missing.
+        A key of the record, or a function of the record. Text is shown as it is, a number times `factor` with
+        `digits`, a pair of
+        fractions by `span`, and a missing value as a dash.
     factor : float
     digits : int
     text : bool
-        Whether the column is one of words; the first one always is.
+        Whether the column holds words; the first column of a table always does.
 
     Examples
     --------
@@ -61,7 +62,7 @@ class Column:
     text: bool = False
 
     def cell(self, record: Any) -> str:
-        """The cell of a record."""
+        """Return the text of a record's cell."""
         value = self.value(record) if callable(self.value) else record.get(self.value)
         if isinstance(value, str):
             return value
@@ -71,24 +72,24 @@ class Column:
 
 
 def in_percent(head: str, value: str | Callable[[Any], object], digits: int = 1) -> Column:
-    """A column of fractions, or of intervals of them, in percent."""
+    """Make a column of fractions, or of intervals of fractions, in percent."""
     return Column(head, value, 100.0, digits)
 
 
 def in_kwh(head: str, value: str | Callable[[Any], object], digits: int = 2) -> Column:
-    """A column of energies [Wh] in kWh."""
+    """Make a column of energies [Wh] in kWh."""
     return Column(head, value, 1e-3, digits)
 
 
 def in_words(head: str, value: str | Callable[[Any], object]) -> Column:
-    """A column of words."""
+    """Make a column of words."""
     return Column(head, value, text=True)
 
 
 def tabulated(
     caption: str, records: Iterable[Any], *columns: Column, strong: frozenset[int] = frozenset()
 ) -> Table:
-    """A row for each record.
+    """Make a table with a row for each record.
 
     Examples
     --------
@@ -101,7 +102,7 @@ def tabulated(
 
 
 def number(value: object, factor: float = 1.0, digits: int = 2) -> str:
-    """A number times a factor, a dash when it is missing.
+    """Format a number times a factor; returns a dash if it is missing.
 
     Examples
     --------
@@ -115,7 +116,7 @@ def number(value: object, factor: float = 1.0, digits: int = 2) -> str:
 
 
 def span(bounds: Sequence[float] | None, digits: int = 1) -> str:
-    """An interval of fractions in percent, in one piece."""
+    """Format an interval of fractions in percent, with spaces that do not break; returns a dash if it is missing."""
     if not bounds:
         return DASH
     return f"{number(bounds[0], 100, digits)}\u00a0to\u00a0{number(bounds[1], 100, digits)}"

@@ -1,4 +1,4 @@
-"""One evaluation run as the report reads it: what is missing is empty, and never invented."""
+"""One evaluation run as the report reads it; missing parts are empty."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ Record = Mapping[str, Any]
 _EVALUATIONS: Final = shipped_toml("study/report/evaluations.toml")
 SCHEMES: Final = _EVALUATIONS["schemes"]
 TESTED: Final = _EVALUATIONS["tested"]
-"""Schemes as sentences for those who read of a hold-out for the first time."""
+"""Scheme -> a sentence that explains it to readers who do not know hold-outs."""
 TRIP_SETS: Final = _EVALUATIONS["trip_sets"]
 
 
 def plain(text: object, longest: int = 48) -> str:
-    """A name as one printable line: control characters become a visible mark, a long one is cut in the middle.
+    """Return a text as one printable line: control characters become a visible mark, a long text is cut in the middle.
 
     Examples
     --------
@@ -44,7 +44,7 @@ def plain(text: object, longest: int = 48) -> str:
 
 
 def of_evaluation(evaluation: Record) -> str:
-    """Scheme and trip set of an evaluation in words.
+    """Describe scheme and trip set of an evaluation in words.
 
     Examples
     --------
@@ -70,7 +70,7 @@ class View:
     Attributes
     ----------
     results : mapping
-        The contract of `results.json`.
+        Content of `results.json`.
     folds : DataFrame
         One row per scheme, trip set, trip and model; possibly empty.
     gamm : GammInsight or None
@@ -87,12 +87,12 @@ class View:
 
     @property
     def dataset(self) -> str:
-        """Name of the data set, empty when unknown."""
+        """Name of the data set; empty if unknown."""
         return str(self.results.get("dataset") or "")
 
     @property
     def synthetic(self) -> bool:
-        """Whether the trips are made up; every table and figure is then marked."""
+        """Whether the trips are synthetic; if so, every table and figure is marked."""
         return bool(self.results.get("synthetic")) or "synthetic" in self.dataset.lower()
 
     @property
@@ -102,7 +102,7 @@ class View:
 
     @property
     def published(self) -> Mapping[str, float]:
-        """The paper's mean errors where they may stand beside ours: on the TUM trips only."""
+        """The paper's mean errors by model; empty for other data than the TUM trips, with which they cannot be compared."""
         return self.protocol.published if self.dataset.lower().startswith("tum") else {}
 
     @property
@@ -112,7 +112,7 @@ class View:
 
     @property
     def main(self) -> Record:
-        """The evaluation that figures show: leave-one-trip-out on the reference trips where there are any."""
+        """The first evaluation, which figures show: leave-one-trip-out on the reference trips if there are any."""
         return self.evaluations[0] if self.evaluations else {}
 
     @property
@@ -128,9 +128,10 @@ class View:
 
     @property
     def best(self) -> str | None:
-        """The model that the report describes: the focus of the protocol, whatever its error, where there is one.
+        """The model that the report describes: the focus of the protocol, whatever its error, if it was evaluated.
 
-        Otherwise the hybrid with the lowest mean error in the main evaluation, or any model when there is no hybrid.
+        Otherwise the hybrid with the lowest mean error in the main evaluation or, without hybrids, the model with
+        the lowest.
         """
         if self.protocol.focus in self.scores:
             return self.protocol.focus
@@ -141,12 +142,12 @@ class View:
 
     @property
     def focus(self) -> Record:
-        """Scores of the protocol's focus in the main evaluation, empty without it."""
+        """Scores of the protocol's focus in the main evaluation; empty if it was not evaluated."""
         return self.scores.get(self.protocol.focus or "") or {}
 
     @property
     def given(self) -> str:
-        """Condition of every error of the protocol, empty where there is none."""
+        """Condition of every error of the protocol; empty if there is none."""
         return self.protocol.given
 
     @property
@@ -163,7 +164,7 @@ class View:
         return self.folds[main]
 
     def captioned(self, caption: str) -> str:
-        """A table's caption, marked where the trips are made up."""
+        """Return a table's caption, marked if the trips are synthetic."""
         return f"{caption} (synthetic trips)" if self.synthetic else caption
 
 

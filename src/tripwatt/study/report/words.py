@@ -11,7 +11,7 @@ from tripwatt.study.report.view import plain
 
 
 def percent(fraction: float | None, digits: int = 1) -> str:
-    r"""A fraction as percent; a dash when unknown.
+    r"""Format a fraction as percent; returns a dash if it is unknown.
 
     Examples
     --------
@@ -22,7 +22,7 @@ def percent(fraction: float | None, digits: int = 1) -> str:
 
 
 def points(difference: float) -> str:
-    """A difference of two fractions as signed percentage points.
+    """Format a difference of two fractions as signed percentage points.
 
     Examples
     --------
@@ -36,12 +36,12 @@ def points(difference: float) -> str:
 
 
 def label(model: str) -> str:
-    """A model's name inside a sentence."""
+    """Return a model's name for a sentence."""
     return plain(model_style(model).label)
 
 
 def listed(items: Sequence[str]) -> str:
-    """Items in a row, with an `and`.
+    """Join items with commas and a final `and`.
 
     Examples
     --------

@@ -1,13 +1,16 @@
 """A built-in fleet with a known truth, to demonstrate and to test the whole pipeline.
 
-Nothing here is measured. Drivers, days, routes and weather are drawn from a seed (`scenario`, `roads`); the driver model
-gives the speed; a *hidden* car and world give the energy (`world`): the physics of the i3 on the true road, with wind,
+Nothing here is measured. Drivers, days, routes and weather are drawn from a seed (`scenario`, `roads`). The driver
+model
+gives the speed. A *hidden* car and world give the energy (`world`): the physics of the i3 on the true road, with wind,
 wet or cold tyres, habits, a cabin with its own heat balance, lamps, and heavy-tailed noise that is in no model of the
-package. Noisy sensors of the usual resolution (`sensors`) then log the truth. `synthetic_truth` has the hidden effects.
+package. Noisy sensors of the usual resolution (`sensors`) then log the truth. `synthetic_truth` returns the hidden
+effects.
 
-Every trip draws from streams of its own, keyed by the seed, its day and its place in the day: a longer fleet begins
-with the shorter one, and no trip depends on another. A following trip starts with the warmth and the charge that its
-day's scenario expects, not with those at the end of the trip before it.
+Every trip draws from random streams of its own, keyed by the seed, its day and its place in the day. Therefore the
+first
+trips of a longer fleet are those of a shorter one, and no trip depends on another. A following trip starts with the
+warmth and the charge that its day's scenario expects, not with those at the end of the trip before it.
 """
 
 from __future__ import annotations
@@ -39,24 +42,24 @@ __all__ = [
 ]
 
 VEHICLE: Final = "bmw_i3_60ah"
-"""The car whose physics the fleet stands on."""
+"""Car whose physics the fleet is based on."""
 
 FOLLOWS_WITHIN_S: Final = 300.0
-"""A trip that starts this soon [s] after the last one is said to follow it."""
+"""Longest time [s] after the end of the last trip within which a trip is said to follow it."""
 
 NOTES: Final = (Flag("synthetic", "synthetic"),)
 
 
 MOST_TRIPS: Final = 1_000_000
 MOST_SEED: Final = 2**63 - 1
-"""Most trips of a fleet, and largest seed."""
+"""Largest number of trips of a fleet, and largest seed."""
 
 CAR_MODELS: Final = ("bmw_i3_60ah", "nissan_leaf_24")
 VEHICLES, TRIPS_EACH = 8, 48
-"""Of `example_fleet`."""
+"""Number of vehicles of `example_fleet`, and of trips of each vehicle."""
 
 CHANGED: Final = ("V1", dt.datetime(2023, 12, 20))
-"""The vehicle of `example_fleet` that changes, and since when it has a roof box and 70 % of its tyre pressure."""
+"""Vehicle of `example_fleet` that changes, and the day from which it has a roof box and 70 % of its tyre pressure."""
 
 
 def synthetic_fleet(
@@ -67,18 +70,18 @@ def synthetic_fleet(
     vehicle: Vehicle | None = None,
     hours: tuple[float, float] | None = None,
 ) -> TripSet:
-    """A computed fleet of one car and several drivers over summer and winter days. O(samples).
+    """Compute a fleet of one car and several drivers over summer and winter days. O(samples).
 
     Parameters
     ----------
     n_trips : int
         Number of trips; the first trips of a longer fleet are those of a shorter one.
     seed : int
-        Trips of equal seed are equal to the last bit.
+        Equal seeds give trips that are equal to the last bit.
     step_s : float
         Time between two samples [s], 1 or less.
     vehicle : Vehicle, optional
-        The car whose physics the hidden car stands on; `VEHICLE` by default.
+        The car whose physics the hidden car is based on; `VEHICLE` by default.
     hours : tuple of float, optional
         Shortest and longest duration [h], 0.1 to 12, of long drives mostly on motorways, which start with a battery of
         90 %. By default trips take a quarter to three quarters of an hour.
@@ -86,7 +89,7 @@ def synthetic_fleet(
     Returns
     -------
     TripSet
-        Name "synthetic"; a note states that nothing was measured; no reference trips.
+        Fleet with the name "synthetic", a note that nothing was measured, and no reference trips.
 
     Raises
     ------
@@ -103,7 +106,7 @@ def synthetic_fleet(
 
 
 def synthetic_truth(n_trips: int = 32, seed: int = 0, *, step_s: float = 1.0) -> pd.DataFrame:
-    """Show what is hidden behind `synthetic_fleet` of the same arguments. O(samples).
+    """Compute the hidden effects behind `synthetic_fleet` with the same arguments. O(samples).
 
     Parameters
     ----------
@@ -121,7 +124,7 @@ def synthetic_truth(n_trips: int = 32, seed: int = 0, *, step_s: float = 1.0) ->
         `driving_` (the i3's physics with the hidden forces), `heating_`, `aircon_`, `lamps_`, `driver_` (the driver's
         habit), `trip_` (an effect of this trip alone) and `noise_energy_wh`. `wind_work_wh` and `rolling_work_wh` are
         the work [Wh] at the wheel against hidden wind and rolling resistance, part of driving. `headwind_m_s`,
-        `rolling_share`, `driver_share` and `trip_share` are what caused them; `ambient_temperature_degc` is the true
+        `rolling_share`, `driver_share` and `trip_share` are their causes; `ambient_temperature_degc` is the true
         mean outside temperature [°C]; `end_soc` is the true state of charge at the end; `driver`, `day`, `season`,
         `sky`, `route` describe the trip.
 
@@ -147,7 +150,7 @@ def synthetic_world(
     vehicle: Vehicle | None = None,
     hours: tuple[float, float] | None = None,
 ) -> tuple[TripSet, pd.DataFrame]:
-    """Make fleet and truth together, computed once. O(samples).
+    """Compute fleet and truth together. O(samples).
 
     Parameters
     ----------
@@ -165,9 +168,9 @@ def synthetic_world(
     Returns
     -------
     fleet : TripSet
-        As of `synthetic_fleet`.
+        As from `synthetic_fleet`.
     truth : DataFrame
-        As of `synthetic_truth`.
+        As from `synthetic_truth`.
 
     Raises
     ------
@@ -194,7 +197,7 @@ def synthetic_world(
 
 
 def example_trip(seed: int = 0) -> pd.DataFrame:
-    """Make one computed trip as a table in canonical columns at 1 Hz, for documentation and for trying commands.
+    """Compute one trip as a table in canonical columns at 1 Hz, for documentation and for trying commands.
 
     Parameters
     ----------
@@ -215,12 +218,12 @@ def example_trip(seed: int = 0) -> pd.DataFrame:
 
 
 def example_fleet() -> Iterator[tuple[str, TripSet]]:
-    """Make the trips of eight vehicles of two car models, to try the commands of fleets; one changes in `CHANGED`.
+    """Compute trips of eight vehicles of two car models, for trying the commands of fleets; one vehicle changes, see `CHANGED`.
 
     Yields
     ------
     str, TripSet
-        The car model of a vehicle, and its trips, of which `context.car` is the vehicle.
+        The car model of a vehicle, and the trips of the vehicle, whose `context.car` is its id.
 
     Examples
     --------

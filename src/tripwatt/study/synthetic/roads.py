@@ -1,4 +1,4 @@
-"""Random roads: links with limits and stops, hills that remember themselves over distance, and the drive over them."""
+"""Random roads: links with limits and stops, hills that are correlated over distance, and the drive over them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class RoadKind:
     length_m : tuple of float
         Shortest and longest link [m].
     traffic : tuple of float
-        Lowest and highest share of the limit that traffic leaves.
+        Lowest and highest speed in traffic, as a share of the limit.
     stop_probability : float
         Chance of a stop at the end of a link.
     bend_probability : float
@@ -56,7 +56,7 @@ PHASES: Final = {
     "highway": ((CITY, 0.12), (RURAL, 0.13), (HIGHWAY, 0.6), (CITY, 0.15)),
     "mixed": ((CITY, 0.3), (RURAL, 0.25), (HIGHWAY, 0.2), (CITY, 0.25)),
 }
-"""Each route's kinds of road in order, with their share of the driving time."""
+"""Route -> its kinds of road in order, each with its share of the driving time."""
 
 BEND_LENGTH_M: Final = 25.0
 PARKED_S: Final = (3.0, 15.0)
@@ -83,7 +83,7 @@ class RoadDrive:
 
 
 def draw_links(scenario: Scenario, rng: np.random.Generator) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Length [m], speed [m/s] and standstill at the end [s] of each link of a planned trip. O(links)."""
+    """Draw length [m], speed [m/s] and standstill at the end [s] of each link of a planned trip. O(links)."""
     lengths, speeds, dwells = [], [], []
     for kind, share in PHASES[scenario.route]:
         budget_s = share * scenario.duration_s
@@ -93,7 +93,7 @@ def draw_links(scenario: Scenario, rng: np.random.Generator) -> tuple[FloatArray
         dwell = draw_dwell(np.full(n, kind.stop_probability), scenario.driver.style, rng)
         bend = rng.random(n) < kind.bend_probability
         bend_speed = np.minimum(rng.uniform(*kind.bend_m_s, n), speed)
-        # links cost their time at speed, their standstill, and what slowing down and getting going again takes
+        # a link takes its time at speed, its standstill, and the time to slow down and to speed up again
         takes_s = length / speed + dwell + (1.0 - (bend_speed / speed) * ~(dwell > 0)) * bend * speed / 2.5
         takes_s += (dwell > 0) * ~bend * speed / 2.5
         n_used = max(int(np.searchsorted(np.cumsum(takes_s), budget_s)), 1)
@@ -109,7 +109,7 @@ def draw_links(scenario: Scenario, rng: np.random.Generator) -> tuple[FloatArray
 
 
 def draw_elevation(distance_m: float, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
-    """Position and height [m] every 25 m: hills on two scales around a height above the sea."""
+    """Draw position and height [m] every 25 m: hills on two scales around a height above sea level."""
     position = np.arange(0.0, distance_m + 25.0, 25.0)
     hills = rng.uniform(3.0, 12.0) * smooth_noise(position, 600.0, rng)
     valleys = rng.uniform(8.0, 25.0) * smooth_noise(position, 4000.0, rng)

@@ -1,4 +1,4 @@
-"""Who drives when: drivers, days with their weather, and the trips of a day, all before a wheel has turned."""
+"""Draw the drivers, the days with their weather, and the trips of each day, before any trip is driven."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from tripwatt.routes.driver import DriverStyle
 N_DRIVERS: Final = 6
 DAYS_PER_SEASON: Final = 90
 
-# what a stream of random numbers is for; with the seed, the day and the trip it makes the stream's key
+# purposes of random streams; the key of a stream is made of the seed, a purpose, the day and the trip
 DRIVERS, DAYS, TRIPS, ROADS, WHEEL, WORLD, AIR, NOISE, SENSORS = range(9)
 
 
 def stream(seed: int, purpose: int, *index: int) -> np.random.Generator:
-    """Random numbers for one purpose, independent of those for any other."""
+    """Return a random generator for one purpose, independent of those for all others."""
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(purpose, *index)))
 
 
@@ -32,11 +32,11 @@ class Driver:
     ----------
     name : str
     style : DriverStyle
-        How they drive: seen in the speed.
+        Style of driving, which is visible in the speed.
     setpoint_degc : float
-        Cabin temperature they like in winter [°C].
+        Preferred cabin temperature in winter [°C].
     power_share : float
-        Hidden: how much more of the propelling power they take than the same speed needs, e.g. by a restless pedal.
+        Hidden: extra propelling power, as a share of what the same speed needs, e.g. by a restless pedal.
     """
 
     name: str
@@ -47,7 +47,7 @@ class Driver:
 
 @dataclass(frozen=True, slots=True)
 class Day:
-    """What the trips of one day share.
+    """Season, weather and wind that the trips of one day share.
 
     Attributes
     ----------
@@ -72,18 +72,18 @@ class Day:
     wind_from_rad: float
 
     def temperature_at(self, hour: float) -> float:
-        """Outside temperature [°C] at an hour of the day."""
+        """Return the outside temperature [°C] at an hour of the day."""
         return self.mean_temperature_degc + self.swing_k * math.cos((hour - 15.0) / 12.0 * math.pi)
 
     def dark_at(self, hour: float) -> bool:
-        """Whether the sun is down."""
+        """Whether the sun is down at an hour of the day."""
         rise, fall = (5.0, 21.5) if self.season == "summer" else (7.75, 16.75)
         return not rise <= hour <= fall
 
 
 @dataclass(frozen=True, slots=True)
 class Scenario:
-    """One trip before it is driven: who, when, where to, and with what charge.
+    """One trip before it is driven: driver, time, route and charge.
 
     Attributes
     ----------
@@ -97,9 +97,9 @@ class Scenario:
     duration_s : float
         Time that the trip should take [s].
     parked_s : float or None
-        Time since the last trip of the day ended [s], None for the first.
+        Time since the end of the day's last trip [s]; None for the first trip of a day.
     trips_before : int
-        Trips that the car made before on this day.
+        Number of trips that the car made before on this day.
     soc : float
         State of charge at departure.
     setpoint_degc, payload_mass_kg : float
@@ -125,7 +125,7 @@ class Scenario:
 
     @property
     def weather(self) -> str:
-        """The weather as a driver would note it down."""
+        """The weather as a driver would note it."""
         return "dark" if self.day.dark_at(self.hour) and self.day.sky != "rainy" else self.day.sky
 
 
@@ -135,11 +135,11 @@ EXPECTED_SPEED_M_S: Final = {"city": 6.5, "rural": 14.0, "highway": 23.0, "mixed
 """Mean speed [m/s] that a scenario assumes, standstill included."""
 
 EXPECTED_USE: Final = 0.011
-"""Share of the charge that a scenario assumes per kilometre: 200 Wh/km of some 19 kWh."""
+"""Share of the charge per kilometre that a scenario assumes: 200 Wh/km of about 19 kWh."""
 
 
 def draw_driver(seed: int, number: int) -> Driver:
-    """One driver; the same for every fleet of that seed."""
+    """Draw one driver, who is the same for every fleet of that seed."""
     rng = stream(seed, DRIVERS, number)
     vigour = float(np.clip(rng.normal(), -1.5, 1.5))
     style = DriverStyle(
@@ -156,11 +156,11 @@ def draw_driver(seed: int, number: int) -> Driver:
 
 
 def draw_day(seed: int, number: int) -> Day:
-    """One day: two seasons in turn, dates that do not repeat."""
+    """Draw one day; the two seasons alternate and dates do not repeat."""
     rng = stream(seed, DAYS, number)
     summer = number % 2 == 0
     turn = number // 2
-    # 37 has no factor in common with 90: every date of a season once, spread from the first day on
+    # 37 and 90 have no common factor: every date of a season occurs once, spread out from the first day on
     into_season = (turn * 37 + 5) % DAYS_PER_SEASON
     first = dt.date(2023 + turn // DAYS_PER_SEASON, 6 if summer else 12, 1)
     skies = ["sunny", "slightly cloudy", "cloudy", "rainy"]
@@ -183,7 +183,7 @@ LONG_DRIVE_SOC: Final = 0.9
 
 
 def long_drive(scenario: Scenario, seed: int, hours: tuple[float, float]) -> Scenario:
-    """The scenario as a long drive on the motorway, alone on its day; the duration is evenly distributed."""
+    """Change a scenario to a long drive on the motorway, the only trip of its day, with a uniformly drawn duration."""
     duration_s = 3600.0 * float(stream(seed, TRIPS, *scenario.key, 0).uniform(*hours))
     return replace(
         scenario,
@@ -196,7 +196,7 @@ def long_drive(scenario: Scenario, seed: int, hours: tuple[float, float]) -> Sce
 
 
 def draw_scenarios(n_trips: int, seed: int) -> Iterator[Scenario]:
-    """Trips, day by day, one to four a day. O(trips)."""
+    """Draw the trips, day by day, one to four per day. O(trips)."""
     drivers = [draw_driver(seed, d) for d in range(N_DRIVERS)]
     made = number = 0
     while made < n_trips:

@@ -1,4 +1,4 @@
-"""What the logger writes: the truth with noise, in the steps in which a car's bus reports it."""
+"""Log the truth with noise, in the steps in which a car's bus reports it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tripwatt.vehicles import Vehicle
 
 
 def quantise(values: FloatArray, step: float) -> FloatArray:
-    """Values rounded to whole steps, without the dust of binary fractions."""
+    """Round values to whole steps, without binary rounding errors such as 0.30000000000000004."""
     steps_per_unit = round(1.0 / step) if step < 1.0 else 1.0 / step
     return np.asarray(np.round(values * steps_per_unit) / steps_per_unit, dtype=np.float64)
 
@@ -22,13 +22,13 @@ def quantise(values: FloatArray, step: float) -> FloatArray:
 def log_samples(
     scenario: Scenario, drive: RoadDrive, truth: Truth, vehicle: Vehicle, seed: int
 ) -> pd.DataFrame:
-    """The table of a trip in canonical columns. O(samples)."""
+    """Log a trip as a table in canonical columns. O(samples)."""
     rng = stream(seed, SENSORS, *scenario.key)
     climate, battery, cells = truth.climate, truth.battery, vehicle.battery
     n = len(drive.profile.time_s)
     true_speed = drive.profile.speed_m_s
     speed_km_h = true_speed / M_S_PER_KM_H + 0.12 * rng.standard_normal(n)
-    # a wheel that stands gives no pulses, so standstill is exactly 0
+    # a wheel at standstill gives no pulses, so its speed is exactly 0
     speed = np.where(true_speed > 0.1, quantise(np.maximum(speed_km_h, 0.0), 0.1) * M_S_PER_KM_H, 0.0)
     displayed = cells.displayed_from_soc(0.0) + battery.soc * (
         cells.displayed_from_soc(1.0) - cells.displayed_from_soc(0.0)

@@ -30,7 +30,7 @@ from tripwatt.vehicles import Battery, Vehicle
 
 @dataclass(frozen=True, slots=True)
 class HiddenCar:
-    """How the true car differs from its data sheet."""
+    """Differences of the true car from its data sheet."""
 
     drag_share: float = 0.04
     extra_load_w: float = 40.0
@@ -59,7 +59,7 @@ CAR: Final = HiddenCar()
 CABIN: Final = HiddenCabin()
 
 SUN_W: Final = {"sunny": 480.0, "slightly cloudy": 280.0, "cloudy": 120.0, "rainy": 60.0, "dark": 0.0}
-"""Heat [W] of the sun in the cabin on a summer's day; half of it in winter."""
+"""Solar heat [W] in the cabin on a summer day; in winter `WINTER_SUN_SHARE` of it."""
 
 WINTER_SUN_SHARE: Final = 0.5
 WIND_AT_CAR_SHARE: Final = 0.6
@@ -83,7 +83,7 @@ NOISE_TIME_S: Final = 6.0
 
 @dataclass(frozen=True, eq=False, slots=True)
 class CabinClimate:
-    """Cabin temperature [°C] and the electric powers that made it [W], at each sample."""
+    """Cabin temperature [°C] and the electric powers of heating and cooling [W], at each sample."""
 
     cabin_temperature_degc: FloatArray
     requested_heating_power_w: FloatArray
@@ -93,7 +93,7 @@ class CabinClimate:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Truth:
-    """What really happened on a trip, before any sensor.
+    """The true values of a trip, before any sensor.
 
     Attributes
     ----------
@@ -102,7 +102,7 @@ class Truth:
     battery : BatteryRun
         Power, current, voltage, temperature and charge of the true battery.
     effects : dict of str to float
-        The hidden effects as numbers, see `tripwatt.study.synthetic.synthetic_truth`.
+        Hidden effects by name, see `tripwatt.study.synthetic.synthetic_truth`.
     """
 
     ambient_temperature_degc: FloatArray
@@ -112,10 +112,10 @@ class Truth:
 
 
 def simulate_truth(scenario: Scenario, drive: RoadDrive, vehicle: Vehicle, seed: int) -> Truth:
-    """The truth of one trip. O(samples)."""
+    """Simulate the truth of one trip. O(samples)."""
     rng = stream(seed, WORLD, *scenario.key)
     time, speed = drive.profile.time_s, drive.profile.speed_m_s
-    # values per sample have random streams of their own, so that the number of samples moves no effect of the trip
+    # values per sample have their own random streams: the number of samples does not change effects of the trip
     air = stream(seed, AIR, *scenario.key)
     ambient = draw_ambient(scenario, time, air)
     climate = heat_balance(scenario, time, speed, ambient, rng)
@@ -126,7 +126,7 @@ def simulate_truth(scenario: Scenario, drive: RoadDrive, vehicle: Vehicle, seed:
     conditions = DriveConditions(
         ambient_temperature_degc=float(ambient.mean()),
         initial_soc=scenario.soc,
-        # a pack of its mass follows the weather of days, and each trip of the day has warmed it
+        # a heavy battery pack follows the mean temperature of the day, and each trip of the day has warmed it
         initial_battery_temperature_degc=float(rested_degc + 2.0 * scenario.trips_before),
         payload_mass_kg=scenario.payload_mass_kg,
     )
@@ -168,7 +168,7 @@ def battery_loads(
     trip_share: float,
     rng: np.random.Generator,
 ) -> dict[str, FloatArray]:
-    """Power at the battery terminals [W] by hidden cause, each of shape (samples,); their sum is the true power."""
+    """Return the power at the battery terminals [W] by hidden cause, each of shape (samples,); the sum is the true power."""
     time, speed = drive.profile.time_s, drive.profile.speed_m_s
     propelling = np.maximum(driving_w, 0.0)
     wet, unlit = scenario.day.sky == "rainy", scenario.day.dark_at(scenario.hour)
@@ -185,7 +185,7 @@ def battery_loads(
 
 
 def at_samples(of_intervals: FloatArray) -> FloatArray:
-    """Values at the samples for the means over the intervals that end at them: the middle of both neighbours.
+    """Convert means over the intervals that end at each sample to values at the samples: the mean of both neighbours.
 
     Examples
     --------
@@ -197,7 +197,7 @@ def at_samples(of_intervals: FloatArray) -> FloatArray:
 
 
 def age_battery(battery: Battery) -> Battery:
-    """The battery that is really in the car."""
+    """Return the battery as it really is in the car, with less capacity and more resistance."""
     return replace(
         battery,
         capacity_ah=battery.capacity_ah * (1.0 + CAR.capacity_share),
@@ -210,7 +210,7 @@ def _energy_wh(power_w: FloatArray, time_s: FloatArray) -> float:
 
 
 def draw_ambient(scenario: Scenario, time_s: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """Outside temperature along the trip [°C]: the day's course and what differs from street to street."""
+    """Draw the outside temperature along the trip [°C]: the day's course and differences from street to street."""
     course = scenario.day.temperature_at(scenario.hour) + (
         scenario.day.temperature_at(scenario.hour + 1.0) - scenario.day.temperature_at(scenario.hour)
     ) * (time_s / 3600.0)
@@ -219,7 +219,7 @@ def draw_ambient(scenario: Scenario, time_s: FloatArray, rng: np.random.Generato
 
 
 def compressor_hunting(time_s: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """Factor around 1 by which a compressor takes more or less than its cooling needs."""
+    """Draw a factor around 1 by which a compressor's power differs from what the cooling needs."""
     wave = smooth_noise(time_s, HUNTING_TIME_S, rng)
     return np.maximum(1.0 + HUNTING_SHARE * wave, 0.5)
 
@@ -231,7 +231,7 @@ def heat_balance(
     ambient_degc: FloatArray,
     rng: np.random.Generator,
 ) -> CabinClimate:
-    """The true cabin in steps of 1 s: `C dT/dt = loss (T_out - T) + sun + heater - cooling`. O(seconds)."""
+    """Simulate the true cabin in steps of 1 s: `C dT/dt = loss (T_out - T) + sun + heater - cooling`. O(seconds)."""
     sun_w = SUN_W[scenario.weather] * (WINTER_SUN_SHARE if scenario.day.season == "winter" else 1.0)
     soaked = ambient_degc[0] + sun_w / CABIN.loss_w_k * rng.uniform(0.3, 1.0) + rng.uniform(0.0, 1.5)
     left = 0.0 if scenario.parked_s is None else math.exp(-scenario.parked_s / CABIN.cools_down_s)
@@ -262,7 +262,7 @@ def heat_balance(
 def hidden_forces(
     scenario: Scenario, drive: RoadDrive, ambient_degc: FloatArray, vehicle: Vehicle, rng: np.random.Generator
 ) -> tuple[FloatArray, float, FloatArray, float]:
-    """Force of wind and body [N], mean headwind [m/s], extra rolling force [N] and its share of the car's own."""
+    """Return extra force of wind and drag [N], mean headwind [m/s], extra rolling force [N] and its share of the car's own."""
     speed = drive.profile.speed_m_s
     warm_k = ambient_degc + ZERO_CELSIUS_K
     height = GRAVITY_M_S2 * drive.elevation_m / (DRY_AIR_GAS_CONSTANT_J_KG_K * warm_k)
@@ -289,7 +289,7 @@ def hidden_forces(
 def heavy_tailed_noise(
     time_s: FloatArray, speed_m_s: FloatArray, power_w: FloatArray, rng: np.random.Generator
 ) -> FloatArray:
-    """Unexplained power [W]: Student's t shocks, half of their variance remembered, larger while moving."""
+    """Draw unexplained power [W]: Student's t shocks, half of their variance autocorrelated, larger while moving."""
     memory = math.exp(-float(time_s[1] - time_s[0]) / NOISE_TIME_S)
     shocks = rng.standard_t(NOISE_DF, (2, len(time_s))) * math.sqrt((NOISE_DF - 2.0) / NOISE_DF)
     remembered = math.sqrt(1.0 - memory**2) * autoregression(shocks[0], memory)

@@ -1,4 +1,4 @@
-"""The panels of an evaluation's report, a module for each section."""
+"""The panels of an evaluation's report, with one module for each section."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ SECTIONS: Final[Mapping[str, Callable[[View], list[Panel]]]] = {
     "The GAMM": gamm.panels,
     "Audit of the trips": audit.panels,
 }
-"""Headings of the report, and what makes the panels below each; none where the run has nothing to show."""
+"""Heading of each section -> function that makes its panels; it returns none if the run has nothing to show."""
 
 
 def build_sections(view: View) -> dict[str, list[Panel]]:
-    """Heading and panels of every section of which the run has something to show."""
+    """Return heading and panels of every section that has panels for the run."""
     with style_context():
         built = {title: panels(view) for title, panels in SECTIONS.items()}
     return {title: panels for title, panels in built.items() if panels}

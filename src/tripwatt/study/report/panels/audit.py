@@ -8,13 +8,13 @@ from tripwatt.study.report.view import View, plain
 
 
 def panels(view: View) -> list[Panel]:
-    """Every finding with its consequence."""
+    """Return the panel of the audit; none without findings."""
     table = audit_table(view)
     return [Panel("audit-findings", "Findings and consequences", tables=(table,))] if table.rows else []
 
 
 def audit_table(view: View) -> Table:
-    """Every finding of the audit and what it led to."""
+    """Tabulate every finding of the audit and its consequence."""
     return tabulated(
         view.captioned("Findings of the audit"),
         view.results.get("audit") or (),

@@ -1,4 +1,4 @@
-"""Errors of the trips, as histograms and as boxes."""
+"""Errors of the trips, as histograms and box plots."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from tripwatt.study.report.view import View
 from tripwatt.study.report.words import label
 
 CUT: Final = 1.5
-"""Errors beyond this fraction are drawn at the edge, or a few would flatten all others."""
+"""Errors beyond this fraction are drawn at the edge; otherwise a few would flatten all others."""
 EDGE: Final = f"errors beyond {100 * CUT:.0f} % are drawn at the edge"
 
 
 def panels(view: View) -> list[Panel]:
-    """The distribution of the errors, and the box plots."""
+    """Return the panels with the distribution of the errors and the box plots."""
     present = ordered(map(str, view.main_folds["model"].unique()))
     alone = ((m, model_style(m).without_physics) for m in present)
     pairs = [(model_style(m).stands_on, m, other) for m, other in alone if other in present]
@@ -41,14 +41,14 @@ def panels(view: View) -> list[Panel]:
 
 
 def signed_errors(view: View, model: str) -> FloatArray:
-    """(predicted - observed) / observed of a model, one finite value per trip of the main evaluation."""
+    """Return (predicted - observed) / observed of a model, one finite value per trip of the main evaluation."""
     rows = view.main_folds[view.main_folds["model"] == model]
     errors = (rows["predicted_energy_wh"] / rows["observed_energy_wh"] - 1.0).to_numpy(dtype=np.float64)
     return np.asarray(errors[np.isfinite(errors)])
 
 
 def plot_error_distribution(view: View, models: Sequence[str]) -> Figure:
-    """Histogram and rug of the signed error of every model over the folds, on one common axis."""
+    """Draw histogram and rug of the signed errors of every model over the folds, on one common axis."""
     errors = {m: signed_errors(view, m) for m in models}
     largest = np.abs(np.concatenate(list(errors.values()))).max(initial=0.2)
     limit = min(np.ceil(10 * largest) / 10, CUT)
@@ -72,7 +72,7 @@ def plot_error_distribution(view: View, models: Sequence[str]) -> Figure:
 
 
 def plot_error_boxes(view: View, models: Sequence[str], title: str) -> Figure:
-    """Box plot of the absolute error of each model, every trip as a point; the paper's means as crosses."""
+    """Draw a box plot of each model's absolute errors, with every trip as a point and the paper's means as crosses."""
     figure, axes = style.plotted(view, 1.7 + 0.52 * len(models), title, f"{view.note}\n{EDGE}")
     errors = [np.minimum(np.abs(signed_errors(view, m)), CUT) for m in models]
     boxes = axes.boxplot(

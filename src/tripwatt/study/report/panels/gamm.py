@@ -17,7 +17,7 @@ from tripwatt.study.report.view import View, plain
 
 
 def panels(view: View) -> list[Panel]:
-    """Tables and figures of the fit; none where the GAMM was not among the models."""
+    """Return the panels of the fit; none if the GAMM was not among the models."""
     gamm = view.gamm
     if gamm is None:
         return []
@@ -64,7 +64,7 @@ def _figure(view: View, height_in: float, title: str, draw: Callable[[Axes], Fig
 
 
 def terms_table(view: View, gamm: GammInsight) -> Table:
-    """Every coefficient with its standard error and every smooth with its EDF."""
+    """Tabulate every coefficient with its standard error and every smooth with its EDF."""
     rows = [
         (term_in_words(term.removeprefix("EDF: ")), f"{value}{mark}".replace("-", "−"))
         for term, value, mark in gamm.summary.rows()
@@ -77,7 +77,7 @@ def terms_table(view: View, gamm: GammInsight) -> Table:
 
 
 def fit_table(view: View, gamm: GammInsight) -> Table:
-    """Scores of the fit, the correlation of its residuals, and the reductions that the data forced."""
+    """Tabulate the scores of the fit, the correlation of its residuals, and the reductions that the data forced."""
     page = gamm.summary
     neighbours = number(float(gamm.autocorrelation.correlation[0]))
     rows = [

@@ -13,7 +13,7 @@ SIGNIFICANT = "A difference is significant (*) if its interval does not contain 
 
 
 def paired_with(pairs: Sequence[Record], best: str | None) -> list[Record]:
-    """The pairs that hold `best`, turned so that `best` is always `b`: a positive difference means that its error is lower.
+    """Select the pairs with `best`, swapped so that `best` is always `b`; a positive difference means a lower error of `best`.
 
     Examples
     --------
@@ -31,7 +31,7 @@ def paired_with(pairs: Sequence[Record], best: str | None) -> list[Record]:
 
 
 def difference_column(view: View) -> Column:
-    """Mean error of the model of a row less that of `best`, with its interval; a star where it is significant."""
+    """Make the column of a row's mean error minus that of the best model, with its interval; a star if it is significant."""
     pairs = {pair["a"]: pair for pair in paired_with(view.results.get("paired") or (), view.best)}
 
     def cell(row: Record) -> str | None:

@@ -1,4 +1,4 @@
-"""What differs from the paper: forms of its simulation, working correlations, errors of the GAMM, trips needed."""
+"""Variants of the paper's models: forms of its simulation, working correlations, errors of the GAMM, trips needed."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ CORRECTORS: Final = ("gamm", "forest", "boosting")
 
 
 def panels(view: View) -> list[Panel]:
-    """The tables of the studies, and how many trips the hybrid needs; none where the studies were not part of the run."""
+    """Return the panels of the studies and of the trips that the hybrid needs; none if the run had no studies."""
     if not view.results.get("studies"):
         return []
     tables = forms_table(view), improved_table(view), correlations_table(view), gamm_errors_table(view)
@@ -34,12 +34,12 @@ def panels(view: View) -> list[Panel]:
 
 
 def study_scores(view: View) -> Mapping[str, Record]:
-    """Scores of the models beside the table, and of those of the table on the same trips, by name."""
+    """Return the scores, by name, of the studies' models and of the table's models on the same trips."""
     return (view.results.get("studies") or {}).get("models") or {}
 
 
 def forms_table(view: View) -> Table:
-    """Errors of every form of the simulation beside the paper's."""
+    """Tabulate the errors of every form of the simulation beside the paper's error."""
     scores, target = study_scores(view), view.published[SIMULATION]
     rows = [scores[name] for name in (SIMULATION, *(form.name for form in FORMS)) if name in scores]
     paper = {"title": "the paper's simulation", "mape": target}
@@ -56,7 +56,7 @@ def forms_table(view: View) -> Table:
 
 
 def improved_table(view: View) -> Table:
-    """The correctors on the table's simulation and on the nearest form, with the share of trips that they improve."""
+    """Tabulate the correctors on the table's simulation and on the nearest form, with the share of trips that they improve."""
     scores = study_scores(view)
     names = [*CORRECTORS, *(f"{name}-brochure" for name in CORRECTORS)]
     return tabulated(
@@ -71,13 +71,13 @@ def improved_table(view: View) -> Table:
 
 
 def correlations_table(view: View) -> Table:
-    """The boosting under each working correlation, and with the choice inside the fold."""
+    """Tabulate the boosting under each working correlation, and with the choice inside the fold."""
     names = ["boosting", *(model.name for model in CORRELATIONS), "boosting-chosen"]
     return _options(view, names, "Boosting by its working correlation")
 
 
 def gamm_errors_table(view: View) -> Table:
-    """The GAMM with independent Student's t errors, with AR(1) errors, and with the choice inside the fold."""
+    """Tabulate the GAMM with independent Student's t errors, with AR(1) errors, and with the choice inside the fold."""
     names = ["gamm", *(model.name for model in GAMM_ERRORS), "gamm-chosen"]
     return _options(view, names, "The GAMM by the model of its errors")
 
@@ -105,7 +105,7 @@ def _options(view: View, names: Sequence[str], caption: str) -> Table:
 
 
 def plot_trips_needed(view: View) -> Figure:
-    """Mean error against the number of training trips, with the crossing and its interval."""
+    """Draw the mean error against the number of training trips, with the crossing and its interval."""
     needed: Record = view.results["studies"]["trips_needed"]
     figure, axes = plotted(view, 3.7, "How many training trips it takes", view.note)
     hybrid, alone = CURVE_MODELS

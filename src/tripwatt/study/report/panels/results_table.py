@@ -1,4 +1,4 @@
-"""The main table, the other evaluations, and what the models are."""
+"""The main table, the other evaluations, and the meanings of the models."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tripwatt.study.report.words import label
 
 
 def panels(view: View) -> list[Panel]:
-    """The main evaluation, the mean errors of all of them, and what the models are."""
+    """Return the panels of the main evaluation, of all evaluations, and of the models' meanings."""
     if not view.evaluations:
         return []
     legend = tabulated(
@@ -31,7 +31,7 @@ def panels(view: View) -> list[Panel]:
 
 
 def results_table(view: View) -> Table:
-    """The main evaluation: a row per model, errors in percent, RMSE in kWh, the paper's mean beside ours."""
+    """Tabulate the main evaluation: a row per model, errors in percent, RMSE in kWh, and the paper's mean error."""
     paper, head = view.published, ", ".join(filter(None, [view.note, view.given]))
 
     def beaten(preset: str) -> Column:
@@ -58,7 +58,7 @@ def results_table(view: View) -> Table:
 
 
 def sets_table(view: View) -> Table:
-    """Mean error of each model (rows) in each evaluation (columns)."""
+    """Tabulate the mean error of each model (rows) in each evaluation (columns)."""
     paper = [in_percent(f"the paper ({PAPER})", view.published.get)] if view.published else []
     return tabulated(
         view.captioned("Mean error [%] with its 95 % interval, by the trips that were used"),

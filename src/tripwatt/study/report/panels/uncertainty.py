@@ -1,4 +1,4 @@
-"""How good the forecast's intervals are, and its errors at arrival and during the trip."""
+"""Coverage of the forecast's intervals, and errors of the forecast at arrival and during the trip."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ STARTS: Final[Mapping[str, str]] = {
     "soc": "the display was known at departure",
     "bms_soc": "the battery management's charge was known",
 }
-"""Key in `arrival` -> what was known."""
+"""Key in `arrival` -> what was known at departure."""
 
 
 def panels(view: View) -> list[Panel]:
-    """Coverage of the intervals, and tables of the errors at arrival and during the trip; none without a forecast."""
+    """Return the panels of coverage and of errors at arrival and during the trip; none without a forecast."""
     if "coverage" not in view.focus:
         return []
     arrival = arrival_table(view)
@@ -32,13 +32,13 @@ def panels(view: View) -> list[Panel]:
 
 
 def scored_sets(view: View) -> list[tuple[str, Record, int]]:
-    """Name, scores of the forecast and number of trips of every set of held-out trips."""
+    """Return name, scores of the forecast and number of trips of every set of held-out trips."""
     scored = [(e, e["models"].get(view.protocol.focus, {})) for e in view.evaluations]
     return [(of_evaluation(e), score, int(e["n_trips"])) for e, score in scored if "coverage" in score]
 
 
 def coverage_by_set(view: View) -> Table:
-    """Coverage, width and the width that was needed, of energy and charge, for every set of held-out trips."""
+    """Tabulate coverage, width and needed width of energy and charge, for every set of held-out trips."""
     rows: list[tuple[str, ...]] = []
     for name, score, trips in scored_sets(view):
         rows += energy_rows(name, score, trips)
@@ -47,7 +47,7 @@ def coverage_by_set(view: View) -> Table:
 
 
 def arrival_table(view: View) -> Table:
-    """Error and interval of the displayed charge at arrival, a row for each thing that was known at departure."""
+    """Tabulate error and interval of the displayed charge at arrival, a row for each charge known at departure."""
     scores = view.focus.get("arrival") or {}
     return tabulated(
         view.captioned(f"Displayed charge at arrival, {view.given}"),
@@ -63,7 +63,7 @@ def arrival_table(view: View) -> Table:
 
 
 def updates_table(view: View) -> Table:
-    """Errors and intervals of the re-forecast by the part that was driven, beside the baselines."""
+    """Tabulate errors and intervals of the re-forecast, and errors of the baselines, by the part that was driven."""
     return tabulated(
         view.captioned(f"Mean error of the re-forecast total, {view.given}"),
         [{**row, "part": f"{100 * float(key):g} %"} for key, row in view.focus["update"].items()],
