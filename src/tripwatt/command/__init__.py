@@ -1,7 +1,7 @@
-"""The command line: parse, call, print. Each command is the thin twin of a public function.
+"""The command line: parse, call, print. Each command is a thin layer over a public function.
 
-Exit codes: 0 done, 1 done but something needs a look (a data set with missing trips, a mapping with gaps), 2 the
-input cannot be used or the output not written, 70 an error of tripwatt itself, 130 interrupted, 143 terminated.
+Exit codes: 0 success; 1 success with something to look at (a data set with missing trips, a mapping with gaps); 2 the
+input cannot be used or the output cannot be written; 70 an error of tripwatt itself; 130 interrupted; 143 terminated.
 """
 
 from __future__ import annotations
@@ -40,16 +40,16 @@ from tripwatt.errors import TripwattError, printable
 __all__ = ["app", "main"]
 
 MOST_LINES: Final = 200
-"""Faults that an error lists; the others are counted."""
+"""Largest number of faults that an error lists; further faults are counted."""
 
 UNEXPECTED: Final = 70
-"""Exit code of an error that no command expects: `EX_SOFTWARE` of sysexits.h."""
+"""Exit code of an unexpected error: `EX_SOFTWARE` of sysexits.h."""
 
 TRACEBACK: Final = "TRIPWATT_TRACEBACK"
-"""Variable of the environment with which such an error prints its traceback."""
+"""Environment variable; if it is set, an unexpected error prints its traceback."""
 
 TERMINATED: Final = 128 + signal.SIGTERM
-"""Exit code of a command that SIGTERM ended."""
+"""Exit code of a command that was ended by SIGTERM."""
 
 app = typer.Typer(
     help="Forecast the battery energy of an electric-car trip with a prediction interval.",
@@ -97,7 +97,7 @@ def main() -> None:
     --------
     >>> main()  # doctest: +SKIP
     """
-    # It ends as an exception does, so that worker processes and temporary files are removed.
+    # SIGTERM raises SystemExit, so that worker processes and temporary files are removed.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED))
     try:
         app(prog_name="tripwatt")
@@ -106,10 +106,10 @@ def main() -> None:
         count = f"{len(lines)} faults:\n" if len(lines) > 1 else ""
         shown = lines[:MOST_LINES] + ([f"{len(lines) - MOST_LINES} more"] if len(lines) > MOST_LINES else [])
         _fail(count + "\n".join(shown))
-    except BrokenPipeError:  # the reader of the output has gone
+    except BrokenPipeError:  # the program that read the output has ended
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         raise SystemExit(1) from None
-    except OSError as error:  # a full disk, a file that vanished: what no command translates by itself
+    except OSError as error:  # such as a full disk or a file that vanished: errors that no command handles
         name = f": {error.filename}" if error.filename else ""
         _fail(f"the system reports {error.strerror or error}{name}")
     except MemoryError:

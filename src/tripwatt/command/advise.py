@@ -1,4 +1,4 @@
-"""What to do about a trip on the command line."""
+"""`tripwatt advise`: what to do about a trip."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ WORDS: Final[Mapping[str, str]] = {
     "pump_up": "pump up the tyres, from {value:.0%} to all of the recommended pressure",
     "less_luggage": "leave {value:.0f} kg at home",
 }
-"""Actions on a given road in words, by code."""
+"""Code of an action -> words for it."""
 
 
 def advise(
@@ -132,7 +132,7 @@ def _in_words(advised: Advised, leaves: dt.datetime | None) -> str:
 
 
 def in_words(action: Action, departs_at: dt.datetime | None = None) -> str:
-    """An action as an imperative."""
+    """Describe an action as an imperative."""
     value = action.value or 0.0
     when = begins(action.before_s, departs_at)
     return WORDS[action.code].format(value=value, km_h=value / M_S_PER_KM_H, begins=when)

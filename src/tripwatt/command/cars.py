@@ -1,4 +1,4 @@
-"""Commands on cars: the library, describing one, driving a trip with one."""
+"""Commands on cars: list and search the library, describe a new car, simulate a trip."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from tripwatt.trips.showing import journey
 
 @dataclass(frozen=True)
 class NewCar:
-    """What is published of a car, by the arguments of `describe_car`."""
+    """Published values of a new car: the arguments of `describe_car`."""
 
     mass_kg: Annotated[float | None, option("KG", "New car: curb mass, nobody inside.", "--mass")] = None
     usable_battery_kwh: Annotated[float | None, option("KWH", "New car: usable energy.", "--battery")] = None
@@ -106,7 +106,7 @@ def _new(given: dict[str, Any], out: Path | None) -> Answer:
 
 
 def _find_or_describe(name: str, overrides: list[str]) -> Answer:
-    """Show the car of this name, or else list those that the words find; all cars without words."""
+    """Show the car of this name or, if there is none, list the cars that the words match; all cars if `name` is empty."""
     from tripwatt.vehicles import find_vehicles, vehicle_titles
 
     titles = vehicle_titles()
@@ -185,7 +185,7 @@ def simulate(
 
 
 def _require_clock(log: tw.Trip) -> None:
-    """A log is simulated as it is, but not without a time that goes on."""
+    """Raise if the time of a log is faulty; its other columns are not checked, because a log is simulated unaudited."""
     faults = [*trips.value_faults(log.samples[["time_s"]], log.trip_id)]
     fix = "list the findings with `tripwatt audit`; write one sound trip with `tripwatt mapping apply`"
     raise_faults(replace(fault, fix=fix) for fault in faults)

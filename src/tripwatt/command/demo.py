@@ -1,4 +1,4 @@
-"""`tripwatt demo`: the page with example data."""
+"""`tripwatt demo`: the web page with example data."""
 
 from __future__ import annotations
 

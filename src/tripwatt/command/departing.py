@@ -1,4 +1,4 @@
-"""The options of a departure: one for each field of the table that a person gives, on every command that forecasts."""
+"""The options of a departure, on every command that forecasts: one for each field that a user may give."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ from tripwatt.trips.departure import ASKED, Departure
 from tripwatt.trips.fields import Field
 
 DepartureOf = Callable[[], Departure]
-"""What a command with the options of a departure gets: it makes the departure, or raises the faults of the options."""
+"""Parameter of a command with the options of a departure: a function that makes the departure, or raises their faults."""
 
 
 def departure_options(
     *, without: tuple[str, ...] = (), default: Mapping[str, float] | None = None
 ) -> Options:
-    """The options of a departure, for the annotation of the parameter of a command, a `DepartureOf`.
+    """Build the options of a departure, to annotate a command's parameter of type `DepartureOf`.
 
     Parameters
     ----------
     without : tuple of str
-        Fields that have no effect on the command.
+        Fields without effect on the command, which get no option.
     default : mapping of str to float, optional
-        Values of fields that the command does not leave unknown.
+        Default values of fields that the command does not leave unknown.
 
     Returns
     -------
     Options
-        One for each field, or for those that are given together.
+        One option for each field, or for several fields that are given together.
 
     Examples
     --------
@@ -63,7 +63,7 @@ def departure_options(
 
 
 def _annotation(fields: Mapping[str, Field], *, shows_default: bool) -> Any:
-    """Type and help of an option: of one field, or of several that are given as `A@B`."""
+    """Build type and help of the option for one field, or for several fields that are given as `A@B`."""
     field = next(iter(fields.values()))
     spoken = " ".join(field.help for field in fields.values())
     kind: Any = str | None
@@ -89,7 +89,7 @@ def _departure(grouped: Mapping[str, Mapping[str, Field]], asked: Mapping[str, A
 
 
 def _values(fields: Mapping[str, Field], value: Any) -> dict[str, Any]:
-    """Values of the fields of one option."""
+    """Parse the value of one option into the values of its fields."""
     name, field = next(iter(fields.items()))
     if field.several:
         return {name: tuple(value)}
@@ -109,12 +109,12 @@ def _values(fields: Mapping[str, Field], value: Any) -> dict[str, Any]:
 
 
 def time_of(text: str, option: str = "--depart") -> dt.datetime:
-    """The time of a text: a time of today, or a date and a time; local time.
+    """Parse a local time: a time of today, or a date and a time.
 
     Raises
     ------
     InvalidInput
-        When it is neither.
+        If the text is neither.
 
     Examples
     --------
@@ -133,4 +133,4 @@ def time_of(text: str, option: str = "--depart") -> dt.datetime:
 
 Departing = Annotated[DepartureOf, departure_options()]
 DepartingNow = Annotated[DepartureOf, departure_options(without=("departs_at",))]
-"""The parameter of a command with all options of a departure, and of one that does not ask when."""
+"""Types of the parameter for all options of a departure, and for those without the time of departure."""

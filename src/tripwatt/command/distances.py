@@ -1,4 +1,4 @@
-"""Commands without a road: what some kilometres need, how far a charge carries."""
+"""Commands without a road: the energy that a distance needs, and the range of a charge."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Drive:
-    """What is known of the road and of the car."""
+    """Options about the road and the car."""
 
     kind: Annotated[str, option("KIND", "Road: city, country, motorway, or mixed if unknown.")] = "mixed"
     reserve: shared.Reserve = 0.0
@@ -35,7 +35,7 @@ class Drive:
     model: shared.Model = None
 
     def own(self) -> dict[str, Any]:
-        """The car as `need` and `range_km` take it, and what plans a usual trip of one's own."""
+        """Return the car as keyword arguments of `need` and `range_km`; for a user's own car also `plan`, which plans its trips."""
         if self.car is None:
             return {"model": self.model, "vehicle": self.vehicle}
         from tripwatt.server.cars.usual import usual_plan
@@ -143,7 +143,7 @@ _NARROWS: Final = {
 
 
 def _doubt_in_words(doubt: Doubt) -> str:
-    """Where the interval comes from, and what would narrow it most."""
+    """Say which causes contribute to the interval, and what information would narrow it most."""
     shares = ", ".join(f"{name} {getattr(doubt, name):.0%}" for name in ("car", "road", "weather", "day"))
     narrows = _NARROWS.get(doubt.narrows or "")
     most = f" {narrows} would narrow it most, by up to {doubt.narrower:.0%}." if narrows else ""

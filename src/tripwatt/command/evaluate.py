@@ -1,4 +1,4 @@
-"""`tripwatt evaluate`: the main job."""
+"""`tripwatt evaluate`: score models on held-out trips and write a report."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ if TYPE_CHECKING:
     from tripwatt.study.evaluation import CarChoice, EvaluationRun
 
 CARS = "cars"
-"""The protocol of several cars, each forecast from the others."""
+"""Name of the protocol for several cars, each forecast from the others."""
 
 BUILT_IN_TRIPS = 24
-"""Trips of the built-in fleet: as many as a first run evaluates in little more than a minute."""
+"""Number of trips of the built-in fleet, which a first run evaluates in little more than a minute."""
 
 INTERRUPTED = 130
 """Exit code of a run that was stopped from the keyboard."""
@@ -102,7 +102,7 @@ def evaluate(
 
 
 def _names(options: list[str] | None) -> list[str] | None:
-    """Names of an option that may be given several times, each with several names."""
+    """Split the values of a repeatable option, each with one or more names; returns None if it is not given."""
     return [name.strip() for name in ",".join(options).split(",") if name.strip()] if options else None
 
 
@@ -132,7 +132,7 @@ def _evaluate_cars(data: Path | None, out: Path) -> Answer:
 
 
 def _checked_car(options: dict[str, Any], car: str, overrides: list[str], n_jobs: int) -> CarChoice:
-    """The car; everything that can be wrong with the options is found before hours of work."""
+    """Return the choice of car after checking all options, so that faults are found before hours of work."""
     from tripwatt.study.evaluation import CarChoice, choose_models, find_protocol
     from tripwatt.vehicles import parse_overrides
 
@@ -167,7 +167,7 @@ def _run(
         if isinstance(stop, SystemExit):
             raise
         raise typer.Exit(INTERRUPTED) from None
-    except OSError as error:  # a full disk, while a fold is kept
+    except OSError as error:  # such as a full disk while a fold is written
         got = f"{unfinished}: {error.strerror or error}"
         fix = "make room and continue with the same command and --resume"
         raise InvalidInput.of("cannot keep the finished folds", "--out", got, fix=fix) from error
@@ -186,7 +186,7 @@ def _write(run: EvaluationRun, folder: Path) -> None:
 
 
 def _show(run: EvaluationRun, out: Path) -> None:
-    """The short table, and where the report is; the rest is in the report."""
+    """Print the short table and the path of the report."""
     from tripwatt.study.report import View, short_table
 
     table = short_table(View(run.results))

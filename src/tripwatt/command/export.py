@@ -1,4 +1,4 @@
-"""`tripwatt export`: the consumption curve of a car as routing services take it."""
+"""`tripwatt export`: the consumption curve of a car as parameters of routing services."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from tripwatt.vehicles import Vehicle
 
 USUAL: Final = {"ambient_temperature_degc": 20.0, "payload_mass_kg": 0.0, "soc": 0.8}
-"""What a curve is made for by default."""
+"""Default departure of a curve."""
 
 Asked = Annotated[DepartureOf, departure_options(without=("departs_at", "terrain"), default=USUAL)]
 
@@ -55,7 +55,7 @@ def export(
 
 
 def _car(model: Path | None, vehicle: str | None) -> tuple[Vehicle, Callable[[tw.Plan], float] | None, str]:
-    """The car, its correction, and a note about that."""
+    """Return the car, the function for its correction (None for physics only), and a note about the correction."""
     if vehicle is None:
         fitted = tw.load_model(model)
         note = f"{fitted.vehicle.title}: physics with the correction of the model"

@@ -74,7 +74,7 @@ def fit(
 
 
 def _stored(folder: Path) -> tuple[tw.ForecastModel, dict[str, Any]]:
-    """A stored model and its metadata."""
+    """Load a stored model and its metadata."""
     from tripwatt.forecasting import load_metadata
 
     return tw.load_model(folder), load_metadata(folder, check_parts=False)

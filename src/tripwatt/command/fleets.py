@@ -41,13 +41,13 @@ WORK = "Folder of finished parts, which every worker reaches. Default: REGISTRY/
 
 @dataclass(frozen=True, kw_only=True)
 class Workers:
-    """What works on the trips of a fleet."""
+    """Processes or a cluster that work on the trips of a fleet."""
 
     jobs: Annotated[int, option("N", "Processes of this machine.", min=1)] = 1
     cluster: Annotated[str | None, option("ADDRESS", CLUSTER)] = None
 
     def running(self) -> AbstractContextManager[tuple[Executor, int]]:
-        """Start processes or reach a cluster; gives the executor and the number of its workers."""
+        """Start processes or connect to a cluster; the context gives the executor and the number of its workers."""
         from tripwatt.fleet.executors import executor_for
 
         return executor_for(self.jobs, self.cluster)
@@ -55,7 +55,7 @@ class Workers:
 
 @dataclass(frozen=True, kw_only=True)
 class Fleet(Store, Workers):
-    """A fleet: the store of its trips, the versions of its model, and what works on them."""
+    """A fleet: the store of its trips, the registry of its model's versions, and the workers."""
 
     registry: RegistryFolder
     work: Annotated[Path | None, option("FOLDER", WORK)] = None
@@ -246,7 +246,7 @@ def batch(
       # forecast many planned trips
       tripwatt fleet batch models tomorrow.parquet --out forecasts.parquet
     """
-    with workers.running() as (executor, count):  # its processes import while this one does
+    with workers.running() as (executor, count):  # worker processes import modules while this process does
         import pyarrow.compute as pc
         import pyarrow.parquet as pq
 
@@ -326,7 +326,7 @@ def _show_report(made: ManagerReport, folder: Path) -> None:
 
 
 def _rows(store: Store, work: Path, on: Workers) -> TripRows:
-    """Rows of the trips of a store."""
+    """Read the rows of the trips of a store."""
     from tripwatt.fleet.mapping import map_store, read_rows, tasks_of
 
     source = store.opened()

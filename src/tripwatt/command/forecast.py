@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from tripwatt.forecasting.document import LeaveWith
 
 LEAVE_PROBABILITY: Final = 0.95
-"""Of "leave with": 19 of 20 trips."""
+"""Probability that the charge of "leave with" suffices: 19 of 20 trips."""
 
 
 def forecast(
@@ -99,7 +99,7 @@ def forecast(
 
 
 def model_and_trip(paths: list[Path]) -> tuple[Path | None, Path]:
-    """The arguments `[MODEL] TRIP`."""
+    """Split the arguments `[MODEL] TRIP`; the model is None if it is not given."""
     if len(paths) > 2:
         got, allowed = " ".join(map(str, paths)), "a folder with a model and a file with a trip"
         raise InvalidInput.of("too many arguments", "MODEL TRIP", got, allowed)
@@ -108,7 +108,7 @@ def model_and_trip(paths: list[Path]) -> tuple[Path | None, Path]:
 
 
 def show_arrival(forecast: tw.Forecast, subject: str, reserve: float) -> None:
-    """Print what a driver asks of a forecast: energy, charge at arrival, the chance to keep the reserve."""
+    """Print a forecast for a driver: energy, charge at arrival, the probability to arrive with the reserve."""
     sentences = [forecast_in_words(forecast, subject), *unknown_climb_in_words(forecast, reserve)]
     typer.echo("\n".join(sentences))
     chance = chance_to_arrive(forecast, reserve)

@@ -77,7 +77,7 @@ def _about_rows(about: dict[str, Any]) -> list[tuple[str, str]]:
 
 
 def _adapted_rows(origin: dict[str, Any]) -> list[tuple[str, str]]:
-    """Where an adapted model comes from, and what its own trips changed."""
+    """Return rows on the origin of an adapted model and on the changes by its own trips."""
     how, base = origin["adapted"], origin["base"]
     changes = [
         f"{name.replace('_', ' ')} {change(value, 'change')} (± {change(value, 'sd', sign='')})"

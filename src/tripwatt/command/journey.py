@@ -1,4 +1,4 @@
-"""Commands of journeys: plan one, show the area of reach, find places."""
+"""Commands of journeys: plan a journey, show the area of reach, find places."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     from tripwatt.roads.journey import Reach
 
 COSTS: Final = {"climate": "Climate control", "wind": "Wind", "speed": "Speeds above 100 km/h on motorways"}
-"""What a journey would take less energy without."""
+"""Key of `costs_wh` -> words for what costs energy on a journey."""
 
 OTHER_ROADS: Final = 2
-"""Roads that a plan compares with the first one."""
+"""Number of other roads that a plan compares with the first."""
 
 
 def plan(

@@ -1,4 +1,4 @@
-"""Commands on logged trips: what is wrong with them, where to get them, how their columns are named."""
+"""Commands on logged trips: audit and anonymise logs, and handle mappings of their columns."""
 
 from __future__ import annotations
 
@@ -186,6 +186,6 @@ def apply(
 
 
 def _comment(text: str) -> str:
-    """The comment at the head of a TOML text, in one line."""
+    """Return the comment at the head of a TOML text, in one line."""
     head = itertools.takewhile(lambda line: line.startswith("#"), text.splitlines())
     return " ".join(line.lstrip("# ") for line in head)

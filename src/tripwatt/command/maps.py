@@ -1,4 +1,4 @@
-"""Commands of maps: build one of an OpenStreetMap extract, show what it holds."""
+"""Commands of maps: build a map of an OpenStreetMap extract, show what a map holds."""
 
 from __future__ import annotations
 

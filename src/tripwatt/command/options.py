@@ -1,4 +1,4 @@
-"""Commands as functions: options that are one parameter, and answers that are a document or text."""
+"""Commands as functions: groups of options as one parameter, and answers as a document or text."""
 
 from __future__ import annotations
 
@@ -16,35 +16,35 @@ from tripwatt.errors import Fault, raise_faults
 
 
 def option(metavar: str, help: str, *names: str, **more: Any) -> Any:
-    """An option of a command that takes a value; its name is that of the parameter where none is given."""
+    """Make an option that takes a value; without `names` it has the name of the parameter."""
     return typer.Option(*names, metavar=metavar, help=help, **more)
 
 
 def flag(name: str, help: str) -> Any:
-    """An option of a command without a value."""
+    """Make an option without a value."""
     return typer.Option(name, help=help)
 
 
 def argument(metavar: str, help: str, **more: Any) -> Any:
-    """An argument of a command."""
+    """Make a positional argument of a command."""
     return typer.Argument(metavar=metavar, help=help, **more)
 
 
 def require_effect(options: Mapping[str, Any], allowed: str) -> None:
-    """Raise `InvalidInput` for each of some options that is given, where they have no effect."""
+    """Raise `InvalidInput` with a fault for each of these options that is given: they have no effect in this case."""
     given = {option: value for option, value in options.items() if value is not None}
     raise_faults(Fault("option has no effect", name, f"{value}", allowed) for name, value in given.items())
 
 
 class Answer(NamedTuple):
-    """What a command gives: with `--json` a document, else what people read.
+    """Result of a command: a document for `--json`, and text for people.
 
     Attributes
     ----------
     document : object
         The document, or a function that makes it.
     shown : str or callable
-        A line, or a function that prints more.
+        A line to print, or a function that prints the text.
     code : int
         Exit code.
     """
@@ -54,7 +54,7 @@ class Answer(NamedTuple):
     code: int = 0
 
     def print(self, as_json: bool) -> None:
-        """Print one of the two, and end with the exit code."""
+        """Print the document if `as_json`, otherwise the text; then exit if the code is not 0."""
         if as_json:
             print_json(self.document() if callable(self.document) else self.document)
         elif callable(self.shown):
@@ -66,12 +66,12 @@ class Answer(NamedTuple):
 
 
 class Options(NamedTuple):
-    """Options that are one parameter of a command: a dataclass of options, or these in its annotation.
+    """Options that form one parameter of a command; its type is a dataclass of options, or its annotation holds them.
 
     Attributes
     ----------
     make : callable
-        What gives the parameter, from the values of the options by name.
+        Function from the values of the options, by name, to the value of the parameter.
     parameters : list of inspect.Parameter
         The options.
     """
@@ -81,14 +81,14 @@ class Options(NamedTuple):
 
     @classmethod
     def of(cls, kind: Any) -> Options | None:
-        """Options of a type; None for that of a single option."""
+        """Find the options of a parameter's type; returns None if the parameter is a single option."""
         if is_dataclass(kind):
             return cls(typing.cast(type, kind), _parameters(kind))
         return next((each for each in getattr(kind, "__metadata__", ()) if isinstance(each, cls)), None)
 
 
 def _parameters(made: Any) -> list[inspect.Parameter]:
-    """The parameters of a function or of a class, with their types."""
+    """Return the parameters of a function or a class, with their types, as keyword-only parameters."""
     hints = typing.get_type_hints(made, include_extras=True)
     given = inspect.signature(made).parameters.values()
     return [p.replace(annotation=hints[p.name], kind=inspect.Parameter.KEYWORD_ONLY) for p in given]
@@ -102,7 +102,9 @@ AS_JSON: Final = inspect.Parameter(
 
 
 def spread(command: Callable[..., Any]) -> Callable[..., None]:
-    """A function as typer takes it: each of its `Options` in place of the parameter, and `--json` where it gives an `Answer`.
+    """Convert a command to a function for typer.
+
+    Parameters with `Options` are replaced by these options; `--json` is added if the command returns an `Answer`.
 
     Examples
     --------
@@ -139,18 +141,18 @@ def spread(command: Callable[..., Any]) -> Callable[..., None]:
 
 
 EXAMPLES: Final = "For example:"
-"""Line of a command's docstring below which its examples are: what each does, then what to type."""
+"""Line of a command's docstring above its examples; each example is a comment on what it does, then the command."""
 
 
 def add_commands(app: typer.Typer, *commands: Callable[..., Any], **more: Any) -> None:
-    r"""Add commands to an application: their help is their docstrings, with the examples at the end of the page.
+    r"""Add commands to an application; their docstrings become their help texts, with the examples at the end.
 
     Parameters
     ----------
     app : typer.Typer
         The application.
     *commands : callable
-        Functions under the names of the commands; their docstrings have examples below the line `EXAMPLES`.
+        Functions with the names of the commands; examples follow the line `EXAMPLES` in their docstrings.
     **more
         Further arguments of `Typer.command`.
 

@@ -1,4 +1,4 @@
-"""Outputs appear complete or not at all: they are written to another name first and then renamed."""
+"""Write outputs completely or not at all: first under another name, then renamed."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ UNWRITABLE: Final = ("cannot write the results", "--out", "a writable folder")
 
 
 def check_writable(out: Path) -> None:
-    """Whether results can be written into `out`, without writing anything.
+    """Check that results can be written into `out`, without writing anything.
 
     Raises
     ------
     InvalidInput
-        When `out` is not a folder, a link to nothing or a folder that cannot be replaced, or cannot be made.
+        If `out` is not a folder, is a link to nothing, or cannot be replaced or created.
     """
     if out.is_symlink() and not out.exists():
         got = f"{out} -> {os.readlink(out)}"
@@ -39,12 +39,12 @@ def check_writable(out: Path) -> None:
 
 
 def unfinished_folder(out: Path) -> Path:
-    """Make the folder beside `out` where a run keeps what is not finished.
+    """Create the folder beside `out` in which a run keeps unfinished results.
 
     Raises
     ------
     InvalidInput
-        When it cannot be made.
+        If the folder cannot be created.
     """
     place = out.resolve()
     folder = place.with_name(f"{place.name}.unfinished")
@@ -54,19 +54,19 @@ def unfinished_folder(out: Path) -> Path:
 
 
 def finished_folds(unfinished: Path) -> int:
-    """How many finished folds an interrupted run has left."""
+    """Count the finished folds that an interrupted run has left."""
     return sum(1 for _ in unfinished.glob("folds/*/*.fold"))
 
 
 def write_whole(write: Callable[[Path], None], out: Path, unfinished: Path) -> None:
-    """Let `write` fill a new folder, then put it in the place of `out` in one step and remove `unfinished`.
+    """Call `write` to fill a new folder, replace `out` by it in one step, and remove `unfinished`.
 
-    Files of an older `out` that the new one lacks are kept.
+    Files of an older `out` that `write` does not make are kept.
 
     Raises
     ------
     InvalidInput
-        When something cannot be written; `out` is then as it was.
+        If something cannot be written; `out` is then unchanged.
     """
 
     def fill(made: Path) -> None:
@@ -87,12 +87,12 @@ def write_whole(write: Callable[[Path], None], out: Path, unfinished: Path) -> N
 
 
 def write_text(text: str, path: Path) -> None:
-    """Write the file that --out names, whole or not at all.
+    """Write the file of the option --out, completely or not at all.
 
     Raises
     ------
     InvalidInput
-        When it cannot be written; a file that was there is as before.
+        If the file cannot be written; an existing file is then unchanged.
     """
     with system_errors("cannot write the file", "--out", "", path):
         if path.exists() and not path.is_file():

@@ -1,4 +1,4 @@
-"""Commands of one's own car: make it, add its trips, show what it learned and its diary, forget it."""
+"""Commands on a user's own car: create it, add trips, show what was learned and the diary, issue a token, erase it."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ WORDS = {
     "frost": "load for each 10 K below freezing",
     "warm_up": "load at departure at 0 °C",
 }
-"""Factors of a car in words; those of a season are `near_` and a temperature."""
+"""Factor of a car -> words for it; factors of a season, `near_` and a temperature, have no entry."""
 
 
 def new(
@@ -249,7 +249,7 @@ def _in_words(factor: str) -> str:
 
 
 def _seen(degc: tuple[float, float] | None) -> str:
-    """Outside temperatures at which trips show a factor."""
+    """Write the range of outside temperatures at which trips show a factor."""
     return "not measurable yet" if degc is None else f"{degc[0]:.0f} to {degc[1]:.0f} °C"
 
 

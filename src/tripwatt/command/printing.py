@@ -1,4 +1,4 @@
-"""What commands print: tables and notes for people, JSON for machines, the progress of long work."""
+"""Print the output of commands: tables and notes for people, JSON for machines, the progress of long work."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 
 
 UNBROKEN: Final = 1000
-"""Width [characters] of what goes into a pipe or a file, where lines are not broken."""
+"""Width [characters] of output to a pipe or a file, so that lines are not broken."""
 
 
 def console(stream: TextIO | None = None) -> Console:
-    """A console on a stream, by default on standard error; square brackets in names and notes are no markup."""
+    """Make a console on a stream, by default standard error; square brackets are printed, not read as markup."""
     from rich.console import Console
 
     stream = stream or sys.stderr
@@ -37,13 +37,13 @@ def console(stream: TextIO | None = None) -> Console:
 
 
 def print_json(value: object) -> None:
-    """One JSON document on standard output, with control characters as escapes: no text of it steers a terminal."""
+    """Print one JSON document on standard output; control characters are escaped, so that none reaches a terminal."""
     text = json.dumps(value, allow_nan=False, ensure_ascii=False)
     typer.echo(re.sub("[\x7f-\x9f]", lambda character: f"\\u{ord(character[0]):04x}", text))
 
 
 NARROWEST: Final = 12
-"""Characters of a line that a column which may break has at least."""
+"""Smallest width [characters] of a column whose lines may break."""
 PADDING: Final = 2
 """Characters between two columns."""
 
@@ -56,7 +56,7 @@ def print_table(
     numbers: Sequence[str] = (),
     folding: Sequence[str] = (),
 ) -> None:
-    """A table on standard output. Columns in `numbers` stand to the right, those in `folding` may break lines."""
+    """Print a table on standard output; columns in `numbers` are aligned to the right, columns in `folding` may break lines."""
     from rich.box import SIMPLE
     from rich.cells import cell_len
     from rich.table import Table
@@ -76,24 +76,24 @@ def print_table(
         table.add_row(*row)
     shown = console(sys.stdout)
     shown.print(title)
-    # a column that does not fit would lose its ends, and numbers their last digits: the terminal breaks the line instead
+    # a column that does not fit would be cut: the table is made wide, and the terminal breaks the lines instead
     shown.width = max(shown.width, sum((column.min_width or 0) + PADDING for column in table.columns))
     shown.print(table, crop=False)
 
 
 def print_findings(title: str, findings: Iterable[Finding]) -> None:
-    """The findings of an audit: trip, time span, consequence and what it is."""
+    """Print the findings of an audit: trip, time span, consequence and fault."""
     columns = ("trip", "from [s]", "to [s]", "consequence", "finding")
     rows = [(f.trip, f"{f.from_s:.1f}", f"{f.to_s:.1f}", f.consequence, f.what) for f in findings]
     print_table(title, columns, rows, numbers=columns[1:3], folding=("finding",))
 
 
 MOST_GROUPS: Final = 12
-"""Kinds of faults and notes that are listed."""
+"""Largest number of kinds of faults and notes that are listed."""
 
 
 def grouped(flags: Iterable[Flag]) -> list[str]:
-    """Sentences of flags, one for each kind, with the number of those like it."""
+    """Return one sentence for each kind of flag, with the number of further flags of that kind."""
     from tripwatt.trips.reading import alike  # pandas is slow to import
 
     kinds = alike((flag.code, flag.subject, 1, message(flag)) for flag in flags)
@@ -101,7 +101,7 @@ def grouped(flags: Iterable[Flag]) -> list[str]:
 
 
 def print_reading(fleet: TripSet, result: Audit) -> None:
-    """What was read and what was left out, a line for each kind, on standard error."""
+    """Print on standard error what was read and what was left out, one line for each kind."""
     shown, report = console(), fleet.report
     if report is not None and report.files:
         shown.print(f"{report}")
@@ -121,7 +121,7 @@ def print_reading(fleet: TripSet, result: Audit) -> None:
 
 
 def print_notes(notes: Iterable[str | Flag]) -> None:
-    """Notes on standard error; a flag as its sentence, a serious one as a warning."""
+    """Print notes on standard error; a flag is printed as its sentence, a serious flag as a warning."""
     for note in notes:
         text = f"note: {note}"
         if not isinstance(note, str):
@@ -130,29 +130,29 @@ def print_notes(notes: Iterable[str | Flag]) -> None:
 
 
 def print_few_notes(flags: Sequence[Flag]) -> None:
-    """Notes of a short answer: what is serious, and an outside temperature that counts."""
+    """Print the notes of a short answer: serious flags, flags on the outside temperature, and the number of the others."""
     few = [f for f in flags if severity_of(f) != "note" or f.subject == "ambient_temperature_degc"]
     rest = len(flags) - len(few)
     print_notes([*few, f"{rest} more, such as values that are assumed: --json has all"] if rest else few)
 
 
 PROGRESS_EVERY_S: Final = 5.0
-"""Least time [s] between two lines of progress where there is no terminal."""
+"""Shortest time [s] between two lines of progress if there is no terminal."""
 
 
 def progress_lines(
     write: Callable[[str], object], what: str = "folds", *, clock: Callable[[], float] = time.monotonic
 ) -> Callable[[int, int], None]:
-    """A function of (finished, all) that writes plain lines: the first, the last, and few between.
+    """Make a function of (finished, all) that writes plain lines of progress: the first, the last, and few between.
 
     Parameters
     ----------
     write : callable
-        Takes one line.
+        Function that writes one line.
     what : str
-        What is counted.
+        Name of what is counted.
     clock : callable
-        Gives a time [s].
+        Function that returns a time [s].
     """
     started, last = clock(), -math.inf
 
@@ -168,7 +168,7 @@ def progress_lines(
 
 @contextmanager
 def progress(shown: Console, what: str = "folds") -> Iterator[Callable[[int, int], None]]:
-    """A bar with the time left, or plain lines where there is no terminal; gives a function of (finished, all)."""
+    """Show a bar with the time left, or plain lines without a terminal; the context gives a function of (finished, all)."""
     if not shown.is_terminal:
         yield progress_lines(shown.print, what)
         return
@@ -181,7 +181,7 @@ def progress(shown: Console, what: str = "folds") -> Iterator[Callable[[int, int
 
 
 def kwh(energy_wh: float, digits: int = 2, sign: str = "") -> str:
-    """Energy in kWh.
+    """Format an energy in kWh.
 
     Examples
     --------
@@ -192,7 +192,7 @@ def kwh(energy_wh: float, digits: int = 2, sign: str = "") -> str:
 
 
 def share(value: float | None) -> str:
-    """A share in percent.
+    """Format a share in percent; returns "unknown" for None.
 
     Examples
     --------
@@ -203,7 +203,7 @@ def share(value: float | None) -> str:
 
 
 def change(value: Mapping[str, Any], key: str, sign: str = "+") -> str:
-    """A change of a car against its simulation, or its uncertainty, in its unit.
+    """Format the entry `key` of a car's learned change, such as the change or its uncertainty, in the unit of the change.
 
     Examples
     --------

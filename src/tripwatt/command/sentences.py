@@ -1,4 +1,4 @@
-"""What a forecast comes to, in one or two sentences for a driver: metric units, numbers from the forecast alone."""
+"""Describe a forecast in a few sentences for a driver, in metric units and with numbers from the forecast alone."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ if TYPE_CHECKING:
     from tripwatt.roads.journey import ChargingPlan
 
 NINE_IN_TEN: Final = 0.9
-"""Level of the interval that the sentences call "9 in 10"."""
+"""Level of the interval that sentences call "9 in 10"."""
 
 
 def forecast_in_words(forecast: tw.Forecast, subject: str = "This trip") -> str:
-    """Energy, its 90 % interval and the charge at arrival of one forecast; of a battery that does not last, where it is empty.
+    """Describe the energy of a forecast, its 90 % interval and the charge at arrival, or where the battery runs empty.
 
     Parameters
     ----------
     forecast : Forecast
-        Before departure or on the way.
+        Forecast before departure or on the way.
     subject : str
-        What the trip is called at the start of the sentence.
+        Name of the trip at the start of the sentence.
 
     Returns
     -------
@@ -42,7 +42,7 @@ def forecast_in_words(forecast: tw.Forecast, subject: str = "This trip") -> str:
 
 
 def _how_far(forecast: tw.Forecast) -> str:
-    """Length, duration and outside temperature; on the way also how much of it is behind."""
+    """Describe length, duration and outside temperature; on the way also the time driven."""
     along = forecast.to_frame().iloc[-1]
     text = f"{along['distance_m'] / 1000.0:.1f} km in {along['time_s'] / SECONDS_PER_MINUTE:.0f} min"
     ambient = forecast.plan.departure.ambient_temperature_degc
@@ -54,7 +54,7 @@ def _how_far(forecast: tw.Forecast) -> str:
 
 
 def _arrival(forecast: tw.Forecast) -> str:
-    """The displayed charge at departure and at arrival."""
+    """Describe the displayed charge at departure and at arrival, or where the battery runs empty."""
     along = forecast.to_frame()
     start = float(along["displayed_soc"].iloc[0])
     end, low, high = (
@@ -73,14 +73,14 @@ def _arrival(forecast: tw.Forecast) -> str:
 
 
 def _where_empty(forecast: tw.Forecast) -> str:
-    """Where a battery that is expected to run empty does so, with the ends of the 90 % band."""
+    """Say after how many kilometres the battery is expected to run empty, with the ends of the 90 % band."""
     early, expected, late = (None if m is None else f"{m / 1000.0:.0f}" for m in forecast.along.empty_at_m)
     between = f"{early} to {late} km" if late else f"{early} km or later"
     return f"after {expected} km ({between})"
 
 
 def journey_in_words(journey: tw.Journey) -> list[str]:
-    """What a driver asks of a journey, a sentence each: arrival, charge to leave with, speed, charging stop."""
+    """Describe a journey for a driver, in a sentence each: arrival, charge to leave with, speed, stops to charge."""
     forecast, reserve = journey.forecast, _percent(journey.reserve)
     title = " to ".join(place.title for place in journey.stops)
     sentences = [forecast_in_words(forecast, title), *unknown_climb_in_words(forecast, journey.reserve)]
@@ -95,7 +95,7 @@ def journey_in_words(journey: tw.Journey) -> list[str]:
 
 
 def plan_in_words(plan: ChargingPlan, title: str, leaves: dt.datetime | None = None) -> list[str]:
-    """The whole journey with its stops to charge, then a sentence for each stop."""
+    """Describe a journey with its stops to charge: a sentence on the whole, then one for each stop."""
     low, high = plan.soc_interval
     count = len(plan.stops)
     sentences = [
@@ -121,7 +121,7 @@ def plan_in_words(plan: ChargingPlan, title: str, leaves: dt.datetime | None = N
 
 
 def unknown_climb_in_words(forecast: tw.Forecast, reserve: float) -> list[str]:
-    """What unknown heights may change; nothing where they are known or no such climb changes the arrival."""
+    """Say what unknown heights of the road may change; returns no sentence if they are known or cannot change the arrival."""
     per_metre, climb = forecast.soc_per_climb_m, forecast.climb_to(reserve)
     if per_metre is None or climb is None:
         return []
@@ -133,7 +133,7 @@ def unknown_climb_in_words(forecast: tw.Forecast, reserve: float) -> list[str]:
 
 
 def begins(before_s: float, departs_at: dt.datetime | None) -> str:
-    """When something on the plug begins.
+    """Say when an action on the plug begins, by clock if the time of departure is known.
 
     Examples
     --------
@@ -146,11 +146,11 @@ def begins(before_s: float, departs_at: dt.datetime | None) -> str:
 
 
 UNCERTAIN: Final = 0.99
-"""No higher probability is shown where an unknown climb would change the arrival: no log shows how often roads climb so far."""
+"""Highest probability shown if an unknown climb could change the arrival: no log tells how often roads climb that far."""
 
 
 def chance_to_arrive(forecast: tw.Forecast, reserve: float = 0.0) -> str:
-    """Probability to arrive with a reserve; nothing near certainty where an unknown climb would change it."""
+    """Say the probability to arrive with a reserve; at most `UNCERTAIN` is stated if an unknown climb could change the arrival."""
     probability = forecast.p_arrive(reserve)
     if probability > UNCERTAIN and forecast.climb_to(reserve) is not None:
         return f"over {100.0 * UNCERTAIN:.0f} %, unless it climbs far"
@@ -158,7 +158,7 @@ def chance_to_arrive(forecast: tw.Forecast, reserve: float = 0.0) -> str:
 
 
 def chance(probability: float) -> str:
-    """A probability in percent; nothing is certain.
+    """Format a probability in percent; values near 0 and 1 are not shown as certain.
 
     Examples
     --------
@@ -171,7 +171,7 @@ def chance(probability: float) -> str:
 
 
 def _kwh(energy_wh: float) -> str:
-    """Energy in kWh to 0.1, below 1 kWh to 0.01, without the unit."""
+    """Format an energy in kWh without the unit: to 0.1, or to 0.01 below 1 kWh."""
     return kwh(energy_wh, 1 if abs(energy_wh) >= 1000.0 else 2).removesuffix(" kWh")
 
 

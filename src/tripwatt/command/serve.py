@@ -1,4 +1,4 @@
-"""`tripwatt serve`: the service and the page."""
+"""`tripwatt serve`: the HTTP service and the web page."""
 
 from __future__ import annotations
 
@@ -113,12 +113,12 @@ def serve(
 def mqtt_of(
     url: str, follow: list[str], publish: str, discovery: str, cars: Path | None
 ) -> MqttSettings | None:
-    """The settings of MQTT; None without a broker.
+    """Build the settings of MQTT; returns None if no broker is given.
 
     Raises
     ------
     InvalidInput
-        For a URL that is none, what `car_and_topic` refuses, a car twice, and options that have no effect.
+        If the URL is invalid, `car_and_topic` raises, a car is given twice, or an option has no effect.
     """
     from tripwatt.server.cars import Broker, MqttSettings
 
@@ -135,19 +135,19 @@ def mqtt_of(
 
 
 def _twice(what: str, where: str, names: list[str]) -> Iterator[Fault]:
-    """The fault of names of which one stands twice."""
+    """Yield a fault if a name occurs twice."""
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         yield Fault(what, where, ", ".join(twice), "each name once")
 
 
 def car_and_topic(given: str) -> tuple[str, tuple[str, str]]:
-    """Name of a car, what sends, and its topic, from `CAR=SOURCE:TOPIC`.
+    """Parse `CAR=SOURCE:TOPIC` into the name of the car and a pair of the source of its messages and their topic.
 
     Raises
     ------
     InvalidInput
-        For another text, a name that cannot be one, an unknown sender and a topic with a wildcard.
+        If the text has another form, the name is not valid, the source is unknown, or the topic has a wildcard.
 
     Examples
     --------
@@ -165,12 +165,12 @@ def car_and_topic(given: str) -> tuple[str, tuple[str, str]]:
 
 
 def make_cars_folder(folder: Path | None) -> None:
-    """Make the folder of cars where there is none; the folder around it has to be there.
+    """Create the folder of cars if it is missing; its parent folder must exist.
 
     Raises
     ------
     InvalidInput
-        When it cannot be made.
+        If the folder cannot be created.
     """
     if folder is None or folder.is_dir():
         return
@@ -179,12 +179,12 @@ def make_cars_folder(folder: Path | None) -> None:
 
 
 def models_of(given: list[str]) -> dict[str, Path]:
-    """Models by the names of their folders.
+    """Return the folders of models by their names.
 
     Raises
     ------
     InvalidInput
-        When two have one name.
+        If two folders have the same name.
     """
     folders = [Path(place.removeprefix("registry:")).resolve() for place in given]
     raise_faults(_twice("duplicate model name", "MODEL", [folder.name for folder in folders]))

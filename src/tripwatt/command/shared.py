@@ -1,4 +1,4 @@
-"""Options that commands share, and what they stand for: logged trips, a car, a model, a map."""
+"""Options that commands share, and the objects that they select: logged trips, a car, a model, a map."""
 
 from __future__ import annotations
 
@@ -63,17 +63,17 @@ STATIONS: Final = (
 )
 
 CARS: Final[Mapping[str, str]] = {"synthetic": "bmw_i3_60ah", "tum": "bmw_i3_60ah", "ved": "nissan_leaf_24"}
-"""Data set -> the car that drove it."""
+"""Data set -> name of the car that was driven."""
 
 UNKNOWN_CAR: Final = "bmw_i3_60ah"
-"""The car that is assumed for a table without --vehicle; the commands note it."""
+"""Car that is assumed for a table without --vehicle; commands print a note about this."""
 
 MOST_NAMES: Final = 12
-"""Trips that a message lists."""
+"""Largest number of trips that a message lists."""
 
 
 def dataset_of(data: Path, mapping: str | None) -> str:
-    """The format of DATA where --dataset does not name it.
+    """Return the format of DATA if --dataset is not given.
 
     Examples
     --------
@@ -93,15 +93,16 @@ class Logs:
     strict: Strict = False
 
     def read(self, *, built_in_trips: int = 32, lenient: bool = False, **more: Any) -> trips.TripSet:
-        """The trips that a user means; without DATA the built-in ones.
+        """Read the trips of DATA; without DATA, return the built-in trips.
 
-        A published set is read strictly unless `lenient`: a study of it has all of it. `more` are the `vehicle` and `progress` of
-        the reader.
+        A published data set is read strictly unless `lenient`, because a study should use all of it. `more` are
+        further arguments
+        of `read_logs`, such as `vehicle` and `progress`.
 
         Raises
         ------
         InvalidInput
-            With every fault of the data.
+            With all faults of the data.
         """
         if self.data is None:
             require_effect({"--dataset": self.dataset, "--mapping": self.mapping}, "only together with DATA")
@@ -119,7 +120,7 @@ class LogsOfCar(Logs):
     overrides: Overrides = None
 
     def named(self) -> tuple[str, tuple[trips.Flag, ...]]:
-        """The car's name, and a flag where neither the user nor the data set names it.
+        """Return the name of the car, and a flag if neither the user nor the data set gives it.
 
         Examples
         --------
@@ -131,7 +132,7 @@ class LogsOfCar(Logs):
         return (known, ()) if known else (UNKNOWN_CAR, (trips.Flag("car_assumed", UNKNOWN_CAR),))
 
     def car(self) -> Vehicle:
-        """The car with its replaced values."""
+        """Load the car, with the values of --set."""
         from tripwatt.vehicles import parse_overrides
 
         return tw.load_vehicle(self.named()[0], overrides=parse_overrides(self.overrides or []))
@@ -139,7 +140,7 @@ class LogsOfCar(Logs):
 
 @dataclass(frozen=True)
 class OnMap:
-    """The map of a command, and the servers that it may ask."""
+    """The map of a command, and the servers that the command may use."""
 
     map_: Map = ""
     places: Places = ""
@@ -147,7 +148,7 @@ class OnMap:
     stations: Annotated[Path | None, option("FILE", STATIONS)] = None
 
     def settings(self) -> AtlasSettings:
-        """Settings of an atlas."""
+        """Return the settings of the atlas."""
         from tripwatt.roads.journey import AtlasSettings
 
         stations = "" if self.stations is None else str(self.stations)
@@ -155,12 +156,12 @@ class OnMap:
 
 
 def one_trip(found: Sequence[tw.Trip], wanted: str | None, why_not: str = "") -> tw.Trip:
-    """The trip of this name, or the only one.
+    """Return the trip with the id `wanted` or, if it is None, the only trip.
 
     Raises
     ------
     InvalidInput
-        When there is none, or several without a name.
+        If there is no such trip, or there are several and `wanted` is None.
     """
     chosen = [trip for trip in found if wanted in (None, trip.trip_id)]
     if len(chosen) == 1:
@@ -173,21 +174,21 @@ def one_trip(found: Sequence[tw.Trip], wanted: str | None, why_not: str = "") ->
 
 @contextmanager
 def options_named() -> Iterator[None]:
-    """Faults of what options give, under the names of the options."""
+    """Name faults by the options of the command instead of the arguments of the library, within a `with` block."""
     more = {"vehicle": "--vehicle", "reserve": "--reserve", "speed_m_s": "--speed"}
     with places_named({name: field.option for name, field in ASKED.items()} | more):
         yield
 
 
 def model_of(folder: Path | None) -> tw.ForecastModel:
-    """The model that a user means by a folder: a stored model, or a car with what it learned; without one the bundled model.
+    """Load the model of a folder: a stored model, or the adapted model of a car; returns the bundled model for None.
 
     Raises
     ------
     InvalidInput
-        When the folder holds neither.
+        If the folder holds neither.
     """
-    # an older version wrote a car.json
+    # car.json is from an older version
     if folder is not None and any((folder / name).is_file() for name in ("car.sqlite", "car.json")):
         from tripwatt.server.cars import is_car  # slow to import, and most folders are models
 

@@ -28,18 +28,18 @@ PAIRS = "What an object store needs, such as AWS_REGION=eu-central-1; environmen
 
 @dataclass(frozen=True, kw_only=True)
 class Store:
-    """The store that a user means by STORE and --store-option."""
+    """The trip store of the arguments STORE and --store-option."""
 
     store: Annotated[str, argument("STORE", "Folder of the store, or its URL, such as s3://bucket/fleet.")]
     options: Annotated[list[str] | None, option("KEY=VALUE", PAIRS, "--store-option")] = None
 
     def opened(self) -> TripStore:
-        """Open it."""
+        """Open the store."""
         return tw.open_store(self.store, options=store_options(self.options))
 
 
 def store_options(options: list[str] | None) -> dict[str, str]:
-    """Pairs KEY=VALUE.
+    """Parse pairs KEY=VALUE.
 
     Examples
     --------
