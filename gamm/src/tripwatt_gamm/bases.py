@@ -282,8 +282,7 @@ def thin_plate(points: FloatArray, counts: FloatArray, k: int, order: int) -> Th
     ----------
     points : ndarray (n, d)
         Distinct points, sorted. If there are more than `MAX_KNOTS`, they are replaced by the means of grid cells,
-        weighted
-        by their numbers of points; this approximates the eigenbasis of all points.
+        weighted by their numbers of points; this approximates the eigenbasis of all points.
     counts : ndarray (n,)
         Number of rows of the data at each point; columns are scaled to unit mean square over the rows.
     k : int

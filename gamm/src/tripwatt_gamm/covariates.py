@@ -310,9 +310,8 @@ class Training:
         """Move the covariates of a frame into the range of the training data, before any term is evaluated.
 
         All terms are evaluated at the moved row, so that terms that share a covariate use the same point. (Far from
-        the data
-        such terms may be large and cancel.) Covariates are first moved into the range of the row's by-level, then into
-        their own range, and last onto surfaces.
+        the data such terms may be large and cancel.) Covariates are first moved into the range of the row's by-level,
+        then into their own range, and last onto surfaces.
         """
         moved: dict[str, FloatArray] = {}
 

@@ -151,11 +151,10 @@ def autocorrelation(
     At each lag, the sum of the products of all pairs of one group is divided by the root of the two sums of squares of
     the earlier and of the later members of those same pairs (residuals less their overall mean). By the inequality of
     Cauchy and Schwarz the value lies between -1 and 1. The empirical autocorrelation of mixed models (Pinheiro & Bates
-    2000, Mixed-Effects Models in S and S-PLUS, section 5.3) divides the mean product of the pairs at a lag by the variance
-    of all residuals instead. That variance includes rows without a partner at this lag, so the ratio may exceed 1
-    in absolute value, as no correlation can, if only a few long
-    groups have pairs at the lag. For stationary residuals both estimate
-    the same quantity.
+    2000, Mixed-Effects Models in S and S-PLUS, section 5.3) divides the mean product of the pairs at a lag by the
+    variance of all residuals instead. That variance includes rows without a partner at this lag, so the ratio may
+    exceed 1 in absolute value, as no correlation can, if only a few long groups have pairs at the lag. For stationary
+    residuals both estimate the same quantity.
 
     Parameters
     ----------

@@ -148,14 +148,12 @@ class Estimator:
         -------
         ndarray, shape (n,), or DataFrame
             The response, or with `terms` the contribution of each term. With `se` a pair: the prediction and its
-            standard
-            errors, in the same form.
+            standard errors, in the same form.
 
         Notes
         -----
         A factor level without training rows has the mean effect of the training rows. An unknown level of a random
-        effect
-        has the effect 0. Covariates outside their range follow `extrapolation`.
+        effect has the effect 0. Covariates outside their range follow `extrapolation`.
         """
         full = self._checked(frame, exclude)
         if self.extrapolation == "clamp":

@@ -3,8 +3,7 @@
 Smooth terms after Wood (2013a, "On p-values for smooth components of an extended generalized additive model",
 Biometrika 100:221), random effects after Wood (2013b, "A simple test for random effects in regression models",
 Biometrika 100:1005), parametric coefficients by t or z. The tests work on arrays and do not depend on models; the
-tables at the end apply
-them to the parts of a model.
+tables at the end apply them to the parts of a model.
 """
 
 from __future__ import annotations
@@ -85,11 +84,10 @@ def smooth_test(
 
     Notes
     -----
-    The pseudo-inverse of rank r between k and k + 1 mixes the k-th and (k+1)-th eigen-direction by a 2 x 2
-    block with off-diagonal rho = sqrt(nu (1 - nu) / 2), nu = r - k. The paper leaves open the sign of rho, which
-    depends on the arbitrary signs of the eigenvectors. For the reported statistic every eigenvector is given the
-    sign that
-    makes its first component positive. The p-value must not depend on such a choice; it is the mean over both signs.
+    The pseudo-inverse of rank r between k and k + 1 mixes the k-th and (k+1)-th eigen-direction by a 2 x 2 block with
+    off-diagonal rho = sqrt(nu (1 - nu) / 2), nu = r - k. The paper leaves open the sign of rho, which depends on the
+    arbitrary signs of the eigenvectors. For the reported statistic every eigenvector is given the sign that makes its
+    first component positive. The p-value must not depend on such a choice; it is the mean over both signs.
 
     Examples
     --------
@@ -158,11 +156,10 @@ def random_effect_test(
 
     Notes
     -----
-    With the smooths profiled out, the log likelihood ratio of the predicted effects b against b = 0 is
-    T = b'(M + S_b) b / scale. Here Z are the columns of the effect, S_b its penalty, and M the part of Z'WZ that
-    the other
-    terms do not explain. If the variance is zero, the covariance of b is the frequentist one, P X'WX P with P = (X'WX +
-    S)^-1, plus a part from the other random effects (columns Z_o, variance Psi). T is then a weighted sum of chi-square
+    With the smooths profiled out, the log likelihood ratio of the predicted effects b against b = 0 is T = b'(M + S_b)
+    b / scale. Here Z are the columns of the effect, S_b its penalty, and M the part of Z'WZ that the other terms do
+    not explain. If the variance is zero, the covariance of b is the frequentist one, P X'WX P with P = (X'WX + S)^-1,
+    plus a part from the other random effects (columns Z_o, variance Psi). T is then a weighted sum of chi-square
     variables whose weights are eigenvalues; no refit is needed. Other random effects enter M through the marginal
     covariance I + Z_o Psi Z_o' of the working data. Their variances under the null model are those of the fit.
 
@@ -291,9 +288,9 @@ def coefficient_table(model: Estimator) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        One row per coefficient, named in the index: ``estimate``, ``std_error`` (Bayesian, as is usual),
-        ``statistic`` (t if the scale is estimated, z if it is known) and ``p_value``. A level without
-        data has estimate 0, standard error 0 and no test (NaN).
+        One row per coefficient, named in the index: ``estimate``, ``std_error`` (Bayesian, as is usual), ``statistic``
+        (t if the scale is estimated, z if it is known) and ``p_value``. A level without data has estimate 0, standard
+        error 0 and no test (NaN).
 
     Examples
     --------
@@ -332,9 +329,8 @@ def term_table(model: Estimator) -> pd.DataFrame:
     -------
     pandas.DataFrame
         One row per term, named in the index: ``edf``, ``ref_df``, ``statistic`` (F if the scale is estimated,
-        chi-square if it is known), ``p_value``. A term whose coefficients are all penalised, such as a random
-        effect, is
-        tested as a variance (Wood 2013b); every other term is tested as a function (Wood 2013a).
+        chi-square if it is known), ``p_value``. A term whose coefficients are all penalised, such as a random effect,
+        is tested as a variance (Wood 2013b); every other term is tested as a function (Wood 2013a).
 
     Examples
     --------

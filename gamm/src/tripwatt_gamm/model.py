@@ -29,23 +29,18 @@ class GAMM(Estimator):
         How smoothing parameters are chosen. For gaussian errors both are restricted maximum likelihood. For the
         scaled t "fREML" is the performance iteration (fast), "REML" exact Laplace REML.
     discretise : bool or int
-        True rounds covariates to an even grid of 1,000 values if there are more than 10,000 rows. A number rounds
-        them to a
-        grid of that many values, False never rounds.
+        True rounds covariates to an even grid of 1,000 values if there are more than 10,000 rows. A number rounds them
+        to a grid of that many values, False never rounds.
     extrapolation : {"clamp", "linear"}
         Rule for a curve or a numeric column outside its training range (for a by-smooth, that of the rows of its
-        level): held
-        constant, or continued as a straight line. Surfaces are always held constant: at the edge of the range, and
-        farther
-        than a twentieth of it from the nearest training point. With "clamp" the row itself is moved, so that all
-        terms of a
-        covariate are evaluated at the same point.
+        level): held constant, or continued as a straight line. Surfaces are always held constant: at the edge of the
+        range, and farther than a twentieth of it from the nearest training point. With "clamp" the row itself is
+        moved, so that all terms of a covariate are evaluated at the same point.
     smoothing_parameters : sequence of float, optional
         Given values, in the order of `smoothing_parameters_`.
     ar1_rho : float or "estimate", optional
         Correlation of successive errors within groups. With a scaled t the innovations are sigma times Student's t;
-        with a
-        scaled t, estimating this correlation or correlated random effects requires ``method="REML"``.
+        with a scaled t, estimating this correlation or correlated random effects requires ``method="REML"``.
     tolerance : float
         The iteration of the scaled t stops once nothing changes by more than this many standard errors.
     max_iter : int

@@ -1,9 +1,8 @@
 """Crossproducts of a design with itself and a response, per group of rows, with or without AR(1) whitening.
 
 Within a group whose errors follow e_t = rho e_(t-1) + noise, the rows (x_t - rho x_(t-1)) / sqrt(1 - rho^2) have
-independent errors. Apart from the factor 1 / (1 - rho^2) their crossproduct is a polynomial in rho whose
-coefficients are fixed matrices,
-so that rho can be estimated, and groups left out, without another pass over the rows.
+independent errors. Apart from the factor 1 / (1 - rho^2) their crossproduct is a polynomial in rho whose coefficients
+are fixed matrices, so that rho can be estimated, and groups left out, without another pass over the rows.
 """
 
 from __future__ import annotations
@@ -28,8 +27,7 @@ class Moments:
     ----------
     gram : ndarray (s, p, p)
         X'X. Without autocorrelation s = 1. Otherwise s = 4: over all rows, lagged products (symmetrised), over rows
-        with a
-        successor, over first rows of groups.
+        with a successor, over first rows of groups.
     cross : ndarray (s, p)
         X'y, the same sums.
     square : ndarray (s,)

@@ -124,9 +124,9 @@ class PenaltyBlock:
 def correlated_penalties(levels: int, loadings: FloatArray) -> list[FloatArray]:
     """Build the q penalties of q correlated effects; coefficients are ordered by effect, then by level.
 
-    The effects of a level are b = L u, with L unit lower triangular and independent u of variances D. Their
-    covariance is
-    L D L', and its inverse is the sum of v_j v_j' / D_j over the rows v_j of the inverse of L: one penalty for each j.
+    The effects of a level are b = L u, with L unit lower triangular and independent u of variances D. Their covariance
+    is L D L', and its inverse is the sum of v_j v_j' / D_j over the rows v_j of the inverse of L: one penalty for each
+    j.
 
     Parameters
     ----------

@@ -157,8 +157,7 @@ class Summary:
         -------
         dict
             Formatted scores by label. With random effects and REML also -2 log of the restricted likelihood, which
-            lme4 prints
-            as the REML criterion.
+            lme4 prints as the REML criterion.
         """
         mixed = self.method == "REML" and len(self.variance) > 1
         return {

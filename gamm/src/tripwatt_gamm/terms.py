@@ -135,11 +135,9 @@ class RandomEffect:
     name : str
         Column of the levels.
     others : tuple of str
-        Further columns. A numeric column multiplies the effect, which makes it a slope. Factors are crossed with
-        the levels:
-        one effect for each combination that occurs, e.g. of machine and worker. A numeric `name` beside a factor
-        raises an
-        error, since it may be meant as a multiplier or as levels.
+        Further columns. A numeric column multiplies the effect, which makes it a slope. Factors are crossed with the
+        levels: one effect for each combination that occurs, e.g. of machine and worker. A numeric `name` beside a
+        factor raises an error, since it may be meant as a multiplier or as levels.
     correlated : bool
         If true, each level has an intercept and one slope for each of `others` (numeric columns), with a covariance
         matrix:

@@ -96,8 +96,7 @@ class Logs:
         """Read the trips of DATA; without DATA, return the built-in trips.
 
         A published data set is read strictly unless `lenient`, because a study should use all of it. `more` are
-        further arguments
-        of `read_logs`, such as `vehicle` and `progress`.
+        further arguments of `read_logs`, such as `vehicle` and `progress`.
 
         Raises
         ------

@@ -1,12 +1,10 @@
 """The protocol `cars`: forecast each car as if it were unknown, with none and with a few trips of its own.
 
-The scored car, its model and its data set are excluded: the population is built from the trips of the other cars,
-and library values that came from
-the logs of the scored car's data set are replaced. Own trips are drawn at random from the first half of the car's
-trips, and its second half is
-scored; for a car with few trips, all trips that were not drawn are scored. In a second evaluation trips are
-forecast in order of time, each with what
-was fitted to the trips before it.
+The scored car, its model and its data set are excluded: the population is built from the trips of the other cars, and
+library values that came from the logs of the scored car's data set are replaced. Own trips are drawn at random from
+the first half of the car's trips, and its second half is scored; for a car with few trips, all trips that were not
+drawn are scored. In a second evaluation trips are forecast in order of time, each with what was fitted to the trips
+before it.
 """
 
 from __future__ import annotations
@@ -169,9 +167,8 @@ def evaluate_cars(
 def read_cars(path: Path) -> list[CarTrips]:
     """Read cars with their trips from a TOML file: a table for each data set, with `logs`, `vehicle` and optional `dataset` and `mapping`.
 
-    Paths are relative to the file. Each vehicle named in the logs becomes a car of its own; its trips are audited.
-    A data set of kind "table" is named
-    after its TOML table; this name decides what is excluded when a car is scored.
+    Paths are relative to the file. Each vehicle named in the logs becomes a car of its own; its trips are audited. A
+    data set of kind "table" is named after its TOML table; this name decides what is excluded when a car is scored.
 
     Raises
     ------

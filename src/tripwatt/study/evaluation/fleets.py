@@ -1,8 +1,7 @@
 """Score a fleet's linear model on rows of trips: later trips, new vehicles, new car models, few own trips.
 
 The model is fitted from sums over trips: those of held-out trips are subtracted. The scales of the deviations are
-fitted to the training part for
-the split by time, and to all trips for the other protocols. Trees are not evaluated.
+fitted to the training part for the split by time, and to all trips for the other protocols. Trees are not evaluated.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """Models of the forecast protocol: correctors of power, boosting without physics, and the forecast itself.
 
 Everything that is fitted, tuned or calibrated is fitted inside the fold, also the uncertainty of the forecast. To
-predict a held-out trip, a
-model uses its speed trace, its road and what was known at departure.
+predict a held-out trip, a model uses its speed trace, its road and what was known at departure.
 """
 
 from __future__ import annotations

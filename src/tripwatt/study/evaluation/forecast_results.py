@@ -63,9 +63,8 @@ def forecast_frame(
     """Tabulate the forecasts of a hold-out, one row for each; `part` has their rows of the folds.
 
     Columns: `trip, observed_energy_wh, energy_wh, sd_wh, pit, crps_wh, flags`; bounds `low_50, high_50, ...` by
-    nominal level in percent; for each
-    fraction of the trip's time and each of `UPDATES` a column such as `update_25` [Wh]; and the columns of
-    `about_trips`.
+    nominal level in percent; for each fraction of the trip's time and each of `UPDATES` a column such as `update_25`
+    [Wh]; and the columns of `about_trips`.
     """
     observed, centre = part["observed_energy_wh"].to_numpy(), part["predicted_energy_wh"].to_numpy()
     sd_wh, bounds = of_each(forecasts, "sd_wh"), of_each(forecasts, "bounds_wh")

@@ -124,9 +124,8 @@ def crps_scores(
     Returns
     -------
     dict
-        `crps_wh`; `crps_same_width_wh` with the mean standard deviation for every trip; `crps_best_same_width_wh`
-        with the
-        common standard deviation that scores best, which is known only in hindsight.
+        `crps_wh`; `crps_same_width_wh` with the mean standard deviation for every trip; `crps_best_same_width_wh` with
+        the common standard deviation that scores best, which is known only in hindsight.
     """
 
     def score(sd: FloatArray) -> float:
@@ -204,8 +203,7 @@ def arrival_scores(
     -------
     dict
         Start -> `n_trips, mae, bias, coverage, coverage_ci95, inside, interval_width, needed_width` [1], and
-        `reliability` (see the function `reliability`);
-        None if no trip has the readings.
+        `reliability` (see the function `reliability`); None if no trip has the readings.
     """
     scores: dict[str, dict[str, Any] | None] = dict.fromkeys(ARRIVAL_STARTS)
     for k, start in enumerate(ARRIVAL_STARTS):
@@ -236,8 +234,7 @@ def reliability(chance: FloatArray, happened: BoolArray, seed: int) -> list[dict
     -------
     list of dict
         For each tenth with pairs: `share` of all pairs, mean `stated` probability, `observed` share, and
-        `observed_ci95` by a bootstrap over trips,
-        because pairs of one trip are not independent.
+        `observed_ci95` by a bootstrap over trips, because pairs of one trip are not independent.
     """
     n_trips = len(chance)
     tenth = np.minimum((chance * DECILES).astype(np.int64), DECILES - 1)

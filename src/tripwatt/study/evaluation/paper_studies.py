@@ -313,8 +313,7 @@ def crossing(sizes: IntArray, means: FloatArray) -> float:
     """Find the number of trips at which the first curve falls to the last value of the second; infinite if it never does.
 
     Between two sizes the error is interpolated linearly in the logarithm of the number of trips. If the first curve
-    starts
-    at or below that value, the smallest size is returned.
+    starts at or below that value, the smallest size is returned.
 
     Parameters
     ----------

@@ -164,8 +164,7 @@ def choose_models(
         Protocol whose models are chosen.
     models : sequence or mapping of str to (str, Corrector or WholeModel), optional
         Names of models of the protocol and of correctors of installed packages, and objects from outside. A mapping
-        gives the
-        names of their rows. All models of the protocol by default.
+        gives the names of their rows. All models of the protocol by default.
     seed : int
         Seed for correctors of packages.
 

@@ -77,9 +77,8 @@ def evaluate(
         Trips of one car as they were recorded. A path is read as by `read_logs`, strictly; read other kinds of logs than
         those of TUM with `read_logs` first.
     vehicle : Vehicle, str or path, or CarChoice
-        The car, its name, or the path of its TOML. The values of a `CarChoice` replace those of the car, also under
-        a preset of
-        the protocol.
+        The car, its name, or the path of its TOML. The values of a `CarChoice` replace those of the car, also under a
+        preset of the protocol; the notes of protocol "paper" name them.
     protocol : {"paper", "forecast"} or EvaluationProtocol
         Decides which models run, which trips are held out, and what is scored.
     models : sequence, or mapping of str to model, optional
@@ -88,10 +87,10 @@ def evaluate(
         ``fit(trips)`` and ``predict(trip)`` as a whole model. The keys of a mapping are the names of the rows. All
         models of the protocol by default.
     hold_outs : str, splitter, or sequence of them, optional
-        Which hold-outs run: a scheme ("leave_one_trip_out"), a set of trips ("reference"), both ("leave_one_trip_out:reference"),
-        or a splitter of scikit-learn's kind over the trips of the main set, with their days as groups. The studies
-        beside the
-        table run only by default, that is with all hold-outs of the protocol.
+        Which hold-outs run: a scheme ("leave_one_trip_out"), a set of trips ("reference"), both
+        ("leave_one_trip_out:reference"), or a splitter of scikit-learn's kind over the trips of the main set, with
+        their days as groups. The studies beside the table run only by default, that is with all hold-outs of the
+        protocol.
     seed : int
         Runs with equal seeds are identical, whatever the number of processes.
     test_fleet : TripSet, optional

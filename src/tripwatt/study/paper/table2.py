@@ -42,10 +42,8 @@ class Table2Corrector:
     """The paper's GAMM with Student's t errors (its Table 2) as a corrector.
 
     Terms are left out if a covariate is missing in all trips or constant over the training rows. Missing values are
-    replaced
-    by the median of the training rows (a trip without elevation counts as flat). Unseen weather has the mean
-    effect, and
-    covariates outside the training range are moved to its edge, as usual in the engine.
+    replaced by the median of the training rows (a trip without elevation counts as flat). Unseen weather has the mean
+    effect, and covariates outside the training range are moved to its edge, as usual in the engine.
 
     Parameters
     ----------
@@ -54,8 +52,8 @@ class Table2Corrector:
         alike (correlation 0.999) that every smooth would reach its largest number of degrees of freedom.
     errors : {"t", "normal", "ar1"}
         Student's t, normal, or normal with a correlation rho^|i - j| of the rows i and j of a trip. There rho is
-        estimated with
-        the smoothing parameters, and the last row of a trip, which may follow sooner, counts as one step.
+        estimated with the smoothing parameters, and the last row of a trip, which may follow sooner, counts as one
+        step.
     terms : tuple of str
         Terms of the formula.
     least_df : float
@@ -137,9 +135,8 @@ class Table2Corrector:
     ) -> FloatArray:
         """Predict `y` of every row by a fit without its fold.
 
-        Coefficients, smoothing parameters and parameters of the errors are estimated anew for each fold. The knots
-        of the
-        smooths, the medians of missing values and the choice of terms come from the covariates of all rows.
+        Coefficients, smoothing parameters and parameters of the errors are estimated anew for each fold. The knots of
+        the smooths, the medians of missing values and the choice of terms come from the covariates of all rows.
 
         Parameters
         ----------
@@ -175,9 +172,8 @@ class Table2Corrector:
     ) -> FloatArray:
         """Compute for each fold the mean absolute error at the end of trips of other folds, by models fitted without both.
 
-        The folds are put into `INNER_BLOCKS` blocks at random. A model fitted without the blocks b and c predicts
-        the trips of c for
-        the folds of b, and the trips of b for the folds of c.
+        The folds are put into `INNER_BLOCKS` blocks at random. A model fitted without the blocks b and c predicts the
+        trips of c for the folds of b, and the trips of b for the folds of c.
 
         Parameters
         ----------

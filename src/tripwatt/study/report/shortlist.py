@@ -23,12 +23,9 @@ def short_list(view: View) -> list[str]:
     """Choose the models of the short table: the constant, the best model of each kind, the forecast with published values.
 
     Each kind is a benchmark for the best hybrid: one consumption per distance (the constant), a few coefficients
-    (the best
-    other baseline), the simulation (the best physics alone), a learner (the best model without physics). The best
-    model has
-    the lowest mean error in the main evaluation. The forecast comes last, preceded by its variant with only
-    published values
-    of the car if the run has that.
+    (the best other baseline), the simulation (the best physics alone), a learner (the best model without physics).
+    The best model has the lowest mean error in the main evaluation. The forecast comes last, preceded by its
+    variant with only published values of the car if the run has that.
     """
     names = view.models
     if len(names) <= SHORT_ROWS:

@@ -42,8 +42,7 @@ class Column:
     head : str
     value : str or callable
         A key of the record, or a function of the record. Text is shown as it is, a number times `factor` with
-        `digits`, a pair of
-        fractions by `span`, and a missing value as a dash.
+        `digits`, a pair of fractions by `span`, and a missing value as a dash.
     factor : float
     digits : int
     text : bool

@@ -1,16 +1,14 @@
 """A built-in fleet with a known truth, to demonstrate and to test the whole pipeline.
 
 Nothing here is measured. Drivers, days, routes and weather are drawn from a seed (`scenario`, `roads`). The driver
-model
-gives the speed. A *hidden* car and world give the energy (`world`): the physics of the i3 on the true road, with wind,
-wet or cold tyres, habits, a cabin with its own heat balance, lamps, and heavy-tailed noise that is in no model of the
-package. Noisy sensors of the usual resolution (`sensors`) then log the truth. `synthetic_truth` returns the hidden
-effects.
+model gives the speed. A *hidden* car and world give the energy (`world`): the physics of the i3 on the true road, with
+wind, wet or cold tyres, habits, a cabin with its own heat balance, lamps, and heavy-tailed noise that is in no model
+of the package. Noisy sensors of the usual resolution (`sensors`) then log the truth. `synthetic_truth` returns the
+hidden effects.
 
 Every trip draws from random streams of its own, keyed by the seed, its day and its place in the day. Therefore the
-first
-trips of a longer fleet are those of a shorter one, and no trip depends on another. A following trip starts with the
-warmth and the charge that its day's scenario expects, not with those at the end of the trip before it.
+first trips of a longer fleet are those of a shorter one, and no trip depends on another. A following trip starts with
+the warmth and the charge that its day's scenario expects, not with those at the end of the trip before it.
 """
 
 from __future__ import annotations
