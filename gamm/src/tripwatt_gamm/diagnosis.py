@@ -227,7 +227,7 @@ class Diagnosis:
 
     @classmethod
     def from_model(cls, model: Estimator) -> Diagnosis:
-        """Take the residuals of a fitted model.
+        """Build the diagnosis from the residuals of a fitted model.
 
         Parameters
         ----------

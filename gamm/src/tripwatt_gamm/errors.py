@@ -42,7 +42,7 @@ class InvalidInput(ValueError):
     Parameters
     ----------
     faults : iterable of Fault
-        What is wrong.
+        Everything that is wrong with the input.
 
     Examples
     --------

@@ -70,7 +70,7 @@ def smooth_test(
     coef : ndarray, shape (k,)
         Coefficients of the term.
     vp : ndarray, shape (k, k)
-        Their Bayesian covariance.
+        Bayesian covariance of these coefficients.
     factor : ndarray, shape (m, k)
         Any matrix A with A'A = X_j'WX_j, where X_j are the columns of the term.
     ref_df : float

@@ -146,7 +146,7 @@ def begins(before_s: float, departs_at: dt.datetime | None) -> str:
 
 
 UNCERTAIN: Final = 0.99
-"""Highest probability shown if an unknown climb could change the arrival: no log tells how often roads climb that far."""
+"""Highest probability shown if an unknown climb could change the arrival: logs do not show how often roads climb that far."""
 
 
 def chance_to_arrive(forecast: tw.Forecast, reserve: float = 0.0) -> str:

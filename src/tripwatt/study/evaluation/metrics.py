@@ -129,7 +129,7 @@ def summarise_errors(observed_wh: FloatArray, predicted_wh: FloatArray, seed: in
     predicted_wh : ndarray, shape (trips,)
         Predicted energy [Wh].
     seed : int
-        Of the bootstrap.
+        Seed of the bootstrap.
 
     Returns
     -------
@@ -165,7 +165,7 @@ def paired_difference(
     ape_b : ndarray, shape (trips,)
         Absolute percentage errors of the second model.
     seed : int
-        Of the bootstrap.
+        Seed of the bootstrap.
     days : sequence of str, optional
         Day of each trip. If given, the bootstrap draws days, because trips of one day share its weather and traffic.
 

@@ -33,7 +33,7 @@ c_d 0.29 and 2.38 m² (BMW, technical data i3), c_r 0.0065 (TUM simulation of th
 NO_AUXILIARIES: Final[Mapping[str, float | str]] = {"auxiliaries.base_load_w": 0.0}
 
 EFFICIENCY: Final = 0.9
-"""Of motor, inverter and gearbox together in the quasi-static form, a round number that no source states for this car."""
+"""Efficiency of motor, inverter and gearbox together in the quasi-static form: a round number, without a source for this car."""
 
 CONSTANT_EFFICIENCY: Final[Mapping[str, float | str]] = {
     "drivetrain.gearbox_efficiency": EFFICIENCY,
@@ -45,7 +45,7 @@ CONSTANT_EFFICIENCY: Final[Mapping[str, float | str]] = {
     "drivetrain.inverter_resistance_ohm": 0.0,
 }
 """The quasi-static model of a textbook (Guzzella and Sciarretta, Vehicle Propulsion Systems): one efficiency from battery
-to wheel and its reciprocal for braking, in place of the loss maps."""
+to wheel and its reciprocal for braking, instead of the loss maps."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -268,7 +268,7 @@ def trips_needed(draws: Comparison, seed: int) -> dict[str, Any]:
     draws : Comparison
         Comparison of `CURVE` on random draws of the trips.
     seed : int
-        Of the bootstrap over draws and trips.
+        Seed of the bootstrap over draws and trips.
 
     Returns
     -------

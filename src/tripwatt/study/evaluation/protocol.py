@@ -141,7 +141,7 @@ class EvaluationProtocol(Protocol):
         beside : sequence of Comparison
             Results of the comparisons from `beside`.
         seed : int
-            Of the bootstrap.
+            Seed of the bootstrap.
 
         Returns
         -------

@@ -58,7 +58,7 @@ class Corrector(Protocol):
         Parameters
         ----------
         X : DataFrame, shape (rows, covariates)
-            As of `fit`.
+            Covariates as for `fit`.
 
         Returns
         -------

@@ -48,7 +48,7 @@ class Table2Corrector:
     Parameters
     ----------
     every_rows : int
-        The fit uses one in so many rows of a trip, and the last row. At 1 s the residuals of successive rows are so
+        The fit uses every `every_rows`-th row of a trip, and the last row. At 1 s the residuals of successive rows are so
         alike (correlation 0.999) that every smooth would reach its largest number of degrees of freedom.
     errors : {"t", "normal", "ar1"}
         Student's t, normal, or normal with a correlation rho^|i - j| of the rows i and j of a trip. There rho is
@@ -121,7 +121,7 @@ class Table2Corrector:
         Parameters
         ----------
         X : DataFrame, shape (rows, covariates)
-            As of `fit`.
+            Covariates as for `fit`.
 
         Returns
         -------
@@ -141,7 +141,7 @@ class Table2Corrector:
         Parameters
         ----------
         X : DataFrame, shape (rows, covariates)
-            As of `fit`.
+            Covariates as for `fit`.
         y : ndarray, shape (rows,)
             The target.
         groups : ndarray of int, shape (rows,)
@@ -178,7 +178,7 @@ class Table2Corrector:
         Parameters
         ----------
         X : DataFrame, shape (rows, covariates)
-            As of `fit`.
+            Covariates as for `fit`.
         y : ndarray, shape (rows,)
             The target.
         groups : ndarray of int, shape (rows,)
@@ -225,7 +225,7 @@ class Table2Corrector:
         Parameters
         ----------
         X : DataFrame, shape (rows, covariates)
-            As of `fit`.
+            Covariates as for `fit`.
         groups : ndarray of int, shape (rows,)
             Trip of each row.
 
@@ -253,7 +253,7 @@ class Table2Corrector:
         Parameters
         ----------
         X : DataFrame, shape (rows, covariates)
-            As of `fit`.
+            Covariates as for `fit`.
         groups : ndarray of int, shape (rows,), optional
             Trip of each row; adds the column `trip`, which only trips of the fit need.
 

@@ -1,7 +1,7 @@
 """The hidden truth of a trip: the i3's physics in a world with wind, weather, habits, a cabin and heavy tails.
 
 Forces that are not in the package's physics act on the true car as an equivalent slope; loads that are not in it
-come on top at the battery terminals. Every figure here *defines* the synthetic world and does not describe a real one.
+come on top at the battery terminals. Every number here *defines* the synthetic world and does not describe a real one.
 """
 
 from __future__ import annotations
