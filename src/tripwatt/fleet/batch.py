@@ -1,9 +1,9 @@
-"""Forecasts of many planned trips at once, Parquet in and Parquet out.
+"""Forecasts of many planned trips at once, from one Parquet file to another.
 
-The input has one row for each link of a trip, in their order: `trip` and `vehicle_id`, the fields of a link (`length_m`,
-`speed_m_s` and so on), and what is known at departure, the same in all rows of a trip. The output has one row a trip, in the
-order of the input. Input and output pass in parts, so that memory does not grow with the number of trips. A finished part is a
-file whose name is a digest of everything that it depends on: a batch that was stopped goes on with the parts that are finished.
+The input has one row for each link of a trip, in the order of the links: `trip` and `vehicle_id`, the fields of a link (`length_m`,
+`speed_m_s` and so on), and what is known at departure, the same in all rows of a trip. The output has one row per trip, in the
+order of the input. Trips are read and written in parts, so that memory does not grow with their number. A finished part is a
+file whose name is a digest of everything that the part depends on: a batch that was stopped keeps its finished parts.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ from tripwatt.trips.columns import Column, number_faults, scalar_faults
 from tripwatt.trips.messages import message
 
 VERSION: Final = 1
-"""Changes whenever the forecasts of the same trips by the same model change."""
+"""Number to raise whenever the forecasts of the same trips by the same model change."""
 
 QUANTILES: Final = (0.05, 0.5, 0.95)
 TRIPS_AT_ONCE: Final = 50
 PARTS_AT_ONCE: Final = 100
-"""Finished parts that make one group of rows of the output."""
+"""Number of finished parts in one row group of the output."""
 
 WRITE_IT: Final = "pandas writes one: pandas.read_csv('links.csv').to_parquet('links.parquet')"
 ASSUMED: Final = frozenset({"usual_value_assumed", "soc_assumed"})
@@ -62,11 +62,11 @@ class BatchPart:
     model : str
         Folder of the model.
     digest : str
-        Of the model.
+        Digest of the model.
     quantiles : tuple of float
     reserve : float
     rows : bytes
-        Rows of the links as a stream of Arrow.
+        Rows of the links as an Arrow stream.
     """
 
     model: str
@@ -92,34 +92,39 @@ def forecast_batch(
     quantiles: Sequence[float] = QUANTILES,
     reserve: float = 0.0,
 ) -> int:
-    """Forecast every trip of a Parquet file and write one row a trip. O(links), in memory that does not grow with them.
+    """Forecast every trip of a Parquet file and write one row per trip. O(links), in memory that does not grow with the links.
 
-    Finished parts wait in the folder ``OUT.unfinished``: repeat a batch that was stopped, and it goes on with them.
+    Finished parts are kept in the folder ``OUT.unfinished``. If a batch was stopped, repeating it continues from these parts.
 
     Parameters
     ----------
     model : path
-        Folder of a model of a fleet, which every worker reaches.
+        Folder of a model of a fleet, which every worker can reach.
     source, out : path
         Parquet files.
     executor : Executor
     workers : int
     quantiles : sequence of float
-        Of the energy, in the columns `energy_wh_q05` and so on, and of the displayed charge at arrival, in `soc_arrival_q05`.
+        Quantiles of the energy, in the columns `energy_wh_q05` and so on, and of the displayed charge at arrival, in
+        `soc_arrival_q05` and so on.
     reserve : float
         Displayed charge to arrive with, for `p_arrive`.
 
     Returns
     -------
     int
-        Trips. One that cannot be forecast has the reason in `error` and no numbers. `flags` has the codes of what was assumed or
-        limits the forecast, `reasons` the same as sentences, and `assumed` names what was not known at departure, for which the
-        usual value counts.
+        Number of trips.
 
     Raises
     ------
     InvalidInput
-        When a file cannot be read, a column is missing, or a quantile cannot be one.
+        If a file cannot be read, a column is missing, or a quantile or the reserve is out of range.
+
+    Notes
+    -----
+    In the output, a trip that cannot be forecast has the reason in `error` and no numbers. `flags` has the codes of what was assumed
+    or limits the forecast, and `reasons` the same as sentences. `assumed` names the values that were not known at departure, for
+    which the usual value was taken.
     """
     _check(quantiles, reserve)
     with _opened(source) as file:
@@ -169,7 +174,7 @@ def _opened(source: Path | str) -> pq.ParquetFile:
 
 @contextmanager
 def _damage_told(where: str) -> Iterator[None]:
-    """Errors of the reader as faults."""
+    """Raise errors of the Parquet reader as `InvalidInput`."""
     try:
         yield
     except (OSError, UnicodeDecodeError, pa.ArrowException) as error:
@@ -180,13 +185,13 @@ def _damage_told(where: str) -> Iterator[None]:
 
 
 def _batches(file: pq.ParquetFile, source: Path | str) -> Iterator[pa.RecordBatch]:
-    """The columns of the input that count, some rows at a time."""
+    """Read the columns of the input that are used, some rows at a time."""
     with _damage_told(f"{source}"):
         yield from file.iter_batches(columns=_columns(file, source))
 
 
 def _columns(file: pq.ParquetFile, source: Path | str) -> list[str]:
-    """Columns of the input that count."""
+    """Return the columns of the input that are used; raise `InvalidInput` if a required column is missing."""
     there = set(file.schema_arrow.names)
     raise_faults(
         Fault("missing column", f"{source}", ", ".join(sorted(there))[:200], f"a column {name!r}")
@@ -197,7 +202,7 @@ def _columns(file: pq.ParquetFile, source: Path | str) -> list[str]:
 
 
 def _writer(tables: Iterable[pa.Table], schema: pa.Schema) -> Callable[[Path], None]:
-    """What writes tables to a Parquet file, each as one group of rows."""
+    """Return a function that writes tables to a Parquet file, each as one row group."""
 
     def write(path: Path) -> None:
         with pq.ParquetWriter(path, schema, compression="zstd") as writer:
@@ -215,7 +220,7 @@ def _stream(table: pa.Table) -> bytes:
 
 
 def schema_of(quantiles: Sequence[float]) -> pa.Schema:
-    """Columns of the output."""
+    """Return the schema of the output."""
     texts = ("assumed", "reasons", "error")
     numbers = [
         *("distance_m", "duration_s", "energy_wh", "sd_wh"),
@@ -235,7 +240,7 @@ def schema_of(quantiles: Sequence[float]) -> pa.Schema:
 
 
 def quantile_column(quantile: float, of: str = "energy_wh") -> str:
-    """Column of a quantile.
+    """Return the name of the column of a quantile.
 
     Examples
     --------
@@ -248,7 +253,7 @@ def quantile_column(quantile: float, of: str = "energy_wh") -> str:
 
 
 def _parts(batches: Iterator[pa.RecordBatch]) -> Iterator[pa.Table]:
-    """Rows of whole trips, some trips at a time; the rows of a trip follow each other."""
+    """Cut batches into tables of whole trips, `TRIPS_AT_ONCE` trips each; the rows of a trip have to follow each other."""
     held: list[pa.RecordBatch] = []
     for batch in batches:
         table = pa.Table.from_batches([*held, batch])
@@ -261,7 +266,7 @@ def _parts(batches: Iterator[pa.RecordBatch]) -> Iterator[pa.Table]:
 
 
 def _starts(table: pa.Table) -> list[int]:
-    """Rows at which another trip begins."""
+    """Return the numbers of the rows at which a trip begins."""
     keys = [table[name].to_numpy() for name in ("vehicle_id", "trip")]
     other = np.logical_or.reduce([key[1:] != key[:-1] for key in keys])
     return [0, *(np.flatnonzero(other) + 1).tolist()] if len(table) else []
@@ -273,7 +278,7 @@ def _model(folder: str, digest: str) -> FleetModel:
 
 
 def forecast_part(part: BatchPart) -> tuple[str, pa.Table]:
-    """Name of a part and the rows of its trips in the output."""
+    """Forecast the trips of a part, and return its name and the rows of the output."""
     model = _model(part.model, part.digest)
     table = pa.ipc.open_stream(part.rows).read_all()
     for i, field in enumerate(table.schema):
@@ -315,7 +320,7 @@ def _row(model: FleetModel, links: Sequence[Mapping[str, Any]], part: BatchPart)
 
 
 def told(flags: Iterable[Flag]) -> dict[str, Any]:
-    """Flags as columns: `flags` has their codes, `reasons` their sentences, `assumed` the fields of the departure that were not given.
+    """Return flags as columns: their codes in `flags`, their sentences in `reasons`, the departure fields not given in `assumed`.
 
     Examples
     --------

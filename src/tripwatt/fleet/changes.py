@@ -1,10 +1,10 @@
-"""Vehicles that changed: since when, by how much and by which cause, by what their trips show beside those of their car model.
+"""Find vehicles whose consumption or battery changed: since when, by how much and by which cause.
 
-The energy of a vehicle's trips is that of its car model and drivers plus deviations of its own, which are normal with the scales of the
-fleet. A change multiplies the energy of one cause from one day on. For every day and cause the change is estimated beside the
-deviations (generalised least squares), from sums over the trips after that day, so the work is linear in the trips. The same is done for the displayed
-charge that trips take, which shows a change of the battery or of its display. Trips far off count less (Huber 1964). What vehicles have
-in common in a month, such as winter tyres, is taken out first.
+The energy of a vehicle's trips is that of its car model and drivers plus deviations of the vehicle, which are normal with the scales of
+the fleet. A change multiplies the energy of one cause from one day on. For every day and cause, the change is estimated together with the
+deviations (generalised least squares), from sums over the trips after that day, so the work is linear in the trips. The same is done for
+the displayed charge that trips take, which shows a change of the battery or of its display. Outlying trips count less (Huber 1964).
+Deviations that vehicles have in common in a month, such as by winter tyres, are subtracted first.
 """
 
 from __future__ import annotations
@@ -27,55 +27,55 @@ CAUSES: Final[Mapping[str, tuple[str, ...]]] = {
     "climate": ("climate",),
     "base load": ("base_load",),
 }
-"""What may change the consumption of a vehicle -> causes of the simulation that it multiplies."""
+"""Causes of the simulation that each kind of change multiplies."""
 
 BATTERY: Final = "battery energy per displayed percent"
 
 FALSE_CHANGES: Final = 0.05
-"""Chance that a fleet without a change has one listed, for normal errors; shared by all vehicles, days and causes (Bonferroni)."""
+"""Probability that a change is listed for a fleet without any, for normal errors; shared by all vehicles, days and causes (Bonferroni)."""
 
 LEAST_CHANGE: Final = 0.02
-"""Smaller changes are not listed, however sure they are."""
+"""Smaller changes are not listed, however certain they are."""
 
 LEAST_TRIPS: Final = 8
-"""Trips before and after a change."""
+"""Smallest number of trips before and after a change."""
 
 MOST_CHANGES: Final = 3
-"""Of one vehicle and quantity."""
+"""Largest number of changes of one vehicle and quantity."""
 
 USUAL_CHANGE: Final = 0.08
-"""Standard deviation of a change, as a share of the consumption, before any trip: what makes causes and days comparable."""
+"""Prior standard deviation of a change, as a share of the consumption; it makes causes and days comparable."""
 
 HUBER: Final = 2.0
 READING: Final = 0.003
 """Usual standard deviation of the difference of two readings of a display [1]; the level is estimated."""
 
 DISPLAY: Final = Scales(((0.05, 0.03), (0.05, 0.01)), 1.0, (0, 1, 1, 1), 0.3)
-"""Usual scales of the displayed charge that an energy takes, of car models and vehicles: its level apart from what cold, years and
-the level of the charge do to it."""
+"""Usual scales of the displayed charge that an energy takes, of car models and vehicles: of its level, and of the effects of cold, years
+and the level of the charge on it."""
 
 SISTERS: Final = 5
-"""Vehicles of a car model from which on what they have in common in a month is no change of each of them."""
+"""Number of vehicles of a car model from which on their common deviation in a month is not taken for a change of each of them."""
 
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """Trips of one vehicle in the order of time: what was measured beside what was expected, and what may explain it.
+    """Trips of one vehicle in the order of time: measured minus expected values, and the terms that may explain them.
 
     Attributes
     ----------
     vehicle_id, car_model : str
     day : ndarray of datetime64[D], shape (trips,)
     y, variance : ndarray, shape (trips,)
-        What the expectation leaves, and its usual variance.
+        Measured minus expected value, and its usual variance.
     X : ndarray, shape (trips, terms)
         Terms of the vehicle's own deviations.
     prior : ndarray, shape (terms,)
-        Their prior variances.
+        Prior variances of the weights of these terms.
     causes : mapping of str to ndarray, shape (terms,)
-        Weights whose rise by 1 is a rise of the cause by all of itself.
+        Weights of the terms that add a cause once more, which doubles it.
     total : float
-        Sum of what is expected of all trips, of which changes are shares.
+        Sum of the expected values of all trips; changes are shares of this sum.
     """
 
     vehicle_id: str
@@ -90,21 +90,22 @@ class Series:
 
 
 def changes(posterior: GroupPosterior, rows: TripRows) -> pd.DataFrame:
-    """Every change of every vehicle that is beyond chance and at least `LEAST_CHANGE`. O(trips).
+    """Find every change of every vehicle that is beyond chance and at least `LEAST_CHANGE`. O(trips).
 
     Parameters
     ----------
     posterior : GroupPosterior
-        Of the fleet.
+        Posterior of the fleet.
     rows : TripRows
-        Those without a time of departure are left out.
+        Rows of trips; those without a time of departure are left out.
 
     Returns
     -------
     DataFrame
-        One row a change, the largest first: `vehicle_id`, `car_model`, `cause`, `probability` [1] that the cause is the right one of its
-        quantity, `since` (first day), `from_day` and `to_day` (95 % interval of it), `change` [1] as a share of the consumption, or of the
-        energy per displayed percent, with its standard deviation `sd`, `z`, and the trips `before` and `after`.
+        One row per change, the largest first. Columns: `vehicle_id`, `car_model`, `cause`; `probability` [1] that the cause is right
+        among those of the same quantity; `since` (first day), `from_day` and `to_day` (95 % interval of the first day); `change` [1] as
+        a share of the consumption, or of the energy per displayed percent, its standard deviation `sd`, and `z` = change / sd; numbers
+        of trips `before` and `after`.
     """
     series = list(series_of(posterior, rows))
     tests = sum(max(len(s.y) - 2 * LEAST_TRIPS, 0) * len(s.causes) for s in series)
@@ -116,17 +117,17 @@ def changes(posterior: GroupPosterior, rows: TripRows) -> pd.DataFrame:
 
 
 def after_changes(model: FleetModel, rows: TripRows, changed: pd.DataFrame) -> FleetModel:
-    """The model without the trips of changed vehicles before their last change of the consumption: what they take since then.
+    """Return the model without the trips that changed vehicles made before their last change of the consumption.
 
-    A change of the battery is not contained: it is none of the energy of a trip.
+    A change of the battery is left out of account, since it does not change the energy of a trip.
 
     Parameters
     ----------
     model : FleetModel
     rows : TripRows
-        Of the trips that the model has seen; others do not count.
+        Rows of the trips on which the model was fitted; other rows are not used.
     changed : DataFrame
-        From `changes`.
+        Result of `changes`.
     """
     last = changed[changed["cause"] != BATTERY].groupby("vehicle_id")["since"].max()
     since = pd.to_datetime(pd.Series(rows.texts("vehicle_id")).map(last)).to_numpy()
@@ -136,7 +137,7 @@ def after_changes(model: FleetModel, rows: TripRows, changed: pd.DataFrame) -> F
 
 
 def said_of_need(changed: pd.DataFrame) -> dict[str, str]:
-    """What the last change of the consumption and of the battery are to the need of a vehicle, by vehicle."""
+    """Say for each changed vehicle whether its need contains its last change of the consumption, and of the battery."""
     said: dict[tuple[str, bool], str] = {}
     for row in changed.sort_values("since", kind="stable").to_dict("records"):
         battery, share = row["cause"] == BATTERY, f"{100.0 * row['change']:+.0f} %".replace("-", "−")
@@ -147,7 +148,7 @@ def said_of_need(changed: pd.DataFrame) -> dict[str, str]:
 
 
 def series_of(posterior: GroupPosterior, rows: TripRows) -> Iterator[Series]:
-    """Series of the energy of each vehicle, and of the displayed charge where it was logged."""
+    """Yield a series of the energy of each vehicle, and one of the displayed charge if it was logged."""
     order, day = rows.in_time
     if not len(order):
         return
@@ -181,7 +182,10 @@ def _by_vehicle(
     posterior: GroupPosterior, groups: Sequence[tuple[str, ...]], day: Any, X: FloatArray, expected: FloatArray, residual: FloatArray,
     variance: FloatArray, causes: Mapping[str, FloatArray],
 ) -> list[Series]:  # fmt: skip
-    """Series of trips in the order of time: what the car model and the drivers leave, without what its vehicles share in a month."""
+    """Make a series of each vehicle from trips in the order of time.
+
+    The residuals are those after the car model and the drivers, minus the common deviation of the month (`common_of_month`).
+    """
     names = sorted(set(groups))
     place = {name: k for k, name in enumerate(names)}
     code = np.array([place[group] for group in groups])
@@ -211,9 +215,9 @@ def _by_vehicle(
 
 
 def common_of_month(model: Any, vehicle: Any, day: Any, relative: FloatArray) -> FloatArray:
-    """What the vehicles of a car model have in common in the month of each trip, shape (trips,): the median of their medians.
+    """Return the common relative deviation of the vehicles of a car model in the month of each trip, shape (trips,).
 
-    It is 0 for fewer than `SISTERS` vehicles.
+    It is the median of the medians of the vehicles, and 0 if there are fewer than `SISTERS` vehicles.
     """
     frame = pd.DataFrame(
         {"model": model, "month": day.astype("datetime64[M]"), "vehicle": vehicle, "r": relative}
@@ -224,13 +228,13 @@ def common_of_month(model: Any, vehicle: Any, day: Any, relative: FloatArray) ->
 
 
 def changes_of(series: Series, chance: float) -> Iterator[dict[str, object]]:
-    """Changes of one series, the surest first, each beside those before it.
+    """Yield the changes of one series, the most certain first, each estimated together with those before.
 
     Parameters
     ----------
     series : Series
     chance : float
-        Of a test, below which a change is no chance.
+        Largest p-value of a test with which a change is listed.
     """
     from scipy.stats import t as student
 
@@ -266,14 +270,14 @@ def changes_of(series: Series, chance: float) -> Iterator[dict[str, object]]:
 
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """Estimates of a change by each cause from each trip on, beside the terms of a vehicle's own.
+    """Estimates of a change by each cause from each trip on, made together with the vehicle's own deviations.
 
     Attributes
     ----------
     names : tuple of str
-        Causes.
+        Names of the causes.
     first : int
-        Trip of the first column.
+        Number of the trip of the first column.
     share, sd : ndarray, shape (causes, places)
         Estimated change of the total and its standard deviation [1].
     evidence : ndarray, shape (causes, places)
@@ -288,9 +292,10 @@ class Scan:
 
     @classmethod
     def of(cls, series: Series, X: FloatArray, prior: FloatArray, free: BoolArray) -> Scan | None:
-        """All causes and the `free` trips of a series; None where it has too few trips.
+        """Scan all causes and the `free` trips of a series; returns None if it has fewer than 2 x `LEAST_TRIPS` trips.
 
-        The level of the errors and the weights of trips far off are those beside the likeliest change.
+        The scan is done twice: the level of the errors and the weights of outlying trips are those with the likeliest change of the
+        first scan.
         """
         n = len(series.y)
         if n < 2 * LEAST_TRIPS:
@@ -329,14 +334,14 @@ class Scan:
         return cls(tuple(series.causes), LEAST_TRIPS, share, sd, evidence)
 
     def best(self) -> tuple[str, int, float, float]:
-        """The likeliest cause and first trip, with the change and its standard deviation."""
+        """Return the likeliest cause and first trip, with the change and its standard deviation."""
         c, k = np.unravel_index(int(np.argmax(self.evidence)), self.evidence.shape)
         return self.names[c], self.first + int(k), float(self.share[c, k]), float(self.sd[c, k])
 
     def certainty(self, cause: str, day: Any) -> tuple[float, Any, Any, Any]:
-        """Probability of a cause; the likeliest day of its beginning in the likeliest month, and the 95 % interval of the beginning.
+        """Return the probability of a cause, the likeliest first day in the likeliest month, and the 95 % interval of the first day.
 
-        A change may have begun on any day after the trip before the first one that shows it.
+        A change may have begun on any day after the last trip without it, up to the day of the first trip with it.
         """
         probability = np.exp(self.evidence - self.evidence.max())
         mine = probability[self.names.index(cause)]
@@ -352,7 +357,7 @@ class Scan:
 
 
 def _weights(series: Series, X: FloatArray, prior: FloatArray) -> FloatArray:
-    """Inverse variances of trips by the median of the errors, less for trips beyond `HUBER` standard deviations."""
+    """Return the weights of trips: inverse variances scaled by the median error, reduced beyond `HUBER` standard deviations."""
     w = 1.0 / series.variance
     for _ in range(2):
         inverse = np.linalg.inv((X.T * w) @ X + np.diag(1.0 / prior))

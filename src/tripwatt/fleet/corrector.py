@@ -17,35 +17,35 @@ from tripwatt.hybrid.power import TREE_FEATURES, PowerCorrector
 TREE_SETTINGS: Final = shipped_toml("fleet/trees.toml")
 MOST_ROUNDS: Final = 120
 LEAST_GAIN: Final = 0.01
-"""Trees are used where they lower the held-out error of trips by at least this share."""
+"""Trees are used only if they lower the held-out error of trips by at least this share."""
 
 
 def tree_columns(table: SegmentTable) -> FloatArray:
-    """What the trees see of a table, shape (segments, columns); NaN where unknown."""
+    """Return the features of the trees from a table, shape (segments, columns); NaN if unknown."""
     return np.asarray(table.features[list(TREE_FEATURES)].to_numpy(dtype=np.float64))
 
 
 @dataclass(frozen=True, eq=False)
 class FleetTrees:
-    """Boosted trees on the residual power of segments that the linear part leaves; LightGBM's own text.
+    """Boosted trees that predict the residual power of segments after the linear part.
 
     Attributes
     ----------
     text : str
-        Empty for no trees.
+        The trees in LightGBM's text format; empty if there are no trees.
     """
 
     text: str = ""
 
     def predict(self, table: SegmentTable) -> FloatArray:
-        """Residual power [W], shape (segments,)."""
+        """Predict the residual power [W], shape (segments,)."""
         if not self.text:
             return np.zeros(len(table.hours))
         return np.asarray(_booster(self.text).predict(tree_columns(table), num_threads=1), dtype=np.float64)
 
     @classmethod
     def fit(cls, table: SegmentTable, residual_w: FloatArray, rounds: int, seed: int) -> FleetTrees:
-        """Trees on the rows of a table, each trip of the same weight; the same rows and seed give the same trees.
+        """Fit trees on the rows of a table, with the same weight for each trip; the same rows and seed give the same trees.
 
         Parameters
         ----------
@@ -69,7 +69,7 @@ class FleetTrees:
 
 @lru_cache(maxsize=8)
 def _booster(text: str) -> Any:
-    """A booster by its text; a few are kept, since reading one takes longer than a forecast."""
+    """Return the booster of a text. The last few are cached, since reading a booster takes longer than a forecast."""
     import lightgbm
 
     return lightgbm.Booster(model_str=text)
@@ -78,7 +78,7 @@ def _booster(text: str) -> Any:
 def choose_rounds(
     table: SegmentTable, residual_w: FloatArray, folds: IntArray, seed: int, step: int = 20
 ) -> tuple[int, FloatArray]:
-    """Rounds with the smallest error of the energy of held-out trips, and the held-out prediction [W] with them.
+    """Choose the number of boosting rounds with the smallest energy error of held-out trips; return it and the held-out prediction [W].
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def choose_rounds(
     folds : ndarray of int, shape (trips,)
     seed : int
     step : int
-        Rounds are a multiple of it; 0 is among them, unless trees help by `LEAST_GAIN`.
+        Numbers of rounds tried are multiples of this step. The result is 0 if trees lower the error by less than `LEAST_GAIN`.
     """
     import lightgbm
 
@@ -121,7 +121,7 @@ class FleetCorrector(PowerCorrector):
     mean : ndarray, shape (features,)
         Posterior mean of the vehicle's weights.
     factor : ndarray, shape (features, features)
-        ``factor @ factor.T`` is their covariance.
+        Factor of the covariance of these weights, which is ``factor @ factor.T``.
     trees : FleetTrees
     """
 
@@ -135,11 +135,11 @@ class FleetCorrector(PowerCorrector):
     def from_weights(
         cls, mean: FloatArray, covariance: FloatArray, trees: FleetTrees = FleetTrees()
     ) -> FleetCorrector:
-        """From the posterior of the vehicle's weights."""
+        """Make the correction from the posterior mean and covariance of the vehicle's weights."""
         values, vectors = eigen(0.5 * (covariance + covariance.T))
         return cls(mean, vectors * np.sqrt(np.maximum(values, 0.0)), trees)
 
     def predict_with_uncertainty(self, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
-        """Residual power [W], and its uncertainty by the weights; the trees have none of their own."""
+        """Predict the residual power [W], and its uncertainty [W] from that of the weights; the trees add none."""
         features = segment_features(table)
         return features @ self.mean + self.trees.predict(table), features @ self.factor

@@ -1,4 +1,4 @@
-"""Vehicles and drivers that take more than others, and trips that take more than their forecasts, by the linear part of a fleet's model."""
+"""How far vehicles and drivers deviate from others, and trips from their forecasts, by the linear part of a fleet's model."""
 
 from __future__ import annotations
 
@@ -20,29 +20,33 @@ LEVEL: Final = 0.9
 _BASE: Final = np.isin(FEATURES, "base_load")
 _CLIMATE: Final = np.isin(FEATURES, ("climate", *CLIMATE))
 PARTS: Final = {"driving": ~(_BASE | _CLIMATE), "climate": _CLIMATE, "base_load": _BASE}
-"""Parts of a deviation -> their features."""
+"""Masks of the features that belong to each part of a deviation."""
 
 
 def with_errors(posterior: GroupPosterior, rows: TripRows) -> tuple[FloatArray, FloatArray]:
-    """Energy [Wh] and its standard deviation with the trip's own error [Wh]."""
+    """Predict the energy of trips [Wh], and its standard deviation including the trip's own error [Wh]."""
     energy, sd = predict_rows(posterior, rows)
     return energy, np.hypot(sd, np.sqrt(posterior.scales.noise * rows.numbers("variance_wh2")))
 
 
 def deviations(posterior: GroupPosterior, rows: TripRows, *, drivers: bool = False) -> pd.DataFrame:
-    """How much more each vehicle takes than its car model, or each driver than others of the vehicle, on the usual trip of the car model.
+    """Estimate how much more energy each vehicle takes than its car model on the usual trip of the car model.
+
+    With `drivers`, estimate how much more each driver takes than the vehicle does with a driver of whom nothing is known.
 
     Parameters
     ----------
     posterior : GroupPosterior
     rows : TripRows
     drivers : bool
+        Compare drivers instead of vehicles.
 
     Returns
     -------
     DataFrame
-        Largest first: `car_model`, `vehicle_id`, with drivers `driver`, `trips`, `share` more [1] with its standard deviation `sd`, and the
-        parts of it by `driving`, `climate` and `base_load` [1].
+        One row per vehicle or driver, the largest deviation first: `car_model`, `vehicle_id`, `driver` (only with `drivers`), `trips`,
+        `share` (additional energy [1]), `sd` (its standard deviation), and the parts of `share` from `driving`, `climate` and
+        `base_load` [1].
     """
     depth = 3 if drivers else 2
     trips = Counter(group[:depth] for group in rows.groups if all(group[:depth]))
@@ -62,21 +66,21 @@ def deviations(posterior: GroupPosterior, rows: TripRows, *, drivers: bool = Fal
 
 
 def drift(posterior: GroupPosterior, rows: TripRows, level: float = LEVEL) -> dict[str, Any]:
-    """How new trips compare with their forecasts, of the fleet and of each vehicle, by the linear part.
+    """Compare new trips with their forecasts by the linear part, for the fleet and for each vehicle.
 
     Parameters
     ----------
     posterior : GroupPosterior
-        Of the model before it saw the trips.
+        Posterior of the model before it was updated with the trips.
     rows : TripRows
     level : float
-        Of the coverage, for errors with a normal distribution.
+        Level of the intervals whose coverage is computed, for normal errors.
 
     Returns
     -------
     dict
-        `trips`, mean relative error `bias` [1], `coverage` [1], and `vehicles`: those whose mean standardised error is
-        beyond 3 standard errors, with `trips`, `bias` and `z`.
+        `trips`, mean relative error `bias` [1], `coverage` [1], and `vehicles`: the vehicles whose mean standardised error is more
+        than 3 standard errors from 0, with `trips`, `bias` and `z`.
     """
     from scipy.special import ndtri
 

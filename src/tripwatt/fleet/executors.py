@@ -1,4 +1,4 @@
-"""Where the map over a store runs: behind `concurrent.futures.Executor`, in this process, on its cores or on a cluster."""
+"""Executors for the map over a store: in this process, on the cores of this machine, or on a cluster."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ Task = TypeVar("Task")
 Result = TypeVar("Result")
 
 AHEAD: Final = 4
-"""Tasks a worker that are submitted before the first has finished: memory does not grow with the number of tasks."""
+"""Tasks per worker that are submitted at once, so that memory does not grow with the number of tasks."""
 
 CLUSTER_WAIT_S: Final = 30.0
-"""Time [s] in which a cluster has to answer."""
+"""Time [s] within which a cluster has to answer."""
 
 
 class InProcess(Executor):
@@ -32,7 +32,7 @@ class InProcess(Executor):
     """
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """Call a function and keep what it gives or raises."""
+        """Call a function at once, and return a finished future with its result or exception."""
         future: Future[Any] = Future()
         try:
             future.set_result(fn(*args, **kwargs))
@@ -43,19 +43,19 @@ class InProcess(Executor):
 
 @contextmanager
 def executor_for(n_jobs: int = 1, cluster: str | None = None) -> Iterator[tuple[Executor, int]]:
-    """An executor, and the number of its workers.
+    """Yield an executor and the number of its workers.
 
     Parameters
     ----------
     n_jobs : int
-        Processes of this machine; 1 stays in this process.
+        Number of processes on this machine; with 1, tasks run in this process.
     cluster : str, optional
         Address of the scheduler of a Dask cluster, such as tcp://10.0.0.5:8786.
 
     Raises
     ------
     InvalidInput
-        When there is no such cluster, or the package `distributed` is missing.
+        If there is no such cluster, or the package `distributed` is missing.
 
     Examples
     --------
@@ -76,7 +76,7 @@ def executor_for(n_jobs: int = 1, cluster: str | None = None) -> Iterator[tuple[
 
 
 def _processes() -> BaseContext:
-    """How processes start: where the system can, as forks of one process that has imported what they need, and nothing else."""
+    """Return the way to start processes: forks of a server process that has imported their modules, or spawn if there are no forks."""
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")
     from multiprocessing import forkserver
@@ -112,7 +112,7 @@ def _dask(cluster: str) -> Iterator[tuple[Executor, int]]:
 def map_bounded(
     executor: Executor, workers: int, function: Callable[[Task], Result], tasks: Iterable[Task]
 ) -> Iterator[Result]:
-    """Results as they finish; at most `AHEAD` tasks a worker wait at once."""
+    """Map a function over tasks, and yield results as they finish; at most `AHEAD` tasks per worker are submitted at once."""
     waiting: set[Future[Result]] = set()
     remaining = iter(tasks)
     try:

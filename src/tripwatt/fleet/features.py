@@ -1,4 +1,4 @@
-"""The known features in which the correction of a fleet is linear: causes of the simulation, and the climate."""
+"""The features in which the correction of a fleet is linear: causes of the simulation, and the climate."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ SETTLING_S: Final = 900.0
 CLIMATE: Final = ("cold", "hot", "cold_start", "start")
 
 FEATURES: Final = (*LINE_CAUSES, *CLIMATE)
-"""Names of the features: power by cause [W] as simulated; degrees below and above `WARM_DEGC` [K], the first also as
-they fade after departure, and what fades by itself [1]."""
+"""Names of the features: simulated power of each cause [W]; kelvin below (`cold`) and above (`hot`) `WARM_DEGC` [K]; with the factor
+exp(-time since departure / `SETTLING_S`), `cold` again (`cold_start`) [K], and the factor itself (`start`) [1]."""
 
 SCALES: Final = np.array([0.1] * len(LINE_CAUSES) + [10.0, 10.0, 20.0, 150.0])
-"""Usual size of each weight: a cause is off by a tenth; watts by kelvin; watts at the start."""
+"""Usual size of each weight: a tenth of a cause [1]; W/K of `cold`, `hot` and `cold_start`; W of `start`."""
 
 START: Final = Scales(
     ((0.5, 0.5), (0.5, 0.5), (0.3, 0.3)), 1.0, (*[0] * len(LINE_CAUSES), *[1] * len(CLIMATE))
 )
-"""Usual scales of car models, vehicles and drivers, of causes and climate apart: where the search for those of a fleet starts."""
+"""Usual scales of car models, vehicles and drivers, for causes and for climate: the start of the search for the scales of a fleet."""
 
 
 def segment_features(table: SegmentTable) -> FloatArray:
-    """Features of each segment, in units of their usual weight [W], shape (segments, features). O(segments).
+    """Return the features of each segment times the usual size of their weights [W], shape (segments, features). O(segments).
 
     An unknown outside temperature counts as `WARM_DEGC`.
     """
@@ -47,16 +47,17 @@ def segment_features(table: SegmentTable) -> FloatArray:
 
 
 def trip_features(table: SegmentTable) -> FloatArray:
-    """Energy of each trip by each feature [Wh], shape (trips, features)."""
+    """Return the energy of each trip by each feature [Wh], shape (trips, features)."""
     return np.asarray(
         np.add.reduceat(segment_features(table) * table.hours[:, None], table.offsets[:-1], axis=0)
     )
 
 
 def trip_variance_wh2(table: SegmentTable) -> FloatArray:
-    """Usual variance of the error of each trip [Wh²], shape (trips,): 40 Wh, and 5 % of the energy moved at the wheels.
+    """Return the usual variance of the error of each trip [Wh²], shape (trips,).
 
-    Only the ratios between trips count; the level is estimated.
+    The standard deviation is 40 Wh, and 5 % of the energy moved at the wheels (root of the sum of squares). Only the ratios between
+    trips count; the level is estimated.
     """
     moved = table.totals_wh(table.features["moved_w"].to_numpy(dtype=np.float64))
     return np.asarray(40.0**2 + (0.05 * moved) ** 2)

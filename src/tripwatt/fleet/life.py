@@ -1,4 +1,4 @@
-"""The life of a fleet's model between nights: a scheduled refit that has to prove itself before it is used."""
+"""Scheduled refits of a fleet's model: a new model is used only if it is not worse than the one in use."""
 
 from __future__ import annotations
 
@@ -25,30 +25,30 @@ def refit_fleet(
     sampling: Sampling | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[str, Comparison, bool]:
-    """Fit on all but the newest weeks, compare with the version in use on these, and promote what is not worse.
+    """Fit on all but the newest weeks, compare with the version in use on these weeks, and promote the new model if it is not worse.
 
     Parameters
     ----------
     store : TripStore
     registry : Registry
-        With a version in use.
+        A registry that has a version in use.
     work, executor, workers, progress
-        As of `fit_fleet`.
+        As in `fit_fleet`.
     weeks : float
-        Newest weeks, counted from the newest departure of the store.
+        Number of newest weeks, counted back from the newest departure of the store.
     sampling : Sampling, optional
 
     Returns
     -------
     version : str
-        Of the challenger; when it was promoted, with the newest weeks taken in.
+        Version of the new model. If promoted, it was also updated with the newest weeks.
     comparison : Comparison
     promoted : bool
 
     Raises
     ------
     InvalidInput
-        When the store has no times of departure, or no trip with measured energy in the newest weeks.
+        If the store has no times of departure, or no trip with measured energy in the newest weeks.
     """
     last = store.about()["last"]
     if last is None:

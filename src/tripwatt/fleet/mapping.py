@@ -1,8 +1,8 @@
-"""One map over a store: every data file to the rows of its trips, and to the segments of a sample of them.
+"""One map over a store: from every data file to the rows of its trips, and to the segments of a sample of them.
 
-`rows_of_file` is a pure function of one immutable data file and of what is wanted of it. Its result gets its final name
-only when it is whole, and the name is a digest of everything that the result depends on: a driver that was killed finds
-what is finished, and nothing is computed twice.
+`rows_of_file` is a pure function of one immutable data file and of the trips wanted from it. Its result gets its final name
+only when it is complete, and the name is a digest of everything that the result depends on. A run that was killed and started
+again therefore finds its finished results, and computes nothing twice.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ from tripwatt.trips import REQUIRED_COLUMNS, Log, Trip, plan_from_trip, table_of
 from tripwatt.vehicles import Vehicle, load_vehicle
 
 VERSION: Final = 2
-"""Changes whenever rows of the same trips change."""
+"""Number to raise whenever the rows of the same trips change."""
 
 _MEASURED: Final = (*REQUIRED_COLUMNS, "voltage_v", "current_a", "observed_energy_wh", "soc", "displayed_soc")
-"""Columns of a drive that its measured power and its charge need."""
+"""Columns of a drive from which its measured power and its charge are computed."""
 
 _ROW: Final = ("digest", "batch", "vehicle_id", "trip_id", "car_model", "driver", "started_at", "as_logged", "drives",
                "context", "columns", "samples")  # fmt: skip
@@ -50,19 +50,20 @@ _ROW: Final = ("digest", "batch", "vehicle_id", "trip_id", "car_model", "driver"
 
 @dataclass(frozen=True, slots=True)
 class FileTask:
-    """What is wanted of one data file.
+    """The trips to read from one data file.
 
     Attributes
     ----------
     place : str
-        Of the table of samples.
+        Place of the table of samples.
     options : mapping of str to str
+        Options of the object store.
     path : str
-        Of the data file, relative to the table.
+        Path of the data file, relative to the table.
     rows : tuple of mapping
-        Rows of `trips`.
+        Rows of `trips` that are wanted from the file.
     sampled : frozenset of str
-        Digests of trips whose segments are kept as well.
+        Digests of the trips whose segments are written as well.
     out : str
         Folder of the results.
     """
@@ -84,16 +85,16 @@ class FileTask:
 
 @dataclass(frozen=True, slots=True)
 class FileResult:
-    """Where the result of a task is, and what it is of.
+    """The files that a task wrote.
 
     Attributes
     ----------
     rows : str
         Parquet file of the schema `ROWS`.
     segments : str or None
-        Parquet file of segments, None without any.
+        Parquet file of segments; None if there are none.
     trips, drives : int
-        Trips that were wanted and found, and sound drives with measured energy among them.
+        Number of wanted trips that were found, and of the rows made of their drives.
     """
 
     rows: str
@@ -105,7 +106,7 @@ class FileResult:
 def tasks_of(
     store: TripStore, rows: Iterable[Mapping[str, Any]], out: Path | str, sampled: Iterable[str] = ()
 ) -> list[FileTask]:
-    """Tasks for some trips of a store, those without a sound drive or measured energy left out.
+    """Make the tasks for some trips of a store; trips without a sound drive or measured energy are left out.
 
     Parameters
     ----------
@@ -113,9 +114,9 @@ def tasks_of(
     rows : iterable of mapping
         Rows of `trips`, all columns.
     out : path
-        Folder of the results; every worker has to reach it under this name.
+        Folder of the results, which every worker can reach under this name.
     sampled : iterable of str
-        Digests of trips whose segments are kept.
+        Digests of the trips whose segments are written as well.
     """
     usable = [row for row in rows if row["drives"] and row["energy_wh"] is not None]
     chosen = frozenset(sampled)
@@ -140,7 +141,7 @@ def map_store(
     workers: int,
     progress: Callable[[int, int], None] | None = None,
 ) -> Iterator[FileResult]:
-    """Results of all tasks, those that are finished already first.
+    """Yield the results of all tasks, first of those that are finished already.
 
     Parameters
     ----------
@@ -161,9 +162,9 @@ def map_store(
 
 
 def rows_of_file(task: FileTask) -> FileResult:
-    """Audit, simulate, cut and sum up the wanted trips of one data file. A pure function of the file.
+    """Audit, simulate, cut and sum up the wanted trips of one data file, and write their rows. A pure function of the file.
 
-    Trips whose car model cannot simulate them are left out, as are those without measured energy.
+    Drives that cannot be simulated with their car model, or have no measured energy, are left out.
     """
     result = _finished(task)
     if result is not None:
@@ -186,7 +187,7 @@ def rows_of_file(task: FileTask) -> FileResult:
     if segments:
         write_whole(pa.concat_tables(segments), _segments_path(task))
     about = {"trips": f"{trips}", "segments": "yes" if segments else ""}
-    # the rows come last: where they are, all of the task is
+    # rows are written last: if their file exists, the task is finished
     write_whole(pa.Table.from_pylist(rows, schema=ROWS).replace_schema_metadata(about), _rows_path(task))
     return FileResult(
         str(_rows_path(task)), str(_segments_path(task)) if segments else None, trips, len(rows)
@@ -202,7 +203,7 @@ def _segments_path(task: FileTask) -> Path:
 
 
 def _finished(task: FileTask) -> FileResult | None:
-    """The result of a task that is finished."""
+    """Return the result of a task if it is finished, else None."""
     path = _rows_path(task)
     if not path.is_file():
         return None
@@ -213,7 +214,7 @@ def _finished(task: FileTask) -> FileResult | None:
 
 
 def write_whole(table: pa.Table, path: Path) -> None:
-    """A file under its final name only when it is whole; another process may write the same at the same time."""
+    """Write a Parquet file that gets its name only when complete; another process may write the same file at the same time."""
     partial = path.with_name(f".{path.name}.{uuid.uuid4().hex}")
     try:
         pq.write_table(table, partial, compression="zstd")
@@ -223,12 +224,12 @@ def write_whole(table: pa.Table, path: Path) -> None:
 
 
 def drives_of(log: Log, row: Mapping[str, Any]) -> Sequence[Trip]:
-    """The sound drives of a stored log: the log itself where its audit changed nothing, else its audit's."""
+    """Return the sound drives of a stored log: the log itself if its audit changed nothing, else those of a new audit."""
     return (Trip.from_log(log),) if row["as_logged"] else audit([log]).trips
 
 
 def segments_of(drive: Trip, car_model: str) -> SegmentTable | None:
-    """Segments of a drive; None without measured energy, or where it cannot be simulated.
+    """Cut a drive into segments; returns None if it has no measured energy or cannot be simulated.
 
     Parameters
     ----------
@@ -250,12 +251,12 @@ def segments_of(drive: Trip, car_model: str) -> SegmentTable | None:
 
 @lru_cache(maxsize=256)
 def car_of(name: str) -> Vehicle:
-    """A car of the library or of a TOML file, read once in each process.
+    """Load a car of the library or of a TOML file, once in each process.
 
     Raises
     ------
     InvalidInput
-        When there is none.
+        If there is no such car.
     """
     if name.endswith(".toml") and not Path(name).is_file():
         got, allowed = "no such file", "the file with which the trips were added"
@@ -264,7 +265,16 @@ def car_of(name: str) -> Vehicle:
 
 
 def row_of(drive: Trip, table: SegmentTable, row: Mapping[str, Any]) -> dict[str, Any]:
-    """The row of one drive."""
+    """Return the row of one drive, with the columns of `ROWS`.
+
+    Parameters
+    ----------
+    drive : Trip
+    table : SegmentTable
+        Segments of the drive.
+    row : mapping
+        Row of `trips` of its log.
+    """
     ambient = table.features["ambient_temperature_degc"].to_numpy(dtype=np.float64)
     observed = table.totals_wh(table.observed_power_w)[0]
     started = drive.context.started_at
@@ -291,7 +301,7 @@ def _keys(row: Mapping[str, Any], drive: str) -> dict[str, str]:
 
 
 def table_of_segments(table: SegmentTable, row: Mapping[str, Any]) -> pa.Table:
-    """Segments of one drive as rows: keys, features, hours, powers and readings of the charge."""
+    """Return the segments of one drive as rows: keys, features, hours, powers and readings of the charge."""
     n = len(table.hours)
     charge = np.full((1, 4), np.nan) if table.charge is None else table.charge
     values = {name: table.features[name].to_numpy(dtype=np.float64) for name in table.features.columns}
@@ -317,7 +327,7 @@ class SampledTrips:
     Attributes
     ----------
     table : SegmentTable
-        `trip_ids` are the digests with the drives.
+        The segments. Its `trip_ids` are ``digest/drive``.
     groups : tuple of (str, str, str)
         Car model, vehicle and driver of each drive.
     digests : tuple of str
@@ -331,14 +341,14 @@ class SampledTrips:
         return len(self.groups)
 
     def sums(self, members: IntArray) -> Sums:
-        """Sums of some of the drives, in their order."""
+        """Return the sums of some of the drives, given by their numbers."""
         table = self.table
         values = (trip_features(table), table.totals_wh(table.residual_w), trip_variance_wh2(table))
         return Sums.from_trips([self.groups[i] for i in members], *(value[members] for value in values))
 
     @classmethod
     def read(cls, paths: Iterable[str]) -> SampledTrips:
-        """From files of segments. O(rows log rows)."""
+        """Read files of segments. O(rows log rows)."""
         tables = [pq.read_table(path) for path in sorted(paths)]
         if not tables:
             raise InvalidInput.of("no trips", "sample", "0", "at least one trip with measured energy")
@@ -366,24 +376,25 @@ class SampledTrips:
 
 
 def read_rows(results: Iterable[FileResult]) -> TripRows:
-    """Rows of all results, sorted."""
+    """Read the rows of all results, sorted."""
     return TripRows.join([pq.read_table(result.rows).cast(ROWS) for result in results])
 
 
 def sample_of(
     rows: Sequence[Mapping[str, Any]], per_vehicle: int, vehicles: int, seed: int = 0
 ) -> frozenset[str]:
-    """Digests of a seeded sample of trips: at most so many of each vehicle, and of so many vehicles a car model.
+    """Draw a seeded sample of trips, and return their digests.
 
-    The choice depends on the seed, the vehicles' names and the digests alone: a trip's order does not count.
+    The choice depends only on the seed, the vehicles' names and the digests, not on the order of the trips.
 
     Parameters
     ----------
     rows : sequence of mapping
         Rows of `trips`.
     per_vehicle : int
+        Largest number of trips of each vehicle.
     vehicles : int
-        Most vehicles of each car model.
+        Largest number of vehicles of each car model.
     seed : int
     """
 

@@ -41,7 +41,7 @@ PROCESS_TRIPS: Final = 200
 """Trips on which the residual process is estimated."""
 
 MODEL_SCORES: Final = 60
-"""A car model with so many sampled trips has conformal scores of its own; so has a temperature class of all models."""
+"""Sampled trips from which on a car model, or a temperature class of all models, has conformal scores of its own."""
 
 COLD_DEGC: Final = 8.0
 """Bound [°C] of the two temperature classes."""
@@ -49,14 +49,14 @@ COLD_DEGC: Final = 8.0
 
 @dataclass(frozen=True, slots=True)
 class Sampling:
-    """How many trips of a fit are looked at segment by segment.
+    """How many trips a fit samples to read segment by segment.
 
     Attributes
     ----------
     per_vehicle : int
-        Most trips of a vehicle.
+        Largest number of trips of a vehicle.
     vehicles : int
-        Most vehicles of a car model.
+        Largest number of vehicles of a car model.
     seed : int
     """
 
@@ -72,23 +72,23 @@ class FleetModel:
     Attributes
     ----------
     sums : Sums
-        Of all trips that the linear part has seen.
+        Sums of all trips on which the linear part was fitted.
     posterior : GroupPosterior
     trees : FleetTrees
     uncertainty : UncertaintyModel
-        Of the whole fleet.
+        Uncertainty of the whole fleet.
     scores : mapping of str to ConformalScores
-        By car model, and by temperature class ("cold", "mild"), where there were enough trips.
+        Scores of each car model and temperature class ("cold", "mild") with at least `MODEL_SCORES` sampled trips.
     charges : mapping of str to ChargeScale
         By car model.
     ranges : mapping of str to Range
-        Of the sampled trips.
+        Ranges of the features in the sampled trips.
     digests : frozenset of str
-        Trips that were seen.
+        Digests of the trips on which the model was fitted.
     sampled : int
-        Sampled trips.
+        Number of sampled trips.
     about : dict
-        Provenance.
+        Provenance of the fit.
     """
 
     sums: Sums
@@ -104,12 +104,12 @@ class FleetModel:
 
     @property
     def trips(self) -> int:
-        """Trips that the linear part has seen."""
+        """Number of trips on which the linear part was fitted."""
         return round(float(self.sums.count.sum()))
 
     @cached_property
     def _counts(self) -> dict[tuple[str, str], float]:
-        """Car model and vehicle -> its trips; once for all forecasts."""
+        """Number of trips by (car model, vehicle), computed once for all forecasts."""
         counts: dict[tuple[str, str], float] = {}
         for group, count in zip(self.sums.groups, self.sums.count.tolist(), strict=True):
             key = group[0], group[1]
@@ -121,7 +121,7 @@ class FleetModel:
         return {vehicle: name for name, vehicle in self._counts}
 
     def vehicles(self) -> Mapping[str, str]:
-        """Vehicle -> its car model."""
+        """Return the car model of each vehicle."""
         return self._models
 
     def of_vehicle(
@@ -132,22 +132,22 @@ class FleetModel:
         driver: str | None = None,
         cold: bool | None = None,
     ) -> ForecastModel:
-        """The forecasting model of one vehicle.
+        """Return the forecasting model of one vehicle.
 
         Parameters
         ----------
         vehicle_id : str, optional
             A vehicle without trips starts from its car model.
         car_model : str, optional
-            Name of a car of the library; that of the vehicle's trips when not given.
+            Name of a car of the library. By default, the car model of the vehicle's trips.
         driver : str, optional
         cold : bool, optional
-            Temperature class of the trip, for the scores; None takes those of the car model.
+            Temperature class of the trip. Its scores are used if the car model has none of its own.
 
         Raises
         ------
         InvalidInput
-            When the vehicle is new and no car model is given, or it has trips as another one.
+            If the vehicle is new and no car model is given, or if its trips are of another car model.
         """
         known = self.vehicles().get(vehicle_id or "")
         if known is None and car_model is None:
@@ -166,7 +166,10 @@ class FleetModel:
         return made
 
     def uncertainty_of(self, car_model: str, cold: bool | None = None) -> UncertaintyModel:
-        """The fleet's uncertainty with the scores and the charge of a car model."""
+        """Return the fleet's uncertainty with the charge scale and the scores of a car model.
+
+        If the car model has no scores, those of the temperature class are used, and else those of the whole fleet.
+        """
         temperature = None if cold is None else ("cold" if cold else "mild")
         own = self.scores.get(car_model)
         if own is None:
@@ -182,14 +185,14 @@ class FleetModel:
         car_model: str | None = None,
         driver: str | None = None,
     ) -> Forecast:
-        """Forecast a trip of a vehicle: `ForecastModel.forecast` of `of_vehicle`.
+        """Forecast a trip of a vehicle by the model that `of_vehicle` returns.
 
         Parameters
         ----------
         trip, departure
-            As of `ForecastModel.forecast`.
+            As in `ForecastModel.forecast`.
         vehicle_id, car_model, driver
-            As of `of_vehicle`.
+            As in `of_vehicle`.
         """
         plan = trip.departure.merge(departure)
         ambient = plan.ambient_temperature_degc
@@ -198,7 +201,7 @@ class FleetModel:
         return own.forecast(trip, departure)
 
     def with_sums(self, sums: Sums) -> FleetModel:
-        """The model with other trips in its linear part; trees, scales and uncertainty stay."""
+        """Return the model with other trips in its linear part and the same trees, scales and uncertainty."""
         return replace(self, sums=sums, posterior=group_posterior(sums, self.posterior.scales))
 
     def __repr__(self) -> str:
@@ -207,7 +210,7 @@ class FleetModel:
 
 
 def predict_rows(posterior: GroupPosterior, rows: TripRows) -> tuple[FloatArray, FloatArray]:
-    """Energy [Wh] of rows of trips by the linear part, and the standard deviation of what is not known of the weights."""
+    """Predict the energy of trips by the linear part, and its standard deviation from the uncertainty of the weights [Wh]."""
     X = rows.X
     energy = rows.numbers("simulated_wh").copy()
     sd = np.zeros(len(rows))
@@ -235,11 +238,11 @@ def fit_fleet(
     ----------
     store : TripStore
     work : path
-        Folder of finished parts, which every worker reaches. A fit that was interrupted goes on with them.
+        Folder of finished parts, which every worker can reach. An interrupted fit continues from these parts.
     executor : Executor
     workers : int
     which : mapping, optional
-        Of `TripStore.trips`: the trips to fit on; all when not given.
+        Arguments of `TripStore.trips` that select the trips to fit on. By default, all trips.
     sampling : Sampling, optional
     progress : callable, optional
         Called with (finished files, all files).
@@ -247,7 +250,7 @@ def fit_fleet(
     Raises
     ------
     InvalidInput
-        With fewer than `MIN_TRIPS` sound trips with measured energy.
+        If there are fewer than `MIN_TRIPS` sound trips with measured energy.
     """
     sampling = sampling or Sampling()
     wanted = store.trip_rows(**(which or {}))
@@ -265,8 +268,8 @@ def fit_fleet(
 def fit_rows(rows: TripRows, sample: SampledTrips, seed: int = 0) -> FleetModel:
     """Fit a model on rows of trips and the segments of a sample of them.
 
-    The sampled trips are held out in turn for trees and uncertainty: their part is taken out of the sums, and the whole
-    posterior follows. The scales of the deviations are those of all trips.
+    For trees and uncertainty, the folds of the sampled trips are held out in turn: the sums of a fold are subtracted, and the
+    posterior is computed anew. The scales of the deviations are estimated once, from all trips.
     """
     sums = rows.sums
     scales = fit_scales(sums, START)
@@ -276,7 +279,7 @@ def fit_rows(rows: TripRows, sample: SampledTrips, seed: int = 0) -> FleetModel:
     rounds, held_out = choose_rounds(sample.table, sample.table.residual_w - linear, folds, seed)
     trees = FleetTrees.fit(sample.table, sample.table.residual_w - linear, rounds, seed)
     residuals = _residuals(sample.table, correctors, held_out)
-    # the residual process costs far more by trip than scale and scores
+    # the residual process costs far more per trip than scale and scores
     some = np.sort(np.random.default_rng(seed).permutation(len(sample))[:PROCESS_TRIPS])
     uncertainty = UncertaintyModel.from_held_out([residuals[i] for i in some])
     standardised = np.array([r.error_wh for r in residuals]) / scale_wh(uncertainty.scale, residuals)
@@ -299,7 +302,7 @@ def fit_rows(rows: TripRows, sample: SampledTrips, seed: int = 0) -> FleetModel:
 def held_out_correctors(
     sums: Sums, scales: Scales, sample: SampledTrips, folds: IntArray
 ) -> list[FleetCorrector]:
-    """For each sampled trip the linear part that has not seen its fold of the sample."""
+    """Return the linear part for each sampled trip, fitted without the fold of this trip."""
     made: dict[int, FleetCorrector] = {}
     for fold in np.unique(folds):
         held = np.flatnonzero(folds == fold)
@@ -349,16 +352,16 @@ def update_fleet(
     executor: Executor,
     workers: int = 1,
 ) -> tuple[FleetModel, TripRows]:
-    """A model with the trips of the store that it has not seen; the cost is that of the new trips.
+    """Update a model with the trips of the store that are new. O(new trips).
 
-    The linear part, with the scales of the last fit, is that of a fit on all trips. Trees, residual process and scores
-    stay as they are.
+    The linear part becomes that of a fit on all trips with the scales of the last fit. Trees, residual process and scores stay as
+    they are.
 
     Returns
     -------
     model : FleetModel
     rows : TripRows
-        Of the new trips.
+        Rows of the new trips.
     """
     wanted = [row for row in store.trip_rows() if row["digest"] not in model.digests]
     results = list(map_store(tasks_of(store, wanted, work), executor, workers))

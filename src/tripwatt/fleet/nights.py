@@ -1,7 +1,7 @@
-"""What the planned trips of a fleet need: tonight by vehicle and hour, and in the coldest week by route and car model.
+"""The charge that the planned trips of a fleet need: tonight by vehicle and hour, in the coldest week by route and car model.
 
-A table of planned trips has one row a trip with `vehicle_id`, `trip`, `departs_at` and `distance_km`, or one row a link with `length_m` and
-the other fields of a link. What is known at departure may stand beside it; `soc` is what the display shows now.
+A table of planned trips has one row per trip with `vehicle_id`, `trip`, `departs_at` and `distance_km`, or one row per link with `length_m`
+and the other fields of a link. Further columns may give what is known at departure; `soc` is the displayed charge now.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ EFFICIENCY: Final = 0.9
 """Share of a charger's energy that reaches the battery."""
 
 LEAST_TRIPS: Final = 10
-"""Trips of a week whose mean temperature counts."""
+"""Smallest number of trips with which the mean temperature of a week counts."""
 
 AMBIENT: Final = "ambient_temperature_degc"
 TEXTS: Final = ("vehicle_id", "trip", "departs_at", "car_model", "driver", "kind")
@@ -56,17 +56,18 @@ class PlannedTrip:
     ----------
     name, vehicle_id : str
     departs_at : datetime
-        With its zone.
+        Departure, with its time zone.
     road : Plan or float
-        Or its length [km], of a `kind` of road.
+        The planned road, or only its length [km].
     kind : str
+        Kind of road, used if `road` is a length.
     departure : Departure
-        What is known, without the charge.
+        What is known at departure, without the charge.
     soc : float
-        Displayed charge now; NaN where it is not known.
+        Displayed charge now; NaN if it is not known.
     car_model, driver : str or None
     where : str
-        Its place in its table or request, which begins the place of every fault.
+        Place of the trip in its table or request, which begins the place of every fault.
     """
 
     name: str
@@ -81,13 +82,13 @@ class PlannedTrip:
     where: str = ""
 
     def forecast(self, own: ForecastModel, departure: Departure) -> Forecast:
-        """By the model of a car."""
+        """Forecast the trip by the model of a car."""
         if isinstance(self.road, Plan):
             return own.forecast(self.road, departure)
         return KindForecaster.from_kind(own, departure, self.kind).forecast(1000.0 * self.road)
 
     def forecast_by(self, fleet: FleetModel) -> tuple[Vehicle, Forecast]:
-        """The car and the forecast by the model of a fleet."""
+        """Return the car and its forecast of the trip by the model of a fleet."""
         ambient = self.departure.ambient_temperature_degc
         cold = None if ambient is None else ambient < COLD_DEGC
         with places_within(self.where):
@@ -102,12 +103,12 @@ def read_planned(file: Path | str, ambient_degc: float | None = None) -> list[Pl
     ----------
     file : path
     ambient_degc : float, optional
-        Outside temperature of trips that have none [°C].
+        Outside temperature of the trips for which the file gives none [°C].
 
     Raises
     ------
     InvalidInput
-        When the file cannot be read; with every column that is missing or unknown, or every trip that cannot be planned.
+        If the file cannot be read, if columns are missing or unknown, or if trips cannot be planned.
     """
     read = open_table(Path(file))
     table = pd.DataFrame({name: _typed(name, read.texts(name)) for name in read.names})
@@ -126,7 +127,7 @@ def read_planned(file: Path | str, ambient_degc: float | None = None) -> list[Pl
 
 
 def _typed(name: str, cells: list[str]) -> pd.Series:
-    """A column as numbers or truths where it is one, missing where it is empty."""
+    """Return a column as numbers if all its cells are numbers, else as texts and truth values; empty cells are missing."""
     texts = pd.Series(cells, dtype=object).where(lambda cell: cell != "")
     numbers = pd.to_numeric(texts, errors="coerce")
     is_number = name not in TEXTS and numbers.notna().equals(texts.notna())
@@ -134,7 +135,7 @@ def _typed(name: str, cells: list[str]) -> pd.Series:
 
 
 def _planned(rows: pd.DataFrame) -> PlannedTrip:
-    """A trip of its rows."""
+    """Make a planned trip from its rows."""
     links = [{str(k): v for k, v in row.items() if pd.notna(v)} for row in rows.to_dict("records")]
     first, where = links[0], f"trip {links[0]['trip']} of {links[0]['vehicle_id']}: "
     if "length_m" in first:
@@ -158,7 +159,7 @@ def _planned(rows: pd.DataFrame) -> PlannedTrip:
 
 
 def _time(text: str, where: str) -> dt.datetime:
-    """A time from its text, in the zone of this machine where it names none."""
+    """Read a time from its text; a text without a time zone is in the zone of this machine."""
     try:
         return dt.datetime.fromisoformat(text).astimezone()
     except ValueError as error:
@@ -169,33 +170,39 @@ def needs_by_hour(
     model: FleetModel, trips: Sequence[PlannedTrip], *, quantile: float = QUANTILE, reserve: float = 0.0,
     refused: list[Fault] | None = None,
 ) -> pd.DataFrame:  # fmt: skip
-    """What planned trips need, by vehicle and hour of departure. One forecast a trip.
+    """Compute the energy and charge that planned trips need, by vehicle and hour of departure. O(trips) forecasts.
 
-    The trips of a vehicle share the errors of the car, so that their quantiles add up.
+    The trips of a vehicle share the errors of the car, so that their quantiles are added.
 
     Parameters
     ----------
     model : FleetModel
     trips : sequence of PlannedTrip
     quantile : float
-        Probability with which the energy suffices, 0.5 to 1.
+        Probability that the energy suffices, 0.5 to 1.
     reserve : float
         Displayed charge to come back with.
     refused : list of Fault, optional
-        Gets the faults of trips that cannot be forecast, which are then left out.
+        List to which the faults of trips that cannot be forecast are added. Such trips are then left out.
 
     Returns
     -------
     DataFrame
-        `vehicle_id`, `car_model`, `departs_at` (the first of the hour), `arrives_at` (the last), `trips`, `distance_m`, `energy_wh` (median), `energy_quantile_wh`,
-        `soc_needed` (displayed charge to leave with for this hour and the later ones without charging in between; above 1 where a full battery
-        does not suffice), `soc` (now) and `charge_wh`: what is to be charged for this hour beyond what the hours before need [Wh], NaN where
-        `soc` is not known. `assumed` names what a trip does not give, and `reasons` has what was assumed and what limits the forecasts as sentences.
+        Columns `vehicle_id`, `car_model`, `trips`, `distance_m` and
+
+        - `departs_at` (first departure of the hour), `arrives_at` (last arrival);
+        - `energy_wh` (median), `energy_quantile_wh`;
+        - `soc_needed`: displayed charge to leave with for this hour and the later ones without charging in between. A value above 1
+          means that a full battery does not suffice;
+        - `soc`: displayed charge now;
+        - `charge_wh`: energy to charge for this hour beyond the need of the hours before [Wh]; NaN if `soc` is not known;
+        - `assumed`: names of the values that the trips do not give;
+        - `reasons`: sentences on what was assumed and what limits the forecasts.
 
     Raises
     ------
     InvalidInput
-        Without `refused`, when a vehicle is not known and has no car model, or a trip cannot be forecast.
+        If `refused` is not given, and a vehicle is unknown and has no car model, or a trip cannot be forecast.
     """
     quantile, reserve = require_fraction("quantile", quantile, 0.5), require_fraction("reserve", reserve)
     check = Check()
@@ -237,11 +244,11 @@ class Cold(NamedTuple):
     ambient_temperature_degc : float
         Outside temperature [°C].
     monday : str or None
-        Of the week whose mean it is; None where it was given.
+        Monday of the week with this mean temperature; None if the temperature was given.
     least_trips : int
-        Trips of a week whose mean counts.
-    colder : tuple of (str, float, int)
-        Monday, mean temperature [°C] and trips of colder weeks with fewer trips.
+        Smallest number of trips with which the mean of a week counts.
+    colder : sequence of (str, float, int)
+        Monday, mean temperature [°C] and number of trips of the colder weeks with fewer trips.
     """
 
     ambient_temperature_degc: float
@@ -251,7 +258,11 @@ class Cold(NamedTuple):
 
 
 def coldest_week(rows: TripRows) -> Cold | None:
-    """The week of a fleet's trips with the lowest mean outside temperature, of those with `LEAST_TRIPS` or more where there is one; None without any."""
+    """Find the week of a fleet's trips with the lowest mean outside temperature.
+
+    Only weeks with at least `LEAST_TRIPS` trips count. If there is no such week, only those with the largest number of trips count.
+    Returns None if no trip has a time and a temperature.
+    """
     order, day = rows.in_time
     ambient = pd.Series(
         rows.numbers("ambient_temperature_degc")[order], pd.DatetimeIndex(day[order])
@@ -274,22 +285,22 @@ def needs_by_car(
     quantile: float = QUANTILE,
     reserve: float = 0.0,
 ) -> pd.DataFrame:
-    """Charge that each planned route needs with each car model of a fleet at an outside temperature. A forecast for each route and model.
+    """Forecast the charge that each planned route needs with each car model of a fleet at an outside temperature.
 
     Parameters
     ----------
     model : FleetModel
     trips : sequence of PlannedTrip
-        Those of one name are one route.
+        Trips of the same name are one route, forecast by the last of them.
     ambient_degc : float
         Outside temperature [°C].
     quantile, reserve : float
-        As of `needs_by_hour`.
+        As in `needs_by_hour`.
 
     Returns
     -------
     DataFrame
-        A row for each route `trip`, and a column for each car model: displayed charge to leave with.
+        Displayed charge to leave with: one row per route, named in the column `trip`, and one column per car model.
     """
     cold = ambient_degc < COLD_DEGC
     cars = {n: model.of_vehicle(None, car_model=n, cold=cold) for n in sorted(set(model.vehicles().values()))}
@@ -304,26 +315,27 @@ def needs_by_car(
 
 
 def emhass(needs: pd.DataFrame, at: dt.datetime, charger_w: float, step_s: float = 1800.0) -> dict[str, Any]:
-    """Payload for EMHASS's `naive-mpc-optim`: a deferrable load for each row that has something to charge, in the order of `vehicles`.
+    """Return the payload for EMHASS's `naive-mpc-optim`: one deferrable load per row with a positive `charge_wh`.
 
-    A load begins after the vehicle's trips of the hours before, and ends at its departure. EMHASS counts steps from its own request: post it at `begins_at`.
-    It switches a load for whole steps only, so that the hours are rounded up to them.
+    A load begins after the vehicle's trips of the hours before, and ends at its departure. `vehicles` names the vehicle of each load.
+    EMHASS counts steps from the time of the request, so the payload is to be posted at `begins_at`. EMHASS switches a load for whole
+    steps only, so the operating hours are rounded up to whole steps.
 
     Parameters
     ----------
     needs : DataFrame
-        Of `needs_by_hour`.
+        Result of `needs_by_hour`.
     at : datetime
-        Beginning of the first step, with its zone.
+        Beginning of the first step, with its time zone.
     charger_w : float
-        Nominal power of a charger [W], of which `EFFICIENCY` reaches the battery.
+        Nominal power of a charger [W], of which the share `EFFICIENCY` reaches the battery.
     step_s : float
         Length of a step [s].
 
     Raises
     ------
     InvalidInput
-        When a vehicle with something to charge departs before `at`.
+        If a vehicle that has to charge departs before `at`.
 
     Examples
     --------
@@ -357,7 +369,7 @@ def emhass(needs: pd.DataFrame, at: dt.datetime, charger_w: float, step_s: float
 
 
 def evcc(needs: pd.DataFrame) -> list[str]:
-    """Paths to post to evcc: the plan of each vehicle, for its first departure and all that it needs after it.
+    """Return paths to post to evcc: one charging plan per vehicle, with the charge needed at its first departure.
 
     Examples
     --------
@@ -373,12 +385,12 @@ def evcc(needs: pd.DataFrame) -> list[str]:
 
 
 def night_document(needs: pd.DataFrame, at: dt.datetime, charger_w: float) -> dict[str, Any]:
-    """What a night needs as data: the rows of `needs_by_hour`, the payload of `emhass`, and the paths of `evcc`."""
+    """Return the needs of a night as data: the rows of `needs_by_hour`, the payload of `emhass`, and the paths of `evcc`."""
     return {"needs": records(needs), "emhass": emhass(needs, at, charger_w), "evcc": evcc(needs)}
 
 
 def records(table: pd.DataFrame) -> list[dict[str, Any]]:
-    """Rows of a table as data: times as text in UTC, None for what is not known."""
+    """Return the rows of a table as data, with times as text in UTC and None for unknown values."""
     rows: list[dict[str, Any]] = json.loads(
         table.to_json(orient="records", date_format="iso", double_precision=15)
     )

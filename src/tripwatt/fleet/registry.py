@@ -1,4 +1,4 @@
-"""Versions of a fleet's model in a folder, and a pointer to the one in use that moves at once.
+"""Versions of a fleet's model in a folder, and a pointer to the version in use.
 
     REGISTRY/
       versions/0001/       a model folder, written once
@@ -6,8 +6,8 @@
       current              the number of the version in use
       history.jsonl        what was done, one line each
 
-The pointer is one small file that is replaced by a rename: a reader gets the old version or the new one, and never none.
-Versions are never changed, so a reader that loads one while the pointer moves still loads it whole.
+The pointer is one small file that is replaced by a rename: a reader always gets either the old version or the new one.
+Versions are never changed, so a reader that loads a version while the pointer moves still loads all of it.
 """
 
 from __future__ import annotations
@@ -40,23 +40,24 @@ REPORT_FILES: Final = (
 """Files of the folder `report` of a registry, which the fleet's report writes and the service serves."""
 
 MARGIN: Final = 0.05
-"""A challenger is refused when the whole interval of its difference lies above this share of the champion's error: less is of no
-practical consequence, and a newer model has seen more recent trips."""
+"""A challenger is refused if the whole interval of its difference lies above this share of the champion's error. A smaller difference
+has no practical consequence, and a newer model was fitted on more recent trips."""
 
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """A challenger against the model in use, on trips that neither has seen, paired by vehicle.
+    """Comparison of a new model (challenger) with the model in use (champion) on trips on which neither was fitted, paired by vehicle.
 
     Attributes
     ----------
     trips, vehicles : int
+        Number of trips and vehicles compared.
     champion, challenger : float
-        Mean over vehicles of the mean relative error [1].
+        Mean over vehicles of the mean relative error of each model [1].
     difference : float
-        Challenger less champion [1].
+        Error of the challenger minus that of the champion [1].
     low, high : float
-        95 % interval of it, from a bootstrap of vehicles.
+        Bounds of the 95 % interval of the difference, from a bootstrap of vehicles.
     """
 
     trips: int
@@ -81,7 +82,7 @@ class Comparison:
 
 
 def predict_sample(model: FleetModel, sample: SampledTrips) -> FloatArray:
-    """Energy [Wh] of sampled trips by linear part and trees, shape (trips,)."""
+    """Predict the energy [Wh] of sampled trips by linear part and trees, shape (trips,)."""
     table = sample.table
     correction = model.trees.predict(table)
     linear = trip_features(table)
@@ -92,7 +93,7 @@ def predict_sample(model: FleetModel, sample: SampledTrips) -> FloatArray:
 
 
 def unseen(model: FleetModel, sample: SampledTrips) -> FleetModel:
-    """The model as it would be without those of the sampled trips that it has seen: they are taken out of its sums."""
+    """Return the model without the sampled trips: those on which it was fitted are subtracted from its sums."""
     seen = np.array([i for i, d in enumerate(sample.digests) if d in model.digests], dtype=np.int64)
     if not len(seen):
         return model
@@ -100,7 +101,7 @@ def unseen(model: FleetModel, sample: SampledTrips) -> FleetModel:
 
 
 def compare(champion: FleetModel, challenger: FleetModel, sample: SampledTrips, seed: int = 0) -> Comparison:
-    """Compare two models on trips; those that a model has seen are taken out of its sums first.
+    """Compare two models on trips; trips on which a model was fitted are first subtracted from its sums.
 
     Parameters
     ----------
@@ -137,16 +138,16 @@ class Registry:
     folder: Path
 
     def versions(self) -> tuple[str, ...]:
-        """All versions, oldest first."""
+        """Return the names of all versions, oldest first."""
         return tuple(sorted(p.name for p in self.folder.glob("versions/*") if p.name.isdigit()))
 
     def add(self, model: FleetModel, note: str = "") -> str:
-        """Write a model as a new version; the pointer stays where it is. Several may add at once.
+        """Write a model as a new version without moving the pointer. Several processes may add versions at once.
 
         Returns
         -------
         str
-            The version.
+            Name of the new version.
         """
         versions = self.folder / "versions"
         with system_errors("registry cannot be written", f"{self.folder}", "a writable folder"):
@@ -167,12 +168,12 @@ class Registry:
         return name
 
     def path(self, version: str) -> Path:
-        """Folder of a version.
+        """Return the folder of a version.
 
         Raises
         ------
         InvalidInput
-            When there is none.
+            If there is no such version.
         """
         if version not in self.versions():
             got, allowed = repr(version), ", ".join(self.versions()[-8:]) or "none yet"
@@ -180,12 +181,12 @@ class Registry:
         return self.folder / "versions" / version
 
     def current(self) -> str:
-        """The version in use.
+        """Return the name of the version in use.
 
         Raises
         ------
         InvalidInput
-            When no version was promoted.
+            If no version was promoted.
         """
         try:
             return (self.folder / "current").read_text("utf-8").strip()
@@ -196,23 +197,23 @@ class Registry:
             ) from error
 
     def load(self, version: str | None = None) -> FleetModel:
-        """The model of a version, by default of the one in use."""
+        """Load the model of a version, by default of the version in use."""
         return load_fleet(self.path(self.current() if version is None else version))
 
     def promote(self, version: str, comparison: Comparison | None = None, note: str = "") -> None:
-        """Move the pointer to a version, after reading all of it.
+        """Move the pointer to a version, after reading all of the version.
 
         Parameters
         ----------
         version : str
         comparison : Comparison, optional
-            Against the version in use.
+            Comparison of this version with the version in use.
         note : str
 
         Raises
         ------
         InvalidInput
-            When the version is damaged, or worse than the one in use beyond chance and `MARGIN`; the pointer then stays.
+            If the version is damaged, or `comparison.worse` is true. The pointer is then not moved.
         """
         self.load(version)
         if comparison is not None and comparison.worse:
@@ -222,7 +223,7 @@ class Registry:
         self._record("promote", version, note, None if comparison is None else asdict(comparison))
 
     def history(self) -> list[dict[str, Any]]:
-        """What was done, oldest first; a line that a crash cut off is left out."""
+        """Return the entries of the history, oldest first; a line that a crash cut off is left out."""
         entries = []
         with suppress(OSError):
             for line in (self.folder / "history.jsonl").read_text("utf-8").splitlines():
@@ -246,16 +247,16 @@ class Registry:
 
 
 class FollowedModel:
-    """The model of the version in use, for a program that runs on: it is read again when the pointer has moved.
+    """The model of the version in use, for a long-running program: a new version is read when the pointer has moved.
 
-    While a new version is read, and where it cannot be, callers get the one before; a version that was refused is read again
-    once another one was in use. Safe for many threads.
+    While a new version is being read, and if it cannot be read, callers get the version before. A version that could not be read is
+    tried again only after the pointer has moved to another version and back. Safe for many threads.
 
     Parameters
     ----------
     registry : Registry
     on_change : callable, optional
-        Called with the version that the pointer has moved to, and the error of one that was refused, else None.
+        Called with the version that the pointer has moved to, and the error if it could not be read, else None.
     """
 
     def __init__(
@@ -271,17 +272,17 @@ class FollowedModel:
 
     @property
     def version(self) -> str:
-        """The version that callers get."""
+        """Name of the version whose model `get` returns."""
         return self._held[0]
 
     @property
     def folder(self) -> Path:
-        """Folder of this version."""
+        """Folder of `version`."""
         return self._registry.path(self.version)
 
     def get(self) -> FleetModel:
-        """The model; at most one caller at a time reads a new version, the others go on with the old one."""
-        with suppress(InvalidInput):  # no pointer: the version before goes on
+        """Return the model. At most one caller at a time reads a new version; the others get the old model meanwhile."""
+        with suppress(InvalidInput):  # without a pointer, the version before stays in use
             if self._registry.current() != self._last and self._lock.acquire(blocking=False):
                 try:
                     self._read()
@@ -290,7 +291,7 @@ class FollowedModel:
         return self._held[1]
 
     def _read(self) -> None:
-        wanted = self._registry.current()  # it may have moved on while this caller waited
+        wanted = self._registry.current()  # the pointer may have moved since the caller looked
         if wanted == self._last:
             return
         self._last, error = wanted, None

@@ -1,7 +1,7 @@
-"""What a fleet's linear model needs of its trips: one short row a trip, and their sums by driver.
+"""Statistics of trips for a fleet's linear model: one short row per trip, and sums of the rows by driver.
 
 Sums of two sets of trips add up to those of both, so that trips can be summed anywhere and in any part. Rows are sorted before they are
-summed: the sums do not depend on which worker made which row.
+summed, so the sums do not depend on which worker made which row.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from tripwatt.fleet.features import FEATURES
 from tripwatt.hybrid.groups import Sums
 
 NO_DRIVER: Final = ""
-"""The driver of a trip of which none was logged."""
+"""Name of the driver of a trip for which no driver was logged."""
 
 KEYS: Final = ("car_model", "vehicle_id", "driver", "digest", "drive")
 NUMBERS: Final = (
@@ -40,7 +40,7 @@ ROWS: Final = pa.schema(
         *(pa.field(name, pa.float64()) for name in (*NUMBERS, *(f"x_{name}" for name in FEATURES))),
     ]
 )
-"""One row a sound drive with measured energy."""
+"""Schema of `TripRows`: one row per sound drive with measured energy."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,14 +50,14 @@ class TripRows:
     Attributes
     ----------
     table : pyarrow.Table
-        Of the schema `ROWS`.
+        Table with the schema `ROWS`.
     """
 
     table: pa.Table
 
     @classmethod
     def join(cls, tables: Sequence[pa.Table]) -> TripRows:
-        """One table of several, each drive once, sorted. O(rows log rows)."""
+        """Join tables, sort the rows and keep each drive once. O(rows log rows)."""
         table = pa.concat_tables(tables) if tables else ROWS.empty_table()
         table = table.sort_by([(name, "ascending") for name in KEYS])
         if table.num_rows > 1:
@@ -70,11 +70,11 @@ class TripRows:
         return int(self.table.num_rows)
 
     def texts(self, name: str) -> Any:
-        """A column of text, shape (rows,)."""
+        """Return a column of text, shape (rows,)."""
         return self.table[name].to_numpy(zero_copy_only=False)
 
     def numbers(self, name: str) -> FloatArray:
-        """A column of numbers, shape (rows,)."""
+        """Return a column of numbers, shape (rows,)."""
         return np.asarray(self.table[name].to_numpy(), dtype=np.float64)
 
     @property
@@ -84,7 +84,7 @@ class TripRows:
 
     @property
     def residual_wh(self) -> FloatArray:
-        """Observed minus simulated energy, shape (rows,)."""
+        """Observed minus simulated energy [Wh], shape (rows,)."""
         return self.numbers("observed_wh") - self.numbers("simulated_wh")
 
     @property
@@ -98,16 +98,16 @@ class TripRows:
         return list(zip(*(self.texts(name) for name in KEYS[:3]), strict=True))
 
     def where(self, mask: Any) -> TripRows:
-        """Some of the rows."""
+        """Return the rows at which a mask is true."""
         return self.take(np.flatnonzero(mask))
 
     def take(self, index: IntArray, sort: bool = True) -> TripRows:
-        """Some of the rows, in their order, or in that of the index."""
+        """Return the rows of an index, in the order of the table, or in that of the index if not `sort`."""
         return TripRows(self.table.take(pa.array(np.sort(index) if sort else index)))
 
     @property
     def in_time(self) -> tuple[IntArray, Any]:
-        """Rows with a time of departure in the order of time, and the day of departure of every row."""
+        """Numbers of the rows with a time of departure, in the order of time, and the day of departure of every row."""
         texts = pd.Series(self.texts("started_at"))
         started = pd.to_datetime(texts, errors="coerce", format="ISO8601").to_numpy()
         order = np.argsort(started, kind="stable")[: int((~np.isnat(started)).sum())]

@@ -1,4 +1,4 @@
-"""A model of a fleet as a folder: plain arrays and JSON with checksums, as every model of the package."""
+"""Write and read a model of a fleet as a folder of plain arrays and JSON with checksums, as every model of the package."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def save_fleet(model: FleetModel, folder: Path | str) -> None:
     Raises
     ------
     InvalidInput
-        When the folder cannot be used.
+        If the folder cannot be used.
     """
     about = {
         "trips": model.trips,
@@ -50,7 +50,7 @@ def load_fleet(folder: Path | str) -> FleetModel:
     Raises
     ------
     InvalidInput
-        When it is damaged, or no model of a fleet.
+        If the folder is damaged or holds no model of a fleet.
     """
     stored = read_model(folder)
     if stored.metadata.get("kind") != KIND:
@@ -87,5 +87,5 @@ def _converter() -> Converter:
 
 
 def _packed(digests: Collection[str]) -> npt.NDArray[np.uint8]:
-    """Digests as bytes, shape (digests, 32)."""
+    """Return the digests as bytes, sorted, shape (digests, 32)."""
     return np.frombuffer(bytes.fromhex("".join(sorted(digests))), dtype=np.uint8).reshape(-1, 32)

@@ -1,4 +1,4 @@
-"""Logs on disk into a store: a folder of tables file by file, so that memory does not grow with the folder."""
+"""Add logs on disk to a store; a folder of tables is read in parts, so that memory does not grow with the folder."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tripwatt.sources import read_logs
 from tripwatt.sources.columnar import table_files
 
 FILES_AT_ONCE: Final = 64
-"""Tables of a folder that are read before their logs are committed together."""
+"""Number of tables of a folder whose logs are read and then committed together."""
 
 
 def add_files(
@@ -30,17 +30,17 @@ def add_files(
     Parameters
     ----------
     store : TripStore
-        To which the logs are added.
+        Store to which the logs are added.
     path : Path or str
-        As of `read_logs`.
+        As in `read_logs`.
     car_model : str
         Name of a car of the library.
     vehicle_id : str, optional
-        The vehicle of logs that do not name theirs.
+        Vehicle of the logs that name none.
     dataset : str
-        As of `read_logs`.
+        As in `read_logs`.
     mapping : Path or str, optional
-        As of `read_logs`.
+        As in `read_logs`.
     progress : callable, optional
         Called with the sums so far after each commit.
 
@@ -52,8 +52,8 @@ def add_files(
     Raises
     ------
     InvalidInput
-        With every fault of all files. What was read without a fault is in the store by then; adding again after the
-        repair adds the rest.
+        If files have faults, with all of them. In a folder of tables, logs without a fault are added all the same; adding the
+        repaired folder again adds the rest.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Delta tables, from one place: made, opened, appended to by many writers at once, and their data files.
+"""Create, open, append to and clean up Delta tables, by many writers at once.
 
 The package `deltalake` is optional and imported on first use.
 """
@@ -20,17 +20,17 @@ from tripwatt.errors import Fault, InvalidInput, install
 Result = TypeVar("Result")
 
 MOST_TRIES: Final = 200
-"""Tries of one commit against other writers; each failure means that another writer succeeded."""
+"""Largest number of tries of one commit; each failure means that another writer succeeded."""
 
 ONE_FILE: Final = 1 << 40
-"""Target size of a data file [bytes] that no partition reaches: the samples of a log stay in one file."""
+"""Target size of a data file [bytes], larger than any partition, so that the samples of a log stay in one file."""
 
 ROW_GROUP: Final = 65_536
-"""Rows of a group in a data file: some fifty drives at 1 Hz."""
+"""Number of rows in a row group of a data file: some fifty drives at 1 Hz."""
 
 
 def imported(module: str, what: str, extra: str) -> Any:
-    """A module of an extra; `InvalidInput` with what installs it where it is missing."""
+    """Import a module of an extra; raise `InvalidInput` with the command that installs the extra if the module is missing."""
     try:
         return import_module(module)
     except ImportError as error:
@@ -38,18 +38,18 @@ def imported(module: str, what: str, extra: str) -> Any:
 
 
 def require_deltalake() -> Any:
-    """The package `deltalake`.
+    """Import the package `deltalake`.
 
     Raises
     ------
     InvalidInput
-        When it is not installed.
+        If the package is not installed.
     """
     return imported("deltalake", "for trip stores", "fleet")
 
 
 def is_url(place: str) -> bool:
-    """Whether a place is an object store's URL.
+    """Return whether a place is the URL of an object store.
 
     Examples
     --------
@@ -60,7 +60,7 @@ def is_url(place: str) -> bool:
 
 
 def joined(place: str, name: str) -> str:
-    """A name inside a place."""
+    """Return the path or URL of a name inside a place."""
     return f"{place.rstrip('/')}/{name}" if is_url(place) else str(Path(place) / name)
 
 
@@ -71,12 +71,13 @@ class DataFile:
     Attributes
     ----------
     path : str
-        Relative to the table.
+        Path relative to the table.
     bucket : int
     month : str
     rows, bytes : int
+        Number of rows, and size.
     first_batch, last_batch : str
-        Bounds of the batches in it.
+        First and last name of the batches in the file.
     """
 
     path: str
@@ -90,21 +91,21 @@ class DataFile:
 
 @dataclass(frozen=True, slots=True)
 class DeltaFolder:
-    """One Delta table. It is opened anew for each use, so that every answer is of the newest version.
+    """One Delta table, opened anew for each use, so that every result is of the newest version.
 
     Attributes
     ----------
     place : str
         A folder or a URL.
     options : mapping of str to str
-        What the object store needs, as `deltalake` takes them.
+        Options of the object store, as `deltalake` takes them.
     """
 
     place: str
     options: Mapping[str, str]
 
     def create(self, schema: pa.Schema, partition_by: list[str], name: str, about: Mapping[str, Any]) -> None:
-        """Make the table where there is none."""
+        """Create the table if there is none."""
         try:
             with _usable(self.place) as deltalake:
                 deltalake.DeltaTable.create(
@@ -123,16 +124,16 @@ class DeltaFolder:
                 raise
 
     def exists(self) -> bool:
-        """Whether there is a Delta table."""
+        """Return whether there is a Delta table at this place."""
         return bool(require_deltalake().DeltaTable.is_deltatable(self.place, dict(self.options)))
 
     def open(self) -> Any:
-        """The newest version.
+        """Open the newest version.
 
         Raises
         ------
         InvalidInput
-            When there is no table, or it cannot be read.
+            If there is no table, or it cannot be read.
         """
         with _usable(self.place) as deltalake:
             try:
@@ -142,7 +143,7 @@ class DeltaFolder:
                 raise InvalidInput.of("no trip store", self.place, "", "two Delta tables", fix) from error
 
     def about(self) -> dict[str, Any]:
-        """What was written at its creation."""
+        """Return the settings that `create` wrote into the table."""
         description = self.open().metadata().description
         try:
             about = json.loads(description or "")
@@ -154,22 +155,22 @@ class DeltaFolder:
         return about
 
     def append(self, rows: pa.Table) -> None:
-        """Append rows in one commit, whatever other writers do meanwhile."""
+        """Append rows in one commit; the commit is tried again if another writer was first."""
         self._repeated(lambda table: self._write(table, rows, tries=MOST_TRIES))
 
     def append_checked(self, rows_for: Callable[[Any], pa.Table | None]) -> int:
-        """Append rows that depend on what the table holds: the commit succeeds only on the version that was read.
+        """Append rows that depend on the rows of the table; the commit succeeds only on the version that was read.
 
         Parameters
         ----------
         rows_for : callable
-            From the opened table to the rows to append, None for none. It is called again when another writer was
-            first.
+            Function from the opened table to the rows to append, or None if there are none. The function is called again if another
+            writer was first.
 
         Returns
         -------
         int
-            Rows that were appended.
+            Number of rows that were appended.
         """
         deltalake = require_deltalake()
         for _ in range(MOST_TRIES):
@@ -196,18 +197,18 @@ class DeltaFolder:
             )
 
     def delete(self, predicate: str) -> int:
-        """Delete rows by an SQL predicate; tried again when another writer was first.
+        """Delete rows by an SQL predicate; the commit is tried again if another writer was first.
 
         Returns
         -------
         int
-            Rows that were deleted.
+            Number of rows that were deleted.
         """
         done = self._repeated(lambda table: table.delete(predicate, writer_properties=_writing()))
         return int(done.get("num_deleted_rows") or 0)
 
     def compact(self, target_size: int) -> dict[str, Any]:
-        """Merge small data files of each partition up to a size [bytes]."""
+        """Merge small data files of each partition up to a size [bytes]; return the numbers of files added and removed."""
         metrics = self._repeated(
             lambda table: table.optimize.compact(target_size=target_size, writer_properties=_writing())
         )
@@ -219,7 +220,7 @@ class DeltaFolder:
         Returns
         -------
         bool
-            Whether they were merged.
+            Whether the files were merged.
         """
         try:
             self.open().optimize.compact(target_size=target_size, writer_properties=_writing())
@@ -238,12 +239,12 @@ class DeltaFolder:
         raise InvalidInput(_busy(self.place))
 
     def drop_old_files(self, hours: int) -> int:
-        """Remove data files that no version of the last `hours` uses; files of writers at work are never among them.
+        """Remove data files that no version of the last `hours` uses; files of writers at work are never removed.
 
         Returns
         -------
         int
-            Files that were removed.
+            Number of files that were removed.
         """
         with _usable(self.place):
             removed = self.open().vacuum(
@@ -252,7 +253,7 @@ class DeltaFolder:
         return len(removed)
 
     def read(self, columns: list[str], where: Any = None) -> pa.Table:
-        """Rows of the newest version.
+        """Read rows of the newest version.
 
         Parameters
         ----------
@@ -262,7 +263,7 @@ class DeltaFolder:
         return self.open().to_pyarrow_dataset().to_table(columns=columns, filter=where)
 
     def data_files(self) -> Iterator[DataFile]:
-        """Data files of the newest version, by name."""
+        """Yield the data files of the newest version, sorted by path."""
         actions = pa.table(self.open().get_add_actions(flatten=True)).to_pylist()
         for action in sorted(actions, key=lambda a: str(a["path"])):
             yield DataFile(
@@ -276,7 +277,7 @@ class DeltaFolder:
             )
 
     def filesystem(self) -> Any:
-        """The table's folder as a file system of pyarrow."""
+        """Return the table's folder as a file system of pyarrow."""
         from pyarrow import fs
 
         if not is_url(self.place):
@@ -287,15 +288,15 @@ class DeltaFolder:
 
 
 def _writing() -> Any:
-    """How data files are written; merged files are no larger than their parts."""
+    """Return the settings with which data files are written; they keep merged files no larger than their parts."""
     return require_deltalake().WriterProperties(compression="ZSTD", max_row_group_size=ROW_GROUP)
 
 
 @contextmanager
 def _usable(place: str) -> Iterator[Any]:
-    """The package `deltalake`; raises `InvalidInput` for a table that cannot be used, such as on a full disk.
+    """Yield the package `deltalake`, and raise `InvalidInput` if the table cannot be used, such as on a full disk.
 
-    That another writer was first is passed on.
+    The error that another writer was first is passed on.
     """
     deltalake = require_deltalake()
     try:

@@ -1,4 +1,4 @@
-"""Rows of the two tables of a store: what is kept of a log, and the log that comes back."""
+"""Rows of the two tables of a store: made from a log when it is added, and made into a log again when it is read."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ COUNTED: Final = "observed_energy_wh"
 """Cumulative energy of a log that has neither voltage nor current."""
 
 SIGNALS: Final = (*COLUMNS, COUNTED)
-"""Columns of samples that a store keeps."""
+"""Columns of the samples of a log that a store keeps."""
 
 UNKNOWN_MONTH: Final = "unknown"
 """Month of a log without a time of departure."""
@@ -31,7 +31,7 @@ _KEYS: Final = (
     *((name, pa.string()) for name in ("month", "batch", "digest", "vehicle_id")),
 )
 SAMPLES: Final = pa.schema([*_KEYS, ("sample", pa.int32()), *((name, pa.float64()) for name in SIGNALS)])
-"""One row a sample; `sample` counts from 0 within a log."""
+"""One row per sample; `sample` counts from 0 within a log."""
 
 TRIPS: Final = pa.schema(
     [
@@ -46,19 +46,20 @@ TRIPS: Final = pa.schema(
         ("samples", pa.int32()),
     ]
 )
-"""One row a log. `findings`, `context` and `columns` are JSON; `started_at` is ISO 8601, so that text sorts as time.
-`as_logged` is true where the audit found one drive and changed nothing in it."""
+"""One row per log. `findings`, `context` and `columns` are JSON; `started_at` is ISO 8601, so that text sorts as time.
+`as_logged` is true if the audit found one drive and changed nothing in it."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class StoredLog:
-    """A log on its way into a store: its row of `trips` and its samples.
+    """A log to be added to a store, with its row of `trips`.
 
     Attributes
     ----------
     row : dict
         Every column of `TRIPS` but `batch`.
     log : Recorded
+        The log with its samples.
     """
 
     row: dict[str, Any]
@@ -66,7 +67,7 @@ class StoredLog:
 
 
 def bucket_of(vehicle_id: str, buckets: int) -> int:
-    """Hash bucket of a vehicle, 0 to `buckets` - 1; the same on every machine.
+    """Return the hash bucket of a vehicle, 0 to `buckets` - 1; the same on every machine.
 
     Examples
     --------
@@ -77,7 +78,7 @@ def bucket_of(vehicle_id: str, buckets: int) -> int:
 
 
 def month_of(started_at: dt.datetime | None) -> str:
-    """Month of a departure as a partition.
+    """Return the month of a departure as the name of a partition.
 
     Examples
     --------
@@ -88,7 +89,7 @@ def month_of(started_at: dt.datetime | None) -> str:
 
 
 def digest_of(vehicle_id: str, log: Recorded) -> str:
-    """SHA-256 over the vehicle, the departure and every kept value of a log; its name does not count. O(samples).
+    """Return the SHA-256 of the vehicle, the departure and every kept value of a log, but not of its name. O(samples).
 
     Examples
     --------
@@ -110,12 +111,12 @@ def digest_of(vehicle_id: str, log: Recorded) -> str:
 
 
 def kept_columns(log: Recorded) -> list[str]:
-    """Columns of a log that a store keeps, in the order of `SIGNALS`."""
+    """Return the names of the columns of a log that a store keeps, in the order of `SIGNALS`."""
     return [name for name in SIGNALS if name in log]
 
 
 def stored_log(log: Recorded, vehicle_id: str, car_model: str, buckets: int) -> StoredLog:
-    """Audit one log by itself and sum it up. O(samples).
+    """Audit one log by itself and make its row of `trips`. O(samples).
 
     Parameters
     ----------
@@ -124,6 +125,7 @@ def stored_log(log: Recorded, vehicle_id: str, car_model: str, buckets: int) -> 
     car_model : str
         Name of a car of the library.
     buckets : int
+        Number of hash buckets of the store.
     """
     judged = audit([log])
     started = log.context.started_at
@@ -155,7 +157,7 @@ def stored_log(log: Recorded, vehicle_id: str, car_model: str, buckets: int) -> 
 
 
 def _unchanged(log: Recorded, drives: Sequence[Recorded]) -> bool:
-    """Whether the audit left the log as it is: one drive with the same id, context and samples."""
+    """Return whether the audit left the log unchanged: one drive with the same id, context, energy and samples."""
     if len(drives) != 1:
         return False
     (drive,) = drives
@@ -172,7 +174,17 @@ def _ambient(drive: Recorded) -> float | None:
 
 
 def _energy(drives: Sequence[Recorded]) -> tuple[float | None, float | None, str]:
-    """Measured energy of sound drives [Wh], its standard error [Wh] where it has one, and what it is from."""
+    """Sum up the measured energy of sound drives.
+
+    Returns
+    -------
+    energy : float or None
+        Energy [Wh]; None if a drive has no measured energy, or there is no drive.
+    std : float or None
+        Standard error of the energy [Wh]; None if no drive has one.
+    source : {"voltage and current", "state of charge", "unknown"}
+        Signals from which the energy was measured.
+    """
     known = [drive for drive in drives if drive.observed_energy_wh is not None]
     if not known or len(known) < len(drives):
         return None, None, "unknown"
@@ -184,7 +196,7 @@ def _energy(drives: Sequence[Recorded]) -> tuple[float | None, float | None, str
 
 
 def findings_text(findings: Sequence[Finding]) -> str:
-    """Findings of an audit as JSON: from_s, to_s, what, consequence, and the leg they are about."""
+    """Return findings of an audit as JSON: `drive`, `from_s`, `to_s`, `what` and `consequence` of each."""
     values = [
         {"drive": f.trip, "from_s": f.from_s, "to_s": f.to_s, "what": f.what, "consequence": f.consequence}
         for f in findings
@@ -193,7 +205,7 @@ def findings_text(findings: Sequence[Finding]) -> str:
 
 
 def context_values(log: Recorded) -> dict[str, Any]:
-    """What is known of a log as a whole, for `log_from_rows`: its departure and its driver have columns of their own."""
+    """Return the known context of a log and its energy errors, for `log_from_rows`; departure and driver have their own columns."""
     values = {field: getattr(log.context, field.name) for field in fields(Context)}
     of_columns = ("started_at", "driver")
     known = {f.name: value for f, value in values.items() if f.name not in of_columns and value != f.default}
@@ -205,12 +217,12 @@ def context_values(log: Recorded) -> dict[str, Any]:
 
 
 def trips_table(stored: Sequence[StoredLog], batch: str) -> pa.Table:
-    """Rows of `trips`."""
+    """Make the rows of `trips` of a batch of logs."""
     return pa.Table.from_pylist([{**s.row, "batch": batch} for s in stored], schema=TRIPS)
 
 
 def samples_table(stored: Sequence[StoredLog], batch: str) -> pa.Table:
-    """Rows of `samples`; what a log lacks is null. O(samples x columns)."""
+    """Make the rows of `samples` of a batch of logs; missing columns and values are null. O(samples x columns)."""
     counts = [len(s.log) for s in stored]
     arrays: dict[str, Any] = {
         name: pa.array(np.repeat([s.row[name] for s in stored], counts), SAMPLES.field(name).type)
@@ -225,14 +237,14 @@ def samples_table(stored: Sequence[StoredLog], batch: str) -> pa.Table:
 
 
 def log_from_rows(row: Mapping[str, Any], columns: Mapping[str, FloatArray]) -> Log:
-    """The log of a row of `trips`, from its samples in their order: what was added, value for value.
+    """Rebuild a log from its row of `trips` and its samples in their order, with exactly the values that were added.
 
     Parameters
     ----------
     row : mapping
         A row of `trips`.
     columns : mapping of str to ndarray, shape (samples,)
-        At least the kept columns; NaN where a value is missing.
+        At least the columns named in the row; NaN if a value is missing.
     """
     names = json.loads(row["columns"])
     samples = table_of({name: columns[name] for name in names})

@@ -1,7 +1,7 @@
 """A trip store: logs of many vehicles in two Delta tables, added by many writers at once.
 
-`samples` holds what was logged, `trips` one row for each log with its audit. A log is in the store from the commit of its
-row of `trips` on: its samples are written before, and samples without such a row are left over from a writer that was killed.
+The table `samples` has the samples of the logs, the table `trips` one row per log with its audit. A log is in the store once its row of
+`trips` is committed. Its samples are written before; samples without such a row were left by a writer that was killed.
 """
 
 from __future__ import annotations
@@ -39,23 +39,23 @@ from tripwatt.trips import Log, Recorded, TripSet, raise_faults
 
 FORMAT: Final = 1
 BUCKETS: Final = 16
-"""Hash buckets of vehicles, unless a store is made with another number."""
+"""Default number of hash buckets of vehicles."""
 MOST_BUCKETS: Final = 1024
 
 BATCH: Final = 500
-"""Logs of one commit."""
+"""Number of logs in one commit."""
 
 FILE_BYTES: Final = 16 << 20
-"""Size up to which `compact` merges data files: what a worker reads at once stays far below 1 GB in memory."""
+"""Size up to which `compact` merges data files [bytes]: a worker that reads one file needs far less than 1 GB of memory."""
 
 FILES_A_BUCKET: Final = 16
-"""Data files of `trips` in a bucket, on average, from which adding merges them: each commit reads them all."""
+"""Mean number of data files of `trips` per bucket above which `add` merges them, since each commit reads all of them."""
 
 ORPHANS_AFTER_S: Final = 86_400.0
-"""Samples without a row of `trips` are dropped when they are older: younger ones may be of a writer at work."""
+"""Age [s] from which samples without a row of `trips` are dropped; younger ones may be of a writer at work."""
 
 KEPT_HOURS: Final = 168
-"""Old versions are kept for so long [h], for readers at work."""
+"""Time for which old versions are kept for readers at work [h]."""
 
 LISTED: Final = (
     "vehicle_id",
@@ -75,21 +75,21 @@ LISTED: Final = (
 """Columns of `TripStore.trips`, in this order."""
 
 LONGEST_NAME: Final = 200
-"""Characters of a vehicle's or a car model's name."""
+"""Largest number of characters of a vehicle's or a car model's name."""
 
 
 @dataclass(frozen=True, slots=True)
 class Added:
-    """What adding did.
+    """Numbers of logs that were added to a store, or were in the store before.
 
     Attributes
     ----------
     added : int
         Logs that are new in the store.
     known : int
-        Logs that were in it before.
+        Logs that were in the store before.
     unusable : int
-        Of the new ones, those of which the audit left no drive.
+        New logs in which the audit found no sound drive.
 
     Examples
     --------
@@ -110,7 +110,7 @@ class Added:
 
 @dataclass(frozen=True, slots=True)
 class FileTrips:
-    """A data file of samples and the logs in it that are wanted; rows of `trips`.
+    """A data file of samples, and the wanted logs that may be in it.
 
     Attributes
     ----------
@@ -136,16 +136,16 @@ class FileTrips:
 
 @dataclass(frozen=True, repr=False)
 class TripStore:
-    """Logs of many vehicles; made by `create_store`, opened by `open_store`.
+    """A store of logs of many vehicles, made by `create_store` and opened by `open_store`.
 
     Attributes
     ----------
     place : str
         A folder or a URL of an object store.
     options : mapping of str to str
-        What the object store needs, such as its region.
+        Options of the object store, such as its region.
     buckets : int
-        Hash buckets of vehicles.
+        Number of hash buckets of vehicles.
 
     Examples
     --------
@@ -173,12 +173,12 @@ class TripStore:
 
     @property
     def samples(self) -> DeltaFolder:
-        """The table of samples."""
+        """The table `samples`, with one row per sample."""
         return DeltaFolder(joined(self.place, "samples"), self.options)
 
     @property
     def rows(self) -> DeltaFolder:
-        """The table of one row a log."""
+        """The table `trips`, with one row per log."""
         return DeltaFolder(joined(self.place, "trips"), self.options)
 
     def add(
@@ -190,34 +190,34 @@ class TripStore:
         batch: int = BATCH,
         progress: Callable[[Added], None] | None = None,
     ) -> Added:
-        """Add logs; one that is there already, by its digest, is not added again.
+        """Add logs, except those that are in the store already by their digest.
 
-        O(samples) and, for each commit, a read of the rows of `trips` in the buckets of its vehicles.
+        O(samples), and for each commit a read of the rows of `trips` in the buckets of its vehicles.
 
-        Logs are committed `batch` at a time: after a crash all batches are there of which `progress` was called.
+        Logs are committed in batches. After a crash, the store has all batches for which `progress` was called.
 
         Parameters
         ----------
         logs : TripSet or iterable of Log
-            As a reader gave them, before any resampling. They are audited one by one.
+            Logs as returned by a reader, before any resampling. They are audited one by one.
         car_model : str
             Name of a car of the library.
         vehicle_id : str, optional
-            The vehicle of logs that do not name theirs in `context.car`.
+            Vehicle of the logs that name none in `context.car`.
         batch : int
-            Logs in a commit, at least 1.
+            Number of logs in a commit, at least 1.
         progress : callable, optional
             Called with the sums so far after each commit.
 
         Returns
         -------
         Added
-            How many logs are new, were known before, and are unusable.
+            Numbers of logs that are new, were known before, and are unusable.
 
         Raises
         ------
         InvalidInput
-            With every log that names no vehicle, was resampled, or has the id of another log of its vehicle.
+            If logs name no vehicle, were resampled, or have the id of another log of their vehicle.
         """
         raise_faults([*_name_faults("car model", car_model), *_name_faults("vehicle", vehicle_id)])
         if batch < 1:
@@ -251,7 +251,9 @@ class TripStore:
         try:
             self.rows.append_checked(rows_for)
         finally:
-            if len(committed) < len(new):  # another writer added the same logs meanwhile: its samples count
+            if len(committed) < len(
+                new
+            ):  # another writer added the same logs meanwhile: drop our samples of them
                 kept = {s.row["digest"] for s in committed}
                 lost = [s.row["digest"] for s in new if s.row["digest"] not in kept]
                 self.samples.delete(f"batch = '{batch}' AND digest IN ({_sql_texts(lost)})")
@@ -261,12 +263,12 @@ class TripStore:
         return Added(len(committed), len(stored) - len(committed), unusable)
 
     def _unknown(self, stored: Sequence[StoredLog], table: Any) -> list[StoredLog]:
-        """Those of some logs that one version of the table `trips` does not have.
+        """Return the logs that are not in one version of the table `trips`.
 
         Raises
         ------
         InvalidInput
-            With every one whose vehicle has another log of the same id, there or among themselves.
+            If a vehicle has another log of the same id, in the table or among the logs.
         """
         vehicles = sorted({s.row["vehicle_id"] for s in stored})
         buckets = sorted({s.row["bucket"] for s in stored})
@@ -307,13 +309,13 @@ class TripStore:
         car_model : str, optional
             Only logs of vehicles of this model.
         since : date or str, optional
-            First departure; a text is ISO 8601.
+            Only logs that depart at or after this time; a text is ISO 8601.
         until : date or str, optional
-            First departure that is too late.
+            Only logs that depart before this time.
         columns : sequence of str
-            Of the table `trips`.
+            Columns of the table `trips`.
         limit : int, optional
-            Most rows.
+            Largest number of rows.
 
         Returns
         -------
@@ -323,7 +325,7 @@ class TripStore:
         Raises
         ------
         InvalidInput
-            With every unknown column.
+            If columns are unknown.
         """
         unknown = [c for c in columns if c not in TRIPS.names]
         raise_faults(Fault.unknown("unknown column", "columns", c, TRIPS.names) for c in unknown)
@@ -341,14 +343,14 @@ class TripStore:
         Parameters
         ----------
         rows : sequence of mapping, optional
-            Rows of `trips`, all columns; those that `which` selects when not given.
+            Rows of `trips` with all columns. By default, the rows that `which` selects.
         **which
-            As of `trips`.
+            As in `trips`.
 
         Yields
         ------
         Log
-            Raw, with its context.
+            A raw log with its context.
         """
         wanted = self.trip_rows(**which) if rows is None else rows
         files = self.samples.filesystem()
@@ -357,24 +359,24 @@ class TripStore:
                 yield log
 
     def trip_rows(self, **which: Any) -> list[dict[str, Any]]:
-        """Read rows of `trips` with all columns, as `trips` selects them.
+        """Read rows of the table `trips` with all columns.
 
         Parameters
         ----------
         **which
-            As of `trips`, without `columns`.
+            As in `trips`, without `columns`.
 
         Returns
         -------
         list of dict
-            One for each log, None where a value is unknown.
+            One row per log; None if a value is unknown.
         """
         frame = self.trips(columns=TRIPS.names, **which)
         rows: list[Any] = frame.astype(object).where(frame.notna(), None).to_dict("records")
         return rows
 
     def file_trips(self, rows: Iterable[Mapping[str, Any]]) -> list[FileTrips]:
-        """Find the data files of some logs, each with the logs that may be in it. O(files + logs).
+        """Find the data files that may have samples of some logs. O(files + logs).
 
         Parameters
         ----------
@@ -384,7 +386,7 @@ class TripStore:
         Returns
         -------
         list of FileTrips
-            Data files without a wanted log are left out.
+            Each data file with the logs that may be in it; data files without a wanted log are left out.
         """
         by_place = by_key(rows, lambda row: (row["bucket"], row["month"]))
         files = []
@@ -399,20 +401,20 @@ class TripStore:
         return files
 
     def audit(self, **which: Any) -> tuple[Finding, ...]:
-        """Judge stored logs anew with the logs of their vehicle beside them.
+        """Audit stored logs again, all logs of a vehicle together.
 
-        What the logs of one car have in common, such as its battery's capacity, is taken from all of them; the rows of
-        `trips` are of each log by itself.
+        Properties of a car, such as the capacity of its battery, are estimated from all its logs. In contrast, the findings in the
+        rows of `trips` are from an audit of each log by itself.
 
         Parameters
         ----------
         **which
-            As of `trips`.
+            As in `trips`.
 
         Returns
         -------
         tuple of Finding
-            Vehicle by vehicle.
+            Findings, vehicle by vehicle.
         """
         findings: list[Finding] = []
         for _, its_rows in groupby(self.trip_rows(**which), key=lambda row: row["vehicle_id"]):
@@ -421,19 +423,19 @@ class TripStore:
         return tuple(findings)
 
     def compact(self, *, file_bytes: int = FILE_BYTES, keep_hours: int = KEPT_HOURS) -> dict[str, int]:
-        """Merge small data files, and drop what no reader needs.
+        """Merge small data files, and remove samples without a trip and files of old versions.
 
         Parameters
         ----------
         file_bytes : int
-            Size up to which files are merged.
+            Size up to which files are merged [bytes].
         keep_hours : int
-            Files of versions that are older are removed [h].
+            Age of versions from which their files are removed [h].
 
         Returns
         -------
         dict
-            `merged` and `made` files, samples without a trip that were dropped (`orphans`), `removed` files.
+            Numbers of files that were `merged`, `made` and `removed`, and of dropped samples without a trip (`orphans`).
         """
         orphans = self._drop_orphans()
         metrics = [folder.compact(file_bytes) for folder in (self.samples, self.rows)]
@@ -446,7 +448,7 @@ class TripStore:
         }
 
     def _drop_orphans(self, older_s: float = ORPHANS_AFTER_S) -> int:
-        """Drop samples of batches that no row of `trips` has, once they are older than any writer is at work."""
+        """Drop samples of batches that are in no row of `trips`, if they are old enough that no writer is at work on them."""
         before = f"{time.time_ns() - int(older_s * 1e9):020d}"
         batches = self.samples.read(["batch"], pc.field("batch") < before)["batch"].unique().to_pylist()
         kept = set(self.rows.read(["batch"])["batch"].unique().to_pylist())
@@ -456,23 +458,23 @@ class TripStore:
     def forget(self, vehicle_id: str) -> int:
         """Erase a vehicle: its rows, its samples, and the data files that held them.
 
-        Old versions of the tables that need these files can no longer be read. What was made from the trips, such as
-        models and reports, is not part of a store.
+        Old versions of the tables that need these files can no longer be read. Models and reports that were made from the trips are
+        not part of a store and stay as they are.
 
         Parameters
         ----------
         vehicle_id : str
-            The vehicle, as it was added.
+            Name of the vehicle, as it was added.
 
         Returns
         -------
         int
-            Trips that were erased.
+            Number of trips that were erased.
 
         Raises
         ------
         InvalidInput
-            When the store holds nothing of such a vehicle.
+            If the store has nothing of this vehicle.
         """
         bucket = bucket_of(vehicle_id, self.buckets)
         its = (pc.field("bucket") == bucket) & (pc.field("vehicle_id") == vehicle_id)
@@ -489,13 +491,13 @@ class TripStore:
         return erased[0]
 
     def about(self) -> dict[str, Any]:
-        """Count and sum what is in the store.
+        """Summarise the store.
 
         Returns
         -------
         dict
-            Place and format, counts of logs, vehicles and car models, the distance [m], first and last departure, and the
-            size of the data files [bytes].
+            Place and format, numbers of logs, vehicles and car models, the distance [m], first and last departure, and the
+            size of the data files of samples [bytes].
         """
         rows = self.rows.read(["vehicle_id", "car_model", "distance_m", "energy_wh", "drives", "started_at"])
         frame = rows.to_pandas()
@@ -530,19 +532,19 @@ def create_store(
     place : path or URL
         A new or empty folder, or a place in an object store.
     buckets : int
-        Hash buckets of vehicles, the first partition of the tables: some hundred vehicles a bucket are a good number.
+        Number of hash buckets of vehicles, the first partition of the tables. Some hundred vehicles per bucket are a good number.
     options : mapping of str to str, optional
-        What the object store needs.
+        Options of the object store.
 
     Returns
     -------
     TripStore
-        Without trips.
+        The empty store.
 
     Raises
     ------
     InvalidInput
-        When there is a store already, or the place cannot be written.
+        If there is a store already, or the place cannot be written.
 
     Examples
     --------
@@ -566,19 +568,19 @@ def open_store(place: Path | str, *, options: Mapping[str, str] | None = None) -
     Parameters
     ----------
     place : path or URL
-        Where `create_store` or `tripwatt store create` made it.
+        Place of a store made by `create_store` or `tripwatt store create`.
     options : mapping of str to str, optional
-        What the object store needs, as the package `deltalake` takes them.
+        Options of the object store, as the package `deltalake` takes them.
 
     Returns
     -------
     TripStore
-        With the logs that it has.
+        The store with its logs.
 
     Raises
     ------
     InvalidInput
-        When there is none, it is of a newer format, or the package `deltalake` is missing.
+        If there is no store, its format is newer, or the package `deltalake` is missing.
 
     Examples
     --------
@@ -598,28 +600,28 @@ def open_store(place: Path | str, *, options: Mapping[str, str] | None = None) -
 def read_file(
     files: Any, path: str, rows: Sequence[Mapping[str, Any]]
 ) -> Iterator[tuple[Mapping[str, Any], Log]]:
-    """Read from a data file of samples those of some logs that are in it. O(rows of the file).
+    """Read the wanted logs that are in a data file of samples. O(rows of the file).
 
     Parameters
     ----------
     files : pyarrow.fs.FileSystem
-        Of the table `samples`.
+        File system of the table `samples`.
     path : str
-        The data file, as `DataFile.path` has it.
+        Path of the data file, from `DataFile.path`.
     rows : sequence of mapping
-        Rows of `trips`.
+        Rows of `trips` of the wanted logs; those that are not in the file are skipped.
 
     Yields
     ------
     row : mapping
-        The log's row of `trips`.
+        Row of `trips` of the log.
     log : Log
-        The log, raw; logs come by digest.
+        The raw log; logs are in the order of their digests.
 
     Raises
     ------
     InvalidInput
-        When samples of a log are missing.
+        If samples of a log are missing.
 
     Examples
     --------
@@ -655,7 +657,7 @@ def read_file(
 
 
 def _chosen_rows(keys: pa.Table, wanted: Iterable[tuple[str, str]]) -> IntArray:
-    """Row numbers of the wanted logs, log by log in the order of samples: merging files mixes their rows."""
+    """Return the row numbers of the wanted logs, log by log in the order of samples, since merging files mixes their rows."""
     digests = sorted({digest for _, digest in wanted})
     batches = sorted({batch for batch, _ in wanted})
     by_digest = pc.index_in(keys["digest"].cast(pa.string()), pa.array(digests, pa.string()))
@@ -722,7 +724,7 @@ def _log_faults(logs: Sequence[Recorded], vehicle_id: str | None) -> list[Fault]
 
 
 def _sql_texts(texts: Sequence[str]) -> str:
-    """Texts as literals of SQL.
+    """Return texts as SQL literals.
 
     Examples
     --------
