@@ -1,4 +1,4 @@
-"""Places by name: of the index of a map, or of a Photon or Nominatim server."""
+"""Find places by name, by the index of a map or a Photon or Nominatim server."""
 
 from __future__ import annotations
 
@@ -18,38 +18,38 @@ KEY: Final = "TRIPWATT_PLACES_KEY"
 LONGEST_TEXT: Final = 200
 MOST_FOUND: Final = 50
 LONGEST_NAME: Final = 60
-"""Characters of a name in a message, and of what is compared with it."""
+"""Largest number of characters of a name that are shown in a message or compared."""
 
 MOST_ASKED: Final = 10
 MOST_NAMED: Final = 5
-"""Places that are looked at for a name, and that a question names."""
+"""Largest numbers of places that are searched for a name, and that are named in a message."""
 
 SAME_LETTERS: Final = 3
-"""Letters at the beginning of an unknown name that are taken as right when a similar name is looked for."""
+"""Number of first letters that a similar name has to have in common with an unknown name."""
 
 
 class PlaceSearch(Protocol):
-    """What finds places by name."""
+    """A search for places by name."""
 
     def search(self, text: str, *, limit: int = 10) -> tuple[Place, ...]:
-        """Places for a text, the best first; empty where there is none."""
+        """Find places for a text, the best first; returns an empty tuple if there is none."""
         ...
 
 
 @dataclass(frozen=True)
 class ServerSearch:
-    """Places by a server."""
+    """A search for places by a server."""
 
     client: WebClient
 
     key_place: ClassVar[str]
     path: ClassVar[str]
     more: ClassVar[Mapping[str, str]] = MappingProxyType({})
-    """What the question has beside a text and a number of places."""
+    """Parameters of the request besides the text and the number of places."""
 
     @classmethod
     def from_url(cls, url: str) -> Self:
-        """A search by the URL of its server."""
+        """Make a search from the URL of its server."""
         return cls(WebClient(url, "the search for places", KEY, cls.key_place))
 
     def search(self, text: str, *, limit: int = 10) -> tuple[Place, ...]:
@@ -58,7 +58,7 @@ class ServerSearch:
         Raises
         ------
         RemoteError
-            When the server does not answer, or not with places.
+            If the server does not answer, or its answer has no places.
         """
         query = {"q": text[:LONGEST_TEXT], "limit": str(limit), **self.more}
         answer = self.client.get_json(self.path, query)
@@ -67,7 +67,7 @@ class ServerSearch:
 
     @staticmethod
     def places(answer: Node) -> list[Place]:
-        """Places of an answer, the best first."""
+        """Read the places of an answer, the best first."""
         raise NotImplementedError
 
 
@@ -114,7 +114,7 @@ class NominatimSearch(ServerSearch):
 
 
 def _text_number(text: Node) -> float:
-    """Nominatim writes coordinates as text."""
+    """Read a number that Nominatim writes as text."""
     try:
         return Node(float(text.value), text.where).number()
     except (TypeError, ValueError) as error:
@@ -125,31 +125,32 @@ SEARCH_KINDS: Final[Mapping[str, Callable[[str], PlaceSearch]]] = {
     "photon": PhotonSearch.from_url,
     "nominatim": NominatimSearch.from_url,
 }
-"""Kind of a server that finds places -> what opens one by its URL."""
+"""Function that opens a search by the URL of its server, for each kind of server."""
 
 
 def open_search(text: str, where: str = "--places") -> PlaceSearch:
-    """A search by the URL of its server, `KIND=URL` or the URL of a Photon server.
+    """Open a search by the URL of its server: `KIND=URL`, or the plain URL of a Photon server.
 
     Raises
     ------
     InvalidInput
-        For an unknown kind, or what is no URL.
+        If the kind is unknown, or the URL is not valid.
     """
     kind, url = split_kind(text, SEARCH_KINDS, where)
     return SEARCH_KINDS[kind](url)
 
 
 def find_place(text: str, search: PlaceSearch | None, where: str, covers: str = "") -> Place:
-    """The place that a person means: coordinates, or the one place whose whole name a text is.
+    """Find the place of a text: coordinates, or the whole name of exactly one place.
 
-    A text that is a part of a name, or the name of several places that lie apart, is asked back: a journey to another place is worse than none.
+    A text that is only part of a name, or the name of several places far apart, is an error, since a journey to a wrong place is worse
+    than none.
 
     Parameters
     ----------
     text : str
     search : PlaceSearch or None
-        None where only coordinates can be understood.
+        Search for names; None if only coordinates are accepted.
     where : str
         Name of the field, for messages.
     covers : str
@@ -158,7 +159,7 @@ def find_place(text: str, search: PlaceSearch | None, where: str, covers: str = 
     Raises
     ------
     InvalidInput
-        When no place has the name, with those that may be meant.
+        If the text is not the name of exactly one place. The message names the places that may be meant.
     """
     place = read_coordinates(text)
     if place is not None:
@@ -181,7 +182,7 @@ def find_place(text: str, search: PlaceSearch | None, where: str, covers: str = 
 
 
 def did_you_mean(places: Sequence[Place]) -> str:
-    """A question with the names and kinds of some places; empty for none.
+    """Return a question with the names and kinds of some places, or an empty text if there are none.
 
     Examples
     --------
@@ -196,7 +197,7 @@ def did_you_mean(places: Sequence[Place]) -> str:
 
 
 def _similar(text: str, search: PlaceSearch) -> list[Place]:
-    """The place whose name is most similar, among those that begin with the same letters; one more search."""
+    """Search for places that begin with the same letters, and return the one with the most similar name, if any."""
     typed = " ".join(text.split())[:LONGEST_NAME]
     try:
         alike = search.search(typed[:SAME_LETTERS])

@@ -1,4 +1,4 @@
-"""The weather along a road: by hand, or of a server with the interface of Open-Meteo. No server is asked by default."""
+"""The weather along a road: given by hand, or from a server with the interface of Open-Meteo. By default, no server is used."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ from tripwatt.trips.weather import WIND_AT_CAR, air_density_at
 from tripwatt.units import SECONDS_PER_HOUR
 
 POINT_EVERY_M: Final = 30_000.0
-"""Distance of the points of a road at which the weather is asked [m]: a few cells of a weather model."""
+"""Distance between the points of a road for which the weather is requested [m]: a few cells of a weather model."""
 
 MOST_POINTS: Final = 20
 KEPT_S: Final = 3600.0
-"""How long an answer is used again [s]: models run every few hours."""
+"""Time for which an answer is used again [s]; weather models run every few hours."""
 
 MOST_KEPT: Final = 5000
 CELL_DEG: Final = 0.05
-"""Places in one cell share an answer."""
+"""Size of a cell [°]; places in the same cell share an answer."""
 
 TEMPERATURE_SD_K: Final = (1.0, 0.4)
 WIND_SD_M_S: Final = (1.0, 0.4)
-"""Standard deviation of a forecast of temperature and wind: now, and its growth with each day ahead. A choice in the
-order of the errors that weather services publish of the temperature at 2 m and the wind at 10 m."""
+"""Standard deviation of a forecast of temperature and wind: now, and its growth per day ahead. A choice, of the
+order of the errors that weather services publish for the temperature at 2 m and the wind at 10 m."""
 
 HOURLY: Final = (
     "temperature_2m",
@@ -56,17 +56,17 @@ class Weather:
     temperature_degc : float or None
         None = not known.
     wind_speed_m_s, wind_from_deg : float
-        10 m above the ground; the direction from which it blows, clockwise from north.
+        Wind 10 m above the ground: speed, and the direction from which it blows, clockwise from north.
     rain_mm_h : float
     pressure_pa : float or None
-        At the ground; None = not known.
+        Air pressure at the ground; None = not known.
     hours_ahead : float or None
-        Age of a forecast: the time from now to its hour; None for values by hand, which count as known.
+        Time from now to the hour of a forecast [h]; None for values given by hand, which count as exact.
 
     Raises
     ------
     InvalidInput
-        With every value out of its bounds.
+        If values are out of their bounds.
     """
 
     temperature_degc: float | None = None
@@ -93,7 +93,7 @@ class Weather:
 
 
 def _sd(now_and_per_day: tuple[float, float], hours_ahead: float | None) -> float:
-    """Standard deviation at an age.
+    """Return the standard deviation of a forecast some hours ahead, or 0 if `hours_ahead` is None.
 
     Examples
     --------
@@ -108,13 +108,13 @@ class WeatherSource(Protocol):
     """A source of weather by place and time."""
 
     def at(self, places: Sequence[Place], when: Sequence[dt.datetime]) -> tuple[Weather, ...]:
-        """The weather at places, each at its time."""
+        """Return the weather at places, each at its time."""
         ...
 
 
 @dataclass(frozen=True)
 class WeatherServer:
-    """The weather of a server with the interface of Open-Meteo.
+    """A source of weather by a server with the interface of Open-Meteo.
 
     Attributes
     ----------
@@ -126,12 +126,12 @@ class WeatherServer:
 
     @classmethod
     def from_url(cls, url: str, where: str = "--weather") -> WeatherServer:
-        """A server by its URL.
+        """Make a source of weather from the URL of its server.
 
         Raises
         ------
         InvalidInput
-            When it is no URL.
+            If the URL is not valid.
         """
         url = require_url(url, where)
         return cls(WebClient(url, "the weather server", "TRIPWATT_WEATHER_KEY", "query:apikey"))
@@ -142,7 +142,7 @@ class WeatherServer:
         Raises
         ------
         RemoteError
-            When the server does not answer, or not for these hours.
+            If the server does not answer, or its answer does not have these hours.
         """
         keys = [_cell(place, hour) for place, hour in zip(places, when, strict=True)]
         now = time.monotonic()
@@ -178,7 +178,7 @@ class WeatherServer:
 
 
 def _cell(place: Place, when: dt.datetime) -> tuple[int, int, dt.datetime]:
-    """Cell and hour of a place and a time; a time without a zone is local time of this machine."""
+    """Return the cell of a place and the nearest hour of a time; a time without a zone is local time of this machine."""
     utc = when.astimezone(dt.UTC)
     hour = (utc + dt.timedelta(minutes=30)).replace(minute=0, second=0, microsecond=0)
     return round(place.latitude_deg / CELL_DEG), round(place.longitude_deg / CELL_DEG), hour
@@ -201,19 +201,19 @@ def _weather(table: Node, hour: dt.datetime) -> Weather:
 def weather_along(
     road: Road, source: WeatherSource, departs_at: dt.datetime
 ) -> tuple[FloatArray, tuple[Weather, ...]]:
-    """Positions along a road [m] and the weather there when the car comes by.
+    """Return positions along a road [m], and the weather at each of them when the car comes by.
 
     Parameters
     ----------
     road : Road
     source : WeatherSource
     departs_at : datetime
-        Departure.
+        Time of departure.
 
     Raises
     ------
     RemoteError
-        As the source.
+        As in `source.at`.
     """
     number = min(max(round(road.distance_m / POINT_EVERY_M), 1), MOST_POINTS)
     position = (np.arange(number) + 0.5) / number * road.distance_m
@@ -224,10 +224,10 @@ def weather_along(
 
 
 def plan_with_weather(plan: Plan, road: Road, position_m: FloatArray, weather: Sequence[Weather]) -> Plan:
-    """A plan with the weather along its road; the temperature counts where the departure has none. O(samples).
+    """Return a plan with the weather along its road. O(samples).
 
-    Wind is interpolated between the positions, as a vector. Temperature, pressure and rain are means over the
-    positions, since a simulation has one of each.
+    Wind is interpolated between the positions, as a vector. Temperature, pressure and rain are means over the positions, since a
+    simulation uses one value of each. The temperature is used only if the departure of the plan has none.
 
     Examples
     --------

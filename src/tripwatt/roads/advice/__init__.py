@@ -1,4 +1,4 @@
-"""What to do about a trip: actions with what each saves, the least that helps, speeds to keep, messages on the way."""
+"""Advice about a trip: actions and their savings, the smallest sets that suffice, speeds to keep, messages on the way."""
 
 from tripwatt.roads.advice.actions import Action, leaving_later
 from tripwatt.roads.advice.advise import Advice, Advised, SpeedCap, advise

@@ -1,4 +1,4 @@
-"""Advice while a car drives: a message when the verdict changes, with what would restore it, and silence otherwise."""
+"""Advice while a car drives: a message only when the verdict changes, with the speed that would restore it."""
 
 from __future__ import annotations
 
@@ -18,27 +18,27 @@ from tripwatt.units import SECONDS_PER_MINUTE
 Verdict = Literal["arrives", "open", "does_not_arrive"]
 
 EVERY_S: Final = SECONDS_PER_MINUTE
-"""Time between two looks at a trip."""
+"""Shortest time between two evaluations of a trip [s]."""
 QUIET_S: Final = 5.0 * SECONDS_PER_MINUTE
-"""Least time between two messages."""
+"""Shortest time between two messages [s]."""
 MARGIN: Final = 0.03
-"""By so much a chance has to pass the limit of a verdict, so that one that wavers on it gives no messages. A choice."""
+"""Margin by which a chance has to pass the limit of a verdict to end it, so that small fluctuations give no messages. A choice."""
 
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """What a driver is told on the way.
+    """A message to the driver on the way.
 
     Attributes
     ----------
     time_s : float
-        Since the departure [s].
+        Time since departure [s].
     verdict : {"arrives", "open", "does_not_arrive"}
-        The reserve at arrival: with the chance that is asked for, open, or without it with this chance.
+        Whether the car arrives with the reserve: with the required chance, or fails with this chance; else "open".
     soc_arrival, p_arrive : float
-        Expected displayed charge at arrival, and the chance to have the reserve.
+        Expected displayed charge at arrival, and the chance to arrive with the reserve.
     speed_m_s : float or None
-        Highest speed from here on that restores the chance; None where none is needed, or none suffices.
+        Highest speed from here on that restores the required chance; None if it is not needed, or no speed suffices.
     p_at_speed : float or None
         Chance with this speed.
 
@@ -72,16 +72,16 @@ class Message:
 
 
 class Companion:
-    """Listens to the forecasts of one trip, and has a message when the verdict changes.
+    """Follows one trip by updated forecasts, and returns a message when the verdict changes.
 
     Parameters
     ----------
     departure : Forecast
-        Before departure.
+        Forecast of the trip before departure.
     reserve : float
         Displayed state of charge to arrive with, 0 to 1.
     chance : float
-        Chance to arrive with it that is asked for, 0.5 to 1.
+        Required chance to arrive with the reserve, 0.5 to 1.
 
     Attributes
     ----------
@@ -108,25 +108,25 @@ class Companion:
         self._verdict = self._judged(departure.p_arrive(reserve))
 
     def hear(self, observed: pd.DataFrame, updated: Forecast | None = None) -> Message | None:
-        """Take what was measured so far.
+        """Evaluate the trip with the samples measured so far.
 
         Parameters
         ----------
         observed : DataFrame
-            Samples since the departure, as for `Forecast.update`.
+            Samples since departure, as for `Forecast.update`.
         updated : Forecast, optional
-            By these samples, where it is there already.
+            Forecast already updated with these samples, if there is one.
 
         Returns
         -------
         Message or None
-            None while the verdict is that of the last message, or of the departure before the first, for `QUIET_S` after a message, and for `EVERY_S`
-            after the last look.
+            None if the verdict is the same as in the last message (at first, as before departure), if the last message is less than
+            `QUIET_S` ago, or if the last evaluation is less than `EVERY_S` ago.
 
         Raises
         ------
         InvalidInput
-            As `Forecast.update`.
+            As in `Forecast.update`.
         """
         at_s = float(observed["time_s"].iloc[-1]) - self.departure.plan.start_s
         if at_s - self._heard_s < EVERY_S or at_s - self._told_s < QUIET_S:
@@ -143,14 +143,14 @@ class Companion:
         return self.last
 
     def _judged(self, chance: float) -> Verdict:
-        """The limits of the last verdict are wider by `MARGIN`."""
+        """Return the verdict of a chance; the limits of the last verdict are wider by `MARGIN`."""
         more = {v: MARGIN if self._verdict == v else 0.0 for v in ("arrives", "does_not_arrive")}
         if chance >= self.chance - more["arrives"]:
             return "arrives"
         return "does_not_arrive" if chance <= 1.0 - self.chance + more["does_not_arrive"] else "open"
 
     def _speed(self, observed: pd.DataFrame, at_s: float) -> tuple[float | None, float | None]:
-        """The highest speed that restores the chance, and the chance with it."""
+        """Return the highest speed that restores the required chance and the chance with this speed, or None for both."""
         if self.departure.model is None:
             return None, None
         plan, again = self.departure.plan, forecasts_like(self.departure)

@@ -31,16 +31,16 @@ ROUTER_KINDS: Final[Mapping[str, Callable[[str], Router]]] = {
     "graphhopper": GraphHopperRouter.from_url,
     "openrouteservice": OpenRouteServiceRouter.from_url,
 }
-"""Kind of a router's server -> what opens one by its URL."""
+"""Function that opens a router by the URL of its server, for each kind of server."""
 
 
 def split_kind(text: str, kinds: Mapping[str, object], where: str) -> tuple[str, str]:
-    """Kind and URL of a text `KIND=URL`; the kind of a plain URL is the first.
+    """Split a text `KIND=URL` into kind and URL; the kind of a plain URL is the first of `kinds`.
 
     Raises
     ------
     InvalidInput
-        For an unknown kind, or what is no URL of a server.
+        If the kind is unknown, or the URL is not that of a server.
 
     Examples
     --------
@@ -56,12 +56,12 @@ def split_kind(text: str, kinds: Mapping[str, object], where: str) -> tuple[str,
 
 
 def open_server(text: str, where: str = "--router") -> Router:
-    """A router by the URL of its server, `KIND=URL` or the URL of a Valhalla server.
+    """Open a router by the URL of its server: `KIND=URL`, or the plain URL of a Valhalla server.
 
     Raises
     ------
     InvalidInput
-        As `split_kind`.
+        As in `split_kind`.
 
     Examples
     --------
@@ -73,7 +73,7 @@ def open_server(text: str, where: str = "--router") -> Router:
 
 
 def is_server(text: str) -> bool:
-    """Whether a text names a server rather than a folder.
+    """Return whether a text names a server rather than a folder.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""A router's answer: a road with links, line on the map, headings and kinds of road; and the protocol of a router."""
+"""The protocol of a router, and its result: a road with links, its line on the map, headings and road classes."""
 
 from __future__ import annotations
 
@@ -17,30 +17,30 @@ from tripwatt.routes.web import as_remote
 from tripwatt.trips import Plan
 
 FARTHEST_START_M: Final = 1500.0
-"""A road that begins or ends farther from the place than this belongs to another place: the map ends before it."""
+"""Largest distance from a place to the end of its road [m]; if the road ends farther away, the place is outside of the map."""
 
 SAME_SPEED: Final = 0.03
 SAME_TIME_S: Final = 0.06
-"""Edges have one speed where their times differ by less than these: routers round times to 0.1 s and speeds to 1 km/h."""
+"""Edges have the same speed if their times differ by less than these [1, s]: routers round times to 0.1 s and speeds to 1 km/h."""
 
 LEAST_SIGNAL_STOP_S: Final = 2.0
-"""Shorter delays at a signal are no standstill."""
+"""Shorter delays at a signal are not counted as standstill."""
 
 MOST_ROUTES: Final = 4
-"""Alternatives of one question."""
+"""Largest number of roads in one answer."""
 
 KEY: Final = "TRIPWATT_ROUTER_KEY"
-"""Environment variable of the key that a router's server expects."""
+"""Environment variable with the key that a router's server expects."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Edges:
-    """The pieces of a road as a router gives them. Arrays have shape (edges,).
+    """The edges of a road as a router returns them. Arrays have shape (edges,).
 
     Attributes
     ----------
     length_m, time_s : ndarray
-        Time includes delays at the end of the edge.
+        Length and travel time; the time includes delays at the end of the edge.
     speed_m_s : ndarray
         Speed without any delay; NaN = length over time.
     limit_m_s : ndarray
@@ -60,7 +60,7 @@ class Edges:
 
     @classmethod
     def from_speeds(cls, length_m: FloatArray, time_s: FloatArray, speed_m_s: FloatArray) -> Edges:
-        """Edges of which only length, time and speed are known."""
+        """Make edges of which only length, time and speed are known."""
         n = len(length_m)
         return cls(length_m, time_s, speed_m_s, np.full(n, np.nan), ("",) * n, np.zeros(n, dtype=bool))
 
@@ -72,9 +72,9 @@ class Road:
     Attributes
     ----------
     links : LinkRoute
-        With free-flow travel times: nothing of them is traffic.
+        Links with free-flow travel times, without traffic.
     road_class : tuple of str
-        Of each link.
+        Class of each link.
     latitude_deg, longitude_deg : ndarray, shape (points,)
         The line on the map.
     position_m : ndarray, shape (points,)
@@ -101,61 +101,61 @@ class Road:
         return self.links.duration_s
 
     def place_at(self, position_m: float) -> Place:
-        """The point of the road at a distance from its start."""
+        """Return the point of the road at a distance from its start."""
         latitude = float(np.interp(position_m, self.position_m, self.latitude_deg))
         return Place(latitude, float(np.interp(position_m, self.position_m, self.longitude_deg)))
 
     def heading_at(self, position_m: FloatArray) -> FloatArray:
-        """Direction of travel at distances from the start, clockwise from north [°], shape of `position_m`."""
+        """Return the direction of travel at distances from the start, clockwise from north [°], shape of `position_m`."""
         return heading_along(self.latitude_deg, self.longitude_deg, self.position_m, position_m)
 
     def plan(self, trip_id: str = "route") -> Plan:
-        """The road as a plan with its direction of travel, see `plan_from_links`."""
+        """Return the road as a plan with its direction of travel, see `plan_from_links`."""
         plan = plan_from_links(self.links, trip_id=trip_id)
         return with_heading(plan, self.latitude_deg, self.longitude_deg, self.position_m, self.distance_m)
 
     def with_links(self, links: LinkRoute) -> Road:
-        """The same line with other speeds or times of its links."""
+        """Return the road with other speeds or times of its links, on the same line."""
         return replace(self, links=links)
 
 
 class Router(Protocol):
-    """What finds roads between places."""
+    """A finder of roads between places."""
 
     @property
     def name(self) -> str:
-        """As messages call the router."""
+        """Name of the router in messages."""
         ...
 
     def roads(self, stops: Sequence[Place], *, alternatives: int = 0) -> tuple[Road, ...]:
-        """Roads through places in order; the fastest first.
+        """Find roads through places in order; the fastest road is the first.
 
         Parameters
         ----------
         stops : sequence of Place
-            Two at least.
+            At least two places.
         alternatives : int
-            Number of other roads that are wanted; a router may have fewer.
+            Number of other roads that are wanted; a router may find fewer.
 
         Raises
         ------
         InvalidInput
-            When there is no road, or a place is outside of the map.
+            If there is no road, or a place is outside of the map.
         RemoteError
-            When the router does not answer, or not with what it should.
+            If the router does not answer, or its answer is wrong.
         """
         ...
 
     def outline(self, start: Place, minutes: float) -> tuple[Place, ...]:
-        """Places at the edge of what is reached in a time, in any order; empty where the router has no isochrones."""
+        """Return places at the edge of the area reached within a time, in any order; empty if the router has no isochrones."""
         ...
 
 
 def pooled(edges: Edges) -> tuple[LinkRoute, tuple[str, ...]]:
-    """Links of edges: neighbours of one speed, class and limit become one link, up to a signal. O(edges).
+    """Join edges into links, and return the links and their road classes. O(edges).
 
-    What is left of the time after driving at the free speeds stays with the link; at a signal it becomes standstill at
-    the end of the link.
+    Neighbouring edges of the same speed, class and limit become one link, up to a signal. The travel time of a link includes its
+    delays. The delay of a link that ends at a signal becomes a standstill at its end.
 
     Examples
     --------
@@ -181,7 +181,7 @@ def pooled(edges: Edges) -> tuple[LinkRoute, tuple[str, ...]]:
 
 
 def _runs(edges: Edges, moving_s: FloatArray) -> IntArray:
-    """Index of the first edge of each link."""
+    """Return the index of the first edge of each link."""
     length, limit = edges.length_m.tolist(), np.nan_to_num(edges.limit_m_s, nan=-1.0).tolist()
     seconds, signal, kind = moving_s.tolist(), edges.signal.tolist(), edges.road_class
     first, run_m, run_s = [0], length[0], seconds[0]
@@ -202,7 +202,7 @@ def _runs(edges: Edges, moving_s: FloatArray) -> IntArray:
 
 @dataclass(slots=True)
 class RoadParts:
-    """The legs of one road as they come from a router."""
+    """The legs of one road, collected from the answer of a router."""
 
     edges: list[Edges] = field(default_factory=list)
     points: list[FloatArray] = field(default_factory=list)
@@ -210,27 +210,30 @@ class RoadParts:
 
     @classmethod
     def of_one_leg(cls, edges: Edges, points: FloatArray, position_m: FloatArray) -> Self:
-        """From edges and points with latitude, longitude and perhaps height, at distances from the start."""
+        """Make the parts of a road with one leg.
+
+        `points` have columns latitude, longitude and, if known, height; `position_m` are their distances from the start.
+        """
         parts = cls()
         known = np.isfinite(points[:, 2]) if points.shape[1] > 2 else np.zeros(len(points), dtype=bool)
         parts.add(edges, points[:, :2], (position_m[known], points[known, 2]) if known.any() else None)
         return parts
 
     def add(self, edges: Edges, points: FloatArray, heights: tuple[FloatArray, FloatArray] | None) -> None:
-        """Add a leg: its edges, its line (latitude, longitude), and heights at distances from its start or None."""
+        """Add a leg with its edges, its line (latitude, longitude), and its distances from the start and heights, or None."""
         self.edges.append(edges)
         self.points.append(points)
         self.heights.append(heights)
 
     def road(self, stops: Sequence[Place]) -> Road:
-        """The whole road.
+        """Join the legs to a road.
 
         Raises
         ------
         InvalidInput
-            When it is far from the places.
+            If an end of the road is farther than `FARTHEST_START_M` from its place.
         RemoteError
-            When its links are impossible.
+            If links of the road are impossible.
         """
         legs_m = [float(edges.length_m.sum()) for edges in self.edges]
         points = np.concatenate(self.points)
@@ -265,7 +268,7 @@ def _joined(parts: Sequence[Edges]) -> Edges:
 def _with_heights(
     links: LinkRoute, heights: Sequence[tuple[FloatArray, FloatArray] | None], legs_m: Sequence[float]
 ) -> LinkRoute:
-    """Links with the heights of all legs, as they are where one has none."""
+    """Return links with the heights of all legs, or unchanged if a leg has no heights."""
     known = [leg for leg in heights if leg is not None]
     if not known or len(known) < len(heights):
         return links
@@ -287,7 +290,7 @@ def _require_near(points: FloatArray, stops: Sequence[Place]) -> None:
 
 
 def require_stops(stops: Sequence[Place]) -> None:
-    """Raise `InvalidInput` for a journey without two different places."""
+    """Raise `InvalidInput` if a journey does not have two different places."""
     if len(stops) < 2:
         raise InvalidInput.of("too few places", "stops", f"{len(stops)}", "a start and a destination")
     if all(stops[0].distance_m(place) < 1.0 for place in stops):
@@ -295,6 +298,6 @@ def require_stops(stops: Sequence[Place]) -> None:
 
 
 def no_road(stops: Sequence[Place], got: str) -> InvalidInput:
-    """The error of places that no road connects."""
+    """Return the error for places that no road connects."""
     title = " to ".join(place.title for place in stops)
     return InvalidInput.of("no road found", title, got[:120], "places that a road connects")

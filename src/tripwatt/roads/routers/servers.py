@@ -21,28 +21,28 @@ from tripwatt.routes.points import distances_m
 from tripwatt.routes.web import WebClient, an_answer, as_remote
 
 NO_ROUTE: Final = frozenset({"NoRoute", "NoSegment", "InvalidValue", "InvalidQuery", "TooBig"})
-"""Codes of OSRM for places that no road connects, or that are none."""
+"""Codes of OSRM for places that no road connects, and for places that are not valid."""
 
 
 @dataclass(frozen=True)
 class ServerRouter:
-    """Roads by a server that has no isochrones, and no alternatives of a road through intermediate stops."""
+    """A router by a server, without isochrones, and without alternatives for roads through intermediate stops."""
 
     client: WebClient
     name: str = "router"
 
     kind: ClassVar[str]
     key_place: ClassVar[str]
-    """Where the server expects the key of the environment, see `WebClient`."""
+    """Place in a request where the server expects the key, see `WebClient`."""
 
     @classmethod
     def from_url(cls, url: str) -> Self:
-        """A router by the URL of its server."""
+        """Make a router from the URL of its server."""
         client = WebClient(url, "the router", KEY, cls.key_place)
         return cls(client, f"{cls.kind} at {client.host}")
 
     def outline(self, start: Place, minutes: float) -> tuple[Place, ...]:
-        """See `Router.outline`: none."""
+        """Return no places, see `Router.outline`."""
         return ()
 
     def roads(self, stops: Sequence[Place], *, alternatives: int = 0) -> tuple[Road, ...]:
@@ -54,17 +54,17 @@ class ServerRouter:
         return tuple(part.road(stops) for part in parts)
 
     def ask(self, stops: Sequence[Place], others: int) -> Node:
-        """The routes of the server's answer; `others` are wanted beside the fastest."""
+        """Ask the server for the fastest route and `others` more, and return the routes of its answer."""
         raise NotImplementedError
 
     @staticmethod
     def parts(route: Node) -> RoadParts:
-        """The legs of a route; together they are one leg with the whole line."""
+        """Return the parts of a route; all its legs together are one part with the whole line."""
         raise NotImplementedError
 
 
 class OsrmRouter(ServerRouter):
-    """Roads by an OSRM server, from the annotations of its routes where it gives them, else from their steps."""
+    """Roads by an OSRM server, from the annotations of its routes, or from their steps if there are no annotations."""
 
     kind = "osrm"
     key_place = "query:api_key"
@@ -180,7 +180,7 @@ def _without_speed(steps: Sequence[Node]) -> np.ndarray:
 
 
 def _parts(table: np.ndarray, points: np.ndarray) -> RoadParts:
-    """One leg of edges with lengths, times and speeds, shape (edges, 3); points may have heights."""
+    """Make one leg from a table of lengths, times and speeds of edges, shape (edges, 3); points may have heights."""
     table[~(table[:, 2] > 0.0), 2] = np.nan
     return RoadParts.of_one_leg(
         Edges.from_speeds(*table.T), points, distances_m(points, float(table[:, 0].sum()))

@@ -29,22 +29,23 @@ from tripwatt.units import M_S_PER_KM_H
 T = TypeVar("T")
 
 Ask = Callable[[str, dict[str, Any]], Any]
-"""Takes an action of Valhalla and its request, gives the answer as a document."""
+"""Function from an action of Valhalla and its request to the answer as a document."""
 
 HTTP_OK: Final = 200
 MOST_EDGES: Final = 200_000
 HEIGHT_EVERY_M: Final = 30.0
-"""Distance of the heights along the road [m], as fine as the usual elevation model."""
+"""Distance between the heights along the road [m], as fine as the usual elevation model."""
 
 LONGEST_VOID_M: Final = 3000.0
 LONGEST_UNKNOWN_END_M: Final = 300.0
-"""A road with a longer part without heights, between known ones and at an end [m], is one of unknown heights: its climb is a variance."""
+"""Longest part of a road without heights, between known heights and at an end [m]. If a part is longer, all heights of the road count as
+unknown, and its climb is a variance."""
 
 SLOWEST_ALTERNATIVE: Final = 1.6
-"""Alternatives that take more than this many times as long as the fastest road are left out: they lead over tracks."""
+"""Alternatives that take longer than this many times the fastest road are left out, since they lead over tracks."""
 
 AskTile = Callable[[dict[str, Any]], bytes]
-"""As `Ask` for the action `tile`, whose answer is no document."""
+"""Function from a request of the action `tile` to the bytes of the answer."""
 
 NOT_ON_MAP: Final = frozenset({170, 171})
 """Valhalla's error codes for places without a road near them."""
@@ -73,9 +74,9 @@ class ValhallaRouter:
     ask : callable
         See `Ask`.
     name : str
-        As messages call it.
+        Name of the router in messages.
     ask_tile : callable, optional
-        See `AskTile`; None where there are no tiles.
+        See `AskTile`; None if there are no tiles.
     at_once : bool
         Whether `ask` may be called from several threads.
     """
@@ -87,16 +88,16 @@ class ValhallaRouter:
 
     @classmethod
     def from_url(cls, url: str) -> ValhallaRouter:
-        """A Valhalla server."""
+        """Make a router from the URL of a Valhalla server."""
         return cls.from_client(WebClient(url, "the router", KEY, "query:api_key"))
 
     @classmethod
     def from_client(cls, client: WebClient) -> ValhallaRouter:
-        """As `from_url`, by what sends the requests."""
+        """Make a router from a client of a Valhalla server."""
 
         def tile(request: dict[str, Any]) -> bytes:
             answer = client.request("POST", "/tile", body=request)
-            return answer.body if answer.status == HTTP_OK else b""  # 400 where the map has no roads
+            return answer.body if answer.status == HTTP_OK else b""  # 400 if the map has no roads there
 
         def ask(action: str, request: dict[str, Any]) -> Any:
             return client.post_json(f"/{action}", request)
@@ -104,7 +105,7 @@ class ValhallaRouter:
         return cls(ask, f"valhalla at {client.host}", tile, at_once=True)
 
     def roads(self, stops: Sequence[Place], *, alternatives: int = 0) -> tuple[Road, ...]:
-        """See `Router.roads`. The shortest road is one of the alternatives where it differs from the fastest."""
+        """See `Router.roads`. If alternatives are wanted, the shortest road is one of them."""
         require_stops(stops)
         asked: list[dict[str, Any]] = [{}]
         if alternatives:
@@ -120,7 +121,7 @@ class ValhallaRouter:
         return tuple(road for k, road in enumerate(roads) if k == 0 or road.duration_s <= longest_s)
 
     def outline(self, start: Place, minutes: float) -> tuple[Place, ...]:
-        """See `Router.outline`: the corners of Valhalla's isochrone."""
+        """Return the corners of Valhalla's isochrone, see `Router.outline`."""
         request = {
             "locations": [_location(start)],
             "costing": "auto",
@@ -141,14 +142,14 @@ class ValhallaRouter:
         return tuple(places)
 
     def tile(self, zoom: int, column: int, row: int) -> bytes:
-        """A vector tile of the roads (Mapbox Vector Tile 2.1); empty where there are none, or no tiles at all.
+        """Return a vector tile of the roads (Mapbox Vector Tile 2.1); empty if there are no roads in it, or no tiles at all.
 
-        Its layer `edges` has the property `road_class`, from 0 for motorways to 7 for service roads.
+        Features of the layer `edges` have the property `road_class`, from 0 for motorways to 7 for service roads.
 
         Raises
         ------
         RemoteError
-            When the router does not answer.
+            If the router does not answer.
         """
         if self.ask_tile is None:
             return b""
@@ -209,14 +210,14 @@ class ValhallaRouter:
         return Node(self.ask("height", request), "height")
 
     def _answer(self, action: str, request: dict[str, Any], stops: Sequence[Place]) -> Node:
-        """The answer of an action.
+        """Ask for an action and return the answer.
 
         Raises
         ------
         InvalidInput
-            When there is no road between the places.
+            If a place is outside of the map, or there is no road between the places.
         RemoteError
-            When the answer is none.
+            If the answer is not valid.
         """
         with as_remote():
             answer = an_answer(self.ask(action, request), action)
@@ -230,16 +231,16 @@ class ValhallaRouter:
 
 
 def _edges(answer: Node, shape: str, points: FloatArray) -> tuple[Edges, FloatArray]:
-    """Edges of a line, and the ranges of distance [m] under a roof or on a bridge, shape (ranges, 2)."""
+    """Return the edges of a line, and the ranges of distance [m] in tunnels or on bridges, shape (ranges, 2)."""
     entries = answer["edges"].entries(least=1)
     if len(entries) > MOST_EDGES:
         raise InvalidInput.of(
             "too many edges", "trace_attributes", f"{len(entries)}", f"at most {MOST_EDGES}"
         )
     own = answer["shape"].value
-    # of a short leg on one edge Valhalla may give no part
+    # for a short leg on one edge, Valhalla may return no part of the edge
     within = entries[-1]["end_shape_index"].value == 0
-    # its line may have a point more than that of the route
+    # the line of the answer may have a point more than that of the route
     if isinstance(own, str) and own != shape and not within:
         points = decode_polyline(own, answer["shape"].where, precision=1e6)
     begin = _indices([entry["begin_shape_index"] for entry in entries], len(points))
@@ -269,7 +270,10 @@ def _edges(answer: Node, shape: str, points: FloatArray) -> tuple[Edges, FloatAr
 
 
 def _heights(answer: Node, covered: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-    """Distances and heights; None without an elevation model, or with a long part outside of it. Tunnels and bridges are straight."""
+    """Return distances and heights, or None if the heights of all or of a long part of the road are unknown.
+
+    Heights inside the ranges `covered` (tunnels and bridges) are left out, so that the road is straight there.
+    """
     pairs = answer["range_height"]
     given = pairs.value if isinstance(pairs.value, list) else []
     whole = _height_table([pair for pair in given if isinstance(pair, list) and len(pair) == 2], pairs.where)
@@ -289,18 +293,18 @@ def _heights(answer: Node, covered: FloatArray) -> tuple[FloatArray, FloatArray]
 
 
 def _height_table(pairs: Sequence[list[Any]], where: str) -> FloatArray:
-    """Distance and height of each pair, NaN where the height is unknown, shape (pairs, 2)."""
+    """Return distance and height of each pair, shape (pairs, 2); an unknown height is NaN."""
     given = Node([value for pair in pairs for value in pair if value is not None], where)
     plain = {type(value) for value in given.value} <= {int, float}
     with as_remote():
         if not plain or not all(-1e12 < value < 1e12 for value in given.value):
-            given.numbers()  # names the fault
+            given.numbers()  # raises the fault
         rows = [(at, math.nan if height is None else height) for at, height in pairs]
         return np.array(rows, dtype=np.float64).reshape(-1, 2)
 
 
 def _limit(limit: Node) -> float:
-    """A speed limit [m/s], NaN where there is none: Valhalla writes "unlimited", or nothing."""
+    """Return a speed limit [m/s], or NaN if there is none; Valhalla then writes "unlimited", or nothing."""
     if limit.value is None or isinstance(limit.value, str):
         return math.nan
     speed = M_S_PER_KM_H * limit.number(least=0.0)
@@ -320,7 +324,7 @@ def _location(place: Place) -> dict[str, Any]:
 
 
 def _different(trips: Sequence[Node]) -> list[Node]:
-    """Trips whose lines differ, in their order."""
+    """Return the trips whose lines differ, in their order."""
     kept: dict[str, Node] = {}
     for trip in trips:
         legs = trip["legs"].value
