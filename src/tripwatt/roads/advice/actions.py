@@ -1,4 +1,4 @@
-"""What a driver can do about a trip: each action changes its plan, what is known at departure, or what the car takes from the plug."""
+"""Actions of a driver: each changes the plan of a trip, its departure, or the energy that the car takes from the plug."""
 
 from __future__ import annotations
 
@@ -26,48 +26,49 @@ Effort = Literal["none", "little", "some", "much"]
 EFFORTS: Final[tuple[Effort, ...]] = ("none", "little", "some", "much")
 
 SPEEDS_KM_H: Final = (130.0, 120.0, 110.0, 100.0, 90.0, 80.0)
-"""Highest speeds that are advised. Slower ones hinder others on a motorway."""
+"""Highest speeds that are advised; slower cars hinder others on a motorway."""
 FAST_KM_H: Final = 90.0
-"""Only what is driven faster is slowed down: the speed of a road with one lane is that of the others."""
+"""Trips that are nowhere faster than this are not slowed down: on a road with one lane, the speed is that of the other cars."""
 GENTLE_M_S2: Final = 0.9
 """Acceleration and braking of a calm driver; a usual value of eco-driving courses."""
 WARMER_K: Final = (2.0, 4.0)
-"""Steps of the set-point. A cabin of 22 °C stays at 18 °C or more."""
+"""Steps by which the set-point is moved towards the outside temperature. A cabin of 22 °C stays at 18 °C or more."""
 SEATS_SETPOINT_DEGC: Final = 16.0
-"""Of the cabin with heated seats in place of warm air."""
+"""Set-point of the cabin with heated seats in place of warm air."""
 SEATS_FROM_K: Final = 8.0
-"""Milder cabins need no heated seats."""
+"""Heated seats are advised only if the outside air is more than this below the set-point."""
 MILD_DEGC: Final = (8.0, 30.0)
-"""Outside temperatures in which a car can be driven without climate control: below, windows mist; above, drivers tire."""
+"""Outside temperatures at which a car can be driven without climate control: below, windows mist; above, drivers tire."""
 LUGGAGE_KG: Final = 50.0
 ALONE: Final = ("road", "departure")
-"""Groups of actions that make another trip, and are not combined."""
+"""Groups of actions that change the whole trip, and are not combined with others."""
 LATER_H: Final = (-1, 1, 2, 3)
 """Hours by which a car may leave earlier or later."""
 SUMMER_DEGC: Final = 7.0
-"""Winter tyres are kept below this outside temperature."""
+"""Winter tyres are kept at or below this outside temperature."""
 UNCHECKED: Final = 0.9
-"""Tyre pressure over the recommended one after two months without a look: tyres lose 1 to 2 psi a month (GAO-07-246R, 2007), of about 32 psi."""
+"""Tyre pressure over the recommended one after two months without a check: tyres lose 1 to 2 psi a month (GAO-07-246R, 2007), of about
+32 psi."""
 UNCHECKED_SPREAD: Final = 1.0 / 3.0
-"""Standard deviation of what is lost, over its mean: 1 to 2 psi are 1.5 ± 0.5 psi."""
+"""Standard deviation of the lost pressure over its mean: 1 to 2 psi are 1.5 ± 0.5 psi."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Action:
-    """Something that a driver can do.
+    """An action of a driver.
 
     Attributes
     ----------
     code : str
-        Of the text.
+        Code of the action, which selects its text.
     group : str
-        Of the actions of one group a driver takes one.
+        Group of the action; at most one action of each group is taken.
     effort : str
         "none", "little", "some" or "much".
     changed : dict of str to object
-        Fields of the departure that differ.
+        Fields of the departure that the action changes.
     value : float or None
-        Such as a speed [m/s] or a temperature [°C], in SI units.
+        Value of the action, such as a speed [m/s] or a temperature [°C], in SI units.
     speed_m_s, acceleration_m_s2 : float or None
         Highest speed, and highest acceleration.
     fitted, removed : str
@@ -75,11 +76,11 @@ class Action:
     wall_wh : float
         Energy from the plug [Wh].
     before_s : float
-        How long before the departure it begins [s].
+        Time before departure at which the action begins [s].
     assumed : dict of str to object
-        Fields of the departure that are not known: the saving is that where they are so, and the chance to arrive stays.
+        Values of fields of the departure that are not known. The saving is compared with a trip that has these values.
     spread : float
-        Standard deviation of the effect over its mean, beside that of the forecasts.
+        Standard deviation of the effect over its mean, in addition to that of the forecasts.
 
     Examples
     --------
@@ -110,12 +111,12 @@ class Action:
         Parameters
         ----------
         plan : Plan
-            With or without other actions.
+            A plan, with or without other actions.
 
         Returns
         -------
         Plan
-            With the action.
+            The plan with this action.
 
         Examples
         --------
@@ -136,7 +137,7 @@ class Action:
 
 
 def capped(plan: Plan, speed_m_s: float, after_s: float = -np.inf) -> Plan:
-    """Drive no faster than a speed, from a time since departure on; the road stays as long. O(samples).
+    """Return a plan driven no faster than a speed from `after_s` after departure on; the length of the road stays. O(samples).
 
     Examples
     --------
@@ -152,9 +153,10 @@ def capped(plan: Plan, speed_m_s: float, after_s: float = -np.inf) -> Plan:
 
 
 def calmer(plan: Plan, acceleration_m_s2: float) -> Plan:
-    """Accelerate and brake no harder than a value; the road stays as long. O(samples).
+    """Return a plan that accelerates and brakes no harder than a value; the length of the road stays. O(samples).
 
-    The square of the speed rises by at most twice the acceleration over the way: one pass forwards, one backwards.
+    Over a distance s, the square of the speed rises by at most 2 x acceleration x s: one pass forwards limits the acceleration, and
+    one pass backwards the braking.
 
     Examples
     --------
@@ -175,7 +177,7 @@ def calmer(plan: Plan, acceleration_m_s2: float) -> Plan:
 
 
 def _at_speed(plan: Plan, speed_m_s: FloatArray) -> Plan:
-    """The plan with lower speeds at the same places; where it stands it stands as long."""
+    """Return a plan with lower speeds at the same places; standstills take as long as before."""
     time, before = plan.array("time_s"), plan.array("speed_m_s")
     mean, was = (0.5 * (v[1:] + v[:-1]) for v in (speed_m_s, before))
     slower = np.divide(was, mean, out=np.ones_like(was), where=mean > 1e-6)
@@ -187,7 +189,7 @@ def _at_speed(plan: Plan, speed_m_s: FloatArray) -> Plan:
 
 
 def actions(forecast: Forecast) -> Iterator[Action]:
-    """What can be done about a trip, whether it helps or not; of each group the mildest first, and one at most can be combined."""
+    """Yield all actions that are possible for a trip, whether they help or not; in each group, the mildest comes first."""
     plan, vehicle = forecast.plan, forecast.vehicle
     yield from _of_driving(plan)
     yield from _of_climate(vehicle, plan)
@@ -196,7 +198,7 @@ def actions(forecast: Forecast) -> Iterator[Action]:
 
 
 def limits_below(fastest_m_s: float) -> list[float]:
-    """Speeds [m/s] that make somebody slower who drives fast, the highest first; none for a slow road."""
+    """Return the speeds [m/s] to advise that are below a fastest speed, the highest first; returns none if it is not above `FAST_KM_H`."""
     fast = FAST_KM_H * M_S_PER_KM_H
     limits = [speed * M_S_PER_KM_H for speed in SPEEDS_KM_H]
     return [limit for limit in limits if fastest_m_s > max(limit + 1.0, fast)]
@@ -227,7 +229,7 @@ def _of_climate(vehicle: Vehicle, plan: Plan) -> Iterator[Action]:
 
 
 def _of_plug(vehicle: Vehicle, plan: Plan) -> Iterator[Action]:
-    """Cabin and battery on the plug: what is worth it on any day, then what is worth it where the charge does not suffice."""
+    """Yield the preheating of cabin and battery on the plug: first if worth it on any day, then if the charge does not suffice."""
     for part, worth in itertools.product(("cabin", "battery"), (WORTH, SCARCE)):
         warmed = preheating(vehicle, plan, worth=worth, only=part)
         if warmed is not None:
@@ -258,9 +260,9 @@ def _of_load(known: Departure) -> Iterator[Action]:
 
 
 def with_action(corridor: Corridor, action: Action, forecast: Forecast, road: Road) -> ChargingPlan | None:
-    """Plan the stops of a journey again with an action, which has a forecast and a road; None where none is sure enough.
+    """Plan the stops of a journey again with an action, given its forecast and road; returns None if no plan is certain enough.
 
-    What was warmed on the plug is so for the first leg alone.
+    An action on the plug is applied to the first leg only.
     """
 
     def change(plan: Plan) -> Plan:
@@ -280,21 +282,21 @@ def leaving_later(forecaster: RoadForecaster, road: Road, now: dt.datetime) -> l
     Parameters
     ----------
     forecaster : RoadForecaster
-        With the car, its departure and a source of weather.
+        Forecaster with the car, its departure and a source of weather.
     road : Road
-        From a router.
+        Road from a router.
     now : datetime
-        Nothing earlier is proposed.
+        Time of the earliest possible departure.
 
     Returns
     -------
     list of (Action, Forecast)
-        Empty without a source of weather, or where the departure names the weather.
+        Empty without a source of weather, or if the departure has its own weather.
 
     Raises
     ------
     InvalidInput
-        As the weather.
+        As in the source of weather.
 
     Examples
     --------

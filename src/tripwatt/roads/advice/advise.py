@@ -1,4 +1,4 @@
-"""What to do about a trip, what it saves, and how sure that is."""
+"""Advice about a trip: which actions help, what they save, and how certain the saving is."""
 
 from __future__ import annotations
 
@@ -25,17 +25,18 @@ from tripwatt.units import SECONDS_PER_MINUTE, WH_PER_J
 from tripwatt.vehicles import Vehicle
 
 CHANCE: Final = 0.95
-"""Chance to arrive that is asked for: 19 of 20 trips."""
+"""Default of the required chance to arrive: 19 of 20 trips."""
 MOST_TOGETHER: Final = 3
-"""Actions that are advised together."""
+"""Largest number of actions that are advised together."""
 LEAST_SURE: Final = 0.95
-"""Chance that an action saves at all, for it to be advice."""
+"""Smallest chance that an action saves energy at all with which it is advised."""
 MOST_SETS: Final = 3
 MOST_TRIED: Final = 12
 HOPEFUL: Final = 0.8
-"""Share of the energy that lacks, from which the savings of a set are forecast together: actions help or hinder each other."""
+"""A set of actions is forecast only if the sum of its savings is at least this share of the missing energy: actions help or hinder each
+other, so the sum is not exact."""
 A_MINUTE_OF: Final = {"none": 0.0, "little": 1.0, "some": 4.0, "much": 15.0}
-"""Minutes that an effort counts for, in the order of the sets; a choice."""
+"""Minutes for which each effort counts when sets of actions are ordered; a choice."""
 
 SHOWN_OF_ACTION: Final = ("code", "value", "effort", "wall_wh", "before_s")
 SHOWN: Final = ("soc_arrival", "p_arrive", "effort", "wall_wh", "interaction_wh")
@@ -48,19 +49,19 @@ class Advised:
     Attributes
     ----------
     actions : tuple of Action
-        Of different groups.
+        Actions, each of another group.
     forecast : Forecast
-        Of the trip with them.
+        Forecast of the trip with the actions.
     difference : Difference
-        To the trip without them; below 0 is saved.
+        Trip with the actions minus trip without them; negative values are savings.
     soc_arrival : float
         Expected displayed charge at arrival.
     p_arrive : float
         Chance to arrive with the reserve.
     interaction_wh : float
-        What several actions take together beyond the sum of each alone [Wh].
+        Difference of the actions together minus the sum of their differences alone [Wh].
     whole : ChargingPlan or None
-        The journey with its stops to charge; None for a trip without one, or where no plan is sure enough.
+        The journey with its stops to charge; None for a trip without stops, or if no plan is certain enough.
 
     Examples
     --------
@@ -81,7 +82,7 @@ class Advised:
 
     @property
     def effort(self) -> str:
-        """That of the hardest of its actions."""
+        """Effort of the hardest action."""
         return max((action.effort for action in self.actions), key=EFFORTS.index)
 
     @property
@@ -91,7 +92,7 @@ class Advised:
 
     @property
     def cost_min(self) -> float:
-        """Minutes that the trip takes longer, and those that the efforts count for [min]."""
+        """Minutes that the trip takes longer, plus the minutes for which the efforts count [min]."""
         effort = sum(A_MINUTE_OF[action.effort] for action in self.actions)
         return max(self.difference.duration_s, 0.0) / SECONDS_PER_MINUTE + effort
 
@@ -121,16 +122,16 @@ class Advised:
 
 @dataclass(frozen=True, slots=True)
 class SpeedCap:
-    """A highest speed, and what it changes beside the speeds of the plan.
+    """A highest speed, and the time and energy that it changes compared with the speeds of the plan.
 
     Attributes
     ----------
     speed_m_s : float
         Highest speed [m/s].
     longer_s : float
-        Driving time more [s].
+        Additional driving time [s].
     saved_wh : float
-        Energy less [Wh].
+        Saved energy [Wh].
 
     Examples
     --------
@@ -144,7 +145,7 @@ class SpeedCap:
 
     @property
     def charging_w(self) -> float:
-        """Power of charging below which the trip is quicker in all, since the energy that is saved need not be charged [W]."""
+        """Charging power below which the whole trip is quicker at this speed, since the saved energy need not be charged [W]."""
         return self.saved_wh / WH_PER_J / self.longer_s
 
     def to_dict(self) -> dict[str, float]:
@@ -165,26 +166,27 @@ class SpeedCap:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Advice:
-    """What to do about a trip.
+    """Advice about a trip.
 
     Attributes
     ----------
     forecast : Forecast
-        Of the trip as it is.
+        Forecast of the trip as it is.
     reserve, chance : float
-        Displayed charge to arrive with, and the chance that is asked for.
+        Displayed charge to arrive with, and the required chance to do so.
     p_arrive : float
-        Chance of the trip as it is.
+        Chance to arrive with the reserve on the trip as it is.
     charge_to : float
-        Displayed charge to leave with, so that nothing else has to be done; above 1 where a full battery does not suffice.
+        Displayed charge to leave with, so that nothing else has to be done. A value above 1 means that a full battery does not suffice.
     least : tuple of Advised
-        Sets of actions that reach the chance, the least minutes and effort first; empty where it is reached, or none does.
+        Sets of actions that reach the required chance, the smallest `cost_min` first. Empty if the trip reaches it as it is, or no set
+        does.
     singly : tuple of Advised
-        Of each group the mildest action that saves for sure, the largest saving first.
+        The mildest action of each group that certainly saves energy, the largest saving first.
     speeds : tuple of SpeedCap
-        Highest speeds that save for sure, the fastest first; empty for a slow road.
+        Highest speeds that certainly save energy, the fastest first; empty for a slow road.
     whole : ChargingPlan or None
-        The journey as it is with its stops to charge; None for a trip without one.
+        The journey as it is with its stops to charge; None for a trip without stops.
 
     Examples
     --------
@@ -215,7 +217,7 @@ class Advice:
         Returns
         -------
         dict
-            As `POST /v1/advice` answers.
+            Values as in the answer of `POST /v1/advice`.
 
         Examples
         --------
@@ -254,34 +256,34 @@ def advise(
     chance: float = CHANCE,
     others: Sequence[tuple[Action, Forecast]] = (),
 ) -> Advice:
-    """Work out what to do about a trip. O(actions x samples).
+    """Find actions that help a trip to arrive or save energy. O(actions x samples).
 
     Parameters
     ----------
     trip : Plan, Trip, Journey or Forecast
-        To come. A journey's or a forecast's car and departure are its own.
+        The trip ahead. A journey and a forecast have their own car and departure.
     departure : Departure, optional
         What is known when the car leaves.
     car : Vehicle or str, optional
         A car other than the model's own.
     model : ForecastModel or path, optional
-        The model that comes with the package when not given.
+        Model of the car. By default, the model that comes with the package.
     reserve : float
         Displayed state of charge to arrive with, 0 to 1.
     chance : float
-        Chance to arrive that is asked for, 0.5 to 1.
+        Required chance to arrive with the reserve, 0.5 to 1.
     others : sequence of (Action, Forecast)
-        Other ways to make the trip, with their forecasts, such as from `leaving_later`; the other roads of a journey are among them anyway.
+        Other ways to make the trip, with their forecasts, such as from `leaving_later`. The other roads of a journey are always added.
 
     Returns
     -------
     Advice
-        Each action with its saving, and the least that helps.
+        Actions with their savings, and the sets of actions that suffice.
 
     Raises
     ------
     InvalidInput
-        With a reserve or chance out of its bounds, a forecast that was updated on the way, or as `ForecastModel.forecast`.
+        If the reserve or the chance is out of its bounds, or the forecast was updated on the way; else as in `ForecastModel.forecast`.
 
     Examples
     --------
@@ -331,7 +333,7 @@ def advise(
 
 
 def _stops(journey: Journey, plan: ChargingPlan, chance: float) -> Iterator[Advised]:
-    """To stop and charge, as a way to arrive; its way and time are those of the whole journey."""
+    """Yield the action to stop and charge if it reaches the required chance; its energy and time are those of the whole journey."""
     if plan.p_reserve < chance:
         return
     base = journey.forecast
@@ -349,7 +351,7 @@ def _stops(journey: Journey, plan: ChargingPlan, chance: float) -> Iterator[Advi
 
 
 def _on_the_whole(journey: Journey, one: Advised) -> Advised:
-    """An action with the stops that the journey then has."""
+    """Return an action with the stops to charge that the journey has with this action."""
     (action,), corridor = one.actions, journey.corridor
     if corridor is None or action.assumed:
         return one
@@ -358,7 +360,7 @@ def _on_the_whole(journey: Journey, one: Advised) -> Advised:
 
 
 def _made(trip: Journey | Forecast, *beside: object) -> Forecast:
-    """A forecast that was made before, which needs nothing beside it."""
+    """Return the forecast of a journey or a given forecast; raise `InvalidInput` if it cannot be used, or other arguments are given."""
     forecast = trip.forecast if isinstance(trip, Journey) else trip
     if any(value is not None for value in beside):
         allowed = "only with a plan or a trip"
@@ -387,9 +389,10 @@ def _advised(
 def _least(
     join: Callable[[Sequence[Advised]], Advised], sure: Sequence[Advised], chance: float, lacking_wh: float
 ) -> list[Advised]:
-    """Sets of actions that reach the chance: the smallest, and larger ones that cost less. Of sets with the same codes the cheapest values.
+    """Find sets of actions that reach the required chance: the smallest sets, and larger ones that cost less.
 
-    Several actions are forecast together in the order of the sum of their costs, if the sum of their savings is about what lacks.
+    Of sets with the same codes, only the cheapest values are kept. Sets are tried in the order of the sum of their costs, if the sum of
+    their savings is at least `HOPEFUL` times the missing energy `lacking_wh`.
     """
     found: dict[tuple[str, ...], Advised] = {}
     for size in range(1, MOST_TOGETHER + 1):

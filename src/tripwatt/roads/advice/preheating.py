@@ -1,4 +1,4 @@
-"""Before departure: what to warm, from when and to what, by a search over all of it on the car's own cabin and cells; the charge to leave with."""
+"""Preheating before departure: start and temperature of cabin and battery, by a search on the models of both; the charge to leave with."""
 
 from __future__ import annotations
 
@@ -25,44 +25,44 @@ from tripwatt.vehicles import Vehicle
 PLUG_W: Final = 7400.0
 """A wall box with one phase of 32 A."""
 CHARGER: Final = 0.9
-"""Energy that reaches the car over that of the wall; on-board chargers are a little better, a choice."""
+"""Energy that reaches the car over that of the wall; on-board chargers are a little better. A choice."""
 WORTH: Final = 2.0
-"""What energy of the battery at departure counts for over that of the wall: charging on the way costs about twice as much as at home. A choice."""
+"""Weight of energy of the battery at departure over that of the wall: charging on the way costs about twice that at home. A choice."""
 SCARCE: Final = 10.0
-"""The same where the charge does not suffice. A choice."""
+"""The same weight if the charge does not suffice. A choice."""
 COMFORT_W_K: Final = 1000.0
-"""What a kelvin off the set-point counts for on the way, in power of the wall: six minutes that are 10 K too cold are worth 1 kWh. A choice.
+"""Cost of a kelvin off the set-point on the way, as power of the wall: six minutes that are 10 K too cold count for 1 kWh. A choice.
 The temperature that counts is the operative one, the mean of air and surfaces (ISO 7726)."""
 STEP_S: Final = 60.0
 STEPS: Final = 60
-"""Longest time of preheating; heat that is earlier is lost by the departure."""
+"""Longest time of preheating, in steps of `STEP_S`; earlier heat is lost by the departure."""
 BATTERY_STEPS: Final = 5
 TRIED_K: Final = (0.0, -2.0, 2.0, 4.0)
-"""Set-points that are tried: so much nearer to the outside air than the driver's."""
+"""Set-points that are tried: by how much they are nearer to the outside air than the driver's."""
 BATTERY_HEATER_W: Final = 5000.0
-"""A usual power of cars that heat their battery."""
+"""Usual power of battery heaters [W]."""
 WARM_BATTERY_DEGC: Final = 20.0
 DIGITS: Final = 6
 LEAST_WH: Final = 20.0
-"""Savings that nobody sees on a display are no advice [Wh]."""
+"""Smaller savings are not advised, since nobody sees them on a display [Wh]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Preheating:
-    """What to warm before departure.
+    """A preheating of cabin and battery before departure.
 
     Attributes
     ----------
     cabin_degc, battery_degc : float or None
-        Set-point of the cabin, and temperature of the battery at departure; None where it is left as it is.
+        Set-point of the cabin, and temperature of the battery at departure; None if this part is not preheated.
     cabin_before_s, battery_before_s : float
-        How long before the departure each begins [s].
+        Time before departure at which the preheating of each part begins [s].
     wall_wh : float
         Energy from the wall [Wh].
     saved_wh : float
-        What the battery gives less, preheating and trip together [Wh].
+        Saved energy of the battery, preheating and trip together [Wh].
     changed : mapping of str to (float or None)
-        Fields of the departure that differ.
+        Fields of the departure that the preheating changes.
 
     Examples
     --------
@@ -84,11 +84,11 @@ class Preheating:
 
     @property
     def before_s(self) -> float:
-        """How long before the departure it begins [s]."""
+        """Time before departure at which the preheating begins [s]."""
         return max(self.cabin_before_s, self.battery_before_s)
 
     def to_dict(self, departs_at: dt.datetime | None = None) -> dict[str, Any]:
-        """Convert to plain values, with the time at which it begins where that of the departure is known.
+        """Convert to plain values, with the time at which the preheating begins if `departs_at` is given.
 
         Parameters
         ----------
@@ -112,7 +112,7 @@ class Preheating:
 
 
 class _Way(NamedTuple):
-    """A way to treat a part of the car: set-point, start, the departure, power by step, and energy and discomfort of the trip."""
+    """A way to preheat one part of the car, with its power in each step, and the energy and discomfort of the trip after it."""
 
     degc: float | None
     before_s: float
@@ -128,28 +128,29 @@ LEFT: Final = _Way(None, 0.0, {}, np.zeros(STEPS))
 def preheating(
     vehicle: Vehicle, plan: Plan, *, plug_w: float = PLUG_W, worth: float = WORTH, only: str | None = None
 ) -> Preheating | None:
-    """Find when to begin preheating cabin and battery, and to what, at the least of wall energy and `worth` times battery energy.
+    """Find the start and temperature of preheating cabin and battery with the least cost. O(ways of the cabin x samples).
 
-    Every start, set-point and time of heating the battery is tried, all together. O(ways of the cabin x samples). Power beyond that of the
-    plug comes from the battery and counts as such, so that no answer costs the battery anything.
+    The cost is the wall energy, plus `worth` times the energy of the battery, plus the discomfort on the way. All combinations of start
+    and set-point of the cabin and heating time of the battery are tried. Power beyond that of the plug comes from the battery and
+    counts as such; combinations that take more from the battery than no preheating are left out.
 
     Parameters
     ----------
     vehicle : Vehicle
         The car.
     plan : Plan
-        With what is known at departure, had nothing been warmed.
+        Plan with the departure as it is without preheating.
     plug_w : float
-        Power of the plug [W]; 0 off the plug.
+        Power of the plug [W]; 0 if the car is not plugged in.
     worth : float
-        What energy of the battery counts for over that of the wall.
+        Weight of energy of the battery over that of the wall.
     only : {"cabin", "battery"}, optional
-        The part that may be warmed; both when not given.
+        The part that may be preheated. By default, both.
 
     Returns
     -------
     Preheating or None
-        None where nothing is worth it, as off the plug.
+        None if no preheating is worth its cost, such as without a plug.
 
     Examples
     --------
@@ -180,7 +181,7 @@ def preheating(
 
 
 def _of_cabin(vehicle: Vehicle, plan: Plan, conditions: DriveConditions) -> list[_Way]:
-    """Every set-point and start, with nobody inside and no sun; then the trip from the air and the interior that they leave."""
+    """Simulate every set-point and start of the cabin, without people and sun; then the trip with the cabin preheated in this way."""
     climate, start = vehicle.climate, conditions.cabin_start(vehicle)
     if climate is None or start.mode == "off":
         return [LEFT]
@@ -209,7 +210,7 @@ def _of_cabin(vehicle: Vehicle, plan: Plan, conditions: DriveConditions) -> list
 
 
 def _of_battery(vehicle: Vehicle, plan: Plan, conditions: DriveConditions) -> list[_Way]:
-    """The heater at its power for every time; then the trip with the losses in the cells and the regeneration that they allow."""
+    """Simulate the battery heater for every heating time; then the trip from the battery temperature reached."""
     pack, degc, ways = vehicle.battery, conditions.battery_start_degc, list[_Way]()
     for number in range(STEPS + 1):
         if number % BATTERY_STEPS == 0 and (degc <= WARM_BATTERY_DEGC or not number):
@@ -227,16 +228,16 @@ def _of_battery(vehicle: Vehicle, plan: Plan, conditions: DriveConditions) -> li
 def before_departure(
     forecast: Forecast, soc_needed: float, plug_w: float, soc: float | None, leaves: dt.datetime | None
 ) -> dict[str, Any]:
-    """What to do until a trip, as `GET /v1/need` hands it on: the charge to have and by when, energy and time of charging, preheating.
+    """Return what to do before a trip, for `GET /v1/need`: target charge and time, energy and time of charging, preheating.
 
     Parameters
     ----------
     forecast : Forecast
-        Of the trip.
+        Forecast of the trip.
     soc_needed : float
         Displayed charge to leave with.
     plug_w : float
-        Power of the plug [W]; 0 off the plug.
+        Power of the plug [W]; 0 if the car is not plugged in.
     soc : float or None
         Displayed charge now.
     leaves : datetime or None
@@ -274,7 +275,7 @@ def before_departure(
 def need_before_departure(
     ahead: float | Plan | Trip, kind: str, departure: Departure, plug_w: float, **asked: Any
 ) -> tuple[Need, dict[str, Any]]:
-    """`need` and what to do until then, as `GET /v1/need` and `tripwatt need --json` answer; the other arguments are those of `need`.
+    """Return the results of `need` and `before_departure`, for `GET /v1/need` and `tripwatt need --json`; `asked` goes to `need`.
 
     Examples
     --------

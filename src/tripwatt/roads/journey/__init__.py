@@ -1,4 +1,4 @@
-"""Journeys: from A to B with the charge at arrival, what to leave with, stops to charge, and the area of reach."""
+"""Journeys from A to B: the charge at arrival, the charge to leave with, stops to charge, and the area of reach."""
 
 from tripwatt.roads.journey.atlas import Atlas, AtlasSettings, open_atlas
 from tripwatt.roads.journey.charging import ChargingCurve

@@ -17,7 +17,7 @@ from tripwatt.routes.places import Place
 from tripwatt.sources.table import Heights
 
 MAP_VARIABLE: Final = "TRIPWATT_MAP"
-"""Environment variable of the map or router that is used where none is named."""
+"""Environment variable of the map or router that is used if none is named."""
 
 Bounds = tuple[float, float, float, float]
 """South, west, north and east [°]."""
@@ -28,18 +28,18 @@ LARGER: Final = "build a map of a larger region for places outside of it"
 
 @dataclass(frozen=True)
 class AtlasSettings:
-    """Where an atlas is, as a user names it. Empty texts are not used.
+    """Places of the parts of an atlas, as a user names them. Empty texts are not used.
 
     Attributes
     ----------
     map : str
         Folder of a map, or a router's server as `KIND=URL`.
     places : str
-        Server that finds places, as `KIND=URL`; the index of the map when empty.
+        Server that finds places, as `KIND=URL`; if empty, the index of the map is used.
     weather : str
         URL of a server with the interface of Open-Meteo.
     stations : str
-        CSV file of charging stations; those of the map when empty.
+        CSV file of charging stations; if empty, the stations of the map are used.
 
     Examples
     --------
@@ -55,26 +55,26 @@ class AtlasSettings:
 
 @dataclass(frozen=True)
 class Atlas:
-    """Roads, and where known places, charging stations and weather.
+    """A source of roads and, if known, of places, charging stations and weather.
 
     Attributes
     ----------
     router : Router
-        Finds roads.
+        Router that finds roads.
     places : PlaceSearch or None
-        Finds places by name; None where only coordinates are understood.
+        Search for places by name; None if only coordinates are accepted.
     stations : tuple of Station
-        Charging stations; empty where none are known.
+        Charging stations; empty if none are known.
     weather : WeatherSource or None
-        Forecasts the weather; None where it is not known.
+        Source of weather forecasts; None if there is none.
     attribution : str
-        What has to be shown beside a road or a place.
+        Text that has to be shown beside a road or a place.
     bounds_deg : tuple of float or None
-        South, west, north and east of the map, where it has an end.
+        South, west, north and east of the map folder; None without bounds.
     folder : MapFolder or None
-        The folder of the map; None for a router's server.
+        The folder of the map; None if there is only a server of roads.
     is_local : bool
-        Whether the roads are those of the folder, so that they end where its map ends.
+        Whether the roads are those of the folder, and end at the bounds of its map.
 
     Examples
     --------
@@ -104,14 +104,14 @@ class Atlas:
 
     @property
     def heights(self) -> Heights | None:
-        """Heights at latitudes and longitudes, as `tripwatt.roads.maps.Elevation.at`; None for a map without them."""
+        """Function from latitudes and longitudes to heights, as `tripwatt.roads.maps.Elevation.at`; None for a map without heights."""
         if self.folder is None or not self.folder.info["terrain"].get("known"):
             return None
         return Elevation.from_folder(self.folder.folder).at
 
     @property
     def covers(self) -> str:
-        """The region of the map in words, with what to do for a place outside of it; empty without a map folder."""
+        """The region of the map in words, and what to do about places outside of the region; empty without a map folder."""
         covered = "" if self.folder is None else self.folder.covers
         return f"this map covers {covered}; {LARGER}" if covered else ""
 
@@ -128,12 +128,12 @@ class Atlas:
         Returns
         -------
         Place
-            With its kind, if the map has it.
+            The place, with its kind if the search has one.
 
         Raises
         ------
         InvalidInput
-            When the name is not that of one place, or the place lies outside of the map.
+            If the name is not that of exactly one place, or the place lies outside of the map.
 
         Examples
         --------
@@ -158,14 +158,14 @@ class Atlas:
         zoom : int
             Level of the tile, 0 for the world.
         column : int
-            From west, 0 to 2^zoom - 1.
+            Column of the tile, counted from west, 0 to 2^zoom - 1.
         row : int
-            From north, 0 to 2^zoom - 1.
+            Row of the tile, counted from north, 0 to 2^zoom - 1.
 
         Returns
         -------
         bytes
-            Empty where there are no roads, or no map of Valhalla.
+            The tile; empty if there are no roads in it, or the router is not Valhalla.
         """
         return self.router.tile(zoom, column, row) if isinstance(self.router, ValhallaRouter) else b""
 
@@ -177,7 +177,7 @@ class Atlas:
         bounds_deg : tuple of float
             South, west, north and east [°].
         limit : int
-            Most settlements.
+            Largest number of settlements.
 
         Returns
         -------
@@ -194,12 +194,12 @@ class Atlas:
         bounds_deg : tuple of float
             South, west, north and east [°].
         limit : int
-            Most stations.
+            Largest number of stations.
 
         Returns
         -------
         tuple of Station
-            Empty without stations.
+            Empty if there are no stations.
         """
         return within(self.stations, *bounds_deg, limit)
 
@@ -210,17 +210,17 @@ def open_atlas(settings: AtlasSettings | Path | str | None = None) -> Atlas:
     Parameters
     ----------
     settings : AtlasSettings, path or str, optional
-        A folder or URL alone is that of the roads; `TRIPWATT_MAP` when not given.
+        Settings, or only the folder of a map or the URL of a router. By default, the environment variable `TRIPWATT_MAP`.
 
     Returns
     -------
     Atlas
-        With what the settings name; everything else is None or empty.
+        Atlas with the parts that the settings name or the map has; other parts are None or empty.
 
     Raises
     ------
     InvalidInput
-        With everything that cannot be opened.
+        If parts cannot be opened, with all of them.
 
     Examples
     --------
@@ -253,7 +253,7 @@ def open_atlas(settings: AtlasSettings | Path | str | None = None) -> Atlas:
 
 
 def _roads(named: str) -> tuple[Router, MapFolder | None]:
-    """The router, and the map folder that it comes from; `FOLDER@URL` has the map's places with a server's roads."""
+    """Open the router and the map folder, if any. `FOLDER@URL` means the places of a map folder with the roads of a server."""
     if not named:
         raise InvalidInput.of(
             "no map", "--map", "none", "a folder with a map, or the URL of a router", NO_MAP

@@ -1,4 +1,4 @@
-"""Minutes of a charge from the car's charging curve."""
+"""Charging times from a car's charging curve."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ CLASS_RATE_1_H: Final = (1.2, 1.6, 1.4, 0.8, 0.4, 0.1)
 choice: such cars take 10 to 80 % in about half an hour."""
 
 ALTERNATING_W: Final = 11_000.0
-"""Highest power of the on-board charger where the car's is not known: three phases with 16 A."""
+"""Highest power of the on-board charger if that of the car is not known: three phases with 16 A."""
 
 EFFICIENCY: Final = 0.92
 """Energy that reaches the battery over the energy of the station, with direct current; a choice."""
 
 OVERHEAD_S: Final = 300.0
-"""Parking, plugging in and paying."""
+"""Time for parking, plugging in and paying at a stop [s]."""
 
 EUROPEAN: Final = frozenset({"type2", "type2_cable", "schuko", "tesla_destination", "type2_combo"})
 AMERICAN: Final = frozenset({"type1", "tesla_destination", "type1_combo"})
-"""Plugs of cars that are sold there, by their names on OpenStreetMap."""
+"""Plugs of cars that are sold in Europe and in North America, by their names on OpenStreetMap."""
 REGIONS: Final = ((34.0, -50.0, 84.0, 45.0, EUROPEAN), (7.0, -170.0, 84.0, -50.0, AMERICAN))
-"""South, west, north and east of Europe and of North America [°]; elsewhere, plugs differ from country to country."""
+"""South, west, north and east of Europe and of North America [°], and their plugs; elsewhere, plugs differ from country to country."""
 CHADEMO_CAR: Final = "nissan_leaf"
 """Beginning of the names of the library's cars that charge with CHAdeMO."""
 
@@ -41,7 +41,8 @@ COLD_LOSS_1_K: Final = 0.36 / 25.0
 """Share of the power with direct current that cells lose for each kelvin below `WARM_DEGC`. Motoaki, Yi and Salisbury (2018), Energy Policy 122:
 after half an hour at 0 °C a car has 36 % less charge than at 25 °C. A sample of one model of car, whose air temperature stands for that of its cells."""
 LEAST_COLD_FACTOR: Final = 0.2
-"""The line is not followed to 0: at the coldest of these charges, they took about three times as long; colder ones are not known."""
+"""Smallest factor of the power of cold cells. The line is not followed to 0: the coldest charges of the study took about three times as
+long, and colder ones are not known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,18 +52,18 @@ class ChargingCurve:
     Attributes
     ----------
     soc : tuple of float
-        Ascending, from 0 to 1.
+        Displayed states of charge, ascending from 0 to 1.
     power_w : tuple of float
-        Highest power with direct current at each of them.
+        Highest power with direct current at each state of charge.
     alternating_w : float
         Highest power of the on-board charger.
     is_class : bool
-        Whether it is that of a class of cars and not of the car.
+        Whether the curve is that of a class of cars and not of the car.
 
     Raises
     ------
     InvalidInput
-        When it is no curve.
+        If `soc` and `power_w` are not a curve.
 
     Examples
     --------
@@ -89,7 +90,7 @@ class ChargingCurve:
 
     @classmethod
     def from_vehicle(cls, vehicle: Vehicle, display_wh: float) -> ChargingCurve:
-        """The curve of a car, or that of its class where none is known.
+        """Return the curve of a car, or that of its class if the curve of the car is not known.
 
         Parameters
         ----------
@@ -101,7 +102,7 @@ class ChargingCurve:
         Returns
         -------
         ChargingCurve
-            Its `is_class` is true for that of a class.
+            The curve; `is_class` is true for the curve of a class.
 
         Examples
         --------
@@ -126,7 +127,7 @@ class ChargingCurve:
         Returns
         -------
         ChargingCurve
-            With `is_class`.
+            The scaled curve, with `is_class` true.
         """
         return cls(CLASS_SOC, tuple(rate * display_wh for rate in CLASS_RATE_1_H), is_class=True)
 
@@ -138,9 +139,9 @@ class ChargingCurve:
         soc : ndarray
             Displayed states of charge, 0 to 1.
         station : Station
-            Where the car charges.
+            Station at which the car charges.
         cell_degc : float
-            Temperature of the cells [°C]; cold ones take less direct current.
+            Temperature of the cells [°C]; cold cells take less direct current.
 
         Returns
         -------
@@ -155,7 +156,7 @@ class ChargingCurve:
     def seconds(
         self, levels: FloatArray, station: Station, display_wh: float, cell_degc: float = WARM_DEGC
     ) -> FloatArray:
-        """Compute the time to charge from the first of displayed charges to each of them. O(levels).
+        """Compute the time to charge from the first of some displayed charges to each of these charges. O(levels).
 
         Parameters
         ----------
@@ -188,7 +189,7 @@ class ChargingCurve:
 
 
 def plugs_of(car: str, place: Place) -> frozenset[str]:
-    """Plugs that a car is assumed to have, by its name and the region of a place; empty where they are not known.
+    """Return the plugs that a car is assumed to have, by its name and the region of a place; empty if they are not known.
 
     Examples
     --------
@@ -205,7 +206,7 @@ def plugs_of(car: str, place: Place) -> frozenset[str]:
 
 
 def cold_factor(cell_degc: float) -> float:
-    """Power with direct current that cells of a temperature take, over that of warm ones.
+    """Return the power with direct current that cells of a temperature take, over that of warm cells.
 
     Examples
     --------

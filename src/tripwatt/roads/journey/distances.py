@@ -1,4 +1,4 @@
-"""What some kilometres need, and how far a charge carries, without a road."""
+"""Forecasts without a road: the energy and charge that a distance needs, and how far a charge carries."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from tripwatt.trips.messages import flag_to_dict
 from tripwatt.vehicles import Vehicle
 
 NODES_M: Final = (2_000.0, 5_000.0, 15_000.0, 40_000.0, 100_000.0)
-"""Lengths of the roads that are forecast; in between and beyond, energy and charge are linear in the distance."""
+"""Lengths of the roads that are forecast; between and beyond these lengths, energy and charge are linear in the distance."""
 DISTANCES_KM: Final = (0.5, 2000.0)
 MOST_TRIPS: Final = 100
 BAND: Final = (0.05, 0.95)
@@ -42,42 +42,43 @@ CAUTIOUS: Final = 0.95
 """19 of 20 trips."""
 ASSUMED: Final = "usual_value_assumed"
 OF_CHARGE: Final = frozenset({"battery_empty", "battery_full", "no_elevation", "soc_assumed"})
-"""Flags of the roads that are forecast, which are not the trip that is asked for; nor is the charge that they start with."""
+"""Flags that are left out, since they are about the roads of `NODES_M` and the charge at their start, not about the given distance."""
 
 
 def _plain(values: dict[str, Any]) -> dict[str, Any]:
-    """With lists in place of tuples."""
+    """Replace tuples by lists."""
     return {name: list(v) if isinstance(v, tuple) else v for name, v in values.items()}
 
 
 @dataclass(frozen=True, slots=True)
 class Need:
-    """What some kilometres, or some trips, need.
+    """The energy and charge that a distance, or some trips, need.
 
     Attributes
     ----------
     distance_m : float
-        Of all trips together [m].
+        Distance of all trips together [m].
     kind : str
         Kind of the road; "trip" for a known trip.
     energy_wh, energy_quantile_wh : float
-        Median, and what is not exceeded with the probability `quantile` [Wh].
+        Median of the energy, and energy that is not exceeded with the probability `quantile` [Wh].
     quantile : float
-        The probability, 0.5 to 1.
+        Probability that the energy suffices, 0.5 to 1.
     half_wh, interval_wh : tuple of float
         Ends of the middle half and of the central 90 % [Wh].
     soc_needed : float
-        Displayed charge that suffices with the probability `quantile`, `reserve` left; above 1 where a full battery does not suffice.
+        Displayed charge to leave with, to arrive with `reserve` with the probability `quantile`. A value above 1 means that a full battery
+        does not suffice.
     reserve : float
         Displayed charge to arrive with.
     duration_s : float
-        Expected [s].
+        Expected duration [s].
     flags : tuple of Flag
-        Assumptions, and what lies outside of the model's range.
+        Assumptions, and values outside of the model's range.
     car : str
         Title of the car.
     doubt : Doubt
-        What the interval comes from.
+        Sources of the interval.
 
     Examples
     --------
@@ -108,7 +109,7 @@ class Need:
         Returns
         -------
         dict
-            As `GET /v1/need` answers.
+            Values as in the answer of `GET /v1/need`.
 
         Examples
         --------
@@ -128,7 +129,8 @@ class KindRange:
     range_m : float
         Median [m].
     half_m, interval_m : tuple of float
-        Ends of the middle half and of the central 90 % [m]: 19 of 20 times it carries at least as far as the first of the latter.
+        Ends of the middle half and of the central 90 % [m]. In 19 of 20 cases, the charge carries at least to the lower end of
+        `interval_m`.
     """
 
     range_m: float
@@ -143,13 +145,13 @@ class Range(KindRange):
     Attributes
     ----------
     by_kind : dict of str to KindRange
-        The same by kind of road.
+        The range on each kind of road.
     flags : tuple of Flag
-        Assumptions, and what lies outside of the model's range.
+        Assumptions, and values outside of the model's range.
     soc, reserve : float
-        Displayed charge at departure, and the one that is kept.
+        Displayed charge at departure, and displayed charge that is kept.
     doubt : Doubt
-        What the interval comes from.
+        Sources of the interval.
 
     Examples
     --------
@@ -171,7 +173,7 @@ class Range(KindRange):
         Returns
         -------
         dict
-            As `GET /v1/range` answers.
+            Values as in the answer of `GET /v1/range`.
 
         Examples
         --------
@@ -186,17 +188,22 @@ class Range(KindRange):
 
 @dataclass(frozen=True, slots=True)
 class Doubt:
-    """What the interval of an answer comes from, and which single input would narrow it most.
+    """The sources of an interval, and the single input that would narrow the interval most.
 
     Attributes
     ----------
-    car, road, weather, day : float
-        Shares of the variance that add up to 1: how far the car is from its values; speeds and climb of a road of which the kind is known at most;
-        what is unknown of the weather and of the car at departure; driver, wind, traffic and all that differs from trip to trip.
+    car : float
+        Share of the variance by errors of the car's parameters. `car`, `road`, `weather` and `day` add up to 1.
+    road : float
+        Share by unknown speeds and climb of the road.
+    weather : float
+        Share by unknown weather and state of the car at departure.
+    day : float
+        Share by driver, wind, traffic and all that differs from trip to trip.
     narrows : str or None
-        "ambient_temperature_degc", "kind" or "own trips"; None where nothing of them is missing.
+        "ambient_temperature_degc", "kind" or "own trips"; None if none of these is missing.
     narrower : float
-        At most how much narrower the interval would be with it, as a share.
+        Largest share by which the interval would be narrower with this input.
 
     Examples
     --------
@@ -215,7 +222,7 @@ class Doubt:
 
     @classmethod
     def of(cls, forecast: Forecast, by_kind: float = 0.0) -> Doubt:
-        """Of a forecast on a road, of whose variance the share `by_kind` would go with its kind."""
+        """Make the doubt of a forecast; `by_kind` is the share of the variance of the road that knowing its kind would remove."""
         segments, scale = forecast.drive.segments, forecast.uncertainty.scale
         climb = forecast.sd_wh**2 - float(forecast.along.energy_sd_wh[-1]) ** 2
         car = (scale.values[3] * segments.corrector_sd_wh) ** 2
@@ -241,19 +248,19 @@ class Doubt:
 
 @dataclass(frozen=True, slots=True)
 class KindForecaster:
-    """Forecasts distances of one car, one departure and one kind of road.
+    """A forecaster of distances for one car, one departure and one kind of road.
 
     Attributes
     ----------
     model : ForecastModel
     departure : Departure
     shares : tuple of float
-        Of the distance in city, country and motorway.
+        Shares of the distance in city, country and motorway.
     known : bool
         Whether the shares are known; else they are those of an unknown road.
     prior : RoadPrior
     named : bool
-        Whether they are those of a named kind, whose town does not grow with the distance.
+        Whether the shares are those of a named kind, whose town does not grow with the distance.
     own : OwnRoads or None
         Roads of the car's own trips.
     """
@@ -270,13 +277,13 @@ class KindForecaster:
     def from_kind(
         cls, model: ForecastModel, departure: Departure, kind: str | Sequence[float]
     ) -> KindForecaster:
-        """For a kind of road. What a distance takes does not depend on the charge that the display shows at departure."""
+        """Make the forecaster of a kind of road. The displayed charge of the departure is left out, since it does not change the need."""
         known, named, prior = replace(departure, soc=None), isinstance(kind, str), road_prior()
         own = own_roads(model, prior)
         return cls(model, known, shares_of(kind), kind != UNKNOWN, prior, named, own)
 
     def at(self, distance_m: float, levels: Sequence[float]) -> tuple[FloatArray, FloatArray, float]:
-        """Quantiles of energy [Wh] and displayed charge [1], shape (levels,), and the duration [s]. Two forecasts at most."""
+        """Return quantiles of energy [Wh] and displayed charge [1], shape (levels,), and the duration [s]. At most two forecasts."""
         k = self._before(distance_m)
         low, high = (node_values(self, k + i, tuple(levels)) for i in (0, 1))
         part = (distance_m - NODES_M[k]) / (NODES_M[k + 1] - NODES_M[k])
@@ -285,11 +292,11 @@ class KindForecaster:
         return energy, charge, low[2] + part * (high[2] - low[2])
 
     def distance_m(self, charge: float, level: float) -> float:
-        """Distance after which the displayed charge falls by `charge`, at a quantile of the charge that is taken [m]."""
+        """Return the distance [m] over which the quantile `level` of the displayed charge taken is `charge`."""
         return self.inverse(charge, level, 1)
 
     def inverse(self, amount: float, level: float, of: Literal[0, 1]) -> float:
-        """Distance whose quantile of energy (`of` 0) [Wh] or charge (1) is an amount [m]."""
+        """Return the distance [m] whose quantile `level` of energy [Wh] (`of` 0) or displayed charge (`of` 1) is an amount."""
         k = len(NODES_M) - 2
         while k > 0 and node_values(self, k, (level,))[of][0] > amount:
             k -= 1
@@ -298,7 +305,7 @@ class KindForecaster:
         return max(NODES_M[k] + part * (NODES_M[k + 1] - NODES_M[k]), 0.0)
 
     def nearest(self, distance_m: float) -> tuple[tuple[Flag, ...], Doubt]:
-        """Flags of the road whose length is nearest, and what its interval comes from."""
+        """Return the flags and the doubt of the road of `NODES_M` whose length is nearest to a distance [m]."""
         k = self._before(distance_m)
         forecast = node_forecast(self, k + (2.0 * distance_m > NODES_M[k] + NODES_M[k + 1]))
         flags = tuple(flag for flag in forecast.flags if flag.code not in OF_CHARGE)
@@ -306,7 +313,7 @@ class KindForecaster:
         return flags, Doubt.of(forecast, 0.0 if self.known else 1.0 - min(known / unknown, 1.0) ** 2)
 
     def forecast(self, length_m: float) -> Forecast:
-        """The forecast of a typical road of a length [m], with what its kind leaves open."""
+        """Forecast a typical road of a length [m], with the variance that remains if only its kind is known."""
         roads = self._roads(length_m)
         shares = self.shares if self.known else roads.usual
         if self.named and (self.known or self.own is None):
@@ -320,7 +327,7 @@ class KindForecaster:
         return _on_a_road(replace(forecast, drive=drive), share * drive.driving_wh)
 
     def _in_usual_air(self, plan: Plan, own: OwnRoads) -> Forecast:
-        """The forecast of a plan; where no outside temperature is given, in that of the car's own trips around the day."""
+        """Forecast a plan; if no outside temperature is given, with that of the car's own trips around the day of the year."""
         if self.departure.ambient_temperature_degc is not None:
             return self.model.forecast(plan, self.departure)
         degc, sd_k = own.usual_air(day_of(self.departure.departs_at))
@@ -342,7 +349,10 @@ class KindForecaster:
 
 
 def _on_a_road(forecast: Forecast, sd_wh: float) -> Forecast:
-    """The forecast with what a road leaves open. The scores of held-out trips, whose speeds are known, hold for the rest of the variance."""
+    """Add the standard deviation of an unknown road to a forecast.
+
+    The scores are from held-out trips with known speeds, so they hold only for the rest of the variance.
+    """
     wider = replace(forecast, route_sd_wh=sd_wh)
     known, usual = float(wider.along.energy_sd_wh[-1]) ** 2, forecast.uncertainty
     open_share = (wider.route_sd_wh**2 + wider.state_sd_wh**2) / known
@@ -351,7 +361,7 @@ def _on_a_road(forecast: Forecast, sd_wh: float) -> Forecast:
 
 @lru_cache(maxsize=64)
 def own_roads(model: ForecastModel, prior: RoadPrior) -> OwnRoads | None:
-    """Roads of the trips that a model has learned beside those of all logs; None where it has learned none."""
+    """Return the roads of the trips on which a model was fitted, combined with a prior; returns None if there are no such trips."""
     if model.roads_ is None or model.evidence_ is None:
         return None
     driven, corrector = model.roads_.copy(), model.corrector_
@@ -365,7 +375,7 @@ def own_roads(model: ForecastModel, prior: RoadPrior) -> OwnRoads | None:
 
 @lru_cache(maxsize=256)
 def node_forecast(asked: KindForecaster, node: int) -> Forecast:
-    """The forecast of a typical road of a length of `NODES_M`."""
+    """Forecast a typical road of the length number `node` of `NODES_M`."""
     return asked.forecast(NODES_M[node])
 
 
@@ -373,12 +383,12 @@ def node_forecast(asked: KindForecaster, node: int) -> Forecast:
 def node_values(
     asked: KindForecaster, node: int, levels: tuple[float, ...]
 ) -> tuple[FloatArray, FloatArray, float]:
-    """Quantiles of energy [Wh] and displayed charge taken, and the duration [s], of `node_forecast`."""
+    """Return quantiles of the energy [Wh] and displayed charge taken, and the duration [s], of `node_forecast`."""
     return taken_by(node_forecast(asked, node), levels)
 
 
 def taken_by(forecast: Forecast, levels: Sequence[float]) -> tuple[FloatArray, FloatArray, float]:
-    """Quantiles of energy [Wh] and displayed charge that a trip takes, shape (levels,), and its duration [s]."""
+    """Return quantiles of the energy [Wh] and displayed charge that a trip takes, shape (levels,), and its duration [s]."""
     energy = np.array([forecast.quantile(level) for level in levels])
     charge = np.array([soc[0] - soc[-1] for soc in map(forecast.along.soc, levels)])
     return energy, charge, forecast.plan.duration_s
@@ -395,28 +405,28 @@ def need(
     trips: int = 1,
     reserve: float = 0.0,
 ) -> Need:
-    """Forecast what some kilometres need, without a road.
+    """Forecast the energy and charge that a distance needs, without a road.
 
     The first call for a car, a departure and a kind of road takes up to two forecasts; other distances are then interpolated.
 
     Parameters
     ----------
     distance_km : float, Plan or Trip
-        Distance [km]; or a usual trip of the car, whose kind of road is not asked.
+        Distance [km]; or a usual trip of the car, for which `kind` is not used.
     kind : str or sequence of float
-        One of `tripwatt.roads.journey.kinds.KINDS`, "mixed", or the shares of the distance in city, country and motorway. "mixed" is the kind of a road
-        of which nothing is known.
+        One of `tripwatt.roads.journey.kinds.KINDS`, "mixed", or the shares of the distance in city, country and motorway. "mixed" is the
+        kind of a road of which nothing is known.
     departure : Departure, optional
         What is known at departure.
     model : ForecastModel or path, optional
-        That of an own car is ``car.model()``; the model that comes with the package when not given. A model in memory is the fastest.
+        Model of the car, such as ``car.model()`` for an own car. By default, the model that comes with the package. A model in memory is
+        the fastest.
     vehicle : Vehicle or str, optional
         A car other than the model's own.
     quantile : float
-        Probability with which the energy suffices, 0.5 to 1.
+        Probability that the energy suffices, 0.5 to 1.
     trips : int
-        Equal trips ahead. All of them are of one car and one kind of road, and share their errors in full: they need as many times what
-        one needs.
+        Number of equal trips ahead. They share their errors in full, so the need of one trip is multiplied by this number.
     reserve : float
         Displayed state of charge to arrive with, part of `Need.soc_needed`.
 
@@ -428,7 +438,7 @@ def need(
     Raises
     ------
     InvalidInput
-        With a distance, kind, quantile or number of trips out of its bounds; else as `ForecastModel.forecast`.
+        If the distance, kind, quantile or number of trips is out of its bounds; else as in `ForecastModel.forecast`.
 
     Examples
     --------
@@ -485,7 +495,7 @@ def range_km(
     Parameters
     ----------
     soc : float, optional
-        Displayed state of charge, 0 to 1; that of the departure when not given, else 1.
+        Displayed state of charge, 0 to 1. By default, that of the departure, or 1 if the departure has none.
     kind : str or sequence of float
         As for `need`.
     departure : Departure, optional
@@ -505,7 +515,7 @@ def range_km(
     Raises
     ------
     InvalidInput
-        With a charge, reserve or kind out of its bounds; else as `ForecastModel.forecast`.
+        If the charge, reserve or kind is out of its bounds; else as in `ForecastModel.forecast`.
 
     Examples
     --------

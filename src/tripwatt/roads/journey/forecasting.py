@@ -22,18 +22,18 @@ MOTORWAYS: Final = frozenset({"motorway", "motorway_link", "trunk"})
 
 @dataclass(frozen=True, eq=False)
 class RoadForecaster:
-    """Forecasts roads for one car and one departure: what is the same for all roads of a journey.
+    """A forecaster of roads for one car and one departure, used for all roads of a journey.
 
     Attributes
     ----------
     model : ForecastModel
-        Of the car.
+        Model of the car.
     departure : Departure
-        When the car leaves, and what is known then.
+        Time of departure, and what is known then.
     weather : WeatherSource or None
-        Where the weather comes from that the departure does not name; None where it is not known.
+        Source of the weather, used if the departure has no weather; None if there is no source.
     change : callable
-        Of every plan, such as a slower drive.
+        Change that is applied to every plan, such as a slower drive.
 
     Examples
     --------
@@ -59,7 +59,7 @@ class RoadForecaster:
 
     @property
     def departs_at(self) -> dt.datetime:
-        """Departure; now where it is not known."""
+        """Time of departure, or now if it is not known."""
         return self.departure.departs_at or dt.datetime.now(dt.UTC)
 
     def forecast(self, road: Road, trip_id: str = "journey", **changed: Any) -> Forecast:
@@ -68,7 +68,7 @@ class RoadForecaster:
         Parameters
         ----------
         road : Road
-            From a router.
+            Road from a router.
         trip_id : str
             Name of the plan.
         **changed : object
@@ -77,12 +77,12 @@ class RoadForecaster:
         Returns
         -------
         Forecast
-            With the error of the weather in its standard deviation.
+            Forecast whose standard deviation includes the error of the weather.
 
         Raises
         ------
         InvalidInput
-            As the weather, and `ForecastModel.forecast`.
+            As in the source of weather and `ForecastModel.forecast`.
         """
         plan, weather = self.plan(road, trip_id, **changed)
         return self.forecast_plan(plan, weather)
@@ -93,7 +93,7 @@ class RoadForecaster:
         Parameters
         ----------
         road : Road
-            From a router.
+            Road from a router.
         trip_id : str
             Name of the plan.
         **changed : object
@@ -102,14 +102,14 @@ class RoadForecaster:
         Returns
         -------
         plan : Plan
-            With the departure.
+            The plan with its departure.
         weather : tuple of Weather
-            At places along the road; empty without a source of weather, or where the departure names it.
+            Weather at places along the road; empty without a source of weather, or if the departure has its own weather.
 
         Raises
         ------
         InvalidInput
-            As the weather.
+            As in the source of weather.
         """
         road = self.expected(road)
         departure = replace(self.departure, **changed)
@@ -120,17 +120,17 @@ class RoadForecaster:
         return self.change(plan_with_weather(plan, road, position, weather)), weather
 
     def expected(self, road: Road) -> Road:
-        """Replace free-flow travel times by those that are expected on the road, where the model has them.
+        """Replace free-flow travel times by expected ones, if the model has factors for them.
 
         Parameters
         ----------
         road : Road
-            From a router.
+            Road from a router.
 
         Returns
         -------
         Road
-            The same road where its travel times are not of free flow, or the model has not measured them.
+            Road with expected travel times. The road is unchanged if its travel times are not of free flow, or the model has no factors.
         """
         uncertainty = self.model.uncertainty_
         if not road.links.free_flow or uncertainty is None or uncertainty.free_flow is None:
@@ -138,26 +138,26 @@ class RoadForecaster:
         return road.with_links(uncertainty.free_flow.factors.expected(road.links))
 
     def forecast_plan(self, plan: Plan, weather: tuple[Weather, ...] = ()) -> Forecast:
-        """Forecast the energy of a plan; the error of the weather is part of its standard deviation.
+        """Forecast the energy of a plan; the error of the weather is part of the standard deviation.
 
         Parameters
         ----------
         plan : Plan
-            With its departure and weather.
+            Plan with its departure and weather.
         weather : tuple of Weather
-            From which the plan's weather was made.
+            Weather from which the plan's weather was made.
 
         Returns
         -------
         Forecast
-            For the model's car.
+            Forecast for the model's car.
         """
         forecast = self.model.forecast(plan)
         sd_wh = self._weather_sd_wh(forecast, weather)
         return replace(forecast, state_sd_wh=float(np.hypot(forecast.state_sd_wh, sd_wh)))
 
     def _weather_sd_wh(self, forecast: Forecast, weather: tuple[Weather, ...]) -> float:
-        """Standard deviation of the energy by the error of the weather forecast [Wh]: one simulation more for each."""
+        """Return the standard deviation of the energy by errors of temperature and wind [Wh], from one more simulation for each."""
         plan = forecast.plan
         if not weather or plan.weather is None or weather[0].hours_ahead is None:
             return 0.0
@@ -179,9 +179,9 @@ class RoadForecaster:
 
 
 def capped(road: Road, speed_m_s: float) -> Road:
-    """The road driven no faster than a speed on motorways. O(links).
+    """Return a road driven no faster than a speed on motorways. O(links).
 
-    The speed is a limit of the links. Their free speed stays, so that a motorway is expected to have the traffic of a motorway.
+    The speed becomes a limit of the links. Their free speed stays, so that the traffic expected on them is still that of a motorway.
 
     Examples
     --------
@@ -203,5 +203,5 @@ def capped(road: Road, speed_m_s: float) -> Road:
 
 
 def on_motorway(road: Road) -> BoolArray:
-    """Which links are motorways, shape (links,), bool."""
+    """Return which links are motorways, shape (links,)."""
     return np.array([kind in MOTORWAYS for kind in road.road_class], dtype=bool)

@@ -1,9 +1,9 @@
 """Roads of which only the kind is known: shares of the distance in city, country and motorway, their speeds and their spread.
 
-A piece of road is of the class of its free speed: city up to 50 km/h, country up to 100 km/h, motorway above. Logged drives have no
-classes of roads, so that the free speed of a piece of 250 m is the proxy of `tripwatt.routes.free_flow`. What the kind leaves open
-(speeds, stops, the order of the roads) is a variance of the energy: a part that all of a trip shares and one that evens out over the
-distance. The climb is that of a road of unknown heights, by terrain.
+The class of a piece of road follows from its free speed: city up to 50 km/h, country up to 100 km/h, motorway above. Logged drives have no
+classes of roads, so the free speed of a piece of 250 m is the proxy of `tripwatt.routes.free_flow`. Properties that the kind does not
+determine (speeds, stops, the order of the roads) give a variance of the energy: a part that all of a trip shares and one that evens out
+over the distance. The climb is that of a road of unknown heights, by terrain.
 """
 
 from __future__ import annotations
@@ -35,39 +35,42 @@ KINDS: Final[Mapping[str, Shares]] = MappingProxyType(
         "motorway": (0.1, 0.15, 0.75),
     }
 )
-"""Kinds of road by name. That nothing is known of a road is `UNKNOWN`: it has the shares of all logged roads, and a wider spread."""
+"""Shares of each named kind of road. `UNKNOWN` is the kind of a road of which nothing is known: it has the shares of all logged roads, and
+a wider spread."""
 
 UNKNOWN: Final = "mixed"
 USUAL_KM_H: Final = (28.0, 62.0, 110.0)
-"""Mean speeds with standstill before any log [km/h]. Choices."""
+"""Prior mean speeds in city, country and motorway, with standstill [km/h]. Choices."""
 USUAL_SHARES: Final[Shares] = (1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0)
-"""Of city, country and motorway before any log."""
+"""Prior shares of city, country and motorway."""
 USUAL_M: Final = 20_000.0
-"""A data set with so much road of a class counts half as much there as the choice; with any more, at most as much: it is one region."""
+"""Length of road of a class with which a data set has half the weight of the prior for this class; its weight never exceeds that of the
+prior, since a data set is of one region."""
 QUARTERS: Final = 4
 TOWN_M: Final = 15_000.0
-"""A named kind has its share of town up to this distance, and no more town beyond: the logs of the TUM show 3 to 5 km of it on
-trips of any length. A trip between two places does not pass more of them because it is longer."""
+"""A named kind has its share of town up to this distance, and no more town beyond: the logs of the TUM show 3 to 5 km of town on
+trips of any length. A trip between two places does not pass more towns because it is longer."""
 TYPICAL_M: Final = (5_000.0, 40_000.0)
 """Lengths of the typical roads with which own trips are compared; their energy is linear in the length."""
 PATTERN_M: Final = 10_000.0
 """Length over which the classes of a road repeat."""
 END_S_PER_M_S: Final = 0.7
-"""So much longer than driving through takes it to start or to arrive, for each m/s of the speed: the driver model's ramps (`LinkStyle`) with
-0.8 m/s² at standstill. The classes' mean speeds are those of roads that are passed through."""
+"""Additional time to start or to arrive compared with driving through, for each m/s of the speed: the driver model's ramps (`LinkStyle`)
+with 0.8 m/s² at standstill. The mean speeds of the classes are those of roads that are driven through."""
 
 
 @dataclass(frozen=True, slots=True)
 class RoadStudy:
-    """What the logs of a data set show of roads by kind; from ``python -m benchmarks.need --fit``.
+    """Statistics of roads by kind from the logs of a data set, made by ``python -m benchmarks.need --fit``.
 
     Attributes
     ----------
     length_m, time_s : tuple of float
-        Driven in each class.
+        Driven length and time in each class.
     known, unknown : tuple of float
-        Relative square of the error of the energy of a trip at `USUAL_KM_H`, where its shares are known, or those of `USUAL_SHARES`: the part of a
-        trip of any length [1] and the part over the distance [m]. What the region differs from the choices is part of it.
+        Relative square of the error of the energy of a trip at `USUAL_KM_H`, with the known shares of the trip, and with `USUAL_SHARES`:
+        the part of a trip of any length [1], and the part to be divided by the distance [m]. The difference between the region and the
+        choices is part of the error.
     """
 
     length_m: tuple[float, float, float]
@@ -91,7 +94,7 @@ STUDIES: Final[Mapping[str, RoadStudy]] = MappingProxyType(
 
 @dataclass(frozen=True, slots=True)
 class RoadPrior:
-    """Speeds of the classes of road, and what the kind of a road leaves open.
+    """Speeds of the classes of road, and the spread of the energy if only the kind of a road is known.
 
     Attributes
     ----------
@@ -100,9 +103,9 @@ class RoadPrior:
     usual : tuple of float
         Shares of a road of which nothing is known.
     known, unknown : tuple of float
-        As of `RoadStudy`.
+        As in `RoadStudy`.
     more : tuple of float
-        Share by which driving takes more than on typical roads, where the kind is known and where it is not.
+        Share by which driving takes more than on typical roads, for a known and for an unknown kind.
 
     Examples
     --------
@@ -118,19 +121,19 @@ class RoadPrior:
     more: tuple[float, float] = (0.0, 0.0)
 
     def share(self, distance_m: float, known: bool) -> float:
-        """Standard deviation over the energy [1] of a road of which the kind alone is known, or not even that."""
+        """Return the standard deviation over the energy [1] of a road of which only the kind is known, or (not `known`) nothing."""
         whole, local_m = self.known if known else self.unknown
         return math.sqrt(whole + local_m / distance_m)
 
     def plan(self, distance_m: float, shares: Shares) -> Plan:
-        """A typical drive of a kind. O(distance).
+        """Make the plan of a typical drive with some shares. O(distance).
 
         Parameters
         ----------
         distance_m : float
             Length [m].
         shares : tuple of float
-            In city, country and motorway.
+            Shares in city, country and motorway.
 
         Returns
         -------
@@ -154,30 +157,31 @@ class RoadPrior:
 
 
 NEAR: Final = 0.5
-"""Standard deviation of the logarithm of the distance within which own trips count for a distance."""
+"""Standard deviation of the logarithm of the distance, by which own trips are weighted for a distance."""
 SEASON_DAYS: Final = 20.0
-"""Standard deviation of the day of the year within which own trips count for the air of a day."""
+"""Standard deviation of the day of the year, by which own trips are weighted for the outside temperature of a day."""
 DAYS_OF_YEAR: Final = 365.25
 MOST_ERROR: Final = 1.0
-"""Trips that take twice as much as typical roads, or nothing, are standstill with the car switched on, or a few metres."""
+"""Relative errors are clipped to this: trips that take twice as much as typical roads, or nothing, are standstill with the car switched on,
+or a few metres."""
 PRIOR_TRIPS: Final = 5.0
-"""Weight of the roads of all logs beside own trips, in trips near a distance."""
+"""Weight of the roads of all logs compared with own trips, as a number of trips near a distance."""
 
 
 @dataclass(frozen=True, eq=False)
 class OwnRoads:
-    """Roads of a car's own trips beside those of all logs: which kinds a distance has, what they take, and how much that leaves open.
+    """Roads of a car's own trips, combined with the roads of all logs: their shares, energy and spread over a distance.
 
     Attributes
     ----------
     prior : RoadPrior
-        Of all logs, with the car's own speeds.
+        Roads of all logs, with the car's own speeds.
     length_m : ndarray, shape (trips, 3)
-        Driven in city, country and motorway.
+        Length of each trip in city, country and motorway.
     driving_wh : ndarray, shape (trips,)
         Expected energy of the driven speeds, without climb, climate control and the season.
     typical_wh : ndarray, shape (2, 3)
-        The same of typical roads of each kind, of the lengths `TYPICAL_M`.
+        The same energy of typical roads of each class, of the lengths `TYPICAL_M`.
     air : ndarray, shape (trips, 2)
         Outside temperature [°C] and day [days since 1970] of each departure; NaN where unknown.
     """
@@ -192,7 +196,7 @@ class OwnRoads:
     def from_trips(
         cls, prior: RoadPrior, driven: FloatArray, driving_wh: Callable[[Plan], float]
     ) -> OwnRoads:
-        """From what trips with links show, as of `tripwatt.hybrid.segments.driven_roads`, and the energy of a plan."""
+        """Make the own roads from the rows of `tripwatt.hybrid.segments.driven_roads` and a function for the driving energy of a plan."""
         length_m, time_s = driven[:, :3], driven[:, 3:6]
         s_m = USUAL_M / np.array(prior.speed_m_s) + time_s.sum(axis=0)
         own = replace(prior, speed_m_s=tuple(((USUAL_M + length_m.sum(axis=0)) / s_m).tolist()))
@@ -201,7 +205,7 @@ class OwnRoads:
         return cls(own, length_m, driven[:, 6], np.array(typical), driven[:, 7:])
 
     def at(self, distance_m: float) -> RoadPrior:
-        """Roads of a distance [m]: own trips count by how near their distance is. O(trips)."""
+        """Return the prior for a distance [m], in which own trips are weighted by how near their distance is. O(trips)."""
         driven_m = self.length_m.sum(axis=1)
         near = np.exp(-0.5 * (np.log(driven_m / distance_m) / NEAR) ** 2)
         trips, own = PRIOR_TRIPS + near.sum(), self.length_m / driven_m[:, None]
@@ -225,7 +229,10 @@ class OwnRoads:
         return RoadPrior(self.prior.speed_m_s, usual, known, unknown, (more, all_more))
 
     def usual_air(self, day: float) -> tuple[float, float]:
-        """Outside temperature [°C] around a day of the year where the car drives, and its standard deviation [K]; of all the year where the day is NaN."""
+        """Return the outside temperature [°C] around a day of the year where the car drives, and its standard deviation [K].
+
+        If the day is NaN, both are of all the year.
+        """
         degc, its_day = self.air[np.isfinite(self.air[:, 0])].T
         apart = np.abs(its_day - day) % DAYS_OF_YEAR
         near = np.exp(-0.5 * (np.minimum(apart, DAYS_OF_YEAR - apart) / SEASON_DAYS) ** 2)
@@ -237,7 +244,7 @@ class OwnRoads:
 
 
 def rounded_shares(length_m: FloatArray) -> Shares:
-    """Shares of city, country and motorway in quarters, as a driver names them; the largest remainders are rounded up.
+    """Return the shares of city, country and motorway in quarters, as a driver names them; the largest remainders are rounded up.
 
     Examples
     --------
@@ -253,17 +260,18 @@ def rounded_shares(length_m: FloatArray) -> Shares:
 
 @lru_cache(maxsize=8)
 def road_prior(without: str | None = None) -> RoadPrior:
-    """Roads by kind, from the data sets of `STUDIES`.
+    """Return the prior of roads by kind, from the data sets of `STUDIES`.
 
     Parameters
     ----------
     without : str, optional
-        A data set that is left out: scores on its trips must not rest on them.
+        A data set to leave out, so that scores on its trips do not depend on them.
 
     Returns
     -------
     RoadPrior
-        The choices and each data set count alike: a data set is a sample of one region. The variances are the mean of those of the data sets.
+        The mean of the choices and the data sets: speeds are weighted by `USUAL_M`, shares equally. The variances are the mean over the
+        data sets.
     """
     studies = [study for name, study in STUDIES.items() if name != without]
     length, time = (np.array([getattr(s, name) for s in studies]) for name in ("length_m", "time_s"))
@@ -281,7 +289,9 @@ def road_prior(without: str | None = None) -> RoadPrior:
 
 
 def shares_over(shares: Shares, distance_m: float) -> Shares:
-    """The shares of a named kind over a distance [m]: beyond `TOWN_M` the rest of the road is country and motorway. All of a town stays town.
+    """Return the shares of a named kind over a distance [m].
+
+    Beyond `TOWN_M`, the rest of the road is country and motorway. A kind that is all town stays all town.
 
     Examples
     --------
@@ -296,18 +306,18 @@ def shares_over(shares: Shares, distance_m: float) -> Shares:
 
 
 def typical_road(distance_m: float, kind: str | Sequence[float]) -> Plan:
-    """A typical drive of a kind, or of shares, over a distance [m]."""
+    """Make the plan of a typical drive of a kind, or of shares, over a distance [m]."""
     shares = shares_of(kind)
     return road_prior().plan(distance_m, shares_over(shares, distance_m) if isinstance(kind, str) else shares)
 
 
 def shares_of(kind: str | Sequence[float]) -> Shares:
-    """Shares of a named kind, or those given.
+    """Return the shares of a named kind, or the given shares.
 
     Raises
     ------
     InvalidInput
-        With an unknown name, or shares that do not add up to 1.
+        If the name is unknown, or the shares do not add up to 1.
 
     Examples
     --------

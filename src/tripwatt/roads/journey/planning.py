@@ -1,4 +1,4 @@
-"""From A to B: roads, the forecast of each, and what a driver asks before leaving."""
+"""Plan journeys from A to B: roads, a forecast of each, and answers to the questions of a driver before leaving."""
 
 from __future__ import annotations
 
@@ -37,31 +37,31 @@ MOST_ALTERNATIVES: Final = 3
 MOST_OVERHEAD_S: Final = 7200.0
 MOTORWAY_SPEEDS_KM_H: Final = (130.0, 120.0, 110.0, 100.0, 90.0, 80.0)
 CHEAPER_KM_H: Final = 100.0
-"""The cost of speed is that over this speed on motorways."""
+"""The cost of speed is the energy taken by driving faster than this on motorways."""
 
 LEAST_MOTORWAY_M: Final = 1000.0
 
 
 @dataclass(frozen=True, slots=True)
 class JourneyOptions:
-    """What is asked of a journey.
+    """Options of planning a journey.
 
     Attributes
     ----------
     reserve : float
         Displayed state of charge to arrive with.
     alternatives : int
-        Other roads beside the fastest.
+        Number of other roads besides the fastest.
     round_trip : bool
-        Back to the start.
+        Whether the journey leads back to the start.
     answers : bool
-        Whether costs, speed and charging are worked out beside the forecasts.
+        Whether costs, speed and charging are computed besides the forecasts.
     charging_curve : ChargingCurve or None
-        Of the car; that of its class when None.
+        Charging curve; if None, that of the car or of its class.
     charge : bool
-        Whether stops to charge are planned where the charge does not suffice.
+        Whether stops to charge are planned if the charge does not suffice.
     stop_overhead_s : float
-        Parking, plugging in and paying at each stop [s].
+        Time for parking, plugging in and paying at each stop [s].
     preheat_battery : bool
         Whether the battery may be heated on the way to a stop.
 
@@ -96,11 +96,11 @@ class RoadForecast:
     Attributes
     ----------
     road : Road
-        From the router.
+        Road from the router.
     forecast : Forecast
-        Of the energy on the road.
+        Forecast of the energy on the road.
     labels : tuple of str
-        Of "fastest", "shortest", "least energy".
+        Those of "fastest", "shortest" and "least energy" that apply.
 
     Examples
     --------
@@ -123,7 +123,7 @@ class RoadForecast:
     labels: tuple[str, ...] = ()
 
     def soc_at(self, position_m: float) -> float:
-        """Interpolate the displayed charge that is expected at a distance from the start.
+        """Interpolate the expected displayed charge at a distance from the start.
 
         Parameters
         ----------
@@ -133,14 +133,14 @@ class RoadForecast:
         Returns
         -------
         float
-            0 to 1.
+            Displayed charge, 0 to 1.
         """
         series = self.forecast.to_frame()
         scale = series["distance_m"].iloc[-1] / self.road.distance_m
         return float(np.interp(position_m * scale, series["distance_m"], series["displayed_soc"]))
 
     def without_stops(self, reserve: float) -> ChargingPlan:
-        """The whole journey on this road.
+        """Return the whole journey on this road, without a stop to charge.
 
         Parameters
         ----------
@@ -150,7 +150,7 @@ class RoadForecast:
         Returns
         -------
         ChargingPlan
-            Of one leg.
+            A plan with one leg.
 
         Examples
         --------
@@ -167,12 +167,12 @@ class RoadForecast:
         Parameters
         ----------
         reserve : float, optional
-            Displayed charge for which the probability to arrive is given.
+            Displayed charge for which the probability to arrive is included.
 
         Returns
         -------
         dict
-            SI units, as the names of the keys have them.
+            Values in the units that the keys name.
         """
         road = self.road
         return {
@@ -201,9 +201,9 @@ class SpeedAdvice:
     Attributes
     ----------
     speed_m_s : float or None
-        None where no speed suffices.
+        Highest speed; None if no speed suffices.
     duration_s : float or None
-        Of the whole road at this speed.
+        Duration of the whole road at this speed.
     """
 
     speed_m_s: float | None
@@ -217,28 +217,29 @@ class Journey:
     Attributes
     ----------
     stops : tuple of Place
-        As they were understood.
+        Places of the journey, as they were found.
     roads : tuple of RoadForecast
-        The fastest first; the answers are about it.
+        Roads with their forecasts, the fastest first. The answers are about the fastest road.
     reserve : float
         Displayed state of charge to arrive with.
     soc_needed : float
-        Displayed charge to leave with, to arrive with the reserve in 19 of 20 trips; above 1 where a full battery does not
-        suffice, and 0 where any charge does.
+        Displayed charge to leave with, to arrive with the reserve in 19 of 20 trips. A value above 1 means that a full battery does not
+        suffice. The value is 0 if any charge suffices.
     costs_wh : dict
-        Energy of `climate`, `wind` and `speed` (above 100 km/h on motorways): what the journey, with its stops, takes less without it.
+        Energy that the journey, with its stops, would save without `climate`, without `wind`, and without `speed` above 100 km/h on
+        motorways.
     speed : SpeedAdvice or None
-        None where the journey arrives as it is, or has no motorway.
+        Highest speed with which the journey arrives; None if it arrives as it is, or has no motorway.
     charging : ChargingPlan or None
-        Where the charge does not suffice and stops to charge help: the fastest.
+        The fastest plan with stops to charge; None if the charge suffices, or stops do not help.
     charging_alternatives : tuple of ChargingPlan
-        With the fewest stops, the safest, the cheapest by energy, where they differ.
+        Plans with the fewest stops, the safest and the cheapest by energy, as far as they differ.
     flags : tuple of Flag
-        Assumptions of the answers; those of a road are with its forecast.
+        Assumptions of the answers; the flags of a road are in its forecast.
     attribution : str
-        What has to be shown beside the road.
+        Text that has to be shown beside the road.
     corridor : Corridor or None
-        The stations that were looked at; None where no stop is needed, or none is known.
+        The stations from which stops were chosen; None if no stop is needed, or no plan was found.
 
     Examples
     --------
@@ -262,12 +263,12 @@ class Journey:
 
     @property
     def forecast(self) -> Forecast:
-        """Of the fastest road."""
+        """Forecast of the fastest road."""
         return self.roads[0].forecast
 
     @property
     def verdict(self) -> Verdict:
-        """Of the whole journey: with its stops to charge, where they are needed and help."""
+        """Verdict on the whole journey, with its stops to charge if they are needed and help."""
         slower = "none" if self.speed is None or self.speed.speed_m_s is None else "slower"
         else_ = "charge_before" if self.soc_needed <= 1.0 else slower
         return Verdict.from_plan(self.charging or self.roads[0].without_stops(self.reserve), else_)
@@ -283,7 +284,7 @@ class Journey:
         return leave_in_words(self.soc_needed, self.reserve, CERTAIN)
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values, as the command line and the service give them.
+        """Convert to plain values, as in the answers of the command line and the service.
 
         Returns
         -------
@@ -318,7 +319,7 @@ class Journey:
         }
 
     def to_frame(self) -> pd.DataFrame:
-        """One row for each way to make the journey: plans with stops to charge, then the roads without one.
+        """Return one row for each way to make the journey: plans with stops to charge, then the roads without a stop.
 
         Returns
         -------
@@ -351,17 +352,17 @@ class Journey:
         return pd.DataFrame(rows)
 
     def plot(self, ax: Axes | None = None) -> Figure:
-        """Energy and state of charge along the journey, with the jumps of its stops to charge.
+        """Plot energy and state of charge along the journey, with the jumps at its stops to charge.
 
         Parameters
         ----------
         ax : Axes, optional
-            Whose place the panels take; a new figure without them.
+            Axes that the panels replace; by default, a new figure is made.
 
         Returns
         -------
         matplotlib.figure.Figure
-            Energy, state of charge, causes; of the fastest road where there is no stop.
+            Energy, state of charge and causes; without stops, those of the fastest road.
 
         Examples
         --------
@@ -378,7 +379,7 @@ class Journey:
 
     @property
     def charging_plans(self) -> tuple[ChargingPlan, ...]:
-        """The fastest with stops to charge and its alternatives; empty where none are needed or none help."""
+        """The fastest plan with stops to charge and its alternatives; empty if no stops are needed or none help."""
         return () if self.charging is None else (self.charging, *self.charging_alternatives)
 
     @property
@@ -418,7 +419,7 @@ def plan_journey(
     vehicle: Vehicle | str | None = None,
     options: JourneyOptions | None = None,
 ) -> Journey:
-    """Plan a journey: find roads, forecast each, and answer what a driver asks.
+    """Plan a journey: find roads, forecast each, and compute the charge to leave with, stops to charge and costs.
 
     Parameters
     ----------
@@ -427,25 +428,25 @@ def plan_journey(
     departure : Departure, optional
         State of the car and time of departure.
     atlas : Atlas, AtlasSettings, path or str, optional
-        Folder of a map, or URL of a router's server; `TRIPWATT_MAP` when not given.
+        Folder of a map, or URL of a router's server. By default, the environment variable `TRIPWATT_MAP`.
     model : ForecastModel or path, optional
-        The model that comes with the package when not given.
+        Model of the car. By default, the model that comes with the package.
     vehicle : Vehicle or str, optional
         A car other than the model's own.
     options : JourneyOptions, optional
-        Reserve at arrival, alternatives, and what is worked out.
+        Reserve at arrival, alternatives, and what is computed.
 
     Returns
     -------
     Journey
-        Its roads with their forecasts, and the answers about the fastest.
+        Roads with their forecasts, and answers about the fastest road.
 
     Raises
     ------
     InvalidInput
-        When a place is unknown, no road connects them, or the model cannot be used.
+        If a place is unknown, no road connects the places, or the model cannot be used.
     RemoteError
-        When a server that was named does not answer.
+        If a server that was named does not answer.
 
     Examples
     --------
@@ -467,21 +468,21 @@ def find_stops(stops: Sequence[Place | str], atlas: Atlas, *, round_trip: bool =
     Parameters
     ----------
     stops : sequence of Place or str
-        In order; a text is the name of a place, or latitude and longitude.
+        Stops in order; a text is the name of a place, or latitude and longitude.
     atlas : Atlas
-        With a search of places, for names.
+        Atlas with a search for places, if stops are names.
     round_trip : bool
         Whether the first place is also the last.
 
     Returns
     -------
     tuple of Place
-        In the order of the journey.
+        Places in the order of the journey.
 
     Raises
     ------
     InvalidInput
-        With every place that is unknown, or when there are too few or too many.
+        If places are unknown, with all of them, or if there are too few or too many stops.
 
     Examples
     --------
@@ -501,28 +502,28 @@ def find_stops(stops: Sequence[Place | str], atlas: Atlas, *, round_trip: bool =
 def journey_with(
     forecaster: RoadForecaster, stops: tuple[Place, ...], atlas: Atlas, options: JourneyOptions
 ) -> Journey:
-    """Plan a journey as `plan_journey` does, with everything opened.
+    """Plan a journey as `plan_journey` does, with atlas and model already opened.
 
     Parameters
     ----------
     forecaster : RoadForecaster
         The car, its departure and the weather.
     stops : tuple of Place
-        In the order of the journey, at least two.
+        Places in the order of the journey, at least two.
     atlas : Atlas
-        With a router.
+        Atlas with a router.
     options : JourneyOptions
-        What is asked.
+        Options of planning.
 
     Returns
     -------
     Journey
-        With a forecast for each road.
+        Journey with a forecast for each road.
 
     Raises
     ------
     InvalidInput
-        When there is no road, or as `RoadForecaster.forecast`.
+        If there is no road; else as in `RoadForecaster.forecast`.
 
     Examples
     --------
@@ -545,7 +546,7 @@ def journey_with(
 def _with_stops(
     journey: Journey, forecaster: RoadForecaster, atlas: Atlas, options: JourneyOptions
 ) -> Journey:
-    """The journey with stops to charge, or why there are none."""
+    """Add stops to charge to a journey, or the flag of why there are none."""
     first = journey.roads[0]
     curve = options.charging_curve or ChargingCurve.from_vehicle(
         forecaster.model.vehicle, first.forecast.charge.wh_per_display
@@ -573,7 +574,7 @@ def _with_stops(
 
 
 def _labelled(roads: list[RoadForecast]) -> tuple[RoadForecast, ...]:
-    """Roads with their labels, the fastest first."""
+    """Sort roads by duration and label the fastest, the shortest, and the one with the least energy."""
     roads = sorted(roads, key=lambda road: road.road.duration_s)
     best = {
         "fastest": 0,
@@ -587,7 +588,7 @@ def _labelled(roads: list[RoadForecast]) -> tuple[RoadForecast, ...]:
 
 
 def _costs(journey: Journey, forecaster: RoadForecaster) -> dict[str, float]:
-    """What climate control, wind and speed take on the whole journey [Wh]."""
+    """Return the energy that climate control, wind and speed cost on the whole journey [Wh]."""
     whole = journey.charging or journey.roads[0].without_stops(journey.reserve)
     parts = [_leg_costs(leg, forecaster) for leg in whole.legs]
     return {cause: sum(part[cause] for part in parts) for cause in parts[0]}

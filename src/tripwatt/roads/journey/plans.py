@@ -1,6 +1,7 @@
-"""Plans with stops to charge: the fastest whose whole chance suffices, and those that are better in something.
+"""Plans with stops to charge: the fastest plan with the required chance, and plans that are better in another respect.
 
-Every leg has one chance. The lowest of it is looked for with which the whole journey has the chance that it has to have.
+All legs of a plan have to have the same chance to hold. The lowest such chance is searched with which the whole journey has the chance
+`CERTAIN`.
 """
 
 from __future__ import annotations
@@ -18,18 +19,18 @@ from tripwatt.roads.journey.solver import STEP, StopPlan, StopProblem, least_tim
 from tripwatt.roads.journey.stops import ChargingPlan, ChargingStop, Leg, NextStation
 
 RISKS: Final = (5e-4, 1.0 - CERTAIN)
-"""Least and greatest risk of a leg."""
+"""Smallest and largest risk of a leg."""
 CLOSE: Final = 0.005
-"""The chance of the whole journey may be this much over `CERTAIN`."""
+"""The search ends if the chance of the whole journey is at most this much over `CERTAIN`."""
 NARROW: Final = 1.1
 MOST_TRIALS: Final = 8
-"""The risk of a leg is known well enough to this factor, or after so many trials."""
+"""The search for the risk of a leg ends if the risk is known to the factor `NARROW`, or after `MOST_TRIALS` trials."""
 SAFEST: Final = ((0.9995, 0.9995), (0.998, 0.998), (0.99, 0.99), (CERTAIN, 0.9995))
-"""Chances of the first leg and of every other of the safest plan, the first that is possible."""
+"""Chances of the first leg and of every other leg of the safest plan; the first possible pair is used."""
 SAFEST_TIME: Final = 1.25
-"""The safest plan takes at most this over the time of the fastest."""
+"""Longest time of the safest plan over that of the fastest."""
 IF_FULL: Final = (CERTAIN, 0.9, 0.8)
-"""Chances to reach another station from an occupied one that are tried, one after the other."""
+"""Chances to reach another station if a station is occupied, tried in this order."""
 BEST_EFFORT: Final = "best effort"
 EVEN: Final = 0.5
 
@@ -40,13 +41,14 @@ GAINS: Final[Mapping[str, Callable[[ChargingPlan], float]]] = MappingProxyType(
         "cheapest": lambda plan: -100.0 * math.log(plan.energy_wh),
     }
 )
-"""What each alternative has more of than the fastest plan: stops, percentage points, percent. Less than one is none."""
+"""Quantity in which each alternative has to exceed the other plans by at least 1: stops, percentage points, percent."""
 
 
 def find_plans(corridor: Corridor) -> tuple[ChargingPlan, ...]:
-    """The fastest plan, and those that are better in something: fewest stops, safest, cheapest by energy.
+    """Find the fastest plan, and plans that are better in another respect: fewest stops, safest, cheapest by energy.
 
-    Where no plan has the chance that a journey has to have, the one with the highest chance to reach a first station; empty where no stations help.
+    If no plan has the required chance, the result is only the plan with the highest chance to reach a first station. It is empty if no
+    station helps.
     """
     first, risk = _certain(corridor, "fastest", RISKS[1])
     if first is None:
@@ -55,7 +57,7 @@ def find_plans(corridor: Corridor) -> tuple[ChargingPlan, ...]:
     cheapest, _ = _certain(corridor, "cheapest", risk)
     found = (fewest, _safest(corridor, SAFEST_TIME * first.duration_s), cheapest)
     others = [plan for plan in found if plan is not None]
-    # legs that are routed for another aim may show a way that the estimates had hidden
+    # another plan may be faster than the first, because its legs were estimated as slower before they were routed
     plans = [replace(min((first, *others), key=lambda plan: plan.duration_s), label="fastest")]
     for plan in others:
         gain = GAINS[plan.label]
@@ -65,14 +67,15 @@ def find_plans(corridor: Corridor) -> tuple[ChargingPlan, ...]:
 
 
 def fastest_plan(corridor: Corridor) -> ChargingPlan | None:
-    """The plan with stops that takes least time, by its first search alone; None where none has the chance that a journey has to have."""
+    """Find the fastest plan with stops, by the first search alone; returns None if no plan has the required chance."""
     return _certain(corridor, "fastest", RISKS[1])[0]
 
 
 def _certain(corridor: Corridor, label: str, risk: float) -> tuple[ChargingPlan | None, float]:
-    """The plan with the least of what a label names whose whole chance is `CERTAIN`, or None; and the risk of each leg, looked for from a guess.
+    """Find the plan that is best by its label and has the whole chance `CERTAIN`, or None; return it and the risk of its legs.
 
-    The first leg alone has a given charge: where that does not suffice for more than `CERTAIN`, the other legs make up for it.
+    `risk` is the first guess of the risk of each leg. Only the first leg has a given charge. If this charge is too small for a higher
+    chance than `CERTAIN` on the first leg, the search is repeated with this chance there, and the other legs make up for it.
     """
     for first in (0.0, RISKS[1]):
         (low, high), best = RISKS, None
@@ -88,7 +91,7 @@ def _certain(corridor: Corridor, label: str, risk: float) -> tuple[ChargingPlan 
                 low, best = risk, best if found is None else (plan, found, chances)
             if low * NARROW >= high or CERTAIN <= whole <= CERTAIN + CLOSE:
                 break
-            # the risk of the whole is nearly in proportion to that of a leg
+            # the risk of the whole journey is nearly proportional to that of a leg
             risk *= (1.0 - CERTAIN - 0.5 * CLOSE) / max(1.0 - whole, 1e-9)
             if not low < risk < high:
                 risk = math.sqrt(low * high)
@@ -100,7 +103,7 @@ def _certain(corridor: Corridor, label: str, risk: float) -> tuple[ChargingPlan 
 def _trimmed(
     corridor: Corridor, plan: ChargingPlan, found: StopPlan, chances: tuple[float, float]
 ) -> tuple[ChargingPlan, StopPlan, tuple[float, float]]:
-    """A plan that leaves each station in turn with a level less, where that is faster and the whole chance still suffices."""
+    """Lower the charge to leave each station with by one step, if that is faster and the whole chance still suffices."""
     problem = corridor.problem(*chances)
     for k in range(1, len(found.levels)):
         levels = (*found.levels[:k], found.levels[k] - STEP, *found.levels[k + 1 :])
@@ -122,7 +125,10 @@ def _safest(corridor: Corridor, most_s: float) -> ChargingPlan | None:
 
 
 def _best_effort(corridor: Corridor) -> tuple[ChargingPlan, ...]:
-    """The plan with the highest chance to reach its first station, where it is better than no stop and the battery more likely lasts than not."""
+    """Return the plan with the highest chance to reach its first station, in a tuple.
+
+    Returns an empty tuple if the plan is not better than driving without a stop, or if the battery is more likely to run empty than not.
+    """
     reserve, chances = corridor.rules.reserve, SAFEST[-2]
     found = corridor.optimum(chances, BEST_EFFORT)
     if found is None or len(found.nodes) < 3:
@@ -168,9 +174,9 @@ def _stops(
 
 
 def _if_full(corridor: Corridor, found: StopPlan, problem: StopProblem, k: int) -> NextStation | None:
-    """The station that takes the place of an occupied one, with the highest of `IF_FULL` to reach it; the reserve may be used on the way.
+    """Find the station to go to if stop `k` is occupied, with the highest possible chance of `IF_FULL`; the reserve may be used.
 
-    Then the journey goes on with stops that it was planned with, or with others that were in reach of the occupied one.
+    From there, the journey goes on with its planned stops, or with other stations in reach. Returns None if no other station helps.
     """
     here, level, node, end = found.nodes[k], found.levels[k], found.nodes[k + 1], found.nodes[-1]
     detour, detour_s = corridor.detour(here, node)

@@ -1,8 +1,9 @@
 """Where to charge and how much: the least time over a road with stations, by dynamic programming over charge levels.
 
-The car leaves a station with one of a number of levels of the display. A leg may be driven with a charge of at least its need: what it takes, the reserve, and
-what its error may add with the chance that each leg has to have. Stations are in the order of the road, so one pass from the start settles every
-station and level: of all ways to leave a station with a level, the fastest dominates the others.
+The car leaves a station with one of a number of displayed levels. A leg may be driven if the charge at its start is at least its need: the
+charge that the leg takes, the reserve, and a margin for the error of the leg at the chance required of each leg. Stations are in the order
+of the road, so one pass from the start settles every station and level: of all ways to leave a station with a level, the fastest
+dominates the others.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from tripwatt.arrays import FloatArray, IntArray
 
 STEP: Final = 0.01
 LEVELS: Final = np.arange(round(1.0 / STEP) + 1) / round(1.0 / STEP)
-"""Displayed charges to leave a station with; a driver reads whole percents."""
+"""Displayed charges with which a car may leave a station; a driver reads whole percents."""
 LEVELS.flags.writeable = False
 
 _Z: Final = np.linspace(-6.0, 6.0, 241)
@@ -25,20 +26,20 @@ _Z: Final = np.linspace(-6.0, 6.0, 241)
 
 @dataclass(frozen=True, eq=False)
 class StopProblem:
-    """A road with stations. Node 0 is the start, the last one the destination, those between are stations in driving order.
+    """A road with stations. Node 0 is the start, the last node the destination; nodes between are stations in driving order.
 
     Attributes
     ----------
     start_soc : float
         Displayed charge at the start.
     taken, need : ndarray, shape (nodes, nodes)
-        Displayed charge that the leg from one node to a later one takes, and that it is left with at least.
+        Displayed charge that the leg from one node to a later one takes, and the smallest charge with which the leg may begin.
     time_s : ndarray, shape (nodes, nodes)
-        Driving time of each leg [s]; infinite where there is no leg.
+        Driving time of each leg [s]; infinite if there is no leg.
     charging_s : ndarray, shape (nodes, levels)
         Time to charge from empty to each of `levels` at each station [s].
     overhead_s : float
-        Of each stop [s].
+        Time of each stop besides charging [s].
 
     Examples
     --------
@@ -59,17 +60,17 @@ class StopProblem:
 
     @property
     def levels(self) -> FloatArray:
-        """Displayed charges to leave a station with, evenly from 0 to 1: as many as `charging_s` has."""
+        """Displayed charges with which the car may leave a station, evenly from 0 to 1, one for each column of `charging_s`."""
         count = self.charging_s.shape[1]
         return np.asarray(np.arange(count) / (count - 1))
 
     def charge_s(self, node: int, arrival: float, leave: float) -> float:
-        """Time to charge at a station from a charge to another [s]; 0 where there is nothing to charge."""
+        """Return the time to charge at a station from one charge to another [s], or 0 if there is nothing to charge."""
         empty, full = np.interp([arrival, leave], self.levels, self.charging_s[node])
         return float(max(full - empty, 0.0))
 
     def duration_s(self, nodes: tuple[int, ...], levels: tuple[float, ...]) -> float:
-        """Driving, charging and overheads of a plan [s]; the need of its legs is not looked at."""
+        """Return the time of driving, charging and overheads of a plan [s], without checking the need of its legs."""
         total = sum(float(self.time_s[pair]) for pair in pairwise(nodes))
         for k in range(1, len(levels)):
             arrival = levels[k - 1] - float(self.taken[nodes[k - 1], nodes[k]])
@@ -77,7 +78,7 @@ class StopProblem:
         return total
 
     def among(self, nodes: IntArray) -> StopProblem:
-        """The problem with some of its nodes, ascending; the first becomes the start, the last the destination."""
+        """Return the problem with only some nodes, ascending; the first becomes the start, the last the destination."""
         square = np.ix_(nodes, nodes)
         taken, need, time = self.taken[square], self.need[square], self.time_s[square]
         return replace(self, taken=taken, need=need, time_s=time, charging_s=self.charging_s[nodes])
@@ -85,16 +86,16 @@ class StopProblem:
 
 @dataclass(frozen=True, slots=True)
 class StopPlan:
-    """Stations of a plan.
+    """Stations of a plan, and the charges to leave with.
 
     Attributes
     ----------
     nodes : tuple of int
-        From the start to the destination.
+        Nodes from the start to the destination.
     levels : tuple of float
-        Displayed charge that each node but the last is left with.
+        Displayed charge with which the car leaves each node but the last.
     duration_s : float
-        Driving, charging and overheads [s].
+        Time of driving, charging and overheads [s].
     """
 
     nodes: tuple[int, ...]
@@ -103,7 +104,7 @@ class StopPlan:
 
 
 def least_time(problem: StopProblem) -> StopPlan | None:
-    """Find the plan that takes the least time; None where none is allowed. O(nodes² levels log(nodes levels)).
+    """Find the plan that takes the least time; returns None if there is no possible plan. O(nodes² levels log(nodes levels)).
 
     Parameters
     ----------
@@ -113,7 +114,7 @@ def least_time(problem: StopProblem) -> StopPlan | None:
     Returns
     -------
     StopPlan or None
-        Exact for the levels of the problem. A car that arrives with more than a level may leave with that level at once.
+        The exact optimum for the levels of the problem. A car that arrives with more than a level may leave with that level at once.
     """
     levels = problem.levels
     n, count = problem.charging_s.shape
@@ -143,7 +144,10 @@ def least_time(problem: StopProblem) -> StopPlan | None:
 def _charged(
     arrival: FloatArray, total: FloatArray, levels: FloatArray, charging_s: FloatArray
 ) -> tuple[FloatArray, IntArray]:
-    """Least time to have each of the levels at a station, and the way that gives it: the best that arrives below it, or above."""
+    """Return the least time to leave a station with each level, and the index of the way that gives it.
+
+    For each level, the candidates are the best way that arrives with less and charges, and the best that arrives with more.
+    """
     order = np.argsort(arrival)
     arrival, total = arrival[order], total[order]
     base = total - np.interp(arrival, levels, charging_s)
@@ -156,7 +160,7 @@ def _charged(
 
 
 def _running_best(values: FloatArray) -> IntArray:
-    """Index of the least value up to each place."""
+    """Return the index of the least value up to each place."""
     lowest = np.minimum.accumulate(values)
     return np.asarray(np.maximum.accumulate(np.where(values <= lowest, np.arange(len(values)), 0)))
 
@@ -175,9 +179,9 @@ def _traced(problem: StopProblem, before: IntArray, way: int) -> StopPlan:
 
 
 def joint_chance(chances: FloatArray, shared: FloatArray) -> float:
-    """Chance that every leg holds, of legs that share an error: a normal copula with one factor.
+    """Return the chance that all legs succeed, if legs share an error: a normal copula with one factor.
 
-    Given the common error, legs are independent; the mean over it is a sum over 241 values.
+    Given the common error, legs are independent; the mean over the common error is a sum over 241 values.
 
     Parameters
     ----------
@@ -189,7 +193,7 @@ def joint_chance(chances: FloatArray, shared: FloatArray) -> float:
     Returns
     -------
     float
-        At most the least of `chances`, at least their product.
+        Joint chance: at most the least of `chances`, at least their product.
 
     Examples
     --------

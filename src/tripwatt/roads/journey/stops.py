@@ -1,4 +1,4 @@
-"""A journey with stops to charge: each stop, each leg, and what the whole journey comes to."""
+"""A journey with stops to charge: its stops, its legs, and the totals of the whole journey."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tripwatt.trips import Departure
 
 BAND: Final = 0.9
 CLOSE_SOC: Final = 0.05
-"""A leg is not forecast again for a charge at departure that differs by this or less."""
+"""A leg is not forecast again if its charge at departure changes by this or less."""
 ENERGY_BAND: Final = ("energy_low_wh", "energy_high_wh")
 BELOW_ABOVE: Final = np.array([-1.0, 1.0])
 SHOWN: Final = ("displayed_soc", "displayed_soc_low", "displayed_soc_high")
@@ -30,31 +30,31 @@ COURSE: Final = dict(
         strict=True,
     )
 )
-"""Fields of the course of a journey, and the columns of `ChargingPlan.series` that they are."""
+"""Column of `ChargingPlan.series` for each field of the course of a journey."""
 
 LINE_DIGITS: Final = {"latitude_deg": 6, "longitude_deg": 6, "position_m": 1}
-"""Columns of a line on the map, and the digits that are told of each."""
+"""Columns of a line on the map, and the number of digits to which each is rounded."""
 
 WHOLE: Final = (
     *("p_arrive", "p_reserve", "soc_arrival", "soc_interval"),
     *("driving_s", "charging_s", "duration_s", "energy_wh"),
 )
-"""What a plan and a verdict tell of a whole journey."""
+"""Attributes of a whole journey that both a plan and a verdict have."""
 
 
 @dataclass(frozen=True, slots=True)
 class NextStation:
-    """Where to go from a station that is occupied.
+    """Another station to go to from an occupied one.
 
     Attributes
     ----------
     station : Station
     soc_arrival : float
-        Displayed charge that is expected there.
+        Expected displayed charge at this station.
     p_reach : float
-        Probability to reach it; the reserve may be used.
+        Probability to reach this station; the reserve may be used.
     more_s : float
-        Time that the journey takes longer [s].
+        Additional time of the journey [s].
     """
 
     station: Station
@@ -70,25 +70,25 @@ class ChargingStop:
     Attributes
     ----------
     station : Station
-        Where the car charges.
+        Station at which the car charges.
     position_m : float
-        Along the line of the journey.
+        Distance of the station along the line of the journey.
     soc_arrival, soc_leave : float
-        Displayed charge that is expected at arrival, and to leave with.
+        Expected displayed charge at arrival, and displayed charge to leave with.
     soc_interval : tuple of float
         90 % interval of the charge at arrival.
     energy_wh : float
-        Charged into the battery [Wh].
+        Energy charged into the battery [Wh].
     charging_s, overhead_s : float
-        Time that the charge takes, and that parking, plugging in and paying take [s].
+        Time of charging, and time for parking, plugging in and paying [s].
     arrives_after_s : float
-        Since departure [s].
+        Time of arrival since departure [s].
     p_reach : float
         Probability to arrive with the reserve.
     preheat : bool
         Whether the battery is heated for the stop.
     if_full : NextStation or None
-        Where to go when it is occupied; None where no other station helps.
+        Station to go to if this one is occupied; None if no other station helps.
 
     Examples
     --------
@@ -130,9 +130,9 @@ class Leg:
     ----------
     road : Road
     forecast : Forecast
-        From the charge that the leg is left with.
+        Forecast from the charge with which the leg begins.
     preheat_soc : float
-        Displayed charge that heats the battery for the stop at its end.
+        Displayed charge that is used to heat the battery for the stop at the end of the leg.
     """
 
     road: Road
@@ -140,58 +140,58 @@ class Leg:
     preheat_soc: float = 0.0
 
     def chance(self, reserve: float) -> float:
-        """Probability to arrive with a reserve."""
+        """Return the probability to arrive with a reserve."""
         return self.forecast.p_arrive(min(reserve + self.preheat_soc, 1.0))
 
     @property
     def soc_arrival(self) -> float:
-        """Displayed charge that is expected at the end."""
+        """Expected displayed charge at the end of the leg."""
         return max(self.forecast.soc_arrival - self.preheat_soc, 0.0)
 
     @property
     def soc_interval(self) -> tuple[float, float]:
-        """90 % interval of the charge at the end."""
+        """90 % interval of the charge at the end of the leg."""
         low, high = self.forecast.arrival.interval(BAND)
         return max(low - self.preheat_soc, 0.0), max(high - self.preheat_soc, 0.0)
 
     @property
     def energy_wh(self) -> float:
-        """Of the drive and of heating the battery [Wh]."""
+        """Energy of the drive and of heating the battery [Wh]."""
         return self.forecast.energy_wh + self.preheat_soc * self.forecast.charge.wh_per_display
 
     @property
     def shared(self) -> float:
-        """Share of what the legs of a journey have in common in the standard deviation of the charge at the end.
+        """Share of the errors common to all legs of a journey in the standard deviation of the charge at the end of the leg.
 
-        The drift of the power, local travel times, an unknown climb and the reading of the display are new on each leg; the rest
-        is that of car, driver and weather.
+        The errors by the drift of the power, local travel times, an unknown climb and the reading of the display are new on each leg.
+        The errors of car, driver and weather are common.
         """
         common, own = (float(part[-1]) for part in variance_along(self.forecast))
         climb = self.forecast.sd_wh**2 - float(self.forecast.along.energy_sd_wh[-1]) ** 2
         return float(np.sqrt(common / (common + own + climb)))
 
     def shifted(self, soc: float) -> Leg:
-        """The leg from another charge with the energy that it has: it changes by a thousandth in 5 percentage points."""
+        """Return the leg from another charge with the same energy, which changes by only a thousandth in 5 percentage points."""
         drive = replace(self.forecast.drive, plan=self.forecast.plan.with_departure(Departure(soc=soc)))
         return replace(self, forecast=replace(self.forecast, drive=drive))
 
     def leaving_with(self, soc: float) -> Leg:
-        """The leg from another charge; forecast again where that is not close."""
+        """Return the leg from another charge, forecast again if the charges differ by more than `CLOSE_SOC`."""
         if abs(soc - (self.forecast.plan.departure.soc or 0.0)) <= CLOSE_SOC:
             return self.shifted(soc)
         return replace(self, forecast=leaving_with(self.forecast, soc))
 
 
 def variance_along(forecast: Forecast) -> tuple[FloatArray, FloatArray]:
-    """Variance of what is taken of the battery up to each edge of the segments [Wh²], each of shape (segments + 1,).
+    """Return the variances of the energy taken from the battery up to each edge of the segments [Wh²], shape (segments + 1,) each.
 
     Returns
     -------
     common : ndarray
-        Of what all parts of a journey share, which grows with the square of the way: car, driver, weather, capacity.
+        Variance by errors that all parts of a journey share: car, driver, weather, capacity. It grows with the square of the distance.
     own : ndarray
-        Of what is new on each part, which grows with the way: the drift of the power, local travel times, the reading of the display.
-        An unknown climb is in neither.
+        Variance by errors that are new on each part: the drift of the power, local travel times, the reading of the display. It grows
+        with the distance. An unknown climb is in neither.
     """
     uncertainty, charge = forecast.uncertainty, forecast.charge
     hours = running_sum(forecast.drive.table.hours)
@@ -215,11 +215,12 @@ class ChargingPlan:
     Attributes
     ----------
     label : str
-        "fastest", "fewest stops", "safest" or "cheapest"; "best effort" where no first station is reached with the chance of a journey.
+        "fastest", "fewest stops", "safest" or "cheapest"; "best effort" if no plan reaches the chance that a journey has to have. For a
+        road without a stop, the labels of the road.
     stops : tuple of ChargingStop
-        In the order of the journey.
+        Stops in the order of the journey.
     legs : tuple of Leg
-        One more than stops.
+        Legs between the stops, one more than stops.
     reserve : float
         Displayed charge to have at every stop and at the end.
 
@@ -238,7 +239,7 @@ class ChargingPlan:
 
     @property
     def p_arrive(self) -> float:
-        """Probability that the battery is empty nowhere."""
+        """Probability that the battery is never empty."""
         return self._chance(0.0)
 
     @property
@@ -252,7 +253,7 @@ class ChargingPlan:
 
     @property
     def soc_arrival(self) -> float:
-        """Displayed charge that is expected at the destination."""
+        """Expected displayed charge at the destination."""
         return self.legs[-1].soc_arrival
 
     @property
@@ -272,7 +273,7 @@ class ChargingPlan:
 
     @property
     def duration_s(self) -> float:
-        """Driving and charging [s]."""
+        """Time of driving and charging [s]."""
         return self.driving_s + self.charging_s
 
     @property
@@ -287,7 +288,7 @@ class ChargingPlan:
 
     @property
     def by_cause_wh(self) -> dict[str, float]:
-        """Energy of all legs by cause [Wh]; heating the battery for a stop is with climate control."""
+        """Energy of all legs by cause [Wh]; heating the battery for a stop counts as climate control."""
         parts: dict[str, float] = {}
         for leg in self.legs:
             for cause, wh in leg.forecast.by_cause_wh.items():
@@ -297,7 +298,7 @@ class ChargingPlan:
 
     @property
     def battery_loss_wh(self) -> float:
-        """Heat in the battery on the road [Wh], beside the energy at its terminals."""
+        """Heat losses in the battery on the road [Wh], in addition to the energy at its terminals."""
         return sum(leg.forecast.battery_loss_wh for leg in self.legs)
 
     @property
@@ -307,13 +308,13 @@ class ChargingPlan:
         return low, high
 
     def series(self) -> pd.DataFrame:
-        """Along the journey, as `Forecast.series`; a stop has a row before and one after charging.
+        """Return the series along the journey, as `Forecast.series`; each stop has a row before charging and a row after.
 
         Returns
         -------
         DataFrame
-            Time since departure with charging, distance with detours. What legs share of their errors of energy adds up in the band, the
-            rest as independent parts.
+            Time since departure with charging, and distance with detours. In the band of the energy, the common errors of the legs add
+            up linearly, and the other errors as independent ones.
 
         Examples
         --------
@@ -346,7 +347,7 @@ class ChargingPlan:
 
     @property
     def line(self) -> dict[str, FloatArray]:
-        """Line on the map: `latitude_deg, longitude_deg, position_m`."""
+        """Line of all legs on the map: `latitude_deg, longitude_deg, position_m`."""
         roads = [leg.road for leg in self.legs]
         line = {name: np.concatenate([getattr(road, name) for road in roads]) for name in LINE_DIGITS}
         starts = np.cumsum([0.0, *(road.distance_m for road in roads[:-1])])
@@ -354,7 +355,7 @@ class ChargingPlan:
         return line
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values, as the command line and the service give them.
+        """Convert to plain values, as in the answers of the command line and the service.
 
         Returns
         -------

@@ -1,4 +1,4 @@
-"""What the whole journey comes to: whether it arrives, when, with what charge, and what to do."""
+"""The verdict on a whole journey: whether it arrives, when, with what charge, and what to do."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ from tripwatt.roads.journey.stops import WHOLE, ChargingPlan
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """The whole journey, with its stops to charge.
+    """The verdict on a whole journey, with its stops to charge.
 
     Attributes
     ----------
     arrives : bool
         Whether at least 19 of 20 such journeys have the reserve at every stop and at the end.
     p_arrive, p_reserve : float
-        Probability that the battery is empty nowhere, and that of the reserve at every stop and at the end.
+        Probability that the battery is never empty, and that there is the reserve at every stop and at the end.
     soc_arrival : float
-        Displayed charge that is expected at the destination.
+        Expected displayed charge at the destination.
     soc_interval : tuple of float
-        Its 90 % interval.
+        90 % interval of the charge at the destination.
     driving_s, charging_s, duration_s : float
-        Time on the road, at stations with overheads, and both [s].
+        Time on the road, time at stations with overheads, and their sum [s].
     departs_at, arrives_at : datetime or None
-        Local times; None where the departure has none.
+        Local times; None if the time of departure is not known.
     energy_wh : float
-        Of the whole journey [Wh].
+        Energy of the whole journey [Wh].
     charges : int
         Number of stops to charge.
     advice : str
-        "go", "stop", "charge_before", "slower" or "none" where nothing helps.
+        "go", "stop", "charge_before", "slower", or "none" if nothing helps.
 
     Examples
     --------
@@ -59,7 +59,7 @@ class Verdict:
 
     @classmethod
     def from_plan(cls, plan: ChargingPlan, else_: str) -> Verdict:
-        """Of a whole journey; `else_` is the advice where it does not arrive."""
+        """Make the verdict on the plan of a whole journey; `else_` is the advice if the journey does not arrive."""
         leaves, arrives = plan.legs[0].forecast.plan.departure.departs_at, plan.p_reserve >= CERTAIN
         advice = else_ if not arrives else "stop" if plan.stops else "go"
         return cls(
@@ -72,7 +72,7 @@ class Verdict:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values; times as ISO 8601.
+        """Convert to plain values, with times as ISO 8601.
 
         Returns
         -------

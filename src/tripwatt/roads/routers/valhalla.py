@@ -185,7 +185,7 @@ class ValhallaRouter:
         return parts.road(stops)
 
     def _together(self, calls: Sequence[Callable[[], T]]) -> list[T]:
-        """What each call gives; a server answers them side by side."""
+        """Make calls and return their results; calls to a server run at the same time."""
         if not self.at_once or len(calls) == 1:
             return [call() for call in calls]
         with ThreadPoolExecutor(len(calls)) as threads:
