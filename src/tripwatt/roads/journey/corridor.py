@@ -1,7 +1,7 @@
-"""Stations beside a road as a problem of stops: legs are estimated from the forecast of the road, those of a plan are routed and forecast.
+"""The problem of stops at the stations beside a road: legs are estimated from the forecast of the road; legs of plans are routed and forecast.
 
-An optimum over estimates is looked for; its legs are routed and take the place of their estimates, until the optimum has no estimated leg (lazy
-evaluation of edges, as in Dellin and Srinivasa 2016). So the router is asked about the stations of plans alone.
+The optimum over estimated legs is computed; its legs are routed and replace their estimates, until the optimum has no estimated leg (lazy
+evaluation of edges, as in Dellin and Srinivasa 2016). So the router is called only for the stations of plans.
 """
 
 from __future__ import annotations
@@ -31,25 +31,26 @@ from tripwatt.units import SECONDS_PER_HOUR
 CERTAIN: Final = 0.95
 """Chance to have the reserve at every stop and at the end: "19 of 20 journeys"."""
 DETOUR_M: Final = 3000.0
-"""Stations farther from the road than this are not looked at."""
+"""Stations farther from the road than this are not used."""
 POINT_EVERY_M: Final = 500.0
 MOST_STATIONS: Final = 200
 DETOUR_FACTOR: Final = 1.3
-"""Way to a station over its distance from the road, until it is routed; a usual value of road networks."""
+"""Way to a station over its distance from the road, for estimated legs; a usual value of road networks."""
 DETOUR_M_S: Final = 12.0
 MOST_ROUNDS: Final = 12
-"""Optima whose legs are routed; then only routed legs count."""
+"""Largest number of optima whose legs are routed; after these, only routed legs are used."""
 NEARLY: Final = 0.001
 CLOSE: Final = {"cheapest": 0.01}
-"""Routed legs alone are good enough where they cost at most this share more than the optimum with estimates; some labels have their own."""
+"""A plan of routed legs is accepted if it costs at most the share `NEARLY` more than the optimum with estimates; `CLOSE` has the share of
+some labels."""
 FEWEST_S: Final = 2e4
 CHEAPEST_S: Final = 1e6
 SHORT_S: Final = 1e8
-"""Costs of a stop, of a full display, and of a full display that the charge at the start lacks; the time counts little beside them."""
+"""Costs [s] of a stop, of the energy of a full display, and of a full display missing at the start; time counts little beside them."""
 OF_LEG: Final = ("soc", "bms_soc", "follows_trip", "battery_temperature_degc", "departs_at")
 """Fields of a departure that differ between legs."""
 SPAN: Final = np.array([0.1, 0.8])
-"""Charge by which it is decided whether heating the battery is worth its energy."""
+"""Charging from the first to the second displayed charge decides whether heating the battery is worth its energy."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,11 +63,11 @@ class StopRules:
     reserve : float
         Displayed charge to have at every stop and at the end.
     overhead_s : float
-        Of each stop [s].
+        Time of each stop besides charging [s].
     preheat : bool
         Whether the battery may be heated for a stop.
     plugs : frozenset of str
-        Of the car; empty where they are not known.
+        Plugs of the car; empty if they are not known.
     """
 
     curve: ChargingCurve
@@ -78,20 +79,20 @@ class StopRules:
 
 @dataclass(frozen=True, eq=False)
 class Corridor:
-    """A road, its forecast and the stations beside it.
+    """A road, its forecast and the stations beside the road.
 
     Attributes
     ----------
     forecaster : RoadForecaster
-        Of the car.
+        Forecaster of the car.
     road : Road
-        Without a stop to charge.
+        The road without a stop to charge.
     forecast : Forecast
-        Of it.
+        Forecast of this road.
     atlas : Atlas
-        With a router and stations.
+        Atlas with a router and stations.
     rules : StopRules
-        Reserve and charging.
+        Reserve and rules of charging.
     via : tuple of Place
         Places on the way, which lie at `road.stop_position_m`.
     """
@@ -107,13 +108,13 @@ class Corridor:
     _legs: dict[tuple[Leg, float], tuple[float, float]] = field(default_factory=dict)
 
     def of(self, forecaster: RoadForecaster, road: Road, forecast: Forecast) -> Corridor:
-        """The same rules for another road, or for another forecast of it."""
+        """Return a corridor with the same rules for another road or another forecast."""
         other = replace(self, forecaster=forecaster, road=road, forecast=forecast)
         return replace(other, routed={}, _widths={}, _legs={})
 
     @cached_property
     def _found(self) -> list[tuple[float, Station]]:
-        """Stations by their position on the road, on the way out and on the way back; of too many the strongest of each stretch."""
+        """Stations with their position on the road, on the way out and on the way back; if too many, the strongest of each stretch."""
         stations, pairs = self.atlas.stations, list[tuple[float, Station]]()
         for start, end in pairwise((0.0, *self.road.stop_position_m, self.road.distance_m)):
             position = np.append(np.arange(start, end, POINT_EVERY_M), end)
@@ -132,7 +133,7 @@ class Corridor:
 
     @property
     def stations(self) -> list[Station]:
-        """In driving order; station k is node k + 1."""
+        """Stations in driving order; the station with index k is node k + 1."""
         return [station for _, station in self._found]
 
     @cached_property
@@ -141,7 +142,7 @@ class Corridor:
 
     @cached_property
     def _off_m(self) -> FloatArray:
-        """Way from the road to each node."""
+        """Estimated way from the road to each node [m]."""
         off = [self.road.place_at(at).distance_m(station.place) for at, station in self._found]
         return DETOUR_FACTOR * np.array([0.0, *off, 0.0])
 
@@ -155,7 +156,7 @@ class Corridor:
 
     @cached_property
     def preheat_soc(self) -> FloatArray:
-        """Displayed charge to heat the battery for each station; 0 where it is not worth it."""
+        """Displayed charge to heat the battery for each station; 0 if heating is not worth its energy."""
         wh = self.forecast.charge.wh_per_display
         lacking_k = np.maximum(WARM_DEGC - self.cell_degc, 0.0)
         soc = self.forecast.vehicle.battery.heat_capacity_j_k * lacking_k / SECONDS_PER_HOUR / wh
@@ -183,14 +184,14 @@ class Corridor:
         return self.forecast.along.columns()
 
     def _at(self, values: FloatArray) -> FloatArray:
-        """Values along the forecast at the nodes."""
+        """Interpolate values along the forecast at the nodes."""
         distance = self._series["distance_m"]
         at = self._position_m * distance[-1] / self.road.distance_m
         return np.asarray(np.interp(at, distance, values))
 
     @cached_property
     def _estimates(self) -> tuple[FloatArray, FloatArray]:
-        """What each leg takes of the display, and its driving time [s], with the ways to and from the stations."""
+        """Displayed charge that each leg takes, and its driving time [s], with the ways to and from the stations."""
         taken, time = -self._at(self.forecast.along.expected_soc), self._at(self._series["time_s"])
         off_s = self._off_m / DETOUR_M_S
         off = (
@@ -202,7 +203,7 @@ class Corridor:
         return leg, leg_s
 
     def problem(self, first: float, chance: float) -> StopProblem:
-        """The problem in which the leg from the start and every other have a chance to be driven with the reserve at their ends."""
+        """Return the problem of stops, in which legs arrive with the reserve with the chance `first` (leg from the start) or `chance`."""
         more, more_s = self._standing_starts
         taken, time = self._estimates[0] + more, self._estimates[1] + more_s
         need = taken + self.rules.reserve + self.width(chance)
@@ -218,7 +219,7 @@ class Corridor:
 
     @property
     def _standing_starts(self) -> tuple[float, float]:
-        """What routed legs take of the display beyond their estimates, and their time [s]: they start and end at rest."""
+        """Mean additional charge and time [s] of routed legs compared with their estimates, since they start and end at rest."""
         of_legs = [
             (
                 self._of_leg(leg, 0.5)[0] - self._estimates[0][pair],
@@ -231,7 +232,7 @@ class Corridor:
         return more, more_s
 
     def _of_leg(self, leg: Leg, chance: float) -> tuple[float, float]:
-        """What a routed leg takes of the display and what it needs."""
+        """Return the displayed charge that a routed leg takes, and the charge that it needs at its start."""
         if (leg, chance) not in self._legs:
             sure = leg.forecast.along.soc(chance)
             least = min(float(sure[-1]) - self.rules.reserve - leg.preheat_soc, float(sure.min()))
@@ -240,7 +241,7 @@ class Corridor:
         return self._legs[leg, chance]
 
     def width(self, chance: float) -> FloatArray:
-        """What the error of each leg may take of the display: common parts in full, drifts and readings as independent ones."""
+        """Return the margin of displayed charge for the error of each leg: common parts in full, drifts and readings as independent."""
         if chance in self._widths:
             return self._widths[chance]
         factor, wh = self.factor(chance), self.forecast.charge.wh_per_display
@@ -255,17 +256,17 @@ class Corridor:
         return self._widths[chance]
 
     def factor(self, chance: float) -> float:
-        """Standard deviations that an error stays below with a chance."""
+        """Return the number of standard deviations that an error stays below with a chance."""
         return self.forecast.uncertainty.scores.factor(2.0 * chance - 1.0)
 
     def detour(self, before: int, node: int) -> tuple[float, float]:
-        """What a way from a node to a station in vain takes of the display, and its time [s]."""
+        """Return the displayed charge and time [s] of a detour from node `before` to an occupied station `node`."""
         taken, _ = self._estimates
         more = float(taken[before, node] + taken[node, -1] - taken[before, -1])
         return max(more, 0.0), 2.0 * float(self._off_m[node]) / DETOUR_M_S
 
     def optimum(self, chances: tuple[float, float], label: str) -> StopPlan | None:
-        """The plan with the least of what a label names, of legs that are routed; None where there is none."""
+        """Find the plan of routed legs that is best by a label; returns None if there is no such plan."""
         for k in range(MOST_ROUNDS + 1):
             problem = self.problem(*chances)
             aim = _aimed(problem, label)
@@ -279,7 +280,7 @@ class Corridor:
         return known and replace(known, duration_s=problem.duration_s(known.nodes, known.levels))
 
     def _known(self, problem: StopProblem) -> StopPlan | None:
-        """The optimum of routed legs alone."""
+        """Find the optimum of routed legs alone."""
         pairs = np.array([pair for pair, leg in self.routed.items() if leg is not None], dtype=np.int64)
         nodes = np.union1d(pairs, [0, len(problem.taken) - 1])
         routed = np.full(problem.time_s.shape, np.inf)
@@ -288,7 +289,7 @@ class Corridor:
         return found and replace(found, nodes=tuple(nodes[list(found.nodes)].tolist()))
 
     def _route(self, problem: StopProblem, plan: StopPlan) -> None:
-        """Route and forecast the legs of a plan that were estimated."""
+        """Route and forecast the legs of a plan that are still estimated."""
         elapsed = 0.0
         for (i, j), level in zip(pairwise(plan.nodes), plan.levels, strict=True):
             if (i, j) not in self.routed:
@@ -325,7 +326,7 @@ class Corridor:
         return self.road.place_at(float(self._position_m[node]))
 
     def driven(self, found: StopPlan) -> tuple[Leg, ...]:
-        """The legs of a plan of routed legs, from the charges that they are left with."""
+        """Return the legs of a plan of routed legs, forecast from the charges with which they begin."""
         legs = []
         for pair, level in zip(pairwise(found.nodes), found.levels, strict=True):
             leg = self.routed[pair]
@@ -336,7 +337,7 @@ class Corridor:
 
 
 def _aimed(problem: StopProblem, label: str) -> StopProblem:
-    """The problem with the costs that a label names beside the time."""
+    """Return the problem with the costs of a label added to the time."""
     if label == "fewest stops":
         return replace(problem, overhead_s=problem.overhead_s + FEWEST_S)
     if label == "cheapest":

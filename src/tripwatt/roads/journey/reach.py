@@ -22,13 +22,13 @@ from tripwatt.trips.messages import flag_to_dict
 LEVELS: Final = (0.95, 0.5)
 DIRECTIONS: Final = 24
 FRUGAL_WH_KM: Final = 80.0
-"""No car takes less over a long way on the flat: the places that roads are looked for lie beyond every reach."""
+"""No car takes less over a long distance on the flat, so the places to which roads are routed lie beyond every reach."""
 
 LONGEST_CONTOUR_MIN: Final = 120.0
-"""Longest isochrone that is asked: servers allow two hours."""
+"""Longest isochrone that is requested: servers allow two hours."""
 
 SLOW_ROAD_M_S: Final = 8.0
-"""No way to the end of a reach is slower on the whole: the isochrone lies beyond it."""
+"""No way to the end of a reach has a lower mean speed, so the isochrone lies beyond the reach."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -38,13 +38,13 @@ class Reach:
     Attributes
     ----------
     start : Place
-        Where the car leaves.
+        Place of departure.
     outlines : dict of float to tuple of Place
-        Probability -> corners of the area, clockwise; each lies on a road.
+        Corners of the area, clockwise, for each probability; each corner lies on a road.
     map_ends : bool
-        Whether the map ends before the charge in at least one direction: the area is larger than shown.
+        Whether the charge carries beyond the end of a road in at least one direction, so that the area is larger than shown.
     attribution : str
-        What has to be shown beside the area.
+        Text that has to be shown beside the area.
 
     Examples
     --------
@@ -82,19 +82,19 @@ class Reach:
 
 
 def find_reach(forecaster: RoadForecaster, start: Place, atlas: Atlas, *, reserve: float = 0.0) -> Reach:
-    """Find the area of reach. One road and one forecast for each of `DIRECTIONS` directions.
+    """Find the area of reach, with one road and one forecast for each of `DIRECTIONS` directions.
 
-    Roads lead to places at the edge of an isochrone, or of a circle where the router has none, beyond the reach of the
-    car; along each road the forecast gives the distance at which the charge falls to the reserve with a probability.
+    Roads lead to places beyond the reach of the car: at the edge of an isochrone, or of a circle if the router has no isochrones.
+    Along each road, the forecast gives the distance that the charge reaches with each probability before it falls to the reserve.
 
     Parameters
     ----------
     forecaster : RoadForecaster
         The car, its departure and the weather.
     start : Place
-        Where the car leaves.
+        Place of departure.
     atlas : Atlas
-        With a router.
+        Atlas with a router.
     reserve : float
         Displayed state of charge that is kept.
 
@@ -106,7 +106,7 @@ def find_reach(forecaster: RoadForecaster, start: Place, atlas: Atlas, *, reserv
     Raises
     ------
     InvalidInput
-        When the reserve is no fraction, or no road leads away from the start.
+        If the reserve is not between 0 and 1, or no road leads away from the start.
 
     Examples
     --------
@@ -131,7 +131,7 @@ def find_reach(forecaster: RoadForecaster, start: Place, atlas: Atlas, *, reserv
 def reach_along(
     roads: list[Road], forecasts: list[Forecast], start: Place, reserve: float, attribution: str = ""
 ) -> Reach:
-    """The area of reach of roads that lead away from a place, with the forecast of each."""
+    """Return the area of reach on roads that lead away from a place, given the forecast of each road."""
     outlines, ends = {}, False
     for level in LEVELS:
         corners = []
@@ -144,19 +144,19 @@ def reach_along(
 
 
 def _ring(corners: tuple[Place, ...]) -> list[list[float]]:
-    """A closed ring of GeoJSON."""
+    """Return the corners as a closed ring of GeoJSON."""
     return [[round(p.longitude_deg, 6), round(p.latitude_deg, 6)] for p in (*corners, *corners[:1])]
 
 
 def reached_share(forecast: Forecast, level: float, reserve: float) -> float:
-    """Share of the way at which the charge falls to the reserve with a probability of `1 - level`; 1 = not on it."""
+    """Return the share of the road after which the charge is at the reserve with a probability of `1 - level`, or 1 if it lasts."""
     distance = forecast.drive.distance_m
     reached_m = first_empty(forecast.along.soc(level) - reserve, distance)
     return 1.0 if reached_m is None else reached_m / float(distance[-1])
 
 
 def _targets(forecaster: RoadForecaster, start: Place, atlas: Atlas) -> list[Place]:
-    """A place in each direction, farther than the charge carries, or at the end of the map."""
+    """Choose a place in each direction, farther than the charge carries or at the end of the map."""
     soc = forecaster.departure.soc if forecaster.departure.soc is not None else 0.8
     battery = forecaster.model.vehicle.battery
     energy_wh = soc * battery.capacity_ah * battery.cells_in_series * float(np.max(battery.ocv_v))
@@ -180,14 +180,14 @@ def _targets(forecaster: RoadForecaster, start: Place, atlas: Atlas) -> list[Pla
 
 
 def _seen_from(start: Place, places: tuple[Place, ...]) -> tuple[FloatArray, FloatArray]:
-    """Direction [°] and distance [m] of places."""
+    """Return the direction [°] and distance [m] of places from a start."""
     ways = [np.array([(p.latitude_deg, p.longitude_deg) for p in (start, place)]).T for place in places]
     bearings = np.array([bearings_deg(*way)[0] for way in ways])
     return bearings, np.array([start.distance_m(place) for place in places])
 
 
 def _around(start: Place, corners: list[Place]) -> tuple[Place, ...]:
-    """Corners in the order of their direction, in each direction the farthest."""
+    """Return the farthest corner in each direction, in the order of the directions."""
     where, off = _seen_from(start, tuple(corners))
     best: dict[int, int] = {}
     for k in range(len(corners)):

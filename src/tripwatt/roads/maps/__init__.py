@@ -1,4 +1,4 @@
-"""Maps of a region on this machine: roads, elevation, places and charging stations, made of an OpenStreetMap extract."""
+"""Maps of a region on this machine: roads, elevation, places and charging stations, made from an OpenStreetMap extract."""
 
 from tripwatt.roads.maps.elevation import Elevation
 from tripwatt.roads.maps.folder import ATTRIBUTION, MapFolder, build_map, open_map

@@ -1,7 +1,7 @@
-"""Elevation tiles of a map: read as they are published, written as Valhalla reads them.
+"""Elevation tiles of a map: read in the published formats, written in the format that Valhalla reads.
 
-Valhalla reads tiles of one degree with a height each arc-second (`N47/N47E009.hgt`). Tiles of 3 arc-seconds get the heights between
-theirs by bilinear interpolation, which is exact for Valhalla's own: a part of a bilinear patch is bilinear.
+Valhalla reads tiles of one degree with a height each arc-second (`N47/N47E009.hgt`). For tiles of 3 arc-seconds, the heights between are
+interpolated bilinearly. This does not change Valhalla's own bilinear interpolation, since a part of a bilinear patch is bilinear.
 """
 
 from __future__ import annotations
@@ -29,20 +29,20 @@ from tripwatt.files import read_file
 
 ROWS: Final = 3601
 ARC_SECONDS: Final[Mapping[int, str]] = MappingProxyType({ROWS: "1 arc-second", 1201: "3 arc-seconds"})
-"""Rows of a tile -> its distance of heights."""
+"""Distance between the heights of a tile, by its number of rows."""
 
 VOID: Final = -32768
 LOWEST_M: Final = -500.0
 HIGHEST_M: Final = 9000.0
-"""Heights of a tile outside of these are voids: the shore of the Dead Sea lies at -430 m."""
+"""Heights of a tile outside of `LOWEST_M` to `HIGHEST_M` are voids; the shore of the Dead Sea lies at -430 m."""
 
 MARGIN_DEG: Final = 0.02
 """Roads of a map reach this far beyond its places [°]."""
 
 MOST_CELLS: Final = 100
-"""No drive crosses more: such places are no positions."""
+"""No drive crosses more cells; heights of places in more cells are not looked up, since these places cannot be positions of a drive."""
 KEPT_CELLS: Final = 4
-"""Tiles that stay in memory, 52 MB each: the next drive begins where the last one ended."""
+"""Number of tiles that stay in memory, 52 MB each: the next drive begins where the last one ended."""
 
 NAME: Final = re.compile(r"([NS])(\d{2})([EW])(\d{3})", re.IGNORECASE)
 PACKED: Final = (".hgt", ".hgt.gz", ".zip")
@@ -56,7 +56,7 @@ CREDITS: Final[Mapping[str, str]] = MappingProxyType(
         "_1arc_v3": "SRTM, NASA and USGS",
     }
 )
-"""A part of the names of a publisher's files -> what has to be shown, or is usual, beside their heights."""
+"""Notice that has to be, or usually is, shown beside heights, by a part of the names of the publisher's files."""
 
 SOURCES: Final = (
     "get them of the SRTM 1 arc-second global tiles (NASA and USGS, public domain; USGS EarthExplorer or NASA Earthdata) "
@@ -65,10 +65,10 @@ SOURCES: Final = (
 )
 
 Heights = npt.NDArray[np.float32]
-"""Metres each arc-second, or three, of a tile, NaN for voids, shape (rows, rows): from north to south, from west to east."""
+"""Heights of a tile [m], one per arc-second or three, NaN for voids, shape (rows, rows): from north to south, from west to east."""
 
 Cell = tuple[int, int]
-"""South and west of a tile [°]."""
+"""Southern and western edge of a tile [°]."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class Elevation:
     Attributes
     ----------
     packed : dict
-        Cell -> file in the format of SRTM, also compressed.
+        File of each cell, in the format of SRTM, plain or compressed.
     rasters : tuple of Path
         GeoTIFF files, of any extent and projection.
     """
@@ -88,12 +88,12 @@ class Elevation:
 
     @classmethod
     def from_folder(cls, folder: Path) -> Elevation:
-        """The tiles in a folder, and in folders below.
+        """Find the tiles in a folder and its subfolders.
 
         Raises
         ------
         InvalidInput
-            When there is none, or a package is missing for those that there are.
+            If there are no tiles, or there are GeoTIFF files and the package to read them is missing.
         """
         files = [path for path in sorted(folder.rglob("*")) if path.is_file()]
         named = ((NAME.match(path.name), path) for path in files if path.name.lower().endswith(PACKED))
@@ -107,18 +107,18 @@ class Elevation:
         return cls(packed, rasters)
 
     def write(self, folder: Path, bounds_deg: Sequence[float] | None) -> dict[str, Any]:
-        """Write the tiles that a map needs, and describe its terrain. O(tiles of the map).
+        """Write the tiles that a map needs, and return a description of its terrain. O(tiles of the map).
 
         Parameters
         ----------
         folder : Path
         bounds_deg : sequence of float, optional
-            South, west, north and east of the map; all tiles when not known.
+            South, west, north and east of the map. If not given, all tiles in the format of SRTM are written.
 
         Raises
         ------
         InvalidInput
-            With every tile that is damaged.
+            If tiles are damaged, with all of them.
         """
         cells = sorted(self.packed) if bounds_deg is None else needed(bounds_deg)
         credits: dict[str, None] = {}
@@ -142,22 +142,22 @@ class Elevation:
         return {"known": tiles > 0, "source": "; ".join(credits), "tiles": tiles, "missing": missing}
 
     def at(self, latitude_deg: FloatArray, longitude_deg: FloatArray) -> FloatArray:
-        """Heights at places, bilinear between those of the tiles. O(places + tiles).
+        """Interpolate heights at places bilinearly from the tiles. O(places + tiles).
 
         Parameters
         ----------
         latitude_deg, longitude_deg : ndarray, shape (places,)
-            NaN where a place is not known.
+            Places; NaN if a place is not known.
 
         Returns
         -------
         ndarray, shape (places,)
-            Metres above sea level, NaN where no tile has them.
+            Heights above sea level [m]; NaN if no tile has the height.
 
         Raises
         ------
         InvalidInput
-            When a tile is damaged.
+            If a tile is damaged.
         """
         from scipy.ndimage import map_coordinates  # slow to import
 
@@ -178,7 +178,7 @@ class Elevation:
         return lru_cache(KEPT_CELLS)(lambda cell: self._heights(cell, {}))
 
     def _heights(self, cell: Cell, credits: dict[str, None]) -> Heights | None:
-        """Heights of a cell each arc-second, NaN for voids; None where no file has any. Adds whom to name."""
+        """Return the heights of a cell each arc-second, NaN for voids, or None if no file has any; add the notice to `credits`."""
         if cell not in self.packed:
             return _warped(self.rasters, cell, credits)
         heights = _read(self.packed[cell])
@@ -187,7 +187,7 @@ class Elevation:
 
 
 def needed(bounds_deg: Sequence[float]) -> list[Cell]:
-    """The cells of a region.
+    """Return the cells of a region with a margin.
 
     Examples
     --------
@@ -203,13 +203,13 @@ def needed(bounds_deg: Sequence[float]) -> list[Cell]:
 
 
 def tile_name(cell: Cell) -> str:
-    """The name of a tile by its south-western corner, as SRTM has it."""
+    """Return the name of a tile by its south-western corner, as in SRTM."""
     south, west = cell
     return f"{'S' if south < 0 else 'N'}{abs(south):02d}{'W' if west < 0 else 'E'}{abs(west):03d}"
 
 
 def without_tiles(missing: Sequence[str]) -> str:
-    """What a map lacks, and where it is to be had; empty where it lacks nothing.
+    """Return a sentence on the missing tiles of a map and where to get them, or an empty text if none is missing.
 
     Examples
     --------
@@ -228,7 +228,7 @@ def _cell(name: re.Match[str]) -> Cell:
 
 
 def _read(path: Path) -> Heights:
-    """Heights of a file."""
+    """Read the heights of a file in the format of SRTM."""
     most = 2 * ROWS**2 + 1
     try:
         content = read_file(path, 2 * most, what="cannot read the elevation tile", allowed="a tile of SRTM")
@@ -255,7 +255,7 @@ def _known(heights_m: Heights) -> Heights:
 
 
 def _refined(heights_m: Heights) -> Heights:
-    """Rows with two between each pair, by linear interpolation; NaN beside a void."""
+    """Insert two rows between each pair of rows, by linear interpolation; NaN beside a void."""
     fine = np.empty((3 * len(heights_m) - 2, heights_m.shape[1]), dtype=heights_m.dtype)
     above, below = heights_m[:-1], heights_m[1:]
     fine[::3], fine[1::3], fine[2::3] = heights_m, (2.0 * above + below) / 3.0, (above + 2.0 * below) / 3.0
@@ -275,7 +275,7 @@ def _rasterio() -> Any:
 
 
 def _warped(paths: Sequence[Path], cell: Cell, credits: dict[str, None]) -> Heights | None:
-    """Heights of a cell from all rasters that it touches; None where none has any."""
+    """Read the heights of a cell from all rasters that overlap it; returns None if no raster has any."""
     if not paths:
         return None
     rasterio = _rasterio()
@@ -311,5 +311,5 @@ def _warped(paths: Sequence[Path], cell: Cell, credits: dict[str, None]) -> Heig
 
 
 def _credit(path: Path, otherwise: str) -> str:
-    """Whom to name beside the heights of a file."""
+    """Return the notice to show beside the heights of a file."""
     return next((credit for part, credit in CREDITS.items() if part in path.name.lower()), otherwise)

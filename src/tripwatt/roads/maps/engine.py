@@ -1,7 +1,7 @@
-"""Valhalla on this machine: where its programs are, its configuration for a map folder, and the router in this process.
+"""Valhalla on this machine: the folder of its programs, its configuration for a map folder, and the router in this process.
 
-`pyvalhalla` has wheels for Python 3.12 and newer. Its programs run without Python: the environment variable
-`TRIPWATT_VALHALLA` names the folder of an unpacked wheel, for other versions of Python.
+`pyvalhalla` has wheels for Python 3.12 and newer. Its programs run without Python, so for other versions of Python, the environment
+variable `TRIPWATT_VALHALLA` names the folder of an unpacked wheel.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ INSTALL: Final = (
     "unpacked pyvalhalla wheel, or name a server by its URL"
 )
 PACKED: Final = "tiles.tar"
-"""All tiles as one file, which Valhalla maps into memory: processes on one map share it, and none keeps tiles of its own."""
+"""File with all tiles, which Valhalla maps into memory, so that processes on the same map share one copy of the tiles."""
 
 FARTHEST_M: Final = 5_000_000.0
 LONGEST_CONTOUR_MIN: Final = 600
 SHOWN_FROM_ZOOM: Final = (4, 5, 6, 8, 10, 11, 12, 13)
-"""Zoom of the vector tiles from which roads are in them: by class, from motorways to service roads."""
+"""Smallest zoom of the vector tiles that have the roads of each class, from motorways to service roads."""
 
 
 def valhalla_folder() -> Path | None:
-    """The folder of the package `valhalla` with its programs in `bin`; None where there is none."""
+    """Return the folder of the package `valhalla` with its programs in `bin`, or None if there is none."""
     named = os.environ.get(FOLDER_VARIABLE, "")
     candidates = [Path(named), Path(named) / "valhalla"] if named else []
     spec = importlib.util.find_spec("valhalla")
@@ -45,12 +45,12 @@ def valhalla_folder() -> Path | None:
 
 
 def require_valhalla() -> Path:
-    """As `valhalla_folder`.
+    """Return `valhalla_folder`, and raise if there is none.
 
     Raises
     ------
     InvalidInput
-        When Valhalla is not installed.
+        If Valhalla is not installed.
     """
     folder = valhalla_folder()
     if folder is None:
@@ -59,17 +59,17 @@ def require_valhalla() -> Path:
 
 
 def configuration(folder: Path) -> dict[str, Any]:
-    """Valhalla's configuration for a map folder.
+    """Return Valhalla's configuration for a map folder.
 
     Parameters
     ----------
     folder : Path
-        With `tiles`, or `tiles.tar` once they are built, and `elevation`.
+        Map folder with `elevation`, and with `tiles`, or `tiles.tar` once the tiles are built.
 
     Raises
     ------
     InvalidInput
-        When Valhalla is not installed.
+        If Valhalla is not installed.
     """
     config = _defaults(require_valhalla())
     here = folder.resolve()
@@ -91,7 +91,7 @@ def configuration(folder: Path) -> dict[str, Any]:
 
 
 def _defaults(package: Path) -> dict[str, Any]:
-    """The defaults of the installed release; its module is loaded by path, because the package needs its own Python."""
+    """Load the default configuration of the installed release by the path of its module, since its package may be of another Python."""
     path = package / "valhalla_build_config.py"
     spec = importlib.util.spec_from_file_location("tripwatt_valhalla_defaults", path)
     if spec is None or spec.loader is None:
@@ -114,12 +114,12 @@ def _given(values: Mapping[str, Any], unset: type) -> dict[str, Any]:
 
 
 def build_tiles(folder: Path, extract: Path) -> None:
-    """Build routing tiles of an OpenStreetMap extract into `tiles.tar` of a folder.
+    """Build routing tiles from an OpenStreetMap extract into `tiles.tar` of a folder.
 
     Raises
     ------
     InvalidInput
-        When Valhalla is not installed, or cannot read the extract.
+        If Valhalla is not installed, or cannot read the extract.
     """
     program = require_valhalla() / "bin" / "valhalla_build_tiles"
     for name in ("tiles", "elevation"):
@@ -147,12 +147,12 @@ def build_tiles(folder: Path, extract: Path) -> None:
 
 
 def router_in_process(folder: Path) -> ValhallaRouter:
-    """Valhalla in this process, on the tiles of a map folder.
+    """Make a router by Valhalla in this process, on the tiles of a map folder.
 
     Raises
     ------
     InvalidInput
-        When the package is not installed for this Python.
+        If the package is not installed for this Python.
     """
     try:
         import valhalla

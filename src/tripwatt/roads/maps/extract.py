@@ -14,7 +14,7 @@ from tripwatt.routes.places import SETTLEMENTS
 from tripwatt.routes.web import EXTRA
 
 POINTS_OF_INTEREST: Final = ("amenity", "tourism", "leisure", "shop", "railway", "aeroway", "healthcare")
-"""Keys of objects with a name that are searched, after settlements and streets."""
+"""Keys of other named objects, besides settlements and streets, that are found by name."""
 
 KINDS: Final = (*SETTLEMENTS, "street", "poi", "house")
 """Kinds of places, the most important first."""
@@ -23,7 +23,7 @@ AC_SOCKETS: Final = ("type2", "type2_cable", "type1", "schuko", "tesla_destinati
 OTHER_NAMES: Final = re.compile(
     r"name:[a-z]{2,3}(?:[-_]\w+)?|(?:alt|old|short|official|loc|int|nat|reg)_name(?::[a-z]{2,3})?|name_\d"
 )
-"""Keys of a name in another language, of an older or shorter one."""
+"""Keys of names in other languages, and of older or shorter names."""
 
 MOST_NAMES: Final = 200
 LONGEST_NAME: Final = 200
@@ -32,7 +32,7 @@ POWER: Final = re.compile(r"(\d+(?:[.,]\d+)?)\s*(kva|kw|w)?\b", re.IGNORECASE)
 
 @dataclass(frozen=True, slots=True)
 class Named:
-    """Something with a name on the map: its kind is one of `KINDS`."""
+    """An object with a name on the map; its kind is one of `KINDS`."""
 
     kind: str
     name: str
@@ -41,26 +41,26 @@ class Named:
     street: str = ""
     """Street of a house."""
     city: str = ""
-    """Settlement that the object itself names."""
+    """Settlement in the address of the object."""
     also: tuple[str, ...] = ()
-    """Its other names: of other languages, older and shorter ones."""
+    """Other names of the object: in other languages, older and shorter names."""
     population: int = 0
 
 
 def read_objects(path: Path, *, settlements_only: bool = False) -> Iterator[Named | Station]:
-    """Named objects and charging stations of an extract, in its order. O(extract).
+    """Yield the named objects and charging stations of an extract, in its order. O(extract).
 
     Parameters
     ----------
     path : Path
         An extract in one of the formats of OpenStreetMap.
     settlements_only : bool
-        Only nodes that are settlements, which is quicker.
+        Read only nodes with the key `place`, which is quicker.
 
     Raises
     ------
     InvalidInput
-        When the extract cannot be read, or `osmium` is not installed.
+        If the extract cannot be read, or `osmium` is not installed.
     """
     osmium = _osmium()
     try:
@@ -102,7 +102,7 @@ def _read(element: Any) -> Iterator[Named | Station]:
 
 
 def _other_names(tags: Mapping[str, str], name: str) -> tuple[str, ...]:
-    """Names by other keys than `name`, each once."""
+    """Return the names under other keys than `name`, each once."""
     values = (value for key, value in sorted(tags.items()) if OTHER_NAMES.fullmatch(key))
     names = dict.fromkeys(part.strip()[:LONGEST_NAME] for value in values for part in value.split(";"))
     return tuple(other for other in names if other not in ("", name))[:MOST_NAMES]
@@ -118,7 +118,7 @@ def _kind(tags: Mapping[str, str], is_way: bool) -> str | None:
 
 
 def _centre(element: Any) -> tuple[float, float] | None:
-    """Latitude and longitude of a node, or of the middle node of a way; None where they are not in the extract."""
+    """Return latitude and longitude of a node, or of the middle node of a way; returns None if no node is in the extract."""
     if not element.is_way():
         return float(element.lat), float(element.lon)
     known = [node.location for node in element.nodes if node.location.valid()]
@@ -127,7 +127,7 @@ def _centre(element: Any) -> tuple[float, float] | None:
 
 
 def station_of_tags(tags: Mapping[str, str], latitude_deg: float, longitude_deg: float) -> Station | None:
-    """A public charging station for cars by its tags; None where it is none.
+    """Make a charging station from its tags; returns None if it is not a public station for cars.
 
     Examples
     --------
@@ -149,7 +149,7 @@ def station_of_tags(tags: Mapping[str, str], latitude_deg: float, longitude_deg:
 
 
 def _power_w(text: str) -> float:
-    """Highest power of a text such as "50 kW;22 kW" [W], 0 where there is none."""
+    """Return the highest power in a text such as "50 kW;22 kW" [W], or 0 if there is none."""
     powers = [
         float(number.replace(",", ".")) * (1.0 if unit.lower() == "w" else 1000.0)
         for number, unit in POWER.findall(text[:200])

@@ -1,4 +1,4 @@
-"""A map folder: routing tiles, elevation, places and stations of one region, made of an OpenStreetMap extract."""
+"""A map folder: routing tiles, elevation, places and stations of one region, made from an OpenStreetMap extract."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ INDEX_NAME: Final = "places.sqlite"
 FORMAT: Final = 2
 MOST_INFO_BYTES: Final = 1 << 20
 ATTRIBUTION: Final = "© OpenStreetMap contributors, ODbL 1.0"
-"""What has to be shown wherever a map, a road or a place of an extract is."""
+"""Text that has to be shown wherever a map, a road or a place of an extract is shown."""
 
 
 MOST_NAMED: Final = 3
-"""Settlements that say where a map is."""
+"""Largest number of settlements that are named to say where a map is."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class MapFolder:
 
     @cached_property
     def index(self) -> PlaceIndex:
-        """Places and stations."""
+        """Index of places and stations."""
         return PlaceIndex(self.folder / INDEX_NAME)
 
     @property
@@ -62,7 +62,7 @@ class MapFolder:
 
     @cached_property
     def router(self) -> ValhallaRouter:
-        """Valhalla in this process."""
+        """Router by Valhalla in this process."""
         return router_in_process(self.folder)
 
 
@@ -72,7 +72,7 @@ def open_map(folder: Path | str) -> MapFolder:
     Raises
     ------
     InvalidInput
-        When the folder holds none, or one of another format.
+        If the folder has no map, or a map of another format.
     """
     folder = Path(folder)
     try:
@@ -104,26 +104,26 @@ def build_map(
     attribution: str = ATTRIBUTION,
     progress: Callable[[str], object] = lambda step: None,
 ) -> MapFolder:
-    """Build a map of an OpenStreetMap extract. The folder is complete or not there.
+    """Build a map from an OpenStreetMap extract. The folder is written completely or not at all.
 
     Parameters
     ----------
     extract : path
-        A region as `.osm.pbf`.
+        Extract of a region as `.osm.pbf`.
     folder : path
-        Is replaced if it holds a map.
+        Folder of the map; an existing map is replaced.
     elevation : path, optional
-        Folder with elevation tiles, in it or in folders below: of SRTM (`N47E009.hgt`, also `.hgt.gz` or in a `.zip`), or GeoTIFF with
-        the extra `tripwatt[elevation]`. Those that the map needs are taken.
+        Folder with elevation tiles, also in subfolders: tiles of SRTM (`N47E009.hgt`, also `.hgt.gz` or in a `.zip`), or GeoTIFF with
+        the extra `tripwatt[elevation]`. Only the tiles that the map needs are used.
     attribution : str
-        What has to be shown with the map; that of an extract of OpenStreetMap by default.
+        Text that has to be shown with the map; by default, that of OpenStreetMap.
     progress : callable
         Called with the name of each step.
 
     Raises
     ------
     InvalidInput
-        When the extract cannot be read, a package is missing, or the folder holds something else.
+        If the extract cannot be read, a package is missing, or the folder has other contents than a map.
     """
     extract, folder = Path(extract), Path(folder)
     require_valhalla()
@@ -162,7 +162,7 @@ def build_map(
 
 
 def _require_paths(extract: Path, folder: Path, elevation: Path | str | None) -> Elevation | None:
-    """The elevation tiles, if any are named; raises with every path that cannot be used."""
+    """Return the elevation tiles, if a folder is given; raise `InvalidInput` with every path that cannot be used."""
     faults, heights = [], None
     if not extract.is_file():
         faults.append(Fault("no such file", "EXTRACT", str(extract), "an OpenStreetMap extract"))
@@ -181,7 +181,7 @@ def _require_paths(extract: Path, folder: Path, elevation: Path | str | None) ->
 
 
 def _span(low: float, high: float, letters: str) -> str:
-    """A range of degrees with its directions.
+    """Return a range of degrees as text with its directions.
 
     Examples
     --------
@@ -194,7 +194,7 @@ def _span(low: float, high: float, letters: str) -> str:
 
 
 def _bounds(path: Path) -> list[float] | None:
-    """South, west, north and east of the places; None without any."""
+    """Return south, west, north and east of all places, or None if there are no places."""
     database = PlaceIndex(path).database
     row = database.execute(
         "SELECT min(latitude), min(longitude), max(latitude), max(longitude) FROM places"

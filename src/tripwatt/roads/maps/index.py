@@ -23,11 +23,11 @@ from tripwatt.roads.maps.stations import Station
 from tripwatt.routes.places import SPELLINGS, TWIN_M, Place, plain_words, without_twins
 
 FAR_FROM_SETTLEMENT_DEG: Final = 0.3
-"""An object farther from a settlement than this [° of latitude] is named without it."""
+"""An object farther from a settlement than this [° of latitude] is named without the settlement."""
 
 MOST_FOUND: Final = 50
 CANDIDATES: Final = 200
-"""Matches that are compared; the index holds the important ones first."""
+"""Largest number of matches that are compared; the index has the important places first."""
 
 LONGEST_TEXT: Final = 200
 MOST_WORDS: Final = 10
@@ -36,13 +36,13 @@ SETTLEMENT: Final = KINDS.index("street")
 
 HOUSE: Final = KINDS.index("house")
 NEAR_PLACES: Final = 2
-"""Settlements with a name like a typed one that have a place in a full list of those that begin with it."""
+"""Number of settlements with a similar name that are included in a list that is already full of places with the typed beginning."""
 
 NOT_MEANT: Final = 100
-"""Counted as mistakes for a word that is none of a place."""
+"""Number of mistakes that is counted for a typed word that means no word of a place."""
 
 SEPARATOR: Final = ";"
-"""Between the other names of a place: the extract's own."""
+"""Separator between the other names of a place, as in the extract."""
 
 SCHEMA: Final = f"""
 CREATE TEMP TABLE read (kind INTEGER, name TEXT, context TEXT, latitude REAL, longitude REAL, also TEXT, population INTEGER);
@@ -63,15 +63,15 @@ def write_index(
     Parameters
     ----------
     path : Path
-        Is replaced.
+        File of the index; an existing file is replaced.
     settlements : sequence of Named
-        Their names are shown beside streets and houses near them.
+        Settlements, whose names are shown beside streets and houses near them.
     objects : iterable of Named or Station
 
     Returns
     -------
     dict
-        Number of `places` and of `stations`.
+        Numbers of `places` and `stations`.
     """
     path.unlink(missing_ok=True)
     nearest = _Nearest(settlements)
@@ -122,10 +122,10 @@ def _rows(named: Sequence[Named], nearest: _Nearest) -> Iterator[tuple[Any, ...]
 
 
 def _merged(rows: Iterable[tuple[Any, ...]], nearest: _Nearest) -> Iterator[tuple[Any, ...]]:
-    """One row for the pieces of a street that lie together, where its middle piece is, with the names of all pieces.
+    """Merge pieces of a street that lie together into one row, at the middle piece, with the names of all pieces.
 
-    Pieces of one name that lie apart in one settlement are named by the quarters around them as well. Houses have the other names of
-    their street.
+    If pieces of the same name lie apart in one settlement, the quarters around them are added to their names. Houses get the other
+    names of their street.
     """
     streets: dict[tuple[str, str], str] = {}
     for (kind, name, context), pieces in itertools.groupby(rows, key=lambda row: row[:3]):
@@ -149,7 +149,7 @@ def _merged(rows: Iterable[tuple[Any, ...]], nearest: _Nearest) -> Iterator[tupl
 
 
 def _together(pieces: Sequence[Named]) -> list[list[Named]]:
-    """Groups of pieces within `TWIN_M` of the first of their group. O(pieces · groups)."""
+    """Group pieces that lie within `TWIN_M` of the first piece of their group. O(pieces · groups)."""
     groups: list[list[Named]] = []
     for piece in pieces:
         near = (group for group in groups if _where(group[0]).distance_m(_where(piece)) <= TWIN_M)
@@ -162,7 +162,7 @@ def _together(pieces: Sequence[Named]) -> list[list[Named]]:
 
 
 def _middle(pieces: Sequence[Named]) -> Named:
-    """The piece nearest to the mean of all."""
+    """Return the piece nearest to the mean position of all pieces."""
     mean = Place(*np.mean([(piece.latitude_deg, piece.longitude_deg) for piece in pieces], axis=0).tolist())
     return min(pieces, key=lambda piece: mean.distance_m(_where(piece)))
 
@@ -172,7 +172,7 @@ def _where(item: Named) -> Place:
 
 
 def _searched(text: str) -> str:
-    """The words of a text as they are searched: without accents, and as they are typed without their letters."""
+    """Return the words of a text for the search: without accents, and in the spelling used if special letters cannot be typed."""
     typed = text.lower().translate(SPELLINGS)
     words = plain_words(text)
     return " ".join(words if typed == text.lower() else dict.fromkeys([*words, *plain_words(typed)]))
@@ -198,22 +198,22 @@ class _Nearest:
         self.repeated = {name for name, same in named.items() if len(_together(same)) > 1}
 
     def names(self, objects: Sequence[Named]) -> list[str]:
-        """Its name for each object; empty where none is near."""
+        """Return the name of the nearest large settlement for each object; empty if none is near."""
         return [near[0] if near else "" for near in self.large.near(objects, 1)]
 
     def quarter(self, item: Named) -> str:
-        """The nearest settlement of any kind."""
+        """Return the name of the nearest settlement of any kind."""
         return next(iter(self.any.near([item], 1)[0]), "")
 
     def beside(self, item: Named) -> str:
-        """The nearest town of another name, of a settlement whose name is that of several; else empty."""
+        """Return the nearest town of another name for a settlement whose name is not unique, else an empty text."""
         if item.name not in self.repeated:
             return ""
         return next((name for name in self.towns.near([item], 3)[0] if name != item.name), "")
 
 
 class _Tree:
-    """Settlements by their place."""
+    """A spatial index of settlements."""
 
     def __init__(self, settlements: Sequence[Named]) -> None:
         from scipy.spatial import cKDTree
@@ -222,7 +222,7 @@ class _Tree:
         self.tree = cKDTree(_plane(settlements)) if settlements else None
 
     def near(self, objects: Sequence[Named], number: int) -> list[list[str]]:
-        """Names of the nearest settlements of each object, none of which is far."""
+        """Return the names of the nearest settlements of each object, without those farther than `FAR_FROM_SETTLEMENT_DEG`."""
         if self.tree is None or not objects:
             return [[] for _ in objects]
         distance, index = self.tree.query(_plane(objects), range(1, number + 1))
@@ -233,7 +233,7 @@ class _Tree:
 
 
 def _plane(objects: Sequence[Named]) -> Any:
-    """Latitudes and longitudes on one scale: good enough to compare distances of some kilometres."""
+    """Return latitudes and longitudes on the same scale, precise enough to compare distances of some kilometres."""
     table = np.array([(item.latitude_deg, item.longitude_deg) for item in objects])
     table[:, 1] *= np.cos(np.radians(table[:, 0]))
     return table
@@ -245,12 +245,12 @@ class PlaceIndex:
     Parameters
     ----------
     path : Path
-        Written by `write_index`.
+        File written by `write_index`.
 
     Raises
     ------
     InvalidInput
-        When it is none.
+        If the file is not an index.
     """
 
     def __init__(self, path: Path) -> None:
@@ -269,23 +269,23 @@ class PlaceIndex:
             raise InvalidInput.of("no index of places", str(self.path), str(error)[:80], fix=fix) from error
 
     def search(self, text: str, *, limit: int = 10) -> tuple[Place, ...]:
-        """Places whose name begins with the words of a text, the most important first.
+        """Find places whose name has the words of a text, the most important first. O(log places) for each word.
 
-        Every word has to begin a word of the name, of one of its other names, or of the settlement around it. Accents and case do not
-        count. After these come the places with similar words. Of places with one name that lie close together the most important is
-        given. A place that is found by another name has that name. O(log places) for each word.
+        Every word of the text has to begin a word of the name of a place, of another of its names, or of the settlement around it.
+        Accents and case do not count. Places with similar words follow. If places of the same name lie close together, only the most
+        important is returned. A place that is found by another name gets this name.
 
         Parameters
         ----------
         text : str
             Words, for example "Landstr 12 Vaduz".
         limit : int
-            Most places.
+            Largest number of places.
 
         Returns
         -------
         tuple of Place
-            Empty where there is none.
+            Places found; empty if there are none.
         """
         words = plain_words(text[:LONGEST_TEXT])[:MOST_WORDS]
         if not words or limit < 1:
@@ -304,7 +304,7 @@ class PlaceIndex:
             return without_twins((match.place for match in found), limit)
 
     def _matching(self, words: Sequence[Sequence[str]]) -> list[tuple[Any, ...]]:
-        """Rows of the first places with one of the terms of each word, in the order of their importance."""
+        """Return the rows of the places that have a term of each word, in the order of importance, at most `CANDIDATES`."""
         query = " AND ".join(f"({' OR '.join(terms)})" for terms in words)
         return self.database.execute(
             "SELECT places.kind, places.name, places.context, places.latitude, places.longitude, places.also "
@@ -313,7 +313,7 @@ class PlaceIndex:
         ).fetchall()
 
     def _similar(self, typed: Sequence[str]) -> list[_Match]:
-        """Places with words that are similar to typed ones, those with the fewest mistakes first."""
+        """Find places with words similar to the typed words, those with the fewest mistakes first."""
         near = [near_words(self.database, word) for word in typed]
         if not any(near):
             return []
@@ -333,7 +333,7 @@ class PlaceIndex:
     def settlements(
         self, south: float, west: float, north: float, east: float, limit: int
     ) -> tuple[Place, ...]:
-        """Settlements inside of bounds [°], cities first, then towns, villages and what is smaller. O(settlements)."""
+        """Return the settlements inside of bounds [°]: cities first, then towns, villages and smaller ones. O(settlements)."""
         with self._damage_is_a_fault():
             rows = self.database.execute(
                 "SELECT kind, name, latitude, longitude FROM places WHERE id < ? AND latitude BETWEEN ? AND ? "
@@ -344,14 +344,14 @@ class PlaceIndex:
 
     @cached_property
     def _first_street(self) -> int:
-        """Id above those of all settlements: places are written in the order of their kinds."""
+        """First id after those of all settlements; places are written in the order of their kinds."""
         row = self.database.execute(
             "SELECT id FROM places WHERE kind >= ? ORDER BY id LIMIT 1", (SETTLEMENT,)
         ).fetchone()
         return sys.maxsize if row is None else int(row[0])
 
     def stations(self) -> tuple[Station, ...]:
-        """All charging stations."""
+        """Return all charging stations."""
         with self._damage_is_a_fault():
             rows = self.database.execute("SELECT * FROM stations").fetchall()
             return tuple(
@@ -361,14 +361,14 @@ class PlaceIndex:
 
 
 def _names(row: Sequence[Any]) -> list[str]:
-    """The own name of a row, and its others."""
+    """Return the name of a row, followed by its other names."""
     return [row[1], *(row[5].split(SEPARATOR) if row[5] else ())]
 
 
 def _meant(
     typed: Sequence[str], near: Sequence[dict[str, int]], name: str, context: str
 ) -> tuple[int, list[str]]:
-    """The number of mistakes in typed words that mean a name, and the words that they mean."""
+    """Return the number of mistakes in typed words if they mean a name, and the words of the name that they mean."""
     have = _searched(f"{name} {context}").split()
     mistakes, words = 0, []
     for word, others in zip(typed, near, strict=True):
@@ -383,17 +383,17 @@ def _meant(
 
 @dataclass(frozen=True, slots=True)
 class _Match:
-    """A row of the index by the one of its names that the words of a text begin."""
+    """A row of the index, with the one of its names that matches the words of a text."""
 
     row: tuple[Any, ...]
     name: str
     words: tuple[str, ...]
-    """Of the name."""
+    """Words of the name."""
     typed: tuple[str, ...]
 
     @classmethod
     def of(cls, row: tuple[Any, ...], typed: Sequence[str]) -> _Match:
-        """By its own name, where that is as good as another."""
+        """Make the match of a row by its best matching name; the first name is preferred to equally good other names."""
         matches = (cls(row, name, (*_searched(name).split(),), (*typed,)) for name in _names(row))
         return min(matches, key=lambda match: (-match._begun, not match.is_whole))
 
@@ -409,7 +409,7 @@ class _Match:
 
     @property
     def order(self) -> tuple[bool, bool, int, int]:
-        """The whole name first, then what begins with the text, then the kind of place, then short names."""
+        """Sort key: whole names first, then names that begin with the text, then by kind of place, then short names."""
         begins = " ".join(self.words).startswith(" ".join(self.typed))
         return (not self.is_whole, not begins, self.row[0], len(self.name))
 

@@ -1,8 +1,8 @@
-"""Words of a map that a mistyped word may be: those that share most of their first letters.
+"""Find the words of a map that a mistyped word may mean, by their first letters.
 
-Two words with one letter too many, too few, wrong or swapped among their first letters become equal when each loses one of them
-(symmetric deletion, W. Garbe, SymSpell, 2012). The index holds every word under each of these keys, so that a search reads a few
-keys, whatever the number of words.
+If two words differ by one letter too many, too few, wrong or swapped among their first letters, they become equal when one of these
+letters is deleted from each (symmetric deletion, W. Garbe, SymSpell, 2012). The index has every word under each of these keys, so that a
+search reads only a few keys, whatever the number of words.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from typing import Final
 FIRST_LETTERS: Final = 5
 SHORTEST: Final = 4
 LONGEST: Final = 30
-"""Letters of the words in which mistakes are looked for."""
+"""Mistakes are searched only in words with `SHORTEST` to `LONGEST` letters."""
 
 TWO_MISTAKES_FROM: Final = 8
-"""Letters of a typed word from which on it may have two mistakes."""
+"""Number of letters from which on a typed word may have two mistakes."""
 
 MOST_COMPARED: Final = 40
-"""Words of one key that are compared, those of important places first."""
+"""Largest number of words of one key that are compared, those of important places first."""
 
 MOST_NEAR: Final = 5
 
@@ -30,7 +30,7 @@ SCHEMA: Final = (
 
 
 def keys(word: str) -> set[str]:
-    """The first letters of a word, and what remains of them without each.
+    """Return the keys of a word: its first letters, and these letters without each one of them.
 
     Examples
     --------
@@ -42,13 +42,13 @@ def keys(word: str) -> set[str]:
 
 
 def write_words(database: sqlite3.Connection, words: Iterable[tuple[str, int]]) -> None:
-    """Write words with their ranks, each word once. O(words)."""
+    """Write words with their ranks into the index. O(words)."""
     rows = ((key, rank, word) for word, rank in words if _has_mistakes(word) for key in keys(word))
     database.executemany("INSERT OR IGNORE INTO words VALUES (?, ?, ?)", rows)
 
 
 def near_words(database: sqlite3.Connection, typed: str) -> dict[str, int]:
-    """Words that a typed word may be the beginning of, with the number of mistakes; the nearest first."""
+    """Return the words that may begin with a typed word, with the number of mistakes of each, the nearest first."""
     if not _has_mistakes(typed):
         return {}
     most = 1 if len(typed) < TWO_MISTAKES_FROM else 2
@@ -70,9 +70,9 @@ def _has_mistakes(word: str) -> bool:
 
 
 def mistakes(typed: str, word: str) -> tuple[int, int]:
-    """Least number of letters that are added, left out, wrong or swapped: to a beginning of a word, and to the whole. O(letters²).
+    """Count the mistakes of a typed word compared with any beginning of a word, and with the whole word. O(letters²).
 
-    The optimal string alignment distance.
+    The number of mistakes is the optimal string alignment distance: the least number of letters added, left out, wrong or swapped.
 
     Examples
     --------
@@ -92,7 +92,7 @@ def mistakes(typed: str, word: str) -> tuple[int, int]:
 
 
 def ranked(texts: Iterable[tuple[int, list[str]]]) -> Iterable[tuple[str, int]]:
-    """Each word of texts that come in the order of their ranks, with the first rank."""
+    """Return each word of some texts with the first rank of a text that has the word; texts are in the order of their ranks."""
     first: dict[str, int] = {}
     for rank, words in texts:
         for word in words:

@@ -1,4 +1,4 @@
-"""Charging stations: of a map folder, or of a file that a user has."""
+"""Charging stations from a map folder or a user's file."""
 
 from __future__ import annotations
 
@@ -30,19 +30,19 @@ DC_SOCKETS: Final = (
 """Names of sockets with direct current on OpenStreetMap."""
 
 ASSUMED_POWER_W: Final[Mapping[bool, float]] = MappingProxyType({True: 50_000.0, False: 11_000.0})
-"""Power of a station without one, by whether it has direct current: the first generation of rapid chargers, and a
-three-phase socket of 16 A."""
+"""Assumed power of a station with direct current (True) or without, if it is not known: that of the first generation of rapid chargers,
+and of a three-phase socket of 16 A."""
 
 BOUNDS: Final = {"latitude_deg": (-90.0, 90.0), "longitude_deg": (-180.0, 180.0), "power_kw": (1.0, 1500.0)}
 COLUMNS: Final = tuple(BOUNDS)
-"""Columns that a file of stations needs, with their bounds; `name` is optional."""
+"""Columns that a file of stations needs; `BOUNDS` has their bounds, and `name` is optional."""
 
 DIRECT_FROM_W: Final = 43_001.0
-"""A station of a file with this power or more has direct current: alternating current ends at 43 kW."""
+"""A station of a file with this power or more is taken to have direct current, since alternating current ends at 43 kW."""
 
 MOST_STATIONS: Final = 1_000_000
 MOST_STATIONS_BYTES: Final = 1 << 27
-"""Most stations of a file, and its largest size."""
+"""Largest number of stations in a file, and largest size of the file [bytes]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,12 +54,12 @@ class Station:
     latitude_deg, longitude_deg : float
     name : str
     power_w : float
-        Of its strongest socket.
+        Power of the strongest socket.
     direct_current : bool
     power_known : bool
-        Whether the source gives the power; else it is assumed.
+        Whether the source gives the power; else the power is assumed.
     plugs : tuple of str
-        Names of its sockets on OpenStreetMap; empty where they are not known.
+        Names of the sockets on OpenStreetMap; empty if they are not known.
     """
 
     latitude_deg: float
@@ -72,12 +72,12 @@ class Station:
 
     @property
     def place(self) -> Place:
-        """Where it is."""
+        """The place of the station."""
         name = self.name or "charging station"
         return Place(self.latitude_deg, self.longitude_deg, name, "charging_station")
 
     def usable_with(self, plugs: Set[str]) -> Station | None:
-        """The station for a car with these plugs; None where none of them fits. Unknown plugs, of either, are taken to fit.
+        """Return the station as a car with these plugs can use it, or None if no plug fits; unknown plugs of either are taken to fit.
 
         Examples
         --------
@@ -92,17 +92,17 @@ class Station:
         return replace(self, direct_current=direct) if fitting else None
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values."""
+        """Convert to plain values."""
         return {**asdict(self), "plugs": list(self.plugs)}
 
 
 def read_stations(path: Path | str) -> tuple[Station, ...]:
-    """Stations of a CSV file with the columns `latitude_deg`, `longitude_deg`, `power_kw` and optionally `name`.
+    """Read stations from a CSV file with the columns `latitude_deg`, `longitude_deg`, `power_kw` and optionally `name`.
 
     Raises
     ------
     InvalidInput
-        With every fault of the file.
+        If the file has faults.
     """
     path = Path(path)
     text = read_text_file(
@@ -142,7 +142,7 @@ def read_stations(path: Path | str) -> tuple[Station, ...]:
 def within(
     stations: Sequence[Station], south: float, west: float, north: float, east: float, limit: int
 ) -> tuple[Station, ...]:
-    """Stations inside of bounds [°], those with the most power first. O(n log n).
+    """Return the stations inside of bounds [°], the strongest first, at most `limit`. O(n log n).
 
     Examples
     --------
@@ -155,7 +155,9 @@ def within(
 
 
 def near(stations: Sequence[Station], points: Sequence[Place], farthest_m: float) -> list[tuple[int, int]]:
-    """Stations near a line: (index of the station, index of the nearest point), in the order of the points. O(n log n).
+    """Find stations within a distance of a line of points. O(n log n).
+
+    Returns pairs (index of the station, index of the nearest point), in the order of the points.
 
     Examples
     --------
