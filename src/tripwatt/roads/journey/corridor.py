@@ -1,4 +1,4 @@
-"""The problem of stops at the stations beside a road: legs are estimated from the forecast of the road; legs of plans are routed and forecast.
+"""The problem of stops at the stations beside a road: legs are estimated from its forecast; legs of plans are routed and forecast.
 
 The optimum over estimated legs is computed; its legs are routed and replace their estimates, until the optimum has no estimated leg (lazy
 evaluation of edges, as in Dellin and Srinivasa 2016). So the router is called only for the stations of plans.

@@ -105,7 +105,7 @@ class ValhallaRouter:
         return cls(ask, f"valhalla at {client.host}", tile, at_once=True)
 
     def roads(self, stops: Sequence[Place], *, alternatives: int = 0) -> tuple[Road, ...]:
-        """See `Router.roads`. If alternatives are wanted, the shortest road is one of them."""
+        """See `Router.roads`. If alternatives are wanted, the shortest road is one of them if it differs from the fastest."""
         require_stops(stops)
         asked: list[dict[str, Any]] = [{}]
         if alternatives:
