@@ -251,9 +251,7 @@ class TripStore:
         try:
             self.rows.append_checked(rows_for)
         finally:
-            if len(committed) < len(
-                new
-            ):  # another writer added the same logs meanwhile: drop our samples of them
+            if len(committed) < len(new):  # another writer added the same logs first: drop our samples
                 kept = {s.row["digest"] for s in committed}
                 lost = [s.row["digest"] for s in new if s.row["digest"] not in kept]
                 self.samples.delete(f"batch = '{batch}' AND digest IN ({_sql_texts(lost)})")

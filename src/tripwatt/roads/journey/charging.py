@@ -163,7 +163,7 @@ class ChargingCurve:
         levels : ndarray, shape (levels,)
             Displayed states of charge, 0 to 1, ascending.
         station : Station
-            Where the car charges.
+            Station at which the car charges.
         display_wh : float
             Energy of the display from empty to full [Wh].
         cell_degc : float
