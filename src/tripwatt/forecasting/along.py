@@ -18,33 +18,33 @@ from tripwatt.uncertainty.climb import Excess
 BAND: Final = (0.95, 0.05)
 """Probabilities that the charge exceeds the low end and the high end of the band along the road."""
 STRAIGHT: Final = 0.75
-"""Part of the way from the expected to the least energy over which a distance below counts as it is."""
+"""Part of the way from the expected to the least energy over which `possible_energy` does not squeeze the lower half."""
 
 
 @dataclass(frozen=True, eq=False)
 class Along:
-    """Energy and displayed charge at the edges of the segments: the first is the departure, the last the end of the trip.
+    """Energy and displayed charge at the edges of the segments, from the departure to the end of the trip.
 
     Attributes
     ----------
     time_s : ndarray, shape (edges,)
-        Since departure [s].
+        Time since departure [s].
     distance_m : ndarray, shape (edges,)
-        Since departure [m].
+        Distance since departure [m].
     energy_wh : ndarray, shape (edges,)
         Expected energy since departure [Wh].
     energy_sd_wh : ndarray, shape (edges,)
-        Its standard deviation apart from an unknown climb [Wh].
+        Standard deviation of `energy_wh`, without that of an unknown climb [Wh].
     least_wh : ndarray, shape (edges,)
         Least energy that the drive can take [Wh].
     excess : Excess
-        Distribution of what the trip takes more than expected.
+        Distribution of the energy beyond the expected one.
     charge : ndarray, shape (edges,)
-        Displayed charge without the error of its energy; not held in 0 to 1.
+        Displayed charge after the expected energy; not limited to 0 to 1.
     charge_sd : ndarray, shape (edges,)
-        Its standard deviation.
+        Standard deviation of `charge`.
     wh_per_display : float
-        Energy of a whole display [Wh].
+        Energy of a display range from 0 to 1 [Wh].
     read_s : float
         Time of the last reading of the charge [s since departure].
 
@@ -69,12 +69,12 @@ class Along:
     read_s: float
 
     def soc(self, probability: float) -> FloatArray:
-        """Displayed charge that is exceeded with a probability; not held in 0 to 1.
+        """Displayed charge that is exceeded with a probability; not limited to 0 to 1.
 
         Parameters
         ----------
         probability : float
-            0 to 1.
+            Probability, 0 to 1.
 
         Returns
         -------
@@ -95,7 +95,7 @@ class Along:
 
     @cached_property
     def expected_soc(self) -> FloatArray:
-        """Median of the displayed charge, not held in 0 to 1, shape (edges,)."""
+        """Median of the displayed charge, not limited to 0 to 1, shape (edges,)."""
         return self.soc(0.5)
 
     @cached_property
@@ -107,42 +107,44 @@ class Along:
     def empty_at_m(self) -> tuple[float | None, float | None, float | None]:
         """Distance at which the display reaches 0 [m]: early, expected and late, at the ends of the 90 % band.
 
-        None where it does not on this trip.
+        An entry is None if that charge does not reach 0 on this trip.
         """
         early, expected, late = (first_empty(charge, self.distance_m) for charge in self.soc_band)
         return early, expected, late
 
     @property
     def missing_wh(self) -> tuple[float, float, float]:
-        """Energy that the trip takes beyond what the battery holds [Wh]: least, expected and most, of the 90 % band.
+        """Energy that the trip takes beyond what the battery holds [Wh]: lowest, expected and highest of the 90 % band.
 
-        0 where the battery holds enough. On the way it counts where the charge is lowest.
+        An entry is 0 if the battery holds enough. The place with the lowest charge counts, even if it is before the end.
         """
         low, expected, high = (self._missing_wh(charge) for charge in self.soc_band)
         return high, expected, low
 
     @property
     def expected_missing_wh(self) -> float:
-        """The expected one of `missing_wh` [Wh]."""
+        """The expected entry of `missing_wh` [Wh]."""
         return self._missing_wh(self.expected_soc)
 
     def _missing_wh(self, charge: FloatArray) -> float:
         return max(-float(charge[self._ahead].min()), 0.0) * self.wh_per_display
 
     def spare(self, reserve: float, probability: float) -> float:
-        """Displayed charge beyond what is needed, where it is least, that is exceeded with a probability.
+        """Smallest spare charge along the road that is exceeded with a probability.
+
+        Spare is the displayed charge above what is needed: above `reserve` at the end, above 0 before.
 
         Parameters
         ----------
         reserve : float
-            Displayed state of charge to arrive with; before the end, the battery must not be empty.
+            Displayed state of charge to arrive with.
         probability : float
-            0 to 1.
+            Probability, 0 to 1.
 
         Returns
         -------
         float
-            Below 0 where charge is missing.
+            Spare displayed charge; below 0 if charge is missing.
 
         Examples
         --------
@@ -158,20 +160,20 @@ class Along:
 
     @cached_property
     def p_lasts(self) -> float:
-        """Probability that the battery is empty at no place."""
+        """Probability that the battery is nowhere empty on the way, by the place where this is least probable."""
         wh = self.wh_per_display
         least = np.where(self._ahead, 0.0, -np.inf)
         return float(self.excess.probability_below((self.charge - least) * wh, self.charge_sd * wh).min())
 
     @property
     def _ahead(self) -> Any:
-        """Edges after the last reading of the charge, and the end."""
+        """Mask of the edges after the last reading of the charge, always including the end."""
         ahead = self.time_s > self.read_s
         ahead[-1] = True
         return ahead
 
     def columns(self) -> dict[str, FloatArray]:
-        """What `Forecast.to_frame` has, by column, each of shape (edges,).
+        """Columns of `Forecast.to_frame`, each of shape (edges,).
 
         Returns
         -------
@@ -200,7 +202,7 @@ class Along:
         }
 
     def quantiles(self, p: Sequence[float]) -> tuple[FloatArray, FloatArray]:
-        """Quantiles at the end of the trip.
+        """Quantiles of energy and displayed charge at the end of the trip.
 
         Parameters
         ----------
@@ -210,7 +212,7 @@ class Along:
         Returns
         -------
         tuple of ndarray, each of shape (probabilities,)
-            Of the energy of the trip [Wh] and of the displayed charge at arrival, 0 to 1.
+            Quantiles of the energy of the trip [Wh] and of the displayed charge at arrival, 0 to 1.
 
         Examples
         --------
@@ -237,7 +239,7 @@ class Arrival:
     Attributes
     ----------
     along : Along
-        Along the road.
+        Energy and displayed charge along the road.
 
     Examples
     --------
@@ -253,11 +255,11 @@ class Arrival:
 
     @property
     def soc(self) -> float:
-        """Median, 0 to 1; 0 when the battery does not last."""
+        """Median of the displayed charge at arrival, 0 to 1; 0 if the battery does not last."""
         return float(np.clip(self.along.expected_soc[-1], 0.0, 1.0))
 
     def quantile(self, p: float) -> float:
-        """State of charge that the display at arrival stays below with a probability.
+        """Quantile of the displayed charge at arrival.
 
         Parameters
         ----------
@@ -304,7 +306,7 @@ class Arrival:
         return low, high
 
     def probability(self, reserve: float) -> float:
-        """Probability to arrive with at least a displayed state of charge; see `Forecast.p_arrive`.
+        """Probability of arriving with at least a displayed state of charge; see `Forecast.p_arrive`.
 
         Parameters
         ----------
@@ -327,12 +329,12 @@ class Arrival:
         return min(self.along.p_lasts, self.p_above(require_fraction("reserve", reserve)))
 
     def p_above(self, soc: float) -> float:
-        """Probability that the charge at arrival, not held in 0 to 1, is at least a value.
+        """Probability that the displayed charge at arrival is at least `soc`.
 
         Parameters
         ----------
         soc : float
-            Displayed state of charge; it may lie outside of 0 to 1 as well.
+            Displayed state of charge; may lie outside of 0 to 1.
 
         Returns
         -------
@@ -353,12 +355,12 @@ class Arrival:
 
 
 def ends(level: float) -> tuple[float, float]:
-    """Probabilities below the ends of a central interval.
+    """Probabilities below the two ends of a central interval of probability `level`.
 
     Raises
     ------
     InvalidInput
-        For a level that is no fraction, and for 1: errors have no bound.
+        If the level is not in 0 to 1, or is 1: errors have no bound.
     """
     half = 0.5 * require_fraction("level", level)
     if half == 0.5:
@@ -367,7 +369,7 @@ def ends(level: float) -> tuple[float, float]:
 
 
 def first_empty(charge: FloatArray, distance_m: FloatArray) -> float | None:
-    """Distance at which a charge at each edge of the segments reaches 0 [m]; None where it does not.
+    """Distance at which the charge first reaches 0 [m], interpolated between edges of segments; None if the charge stays above 0.
 
     Examples
     --------
@@ -385,11 +387,11 @@ def first_empty(charge: FloatArray, distance_m: FloatArray) -> float | None:
 
 
 def possible_energy(centre_wh: Any, half_wh: Any, least_wh: Any) -> Any:
-    """Energy that lies `half_wh` below a centre, but above the least energy; arrays of one shape, or numbers [Wh].
+    """Energy `half_wh` below a centre, squeezed to stay above the least energy [Wh]; arguments are arrays of one shape or numbers.
 
-    The distance is taken as it is over `STRAIGHT` of the way to the least energy. What is left of the way then falls
-    exponentially: the result falls with `half_wh` and never reaches the least energy. Without a way down, the distance
-    counts as it is.
+    Down to `STRAIGHT` of the way from the centre to the least energy, the result is ``centre_wh - half_wh``. Below that, the
+    remaining way falls exponentially with `half_wh`: the result never reaches the least energy. If the centre is not above the
+    least energy, the result is ``centre_wh - half_wh``.
 
     Examples
     --------
@@ -405,7 +407,7 @@ def possible_energy(centre_wh: Any, half_wh: Any, least_wh: Any) -> Any:
 
 
 def distance_below(centre_wh: float, energy_wh: float, least_wh: float) -> float:
-    """The `half_wh` with which `possible_energy` gives an energy; negative above the centre, infinite below the least."""
+    """Inverse of `possible_energy`: the `half_wh` that gives `energy_wh`; negative above the centre, infinite below the least energy."""
     way, below = centre_wh - least_wh, centre_wh - energy_wh
     if way <= 0.0 or below <= STRAIGHT * way:
         return below

@@ -1,4 +1,4 @@
-"""The difference of two forecasts of one car: what both have in common cancels, and the rest has an interval of its own."""
+"""The difference of two forecasts of one car, with an interval: errors that both forecasts share cancel."""
 
 from __future__ import annotations
 
@@ -14,23 +14,25 @@ from tripwatt.uncertainty.conformal import ConformalScores
 from tripwatt.uncertainty.scale import TotalScale
 
 SAME_ROAD: Final = 0.002
-"""Two roads whose lengths differ by less than this share are one: its climb and its traffic are those of both."""
+"""Share by which the lengths of two roads may differ to count as one road, with the same climb and traffic."""
 LEAST_SHARE: Final = 0.2
-"""Standard deviation of a difference over the norm of its causes, at least: root mean square of those between the schedules that Argonne drove with
-a warm BMW i3, `python -m benchmarks.savings`. A sample of one car."""
+"""Least ratio of the standard deviation of a difference to the norm of its causes: root mean square between the schedules that
+Argonne drove with a warm BMW i3, `python -m benchmarks.savings`. A sample of one car."""
 OTHER_SPEEDS: Final = 0.54
-"""Error of what other speeds on a planned road change, over the error that its links cause: root mean square over trips of TUM, driven and on their
-links, `python -m benchmarks.savings --only links`. The car drives another trace than the plan has, at both speeds."""
+"""Ratio of the error of an energy change by other speeds on a planned road to the error that its links cause.
+
+Root mean square over trips of TUM, driven and on their links, `python -m benchmarks.savings --only links`. At both speeds the car
+drives another trace than the plan has."""
 
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """Energy of a forecast less that of another one of the same car, driver and day; `Forecast.difference` makes it.
+    """Energy of a forecast minus that of another one for the same car, driver and day; made by `Forecast.difference`.
 
     Attributes
     ----------
     energy_wh, sd_wh : float
-        Expected difference and its standard deviation [Wh]; below 0 where the other forecast takes more.
+        Expected difference and its standard deviation [Wh]; the difference is below 0 if the other forecast takes more.
     duration_s : float
         Difference of the durations [s].
     soc_arrival : float
@@ -38,7 +40,7 @@ class Difference:
     by_cause_wh : dict of str to float
         The expected difference by cause [Wh].
     scores : ConformalScores
-        Distribution of the errors of the car's model over their standard deviations.
+        Distribution of the standardised errors of the car's model.
 
     Examples
     --------
@@ -80,7 +82,7 @@ class Difference:
         return self.energy_wh + math.copysign(half, p - 0.5)
 
     def interval(self, coverage: float = 0.9) -> tuple[float, float]:
-        """Compute the ends of the central interval.
+        """Compute the ends of the central interval of the difference.
 
         Parameters
         ----------
@@ -102,18 +104,18 @@ class Difference:
 
     @property
     def p_less(self) -> float:
-        """Probability that the forecast takes less than the other one."""
+        """Probability that the forecast trip takes less energy than the other one."""
         if self.sd_wh <= 0.0:
             return float(self.energy_wh < 0.0)
         return self.scores.probability(-self.energy_wh / self.sd_wh)
 
     def to_dict(self) -> dict[str, Any]:
-        """Convert to plain values, with the ends of the central 90 %.
+        """Convert to plain values, with the ends of the central 90 % interval.
 
         Returns
         -------
         dict
-            Numbers, and the energy by cause.
+            The difference of energy, its interval, the other differences, and the energy by cause.
 
         Examples
         --------
@@ -133,19 +135,21 @@ class Difference:
 
 @dataclass(frozen=True, slots=True)
 class Shared:
-    """What two forecasts of one car may share of their errors.
+    """Quantities of one forecast that determine which errors cancel in a difference.
 
     Attributes
     ----------
     hours, moved_wh, net_wh : float
-        For which an error of power adds up [h], energy moved at the wheels and energy of the trip [Wh].
+        Time over which an error of power adds up [h], energy moved at the wheels [Wh], and energy of the trip [Wh].
     weights_wh : ndarray, shape (weights,)
-        Energy of the trip by one standard deviation of each of the corrector's weights [Wh].
+        Change of the trip's energy by one standard deviation of each of the corrector's weights [Wh].
     outside_wh, state_wh, route_wh, links_wh, climb_wh : float
-        Standard deviations by what is outside of the training, the state at departure, the travel times, the links alone and an unknown climb [Wh].
+        Standard deviations due to values outside the training ranges, the state at departure, the planned route with its travel
+        times, its links alone, and an unknown climb [Wh].
     climate_wh : float
-        Expected energy of climate control, through which the state at departure and the weather act [Wh].
+        Expected energy of climate control [Wh]: the state at departure and the weather act through it.
     distance_m : float
+        Length of the trip [m].
     """
 
     hours: float
@@ -164,11 +168,13 @@ class Shared:
 def sd_between(one: Shared, other: Shared, scale: TotalScale, causes_wh: Iterable[float]) -> float:
     """Standard deviation of the difference of two forecasts [Wh].
 
-    It has the parts of `TotalScale` of a trip that takes the difference alone: the error of every trip cancels, that of every hour counts for
-    the hours by which they differ, a share of the energy moved for the difference of it. The corrector's own uncertainty is linear in the weights
-    that both share; it is at least `LEAST_SHARE` of what changes. Climb, traffic and the state at departure are the same for both on one
-    road; on two roads the first two are independent. What is unknown of the state and of the weather counts at least in the share by which climate
-    control changes. At other speeds on a planned road the errors of its links cancel in part.
+    The parts of `TotalScale` are those of a trip that consists of the difference only. The error per trip cancels. The error per hour
+    counts for the difference of the hours, the share of the energy moved for the difference of that energy. The uncertainty of the
+    corrector is linear in its weights, which both forecasts share; it is at least `LEAST_SHARE` of the energy that changes.
+
+    On one road, climb and traffic are the same for both forecasts; on two roads they are independent. The error by the unknown state
+    and weather is at least the share by which climate control changes. At other speeds on one planned road, the errors of its links
+    cancel in part.
     """
     hours, moved_wh = abs(one.hours - other.hours), abs(one.moved_wh - other.moved_wh)
     growing = math.hypot(

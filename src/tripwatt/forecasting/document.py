@@ -18,7 +18,7 @@ Kind = TypeVar("Kind", bound=type)
 
 
 def described(kind: Kind) -> Kind:
-    """A class of documents whose schema, where pydantic makes one, has the docstrings of its fields and allows no others."""
+    """Set up a document class: its pydantic schema describes fields by their docstrings and forbids other fields."""
     kind.__pydantic_config__ = {"use_attribute_docstrings": True, "extra": "forbid"}  # type: ignore[attr-defined]
     return kind
 

@@ -26,15 +26,15 @@ LEAST_RESISTANCE: Final = 0.5
 FAR: Final = 0.99
 """Quantile of the net climb up to which a road of unknown heights is simulated; energy is linear beyond."""
 EVEN: Final = (-1.0, -0.3, 0.3, 1.0)
-"""Even climbs that are simulated, over that quantile."""
+"""Constant grades that are simulated, as multiples of the grade of that quantile."""
 HILLS: Final = (0.03, 0.08)
-"""Grades of the simulated roads that go up and down."""
+"""Grades of the simulated roads that go up and down in turn."""
 LEAST_CAUSES: Final = ("air", "rolling", "climb", "acceleration")
 
 
 @dataclass(frozen=True, eq=False)
 class ExpectedTrip:
-    """What a model expects of one plan.
+    """Simulation and correction of one plan.
 
     Attributes
     ----------
@@ -42,14 +42,14 @@ class ExpectedTrip:
         What is known at departure.
     vehicle : Vehicle
     simulation : Simulation
-        Of the plan.
+        Simulation of the plan.
     table : SegmentTable
-        The plan's segments.
+        Segments of the plan.
     segments : Segments
-        The same segments as the residual process takes them.
+        The same segments in the form that the residual process takes.
     corrector : PowerCorrector
     correction_w : ndarray, shape (segments,)
-        Its correction of the simulated power [W].
+        Correction of the simulated power [W].
     """
 
     plan: Plan
@@ -66,7 +66,7 @@ class ExpectedTrip:
         return self.table.simulated_w + self.correction_w
 
     def with_more_driving(self, share: float) -> ExpectedTrip:
-        """The same where driving takes a share more."""
+        """Copy of the trip in which the power of driving is higher by a share."""
         return replace(self, correction_w=self.correction_w + share * self._driving_w)
 
     @property
@@ -80,7 +80,7 @@ class ExpectedTrip:
 
     @cached_property
     def climate_w(self) -> FloatArray | None:
-        """Expected mean power of climate control in each segment [W]; None where the correction is joint."""
+        """Expected mean power of climate control in each segment [W]; None if the corrector has no separate part for it."""
         if self.plan.departure.climate == "off":
             return np.zeros(len(self.segments))
         correction = self.corrector.predict_climate(self.table)
@@ -101,7 +101,7 @@ class ExpectedTrip:
     def least_w(self) -> FloatArray:
         """Least possible mean power of each segment [W], shape (segments,).
 
-        A part of air drag and rolling resistance, the climb and the kinetic energy, without any loss or load.
+        It is `LEAST_RESISTANCE` of air drag and rolling resistance, plus climb and kinetic energy, without any loss or load.
         """
         part = {name: self.table.features[f"{name}_w"].to_numpy() for name in LEAST_CAUSES}
         return np.asarray(
@@ -109,7 +109,7 @@ class ExpectedTrip:
         )
 
     def climbing_energy(self, net: NetClimbs) -> ClimbingEnergy:
-        """The drive simulated at even grades and on hills, for a road of unknown heights. O(samples) for each."""
+        """Energy of climbing on a road of unknown heights, from simulations at constant grades and on hills. O(samples) for each."""
         way = float(self.distance_m[-1])
         steepest = float(net.quantile(FAR, way)) / max(way, 1.0)
         grade = np.array(EVEN) * max(steepest, 1e-3)
@@ -127,7 +127,7 @@ class ExpectedTrip:
         )
 
     def _climbing_wh(self, grades: Sequence[FloatArray | float]) -> FloatArray:
-        """Energy up to each edge more than without a grade [Wh], shape (grades, segments + 1)."""
+        """Energy up to each edge minus that of the plan's own road [Wh], shape (grades, segments + 1)."""
         samples = [self.plan.samples.assign(grade=grade) for grade in grades]
         runs = simulate_trips((self.vehicle, replace(self.plan, samples=each)) for each in samples)
         time_s = self.simulation.time_s - self.simulation.time_s[0]
@@ -137,7 +137,7 @@ class ExpectedTrip:
 
     @cached_property
     def wh_per_soc(self) -> float:
-        """Terminal energy of a unit of the battery management's state of charge [Wh]."""
+        """Energy at the terminals from state of charge 1 to 0 of the battery management [Wh]."""
         return self.vehicle.battery.capacity_ah * float(np.mean(self.simulation.terminal_voltage_v))
 
     @property

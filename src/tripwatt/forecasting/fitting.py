@@ -25,15 +25,15 @@ PACKAGES: Final = ("tripwatt", "numpy", "scipy", "pandas", "scikit-learn", "ligh
 
 @dataclass(frozen=True, eq=False)
 class CarOfTrips:
-    """A car as any part of its trips shows it.
+    """A car and its trips, for identifying and calibrating the car's values on any subset of the trips.
 
     Attributes
     ----------
     vehicle : Vehicle
-        With its published values.
+        The car with its published values.
     trips : tuple of Trip
     records : tuple of StageRecord or None
-        What the signals of each trip show; None where nothing is identified.
+        Evidence from the signals of each trip; None if no values are identified.
     calibrated : bool
         Whether a few values are calibrated on the energies.
 
@@ -56,14 +56,17 @@ class CarOfTrips:
     def from_trips(
         cls, trips: Sequence[Trip], vehicle: Vehicle, *, identified: bool = True, calibrated: bool = False
     ) -> CarOfTrips:
-        """Collect what the signals of each trip show. O(samples)."""
+        """Collect the evidence from the signals of each trip. O(samples)."""
         records = tuple(stage_record(trip, vehicle) for trip in trips) if identified else None
         return cls(vehicle, tuple(trips), records, calibrated)
 
     def values(
         self, members: IntArray | None = None
     ) -> tuple[Identified | None, Calibration | None, Vehicle]:
-        """Values that some of the trips show, all by default, and the car with them."""
+        """Identified values, calibration, and the car with both, from some of the trips (all by default).
+
+        Identified values or calibration are None if they are not wanted.
+        """
         chosen = range(len(self.trips)) if members is None else members
         stages = None if self.records is None else identify([self.records[i] for i in chosen], self.vehicle)
         car = self.vehicle if stages is None else stages.applied(self.vehicle)
@@ -71,7 +74,7 @@ class CarOfTrips:
         return stages, calibration, car if calibration is None else calibration.applied(car)
 
     def car(self, members: IntArray) -> Vehicle:
-        """The car as some of the trips show it."""
+        """The car with the values that some of the trips show."""
         return self.values(members)[2]
 
 
@@ -85,7 +88,7 @@ def fit_with_provenance(
     calibrated: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[ForecastModel, dict[str, Any], dict[str, Any]]:
-    """Audit logs, fit on the sound trips, and collect the metadata of a stored model.
+    """Audit the logs, fit a model on the sound trips, and collect the metadata of a stored model.
 
     Parameters
     ----------
@@ -94,10 +97,10 @@ def fit_with_provenance(
     corrector : str
     seed : int
     identified : bool
-        Whether values of the car are identified from the signals of its stages first (`hybrid.identification`), where the
-        log has them: motor torque, heater and air conditioner, standing power, voltage at rest.
+        Whether values of the car are first identified from logged signals (`hybrid.identification`), if the log has them:
+        motor torque, heater and air conditioner, standing power, voltage at rest.
     calibrated : bool
-        Whether a few uncertain values of the car are calibrated on the trips first (`hybrid.calibrate`).
+        Whether a few uncertain values of the car are first calibrated on the trips (`hybrid.calibrate`).
     progress : callable, optional
         Called with (finished fits, all fits).
 
@@ -108,12 +111,12 @@ def fit_with_provenance(
         Data set with citation and digest, trips, audit findings, identified values, calibrated values (relative change and its standard
         deviation), versions.
     evaluation : dict
-        Errors on training trips while each was held out of the fit.
+        Errors on training trips while each was held out of the fit, see `held_out_figures`.
 
     Raises
     ------
     InvalidInput
-        When too few sound trips with measured energy are left.
+        If too few sound trips with measured energy are left.
 
     Examples
     --------
@@ -148,11 +151,11 @@ def provenance_of(
     ----------
     fleet : TripSet
     checked : Audit
-        Of the fleet.
+        Audit of the fleet.
     model : ForecastModel
-        Fitted on its sound trips, or adapted to them.
+        Model fitted on the sound trips, or adapted to them.
     notes : sequence of str
-        On the data, beside those of the fleet.
+        Notes on the data, added to those of the fleet.
     """
     return {
         "data": {
@@ -170,7 +173,7 @@ def provenance_of(
 
 
 def versions() -> dict[str, Any]:
-    """Python and the packages that figures depend on."""
+    """Versions of Python and of the packages that the figures depend on."""
     return {"python": platform.python_version(), "packages": {name: version(name) for name in PACKAGES}}
 
 
@@ -180,8 +183,8 @@ def held_out_figures(trips: Sequence[HeldOut]) -> dict[str, Any]:
     Returns
     -------
     dict
-        `mape` [1], `rmse_wh` and `bias_wh` (predicted minus observed) [Wh] over the trips, what they are, and every
-        trip's row.
+        `mape` [1], `rmse_wh` and `bias_wh` (predicted minus observed) [Wh] over the trips, how they were computed, and one
+        row for each trip.
 
     Examples
     --------
@@ -207,7 +210,7 @@ def held_out_figures(trips: Sequence[HeldOut]) -> dict[str, Any]:
 
 
 def data_digest(trips: Iterable[Trip]) -> str:
-    """SHA-256 over ids, column names and all values of trips, whatever their order. O(samples).
+    """SHA-256 over ids, column names and all values of trips, independent of the order of the trips. O(samples).
 
     Examples
     --------

@@ -58,11 +58,13 @@ PLANNED: Final = "a planned route"
 FREE_FLOW: Final = "a planned route, free flow"
 NOT_MEASURED: Final = Measured(0.0)
 MOST_OFFSET: Final = 5.0
-"""A display at departure that differs by more from the converted charge, in scales of the conversion's error, was planned and not read."""
+"""Largest difference of the display at departure from the converted charge, in standard deviations of the conversion.
+
+A display that differs by more was planned, not read."""
 
 
 class Forecaster(Protocol):
-    """What forecasts plans, such as a `ForecastModel`."""
+    """Interface of objects that forecast plans, such as a `ForecastModel`."""
 
     def forecast(self, trip: Plan) -> Forecast:
         """Forecast a plan."""
@@ -70,12 +72,12 @@ class Forecaster(Protocol):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Forecast:
-    """Forecast of one trip; `update` makes a new one. `ForecastModel.forecast` and `tripwatt.forecast` make it.
+    """Forecast of one trip, made by `ForecastModel.forecast` or `tripwatt.forecast`; `update` returns a new one.
 
     Attributes
     ----------
     energy_wh, sd_wh : float
-        Energy of the whole trip at the battery terminals and its standard deviation [Wh]; `interval` and `quantile` have its ends.
+        Energy of the whole trip at the battery terminals and its standard deviation [Wh]. For bounds see `interval` and `quantile`.
     arrival : Arrival
         Displayed state of charge at the end of the trip, as a distribution.
     along : Along
@@ -83,7 +85,7 @@ class Forecast:
     by_cause_wh : dict of str to float
         Energy by cause [Wh]; the parts add up to `energy_wh`.
     flags : tuple of Flag
-        What was assumed, and what limits the forecast.
+        Assumptions and limits of the forecast.
     plan : Plan
         What was known at departure.
     vehicle : Vehicle
@@ -93,21 +95,21 @@ class Forecast:
     measured : Measured
         What was measured so far.
     uncertainty : UncertaintyModel
-        Of the model.
+        Uncertainty of the model.
     posterior : ResidualPower
         Residual power of the segments: mean 0 before departure.
     sd_factor : float
-        Standard deviation of the trip's energy over that of the process, from held-out trips.
+        Standard deviation of the trip's energy divided by that of the residual process, from held-out trips.
     rest_sd_factor : float
-        The same factor for the rest of the trip on the way; 1 before departure.
+        Further factor of the standard deviation of the rest of the trip on the way; 1 before departure.
     state_sd_wh : float
-        Standard deviation of the trip's energy by what is unknown of the state at departure [Wh].
+        Standard deviation of the trip's energy due to the unknown part of the state at departure [Wh].
     route_sd_wh : float
         Standard deviation that a planned route adds to the trip's energy [Wh]; 0 for a driven trace.
     climbing : ClimbingEnergy or None
-        What its climb takes, on a road of unknown heights.
+        Energy of the unknown climb; None if the heights of the road are known.
     model : Forecaster or None
-        Its model; None where the forecast was put together by hand.
+        Model that made the forecast; None if the forecast was put together by hand.
 
     Examples
     --------
@@ -143,7 +145,7 @@ class Forecast:
 
     @property
     def given(self) -> str:
-        """What is taken as known of the speed: the driven speed trace, or a planned route."""
+        """Source of the speed: the driven speed trace, a planned route, or a planned route in free flow."""
         if self.plan.free_flow:
             return FREE_FLOW
         return DRIVEN if self.plan.link_m is None else PLANNED
@@ -212,12 +214,12 @@ class Forecast:
 
     @property
     def sd_wh(self) -> float:
-        """Standard deviation of the energy of the whole trip [Wh]; of an unknown climb that of its core, without the far tails."""
+        """Standard deviation of the energy of the whole trip [Wh]; an unknown climb counts without its far tails."""
         own, climb = float(self.along.energy_sd_wh[-1]), self.along.excess.climb
         return own if climb is None else float(np.hypot(own, climb.core_sd_wh[-1]))
 
     def quantile(self, p: float) -> float:
-        """Quantile of the energy of the whole trip [Wh]; above the least that the drive can take.
+        """Quantile of the energy of the whole trip [Wh], always above the least energy that the drive can take.
 
         Parameters
         ----------
@@ -245,8 +247,8 @@ class Forecast:
         Parameters
         ----------
         level : float
-            Probability of the interval, 0 to less than 1. The `n` scores of held-out trips support up to ``n / (n + 1)``; beyond it
-            the interval grows as that of a t distribution.
+            Probability of the interval, 0 to less than 1. The `n` scores of held-out trips support up to ``n / (n + 1)``; at higher
+            levels the interval grows as that of a t distribution.
 
         Returns
         -------
@@ -295,21 +297,21 @@ class Forecast:
 
     @cached_property
     def charge(self) -> ChargeScale:
-        """Energy by displayed charge: as fitted to the car's trips, else of its published values."""
+        """Conversion between energy and displayed charge: as fitted to the car's trips, else from its published values."""
         return self.uncertainty.charge or ChargeScale.from_published(
             self.vehicle.battery, self.drive.wh_per_soc
         )
 
     @property
     def soc_arrival(self) -> float:
-        """Displayed state of charge at the end of the trip, 0 to 1; 0 when the battery does not last."""
+        """Displayed state of charge at the end of the trip, 0 to 1; 0 if the battery does not last."""
         return self.arrival.soc
 
     def p_arrive(self, reserve: float = 0.0) -> float:
-        """Probability to arrive with at least this displayed state of charge, 0 to 1.
+        """Probability of arriving with at least `reserve` of displayed charge, 0 to 1.
 
-        Energy, capacity and the display itself are uncertain. A battery that is empty on the way, such as on a pass,
-        does not arrive, whatever the way down would bring back: the least certain place counts.
+        Energy, capacity and the display itself are uncertain. A car whose battery is empty on the way, such as on a pass,
+        does not arrive, even if the descent would recover enough: the place with the lowest probability counts.
 
         Parameters
         ----------
@@ -333,7 +335,7 @@ class Forecast:
 
     @property
     def by_cause_wh(self) -> dict[str, float]:
-        """Energy by cause [Wh]; the parts add up to `energy_wh`. Losses inside the battery are not among them."""
+        """Energy by cause [Wh]; the parts add up to `energy_wh`. Losses inside the battery are not included."""
         parts, table = self.drive.simulation.by_cause_wh, self.drive.table
         simulated = float(table.simulated_w @ table.hours)
         parts["climate"] += simulated - sum(parts.values())  # rounding of the segments' ends
@@ -346,13 +348,13 @@ class Forecast:
 
     @property
     def battery_loss_wh(self) -> float:
-        """Heat in the battery itself [Wh], beside the energy at its terminals."""
+        """Energy lost as heat inside the battery [Wh], not included in the energy at its terminals."""
         simulation = self.drive.simulation
         step = np.diff(simulation.time_s, prepend=simulation.time_s[0])
         return float(simulation.battery_loss_w @ step / SECONDS_PER_HOUR)
 
     def climb_to(self, reserve: float = 0.0) -> float | None:
-        """Net climb of the rest of an unknown road with which the expected charge at arrival falls to a reserve.
+        """Net climb of the rest of the road at which the expected charge at arrival falls to a reserve, for unknown heights.
 
         Parameters
         ----------
@@ -362,8 +364,8 @@ class Forecast:
         Returns
         -------
         float or None
-            Climb [m], 0 where the reserve is not reached on a flat road either; None where the heights are known, or where no road of
-            this length and terrain climbs so far.
+            Climb [m]. Returns 0 if the charge is below the reserve on a flat road already. Returns None if the heights of the road
+            are known, or if no road of this length and terrain climbs that much.
 
         Examples
         --------
@@ -384,7 +386,7 @@ class Forecast:
 
     @property
     def soc_per_climb_m(self) -> float | None:
-        """Displayed charge that each metre of climb takes on the rest of an unknown road [1/m]; None where the heights are known."""
+        """Displayed charge used by each metre of climb on the rest of the road [1/m]; None if its heights are known."""
         if self.climbing is None:
             return None
         return self.climbing.more_wh(100.0, self._climbs_from_m) / 100.0 / self.charge.wh_per_display
@@ -395,17 +397,18 @@ class Forecast:
         Parameters
         ----------
         other : Forecast
-            By the same model, before departure.
+            Forecast by the same model, before departure.
 
         Returns
         -------
         Difference
-            This forecast less the other one. Its interval is narrower than that of two independent forecasts: what both share cancels.
+            This forecast minus the other one. Errors that both share cancel: the interval is narrower than that of two independent
+            forecasts.
 
         Raises
         ------
         InvalidInput
-            When they are of two models, or one was updated on the way.
+            If the two forecasts are of different cars, or one was updated on the way.
 
         Examples
         --------
@@ -425,19 +428,19 @@ class Forecast:
         Parameters
         ----------
         observed : DataFrame
-            Samples as for `update_since_departure`, but `time_s` on the clock of the plan's file (`plan.start_s` is
-            the departure); 0 at departure for a planned route.
+            Samples as for `update_since_departure`, but with `time_s` on the clock of the plan's file (`plan.start_s` is
+            the departure). For a planned route, `time_s` is 0 at departure.
 
         Returns
         -------
         Forecast
-            Of the same trip: what was measured, and the rest.
+            Forecast of the same trip: the measured part and the rest.
 
         Raises
         ------
         InvalidInput
-            With every fault of the samples: also when they begin before the trip or after it, or when their current
-            has the wrong sign.
+            Lists every fault of the samples. Also raised if the samples begin before the trip or after it, or if their
+            current has the wrong sign.
 
         Examples
         --------
@@ -457,21 +460,20 @@ class Forecast:
         Parameters
         ----------
         observed : DataFrame
-            Samples, `time_s` in seconds since departure. With `voltage_v` and `current_a`, or with
-            `observed_energy_wh` in their place, each measured segment counts; gaps stay unmeasured. With
-            `heating_power_w` and `aircon_power_w` beside them, climate control is updated separately. Without energy,
-            `soc` or `displayed_soc` counts. On a planned route `speed_m_s` gives the distance driven; without it, the
-            car is assumed to be where it was planned to be.
+            Samples with `time_s` in seconds since departure. Energy comes from `voltage_v` and `current_a`, or from
+            `observed_energy_wh`; segments in gaps stay unmeasured. If `heating_power_w` and `aircon_power_w` are given
+            too, climate control is updated separately. Without energy, `soc` or `displayed_soc` is used. On a planned
+            route `speed_m_s` gives the distance driven; without this column, the car is assumed to be on schedule.
 
         Returns
         -------
         Forecast
-            Of the same trip: what was measured, and the rest.
+            Forecast of the same trip: the measured part and the rest.
 
         Raises
         ------
         InvalidInput
-            With every fault of the samples; also when they have more energy than the battery holds, a charge that
+            Lists every fault of the samples. Also raised for more energy than the battery holds, a charge that
             rises by more than the road falls, or a time after the trip.
 
         Examples
@@ -487,14 +489,14 @@ class Forecast:
 
     @one_blas_thread
     def to_dict(self, reserve: float | None = None, leave_with: LeaveWith | None = None) -> ForecastResponse:
-        """Plain values, as the command line and the service give them.
+        """Return the forecast as plain values, as the command line and the service give them.
 
         Parameters
         ----------
         reserve : float, optional
-            Displayed state of charge to arrive with: one more entry of `p_arrive_by_soc`.
+            Displayed state of charge to arrive with; adds an entry to `p_arrive_by_soc`.
         leave_with : dict, optional
-            The charge to leave with, as of `tripwatt.forecasting.leaving.leave_with`.
+            The charge to leave with, from `tripwatt.forecasting.leaving.leave_with`.
 
         Returns
         -------
@@ -513,7 +515,7 @@ class Forecast:
 
     @one_blas_thread
     def to_frame(self) -> pd.DataFrame:
-        """Along the road, a row at the end of each segment and one at the start.
+        """Table of energy and charge along the road: one row at the start and one at the end of each segment.
 
         Returns
         -------
@@ -532,12 +534,12 @@ class Forecast:
         return pd.DataFrame(self.along.columns())
 
     def plot(self, ax: Axes | None = None) -> Figure:
-        """Energy and state of charge along the trip with their bands, and the energy by cause.
+        """Plot energy and state of charge along the trip with their bands, and the energy by cause.
 
         Parameters
         ----------
         ax : Axes, optional
-            Whose place the panels take; a new figure without them.
+            Axes that the panels replace; a new figure if not given.
 
         Returns
         -------
@@ -570,7 +572,7 @@ class Forecast:
 
     @property
     def _climbs_from_m(self) -> float:
-        """Distance from which on the climb was not measured [m]."""
+        """Distance from the start beyond which the climb was not measured [m]."""
         anchor = self.measured.anchor
         until = self.measured.until_s if self.measured.hours is not None or anchor is None else anchor.time_s
         return float(np.interp(until, self.drive.edges_s, self.drive.distance_m))
@@ -578,18 +580,18 @@ class Forecast:
 
 @dataclass(frozen=True, slots=True)
 class ChargeStart:
-    """The displayed charge from which the energy is taken: as last read on the way, else at departure.
+    """Displayed charge from which the charge along the road is computed: the last reading on the way, else that at departure.
 
     Attributes
     ----------
     time_s : float
         Time of the reading [s since departure].
     soc : float
-        Displayed state of charge then.
+        Displayed state of charge at that time.
     displayed : bool
-        Whether the display itself was read; else the charge of the battery management was converted.
+        Whether the display itself was read. If not, the charge of the battery management was converted.
     by_change : bool
-        Whether the converted charge was set to what the display showed at departure, so that the error is that of its change.
+        Whether the converted charge was shifted to match the display at departure. Only the change since departure then has an error.
     """
 
     time_s: float
@@ -599,11 +601,11 @@ class ChargeStart:
 
 
 def charge_start(forecast: Forecast, energy_wh: FloatArray) -> ChargeStart:
-    """Where the displayed charge of a forecast starts, whose energy at the edges of the segments is given [Wh], shape (edges,)."""
+    """Starting point of a forecast's displayed charge; `energy_wh` is the energy at the edges of the segments, shape (edges,)."""
     anchor, departure, scale = forecast.measured.anchor, forecast.plan.departure, forecast.charge
     read = anchor is not None and anchor.displayed and not anchor.charged
     if anchor is not None and read and min(anchor.value, departure.soc or 0.0) >= FULL:
-        anchor = None  # still full: what it hid at departure is known better than what it hides now
+        anchor = None  # a full display hides charge; the hidden charge at departure is known better than that of now
     if anchor is not None and anchor.displayed:
         return ChargeStart(anchor.time_s, anchor.value, displayed=True)
     if anchor is not None:
@@ -619,9 +621,9 @@ def charge_start(forecast: Forecast, energy_wh: FloatArray) -> ChargeStart:
 
 
 def display_offset(forecast: Forecast, first: ChargeReading | None, energy_wh: FloatArray) -> float | None:
-    """What the display showed at departure beyond the converted charge of the battery management; None where unknown.
+    """Displayed charge at departure minus the converted charge of the battery management; None if unknown.
 
-    It holds on the way: the level of the conversion has a larger error than its change.
+    The offset is kept on the way, because the conversion has a larger error in its level than in its change.
     """
     shown, scale = forecast.plan.departure.soc, forecast.charge
     if first is None or shown is None or first.time_s > FIRST_S:
@@ -632,7 +634,7 @@ def display_offset(forecast: Forecast, first: ChargeReading | None, energy_wh: F
 
 
 def updated(forecast: Forecast, observed: Columns) -> Forecast:
-    """A forecast after what was measured so far, timed from the departure: see `Forecast.update_since_departure`."""
+    """Update a forecast with samples timed from the departure: see `Forecast.update_since_departure`."""
     drive, uncertainty = forecast.drive, forecast.uncertainty
     samples = checked_samples(observed, forecast.plan)
     raise_faults(implausible_faults(observed, drive))
@@ -642,18 +644,18 @@ def updated(forecast: Forecast, observed: Columns) -> Forecast:
 
 
 def with_empty_flag(forecast: Forecast) -> Forecast:
-    """The forecast with the flag of a battery that does not hold what the trip takes, where that is expected."""
+    """Return the forecast with the flag `battery_empty` if the trip is expected to take more than the battery holds."""
     gone = {"battery_empty"} | ({"soc_assumed"} if forecast.measured.anchor is not None else set())
     flags = tuple(flag for flag in forecast.flags if flag.code not in gone)
     missing = forecast.along.expected_missing_wh
     if missing > 0.0:
         return replace(forecast, flags=(*flags, Flag("battery_empty", "battery", missing, "wh")))
-    # as it is where nothing changes, with what was worked out of it
+    # the same object if nothing changes: its cached properties are kept
     return forecast if len(flags) == len(forecast.flags) else replace(forecast, flags=flags)
 
 
 def difference(one: Forecast, other: Forecast) -> Difference:
-    """What `one` takes more than `other`: see `Forecast.difference`."""
+    """Difference of two forecasts, `one` minus `other`: see `Forecast.difference`."""
     if one.vehicle != other.vehicle or one.measured_until_s or other.measured_until_s:
         got = "of two cars" if one.vehicle != other.vehicle else "one that was updated on the way"
         allowed = "two forecasts of one car by one model before departure"
@@ -692,7 +694,10 @@ def _shared(forecast: Forecast, climate_wh: float) -> Shared:
 
 
 def remaining_sd_wh(forecast: Forecast) -> FloatArray:
-    """The parts of route and unknown state, in proportion to the time that was not measured, fully correlated [Wh], shape (segments,)."""
+    """Standard deviation due to route and unknown state up to each segment's end [Wh], shape (segments,).
+
+    It grows with the time that was not measured; the errors of the segments are fully correlated.
+    """
     ahead, anchor = forecast.open_hours, forecast.measured.anchor
     if forecast.measured.hours is None and anchor is not None:  # the state of charge was read up to here
         step_s = forecast.drive.segments.step_s
@@ -704,7 +709,7 @@ def remaining_sd_wh(forecast: Forecast) -> FloatArray:
 def forecast_document(
     forecast: Forecast, reserve: float | None, leave_with: LeaveWith | None
 ) -> ForecastResponse:
-    """A forecast as plain values: see `Forecast.to_dict`."""
+    """Return a forecast as plain values: see `Forecast.to_dict`."""
     levels = ARRIVAL_LEVELS if reserve is None else (*ARRIVAL_LEVELS, require_fraction("reserve", reserve))
     along = forecast.along
     early, expected, late = along.empty_at_m
@@ -732,7 +737,7 @@ def forecast_document(
 
 
 def climb_document(forecast: Forecast, levels: tuple[float, ...]) -> UnknownClimbDocument | None:
-    """What the climb of a road of unknown heights changes, as plain values; None where they are known."""
+    """Effect of the climb of a road of unknown heights, as plain values; None if the heights are known."""
     soc_per_m = forecast.soc_per_climb_m
     if soc_per_m is None:
         return None
@@ -746,11 +751,11 @@ def climb_document(forecast: Forecast, levels: tuple[float, ...]) -> UnknownClim
 def with_route_error(
     forecast: Forecast, route: RouteUncertainty | None, free_flow: FreeFlowUncertainty | None
 ) -> Forecast:
-    """A forecast with the uncertainty of its planned route; that of a driven trace stays as it is.
+    """Add the uncertainty of the planned route to a forecast; a forecast of a driven trace only gets the flags of its plan.
 
     The standard deviation of the whole trip becomes ``sqrt(own² + (share · energy)²)``; on the way, the second part is in proportion
-    to the time to go. Where the travel times are those of an empty road, their share takes the place of that of the links, which it
-    contains. Flags say what is not known of the route.
+    to the time to go. If the travel times are those of an empty road, the share of the travel times is used instead of that of the
+    links, which it contains. Flags name what is unknown about the route.
     """
     link_m = forecast.plan.link_m
     flags = [*forecast.flags, *(flag for flag in forecast.plan.flags if flag != FLAT_ROAD)]
@@ -773,7 +778,7 @@ def with_route_error(
 
 
 def table_rows(forecast: Forecast) -> list[tuple[str, str]]:
-    """What a notebook shows of a forecast: names and values."""
+    """Names and values that a notebook shows for a forecast."""
     (low, high), (least, most) = forecast.interval(BAND), forecast.arrival.interval(BAND)
     return [
         ("energy", f"{forecast.energy_wh / 1000.0:.2f} kWh"),

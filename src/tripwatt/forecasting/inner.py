@@ -1,7 +1,7 @@
-"""Fits without some of the training trips: what a model would have said of each trip if it had never seen it.
+"""Fits that leave out a fold of the training trips, for forecasts of trips that the fit did not use.
 
-Whatever is estimated from a trip is estimated again without it: the values of the car that its signals show, the corrector, and the settings
-of the corrector. The settings are chosen once for each third of the folds, on the trips of the other two thirds.
+Everything that is estimated from trips is estimated again without the fold: the values of the car that signals show, the corrector,
+and the settings of the corrector. The settings are chosen once for each third of the folds, on the trips of the other two thirds.
 """
 
 from __future__ import annotations
@@ -22,25 +22,27 @@ from tripwatt.vehicles import Vehicle
 
 INNER_FOLDS: Final = 10
 SETTINGS_BLOCKS: Final = 3
-"""Parts of the folds that share their settings. More cost a search each; fewer leave the search too few trips."""
+"""Number of blocks of folds that share settings. Each block costs one search; with fewer blocks a search has too few trips."""
 
 Again = Callable[[Sequence[IntArray]], Sequence[SegmentTable]]
-"""Choices of some training trips by their numbers -> for each all of them, simulated with the car as those show it."""
+"""Function from several choices of training trips, as indices, to one table per choice.
+
+Each table has all training trips, simulated with the car as the chosen trips show it."""
 
 
 def shown_by(
     trips: Sequence[Trip], table: SegmentTable, vehicle: Vehicle, car_of: Callable[[IntArray], Vehicle]
 ) -> Again:
-    """Trips, simulated with the car as some of them show it.
+    """Return a function that simulates all trips with the car as some of them show it, see `Again`.
 
     Parameters
     ----------
     trips : sequence of Trip
     table : SegmentTable
-        Of the same trips, simulated with `vehicle`.
+        Segments of the same trips, simulated with `vehicle`.
     vehicle : Vehicle
     car_of : callable
-        Numbers of some trips -> the car as those show it.
+        Function from indices of trips to the car as these trips show it.
     """
     plans = [plan_from_trip(trip) for trip in trips]
 
@@ -53,7 +55,7 @@ def shown_by(
 
 
 def inner_folds(table: SegmentTable, seed: int) -> IntArray:
-    """Fold of each trip, shape (trips,): at random, trips that log their climate control evenly among the folds."""
+    """Random fold of each trip, shape (trips,); trips that log their climate control are spread evenly over the folds."""
     order = np.random.default_rng(seed).permutation(len(table))
     order = order[np.argsort(climate_logged(table)[order], kind="stable")]
     folds = np.empty(len(table), dtype=np.int64)
@@ -63,7 +65,7 @@ def inner_folds(table: SegmentTable, seed: int) -> IntArray:
 
 @dataclass(frozen=True, eq=False)
 class InnerFit:
-    """One fold: its trips, the corrector that was fitted without them, and all trips as that fit simulates them."""
+    """One fold: the indices of its trips, the corrector fitted without them, and all trips as simulated for that fit."""
 
     members: IntArray
     corrector: PowerCorrector
@@ -73,19 +75,19 @@ class InnerFit:
 def inner_fits(
     name: str | Corrector, seed: int, fitted: PowerCorrector, table: SegmentTable, again: Again | None = None
 ) -> Iterator[InnerFit]:
-    """A fit for each fold, without its trips.
+    """Fit the corrector for each fold without the trips of that fold.
 
     Parameters
     ----------
     name : str or Corrector
-        Of the corrector, or the object from outside.
+        Name of the corrector, or the object from outside.
     seed : int
     fitted : PowerCorrector
-        The corrector, fitted on all trips; its kind is taken, and its settings only where these come from no trip.
+        The corrector, fitted on all trips. Its kind is used, and its settings only if they do not come from the trips.
     table : SegmentTable
         All trips.
     again : callable, optional
-        How a part of the trips shows the car; without it all folds have the car of `table`.
+        Simulates the trips with the car as a part of them shows it. If not given, all folds use the car of `table`.
     """
     folds = inner_folds(table, seed)
     tunes = isinstance(name, str) and name in TUNED

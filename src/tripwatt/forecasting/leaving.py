@@ -1,4 +1,4 @@
-"""The charge to leave with: a forecast from another charge, and the charge with which the trip arrives."""
+"""The charge to leave with: a forecast from another charge, and the charge that is needed to arrive."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from tripwatt.trips.columns import require_fraction
 from tripwatt.trips.messages import leave_in_words
 
 SOC_PRECISION: Final = 1e-7
-"""Of the charge to leave with."""
+"""Precision of the charge to leave with."""
 MOST_SECANTS: Final = 8
-"""Steps to it, after which the interval is halved."""
+"""Secant steps of `charge_with_spare`, after which the interval is halved."""
 OF_CHARGE: Final = frozenset({"soc_assumed", "battery_empty", "battery_full", "battery_over_voltage"})
 """Flags that depend on the charge at departure."""
 
@@ -26,25 +26,25 @@ OF_CHARGE: Final = frozenset({"soc_assumed", "battery_empty", "battery_full", "b
 def leaving_with(forecast: Forecast, soc: float) -> Forecast:
     """Forecast a trip again from another charge.
 
-    The charge changes the voltage, the resistance and what the battery recovers. On the way, what was measured is kept, and the
-    battery is charged to `soc` where its charge was last read.
+    The charge changes the voltage, the resistance and the energy that the battery recovers. On the way, the measurements are kept,
+    and the battery is taken as charged to `soc` at the time of the last reading.
 
     Parameters
     ----------
     forecast : Forecast
-        Of the trip.
+        Forecast of the trip.
     soc : float
         Displayed state of charge, 0 to 1.
 
     Returns
     -------
     Forecast
-        Of the same trip.
+        Forecast of the same trip from the new charge.
 
     Raises
     ------
     InvalidInput
-        With a charge out of 0 to 1.
+        If the charge is outside of 0 to 1.
 
     Examples
     --------
@@ -65,24 +65,25 @@ def leaving_with(forecast: Forecast, soc: float) -> Forecast:
 
 
 def soc_needed(forecast: Forecast, reserve: float = 0.1, probability: float = 0.95) -> float:
-    """Displayed state of charge to leave with, to arrive with a reserve with a probability.
+    """Displayed state of charge to leave with, so that the car arrives with a reserve with a given probability.
 
-    The forecast that leaves with it has this probability, whatever charge the plan has. Two forecasts in the median.
+    `leaving_with` this charge, the forecast has this probability; the result does not depend on the charge of the plan. The search
+    takes two forecasts in the median.
 
     Parameters
     ----------
     forecast : Forecast
-        Of the trip.
+        Forecast of the trip.
     reserve : float
         Displayed state of charge to arrive with, 0 to 1.
     probability : float
-        0.5 to 1.
+        Probability of arriving with the reserve, 0.5 to 1.
 
     Returns
     -------
     float
-        0 to 1. 0 where any charge is enough, such as on a way down. Above 1 where a full battery is not enough: 1 and what a full
-        display lacks.
+        Displayed charge, 0 to 1. Returns 0 if any charge is enough, such as on a way down. If a full battery is not enough, returns 1
+        plus the charge that is missing.
 
     Examples
     --------
@@ -105,14 +106,17 @@ def soc_needed(forecast: Forecast, reserve: float = 0.1, probability: float = 0.
 
 
 def leave_with(forecast: Forecast, reserve: float, probability: float) -> LeaveWith:
-    """The charge to leave with as plain values, with its sentence: see `soc_needed`."""
+    """Return the charge to leave with as plain values, with a sentence in English: see `soc_needed`."""
     needed = soc_needed(forecast, reserve, probability)
     sentence = leave_in_words(needed, reserve, probability)
     return {"soc_needed": needed, "reserve": reserve, "probability": probability, "message": sentence}
 
 
 def forecasts_like(forecast: Forecast) -> Callable[[Plan], Forecast]:
-    """What forecasts other plans as a forecast was made, with the error of the weather forecast that was added to it."""
+    """Return a function that forecasts other plans with the model of a forecast.
+
+    The error of the weather forecast that was added to `forecast` is added to the other forecasts as well.
+    """
     model = forecast.model
     assert model is not None, "a forecast that was put together has no model"
     added = forecast.state_sd_wh**2 - model.forecast(forecast.plan).state_sd_wh ** 2
@@ -125,10 +129,10 @@ def forecasts_like(forecast: Forecast) -> Callable[[Plan], Forecast]:
 
 
 def charge_with_spare(spare: Callable[[float], float], near: float = 0.5) -> float:
-    """The charge, 0 to 1, with which nothing is spare; 0 where every charge has some, above 1 where a full one lacks.
+    """Find the charge, 0 to 1, at which the function `spare` is zero; `near` is the first guess.
 
-    A charge more leaves about as much more, so that the secant from a charge nearby needs few steps; where it leaves the interval of
-    the root, that is halved.
+    Returns 0 if `spare` is not negative at 0, and ``1 - spare(1)``, above 1, if it is negative at 1. More charge leaves about as
+    much more spare, so the secant method needs few steps. If a secant step leaves the interval of the root, the interval is halved.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Samples that were measured on the way, read for an update: checked, put on the plan's clock, taken by segment."""
+"""Reading samples that were measured on the way for an update: check them, map them to the plan's clock, average by segment."""
 
 from __future__ import annotations
 
@@ -32,28 +32,28 @@ from tripwatt.units import SECONDS_PER_HOUR
 from tripwatt.vehicles.parts import Battery
 
 WHERE: Final = "observed samples"
-"""Where a fault of samples that were measured on the way is, in messages."""
+"""Place that messages name for a fault of samples that were measured on the way."""
 
 GAP_S: Final = 15.0
-"""Segments under a longer gap between two samples are unmeasured."""
+"""Longest gap between two samples that counts as measured [s]."""
 SOC_STEP: Final = 0.005
-"""Smallest resolution that a logged state of charge is taken to have."""
+"""Finest resolution that is assumed of a logged state of charge."""
 MOST_STRETCH: Final = 1.5
 """On a planned route, the power of a segment that took longer than this many times its planned time is not used."""
 MIN_COVER: Final = 0.8
-"""Share of a segment that has to be measured before its power is used: within a segment, power changes with every
-change of speed, so a part of it is a poor estimate of the rest."""
+"""Share of a segment that has to be measured before its power is used: power changes with every change of speed, so a
+part of a segment is a poor estimate of the rest."""
 FILL_S: Final = 5.0
 DRIVEN_S: Final = "driven_s"
-"""Column of the car's own clock beside that of its plan."""
+"""Column with the time by the car's own clock; `time_s` is then by the plan's clock."""
 
 
 @dataclass(frozen=True, slots=True)
 class ChargeReading:
     """A state of charge that was read on the way: time [s since departure], value, and whether the display was read.
 
-    `charged` is whether the battery was charged up to it, so that nothing was taken of it before; `first` is the first
-    reading of the same kind.
+    `charged` says whether the battery was charged to this value at this time. `first` is the first reading of the same
+    kind on this trip.
     """
 
     time_s: float
@@ -65,14 +65,14 @@ class ChargeReading:
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """What was measured of a trip on the way.
+    """Measurements of a trip so far.
 
     Attributes
     ----------
     until_s : float
         Time up to which the trip was measured [s since departure].
     energy_wh, hours : ndarray or None, shape (segments,)
-        Measured energy of each segment and for how long it was measured; None where only the state of charge is known.
+        Measured energy [Wh] and measured time [h] of each segment; None if only the state of charge is known.
     anchor : ChargeReading or None
         The last reading of the state of charge.
     """
@@ -85,14 +85,16 @@ class Measured:
 
 @dataclass(frozen=True, eq=False)
 class SegmentReadings:
-    """Mean powers of single segments that samples show, with independent errors.
+    """Measured mean powers of single segments, with independent errors.
 
     Attributes
     ----------
     seen : ndarray, shape (readings,)
-        Numbers of the segments, ascending.
+        Indices of the measured segments, ascending.
     power_w : ndarray, shape (readings,)
+        Mean power [W].
     variance_w2 : ndarray, shape (readings,)
+        Variance of its error [W²].
     """
 
     seen: IntArray
@@ -100,29 +102,32 @@ class SegmentReadings:
     variance_w2: FloatArray
 
     def mean_of(self, values: FloatArray) -> FloatArray:
-        """Of values of all segments, what each reading shows."""
+        """Average values of all segments over what each reading covers, shape (readings,)."""
         return values[self.seen]
 
     def touches(self, n: int) -> BoolArray:
-        """Which of n segments a reading shows a part of."""
+        """Mask of the segments, of n, that any reading covers at least in part."""
         touched = np.zeros(n, dtype=bool)
         touched[self.seen] = True
         return touched
 
     def condition(self, prior: PowerPrior, power_w: FloatArray, variance_w2: FloatArray) -> ResidualPower:
-        """The residual power given these values of the readings."""
+        """Posterior of the residual power, given values of the readings and the variances of their errors."""
         return prior.measured(self.seen, power_w, variance_w2)
 
 
 @dataclass(frozen=True, eq=False)
 class SpanReadings:
-    """Mean powers over spans of time that readings of the state of charge show, with independent errors.
+    """Mean powers between readings of the state of charge, with independent errors.
 
     Attributes
     ----------
     weights : ndarray, shape (readings, segments)
+        Share of each segment in the time that a reading covers.
     power_w : ndarray, shape (readings,)
+        Mean power [W].
     variance_w2 : ndarray, shape (readings,)
+        Variance of its error [W²].
     """
 
     weights: FloatArray
@@ -130,15 +135,15 @@ class SpanReadings:
     variance_w2: FloatArray
 
     def mean_of(self, values: FloatArray) -> FloatArray:
-        """As of `SegmentReadings`."""
+        """See `SegmentReadings.mean_of`."""
         return self.weights @ values
 
     def touches(self, n: int) -> BoolArray:
-        """As of `SegmentReadings`."""
+        """See `SegmentReadings.touches`."""
         return np.asarray((self.weights > 0.0).any(axis=0))
 
     def condition(self, prior: PowerPrior, power_w: FloatArray, variance_w2: FloatArray) -> ResidualPower:
-        """As of `SegmentReadings`."""
+        """See `SegmentReadings.condition`."""
         return prior.averaged(self.weights, power_w, variance_w2)
 
 
@@ -146,16 +151,16 @@ PowerReadings = SegmentReadings | SpanReadings
 
 
 Columns = Mapping[str, FloatArray]
-"""Samples that were measured on the way, by the name of their column, each of shape (samples,)."""
+"""Samples that were measured on the way: name of the column -> values, shape (samples,)."""
 
 
 def columns_measured(observed: pd.DataFrame) -> Columns:
-    """The columns of a table of samples that can be one. O(samples x columns).
+    """Known columns of a table of samples, as numbers. O(samples x columns).
 
     Raises
     ------
     InvalidInput
-        When it is no table, or lacks a column, rows or numbers.
+        If `observed` is not a DataFrame, lacks a column or rows, or has values that are not numeric.
     """
     if not isinstance(observed, pd.DataFrame):
         got, fix = (
@@ -169,12 +174,12 @@ def columns_measured(observed: pd.DataFrame) -> Columns:
 
 
 def checked_samples(columns: Columns, plan: Plan) -> Columns:
-    """Samples timed from the departure, without faults and on the clock of the plan.
+    """Check samples timed from the departure, and map them to the clock of the plan.
 
     Raises
     ------
     InvalidInput
-        With every fault of the samples.
+        Lists every fault of the samples.
     """
     raise_faults(value_faults(columns, WHERE))
     return along_the_plan(columns, plan) if "speed_m_s" in columns else columns
@@ -183,12 +188,12 @@ def checked_samples(columns: Columns, plan: Plan) -> Columns:
 def read_measured(
     samples: Columns, drive: ExpectedTrip, process: ResidualProcess
 ) -> tuple[Measured, PowerReadings]:
-    """What samples show of each segment. O(samples), and O(segments x readings) of a state of charge.
+    """Read energy, state of charge and mean powers from samples. O(samples), or O(segments x readings) for a state of charge.
 
     Raises
     ------
     InvalidInput
-        When the samples have neither energy nor a state of charge.
+        If the samples have neither energy nor a state of charge.
     """
     time = samples["time_s"]
     soc = _measured_soc(samples, drive.vehicle.battery)
@@ -206,7 +211,7 @@ def read_measured(
 
 
 def _last_reading(samples: Columns, time: FloatArray) -> ChargeReading | None:
-    """The last reading of the display, else of the battery management."""
+    """Return the last reading of the display, else of the battery management, else None."""
     for name in ("displayed_soc", "soc"):
         known = np.flatnonzero(np.isfinite(samples[name])) if name in samples else np.empty(0, np.int64)
         if len(known):
@@ -234,7 +239,7 @@ def _edges_to(drive: ExpectedTrip, end_s: float) -> FloatArray:
 def _by_segment(
     cumulative_wh: FloatArray, time_s: FloatArray, drive: ExpectedTrip
 ) -> tuple[FloatArray, FloatArray]:
-    """Energy [Wh] and time [h] of each segment that the samples cover; long gaps cover nothing."""
+    """Measured energy [Wh] and measured time [h] of each segment; gaps longer than `GAP_S` count as unmeasured."""
     known = np.isfinite(cumulative_wh)
     cumulative_wh, time_s = cumulative_wh[known], time_s[known]
     step = np.diff(time_s)
@@ -255,7 +260,7 @@ def _from_power(
 ) -> SegmentReadings:
     """Mean power of each segment that was measured for long enough.
 
-    `driven_s` is the car's own clock at the edges, None where it is the plan's.
+    `driven_s` is the time at the edges by the car's own clock; None if that is the plan's clock.
     """
     share = np.minimum(hours / drive.table.hours, 1.0)
     counts = share >= MIN_COVER
@@ -268,7 +273,7 @@ def _from_power(
 
 
 def _from_soc(time_s: FloatArray, soc: FloatArray, drive: ExpectedTrip) -> SpanReadings:
-    """Mean power between readings of the state of charge that differ by a few steps."""
+    """Mean power between readings of the state of charge that differ by at least three steps of its resolution."""
     known = np.isfinite(soc)
     time_s, soc = time_s[known], soc[known]
     changes = np.unique(np.concatenate(([0], np.flatnonzero(np.diff(soc) != 0) + 1)))
@@ -294,12 +299,12 @@ def _from_soc(time_s: FloatArray, soc: FloatArray, drive: ExpectedTrip) -> SpanR
 
 
 def since_departure(observed: Columns, plan: Plan) -> Columns:
-    """Samples measured on the way, on the clock of a plan, with their times since its departure.
+    """Convert the times of samples from the clock of a plan to seconds since its departure.
 
     Raises
     ------
     InvalidInput
-        When they begin before the trip or after it, or their current has the wrong sign.
+        If the samples begin before the trip or after it, or their current has the wrong sign.
 
     Examples
     --------
@@ -325,7 +330,7 @@ def since_departure(observed: Columns, plan: Plan) -> Columns:
 
 
 def _require_sign(observed: Columns, plan: Plan) -> None:
-    """Refuse a current with which the battery would charge while the car accelerates."""
+    """Raise InvalidInput if the battery would charge while the car accelerates."""
     if not {"voltage_v", "current_a"} <= observed.keys():
         return
     time = observed["time_s"]
@@ -341,21 +346,22 @@ def _require_sign(observed: Columns, plan: Plan) -> None:
 
 
 def along_the_plan(samples: Columns, plan: Plan) -> Columns:
-    """Samples of a drive on the clock of its plan: each at the time at which the plan is where the car was. O(samples).
+    """Map samples to the clock of the plan: the time at which the plan is where the car was. O(samples).
 
-    A car that is late on a planned route has more of it to go than its time suggests. Where the car stands longer than
-    planned, its energy counts and the plan's clock stands still. A driven trace needs no change.
+    A car that is late on a planned route has more of the route to go than its time suggests. While the car stands longer
+    than planned, its energy counts and the plan's clock stands still. A driven trace is returned unchanged.
 
     Parameters
     ----------
     samples : mapping of str to ndarray
-        Sound samples since departure with the car's speed.
+        Sound samples with times since departure and the car's speed.
     plan : Plan
 
     Returns
     -------
     mapping of str to ndarray
-        `time_s`, `driven_s` by the car's own clock, and what was measured of `observed_energy_wh`, `soc`, `displayed_soc` and the powers of climate control.
+        `time_s` by the plan's clock, `driven_s` by the car's own clock, and the measured ones among `observed_energy_wh`, `soc`,
+        `displayed_soc` and the powers of climate control.
     """
     if plan.link_m is None:
         return samples
@@ -371,13 +377,13 @@ def along_the_plan(samples: Columns, plan: Plan) -> Columns:
         sound = blank_stuck_heater(table_of(samples), "")[0]  # by the log's own clock
         powers = {name: sound[name].to_numpy(dtype=np.float64) for name in powers}
     energy = measured_energy(samples)
-    # of a standstill the last sample counts, and the first of all, from which energy is counted
+    # keep the last sample of each standstill, and the first sample of all, from which energy is counted
     last = np.append(np.diff(clock) > 0.0, True)
     kept = np.flatnonzero(last)
     if kept[0] != 0:
         clock[kept[0]] += min(1e-3, 0.5 * (clock[kept[1]] - clock[0]) if len(kept) > 1 else 1e-3)
         kept = np.concatenate(([0], kept))
-    # where the plan waits and the car did not, nothing is missing
+    # if the plan waits and the car did not, fill the time in between: nothing is missing
     wait = np.diff(clock[kept])
     gap = np.maximum.reduceat(np.diff(time), kept[:-1]) if len(kept) > 1 else np.empty(0)
     parts = np.where((wait > FILL_S) & (gap <= GAP_S), np.ceil(wait / FILL_S), 1.0).astype(np.int64)
@@ -398,7 +404,7 @@ def along_the_plan(samples: Columns, plan: Plan) -> Columns:
 
 
 def measured_energy(samples: Columns) -> FloatArray | None:
-    """As `observed_cumulative_energy`, but NaN where voltage or current are missing for longer than `GAP_S`."""
+    """Cumulative energy as of `observed_cumulative_energy`, NaN where voltage or current are missing for longer than `GAP_S`."""
     energy = observed_cumulative_energy(samples)
     if energy is None:
         return None

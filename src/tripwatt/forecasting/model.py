@@ -2,7 +2,7 @@
 
 The uncertainty is estimated from trips that the corrector was not fitted on: the training trips are held out in turn,
 the residual process and the scale of the total are fitted to their residuals, and the standardised errors of their
-totals become the conformal scores. An outer fold takes no part in it.
+totals become the conformal scores. The trips of an outer test fold take no part in this.
 """
 
 from __future__ import annotations
@@ -63,9 +63,9 @@ MIN_TRIPS: Final = 8
 
 @dataclass(frozen=True, slots=True)
 class HeldOut:
-    """A training trip whose inner fold was held out.
+    """Forecast of a training trip by a fit without the trip's inner fold.
 
-    `score` is the error over its standard deviation before departure.
+    `score` is the error divided by its standard deviation before departure.
     """
 
     trip: str
@@ -81,29 +81,29 @@ class ForecastModel:
     Parameters
     ----------
     vehicle : Vehicle
-        The car, with its published values.
+        The car.
     corrector : str or Corrector
-        One of `POWER_CORRECTORS`, or an object from outside: a regressor of scikit-learn's kind, or `fit` and `predict` on a
-        `SegmentTable`.
+        One of `POWER_CORRECTORS`, or an object from outside: a regressor of scikit-learn's kind, or an object with `fit` and
+        `predict` on a `SegmentTable`.
     seed : int
-        The same seed gives the same model.
+        Seed of the random numbers; the same seed gives the same model.
     corrector_ : PowerCorrector or None
         The fitted corrector.
     uncertainty_ : UncertaintyModel or None
-        What is known of the errors, from held-out trips.
+        Uncertainty of the forecasts, estimated from held-out trips.
     ranges_ : dict of str to Range
         Range of each quantity over the training trips.
     trip_ids_ : tuple of str
         Training trips.
     held_out_ : tuple of HeldOut
-        Each of them as it was forecast while its inner fold was held out.
+        Forecast of each training trip while its inner fold was held out.
     evidence_ : TripEvidence or None
-        What the training trips show of the factors by which the car differs from its simulation: for models of other cars.
+        Evidence of the training trips on the factors by which the car differs from its simulation, for models of other cars.
     roads_ : ndarray, shape (trips, 9), or None
-        Of the training trips, as of `tripwatt.hybrid.segments.driven_roads`, for forecasts without a road. The energy of driving is as
-        corrected; that of a model on another car is simulated, and `evidence_` holds what corrects it.
+        Roads of the training trips from `tripwatt.hybrid.segments.driven_roads`, for forecasts without a road. The energy of driving
+        is corrected. In a model adapted to another car it is simulated, and `evidence_` holds the correction.
     flags : tuple of Flag
-        What every forecast of it flags first, such as a car without trips; empty for a model of its own trips.
+        First flags of every forecast of this model, such as that of a car without trips; empty for a model fitted on its own trips.
 
     Examples
     --------
@@ -141,10 +141,10 @@ class ForecastModel:
         Parameters
         ----------
         trips : sequence of Trip
-            With measured energy; at least `MIN_TRIPS`.
+            At least `MIN_TRIPS` trips with measured energy.
         car_of : callable, optional
-            Numbers of some trips -> the car as those show it, where values of the model's car come from the trips. Each inner
-            fold asks for it without its own trips.
+            Function from indices of trips to the car with the values that these trips show. Give it if values of the model's car
+            come from the trips; it is called for each inner fold without the fold's own trips.
         progress : callable, optional
             Called with (finished fits, all fits).
 
@@ -156,7 +156,7 @@ class ForecastModel:
         Raises
         ------
         InvalidInput
-            With fewer trips, or trips without measured energy.
+            If there are fewer than `MIN_TRIPS` trips, or a trip has no measured energy.
 
         Examples
         --------
@@ -189,7 +189,9 @@ class ForecastModel:
         again: Again | None = None,
         progress: Callable[[int, int], None] | None = None,
     ) -> ForecastModel:
-        """Fit corrector, process and scores. One fit of the corrector, one for each inner fold, and a few for its settings.
+        """Fit the corrector, the residual process and the conformal scores to a table of segments.
+
+        This takes one fit of the corrector on all trips, one for each inner fold, and a few for its settings.
 
         Parameters
         ----------
@@ -200,8 +202,8 @@ class ForecastModel:
         free_flow : FreeFlowTrips, optional
             The same trips on free-flow links, for the uncertainty of travel times.
         again : callable, optional
-            Numbers of some trips -> all of them, simulated with the car as those show it. Without it the inner folds have the
-            car of the table.
+            Function that simulates all trips with the car as some of them show it, see `inner.Again`. If not given, the inner folds
+            use the car of the table.
         progress : callable, optional
             Called with (finished fits, all fits).
 
@@ -213,7 +215,7 @@ class ForecastModel:
         Raises
         ------
         InvalidInput
-            With fewer than `MIN_TRIPS` trips.
+            If there are fewer than `MIN_TRIPS` trips.
 
         Examples
         --------
@@ -279,17 +281,17 @@ class ForecastModel:
         Parameters
         ----------
         where : str
-            What they are for, for the message of the error.
+            Purpose of the call, quoted in the error message.
 
         Returns
         -------
         tuple of PowerCorrector and UncertaintyModel
-            Both of the fitted model.
+            The fitted corrector and the uncertainty.
 
         Raises
         ------
         InvalidInput
-            When the model is not fitted.
+            If the model is not fitted.
 
         Examples
         --------
@@ -306,7 +308,7 @@ class ForecastModel:
     def outside(self) -> Any:
         """The fitted object from outside in the corrector; None for a corrector of tripwatt.
 
-        A stored model does not contain it. Keep it as its own package advises, and give it to `load_model`.
+        A stored model does not contain this object. Store the object as its own package advises, and pass it to `load_model`.
         """
         return fitted_outside(self.corrector_)
 
@@ -317,9 +319,9 @@ class ForecastModel:
         Parameters
         ----------
         trip : Plan or Trip
-            The drive to come. Of a trip that took place only the speed trace, the road and the first sample count.
+            The drive to forecast. If it is a logged trip, only its speed trace, its road and its first sample are used.
         departure : Departure, optional
-            Its known fields take the place of those of the plan.
+            Its known fields replace those of the plan.
 
         Returns
         -------
@@ -329,7 +331,7 @@ class ForecastModel:
         Raises
         ------
         InvalidInput
-            When the model is not fitted, the plan cannot be simulated, or the forecast breaks a law of physics.
+            If the model is not fitted, the plan cannot be simulated, or the forecast breaks a law of physics.
 
         Examples
         --------
@@ -389,7 +391,7 @@ class ForecastModel:
         return {name: seen for name, seen in self.ranges_.items() if np.isfinite(seen.low)}
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values: the car, the corrector, and what training saw.
+        """Return plain values: the car, the corrector, and the ranges of the training trips.
 
         Returns
         -------
@@ -412,12 +414,12 @@ class ForecastModel:
         }
 
     def to_frame(self) -> pd.DataFrame:
-        """One row for each quantity that forecasts compare with the training trips: `low`, `high`, `sd`.
+        """Table of the training ranges: `low`, `high` and `sd` of each quantity that forecasts compare with the training trips.
 
         Returns
         -------
         DataFrame
-            Index: names of the quantities.
+            One row per quantity; the index has their names.
 
         Examples
         --------
@@ -429,12 +431,12 @@ class ForecastModel:
         return pd.DataFrame.from_dict(rows, orient="index", columns=["low", "high", "sd"])
 
     def plot(self, ax: Axes | None = None) -> Figure:
-        """Forecast consumption over speed at three outside temperatures, with 90 % intervals.
+        """Plot forecast consumption over speed at three outside temperatures, with 90 % intervals.
 
         Parameters
         ----------
         ax : Axes, optional
-            To draw in; a new figure without them.
+            Axes to draw in; a new figure if not given.
 
         Returns
         -------
@@ -464,7 +466,7 @@ class ForecastModel:
 
 
 def _assumed(drive: ExpectedTrip) -> list[Flag]:
-    """Flags of a departure without a state of charge, and of a wind from an unknown side."""
+    """Flags for a departure without a state of charge and for a wind of unknown direction."""
     flags, departure = [], drive.plan.departure
     if departure.bms_soc is None and departure.soc is None:
         start = drive.vehicle.battery.displayed_from_soc(drive.departure_soc)

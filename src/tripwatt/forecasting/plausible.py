@@ -1,4 +1,4 @@
-"""Measurements and forecasts that no battery and no trip can have: they are refused."""
+"""Faults of measurements and forecasts that no battery or trip can have."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from tripwatt.units import GRAVITY_M_S2, SECONDS_PER_HOUR
 from tripwatt.vehicles.relations import LEAST_PEAK_EFFICIENCY
 
 CAPACITY_MARGIN: Final = 1.15
-"""Largest energy on the way over what the battery of the car holds: a new battery may hold more than its data sheet."""
+"""Largest ratio of the energy on the way to that of the car's battery: a new battery may hold more than its data sheet says."""
 
 SOC_MARGIN: Final = 0.05
-"""Rise of a state of charge that corrections of a battery management and regenerative braking explain."""
+"""Rise of a state of charge that corrections by the battery management and regenerative braking can explain."""
 
 UNKNOWN_DESCENT_M: Final = 500.0
 """Descent that a road of unknown elevation may have [m]."""
@@ -28,28 +28,28 @@ LATE_S: Final = 60.0
 """Time [s] after the end of a driven speed trace up to which samples may belong to it."""
 
 MASS_MARGIN: Final = 0.5
-"""Share by which a correction may change the energy of climb and speed: a load, or a wrong mass."""
+"""Share by which a correction may change the energy of climb and acceleration, because of a load or a wrong mass."""
 
 ROUNDING_WH: Final = 1.0
-"""Error of the sums of a long trip."""
+"""Rounding error of the sums of a long trip [Wh]."""
 
 STEEPEST_DESCENT: Final = 0.12
 LONGEST_DESCENT_M: Final = 1500.0
-"""Fall over length, and fall in all [m], of the descents that a road of unknown elevation may have: those of mountain passes."""
+"""Steepest mean grade and largest fall [m] of a descent on a road of unknown elevation: those of mountain passes."""
 
 STEADY_DESCENT: Final = 0.05
-"""The same where a speed was held: motorways are built with at most 4 to 6 %, and steeper roads have bends."""
+"""Steepest mean grade if the speed was held: motorways are built with at most 4 to 6 %, and steeper roads have bends."""
 
 STEADY_M_S: Final = 2.0
 STEADY_S: Final = 120.0
-"""A speed is held when it stays within this range for at least this long."""
+"""A speed is held if it stays within a range of `STEADY_M_S` [m/s] for at least `STEADY_S` [s]."""
 
 ELEVATION_ERROR_M: Final = 40.0
-"""Error of the difference of two heights of a road [m]: a filled gap of a log jumps by half of it."""
+"""Error of the difference of two heights of a road [m]; a filled gap of a log jumps by half of this."""
 
 
 def implausible_faults(samples: Columns, drive: ExpectedTrip) -> Iterator[Fault]:
-    """Every reason why samples measured on the way are not those of this car on this trip. O(samples + segments).
+    """Yield every reason why measured samples cannot be those of this car on this trip. O(samples + segments).
 
     Parameters
     ----------
@@ -59,9 +59,9 @@ def implausible_faults(samples: Columns, drive: ExpectedTrip) -> Iterator[Fault]
 
     Notes
     -----
-    The energy out of a battery is at most its charge at the highest open-circuit voltage. Its charge rises on the way by
-    at most the potential energy of the descent: with losses, regenerative braking gives less. Over a stretch of the road the energy is at least
-    that of climb and speed and half of the rolling resistance; less would be recovered from nothing, as with a current of the wrong sign.
+    The energy taken from a battery is at most its charge at the highest open-circuit voltage. The charge rises on the way by at most
+    the potential energy of the descent; with losses, regenerative braking gives less. The energy over a stretch of road is at least
+    that of climb, change of speed and half of the rolling resistance. Less energy indicates, for example, a current of the wrong sign.
     """
     last, planned = float(samples["time_s"][-1]), drive.plan.duration_s
     if drive.plan.link_m is None:
@@ -82,19 +82,19 @@ def implausible_faults(samples: Columns, drive: ExpectedTrip) -> Iterator[Fault]
 
 
 def impossible_faults(energy_wh: float, drive: ExpectedTrip) -> Iterator[Fault]:
-    """The reason why a forecast energy breaks a law of physics; nothing for one that a car can take. O(samples).
+    """Yield a fault if a forecast energy breaks a law of physics. O(samples).
 
     Parameters
     ----------
     energy_wh : float
-        Of the whole trip at the battery [Wh].
+        Energy of the whole trip at the battery [Wh].
     drive : ExpectedTrip
 
     Notes
     -----
-    Losses and loads take energy. So a drive takes at least what its climb and its change of speed gain, less what a tail
-    wind gives; where the car lacks power for it, it gains less, but it gives no more than it ends lower or slower. It takes at most
-    what battery and motor give at their limits all the time.
+    Losses and loads take energy. So a drive takes at least the energy gained by climb and change of speed, minus what a tail wind
+    gives. If the car lacks power to follow the trip, the energy gained is less, and the least energy is at most 0. A drive takes at
+    most what battery and motor give if they run at their limits all the time.
     """
     cause = drive.simulation.by_cause_wh
     gain = cause["climb"] + cause["acceleration"]
@@ -116,7 +116,7 @@ def impossible_faults(energy_wh: float, drive: ExpectedTrip) -> Iterator[Fault]:
 
 
 def _battery_most_w(drive: ExpectedTrip) -> float:
-    """Largest power of the battery on the way [W]: full, and as warm as it gets."""
+    """Largest power of the battery on the way [W]: that of a full battery at its highest temperature."""
     battery, warmest = drive.vehicle.battery, drive.simulation.battery_temperature_degc.max()
     soc = np.asarray(battery.resistance_soc)
     resistance = internal_resistance(soc, np.full_like(soc, warmest), battery).min()
@@ -125,7 +125,7 @@ def _battery_most_w(drive: ExpectedTrip) -> float:
 
 
 def battery_wh(drive: ExpectedTrip) -> float:
-    """Energy that the battery of a car holds at most [Wh]: its charge at the highest open-circuit voltage."""
+    """Largest energy of the car's battery [Wh]: its charge at the highest open-circuit voltage."""
     battery = drive.vehicle.battery
     return battery.capacity_ah * float(open_circuit_voltage(np.ones(1), battery)[0])
 
@@ -142,7 +142,7 @@ def _energy_faults(cumulative: FloatArray, drive: ExpectedTrip) -> Iterator[Faul
 
 
 def _motion_faults(samples: Columns, cumulative: FloatArray, drive: ExpectedTrip) -> Iterator[Fault]:
-    """The fault of an energy below what rolling, climb and speed take on the road that was driven. O(samples)."""
+    """Yield a fault if the energy is below that of rolling, climb and speed on the road that was driven. O(samples)."""
     known = np.flatnonzero(np.isfinite(cumulative))
     if len(known) < 2:
         return
@@ -150,7 +150,7 @@ def _motion_faults(samples: Columns, cumulative: FloatArray, drive: ExpectedTrip
     plan_s = drive.plan.array("time_s") - drive.plan.array("time_s")[0]
     planned = np.interp(time, plan_s, drive.plan.array("speed_m_s"))
     speed = samples.get("speed_m_s", planned)
-    # the road behind a first sample that came late was driven as planned
+    # before a late first sample the road is assumed to be driven as planned
     start_m = float(np.interp(time[0], drive.edges_s, drive.distance_m))
     driven = start_m + distance_driven(time, speed)
     first, last = (int(known[i]) for i in (0, -1))
@@ -174,7 +174,7 @@ def _motion_faults(samples: Columns, cumulative: FloatArray, drive: ExpectedTrip
 
 
 def _least_wh(drive: ExpectedTrip, from_to_m: tuple[float, float], speeds_m_s: tuple[float, float]) -> float:
-    """Least energy at the terminals [Wh] between two distances of the road as it is known, with the speeds there."""
+    """Least energy at the terminals [Wh] between two distances along the known road, with the speeds at both."""
     features, hours = drive.table.features, drive.table.hours
 
     def between(cause: str) -> float:
@@ -192,7 +192,7 @@ def _mass_kg(drive: ExpectedTrip) -> float:
 
 
 def _weight_wh_m(drive: ExpectedTrip) -> float:
-    """Potential energy of the car by height [Wh/m]."""
+    """Potential energy of the car per metre of height [Wh/m]."""
     return _mass_kg(drive) * GRAVITY_M_S2 / SECONDS_PER_HOUR
 
 

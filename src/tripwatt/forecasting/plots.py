@@ -1,4 +1,4 @@
-"""One forecast as a picture: energy and state of charge along the way with their bands, and the energy by cause."""
+"""Plots of a forecast (energy and state of charge along the way, energy by cause) and of a model."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ def plot_forecast(
     measured_until_s: float = 0.0,
     ax: Axes | None = None,
 ) -> Figure:
-    """Energy and displayed state of charge along the trip with 90 % bands, and a waterfall of the causes.
+    """Plot energy and displayed state of charge along the trip with 90 % bands, and a waterfall of the causes.
 
     Parameters
     ----------
     series : DataFrame
-        `Forecast.series`.
+        Table of `Forecast.to_frame`.
     by_cause_wh : mapping of str to float
         `Forecast.by_cause_wh`.
     title : str
     measured_until_s : float
         Time up to which the trip was measured [s since departure]; 0 before departure.
     ax : Axes, optional
-        Whose place the panels take.
+        Axes that the panels replace.
     """
     place = place_for_panels(ax, 10.0, 6.4)
     grid = place.add_gridspec(2, 2, width_ratios=[1.0, 1.15])
@@ -65,16 +65,16 @@ MODEL_DRIVE_M: Final = 20_000.0
 
 
 def plot_model(forecast: Callable[[Plan, Departure], Any], car: str, ax: Axes | None = None) -> Figure:
-    """Forecast consumption of a flat drive of 20 km at constant speeds and three outside temperatures.
+    """Plot the forecast consumption of a flat drive of 20 km at constant speeds and three outside temperatures.
 
     Parameters
     ----------
     forecast : callable
         `ForecastModel.forecast`.
     car : str
-        Its name.
+        Name of the car.
     ax : Axes, optional
-        To draw in.
+        Axes to draw in.
     """
     axis = axes_or_new(ax, 7.0, 4.4)
     for ambient, colour, marker in zip(MODEL_AMBIENT_DEGC, (_LINE, _TOTAL, _ABOVE), "so^", strict=True):

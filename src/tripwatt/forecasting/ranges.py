@@ -1,4 +1,4 @@
-"""What a trip has that training did not: values outside its range, which are flagged, and an unknown departure state."""
+"""Comparison of a trip with the training trips: values outside the training range, and unknown values at departure."""
 
 from __future__ import annotations
 
@@ -26,32 +26,32 @@ UNKNOWN_SD_K: Final[Mapping[str, float]] = {
     "cabin_temperature_degc": 6.0,
     "battery_temperature_degc": 6.0,
 }
-"""Standard deviation of each temperature of the car around what is assumed where it is unknown [K]. Set-point: drivers choose
-20 to 23 °C. Cabin and battery: between those of a car that stood outside and one from a garage or from a drive."""
+"""Standard deviation of each temperature of the car around the value assumed if it is unknown [K]. Set-point: drivers choose
+20 to 23 °C. Cabin and battery: between a car that stood outside and one from a garage or from a drive."""
 
 UNKNOWN_AIR_SD_K: Final = 8.0
 """Standard deviation of the outside temperature around `UNKNOWN_AMBIENT_DEGC` [K]: that of the hours of a year in central Europe."""
 
 BATTERY_W_PER_K: Final = 10.0
-"""Power by a kelvin of the battery at departure [W/K]: its resistance changes by 2 to 3 % of a loss of 300 to 500 W."""
+"""Change of power per kelvin of battery temperature at departure [W/K]: 2 to 3 % of a resistive loss of 300 to 500 W."""
 
 FAR_K: Final = 10.0
-"""A cabin or battery this far from the outside temperature that was given came from elsewhere than this parking space."""
+"""Difference from the given outside temperature [K] above which a cabin or battery temperature of the plan is flagged."""
 
 NEVER_KNOWN: Final = Range(-np.inf, np.inf, 1.0)
-"""Range of a quantity that no training trip has."""
+"""Range of a quantity that is unknown in all training trips."""
 
 
 @dataclass(frozen=True, slots=True)
 class Unfamiliar:
-    """What a trip has outside the training ranges.
+    """Quantities of a trip outside the training ranges, and temperatures unknown at departure.
 
     Attributes
     ----------
     outside : mapping of str to float
         Quantity -> distance outside its range, in standard deviations.
     unknown : mapping of str to float
-        Temperatures that training trips have and the departure has not -> what is assumed [°C].
+        Temperature that training trips have and the departure lacks -> assumed value [°C].
     """
 
     outside: Mapping[str, float] = field(default_factory=dict)
@@ -59,7 +59,7 @@ class Unfamiliar:
 
     @property
     def flags(self) -> list[Flag]:
-        """A flag for each of them."""
+        """One flag for each entry of `outside` and `unknown`."""
         outside = [Flag("outside_training", name, beyond, "sd") for name, beyond in self.outside.items()]
         return outside + [
             Flag("usual_value_assumed", name, value, "degc") for name, value in self.unknown.items()
@@ -69,20 +69,21 @@ class Unfamiliar:
 def unknown_state_sd_wh(
     vehicle: Vehicle, unknown: Collection[str], hours: float, is_off: bool = False
 ) -> float:
-    """Standard deviation of a trip's energy by what is unknown of the state of the car at departure [Wh].
+    """Standard deviation of a trip's energy due to unknown temperatures of the car at departure [Wh].
 
-    A cabin at another set-point needs another power, by its heat loss; one that starts at another temperature another energy,
-    by its heat capacity. Heat of the heat pump costs a share of it. The parts are independent.
+    An error of the set-point changes the power, through the heat loss of the cabin. An error of the starting temperature of the
+    cabin changes the energy, through its heat capacity. A heat pump needs only a part of the heat as electric energy. The
+    errors are independent.
 
     Parameters
     ----------
     vehicle : Vehicle
     unknown : collection of str
-        Temperatures of `UNKNOWN_SD_K`.
+        Names of the unknown temperatures, as in `UNKNOWN_SD_K`.
     hours : float
-        Duration of the trip.
+        Duration of the trip [h].
     is_off : bool
-        Climate control is off: no temperature of the cabin costs heat.
+        Whether climate control is off: cabin temperatures then cost no energy.
 
     Examples
     --------
@@ -115,16 +116,16 @@ def unknown_air_sd_wh(
     usual_degc: float = UNKNOWN_AMBIENT_DEGC,
     sd_k: float = UNKNOWN_AIR_SD_K,
 ) -> float:
-    """Standard deviation of a trip's energy by an unknown outside temperature [Wh].
+    """Standard deviation of a trip's energy due to an unknown outside temperature [Wh].
 
-    The trip is simulated in the air of the three-point rule of Gauss and Hermite: what cold costs does not rise evenly.
+    The trip is simulated at the temperatures of the three-point Gauss-Hermite rule, because energy is not linear in temperature.
 
     Parameters
     ----------
     vehicle : Vehicle
     plan : Plan
     usual_wh : float
-        Its simulated energy at the usual temperature.
+        Simulated energy of the plan at the usual temperature [Wh].
     usual_degc, sd_k : float
         Usual outside temperature [°C] and its standard deviation [K].
 
@@ -147,9 +148,9 @@ def unknown_air_sd_wh(
 
 
 def unknown_wind_sd_wh(vehicle: Vehicle, plan: Plan) -> float:
-    """Standard deviation of a trip's energy by a wind of unknown direction [Wh]: half of what head wind and tail wind differ.
+    """Standard deviation of a trip's energy due to a wind of unknown direction [Wh]: half the difference of head and tail wind.
 
-    The direction holds for the whole way, as on a straight road: a road with turns differs less.
+    The wind keeps its direction relative to the car, as on a straight road; on a road with turns the difference is smaller.
     """
     air = plan.air
     if air is None or not air.any_side_m_s:
@@ -161,7 +162,7 @@ def unknown_wind_sd_wh(vehicle: Vehicle, plan: Plan) -> float:
 
 
 def kept_temperatures(plan: Plan, given: Departure | None) -> list[Flag]:
-    """Flags of temperatures of the plan that are far from the outside temperature that was given with it."""
+    """Flags for cabin and battery temperatures of the plan that are far from the outside temperature in `given`."""
     ambient = None if given is None else given.ambient_temperature_degc
     if given is None or ambient is None:
         return []
@@ -176,7 +177,7 @@ def kept_temperatures(plan: Plan, given: Departure | None) -> list[Flag]:
 def compare(
     table: SegmentTable, ranges: Mapping[str, Range], vehicle: Vehicle, departure: Departure
 ) -> Unfamiliar:
-    """Compare a trip of a car with the training ranges; `table` holds that one trip."""
+    """Compare the one trip of `table` with the training ranges."""
     known = _watched(table)
     conditions = conditions_at_departure(vehicle, departure)
     cabin = conditions.cabin_start(vehicle)
@@ -192,14 +193,14 @@ def compare(
         {
             name: assumed[name]
             for name in TEMPERATURES
-            # a temperature that no training trip has is none that the corrector uses
+            # the corrector does not use a temperature that no training trip has
             if not np.isfinite(known[name]) and np.isfinite(ranges[name].low)
         },
     )
 
 
 def training_ranges(table: SegmentTable) -> dict[str, Range]:
-    """Range of each of `WATCHED` over the trips of a table."""
+    """Range of each quantity of `WATCHED` over the trips of a table."""
     rows = [_watched(table.take([i])) for i in range(len(table))]
     return {name: Range.from_values([row[name] for row in rows]) or NEVER_KNOWN for name in WATCHED}
 

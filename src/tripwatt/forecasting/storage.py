@@ -1,4 +1,4 @@
-"""A forecaster as a model directory and back: what is loaded forecasts to the last bit as what was stored.
+"""Store a forecast model as a directory and load it again; the loaded model gives bit-identical forecasts.
 
 The car is stored with all its values and their sources, so that a later change of the bundled cars changes no stored
 model. `model.json` is the model, field by field, and `model.npz` its arrays.
@@ -44,28 +44,28 @@ if TYPE_CHECKING:
     from cattrs import Converter
 
 GIVEN: Final = "given the driven speed trace"
-"""What every figure of a forecast is on condition of."""
+"""Condition under which the figures of a model hold."""
 
 TRIAL: Final = "trial_w"
-"""Key of what a corrector from outside adds on the trial trip."""
+"""Key of the correction that a corrector from outside gives on the trial trip."""
 
 TRIAL_DEGC: Final = (-15.0, 40.0)
-"""Outside temperatures of trial trips [°C], besides that of a departure of which nothing is known."""
+"""Outside temperatures of trial trips [°C], besides the one assumed for a departure of which nothing is known."""
 
 UNUSABLE: Final = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
-"""What a model raises whose values do not go together."""
+"""Exceptions of a model whose values do not fit together."""
 
 DEFAULT_MODEL: Final = "bmw_i3_tum"
 """The model that comes with the package."""
 
 
 def model_parts(model: ForecastModel) -> dict[str, Part]:
-    """Everything that the forecasts of a fitted model depend on, by the name of its part.
+    """Parts of a fitted model, by name: everything that its forecasts depend on.
 
     Raises
     ------
     InvalidInput
-        For a model that is not fitted, or whose corrector cannot be stored.
+        If the model is not fitted, or its corrector cannot be stored.
     """
     corrector, _ = model.fitted_parts("store")
     tree = {"segment_s": SEGMENT_S, **_converter().unstructure(model)}
@@ -80,8 +80,8 @@ def model_of_parts(parts: Mapping[str, Part], outside: Corrector | None = None) 
     Raises
     ------
     InvalidInput
-        For parts that do not make a model, with every reason; for an object from outside that is missing or
-        another than the one that was stored.
+        If the parts do not make a model, with every reason, or if the object from outside is missing or is not the
+        one that was fitted with the model.
     """
     try:
         tree = parts_tree(parts)
@@ -99,7 +99,7 @@ def model_of_parts(parts: Mapping[str, Part], outside: Corrector | None = None) 
         model.corrector = outside
         try:
             same = np.allclose(trial_w(model), before_w, rtol=1e-6, atol=1e-6)
-        except UNUSABLE:  # it is not fitted, or to another input
+        except UNUSABLE:  # the object is not fitted, or was fitted to another input
             same = False
         if not same:
             allowed = "the object that was fitted with the model"
@@ -108,7 +108,7 @@ def model_of_parts(parts: Mapping[str, Part], outside: Corrector | None = None) 
 
 
 def trial_w(model: ForecastModel) -> FloatArray:
-    """What the corrector of a model adds on a trial trip in the cold and in the warm [W]: the mark of an object from outside."""
+    """Correction on a trial trip in the cold and in the warm [W]; it identifies an object from outside."""
     corrector, _ = model.fitted_parts("a trial")
     plan = plan_from_samples(_trial_drive(), "trial")
     added = []
@@ -137,7 +137,7 @@ def _converter() -> Converter:
 
 
 def vehicle_values(vehicle: Vehicle) -> dict[str, Any]:
-    """A car as plain values, with the source of every value."""
+    """Return a car as plain values, with the source of every value."""
     return {"name": vehicle.name, "preset": vehicle.preset, "document": vehicle_document(vehicle)}
 
 
@@ -147,7 +147,7 @@ def vehicle_of_values(values: Mapping[str, Any]) -> Vehicle:
     Raises
     ------
     InvalidInput
-        With every unknown or missing entry.
+        Lists every unknown or missing entry.
     """
     vehicle = vehicle_from_document(values["document"], str(values["name"]), "vehicle")
     return replace(vehicle, preset=str(values["preset"]))
@@ -165,18 +165,18 @@ def save_model(
     Parameters
     ----------
     model : ForecastModel
-        Fitted.
+        A fitted model.
     folder : path
         A new or empty folder, or one that holds a model, which is replaced.
     provenance : mapping, optional
-        Where it comes from, such as `fitting.fit_with_provenance` gives: data, audit, trips, versions.
+        Origin of the model, as from `fitting.fit_with_provenance`: data, audit, trips, versions.
     evaluation : mapping, optional
-        Its figures.
+        Errors of the model on held-out trips.
 
     Raises
     ------
     InvalidInput
-        When the model cannot be stored or the folder cannot be used.
+        If the model cannot be stored or the folder cannot be used.
 
     Examples
     --------
@@ -205,26 +205,26 @@ def save_model(
 
 
 def load_model(folder: Path | str | None = None, *, corrector: Corrector | None = None) -> ForecastModel:
-    """A stored model, or without a folder the one that comes with the package.
+    """Load a stored model, or the one that comes with the package if no folder is given.
 
     Parameters
     ----------
     folder : path, optional
-        Where `save_model` or `tripwatt fit` wrote it.
+        Folder that `save_model` or `tripwatt fit` wrote.
     corrector : Corrector, optional
-        The fitted object from outside of a model that has one, `ForecastModel.outside`. It is not stored with the model: you
-        keep it as its own package advises.
+        The fitted object from outside, if the model has one (`ForecastModel.outside`). It is not stored with the model: keep
+        it as its own package advises.
 
     Returns
     -------
     ForecastModel
-        Fitted.
+        The fitted model.
 
     Raises
     ------
     InvalidInput
-        When there is no model, it is damaged or altered, its format is another, or it does not give finite
-        forecasts; when it lacks its corrector from outside, or `corrector` is another.
+        If there is no model, or the model is damaged, altered, of another format, or gives forecasts that are not finite.
+        Also if `corrector` is missing for a model that needs one, or is not the one fitted with the model.
 
     Examples
     --------
@@ -241,14 +241,14 @@ def load_model(folder: Path | str | None = None, *, corrector: Corrector | None 
 
 
 def require_usable(model: ForecastModel, where: str) -> None:
-    """Whether a model from outside forecasts what physics allows, by trips of three minutes and an update on the way.
+    """Raise InvalidInput if a loaded model gives no usable forecast of trial trips of three minutes or of an update on the way.
 
-    Parts that fit each other in shape may still hold values with which nothing can be computed, or no trip.
+    Parts of a model may have the right shapes and still hold values with which no trip can be forecast.
 
     Raises
     ------
     InvalidInput
-        When a forecast fails, a number of it is not finite, or its interval is empty or beyond what battery and motor can give.
+        If a forecast fails, has a number that is not finite or quantiles that cross, or exceeds what battery and motor can give.
     """
     drive = _trial_drive()
     observed = pd.DataFrame({"time_s": drive["time_s"][:61], "voltage_v": 350.0, "current_a": 30.0})
@@ -281,7 +281,7 @@ def _trial_drive() -> pd.DataFrame:
 
 
 def _numbers(value: Any) -> Iterator[float]:
-    """Every number of a document."""
+    """Yield every number in a document."""
     if isinstance(value, Mapping):
         value = list(value.values())
     if isinstance(value, list | tuple):
@@ -297,19 +297,19 @@ def load_metadata(folder: Path | str | None = None, *, check_parts: bool = True)
     Parameters
     ----------
     folder : path, optional
-        Of the stored model.
+        Folder of the stored model.
     check_parts : bool
         Whether every part is read and checked as well.
 
     Returns
     -------
     dict
-        As `save_model` wrote it.
+        The metadata as `save_model` wrote them.
 
     Raises
     ------
     InvalidInput
-        As `load_model`.
+        If there is no model, or it is damaged, altered or of another format.
 
     Examples
     --------
@@ -326,12 +326,12 @@ def model_folder(folder: Path | str | None = None) -> Path:
     Parameters
     ----------
     folder : path, optional
-        Of a stored model, or the name of the one that comes with the package.
+        Folder of a stored model, or the name of the model that comes with the package.
 
     Returns
     -------
     Path
-        The folder itself, or that of the model that comes with the package where none is given.
+        The given folder, or that of the model that comes with the package if none is given.
 
     Examples
     --------
@@ -345,13 +345,13 @@ def model_folder(folder: Path | str | None = None) -> Path:
 
 
 def contract(model: ForecastModel) -> dict[str, Any]:
-    """What a model takes in and gives: names, units, bounds, and what training saw.
+    """Inputs and outputs of a model: names, units, bounds, and training ranges.
 
     Returns
     -------
     dict
-        `inputs`: for each column of a trip, and for the payload, its unit, bounds, meaning, whether it is required,
-        which samples count, and the range of the training trips where it is watched. `outputs`: name -> unit.
+        `inputs`: for each column of a trip, and for the payload, its unit, bounds, meaning, whether it is required, and
+        which samples count; also the range of the training trips, if the model has one. `outputs`: name -> unit.
     """
     payload = {"payload_mass_kg": QUANTITIES["payload_mass_kg"]}
     inputs = []
@@ -376,5 +376,5 @@ def contract(model: ForecastModel) -> dict[str, Any]:
 
 
 def _finite(value: float) -> float | None:
-    """None for an infinite value, which JSON cannot hold."""
+    """Return the value, or None if it is not finite, which JSON cannot hold."""
     return value if math.isfinite(value) else None

@@ -1,4 +1,4 @@
-"""The residual power of a trip, given what was measured of it so far."""
+"""The residual power of a trip, given the measurements so far."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ def updated_power(
     measured: Measured,
     readings: PowerReadings,
 ) -> tuple[ResidualPower, float]:
-    """Posterior of the residual power, and the factor of its standard deviation for the rest of the trip.
+    """Posterior of the residual power, and the factor by which its standard deviation is widened for the rest of the trip.
 
-    Climate control is updated separately where the samples have its power. O(segments).
+    Climate control is updated separately if the samples have its power in all measured segments. O(segments).
     """
     process, shrinkage = uncertainty.process, uncertainty.shrinkage
     if not len(readings.power_w):  # no segment was measured for long enough
@@ -54,7 +54,7 @@ def updated_power(
 def _climate_power(
     drive: ExpectedTrip, samples: Columns
 ) -> tuple[FloatArray, FloatArray] | tuple[None, None]:
-    """Expected and measured power of climate control [W]; NaN in segments that were not measured."""
+    """Expected and measured power of climate control [W], NaN in unmeasured segments; None and None if either is unknown."""
     if not any(name in samples for name in TOLD_BY):
         return None, None
     logged = logged_climate(table_of(samples), drive.edges_s)
