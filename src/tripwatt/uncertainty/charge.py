@@ -1,8 +1,8 @@
-"""The displayed state of charge at arrival: what energy a part of it holds, and how well that is known.
+"""The conversion between energy and displayed state of charge, with its errors.
 
-The display shows a state of charge that the car computes from the battery management's: a window of it, rounded and
-smoothed. Where logs have the readings, the window and the energy of a whole display are fitted to them, with what
-they leave open; else they are those of the car's published values, with usual errors.
+The car computes the displayed state of charge from a window of the battery management's state of charge, rounded and
+smoothed. If logs have the readings, the window, the energy of the whole display and their errors are fitted to the logs.
+Otherwise they come from the car's published values, with usual errors.
 """
 
 from __future__ import annotations
@@ -16,39 +16,39 @@ from tripwatt.arrays import FloatArray
 from tripwatt.vehicles.parts import Battery
 
 CAPACITY_SD: Final = 0.03
-"""Relative standard deviation of the energy of a unit of state of charge: ageing and temperature."""
+"""Relative standard deviation of the energy per state of charge, by ageing and temperature."""
 PUBLISHED_DISPLAY_SD: Final = 0.01
-"""Scale of the error of a displayed charge without logs of it: displays step by 0.5 to 1 %, and lag behind."""
+"""Scale of the error of a displayed charge if no logs have it: displays step by 0.5 to 1 %, and lag behind."""
 PUBLISHED_MANAGED_SD: Final = 0.03
-"""The same for a display computed from the battery management's charge by a published window: of a reserve of a tenth of the
-battery, the part at either end is not published, 0.1 / sqrt(12)."""
+"""The same for a display computed from the battery management's charge by a published window. A tenth of the battery is held in
+reserve, and how much of it lies at either end is not published: 0.1 / sqrt(12)."""
 NORMAL_SCALE: Final = 0.7716
-"""Scale of the t distribution with 4 degrees of freedom, which all errors are taken to have, over the standard deviation
-of a normal one with the same central 90 %: 1.6449 / 2.1318."""
+"""Scale of a t distribution with 4 degrees of freedom, assumed for all errors, over the standard deviation of a normal
+distribution with the same central 90 %: 1.6449 / 2.1318."""
 FULL: Final = 0.995
-"""A display of this or more is full: what is above it does not show."""
+"""A display of this or more is full: further charge does not show."""
 NEARLY_FULL: Final = 0.985
-"""Between this display and `FULL` the hidden charge rises in a straight line: no step of the charge to leave with."""
+"""Between this display and `FULL` the hidden charge rises linearly, so that the charge to leave with has no jump."""
 
 
 @dataclass(frozen=True, slots=True)
 class ChargeScale:
-    """Displayed state of charge, energy and the battery management's state of charge of one car.
+    """Conversion between displayed state of charge, energy and the battery management's state of charge of one car.
 
     Attributes
     ----------
     zero_soc, full_soc : float
-        State of charge of the battery management where the display shows 0 and 1.
+        State of charge of the battery management when the display shows 0 and 1.
     wh_per_display : float
         Energy at the terminals from a display of 1 to one of 0 [Wh].
     displayed_sd : float
-        Scale of the error of the displayed charge at arrival, for a known energy and display at departure [1].
+        Scale of the error of the displayed charge at arrival, if the energy and the display at departure are known [1].
     managed_sd : float
-        The same where the battery management's charge was known at departure.
+        The same if the battery management's charge at departure is known instead of the display [1].
     trips : int
-        Trips that they were fitted to; 0 for published values.
+        Number of trips that the values were fitted to; 0 for published values.
     hidden : float
-        Displayed charge that a battery with a full display gives before the display falls [1].
+        Charge that a battery with a full display gives before the display falls, in units of the display [1].
 
     Examples
     --------
@@ -68,7 +68,7 @@ class ChargeScale:
     hidden: float = 0.0
 
     def displayed(self, soc: Any) -> Any:
-        """Convert the battery management's state of charge to what the display shows.
+        """Convert the battery management's state of charge to the displayed one.
 
         Parameters
         ----------
@@ -83,9 +83,9 @@ class ChargeScale:
         return (soc - self.zero_soc) / (self.full_soc - self.zero_soc)
 
     def left(self, start: float, energy_wh: Any, from_display: bool = True) -> Any:
-        """Compute the displayed charge after an energy was taken.
+        """Compute the displayed charge after an energy was taken from the battery.
 
-        A full display that was read gives what it hides first, so the result may lie above 1.
+        If a full display was read, its hidden charge is taken first, so the result may lie above 1.
 
         Parameters
         ----------
@@ -99,16 +99,16 @@ class ChargeScale:
         Returns
         -------
         float or ndarray
-            Displayed state of charge, shape of `energy_wh`; below 0 where the charge does not last.
+            Displayed state of charge, shape of `energy_wh`; below 0 if the charge does not last.
         """
         shown = min(max((start - NEARLY_FULL) / (FULL - NEARLY_FULL), 0.0), 1.0) if from_display else 0.0
         hidden = self.hidden * shown
         return start + hidden - energy_wh / self.wh_per_display
 
     def sd(self, energy_wh: Any, from_display: bool) -> Any:
-        """Compute the scale of the error of `left` apart from that of the energy.
+        """Compute the scale of the error of `left`, without the error of the energy.
 
-        It has two sources: reading and conversion, and the capacity.
+        The error has two sources: reading or conversion of the charge, and the capacity.
 
         Parameters
         ----------
@@ -120,7 +120,7 @@ class ChargeScale:
         Returns
         -------
         float or ndarray
-            In displayed state of charge [1], shape of `energy_wh`.
+            Scale in displayed state of charge [1], shape of `energy_wh`.
         """
         base = self.displayed_sd if from_display else self.managed_sd
         return np.hypot(base, CAPACITY_SD * np.abs(energy_wh) / self.wh_per_display)
@@ -132,14 +132,14 @@ class ChargeScale:
         Parameters
         ----------
         battery : Battery
-            Of the car.
+            The car's battery.
         wh_per_soc : float
-            Energy of a unit of the battery management's state of charge [Wh].
+            Energy from state of charge 1 to 0 of the battery management [Wh].
 
         Returns
         -------
         ChargeScale
-            With the error of a car whose display was not compared with trips.
+            Published window, with usual errors for a display that was not compared with trips.
 
         Examples
         --------
@@ -152,24 +152,24 @@ class ChargeScale:
 
     @classmethod
     def from_readings(cls, readings: FloatArray, energy_wh: FloatArray) -> ChargeScale | None:
-        """Learn from trips; None where too few have all readings. O(trips).
+        """Fit the scale to readings of trips. O(trips).
 
-        The energy of a display is the slope of displayed charge over energy; trips from a full display take less of it, by
-        what that hides. The window is that of a straight line of the display at arrival, plus what was taken, over the
-        battery management's charge at departure. What is left of the displayed charge at arrival is the error; the
-        capacity explains its share of it.
+        The slope of displayed charge taken over energy gives the energy of the display. Trips that start with a full display
+        take less displayed charge, by the hidden charge. The window follows from a straight line: the display at arrival plus
+        the charge taken, over the battery management's charge at departure. The residuals of the displayed charge at arrival
+        give the errors, after the part due to the capacity is subtracted.
 
         Parameters
         ----------
         readings : ndarray, shape (trips, 4)
             Battery management's charge at departure and arrival, displayed charge at both; NaN where unknown.
         energy_wh : ndarray, shape (trips,)
-            Measured.
+            Measured energy of each trip [Wh].
 
         Returns
         -------
         ChargeScale or None
-            None where too few trips have all readings.
+            None if fewer than 8 trips have all readings, or the readings do not determine the scale.
 
         Examples
         --------

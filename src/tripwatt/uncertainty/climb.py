@@ -1,4 +1,4 @@
-"""The unknown climb of a road in energy: scenarios of its net climb, the hills on the way included, beside the other errors."""
+"""Energy of the unknown climb of a road: scenarios of net climb and of hills on the way, combined with the other errors."""
 
 from __future__ import annotations
 
@@ -13,27 +13,27 @@ from tripwatt.routes.terrain import NetClimbs
 from tripwatt.uncertainty.conformal import ConformalScores
 
 PLACES: Final = 13
-"""Places along the way at which quantiles are solved; between them they are linear."""
+"""Number of places along the way at which quantiles are solved; between the places they are interpolated linearly."""
 
 
 @dataclass(frozen=True, eq=False)
 class ClimbingEnergy:
-    """Energy of one drive on its road, were it to climb evenly, and were it to go up and down.
+    """Energy of one drive if its road climbed evenly, and if its road went up and down.
 
     Attributes
     ----------
     grade : ndarray, shape (grades,)
-        Even grades, ascending [1].
+        Constant grades, ascending [1].
     even_wh : ndarray, shape (grades, places)
-        Energy more than on a flat road up to each place along the way [Wh].
+        Energy beyond that of a flat road up to each place along the way, at constant grades [Wh].
     hill : ndarray, shape (hills,)
-        Grades of roads that go up and down by turns, ascending from 0 [1].
+        Grades of roads that go up and down in turn, ascending from 0 [1].
     hill_wh : ndarray, shape (hills, places)
-        Energy more than on a flat road up to each place along the way [Wh].
+        The same on roads that go up and down [Wh].
     distance_m : ndarray, shape (places,)
-        Distance driven up to there [m].
+        Distance driven up to each place [m].
     net : NetClimbs
-        Climb that such a road may have.
+        Distribution of the climb of such a road.
 
     Examples
     --------
@@ -53,20 +53,20 @@ class ClimbingEnergy:
     net: NetClimbs
 
     def more_wh(self, climb_m: float, from_m: float = 0.0) -> float:
-        """Energy that an even climb between a place and the end adds to that of a flat road [Wh]."""
+        """Energy that an even climb of `climb_m` from `from_m` to the end adds to that of a flat road [Wh]."""
         ahead = float(self.distance_m[-1]) - from_m
         if ahead <= 0.0:
             return 0.0
         return float(self._more_wh(np.array([climb_m]), from_m)[0])
 
     def _more_wh(self, climbs_m: FloatArray, from_m: float) -> FloatArray:
-        """`more_wh` of several climbs on a way ahead [Wh], shape (climbs,)."""
+        """`more_wh` for several climbs [Wh], shape (climbs,)."""
         even = self._from(self.even_wh, from_m)[:, -1:]
         grade = climbs_m[:, None] / (float(self.distance_m[-1]) - from_m)
         return _between(self.grade, even, grade)[:, 0]
 
     def climb_for(self, energy_wh: float, from_m: float = 0.0) -> float:
-        """Even climb between a place and the end that adds an energy [m]; infinite where no road climbs so far."""
+        """Even climb from `from_m` to the end that adds an energy [m]: inverse of `more_wh`; infinite if no road climbs that much."""
         ahead = float(self.distance_m[-1]) - from_m
         most = float(self.net.limit(max(ahead, 0.0)))
         if ahead <= 0.0 or self.more_wh(most, from_m) < energy_wh:
@@ -75,7 +75,7 @@ class ClimbingEnergy:
         return float(np.interp(energy_wh, self._more_wh(climbs, from_m), climbs))
 
     def ahead(self, from_m: float = 0.0) -> UnknownClimb:
-        """What the climb from a place on may add [Wh]; nothing up to that place."""
+        """Energies that the unknown climb from `from_m` on may add; 0 up to `from_m`."""
         distance = np.maximum(self.distance_m - from_m, 0.0)
         grade = self.net.net_m(distance) / np.maximum(distance, 1e-9)
         more = _between(self.grade, self._from(self.even_wh, from_m), grade)
@@ -88,7 +88,7 @@ class ClimbingEnergy:
 
 
 def _between(nodes: FloatArray, rows: FloatArray, at: FloatArray) -> FloatArray:
-    """Rows of values at nodes, linear between and beyond them, at other values of shape (scenarios, places or 1)."""
+    """Interpolate rows of values at nodes linearly, and extrapolate beyond; `at` has shape (scenarios, places or 1)."""
     slopes = np.diff(rows, axis=0) / np.diff(nodes)[:, None]
     start = min(int(np.searchsorted(nodes, 0.0)), len(nodes) - 2)  # from the flat road, where they are exact
     values = rows[start] + slopes[start] * (at - nodes[start])
@@ -100,16 +100,16 @@ def _between(nodes: FloatArray, rows: FloatArray, at: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class UnknownClimb:
-    """Energies that the climb of a road may add, each with its weight.
+    """Weighted scenarios of the energy that the climb of a road may add.
 
-    Their sum with an independent error of known scale is a mixture: the error's distribution around each of them.
+    Climb plus an independent error of known scale has a mixture distribution: that of the error around each scenario.
 
     Attributes
     ----------
     offsets_wh : ndarray, shape (scenarios, places)
-        Energy more than on a flat road up to each place [Wh].
+        Energy beyond that of a flat road up to each place [Wh].
     weights : ndarray, shape (scenarios,)
-        They add up to 1.
+        Probabilities of the scenarios; they add up to 1.
 
     Examples
     --------
@@ -128,16 +128,16 @@ class UnknownClimb:
 
     @cached_property
     def core_sd_wh(self) -> FloatArray:
-        """Half the width of the central 68 % at each place [Wh], shape (places,)."""
+        """Half the width of the central 68 % interval of the climb's energy at each place [Wh], shape (places,)."""
         return np.asarray(0.5 * (self._at(0.84) - self._at(0.16)))
 
     def quantile(self, scores: ConformalScores, p: float, sd_wh: FloatArray) -> FloatArray:
-        """Quantile of climb and error together at each place [Wh], shape (places,). O(scenarios x `PLACES`).
+        """Quantile of the sum of climb and error at each place [Wh], shape (places,). O(scenarios x `PLACES`).
 
         Parameters
         ----------
         scores : ConformalScores
-            Distribution of the error over its standard deviation.
+            Distribution of the standardised error.
         p : float
             Probability, above 0 and below 1.
         sd_wh : ndarray, shape (places,)
@@ -150,29 +150,31 @@ class UnknownClimb:
         return np.asarray(np.interp(np.arange(n), places, energy_wh), dtype=np.float64)
 
     def quantiles(self, scores: ConformalScores, p: FloatArray, sd_wh: FloatArray) -> FloatArray:
-        """Quantiles in one pass, of the shape that `p`, `sd_wh` and the places (or the only one) have together [Wh].
+        """Quantiles of the sum of climb and error [Wh], in the broadcast shape of `p`, `sd_wh` and the places (or the only place).
 
-        Secant steps, and bisection where they leave the bracket: Dekker (1969), Finding a zero by means of successive
-        linear interpolation.
+        Solved by secant steps, with bisection if a step leaves the bracket: Dekker (1969), Finding a zero by means of
+        successive linear interpolation.
         """
-        # probabilities of 0 and 1 count as this far inside, as for the scores alone
+        # probabilities of 0 and 1 are moved inside by this much, as for the scores alone
         offsets, sd, p = self.offsets_wh, np.maximum(sd_wh, 1e-9), np.clip(p, 5e-10, 1.0 - 5e-10)
         alone = alone_wh(scores, p, sd)
         least, most = self._ascending[0] + alone, self._ascending[-1] + alone + 1e-9
         middle = self._at(0.5)
-        slope = 1.6 * p * (1.0 - p) / np.hypot(self.core_sd_wh, sd)  # of a normal distribution in its middle
+        slope = (
+            1.6 * p * (1.0 - p) / np.hypot(self.core_sd_wh, sd)
+        )  # that of a normal distribution in its middle
         energy_wh = middle + np.sign(alone) * np.hypot(alone, self._at(p) - middle)
         energy_wh = np.minimum(np.maximum(energy_wh, least), most)
         miss = self.weights @ scores.probabilities((energy_wh - offsets) / sd) - p
-        # a bound of the time: the last 40 steps halve the bracket
+        # bounds the time: the last 40 steps halve the bracket
         for step in range(60):
-            # of a probability: below it the rounding of the sum shows
+            # tolerance of the probability; smaller differences are rounding of the sum
             unsolved = np.abs(miss) >= 1e-12
             if not unsolved.any():
                 break
             least, most = np.where(miss < 0.0, energy_wh, least), np.where(miss < 0.0, most, energy_wh)
             to = energy_wh - miss / slope
-            # secant steps that did not settle by then give way to bisection; a choice
+            # bisection after 20 secant steps without convergence; a choice
             outside = (to < least) | (to > most) | (step >= 20)
             to = np.where(outside, 0.5 * (least + most), to)
             before_wh, energy_wh = energy_wh, np.where(unsolved, to, energy_wh)
@@ -184,12 +186,12 @@ class UnknownClimb:
     def probability_below(
         self, scores: ConformalScores, energy_wh: FloatArray, sd_wh: FloatArray
     ) -> FloatArray:
-        """Probability at each place that climb and error stay below an energy [Wh], shape (places,): the inverse of `quantile`."""
+        """Probability that the sum of climb and error stays below an energy [Wh] at each place, shape (places,): inverse of `quantile`."""
         ways = (energy_wh - self.offsets_wh) / np.maximum(sd_wh, 1e-9)
         return np.asarray(self.weights @ scores.probabilities(ways))
 
     def _at(self, p: FloatArray | float) -> FloatArray:
-        """Quantiles of the climb alone [Wh], of the shape that `p` and the places have together."""
+        """Quantiles of the climb alone [Wh], in the broadcast shape of `p` and the places."""
         k = np.minimum(np.searchsorted(self._cumulated, p), len(self.weights) - 1)
         return np.asarray(self._ascending[k, np.arange(self.offsets_wh.shape[1])])
 
@@ -204,16 +206,17 @@ class UnknownClimb:
 
 @dataclass(frozen=True, eq=False)
 class Excess:
-    """Distribution of what a trip takes more than expected up to each place: an error of known scale, and an unknown climb.
+    """Distribution of a trip's energy beyond the expected one up to each place: an error of known scale and an unknown climb.
 
     Attributes
     ----------
     scores : ConformalScores
-        Distribution of the error over its standard deviation.
+        Distribution of the standardised error.
     climb : UnknownClimb or None
-        None where the heights of the road are known.
+        Energy of the unknown climb; None if the heights of the road are known.
     expected_wh : ndarray, shape (places,)
-        Median of what the climb adds [Wh]: hills on the way cost, whatever the net climb. It is part of what is expected.
+        Median of climb and error together [Wh], which belongs to the expected energy: hills on the way cost energy whatever the net
+        climb.
     """
 
     scores: ConformalScores
@@ -222,31 +225,31 @@ class Excess:
 
     @classmethod
     def from_climb(cls, scores: ConformalScores, climb: UnknownClimb | None, sd_wh: FloatArray) -> Excess:
-        """Beside an error whose standard deviation is `sd_wh` at each place, shape (places,)."""
+        """Combine a climb with an error of standard deviation `sd_wh` at each place, shape (places,)."""
         expected = np.zeros(len(sd_wh)) if climb is None else climb.quantile(scores, 0.5, sd_wh)
         return cls(scores, climb, expected)
 
     def quantile(self, p: float, sd_wh: FloatArray) -> FloatArray:
-        """Quantile at each place [Wh], shape (places,)."""
+        """Quantile of the excess at each place [Wh], shape (places,)."""
         if self.climb is None:
             return alone_wh(self.scores, np.array([p]), sd_wh)
         return self.climb.quantile(self.scores, p, sd_wh) - self.expected_wh
 
     @cached_property
     def end(self) -> Excess:
-        """Of the whole way alone, whose quantiles and probabilities need no other place."""
+        """The distribution at the end of the trip only."""
         climb = self.climb
         last = None if climb is None else UnknownClimb(climb.offsets_wh[:, -1:], climb.weights)
         return Excess(self.scores, last, self.expected_wh[-1:])
 
     def quantiles(self, p: FloatArray, sd_wh: FloatArray) -> FloatArray:
-        """Quantiles at the only place [Wh], each of its own standard deviation; all of shape (probabilities,)."""
+        """Quantiles at the end, if this is the distribution `end` [Wh]; `p`, `sd_wh` and result have shape (probabilities,)."""
         if self.climb is None:
             return alone_wh(self.scores, p, sd_wh)
         return self.climb.quantiles(self.scores, p, sd_wh) - self.expected_wh
 
     def probability_below(self, more_wh: FloatArray, sd_wh: FloatArray) -> FloatArray:
-        """Probability at each place that it is at most an energy [Wh], shape (places,): the inverse of `quantile`."""
+        """Probability that the excess is at most an energy [Wh] at each place, shape (places,): the inverse of `quantile`."""
         if self.climb is not None:
             return self.climb.probability_below(self.scores, more_wh + self.expected_wh, sd_wh)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -255,6 +258,6 @@ class Excess:
 
 
 def alone_wh(scores: ConformalScores, p: FloatArray, sd_wh: FloatArray) -> FloatArray:
-    """Quantiles of the error alone [Wh], of probabilities of shape (places,) or (1,)."""
+    """Quantiles of the error alone [Wh]; `p` has shape (places,) or (1,)."""
     factors = [scores.factor(level) for level in np.abs(2.0 * p - 1.0).tolist()]
     return np.asarray(np.sign(p - 0.5) * factors * sd_wh)

@@ -1,4 +1,4 @@
-"""Conformal scores: standardised errors of held-out trips, from which every interval takes its width."""
+"""Conformal scores: standardised errors of held-out trips, which set the width of every interval."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ class ConformalScores:
 
     Beyond the largest score an interval grows like that of a t distribution with four degrees of freedom.
 
-    The conformal layer of Vovk, Gammerman and Shafer (2005), with the absolute error over the standard deviation as score, as in Papadopoulos et al. (2008).
+    Conformal prediction after Vovk, Gammerman and Shafer (2005). The score is the absolute error over its standard deviation, as in
+    Papadopoulos et al. (2008).
 
     Attributes
     ----------
@@ -38,7 +39,7 @@ class ConformalScores:
 
     @classmethod
     def from_errors(cls, standardised: Sequence[float]) -> ConformalScores:
-        """Make the scores of signed standardised errors.
+        """Make the scores from signed standardised errors.
 
         Parameters
         ----------
@@ -53,19 +54,17 @@ class ConformalScores:
         return cls(np.sort(np.abs(np.asarray(standardised, dtype=np.float64))))
 
     def with_other_causes(self, share: float) -> ConformalScores:
-        """Give the scores of an error of whose variance a share has a cause that no held-out trip has.
-
-        That part has a t distribution.
+        """Mix the scores with those of a t distribution, for errors with a cause that no held-out trip has.
 
         Parameters
         ----------
         share : float
-            0 to 1.
+            Share of the variance of the error that has such a cause, 0 to 1.
 
         Returns
         -------
         ConformalScores
-            As many.
+            The same number of scores.
 
         Examples
         --------
@@ -92,7 +91,7 @@ class ConformalScores:
         Returns
         -------
         float
-            Standard deviations [1]; never falls with the level.
+            Half width in standard deviations [1]; never falls with the level.
         """
         n = len(self.values)
         rank = level * (n + 1)
@@ -111,12 +110,12 @@ class ConformalScores:
         Returns
         -------
         float
-            0 to 1; 0.5 for a limit of 0.
+            Probability, 0 to 1; 0.5 for a limit of 0.
         """
         return float(self.probabilities(np.array([standardised]))[0])
 
     def probabilities(self, standardised: FloatArray) -> FloatArray:
-        """Give `probability` of many limits at once.
+        """Compute `probability` for many limits at once.
 
         Parameters
         ----------
@@ -126,7 +125,7 @@ class ConformalScores:
         Returns
         -------
         ndarray
-            Shape of `standardised`.
+            Probabilities, shape of `standardised`.
 
         Examples
         --------
@@ -135,7 +134,7 @@ class ConformalScores:
         """
         n, last = len(self.values), float(self.values[-1])
         size = np.abs(standardised)
-        # scores that repeat make no step backwards
+        # equal scores make no step backwards
         level = np.interp(size, self._from_zero, self._ranks) / (n + 1)
         beyond = size > last
         if beyond.any():
@@ -152,19 +151,20 @@ class ConformalScores:
 
 
 def _t4_level(half_width: FloatArray) -> FloatArray:
-    """Probability of ``-half_width..half_width``, above 0, under a t distribution with four degrees of freedom.
+    """Probability between ``-half_width`` and ``half_width``, for a t distribution with four degrees of freedom; half widths above 0.
 
-    ``s (3 - s²) / 2`` with ``s = t / sqrt(t² + 4)``, the integral of its density. `scipy.special` has it for every
-    number of degrees, and takes a tenth of a first forecast to import.
+    It is ``s (3 - s²) / 2`` with ``s = t / sqrt(t² + 4)``, the integral of the density. `scipy.special` has the same for every
+    number of degrees, but its import takes a tenth of the time of a first forecast.
     """
     s = 1.0 / np.sqrt(1.0 + (2.0 / half_width) ** 2)
     return np.asarray(0.5 * s * (3.0 - s**2))
 
 
 def t4_half_width(level: float) -> float:
-    """Half width of the central interval of a level, 0 to less than 1: the inverse of `_t4_level`.
+    """Half width of the central interval of a t distribution with four degrees of freedom: the inverse of `_t4_level`.
 
-    The cubic in `s` has the root ``2 sin(arcsin(level) / 3)``; Shaw (2006), Sampling Student's t distribution.
+    `level` is 0 to less than 1. The cubic in `s` has the root ``2 sin(arcsin(level) / 3)``; Shaw (2006), Sampling Student's t
+    distribution.
     """
     s = 2.0 * math.sin(math.asin(level) / 3.0)
     return 2.0 * s / math.sqrt(1.0 - s**2)

@@ -1,8 +1,8 @@
 """Coverage of intervals together with the width that was needed.
 
-An interval that holds every trip may be right or far too wide; its coverage alone does not show which. The factor shows it by which
-all intervals of a set of trips could have been scaled about their centres to hold exactly their share of these trips. It is known in
-hindsight alone.
+Intervals that contain every trip may be right or far too wide; their coverage alone does not show which. The factor `needed` does:
+scaled about their centres by this factor, the intervals would contain exactly their nominal share of the trips. The factor is known
+only in hindsight.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ import numpy.typing as npt
 
 @dataclass(frozen=True, slots=True)
 class Coverage:
-    """Intervals of one level beside what was measured.
+    """Intervals of one level compared with measured values.
 
     Attributes
     ----------
     level : float
-        Share of the trips that the intervals are meant to hold.
+        Nominal share of the trips within their interval.
     trips, inside : int
-        Number of trips, and of those within their interval.
+        Number of trips, and number of trips within their interval.
     width : float
         Mean width, in the unit of the bounds.
     needed : float
-        Width that was needed over `width` [1]: below 1 the intervals were wider than the trips called for, above 1 too narrow.
+        Width that was needed divided by `width` [1]: below 1 the intervals were too wide, above 1 too narrow.
 
     Examples
     --------
@@ -46,7 +46,7 @@ class Coverage:
     def from_bounds(
         cls, observed: npt.ArrayLike, low: npt.ArrayLike, high: npt.ArrayLike, level: float
     ) -> Coverage:
-        """Compare intervals with what was measured.
+        """Compare intervals with measured values.
 
         Parameters
         ----------
@@ -58,7 +58,7 @@ class Coverage:
         Returns
         -------
         Coverage
-            NaN widths where there is no trip; an infinite factor where an interval without width would have to grow.
+            `width` and `needed` are NaN if there are no trips. `needed` is infinite if an interval of zero width would have to grow.
         """
         observed, low, high = (np.asarray(v, dtype=np.float64) for v in (observed, low, high))
         n = len(observed)
@@ -78,7 +78,7 @@ class Coverage:
 
     @property
     def needed_width(self) -> float:
-        """Mean width with which the intervals hold exactly their share of these trips, in the unit of the bounds."""
+        """Mean width at which the intervals contain exactly their nominal share of these trips, in the unit of the bounds."""
         return self.needed * self.width
 
     @property
@@ -95,25 +95,25 @@ class Coverage:
 
     @property
     def holds(self) -> bool:
-        """Whether the share differs from the level by no more than chance explains: the level is in `ci95`."""
+        """Whether the observed share is consistent with the level: the level lies in `ci95`."""
         low, high = self.ci95
         return low <= self.level <= high
 
 
 def clopper_pearson(hits: int, n: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Exact interval of a proportion (Clopper and Pearson 1934).
+    """Exact confidence interval of a proportion (Clopper and Pearson 1934).
 
     Parameters
     ----------
     hits, n : int
         Number of hits, and of trials.
     confidence : float
-        Of the interval.
+        Confidence level of the interval.
 
     Returns
     -------
     tuple of float
-        Lower and upper bound; 0 and 1 without a trial.
+        Lower and upper bound; 0 and 1 if there are no trials.
 
     Examples
     --------
@@ -130,7 +130,7 @@ def clopper_pearson(hits: int, n: int, confidence: float = 0.95) -> tuple[float,
 
 
 def power(n: int, level: float, truth: float, confidence: float = 0.95) -> float:
-    """Probability that `n` trips show a true coverage that differs from its level: that the exact interval of the share excludes the level.
+    """Statistical power of `n` trips: the probability that the exact interval of their share excludes the nominal level.
 
     Parameters
     ----------
@@ -139,12 +139,12 @@ def power(n: int, level: float, truth: float, confidence: float = 0.95) -> float
     level, truth : float
         Nominal and true coverage, 0 to 1.
     confidence : float
-        Of the interval.
+        Confidence level of the interval.
 
     Returns
     -------
     float
-        Near 0 where the trips are too few to show anything.
+        Probability, near 0 if the trips are too few to show a difference.
 
     Examples
     --------

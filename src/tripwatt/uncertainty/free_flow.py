@@ -1,9 +1,9 @@
-"""What the travel times of an empty road add to the uncertainty of a planned route, measured on held-out trips.
+"""Uncertainty that the travel times of an empty road add to a planned route, measured on held-out trips.
 
-Each training trip is planned on its free-flow links with the factors of the other trips; the corrector without that trip
-predicts the energy of this plan and that of the driven trace. The mean square of the relative difference is the variance
-that the unknown travel times add, the links included: a part that all of a trip shares (traffic and driver), and a local
-part (signals, queues) that evens out over the distance.
+Each training trip is planned on its free-flow links with the travel-time factors of the other trips. The corrector fitted without
+that trip predicts the energy of this plan and that of the driven trace. The mean square of the relative difference is the variance
+that the unknown travel times add, including that of the links. It has a part that is common to a whole trip (traffic and driver),
+and a local part (signals, queues) that evens out over the distance.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from tripwatt.uncertainty.route import energies
 from tripwatt.vehicles import Vehicle
 
 LEAST_TRIPS: Final = 5
-"""A choice, because two variances from fewer trips would be chance."""
+"""Fewest trips from which the two variances are estimated; a choice, because with fewer trips they would be chance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,11 +36,11 @@ class FreeFlowUncertainty:
     ----------
     factors : TravelTimeFactors
     scale_variance : float
-        Of a trip of any length.
+        Relative variance that is the same at any length of a trip [1].
     local_variance_m : float
-        Over the distance [m].
+        Local part: divided by the length of the trip, a relative variance [m].
     trips : int
-        Trips that it was measured on.
+        Number of trips that the variances were measured on.
     """
 
     factors: TravelTimeFactors
@@ -52,9 +52,10 @@ class FreeFlowUncertainty:
     def from_differences(
         cls, factors: TravelTimeFactors, differences: FloatArray, distance_m: FloatArray
     ) -> FreeFlowUncertainty | None:
-        """From relative differences and distances of held-out trips, NaN where there is none; None with too few.
+        """Estimate both variances from relative differences and distances of held-out trips.
 
-        The two parts are the non-negative least squares of the squared differences.
+        They are the non-negative least-squares fit to the squared differences. A difference is NaN if a trip has none; returns None
+        if fewer than `LEAST_TRIPS` have one.
 
         Examples
         --------
@@ -74,22 +75,22 @@ class FreeFlowUncertainty:
         return cls(factors, float(parts[0]), float(parts[1]), int(known.sum()))
 
     def share(self, distance_m: float) -> float:
-        """Standard deviation over the energy for a route of a length."""
+        """Relative standard deviation of the energy of a route of the given length [1]."""
         return float(np.sqrt(self.scale_variance + self.local_variance_m / distance_m))
 
 
 @dataclass(frozen=True, eq=False)
 class FreeFlowTrips:
-    """Training trips as a router without traffic plans them.
+    """Training trips as planned by a router without traffic.
 
     Attributes
     ----------
     trips : tuple of Trip
     vehicle : Vehicle
     links : tuple of (LinkRoute, ndarray) or None
-        Free-flow links of each trip and the times that were driven on them; None where it could not be cut.
+        Free-flow links of each trip and the times that were driven on them; None if the trip could not be cut.
     shares : tuple of ndarray or None
-        From `share_energy` with the simulated energy of the car, of trips whose logs carry speed limits.
+        For each trip the result of `share_energy` with the car's simulated energy; None if its log carries no speed limits.
     """
 
     trips: tuple[Trip, ...]
@@ -113,7 +114,7 @@ class FreeFlowTrips:
         return cls(tuple(trips), vehicle, links, shares)
 
     def take(self, members: Sequence[int] | IntArray) -> FreeFlowTrips:
-        """Those of some of the trips."""
+        """Take some of the trips, by index."""
         chosen = [int(i) for i in members]
         return FreeFlowTrips(
             tuple(self.trips[i] for i in chosen),
@@ -123,14 +124,14 @@ class FreeFlowTrips:
         )
 
     def factors(self) -> TravelTimeFactors | None:
-        """Factors of these trips; None without links."""
+        """Travel-time factors of these trips; None if no trip has links."""
         known = [links for links in self.links if links is not None]
         shown = [shares for shares in self.shares if shares is not None]
         share = moving_share(shown) if shown else 1.0
         return TravelTimeFactors.from_links(*zip(*known, strict=True), moving_share=share) if known else None
 
     def plan(self, k: int, factors: TravelTimeFactors) -> Plan | None:
-        """The plan of one trip on its free-flow links, with the expected times; None where it could not be cut."""
+        """Plan of trip `k` on its free-flow links with the expected times; None if the trip could not be cut."""
         links, trip = self.links[k], self.trips[k]
         if links is None:
             return None
@@ -138,21 +139,21 @@ class FreeFlowTrips:
         return replace(plan.with_departure(trip.departure), start_s=float(trip.array("time_s")[0]))
 
     def differences(self, corrector: PowerCorrector, driven: SegmentTable, members: IntArray) -> FloatArray:
-        """(energy on free-flow links - energy on the driven trace) / the latter, by a corrector fitted on neither.
+        """Relative differences of energy: (on free-flow links - on the driven trace) / on the driven trace.
 
         Parameters
         ----------
         corrector : PowerCorrector
-            Fitted without these trips.
+            A corrector fitted without these trips.
         driven : SegmentTable
             All trips, on their driven traces.
         members : ndarray of int
-            Which of them; the factors are those of the others.
+            Indices of the trips; the travel-time factors are those of the other trips.
 
         Returns
         -------
         ndarray, shape (members,)
-            NaN for trips that could not be planned.
+            Differences [1], NaN for trips that could not be planned.
         """
         differences = np.full(len(members), np.nan)
         factors = self.take(np.setdiff1d(np.arange(len(self.trips)), members)).factors()
@@ -168,7 +169,7 @@ class FreeFlowTrips:
         return differences
 
     def uncertainty(self, differences: FloatArray) -> FreeFlowUncertainty | None:
-        """What these trips show, with the differences of each of them when it was held out."""
+        """Uncertainty shown by these trips, from the difference of each trip when it was held out; None if there are too few."""
         factors = self.factors()
         if factors is None:
             return None

@@ -1,4 +1,4 @@
-"""Trips that were held out of a fit of the corrector, as the uncertainty model takes them."""
+"""Trips that were held out of a fit of the corrector, in the form that the uncertainty model takes."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from tripwatt.units import SECONDS_PER_HOUR
 def process_segments(
     table: SegmentTable, uncertainty_w: FloatArray, outside_w: FloatArray | None = None
 ) -> Segments:
-    """Segments of one trip as the residual process takes them.
+    """Segments of one trip in the form that the residual process takes.
 
     Parameters
     ----------
     table : SegmentTable
-        Of one trip.
+        Table of one trip.
     uncertainty_w : ndarray, shape (segments, any)
-        From `PowerCorrector.predict_with_uncertainty`.
+        Factor from `PowerCorrector.predict_with_uncertainty`.
     outside_w : ndarray, shape (segments, any), optional
-        From `PowerCorrector.outside_factor`.
+        Factor from `PowerCorrector.outside_factor`.
     """
     features = table.features
     return Segments(
@@ -41,7 +41,7 @@ def process_segments(
 
 
 def held_out_residual(corrector: PowerCorrector, table: SegmentTable) -> HeldOutResidual:
-    """Residual power of one trip under a corrector that was fitted without it."""
+    """Residual power of one trip, by a corrector that was fitted without this trip."""
     correction, uncertainty = corrector.predict_with_uncertainty(table)
     segments = process_segments(table, uncertainty, corrector.outside_factor(table))
     climate = corrector.predict_climate(table)

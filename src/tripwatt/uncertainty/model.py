@@ -1,4 +1,4 @@
-"""The uncertainty of a forecasting model: everything that its held-out trips showed of its errors."""
+"""The uncertainty of a forecasting model, estimated from the errors on its held-out trips."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ class UncertaintyModel:
     scale : TotalScale
         Standard deviation of a trip's energy before departure.
     scores : ConformalScores
-        Half widths of intervals in standard deviations.
+        Standardised errors of held-out trips, which give the half widths of intervals.
     shrinkage : UpdateShrinkage
         Share of an update on the way that counts.
     route : RouteUncertainty or None
-        What a planned route adds; None where the training trips could not be cut into links.
+        Uncertainty that a planned route adds; None if the training trips could not be cut into links.
     charge : ChargeScale or None
-        Displayed charge by energy; None where the training trips have too few readings.
+        Conversion of energy to displayed charge; None if the training trips have too few readings.
     free_flow : FreeFlowUncertainty or None
-        Expected travel times of a free-flow route and what they add; None where they were not measured.
+        Expected travel times of a free-flow route and the uncertainty that they add; None if they were not measured.
 
     Examples
     --------
@@ -61,21 +61,21 @@ class UncertaintyModel:
         route: RouteUncertainty | None = None,
         charge: ChargeScale | None = None,
     ) -> UncertaintyModel:
-        """Estimate every part from trips that the corrector was not fitted on. O(trips x segments^3) a step.
+        """Estimate every part from trips that the corrector was not fitted on. O(trips x segments^3) per step of the fit.
 
         Parameters
         ----------
         trips : sequence of HeldOutResidual
             Residual powers of trips that the corrector was not fitted on.
         route : RouteUncertainty, optional
-            Becomes part of the model.
+            Stored in the result as given.
         charge : ChargeScale, optional
-            Becomes part of the model.
+            Stored in the result as given.
 
         Returns
         -------
         UncertaintyModel
-            Without `free_flow`.
+            The uncertainty, without `free_flow`.
 
         Examples
         --------

@@ -1,17 +1,17 @@
 """The residual power of a trip as a Gaussian process over its segments, in two components: driving and climate control.
 
-The residual power of segment t is ``r_t = d_t + c_t``. Each component is ``u + v s_t + g_t z_t + w_t``: a constant `u` and
-a share `v` of the power `s` that the component moves, both of the whole trip (driver, wind, load, set-point), 0 for a
-new trip and known better with every segment that was driven; a drift `z` with an exponential covariance; and `w`, new in
-every segment. At departure a climate control is far from its steady state, so its drift starts wider by ``g_t``. The
-energy to come is a sum over segments: its variance counts the correlation along the trip and is never a root of summed
-variances.
+The residual power of segment t is ``r_t = d_t + c_t``, driving plus climate control. Each component is
+``u + v s_t + g_t z_t + w_t``. The constant `u` and the share `v` of the power `s` that the component moves hold for the whole
+trip (driver, wind, load, set-point); their mean is 0 for a new trip, and every driven segment shows more of them. `z` is a drift
+with an exponential covariance, and `w` is independent in every segment. At departure a climate control is far from its steady
+state, so ``g_t`` makes its drift wider at the start. The energy to come is a sum over segments: its variance includes the
+correlation along the trip.
 
-Where the log has the power of climate control, each component is fitted and updated separately. A burst of a heater
+If the log has the power of climate control, each component is fitted and updated separately. A burst of a heater
 does not last, so the observed climate residual is limited.
 
-`residual_power` conditions it on what was measured: power, with missing or late samples, or a state of charge read now and
-then.
+The module `residual_power` conditions the process on measurements: power, with missing or late samples, or a state of charge
+that is read now and then.
 """
 
 from __future__ import annotations
@@ -30,31 +30,31 @@ _STARTS: Final = {
     "drive": (100.0, 0.05, 300.0, 200.0, 0.5, 0.0, 1.0),
     "climate": (200.0, 0.15, 300.0, 200.0, 50.0, 2.0, 200.0),
 }
-"""Where the search of each component's values starts, in the order of `ComponentProcess`."""
+"""Start values of the fit of each component, in the order of the fields of `ComponentProcess`."""
 EXACT_W2: Final = 1.0
-"""Variance of a fully measured segment's power, which keeps the system well conditioned."""
+"""Variance of the measured power of a fully measured segment [W²]; not 0, which keeps the system well conditioned."""
 
 
 @dataclass(frozen=True, eq=False)
 class Segments:
-    """Segments of one trip, as the process takes them.
+    """Segments of one trip, in the form that the residual process takes.
 
     Attributes
     ----------
     time_s : ndarray, shape (segments,)
-        Middle of each segment.
+        Middle of each segment [s].
     step_s : ndarray, shape (segments,)
-        Length of each segment.
+        Duration of each segment [s].
     moved_w : ndarray, shape (segments,)
-        Power at the wheels, drawn or given back.
+        Power at the wheels, drawn or given back [W].
     climate_w : ndarray, shape (segments,)
-        Simulated power of climate control.
+        Simulated power of climate control [W].
     corrector_sd_wh : float
-        Standard deviation of the corrector's own uncertainty of the trip's energy [Wh].
+        Standard deviation of the trip's energy due to the corrector's own uncertainty [Wh].
     outside_sd_wh : float
-        Standard deviation of what the corrector may have missed outside of its training [Wh].
+        Standard deviation of the trip's energy due to conditions outside the corrector's training [Wh].
     net_wh : float
-        Energy of the trip [Wh].
+        Simulated energy of the trip [Wh].
     distance_m : float
         Length of the trip [m].
 
@@ -79,12 +79,12 @@ class Segments:
 
     @property
     def hours(self) -> FloatArray:
-        """Length of each segment [h]."""
+        """Duration of each segment [h]."""
         return self.step_s / SECONDS_PER_HOUR
 
     @property
     def drive_noise_w(self) -> FloatArray:
-        """Scale of what is new in every segment of the driving component: it grows with the power that is moved [W]."""
+        """Scale of the independent part of driving in each segment [W]; it grows with the power that is moved."""
         # the fit scales both together; choices
         return 100.0 + 0.3 * self.moved_w
 
@@ -98,7 +98,7 @@ class ResidualProcess:
     drive, climate : ComponentProcess
         Processes of driving and of climate control.
     climate_limit_w : float
-        Measured climate power counts as no further than this from what was expected [W].
+        Largest difference of measured from expected climate power that counts [W].
     split : bool
         Whether the components were fitted separately, on logged climate control.
 
@@ -119,19 +119,19 @@ class ResidualProcess:
     split: bool
 
     def prior(self, segments: Segments, component: str = "joint") -> PowerPrior:
-        """Make the distribution of the residual power before anything was observed.
+        """Make the distribution of the residual power before any measurement.
 
         Parameters
         ----------
         segments : Segments
-            Of one trip.
+            Segments of one trip.
         component : {"joint", "drive", "climate"}
             Which component; "joint" is the sum of both.
 
         Returns
         -------
         PowerPrior
-            With mean 0.
+            Distribution with mean 0.
         """
         parts = {
             "drive": (self.drive, segments.moved_w, segments.drive_noise_w),
@@ -146,7 +146,7 @@ class ResidualProcess:
         Parameters
         ----------
         segments : Segments
-            Of one trip.
+            Segments of one trip.
 
         Returns
         -------
@@ -173,21 +173,21 @@ class ResidualProcess:
 
 @dataclass(frozen=True, eq=False)
 class HeldOutResidual:
-    """Residual power of a trip that the mean model has not seen.
+    """Residual power of a trip that was held out of the fit of the corrector.
 
     Attributes
     ----------
     segments : Segments
     residual_w : ndarray, shape (segments,)
-        Observed minus predicted power.
+        Observed minus predicted power [W].
     climate_w : ndarray or None, shape (segments,)
-        Its part of climate control; None where the corrector is joint or climate control was not logged throughout.
+        Part of the residual by climate control [W]; None if the corrector is joint or climate control was not logged throughout.
     climate_expected_w : ndarray or None, shape (segments,)
-        Predicted power of climate control, where `climate_w` is known.
+        Predicted power of climate control [W]; None if `climate_w` is None.
     measured_sd_wh : float
         Standard deviation of the measurement of the trip's energy [Wh].
     along : bool
-        Whether the energy was measured along the trip, and not for the whole trip only.
+        Whether the energy was measured along the trip; False if only the total was measured.
     """
 
     segments: Segments
@@ -204,11 +204,11 @@ class HeldOutResidual:
 
 
 def fit_process(trips: Sequence[HeldOutResidual]) -> ResidualProcess:
-    """Fit the process by maximum likelihood to trips that its mean model has not seen.
+    """Fit the process by penalised maximum likelihood to trips that were held out of the fit of the corrector.
 
-    Where trips log climate control, each component is fitted separately on those trips; else both on the sum.
-    Segments are merged in pairs and all trips are solved at once, by exact gradients. O(trips x segments^3) a step.
-    Where no trip was measured along the way, the process is that of usual values.
+    If trips log climate control, each component is fitted separately on those trips; otherwise both are fitted on the sum.
+    Segments are merged in pairs, and all trips are solved at once with exact gradients. O(trips x segments^3) per step.
+    If no trip was measured along the way, the process has the start values of the fit.
 
     Parameters
     ----------
@@ -218,7 +218,7 @@ def fit_process(trips: Sequence[HeldOutResidual]) -> ResidualProcess:
     Returns
     -------
     ResidualProcess
-        With separate components where a trip logs climate control.
+        Fitted process; `split` is True if any trip logs climate control.
 
     Examples
     --------
@@ -270,7 +270,7 @@ def _fitted(batch: ResidualBatch, components: tuple[str, ...]) -> list[Component
 
 
 def _merged(segments: Segments, residual_w: FloatArray) -> tuple[Segments, FloatArray, FloatArray]:
-    """Two segments in one: means by time; the noise of a mean is that of independent parts, here relative to one segment's."""
+    """Merge segments in pairs: segments and residuals as means over time, and the noise of a mean relative to that of one segment."""
     start = np.arange(0, len(segments), 2)
     step = np.add.reduceat(segments.step_s, start)
     share = segments.step_s / np.repeat(step, np.diff(np.append(start, len(segments))))
@@ -284,7 +284,7 @@ def _merged(segments: Segments, residual_w: FloatArray) -> tuple[Segments, Float
 
 @dataclass(frozen=True, eq=False)
 class ResidualBatch:
-    """Trips side by side, shorter ones filled up with segments that carry no information."""
+    """Trips as rows of arrays; shorter trips are padded with segments that carry no information."""
 
     real: BoolArray
     residual: FloatArray
@@ -296,7 +296,7 @@ class ResidualBatch:
     def from_trips(
         cls, trips: Sequence[HeldOutResidual], what: str, limit_w: float = np.inf
     ) -> ResidualBatch:
-        """`what` is the residual to explain: all of it, its climate part (within a limit) or its driving part."""
+        """Make a batch of trips; `what` is the residual to fit: "joint", "climate" (limited to `limit_w`) or "drive"."""
         rows = []
         for trip in trips:
             left, climate = trip.residual_w, trip.climate_w
@@ -316,7 +316,7 @@ class ResidualBatch:
         return cls(real, residual, time, size, {"drive": drive_noise, "climate": climate_noise})
 
     def cost(self, components: Sequence[str], values: FloatArray) -> tuple[float, FloatArray]:
-        """Negative log likelihood but for a constant, and its gradient by the logarithms of the values."""
+        """Negative log likelihood up to a constant, and its gradient with respect to the logarithms of the values."""
         pairs = self.real[:, :, None] & self.real[:, None, :]
         lag = np.where(pairs, np.abs(self.time[:, :, None] - self.time[:, None, :]), np.inf)
         diagonal = np.arange(self.real.shape[1])

@@ -1,10 +1,11 @@
 """The residual power of one trip before departure and on the way, without the matrix of its covariance.
 
-The process is a linear Gaussian state space: what is constant over the trip (a constant, and shares of the power that is
-moved), drifts with an exponential covariance, and what is new in every segment. Given the measured power of segments, the
-precision of the drifts is a band matrix with the constants as its border (Rue and Held 2005, section 2.4): conditioning
-costs O(segments). The segments to come follow from the constants and from the drifts at the last measured segment. A few
-means over several segments, as readings of the state of charge are, condition by a matrix of their own size.
+The process is a linear Gaussian state space with three parts: terms that are constant over the trip (a constant, and shares
+of the power that is moved), drifts with an exponential covariance, and noise that is independent in every segment. Given the
+measured power of segments, the precision of the drifts is a band matrix with the constants as its border (Rue and Held 2005,
+section 2.4): conditioning costs O(segments). The segments to come follow from the constants and from the drifts at the last
+measured segment. Readings of the state of charge give a few means over several segments; conditioning on them takes a matrix
+with one row per reading.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import numpy as np
 from tripwatt.arrays import BoolArray, FloatArray, IntArray
 
 _TOGETHER: Final = 64
-"""Segments whose drifts are summed with one matrix product."""
+"""Number of segments whose drifts are summed with one matrix product."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,15 +29,15 @@ class ComponentProcess:
     Attributes
     ----------
     constant_sd_w : float
-        Standard deviation of the trip's constant [W].
+        Standard deviation of the error that is constant over a trip [W].
     share_sd : float
-        Standard deviation of the trip's share of the power that the component moves.
+        Standard deviation of the error as a share of the power that the component moves [1].
     drift_sd_w, drift_time_s : float
         Standard deviation [W] and correlation time [s] of the drift.
     noise : float
-        Standard deviation of what is new in each segment, over the component's scale of it.
+        Standard deviation of the independent part of each segment, divided by the component's scale of that part [1].
     onset, onset_time_s : float
-        The drift's variance is ``1 + onset² exp(-t / onset_time_s)`` times as large t seconds after departure.
+        At ``t`` seconds after departure the variance of the drift is ``1 + onset² exp(-t / onset_time_s)`` times as large.
     """
 
     constant_sd_w: float
@@ -51,7 +52,7 @@ class ComponentProcess:
 class ResidualPower(Protocol):
     """Distribution of a trip's residual power.
 
-    A protocol: `PowerPrior` before departure, and what follows from it after measurements.
+    A protocol: implemented by `PowerPrior` before departure, and by the distributions after measurements.
 
     Examples
     --------
@@ -63,7 +64,7 @@ class ResidualPower(Protocol):
 
     @property
     def mean_w(self) -> FloatArray:
-        """Mean of each segment [W], shape (segments,)."""
+        """Mean residual power of each segment [W], shape (segments,)."""
         ...
 
     def energy_wh(self, hours: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -86,7 +87,7 @@ class ResidualPower(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Drift:
-    """A drift of one component: unit variance in time, times `size_w` of each segment."""
+    """A drift of one component: a process of unit variance and correlation time `time_s` [s], times `size_w` of each segment [W]."""
 
     size_w: FloatArray
     time_s: float
@@ -94,18 +95,18 @@ class Drift:
 
 @dataclass(frozen=True, eq=False)
 class PowerPrior:
-    """Distribution of a trip's residual power before departure, of one component or of their sum: mean 0.
+    """Distribution of a trip's residual power before departure, for one component or their sum; its mean is 0.
 
     Attributes
     ----------
     time_s : ndarray, shape (segments,)
         Middle of each segment [s].
     constant_w : ndarray, shape (segments, any)
-        What is constant over the trip, by independent sources of unit variance.
+        Loadings of independent terms of unit variance that are constant over the trip [W].
     drifts : tuple of Drift
-        What changes over the trip.
+        Terms that change slowly over the trip.
     new_w2 : ndarray, shape (segments,)
-        Variance of what is new in each segment.
+        Variance of the independent part of each segment [W²].
 
     Examples
     --------
@@ -134,20 +135,20 @@ class PowerPrior:
     def from_components(
         cls, time_s: FloatArray, parts: list[tuple[ComponentProcess, FloatArray, FloatArray]]
     ) -> PowerPrior:
-        """Sum independent components.
+        """Make the distribution of the sum of independent components.
 
         Parameters
         ----------
         time_s : ndarray, shape (segments,)
             Middle of each segment [s].
         parts : list of tuple
-            For each component its process, the power that it moves [W], shape (segments,), and the scale of what is new in
-            each segment [W], shape (segments,).
+            For each component its process, the power that it moves [W], shape (segments,), and the scale of its independent
+            part in each segment [W], shape (segments,).
 
         Returns
         -------
         PowerPrior
-            Of the sum.
+            Distribution of the sum.
 
         Examples
         --------
@@ -239,11 +240,11 @@ class PowerPrior:
         Parameters
         ----------
         seen : ndarray, shape (measured,)
-            Their numbers, ascending, at least one.
+            Indices of the measured segments, ascending, at least one.
         power_w : ndarray, shape (measured,)
-            Measured residual power.
+            Measured residual power [W].
         variance_w2 : ndarray, shape (measured,)
-            Of the error of each measurement.
+            Variance of the error of each measurement [W²].
 
         Returns
         -------
@@ -283,11 +284,11 @@ class PowerPrior:
         Parameters
         ----------
         weights : ndarray, shape (readings, segments)
-            Each reading is ``weights @ residual power`` plus an independent error.
+            Weights of the segments in each reading, which is ``weights @ residual power`` plus an independent error.
         power_w : ndarray, shape (readings,)
-            Measured means of residual power.
+            Measured means of residual power [W].
         variance_w2 : ndarray, shape (readings,)
-            Of the error of each reading.
+            Variance of the error of each reading [W²].
 
         Returns
         -------
@@ -304,9 +305,9 @@ class PowerPrior:
 
 
 def fading_sums(time_s: FloatArray, values: FloatArray, fading_s: float) -> FloatArray:
-    """``sum over i <= k of values[i] exp(-(t[k] - t[i]) / T)`` for each k, along the first axis. O(values).
+    """``sum over i <= k of values[i] exp(-(t[k] - t[i]) / T)`` for each k, along the first axis; T is `fading_s`. O(values).
 
-    The sums run in pieces: what is before a piece fades as one.
+    The sums run in pieces: the sum before a piece fades as a whole.
     """
     n, columns = len(time_s), values.reshape(len(time_s), -1)
     pieces = -(-n // _TOGETHER)
@@ -322,9 +323,9 @@ def fading_sums(time_s: FloatArray, values: FloatArray, fading_s: float) -> Floa
 
 
 def drift_variance(time_s: FloatArray, weight: FloatArray, fading_s: float) -> FloatArray:
-    """Variance of the cumulative sum of a drift of unit variance times `weight`, at each segment. O(segments).
+    """Variance of the cumulative sum of `weight` times a drift of unit variance, at each segment. O(segments).
 
-    With ``c[k]`` the covariance of that sum and the drift, each segment adds ``w[k] (2 c[k] - w[k])``.
+    Segment k adds ``w[k] (2 c[k] - w[k])``, where ``c[k]`` is the covariance of the sum up to k and the drift at k.
     """
     c = fading_sums(time_s, weight, fading_s)
     return np.asarray(np.cumsum(weight * (2.0 * c - weight)))
@@ -334,8 +335,8 @@ def drift_variance(time_s: FloatArray, weight: FloatArray, fading_s: float) -> F
 class MeasuredPower:
     """Distribution of the residual power after the power of some segments was measured.
 
-    The unknowns are the constants and, up to the last measured segment, the drifts; `X` and `constant_covariance` are
-    those of the bordered band matrix.
+    The unknowns are the constants and, up to the last measured segment, the drifts. `solve` solves with the band of the drifts'
+    precision, `X` is its solution for the border, and `constant_covariance` is the posterior covariance of the constants.
     """
 
     prior: PowerPrior
@@ -347,10 +348,10 @@ class MeasuredPower:
     constant_covariance: FloatArray
 
     def energy_wh(self, hours: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """As of `ResidualPower`. O(segments x (1 + segments behind that count))."""
+        """See `ResidualPower.energy_wh`. O(segments x (1 + past segments with hours that count))."""
         prior, J = self.prior, len(self.prior.drifts)
         last = int(np.flatnonzero(self.seen)[-1])
-        # less of a segment than this was measured as a whole
+        # a segment with less than this left was measured as a whole
         hours = np.where(hours > 1e-9, hours, 0.0)
         known = np.where(self.seen, self.variance_w2 / (prior.new_w2 + self.variance_w2), 1.0)
         behind = np.flatnonzero(hours[: last + 1])
@@ -369,7 +370,7 @@ class MeasuredPower:
         scaled = inner[:m, :m] * np.outer(at, at)
         variance[behind] = np.diff(np.diag(np.cumsum(np.cumsum(scaled, axis=0), axis=1)), prepend=0.0)
         variance = np.cumsum(variance)
-        # ahead: sums over segments of what constants and last drifts give
+        # ahead: sums over segments of the power by the constants and the last drifts
         tail = np.arange(len(hours)) > last
         reach = np.cumsum(np.where(tail, hours, 0.0)[:, None] * self._carried_all(last), axis=0)
         state = np.block([[self.constant_covariance, cross[m:].T], [cross[m:], inner[m:, m:]]])
@@ -382,7 +383,7 @@ class MeasuredPower:
         return np.cumsum(self.mean_w * hours), np.sqrt(np.maximum(variance, 0.0))
 
     def _carried_all(self, last: int) -> FloatArray:
-        """What constants and last drifts give in each segment, shape (segments, constants + drifts)."""
+        """Expected power of each segment by unit constants and unit last drifts [W], shape (segments, constants + drifts)."""
         drifts = [_carried(self.prior, drift, last)[:, None] for drift in self.prior.drifts]
         return np.concatenate([self.prior.constant_w, *drifts], axis=1)
 
@@ -394,9 +395,11 @@ class AveragedPower:
     Attributes
     ----------
     prior : PowerPrior
+        Distribution before the measurements.
     mean_w : ndarray, shape (segments,)
+        Mean after the measurements [W].
     factor_w : ndarray, shape (segments, readings)
-        The covariance is that of the prior less ``factor_w @ factor_w.T``.
+        The covariance is that of the prior minus ``factor_w @ factor_w.T``.
     """
 
     prior: PowerPrior
@@ -404,7 +407,7 @@ class AveragedPower:
     factor_w: FloatArray
 
     def energy_wh(self, hours: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """As of `ResidualPower`. O(segments x readings)."""
+        """See `ResidualPower.energy_wh`. O(segments x readings)."""
         known = np.cumsum(hours[:, None] * self.factor_w, axis=0)
         variance = self.prior.variance_wh2(hours) - np.sum(known**2, axis=1)
         return np.cumsum(self.mean_w * hours), np.sqrt(np.maximum(variance, 0.0))
@@ -412,7 +415,7 @@ class AveragedPower:
 
 @dataclass(frozen=True, eq=False)
 class PowerSum:
-    """The sum of independent parts.
+    """Distribution of the sum of independent residual powers.
 
     Attributes
     ----------
@@ -425,29 +428,29 @@ class PowerSum:
 
     @classmethod
     def from_parts(cls, *parts: ResidualPower) -> PowerSum:
-        """Means add up as they are."""
+        """Add up the means of the parts."""
         return cls(parts, np.sum([part.mean_w for part in parts], axis=0))
 
     def energy_wh(self, hours: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """As of `ResidualPower`; variances add up."""
+        """See `ResidualPower.energy_wh`; the variances of the parts add up."""
         sds = np.array([part.energy_wh(hours)[1] for part in self.parts])
         return np.cumsum(self.mean_w * hours), np.sqrt(np.sum(sds**2, axis=0))
 
 
 @dataclass(frozen=True, eq=False)
 class ShiftedPower:
-    """A distribution with another mean."""
+    """The distribution `of` with another mean, `mean_w`."""
 
     of: ResidualPower
     mean_w: FloatArray
 
     def energy_wh(self, hours: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """As of `ResidualPower`."""
+        """See `ResidualPower.energy_wh`."""
         return np.cumsum(self.mean_w * hours), self.of.energy_wh(hours)[1]
 
 
 def _carried(prior: PowerPrior, drift: Drift, last: int) -> FloatArray:
-    """What a unit of a drift at the last measured segment is expected to give in each segment [W]."""
+    """Expected power of each segment if the drift is 1 at the last measured segment [W]."""
     since = np.maximum(prior.time_s - prior.time_s[last], 0.0)
     return np.asarray(drift.size_w * np.exp(-since / drift.time_s))
 
@@ -455,7 +458,7 @@ def _carried(prior: PowerPrior, drift: Drift, last: int) -> FloatArray:
 def _band_solver(
     prior: PowerPrior, sizes: FloatArray, weight: FloatArray
 ) -> Callable[[FloatArray], FloatArray]:
-    """Solver for the precision of the drifts, of segment after segment, given measured power of weight 1 / variance."""
+    """Return a solver for the precision of the drifts, ordered by segment, given measurements of weight 1 / variance."""
     from scipy.linalg import cho_solve_banded, cholesky_banded
 
     n, J = sizes.shape

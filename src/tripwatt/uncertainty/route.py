@@ -1,10 +1,10 @@
 """The uncertainty that a planned route adds: links describe the speed less well than a driven trace.
 
-While a model is fitted, each training trip is cut into links as a router gives them, a driver model makes a speed
-trace of the links, and the corrector without that trip predicts both: the driven trace and the one made from links.
-The relative difference of the two energies is the error that links cause. Its mean square, by the length of the
-links, is the variance that a forecast of a planned route adds to that of a driven trace. No forecast is shifted: a mean
-difference with a known cause is mended in the driver model, and what is left of it is part of the variance.
+While a model is fitted, each training trip is cut into links as a router gives them, and a driver model makes a speed
+trace of the links. The corrector fitted without that trip predicts the energy of the driven trace and of the trace made from
+links. The relative difference of the two energies is the error that links cause. The mean square of the error, by the length of
+the links, is the variance that a planned route adds to the forecast of a driven trace. No forecast is shifted: a mean difference
+with a known cause is corrected in the driver model, and the rest of it is part of the variance.
 
 The links of the training trips have the travel times that were driven. The error of a router's travel times is not
 included.
@@ -40,11 +40,11 @@ class RouteUncertainty:
     Attributes
     ----------
     length_m : ndarray, shape (lengths,)
-        Ascending.
+        Lengths of the links, ascending [m].
     variance : ndarray, shape (lengths,)
-        Of the energy over the forecast energy; never falls with the length.
+        Variance of the relative error of the energy; never falls with the length.
     trips : int
-        Trips that it was measured on.
+        Number of trips that the variance was measured on.
 
     Examples
     --------
@@ -62,17 +62,17 @@ class RouteUncertainty:
 
     @classmethod
     def from_differences(cls, differences: FloatArray) -> RouteUncertainty | None:
-        """Learn the variance from relative differences of energies.
+        """Estimate the variance from relative differences of energies.
 
         Parameters
         ----------
         differences : ndarray, shape (trips, len(LENGTHS_M))
-            From `LinkedTrips.differences` [1], NaN where there is none.
+            Result of `LinkedTrips.differences` [1]; NaN for trips without one.
 
         Returns
         -------
         RouteUncertainty or None
-            None with too few trips.
+            None if fewer than 5 trips have differences.
         """
         known = differences[np.isfinite(differences).all(axis=1)]
         # three variances from fewer trips would be chance; a choice
@@ -82,9 +82,9 @@ class RouteUncertainty:
         return cls(np.array(LENGTHS_M), variance, len(known))
 
     def share(self, link_m: float) -> float:
-        """Standard deviation over the energy for links of a length.
+        """Relative standard deviation of the energy for links of a length.
 
-        The variance is linear in between and from 0 m; beyond the longest length it stays.
+        The variance is interpolated linearly between the measured lengths and from 0 at 0 m; it is constant beyond the longest.
 
         Parameters
         ----------
@@ -102,12 +102,12 @@ class RouteUncertainty:
 
 @dataclass(frozen=True, eq=False)
 class LinkedTrips:
-    """Training trips as made from their links.
+    """Training trips as driven by the driver model on their links.
 
     Attributes
     ----------
     tables : tuple of tuple of SegmentTable
-        For each trip its segments on links of every length of `LENGTHS_M`, or nothing where it was not cut.
+        For each trip its segments on links of every length of `LENGTHS_M`; an empty tuple if the trip was not cut.
 
     Examples
     --------
@@ -131,26 +131,26 @@ class LinkedTrips:
         Parameters
         ----------
         members : sequence of int
-            Their places.
+            Indices of the trips.
 
         Returns
         -------
         LinkedTrips
-            In the order of `members`.
+            The trips in the order of `members`.
         """
         return LinkedTrips(tuple(self.tables[int(i)] for i in members))
 
     def differences(self, corrector: PowerCorrector, driven: SegmentTable, members: IntArray) -> FloatArray:
-        """Predict trips on links and on their driven trace, by a corrector that was fitted on neither, and compare.
+        """Compare the predicted energies of trips on links with those on their driven traces.
 
         Parameters
         ----------
         corrector : PowerCorrector
-            Fitted without these trips.
+            A corrector fitted without these trips.
         driven : SegmentTable
             All trips, on their driven traces.
         members : ndarray of int
-            Which of them.
+            Indices of the trips to compare.
 
         Returns
         -------
@@ -178,9 +178,9 @@ def energies(corrector: PowerCorrector, table: SegmentTable) -> FloatArray:
 
 
 def linked_trips(trips: Sequence[Trip], vehicle: Vehicle) -> LinkedTrips:
-    """Cut trips into links and let a driver drive these. O(samples) for each length.
+    """Cut trips into links and simulate a driver on the links. O(samples) for each length.
 
-    Of more than `MOST_TRIPS` trips, so many are cut, evenly chosen. Trips that do not move are not.
+    If there are more than `MOST_TRIPS` trips, only that many are cut, evenly chosen. Trips that do not move are not cut.
 
     Parameters
     ----------
@@ -192,7 +192,7 @@ def linked_trips(trips: Sequence[Trip], vehicle: Vehicle) -> LinkedTrips:
     Returns
     -------
     LinkedTrips
-        One entry for each trip, empty where it was not cut.
+        One entry for each trip; the entry is empty if the trip was not cut.
 
     Examples
     --------

@@ -15,17 +15,19 @@ from tripwatt.uncertainty.process import ResidualProcess, Segments
 from tripwatt.units import SECONDS_PER_HOUR
 
 T_VARIANCE: Final = TAIL_DF / (TAIL_DF - 2.0)
-"""Variance of this distribution over its squared scale. What is outside of the training has the standard deviation of a prior, and so a
-scale that is smaller by the root of it."""
+"""Ratio of variance to squared scale of a t distribution with `TAIL_DF` degrees of freedom.
+
+The part outside of the training has the standard deviation of a prior; dividing it by the root of this ratio gives its scale."""
 _START: Final = np.array([100.0, 200.0, 0.03, 1.0])
-"""Usual sizes of the parts: 100 Wh of every trip, 200 W of its time, 3 % of the energy moved, the corrector's own in full; choices."""
+"""Usual sizes of the parts: 100 Wh for every trip, 200 W for its time, 3 % of the energy moved, and the corrector's own uncertainty in
+full; choices."""
 _LOG_SD: Final = 2.0
-"""Of the log-normal priors around these: a part may well be seven times as large or as small; a choice."""
+"""Standard deviation of the log-normal priors around the usual sizes: a part may well be seven times as large or as small; a choice."""
 
 
 @dataclass(frozen=True, slots=True)
 class TimeCourse:
-    """How the error of a power adds up over a trip: a constant adds up in full, drifts in part, the faster the less.
+    """Growth of the error of energy over a trip: a constant error of power adds up in full, a drift the less the faster it changes.
 
     Attributes
     ----------
@@ -45,23 +47,23 @@ class TimeCourse:
 
     @classmethod
     def from_process(cls, process: ResidualProcess) -> TimeCourse:
-        """Constants and drifts of both components."""
+        """Take the constants and drifts of both components of a process."""
         parts = (process.drive, process.climate)
         constant = float(np.hypot(process.drive.constant_sd_w, process.climate.constant_sd_w))
         drifts = tuple((part.drift_sd_w, part.drift_time_s) for part in parts if part.drift_sd_w > 0.0)
         return cls(constant, drifts)
 
     def hours(self, hours: float) -> float:
-        """Hours of a constant error with the same standard deviation: at most the duration [h].
+        """Duration of a constant error of power that gives the same standard deviation of energy [h]; at most `hours`.
 
-        The integral of a drift over a time ``t`` has the variance ``2 sd² T² (t / T - 1 + exp(-t / T))``.
+        The integral of a drift over a time ``t`` has the variance ``2 sd² T² (t / T - 1 + exp(-t / T))``, T its correlation time.
         """
         square = (self.constant_w * hours) ** 2 + self.drift_wh2(hours)
         whole = self.constant_w**2 + sum(sd_w**2 for sd_w, _ in self.drifts)
         return float(np.sqrt(square / whole)) if whole > 0.0 else hours
 
     def drift_wh2(self, hours: Any) -> Any:
-        """Variance of the energy by the drifts alone [Wh²], which two parts of a journey do not share; hours are a number or an array."""
+        """Variance of the energy due to the drifts [Wh²], which two parts of a journey do not share; `hours` is a number or an array."""
         seconds = np.asarray(hours) * SECONDS_PER_HOUR
         parts = [
             2.0 * (sd_w * time_s) ** 2 * (seconds / time_s + np.expm1(-seconds / time_s))
@@ -72,25 +74,26 @@ class TimeCourse:
 
 @dataclass(frozen=True, eq=False)
 class TotalScale:
-    """Standard deviation of a trip's energy: independent parts that grow with the trip.
+    """Standard deviation of a trip's energy, the sum of independent parts.
 
-    ``sd² = a² + (b hours)² + (c moved)² + (d corrector)² + outside² / 2``: an error of every trip, one of every hour (climate
-    control, auxiliaries), a share of the energy moved at the wheels, the corrector's own uncertainty of a trip unlike
-    those of its training, and in full what it may have missed outside of their range: a standard deviation, of which the scale of the errors'
-    t distribution is the root of a half. The hours count as the errors of
-    power add up: those of a drift cancel in part on a long trip. Where the growth with the trip was not seen, the errors
-    of hours and of energy together are at least `least_share` of the energy moved: no error grows faster than the trip.
+    ``sd² = a² + (b hours)² + (c moved)² + (d corrector)² + outside² / 2``. The parts are an error of every trip, an error per hour
+    (climate control, auxiliaries), a share of the energy moved at the wheels, the corrector's own uncertainty of a trip unlike
+    those of its training, and the uncertainty of conditions outside the training range. The last is a standard deviation; the
+    factor 1/2 converts it to the scale of the t distribution of the errors. The hours are those of `TimeCourse.hours`, because
+    drifts cancel in part on a long trip. If the training trips do not show how errors grow with the trip, the errors by hours and
+    by energy together are at least `least_share` of the energy moved: no error grows faster than the trip.
 
     Attributes
     ----------
     values : ndarray, shape (4,)
         ``a`` [Wh], ``b`` [W], ``c`` and ``d`` [1].
     course : TimeCourse
-        How the errors of power add up over time.
+        Growth of the errors of power over time.
     least_share : float
-        0 where trips of many lengths were seen.
+        Least share of the energy moved; 0 if trips of many lengths were seen.
     net_shares : (float, float)
-        Shares of the net energy, one that stays at any length and one over a kilometre, which evens out: of a car with few trips of its own or none.
+        Relative errors of the net energy, for a car with few or no trips of its own: one that is the same at any length, and one over
+        a kilometre, which evens out with the distance.
 
     Examples
     --------
@@ -106,7 +109,7 @@ class TotalScale:
     net_shares: tuple[float, float] = (0.0, 0.0)
 
     def net_sd_wh(self, net_wh: float, moved_wh: float, distance_m: float) -> float:
-        """Compute the standard deviation by the shares of the net energy.
+        """Compute the part of the standard deviation due to `net_shares`.
 
         Parameters
         ----------
@@ -134,7 +137,7 @@ class TotalScale:
         Parameters
         ----------
         segments : Segments
-            Of one trip.
+            Segments of one trip.
 
         Returns
         -------
@@ -149,19 +152,19 @@ class TotalScale:
         return float(np.linalg.norm([parts[0], growing, parts[3], outside, net]))
 
     def with_share(self, share: float, energy_over_moved: float) -> TotalScale:
-        """Add a share of every energy, such as by a capacity that is not well known; that of the energy moved carries it.
+        """Add a relative error of every energy, such as by an uncertain capacity; it is added to the share of the energy moved.
 
         Parameters
         ----------
         share : float
-            Relative standard deviation of every energy.
+            Relative standard deviation of every energy [1].
         energy_over_moved : float
-            Energy of the trips over the energy moved at their wheels.
+            Energy of the trips divided by the energy moved at their wheels [1].
 
         Returns
         -------
         TotalScale
-            As wide or wider.
+            A scale that is as wide or wider.
 
         Examples
         --------
@@ -180,23 +183,25 @@ class TotalScale:
         course: TimeCourse | None = None,
         measured_sd_wh: FloatArray | float = 0.0,
     ) -> TotalScale:
-        """Estimate the parts: maximum a posteriori of t-distributed errors, with log-normal priors around usual values. O(trips) a step.
+        """Estimate the parts from errors of held-out trips. O(trips) per step.
+
+        The estimate is the maximum a posteriori for t-distributed errors, with log-normal priors around usual values.
 
         Parameters
         ----------
         trips : sequence of Segments
-            One for each held-out trip.
+            Segments of each held-out trip.
         errors_wh : ndarray, shape (trips,)
             Measured minus predicted energy of each trip [Wh].
         course : TimeCourse, optional
-            How the errors of power add up over time; without drift by default.
+            Growth of the errors of power over time; without drift by default.
         measured_sd_wh : ndarray or float
-            Standard deviation of the measurement of each trip's energy [Wh]; the variance of an error has both parts.
+            Standard deviation of the measurement of each trip's energy [Wh]; its square is part of the variance of an error.
 
         Returns
         -------
         TotalScale
-            With `least_share` 0.
+            Estimated scale, with `least_share` 0.
 
         Examples
         --------
@@ -222,8 +227,8 @@ class TotalScale:
             gradient = (slope / variance) @ (2.0 * parts) + logs / _LOG_SD**2
             return float(value.sum() + 0.5 * np.sum((logs / _LOG_SD) ** 2)), gradient
 
-        # the corrector's own uncertainty counts at most in full, as it does for a car without trips: more of it would
-        # stand in for errors that grow with the trip, and leave the models of other cars without these
+        # the factor of the corrector's own uncertainty is at most 1, as for a car without trips: a larger factor would
+        # replace errors that grow with the trip, and the models of other cars would lack these
         bounds = [(-6.0, 6.0)] * 3 + [(-6.0, 0.0)]
         logs_of_parts = minimize(cost, np.zeros(4), jac=True, method="L-BFGS-B", bounds=bounds).x
         return cls(_START * np.exp(logs_of_parts), course)

@@ -14,27 +14,27 @@ from tripwatt.uncertainty.process import EXACT_W2, HeldOutResidual, ResidualProc
 from tripwatt.uncertainty.residual_power import PowerPrior, ResidualPower, ShiftedPower
 
 FRACTIONS: Final = (0.1, 0.25, 0.375, 0.5, 0.75, 0.9)
-"""Measured fractions of a trip for which shares are learned; a choice, between them they are linear."""
+"""Measured fractions of a trip for which shares are estimated; a choice. Between the fractions shares are linear."""
 SURE: Final = 1.645
-"""Standard errors to the lower end of a one-sided confidence interval of 95 %."""
+"""Number of standard errors to the lower end of a one-sided confidence interval of 95 %."""
 COMPONENTS: Final = ("climate", "drive", "joint", "off")
 
 
 @dataclass(frozen=True, eq=False)
 class UpdateShrinkage:
-    """Share of the process's update of the rest that is taken, by the fraction of the trip that was measured.
+    """Share of the process's update that is applied to the rest of a trip, by the measured fraction of the trip.
 
-    The share is the one that explains the standardised errors of the rest over held-out trips best, at the lower
-    end of its confidence interval: only an improvement beyond chance counts. It lies between 0 (the departure forecast of the
-    rest stands) and 1 (the process is right), and never falls as more is measured. Climate control, which is measured
-    separately, comes first; driving explains the remainder. `joint` is for samples without the power of climate control.
+    The share is the one that best explains the standardised errors of the rest over held-out trips, at the lower end of its
+    confidence interval: only an improvement beyond chance counts. The share lies between 0 (the departure forecast of the rest
+    stands) and 1 (the update is applied in full), and never falls as more is measured. Climate control, which is measured
+    separately, is fitted first; driving explains the remainder. `joint` is for samples without the power of climate control.
 
-    Climate control that was off so far mostly stays off. `off` is the share of its expected power that the rest then
-    does without, by least absolute errors over all fractions; it takes the place of `climate`.
+    If climate control was off so far, it mostly stays off. `off` is the share of its expected power that the rest then saves, by
+    least absolute errors over all fractions; it is used instead of `climate`.
 
-    The intervals on the way are scaled by a factor: the 90 % point of the standardised errors of the rest over that of
-    the errors before departure. It is held so that the mean width over the held-out trips never grows on the way: that
-    chance errors of few trips are larger after a quarter than after a tenth is no reason to know less.
+    The intervals on the way are scaled by a factor: the 90 % point of the standardised errors of the rest over that of the errors
+    before departure. The factor is limited so that the mean width over the held-out trips never grows on the way: larger chance
+    errors of few trips at a later fraction do not widen the intervals.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class UpdateShrinkage:
     split_sd_factor, joint_sd_factor : ndarray, shape (len(FRACTIONS),)
         Factor of the standard deviation of the rest, with separate and with joint components.
     off : ndarray, shape (len(FRACTIONS),)
-        Share of the expected power of climate control.
+        Share of the expected power of climate control that the rest saves if it was off so far.
 
     Examples
     --------
@@ -64,21 +64,21 @@ class UpdateShrinkage:
     def from_trips(
         cls, process: ResidualProcess, trips: Sequence[HeldOutResidual], scale_wh: FloatArray
     ) -> UpdateShrinkage:
-        """Learn the shares from held-out trips. O(segments of all trips).
+        """Estimate the shares from held-out trips. O(segments of all trips).
 
         Parameters
         ----------
         process : ResidualProcess
-            Of the residual power.
+            Process of the residual power.
         trips : sequence of HeldOutResidual
-            Trips that the corrector was not fitted on; without one nothing is known of updates, and all shares are 0.
+            Trips that the corrector was not fitted on; if there are none, all shares are 0.
         scale_wh : ndarray, shape (trips,)
             Standard deviation of each trip's energy before departure [Wh].
 
         Returns
         -------
         UpdateShrinkage
-            At the fractions `FRACTIONS`.
+            Shares and factors at the fractions `FRACTIONS`.
 
         Examples
         --------
@@ -137,7 +137,7 @@ class UpdateShrinkage:
         Returns
         -------
         float
-            0 to 1; 0 before departure.
+            Share, 0 to 1; 0 before departure.
         """
         values: FloatArray = getattr(self, component)
         return float(np.interp(fraction, (0.0, *FRACTIONS), np.concatenate(([0.0], values))))
@@ -155,7 +155,7 @@ class UpdateShrinkage:
         Returns
         -------
         float
-            1 before departure.
+            Factor; 1 before departure.
         """
         values = self.split_sd_factor if split else self.joint_sd_factor
         return float(np.interp(fraction, (0.0, *FRACTIONS), np.concatenate(([1.0], values))))
@@ -163,14 +163,14 @@ class UpdateShrinkage:
     def applied(
         self, component: str, posterior: ResidualPower, ahead: BoolArray, fraction: float
     ) -> ResidualPower:
-        """Shrink the mean of every segment of which a part is still to come.
+        """Shrink the mean of every segment that is at least partly still to come.
 
         Parameters
         ----------
         component : {"climate", "drive", "joint", "off"}
-            Whose share is applied.
+            Component whose share is applied.
         posterior : ResidualPower
-            The residual power after what was measured.
+            The residual power after the measurements.
         ahead : ndarray of bool, shape (segments,)
             Whether a part of the segment is still to come.
         fraction : float
@@ -179,7 +179,7 @@ class UpdateShrinkage:
         Returns
         -------
         ResidualPower
-            The posterior with other means and the same covariance.
+            The posterior with shrunk means and the same covariance.
 
         Examples
         --------
@@ -196,10 +196,10 @@ class UpdateShrinkage:
 
 
 def _off_share(off: FloatArray, not_drawn: FloatArray, scale_wh: FloatArray) -> float:
-    """Share of the expected power that climate control does without after it was off: least absolute error.
+    """Share of the expected power that climate control saves after it was off, by least absolute error.
 
-    Shapes (fractions, trips); `off` is 0 where it was not off. A driver leaves it off or turns it on, so the middle counts
-    and not the mean. 0 for too few trips.
+    `off` and `not_drawn` are energies of the rest, shape (fractions, trips): see `_rest`; `off` is 0 if climate control was not off.
+    A driver leaves it off or turns it on, so the estimate is a weighted median. Returns 0 if there are too few trips.
     """
     stays = off != 0.0
     # a share of fewer trips would be chance; a choice
@@ -213,7 +213,7 @@ def _off_share(off: FloatArray, not_drawn: FloatArray, scale_wh: FloatArray) -> 
 
 
 def _rests(process: ResidualProcess, trip: HeldOutResidual) -> list[tuple[float, ...]]:
-    """`_rest` of each of `FRACTIONS`."""
+    """Return `_rest` for each of `FRACTIONS`."""
     split = process.split and trip.climate_w is not None
     names = ("joint", "climate", "drive") if split else ("joint",)
     priors = {name: process.prior(trip.segments, name) for name in names}
@@ -223,10 +223,10 @@ def _rests(process: ResidualProcess, trip: HeldOutResidual) -> list[tuple[float,
 def _rest(
     process: ResidualProcess, trip: HeldOutResidual, priors: Mapping[str, PowerPrior], fraction: float
 ) -> tuple[float, ...]:
-    """Energy of the rest beyond the departure forecast [Wh].
+    """Energy of the rest beyond the departure forecast [Wh], as eight numbers.
 
-    Observed; expected by climate, driving and both jointly; its standard deviation, split and joint. Where climate control
-    was off so far, what the rest takes less if it stays off, and what climate control then took less; else 0.
+    1: observed. 2 to 4: expected by climate, by driving and by both jointly. 5 and 6: standard deviation, split and joint.
+    7 and 8, only if climate control was off so far, else 0: the change if it stays off, and the observed change by climate control.
     """
     segments, left = trip.segments, trip.residual_w
     share = np.cumsum(segments.step_s) / segments.step_s.sum()
@@ -256,7 +256,7 @@ def _rest(
 
 
 def is_off(climate_w: FloatArray, step_s: FloatArray) -> bool:
-    """Whether measured climate control was off: in every segment, and for long enough to know.
+    """Whether measured climate control was off in every segment, for at least two minutes.
 
     Examples
     --------
@@ -273,9 +273,9 @@ def _point(errors: FloatArray) -> float:
 
 
 def _best_share(truth: FloatArray, expected: FloatArray, scale_wh: FloatArray) -> float:
-    """Share of `expected` that explains `truth`, held in 0..1.
+    """Share of `expected` that explains `truth`, 0 to 1.
 
-    Regression of standardised errors through the origin: the lower end of the slope's one-sided confidence interval.
+    It is the lower end of the one-sided confidence interval of the slope, in a regression of standardised errors through the origin.
     """
     t, x = truth / scale_wh, expected / scale_wh
     size = float(x @ x)
