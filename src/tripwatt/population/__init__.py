@@ -1,4 +1,4 @@
-"""A model for a car: the model's own, another one without a trip, and one with a few trips."""
+"""Models for cars: for a model's own car, for another car without trips, and for one with a few trips."""
 
 from tripwatt.population.adapting import Adaptation, adapt_model, adaptation, without_trips
 from tripwatt.population.cars import for_car

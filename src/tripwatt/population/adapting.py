@@ -1,6 +1,6 @@
-"""A fitted model on another car: that car's own physics, what cars have in common, and the trips that it has.
+"""Adapting a fitted model to another car: that car's own physics, the population of cars, and the trips of the car.
 
-The base gives what is not of one car: how errors run along a trip, on planned routes and in travel times.
+The base model contributes the parts that do not depend on the car: errors along a trip, of planned routes and of travel times.
 """
 
 from __future__ import annotations
@@ -35,35 +35,35 @@ ADAPTED: Final = "population"
 """Name of the corrector of a model on another car."""
 
 PRIOR_TRIPS: Final = 20.0
-"""Weight of the usual scores beside the own trips', in trips: twice the fewest that show a 90 % interval at all."""
+"""Weight of the usual scores against those of own trips, in trips: twice the fewest trips that show a 90 % interval at all."""
 
 
 _LEVELS: Final = 40
-"""Scores that a model on another car keeps."""
+"""Number of scores that a model on another car keeps."""
 
 PROTOCOL: Final = "own trips, each forecast before it was learned"
 
 
 @dataclass(frozen=True, eq=False)
 class Adaptation:
-    """A model on its car, and what was learned of the car.
+    """A base model adapted to a car, with the factors estimated from the car's trips.
 
     Attributes
     ----------
     base : ForecastModel
-        What is not of one car comes from it.
+        Model that contributes the parts that do not depend on the car.
     vehicle : Vehicle
         The car as it is expected on the road.
     experts : Experts
-        What is known of its factors.
+        Estimates of the car's factors.
     evidence : TripEvidence
-        Its trips.
+        Evidence of the car's trips.
     innovations : Innovations
-        Forecasts of these, each before it was learned.
+        Forecasts of these trips, each made before the trip was used.
     ranges : mapping of str to Range
-        Of the quantities that forecasts compare with own trips; empty before the first.
+        Ranges of the quantities that forecasts compare with own trips; empty before the first trip.
     roads : ndarray, shape (trips, 9), or None
-        Of the trips, as of `tripwatt.hybrid.segments.driven_roads`, with the simulated energy of driving.
+        Roads of the trips from `tripwatt.hybrid.segments.driven_roads`, with the simulated energy of driving.
 
     Examples
     --------
@@ -88,43 +88,43 @@ class Adaptation:
 
     @classmethod
     def before_trips(cls, base: ForecastModel, vehicle: Vehicle, cars: Population) -> Adaptation:
-        """Take a car with its published values and without a trip as one of a population.
+        """Start from a car with its published values and without trips, as one car of a population.
 
         Parameters
         ----------
         base : ForecastModel
-            Fitted.
+            A fitted model.
         vehicle : Vehicle
             The car with its published values.
         cars : Population
-            What is known of other cars.
+            Population of other cars.
 
         Returns
         -------
         Adaptation
-            Without trips.
+            Adaptation without trips.
         """
         experts = cars.experts(vehicle)
         evidence = TripEvidence.empty()
         return cls(base, on_road(vehicle), experts, evidence, experts.learn(evidence)[1])
 
     def with_trips(self, trips: Sequence[Trip]) -> Adaptation:
-        """Learn trips after those that were learned, each forecast by what was known before it. O(samples).
+        """Add trips after the earlier ones; each trip is forecast before it is used. O(samples).
 
         Parameters
         ----------
         trips : sequence of Trip
-            Of the car, at least one, with measured energy, in the order in which they are learned.
+            At least one trip of the car with measured energy, in the order in which they are added.
 
         Returns
         -------
         Adaptation
-            With these trips as well.
+            Adaptation with these trips as well.
 
         Raises
         ------
         InvalidInput
-            When there is no trip, or one has no measured energy.
+            If there is no trip, or a trip has no measured energy.
         """
         table = segment_trips(trips, self.vehicle)
         evidence, ranges = TripEvidence.from_table(table, self.vehicle), training_ranges(table)
@@ -135,21 +135,21 @@ class Adaptation:
     def with_evidence(
         self, evidence: TripEvidence, ranges: Mapping[str, Range], roads: FloatArray | None = None
     ) -> Adaptation:
-        """Learn trips of which the energies by factor are known already. O(trips x experts x factors^2).
+        """Add trips whose energies by factor were computed before. O(trips x experts x factors^2).
 
         Parameters
         ----------
         evidence : TripEvidence
-            Of trips with measured energy, in the order in which they are learned.
+            Evidence of trips with measured energy, in the order in which they are added.
         ranges : mapping of str to Range
-            Of the quantities that forecasts compare with own trips, over all trips of the result.
+            Ranges of the quantities that forecasts compare with own trips, over all trips of the result.
         roads : ndarray, shape (trips, 9), optional
-            As `Adaptation.roads`, of all trips of the result.
+            Roads of all trips of the result, see `Adaptation.roads`.
 
         Returns
         -------
         Adaptation
-            With these trips as well.
+            Adaptation with these trips as well.
         """
         experts, seen = self.experts.learn(evidence)
         return replace(
@@ -163,12 +163,12 @@ class Adaptation:
 
     @property
     def changes(self) -> Mapping[str, tuple[float, float]]:
-        """Mean change of each factor and its standard deviation, relative or in kW as its unit is."""
+        """Mean change of each factor and the standard deviation of the mean, in the unit of the factor (relative or kW)."""
         return self.experts.corrector(self.vehicle).changes
 
     @property
     def model(self) -> ForecastModel:
-        """The model of the car: it forecasts and is stored like any other. Without a base that is fitted it raises `InvalidInput`."""
+        """The model of the car, which forecasts and is stored like any other; raises `InvalidInput` if the base is not fitted."""
         _, usual = self.base.fitted_parts("base")
         own = (self.evidence.residual_wh - self.innovations.mean_wh) / self.innovations.sd_wh
         noise = self.experts.noise_scale**0.5
@@ -204,28 +204,28 @@ class Adaptation:
 def adaptation(
     base: ForecastModel, trips: Sequence[Trip], vehicle: Vehicle, cars: Population | None = None
 ) -> Adaptation:
-    """Put a fitted model on another car, with that car's trips. O(samples).
+    """Adapt a fitted model to another car, with that car's trips. O(samples).
 
     Parameters
     ----------
     base : ForecastModel
-        Fitted.
+        A fitted model.
     trips : sequence of Trip
-        Of the new car, at least one, with measured energy. They are learned in the order of their dates where all have one.
+        At least one trip of the new car with measured energy. If all trips have a date, they are used in the order of their dates.
     vehicle : Vehicle
         The new car with its published values.
     cars : Population, optional
-        What is known of other cars; those of the package and the base's by default.
+        Population of other cars; by default the cars of the package and that of the base.
 
     Returns
     -------
     Adaptation
-        Its model forecasts like any other.
+        The adaptation; its `model` forecasts like any other.
 
     Raises
     ------
     InvalidInput
-        When the base is not fitted, there is no trip, or one has no measured energy.
+        If the base is not fitted, there is no trip, or a trip has no measured energy.
 
     Examples
     --------
@@ -247,25 +247,27 @@ def adaptation(
 def with_travel_times(
     base: ForecastModel, trips: Sequence[Trip], vehicle: Vehicle, cars: Population
 ) -> ForecastModel:
-    """Replace a base's travel times of an empty road by those of trips whose logs carry the speed limit. O(trips x samples).
+    """Replace the base's travel times of an empty road by those of trips whose logs have the speed limit. O(trips x samples).
 
-    What the times add to the uncertainty is measured on each trip with the times of the others, by the car without trips.
+    The uncertainty that the travel times add is measured on each trip with the times of the other trips, by the model of the car
+    without trips.
 
     Parameters
     ----------
     base : ForecastModel
-        Fitted.
+        A fitted model.
     trips : sequence of Trip
-        Of the car, with measured energy.
+        Trips of the car with measured energy.
     vehicle : Vehicle
         The car with its published values.
     cars : Population
-        What is known of other cars.
+        Population of other cars.
 
     Returns
     -------
     ForecastModel
-        The base itself with fewer than `tripwatt.uncertainty.free_flow.LEAST_TRIPS` such trips.
+        The base with the new travel times. The base itself if fewer than `tripwatt.uncertainty.free_flow.LEAST_TRIPS` trips have a
+        speed limit.
     """
     known = [trip for trip in trips if trip.has("speed_limit_m_s")]
     if len(known) < LEAST_TRIPS:
@@ -281,28 +283,29 @@ def with_travel_times(
 
 @one_blas_thread
 def without_trips(base: ForecastModel, vehicle: Vehicle, cars: Population | None = None) -> ForecastModel:
-    """Put a fitted model on a car without a measured trip.
+    """Adapt a fitted model to a car without measured trips.
 
-    How far a car is from its published values is as uncertain as between the cars with trips, and all of that is in the interval.
+    The difference of a car from its published values is as uncertain as the spread between the cars with trips; the intervals include
+    all of this uncertainty.
 
     Parameters
     ----------
     base : ForecastModel
-        Fitted.
+        A fitted model.
     vehicle : Vehicle
         The car without trips.
     cars : Population, optional
-        As for `adaptation`.
+        Population of other cars, as for `adaptation`.
 
     Returns
     -------
     ForecastModel
-        Of the car.
+        Model for the car.
 
     Raises
     ------
     InvalidInput
-        When the base is not fitted.
+        If the base is not fitted.
 
     Examples
     --------
@@ -318,19 +321,19 @@ def without_trips(base: ForecastModel, vehicle: Vehicle, cars: Population | None
 
 
 def population_of(base: ForecastModel, *, of_car: bool = False) -> Population:
-    """Join the cars of the package and that of a base which they do not have.
+    """Join the cars of the package and the car of a base model, if the package does not have its car model.
 
     Parameters
     ----------
     base : ForecastModel
-        Its trips count where it has their evidence.
+        Base model; its trips count if the model has their evidence.
     of_car : bool
-        Whether the base's trips take the place of those that the package has of its car model: for that car, changed.
+        Whether the base's trips replace those of the package for its car model; for a changed version of the base's car.
 
     Returns
     -------
     Population
-        That of the package, with or without the car of the base.
+        Population of the package, with or without the car of the base.
 
     Examples
     --------
@@ -352,17 +355,17 @@ def population_of(base: ForecastModel, *, of_car: bool = False) -> Population:
 
 
 def in_order(trips: Iterable[Trip]) -> list[Trip]:
-    """Sort trips with measured energy by their departure; without a date of each they stay as they are.
+    """Sort trips with measured energy by departure; the order is kept if a trip has no date.
 
     Parameters
     ----------
     trips : iterable of Trip
-        In any order; those without measured energy are left out.
+        Trips in any order; those without measured energy are left out.
 
     Returns
     -------
     list of Trip
-        In the order in which they are learned.
+        Trips in the order in which a model uses them.
 
     Examples
     --------
@@ -379,7 +382,7 @@ def in_order(trips: Iterable[Trip]) -> list[Trip]:
 def adapt_model(
     fleet: TripSet, vehicle: Vehicle, base: ForecastModel, about_base: Mapping[str, Any]
 ) -> tuple[ForecastModel, dict[str, Any], dict[str, Any]]:
-    """Audit a car's logs, adapt a stored model to the sound trips, and keep where both come from.
+    """Audit a car's logs, adapt a stored model to the sound trips, and collect the provenance of both.
 
     Parameters
     ----------
@@ -390,17 +393,17 @@ def adapt_model(
     base : ForecastModel
         The stored model, of another car.
     about_base : mapping
-        The base's metadata, as `load_metadata` gives them.
+        The base's metadata, from `load_metadata`.
 
     Returns
     -------
     model, provenance, evaluation
-        As of `fit_with_provenance`; the provenance nests the base's with its digest.
+        See `fit_with_provenance`; the provenance contains that of the base with its digest.
 
     Raises
     ------
     InvalidInput
-        When the base is not fitted, or no sound trip has measured energy.
+        If the base is not fitted, or no sound trip has measured energy.
 
     Examples
     --------
@@ -423,20 +426,20 @@ def adapt_model(
 
 
 def about_adaptation(done: Adaptation, about_base: Mapping[str, Any]) -> dict[str, Any]:
-    """Give what was learned of a car, and the base, as plain values.
+    """Return the results of an adaptation, and its base, as plain values.
 
     Parameters
     ----------
     done : Adaptation
-        The car.
+        The adaptation to a car.
     about_base : mapping
-        The base's metadata, as `load_metadata` gives them.
+        The base's metadata, from `load_metadata`.
 
     Returns
     -------
     dict
-        `adapted`: trips, probability of each kind of expert, variance of the errors over the usual one, and each factor with its
-        unit; `base`: digest, version of tripwatt, model and provenance.
+        `adapted`: number of trips, probability of each kind of expert, variance of the errors relative to the usual one, and each
+        factor with its unit. `base`: digest, version of tripwatt, model and provenance.
 
     Examples
     --------
@@ -460,10 +463,11 @@ def about_adaptation(done: Adaptation, about_base: Mapping[str, Any]) -> dict[st
 
 
 def scores_of(own: FloatArray) -> ConformalScores:
-    """Join the standardised errors of a t distribution and those of own trips, of which the latest count most.
+    """Combine usual standardised errors, of a t distribution, with those of own trips; the latest trips count most.
 
-    The usual ones count as `PRIOR_TRIPS` trips, so that one trip alone neither narrows nor blows up an interval, and have the
-    scale of all. Own ones fade as the experts' evidence does, so that the coverage follows a car whose errors change.
+    The usual errors count as `PRIOR_TRIPS` trips, so that one trip alone changes an interval little; they are scaled to the size of
+    all errors. The weight of own errors fades as that of the experts' evidence does, so that the coverage follows a car whose errors
+    change.
 
     Parameters
     ----------
@@ -473,7 +477,7 @@ def scores_of(own: FloatArray) -> ConformalScores:
     Returns
     -------
     ConformalScores
-        As many as a model on another car keeps.
+        `_LEVELS` scores, the quantiles of the combined distribution.
 
     Examples
     --------
@@ -485,7 +489,7 @@ def scores_of(own: FloatArray) -> ConformalScores:
     usual = np.array([t4_half_width(level) for level in levels.tolist()]) / np.sqrt(T_VARIANCE)
     fading = MEMORY ** np.arange(len(own))[::-1]
     share = PRIOR_TRIPS / (PRIOR_TRIPS + fading.sum())
-    # beyond three standard deviations an error counts no more for the scale; a choice
+    # for the scale, errors are limited to three standard deviations; a choice
     usual *= np.sqrt(share + (1.0 - share) * (fading @ np.minimum(own**2, 9.0)) / max(fading.sum(), 1.0))
     weight = np.append(np.full(_LEVELS, share / _LEVELS), fading * (1.0 - share) / max(fading.sum(), 1.0))
     values = np.append(usual, np.abs(own))
@@ -496,7 +500,7 @@ def scores_of(own: FloatArray) -> ConformalScores:
 
 
 def _joined(base: Mapping[str, Range], own: Mapping[str, Range]) -> dict[str, Range]:
-    """Ranges over the trips of both cars; an input that the car's log lacks has none."""
+    """Ranges over the trips of both cars; `NEVER_KNOWN` for an input that the car's log lacks."""
     return {
         name: _both(old, own[name]) if name in own and np.isfinite(own[name].low) else NEVER_KNOWN
         for name, old in base.items()
@@ -504,12 +508,12 @@ def _joined(base: Mapping[str, Range], own: Mapping[str, Range]) -> dict[str, Ra
 
 
 def _widened(before: Mapping[str, Range], now: Mapping[str, Range]) -> dict[str, Range]:
-    """Ranges of own trips with further ones."""
+    """Ranges of own trips, widened to further trips."""
     return {name: _both(before.get(name, new), new) for name, new in now.items()}
 
 
 def _both(one: Range, other: Range) -> Range:
-    """A range over two; where one is not known, the other."""
+    """Range that covers two ranges; if one is unknown, returns the other."""
     if not np.isfinite(one.low):
         return other
     if not np.isfinite(other.low):

@@ -1,4 +1,4 @@
-"""A fitted model put on a car. Cars are compared by value, never by name, title or source."""
+"""Putting a fitted model on a car. Cars are compared by their values, never by title or source."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tripwatt.vehicles.catalogue import beyond_classes, mass_range_kg
 from tripwatt.vehicles.spreads import CLASS_ANCHORS
 
 MOST_NAMED: Final = 5
-"""Changed values that are named each; the rest is counted."""
+"""Largest number of changed values that are named; the others are counted."""
 
 _NO_ENERGY: Final = "charging"
 """Section of a car on which the energy of a trip does not depend."""
@@ -26,27 +26,27 @@ def for_car(
 ) -> ForecastModel:
     """Put a model on a car: `ForecastModel.flags` of the result go into each of its forecasts.
 
-    A car of another name and other values is another car. A car of the model's name with other values is the model's car, changed:
-    what its trips identified stays where nothing was changed, and the correction is as uncertain as on another car, since the trips
-    were of the unchanged one. Values that trips changed count as equal to the published ones.
+    A car with another name and other values is another car. A car with the model's name and other values is the model's car, changed.
+    It keeps the values identified from trips, except the changed ones. Its correction is as uncertain as that of another car, because
+    the trips were of the unchanged car. Values that trips changed count as equal to the published ones.
 
     Parameters
     ----------
     model : ForecastModel or path, optional
-        A fitted model, or the folder of one; the model that comes with the package when not given.
+        A fitted model, or the folder of a stored one; the model that comes with the package if not given.
     car : Vehicle or str, optional
-        A car, or the name of one of the library, or of the model's car; the model's own when not given.
+        A car, or the name of a car of the library or of the model's car; the model's own car if not given.
 
     Returns
     -------
     ForecastModel
-        Of the car. Its flags name that the car has no trips, or each value in which it differs from the model's car. The same
-        object for the model's own car, unless its charging power differs.
+        Model for the car. Its flags state that the car has no trips, or name each value that differs from the model's car. For the
+        model's own car the given model itself is returned, unless the charging power differs.
 
     Raises
     ------
     InvalidInput
-        When there is no such model or car, or the model is not fitted.
+        If there is no such model or car, or the model is not fitted.
 
     Examples
     --------
@@ -69,7 +69,7 @@ def for_car(
     if car.name != own.name:
         flags = (Flag("no_trips_of_car", own.title), *_beyond_flags(car))
         return replace(without_trips(fitted, car), flags=flags)
-    # the correction was fitted with the model's values as they are, which need not be carried from a test to the road
+    # the correction was fitted with the model's values, so these are not converted from a test to the road
     changed = replace(with_differences(own, changes, car), anchor="road")
     cars = population_of(fitted, of_car=True)
     return replace(without_trips(fitted, changed, cars), flags=_changed_flags(changes))
@@ -83,7 +83,7 @@ def _changed_flags(changes: Sequence[Difference]) -> tuple[Flag, ...]:
 
 
 def _beyond_flags(vehicle: Vehicle) -> tuple[Flag, ...]:
-    """That values of a class are extrapolated to a car that is lighter or heavier than every car of the library."""
+    """Flag for values of a class that are extrapolated to a car lighter or heavier than every car of the library."""
     mass = vehicle.body.curb_mass_kg
     if vehicle.anchor not in CLASS_ANCHORS or not beyond_classes(mass):
         return ()

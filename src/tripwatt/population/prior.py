@@ -1,8 +1,9 @@
-"""What cars have in common: how far a car of the road is from its simulation, factor by factor, before it has a trip.
+"""The population of cars: how far a car on the road is from its simulation, factor by factor, before it has a trip.
 
-Each vehicle deviates from what all cars have in common by its car model and by itself, driver and log included. The means and the spreads of
-both are at the maximum of their posterior given sums of the trips of vehicles (`tripwatt.hybrid.groups`). What certified consumption shows of the spread
-between models counts as many cars as it rests on; the rest is assumed and counts as `ASSUMED_DF` cars. `Population.to_frame` prints both.
+Each vehicle deviates from the common mean of all cars by its car model and by itself, driver and log included. The means and the
+spreads of both are at the maximum of their posterior given sums of the trips of vehicles (`tripwatt.hybrid.groups`). The spread between
+models that certified consumption shows counts as many cars as it is based on. The other spreads are assumed and count as `ASSUMED_DF`
+cars. `Population.to_frame` prints both.
 """
 
 from __future__ import annotations
@@ -27,33 +28,33 @@ from tripwatt.vehicles.catalogue import beyond_classes, mass_range_kg
 from tripwatt.vehicles.spreads import CLASS_ANCHORS, spreads
 
 ROOT_SD: Final = 0.35
-"""Prior standard deviation of what all cars have in common, over that between cars: simulations are made to be right on average."""
+"""Prior standard deviation of the common mean of all cars, relative to that between cars: simulations are right on average."""
 
 LEVEL_SDS: Final = np.array([[f.models / f.sd, f.vehicles / f.sd] for f in FACTORS]).T
 """Standard deviations between car models and between vehicles before any trip, in usual standard deviations, shape (2, factors)."""
 
 _LOG_SDS: Final = np.sqrt(0.5 / np.array([[f.df, ASSUMED_DF] for f in FACTORS])).T.ravel()
-"""Of the logarithms of these: that of a standard deviation of n degrees of freedom has about this standard deviation."""
+"""Standard deviations of the logarithms of `LEVEL_SDS`: about sqrt(0.5 / n) for a standard deviation of n degrees of freedom."""
 
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """Where the sums of a vehicle come from.
+    """Origin of the sums of a vehicle.
 
     Attributes
     ----------
     car_model : str
-        Name of its car, such as "nissan_leaf_24".
+        Name of the vehicle's car model, such as "nissan_leaf_24".
     vehicle : str
         Name of the vehicle itself.
     dataset : str
         Name of the data set, such as "tum".
     trips : int
-        Trips in the sums.
+        Number of trips in the sums.
     citation : str
-        Whom to cite for the data set.
+        Citation of the data set.
     licence : str
-        Of the data set.
+        Licence of the data set.
     """
 
     car_model: str
@@ -66,16 +67,16 @@ class Source:
 
 @dataclass(frozen=True, eq=False)
 class Population:
-    """Cars with trips, as sums, and what follows for a car without any.
+    """Cars with trips, as sums, and the prior for a car without trips.
 
     Attributes
     ----------
     sums : Sums
-        Groups are pairs of car model and vehicle; features are the factors in usual standard deviations.
+        Sums of the trips. Groups are pairs of car model and vehicle; features are the factors in usual standard deviations.
     sources : tuple of Source
-        One for each vehicle: its data set, citation and licence.
+        Data set, citation and licence of each vehicle.
     logs : tuple of float
-        Logarithms of the spreads, as of `Scales.logs`, where they were found before: their search imports slow modules.
+        Logarithms of the spreads, see `Scales.logs`, if they were fitted before; empty otherwise. The fit imports slow modules.
 
     Examples
     --------
@@ -119,12 +120,12 @@ class Population:
         Parameters
         ----------
         cars : sequence of (Source, TripEvidence)
-            Each vehicle and what its trips show, simulated with its values as on the road.
+            Each vehicle and the evidence of its trips, simulated with its values as on the road.
 
         Returns
         -------
         Population
-            Of these vehicles alone.
+            Population of these vehicles only.
         """
         total = Sums.empty(len(NAMES))
         for source, evidence in cars:
@@ -137,31 +138,31 @@ class Population:
         Parameters
         ----------
         datasets : collection of str
-            Names of data sets, as of `Source.dataset`; others are ignored.
+            Names of data sets, see `Source.dataset`; unknown names are ignored.
 
         Returns
         -------
         Population
-            Of the other vehicles.
+            Population of the other vehicles.
         """
         kept = tuple(source for source in self.sources if source.dataset not in datasets)
         groups = {(source.car_model, source.vehicle) for source in kept}
         return Population(self.sums.take([i for i, g in enumerate(self.sums.groups) if g in groups]), kept)
 
     def with_car(self, source: Source, evidence: TripEvidence) -> Population:
-        """Add the trips of one more vehicle, which take the place of those of its car model.
+        """Add the trips of one more vehicle, which replace those of its car model.
 
         Parameters
         ----------
         source : Source
             The vehicle.
         evidence : TripEvidence
-            What its trips show.
+            Evidence of the vehicle's trips.
 
         Returns
         -------
         Population
-            Of the vehicles of all other car models, and this one.
+            Population of the vehicles of all other car models and this one.
         """
         others = [i for i, (model, _) in enumerate(self.sums.groups) if model != source.car_model]
         own = evidence.sums(source.car_model, source.vehicle)
@@ -181,10 +182,10 @@ class Population:
         return group_posterior(self.sums, self._scales)
 
     def experts(self, vehicle: Vehicle) -> Experts:
-        """Make what is believed of a car without trips.
+        """Make the prior of a car without trips.
 
-        A car model with trips of other vehicles starts from these. Values of a class are less certain than the car's own, the more so the
-        further its mass is from the library's cars.
+        If there are trips of other vehicles of its car model, the prior starts from these. If the car has the values of a class, the
+        prior is wider, the more so the further the car's mass is from those of the library's cars.
 
         Parameters
         ----------
@@ -194,7 +195,7 @@ class Population:
         Returns
         -------
         Experts
-            Before any trip; factors are in usual standard deviations.
+            Experts before any trip; factors are in usual standard deviations.
         """
         mean, covariance = self._posterior.weights(vehicle.name)
         if not self.sums.groups:  # a tree without cars has no levels
@@ -203,14 +204,14 @@ class Population:
         return Experts.from_prior(mean, covariance, shift, variance)
 
     def to_frame(self) -> pd.DataFrame:
-        """Give the mean of each factor over cars, its spread between cars, and what both rest on.
+        """Table of the mean of each factor over cars, its spread between cars, and the sources of the spread.
 
         Returns
         -------
         DataFrame
-            One row for each factor. Its unit, "1" for a relative change or "kW"; in this unit the mean over cars with its standard
-            deviation, and the standard deviation between cars; what was known of the latter before any trip, between car models and between vehicles of
-            one model, each with its degrees of freedom, and the source of both.
+            One row for each factor: its unit, "1" for a relative change or "kW"; in this unit the mean over cars with its standard
+            deviation, and the standard deviation between cars. Then the prior standard deviations before any trip, between car models
+            and between vehicles of one model, each with its degrees of freedom, and their source.
         """
         mean = self._posterior.weights()[0]
         root = np.sqrt(np.diag(self._posterior.covariance[0]))
@@ -233,12 +234,12 @@ class Population:
         return pd.DataFrame(rows, index=pd.Index(NAMES, name="factor"), columns=columns)
 
     def to_dict(self) -> dict[str, Any]:
-        """Give plain values, as the file that comes with the package has them.
+        """Return plain values, as in the file that comes with the package.
 
         Returns
         -------
         dict
-            `factors`, the usual standard deviation of each; `sources`; and `sums` as nested lists.
+            `factors`, the usual standard deviation of each; `sources`; `sums` as nested lists; and `logs` of the spreads.
         """
         arrays = self.sums.to_arrays()
         sources = [{name: getattr(s, name) for name in Source.__slots__} for s in self.sources]
@@ -248,22 +249,22 @@ class Population:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Population:
-        """Make a population of plain values: the reverse of `to_dict`.
+        """Make a population from plain values: the reverse of `to_dict`.
 
         Parameters
         ----------
         values : mapping
-            As of `to_dict`.
+            Values from `to_dict`.
 
         Returns
         -------
         Population
-            With the same sums and sources.
+            Population with the same sums and sources.
 
         Raises
         ------
         KeyError, TypeError or ValueError
-            When they are no such values.
+            If the values are not those of a population.
         """
         sums = Sums.from_arrays({name: np.array(value) for name, value in values["sums"].items()})
         return cls(sums, tuple(Source(**source) for source in values["sources"]), tuple(values["logs"]))
@@ -274,12 +275,12 @@ POPULATION_FILE: Final = Path(__file__).parent / "data" / "population.json"
 
 @cache
 def population() -> Population:
-    """Load the cars whose trips may be used by everybody: sums that `python -m tools.data.population` makes.
+    """Load the population of the package, from trips that everybody may use: sums by `python -m tools.data.population`.
 
     Returns
     -------
     Population
-        That of the package, read once.
+        Population of the package; the file is read once.
 
     Examples
     --------
@@ -290,7 +291,7 @@ def population() -> Population:
 
 
 def _beyond_values(vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
-    """What is expected of a car because of what its values are anchored to: shift of the mean, and variance that is added."""
+    """Shift of the prior mean and added variance for a car, by the anchor of its values, each of shape (factors,)."""
     shift, variance = np.zeros(len(NAMES)), np.zeros(len(NAMES))
     beyond = beyond_classes(vehicle.body.curb_mass_kg) if vehicle.anchor in CLASS_ANCHORS else 0.0
     for name, width in spreads(vehicle.anchor, beyond).items():
