@@ -1,7 +1,7 @@
 """Where physics meets statistics: simulated energy, and a correction fitted to its error.
 
-`trip_table` holds trips sample by sample, `segments` in short time bins; `power` corrects the power of segments from
-what is known before departure. In both ``residual = observed - simulated`` and ``predicted = simulated + correction``.
+`trip_table` holds trips sample by sample, and `segments` in short time bins; `power` corrects the power of segments from
+quantities known before departure. In both, ``residual = observed - simulated`` and ``predicted = simulated + correction``.
 """
 
 from tripwatt.hybrid.baselines import EnergyRegression, PhysicsOnly

@@ -1,4 +1,4 @@
-"""Models of the energy of trips without a learner: the simulation alone, and linear regressions."""
+"""Baseline models of the energy of trips: the simulation alone, and linear regressions."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class PhysicsOnly:
         Returns
         -------
         PhysicsOnly
-            Itself.
+            The model itself.
         """
         return self
 
@@ -66,18 +66,18 @@ class PhysicsOnly:
 
 @dataclass
 class EnergyRegression:
-    """Linear regression of a trip's energy on running totals, least squares of the relative error.
+    """Linear regression of a trip's energy on running totals, by least squares of the relative error.
 
-    Rows of the least-squares problem are trips, divided by the trip's observed energy; no intercept. The totals are
-    running sums, so the same coefficients give the energy along the trip. With `simulation`, the simulated energy is
-    the first regressor's stand-in for distance (coefficient free).
+    Rows of the least-squares problem are trips, divided by the trip's observed energy; there is no intercept. The totals are
+    running sums, so the same coefficients give the energy along the trip. With `simulation`, the simulated energy is the first
+    regressor, with a free coefficient.
 
     Parameters
     ----------
     regressors : tuple of str
         Columns of `TripTable.totals`.
     simulation : str or None
-        Physics preset whose energy is one more regressor.
+        Physics preset whose energy is an additional regressor.
     coefficients_ : ndarray, shape (regressors,)
         Energy per unit of each regressor [Wh per unit], set by `fit`; with `simulation` first that of the simulated energy [1].
 
@@ -107,7 +107,7 @@ class EnergyRegression:
         Returns
         -------
         EnergyRegression
-            Itself.
+            The model itself.
         """
         last = table.last_rows
         observed = table.observed_wh[last]

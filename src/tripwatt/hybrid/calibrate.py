@@ -1,4 +1,4 @@
-"""Calibrate a few uncertain values of a car on its own logged trips, shrunk to the published values."""
+"""Calibration of a few uncertain values of a car on its own logged trips, shrunk to the published values."""
 
 from __future__ import annotations
 
@@ -17,24 +17,25 @@ from tripwatt.vehicles import Vehicle
 TAIL_DF: Final = 4.0
 """Degrees of freedom of the trips' t errors, as Lange, Little and Taylor (1989) advise for few data."""
 USUAL_ERROR: Final = 0.05
-"""Error of a trip's energy with the right values, as a share of it: wind, traffic, and what the log does not hold."""
+"""Usual relative error of a trip's energy with the right values: wind, traffic, and influences that the log lacks."""
 USUAL_DF: Final = 4.0
-"""Trips that the usual error counts for beside the own ones; a choice."""
+"""Weight of the usual error, in trips; a choice."""
 LEAST_TRIPS: Final = 3
-"""A choice, because fewer trips show next to nothing of several values."""
+"""Fewest trips to calibrate on; a choice, because fewer trips show next to nothing of several values."""
 
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """Relative changes of a car's values, as trips show them.
+    """Relative changes of a car's values, estimated from trips.
 
     Attributes
     ----------
     changes : dict of str to float
-        By name of `parameters`.
+        Relative change of each of `parameters`, by name.
     sd : dict of str to float
-        Standard deviation of each; its prior width where the trips carry no information.
+        Standard deviation of each change; its prior width if the trips carry no information.
     trips : int
+        Number of trips.
     """
 
     changes: Mapping[str, float]
@@ -42,21 +43,21 @@ class Calibration:
     trips: int
 
     def __str__(self) -> str:
-        """One line for people."""
+        """One line of text."""
         values = [f"{name} {change:+.0%} (± {self.sd[name]:.0%})" for name, change in self.changes.items()]
         return f"calibrated on {self.trips} trips: {', '.join(values)}"
 
     def applied(self, vehicle: Vehicle) -> Vehicle:
-        """The car with the changed values; parameters without an entry of their own stay."""
+        """Return the car with the changed values; parameters without an entry of the car have no effect."""
         return changed(vehicle, self.changes, source=f"calibrated on {self.trips} trips")
 
 
 def calibrate(trips: Sequence[Trip], vehicle: Vehicle) -> Calibration:
     """Most probable changes of the car's uncertain values, from the energies of whole trips.
 
-    The residual of each trip's energy is linear in small changes; each change is normal around 0 with its published
-    width, the trips' errors follow a t distribution whose scale is estimated along. Segments within a trip are far from
-    independent, so only totals count. O(samples) for each value and a few solutions of a small system.
+    The residual of each trip's energy is linear in small changes. Each change is normal around 0 with its published width; the
+    trips' errors follow a t distribution whose scale is estimated as well. Segments within a trip are far from independent, so
+    only totals count. O(samples) for each value and a few solutions of a small system.
 
     Parameters
     ----------
@@ -67,7 +68,7 @@ def calibrate(trips: Sequence[Trip], vehicle: Vehicle) -> Calibration:
     Raises
     ------
     InvalidInput
-        With fewer than `LEAST_TRIPS` trips, or a trip without measured energy.
+        If there are fewer than `LEAST_TRIPS` trips, or a trip has no measured energy.
 
     Examples
     --------
@@ -97,12 +98,12 @@ def most_probable(
 ) -> tuple[FloatArray, FloatArray]:
     """Posterior mode and covariance of a regression with t errors, by iterated weights (Lange et al. 1989).
 
-    The errors' scale is known beforehand to be about `usual_wh`, as if from `USUAL_DF` trips: a few trips could be met
-    exactly by so many values, and the scale would vanish.
+    The scale of the errors has a prior at `usual_wh` that counts as `USUAL_DF` trips. Without it, the values could fit a few trips
+    exactly, and the scale would vanish.
     """
     mean: FloatArray = np.zeros(len(width))
     weight = np.ones(len(residual))
-    # a bound of the time: the weights settle in fewer passes
+    # bounds the time: the weights settle in fewer passes
     for _ in range(20):
         left = residual - X @ mean
         known = float(np.sum(weight * left**2)) + USUAL_DF * usual_wh**2

@@ -1,4 +1,4 @@
-"""Climate power as a log has it: in all, or heater and air conditioner where both are logged and plausible."""
+"""Logged power of climate control: the logged total, or heater plus air conditioner if both are logged and plausible."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from tripwatt.auditing.signals import blank_stuck_heater
 CLIMATE_COLUMNS: Final = ("heating_power_w", "aircon_power_w")
 CLIMATE_IN_ALL: Final = "climate_power_w"
 TOLD_BY: Final = (*CLIMATE_COLUMNS, "requested_heating_power_w", CLIMATE_IN_ALL)
-"""Columns that `logged_climate` reads: the requested power shows whether the heater's signal is stuck."""
+"""Columns that `logged_climate` reads; the requested power shows whether the heater's signal is stuck."""
 
 
 def logged_climate(samples: pd.DataFrame, edges_s: FloatArray) -> FloatArray | None:
     """Mean electric power of heater and air conditioner between edges. O(samples).
 
-    Their logged sum counts before the sum of the two.
+    The logged total is preferred to the sum of the two columns.
 
     Parameters
     ----------
@@ -30,8 +30,8 @@ def logged_climate(samples: pd.DataFrame, edges_s: FloatArray) -> FloatArray | N
     Returns
     -------
     ndarray or None, shape (segments,)
-        [W]; NaN where a segment was not logged for long enough. None without their sum or both columns, or when the
-        heater's signal is stuck: one of the two alone is not their sum.
+        Mean power [W]; NaN if a segment was not logged for long enough. Returns None if the log has neither the total nor both
+        columns, or if the heater's signal is stuck.
 
     Examples
     --------
@@ -50,13 +50,13 @@ def logged_climate(samples: pd.DataFrame, edges_s: FloatArray) -> FloatArray | N
     energy = np.concatenate(([0.0], np.cumsum(np.where(known, mean * step, 0.0))))
     covered = np.diff(np.interp(edges_s, time, seconds))
     gained = np.diff(np.interp(edges_s, time, energy))
-    # the mean of a segment counts where half of its time is logged; a choice
+    # the mean of a segment counts if half of its time is logged; a choice
     enough = covered >= 0.5 * np.diff(edges_s)
     return np.where(enough, gained / np.where(enough, covered, 1.0), np.nan)
 
 
 def _climate_power(samples: pd.DataFrame) -> FloatArray | None:
-    """Power of heater and air conditioner at each sample [W]; None when not logged."""
+    """Power of heater and air conditioner at each sample [W]; None if not logged."""
 
     def logged(name: str) -> bool:
         return name in samples and bool(samples[name].notna().any())

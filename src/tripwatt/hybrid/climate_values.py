@@ -1,4 +1,4 @@
-"""Values of a climate control from the logged power of heater and compressor."""
+"""Identification of values of a climate control from the logged power of heater and compressor."""
 
 from __future__ import annotations
 
@@ -18,23 +18,24 @@ from tripwatt.vehicles import Climate, Vehicle
 INTERIOR_WIDTH: Final = 0.7
 """Prior standard deviation of the logarithm of the interior heat capacity: a factor of two of the mass that takes part."""
 COOLER_WIDTH: Final = 0.4
-"""Prior standard deviation of the logarithm of sensible cooling over electric power: published figures of 2.5 to 3.5 in total, of which drying
-the air, hot surfaces and the cooling of the battery take power that does not follow from the set-point."""
+"""Prior standard deviation of the logarithm of sensible cooling over electric power. Published totals are 2.5 to 3.5; a part of the power
+goes to drying the air, hot surfaces and cooling the battery, which does not follow from the set-point."""
 IDLE_WIDTH_W: Final = 300.0
-"""Prior standard deviation of the least power: hardly any, because no source has one."""
+"""Prior standard deviation of the compressor's least power [W]: wide, because no source gives this power."""
 FARTHEST: Final = 3.0
-"""Prior standard deviations beyond which a value comes from a dead or misnamed signal, and not from the car: the published one stays."""
+"""Number of prior standard deviations beyond which a value is taken to come from a dead or misnamed signal; the published value is then
+kept."""
 LEAST_TRIPS: Final = 3
 """Fewest trips with a signal before it changes anything."""
 
 
 @dataclass(frozen=True, eq=False)
 class ClimateRecord:
-    """Logged power of heater and air conditioner by minutes, and what the cabin model needs to follow it.
+    """Logged power of heater and air conditioner by minutes, and the inputs of the cabin model for the same minutes.
 
-    `speed_m_s` are those of the steps of the control. `ends` are the times in such steps from which to which samples have the lengths
-    `lengths`: from minute to minute, and the last sample, whose interval is shorter. `samples` are those of each minute; `least_w` is
-    the least power of the compressor, NaN where it hardly ran.
+    `speed_m_s` are the speeds at the steps of the control. `ends` are times in such steps: the ends of the minutes and of the last
+    sample, whose interval may be shorter; `lengths` are the intervals of the samples between them. `samples` is the number of samples
+    and `power_w` the mean power of each minute. `least_w` is the least power of the compressor, NaN if it hardly ran.
     """
 
     speed_m_s: FloatArray
@@ -50,7 +51,10 @@ class ClimateRecord:
     def from_trip(
         cls, trip: Trip, vehicle: Vehicle, climate_w: FloatArray, compressor_w: FloatArray
     ) -> ClimateRecord | None:
-        """Of a trip at equal steps, the last of which may be shorter; None where it is too short, or the car has no climate control."""
+        """Make the record of a trip with equal time steps, of which the last may be shorter.
+
+        Returns None if the trip is too short, or the car has no climate control.
+        """
         if vehicle.climate is None or len(trip) < 120:
             return None
         conditions, time = conditions_at_departure(vehicle, trip.departure), trip.array("time_s")
@@ -77,7 +81,7 @@ class ClimateRecord:
 def climate_values(
     records: Sequence[ClimateRecord], vehicle: Vehicle
 ) -> dict[str, float | tuple[float, ...]]:
-    """Interior heat capacity of the cabin, and in warm air the compressor's least power and power for the cooling."""
+    """Interior heat capacity of the cabin and, from trips in warm air, the compressor's least power and cooling efficiency."""
     climate = vehicle.climate
     assert climate is not None  # else there is no record
     names = ["interior_heat_capacity_j_k"]
@@ -97,9 +101,9 @@ def climate_values(
 
 
 def _scaled(climate: Climate, name: str, width: float, records: Sequence[ClimateRecord]) -> Climate:
-    """The climate control with one value times the factor that follows the logged power by minutes best.
+    """Scale one value of a climate control by the factor that fits the logged power by minutes best.
 
-    As it is where the best factor is `FARTHEST` widths away: such a log is not of this signal.
+    Returns the climate control unchanged if the best factor is `FARTHEST` widths away: such a log does not have this signal.
     """
     from scipy.optimize import minimize_scalar  # scipy is slow to import
 
@@ -123,7 +127,7 @@ def _scaled(climate: Climate, name: str, width: float, records: Sequence[Climate
 
 
 def _by_minute(climate: Climate, records: Sequence[ClimateRecord]) -> FloatArray:
-    """Simulated power of heater and compressor by minutes [W], all trips one after the other."""
+    """Simulated power of heater and compressor by minutes [W], of all trips in order."""
     controls = [control_values(climate, r.ambient_temperature_degc, r.start) for r in records]
     steps = control_steps(controls, [r.speed_m_s for r in records])
     powers = []

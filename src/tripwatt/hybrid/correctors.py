@@ -27,7 +27,7 @@ POWER_CORRECTORS: Final[Mapping[str, Callable[[int], PowerCorrector]]] = {
     "split": split_corrector,
     "ensemble": lambda seed: EnsembleCorrector([GPCorrector(), boosting_corrector(seed)]),
 }
-"""Name -> a fresh corrector, made from a seed."""
+"""Name -> function that makes an unfitted corrector from a seed."""
 
 STORABLE: Final = ("linear", "gp", "boosting", "forest", "split", "ensemble")
 """Correctors that can be stored: all but the GAMM."""
@@ -43,19 +43,19 @@ def power_corrector(corrector: str | Corrector, seed: int = 0) -> PowerCorrector
     Parameters
     ----------
     corrector : str or Corrector
-        One of `POWER_CORRECTORS`, the name of one of an installed package, or an object from outside.
+        One of `POWER_CORRECTORS`, the name of a corrector of an installed package, or an object from outside.
     seed : int
-        Of all its random choices.
+        Seed of the corrector's random choices.
 
     Returns
     -------
     PowerCorrector
-        With its usual settings.
+        Unfitted corrector with its usual settings.
 
     Raises
     ------
     InvalidInput
-        On an unknown name, and for an object that cannot be fitted.
+        If the name is unknown, or the object cannot be fitted.
 
     Examples
     --------
@@ -75,7 +75,7 @@ def power_corrector(corrector: str | Corrector, seed: int = 0) -> PowerCorrector
 
 
 def corrector_name(corrector: str | Corrector) -> str:
-    """The name of a corrector: that of its class for an object from outside.
+    """Name of a corrector; for an object from outside, the name of its class.
 
     Examples
     --------
@@ -87,7 +87,7 @@ def corrector_name(corrector: str | Corrector) -> str:
 
 
 def fresh_corrector(name: str, seed: int, like: PowerCorrector) -> PowerCorrector:
-    """A corrector that is not fitted, which corrects climate control apart where a fitted one does.
+    """Make an unfitted corrector that treats climate control, separately or jointly, as a fitted corrector does.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def fresh_corrector(name: str, seed: int, like: PowerCorrector) -> PowerCorrecto
         One of `POWER_CORRECTORS`.
     seed : int
     like : PowerCorrector
-        A fitted one of the same name.
+        A fitted corrector of the same name.
     """
     corrector = power_corrector(name, seed)
     if isinstance(corrector, SplitCorrector) and isinstance(like, SplitCorrector):

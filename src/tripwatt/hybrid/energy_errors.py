@@ -1,4 +1,4 @@
-"""How well the measured energies of trips are known, beside their segments."""
+"""Errors of the measured energies of trips."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from tripwatt.vehicles import Vehicle
 
 
 def unknown_climb_wh(plan: Plan, vehicle: Vehicle) -> float:
-    """Standard deviation of a trip's energy by the climb of its road [Wh]; 0 where the heights are known.
+    """Standard deviation of a trip's energy due to the unknown climb of its road [Wh]; 0 if the heights are known.
 
-    The potential energy: losses come on top of it on the way up and are saved on the way down. It is that of the core of the climbs,
-    because errors with heavy tails are expected of trips anyway.
+    It is the potential energy of a typical climb: losses are added on the way up and saved on the way down. The far tails of the
+    distribution of climbs are left out, because errors of trips are expected to have heavy tails anyway.
 
     Examples
     --------
@@ -42,11 +42,11 @@ class EnergyErrors:
     Attributes
     ----------
     own_wh : ndarray, shape (trips,)
-        Standard deviation of each energy that is independent of other trips [Wh]; 0 where it is negligible.
+        Standard deviation of each energy, independent of other trips [Wh]; 0 if negligible.
     common : ndarray, shape (trips,)
-        Relative standard deviation that all energies of the car have in common.
+        Relative standard deviation of the error that all energies of the car share [1].
     along : ndarray of bool, shape (trips,)
-        Whether the energy was measured along the trip; an energy from the state of charge counts for the whole trip only.
+        Whether the energy was measured along the trip; an energy from the state of charge counts only for the whole trip.
     """
 
     own_wh: FloatArray
@@ -55,7 +55,7 @@ class EnergyErrors:
 
     @classmethod
     def from_trip(cls, trip: Trip, climb_wh: float = 0.0) -> EnergyErrors:
-        """Of one trip; the unknown climb of its road is an error of its energy."""
+        """Make the errors of one trip; `climb_wh`, by the unknown climb of its road, counts as an error of the energy."""
         along = not trip.observed_energy_std_wh or {"voltage_v", "current_a"} <= set(trip.samples.columns)
         return cls(
             np.array([math.hypot(trip.observed_energy_own_std_wh, climb_wh)]),
@@ -64,10 +64,10 @@ class EnergyErrors:
         )
 
     def take(self, members: IntArray) -> EnergyErrors:
-        """Those of some of the trips."""
+        """Take the errors of some of the trips, by index."""
         return EnergyErrors(self.own_wh[members], self.common[members], self.along[members])
 
     @classmethod
     def join(cls, parts: Sequence[EnergyErrors]) -> EnergyErrors:
-        """Side by side."""
+        """Join the errors of several sets of trips, in order."""
         return cls(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(cls)))

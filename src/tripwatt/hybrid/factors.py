@@ -1,8 +1,9 @@
-"""Named factors by which a car on the road differs from its simulation, and what the trips of a car show of them.
+"""Named factors by which a car on the road differs from its simulation, and the evidence of trips on these factors.
 
-The residual energy of a trip, observed minus simulated, is linear in a few factors with names: everything is larger by a share, road load,
-drivetrain, base load, heating, cooling; losses in the cold and with changes of speed; loads below freezing and while the car warms up; shares around a
-temperature. Their features follow from the simulation, so a car needs no second simulation for them.
+The residual energy of a trip, observed minus simulated, is linear in a few named factors. There are relative changes of everything, of
+road load, drivetrain, base load, heating and cooling; losses in the cold and with changes of speed; loads below freezing and while the
+car warms up; and relative changes around a temperature. The energies by factor follow from the simulation of the car; no second
+simulation is needed.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from tripwatt.vehicles import Vehicle
 EVERYTHING: Final = "everything"
 CLIMATE: Final = ("heating", "cooling")
 BY_SPEED: Final = ("rolling", "air", "drivetrain", "base_load", "transients")
-"""Factors whose energy over that of driving differs from road to road in the same air."""
+"""Factors whose share of the driving energy differs between roads at the same outside temperature."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,17 +35,17 @@ class Factor:
     ----------
     name : str
     sd : float
-        Unit in which weights are kept: about the standard deviation between all cars.
+        Usual standard deviation, in which weights are measured: about that between all cars.
     unit : str
-        "1" for a relative change of what the simulation gives, "kW" for a power that it does not have.
+        "1" for a relative change of a simulated power, "kW" for a power that the simulation lacks.
     models : float
         Standard deviation between car models, in `unit`.
     vehicles : float
-        Between vehicles of one model: tyres, driver, age, load and the log.
+        Standard deviation between vehicles of one model, by tyres, driver, age, load and the log, in `unit`.
     df : int
         Degrees of freedom of `models`: those of certified cars, or `ASSUMED_DF`, which is also that of `vehicles`.
     source : str
-        Where the standard deviations come from, before any vehicle was seen.
+        Source of the standard deviations before the trips of any vehicle.
     """
 
     name: str
@@ -60,15 +61,16 @@ ASSUMED_DF: Final = 4
 """Degrees of freedom of an assumed spread."""
 
 SEASONS: Final = {"near_minus_8": -8.0, "near_2": 2.0, "near_12": 12.0, "near_22": 22.0, "near_32": 32.0}
-"""Shares of the consumption around an outside temperature [°C]: what trips at 20 °C show is not shown for -10 °C."""
+"""Factors of the consumption around an outside temperature [°C]: trips at 20 °C do not show the consumption at -10 °C."""
 
 CERTIFIED_EVERYTHING: Final = 0.031
 CERTIFIED_TILT: Final = 0.325
-"""What certified consumption shows of car models, from `python -m tools.data.certified_spread`: what the causes of driving leave of the spread of 6.1 %
-over 10 models, and over 99 models what the spreads of these causes are of those that are published for each alone."""
+"""Spreads between car models from certified consumption, by `python -m tools.data.certified_spread`. The first is the part of the spread
+of 6.1 % over 10 models that the causes of driving do not explain. The second, over 99 models, is the ratio of the spreads of these causes
+to those published for each cause alone."""
 
 VEHICLES_EVERYTHING: Final = 0.048
-"""What tyres, drag area, base load and the season leave of the 8 % between four cars of one model, from the same command."""
+"""Part of the 8 % between four cars of one model that tyres, drag area, base load and season do not explain, by the same command."""
 
 _CERTIFIED: Final = "between models: certified consumption on city and highway schedules"
 _SEASON: Final = "with everything, the 8 % between four cars of one model"
@@ -93,36 +95,39 @@ FACTORS: Final = (
     Factor("warm_up", 0.30, "kW", 0.16, 0.25, ASSUMED_DF, "at departure at 0 °C, fading within 10 minutes: soaked cabin and oil"),
     *(Factor(name, 0.06, "1", 0.03, 0.05, ASSUMED_DF, _SEASON) for name in SEASONS),
 )  # fmt: skip
-"""The factors, and how much car models and their vehicles differ in each."""
+"""The factors, with their spreads between car models and between vehicles of one model."""
 
 ACTS_DEGC: Final = {"heating": (-60.0, 19.0), "cooling": (19.0, 60.0), "cold": (-60.0, 15.0), "frost": (-60.0, 0.0), "warm_up": (-60.0, 15.0)}  # fmt: skip
-"""Outside temperatures [°C] between which a factor acts; those of a season act within `_NEAR_K` of theirs, the others always."""
+"""Outside temperatures [°C] between which a factor acts. A factor of `SEASONS` acts within `_NEAR_K` of its temperature; the others
+always act."""
 
 NAMES: Final = tuple(factor.name for factor in FACTORS)
 UNITS: Final = {factor.name: factor.unit for factor in FACTORS}
 SDS: Final = np.array([factor.sd for factor in FACTORS])
 
 MILD_DEGC: Final = 19.0
-"""Outside air above which climate control cools, by half [°C]."""
+"""Outside temperature at which climate control changes from heating to cooling [°C]; at this temperature it does half of each."""
 
 _NEAR_K: Final = 8.0
-"""Kelvins around its temperature within which a season acts; a choice, a little less than from one to the next."""
+"""Width [K] around its temperature within which a factor of `SEASONS` acts; a choice, a little less than the distance to the next."""
 
 USUAL_WH: Final = 40.0
 USUAL_SHARE: Final = 0.042
 USUAL_SHARE_KM: Final = 0.33
 LEAST_NET: Final = 0.3
-"""Usual error of a trip's energy with the right factors: of every trip [Wh], and two shares of its net energy, one that stays at any length and one over
-a kilometre, which evens out along the trip: climate, wind, traffic and what the log does not hold. The second is near the least of the vehicles that
-`python -m tools.data.population` prints; no log is long enough to show the first, which is an assumption. A trip whose energy is nearly all recovered counts with
-`LEAST_NET` of the energy moved. How much larger or smaller a car's errors are, is learned."""
+"""Usual error of a trip's energy with the right factors, by climate, wind, traffic and influences that the log lacks.
+
+It has an error of every trip [Wh] and two shares of the net energy: one that is the same at any length, and one over a kilometre, which
+evens out along the trip. The second share is near the least of the vehicles that `python -m tools.data.population` prints; no log is long
+enough to show the first, which is an assumption. The net energy counts as at least `LEAST_NET` of the energy moved. The scale of a car's
+errors relative to these is estimated from its trips."""
 
 TAIL_DF: Final = 4.0
 """Degrees of freedom of the errors' t distribution, as Lange, Little and Taylor (1989) advise for few data."""
 
 
 def acts_between(name: str) -> tuple[float, float]:
-    """Outside temperatures [°C] between which a factor acts.
+    """Lowest and highest outside temperature [°C] between which a factor acts.
 
     Examples
     --------
@@ -135,13 +140,13 @@ def acts_between(name: str) -> tuple[float, float]:
 
 
 def factor_power(table: SegmentTable, mass_kg: float) -> FloatArray:
-    """Power of each segment by one usual standard deviation of each factor [W], shape (segments, factors). O(segments).
+    """Power in each segment of one usual standard deviation of each factor [W], shape (segments, factors). O(segments).
 
     Parameters
     ----------
     table : SegmentTable
     mass_kg : float
-        Of the car on the road.
+        Mass of the car on the road [kg].
     """
     values = table.features.to_numpy(dtype=np.float64)
     column = dict(zip(table.features.columns.tolist(), values.T, strict=True))
@@ -164,7 +169,7 @@ def factor_power(table: SegmentTable, mass_kg: float) -> FloatArray:
         100.0 * np.maximum(0.0, -ambient),
         50.0 * np.maximum(0.0, 20.0 - ambient) * np.exp(-column["time_s"] / 600.0),
     )
-    # colder and hotter air counts as that of the bounds; a choice
+    # air beyond the bounds counts as air at the bounds; a choice
     inside = np.clip(ambient, -20.0, 45.0)
     near = np.exp(-0.5 * ((inside[:, None] - np.array(list(SEASONS.values()))) / _NEAR_K) ** 2)
     seasons = table.simulated_w[:, None] * near / np.sqrt((near**2).sum(axis=1, keepdims=True))
@@ -172,9 +177,10 @@ def factor_power(table: SegmentTable, mass_kg: float) -> FloatArray:
 
 
 def shortfall_power(table: SegmentTable) -> FloatArray:
-    """Power of each segment that the simulated car could not give [W], shape (segments,).
+    """Power in each segment that the simulated car lacks to follow the speed [W], shape (segments,).
 
-    No car drives so: a speed that the log holds between two samples rises and falls in steps. What the steps add is as unknown as large.
+    It comes from logs that hold a speed between two samples, so that the speed changes in steps. The error due to the steps is as large
+    as this power.
     """
     causes = table.features[[f"{cause}_w" for cause in LINE_CAUSES]].to_numpy(dtype=np.float64)
     return np.asarray(table.simulated_w - causes.sum(axis=1))
@@ -182,23 +188,23 @@ def shortfall_power(table: SegmentTable) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class TripEvidence:
-    """What trips of one car show of its factors, in the order in which they are learned.
+    """Evidence of one car's trips on its factors, in the order in which the trips are used.
 
     Attributes
     ----------
     trip_ids : tuple of str
     factors_wh : ndarray, shape (trips, factors)
-        Energy by one usual standard deviation of each factor.
+        Energy of one usual standard deviation of each factor [Wh].
     residual_wh : ndarray, shape (trips,)
-        Observed minus simulated; NaN where nothing was measured.
+        Observed minus simulated energy [Wh]; NaN if nothing was measured.
     usual_wh2 : ndarray, shape (trips,)
-        Usual variance of the energy of such a trip.
+        Usual variance of the energy of each trip [Wh²].
     measured_wh2 : ndarray, shape (trips,)
-        Variance of the measurement, an unknown climb and what a held speed adds included.
+        Variance of the measurement [Wh²], including an unknown climb and the error of held speeds.
     day : ndarray, shape (trips,)
-        Departure in days since 1970; NaN where unknown.
+        Departure in days since 1970; NaN if unknown.
     charge : ndarray, shape (trips, 4)
-        Readings of the state of charge, as of `SegmentTable`; NaN where unknown.
+        Readings of the state of charge, see `SegmentTable`; NaN if unknown.
     """
 
     trip_ids: tuple[str, ...]
@@ -216,7 +222,7 @@ class TripEvidence:
 
     @property
     def is_current(self) -> bool:
-        """Whether its factors are those of this version."""
+        """Whether the number of factors is that of this version."""
         return bool(self.factors_wh.shape[1] == len(NAMES))
 
     def __len__(self) -> int:
@@ -224,7 +230,7 @@ class TripEvidence:
 
     @classmethod
     def from_table(cls, table: SegmentTable, vehicle: Vehicle) -> TripEvidence:
-        """Of simulated trips. O(segments).
+        """Collect the evidence of simulated trips. O(segments).
 
         Parameters
         ----------
@@ -249,12 +255,12 @@ class TripEvidence:
 
     @classmethod
     def empty(cls) -> TripEvidence:
-        """Of no trip."""
+        """Make evidence without trips."""
         nothing = np.empty(0)
         return cls((), np.empty((0, len(NAMES))), nothing, nothing, nothing, nothing, np.empty((0, 4)))
 
     def take(self, members: Sequence[int] | IntArray) -> TripEvidence:
-        """Some of the trips, in this order."""
+        """Take some of the trips, by index, in this order."""
         index = np.asarray(members, dtype=np.int64)
         arrays = {f.name: getattr(self, f.name)[index] for f in fields(self)[1:]}
         return TripEvidence(tuple(self.trip_ids[i] for i in index), **arrays)
@@ -266,9 +272,9 @@ class TripEvidence:
         return TripEvidence((*self.trip_ids, *later.trip_ids), **arrays)
 
     def sums(self, car_model: str, vehicle: str) -> Sums:
-        """Sums of the trips as one vehicle of a population; each trip counts by the error that trips of this car have.
+        """Sums of the trips as one vehicle of a population; each trip is weighted by the errors of this car's trips.
 
-        Trips that stand out count less: the errors follow a t distribution whose scale is estimated along (Lange, Little and Taylor 1989).
+        Outlying trips count less: the errors follow a t distribution whose scale is estimated as well (Lange, Little and Taylor 1989).
         """
         X, y = self.factors_wh, self.residual_wh
         noise, weight = 1.0, np.ones(len(y))
@@ -280,7 +286,7 @@ class TripEvidence:
             error = y - X @ (inverse @ ((X.T / (usual * weight)) @ y))
             square = error**2 + np.einsum("ij,jk,ik->i", X, inverse, X)
             weight = (TAIL_DF + error**2 / usual) / (TAIL_DF + 1.0)
-            # of an error the share that is not of its measurement, and what the measurement hides of it
+            # expected square of the part of the error that is not due to its measurement
             share = noise * self.usual_wh2 / usual
             own = (share**2 * square / weight + share * self.measured_wh2) / self.usual_wh2
             # no car's errors are below a seventh of the usual ones; a choice
@@ -289,11 +295,11 @@ class TripEvidence:
 
 
 _USUAL_DF: Final = 2.0
-"""Trips that the usual error counts for beside the own ones; a choice."""
+"""Weight of the usual error, in trips; a choice."""
 
 
 def usual_variance_wh2(net_wh: FloatArray, moved_wh: FloatArray, km: FloatArray) -> FloatArray:
-    """Usual variance of a trip's energy [Wh²] with the right factors, by its net and its moved energy and its length.
+    """Usual variance of a trip's energy with the right factors [Wh²], from its net energy, its moved energy and its length.
 
     Examples
     --------
@@ -311,11 +317,11 @@ LEAST_KM: Final = 0.1
 
 
 USUAL_DAYS: Final = 1.0
-"""Between two trips without a date."""
+"""Days assumed between two trips if a date is unknown."""
 
 
 def drift_kept(day: FloatArray, since: float | None) -> FloatArray:
-    """Share of a drift that is left on other days. Shape of `day`."""
+    """Share of a drift that remains on other days, shape of `day`; an unknown date counts as `USUAL_DAYS` away."""
     away = np.abs(day - (np.nan if since is None else since))
     # a slow drift is forgotten in 60 days: about a season; a choice
     return np.asarray(np.exp(-np.where(np.isfinite(away), away, USUAL_DAYS) / 60.0))
@@ -328,15 +334,15 @@ class FactorCorrector(PowerCorrector):
     Attributes
     ----------
     mass_kg : float
-        Of the car on the road.
+        Mass of the car on the road [kg].
     mean : ndarray, shape (factors + 1,)
-        In usual standard deviations; the drift comes last, which acts on everything.
+        Mean of the factors and, last, of the drift, which acts on everything; in usual standard deviations.
     factor : ndarray, shape (factors + 1, any)
-        ``factor @ factor.T`` is their covariance.
+        ``factor @ factor.T`` is the covariance of factors and drift.
     day : float or None
-        Day of the drift, since 1970; None where unknown.
+        Day of the drift, in days since 1970; None if unknown.
     drift_sd : float
-        Standard deviation of the drift long before and after.
+        Standard deviation of the drift on days far from `day`.
     """
 
     refit: ClassVar[str] = "adapt the base again"
@@ -356,12 +362,12 @@ class FactorCorrector(PowerCorrector):
 
     @property
     def changes(self) -> dict[str, tuple[float, float]]:
-        """Each factor and its standard deviation, in the unit of the factor; without the drift."""
+        """Mean and standard deviation of each factor, in the unit of the factor; without the drift."""
         sd = np.sqrt((self.factor[:-1] ** 2).sum(axis=1)) * SDS
         return {n: (float(m), float(s)) for n, m, s in zip(NAMES, self.mean[:-1] * SDS, sd, strict=True)}
 
     def predict_with_uncertainty(self, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
-        """Residual power [W], and its uncertainty by that of the factors and of the drift."""
+        """Residual power [W], and the factor of its covariance due to factors, drift and shortfall of power."""
         rows = factor_power(table, self.mass_kg)
         kept = drift_kept(table.features["day"].to_numpy(dtype=np.float64), self.day)
         rows = np.column_stack([rows, rows[:, 0] * kept])
@@ -369,15 +375,15 @@ class FactorCorrector(PowerCorrector):
         return rows @ self.mean, np.column_stack([rows @ self.factor, forgotten, shortfall_power(table)])
 
     def predict_climate(self, table: SegmentTable) -> FloatArray:
-        """The part of heating and cooling [W]."""
+        """The part of the correction by heating and cooling [W]."""
         return self._part(factor_power(table, self.mass_kg), CLIMATE)
 
     def predict_driving(self, table: SegmentTable) -> FloatArray:
-        """The part of `BY_SPEED` [W]."""
+        """The part of the correction by the factors `BY_SPEED` [W]."""
         return self._part(factor_power(table, self.mass_kg), BY_SPEED)
 
     def driving_wh(self, evidence: TripEvidence) -> FloatArray:
-        """The part of `BY_SPEED` in the energy of trips that were learned [Wh], shape (trips,)."""
+        """The part of the correction by the factors `BY_SPEED` in the energy of trips [Wh], shape (trips,)."""
         return self._part(evidence.factors_wh, BY_SPEED)
 
     def _part(self, rows: FloatArray, names: Sequence[str]) -> FloatArray:

@@ -1,9 +1,9 @@
-"""How near a trip is to the training of a correction, and so how much of the correction counts.
+"""Distance of a trip from the training of a correction, and the share of the correction that counts there.
 
-A correction is known within its training. Between the trips of its training it is interpolated; outside of them a share
-``exp(-d² / 2)`` of it is kept, with `d` the distance from the range of each covariate in its standard deviations: the correlation of
-the Gaussian process whose length scale is one standard deviation. The rest is as unknown as before any trip: it comes
-back as variance. The duration of a trip is no such covariate, since the corrections are of power.
+Between its training trips a correction is interpolated. Outside of their ranges a share ``exp(-d² / 2)`` of it is kept, where `d` is
+the distance from the range of each covariate in its standard deviations. The share is the correlation of a Gaussian process whose length
+scale is one standard deviation. The lost part is as uncertain as before any trip and is added as variance. The duration of a trip is
+not among the covariates, because the corrections are of power.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from tripwatt.errors import Fault, raise_faults
 from tripwatt.trips import TEMPERATURES
 
 FADING: Final = (*TEMPERATURES, "speed_m_s", "trip_speed_m_s")
-"""Covariates outside of whose training range a correction fades: those that make another kind of drive."""
+"""Covariates outside of whose training range a correction fades: those that describe the kind of drive."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,14 +39,14 @@ class Range:
     sd: float
 
     def beyond(self, values: npt.ArrayLike) -> FloatArray:
-        """Distance outside the range, in standard deviations; 0 inside or when unknown."""
+        """Distance outside the range, in standard deviations; 0 inside the range or for an unknown value."""
         values = np.asarray(values, dtype=np.float64)
         distance = np.fmax(np.maximum(self.low - values, values - self.high), 0.0) / self.sd
         return np.asarray(np.where(np.isfinite(values), distance, 0.0))
 
     @classmethod
     def from_values(cls, values: npt.ArrayLike) -> Range | None:
-        """Range of the known values; None where there are none.
+        """Make the range of the known values; None if all values are unknown.
 
         Examples
         --------
@@ -67,11 +67,12 @@ class Familiarity:
     Attributes
     ----------
     ranges : mapping of str to Range
+        Training range by name of the covariate.
 
     Raises
     ------
     InvalidInput
-        When a range is not finite, or its standard deviation not positive.
+        If a range is not finite, or its standard deviation is not positive.
 
     Examples
     --------
@@ -94,14 +95,14 @@ class Familiarity:
 
     @classmethod
     def from_features(cls, features: pd.DataFrame, columns: Iterable[str]) -> Familiarity:
-        """Ranges of those of the columns that are in `FADING`.
+        """Take the ranges of the given columns that are in `FADING`.
 
         Parameters
         ----------
         features : DataFrame, (rows, columns)
-            Of the training trips; NaN where unknown.
+            Features of the training trips; NaN if unknown.
         columns : iterable of str
-            What the correction depends on.
+            Columns that the correction depends on.
         """
         wanted = set(columns)
         ranges = {
@@ -114,9 +115,9 @@ class Familiarity:
         return {name: seen.beyond(features[name]) for name, seen in self.ranges.items() if name in features}
 
     def share(self, features: pd.DataFrame) -> FloatArray:
-        """Share of the correction that counts in each row: 1 inside the ranges, towards 0 far outside, shape (rows,).
+        """Share of the correction that counts in each row, shape (rows,): 1 inside the ranges, towards 0 far outside.
 
-        It is ``exp(-d² / 2)`` of the distances of all covariates together.
+        It is ``exp(-d² / 2)``, where ``d²`` is the sum of the squared distances of all covariates.
         """
         squared = np.zeros(len(features))
         for distance in self.distances(features).values():

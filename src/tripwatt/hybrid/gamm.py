@@ -1,4 +1,4 @@
-"""The GAMM engine, a distribution of its own: imported where it is needed, with its faults as ours."""
+"""Access to the GAMM engine, a separate distribution: imported only if needed, with its errors raised as those of tripwatt."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from tripwatt.errors import Fault, InvalidInput, require_extras
 
 @contextmanager
 def gamm_engine() -> Iterator[ModuleType]:
-    """`tripwatt_gamm`, for the length of a block.
+    """Context manager that imports and yields `tripwatt_gamm`.
 
     Raises
     ------
     InvalidInput
-        When it is not installed, or for what it refuses in the block.
+        If the engine is not installed, or refuses an input in the block.
 
     Examples
     --------

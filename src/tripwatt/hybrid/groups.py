@@ -1,16 +1,15 @@
-"""Groups of trips within groups: fleet, car model, vehicle, driver; their sums, scales and posterior, exact from sums of trips.
+"""Hierarchical groups of trips (fleet, car model, vehicle, driver): the exact posterior of their weights from sums of trips.
 
-The residual energy of a trip is linear in known features `x`
-with the weights of its group,
+The residual energy of a trip is linear in known features `x` with the weights of its group,
 
     y_i = x_i' (w + d_model + d_vehicle + d_driver) + e_i,   e_i ~ N(0, lambda n_i),
     w ~ N(0, W),  d_model ~ N(0, D_m),  d_vehicle ~ N(0, D_v),  d_driver ~ N(0, D_d),
 
-with diagonal prior variances, one scale for each level below the root and group of features. What is not known of a vehicle is that of its
-car model (partial pooling). The groups form a tree, so the posterior is exact by one pass to the root and one back: a node passes on what
-its trips tell of its parent's weights as an information matrix and vector (Lauritzen 1996, section 6.2.3). A node needs only X' N^-1 X,
-X' N^-1 y and y' N^-1 y of its trips, which add up. The scales are at the maximum of the marginal likelihood, which the pass to the root
-gives as well.
+with diagonal prior variances, one scale for each level below the root and group of features. Weights that a vehicle's trips do not
+determine are those of its car model (partial pooling). The groups form a tree, so one pass to the root and one back give the exact
+posterior: each node passes the information of its trips about its parent's weights on as a matrix and a vector (Lauritzen 1996,
+section 6.2.3). A node needs only X' N^-1 X, X' N^-1 y and y' N^-1 y of its trips, which add up. The scales are at the maximum of the
+marginal likelihood, which the pass to the root also gives.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ ROOT_SD: Final = 3.0
 """Prior standard deviation of the root's own weights, in units of their usual size."""
 
 LOG_SD: Final = 1.5
-"""Of the log-normal prior of each scale around its usual value: one car model carries no information on how models differ."""
+"""Standard deviation of the log-normal prior of each scale around its usual value: one car model does not show how models differ."""
 
 _TINY: Final = 1e-12
 _SUMS: Final = ("count", "log_variance", "xx", "xy", "yy")
@@ -38,22 +37,25 @@ _SUMS: Final = ("count", "log_variance", "xx", "xy", "yy")
 
 @dataclass(frozen=True, eq=False)
 class Sums:
-    """Sums of the trips of groups, which add up.
+    """Additive sums over the trips of each group.
 
-    With features `X`, residual energies `y` and usual variances `n` of the trips of a group, its sums are ``X' N^-1 X``, ``X' N^-1 y``
-    and ``y' N^-1 y``.
+    For the trips of a group with features `X`, residual energies `y` and usual variances `n` (`N` is their diagonal matrix), the sums
+    are ``X' N^-1 X``, ``X' N^-1 y`` and ``y' N^-1 y``.
 
     Attributes
     ----------
     groups : tuple of tuple of str
-        Names from the root down, such as car model, vehicle, driver; "" where the last ones are not known. Sorted.
+        Names from the root down, such as car model, vehicle, driver, sorted; "" for last names that are not known.
     count : ndarray, shape (groups,)
-        Trips.
+        Number of trips.
     log_variance : ndarray, shape (groups,)
         Sum of the logarithms of the usual variances.
     xx : ndarray, shape (groups, features, features)
+        ``X' N^-1 X``.
     xy : ndarray, shape (groups, features)
+        ``X' N^-1 y``.
     yy : ndarray, shape (groups,)
+        ``y' N^-1 y``.
 
     Examples
     --------
@@ -71,7 +73,7 @@ class Sums:
 
     @classmethod
     def empty(cls, features: int, groups: Sequence[tuple[str, ...]] = ()) -> Sums:
-        """Groups without trips."""
+        """Make the sums of groups without trips: zeros."""
         n, p = len(groups), features
         return cls(tuple(groups), *(np.zeros(shape) for shape in (n, n, (n, p, p), (n, p), n)))
 
@@ -83,12 +85,12 @@ class Sums:
         y: FloatArray,
         n: FloatArray,
     ) -> Sums:
-        """Sums of trips that are sorted by group. O(trips x features^2).
+        """Sum up trips that are sorted by group. O(trips x features^2).
 
         Parameters
         ----------
         groups : sequence of tuple of str
-            Of each trip, sorted.
+            Group of each trip, sorted.
         X : ndarray, shape (trips, features)
             Energy by each feature [Wh].
         y, n : ndarray, shape (trips,)
@@ -113,7 +115,7 @@ class Sums:
         return self._merged(other, 1.0)
 
     def __sub__(self, other: Sums) -> Sums:
-        """Without trips that are in it; groups without a trip remain, at zero."""
+        """Subtract the sums of some trips; groups without a trip remain, with zeros."""
         return self._merged(other, -1.0)
 
     def _merged(self, other: Sums, sign: float) -> Sums:
@@ -127,12 +129,12 @@ class Sums:
         return total
 
     def take(self, wanted: Sequence[int]) -> Sums:
-        """Some of the groups."""
+        """Take some of the groups, by index."""
         index = np.asarray(wanted, dtype=np.int64)
         return Sums(tuple(self.groups[i] for i in index), *(getattr(self, name)[index] for name in _SUMS))
 
     def to_arrays(self) -> dict[str, Any]:
-        """Plain arrays."""
+        """Return plain arrays."""
         return {"groups": np.array(self.groups, dtype=np.str_), **{n: getattr(self, n) for n in _SUMS}}
 
     @classmethod
@@ -144,16 +146,16 @@ class Sums:
 
 @dataclass(frozen=True, slots=True)
 class Scales:
-    """Prior standard deviations of the deviations, and the variance of a trip.
+    """Prior standard deviations of the groups' deviations, and the scale of the variance of a trip.
 
     Attributes
     ----------
     sds : tuple of tuple of float, shape (levels below the root, parts)
-        Of each level, such as car models, vehicles and drivers, in units of the weights' usual size.
+        Standard deviations of each level, such as car models, vehicles and drivers, in units of the weights' usual size.
     noise : float
-        Variance of a trip over its usual one.
+        Variance of a trip relative to its usual variance.
     split : tuple of int
-        Part of each feature: those of one part have one standard deviation by level.
+        Part that each feature belongs to; the features of a part share one standard deviation per level.
     root : float
         Prior standard deviation of the root's own weights, in units of their usual size.
     """
@@ -164,7 +166,7 @@ class Scales:
     root: float = ROOT_SD
 
     def variances(self, level: int) -> FloatArray:
-        """Prior variances at a level, 0 the root, shape (features,)."""
+        """Prior variances at a level, shape (features,); level 0 is the root."""
         if level == 0:
             return np.full(len(self.split), self.root**2)
         return np.asarray(self.sds[level - 1])[list(self.split)] ** 2
@@ -175,7 +177,7 @@ class Scales:
         return np.asarray(np.log(np.append(np.ravel(self.sds), self.noise)))
 
     def with_logs(self, logs: FloatArray) -> Scales:
-        """The scales of some `logs`, for the same features."""
+        """Make scales from logarithms in the order of `logs`, for the same features."""
         values = np.exp(logs).tolist()
         parts = len(self.sds[0])
         sds = tuple(tuple(values[i * parts : (i + 1) * parts]) for i in range(len(self.sds)))
@@ -184,16 +186,18 @@ class Scales:
 
 @dataclass(frozen=True, eq=False)
 class Tree:
-    """Groups within groups: node 0 is the root, such as a fleet; parents come before their children.
+    """Tree of nested groups: node 0 is the root, such as a fleet; parents come before their children.
 
     Attributes
     ----------
     names : tuple of tuple of str
-        From the root down: (), (car model,), (car model, vehicle), (car model, vehicle, driver).
+        Name of each node from the root down: (), (car model,), (car model, vehicle), (car model, vehicle, driver).
     parent : ndarray of int, shape (nodes,)
+        Parent of each node; 0 for the root.
     level : ndarray of int, shape (nodes,)
+        Level of each node; 0 for the root.
     leaf : ndarray of int, shape (groups,)
-        Node that holds the trips of each group of sums: the last name of it that is known.
+        Node that holds the trips of each group of sums, by the known names of the group.
     """
 
     names: tuple[tuple[str, ...], ...]
@@ -203,14 +207,14 @@ class Tree:
 
     @classmethod
     def from_groups(cls, groups: Sequence[tuple[str, ...]]) -> Tree:
-        """The tree over some groups of sums."""
+        """Make the tree over some groups of sums."""
         paths = [tuple(name for name in group if name) for group in groups]
         every = {path[:k] for path in paths for k in range(len(path) + 1)} | {()}
         return cls.from_names(sorted(every, key=lambda name: (len(name), name)), paths)
 
     @classmethod
     def from_names(cls, names: Sequence[tuple[str, ...]], leaves: Sequence[tuple[str, ...]] = ()) -> Tree:
-        """The tree of all names, parents first."""
+        """Make the tree of all names, with parents first."""
         place = {name: i for i, name in enumerate(names)}
         numbers = (
             [place[name[:-1]] if name else 0 for name in names],
@@ -220,7 +224,7 @@ class Tree:
         return cls(tuple(names), *(np.array(values, dtype=np.int64) for values in numbers))
 
     def nodes(self, level: int) -> IntArray:
-        """Nodes of a level."""
+        """Indices of the nodes of a level."""
         return np.flatnonzero(self.level == level)
 
 
@@ -233,8 +237,9 @@ class GroupPosterior:
     tree : Tree
     scales : Scales
     mean : ndarray, shape (nodes, features)
-        Of the sum of all deviations from the root to the node.
+        Mean of each node's weights: the sum of all deviations from the root to the node.
     covariance : ndarray, shape (nodes, features, features)
+        Covariance of each node's weights.
     """
 
     tree: Tree
@@ -247,13 +252,13 @@ class GroupPosterior:
         return {name: i for i, name in enumerate(self.tree.names)}
 
     def weights(self, *group: str | None) -> tuple[FloatArray, FloatArray]:
-        """Mean and covariance of the weights of a group; what is not known of it is that of the group around it.
+        """Mean and covariance of the weights of a group; a group without trips has those of a new member of its parent group.
 
         Parameters
         ----------
         *group : str or None
-            Names from the root down, such as car model, vehicle, driver. None, "" and a name without trips stand for a new one of
-            the group around it.
+            Names from the root down, such as car model, vehicle, driver. None, "" and a name without trips stand for a new member of
+            the group before.
         """
         node, depth = 0, 0
         for name in group:
@@ -261,13 +266,13 @@ class GroupPosterior:
             if inner is None:
                 break
             node, depth = inner, depth + 1
-        # a new vehicle of a known car model differs from it as vehicles do; drivers, where there are any, add to that
+        # a new vehicle of a known car model deviates from the model as vehicles do; drivers, if the tree has any, add to that
         deeper = range(depth + 1, int(self.tree.level.max()) + 1)
         own = sum((self.scales.variances(level) for level in deeper), np.zeros(self.mean.shape[1]))
         return self.mean[node], self.covariance[node] + np.diag(own)
 
     def to_arrays(self) -> dict[str, Any]:
-        """Plain arrays."""
+        """Return plain arrays."""
         depth = max(len(self.scales.sds), 1)
         padded = [[*name, *[""] * (depth - len(name))] for name in self.tree.names]
         return {
@@ -339,25 +344,26 @@ def _from_root(
 
 
 def log_likelihood_gradient(tree: Tree, sums: Sums, scales: Scales) -> tuple[float, FloatArray]:
-    """The marginal likelihood's logarithm, and its derivatives by those of the scales. O(groups x features^3).
+    """Logarithm of the marginal likelihood, and its gradient with respect to `Scales.logs`. O(groups x features^3).
 
-    By Fisher's identity the derivative is the posterior mean of that of the complete data: by the logarithm of a standard
-    deviation ``s``, the sum over deviations of ``E[d^2] / s^2 - 1``; by that of the trips' variance, half of the expected
-    residual sum of squares over it less the number of trips (McLachlan and Krishnan, The EM Algorithm and Extensions,
+    By Fisher's identity the derivative is the posterior mean of that of the complete data. With respect to the logarithm of a
+    standard deviation ``s``, it is the sum over deviations of ``E[d^2] / s^2 - 1``. With respect to the logarithm of the noise, it is
+    half of (expected residual sum of squares / noise - number of trips) (McLachlan and Krishnan, The EM Algorithm and Extensions,
     section 3.8).
 
     Parameters
     ----------
     tree : Tree
-        Of the groups of `sums`.
+        Tree of the groups of `sums`.
     sums : Sums
     scales : Scales
 
     Returns
     -------
     value : float
+        Logarithm of the marginal likelihood.
     gradient : ndarray, shape (levels below the root * parts + 1,)
-        By `Scales.logs`.
+        Derivatives with respect to `Scales.logs`.
     """
     info, shift, value = _to_root(tree, sums, scales)
     mean, covariance, square = _from_root(tree, info, shift, scales)
@@ -373,7 +379,7 @@ def log_likelihood_gradient(tree: Tree, sums: Sums, scales: Scales) -> tuple[flo
 
 
 def _to_root(tree: Tree, sums: Sums, scales: Scales) -> tuple[FloatArray, FloatArray, float]:
-    """Information of the trips under each node about the node's own weights, and the marginal likelihood."""
+    """Information matrix and vector of the trips under each node about its weights, and the log marginal likelihood."""
     p = len(scales.split)
     noise = scales.noise
     info = np.zeros((len(tree.names), p, p))
@@ -407,20 +413,20 @@ def _to_root(tree: Tree, sums: Sums, scales: Scales) -> tuple[FloatArray, FloatA
 
 
 def fit_scales(sums: Sums, usual: Scales, log_sd: FloatArray | float = LOG_SD) -> Scales:
-    """Scales at the maximum of the marginal likelihood, with weak priors around their usual values.
+    """Fit the scales by maximum marginal likelihood, with weak priors around their usual values.
 
     Parameters
     ----------
     sums : Sums
     usual : Scales
-        Where the search starts as well; the noise has no prior.
+        Centre of the priors and start of the search; the noise has no prior.
     log_sd : float or ndarray, shape (levels below the root * parts,)
         Standard deviation of the logarithm of each scale before any trip.
 
     Raises
     ------
     InvalidInput
-        Without a trip.
+        If the sums have no trips.
     """
     from scipy.optimize import minimize
 

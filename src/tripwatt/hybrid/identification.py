@@ -1,8 +1,8 @@
-"""Values of a car from the signals of its own stages, never from the energy of trips or the power of driving.
+"""Values of a car identified from signals of single stages of its powertrain, not from the energy of trips or the power of driving.
 
 A log with the torque of the motor, the power of heater and air conditioner, the power of the standing car or the voltage at rest shows
-what each stage does, while the energy of a trip shows their sum alone. The value from such a signal takes the place of the published one, in so far
-as the trips outweigh it: each value has a prior around the published one.
+each stage separately, while the energy of a trip shows only their sum. Each value has a prior around the published value, which the
+trips have to outweigh.
 
 =====================  ==========================================================  =======================================
 signal                 model                                                       values
@@ -41,61 +41,61 @@ from tripwatt.vehicles import Vehicle
 from tripwatt.vehicles.parts import given
 
 STRETCH_S: Final = 30.0
-"""Stretches over which work is summed, so that torque and speed need not belong to the same moment."""
+"""Length of the stretches over which work is summed [s], so that torque and speed need not belong to the same moment."""
 FRICTION_SHARE: Final = 0.9
-"""Beyond this share of the largest regenerative torque the friction brakes may take part: such a stretch does not measure the road."""
+"""Share of the largest regenerative torque beyond which the friction brakes may take part; such a stretch does not measure the road."""
 ROLLING_WIDTH: Final = 0.15
-"""Prior standard deviation of rolling and driveline drag: the classes of the EU tyre label (Regulation (EU) 2020/740: 6.5, 7.7, 9.0
-and 10.5 N/kN) lie about so far apart."""
+"""Prior relative standard deviation of rolling and driveline drag: about the distance between classes of the EU tyre label
+(Regulation (EU) 2020/740: 6.5, 7.7, 9.0 and 10.5 N/kN)."""
 DRAG_WIDTH: Final = 0.15
-"""Prior standard deviation of the drag area: so far do the parts C of the coast-downs of the table scatter about the published drag areas."""
+"""Prior relative standard deviation of the drag area: the scatter of the parts C of the table's coast-downs about published drag areas."""
 COLD_WIDTH: Final = 1.0
-"""Prior standard deviation of the rise of rolling resistance in the cold, over the published one. That is for tyres alone: gear oil,
-winter tyres and wet roads are not in it."""
+"""Prior standard deviation of the rise of rolling resistance in the cold, relative to the published rise. The published rise is that of
+tyres alone, without gear oil, winter tyres and wet roads."""
 LOW_BIN_M_S: Final = 0.25
 LOW_BINS: Final = 20
 """Bins of speed over which braking power is summed: up to 5 m/s, beyond every published end of the fade."""
 COLD_DEGC: Final = 5.0
-"""The rise in the cold needs `LEAST_TRIPS` colder trips than the first: warm ones do not show it. Where all trips are cold the priors
-share an excess between the rise and the rolling resistance at the reference temperature."""
+"""The rise in the cold is identified if at least `LEAST_TRIPS` trips are colder than this [°C]; warm trips do not show it. If all trips
+are cold, the priors share an excess between the rise and the rolling resistance at the reference temperature."""
 BASE_WIDTH: Final = 0.4
 """Prior standard deviation of the base load, as in `tripwatt.hybrid.parameters`."""
 CURVE_WIDTH_V: Final = 0.05
 """Prior standard deviation of a cell's open-circuit voltage [V]: curves of cathodes of one family differ by about this."""
 REST_SD_V: Final = 0.02
-"""Voltage of a cell at rest about its open-circuit voltage, before it has settled [V]."""
+"""Standard deviation of the voltage of a cell at rest about its open-circuit voltage, before it has settled [V]."""
 REST_BINS: Final = 20
-"""Bins of charge in which cells at rest are averaged; a choice, finer than the knots of the curve."""
+"""Number of bins of charge in which cells at rest are averaged; a choice, finer than the knots of the curve."""
 RESTING_A: Final = 3.0
 RESTING_S: Final = 10.0
 STANDING_M_S: Final = 0.1
 CLIMATE_OFF_W: Final = 50.0
-"""Below this current [A] for this time [s] a cell rests, below this speed a car stands, below this power [W] its climate control is
-off; choices."""
+"""A cell rests below `RESTING_A` [A] for `RESTING_S` [s]; a car stands below `STANDING_M_S` [m/s]; climate control is off below
+`CLIMATE_OFF_W` [W]; choices."""
 
 HEATER: Final = ("heating_power_w", "aircon_power_w")
 
 
 @dataclass(frozen=True, eq=False)
 class StageRecord:
-    """What the stages of one trip showed: all that `identify` needs of it, small.
+    """Summary of the signals of one trip by stage: everything that `identify` needs.
 
     Attributes
     ----------
     ambient_temperature_degc : float
-        Outside air at departure [°C].
+        Outside temperature at departure [°C].
     road : ndarray, shape (stretches, 4)
-        Work of a rolling resistance of 1 N with the published fall in warm air, the same for each kelvin below the reference
-        temperature, work of a drag area of 1 m2, and measured work at the wheels without inertia and climb [J]; each over the root of
-        the distance [m].
+        Four works [J], each divided by the root of the distance [m]: of a rolling resistance of 1 N with the published fall in warm
+        air, of the same for each kelvin below the reference temperature, of a drag area of 1 m2, and the measured work at the wheels
+        without inertia and climb.
     braking : ndarray, shape (bins, 2)
-        Braking power that the motor could take at its whole share, and that it took, by bins of low speed [J]; no bins without torque.
+        Braking energy that the motor could take at its full share, and that it took, by bins of low speed [J]; no bins without torque.
     standing_w : float
-        Median power of the standing car with climate control off [W]; NaN where it never stood so.
+        Median power of the standing car with climate control off [W]; NaN if this never occurred.
     climate : ClimateRecord or None
-        Where the log has heater and air conditioner.
+        Power of climate control; None if the log lacks heater or air conditioner.
     rest : ndarray, shape (bins, 2)
-        State of charge, and open-circuit voltage of a cell less that of the published curve [V], by bins of charge.
+        State of charge, and open-circuit voltage of a cell minus that of the published curve [V], by bins of charge.
 
     Examples
     --------
@@ -120,9 +120,9 @@ class Identified:
     Attributes
     ----------
     values : mapping of str to (float or tuple of float)
-        By key of the car's entries, e.g. ``"auxiliaries.base_load_w"``.
+        Identified values by key of the car's entries, e.g. ``"auxiliaries.base_load_w"``.
     trips : mapping of str to int
-        Number of trips behind each key.
+        Number of trips that each value was identified on.
 
     Examples
     --------
@@ -138,17 +138,18 @@ class Identified:
     trips: Mapping[str, int]
 
     def applied(self, vehicle: Vehicle) -> Vehicle:
-        """Put the values in the place of the published ones.
+        """Replace published values of a car by the identified ones.
 
         Parameters
         ----------
         vehicle : Vehicle
-            The car that they were identified for.
+            The car that the values were identified for.
 
         Returns
         -------
         Vehicle
-            With the trips and the published value in the source of each entry; the same object where there are no values.
+            The car with the identified values; the source of each entry names the trips and the published value. The same object if
+            there are no values.
 
         Examples
         --------
@@ -162,26 +163,26 @@ class Identified:
         )
 
     def __str__(self) -> str:
-        """One line for people."""
+        """One line of text."""
         known = [f"{key} {value:.4g}" for key, value in self.values.items() if isinstance(value, float)]
         curves = [key for key, value in self.values.items() if not isinstance(value, float)]
         return f"identified from signals: {', '.join([*known, *curves])}"
 
 
 def stage_record(trip: Trip, vehicle: Vehicle) -> StageRecord:
-    """Collect what the signals of a trip say of its stages. O(samples).
+    """Summarise the signals of a trip by stage. O(samples).
 
     Parameters
     ----------
     trip : Trip
-        Raw, with the signals that its log has.
+        Raw trip with the signals that its log has.
     vehicle : Vehicle
         The car with its published values.
 
     Returns
     -------
     StageRecord
-        Empty where signals are missing.
+        Summary; parts whose signals are missing are empty.
 
     Examples
     --------
@@ -210,25 +211,26 @@ def stage_record(trip: Trip, vehicle: Vehicle) -> StageRecord:
 
 
 def identify(records: Sequence[StageRecord], vehicle: Vehicle) -> Identified:
-    """Most probable values of a car, given the stages of its trips. O(stretches + minutes x passes).
+    """Most probable values of a car, given the signals of its trips by stage. O(stretches + minutes x passes).
 
     Parameters
     ----------
     records : sequence of StageRecord
-        Of the trips to identify with, recorded with `vehicle`.
+        Records of the trips, made with `vehicle`.
     vehicle : Vehicle
-        The car with its published values, around which every prior lies.
+        The car with its published values, which are the centres of the priors.
 
     Returns
     -------
     Identified
-        Without the values whose signal fewer than `LEAST_TRIPS` trips have.
+        The values. A value is left out if fewer than `LEAST_TRIPS` trips have its signal.
 
     Notes
     -----
-    The road is a linear regression with the published rolling resistance, rise and drag area as prior observations; stretches of a
-    trip have wind, load and tyres in common, so their number is divided by the design effect of the residuals (Kish, Survey Sampling, 1965).
-    The cabin is a robust fit of one logarithm to the power by minutes, the curve a ridge regression on its second difference.
+    The values of the road load come from a linear regression with the published rolling resistance, rise and drag area as prior
+    observations. Stretches of a trip share wind, load and tyres, so their number is divided by the design effect of the residuals
+    (Kish, Survey Sampling, 1965). The value of the cabin comes from a robust fit of one logarithm to the power by minutes, and the
+    voltage curve from a ridge regression on its second difference.
 
     Examples
     --------
@@ -259,14 +261,14 @@ def identify_trips(trips: Sequence[Trip], vehicle: Vehicle) -> Identified:
     Parameters
     ----------
     trips : sequence of Trip
-        Raw, with the signals that their log has.
+        Raw trips with the signals that their logs have.
     vehicle : Vehicle
         The car with its published values.
 
     Returns
     -------
     Identified
-        As `identify`.
+        The values, as of `identify`.
 
     Examples
     --------
@@ -286,7 +288,7 @@ def _over_intervals(values: FloatArray) -> FloatArray:
 
 
 def _column(samples: pd.DataFrame, name: str) -> FloatArray | None:
-    """Values of a signal; None where it is missing or has gaps."""
+    """Values of a signal; None if the signal is missing or has gaps."""
     if name not in samples:
         return None
     values = samples[name].to_numpy(dtype=np.float64)
@@ -294,7 +296,7 @@ def _column(samples: pd.DataFrame, name: str) -> FloatArray | None:
 
 
 def _torque_rows(trip: Trip, vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
-    """Rows of the regression of the road load, and braking power by low speed; none without torque."""
+    """Rows of the regression of the road load, and braking energy by bins of low speed; both without rows if there is no torque."""
     torque = _column(trip.samples, "motor_torque_nm")
     if torque is None or len(torque) < STRETCH_S:
         return np.empty((0, 4)), np.empty((0, 2))
@@ -336,11 +338,11 @@ def _torque_rows(trip: Trip, vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
 def _braking_rows(
     vehicle: Vehicle, run: Simulation, speed: FloatArray, step: FloatArray, torque: FloatArray
 ) -> FloatArray:
-    """Braking power that the motor could take, and that it took, by bins of low speed [J], shape (bins, 2)."""
+    """Braking energy that the motor could take, and that it took, by bins of low speed [J], shape (bins, 2)."""
     drivetrain, rules = vehicle.drivetrain, vehicle.regeneration
     turning = drivetrain.gear_ratio / drivetrain.wheel_radius_m
     possible = -run.wheel_power_w * drivetrain.gearbox_efficiency * rules.fraction
-    # from this deceleration on braking is not the road's alone; a choice
+    # beyond this deceleration the car brakes, not only the road; a choice
     slowing = -np.diff(speed, prepend=speed[:1]) > 0.3 * step
     bins = (speed / LOW_BIN_M_S).astype(np.int64)
     soft = possible < FRICTION_SHARE * rules.max_torque_nm * turning * speed
@@ -354,7 +356,7 @@ def _braking_rows(
 
 
 def _fade_values(records: Sequence[FloatArray], vehicle: Vehicle) -> _Values:
-    """Speeds between which recovery fades: a search over both ends, with the published fade as so many trips."""
+    """Speeds between which recovery fades, by a search over both ends; the published fade counts as five trips."""
     rules = vehicle.regeneration
     possible, taken = np.sum(records, axis=0).T
     middle = (np.arange(LOW_BINS) + 0.5) * LOW_BIN_M_S
@@ -432,7 +434,7 @@ def _road_values(records: Sequence[StageRecord], vehicle: Vehicle) -> _Values:
 
 
 def _standing_power(samples: pd.DataFrame, climate: FloatArray | None) -> float:
-    """Median power of the standing car while climate control is off [W]; NaN without such seconds."""
+    """Median power of the standing car while climate control is off [W]; NaN if there are fewer than ten such samples."""
     voltage, current = (_column(samples, name) for name in ("voltage_v", "current_a"))
     speed = _column(samples, "speed_m_s")
     if climate is None or voltage is None or current is None or speed is None:
@@ -443,7 +445,7 @@ def _standing_power(samples: pd.DataFrame, climate: FloatArray | None) -> float:
 
 
 def _base_value(standing: Sequence[float], vehicle: Vehicle) -> _Values:
-    """Base load of the standing car."""
+    """Base load, from the power of the standing car."""
     published = vehicle.auxiliaries.base_load_w
     # the standing power of trips scatters by a tenth at least; a choice
     sd = max(float(np.std(standing, ddof=1)), 0.1 * published, 1.0)
@@ -455,7 +457,7 @@ def _base_value(standing: Sequence[float], vehicle: Vehicle) -> _Values:
 
 
 def _rest_rows(samples: pd.DataFrame, vehicle: Vehicle) -> FloatArray:
-    """Open-circuit voltage of a cell about the published curve at rest, by bins of charge."""
+    """Open-circuit voltage of a cell at rest minus the published curve, by bins of charge; see `StageRecord.rest`."""
     names = ("voltage_v", "current_a", "soc")
     voltage, current, soc = (_column(samples, name) for name in names)
     if voltage is None or current is None or soc is None:
@@ -476,7 +478,7 @@ def _rest_rows(samples: pd.DataFrame, vehicle: Vehicle) -> FloatArray:
 
 
 def _curve_value(rows: Sequence[FloatArray], vehicle: Vehicle) -> _Values:
-    """Open-circuit voltage of a cell: the published curve and a smooth change."""
+    """Open-circuit voltage of a cell: the published curve plus a smooth change."""
     battery = vehicle.battery
     knots = np.linspace(0.0, 1.0, 11)
     everything = np.concatenate(rows)

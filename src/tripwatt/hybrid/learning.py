@@ -1,14 +1,16 @@
-"""A car learned trip by trip: each trip is forecast by several experts before any of them learns it.
+"""Sequential estimation of a car's factors: several experts forecast each trip before they are updated by it.
 
-An expert is a belief about the factors of a car and the scale of its errors: the published values, one factor for everything, a line by cause, the
-population of cars with wider or narrower spreads, the car's own trips alone. Each is a Kalman filter of the factors `w` and of a slow drift `g` of the consumption
+An expert is a prior of the factors of a car and of the scale of its errors. The kinds are: the published values, one factor for
+everything, a line by cause, the population of cars with wider or narrower spreads, and the car's own trips alone. Each expert is a Kalman
+filter of the factors `w` and of a slow drift `g` of the consumption
 
     y_i = x_i' w + s_i g_i + e_i,   e_i ~ t(lambda n_i + m_i),   g_i = g_(i-1) exp(-dt / tau) + ...
 
-with the energies `x_i` by factor, the simulated energy `s_i`, the usual variance `n_i` of a trip and that `m_i` of its measurement. Weights of the
-experts follow their forecasts so far, each under a t distribution, and old ones count less (Raftery, Karny and Ettler 2010, Technometrics 52). A trip
-that stands out moves the car less: its variance grows by its own standardised error (Lange, Little and Taylor 1989). What is known of the car is the
-mixture of all experts. O(trips x experts x factors^2), the next trip O(experts x factors^2).
+with the residual energy `y_i` of a trip, its energies `x_i` by factor, its simulated energy `s_i`, its usual variance `n_i` and the
+variance `m_i` of its measurement. The weight of an expert follows the likelihood of its forecasts so far under a t distribution; old
+forecasts count less (Raftery, Karny and Ettler 2010, Technometrics 52). An outlying trip changes the factors less: its variance grows
+with its own standardised error (Lange, Little and Taylor 1989). The estimate for the car is the mixture of all experts.
+O(trips x experts x factors^2), the next trip O(experts x factors^2).
 """
 
 from __future__ import annotations
@@ -38,34 +40,35 @@ KIND_WEIGHTS: Final = (0.2, 0.02, 0.005, 0.77, 0.005)
 """Weight of each kind before any trip."""
 
 SPREADS: Final = ((0.5, 1.0), (1.0, 1.0), (2.0, 0.2))
-"""Scales of the population's spread, and their weights before any trip: together a prior with heavy tails. Everything and the other
-factors have scales of their own."""
+"""Scales of the population's spread, and their weights before any trip: together a prior with heavy tails. The factor `everything`
+and the other factors have separate scales."""
 
 CLIMATE_USE: Final = ((1.0, 0.7), (0.5, 0.2), (0.0, 0.1))
 """Share of the simulated climate control that a driver uses, and its weight before any trip: an assumption, since a log without climate
 control does not show it."""
 
 NOISES: Final = (0.0625, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
-"""Variances of a car's errors over the usual one; a choice, steps of two."""
+"""Variances of a car's errors relative to the usual variance; a choice, in steps of two."""
 
 DRIFTS: Final = ((0.03, 0.6), (0.07, 0.4))
-"""Standard deviations of a slow drift of the consumption by season, tyres and ageing, as a share, and their weights before any trip: choices. What is left
-of the first and the second half of the logs differs by 3 to 12 % of the consumption, in the mean over the cars about as this drift."""
+"""Standard deviations of a slow drift of the consumption by season, tyres and ageing, as a share, and their weights before any trip;
+choices. The residuals of the first and the second half of the logs differ by 3 to 12 % of the consumption, in the mean over the cars
+about as much as this drift."""
 
 MEMORY: Final = 0.98
-"""Share of the experts' evidence that is left after each trip."""
+"""Share of the experts' earlier evidence that is kept at each trip."""
 
 
 @dataclass(frozen=True, eq=False)
 class Innovations:
-    """Forecasts of trips, each before it was learned.
+    """Forecasts of trips, each made before the experts were updated by the trip.
 
     Attributes
     ----------
     mean_wh, sd_wh : ndarray, shape (trips,)
-        Of the residual energy as measured.
+        Mean and standard deviation of the measured residual energy [Wh].
     weights : ndarray, shape (trips, kinds)
-        Of each kind of expert before the trip.
+        Weight of each kind of expert before the trip.
     """
 
     mean_wh: FloatArray
@@ -79,23 +82,26 @@ class Innovations:
 
 @dataclass(frozen=True, eq=False)
 class Experts:
-    """Beliefs about one car, all in usual standard deviations of the factors; the drift comes last.
+    """Distributions of one car's factors and drift by several experts, in usual standard deviations of the factors.
 
     Attributes
     ----------
     mean : ndarray, shape (experts, factors + 1)
+        Mean of the factors and, last, of the drift.
     covariance : ndarray, shape (experts, factors + 1, factors + 1)
+        Covariance of the factors and the drift.
     noise : ndarray, shape (experts,)
-        Variance of the errors over the usual one.
+        Variance of the errors relative to the usual variance.
     drift : ndarray, shape (experts,)
         Variance of the drift before any trip.
     kind : ndarray of int, shape (experts,)
-        Place in `KINDS`.
+        Index in `KINDS`.
     log_prior, log_weight : ndarray, shape (experts,)
+        Logarithms of the weights before any trip and now, up to a constant.
     day : float
-        Of the last trip; NaN where unknown or before the first.
+        Day of the last trip, in days since 1970; NaN if unknown or before the first trip.
     trips : int
-        Learned so far.
+        Number of trips so far.
     """
 
     mean: FloatArray
@@ -116,18 +122,18 @@ class Experts:
         shift: FloatArray | float = 0.0,
         own: FloatArray | float = 0.0,
     ) -> Experts:
-        """Before any trip of a car.
+        """Make the experts of a car before its first trip.
 
         Parameters
         ----------
         mean : ndarray, shape (factors,)
-            Of the population.
+            Mean of the population.
         covariance : ndarray, shape (factors, factors)
-            Of a car of the population.
+            Covariance of the factors of a car of the population.
         shift : ndarray, shape (factors,)
-            What is expected of the car whatever the population is: of one that is unlike those with published values.
+            Expected factors in addition to those of the population, for a car unlike those with published values.
         own : ndarray, shape (factors,)
-            Variances that no expert narrows: of a car that is unlike those of the population.
+            Variances added for every expert, for a car unlike those of the population.
         """
         p = len(NAMES)
         zero, one = np.zeros(p) + shift, np.zeros((p, p))
@@ -187,18 +193,18 @@ class Experts:
 
     @property
     def noise_scale(self) -> float:
-        """Expected variance of the errors over the usual one."""
+        """Expected variance of the errors relative to the usual variance."""
         return float(self.weights @ self.noise)
 
     def collapsed(self) -> tuple[FloatArray, FloatArray]:
-        """Mean and covariance of the factors and the drift over all experts."""
+        """Mean and covariance of the factors and the drift in the mixture of all experts."""
         weights = self.weights
         centre = weights @ self.mean
         apart = self.mean - centre
         return centre, np.tensordot(weights, self.covariance, 1) + (apart.T * weights) @ apart
 
     def corrector(self, vehicle: Vehicle) -> FactorCorrector:
-        """The correction of the car by what is known of it."""
+        """Make the corrector of the car from the mixture of all experts."""
         mean, covariance = self.collapsed()
         values, vectors = eigen(0.5 * (covariance + covariance.T))
         factor = vectors * np.sqrt(np.maximum(values, 0.0))
@@ -207,7 +213,7 @@ class Experts:
         return FactorCorrector(vehicle.body.test_mass_kg, mean, factor, day, drift_sd)
 
     def at(self, day: float) -> Experts:
-        """The same on another day: what is known of the drift fades. A day that is not known comes `USUAL_DAYS` later."""
+        """Move the experts to another day: the drift fades towards its prior. An unknown day counts as `USUAL_DAYS` later."""
         if not self.trips:
             return replace(self, day=day)
         kept = np.ones(self.mean.shape[1])
@@ -217,7 +223,7 @@ class Experts:
         return replace(self, mean=self.mean * kept, covariance=covariance, day=day)
 
     def on_the_road(self) -> Experts:
-        """After runs on a dynamometer: how large the errors on the road are is as unknown as before them."""
+        """Carry estimates from runs on a dynamometer over to the road: noise weights and drift return to their priors."""
         by_belief = self.weights.reshape(-1, len(NOISES)).sum(axis=1)
         usual = np.exp(self.log_prior.reshape(-1, len(NOISES)))
         share = usual / usual.sum(axis=1, keepdims=True)
@@ -230,7 +236,7 @@ class Experts:
         return replace(self, mean=mean, covariance=covariance, log_weight=logs, day=float("nan"), trips=0)
 
     def predict(self, evidence: TripEvidence) -> tuple[FloatArray, FloatArray]:
-        """Mean and standard deviation of the residual energy of trips as measured [Wh], each on its day, none of them learned."""
+        """Forecast mean and standard deviation of the measured residual energy of trips [Wh], without updating the experts."""
         kept = drift_kept(evidence.day, self.day) if self.trips else np.ones(len(evidence))
         x = _with_drift(evidence.factors_wh) * np.column_stack([np.ones((len(kept), len(NAMES))), kept])
         each = self.mean @ x.T
@@ -241,7 +247,7 @@ class Experts:
         return mean, np.sqrt(self.weights @ (variance + (each - mean) ** 2))
 
     def learn(self, evidence: TripEvidence) -> tuple[Experts, Innovations]:
-        """Forecast and learn trips one after the other, in their order."""
+        """Forecast trips one after the other and update the experts by each; returns the updated experts and the forecasts."""
         now, mean, sd, weights = self, [], [], []
         for i, x in enumerate(_with_drift(evidence.factors_wh)):
             now = now.at(float(evidence.day[i]))
@@ -273,5 +279,5 @@ class Experts:
 
 
 def _with_drift(factors_wh: FloatArray) -> FloatArray:
-    """Energies by factor, and by the drift, which acts on everything."""
+    """Energies by factor and, in the last column, by the drift, which acts on everything."""
     return np.column_stack([factors_wh, factors_wh[:, 0]])

@@ -25,7 +25,7 @@ class Corrector(Protocol):
 
     A regressor has `get_params`, as every estimator of scikit-learn. It is fitted to `TREE_FEATURES` of the segments and
     their residual power [W]. Any other object has ``fit(table)`` and ``predict(table)``, and may have other methods
-    of `PowerCorrector`. Either stays as it is: clones and copies of it are fitted.
+    of `PowerCorrector`. The given object is not changed: clones or copies of it are fitted.
 
     Examples
     --------
@@ -50,7 +50,7 @@ class TableCorrector(PowerCorrector):
     Parameters
     ----------
     unfitted : Corrector
-        Each fit takes a copy of it.
+        Object that each fit copies.
 
     Attributes
     ----------
@@ -63,13 +63,13 @@ class TableCorrector(PowerCorrector):
         self.model: Any = unfitted
 
     def fit(self, table: SegmentTable) -> TableCorrector:
-        """Fit a copy."""
+        """Fit a copy of the unfitted object."""
         self.model = copy.deepcopy(self.unfitted)
         self.model.fit(table)
         return self
 
     def clone_tuned(self) -> TableCorrector:
-        """With the settings that `fit` chose, where the object has `clone_tuned`."""
+        """Return an unfitted copy, with the settings that `fit` chose if the object has `clone_tuned`."""
         own = self._own("clone_tuned")
         return TableCorrector(own() if own else self.unfitted)
 
@@ -78,39 +78,39 @@ class TableCorrector(PowerCorrector):
         return checked(self.model.predict(table), len(table.hours), self.model)
 
     def predict_with_uncertainty(self, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
-        """Both of the object, where it has an uncertainty of its own."""
+        """Result of the object's own method if it has one; otherwise its prediction without uncertainty."""
         own: Any = self._own("predict_with_uncertainty") or super().predict_with_uncertainty
         return own(table)  # type: ignore[no-any-return]  # of an object from outside
 
     def outside_factor(self, table: SegmentTable) -> FloatArray:
-        """Of the object, where it has one."""
+        """Result of the object's own method if it has one; otherwise a factor without columns."""
         own: Any = self._own("outside_factor") or super().outside_factor
         return own(table)  # type: ignore[no-any-return]  # of an object from outside
 
     def predict_climate(self, table: SegmentTable) -> FloatArray | None:
-        """Of the object, where it has one."""
+        """Result of the object's own method; None if it has none."""
         own = self._own("predict_climate")
         return None if own is None else own(table)
 
     def _own(self, name: str) -> Any:
-        """A method of the object, unless it is the empty one of `PowerCorrector`."""
+        """Method of the object by name; None if it has none, or only that of `PowerCorrector`."""
         empty = getattr(type(self.model), name, None) is getattr(PowerCorrector, name)
         return None if empty else getattr(self.model, name, None)
 
 
 def outside_corrector(corrector: Corrector, seed: int) -> PowerCorrector:
-    """A corrector of power from an object from outside, unfitted.
+    """Make an unfitted corrector of power from an object from outside.
 
     Parameters
     ----------
     corrector : Corrector
     seed : int
-        For a regressor without a random state.
+        Random state of a regressor that has none set.
 
     Raises
     ------
     InvalidInput
-        When it can be neither of the two kinds.
+        If the object is of neither of the two kinds of `Corrector`.
 
     Examples
     --------
@@ -125,12 +125,12 @@ def outside_corrector(corrector: Corrector, seed: int) -> PowerCorrector:
 
 
 def is_regressor(model: object) -> bool:
-    """Whether an object is of scikit-learn's kind."""
+    """Whether an object is an estimator of scikit-learn's kind."""
     return hasattr(model, "get_params")
 
 
 def require_fitting(model: object, where: str, how: str) -> None:
-    """Raise `InvalidInput` for a class, and for an object without `fit` and `predict`."""
+    """Raise `InvalidInput` for a class, a classifier, or an object without `fit` and `predict`."""
     if inspect.isclass(model):
         raise InvalidInput.of("class in place of an object", where, model.__name__, f"{model.__name__}()")
     from sklearn.base import is_classifier
@@ -142,7 +142,7 @@ def require_fitting(model: object, where: str, how: str) -> None:
 
 
 def packaged_correctors() -> dict[str, Callable[[int], Corrector]]:
-    """Correctors of installed packages, by their names; a package is imported when its corrector is made."""
+    """Makers of the correctors of installed packages, by name; a package is imported when its corrector is made."""
 
     def maker(entry: EntryPoint) -> Callable[[int], Corrector]:
         return lambda seed: entry.load()(seed)

@@ -1,7 +1,7 @@
-"""A few physical parameters of a car whose published values may be wrong, and what they do to the power of a trip.
+"""A few physical parameters of a car whose published values may be wrong, and their effect on the power of a trip.
 
-Each has a width: how far a car on the road may be from its published value. The widths come from what is published, never
-from the trips that they are used on.
+Each parameter has a width: the prior standard deviation of a car on the road from its published value. The widths come from
+published sources, never from the trips that are calibrated on.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ class Parameter:
     width : float
         Prior standard deviation of the relative change.
     source : str
-        Where the width comes from.
+        Source of the width.
     keys : tuple of str
-        Entries of the car that the change multiplies; empty for one that scales a cause of the simulated power.
+        Entries of the car that the change multiplies; empty for a parameter that only scales causes of the simulated power.
     causes : tuple of str
-        Causes of the simulated power that it multiplies, to first order.
+        Causes of the simulated power that the parameter scales, to first order.
     """
 
     name: str
@@ -51,7 +51,7 @@ class Parameter:
 
 @cache
 def parameters() -> tuple[Parameter, ...]:
-    """What is calibrated, from `parameters.toml`.
+    """Parameters that are calibrated, from `parameters.toml`.
 
     Examples
     --------
@@ -65,7 +65,7 @@ def parameters() -> tuple[Parameter, ...]:
 
 
 def on_road(vehicle: Vehicle) -> Vehicle:
-    """A car as it is expected on the road, where its values are those of a test; another car as it is.
+    """Return the car as expected on the road if its values are those of a test; otherwise return it unchanged.
 
     Examples
     --------
@@ -81,7 +81,7 @@ def on_road(vehicle: Vehicle) -> Vehicle:
 
 
 def changed(vehicle: Vehicle, changes: Mapping[str, float], *, source: str = "") -> Vehicle:
-    """A car with parameters changed by a relative amount; those without an entry of their own change nothing.
+    """Return a car with parameters changed by relative amounts; parameters without an entry of the car have no effect.
 
     Parameters
     ----------
@@ -109,20 +109,20 @@ def changed(vehicle: Vehicle, changes: Mapping[str, float], *, source: str = "")
 
 
 def with_values(vehicle: Vehicle, values: Mapping[str, Value], sources: Mapping[str, str]) -> Vehicle:
-    """A car with values in the place of the published ones, which its entries keep.
+    """Return a car with new values; its entries keep the published ones.
 
     Parameters
     ----------
     vehicle : Vehicle
     values : mapping of str to (float, str or tuple of float)
-        By key of the entries, e.g. ``"auxiliaries.base_load_w"``.
+        New values by key of the entries, e.g. ``"auxiliaries.base_load_w"``.
     sources : mapping of str to str
-        Where each value comes from.
+        Source of each value.
 
     Returns
     -------
     Vehicle
-        The same object where there are no values.
+        The changed car; the same object if there are no values.
     """
     entries = {}
     for key, value in values.items():
@@ -142,18 +142,18 @@ def with_values(vehicle: Vehicle, values: Mapping[str, Value], sources: Mapping[
 
 
 def sensitivities(plans: Sequence[Plan], vehicle: Vehicle, table: SegmentTable) -> FloatArray:
-    """Power of each segment by a relative change of 1 of each parameter [W], shape (rows, parameters).
+    """Derivative of the power of each segment by the relative change of each parameter [W], shape (rows, parameters).
 
-    A parameter with entries of its own is changed by 2 % and the trip is simulated again; the others multiply a
-    cause. O(samples) for each.
+    A parameter with entries of the car, except the base load, is changed by 2 % and the trips are simulated again. The others scale
+    their causes. O(samples) for each.
 
     Parameters
     ----------
-    plans : sequence of Trip
-        In the order of the table.
+    plans : sequence of Plan
+        Plans in the order of the table.
     vehicle : Vehicle
     table : SegmentTable
-        Their segments with the car as it is.
+        Segments of the plans, simulated with the unchanged car.
     """
     columns = []
     for parameter in parameters():

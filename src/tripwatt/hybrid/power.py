@@ -1,4 +1,4 @@
-"""Correct power: the residual power of short segments, estimated from what is known before departure."""
+"""Correctors of power: estimates of the residual power of short segments from quantities known before departure."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from tripwatt.trips import TEMPERATURES
 
 
 class PowerCorrector:
-    """The residual power of segments, predicted from what is known before departure.
+    """Base class of correctors, which predict the residual power of segments from quantities known before departure.
 
-    A corrector implements `predict`, or `predict_with_uncertainty` where it has an uncertainty of its own. One that can be fitted
-    implements `fit` and `clone_tuned` as well.
+    A subclass implements `predict`, or `predict_with_uncertainty` if it has an uncertainty of its own. If it can be fitted, it also
+    implements `fit` and `clone_tuned`.
 
     Examples
     --------
@@ -44,7 +44,7 @@ class PowerCorrector:
     """
 
     refit: ClassVar[str] = "fit a new ForecastModel"
-    """What to do in place of a fit, for one that cannot be fitted."""
+    """Advice in the error message of a corrector that cannot be fitted."""
 
     def fit(self, table: SegmentTable) -> Self:
         """Fit to the trips of a table.
@@ -57,12 +57,12 @@ class PowerCorrector:
         Returns
         -------
         PowerCorrector
-            Itself.
+            The corrector itself.
 
         Raises
         ------
         InvalidInput
-            For one that was made from a fitted one, and not from trips.
+            If the corrector cannot be fitted, such as stored trees or a corrector by factors.
         """
         raise InvalidInput.of("corrector cannot be fitted", type(self).__name__, fix=self.refit)
 
@@ -72,12 +72,12 @@ class PowerCorrector:
         Returns
         -------
         PowerCorrector
-            Of the same kind.
+            Unfitted corrector of the same kind.
 
         Raises
         ------
         InvalidInput
-            As `fit`.
+            If the corrector cannot be fitted.
         """
         raise InvalidInput.of("corrector cannot be fitted", type(self).__name__, fix=self.refit)
 
@@ -107,14 +107,14 @@ class PowerCorrector:
         Returns
         -------
         power_w : ndarray, shape (rows,)
-            As of `predict` [W].
+            Predicted residual power, as of `predict` [W].
         factor_w : ndarray, shape (rows, any)
-            `L` with ``L @ L.T`` the covariance of the corrector's own uncertainty [W]; zeros where it has none.
+            Factor `L` of the covariance ``L @ L.T`` of the corrector's own uncertainty [W]; zeros if it has none.
         """
         return self.predict(table), np.zeros((len(table.hours), 1))
 
     def outside_factor(self, table: SegmentTable) -> FloatArray:
-        """Compute `L` as `predict_with_uncertainty` does, of what the correction may be outside of what it was fitted to.
+        """Compute a factor `L` as in `predict_with_uncertainty`, for the uncertainty outside the range of the training.
 
         Parameters
         ----------
@@ -124,7 +124,7 @@ class PowerCorrector:
         Returns
         -------
         ndarray, shape (rows, any)
-            `L` [W]; no columns where that is not known.
+            Factor `L` [W]; it has no columns if the corrector does not estimate this uncertainty.
         """
         return np.zeros((len(table.hours), 0))
 
@@ -144,7 +144,7 @@ class PowerCorrector:
         return None
 
     def predict_driving(self, table: SegmentTable) -> FloatArray:
-        """Predict the part of `predict` that the speeds of the road decide.
+        """Predict the part of `predict` that depends on the speeds of the road.
 
         Parameters
         ----------
@@ -154,14 +154,14 @@ class PowerCorrector:
         Returns
         -------
         ndarray, shape (rows,)
-            Power [W]: all but climate control, where that is known.
+            Power [W]; by default the prediction minus that of climate control, if the latter is not None.
         """
         climate = self.predict_climate(table)
         return self.predict(table) - (0.0 if climate is None else climate)
 
 
 def smooth_terms(corrector: str) -> tuple[KernelTerm, ...]:
-    """The smooth terms of a corrector, from `kernels.toml`.
+    """Smooth terms of a corrector, from `kernels.toml`.
 
     Examples
     --------
@@ -178,18 +178,18 @@ LINES: Final = tuple(KernelTerm((f"{cause}_w",), "line", 0.1) for cause in LINE_
 
 
 SETTLED_S: Final = 3600.0
-"""Time after which cabin and driveline have settled: the cabin's time constant is 24 minutes (102 kJ/K of air and interior
-over 70 W/K), so a twelfth of the difference is left. The battery then follows weather and load, not the time: a longer drive is
-no other kind of drive."""
+"""Time after which cabin and driveline have settled [s]: the cabin's time constant is 24 minutes (102 kJ/K of air and interior
+over 70 W/K), so a twelfth of the difference is left. The battery then follows weather and load, not the time, so a longer drive
+counts as the same kind of drive."""
 
 
 class GPCorrector(PowerCorrector):
     """Additive Gaussian process: calibrated causes plus smooth functions of the departure state.
 
     The weights are fitted to the trips' totals, because rows of a trip are far from independent. The course along
-    the trip is fitted to the rows: the remaining residual less the trip's mean is regressed on the same features,
-    also less their trip's mean. It moves energy along the trip and does not change the total. A total counts by the
-    standard deviation of its measurement; a trip whose energy was not measured along the way has no course.
+    the trip is fitted to the rows: the remaining residual minus the trip's mean is regressed on the same features,
+    also minus their trip's mean. The course moves energy along the trip and does not change the total. Totals are weighted by
+    the standard deviation of their measurement; trips whose energy was not measured along the way do not count for the course.
     """
 
     def __init__(
@@ -207,9 +207,9 @@ class GPCorrector(PowerCorrector):
         self.shape = np.empty(0)
 
     def fit(self, table: SegmentTable) -> Self:
-        """Learn from trip totals, then from the rows within trips. O(rows x features^2).
+        """Fit to trip totals, then to the rows within trips. O(rows x features^2).
 
-        Terms with a column that no row has are left out.
+        Terms with a column that is unknown in all rows are left out.
         """
         known = {name for name, column in table.features.items() if bool(column.notna().any())}
         self._set_terms(
@@ -232,7 +232,7 @@ class GPCorrector(PowerCorrector):
         return self
 
     def clone_tuned(self) -> GPCorrector:
-        """The same terms."""
+        """Return an unfitted corrector with the same terms."""
         return GPCorrector(self.terms, self.share_column)
 
     def predict(self, table: SegmentTable) -> FloatArray:
@@ -240,7 +240,7 @@ class GPCorrector(PowerCorrector):
         return self._mean(self.model.features(table.features)[0], table)
 
     def outside_factor(self, table: SegmentTable) -> FloatArray:
-        """From the prior of the process: of time beyond that of the training, and of the part that does not count."""
+        """Factor from the prior of the process: for times beyond those of the training, and for the faded part of the correction."""
         share = self.familiarity.share(table.features)[:, None]
         edge = self.model.outside_factor(
             table.features, {"time_s": SETTLED_S}, inside=self.familiarity.ranges
@@ -251,26 +251,26 @@ class GPCorrector(PowerCorrector):
         return np.hstack([edge * share, lost * np.sqrt(1.0 - share**2)])
 
     def predict_with_uncertainty(self, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
-        """Both from the same features."""
+        """Residual power and factor of its covariance, computed from the same features."""
         features, _ = self.model.features(table.features)
         share = self.familiarity.share(table.features)
         return self._mean(features, table), self.model.factor(features) * share[:, None]
 
     def _mean(self, features: FloatArray, table: SegmentTable) -> FloatArray:
-        """The mean of the process and the shape within the trip, as far as they count."""
+        """Mean of the process plus shape within the trip, both times the share that counts."""
         share = self.familiarity.share(table.features)
         shape = less_trip_mean((features @ self.shape * share)[:, None], table)[:, 0]
         return self.model.mean(features) * share + shape
 
 
 def fading_columns(terms: Iterable[KernelTerm]) -> tuple[str, ...]:
-    """Covariates of the smooth terms; every one of `FADING` where there are only lines."""
+    """Covariates of the smooth terms; all of `FADING` if there are only lines."""
     smooth = dict.fromkeys(c for term in terms if term.kind == "smooth" for c in term.columns)
     return tuple(smooth) or FADING
 
 
 def less_trip_mean(values: FloatArray, table: SegmentTable) -> FloatArray:
-    """Columns less their mean over the time of each trip, shape (rows, columns)."""
+    """Columns minus their mean over the time of each trip, shape (rows, columns)."""
     sums = np.add.reduceat(values * table.hours[:, None], table.offsets[:-1], axis=0)
     means = sums / np.add.reduceat(table.hours, table.offsets[:-1])[:, None]
     return np.asarray(values - means[table.groups])
@@ -288,7 +288,7 @@ TREE_FEATURES: Final = (
 
 
 class LearnerCorrector(PowerCorrector):
-    """A scikit-learn style learner on segment rows, each trip weighing the same."""
+    """A learner in the style of scikit-learn on segment rows, with the trip as the group of its rows."""
 
     def __init__(self, model: Any, features: tuple[str, ...] = TREE_FEATURES) -> None:
         self.model = model
@@ -296,7 +296,7 @@ class LearnerCorrector(PowerCorrector):
         self.familiarity = Familiarity()
 
     def fit(self, table: SegmentTable) -> Self:
-        """Learn from segment rows, the trip as the cluster."""
+        """Fit to segment rows, with the trip as the cluster."""
         self.familiarity = Familiarity.from_features(table.features, self.features)
         self.model.fit(self.columns(table), table.residual_w, groups=table.groups)
         return self
@@ -311,7 +311,7 @@ class LearnerCorrector(PowerCorrector):
         return power * self.familiarity.share(table.features)
 
     def columns(self, table: SegmentTable) -> pd.DataFrame:
-        """The learner's features of a table."""
+        """Columns of a table that the learner uses as features."""
         return table.features[list(self.features)]
 
 
@@ -324,8 +324,8 @@ class EnsembleCorrector(PowerCorrector):
     def fit(self, table: SegmentTable) -> Self:
         """Fit each member.
 
-        The others weigh every row alike and have no errors of measurement: of a trip that was not measured along the way they are fitted to
-        the first one's estimate.
+        The members after the first weigh every row alike and ignore errors of measurement. For a trip that was not measured along the
+        way they are fitted to the first member's estimate.
         """
         first, *others = self.members
         first.fit(table)
@@ -346,17 +346,17 @@ class EnsembleCorrector(PowerCorrector):
         return np.asarray(np.mean([m.predict(table) for m in self.members], axis=0))
 
     def outside_factor(self, table: SegmentTable) -> FloatArray:
-        """Of the first member; trees fade outside of their range and have no variance of their own."""
+        """Factor of the first member; trees fade outside of their range and have no variance of their own."""
         return self.members[0].outside_factor(table)
 
     def predict_with_uncertainty(self, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
-        """The first member does both at once."""
+        """Mean residual power of all members, and the uncertainty of the first."""
         mean, uncertainty = self.members[0].predict_with_uncertainty(table)
         return np.asarray(np.mean([mean, *(m.predict(table) for m in self.members[1:])], axis=0)), uncertainty
 
 
 def boosting_corrector(seed: int, features: tuple[str, ...] = TREE_FEATURES) -> LearnerCorrector:
-    """Clustered boosting on segment rows, fresh."""
+    """Make an unfitted corrector by clustered boosting on segment rows."""
     require_extras({"learners": "the corrector boosting"})
     from tripwatt.learners.boosting import ClusteredBoosting
 
@@ -371,7 +371,7 @@ def boosting_corrector(seed: int, features: tuple[str, ...] = TREE_FEATURES) -> 
 
 
 def forest_corrector(seed: int) -> LearnerCorrector:
-    """Clustered forest on segment rows, fresh."""
+    """Make an unfitted corrector by a clustered forest on segment rows."""
     require_extras({"learners": "the corrector forest"})
     from tripwatt.learners.forest import ClusteredForest
 
@@ -387,7 +387,7 @@ class GammCorrector(PowerCorrector):
     )
 
     def fit(self, table: SegmentTable) -> Self:
-        """Gaussian errors, REML."""
+        """Fit the GAMM with Gaussian errors by REML."""
         self.medians_ = table.features.median()
         self.familiarity = Familiarity.from_features(table.features, FADING)
         with gamm_engine() as engine:
@@ -395,7 +395,7 @@ class GammCorrector(PowerCorrector):
         return self
 
     def clone_tuned(self) -> GammCorrector:
-        """The same formula."""
+        """Return an unfitted corrector with the same formula."""
         return GammCorrector()
 
     def predict(self, table: SegmentTable) -> FloatArray:

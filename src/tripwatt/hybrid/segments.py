@@ -23,14 +23,14 @@ from tripwatt.units import SECONDS_PER_DAY, SECONDS_PER_HOUR
 from tripwatt.vehicles import Vehicle
 
 SEGMENT_S: Final = 30.0
-"""Length of the segments: a few changes of speed, so that the residual is about the car and not about its timing."""
+"""Length of the segments [s]: a few changes of speed, so that the residual shows the car and not errors of timing."""
 
 LINE_CAUSES: Final = tuple(cause for cause in CAUSES if cause != "shortfall")
 """Causes whose simulated power the correctors may scale; `shortfall` is no property of the car."""
 
 
 DRIVING: Final = tuple(cause for cause in LINE_CAUSES if cause not in ("climate", "climb"))
-"""Causes that the speeds of a road decide."""
+"""Causes whose energy depends on the speeds of a road."""
 
 _BY_ROW: Final = ("hours", "simulated_w", "observed_w", "observed_climate_w")
 """Fields of a table with a value for each row."""
@@ -43,24 +43,24 @@ class SegmentTable:
     Attributes
     ----------
     trip_ids : tuple of str
-        One name for each trip.
+        Name of each trip.
     offsets : ndarray of int, shape (trips + 1,)
         First row of each trip, and the number of rows.
     features : DataFrame, (rows, features)
-        Known before departure; NaN where unknown.
+        Quantities known before departure; NaN if unknown.
     hours : ndarray, shape (rows,)
-        Length of each segment [h].
+        Duration of each segment [h].
     simulated_w : ndarray, shape (rows,)
-        Simulated power at the battery terminals.
+        Simulated power at the battery terminals [W].
     observed_w : ndarray or None, shape (rows,)
-        Measured power at the battery terminals.
+        Measured power at the battery terminals [W]; None for plans.
     observed_climate_w : ndarray or None, shape (rows,)
-        Measured power of climate control; NaN where it was not logged.
+        Measured power of climate control [W]; NaN in segments in which it was not logged.
     charge : ndarray or None, shape (trips, 4)
-        Readings of the state of charge: the battery management's at departure and arrival, the displayed one at both;
-        NaN where it was not logged. None for plans.
+        State of charge of the battery management at departure and arrival, then the displayed one at departure and arrival;
+        NaN if not logged. None for plans.
     errors : EnergyErrors or None
-        How well the measured energies are known; None for plans, and where all count as exact.
+        Errors of the measured energies; None for plans, and if all energies count as exact.
 
     Examples
     --------
@@ -93,7 +93,7 @@ class SegmentTable:
 
     @property
     def observed_power_w(self) -> FloatArray:
-        """Measured power [W], shape (rows,); refuses a table without it."""
+        """Measured power [W], shape (rows,); raises InvalidInput if the table has none."""
         if self.observed_w is None:
             raise InvalidInput.of("no measured energy", "trips", "none", "voltage and current of each trip")
         return self.observed_w
@@ -105,31 +105,31 @@ class SegmentTable:
 
     @property
     def climate_residual_w(self) -> FloatArray:
-        """Observed minus simulated power of climate control [W], shape (rows,); NaN where it was not logged."""
+        """Observed minus simulated power of climate control [W], shape (rows,); NaN if not logged."""
         if self.observed_climate_w is None:
             return np.full(len(self.hours), np.nan)
         return np.asarray(self.observed_climate_w - self.features["climate_w"].to_numpy())
 
     @property
     def energy_errors(self) -> EnergyErrors:
-        """`errors`, those of exact energies where there are none."""
+        """Return `errors`, or those of exact energies if `errors` is None."""
         if self.errors is not None:
             return self.errors
         zero = np.zeros(len(self))
         return EnergyErrors(zero, zero, np.ones(len(self), dtype=bool))
 
     def take(self, members: Sequence[int] | IntArray) -> SegmentTable:
-        """Take some of the trips. O(their rows).
+        """Take some of the trips. O(rows of these trips).
 
         Parameters
         ----------
         members : sequence of int
-            Places of the trips.
+            Indices of the trips.
 
         Returns
         -------
         SegmentTable
-            Trips in the order of `members`.
+            Table of the trips in the order of `members`.
         """
         index = np.asarray(members, dtype=np.int64)
         rows = np.concatenate([np.arange(self.offsets[i], self.offsets[i + 1]) for i in index])
@@ -160,17 +160,17 @@ class SegmentTable:
 
     @classmethod
     def join(cls, tables: Sequence[SegmentTable]) -> SegmentTable:
-        """Make one table of several.
+        """Join several tables into one.
 
         Parameters
         ----------
         tables : sequence of SegmentTable
-            At least one; with the same features.
+            At least one table; all with the same features.
 
         Returns
         -------
         SegmentTable
-            Trips in the order of the tables; with measured power and charge only where all tables have them.
+            Trips in the order of the tables; measured power and charge are None unless all tables have them.
         """
         if any(t.observed_climate_w is not None for t in tables):
             tables = [
@@ -201,26 +201,26 @@ def segment_table(
     segment_s: float = SEGMENT_S,
     climb_wh: float = 0.0,
 ) -> SegmentTable:
-    """Cut one trip into segments, from its plan and simulation; with the measured power where there is a measured trip.
+    """Cut one trip into segments, from its plan and simulation; adds the measured power if a measured trip is given.
 
     Parameters
     ----------
     plan : Plan
-        Speed trace and road, and what is known at departure.
+        Speed trace and road, and the state known at departure.
     simulation : Simulation
-        Of the plan.
+        Simulation of the plan.
     measured : Trip, optional
-        The raw trip; its cumulative energy is read at the ends of the segments. Of an energy from the state of charge only the
-        total counts: its residual is the same in every segment.
+        The raw trip; its cumulative energy is read at the ends of the segments. If the energy comes from the state of charge, only
+        the total is used: the residual is the same in every segment.
     segment_s : float
-        Length of a segment [s]; the last one takes what is left and is up to twice as long.
+        Length of a segment [s]; the last segment takes the rest of the trip and is up to twice as long.
     climb_wh : float
-        Standard deviation of the measured energy by an unknown climb [Wh].
+        Standard deviation of the measured energy due to an unknown climb [Wh].
 
     Returns
     -------
     SegmentTable
-        Of one trip.
+        Table of one trip.
 
     Examples
     --------
@@ -279,7 +279,7 @@ def segment_table(
 
 
 def segment_trips(trips: Sequence[Trip], vehicle: Vehicle) -> SegmentTable:
-    """Cut recorded trips into segments, their measured power beside the simulated one. O(samples).
+    """Cut recorded trips into segments with measured and simulated power. O(samples).
 
     Parameters
     ----------
@@ -291,12 +291,12 @@ def segment_trips(trips: Sequence[Trip], vehicle: Vehicle) -> SegmentTable:
     Returns
     -------
     SegmentTable
-        Of all trips, in their order.
+        Table of all trips, in their order.
 
     Raises
     ------
     InvalidInput
-        When there is no trip or one has no measured energy.
+        If there is no trip, or a trip has no measured energy.
 
     Examples
     --------
@@ -318,10 +318,10 @@ def segment_trips(trips: Sequence[Trip], vehicle: Vehicle) -> SegmentTable:
 
 
 def driven_roads(trips: Sequence[Trip], table: SegmentTable, driving: FloatArray) -> FloatArray:
-    """What trips show of a car's roads and of its air, shape (trips, 9).
+    """Summaries of the roads and the weather of trips, shape (trips, 9).
 
-    Length [m] and time [s] in city, country and motorway, NaN for a trip without links; the energy of a power `driving` [Wh]; the outside temperature at
-    departure [°C] and its day [days since 1970], NaN where they are unknown.
+    Columns 1 to 6: length [m] and time [s] in city, country and motorway, NaN for a trip without links. Column 7: the energy [Wh] of
+    the power `driving`. Columns 8 and 9: outside temperature at departure [°C] and day [days since 1970], NaN if unknown.
     """
     rows = [
         np.full(6, np.nan) if cut is None else cut
@@ -332,13 +332,13 @@ def driven_roads(trips: Sequence[Trip], table: SegmentTable, driving: FloatArray
 
 
 def driving_w(table: SegmentTable) -> FloatArray:
-    """Simulated power of `DRIVING` in each segment [W], shape (rows,)."""
+    """Simulated power of the causes `DRIVING` in each segment [W], shape (rows,)."""
     causes = table.features[[f"{cause}_w" for cause in DRIVING]].to_numpy(dtype=np.float64)
     return np.asarray(causes.sum(axis=1))
 
 
 def require_measured(trips: Sequence[Trip], least: int = 1) -> None:
-    """Raise `InvalidInput` with every trip without measured energy, and where there are too few trips."""
+    """Raise `InvalidInput` for every trip without measured energy, and if there are fewer than `least` trips."""
     faults = [
         Fault("no measured energy", trip.trip_id, "", "voltage and current")
         for trip in trips
@@ -353,21 +353,21 @@ def require_measured(trips: Sequence[Trip], least: int = 1) -> None:
 def resimulated(
     table: SegmentTable, plans: Sequence[Plan], vehicles: Sequence[Vehicle]
 ) -> list[SegmentTable]:
-    """The same trips simulated with other cars, beside the same measurements. O(samples x cars).
+    """Simulate the same trips with other cars, and keep the measurements. O(samples x cars).
 
     Parameters
     ----------
     table : SegmentTable
         Segments of the trips, of the usual length.
     plans : sequence of Plan
-        Of the same trips, in their order.
+        Plans of the same trips, in their order.
     vehicles : sequence of Vehicle
         The cars that are simulated.
 
     Returns
     -------
     list of SegmentTable
-        Of each car, with the features of its simulation.
+        One table for each car, with the features of its simulation.
 
     Examples
     --------
@@ -385,10 +385,10 @@ def resimulated(
 
 
 def _beside(table: SegmentTable, new: SegmentTable) -> SegmentTable:
-    """The table with a new simulation of its trips."""
+    """Combine the measurements of a table with a new simulation of its trips."""
     observed, rows = table.observed_w, table.groups
     if observed is not None:
-        # Of an energy from the state of charge only the total counts, and its residual is spread evenly.
+        # If the energy comes from the state of charge, only the total counts, and its residual is spread evenly.
         hours = table.totals_wh(np.ones(len(rows)))
         change = table.totals_wh(new.simulated_w - table.simulated_w) / hours
         even = new.simulated_w + (observed - table.simulated_w) - change[rows]
@@ -397,7 +397,7 @@ def _beside(table: SegmentTable, new: SegmentTable) -> SegmentTable:
 
 
 def day_of(at: dt.datetime | None) -> float:
-    """Days since 1970; a time without a zone counts as UTC on every machine."""
+    """Days since 1970, NaN for None; a time without a zone counts as UTC on every machine."""
     if at is None:
         return np.nan
     return (at if at.tzinfo else at.replace(tzinfo=dt.UTC)).timestamp() / SECONDS_PER_DAY
@@ -432,6 +432,6 @@ def _charge_readings(measured: Trip) -> FloatArray:
 
 
 def _measured_climate(measured: Trip, seconds: FloatArray) -> FloatArray | None:
-    """Mean measured power of climate control in each segment [W]; None when it was not logged."""
+    """Mean measured power of climate control in each segment [W]; None if it was not logged."""
     start = float(measured.array("time_s")[0])
     return logged_climate(measured.samples, start + np.concatenate(([0.0], np.cumsum(seconds))))

@@ -1,9 +1,9 @@
 """Climate control and driving corrected separately.
 
 A log with the power of heater and air conditioner splits the residual in two. The power of climate control depends on
-temperatures and time, the power of driving on road and speed. Learned separately, neither is disturbed by the noise of
-the other, and each is updated on the way by its own measurements. Where too few trips log climate control, one
-corrector corrects both jointly.
+temperatures and time, the power of driving on road and speed. If both are fitted separately, neither is disturbed by the noise
+of the other, and each is updated on the way by its own measurements. If too few trips log climate control, one corrector
+corrects both jointly.
 """
 
 from __future__ import annotations
@@ -38,18 +38,19 @@ DRIVE_TREE_FEATURES: Final = tuple(
 
 
 class SplitCorrector(PowerCorrector):
-    """One corrector for climate control and one for driving, or one for both where climate control is not logged.
+    """One corrector for climate control and one for driving, or a joint one if too few trips log climate control.
 
     Parameters
     ----------
     climate, drive, joint : PowerCorrector
-        `joint` is fitted to the undivided residual where too few trips log their climate control.
+        Correctors of climate control, of driving, and of the undivided residual.
     split : bool or None
         Whether to correct separately; None decides by the trips of `fit`.
 
     Attributes
     ----------
     split_ : bool
+        Whether climate control and driving are corrected separately.
     """
 
     def __init__(
@@ -66,7 +67,7 @@ class SplitCorrector(PowerCorrector):
         self.split_ = bool(split)
 
     def fit(self, table: SegmentTable) -> Self:
-        """Learn climate control from the trips that log it, then driving from the remaining residual of all trips."""
+        """Fit climate control to the trips that log it, then driving to the remaining residual of all trips."""
         logged = climate_logged(table)
         # eight trips and half of all with logged climate control: a separate correction from fewer is worse; a choice
         enough = int(logged.sum()) >= 8 and float(logged.mean()) >= 0.5
@@ -101,16 +102,16 @@ class SplitCorrector(PowerCorrector):
         return np.asarray(sum(part.predict(table) for part in self._parts))
 
     def outside_factor(self, table: SegmentTable) -> FloatArray:
-        """Side by side: the covariances of independent corrections add up."""
+        """Factors of the parts side by side, since the covariances of independent corrections add up."""
         return np.hstack([part.outside_factor(table) for part in self._parts])
 
     def predict_with_uncertainty(self, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
-        """Both at once, side by side."""
+        """Sum of the parts' residual powers, and their factors side by side."""
         powers, factors = zip(*(part.predict_with_uncertainty(table) for part in self._parts), strict=True)
         return np.asarray(sum(powers)), np.hstack(factors)
 
     def predict_climate(self, table: SegmentTable) -> FloatArray | None:
-        """Correction of climate control [W]; None where both are corrected jointly."""
+        """Correction of climate control [W]; None if climate control and driving are corrected jointly."""
         return self.climate.predict(table) if self.split_ else None
 
 
@@ -121,7 +122,10 @@ def climate_logged(table: SegmentTable) -> np.ndarray[tuple[int], np.dtype[np.bo
 
 
 def split_corrector(seed: int) -> SplitCorrector:
-    """The default: an additive Gaussian process for climate control; its mean with boosting for driving and jointly."""
+    """Make the default corrector.
+
+    Climate control is corrected by an additive Gaussian process, driving and both jointly by the mean of such a process and boosting.
+    """
     return SplitCorrector(
         GPCorrector(CLIMATE_TERMS, share_column="climate_w"),
         EnsembleCorrector([GPCorrector(DRIVE_TERMS), boosting_corrector(seed, DRIVE_TREE_FEATURES)]),

@@ -1,7 +1,7 @@
-"""Fitted objects as plain values and arrays, and back, so that a stored model corrects to the last bit alike.
+"""Conversion of fitted objects to plain values and arrays and back; a stored model gives bit-identical corrections.
 
 Dataclasses are converted by their annotated fields; each kind of corrector has a name. A tree of such values is stored as one
-JSON document and one archive of arrays, in which an array has the name of its place in the tree.
+JSON document and one archive of arrays, in which each array is named by its place in the tree.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ T = TypeVar("T")
 
 _ARRAY: Final = "array"
 _NUMBER: Final = "number"
-"""Key of a reference to an array, and of a number that JSON cannot hold."""
+"""Keys of a reference to an array, and of a number that JSON cannot hold."""
 
 OUTSIDE: Final = "outside"
 """Kind of a corrector around an object from outside."""
@@ -44,7 +44,7 @@ REFIT: Final = "fit the model again with this version of tripwatt"
 
 
 MOST_MEMBERS: Final = 20
-"""Most members of an ensemble; those of the package have 2."""
+"""Largest number of members of an ensemble; the ensembles of the package have 2."""
 
 RANGES: Final[Mapping[str, tuple[float, float]]] = {
     r"sds?(_w|_factor)?|variances?(_m)?|wh2|noise|onset|trips|least_share": (0.0, math.inf),
@@ -54,26 +54,26 @@ RANGES: Final[Mapping[str, tuple[float, float]]] = {
     r"zero_soc": (-0.5, 0.5),
     r"full_soc": (0.5, 1.5),
 }
-"""Ends of the place of a value in a stored model, with the least and the largest value that has a meaning there."""
+"""Regular expression for the end of a value's place in a stored model -> least and largest meaningful value."""
 
 ASCENDING: Final = r"scores\.values|length_m|factors\.speed_m_s|process\.ranges"
 
 
 @dataclass(frozen=True, eq=False)
 class StoredTrees(PowerCorrector):
-    """Trees that were fitted once: the boosting's sum or the forest's mean, evaluated without the learner.
+    """Fitted trees, evaluated without the learner: the sum of a boosting or the mean of a forest.
 
     Attributes
     ----------
     trees : TreeTable
     columns : tuple of str
-        Features that the trees split on, in their order.
+        Features that the trees split on, in order.
     start, rest : float
-        Added before and after the sum of the trees [W].
+        Power added before and after the sum of the trees [W].
     divisor : int or None
         Number of trees of a mean; None for a sum.
     familiarity : Familiarity
-        Where the correction is known.
+        Training ranges outside of which the correction fades.
     """
 
     trees: TreeTable
@@ -90,12 +90,12 @@ class StoredTrees(PowerCorrector):
 
     @classmethod
     def from_learner(cls, corrector: LearnerCorrector) -> StoredTrees:
-        """The trees of a fitted learner.
+        """Take the trees of a fitted learner.
 
         Raises
         ------
         InvalidInput
-            When it has none.
+            If the learner has no trees.
         """
         model = corrector.model
         if not hasattr(model, "booster_"):
@@ -130,13 +130,13 @@ KINDS: Final[Mapping[str, type]] = {
 
 @dataclass(frozen=True, slots=True)
 class Missing:
-    """In place of an object from outside, of which the class is known."""
+    """Placeholder for an object from outside; `name` is the name of its class."""
 
     name: str
 
 
 def new_converter() -> Converter:
-    """A converter of correctors, arrays and strict plain values; the rooms above add the hooks of their own classes."""
+    """Make a converter of correctors, arrays and strict plain values; packages that use it add hooks for their own classes."""
     from cattrs import Converter  # slow to import
     from cattrs.strategies import configure_union_passthrough
 
@@ -158,7 +158,7 @@ def new_converter() -> Converter:
 
 
 def _strict(kind: type[T], types: tuple[type, ...]) -> Callable[[Any, Any], T]:
-    """A plain value as it is: no text counts as a number, and no truth value."""
+    """Return a hook that accepts a plain value of given types only: neither text nor a truth value counts as a number."""
 
     def value_of(value: Any, _: Any) -> T:
         if not isinstance(value, types) or (isinstance(value, bool) and kind is not bool):
@@ -173,7 +173,7 @@ def _is_array(kind: Any) -> bool:
 
 
 def _array(value: Any, kind: Any) -> npt.NDArray[Any]:
-    """An array of the annotated type; numbers are stored in the smallest type that holds them."""
+    """Convert an array to its annotated type; stored floats may be in single precision."""
     if not isinstance(value, np.ndarray):
         raise TypeError(f"got {excerpt(value)}, not an array")
     wanted = next(iter(get_args(get_args(kind)[1])), Any)
@@ -241,7 +241,7 @@ def _corrector(values: Mapping[str, Any], converter: Converter) -> PowerCorrecto
 
 
 def _outside_values(corrector: PowerCorrector, converter: Converter) -> dict[str, Any]:
-    """What stands around an object from outside, which is not stored itself."""
+    """Values of a corrector around an object from outside; the object itself is not stored."""
     values: dict[str, Any] = {"kind": OUTSIDE, "name": type(fitted_outside(corrector)).__name__}
     if isinstance(corrector, LearnerCorrector):
         values["features"] = list(corrector.features)
@@ -251,7 +251,7 @@ def _outside_values(corrector: PowerCorrector, converter: Converter) -> dict[str
 
 
 def _awaiting(values: Mapping[str, Any], converter: Converter) -> PowerCorrector:
-    """A corrector that `with_outside` completes."""
+    """Make a corrector with a placeholder, which `with_outside` replaces by the object from outside."""
     name = converter.structure(values["name"], str)
     if "medians" not in values:
         return TableCorrector(Missing(name))
@@ -264,12 +264,12 @@ def _awaiting(values: Mapping[str, Any], converter: Converter) -> PowerCorrector
 
 
 def with_outside(corrector: PowerCorrector, fitted: Corrector | None) -> PowerCorrector:
-    """A corrector as it was read, with the fitted object from outside that was in it when it was stored.
+    """Return a corrector that was read, with its fitted object from outside put back.
 
     Raises
     ------
     InvalidInput
-        When it needs one and none is given, or the other way round.
+        If the corrector needs an object and none is given, or needs none and one is given.
     """
     missing = corrector.model.regressor if isinstance(corrector, LearnerCorrector) else None
     missing = corrector.model if isinstance(corrector, TableCorrector) else missing
@@ -297,7 +297,7 @@ def _unstorable(corrector: object) -> Fault:
 
 
 def tree_parts(tree: Mapping[str, Any], name: str = "model") -> dict[str, Part]:
-    """A tree of plain values and arrays as the parts of a model, from which `parts_tree` makes it again."""
+    """Split a tree of plain values and arrays into the parts of a model; `parts_tree` is the reverse."""
     arrays: dict[str, npt.NDArray[Any]] = {}
 
     def plain(value: Any, place: str) -> Any:
@@ -314,7 +314,7 @@ def tree_parts(tree: Mapping[str, Any], name: str = "model") -> dict[str, Part]:
 
 
 def _smallest(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """An array of floats in single precision where that changes no value."""
+    """Convert an array of floats to single precision if that changes no value."""
     if array.dtype != np.float64:
         return array
     with np.errstate(over="ignore"):
@@ -328,7 +328,7 @@ def parts_tree(parts: Mapping[str, Part], name: str = "model") -> dict[str, Any]
     Raises
     ------
     LookupError
-        When a part or an array is missing.
+        If a part or an array is missing.
     """
     arrays = parts[f"{name}.npz"]
 
@@ -346,22 +346,22 @@ def parts_tree(parts: Mapping[str, Part], name: str = "model") -> dict[str, Any]
 
 
 def structured(values: Any, kind: type[T], converter: Converter, what: str) -> T:
-    """Plain values as an object.
+    """Make an object from plain values.
 
     Parameters
     ----------
     values : mapping or list
-        From `parts_tree`.
+        Values from `parts_tree`.
     kind : type
-        Of the object.
+        Type of the object.
     converter : Converter
     what : str
-        Of which the values are, for messages.
+        Name of the object in messages.
 
     Raises
     ------
     InvalidInput
-        With every value that does not fit or has no meaning, and its place.
+        Lists every value that does not fit or is out of range, with its place.
     """
     raise_faults(first_faults(list(value_faults(values)), what))
     try:
@@ -371,7 +371,7 @@ def structured(values: Any, kind: type[T], converter: Converter, what: str) -> T
 
 
 def value_faults(values: Any, place: str = "") -> Iterator[Fault]:
-    """Numbers of a stored model that are outside of their ranges or out of order. O(values).
+    """Yield faults for numbers of a stored model that are out of range or out of order. O(values).
 
     Examples
     --------
@@ -408,7 +408,7 @@ def _ends(place: str, names: str) -> bool:
 
 
 def _faults(error: BaseException, what: str, place: str) -> Iterator[Fault]:
-    """Faults of an error and of those that it groups; the notes of cattrs name their places."""
+    """Yield the faults of an error and of the errors in its group; the notes of cattrs name their places."""
     for note in getattr(error, "__notes__", ()):
         step = getattr(note, "name", getattr(note, "index", ""))
         place = f"{place}.{step}".lstrip(".")

@@ -1,4 +1,4 @@
-"""Trips as one flat table, so that no model walks over trips, and what a model of their energy is."""
+"""Trips as one flat table, so that no model loops over trips, and the protocol of models of their energy."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ COVARIATES: Final = (
     "season",
     "weather",
 )
-"""Covariates of the paper's correctors; those that no trip has are dropped, with a note."""
+"""Covariates of the paper's correctors; covariates that no trip has are dropped, with a note."""
 
 COMFORT_TEMPERATURE_DEGC: Final = 20.0
-"""Threshold of the linear baselines: heating below, cooling above (same value as for the peers' figures)."""
+"""Threshold of the linear baselines [°C]: heating below, cooling above (same value as for the peers' figures)."""
 
 UNKNOWN_LEVEL: Final = "unknown"
 
@@ -44,7 +44,7 @@ class TripTable:
     offsets : ndarray of int, shape (trips + 1,)
         First row of each trip, and the number of rows.
     covariates : DataFrame, (rows, covariates)
-        Numbers as float64, season and weather as categories.
+        Covariates: numbers as float64, season and weather as categories.
     observed_wh : ndarray, shape (rows,)
         Measured cumulative energy [Wh]; its last value per trip is the trip's observed energy.
     simulated_wh : mapping of str to ndarray, shape (rows,)
@@ -86,7 +86,7 @@ class TripTable:
 
     @property
     def days(self) -> tuple[str, ...]:
-        """Day of each trip; its id where it has no date."""
+        """Date of each trip, or its id if it has no date."""
         return tuple(
             t.trip_id if t.context.started_at is None else f"{t.context.started_at:%Y-%m-%d}"
             for t in self.trips
@@ -103,7 +103,7 @@ class TripTable:
         return self.offsets[1:] - 1
 
     def simulated(self, preset: str | None) -> FloatArray:
-        """Look up the simulated cumulative energy under a preset.
+        """Look up the simulated cumulative energy of a physics preset.
 
         Parameters
         ----------
@@ -125,7 +125,7 @@ class TripTable:
         Parameters
         ----------
         members : ndarray of int
-            Places of the trips.
+            Indices of the trips.
 
         Returns
         -------
@@ -137,17 +137,17 @@ class TripTable:
         return np.concatenate([np.arange(self.offsets[i], self.offsets[i + 1]) for i in members])
 
     def take(self, members: Sequence[int] | IntArray) -> TripTable:
-        """Take some of the trips. O(their rows).
+        """Take some of the trips. O(rows of these trips).
 
         Parameters
         ----------
         members : sequence of int
-            Places of the trips.
+            Indices of the trips.
 
         Returns
         -------
         TripTable
-            Trips in the order of `members`.
+            Table of the trips in the order of `members`.
         """
         index = np.asarray(members, dtype=np.int64)
         rows = self.rows_of(index)
@@ -163,22 +163,22 @@ class TripTable:
         )
 
     def without_samples(self) -> TripTable:
-        """Drop the trips' own samples, which no model looks at: the table is then cheap to send to a process.
+        """Drop the samples of the trips, which no model uses, so that the table is cheap to send to a process.
 
         Returns
         -------
         TripTable
-            With the same rows.
+            Table with the same rows.
         """
         return replace(self, trips=tuple(replace(t, samples=t.samples.iloc[:0]) for t in self.trips))
 
     def digest(self) -> str:
-        """Compute the SHA-256 of every input of a model: stored folds belong to trips of the same digest.
+        """Compute the SHA-256 of every input of a model; stored folds belong to trips with the same digest.
 
         Returns
         -------
         str
-            Hexadecimal.
+            Hexadecimal digest.
         """
         sha = hashlib.sha256("\n".join(self.trip_ids).encode())
         simulated = (self.simulated_wh[name] for name in sorted(self.simulated_wh))
@@ -189,7 +189,7 @@ class TripTable:
 
 
 def build_table(trips: Sequence[Trip], physics: Mapping[str, Vehicle], *, step_s: float = 1.0) -> TripTable:
-    """Resample and simulate the trips and lay them side by side. O(samples x presets).
+    """Resample and simulate the trips and join them to one table. O(samples x presets).
 
     Parameters
     ----------
@@ -203,12 +203,12 @@ def build_table(trips: Sequence[Trip], physics: Mapping[str, Vehicle], *, step_s
     Returns
     -------
     TripTable
-        With the rows of all trips.
+        Table with the rows of all trips.
 
     Raises
     ------
     InvalidInput
-        When there is no trip, two share an id, or one has no measured, positive energy.
+        If there is no trip, two trips share an id, or a trip has no measured, positive energy.
 
     Examples
     --------
@@ -278,7 +278,7 @@ def _covariates(blocks: Sequence[Trip]) -> tuple[pd.DataFrame, tuple[str, ...]]:
 
 
 def _totals(block: Trip) -> pd.DataFrame:
-    """Running sums of the linear baselines along one trip; the ambient temperature is the trip's mean."""
+    """Running sums for the linear baselines along one trip; the outside temperature is the trip's mean."""
     time, speed = block.array("time_s"), block.array("speed_m_s")
     step = np.diff(time, prepend=time[0])
     hours = (time - time[0]) / SECONDS_PER_HOUR
@@ -301,7 +301,7 @@ def _totals(block: Trip) -> pd.DataFrame:
 
 
 class EnergyModel(Protocol):
-    """Anything that predicts the cumulative energy of trips.
+    """Protocol of models that predict the cumulative energy of trips.
 
     Examples
     --------
@@ -315,10 +315,10 @@ class EnergyModel(Protocol):
     """
 
     simulation: str | None
-    """Physics preset that the prediction starts from; None without physics."""
+    """Physics preset that the prediction starts from; None for a model without physics."""
 
     def fit(self, table: TripTable) -> Self:
-        """Learn from the trips of the table.
+        """Fit to the trips of the table.
 
         Parameters
         ----------
@@ -328,7 +328,7 @@ class EnergyModel(Protocol):
         Returns
         -------
         EnergyModel
-            Itself.
+            The model itself.
         """
         ...
 
