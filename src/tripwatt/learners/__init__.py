@@ -1,1 +1,1 @@
-"""Learners for rows that come in groups: boosting, forest and an additive Gaussian process. They know no cars."""
+"""Learners for rows that come in groups: boosting, forest and an additive Gaussian process, independent of cars."""

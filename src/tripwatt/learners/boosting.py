@@ -1,8 +1,9 @@
 """Boosted trees as a marginal model of clustered rows (generalised estimating equations).
 
-Each round fits a tree to the working residuals V_i^-1 (y_i - F(x_i)) of the groups and gives its leaves the
-values that solve the estimating equation sum_i Z_i' V_i^-1 (y_i - F_i - Z_i b) = 0 (Liang & Zeger 1986; Friedman
-2001). The number of rounds is chosen by leaving groups out. See `docs/explanation/learners.md`.
+Each round fits a tree to the working residuals V_i^-1 (y_i - F(x_i)) of the groups i, with the prediction F so far and the
+working covariance V_i. The values b of its leaves solve the estimating equation sum_i Z_i' V_i^-1 (y_i - F_i - Z_i b) = 0,
+with the indicators Z_i of the leaves (Liang & Zeger 1986; Friedman 2001). The number of rounds is chosen by leaving groups
+out. See `docs/explanation/learners.md`.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ class ClusteredBoosting(ClusteredTrees):
     Parameters
     ----------
     n_rounds : int
-        Most rounds.
+        Largest number of rounds.
     learning_rate : float
         Shrinkage of each tree.
     max_leaf_nodes, max_depth : int, int or None
@@ -48,14 +49,14 @@ class ClusteredBoosting(ClusteredTrees):
     group_weight : {"equal", "rows"}
         Weight of a group: the same for each, or in proportion to its rows.
     max_rows_per_group : int or None
-        Learn from at most so many rows of a group, evenly spaced.
+        Largest number of rows of a group to fit, evenly spaced; None fits all rows.
     max_bins : int
-        Most bins of a column; edges depend on X alone.
+        Largest number of bins of a column; edges depend on X only.
     n_folds : int or None
-        Folds (of whole groups) of the cross-validation that chooses the number of rounds and the setting;
-        None takes all `n_rounds` of the base setting.
+        Number of folds (of whole groups) of the cross-validation that chooses the number of rounds and the setting;
+        None uses all `n_rounds` of the base setting.
     patience : int
-        A fold stops when its error has not improved for so many rounds.
+        Number of rounds without an improvement of its error after which a fold stops.
     param_grid : dict, "default" or None
         Values of `learning_rate`, `max_leaf_nodes`, `max_depth`, `min_leaf_weight`, `max_features`, `subsample`,
         `correlation` to choose from.
@@ -64,7 +65,7 @@ class ClusteredBoosting(ClusteredTrees):
     score_rows : {"all", "last"}
         Rows of a group that are scored.
     n_jobs : int or None
-        Processes of `leave_groups_out`; the result does not depend on it.
+        Number of processes of `leave_groups_out`; the result does not depend on this number.
     random_state : int, RandomState or None
         Seed of folds and draws.
 
@@ -77,7 +78,7 @@ class ClusteredBoosting(ClusteredTrees):
     learning_curve_ : DataFrame
         `round, fold, error` of the chosen setting.
     correlation_parameter_ : float
-        rho after the last round.
+        Parameter rho of the working correlation after the last round.
 
     References
     ----------
@@ -145,7 +146,7 @@ class ClusteredBoosting(ClusteredTrees):
         keep_arguments(self, locals())
 
     def fit(self, X: Any, y: Any, groups: Any = None) -> Self:
-        """Choose setting and rounds by leaving groups out, then fit all rows.
+        """Choose setting and number of rounds by leaving groups out, then fit all rows.
 
         Parameters
         ----------
@@ -159,14 +160,14 @@ class ClusteredBoosting(ClusteredTrees):
         Returns
         -------
         ClusteredBoosting
-            Itself.
+            The learner itself.
 
         Raises
         ------
         InvalidInput
-            For settings out of range.
+            If a setting is out of range.
         ValueError
-            For malformed arrays.
+            If an array is malformed.
         """
         sample, clusters, _, seed = self._prepare(X, y, groups)
         settings = self._settings()
@@ -194,22 +195,22 @@ class ClusteredBoosting(ClusteredTrees):
     def leave_groups_out(self, X: Any, y: Any, groups: Any = None, folds: Any = None) -> FloatArray:
         """Prediction of each row by a model that is fitted and tuned without the row's fold.
 
-        Every fold gets a fit of its own. For the choice of setting and rounds the folds are put into blocks: a
-        model without the blocks b and c scores c for the folds of b, and b for the folds of c. So the folds of
-        a block share their choice, and no choice has seen the fold it is for (nor the rest of its block).
+        Every fold has its own fit. To choose setting and rounds, the folds are put into blocks: a model without the
+        blocks b and c scores c for the folds of b, and b for the folds of c. So the folds of a block share their
+        choice, and no choice uses the fold for which it is made (nor the rest of its block).
 
         Parameters
         ----------
         X, y, groups
             As in `fit`.
         folds : array-like of shape (n_rows,), optional
-            Fold of each row, constant within a group; default each group is a fold.
+            Fold of each row, constant within a group; by default each group is a fold.
 
         Returns
         -------
         ndarray of shape (n_rows,)
-            Predictions. Attributes `fold_labels_` and `fold_rounds_` record what each fold used, and `fold_errors_` the
-            mean loss by which it was chosen (NaN without a choice).
+            Predictions. Attributes `fold_labels_` and `fold_rounds_` record the rounds that each fold used, and `fold_errors_`
+            the mean loss by which these were chosen (NaN if there was no choice).
         """
         sample, clusters, rows, seed = self._prepare(X, y, groups)
         fold_labels, fold_of_group = folds_of(folds, clusters)
@@ -237,7 +238,7 @@ class ClusteredBoosting(ClusteredTrees):
         return prediction
 
     def tuned(self) -> ClusteredBoosting:
-        """An unfitted copy with the rounds that `fit` chose, to fit on a part of the same groups."""
+        """Return an unfitted copy with the rounds that `fit` chose, to fit on a part of the same groups."""
         rounds = max(int(self.n_rounds_), 1)
         copy: ClusteredBoosting = clone(self).set_params(n_rounds=rounds, n_folds=None)
         return copy
@@ -253,9 +254,9 @@ class ClusteredBoosting(ClusteredTrees):
     def _errors(
         self, sample: Sample, setting: dict[str, Any], block: IntArray, left_out: tuple[int, ...], seed: int
     ) -> FloatArray:
-        """Errors by round of the groups of some blocks, by a model without all of these; NaN of other groups.
+        """Errors of the groups in some blocks after each round, by a model without these blocks, shape (n_rounds, n_groups).
 
-        The rounds of each block end when it stops improving.
+        Errors are NaN for other groups, and after the round in which the error of a block stopped improving.
         """
         scored = [np.flatnonzero(block == number) for number in left_out]
         options: dict[str, Any] = {"start": self.start, "patience": self.patience, "scored": scored}
@@ -269,7 +270,7 @@ class ClusteredBoosting(ClusteredTrees):
     def _shared_choices(
         self, sample: Sample, fold_of_group: IntArray, seed: int, parallel: Parallel
     ) -> list[tuple[int, int, float]]:
-        """Setting and number of rounds of each fold, and the mean loss of that choice."""
+        """Index of the setting and number of rounds for each fold, and the mean loss of that choice."""
         settings, n_folds = self._settings(), int(fold_of_group.max()) + 1
         if self.n_folds is None or n_folds < 3:
             return [(0, self.n_rounds, np.nan)] * n_folds
@@ -292,7 +293,7 @@ class ClusteredBoosting(ClusteredTrees):
 def _values(
     rows: FloatArray, start: float, booster: Any, position: IntArray, steps: FloatArray
 ) -> FloatArray:
-    """Start, trees and lone leaves for encoded rows."""
+    """Prediction of encoded rows: the sum of start, trees and lone leaves."""
     total = sum_of_trees(booster, rows, 0, int((position >= 0).sum()))
     return np.asarray(start + total + steps[position < 0].sum())
 
@@ -303,7 +304,10 @@ def _blocks(n: int, n_blocks: int, seed: int) -> IntArray:
 
 
 def _choice(errors: Sequence[FloatArray]) -> tuple[int, int, float]:
-    """Setting and rounds of the least mean error over groups, among rounds that all groups reached, and that error."""
+    """Index of the setting and number of rounds with the least mean error over groups, and that error.
+
+    Only rounds that all groups reached are compared.
+    """
     best, n_rounds, least = 0, 1, np.inf
     for index, error in enumerate(errors):
         scored = ~np.isnan(error[0])
@@ -317,7 +321,7 @@ def _choice(errors: Sequence[FloatArray]) -> tuple[int, int, float]:
 
 
 def _learning_curve(errors: FloatArray, block: IntArray) -> pd.DataFrame:
-    """Mean error of each fold after each round, long."""
+    """Mean error of each fold after each round, one row for each pair of round and fold."""
     parts = []
     for fold in np.unique(block):
         curve = errors[:, block == fold].mean(axis=1)

@@ -1,6 +1,6 @@
 """Rows that come in groups: their columns, labels, weights and losses.
 
-The group (subject, site, session ...) is the unit: it weighs, it is drawn, it is left out, it is scored.
+The group (subject, site, session ...) is the unit of weighting, drawing, leaving out and scoring.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ ScoreRows = Literal["all", "last"]
 
 @dataclass(frozen=True)
 class Columns:
-    """How the columns of a table become numbers: levels by column name, from the training table.
+    """Encoding of the columns of a table as numbers, by the levels of the training table.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class Columns:
 
     @classmethod
     def from_frame(cls, X: Any) -> Columns:
-        """Learn the levels of the non-numeric columns of `X` (anything but a DataFrame has none)."""
+        """Collect the levels of the columns of `X` that are not numeric; none if `X` is not a DataFrame."""
         if not isinstance(X, pd.DataFrame):
             return cls()
         levels: dict[str, list[Any]] = {}
@@ -54,7 +54,7 @@ class Columns:
         return cls(levels)
 
     def encode(self, X: Any) -> Any:
-        """Numbers for levels; a level outside of the training table, and a missing one, become NaN."""
+        """Replace levels by their codes; missing levels and levels that the training table lacks become NaN."""
         if not isinstance(X, pd.DataFrame):
             return X
         encoded, faults = {}, []
@@ -74,12 +74,12 @@ class Columns:
 
 @dataclass(frozen=True)
 class Clusters:
-    """Which group each row belongs to.
+    """Assignment of rows to groups.
 
     Attributes
     ----------
     labels : ndarray of shape (n_groups,)
-        The groups, sorted.
+        Labels of the groups, sorted.
     codes : ndarray of shape (n_rows,)
         Position of each row's group in `labels`.
     """
@@ -89,7 +89,7 @@ class Clusters:
 
     @classmethod
     def from_groups(cls, groups: Any, n_rows: int) -> Clusters:
-        """Read `groups`, one label a row; None makes each row its own group."""
+        """Read `groups`, one label per row; if None, each row is its own group."""
         if groups is None:
             return cls(np.arange(n_rows), np.arange(n_rows))
         values = np.asarray(groups)
@@ -107,14 +107,14 @@ class Clusters:
 
 
 def thinned_rows(codes: IntArray, max_rows: int | None) -> IntArray:
-    """Rows to fit, group after group: at most `max_rows` of each, evenly spaced, first and last kept.
+    """Choose the rows to fit: at most `max_rows` of each group, evenly spaced, including the first and the last.
 
     Parameters
     ----------
     codes : ndarray of shape (n_rows,)
         Group of each row.
     max_rows : int or None
-        Most rows of a group; None keeps all.
+        Largest number of rows of a group; None keeps all.
 
     Returns
     -------
@@ -141,9 +141,9 @@ def thinned_rows(codes: IntArray, max_rows: int | None) -> IntArray:
 
 
 def row_weights(codes: IntArray, group_weight: Literal["equal", "rows"]) -> FloatArray:
-    """Weight of each row, in groups: an average group weighs 1.
+    """Weight of each row; the weights of an average group add up to 1.
 
-    `equal` gives each group the total 1, `rows` gives each row the same weight.
+    "equal" gives each group the total 1, "rows" gives each row the same weight.
 
     Examples
     --------
@@ -159,12 +159,12 @@ def row_weights(codes: IntArray, group_weight: Literal["equal", "rows"]) -> Floa
 
 
 class GroupLoss:
-    """Error of a prediction by group, so that each group weighs the same.
+    """Error of a prediction by group, so that each group has the same weight.
 
     Parameters
     ----------
     y : ndarray of shape (n_rows,)
-        Truth, rows sorted by group.
+        Observed target, rows sorted by group.
     codes : ndarray of shape (n_rows,)
         Group of each row, ascending.
     loss : {"squared", "absolute"}
@@ -183,20 +183,20 @@ class GroupLoss:
         self.sizes = np.diff(np.r_[self.starts, self.codes.size])
 
     def __call__(self, prediction: FloatArray) -> FloatArray:
-        """Loss of each group, shape (..., n_groups), of predictions of shape (..., n_rows)."""
+        """Loss of each group, shape (..., n_groups), for predictions of shape (..., n_rows)."""
         error = prediction[..., self.rows] - self.y
         error = error * error if self.loss == "squared" else np.abs(error)
         return np.asarray(np.add.reduceat(error, self.starts, axis=-1) / self.sizes)
 
 
 def mean_over_groups(losses: FloatArray) -> float:
-    """Mean of the groups that have a loss; infinite if none has."""
+    """Mean loss of the groups that have one; infinite if no group has a loss."""
     known = losses[~np.isnan(losses)]
     return float(known.mean()) if known.size else np.inf
 
 
 def folds_of(folds: Any, clusters: Clusters) -> tuple[npt.NDArray[Any], IntArray]:
-    """Labels of the folds and the fold of each group."""
+    """Labels of the folds, and the index of each group's fold; raises InvalidInput if a group is in two folds."""
     if folds is None:
         return clusters.labels, np.arange(clusters.n_groups)
     by_row = Clusters.from_groups(folds, clusters.codes.size)

@@ -10,11 +10,11 @@ from tripwatt.arrays import FloatArray, IntArray
 
 Correlation = Literal["independence", "exchangeable", "ar1"]
 LARGEST = {"independence": 0.0, "exchangeable": 0.95, "ar1": 0.99}
-"""Largest correlation of each kind; a choice, because at 1 no inverse is left."""
+"""Largest correlation of each kind; a choice below 1, where the matrix has no inverse."""
 
 
 class WorkingCorrelation:
-    """V_i^-1 of every group in closed form, for rows sorted by group.
+    """Working covariance V_i of every group i, inverted in closed form, for rows sorted by group.
 
     V_i = R_i(rho) / w_i with the weight w_i of the group's rows; R_i is the identity, or has rho off its diagonal
     (exchangeable), or rho^|j - k| (first-order autoregression over the rows of a group in their order).
@@ -45,10 +45,10 @@ class WorkingCorrelation:
         self.sizes = np.bincount(codes)
         self.pair = (codes[1:] == codes[:-1]) & (weight[1:] > 0)
         edges = np.r_[False, codes[1:] == codes[:-1]].astype(float) + np.r_[codes[1:] == codes[:-1], False]
-        self.neighbours = edges  # 0, 1 or 2 rows beside a row in its group
+        self.neighbours = edges  # number of neighbours of a row in its group: 0, 1 or 2
 
     def estimate(self, residual: FloatArray) -> None:
-        """Moment estimate of rho from the current residuals, between 0 and just below 1."""
+        """Set rho to its moment estimate from the current residuals, between 0 and `LARGEST`."""
         if self.kind == "independence":
             return
         weighted = self.weight * residual
@@ -70,7 +70,7 @@ class WorkingCorrelation:
         return np.asarray(self.rho / (1.0 + (self.sizes - 1) * self.rho))
 
     def solve(self, residual: FloatArray) -> FloatArray:
-        """V^-1 r, in one pass over the rows."""
+        """Compute V^-1 r for the residuals r, in one pass over the rows."""
         weighted = self.weight * residual
         if self.kind == "independence" or self.rho == 0.0:
             return weighted
@@ -87,7 +87,7 @@ class WorkingCorrelation:
         return np.asarray(values[self.neighbours.astype(np.int64)])
 
     def normal_matrix(self, leaf: IntArray, n_leaves: int) -> FloatArray:
-        """Z' V^-1 Z for the indicators Z of the leaves."""
+        """Compute Z' V^-1 Z for the indicators Z of the leaves, shape (n_leaves, n_leaves)."""
         if self.kind == "independence" or self.rho == 0.0:
             return np.diag(np.bincount(leaf, self.weight, n_leaves))
         if self.kind == "exchangeable":

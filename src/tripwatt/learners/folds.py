@@ -1,6 +1,6 @@
-"""Cross-validation: each item is predicted by a fit that has not seen its fold.
+"""Cross-validation: each item is predicted by a fit without the item's fold.
 
-Protocols, the inner folds of a fit and the evaluation of fleets hold trips out with it.
+Protocols, the inner folds of a fit and the evaluation of fleets use this module to hold trips out.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from tripwatt.arrays import IntArray
 
 TRAINING_ONLY: Final = -1
-"""Fold of an item that is only fitted on."""
+"""Fold of an item that is only used for fitting."""
 
 R = TypeVar("R")
 
@@ -26,11 +26,11 @@ class Split:
     Attributes
     ----------
     number : int
-        Among the splits of a hold-out.
+        Number of the split within a hold-out; the fold for `leave_one_out`.
     train, test : ndarray of int
-        Numbers of items, ascending.
+        Indices of items, ascending.
     draw : int
-        Number of the random draw; 0 where nothing is drawn.
+        Number of the random draw; 0 if nothing is drawn.
     """
 
     number: int
@@ -40,7 +40,7 @@ class Split:
 
 
 def deal_folds(n: int, n_folds: int, rng: np.random.Generator) -> IntArray:
-    """Fold of each of n items, at random, folds of nearly equal size.
+    """Assign n items at random to folds of nearly equal size; returns the fold of each item, shape (n,).
 
     Examples
     --------
@@ -51,7 +51,7 @@ def deal_folds(n: int, n_folds: int, rng: np.random.Generator) -> IntArray:
 
 
 def leave_one_out(folds: IntArray) -> tuple[Split, ...]:
-    """Each fold is scored once, after a fit to all others.
+    """Make one split per fold: the fold is scored after a fit to all other items.
 
     Examples
     --------
@@ -65,13 +65,13 @@ def leave_one_out(folds: IntArray) -> tuple[Split, ...]:
 def held_out(
     splits: Iterable[Split], fit: Callable[[IntArray], Callable[[IntArray], R]]
 ) -> Iterator[tuple[Split, R]]:
-    """Each split with what a fit to its training items predicts of its test items.
+    """Yield each split with the prediction of its test items by a fit to its training items.
 
     Parameters
     ----------
     splits : iterable of Split
     fit : callable
-        Numbers of the training items -> what predicts items by their numbers.
+        Function that takes the indices of the training items and returns a function from indices of items to their prediction.
 
     Examples
     --------

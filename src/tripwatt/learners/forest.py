@@ -47,7 +47,7 @@ class _Grown:
         return np.take_along_axis(self.values, self.leaves, axis=1)
 
     def predict(self, X: FloatArray, used: BoolArray) -> FloatArray:
-        """Mean over the trees `used`."""
+        """Mean prediction of the trees `used`."""
         result = np.empty(len(X))
         for start in range(0, len(X), _CHUNK):
             rows = slice(start, start + _CHUNK)
@@ -62,7 +62,7 @@ class ClusteredForest(ClusteredTrees):
     Parameters
     ----------
     n_trees : int
-        Number of trees, of each setting that is tried.
+        Number of trees for each setting that is tried.
     max_leaf_nodes, max_depth : int, int or None
         Size of a tree.
     min_leaf_weight : float
@@ -70,21 +70,21 @@ class ClusteredForest(ClusteredTrees):
     max_features : float
         Share of the columns that each split may choose from.
     group_weight : {"equal", "rows"}
-        Weight of a drawn group: the same for each, or in proportion to its rows. Drawn twice weighs twice.
+        Weight of a drawn group: the same for each, or in proportion to its rows. A group drawn twice has twice the weight.
     max_rows_per_group : int or None
-        Learn from at most so many rows of a group, evenly spaced, the first and the last among them. Neighbouring
-        rows of a long series are nearly redundant: thinning them changes the fit little and the time a lot. None
-        takes all rows. Prediction is for all rows.
+        Largest number of rows of a group to fit, evenly spaced, including the first and the last. Neighbouring rows of
+        a long series are nearly redundant: thinning changes the fit little and saves much time. None fits all rows.
+        All rows are predicted.
     max_bins : int
-        Most bins of a column; edges depend on X alone.
+        Largest number of bins of a column; edges depend on X only.
     param_grid : dict, "default" or None
         Values of `max_leaf_nodes`, `max_depth`, `min_leaf_weight`, `max_features` to choose from.
     loss : {"squared", "absolute"}
-        Error of a group when settings are compared: mean over its rows. Each group weighs the same.
+        Error of a group in the comparison of settings: mean over its rows. Each group has the same weight.
     score_rows : {"all", "last"}
         Rows of a group that are scored.
     min_oob_trees : int
-        Fewest out-of-bag trees that a prediction (or a score) by leave-groups-out may rest on.
+        Fewest out-of-bag trees for a prediction (or a score) by leave-groups-out.
     random_state : int, RandomState or None
         Seed of the draws.
 
@@ -149,19 +149,19 @@ class ClusteredForest(ClusteredTrees):
         y : array-like of shape (n_rows,)
             Target.
         groups : array-like of shape (n_rows,), optional
-            Group of each row; without it each row is its own.
+            Group of each row; if not given, each row is its own group.
 
         Returns
         -------
         ClusteredForest
-            Itself.
+            The learner itself.
 
         Raises
         ------
         InvalidInput
-            For settings out of range.
+            If a setting is out of range.
         ValueError
-            For malformed arrays.
+            If an array is malformed.
         """
         sample, clusters, _, seed = self._prepare(X, y, groups)
         counts = _bootstrap(self.n_trees, np.ones(sample.n_groups, dtype=bool), seed)
@@ -177,7 +177,7 @@ class ClusteredForest(ClusteredTrees):
         return self
 
     def tuned(self) -> ClusteredForest:
-        """An unfitted copy with the setting that `fit` chose, to fit on a part of the same groups."""
+        """Return an unfitted copy with the setting that `fit` chose, to fit on a part of the same groups."""
         copy: ClusteredForest = clone(self).set_params(param_grid=None, **self.best_params_)
         return copy
 
@@ -188,22 +188,22 @@ class ClusteredForest(ClusteredTrees):
     def leave_groups_out(self, X: Any, y: Any, groups: Any = None, folds: Any = None) -> FloatArray:
         """Prediction of each row by a forest that is grown and tuned without the row's fold.
 
-        Given that a fold's groups were not drawn, a bootstrap of all groups is a bootstrap of the others: the
-        trees in which they are out of bag are the forest of the fold. A setting is chosen for a fold by the
-        trees that are out of bag for the fold and for the group that is scored. Folds with fewer than
-        `min_oob_trees` such trees get a forest of their own.
+        A bootstrap of all groups in which the groups of a fold were not drawn is a bootstrap of the other groups. So the
+        trees for which the whole fold is out of bag are the forest of the fold. The setting of a fold is chosen by the
+        trees that are out of bag for the fold and for the group that is scored. If there are fewer than `min_oob_trees`
+        such trees, a new forest is grown for the fold.
 
         Parameters
         ----------
         X, y, groups
             As in `fit`.
         folds : array-like of shape (n_rows,), optional
-            Fold of each row, constant within a group; default each group is a fold.
+            Fold of each row, constant within a group; by default each group is a fold.
 
         Returns
         -------
         ndarray of shape (n_rows,)
-            Predictions. Attributes `fold_labels_` and `fold_params_` record what each fold used.
+            Predictions. Attributes `fold_labels_` and `fold_params_` record the setting that each fold used.
         """
         sample, clusters, rows, seed = self._prepare(X, y, groups)
         fold_labels, fold_of_group = folds_of(folds, clusters)
@@ -240,7 +240,7 @@ class ClusteredForest(ClusteredTrees):
         seeds = np.random.default_rng(seed).integers(1, 2**31 - 1, len(counts))
         weights = counts[:, sample.codes] * sample.weight
         for tree_seed, weight in zip(seeds, weights, strict=True):
-            # the product would carry a NaN or the sign of a zero of a target that was not drawn
+            # the product alone would keep a NaN or the sign of a zero of a target that was not drawn
             gradient = np.where(weight > 0, weight * sample.y, 0.0)
             trees.grow(gradient, weight, int(tree_seed))
         leaves = trees.leaves(sample.grower.X)
@@ -253,10 +253,10 @@ class ClusteredForest(ClusteredTrees):
         return _Grown(setting, trees, leaves, values.reshape(len(leaves), n_leaves))
 
     def _refit(self, sample: Sample, allowed: BoolArray, seed: int) -> tuple[_Grown, BoolArray]:
-        """Forest of the allowed groups alone, tuned by its own out-of-bag error.
+        """Grow a forest of the allowed groups only, tuned by its own out-of-bag error; returns it with a mask of all its trees.
 
-        A third of the trees is enough to choose: a group is out of bag in 1/e of them, whereas the shortcut
-        scores with the 1/e^2 of all trees that are out of bag for the fold as well.
+        A third of the trees is enough to choose a setting: a group is out of bag in 1/e of them. The shortcut of
+        `leave_groups_out` scores with the 1/e^2 of all trees that are out of bag for the fold as well.
         """
         counts = _bootstrap(self.n_trees, allowed, seed)
         settings = self._settings()
@@ -269,7 +269,7 @@ class ClusteredForest(ClusteredTrees):
         return self._grow(sample, counts, settings[best], seed), np.ones(len(counts), dtype=bool)
 
     def _keep(self, forest: _Grown) -> None:
-        """Write the leaf values into the booster, so that it alone predicts."""
+        """Write the leaf values into the booster, so that the booster alone can predict."""
         self.values_ = forest.values
         widths = forest.leaves.max(axis=1) + 1
         values = [values[:width] for values, width in zip(forest.values, widths, strict=True)]
@@ -288,7 +288,7 @@ class ClusteredForest(ClusteredTrees):
 
 
 def _bootstrap(n_trees: int, allowed: BoolArray, seed: int) -> IntArray:
-    """How often each tree draws each group, shape (n_trees, n_groups)."""
+    """Number of times that each tree draws each group, shape (n_trees, n_groups)."""
     rng = np.random.default_rng([seed, 1])
     members = np.flatnonzero(allowed)
     draws = members[rng.integers(0, members.size, (n_trees, members.size))]
@@ -297,7 +297,7 @@ def _bootstrap(n_trees: int, allowed: BoolArray, seed: int) -> IntArray:
 
 
 def _masked_mean(values: FloatArray, used: BoolArray) -> FloatArray:
-    """Mean over the trees (first axis) that are used; NaN where none is."""
+    """Mean over the trees (first axis) that are used; NaN if no tree is used."""
     n_used = used.sum(axis=0)
     total = (values * used).sum(axis=0)
     return np.asarray(np.divide(total, n_used, out=np.full(n_used.shape, np.nan), where=n_used > 0))
@@ -309,7 +309,7 @@ def _oob_losses(forest: _Grown, sample: Sample, out_of_bag: BoolArray) -> FloatA
 
 
 def _nested_losses(forest: _Grown, sample: Sample, out_of_bag: BoolArray, without: BoolArray) -> FloatArray:
-    """Loss of each group by the trees that saw neither it nor the fold, shape (n_folds, n_groups)."""
+    """Loss of each group by the trees fitted without the group and without the fold, shape (n_folds, n_groups)."""
     fold_trees = without.astype(float)
     total = fold_trees @ (forest.sample_predictions() * out_of_bag[:, sample.codes])
     n_used = (fold_trees @ out_of_bag.astype(float))[:, sample.codes]

@@ -1,11 +1,11 @@
 """Additive Gaussian process for clustered rows, fitted to the clusters' totals.
 
 ``y(x) = sum_c f_c(x) + group effect + error`` with independent Gaussian processes `f_c`: a line through the origin in
-one column, or a smooth function of a few. Rows of a cluster are far from independent, so the model is fitted to what
-carries the information: each cluster's weighted total. Smooth parts are represented on inducing points (Nystrom), so
-the whole is Bayesian linear regression in a few hundred features and is stored as plain arrays. The variances of the
-parts are found by maximum a posteriori of the marginal likelihood (Rasmussen and Williams 2006, sections 2.2, 5.4 and
-8.1). It is independent of cars and trips.
+one column, or a smooth function of a few columns. Rows of a cluster are far from independent, so the model is fitted to
+the weighted totals of the clusters. Smooth parts are represented on inducing points (Nystrom), so the model is a Bayesian
+linear regression in a few hundred features and is stored as plain arrays. The variances of the parts are found by maximum
+a posteriori of the marginal likelihood (Rasmussen and Williams 2006, sections 2.2, 5.4 and 8.1). The module is
+independent of cars and trips.
 """
 
 from __future__ import annotations
@@ -24,8 +24,10 @@ from tripwatt.arrays import FloatArray, eigen
 from tripwatt.errors import Fault, InvalidInput, raise_faults
 
 _JITTER: Final = 1e-8
-_INDUCING: Final = 10  # most inducing points of a term of one column; terms of several get four times as many
-_LOG_SD: Final = 3.0  # of the log-normal prior of each variance around its start
+_INDUCING: Final = (
+    10  # most inducing points of a term in one column; terms in several columns have four times as many
+)
+_LOG_SD: Final = 3.0  # standard deviation of the log-normal prior of each variance around its start
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,11 +37,12 @@ class KernelTerm:
     Attributes
     ----------
     columns : tuple of str
-        What it depends on.
+        Columns that the function depends on.
     kind : {"line", "smooth"}
-        A line through the origin in one column, or a smooth (squared-exponential) function of all of them.
+        A line through the origin in one column, or a smooth (squared-exponential) function of all columns.
     sd : float
-        Prior standard deviation, where the search of its variance starts: of the slope, or of the function's value.
+        Prior standard deviation of the slope of a line or of the value of a smooth function; the search of the variance starts
+        at its square.
     length : float
         Length scale of a smooth term, in standard deviations of each column.
     """
@@ -58,19 +61,19 @@ class AdditiveGP:
     ----------
     terms : sequence of KernelTerm
     effect_sd : float
-        Start of the standard deviation of the group effect, a constant in the units of `y`.
+        Start value of the standard deviation of the group effect, a constant in the units of `y`.
     share_column : str or None
-        Column of which the group has a random share as well (a group effect in proportion to it).
+        Column for a second group effect, in proportion to the column; None for no such effect.
     share_sd : float
-        Start of the standard deviation of that share.
+        Start value of the standard deviation of that proportion.
     df : float or None
-        Degrees of freedom of the group effects' t distribution: clusters that stand out count less. 4 is the value
-        that Lange, Little and Taylor (1989, JASA 84) advise for few data; None takes them as Gaussian.
+        Degrees of freedom of the group effects' t distribution: outlying clusters count less. Lange, Little and Taylor
+        (1989, JASA 84) advise 4 for few data; None makes the effects Gaussian.
 
     Attributes
     ----------
     variances_ : ndarray
-        Variance of each part, of the group effect, and of the share.
+        Variance of each term, of the group effect, and of the proportion of `share_column`.
     weights_, covariance_ : ndarray, shapes (features,) and (features, features)
         Posterior of the features' weights.
 
@@ -108,7 +111,7 @@ class AdditiveGP:
         weight: npt.ArrayLike | None = None,
         total_sd: npt.ArrayLike | None = None,
     ) -> Self:
-        """Learn from the groups' totals. O(groups^3 + rows x features).
+        """Fit to the groups' totals. O(groups^3 + rows x features).
 
         Parameters
         ----------
@@ -124,7 +127,7 @@ class AdditiveGP:
         Raises
         ------
         InvalidInput
-            When a column is missing or there are fewer than 3 groups.
+            If a column is missing or there are fewer than 3 groups.
         """
         self._check(X)
         codes, labels = pd.factorize(np.asarray(groups))
@@ -149,7 +152,7 @@ class AdditiveGP:
         return self.mean(self._features(X)[0])
 
     def mean(self, features: FloatArray) -> FloatArray:
-        """Mean of the sum of the terms, from the rows' features, shape (rows,)."""
+        """Mean of the sum of the terms, shape (rows,); `features` are those of the rows, see `features`."""
         return np.asarray(features @ self.weights_)
 
     def features(self, X: pd.DataFrame) -> tuple[FloatArray, FloatArray]:
@@ -157,11 +160,11 @@ class AdditiveGP:
         return self._features(X)[0], self._by_feature([term.sd**2 for term in self.terms])
 
     def factor(self, features: FloatArray) -> FloatArray:
-        """`L` of shape (rows, features) with `L @ L.T` the posterior covariance of the sum of the terms, from the rows' features."""
+        """Factor `L`, shape (rows, features), of the posterior covariance ``L @ L.T`` of the sum of the terms at the rows."""
         return np.asarray(features @ self.factor_)
 
     def prior_factor(self, features: FloatArray) -> FloatArray:
-        """`L` of shape (rows, features) with `L @ L.T` the covariance of the sum of the terms before any data, from the rows' features."""
+        """Factor `L`, shape (rows, features), of the prior covariance ``L @ L.T`` of the sum of the terms at the rows."""
         return np.asarray(features * np.sqrt(self._by_feature(self.variances_[: len(self.terms)])))
 
     def outside_factor(
@@ -170,12 +173,12 @@ class AdditiveGP:
         at_most: Mapping[str, float] = types.MappingProxyType({}),
         inside: Collection[str] = (),
     ) -> FloatArray:
-        """What each smooth term may have outside of its training range, shape (rows, smooth terms with a value outside).
+        """Prior standard deviation of smooth terms outside of their training range, shape (rows, smooth terms with a value outside).
 
         A term is held at the edge of its range. Under its prior, of variance `v`, its value at a scaled distance `d`
-        differs from that at the edge with mean square ``2 v (1 - exp(-d²/2))``: nothing inside the range, and twice
-        the prior variance far outside. Each column is the root of it, the same unknown for all rows of a group.
-        Columns of `at_most` are held at its values, and those of `inside` count as inside of their range.
+        differs from that at the edge with mean square ``2 v (1 - exp(-d²/2))``: 0 inside the range, and twice the prior
+        variance far outside. Each column of the result is the root of this, the error of one term, common to all rows of a
+        group. Columns of `X` in `at_most` are limited to the given values; those in `inside` count as inside of their range.
         """
         columns = _columns(X)
         columns |= {name: np.minimum(columns[name], most) for name, most in at_most.items()}
@@ -194,7 +197,7 @@ class AdditiveGP:
         return np.column_stack(spreads) if spreads else np.zeros((len(X), 0))
 
     def to_arrays(self) -> dict[str, npt.NDArray[Any]]:
-        """Everything that prediction needs, as plain arrays."""
+        """Return everything that prediction needs, as plain arrays."""
         arrays: dict[str, npt.NDArray[Any]] = {
             "weights": self.weights_,
             "factor": self.factor_,
@@ -214,7 +217,7 @@ class AdditiveGP:
         Raises
         ------
         InvalidInput
-            When an array is missing, of another shape than the terms need, or not finite.
+            If an array is missing, not finite, or not of the shape that the terms need.
         """
         raise_faults(_array_faults(self.terms, self.share_column, arrays))
         names = [str(c) for c in arrays["columns"]]
@@ -254,7 +257,7 @@ class AdditiveGP:
             self.whiteners_[i] = np.linalg.inv(cholesky(gram + 1e-6 * np.eye(len(gram)))).T
 
     def _fill_missing(self, values: FloatArray, name: str) -> FloatArray:
-        """A column with its mean for what is missing."""
+        """Replace missing values of a column by its mean."""
         known = np.isfinite(values)
         return values if known.all() else np.where(known, values, self.means_.get(name, 0.0))
 
@@ -264,7 +267,7 @@ class AdditiveGP:
         return np.minimum(np.maximum(self._fill_missing(X[name], name), low), high) - self.means_[name]
 
     def _is_within(self, values: FloatArray, name: str) -> bool:
-        """Whether every known value is one that the training rows had, or between two of them."""
+        """Whether every known value lies in the training range of the column."""
         low, high = self.ranges_[name]
         return not (np.fmin.reduce(values) < low or np.fmax.reduce(values) > high)
 
@@ -273,13 +276,13 @@ class AdditiveGP:
         return [held[c] / (self.sds_[c] * term.length) for c in term.columns]
 
     def _slices(self) -> list[slice]:
-        """Features of each term."""
+        """Slice of the features of each term."""
         sizes = [1 if t.kind == "line" else self.whiteners_[i].shape[1] for i, t in enumerate(self.terms)]
         ends = np.cumsum(sizes).tolist()
         return [slice(end - size, end) for size, end in zip(sizes, ends, strict=True)]
 
     def _by_feature(self, of_terms: npt.ArrayLike) -> FloatArray:
-        """Values of the terms, each for all features of its term."""
+        """Repeat a value of each term for all features of the term."""
         return np.repeat(np.asarray(of_terms), [s.stop - s.start for s in self._slices()])
 
     def _features(self, X: pd.DataFrame) -> tuple[FloatArray, list[slice]]:
@@ -297,9 +300,9 @@ class AdditiveGP:
         return np.concatenate(blocks, axis=1), self._slices()
 
     def _fit_totals(self, totals: FloatArray, target: FloatArray, effects: FloatArray) -> None:
-        """Variances, then the posterior of the features' weights; clusters that stand out count less."""
+        """Fit the variances, then the posterior of the features' weights; outlying clusters count less."""
         kernels = np.array([totals[:, s] @ totals[:, s].T for s in self.slices_])
-        scale = np.ones(len(target))  # of each cluster's own effects: the latent scale of the t
+        scale = np.ones(len(target))  # latent scale of the t distribution of each cluster's own effects
         self.variances_ = self._variances(kernels, target, effects, scale)
         # three passes; a choice
         for _ in range(3 if self.df is not None else 0):
@@ -321,9 +324,9 @@ class AdditiveGP:
         scale: FloatArray,
         before: FloatArray | None = None,
     ) -> FloatArray:
-        """Maximum a posteriori of the variances, by exact gradients. O(parts x groups^2 + groups^3) a step.
+        """Maximum a posteriori of the variances, by exact gradients. O(parts x groups^2 + groups^3) per step.
 
-        The search starts at the prior, or at the variances `before`.
+        The search starts at the variances `before`, or at those of the prior if not given.
         """
         from scipy.optimize import minimize
 
@@ -358,7 +361,7 @@ class AdditiveGP:
     def _latent_scale(
         self, kernels: FloatArray, target: FloatArray, effects: FloatArray, scale: FloatArray
     ) -> FloatArray:
-        """Expectation step of the t: each cluster's leave-one-out residual over its standard deviation."""
+        """Expectation step of the t distribution: scale of each cluster, from its standardised leave-one-out residual."""
         assert self.df is not None
         inverse = np.linalg.inv(self._covariance(kernels, effects, scale))
         diagonal = np.diag(inverse)
@@ -371,7 +374,7 @@ class AdditiveGP:
 def _array_faults(
     terms: Sequence[KernelTerm], share_column: str | None, arrays: Mapping[str, npt.NDArray[Any]]
 ) -> Iterator[Fault]:
-    """Every reason why arrays are not those of a model with these terms."""
+    """Yield every reason why arrays are not those of a model with these terms."""
     smooth = [i for i, term in enumerate(terms) if term.kind == "smooth"]
     n_columns = len({c for term in terms for c in term.columns})
     points = {i: arrays.get(f"points{i}", np.empty(0)) for i in smooth}
@@ -401,7 +404,7 @@ def _array_faults(
 
 
 def _columns(X: pd.DataFrame) -> dict[str, FloatArray]:
-    """Columns by name; a table of nothing but numbers is not taken apart one by one."""
+    """Numeric columns by name; a table of floats only is converted at once."""
     values = X.to_numpy()
     if values.dtype == np.float64:
         return dict(zip(X.columns.tolist(), values.T, strict=True))
@@ -422,7 +425,7 @@ def _squared_exponential(columns: Sequence[FloatArray], points: FloatArray) -> F
 
 
 def _inducing_points(z: FloatArray, most: int) -> FloatArray:
-    """At most `most` of the points, each as far as can be from those before it (Gonzalez 1985)."""
+    """Choose at most `most` of the points, each as far as possible from those chosen before (Gonzalez 1985)."""
     if len(z) <= most:
         return z
     chosen = [int(np.argmin(((z - z.mean(axis=0)) ** 2).sum(axis=1)))]

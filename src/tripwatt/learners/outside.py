@@ -1,4 +1,4 @@
-"""A regressor from outside, such as one of scikit-learn, on the tables of features that our learners take."""
+"""Wrapper for a regressor from outside, such as one of scikit-learn, to use it on the tables of features of our learners."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from tripwatt.errors import InvalidInput
 
 
 class OutsideRegressor:
-    """A regressor with scikit-learn's `fit` and `predict`, behind a table of features.
+    """Wrapper that applies a regressor with scikit-learn's `fit` and `predict` to a table of features.
 
     Levels of a categorical column become columns of 0 and 1. A missing value becomes the median of the fit, unless the regressor
-    takes missing values itself. A search of settings gets the clusters, so that a `GroupKFold` inside it keeps trips whole.
+    accepts missing values. A search of settings is given the clusters, so that a `GroupKFold` inside the search keeps trips whole.
 
     Parameters
     ----------
     regressor : object
-        Unfitted; each fit takes a clone of it.
+        An unfitted regressor; each fit clones it.
     seed : int
-        For each `random_state` of it that is not set.
+        Value of each `random_state` of the regressor that is not set.
 
     Attributes
     ----------
     regressor_ : object
         The fitted clone.
     medians_ : dict of str to float
-        Columns that it takes, in their order, and the median of each.
+        Median of each column of the fit, in the order of the columns.
 
     Examples
     --------
@@ -57,7 +57,7 @@ class OutsideRegressor:
         y : array_like, shape (rows,)
             The target.
         groups : array_like, shape (rows,), optional
-            Cluster of each row, for a regressor that takes them and for searches of settings.
+            Cluster of each row, for a regressor whose `fit` takes `groups` and for searches of settings.
         """
         from sklearn.base import clone
         from sklearn.model_selection import GridSearchCV, RandomizedSearchCV
@@ -75,7 +75,7 @@ class OutsideRegressor:
         return self
 
     def tuned(self) -> OutsideRegressor:
-        """An unfitted copy: what a search chooses is part of each fit."""
+        """Return an unfitted copy; a search of settings is repeated in each fit."""
         return OutsideRegressor(self.regressor, self.seed)
 
     def predict(self, X: pd.DataFrame) -> FloatArray:
@@ -84,24 +84,24 @@ class OutsideRegressor:
         Raises
         ------
         InvalidInput
-            When the regressor does not give a finite number for each row.
+            If the regressor does not return a finite number for each row.
         """
         return checked(self.regressor_.predict(self._input(_numbers(X))), len(X), self.regressor_)
 
     def _input(self, columns: pd.DataFrame) -> pd.DataFrame:
         from sklearn.utils import get_tags
 
-        known = columns.reindex(columns=list(self.medians_), fill_value=0.0)  # a level that is not there
+        known = columns.reindex(columns=list(self.medians_), fill_value=0.0)  # 0 for a level that is absent
         return known if get_tags(self.regressor_).input_tags.allow_nan else known.fillna(self.medians_)
 
 
 def checked(predicted: object, rows: int, model: object) -> FloatArray:
-    """Predictions of an object from outside as an array of finite numbers, shape (rows,).
+    """Convert predictions of an object from outside to an array of finite numbers, shape (rows,).
 
     Raises
     ------
     InvalidInput
-        When they are something else.
+        If the predictions are not numbers, not finite, or not of this shape.
     """
     where = f"predict of {type(model).__name__}"
     try:
@@ -124,6 +124,6 @@ def _parameters(function: Any) -> list[str]:
 
 
 def _numbers(X: pd.DataFrame) -> pd.DataFrame:
-    """Every column as numbers."""
+    """Convert every categorical column to columns of 0 and 1."""
     levels = [name for name, kind in X.dtypes.items() if isinstance(kind, pd.CategoricalDtype)]
     return pd.get_dummies(X, columns=levels, dtype=np.float64) if levels else X

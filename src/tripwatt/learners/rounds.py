@@ -1,4 +1,4 @@
-"""The rounds of boosting by estimating equations: one tree a round, its leaves solved for under V^-1."""
+"""The rounds of boosting by estimating equations: one tree per round, with leaf values solved under V^-1 (see `boosting`)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,11 @@ from tripwatt.learners.trees import Sample, Trees, TreeShape
 
 @dataclass
 class Path:
-    """One run of boosting: `values[t]` are the leaf values of round t, `losses[t]` the loss of each group after it."""
+    """One run of boosting.
+
+    `values[t]` are the leaf values of round t, and `losses[t]` the loss of each group after this round. `ends` are the last rounds of
+    the scored sets of groups, and `rho` is the parameter of the working correlation after the last round.
+    """
 
     start: float
     trees: Trees
@@ -26,7 +30,7 @@ class Path:
 
 
 class _Patience:
-    """Stops a set of groups whose mean loss has not improved for so many rounds; `end` is its last round."""
+    """Stopping rule of a set of groups: stop if the mean loss has not improved for `patience` rounds; `end` is the last round."""
 
     def __init__(self, groups: IntArray, patience: int) -> None:
         self.groups, self.patience = groups, patience
@@ -55,7 +59,7 @@ def boost(
     patience: int = 1,
     scored: Sequence[IntArray] = (),
 ) -> Path:
-    """Boost on the allowed groups; with `scored` sets of groups, stop once all of them stopped improving."""
+    """Boost on the allowed groups; if sets of groups are `scored`, stop when all of these have stopped improving."""
     inside = allowed[sample.codes]
     weight = np.where(inside, sample.weight, 0.0)
     y = np.where(inside, sample.y, 0.0)
@@ -97,7 +101,7 @@ def _round(
     tree_seed: int,
     sample: Sample,
 ) -> FloatArray:
-    """Add a tree; the step of every row of the sample."""
+    """Add a tree; returns the step of the prediction for every row of the sample."""
     current = working
     if weight is not working.weight:
         current = WorkingCorrelation(working.kind, working.codes, weight)
@@ -116,6 +120,9 @@ def _round(
 
 
 def write_leaf_values(path: Path) -> tuple[Any, IntArray, FloatArray]:
-    """Booster with the leaf values of the path, tree -> its place there, first value of each tree."""
+    """Write the leaf values of a path into its booster.
+
+    Returns the booster, the index of each tree in it (-1 for a lone leaf), and the first leaf value of each tree.
+    """
     booster, position = path.trees.with_values(path.values)
     return booster, position, np.array([values[0] for values in path.values])

@@ -1,7 +1,6 @@
-"""What the two tree learners for clustered rows share: the trees, the sample they grow on, checks and storage.
+"""Common parts of the two tree learners for clustered rows: growing trees, the sample of a fit, checks and storage.
 
-The trees are LightGBM's; only its histogram tree is used, one tree per call, with
-gradients and weights of our own.
+The trees are LightGBM's: only its histogram tree is used, one tree per call, with gradients and weights computed here.
 """
 
 from __future__ import annotations
@@ -21,12 +20,12 @@ from tripwatt.errors import Fault, raise_faults
 from tripwatt.learners.clusters import Clusters, Columns, GroupLoss, row_weights, thinned_rows
 
 Allowed = tuple[str, Callable[[Any], bool]]
-"""What is allowed, in words and as a test."""
+"""Allowed values of a setting: a description and a test."""
 
 
 @dataclass(frozen=True)
 class TreeShape:
-    """What a single tree may look like; weights are counted in groups."""
+    """Limits of the shape of a single tree; weights are counted in groups."""
 
     max_leaf_nodes: int = 16
     max_depth: int | None = None
@@ -34,7 +33,7 @@ class TreeShape:
     max_features: float = 1.0
 
     def parameters(self) -> dict[str, Any]:
-        """LightGBM's words for it."""
+        """Return the corresponding parameters of LightGBM."""
         return {
             "objective": "none",
             "learning_rate": 1.0,
@@ -45,14 +44,14 @@ class TreeShape:
             "min_data_in_leaf": 1,
             "min_data_per_group": 1,
             "max_cat_threshold": 64,
-            "cat_l2": 1.0,  # one group's weight: a level has to convince by more than one group
+            "cat_l2": 1.0,  # one group's weight: a level needs evidence from more than one group
             "cat_smooth": 1.0,
             **_QUIET,
         }
 
 
 _QUIET = {"num_threads": 1, "deterministic": True, "force_row_wise": True, "verbosity": -1}
-"""A choice, because trees then do not depend on the machine."""
+"""Parameters that make trees independent of the machine; a choice."""
 
 
 class TreeGrower:
@@ -65,7 +64,7 @@ class TreeGrower:
     categorical : list of int
         Positions of the columns that hold codes of levels.
     max_bins : int
-        Most bins of a column. Bin edges depend on `X` alone.
+        Largest number of bins of a column. Bin edges depend on `X` only.
     """
 
     def __init__(self, X: FloatArray, categorical: list[int], max_bins: int) -> None:
@@ -87,21 +86,21 @@ class TreeGrower:
         self._barren = all(self._data.feature_num_bin(column) < 2 for column in range(X.shape[1]))
 
     def __reduce__(self) -> tuple[type[TreeGrower], tuple[Any, ...]]:
-        return (type(self), self._arguments)  # the library's handle cannot travel to another process
+        return (type(self), self._arguments)  # the library's handle cannot be sent to another process
 
     def start(self, shape: TreeShape) -> Trees:
-        """An empty sequence of trees of one shape on this table."""
+        """Return an empty sequence of trees of one shape on this table."""
         return Trees(None if self._barren else self._data, shape)
 
 
 class Trees:
-    """A growing sequence of trees; tree `t` may be a lone leaf, which the library does not keep."""
+    """A growing sequence of trees; a tree may be a single leaf, which LightGBM does not keep."""
 
     def __init__(self, data: Any | None, shape: TreeShape) -> None:
         self._data = data
         self._parameters = shape.parameters()
         self._reseed = shape.max_features < 1.0
-        self.position: list[int] = []  # of tree t in the booster, -1 for a lone leaf
+        self.position: list[int] = []  # index of each tree in the booster, -1 for a lone leaf
         self._restart()
 
     def _restart(self) -> None:
@@ -113,7 +112,7 @@ class Trees:
     def grow(self, gradient: FloatArray, weight: FloatArray, seed: int) -> None:
         """Add the tree that fits `gradient / weight` by weighted least squares; it may be a lone leaf.
 
-        The seed restarts the draw of columns, so that a tree depends on nothing but its own arguments.
+        The seed restarts the draw of columns, so that a tree depends only on the arguments.
         """
         if self.booster is None:  # no column has two values
             self.position.append(-1)
@@ -130,7 +129,7 @@ class Trees:
         self._n_kept += 1
 
     def with_values(self, values: Sequence[FloatArray]) -> tuple[Any, IntArray]:
-        """The booster with the values of each tree's leaves, and the place of each tree in it (-1 for a lone leaf)."""
+        """Write leaf values into the booster; returns the booster and the index of each tree in it (-1 for a lone leaf)."""
         for place, its_values in zip(self.position, values, strict=True):
             for leaf, value in enumerate(its_values if place >= 0 else ()):
                 self.booster.set_leaf_output(place, leaf, float(value))
@@ -143,16 +142,16 @@ class Trees:
 
 @dataclass(frozen=True)
 class Sample:
-    """The rows of a fit, sorted by group, and how groups are scored.
+    """The rows of a fit, sorted by group, and the loss by which groups are scored.
 
     Attributes
     ----------
     grower : TreeGrower
-        Trees on the covariates.
+        Grower of trees on the covariates.
     y, codes, weight : ndarray of shape (n_rows,)
         Target, group and weight of each row.
     loss : GroupLoss
-        Error by group.
+        Loss of each group.
     n_groups : int
         Number of groups.
     """
@@ -180,18 +179,18 @@ _ALLOWED: Final[Mapping[str, Allowed]] = {
     "loss": ("'squared' or 'absolute'", lambda v: v in ("squared", "absolute")),
     "score_rows": ("'all' or 'last'", lambda v: v in ("all", "last")),
 }
-"""Settings of all learners -> what is allowed."""
+"""Settings of all learners -> allowed values."""
 
 
 class ClusteredTrees(RegressorMixin, BaseEstimator):
-    """A learner for clustered rows whose trees are LightGBM's. Subclasses add their own settings and their prediction."""
+    """Base class of learners for clustered rows with trees of LightGBM; subclasses add their settings and their prediction."""
 
     settings_names: ClassVar[tuple[str, ...]]
     """Settings that `param_grid` may choose."""
 
     default_grid: ClassVar[Mapping[str, list[Any]]]
     allowed: ClassVar[Mapping[str, Allowed]]
-    """Settings of this learner alone -> what is allowed."""
+    """Settings of this learner only -> allowed values."""
 
     __metadata_request__fit: ClassVar = {"groups": True}  # read by the metadata routing of scikit-learn
 
@@ -210,18 +209,18 @@ class ClusteredTrees(RegressorMixin, BaseEstimator):
         columns: Mapping[str, Sequence[str]] | None = None,
         n_repeats: int = 5,
     ) -> pd.DataFrame:
-        """Rise of the loss when a covariate is permuted over the rows.
+        """Rise of the loss if a covariate is permuted over the rows.
 
-        A forest predicts groups that `fit` saw by their out-of-bag trees; give a boosting rows that it was not fitted to.
+        A forest predicts the groups of its fit by their out-of-bag trees. For a boosting, pass rows that it was not fitted to.
 
         Parameters
         ----------
         X, y, groups
             As in `fit`.
         columns : dict, optional
-            Name -> columns to permute together (say, the indicators of one factor); default each alone.
+            Name -> columns to permute together, such as the indicators of one factor; by default each column separately.
         n_repeats : int
-            Number of permutations of each.
+            Number of permutations of each covariate.
 
         Returns
         -------
@@ -252,7 +251,7 @@ class ClusteredTrees(RegressorMixin, BaseEstimator):
         return pd.DataFrame(table).sort_values("importance", ascending=False, ignore_index=True)
 
     def predict(self, X: Any) -> FloatArray:
-        """Prediction of each row, shape (n_rows,): the mean of a forest's trees, a boosting after its chosen rounds."""
+        """Prediction of each row, shape (n_rows,): the mean of a forest's trees, or a boosting after its chosen rounds."""
         return self._raw(self._rows(X))
 
     def _rows(self, X: Any) -> FloatArray:
@@ -264,11 +263,14 @@ class ClusteredTrees(RegressorMixin, BaseEstimator):
         raise NotImplementedError
 
     def _predict_unseen(self, rows: FloatArray, clusters: Clusters) -> FloatArray:
-        """Prediction of encoded rows of groups, without having seen the groups where that is possible."""
+        """Prediction of encoded rows, if possible by trees that were not fitted to the rows' groups."""
         return self._raw(rows)
 
     def _prepare(self, X: Any, y: Any, groups: Any) -> tuple[Sample, Clusters, FloatArray, int]:
-        """Check settings and input of `fit`, thin and bin it: the sample, the groups and encoded rows of all, a seed."""
+        """Check settings and input of `fit`, thin and bin the rows.
+
+        Returns the sample, the groups of all rows, all rows encoded, and a seed.
+        """
         check_parameters(self, {**_ALLOWED, **self.allowed})
         rows, target = validate_rows(self, X, y, reset=True)
         assert target is not None
@@ -295,14 +297,14 @@ class ClusteredTrees(RegressorMixin, BaseEstimator):
 
 
 def keep_arguments(estimator: Any, arguments: Mapping[str, Any]) -> None:
-    """Set the arguments of a constructor, its `locals()`, as attributes of their names, as scikit-learn reads them."""
+    """Set the arguments of a constructor, given by its `locals()`, as attributes, as scikit-learn expects."""
     for name, value in arguments.items():
         if value is not estimator:
             setattr(estimator, name, value)
 
 
 def leaf_numbers(booster: Any, position: IntArray, X: FloatArray) -> IntArray:
-    """Leaf of each row in each tree, shape (n_trees, n_rows), of successive places in the booster (-1 for a lone leaf)."""
+    """Leaf of each row in each tree, shape (n_trees, n_rows); `position` holds successive indices of trees, -1 for a lone leaf."""
     result = np.zeros((position.size, len(X)), dtype=np.int64)
     split = position >= 0
     if split.any():
@@ -338,13 +340,13 @@ def validate_rows(estimator: Any, X: Any, y: Any, *, reset: bool) -> tuple[Float
 
 
 def column_names(estimator: Any) -> list[str]:
-    """Names of the columns an estimator was fitted on, `x0, x1, ...` where the table had none."""
+    """Names of the columns that an estimator was fitted on; `x0, x1, ...` if the table had no names."""
     names = getattr(estimator, "feature_names_in_", None)
     return [f"x{i}" for i in range(estimator.n_features_in_)] if names is None else [str(n) for n in names]
 
 
 def settings_of(base: Mapping[str, Any], grid: Mapping[str, Sequence[Any]] | None) -> list[dict[str, Any]]:
-    """All combinations of a grid on top of the base settings; unknown names are refused, all at once."""
+    """All combinations of a grid of settings; raises InvalidInput with every name that is not in the base settings."""
     from itertools import product
 
     if not grid:
@@ -355,7 +357,7 @@ def settings_of(base: Mapping[str, Any], grid: Mapping[str, Sequence[Any]] | Non
 
 
 def check_parameters(estimator: Any, allowed: Mapping[str, Allowed]) -> None:
-    """Refuse settings that make no sense, all at once: name -> (what is allowed, test)."""
+    """Raise InvalidInput with every setting that is out of range; `allowed` maps a name to (description, test)."""
     faults = []
     for name, (text, test) in allowed.items():
         value = getattr(estimator, name)
@@ -383,5 +385,5 @@ def column_blocks(names: Sequence[str], columns: Mapping[str, Sequence[str]] | N
 
 
 def seed_of(random_state: Any) -> int:
-    """An integer seed from any that scikit-learn takes."""
+    """Make an integer seed from any random state of scikit-learn."""
     return int(check_random_state(random_state).randint(2**31 - 2))

@@ -1,7 +1,7 @@
-"""Grown trees as plain arrays, and their sum evaluated with NumPy alone: what a stored model needs, and no more.
+"""Grown trees as plain arrays for stored models; their sum is evaluated with NumPy only.
 
-A tree that LightGBM grew is read once from its documented text format. The sum over trees is the library's to the
-last bit: the same comparisons, the same values, added in the same order.
+Trees of LightGBM are read from its documented text format. The sum over trees is bit-identical to LightGBM's: the same
+comparisons, and the same values added in the same order.
 """
 
 from __future__ import annotations
@@ -23,20 +23,21 @@ _FIELDS: Final = ("split_feature", "threshold", "decision", "left", "right", "le
 
 @dataclass(frozen=True, eq=False)
 class TreeTable:
-    """Trees with numeric splits, shorter ones filled up.
+    """Trees with numeric splits as arrays; smaller trees are padded.
 
     Attributes
     ----------
     split_feature, threshold, decision : ndarray, shape (trees, splits)
         Column, threshold and LightGBM's decision bits of each split.
     left, right : ndarray of int, shape (trees, splits)
-        Next split, or ``-1 - leaf``.
+        Index of the next split, or ``-1 - leaf``.
     leaf_value : ndarray, shape (trees, leaves)
+        Value of each leaf.
 
     Raises
     ------
     InvalidInput
-        When the arrays do not make trees: of another shape or type, not finite, or with a split that does not lead to a later
+        If the arrays do not make trees: if they have a wrong shape or type, are not finite, or a split does not lead to a later
         split or a leaf of its tree, so that a row might never reach a leaf.
     """
 
@@ -55,12 +56,12 @@ class TreeTable:
 
     @classmethod
     def from_text(cls, text: str, n_trees: int) -> Self:
-        """The first trees of a model in LightGBM's text format. O(trees x leaves).
+        """Read the first `n_trees` trees of a model in LightGBM's text format. O(trees x leaves).
 
         Raises
         ------
         InvalidInput
-            When the text holds fewer trees, or a tree splits on levels or has linear leaves.
+            If the text has fewer trees, or a tree splits on levels or has linear leaves.
         """
         trees = [_fields(block) for block in text.split("\nTree=")[1 : n_trees + 1]]
         if len(trees) < n_trees:
@@ -72,7 +73,7 @@ class TreeTable:
         sources = ("split_feature", "threshold", "decision_type", "left_child", "right_child")
         for name, source in zip(_FIELDS[:5], sources, strict=True):
             kind = np.float64 if name == "threshold" else np.int64
-            # a lone leaf is a split whose both sides are leaf 0
+            # a lone leaf is stored as a split with leaf 0 on both sides
             arrays[name] = np.full((n_trees, splits), -1 if name in ("left", "right") else 0, dtype=kind)
             for row, tree in enumerate(trees):
                 values = tree.get(source, "").split()
@@ -84,9 +85,9 @@ class TreeTable:
         return cls(**arrays)
 
     def _faults(self) -> Iterator[Fault]:
-        """Every reason why the arrays are no trees. O(splits)."""
+        """Yield every reason why the arrays are not trees. O(splits)."""
         shape = self.split_feature.shape
-        # a forest of 500 trees of 255 leaves has 127,000 splits; those of one tree bound the steps to a leaf
+        # a forest of 500 trees of 255 leaves has 127,000 splits; the splits of a tree bound the steps to a leaf
         if len(shape) != 2 or not (1 <= shape[1] <= 20_000 and self.split_feature.size <= 5_000_000):
             yield Fault("wrong shape of trees", "trees, split_feature", f"{shape}", "(trees, splits)")
             return
@@ -128,18 +129,18 @@ class TreeTable:
         return np.asarray(np.cumsum(self.leaf_value.take(leaves), axis=0)[-1])
 
     def _goes_left(self, value: FloatArray, split: IntArray) -> BoolArray:
-        """LightGBM's decision at splits, for values that may be missing."""
+        """Whether values, which may be missing, go to the left at splits, by the rules of LightGBM."""
         decision = self.decision.take(split)
         missing = decision & _MISSING
         unknown = np.isnan(value)
         value = np.where(unknown & (missing != _NAN_IS_MISSING), 0.0, value)
-        # LightGBM takes smaller values for zero
+        # LightGBM treats values up to this size as zero
         zero = (missing == _ZERO_IS_MISSING) & (np.abs(value) <= 1e-35)
         absent = (unknown & (missing == _NAN_IS_MISSING)) | zero
         return np.where(absent, (decision & _DEFAULT_LEFT) > 0, value <= self.threshold.take(split))
 
 
 def _fields(block: str) -> dict[str, str]:
-    """`key=value` lines of one tree."""
+    """Parse the `key=value` lines of one tree."""
     pairs = (line.split("=", 1) for line in block.split("\n\n")[0].splitlines()[1:] if "=" in line)
     return dict(pairs)
