@@ -58,7 +58,7 @@ PLANNED: Final = "a planned route"
 FREE_FLOW: Final = "a planned route, free flow"
 NOT_MEASURED: Final = Measured(0.0)
 MOST_OFFSET: Final = 5.0
-"""Largest difference of the display at departure from the converted charge, in standard deviations of the conversion.
+"""Largest difference of the display at departure from the converted charge, in scales of the error of the conversion.
 
 A display that differs by more was planned, not read."""
 

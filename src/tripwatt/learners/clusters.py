@@ -107,7 +107,7 @@ class Clusters:
 
 
 def thinned_rows(codes: IntArray, max_rows: int | None) -> IntArray:
-    """Choose the rows to fit: at most `max_rows` of each group, evenly spaced, including the first and the last.
+    """Choose the rows to fit: at most `max_rows` of each group, evenly spaced, including the first (if `max_rows` is above 1) and the last.
 
     Parameters
     ----------

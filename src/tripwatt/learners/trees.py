@@ -372,7 +372,7 @@ def check_parameters(estimator: Any, allowed: Mapping[str, Allowed]) -> None:
 
 
 def column_blocks(names: Sequence[str], columns: Mapping[str, Sequence[str]] | None) -> dict[str, list[int]]:
-    """Positions of the columns that are permuted together: each alone, or by the groups of `columns`."""
+    """Positions of the columns that are permuted together: each column separately, or the blocks of `columns`."""
     if columns is None:
         return {name: [position] for position, name in enumerate(names)}
     raise_faults(

@@ -101,7 +101,7 @@ class FreeFlowTrips:
     @classmethod
     def from_trips(cls, trips: Sequence[Trip], vehicle: Vehicle) -> FreeFlowTrips:
         """Cut trips into free-flow links. O(samples)."""
-        links = tuple(or_none(free_flow_links, trip) for trip in trips)  # None where a log cannot be cut
+        links = tuple(or_none(free_flow_links, trip) for trip in trips)  # None if a log cannot be cut
 
         def energy(plan: Plan) -> float:
             table = segment_table(plan, simulate_trip(vehicle, plan))
