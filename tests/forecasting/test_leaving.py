@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from dataclasses import replace
 
 import pandas as pd
 import pytest
@@ -185,3 +186,16 @@ def test_a_charge_to_leave_with_is_for_a_probability_of_a_half_or_more(model):
     trip = asked(model, "descent")
     with pytest.raises(InvalidInput, match=r"probability: got 0\.49; allowed: 0\.5 "):
         soc_needed(trip, 0.1, 0.49)
+
+
+def test_what_was_added_for_an_unknown_state_stays_with_another_charge(model):
+    trip = asked(model)
+    wider = replace(trip, state_sd_wh=3.0 * trip.state_sd_wh + 100.0)
+    assert leaving_with(wider, 0.5).state_sd_wh == wider.state_sd_wh
+
+
+def test_after_the_last_reading_the_end_counts(model):
+    along = asked(model).along
+    done = replace(along, read_s=float(along.time_s[-1]))
+    assert done.spare(0.1, 0.5) == pytest.approx(float(along.soc(0.5)[-1]) - 0.1, abs=1e-12)
+    assert done.missing_wh == (0.0, 0.0, 0.0)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import sqlite3
 from dataclasses import replace
 from pathlib import Path
 from threading import Thread
+from time import sleep
 
 import numpy as np
 import pandas as pd
@@ -96,6 +98,23 @@ def test_readers_see_a_transaction_as_a_whole_and_writers_wait_for_each_other(fi
         assert file.messages() == []
     other.join()
     assert file.messages() == SAMPLES[:2]
+
+
+def test_a_transaction_that_reads_first_waits_for_a_writer(file: CarFile) -> None:
+    """Two that add to what they read: neither overwrites the other, and neither fails."""
+
+    def add() -> None:
+        with file.write() as db:
+            row = db.execute("SELECT value FROM settings WHERE name = 'count'").fetchone()
+            sleep(0.05)
+            put_settings(db, {"count": 1 if row is None else json.loads(row[0]) + 1})
+
+    several = [Thread(target=add) for _ in range(4)]
+    for one in several:
+        one.start()
+    for one in several:
+        one.join()
+    assert file.setting("count") == 4
 
 
 def test_nothing_is_left_of_what_was_erased(file: CarFile) -> None:
