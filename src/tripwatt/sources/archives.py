@@ -240,11 +240,15 @@ def _write_table(rows: Iterator[list[Any]], folder: Path, budget: Budget) -> tup
             width = min(max(i + 1 for i, cell in enumerate(row) if cell is not None), MOST_COLUMNS)
             with made.open("w", encoding="utf-8", newline="") as text:
                 writer = csv.writer(text, lineterminator="\n")
-                for line in itertools.chain(head[k:], filter(_is_filled, rows)):
-                    cells = [_text(cell) for cell in line[:width]] + [""] * (width - len(line))
-                    budget.take(CELLS, max(width - len(line), 0))
-                    budget.take(TABLES, sum(map(len, cells)) + width)
-                    writer.writerow(cells)
+                for row in itertools.chain(head[k:], filter(_is_filled, rows)):
+                    budget.take(CELLS, max(width - len(row), 0))
+                    cells = [_text(cell) for cell in row[:width]] + [""] * (width - len(row))
+                    line = ",".join(cells)
+                    budget.take(TABLES, len(line))
+                    if line.count(",") >= width or any(mark in line for mark in '"\r\n'):
+                        writer.writerow(cells)
+                    else:  # joined cells take half the time of the writer
+                        text.write(f"{line}\n")
                     count += 1
             break
     return count, made
