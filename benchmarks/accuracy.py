@@ -43,10 +43,10 @@ def evaluated(protocol: str, results: Path | None) -> tuple[float | None, dict[s
         return took, json.loads(path.read_text(encoding="utf-8"))
 
 
-def timed(name: str, took: float | None, most_s: float) -> Iterator[Row]:
+def timed(name: str, took: float | None, max_s: float) -> Iterator[Row]:
     """The time of an evaluation that was run now."""
     if took is not None:
-        yield Row(name, took, "s", most=most_s)
+        yield Row(name, took, "s", most=max_s)
 
 
 def _paired(results: Mapping[str, Any], a: str, b: str) -> tuple[float, float, bool]:

@@ -24,7 +24,7 @@ from benchmarks.measure import Row
 from benchmarks.worlds import WORLDS as PUBLISHED
 from tripwatt.arrays import FloatArray
 from tripwatt.forecasting import Forecast, ForecastModel
-from tripwatt.forecasting.difference import LEAST_SHARE
+from tripwatt.forecasting.difference import MIN_SHARE
 from tripwatt.forecasting.leaving import soc_needed
 from tripwatt.hybrid import segment_table
 from tripwatt.hybrid.factors import USUAL_SHARE, USUAL_SHARE_KM, USUAL_WH, FactorCorrector, factor_power
@@ -46,9 +46,9 @@ from tripwatt.vehicles import Vehicle
 CAR: Final = "tesla_model_3_lr"
 CHANCE: Final = 0.95
 USUAL_M_S: Final = 15.0
-LEAST_M_S: Final = 1.0
+MIN_M_S: Final = 1.0
 USUAL_POWER_W: Final = 8000.0
-LEAST_POWER_W: Final = 200.0
+MIN_POWER_W: Final = 200.0
 USUAL_DEGC: Final = 5.0
 WARMER_BY_K: Final = 15.0
 LINK_M: Final = 250.0
@@ -69,11 +69,11 @@ def _speed(way: Way) -> FloatArray:
 
 
 def _log_speed(way: Way) -> FloatArray:
-    return np.log(np.maximum(way.speed_m_s, LEAST_M_S) / USUAL_M_S)
+    return np.log(np.maximum(way.speed_m_s, MIN_M_S) / USUAL_M_S)
 
 
 def _log_power(way: Way) -> FloatArray:
-    return np.log(np.maximum(np.abs(way.power_w), LEAST_POWER_W) / USUAL_POWER_W)
+    return np.log(np.maximum(np.abs(way.power_w), MIN_POWER_W) / USUAL_POWER_W)
 
 
 def _outside(way: Way) -> FloatArray:
@@ -101,9 +101,9 @@ def shape_energies(run: Simulation, speed_m_s: FloatArray, degc: float) -> Float
 
 @cache
 def shape_sd() -> float:
-    """Spread of the coefficients with which differences between schedules err by `LEAST_SHARE` of their causes, as root mean square.
+    """Spread of the coefficients with which differences between schedules err by `MIN_SHARE` of their causes, as root mean square.
 
-    The car and the schedules are those of which `LEAST_SHARE` was measured; for independent coefficients it is in proportion to them.
+    The car and the schedules are those of which `MIN_SHARE` was measured; for independent coefficients it is in proportion to them.
     """
     car = tw.load_vehicle("bmw_i3_60ah")
     lab = DriveConditions(
@@ -119,7 +119,7 @@ def shape_sd() -> float:
         shapes.append(shape_energies(run, speed, 23.0) / metres)
     pairs = ((0, 1), (0, 2), (1, 2))
     shares = [np.linalg.norm(shapes[a] - shapes[b]) / np.linalg.norm(causes[a] - causes[b]) for a, b in pairs]
-    return LEAST_SHARE / float(np.sqrt(np.mean(np.square(shares))))
+    return MIN_SHARE / float(np.sqrt(np.mean(np.square(shares))))
 
 
 @dataclass(frozen=True)

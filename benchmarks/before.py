@@ -44,11 +44,11 @@ from tripwatt.study.evaluation.forecast_scores import LEVELS, coverage_by_level
 from tripwatt.study.evaluation.metrics import absolute_percentage_error, bootstrap_interval, summarise_errors
 from tripwatt.trips import Plan, Trip, plan_from_trip
 from tripwatt.uncertainty.coverage import clopper_pearson
-from tripwatt.uncertainty.free_flow import LEAST_TRIPS
+from tripwatt.uncertainty.free_flow import MIN_TRIPS
 from tripwatt.vehicles import Vehicle, without_data
 
-MOST_OVER_DRIVEN = 1.3
-MOST_DURATION = 0.12
+MAX_OVER_DRIVEN = 1.3
+MAX_DURATION = 0.12
 RESULT = DOCS / "results" / "before.json"
 BY_DAY = "twizy, whole days left out"
 CITATION = "Y. NaitMalek et al., RSK Twizy EV dataset, CC BY 4.0, doi:10.1109/ACCESS.2022.3225643 and doi:10.3390/su14169993"
@@ -108,7 +108,7 @@ def evaluate_before(
     InvalidInput
         When no car has enough trips with speed limits.
     """
-    least = LEAST_TRIPS + 1
+    least = MIN_TRIPS + 1
     with_limits = [
         replace(car, trips=tuple(t for t in car.trips if t.has("speed_limit_m_s"))) for car in cars
     ]
@@ -307,7 +307,7 @@ def rows_of(results: Mapping[str, Any]) -> Iterator[Row]:
         yield Row(
             f"{car['car']}, {PLANNED}: error over that of the driven trace",
             car["over_driven"],
-            most=MOST_OVER_DRIVEN,
+            most=MAX_OVER_DRIVEN,
             note=f"{known[PLANNED]['mape']:.4f} over {known[DRIVEN]['mape']:.4f}",
         )
         for name in (PLANNED, ELSEWHERE):
@@ -316,7 +316,7 @@ def rows_of(results: Mapping[str, Any]) -> Iterator[Row]:
 
 def rows_of_known(text: str, row: Mapping[str, Any], n: int) -> Iterator[Row]:
     """Duration, intervals and chances to arrive of one row of a car."""
-    yield Row(f"{text}: error of the duration", row["duration"]["mape"], most=MOST_DURATION)
+    yield Row(f"{text}: error of the duration", row["duration"]["mape"], most=MAX_DURATION)
     held = [
         (
             f"{float(level):.0%} interval holds {row['inside'][level]} of {n}",

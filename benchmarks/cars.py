@@ -44,7 +44,7 @@ from tripwatt.trips import Departure, Trip, TripSet, plan_from_trip
 from tripwatt.vehicles import RoadLoad, Vehicle, load_vehicle
 from tripwatt.vehicles.without import without_data
 
-LEAST_M = 2000.0
+MIN_M = 2000.0
 QUARTERED = 40
 LAB_AMBIENT_DEGC = 23.0
 LAB_MASS_KG = 1919.0
@@ -66,7 +66,7 @@ def cars(data: Path = DATA) -> list[CarTrips]:
             found.append(CarTrips(name, name, car, tuple(trips), lab))
     ved, leaf = read_logs(data / "ved", "ved"), load_vehicle("nissan_leaf_24")
     for name in ("10", "541"):
-        logs = [log for log in ved.logs if log.context.car == name and log.distance_m > LEAST_M]
+        logs = [log for log in ved.logs if log.context.car == name and log.distance_m > MIN_M]
         sound = [t for t in audit(TripSet("ved", tuple(logs))).trips if t.observed_energy_wh is not None]
         found.append(CarTrips(f"ved-{name}", "ved", leaf, tuple(sound)))
     return found

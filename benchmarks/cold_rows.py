@@ -30,7 +30,7 @@ from tripwatt.vehicles.catalogue import M_S_PER_MPH
 COLD: Final = "Charge Depleting 20 Degree F FTP"
 CITY: Final = "Charge Depleting UDDS"
 COLD_DEGC: Final = -6.7
-LEAST_KWH: Final = 10.0
+MIN_KWH: Final = 10.0
 """Energy of 100 miles below which a row of this list is a fault: miles per gallon equivalent, or a slipped decimal."""
 WARM_DEGC: Final = 23.9
 SEQUENCE: Final = ("udds", "hwfet", "udds", "udds", "hwfet", "udds", "udds")
@@ -117,9 +117,9 @@ def in_the_cold(car: Vehicle, climate: str) -> float:
 def compute() -> list[ColdRow]:
     """The usable rows of the list, each with the UDDS of the same car and year."""
     table = pd.read_csv(CATALOGUE / "epa_ev.csv")
-    warm = table[(table["cycle"] == CITY) & (table["kwh_per_100mi"] > LEAST_KWH)]
+    warm = table[(table["cycle"] == CITY) & (table["kwh_per_100mi"] > MIN_KWH)]
     rows = []
-    for _, row in table[(table["cycle"] == COLD) & (table["kwh_per_100mi"] > LEAST_KWH)].iterrows():
+    for _, row in table[(table["cycle"] == COLD) & (table["kwh_per_100mi"] > MIN_KWH)].iterrows():
         same = warm[(warm["model"] == row["model"]) & (warm["model_year"] == row["model_year"])]
         if same.empty:
             continue

@@ -20,7 +20,7 @@ from tripwatt.trips import plan_from_samples
 
 TRIP_S = 1300.0
 RUNS = 101
-MOST_MS = {"one forecast of 1,300 s at 1 Hz, in process": 5.0}
+MAX_MS = {"one forecast of 1,300 s at 1 Hz, in process": 5.0}
 LONG_TRIP_H = 12
 LITTLE = 0.4
 """Measured over driven current of the first half of the long trip."""
@@ -41,7 +41,7 @@ def run() -> Iterator[Row]:
         "load the model of the package": load_model,
     }
     for name, job in jobs.items():
-        yield Row(name, 1000.0 * seconds(job, RUNS), "ms", most=MOST_MS.get(name, math.inf))
+        yield Row(name, 1000.0 * seconds(job, RUNS), "ms", most=MAX_MS.get(name, math.inf))
         yield Row(
             f"{name}: processor time",
             1000.0 * seconds(job, RUNS, of=statistics.mean, clock=time.process_time),

@@ -32,7 +32,7 @@ CHOICES: Mapping[str, dict[str, Any]] = {
     "as in the table: t errors, rows every 60 s": {},
     "thinning: rows every 120 s": {"every_rows": 120},
     "thinning: rows every 300 s": {"every_rows": 300},
-    "t with at least 10 degrees of freedom, not 3": {"least_df": 10.0},
+    "t with at least 10 degrees of freedom, not 3": {"min_df": 10.0},
     "normal errors": {"errors": "normal"},
     "knots: surface with k = 10, not 30": {"terms": terms({SURFACE: SURFACE.replace("k=30", "k=10")})},
     "shrinkage: the ambient temperature as a straight line": {

@@ -18,7 +18,7 @@ from typing import Any, Final, Literal
 import orjson
 from tests.server.cars.brokers import MOSQUITTO
 from tests.server.cars.restarts import fuzzed
-from tests.support.bombs import BOMBS, LONGEST_S, MOST_BYTES, too_dear
+from tests.support.bombs import BOMBS, LONGEST_S, MAX_BYTES, too_dear
 from tests.support.cars import LEVEL_ROAD, extreme_cars
 from tests.support.hostile_files import TARGETS, forged_models, fuzz
 from tests.support.service_attacks import ATTACKS, FORECAST, attacking, seen_by_another, used_once
@@ -67,7 +67,7 @@ def bombs(number: int) -> Iterator[Row]:
     wrong = [fault for kind in BOMBS for fault in too_dear(kind, number // len(BOMBS))]
     print(*wrong[:20], sep="\n", end="\n" if wrong else "", file=sys.stderr)
     yield Row(
-        f"{number} bombs of {len(BOMBS)} kinds: not refused within {LONGEST_S:g} s and {MOST_BYTES / 1e6:g} MB",
+        f"{number} bombs of {len(BOMBS)} kinds: not refused within {LONGEST_S:g} s and {MAX_BYTES / 1e6:g} MB",
         float(len(wrong)),
         most=0,
     )

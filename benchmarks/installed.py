@@ -21,8 +21,8 @@ from typer import Option
 
 from benchmarks.measure import Row, report
 
-MOST_MB: Final = 330
-MOST_IMPORT_S: Final = 0.15
+MAX_MB: Final = 330
+MAX_IMPORT_S: Final = 0.15
 
 CORE: Final = """
 import subprocess, sys
@@ -93,7 +93,7 @@ def installed(name: str, source: Path, code: str, folder: Path) -> Iterator[Row]
     size = size_mb(packages)
     subprocess.run([python, "-m", "compileall", "-q", packages], check=False, capture_output=True)
     note = f"{size_mb(packages):.0f} MB with the bytecode of every module"
-    yield Row(f"{name} without extras", size, "MB", most=MOST_MB, note=note)
+    yield Row(f"{name} without extras", size, "MB", most=MAX_MB, note=note)
     fault = works(python, code, folder)
     yield Row(f"{name} does not work", float(bool(fault)), most=0, note=fault)
 
@@ -105,7 +105,7 @@ def rows(tests: bool = False) -> Iterator[Row]:
         yield from installed("tripwatt", ROOT, CORE, folder)
         command = [f"{folder / 'tripwatt' / 'bin' / 'python'}", "-c", TIMED]
         timed = subprocess.run(command, env=ENVIRONMENT, check=True, capture_output=True, text=True)
-        yield Row("import tripwatt, best of 5", float(timed.stdout), "s", most=MOST_IMPORT_S)
+        yield Row("import tripwatt, best of 5", float(timed.stdout), "s", most=MAX_IMPORT_S)
         yield from installed("tripwatt-gamm", ROOT / "gamm", GAMM, folder)
         for part, (packages, selection) in TESTS.items() if tests else ():
             python = environment(folder / part, *packages)

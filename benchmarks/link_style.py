@@ -68,8 +68,8 @@ def calibrate_style(
     length_m: Sequence[float] = LINK_LENGTHS_M,
     energy: Callable[[Trip | Plan], float] = road_work,
     style: LinkStyle | None = None,
-    most_trips: int = 40,
-    most_evaluations: int = 120,
+    max_trips: int = 40,
+    max_evaluations: int = 120,
 ) -> LinkStyle:
     """Find the street speed, its growth with length and the comfort that fit trips best. O(evaluations x samples).
 
@@ -80,16 +80,16 @@ def calibrate_style(
     Parameters
     ----------
     trips : sequence of Trip
-        At 1 Hz; of more than `most_trips` every n-th is used.
+        At 1 Hz; of more than `max_trips` every n-th is used.
     length_m : sequence of float
         Lengths of links [m] for which the style is to hold. With only one of them its growth with length is left alone.
     energy : callable
         What is compared, such as the simulated energy of a car; positive.
     style : LinkStyle, optional
         Where the search starts, and the values that are not fitted.
-    most_trips : int
+    max_trips : int
         Most trips that are driven in each evaluation.
-    most_evaluations : int
+    max_evaluations : int
         Most evaluations of the sum that is minimised.
 
     Returns
@@ -105,14 +105,14 @@ def calibrate_style(
     Examples
     --------
     >>> from tripwatt.study.synthetic import synthetic_fleet
-    >>> style = calibrate_style(synthetic_fleet(1).trips, length_m=[500.0], most_evaluations=2)
+    >>> style = calibrate_style(synthetic_fleet(1).trips, length_m=[500.0], max_evaluations=2)
     >>> style.length_exponent == LinkStyle().length_exponent
     True
     """
     from scipy.optimize import minimize
 
     start = style or LinkStyle()
-    chosen = trips[:: -(-len(trips) // most_trips)] if trips else ()
+    chosen = trips[:: -(-len(trips) // max_trips)] if trips else ()
     if not chosen:
         raise InvalidInput.of("no trips", "trips", "0", "at least one")
     raise_faults(
@@ -132,7 +132,7 @@ def calibrate_style(
 
     first = np.array([getattr(start, name) for name in names])
     simplex = np.vstack([first, first * (1.0 + 0.25 * np.eye(len(names)))])
-    options = {"maxfev": most_evaluations, "initial_simplex": simplex, "xatol": 5e-3, "fatol": 2e-5}
+    options = {"maxfev": max_evaluations, "initial_simplex": simplex, "xatol": 5e-3, "fatol": 2e-5}
     result = minimize(loss, first, method="Nelder-Mead", options=options)
     return _with(start, names, np.clip(result.x, low, high))
 

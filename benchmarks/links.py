@@ -40,7 +40,7 @@ from tripwatt.vehicles import load_vehicle
 LENGTHS_M = (250.0, 1000.0)
 FOLDS = 5
 EVALUATIONS = 60
-MOST_GAP_S = 4.0
+MAX_GAP_S = 4.0
 Driver = Callable[[LinkRoute, Trip], Plan]
 Energy = Callable[[Trip | Plan], float]
 
@@ -124,7 +124,7 @@ def in_folds(trips: Sequence[Trip], energy: Energy) -> dict[float, np.ndarray]:
         style = calibrate_style(
             [t for t, h in zip(trips, held, strict=True) if not h],
             energy=energy,
-            most_evaluations=EVALUATIONS,
+            max_evaluations=EVALUATIONS,
         )
         for length in LENGTHS_M:
             off[length][held] = differences(
@@ -199,7 +199,7 @@ def measure() -> dict[str, Any]:
 def well_logged(trip: Trip) -> bool:
     """Long enough for links of 1 km, and without gaps in which the car may have stopped and gone on."""
     long = trip.distance_m > 2500.0 and trip.duration_s > 240.0
-    return long and float(np.diff(trip.array("time_s")).max()) <= MOST_GAP_S
+    return long and float(np.diff(trip.array("time_s")).max()) <= MAX_GAP_S
 
 
 def table(result: dict[str, Any]) -> str:
@@ -240,7 +240,7 @@ def default_style() -> None:
         trips.append(Trip.from_samples(path.stem, schedule))
     print(f"{logged} logged trips, {len(trips) - logged} schedules")
     start = LinkStyle(comfort=0.3, street_speed_m_s=10.0, length_exponent=0.3)
-    style = calibrate_style(trips, style=start, most_trips=len(trips))
+    style = calibrate_style(trips, style=start, max_trips=len(trips))
     print(
         f"comfort {style.comfort:.2g}, street_speed_m_s {style.street_speed_m_s:.2g}, "
         f"length_exponent {style.length_exponent:.2g}"

@@ -23,14 +23,14 @@ from tripwatt.sources import read_logs
 from tripwatt.trips import TripSet
 
 VEHICLE = "nissan_leaf_24"
-LEAST_M = 2000.0
+MIN_M = 2000.0
 IN_A_ROW = 20
 
 
 def rows(car: str = "10") -> Iterator[Row]:
     """All rows of one car."""
     fleet = read_logs(DATA / "ved", "ved")
-    own = [log for log in fleet.logs if log.context.car == car and log.distance_m > LEAST_M]
+    own = [log for log in fleet.logs if log.context.car == car and log.distance_m > MIN_M]
     others = population().without({"ved"})
     with tempfile.TemporaryDirectory() as folder, patch.object(adapting, "population", lambda: others):
         learning = create_car(Path(folder) / "car", VEHICLE)

@@ -25,7 +25,7 @@ from tripwatt.study.report.words import listed
 from tripwatt.trips import Trip
 from tripwatt.vehicles import Vehicle
 
-LEAST_TRIPS: Final = 15
+MIN_TRIPS: Final = 15
 LEVELS: Final = ("0.5", "0.9", "0.95")
 
 
@@ -88,7 +88,7 @@ def main(blocks: int = 3, write: bool = False) -> None:
     """Print the table; `--write` renews the page."""
     every: list[dict[str, Any]] = []
     for car in cars():
-        if len(car.trips) >= LEAST_TRIPS:
+        if len(car.trips) >= MIN_TRIPS:
             score = held_blocks(car.trips, car.vehicle, blocks)
             every += rows(f"{car.name}: {car.vehicle.title}", score)
     print(shown(every, blocks))

@@ -1,7 +1,7 @@
 """Savings that are stated against savings that were measured: python -m benchmarks.savings [FOLDER].
 
 Constant speeds of the sedan on a dynamometer: the steady parts of its runs, the mean of the repetitions. Each pair of speeds has a saving, which is
-predicted from certified values alone and by the car with its own road trips; no laboratory run enters a fit. `LEAST_SHARE` of a difference comes from
+predicted from certified values alone and by the car with its own road trips; no laboratory run enters a fit. `MIN_SHARE` of a difference comes from
 another car on another dynamometer: schedules that Argonne drove with a warm BMW i3.
 Other speeds on planned roads: `OTHER_SPEEDS` comes from trips of TUM, driven and on their links.
 Heating off: `benchmarks.heating`. Synthetic worlds: `benchmarks.advised`, `--worlds N` drives of each.
@@ -30,7 +30,7 @@ from benchmarks.heating import heating_rows
 from benchmarks.measure import Row, report
 from benchmarks.need import trips_and_car
 from tripwatt.forecasting import Forecast, ForecastModel
-from tripwatt.forecasting.difference import LEAST_SHARE, OTHER_SPEEDS
+from tripwatt.forecasting.difference import MIN_SHARE, OTHER_SPEEDS
 from tripwatt.physics import DriveConditions, simulate, simulate_trip
 from tripwatt.population import for_car
 from tripwatt.population.adapting import Adaptation, population_of
@@ -42,7 +42,7 @@ from tripwatt.units import M_PER_MILE, M_S_PER_KM_H, SECONDS_PER_HOUR
 
 STEADY_M_S = 0.3
 DISTANCE_M = 20_000.0
-MOST_LINKED = 60
+MAX_LINKED = 60
 SEDAN = "tesla_model_3_lr"
 LAB_DEGC = 23.0
 COLD_START = "01"
@@ -130,8 +130,8 @@ def schedules(data: Path, reference: Path) -> Iterator[Row]:
     yield Row(
         "BMW i3, error of a difference over its causes",
         spread,
-        least=0.9 * LEAST_SHARE,
-        most=1.1 * LEAST_SHARE,
+        least=0.9 * MIN_SHARE,
+        most=1.1 * MIN_SHARE,
     )
 
 
@@ -144,7 +144,7 @@ def link_rows(data: Path) -> Iterator[Row]:
         squares = []
         for length_m in LENGTHS_M:
             errors: dict[float | None, list[float]] = {}
-            for trip in trips[:MOST_LINKED]:
+            for trip in trips[:MAX_LINKED]:
                 plans = (
                     plan_from_trip(trip),
                     plan_from_links(links_of_trip(trip, length_m)).with_departure(trip.departure),

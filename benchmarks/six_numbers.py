@@ -62,8 +62,8 @@ BOTH: Final = {
 }
 """Cars of the library with certified city and highway figures -> their row of the WLTP list."""
 
-LEAST_HELD: Final = 0.8
-MOST_WIDTH: Final = 0.40
+MIN_HELD: Final = 0.8
+MAX_WIDTH: Final = 0.40
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,8 +144,8 @@ def bars() -> Iterator[Row]:
     """The bars on described cars."""
     for what, trials in both().items():
         held, width = summary(trials)
-        yield Row(f"described cars {what}: WLTP figure inside the 90 % interval", held, least=LEAST_HELD)
-        yield Row(f"described cars {what}: median width", width, most=MOST_WIDTH)
+        yield Row(f"described cars {what}: WLTP figure inside the 90 % interval", held, least=MIN_HELD)
+        yield Row(f"described cars {what}: median width", width, most=MAX_WIDTH)
 
 
 def main(write: bool = False) -> None:

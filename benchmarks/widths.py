@@ -22,7 +22,7 @@ KM = (20, 60, 160, 300, 600)
 KM_H = (50, 90, 110, 130)
 DEGC = (-15, -5, 10, 20, 30, 35)
 MOST = 0.70
-MOST_OWN_USUAL, MOST_OWN = 0.30, 0.45
+MAX_OWN_USUAL, MAX_OWN = 0.30, 0.45
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,10 +72,10 @@ def main() -> int:
         least = min(row.low_wh for row in rows)
         bound = MOST
         if name == base.vehicle.name:
-            bound = MOST_OWN
+            bound = MAX_OWN
             usual = [r for r in rows if r.km >= 60 and -5 <= r.degc <= 30 and r.km_h <= 110]
             worst = max(usual, key=lambda row: row.share)
-            missed += worst.share > MOST_OWN_USUAL
+            missed += worst.share > MAX_OWN_USUAL
             print(f"{name}: from 60 km, -5 to 30 °C, up to 110 km/h: {worst.share:.1%} ({worst})")
             for km in KM:
                 inside, beyond = ([r for r in rows if r.km == km and r.outside == o] for o in (False, True))

@@ -4,9 +4,9 @@ import zipfile
 
 import numpy as np
 import pytest
-from tests.support.bombs import BOMBS, LONGEST_S, MOST_BYTES, cost_of, zipped
+from tests.support.bombs import BOMBS, LONGEST_S, MAX_BYTES, cost_of, zipped
 
-from tripwatt.containers import ANY_RATIO_BYTES, INSIDE, LIMITS, MOST_ENTRIES, Budget, open_archive
+from tripwatt.containers import ANY_RATIO_BYTES, INSIDE, LIMITS, MAX_ENTRIES, Budget, open_archive
 from tripwatt.errors import InvalidInput
 
 
@@ -31,7 +31,7 @@ def test_the_ratio_of_an_archive_is_bounded_unless_it_is_small() -> None:
     large = zipped({"a": bytes(ANY_RATIO_BYTES + 1)})
     with pytest.raises(InvalidInput, match=f"at most {ANY_RATIO_BYTES} bytes"):
         open_archive(large, Budget("x.zip"))
-    assert open_archive(large, Budget("x.npz"), most_ratio=5000).namelist() == ["a"]
+    assert open_archive(large, Budget("x.npz"), max_ratio=5000).namelist() == ["a"]
     budget = Budget("x.zip")
     digits = np.random.default_rng(1).bytes(ANY_RATIO_BYTES)
     open_archive(zipped({"a": digits}), budget)
@@ -39,8 +39,8 @@ def test_the_ratio_of_an_archive_is_bounded_unless_it_is_small() -> None:
 
 
 def test_entries_and_methods_of_an_archive_are_bounded() -> None:
-    with pytest.raises(InvalidInput, match=f"too many files: x.zip: .*at most {MOST_ENTRIES}"):
-        open_archive(b"PK\1\2" * (MOST_ENTRIES + 1), Budget("x.zip"))
+    with pytest.raises(InvalidInput, match=f"too many files: x.zip: .*at most {MAX_ENTRIES}"):
+        open_archive(b"PK\1\2" * (MAX_ENTRIES + 1), Budget("x.zip"))
     for method in (zipfile.ZIP_LZMA, zipfile.ZIP_BZIP2):
         with pytest.raises(InvalidInput, match="unusual compression"):
             open_archive(zipped({"a": b"x"}, method), Budget("x.zip"))
@@ -52,7 +52,7 @@ def test_a_bomb_is_refused_at_next_to_no_cost(kind: str) -> None:
         bomb = BOMBS[kind](np.random.default_rng([5, sorted(BOMBS).index(kind), k]))
         cost = cost_of(*bomb)
         assert cost.refused
-        assert cost.memory_bytes < MOST_BYTES
+        assert cost.memory_bytes < MAX_BYTES
         assert (
             cost.seconds < 5 * LONGEST_S
         )  # `benchmarks.hostile` has the bound; other tests run beside this one

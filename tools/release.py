@@ -33,8 +33,8 @@ TOOLS: Final = ROOT / ".venv-tools" / "bin"
 DIST: Final = ROOT / "dist"
 DISTRIBUTIONS: Final = (".", "gamm")
 """Folders of what is released: tripwatt, and the GAMM engine."""
-MOST_WHEEL_BYTES: Final = 3_000_000
-MOST_IMPORT_S: Final = 0.15
+MAX_WHEEL_BYTES: Final = 3_000_000
+MAX_IMPORT_S: Final = 0.15
 BUILDERS: Final = ("hatchling", "packaging", "pathspec", "pluggy", "trove-classifiers")
 """Packages that sdist and wheel depend on; `constraints/check.txt` has their hashes."""
 
@@ -183,8 +183,8 @@ def tried(wheels: Iterable[Path], python: str, folder: Path) -> str:
         if done.returncode:
             sys.exit(f"Python {python}: {' '.join(step)[:200]}:\n{done.stdout}{done.stderr}")
     seconds = float(done.stdout)
-    if seconds > MOST_IMPORT_S:
-        sys.exit(f"Python {python}: `import tripwatt` takes {seconds:.3f} s; allowed: {MOST_IMPORT_S} s")
+    if seconds > MAX_IMPORT_S:
+        sys.exit(f"Python {python}: `import tripwatt` takes {seconds:.3f} s; allowed: {MAX_IMPORT_S} s")
     return f"README runs, import in {seconds:.3f} s"
 
 
@@ -209,8 +209,8 @@ def main(
         (DIST / name).write_bytes(data)
     wheels = sorted(DIST.glob("*.whl"))
     size = sum(wheel.stat().st_size for wheel in wheels)
-    if size > MOST_WHEEL_BYTES:
-        sys.exit(f"the wheels have {size} bytes; allowed: {MOST_WHEEL_BYTES}")
+    if size > MAX_WHEEL_BYTES:
+        sys.exit(f"the wheels have {size} bytes; allowed: {MAX_WHEEL_BYTES}")
     subprocess.run([f"{TOOLS / 'twine'}", "check", "--strict", *map(str, DIST.iterdir())], check=True)
     for kind in ("service", "map"):
         sbom = ("--output-reproducible", "--of", "JSON", "-o", f"{DIST / f'sbom-{kind}.json'}")

@@ -12,7 +12,7 @@ from typing import Final
 
 from tripwatt.errors import InvalidInput
 
-MOST_CONTENT_BYTES: Final = 1 << 28
+MAX_CONTENT_BYTES: Final = 1 << 28
 """Largest content [bytes] of a container, and largest total size of the tables that are made of it."""
 
 INSIDE: Final = "bytes when inflated"
@@ -20,14 +20,14 @@ TABLES: Final = "bytes of tables"
 CELLS: Final = "cells"
 ELEMENTS: Final = "elements of XML"
 LIMITS: Final[Mapping[str, int]] = MappingProxyType(
-    {INSIDE: MOST_CONTENT_BYTES, TABLES: MOST_CONTENT_BYTES, CELLS: 5_000_000, ELEMENTS: 20_000_000}
+    {INSIDE: MAX_CONTENT_BYTES, TABLES: MAX_CONTENT_BYTES, CELLS: 5_000_000, ELEMENTS: 20_000_000}
 )
 """Limit of each kind of content that one file may give."""
 
-MOST_ENTRIES: Final = 20_000
+MAX_ENTRIES: Final = 20_000
 """Largest number of files in an archive; the entry of one file takes half a kilobyte of memory."""
 
-MOST_RATIO: Final = 200
+MAX_RATIO: Final = 200
 """Largest ratio of inflated to packed bytes of an archive; tables of measurements have 5 to 60."""
 
 ANY_RATIO_BYTES: Final = 1 << 22
@@ -76,7 +76,7 @@ class Budget:
             raise InvalidInput.of("archive too large", self.where, got, allowed)
 
 
-def open_archive(data: bytes, budget: Budget, most_ratio: int = MOST_RATIO) -> zipfile.ZipFile:
+def open_archive(data: bytes, budget: Budget, max_ratio: int = MAX_RATIO) -> zipfile.ZipFile:
     """Open a ZIP archive (also .npz and .xlsx) after a check of its entries: nothing is inflated yet.
 
     A file in an archive never gives more bytes than its entry declares, so that the sum over the entries is a bound.
@@ -87,7 +87,7 @@ def open_archive(data: bytes, budget: Budget, most_ratio: int = MOST_RATIO) -> z
         Content of the archive.
     budget : Budget
         The size of the content is taken from its limit `INSIDE`.
-    most_ratio : int
+    max_ratio : int
         Largest ratio of inflated to packed bytes, if the content is larger than `ANY_RATIO_BYTES`.
 
     Raises
@@ -97,11 +97,11 @@ def open_archive(data: bytes, budget: Budget, most_ratio: int = MOST_RATIO) -> z
     InvalidInput
         When the archive has too many files, its content is too large, or the compression of a file is neither deflate nor none.
     """
-    if (entries := data.count(zipfile.stringCentralDir)) > MOST_ENTRIES:  # type: ignore[attr-defined]
-        raise InvalidInput.of("too many files", budget.where, f"{entries}", f"at most {MOST_ENTRIES}")
+    if (entries := data.count(zipfile.stringCentralDir)) > MAX_ENTRIES:  # type: ignore[attr-defined]
+        raise InvalidInput.of("too many files", budget.where, f"{entries}", f"at most {MAX_ENTRIES}")
     opened = zipfile.ZipFile(io.BytesIO(data))
     if not budget.used:  # the outermost archive: its bounds hold for all that is nested in it
-        most = max(ANY_RATIO_BYTES, most_ratio * len(data))
+        most = max(ANY_RATIO_BYTES, max_ratio * len(data))
         budget.limits = {kind: min(limit, most) for kind, limit in budget.limits.items()}
     budget.take(INSIDE, sum(entry.file_size for entry in opened.infolist()))
     if any(entry.compress_type not in METHODS for entry in opened.infolist()):

@@ -17,13 +17,13 @@ from typing import Any, Final, ParamSpec, Self, TypeVar, cast
 Given = ParamSpec("Given")
 Checked = TypeVar("Checked")
 
-MOST_FAULTS: Final = 50
+MAX_FAULTS: Final = 50
 """Faults of one kind that are listed one by one; the others are counted."""
 
-MOST_HINTS: Final = 10
+MAX_HINTS: Final = 10
 """Largest number of unknown names for which a similar known name is suggested: each search compares with every known name."""
 
-MOST_CHARACTERS: Final = 2000
+MAX_CHARACTERS: Final = 2000
 """Largest number of characters that a message shows of one text of a fault."""
 
 _SHORT: Final = reprlib.Repr()
@@ -121,9 +121,9 @@ class Fault:
         return {name: text for name, text in asdict(self).items() if text and isinstance(text, str)}
 
     def __str__(self) -> str:
-        text = f"{self.what}: {printable(self.where[:MOST_CHARACTERS])}"
+        text = f"{self.what}: {printable(self.where[:MAX_CHARACTERS])}"
         parts = [
-            f"{label}{printable(value[:MOST_CHARACTERS])}"
+            f"{label}{printable(value[:MAX_CHARACTERS])}"
             for label, value in (("got ", self.got), ("allowed: ", self.allowed), ("", self.fix))
             if value
         ]
@@ -230,7 +230,7 @@ def and_more(bad: Sized, what: str = "rows") -> str:
     return f" (and {len(bad) - 1} more {what})" if len(bad) > 1 else ""
 
 
-def first_faults(faults: Sequence[Fault], where: str, most: int = MOST_FAULTS) -> list[Fault]:
+def first_faults(faults: Sequence[Fault], where: str, most: int = MAX_FAULTS) -> list[Fault]:
     """The first `most` faults; if there are more, one further fault with the number of those left out.
 
     Examples

@@ -26,10 +26,10 @@ from tripwatt.errors import InvalidInput
 if sys.platform != "win32":
     import fcntl
 
-MOST_FILE_BYTES: Final = 1 << 30
+MAX_FILE_BYTES: Final = 1 << 30
 """Largest file of samples [bytes]: about twenty years of driving at 1 Hz with ten signals."""
 
-MOST_TEXT_BYTES: Final = 1 << 18
+MAX_TEXT_BYTES: Final = 1 << 18
 """Largest TOML file of a car or a mapping; the largest of the package has 30 kB."""
 
 WRITING: Final = ".writing"
@@ -44,7 +44,7 @@ _NO_EXCHANGE: Final = (errno.EINVAL, errno.ENOSYS, errno.EXDEV, errno.EBUSY, err
 
 def read_file(
     path: Path | str,
-    most_bytes: int = MOST_FILE_BYTES,
+    max_bytes: int = MAX_FILE_BYTES,
     *,
     what: str = "cannot read the file",
     allowed: str = "a readable file",
@@ -56,7 +56,7 @@ def read_file(
     Parameters
     ----------
     path : path
-    most_bytes : int
+    max_bytes : int
         Largest size [bytes].
     what, allowed : str
         Texts of the fault.
@@ -78,13 +78,13 @@ def read_file(
             size = max(
                 os.fstat(stream.fileno()).st_size, 1 << 16
             )  # files that the system makes up have size 0
-            content = stream.read(min(size, most_bytes) + 1)  # allocates this memory before it reads
+            content = stream.read(min(size, max_bytes) + 1)  # allocates this memory before it reads
     except (OSError, ValueError) as error:
         got = getattr(error, "strerror", None) or str(error)
         fix = "write its content into a file first" if got == _NOT_REGULAR else ""
         raise InvalidInput.of(what, f"{path}", got, allowed, fix) from error
-    if len(content) > most_bytes:
-        raise InvalidInput.of("file too large", f"{path}", f"over {most_bytes} bytes", f"{most_bytes} bytes")
+    if len(content) > max_bytes:
+        raise InvalidInput.of("file too large", f"{path}", f"over {max_bytes} bytes", f"{max_bytes} bytes")
     return content
 
 
@@ -119,7 +119,7 @@ def open_regular(path: Path) -> IO[bytes]:
     return os.fdopen(descriptor, "rb")
 
 
-def read_text_file(path: Path | str, most_bytes: int, **more: str) -> str:
+def read_text_file(path: Path | str, max_bytes: int, **more: str) -> str:
     """The text of a regular file in UTF-8; the parameters are those of `read_file`.
 
     Raises
@@ -128,7 +128,7 @@ def read_text_file(path: Path | str, most_bytes: int, **more: str) -> str:
         As `read_file`, and when the content is not UTF-8.
     """
     try:
-        return read_file(path, most_bytes, **more).decode("utf-8-sig")
+        return read_file(path, max_bytes, **more).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InvalidInput.of("not a text file", f"{path}", str(error)[:120], "text in UTF-8") from error
 

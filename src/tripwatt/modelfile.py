@@ -37,7 +37,7 @@ ANEW: Final = "fit it again with this version of tripwatt, or adapt its base aga
 _SUFFIXES: Final = (".npz", ".json")
 _BLANK: Final = "0" * 64
 
-MOST_PART_BYTES: Final = 1 << 27
+MAX_PART_BYTES: Final = 1 << 27
 """Largest part of a model, also when inflated; the largest known part has 2 MB."""
 
 READ_ATTEMPTS: Final = 50
@@ -277,7 +277,7 @@ def _damage_fault(place: Path, got: str, allowed: str) -> Fault:
 def _bytes(path: Path) -> bytes | None:
     if not os.path.lexists(path):
         return None
-    return read_file(path, MOST_PART_BYTES, what="cannot read a part of the model", allowed="a file")
+    return read_file(path, MAX_PART_BYTES, what="cannot read a part of the model", allowed="a file")
 
 
 def _encode(name: str, part: Part) -> bytes:
@@ -302,7 +302,7 @@ def _decode(place: Path, raw: bytes) -> Part:
         if not isinstance(document, dict):
             raise ValueError("not a JSON object")
         return document
-    open_archive(raw, Budget(f"{place}", {INSIDE: MOST_PART_BYTES}), most_ratio=MOST_PART_BYTES)
+    open_archive(raw, Budget(f"{place}", {INSIDE: MAX_PART_BYTES}), max_ratio=MAX_PART_BYTES)
     with np.load(io.BytesIO(raw), allow_pickle=False) as arrays:
         return {name: arrays[name] for name in arrays.files}
 

@@ -327,20 +327,20 @@ def told(log: Log) -> list[str]:
 def test_a_battery_gains_what_the_road_falls_at_most() -> None:
     """3,500 kg times 9.81 m/s² times the fall with a margin of 30 m, in Wh."""
     for fall_m, drop_m in ((300.0, 330.0), (-300.0, 30.0), (None, 0.1 * 20_000.0)):
-        most_w = 3500.0 * 9.81 * drop_m / 3600.0 / (1000.0 / 3600.0)
-        assert told(drive(-0.99 * most_w, fall_m=fall_m)) == []
-        (what,) = told(drive(-1.01 * most_w, fall_m=fall_m))
+        max_w = 3500.0 * 9.81 * drop_m / 3600.0 / (1000.0 / 3600.0)
+        assert told(drive(-0.99 * max_w, fall_m=fall_m)) == []
+        (what,) = told(drive(-1.01 * max_w, fall_m=fall_m))
         assert "the battery gains" in what
         assert f"falls by at most {drop_m:.0f} m" in what
 
 
 def test_no_car_takes_three_kilowatt_hours_a_kilometre() -> None:
-    most_w = 3000.0 * 20.0 / (1000.0 / 3600.0)
-    assert told(drive(0.99 * most_w, fall_m=0.0)) == []
-    assert told(drive(1.01 * most_w, fall_m=0.0)) == [
+    max_w = 3000.0 * 20.0 / (1000.0 / 3600.0)
+    assert told(drive(0.99 * max_w, fall_m=0.0)) == []
+    assert told(drive(1.01 * max_w, fall_m=0.0)) == [
         "3030 Wh/km: the current has an offset or the wrong unit"
     ]
-    assert told(drive(1.01 * most_w, fall_m=0.0, seconds=249)) == [], "shorter than 5 km"
+    assert told(drive(1.01 * max_w, fall_m=0.0, seconds=249)) == [], "shorter than 5 km"
 
 
 def test_no_car_takes_25_kw_while_it_stands() -> None:

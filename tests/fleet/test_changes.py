@@ -12,8 +12,8 @@ from tests.fleet.rows import year_of_rows
 
 from tripwatt.fleet.changes import (
     BATTERY,
-    LEAST_CHANGE,
-    LEAST_TRIPS,
+    MIN_CHANGE,
+    MIN_TRIPS,
     USUAL_CHANGE,
     Scan,
     Series,
@@ -76,7 +76,7 @@ def test_the_size_of_a_change_is_within_its_error(listed):
         assert abs(row["change"] - true) < 4.0 * row["sd"]
         assert row["z"] == pytest.approx(row["change"] / row["sd"])
     assert listed["change"].abs().is_monotonic_decreasing
-    assert listed["change"].abs().min() >= LEAST_CHANGE
+    assert listed["change"].abs().min() >= MIN_CHANGE
 
 
 def test_fleets_without_changes_list_one_at_most():
@@ -126,13 +126,13 @@ def test_every_change_is_that_of_least_squares_beside_the_deviations():
     w = 1.0 / series.variance
     free = np.arange(n) != 20
     scan = Scan._weighted(series, series.X, series.prior, free, w)
-    assert (scan.first, scan.names) == (LEAST_TRIPS, ("a", "both"))
-    assert scan.share.shape == (2, n - 2 * LEAST_TRIPS + 1)
+    assert (scan.first, scan.names) == (MIN_TRIPS, ("a", "both"))
+    assert scan.share.shape == (2, n - 2 * MIN_TRIPS + 1)
     for c, weights in enumerate(series.causes.values()):
         rise = series.X @ weights
         unit = rise.sum() / series.total
         for place in range(scan.share.shape[1]):
-            k = LEAST_TRIPS + place
+            k = MIN_TRIPS + place
             if k == 20:
                 assert (scan.share[c, place], scan.sd[c, place]) == (0.0, np.inf)
                 continue

@@ -405,7 +405,7 @@ AIR_W, ROLLING_W = np.array([500.0, 4000.0, 2000.0]), np.array([300.0, 1500.0, 9
 CLIMB_W, ACCELERATION_W = np.array([0.0, 1000.0, -500.0]), np.array([200.0, 0.0, -100.0])
 
 
-LEAST_WH = np.array([600 / 60, 3750 / 30, 850 / 20])
+MIN_WH = np.array([600 / 60, 3750 / 30, 850 / 20])
 """Half of air and rolling, the climb and the kinetic energy, in each segment."""
 
 
@@ -580,7 +580,7 @@ def test_the_least_of_a_road_of_unknown_heights_is_that_of_a_descent():
 
 
 def test_a_low_energy_stays_above_the_least_of_the_road(forecast):
-    least = LEAST_WH.sum()
+    least = MIN_WH.sum()
     straight, rest = 0.75 * (TOTAL_WH - least), 0.25 * (TOTAL_WH - least)
     half = straight + 100.0
     wide = dataclasses.replace(forecast, sd_factor=1e-9, state_sd_wh=half / 2.0, route_sd_wh=0.0)
@@ -660,7 +660,7 @@ def test_series(forecast):
     energy = np.concatenate(([0.0], np.cumsum(ENERGY_WH)))
     half = TAIL_90 * np.concatenate(([0.0], CUMULATIVE_SD_WH))
     low = energy - half
-    assert np.all(half[1:] < 0.75 * (energy - np.cumsum([0.0, *LEAST_WH]))[1:])
+    assert np.all(half[1:] < 0.75 * (energy - np.cumsum([0.0, *MIN_WH]))[1:])
     charge = START - energy / WH_PER_DISPLAY
     charge_half = [0.0, *(TAIL_90 * charge_sd(CUMULATIVE_SD_WH[k], energy[k + 1]) for k in range(3))]
     expected = {

@@ -32,8 +32,8 @@ LINKS = (
     {"length_m": 3000.0, "speed_m_s": 14.0, "grade": 0.004},
 )
 LEVELS = (0.02, 0.05, 0.1, 0.25, 0.5, 0.75, 0.9, 0.95, 0.98)
-LEAST_CHANGE = 1e-9
-LEAST_LOSS = {"permanent_magnet": 1.0, "induction": 0.97, "externally_excited": 0.97}
+MIN_CHANGE = 1e-9
+MIN_LOSS = {"permanent_magnet": 1.0, "induction": 0.97, "externally_excited": 0.97}
 """Losses of a drivetrain on hills over those on the level, by its machine. One whose flux is chosen loses about as much as its torque, and so
 no more on a hill than where the same work is done evenly; of a machine with magnets a hill takes more."""
 
@@ -125,7 +125,7 @@ def test_a_load_costs_energy_and_chance(car: str) -> None:
     loads = [asked(car, departure=known(payload_mass_kg=mass)) for mass in (0.0, 100.0, 300.0)]
     assert np.all(np.diff([found.energy_wh for found in loads]) > 0.0)
     assert np.all(np.diff([soc_needed(found, 0.1) for found in loads]) > 0.0)
-    assert np.all(np.diff([found.p_arrive(0.1) for found in loads]) <= LEAST_CHANGE)
+    assert np.all(np.diff([found.p_arrive(0.1) for found in loads]) <= MIN_CHANGE)
 
 
 @every_car
@@ -274,7 +274,7 @@ def test_a_plan_and_its_way_back(car: str) -> None:
     # what a climb takes comes back, less what drivetrain and brakes lose of it; the air is thinner above
     flat = [asked(car, [{**link, "grade": 0.0} for link in links]) for links in (there, back)]
     for lost, least in (
-        ("drivetrain", LEAST_LOSS[model_of(car).vehicle.drivetrain.machine]),
+        ("drivetrain", MIN_LOSS[model_of(car).vehicle.drivetrain.machine]),
         ("friction_brakes", 1.0),
     ):
         assert sum(f.by_cause_wh[lost] for f in (out, home)) > least * sum(f.by_cause_wh[lost] for f in flat)

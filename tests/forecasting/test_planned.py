@@ -19,7 +19,7 @@ from tripwatt.routes import parse_route, plan_from_route, plan_on_links, route_f
 from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import Departure, Flag, plan_from_trip
 from tripwatt.uncertainty import RouteUncertainty, linked_trips
-from tripwatt.uncertainty.route import LENGTHS_M, MOST_TRIPS
+from tripwatt.uncertainty.route import LENGTHS_M, MAX_TRIPS
 from tripwatt.uncertainty.shrinkage import COMPONENTS, FRACTIONS, UpdateShrinkage
 from tripwatt.vehicles import load_vehicle
 
@@ -172,8 +172,8 @@ def test_parked_logs_and_large_fleets(trips, monkeypatch):
     found = linked_trips([*trips[:2], parked], CAR)
     assert [len(tables) for tables in found.tables] == [3, 3, 0]
     assert found.take([2, 0]).tables[0] == ()
-    assert MOST_TRIPS >= 100
-    monkeypatch.setattr("tripwatt.uncertainty.route.MOST_TRIPS", 2)
+    assert MAX_TRIPS >= 100
+    monkeypatch.setattr("tripwatt.uncertainty.route.MAX_TRIPS", 2)
     assert [len(tables) for tables in linked_trips(trips[:5], CAR).tables] == [3, 0, 0, 0, 3]
 
 

@@ -243,8 +243,8 @@ def test_the_least_energy_of_a_flat_road_is_half_of_rolling_and_the_speed_gained
     rolling_wh = forecast.drive.simulation.by_cause_wh["rolling"] * driven_m / 54_000.0
     gained_wh = 0.5 * body.test_mass_kg * body.rotating_mass_factor * (last_m_s**2 - 15.0**2) / 3600.0
     height_wh = 40.0 * body.test_mass_kg * GRAVITY_M_S2 / 3600.0  # error of the difference of two heights
-    least_w = (0.5 * rolling_wh + gained_wh - height_wh) / (2400.0 / 3600.0)
-    assert least_w > 300.0
-    forecast.update(observed(2401, voltage_v=350.0, current_a=1.03 * least_w / 350.0, speed_m_s=speed))
+    min_w = (0.5 * rolling_wh + gained_wh - height_wh) / (2400.0 / 3600.0)
+    assert min_w > 300.0
+    forecast.update(observed(2401, voltage_v=350.0, current_a=1.03 * min_w / 350.0, speed_m_s=speed))
     with pytest.raises(InvalidInput, match="less energy than the drive takes"):
-        forecast.update(observed(2401, voltage_v=350.0, current_a=0.97 * least_w / 350.0, speed_m_s=speed))
+        forecast.update(observed(2401, voltage_v=350.0, current_a=0.97 * min_w / 350.0, speed_m_s=speed))

@@ -18,7 +18,7 @@ from tripwatt.uncertainty import Segments
 from tripwatt.uncertainty.process import ComponentProcess, ResidualProcess
 
 KM = (1, 20, 60, 160, 400, 900)
-LEAST_CHANGE = 1e-9
+MIN_CHANGE = 1e-9
 
 
 def flat(km: float, speed_km_h: float = 90.0) -> tw.Plan:
@@ -64,8 +64,8 @@ def test_long_drives_are_possible(vehicle):
         assert reached == sorted(reached)
         assert (expected is not None) == (found.soc_arrival == 0.0)
         chances.append([found.p_arrive(reserve) for reserve in (0.0, 0.1, 0.3)])
-    assert np.all(np.diff(chances, axis=0) <= LEAST_CHANGE)  # falls with the distance
-    assert np.all(np.diff(chances, axis=1) <= LEAST_CHANGE)  # and with the reserve
+    assert np.all(np.diff(chances, axis=0) <= MIN_CHANGE)  # falls with the distance
+    assert np.all(np.diff(chances, axis=1) <= MIN_CHANGE)  # and with the reserve
     assert chances[-1][0] < 0.05
 
 
@@ -79,12 +79,12 @@ def test_the_chance_to_arrive_falls_with_cold_and_load_and_rises_with_charge(veh
 
         cold = chances(*(departing(**at(degc)) for degc in (15.0, 5.0, -5.0, -15.0)))
         # colder is also less certain, which lifts the chance of a hopeless trip by less than half a point
-        hopeless = np.where(np.array(cold[1:]) < 0.02, 0.005, LEAST_CHANGE)
+        hopeless = np.where(np.array(cold[1:]) < 0.02, 0.005, MIN_CHANGE)
         assert np.all(np.diff(cold) <= hopeless), cold
         load = chances(*(departing(payload_mass_kg=kg) for kg in (0.0, 150.0, 400.0)))
-        assert np.all(np.diff(load) <= LEAST_CHANGE), load
+        assert np.all(np.diff(load) <= MIN_CHANGE), load
         charge = chances(*(departing(soc=soc) for soc in (0.2, 0.5, 0.8, 1.0)))
-        assert np.all(np.diff(charge) >= -LEAST_CHANGE), charge
+        assert np.all(np.diff(charge) >= -MIN_CHANGE), charge
 
 
 def test_an_hour_at_a_standstill_costs_energy():

@@ -102,7 +102,7 @@ def test_a_column_of_long_texts_is_measured_before_it_is_read(
     pd.DataFrame({"t": ["x" * 1000] * 50, "v": 1.0}).to_parquet(tmp_path / "a.parquet")
     table = open_table(tmp_path / "a.parquet")
     assert table.texts("t") == ["x" * 1000] * 50
-    monkeypatch.setattr(columnar, "MOST_CONTENT_BYTES", 4000)
+    monkeypatch.setattr(columnar, "MAX_CONTENT_BYTES", 4000)
     with pytest.raises(InvalidInput, match=r"column too large: .*'t': got \d+ bytes when inflated"):
         table.texts("t")
     assert table.numbers(["v"])[0].sum() == 50.0
@@ -122,7 +122,7 @@ def test_a_part_of_a_model_is_measured_before_it_is_inflated(
 ) -> None:
     write_model(tmp_path / "m", {}, {"a.npz": {"x": np.zeros(100_000)}})
     assert (tmp_path / "m" / "a.npz").stat().st_size < 10_000
-    monkeypatch.setattr(modelfile, "MOST_PART_BYTES", 700_000)
+    monkeypatch.setattr(modelfile, "MAX_PART_BYTES", 700_000)
     with pytest.raises(InvalidInput, match="archive too large"):
         read_model(tmp_path / "m")
 

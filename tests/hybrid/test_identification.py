@@ -17,7 +17,7 @@ from tripwatt.hybrid import (
 from tripwatt.hybrid.identification import (
     COLD_DEGC,
     DRAG_WIDTH,
-    LEAST_TRIPS,
+    MIN_TRIPS,
     ROLLING_WIDTH,
 )
 from tripwatt.hybrid.parameters import changed
@@ -92,12 +92,12 @@ def test_the_rise_in_the_cold_needs_cold_trips():
     trips = [as_logged(trip, truth) for trip in synthetic_fleet(60, seed=5).trips]
     records = [stage_record(trip, BOOK) for trip in trips]
     warm = [r for r in records if r.ambient_temperature_degc > 8.0]
-    assert len(warm) < len(records) - LEAST_TRIPS
+    assert len(warm) < len(records) - MIN_TRIPS
     key = "tyres.temperature_coefficient_per_k"
     assert identify(records, BOOK).values[key] == pytest.approx(0.02, abs=0.003)
     assert key not in identify(warm, BOOK).values
     cold = [r for r in records if r.ambient_temperature_degc < COLD_DEGC]
-    assert len(cold) >= LEAST_TRIPS
+    assert len(cold) >= MIN_TRIPS
     assert BOOK.tyres.temperature_coefficient_per_k < identify(cold, BOOK).values[key] < 0.025
 
 
@@ -274,7 +274,7 @@ def test_trips_without_signals_change_nothing():
     found = identify_trips(silent, BOOK)
     assert not found.values
     assert found.applied(BOOK) is BOOK
-    few = identify_trips([as_logged(trip, BOOK) for trip in FLEET[: LEAST_TRIPS - 1]], BOOK)
+    few = identify_trips([as_logged(trip, BOOK) for trip in FLEET[: MIN_TRIPS - 1]], BOOK)
     assert not few.values
 
 

@@ -11,7 +11,7 @@ from tripwatt.errors import InvalidInput
 from tripwatt.hybrid.parameters import changed
 from tripwatt.physics import CAUSES, simulate_trip
 from tripwatt.physics.batch import CHUNK_SAMPLES, simulate_trips, trip_totals
-from tripwatt.physics.cabin import LEAST_SIDE_BY_SIDE
+from tripwatt.physics.cabin import MIN_SIDE_BY_SIDE
 from tripwatt.trips import Plan
 
 I3 = tw.load_vehicle("bmw_i3_60ah")
@@ -58,7 +58,7 @@ def assert_same(one, many):
 
 def test_each_drive_is_as_it_is_alone():
     pairs = list(itertools.product(CARS, DRIVES))
-    assert len(pairs) > LEAST_SIDE_BY_SIDE
+    assert len(pairs) > MIN_SIDE_BY_SIDE
     codes = set()
     for (car, plan), run in zip(pairs, simulate_trips(pairs), strict=True):
         alone = simulate_trip(car, plan)

@@ -81,7 +81,7 @@ class TestBattery:
 
     def test_first_guess(self, monkeypatch) -> None:
         """One pass from the guess: 30 kW for 360 s at the voltage of half the way, 341.43 V."""
-        monkeypatch.setattr(battery_module, "MOST_PASSES", 1)
+        monkeypatch.setattr(battery_module, "MAX_PASSES", 1)
         ideal = pack(ocv_v=(3.0, 4.0), resistance_ohm=(0.0, 0.0), min_cell_voltage_v=0.5)
         power, step = np.full(3, 30_000.0), np.array([0.0, 360.0, 360.0])
         with np.errstate(over="ignore"):

@@ -533,8 +533,8 @@ def test_heat_does_not_make_a_car_thrifty(name: str) -> None:
     """With the air conditioner on, 40 °C take no less than 25 °C up to 90 km/h, and about as much at 130 in air of one density."""
     car = identified_like(load_vehicle(name))
     time = np.arange(1801.0)
-    for speed, most_gain in ((8.0, 0.0), (14.0, 0.0), (20.0, 0.0), (25.0, 0.0), (36.0, 0.02)):
-        density = 1.15 if most_gain else None
+    for speed, max_gain in ((8.0, 0.0), (14.0, 0.0), (20.0, 0.0), (25.0, 0.0), (36.0, 0.02)):
+        density = 1.15 if max_gain else None
         mild, hot = (
             simulate(
                 car,
@@ -546,7 +546,7 @@ def test_heat_does_not_make_a_car_thrifty(name: str) -> None:
             ).simulated_energy_wh
             for ambient in (25.0, 40.0)
         )
-        assert hot >= (1.0 - most_gain) * mild, speed
+        assert hot >= (1.0 - max_gain) * mild, speed
 
 
 @EXAMPLES

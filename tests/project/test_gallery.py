@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 from tools.docs import gallery
 
-MOST_BYTES = 1_000_000
+MAX_BYTES = 1_000_000
 NUMBER = re.compile(r"[−+-]?[\d.]+(e[+-]?\d+)?|\$.*\$")
 """Of a tick; powers of ten are formulas."""
 OF_OTHERS = (DeprecationWarning, PendingDeprecationWarning, FutureWarning)
@@ -69,4 +69,4 @@ def test_the_first_page_is_that_of_the_scripts() -> None:
 def test_the_pictures_are_small() -> None:
     files = sorted(gallery.IMAGES.iterdir())
     assert [file.stem for file in files] == sorted(gallery.NAMES)
-    assert sum(file.stat().st_size for file in files) < MOST_BYTES
+    assert sum(file.stat().st_size for file in files) < MAX_BYTES

@@ -5,7 +5,7 @@ import pytest
 from tests.support.roads import client, mutated
 
 from tripwatt.errors import Fault, InvalidInput, RemoteError
-from tripwatt.roads.search import MOST_FOUND, NominatimSearch, PhotonSearch, find_place, open_search
+from tripwatt.roads.search import MAX_FOUND, NominatimSearch, PhotonSearch, find_place, open_search
 from tripwatt.routes.places import Place
 
 PHOTON = {
@@ -154,7 +154,7 @@ def test_ten_places_are_asked_for_and_fifty_are_the_most(kind):
     search = kind(client(lambda r: seen.append(r) or httpx.Response(200, json=many)))
     assert [place.name for place in search.search("x")] == [f"P{k}" for k in range(10)]
     assert seen[0].url.params["limit"] == "10"
-    assert MOST_FOUND == 50
+    assert MAX_FOUND == 50
     assert [len(search.search("x", limit=limit)) for limit in (1, 49, 50, 51)] == [1, 49, 50, 50]
 
 

@@ -296,8 +296,8 @@ def test_an_answer_is_kept_for_an_hour(monkeypatch):
 
 def test_so_many_answers_are_kept(monkeypatch):
     """A third place makes room for itself; what is asked with it is asked again."""
-    assert weather_module.MOST_KEPT == 5000
-    monkeypatch.setattr(weather_module, "MOST_KEPT", 2)
+    assert weather_module.MAX_KEPT == 5000
+    monkeypatch.setattr(weather_module, "MAX_KEPT", 2)
     first, second, third = Place(47.0, 9.0), Place(47.1, 9.0), Place(47.2, 9.0)
     seen = []
     source = server(seen)

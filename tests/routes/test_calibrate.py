@@ -22,7 +22,7 @@ def test_calibration_finds_the_style_that_made_the_trips():
         )
         for _ in range(4)
     ]
-    found = calibrate_style(trips, length_m=(250.0,), most_evaluations=60)
+    found = calibrate_style(trips, length_m=(250.0,), max_evaluations=60)
     wrong = [
         abs(road_work(plan_from_links(links_of_trip(t), style=LinkStyle())) / road_work(t) - 1.0)
         for t in trips
@@ -125,8 +125,8 @@ def test_the_found_style_keeps_to_its_bounds(monkeypatch):
 def test_of_many_trips_every_nth_is_used(monkeypatch):
     trips = [cruise(f"T{k}") for k in range(5)]
     answer = [9.0, 0.4, 0.3]
-    assert list(calibrated(monkeypatch, answer, trips=trips, most_trips=2)[2]) == ["T0", "T3"]
-    assert list(calibrated(monkeypatch, answer, trips=trips, most_trips=5)[2]) == [f"T{k}" for k in range(5)]
+    assert list(calibrated(monkeypatch, answer, trips=trips, max_trips=2)[2]) == ["T0", "T3"]
+    assert list(calibrated(monkeypatch, answer, trips=trips, max_trips=5)[2]) == [f"T{k}" for k in range(5)]
     many = [cruise(f"T{k}", 11) for k in range(41)]
     assert len(calibrated(monkeypatch, answer, trips=many[:40])[2]) == 40
     assert len(calibrated(monkeypatch, answer, trips=many)[2]) == 21

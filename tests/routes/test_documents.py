@@ -15,7 +15,7 @@ from tripwatt.routes.documents import Node, content, parse_json
 def test_missing_and_too_large_files(tmp_path, monkeypatch):
     with pytest.raises(InvalidInput, match="cannot read"):
         parse_route(tmp_path / "none.gpx")
-    monkeypatch.setattr("tripwatt.routes.documents.MOST_BYTES", 10)
+    monkeypatch.setattr("tripwatt.routes.documents.MAX_BYTES", 10)
     with pytest.raises(InvalidInput, match="too large"):
         parse_route(b"[" + b" " * 20)
 
@@ -24,9 +24,9 @@ NO = np.nan
 
 
 def test_the_most_bytes_and_points_of_a_route(monkeypatch, tmp_path):
-    assert documents.MOST_BYTES == 64 * 2**20
-    assert points.MOST_POINTS == 500_000
-    monkeypatch.setattr(documents, "MOST_BYTES", 4)
+    assert documents.MAX_BYTES == 64 * 2**20
+    assert points.MAX_POINTS == 500_000
+    monkeypatch.setattr(documents, "MAX_BYTES", 4)
     (tmp_path / "four").write_bytes(b"1234")
     (tmp_path / "five").write_bytes(b"12345")
     assert content(b"1234") == (b"1234", "route")
@@ -85,7 +85,7 @@ def test_positions_have_a_height_or_more():
 
 
 def test_the_most_positions(monkeypatch):
-    monkeypatch.setattr(points, "MOST_POINTS", 2)
+    monkeypatch.setattr(points, "MAX_POINTS", 2)
     assert len(coordinates([[1, 2]] * 2, "t")) == 2
     assert faults_of(coordinates, [[1, 2]] * 3, "t")[0].what == "too many points"
     assert points.require_on_earth(np.zeros(2), np.zeros(2), "t") is None

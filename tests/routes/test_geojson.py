@@ -110,7 +110,7 @@ def feature(properties, positions=((1.0, 2.0), (1.0, 3.0))):
 
 def test_the_points_of_all_lines_are_counted(monkeypatch):
     """And places east of 90 degrees are on earth."""
-    monkeypatch.setattr(points, "MOST_POINTS", 4)
+    monkeypatch.setattr(points, "MAX_POINTS", 4)
     for number, refused in ((2, False), (3, True)):
         collection = [json.loads(feature(None, ((150.0, 2.0), (-150.0, k)))) for k in range(number)]
         text = json.dumps({"type": "FeatureCollection", "features": collection}).encode()

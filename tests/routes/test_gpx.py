@@ -161,7 +161,7 @@ class TestGpx:
             read_gpx(xml("<a>" * 64 + "</a>" * 64 + route))
 
     def test_number_of_points(self, monkeypatch) -> None:
-        monkeypatch.setattr(xml_events, "MOST_POINTS", 2)
+        monkeypatch.setattr(xml_events, "MAX_POINTS", 2)
         assert len(read_gpx(xml(f"<rte>{points('rtept', (1, 1), (2, 2))}</rte>"))) == 2
         with pytest.raises(InvalidInput, match="more than 2"):
             read_gpx(xml(f"<rte>{points('rtept', (1, 1), (2, 2), (3, 3))}</rte>"))

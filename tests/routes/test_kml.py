@@ -13,7 +13,7 @@ from tripwatt.routes import (
     read_kml,
     xml_events,
 )
-from tripwatt.routes.points import MOST_POINTS
+from tripwatt.routes.points import MAX_POINTS
 from tripwatt.routes.xml_events import root_of
 
 HEAD = '<?xml version="1.0" encoding="UTF-8"?>\n<kml xmlns="http://www.opengis.net/kml/2.2" xmlns:gx="http://www.google.com/kml/ext/2.2">'
@@ -117,7 +117,7 @@ def test_the_format_is_recognised_by_the_root():
         (kml(recording([("yesterday", 1, 2, 3), ("2026-05-01T08:00:00Z", 1, 3, 3)])), "invalid time"),
         (kml(recording([("2026-05-01T08:00:00Z", 1, 2, 3)] * 2, "<when>2026-05-01T08:00:09Z</when>")), "3 times, 2 points"),
         (b"<kml>" + b"<Folder>" * 64, "got 65 levels"),
-        (kml(line("1,2 " * (MOST_POINTS + 1))), "too many points"),
+        (kml(line("1,2 " * (MAX_POINTS + 1))), "too many points"),
     ],
 )  # fmt: skip
 def test_what_is_wrong_with_a_file_is_said(text, what):
@@ -200,6 +200,6 @@ def test_a_recording_has_a_time_for_each_point():
 
 
 def test_the_most_points_of_kml(monkeypatch):
-    monkeypatch.setattr(xml_events, "MOST_POINTS", 2)
+    monkeypatch.setattr(xml_events, "MAX_POINTS", 2)
     assert len(read_kml(kml_text("1,2 1,3"))) == 2
     assert faults_of(read_kml, kml_text("1,2 1,3 1,4"))[0].got == "more than 2"

@@ -221,7 +221,7 @@ def test_a_table_of_links_is_its_rows():
 
 
 def test_too_many_links_are_refused_before_they_are_read(monkeypatch):
-    monkeypatch.setattr(link_objects, "MOST_LINKS", 3)
+    monkeypatch.setattr(link_objects, "MAX_LINKS", 3)
     assert len(route_from_links([LINK] * 3)) == 3
     with pytest.raises(InvalidInput, match="too many links"):
         route_from_links(LINK for _ in range(4))

@@ -86,7 +86,7 @@ class TestTable:
     def test_so_many_links_are_read(self, monkeypatch) -> None:
         """Empty lines do not count."""
         for module in (link_table, link_objects):
-            monkeypatch.setattr(module, "MOST_LINKS", 3)
+            monkeypatch.setattr(module, "MAX_LINKS", 3)
         head, row = b"length_m,speed_m_s\n", b"500,5\n"
         assert len(route_from_table(head + b"\n,\n" + row + b"\n" + row * 2)) == 3
         assert self.faults(head + row * 4)[0].startswith("too many links: links: got more than 3")

@@ -262,7 +262,7 @@ def test_a_plan_has_two_million_samples_of_a_millisecond(monkeypatch):
         plan_from_links(route([50_000.0], [100_000.0]), step_s=0.0499)
     with pytest.raises(InvalidInput, match=r"allowed: 0\.001 s or more"):
         plan_from_links(route([90.0], [10.0]), step_s=0.0009)
-    monkeypatch.setattr(links, "MOST_SAMPLES", 100)
+    monkeypatch.setattr(links, "MAX_SAMPLES", 100)
     assert plan_from_links(route([90.0], [10.0]), step_s=0.1).step_s == 0.1
 
 
@@ -351,7 +351,7 @@ def test_neighbours_that_differ_in_nothing_are_one_link(more, one):
 def test_speeds_that_differ_by_a_millionth_are_one():
     assert uncut([200.0, 200.0], [20.0, 20.00001]) == 400.0
     assert uncut([200.0, 200.0], [20.0, 20.00003]) == 200.0
-    assert links.MOST_SAMPLES == 2_000_000
+    assert links.MAX_SAMPLES == 2_000_000
     assert uncut([200.0, 300.0, 100.0], [20.0, 30.0, 20.0]) == pytest.approx((500.0**2 + 100.0**2) / 600.0)
 
 

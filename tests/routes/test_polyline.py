@@ -63,8 +63,8 @@ def test_broken_polylines(text):
 
 
 def test_lengths_of_polylines(monkeypatch):
-    monkeypatch.setattr(polyline, "MOST_POINTS", 2)
-    monkeypatch.setattr(points, "MOST_POINTS", 2)
+    monkeypatch.setattr(polyline, "MAX_POINTS", 2)
+    monkeypatch.setattr(points, "MAX_POINTS", 2)
     assert len(decode_polyline("?" * 4, "t")) == 2
     with pytest.raises(InvalidInput, match="too many points"):
         decode_polyline("?" * 6, "t")

@@ -370,7 +370,7 @@ def test_what_is_known_of_a_link_before_the_delays():
     np.testing.assert_allclose(grid.free, [free, 15.0, 10.0, 10.0, 13.0, 12.0], **EXACT)
     assert grid.limit.tolist() == [np.inf, np.inf, 10.0, np.inf, 13.0, np.inf]
     assert grid.dip_link.tolist() == [4]
-    assert grid.most_delay.tolist() == [0.0, 0.95, 0.95, 0.95, 1.0, 0.95]
+    assert grid.max_delay.tolist() == [0.0, 0.95, 0.95, 0.95, 1.0, 0.95]
     assert grid.can_wait.tolist() == [True, False, False, False, True, False]
     np.testing.assert_allclose(grid.fastest, [18.0, 26.0, 10.0, 18.0, 13.0, 18.0], **EXACT)
     ramp = ramp_speeds(grid.position, grid.ends, np.minimum(grid.free, [18, 26, 18, 18, 18, 18]), SOFT)

@@ -86,7 +86,7 @@ def test_a_limit_that_is_unknown_is_no_limit():
 
 
 def test_lists_of_routes_end_at_four():
-    assert road.MOST_ROUTES == 4
+    assert road.MAX_ROUTES == 4
 
 
 def line(*longitudes, latitude=0.0):

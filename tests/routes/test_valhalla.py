@@ -263,8 +263,8 @@ def test_edges_of_valhalla_follow_each_other(entries, what):
 def test_edges_may_be_as_many_as_their_bound(monkeypatch):
     from tripwatt.roads.routers import valhalla as module
 
-    assert module.MOST_EDGES == 200_000
-    monkeypatch.setattr(module, "MOST_EDGES", 2)
+    assert module.MAX_EDGES == 200_000
+    monkeypatch.setattr(module, "MAX_EDGES", 2)
     assert len(walked(edge(0, 1, 200.0), edge(1, 2, 400.0)).links) == 1
     with pytest.raises(RemoteError, match="got 3; allowed: at most 2"):
         walked(edge(0, 1, 200.0), edge(1, 1, 200.0), edge(1, 2, 400.0))

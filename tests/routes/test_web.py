@@ -130,7 +130,7 @@ def test_what_is_no_json_is_refused(text):
 
 
 def test_answers_are_bounded_also_when_they_are_compressed(monkeypatch):
-    monkeypatch.setattr(web, "MOST_ANSWER_BYTES", 1000)
+    monkeypatch.setattr(web, "MAX_ANSWER_BYTES", 1000)
     small = gzip.compress(b" " * 998 + b"{}")
     large = gzip.compress(b" " * 999 + b"{}")
     packed = {"content-encoding": "gzip"}

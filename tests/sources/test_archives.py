@@ -130,7 +130,7 @@ def test_a_damaged_file_is_one_clear_error_and_leaves_nothing(tmp_path: Path, na
 def test_files_of_an_archive_are_counted_and_its_content_is_bounded(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(archives, "MOST_FILES", 3)
+    monkeypatch.setattr(archives, "MAX_FILES", 3)
     three = {f"{k}.csv": CSV for k in range(3)}
     assert len(unpack("a.zip", tmp_path, content=zipped(three))) == 3
     with pytest.raises(InvalidInput, match=r"too many files.*4 tables.*at most 3"):

@@ -20,7 +20,7 @@ from tests.support.parquet_pages import (
     varint,
 )
 
-from tripwatt.containers import MOST_CONTENT_BYTES
+from tripwatt.containers import MAX_CONTENT_BYTES
 from tripwatt.errors import InvalidInput
 from tripwatt.sources.columnar import open_table
 from tripwatt.sources.parquet_heads import STRUCT, Heads, column_sizes
@@ -73,7 +73,7 @@ def test_pages_that_contradict_the_footer_are_refused_or_read_within_the_bounds(
             continue
         cost = cost_of("a.parquet", content, read_all)
         refused[name] = cost.refused
-        if cost.memory_bytes > MOST_CONTENT_BYTES or cost.seconds > 20.0:  # other tests run beside this one
+        if cost.memory_bytes > MAX_CONTENT_BYTES or cost.seconds > 20.0:  # other tests run beside this one
             wrong.append(f"{name}: {cost}")
     assert wrong == []
     assert len(refused) > 30

@@ -26,7 +26,7 @@ from tripwatt.errors import InvalidInput
 from tripwatt.sources.archives import unpack
 
 LONGEST_S: Final = 1.0
-MOST_BYTES: Final = 64_000_000
+MAX_BYTES: Final = 64_000_000
 """What refusing a bomb may cost: time, and memory beside that of the process."""
 
 MAIN: Final = "http://schemas.openxmlformats.org/spreadsheetml/2006/main"
@@ -272,12 +272,12 @@ def _memory(name: str) -> int:
 
 
 def too_dear(kind: str, number: int, seed: int = 0) -> list[str]:
-    """Which of some bombs of a kind are not refused within `LONGEST_S` and `MOST_BYTES`."""
+    """Which of some bombs of a kind are not refused within `LONGEST_S` and `MAX_BYTES`."""
     wrong = []
     for k in range(number):
         draw = np.random.default_rng([seed, sorted(BOMBS).index(kind), k])
         found = cost_of(*BOMBS[kind](draw))
-        if not found.refused or found.seconds > LONGEST_S or found.memory_bytes > MOST_BYTES:
+        if not found.refused or found.seconds > LONGEST_S or found.memory_bytes > MAX_BYTES:
             wrong.append(
                 f"{kind} {k}: {found.refused or 'not refused'}, {found.seconds:.2f} s, {found.memory_bytes / 1e6:.0f} MB"
             )

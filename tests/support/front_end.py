@@ -16,7 +16,7 @@ from tripwatt.server.http.app import Api
 from tripwatt.server.http.settings import Settings
 
 WEB = ROOT / "web"
-LEAST_NODE = 20
+MIN_NODE = 20
 LONGEST_S = 240
 
 
@@ -58,8 +58,8 @@ def is_installed() -> bool:
 def with_packages(place: Path) -> Path:
     """The sources with their packages and what is written for them: as they are, or in a copy at a place."""
     version = node_version()
-    if version is None or version < LEAST_NODE:
-        pytest.skip(f"needs Node {LEAST_NODE} or newer with npm, found {version}")
+    if version is None or version < MIN_NODE:
+        pytest.skip(f"needs Node {MIN_NODE} or newer with npm, found {version}")
     if is_installed():
         return with_inputs(WEB)
     shutil.copytree(ROOT / "tests" / "vectors", place / "tests" / "vectors")

@@ -262,13 +262,13 @@ def _message(example: bytes) -> tuple[str, bytes]:
     return topic.decode(), payload
 
 
-MOST_MESSAGES: Final = 300
+MAX_MESSAGES: Final = 300
 
 
 def _kept_once(place: Path, sample: Sample) -> None:
     """A sample that a car took is there after it was opened again, and counts once. One with many is put away: each opening reads them."""
     with Car.follow(place) as car:
-        many = len(car.file.messages()) > MOST_MESSAGES
+        many = len(car.file.messages()) > MAX_MESSAGES
     if many:
         shutil.rmtree(place)
     with Car.follow(place) as car:

@@ -141,7 +141,7 @@ def parquet(
 
 HUGE: Final = 100_000_000
 TWO: Final = struct.pack("<2d", 0.0, 1.0)
-MOST_INT32: Final = 2**31 - 1
+MAX_INT32: Final = 2**31 - 1
 
 
 def one_value(count: int) -> bytes:
@@ -173,26 +173,26 @@ def contradictions() -> Iterator[tuple[str, bytes]]:
             yield f"page inflates to far more than stated, {codec}", parquet(large, codec=codec, inflated=16)
             many = Page(TWO[:8] + bytes(20_000_000), 1, repeats=40)
             yield f"many such pages, {codec}", parquet(many, codec=codec, inflated=16, rows=40)
-        for claim in (0, 3, MOST_INT32, -1):
+        for claim in (0, 3, MAX_INT32, -1):
             yield (
                 f"page of {claim} bytes when inflated, {codec}",
                 parquet(Page(TWO, inflated=claim), codec=codec),
             )
-        for claim in (0, 3, MOST_INT32, -1):
+        for claim in (0, 3, MAX_INT32, -1):
             yield f"page of {claim} bytes, {codec}", parquet(Page(TWO, packed=claim), codec=codec)
-    for kind, claim in itertools.product((DATA_PAGE, DATA_PAGE_V2), (0, 1, 3, MOST_INT32, -1)):
+    for kind, claim in itertools.product((DATA_PAGE, DATA_PAGE_V2), (0, 1, 3, MAX_INT32, -1)):
         yield f"page {kind} of {claim} values", parquet(Page(TWO, claim, kind))
     for claim in (0, 1, 3, 10**8, 2**31, 2**40, 2**62, -1):
         yield f"column of {claim} values", parquet(Page(TWO), values=claim)
         yield f"group of {claim} rows", parquet(Page(TWO), group_rows=claim)
         both = {"values": claim, "group_rows": claim}
         yield f"column and group of {claim} rows", parquet(Page(TWO), **both)
-        count = min(max(claim, 0), MOST_INT32)
+        count = min(max(claim, 0), MAX_INT32)
         run = Page(one_value(count), count, encoding=DICTIONARY)
         yield f"run of {claim} values", parquet(dictionary(), run, **both)
         yield f"run of {claim} values that the column alone states", parquet(dictionary(), run, values=claim)
         yield f"run of {claim} nowhere stated values", parquet(dictionary(), run)
-    for claim in (0, 2, MOST_INT32, -1):
+    for claim in (0, 2, MAX_INT32, -1):
         one = Page(one_value(2), encoding=DICTIONARY)
         yield f"dictionary of {claim} bytes", parquet(dictionary(inflated=claim), one)
     yield (
@@ -214,5 +214,5 @@ def contradictions() -> Iterator[tuple[str, bytes]]:
     for count in (1000, 50_000, 400_000):
         page = Page(growing(count), count, encoding=DELTA_BYTES)
         yield f"{count} texts that grow", parquet(page, of=BYTES, rows=count)
-    long = struct.pack("<L", MOST_INT32) + b"x"
+    long = struct.pack("<L", MAX_INT32) + b"x"
     yield "text of 2 GB", parquet(Page(long, 1), of=BYTES, rows=1)

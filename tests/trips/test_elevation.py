@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from tripwatt.physics import simulate
 from tripwatt.trips.elevation import (
-    LEAST_BETWEEN_FIXES_S,
-    LEAST_FAULT_M,
+    MIN_BETWEEN_FIXES_S,
+    MIN_FAULT_M,
     elevation_over_distance,
     heights_of_a_road,
 )
@@ -52,7 +52,7 @@ def test_measured_heights_stay_as_they_are():
 
 def test_fixes_nearer_than_the_least_time_are_a_measurement():
     time, speed = stop_and_go()
-    for spacing, changes in ((LEAST_BETWEEN_FIXES_S - 10.0, False), (LEAST_BETWEEN_FIXES_S + 10.0, True)):
+    for spacing, changes in ((MIN_BETWEEN_FIXES_S - 10.0, False), (MIN_BETWEEN_FIXES_S + 10.0, True)):
         fixes = np.arange(0.0, 1201.0, spacing)
         heights = 500.0 + 5.0 * (np.arange(len(fixes)) % 2)
         logged = np.interp(time, fixes, heights)
@@ -166,13 +166,13 @@ def test_zeros_in_the_middle_and_at_the_ends_take_the_energy_of_the_road():
 def test_a_jump_between_two_sample_heights_that_a_held_sensor_catches_up_with_stays():
     """At 200 m of base; beside 0 m at an end every jump is that of the first fix."""
     time = np.arange(400.0)
-    for size in (LEAST_FAULT_M, -LEAST_FAULT_M, 25.0):
+    for size in (MIN_FAULT_M, -MIN_FAULT_M, 25.0):
         logged = np.where(time < 100.0, 200.0, 200.0 + size)
         assert heights_of_a_road(time, 15.0 * time, logged) is logged
     logged = np.where(time < 20.0, 0.0, 30.0 + 0.1 * time)
     assert heights_of_a_road(time, 15.0 * time, logged)[0] == 32.0
-    logged = np.where(time < 100.0, 200.0, 201.0 + LEAST_FAULT_M)
-    assert heights_of_a_road(time, 15.0 * time, logged) == pytest.approx(np.full(400, 201.0 + LEAST_FAULT_M))
+    logged = np.where(time < 100.0, 200.0, 201.0 + MIN_FAULT_M)
+    assert heights_of_a_road(time, 15.0 * time, logged) == pytest.approx(np.full(400, 201.0 + MIN_FAULT_M))
 
 
 def test_what_is_left_out_needs_no_known_height_beside_it():

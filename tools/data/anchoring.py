@@ -50,7 +50,7 @@ LOSSES: Final = ("gear", "motor")
 PAIR: Final = "motor and iron"
 """Both, where one loss does not meet city and highway."""
 
-LEAST_MOTOR: Final = 0.4
+MIN_MOTOR: Final = 0.4
 """Least factor of the map in a pair: the best and the worst of the published machines lie about so far apart."""
 
 WH_PER_KM: Final = MappingProxyType(
@@ -110,7 +110,7 @@ def _with_two(
         car = scaled(own, "iron", factor)
         return Anchored(car, PAIR, factor, before, errors(car, figures))
 
-    bounds = (LEAST_MOTOR, BOUNDS["motor"][1])
+    bounds = (MIN_MOTOR, BOUNDS["motor"][1])
     best = minimize_scalar(
         lambda m: 1e6 * cost(closed(m))[0] + cost(closed(m))[1],
         bounds=bounds,

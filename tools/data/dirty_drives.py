@@ -19,7 +19,7 @@ from tripwatt.units import SECONDS_PER_HOUR
 FLEET: Final = (14, 11)
 """Number of trips and seed of the computed fleet that the drives are cut from."""
 
-LEAST_S, MOST_S, LEAST_M = 240, 600, 1600.0
+MIN_S, MAX_S, MIN_M = 240, 600, 1600.0
 """Bounds of a drive of a small folder: so long that it can be logged in two halves that are drives of their own."""
 
 M_PER_DEGREE: Final = 6_371_008.8 * np.pi / 180.0
@@ -240,15 +240,15 @@ def whole_trips() -> tuple[Window, ...]:
 
 
 @cache
-def windows(least_s: int = LEAST_S, most_s: int = MOST_S, least_m: float = LEAST_M) -> tuple[Window, ...]:
+def windows(min_s: int = MIN_S, max_s: int = MAX_S, min_m: float = MIN_M) -> tuple[Window, ...]:
     """Pieces between two standstills of the computed fleet, of some duration and length."""
     found = []
     for trip in whole_trips():
         way = integral(np.arange(float(len(trip.speed))), trip.speed)
         stops = np.flatnonzero(trip.speed < 0.1)
         stops = stops[np.append(True, np.diff(stops) > 1)]
-        for a, b in ((a, b) for a in stops for b in stops if least_s <= b - a <= most_s):
-            if way[b] - way[a] >= least_m:
+        for a, b in ((a, b) for a in stops for b in stops if min_s <= b - a <= max_s):
+            if way[b] - way[a] >= min_m:
                 found.append(Window(*(values[a : b + 1] for values in vars(trip).values())))
     return tuple(found)
 

@@ -34,7 +34,7 @@ SETTING_CHANCE: Final = 0.4
 WORST_SHARE: Final = 0.008
 """Most bad rows of a folder."""
 
-LEAST_HALF_S, LEAST_HALF_M = 122.0, 1020.0
+MIN_HALF_S, MIN_HALF_M = 122.0, 1020.0
 """Bounds of each half of a drive that is cut in two, by a file's end or by the clock."""
 
 HOUR_S: Final = 3600.0
@@ -403,8 +403,8 @@ def _middle(rows: pd.DataFrame) -> int | None:
     """Where a drive can be cut so that both halves are long enough, None where it cannot."""
     time = rows["t"].to_numpy() - float(rows["t"].iloc[0])
     way = 1000.0 * (rows["odometer"].to_numpy() - float(rows["odometer"].iloc[0]))
-    fits = (time >= LEAST_HALF_S) & (time[-1] - time >= LEAST_HALF_S)
-    fits &= (way >= LEAST_HALF_M) & (way[-1] - way >= LEAST_HALF_M)
+    fits = (time >= MIN_HALF_S) & (time[-1] - time >= MIN_HALF_S)
+    fits &= (way >= MIN_HALF_M) & (way[-1] - way >= MIN_HALF_M)
     found = np.flatnonzero(fits)
     return int(found[len(found) // 2]) if len(found) else None
 

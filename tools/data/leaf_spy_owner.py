@@ -38,7 +38,7 @@ NEW_COLUMNS: Final = ("V2L Pwr", "HeatPump", "Cabin Flap")
 HEADLESS, EMPTY, CUT = 4, 2, 2
 IMPOSSIBLE: Final = "203"
 
-LEAST_M, LEAST_S = 1000.0, 120.0
+MIN_M, MIN_S = 1000.0, 120.0
 """A shorter drive is none that a careful person keeps."""
 
 FAULTS: Final = (
@@ -132,7 +132,7 @@ def _after(segment: Segment) -> float:
 
 @cache
 def _errands() -> list[Window]:
-    return [window for window in windows(40, 200, 200.0) if window.length_m < 0.9 * LEAST_M]
+    return [window for window in windows(40, 200, 200.0) if window.length_m < 0.9 * MIN_M]
 
 
 @cache
@@ -199,14 +199,14 @@ def write_leaf_spy_owner(folder: Path, seed: int = 0) -> Truth:
             bad_files.append(name)
             continue
         kept = [true_drive([name], s.rows, list(ours)) for s in segments if s.drive >= 0]
-        kept = [drive for drive in kept if drive.distance_m > LEAST_M and drive.duration_s > LEAST_S]
+        kept = [drive for drive in kept if drive.distance_m > MIN_M and drive.duration_s > MIN_S]
         drives += kept
         in_drives = sum(len(drive.samples) for drive in kept)
         sound += in_drives
         standing += sum(len(segment.rows) for segment in segments) - in_drives
         if number in plan.cut:
             last = true_drive([name], segments[-1].rows, [])
-            in_kept = last.distance_m > LEAST_M and last.duration_s > LEAST_S
+            in_kept = last.distance_m > MIN_M and last.duration_s > MIN_S
             sound, standing = sound - in_kept, standing - (not in_kept)
     return _truth(drives, (sound, standing), bad_files)
 

@@ -81,7 +81,7 @@ class Excited:
     current_a: float = 150.0
     field_a: float = 150.0
     nominal_rpm: float = 4300.0
-    most_rpm: float = 12_000.0
+    max_rpm: float = 12_000.0
     source: str = "Nguyen and Hofmann, ICEM 2014, doi 10.1109/ICELMACH.2014.6960287 (gym-electric-motor, MIT)"
 
 
@@ -230,7 +230,7 @@ def induction_toml(values: FloatArray) -> str:
 def excited_toml(values: FloatArray) -> str:
     """The shared file of externally excited machines."""
     torque = 1.5 * EXCITED.pole_pairs * EXCITED.mutual_h * EXCITED.field_a * EXCITED.current_a
-    speed, base = (rpm * math.pi / 30.0 for rpm in (EXCITED.most_rpm, EXCITED.nominal_rpm))
+    speed, base = (rpm * math.pi / 30.0 for rpm in (EXCITED.max_rpm, EXCITED.nominal_rpm))
     induction = drivetrain(values)
     torques, speeds = torque / RATING.torque_nm, speed / RATING.speed_rad_s
     maps = "; ".join(one.source for one in INDUCTION.values())

@@ -29,8 +29,8 @@ from tripwatt.trips import Trip, TripSet
 from tripwatt.vehicles import Vehicle, load_vehicle
 from tripwatt.vehicles.catalogue import QUADRICYCLE
 
-LEAST_M = 2000.0
-LEAST_TRIPS = 15
+MIN_M = 2000.0
+MIN_TRIPS = 15
 LICENCES = {"tum": "CC BY 4.0", "ved": "Apache-2.0", "twizy": "CC BY 4.0"}
 CITATIONS = {
     "twizy": "Y. NaitMalek et al., RSK Twizy EV dataset, doi:10.1109/ACCESS.2022.3225643 and doi:10.3390/su14169993",
@@ -43,9 +43,7 @@ def cars(data: Path) -> Iterator[tuple[Source, list[Trip], Vehicle]]:
     yield _source(tum, "bmw_i3_60ah", "tum"), list(tum.reference_trips()), load_vehicle("bmw_i3_60ah")
     ved = read_logs(data / "ved", "ved")
     sound = [
-        trip
-        for trip in audit(ved).trips
-        if trip.distance_m >= LEAST_M and trip.observed_energy_wh is not None
+        trip for trip in audit(ved).trips if trip.distance_m >= MIN_M and trip.observed_energy_wh is not None
     ]
     leaf = load_vehicle("nissan_leaf_24")
     for name in sorted({str(trip.context.car) for trip in sound}):
@@ -117,7 +115,7 @@ def main(data: Path = DATA) -> int:
         about = Source(**{n: getattr(source, n) for n in Source.__slots__ if n != "trips"}, trips=len(trips))
         known.append((about, evidence(trips, car)))
         print(f"{about.vehicle}: {about.trips} trips")
-        if len(trips) >= LEAST_TRIPS:
+        if len(trips) >= MIN_TRIPS:
             errors.append(Errors.of(known[-1][1], trips))
             print(
                 "  shares of the net energy: {:.3f} and {:.3f} over a kilometre".format(*shares(errors[-1:]))

@@ -55,7 +55,7 @@ ROOMS: Final = (
 )
 NO_MUTANTS: Final = ("plots.py", "example_requests.py")
 """Sizes and places in figures, which people judge by looking, and numbers of examples, which are free."""
-LEAST_SHARE: Final = 0.9
+MIN_SHARE: Final = 0.9
 NO_PART: Final = (
     "tests/server/page",
     "tests/project",
@@ -388,7 +388,7 @@ def report(verdicts: Sequence[Verdict]) -> int:
         print("no mutants")
         return 0
     print(f"{killed} of {counted} killed ({killed / counted:.1%}), {equal} more change nothing")
-    return int(killed < LEAST_SHARE * counted)
+    return int(killed < MIN_SHARE * counted)
 
 
 def main(

@@ -43,7 +43,7 @@ LARGEST_RATIO = 1e4
 Beyond this ratio their penalties are parallel to working precision.
 """
 
-MOST_TABLE_CELLS = 4_000_000
+MAX_TABLE_CELLS = 4_000_000
 """Cells up to which one table holds the smooths of all levels of a factor; beyond, each level has its own table."""
 
 
@@ -318,7 +318,7 @@ class _Builder:
         for i in kept:
             self.members[term.names, term.by, levels.names[i]] = codes == i
         m, q = built.table.shape
-        if m * q * len(levels.names) * len(by_level) <= MOST_TABLE_CELLS:
+        if m * q * len(levels.names) * len(by_level) <= MAX_TABLE_CELLS:
             blocks = np.eye(len(levels.names))[:, first:]
             table: FloatArray = np.kron(blocks, built.table).astype(np.float64)
             self.pieces.append(_Piece(by_level, table, codes * m + points.index))

@@ -19,7 +19,7 @@ except ImportError as error:
 BLUE: Final = "#0072B2"  # Okabe & Ito's palette, told apart by every eye
 RED: Final = "#D55E00"
 GREY: Final = "#999999"
-MOST_POINTS: Final = 4000  # more points only take time to draw
+MAX_POINTS: Final = 4000  # more points only take time to draw
 
 
 class NotebookFigure(Figure):
@@ -61,5 +61,5 @@ def figure_of(drawn: Axes | SubFigure | Figure) -> Figure:
 
 
 def thin_index(n: int) -> NDArray[np.intp]:
-    """Return at most `MOST_POINTS` evenly spaced numbers of `n` rows; all of them if they are fewer."""
-    return np.unique(np.linspace(0, n - 1, min(n, MOST_POINTS)).round().astype(np.intp))
+    """Return at most `MAX_POINTS` evenly spaced numbers of `n` rows; all of them if they are fewer."""
+    return np.unique(np.linspace(0, n - 1, min(n, MAX_POINTS)).round().astype(np.intp))

@@ -23,7 +23,7 @@ RANK_TOLERANCE = 1e-9
 LOG_RATIO = (-25.0, 22.0)
 """Bounds of log(smoothing parameter), relative to the value at which penalty and data have equal weight."""
 
-MOST_CORRELATED = 14.0
+MAX_CORRELATED = 14.0
 """Upper bound for correlated effects, whose penalties overlap: beyond it the smaller penalty is lost in rounding."""
 
 Blocks: TypeAlias = list[tuple[int, list[FloatArray]]]
@@ -205,7 +205,7 @@ class PenaltyStack:
                     self.penalties.append(Penalty(block.range, S, alone, float(np.trace(S))))
                 else:
                     own = block.rank / len(sizes) * float(sizes @ sizes) / sizes[j] ** 2
-                    self.penalties.append(Penalty(block.range, S, None, own, MOST_CORRELATED))
+                    self.penalties.append(Penalty(block.range, S, None, own, MAX_CORRELATED))
             self.members.append(np.arange(first, len(self.penalties)))
         self.size = len(self.penalties)
         self.rank = sum(block.rank for block in self.blocks)

@@ -25,7 +25,7 @@ THIN_ROWS = 10_000
 
 AR1_BOUNDS = (-0.95, 0.9999)
 
-MOST_GRADIENT = 1e-2
+MAX_GRADIENT = 1e-2
 """Gradient of the score in the loadings of correlated effects below which their search has converged."""
 
 LOADING_STEP = 1e-3
@@ -226,5 +226,5 @@ def solve(problem: Problem) -> Solution | None:
     solution = at(best.x)
     if solution is None:
         return None
-    flat = float(np.abs(best.jac).max()) < MOST_GRADIENT
+    flat = float(np.abs(best.jac).max()) < MAX_GRADIENT
     return replace(solution, loadings=best.x, converged=solution.converged and flat)

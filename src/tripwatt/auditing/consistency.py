@@ -25,7 +25,7 @@ SOC_DRIFT: Final = 0.01
 SMALLEST_SOC_CHANGE: Final = 0.03
 """Smallest change of the state of charge from which a capacity counts for the car's median."""
 
-MOST_STD: Final = 5.0
+MAX_STD: Final = 5.0
 """Error of the state of charge that is allowed, in standard deviations of the car's own scatter (near full some displays stand still
 for kilometres); 5 of them leave one sound drive in a million outside."""
 
@@ -64,7 +64,7 @@ STANDING_M_S: Final = 0.3
 FEWEST_STANDING: Final = 10
 """Smallest number of samples at standstill for a median."""
 
-MOST_STANDING_W: Final = 25_000.0
+MAX_STANDING_W: Final = 25_000.0
 """Power of a standing car that shows an offset: more than heater, air conditioner and base load together."""
 
 HEAVY_CAR_KG: Final = 3500.0
@@ -76,11 +76,11 @@ STEEP_ROAD: Final = 0.1
 HEIGHT_MARGIN_M: Final = 30.0
 """Margin for errors of a logged height and for the kinetic energy at the start (30 m are worth 88 km/h)."""
 
-MOST_WH_KM: Final = 3000.0
+MAX_WH_KM: Final = 3000.0
 """Largest possible consumption: twice that of a loaded 40 t truck."""
 
 LONG_KM: Final = 5.0
-"""Shortest distance to which `MOST_WH_KM` applies: on shorter drives preheating may take most of the energy."""
+"""Shortest distance to which `MAX_WH_KM` applies: on shorter drives preheating may take most of the energy."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +104,7 @@ class Balance:
         expected = self.charge_ah / capacity_ah
         allowed = SOC_TOLERANCE * max(abs(expected), abs(self.soc_change))
         allowed += 2.0 * self.resolution + SOC_DRIFT
-        return abs(expected - self.soc_change) <= max(allowed, MOST_STD * std)
+        return abs(expected - self.soc_change) <= max(allowed, MAX_STD * std)
 
 
 def charge_balance(samples: pd.DataFrame) -> Balance | None:
@@ -287,7 +287,7 @@ def offset_findings(trip: Recorded) -> Iterator[Finding]:
     if has(samples, "voltage_v") and has(samples, "current_a"):
         power = array(samples, "voltage_v") * array(samples, "current_a")
         standing = (array(samples, "speed_m_s") < STANDING_M_S) & np.isfinite(power)
-        if standing.sum() >= FEWEST_STANDING and float(np.median(power[standing])) > MOST_STANDING_W:
+        if standing.sum() >= FEWEST_STANDING and float(np.median(power[standing])) > MAX_STANDING_W:
             mean_kw = np.median(power[standing]) / 1000.0
             what = f"the battery gives {mean_kw:.0f} kW while the car stands: the current has an offset"
             yield whole(samples, trip.trip_id, what, "set aside")
@@ -306,7 +306,7 @@ def offset_findings(trip: Recorded) -> Iterator[Finding]:
             "the current has an offset or the wrong sign"
         )
         yield whole(samples, trip.trip_id, what, "set aside")
-    elif distance_km >= LONG_KM and energy > MOST_WH_KM * distance_km:
+    elif distance_km >= LONG_KM and energy > MAX_WH_KM * distance_km:
         what = f"{energy / distance_km:.0f} Wh/km: the current has an offset or the wrong unit"
         yield whole(samples, trip.trip_id, what, "set aside")
 

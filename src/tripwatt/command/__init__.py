@@ -39,7 +39,7 @@ from tripwatt.errors import TripwattError, printable
 
 __all__ = ["app", "main"]
 
-MOST_LINES: Final = 200
+MAX_LINES: Final = 200
 """Largest number of faults that an error lists; further faults are counted."""
 
 UNEXPECTED: Final = 70
@@ -104,7 +104,7 @@ def main() -> None:
     except TripwattError as error:
         lines = str(error).splitlines()
         count = f"{len(lines)} faults:\n" if len(lines) > 1 else ""
-        shown = lines[:MOST_LINES] + ([f"{len(lines) - MOST_LINES} more"] if len(lines) > MOST_LINES else [])
+        shown = lines[:MAX_LINES] + ([f"{len(lines) - MAX_LINES} more"] if len(lines) > MAX_LINES else [])
         _fail(count + "\n".join(shown))
     except BrokenPipeError:  # the program that read the output has ended
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -88,7 +88,7 @@ def print_findings(title: str, findings: Iterable[Finding]) -> None:
     print_table(title, columns, rows, numbers=columns[1:3], folding=("finding",))
 
 
-MOST_GROUPS: Final = 12
+MAX_GROUPS: Final = 12
 """Largest number of kinds of faults and notes that are listed."""
 
 
@@ -115,9 +115,9 @@ def print_reading(fleet: TripSet, result: Audit) -> None:
     kinds = [] if report is None else [*report.groups()]
     kinds += [group for consequence, group in result.groups() if consequence == "set aside"]
     lines = [*map(str, kinds), *grouped(fleet.notes)]
-    rest = len(lines) - MOST_GROUPS
+    rest = len(lines) - MAX_GROUPS
     more = [f"{rest} more kinds (`tripwatt audit DATA --json` lists all)"] if rest > 0 else []
-    print_notes([*lines[:MOST_GROUPS], *more])
+    print_notes([*lines[:MAX_GROUPS], *more])
 
 
 def print_notes(notes: Iterable[str | Flag]) -> None:

@@ -68,7 +68,7 @@ CARS: Final[Mapping[str, str]] = {"synthetic": "bmw_i3_60ah", "tum": "bmw_i3_60a
 UNKNOWN_CAR: Final = "bmw_i3_60ah"
 """Car that is assumed for a table without --vehicle; commands print a note about this."""
 
-MOST_NAMES: Final = 12
+MAX_NAMES: Final = 12
 """Largest number of trips that a message lists."""
 
 
@@ -165,8 +165,8 @@ def one_trip(found: Sequence[tw.Trip], wanted: str | None, why_not: str = "") ->
     chosen = [trip for trip in found if wanted in (None, trip.trip_id)]
     if len(chosen) == 1:
         return chosen[0]
-    names = ", ".join(trip.trip_id for trip in found[:MOST_NAMES]) or "a trip that the audit uses"
-    more = f" and {len(found) - MOST_NAMES} more" if len(found) > MOST_NAMES else ""
+    names = ", ".join(trip.trip_id for trip in found[:MAX_NAMES]) or "a trip that the audit uses"
+    more = f" and {len(found) - MAX_NAMES} more" if len(found) > MAX_NAMES else ""
     got = why_not or wanted or f"{len(found)} trips"
     raise InvalidInput.of("no single trip", "--trip", got, names + more)
 

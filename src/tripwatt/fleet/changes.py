@@ -34,13 +34,13 @@ BATTERY: Final = "battery energy per displayed percent"
 FALSE_CHANGES: Final = 0.05
 """Probability that a change is listed for a fleet without any, for normal errors; shared by all vehicles, days and causes (Bonferroni)."""
 
-LEAST_CHANGE: Final = 0.02
+MIN_CHANGE: Final = 0.02
 """Smaller changes are not listed, however certain they are."""
 
-LEAST_TRIPS: Final = 8
+MIN_TRIPS: Final = 8
 """Smallest number of trips before and after a change."""
 
-MOST_CHANGES: Final = 3
+MAX_CHANGES: Final = 3
 """Largest number of changes of one vehicle and quantity."""
 
 USUAL_CHANGE: Final = 0.08
@@ -90,7 +90,7 @@ class Series:
 
 
 def changes(posterior: GroupPosterior, rows: TripRows) -> pd.DataFrame:
-    """Find every change of every vehicle that is beyond chance and at least `LEAST_CHANGE`. O(trips).
+    """Find every change of every vehicle that is beyond chance and at least `MIN_CHANGE`. O(trips).
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ def changes(posterior: GroupPosterior, rows: TripRows) -> pd.DataFrame:
         of trips `before` and `after`.
     """
     series = list(series_of(posterior, rows))
-    tests = sum(max(len(s.y) - 2 * LEAST_TRIPS, 0) * len(s.causes) for s in series)
+    tests = sum(max(len(s.y) - 2 * MIN_TRIPS, 0) * len(s.causes) for s in series)
     listed = [row for s in series for row in changes_of(s, FALSE_CHANGES / max(tests, 1))]
     columns = ["vehicle_id", "car_model", "cause", "probability", "since", "from_day", "to_day", "change", "sd", "z",
                "before", "after"]  # fmt: skip
@@ -240,13 +240,13 @@ def changes_of(series: Series, chance: float) -> Iterator[dict[str, object]]:
 
     X, prior = series.X, series.prior
     free = np.append(True, series.day[1:] != series.day[:-1])  # a day's trips stay together
-    for _ in range(MOST_CHANGES):
+    for _ in range(MAX_CHANGES):
         scan = Scan.of(series, X, prior, free)
         if scan is None:
             return
         cause, k, share, sd = scan.best()
         z = share / sd
-        if 2.0 * student.sf(abs(z), max(len(series.y) - 4, 1)) > chance or abs(share) < LEAST_CHANGE:
+        if 2.0 * student.sf(abs(z), max(len(series.y) - 4, 1)) > chance or abs(share) < MIN_CHANGE:
             return
         probability, since, from_day, to_day = scan.certainty(cause, series.day)
         yield {
@@ -265,7 +265,7 @@ def changes_of(series: Series, chance: float) -> Iterator[dict[str, object]]:
         }
         step = (series.X @ series.causes[cause]) * (np.arange(len(series.y)) >= k)
         X, prior = np.column_stack([X, step]), np.append(prior, 1e2)
-        free &= np.abs(np.arange(len(free)) - k) >= LEAST_TRIPS
+        free &= np.abs(np.arange(len(free)) - k) >= MIN_TRIPS
 
 
 @dataclass(frozen=True, eq=False)
@@ -292,13 +292,13 @@ class Scan:
 
     @classmethod
     def of(cls, series: Series, X: FloatArray, prior: FloatArray, free: BoolArray) -> Scan | None:
-        """Scan all causes and the `free` trips of a series; returns None if it has fewer than 2 x `LEAST_TRIPS` trips.
+        """Scan all causes and the `free` trips of a series; returns None if it has fewer than 2 x `MIN_TRIPS` trips.
 
         The scan is done twice: the level of the errors and the weights of outlying trips are those with the likeliest change of the
         first scan.
         """
         n = len(series.y)
-        if n < 2 * LEAST_TRIPS:
+        if n < 2 * MIN_TRIPS:
             return None
         scan, terms, own = None, X, prior
         for _ in range(2):
@@ -314,7 +314,7 @@ class Scan:
     ) -> Scan:
         inverse = np.linalg.inv((X.T * w) @ X + np.diag(1.0 / prior))
         fit = series.y - X @ (inverse @ (X.T @ (w * series.y)))
-        places = slice(LEAST_TRIPS, len(w) - LEAST_TRIPS + 1)
+        places = slice(MIN_TRIPS, len(w) - MIN_TRIPS + 1)
         shares, sds = [], []
         for weights in series.causes.values():
             z = series.X @ weights
@@ -331,7 +331,7 @@ class Scan:
         share, sd = np.array(shares) * unit, np.maximum(np.array(sds) * unit, 1e-12)
         ratio = USUAL_CHANGE**2 / sd**2
         evidence = 0.5 * (share / sd) ** 2 * ratio / (1.0 + ratio) - 0.5 * np.log1p(ratio)
-        return cls(tuple(series.causes), LEAST_TRIPS, share, sd, evidence)
+        return cls(tuple(series.causes), MIN_TRIPS, share, sd, evidence)
 
     def best(self) -> tuple[str, int, float, float]:
         """Return the likeliest cause and first trip, with the change and its standard deviation."""

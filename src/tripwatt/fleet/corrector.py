@@ -15,8 +15,8 @@ from tripwatt.hybrid import SegmentTable
 from tripwatt.hybrid.power import TREE_FEATURES, PowerCorrector
 
 TREE_SETTINGS: Final = shipped_toml("fleet/trees.toml")
-MOST_ROUNDS: Final = 120
-LEAST_GAIN: Final = 0.01
+MAX_ROUNDS: Final = 120
+MIN_GAIN: Final = 0.01
 """Trees are used only if they lower the held-out error of trips by at least this share."""
 
 
@@ -87,11 +87,11 @@ def choose_rounds(
     folds : ndarray of int, shape (trips,)
     seed : int
     step : int
-        Numbers of rounds tried are multiples of this step. The result is 0 if trees lower the error by less than `LEAST_GAIN`.
+        Numbers of rounds tried are multiples of this step. The result is 0 if trees lower the error by less than `MIN_GAIN`.
     """
     import lightgbm
 
-    counts = list(range(step, MOST_ROUNDS + 1, step))
+    counts = list(range(step, MAX_ROUNDS + 1, step))
     predictions = np.zeros((len(counts), len(residual_w)))
     of_row = folds[table.groups]
     X = tree_columns(table)
@@ -101,13 +101,13 @@ def choose_rounds(
         if not train.any():
             continue
         data = lightgbm.Dataset(X[train], residual_w[train], weight=weight[train] / weight[train].mean())
-        booster = lightgbm.train({**TREE_SETTINGS, "seed": seed}, data, num_boost_round=MOST_ROUNDS)
+        booster = lightgbm.train({**TREE_SETTINGS, "seed": seed}, data, num_boost_round=MAX_ROUNDS)
         for i, count in enumerate(counts):
             predictions[i, held] = booster.predict(X[held], num_iteration=count, num_threads=1)
     before = float(np.mean(np.abs(table.totals_wh(residual_w))))
     errors = [float(np.mean(np.abs(table.totals_wh(residual_w - prediction)))) for prediction in predictions]
     best = int(np.argmin(errors))
-    if errors[best] > (1.0 - LEAST_GAIN) * before:
+    if errors[best] > (1.0 - MIN_GAIN) * before:
         return 0, np.zeros(len(residual_w))
     return counts[best], predictions[best]
 

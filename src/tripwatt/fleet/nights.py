@@ -37,7 +37,7 @@ QUANTILE: Final = 0.95
 EFFICIENCY: Final = 0.9
 """Share of a charger's energy that reaches the battery."""
 
-LEAST_TRIPS: Final = 10
+MIN_TRIPS: Final = 10
 """Smallest number of trips with which the mean temperature of a week counts."""
 
 AMBIENT: Final = "ambient_temperature_degc"
@@ -245,7 +245,7 @@ class Cold(NamedTuple):
         Outside temperature [°C].
     monday : str or None
         Monday of the week with this mean temperature; None if the temperature was given.
-    least_trips : int
+    min_trips : int
         Smallest number of trips with which the mean of a week counts.
     colder : sequence of (str, float, int)
         Monday, mean temperature [°C] and number of trips of the colder weeks with fewer trips.
@@ -253,14 +253,14 @@ class Cold(NamedTuple):
 
     ambient_temperature_degc: float
     monday: str | None = None
-    least_trips: int = LEAST_TRIPS
+    min_trips: int = MIN_TRIPS
     colder: Sequence[tuple[str, float, int]] = ()
 
 
 def coldest_week(rows: TripRows) -> Cold | None:
     """Find the week of a fleet's trips with the lowest mean outside temperature.
 
-    Only weeks with at least `LEAST_TRIPS` trips count. If there is no such week, only those with the largest number of trips count.
+    Only weeks with at least `MIN_TRIPS` trips count. If there is no such week, only those with the largest number of trips count.
     Returns None if no trip has a time and a temperature.
     """
     order, day = rows.in_time
@@ -270,7 +270,7 @@ def coldest_week(rows: TripRows) -> Cold | None:
     weeks = ambient.groupby(pd.Grouper(freq="W-MON", label="left", closed="left")).agg(["mean", "size"])
     if weeks.empty:
         return None
-    least = min(LEAST_TRIPS, int(weeks["size"].max()))
+    least = min(MIN_TRIPS, int(weeks["size"].max()))
     enough = weeks.loc[weeks["size"] >= least, "mean"]
     colder = weeks[weeks["mean"] < enough.min()].sort_values("mean")
     skipped = colder.index.strftime("%Y-%m-%d"), colder["mean"].tolist(), colder["size"].tolist()

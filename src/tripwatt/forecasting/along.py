@@ -35,7 +35,7 @@ class Along:
         Expected energy since departure [Wh].
     energy_sd_wh : ndarray, shape (edges,)
         Standard deviation of `energy_wh`, without that of an unknown climb [Wh].
-    least_wh : ndarray, shape (edges,)
+    min_wh : ndarray, shape (edges,)
         Least energy that the drive can take [Wh].
     excess : Excess
         Distribution of the energy beyond the expected one.
@@ -61,7 +61,7 @@ class Along:
     distance_m: FloatArray
     energy_wh: FloatArray
     energy_sd_wh: FloatArray
-    least_wh: FloatArray
+    min_wh: FloatArray
     excess: Excess
     charge: FloatArray
     charge_sd: FloatArray
@@ -194,7 +194,7 @@ class Along:
             "time_s": self.time_s,
             "distance_m": self.distance_m,
             "energy_wh": self.energy_wh,
-            "energy_low_wh": possible_energy(self.energy_wh, -below, self.least_wh),
+            "energy_low_wh": possible_energy(self.energy_wh, -below, self.min_wh),
             "energy_high_wh": self.energy_wh + above,
             "displayed_soc": middle,
             "displayed_soc_low": low,
@@ -227,7 +227,7 @@ class Along:
         sd_wh = np.repeat([self.energy_sd_wh[-1], self.charge_sd[-1] * wh], len(p))
         more = self.excess.end.quantiles(np.concatenate((levels, 1.0 - levels)), sd_wh)
         half, more_wh = np.abs(more[: len(p)]), more[len(p) :]
-        below = possible_energy(self.energy_wh[-1], half, self.least_wh[-1])
+        below = possible_energy(self.energy_wh[-1], half, self.min_wh[-1])
         energy_wh = np.where(levels >= 0.5, self.energy_wh[-1] + half, below)
         return energy_wh, np.clip(self.charge[-1] - more_wh / wh, 0.0, 1.0)
 
@@ -386,7 +386,7 @@ def first_empty(charge: FloatArray, distance_m: FloatArray) -> float | None:
     return float(distance_m[k - 1] + share * (distance_m[k] - distance_m[k - 1]))
 
 
-def possible_energy(centre_wh: Any, half_wh: Any, least_wh: Any) -> Any:
+def possible_energy(centre_wh: Any, half_wh: Any, min_wh: Any) -> Any:
     """Energy `half_wh` below a centre, squeezed to stay above the least energy [Wh]; arguments are arrays of one shape or numbers.
 
     Down to `STRAIGHT` of the way from the centre to the least energy, the result is ``centre_wh - half_wh``. Below that, the
@@ -398,20 +398,20 @@ def possible_energy(centre_wh: Any, half_wh: Any, least_wh: Any) -> Any:
     >>> float(possible_energy(1000.0, 300.0, 200.0)), round(float(possible_energy(1000.0, 1000.0, 200.0)), 2)
     (700.0, 227.07)
     """
-    way = np.asarray(centre_wh, dtype=np.float64) - least_wh
+    way = np.asarray(centre_wh, dtype=np.float64) - min_wh
     open_ = way > 0.0
     straight = STRAIGHT * way
     rest = np.where(open_, (1.0 - STRAIGHT) * way, 1.0)
-    squeezed = least_wh + rest * np.exp(-np.maximum(half_wh - straight, 0.0) / rest)
+    squeezed = min_wh + rest * np.exp(-np.maximum(half_wh - straight, 0.0) / rest)
     return np.where(open_ & (half_wh > straight), squeezed, centre_wh - half_wh)
 
 
-def distance_below(centre_wh: float, energy_wh: float, least_wh: float) -> float:
+def distance_below(centre_wh: float, energy_wh: float, min_wh: float) -> float:
     """Inverse of `possible_energy`: the `half_wh` that gives `energy_wh`; negative above the centre, infinite below the least energy."""
-    way, below = centre_wh - least_wh, centre_wh - energy_wh
+    way, below = centre_wh - min_wh, centre_wh - energy_wh
     if way <= 0.0 or below <= STRAIGHT * way:
         return below
-    if energy_wh <= least_wh:
+    if energy_wh <= min_wh:
         return math.inf
     rest = (1.0 - STRAIGHT) * way
-    return STRAIGHT * way - rest * math.log((energy_wh - least_wh) / rest)
+    return STRAIGHT * way - rest * math.log((energy_wh - min_wh) / rest)

@@ -15,7 +15,7 @@ from tripwatt.uncertainty.scale import TotalScale
 
 SAME_ROAD: Final = 0.002
 """Share by which the lengths of two roads may differ to count as one road, with the same climb and traffic."""
-LEAST_SHARE: Final = 0.2
+MIN_SHARE: Final = 0.2
 """Least ratio of the standard deviation of a difference to the norm of its causes: root mean square between the schedules that
 Argonne drove with a warm BMW i3, `python -m benchmarks.savings`. A sample of one car."""
 OTHER_SPEEDS: Final = 0.54
@@ -170,7 +170,7 @@ def sd_between(one: Shared, other: Shared, scale: TotalScale, causes_wh: Iterabl
 
     The parts of `TotalScale` are those of a trip that consists of the difference only. The error per trip cancels. The error per hour
     counts for the difference of the hours, the share of the energy moved for the difference of that energy. The uncertainty of the
-    corrector is linear in its weights, which both forecasts share; it is at least `LEAST_SHARE` of the energy that changes.
+    corrector is linear in its weights, which both forecasts share; it is at least `MIN_SHARE` of the energy that changes.
 
     On one road, climb and traffic are the same for both forecasts; on two roads they are independent. The error by the unknown state
     and weather is at least the share by which climate control changes. At other speeds on one planned road, the errors of its links
@@ -187,7 +187,7 @@ def sd_between(one: Shared, other: Shared, scale: TotalScale, causes_wh: Iterabl
     is_one = abs(one.distance_m / other.distance_m - 1.0) < SAME_ROAD
     return math.hypot(
         max(growing, scale.least_share * moved_wh),
-        max(weights, LEAST_SHARE * math.hypot(*causes_wh)),
+        max(weights, MIN_SHARE * math.hypot(*causes_wh)),
         math.sqrt(abs(one.outside_wh**2 - other.outside_wh**2)),
         max(abs(one.state_wh - other.state_wh), heat * max(one.state_wh, other.state_wh)),
         OTHER_SPEEDS * max(one.links_wh, other.links_wh) * (is_one and hours > 0.0),

@@ -21,7 +21,7 @@ from tripwatt.uncertainty.climb import ClimbingEnergy
 from tripwatt.units import SECONDS_PER_HOUR
 from tripwatt.vehicles import Vehicle
 
-LEAST_RESISTANCE: Final = 0.5
+MIN_RESISTANCE: Final = 0.5
 """Part of air drag and rolling resistance that every trip has: tail wind and good tyres take less than half of them."""
 FAR: Final = 0.99
 """Quantile of the net climb up to which a road of unknown heights is simulated; energy is linear beyond."""
@@ -29,7 +29,7 @@ EVEN: Final = (-1.0, -0.3, 0.3, 1.0)
 """Constant grades that are simulated, as multiples of the grade of that quantile."""
 HILLS: Final = (0.03, 0.08)
 """Grades of the simulated roads that go up and down in turn."""
-LEAST_CAUSES: Final = ("air", "rolling", "climb", "acceleration")
+MIN_CAUSES: Final = ("air", "rolling", "climb", "acceleration")
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,14 +98,14 @@ class ExpectedTrip:
         return running_sum(speed * self.table.hours * SECONDS_PER_HOUR)
 
     @cached_property
-    def least_w(self) -> FloatArray:
+    def min_w(self) -> FloatArray:
         """Least possible mean power of each segment [W], shape (segments,).
 
-        It is `LEAST_RESISTANCE` of air drag and rolling resistance, plus climb and kinetic energy, without any loss or load.
+        It is `MIN_RESISTANCE` of air drag and rolling resistance, plus climb and kinetic energy, without any loss or load.
         """
-        part = {name: self.table.features[f"{name}_w"].to_numpy() for name in LEAST_CAUSES}
+        part = {name: self.table.features[f"{name}_w"].to_numpy() for name in MIN_CAUSES}
         return np.asarray(
-            LEAST_RESISTANCE * (part["air"] + part["rolling"]) + part["climb"] + part["acceleration"]
+            MIN_RESISTANCE * (part["air"] + part["rolling"]) + part["climb"] + part["acceleration"]
         )
 
     def climbing_energy(self, net: NetClimbs) -> ClimbingEnergy:

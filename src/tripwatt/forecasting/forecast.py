@@ -57,7 +57,7 @@ DRIVEN: Final = "the driven speed trace"
 PLANNED: Final = "a planned route"
 FREE_FLOW: Final = "a planned route, free flow"
 NOT_MEASURED: Final = Measured(0.0)
-MOST_OFFSET: Final = 5.0
+MAX_OFFSET: Final = 5.0
 """Largest difference of the display at departure from the converted charge, in scales of the error of the conversion.
 
 A display that differs by more was planned, not read."""
@@ -178,13 +178,13 @@ class Forecast:
         sd_wh = np.concatenate(([0.0], np.hypot(own_sd, remaining_sd_wh(self))))
         climb = None if self.climbing is None else self.climbing.ahead(self._climbs_from_m)
         excess = Excess.from_climb(self.uncertainty.scores, climb, sd_wh)
-        energy, least = self.power_w * hours, drive.least_w * hours
+        energy, least = self.power_w * hours, drive.min_w * hours
         if measured.energy_wh is not None:
             energy, least = measured.energy_wh + energy, measured.energy_wh + least
         energy_wh = running_sum(energy + np.diff(excess.expected_wh))
-        least_wh = running_sum(least)
+        min_wh = running_sum(least)
         if climb is not None:
-            least_wh = least_wh + climb.offsets_wh.min(axis=0)
+            min_wh = min_wh + climb.offsets_wh.min(axis=0)
         start = charge_start(self, energy_wh)
         taken_wh = energy_wh - np.interp(start.time_s, time_s, energy_wh)
         error = scale.sd(energy_wh if start.by_change else taken_wh, start.displayed or start.by_change)
@@ -194,7 +194,7 @@ class Forecast:
             drive.distance_m,
             energy_wh,
             sd_wh,
-            least_wh,
+            min_wh,
             excess,
             np.asarray(scale.left(start.soc, taken_wh, start.displayed)),
             np.hypot(sd_wh / scale.wh_per_display, own_sd),
@@ -292,7 +292,7 @@ class Forecast:
         if self.sd_wh <= 0.0:
             return float(self.energy_wh <= energy_wh)
         along = self.along
-        below = distance_below(self.energy_wh, energy_wh, float(along.least_wh[-1]))
+        below = distance_below(self.energy_wh, energy_wh, float(along.min_wh[-1]))
         return float(along.excess.end.probability_below(np.array([-below]), along.energy_sd_wh[-1:])[0])
 
     @cached_property
@@ -630,7 +630,7 @@ def display_offset(forecast: Forecast, first: ChargeReading | None, energy_wh: F
         return None
     taken_wh = float(np.interp(first.time_s, forecast.drive.edges_s, energy_wh))
     offset = scale.left(shown, taken_wh) - scale.displayed(first.value)
-    return float(offset) if abs(offset) <= MOST_OFFSET * scale.managed_sd else None
+    return float(offset) if abs(offset) <= MAX_OFFSET * scale.managed_sd else None
 
 
 def updated(forecast: Forecast, observed: Columns) -> Forecast:

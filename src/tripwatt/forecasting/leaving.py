@@ -17,7 +17,7 @@ from tripwatt.trips.messages import leave_in_words
 
 SOC_PRECISION: Final = 1e-7
 """Precision of the charge to leave with."""
-MOST_SECANTS: Final = 8
+MAX_SECANTS: Final = 8
 """Secant steps of `charge_with_spare`, after which the interval is halved."""
 OF_CHARGE: Final = frozenset({"soc_assumed", "battery_empty", "battery_full", "battery_over_voltage"})
 """Flags that depend on the charge at departure."""
@@ -155,7 +155,7 @@ def charge_with_spare(spare: Callable[[float], float], near: float = 0.5) -> flo
         if before is not None and before[0] != soc:
             slope = (left - before[1]) / (soc - before[0])
         before = soc, left
-        has_guess = slope > 0.0 and step < MOST_SECANTS
+        has_guess = slope > 0.0 and step < MAX_SECANTS
         guess = soc - (left - SOC_PRECISION) / slope if has_guess else math.nan
         is_end = (low == 0.0 and guess <= low) or (high == 1.0 and guess >= high)
         soc = min(max(guess, low), high) if is_end or low < guess < high else 0.5 * (low + high)

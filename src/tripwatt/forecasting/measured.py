@@ -38,7 +38,7 @@ GAP_S: Final = 15.0
 """Longest gap between two samples that counts as measured [s]."""
 SOC_STEP: Final = 0.005
 """Finest resolution that is assumed of a logged state of charge."""
-MOST_STRETCH: Final = 1.5
+MAX_STRETCH: Final = 1.5
 """On a planned route, the power of a segment that took longer than this many times its planned time is not used."""
 MIN_COVER: Final = 0.8
 """Share of a segment that has to be measured before its power is used: power changes with every change of speed, so a
@@ -265,7 +265,7 @@ def _from_power(
     share = np.minimum(hours / drive.table.hours, 1.0)
     counts = share >= MIN_COVER
     if driven_s is not None:
-        counts &= np.diff(driven_s) <= MOST_STRETCH * drive.segments.step_s
+        counts &= np.diff(driven_s) <= MAX_STRETCH * drive.segments.step_s
     seen = np.flatnonzero(counts)
     noise = (process.drive.noise * drive.segments.drive_noise_w[seen]) ** 2
     variance = (1.0 - share[seen]) * noise + EXACT_W2

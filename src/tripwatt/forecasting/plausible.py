@@ -9,11 +9,11 @@ import numpy as np
 
 from tripwatt.arrays import FloatArray, distance_driven
 from tripwatt.errors import Fault
-from tripwatt.forecasting.expected import LEAST_RESISTANCE, ExpectedTrip
-from tripwatt.forecasting.measured import MOST_STRETCH, WHERE, Columns, measured_energy
+from tripwatt.forecasting.expected import MIN_RESISTANCE, ExpectedTrip
+from tripwatt.forecasting.measured import MAX_STRETCH, WHERE, Columns, measured_energy
 from tripwatt.physics.battery import internal_resistance, largest_power, open_circuit_voltage
 from tripwatt.units import GRAVITY_M_S2, SECONDS_PER_HOUR
-from tripwatt.vehicles.relations import LEAST_PEAK_EFFICIENCY
+from tripwatt.vehicles.relations import MIN_PEAK_EFFICIENCY
 
 CAPACITY_MARGIN: Final = 1.15
 """Largest ratio of the energy on the way to that of the car's battery: a new battery may hold more than its data sheet says."""
@@ -68,7 +68,7 @@ def implausible_faults(samples: Columns, drive: ExpectedTrip) -> Iterator[Fault]
         end = drive.plan.end_s
         most = (planned if end is None else end - drive.plan.start_s) + LATE_S
     else:
-        most = np.inf if "speed_m_s" in samples and samples["speed_m_s"].any() else MOST_STRETCH * planned
+        most = np.inf if "speed_m_s" in samples and samples["speed_m_s"].any() else MAX_STRETCH * planned
     if last > most:
         is_trace = drive.plan.link_m is None
         fix = "give the samples of this trip" if is_trace else "give the speed with the samples"
@@ -102,7 +102,7 @@ def impossible_faults(energy_wh: float, drive: ExpectedTrip) -> Iterator[Fault]:
     if cause["shortfall"] < 0.0:
         least = min(least, 0.0)
     hours = drive.plan.duration_s / SECONDS_PER_HOUR
-    motor_w = drive.vehicle.drivetrain.motor_max_power_w / LEAST_PEAK_EFFICIENCY
+    motor_w = drive.vehicle.drivetrain.motor_max_power_w / MIN_PEAK_EFFICIENCY
     loads_wh = cause["base_load"] + cause["climate"]
     most = min(_battery_most_w(drive) * hours, motor_w * hours + loads_wh)
     if least - ROUNDING_WH <= energy_wh <= most + ROUNDING_WH:
@@ -162,7 +162,7 @@ def _motion_faults(samples: Columns, cumulative: FloatArray, drive: ExpectedTrip
     if drive.plan.has_road:
         fall_m = ELEVATION_ERROR_M
     ends = (float(driven[first]), float(driven[last])), (float(speed[first]), float(speed[last]))
-    least = _least_wh(drive, *ends) - _weight_wh_m(drive) * fall_m
+    least = _min_wh(drive, *ends) - _weight_wh_m(drive) * fall_m
     if taken < least:
         got = f"{taken / 1000.0:.2f} kWh over {length / 1000.0:.1f} km"
         allowed = f"at least {least / 1000.0:.2f} kWh"
@@ -173,7 +173,7 @@ def _motion_faults(samples: Columns, cumulative: FloatArray, drive: ExpectedTrip
         yield Fault("less energy than the drive takes", WHERE, got, allowed, fix)
 
 
-def _least_wh(drive: ExpectedTrip, from_to_m: tuple[float, float], speeds_m_s: tuple[float, float]) -> float:
+def _min_wh(drive: ExpectedTrip, from_to_m: tuple[float, float], speeds_m_s: tuple[float, float]) -> float:
     """Least energy at the terminals [Wh] between two distances along the known road, with the speeds at both."""
     features, hours = drive.table.features, drive.table.hours
 
@@ -184,7 +184,7 @@ def _least_wh(drive: ExpectedTrip, from_to_m: tuple[float, float], speeds_m_s: t
 
     inertia = _mass_kg(drive) * drive.vehicle.body.rotating_mass_factor
     kinetic = 0.5 * inertia * (speeds_m_s[1] ** 2 - speeds_m_s[0] ** 2) / SECONDS_PER_HOUR
-    return LEAST_RESISTANCE * between("rolling") + between("climb") + kinetic
+    return MIN_RESISTANCE * between("rolling") + between("climb") + kinetic
 
 
 def _mass_kg(drive: ExpectedTrip) -> float:

@@ -20,7 +20,7 @@ USUAL_ERROR: Final = 0.05
 """Usual relative error of a trip's energy with the right values: wind, traffic, and influences that the log lacks."""
 USUAL_DF: Final = 4.0
 """Weight of the usual error, in trips; a choice."""
-LEAST_TRIPS: Final = 3
+MIN_TRIPS: Final = 3
 """Fewest trips to calibrate on; a choice, because fewer trips show next to nothing of several values."""
 
 
@@ -68,7 +68,7 @@ def calibrate(trips: Sequence[Trip], vehicle: Vehicle) -> Calibration:
     Raises
     ------
     InvalidInput
-        If there are fewer than `LEAST_TRIPS` trips, or a trip has no measured energy.
+        If there are fewer than `MIN_TRIPS` trips, or a trip has no measured energy.
 
     Examples
     --------
@@ -78,7 +78,7 @@ def calibrate(trips: Sequence[Trip], vehicle: Vehicle) -> Calibration:
     >>> sorted(calibration.changes) == sorted(p.name for p in parameters())
     True
     """
-    require_measured(trips, LEAST_TRIPS)
+    require_measured(trips, MIN_TRIPS)
     plans = [plan_from_trip(trip) for trip in trips]
     table = segment_trips(trips, vehicle)
     by_change = sensitivities(plans, vehicle, table)

@@ -25,7 +25,7 @@ IDLE_WIDTH_W: Final = 300.0
 FARTHEST: Final = 3.0
 """Number of prior standard deviations beyond which a value is taken to come from a dead or misnamed signal; the published value is then
 kept."""
-LEAST_TRIPS: Final = 3
+MIN_TRIPS: Final = 3
 """Fewest trips with a signal before it changes anything."""
 
 
@@ -35,7 +35,7 @@ class ClimateRecord:
 
     `speed_m_s` are the speeds at the steps of the control. `ends` are times in such steps: the ends of the minutes and of the last
     sample, whose interval may be shorter; `lengths` are the intervals of the samples between them. `samples` is the number of samples
-    and `power_w` the mean power of each minute. `least_w` is the least power of the compressor, NaN if it hardly ran.
+    and `power_w` the mean power of each minute. `min_w` is the least power of the compressor, NaN if it hardly ran.
     """
 
     speed_m_s: FloatArray
@@ -45,7 +45,7 @@ class ClimateRecord:
     lengths: FloatArray
     samples: IntArray
     power_w: FloatArray
-    least_w: float
+    min_w: float
 
     @classmethod
     def from_trip(
@@ -88,8 +88,8 @@ def climate_values(
     climate = _scaled(climate, names[0], INTERIOR_WIDTH, records)
     # from 15 °C on a compressor cools the cabin; a choice
     warm = [r for r in records if r.ambient_temperature_degc > 15.0]
-    running = [r.least_w for r in warm if np.isfinite(r.least_w)]
-    if len(running) >= LEAST_TRIPS:
+    running = [r.min_w for r in warm if np.isfinite(r.min_w)]
+    if len(running) >= MIN_TRIPS:
         known, prior = len(running) / max(float(np.var(running, ddof=1)), 1.0), IDLE_WIDTH_W**-2
         published = climate.compressor_idle_w
         least = (known * float(np.median(running)) + prior * published) / (known + prior)

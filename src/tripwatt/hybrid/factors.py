@@ -114,12 +114,12 @@ _NEAR_K: Final = 8.0
 USUAL_WH: Final = 40.0
 USUAL_SHARE: Final = 0.042
 USUAL_SHARE_KM: Final = 0.33
-LEAST_NET: Final = 0.3
+MIN_NET: Final = 0.3
 """Usual error of a trip's energy with the right factors, by climate, wind, traffic and influences that the log lacks.
 
 It has an error of every trip [Wh] and two shares of the net energy: one that is the same at any length, and one over a kilometre, which
 evens out along the trip. The second share is near the least of the vehicles that `python -m tools.data.population` prints; no log is long
-enough to show the first, which is an assumption. The net energy counts as at least `LEAST_NET` of the energy moved. The scale of a car's
+enough to show the first, which is an assumption. The net energy counts as at least `MIN_NET` of the energy moved. The scale of a car's
 errors relative to these is estimated from its trips."""
 
 TAIL_DF: Final = 4.0
@@ -307,12 +307,12 @@ def usual_variance_wh2(net_wh: FloatArray, moved_wh: FloatArray, km: FloatArray)
     >>> round(one**0.5), round(far**0.5)
     (173, 1442)
     """
-    size = np.maximum(np.abs(net_wh), LEAST_NET * moved_wh)
-    share = USUAL_SHARE**2 + USUAL_SHARE_KM**2 / np.maximum(km, LEAST_KM)
+    size = np.maximum(np.abs(net_wh), MIN_NET * moved_wh)
+    share = USUAL_SHARE**2 + USUAL_SHARE_KM**2 / np.maximum(km, MIN_KM)
     return np.asarray(USUAL_WH**2 + size**2 * share)
 
 
-LEAST_KM: Final = 0.1
+MIN_KM: Final = 0.1
 """Shorter trips count as this long."""
 
 

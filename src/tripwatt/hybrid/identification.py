@@ -29,7 +29,7 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray
 from tripwatt.auditing.signals import blank_stuck_heater
-from tripwatt.hybrid.climate_values import FARTHEST, LEAST_TRIPS, ClimateRecord, climate_values
+from tripwatt.hybrid.climate_values import FARTHEST, MIN_TRIPS, ClimateRecord, climate_values
 from tripwatt.hybrid.parameters import with_values
 from tripwatt.physics import Simulation, simulate_trip
 from tripwatt.physics.battery import internal_resistance, open_circuit_voltage
@@ -56,7 +56,7 @@ LOW_BIN_M_S: Final = 0.25
 LOW_BINS: Final = 20
 """Bins of speed over which braking power is summed: up to 5 m/s, beyond every published end of the fade."""
 COLD_DEGC: Final = 5.0
-"""The rise in the cold is identified if at least `LEAST_TRIPS` trips are colder than this [°C]; warm trips do not show it. If all trips
+"""The rise in the cold is identified if at least `MIN_TRIPS` trips are colder than this [°C]; warm trips do not show it. If all trips
 are cold, the priors share an excess between the rise and the rolling resistance at the reference temperature."""
 BASE_WIDTH: Final = 0.4
 """Prior standard deviation of the base load, as in `tripwatt.hybrid.parameters`."""
@@ -223,7 +223,7 @@ def identify(records: Sequence[StageRecord], vehicle: Vehicle) -> Identified:
     Returns
     -------
     Identified
-        The values. A value is left out if fewer than `LEAST_TRIPS` trips have its signal.
+        The values. A value is left out if fewer than `MIN_TRIPS` trips have its signal.
 
     Notes
     -----
@@ -248,7 +248,7 @@ def identify(records: Sequence[StageRecord], vehicle: Vehicle) -> Identified:
         (_curve_value, [r.rest for r in records if len(r.rest)]),
     )
     for values_of, seen in signals:
-        if len(seen) >= LEAST_TRIPS:
+        if len(seen) >= MIN_TRIPS:
             known = values_of(seen, vehicle)
             values |= known
             trips |= dict.fromkeys(known, len(seen))
@@ -394,7 +394,7 @@ def _road_values(records: Sequence[StageRecord], vehicle: Vehicle) -> _Values:
     rolling_n = vehicle.body.test_mass_kg * GRAVITY_M_S2 * load.rolling_coefficients[0]
     rise = 0.0 if tyres is None else tyres.temperature_coefficient_per_k
     ambient = np.array([r.ambient_temperature_degc for r in records])
-    free = int((ambient < COLD_DEGC).sum()) >= LEAST_TRIPS and rise > 0.0
+    free = int((ambient < COLD_DEGC).sum()) >= MIN_TRIPS and rise > 0.0
     # unknowns: rolling resistance [N], its rise for each kelvin [N/K], drag area [m2], each with a prior of its own
     means = np.array([rolling_n, rise * rolling_n, load.drag_area_m2])
     widths = np.array([ROLLING_WIDTH * means[0], COLD_WIDTH * means[1], DRAG_WIDTH * means[2]])

@@ -43,7 +43,7 @@ OUTSIDE: Final = "outside"
 REFIT: Final = "fit the model again with this version of tripwatt"
 
 
-MOST_MEMBERS: Final = 20
+MAX_MEMBERS: Final = 20
 """Largest number of members of an ensemble; the ensembles of the package have 2."""
 
 RANGES: Final[Mapping[str, tuple[float, float]]] = {
@@ -389,8 +389,8 @@ def value_faults(values: Any, place: str = "") -> Iterator[Fault]:
             if name != "vehicle":  # checked as the file of a car is
                 yield from value_faults(value, f"{place}.{name}")
     elif isinstance(values, list | tuple):
-        if place.endswith("members") and len(values) > MOST_MEMBERS:
-            yield Fault("too many members", where, f"{len(values)}", f"at most {MOST_MEMBERS}", REFIT)
+        if place.endswith("members") and len(values) > MAX_MEMBERS:
+            yield Fault("too many members", where, f"{len(values)}", f"at most {MAX_MEMBERS}", REFIT)
             return
         for number, value in enumerate(values):
             yield from value_faults(value, f"{place}.{number}")

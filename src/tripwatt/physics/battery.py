@@ -16,7 +16,7 @@ MOLAR_GAS_CONSTANT_J_MOL_K: Final = 8.314462618
 """CODATA 2018."""
 
 
-MOST_PASSES: Final = 60
+MAX_PASSES: Final = 60
 """Largest number of passes of `discharge`, which bounds its time; a choice: the passes settle after four or five."""
 TINY: Final = float(np.finfo(np.float64).tiny)
 
@@ -199,7 +199,7 @@ def discharge(
     empty = np.minimum(initial_soc, battery.displayed_zero_soc)
     room = np.maximum(battery.displayed_full_soc - initial_soc, 0.0)
     highest_w = power_w.max(axis=-1, keepdims=True)
-    for _ in range(MOST_PASSES):
+    for _ in range(MAX_PASSES):
         before = np.maximum(shift(initial_soc, soc), empty)
         ocv = open_circuit_voltage(before, battery)
         resistance = internal_resistance(before, shift(initial_temperature_degc, temperature), battery)

@@ -20,7 +20,7 @@ from tripwatt.vehicles import Climate
 CONTROL_STEP_S: Final = 10.0
 """Step of the climate control; the cabin's air responds in about a minute."""
 
-LEAST_SIDE_BY_SIDE: Final = 32
+MIN_SIDE_BY_SIDE: Final = 32
 """Smallest number of cabins whose steps are computed with arrays; for fewer, plain numbers are faster."""
 
 UNKNOWN_SUN_W_M2: Final = 300.0
@@ -219,7 +219,7 @@ def control_steps(
     Returns four arrays for each cabin: the power of heater and compressor [W] and the share of the blower in each step, and the
     temperatures of the air and of the interior [°C] before the first step and after each step.
     """
-    if len(speeds) < LEAST_SIDE_BY_SIDE:
+    if len(speeds) < MIN_SIDE_BY_SIDE:
         return [
             _control_steps(control, own.tolist(), _smaller, _larger, truth)
             for control, own in zip(controls, speeds, strict=True)
@@ -243,16 +243,16 @@ def control_values(climate: Climate, ambient: float, start: CabinStart) -> tuple
     shell, fresh = climate.shell_w_k + climate.fresh_air_low_w_k, climate.fresh_air_high_w_k
     inflow = climate.occupant_heat_w + share * sun + shell * ambient
     approach = 1.0 - math.exp(-dt / climate.control_time_s)
-    most_heat, most_cooling = climate.heater_max_heat_w, climate.cooler_max_heat_w
+    max_heat, max_cooling = climate.heater_max_heat_w, climate.cooler_max_heat_w
     resistive, pumped = 1.0 / climate.heater_efficiency, 1.0 / heat_pump_cop(ambient, climate)
     settled = interior_rate + exchange
     within = start.temperature_degc if start.interior_degc is None else start.interior_degc
     air = start.temperature_degc, within, ambient, air_rate, exchange, air_rate + shell + exchange, inflow
     flows = climate.shell_per_speed_w_s_k_m, fresh - climate.fresh_air_low_w_k
     aims = 1.0 - approach, approach * start.setpoint_degc
-    limits = most_heat * (start.mode != "cool"), most_cooling * (start.mode != "heat")
+    limits = max_heat * (start.mode != "cool"), max_cooling * (start.mode != "heat")
     powers = resistive, pumped - resistive, 1.0 / climate.cooler_cop, climate.compressor_idle_w
-    fans = 1.0 / (most_heat or math.inf), 1.0 / most_cooling
+    fans = 1.0 / (max_heat or math.inf), 1.0 / max_cooling
     interior = interior_rate / settled, exchange / settled, (1.0 - share) * sun / settled
     return *air, *flows, *aims, *limits, heat_pump_heat(ambient, climate), *powers, *fans, *interior
 
@@ -266,7 +266,7 @@ def _control_steps(
     and functions of NumPy.
     """
     air, interior, ambient, air_rate, exchange, rates, inflow, per_speed, fan_range, *others = control
-    keep, aim, most_heat, most_cooling, most_pumped, resistive, pumped, cooler, idle, *others = others
+    keep, aim, max_heat, max_cooling, max_pumped, resistive, pumped, cooler, idle, *others = others
     per_heat, per_cooling, interior_keeps, interior_takes, interior_gains = others
     fan = 0.0 * air
     powers, shares, temperatures, interiors = [], [], [air], [interior]
@@ -276,12 +276,12 @@ def _control_steps(
         given = air_rate * air + exchange * interior + through * ambient + inflow
         wanted = total * (keep * air + aim) - given
         demand = larger(wanted, 0.0)
-        heat = smaller(demand, most_heat)
-        power = heat * resistive + smaller(heat, most_pumped) * pumped
+        heat = smaller(demand, max_heat)
+        power = heat * resistive + smaller(heat, max_pumped) * pumped
         if some(wanted < 0.0):
             surplus = demand - wanted
             free = smaller((1.0 - fan) * fan_range * larger(air - ambient, 0.0), surplus)
-            cooling = smaller(surplus - free, most_cooling)
+            cooling = smaller(surplus - free, max_cooling)
             # for less than 100 W of cooling the compressor cycles and takes a share of its idle power; a choice
             power = power + larger(cooling * cooler, idle * smaller(cooling * (1.0 / 100.0), 1.0))
             fan = heat * per_heat + smaller((cooling + free) * per_cooling, 1.0)

@@ -27,7 +27,7 @@ from tripwatt.population.prior import Population, Source, population
 from tripwatt.trips import Trip, TripSet
 from tripwatt.uncertainty import ChargeScale
 from tripwatt.uncertainty.conformal import ConformalScores, t4_half_width
-from tripwatt.uncertainty.free_flow import LEAST_TRIPS, FreeFlowTrips
+from tripwatt.uncertainty.free_flow import MIN_TRIPS, FreeFlowTrips
 from tripwatt.uncertainty.scale import T_VARIANCE, TotalScale
 from tripwatt.vehicles import Vehicle
 
@@ -266,11 +266,11 @@ def with_travel_times(
     Returns
     -------
     ForecastModel
-        The base with the new travel times. The base itself if fewer than `tripwatt.uncertainty.free_flow.LEAST_TRIPS` trips have a
+        The base with the new travel times. The base itself if fewer than `tripwatt.uncertainty.free_flow.MIN_TRIPS` trips have a
         speed limit.
     """
     known = [trip for trip in trips if trip.has("speed_limit_m_s")]
-    if len(known) < LEAST_TRIPS:
+    if len(known) < MIN_TRIPS:
         return base
     _, usual = base.fitted_parts("base")
     new = without_trips(base, vehicle, cars)

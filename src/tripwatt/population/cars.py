@@ -14,7 +14,7 @@ from tripwatt.vehicles import Difference, Vehicle, differences, load_vehicle, ve
 from tripwatt.vehicles.catalogue import beyond_classes, mass_range_kg
 from tripwatt.vehicles.spreads import CLASS_ANCHORS
 
-MOST_NAMED: Final = 5
+MAX_NAMED: Final = 5
 """Largest number of changed values that are named; the others are counted."""
 
 _NO_ENERGY: Final = "charging"
@@ -76,9 +76,9 @@ def for_car(
 
 
 def _changed_flags(changes: Sequence[Difference]) -> tuple[Flag, ...]:
-    flags = [Flag("changed_car", d.key, d.change, d.unit) for d in changes[:MOST_NAMED]]
-    if len(changes) > MOST_NAMED:
-        flags.append(Flag("changed_car", "others", float(len(changes) - MOST_NAMED), "1"))
+    flags = [Flag("changed_car", d.key, d.change, d.unit) for d in changes[:MAX_NAMED]]
+    if len(changes) > MAX_NAMED:
+        flags.append(Flag("changed_car", "others", float(len(changes) - MAX_NAMED), "1"))
     return tuple(flags)
 
 

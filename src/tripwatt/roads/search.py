@@ -16,12 +16,12 @@ from tripwatt.routes.web import WebClient, as_remote
 
 KEY: Final = "TRIPWATT_PLACES_KEY"
 LONGEST_TEXT: Final = 200
-MOST_FOUND: Final = 50
+MAX_FOUND: Final = 50
 LONGEST_NAME: Final = 60
 """Largest number of characters of a name that are shown in a message or compared."""
 
-MOST_ASKED: Final = 10
-MOST_NAMED: Final = 5
+MAX_ASKED: Final = 10
+MAX_NAMED: Final = 5
 """Largest numbers of places that are searched for a name, and that are named in a message."""
 
 SAME_LETTERS: Final = 3
@@ -63,7 +63,7 @@ class ServerSearch:
         query = {"q": text[:LONGEST_TEXT], "limit": str(limit), **self.more}
         answer = self.client.get_json(self.path, query)
         with as_remote():
-            return without_twins(self.places(Node(answer, self.client.host)))[: min(limit, MOST_FOUND)]
+            return without_twins(self.places(Node(answer, self.client.host)))[: min(limit, MAX_FOUND)]
 
     @staticmethod
     def places(answer: Node) -> list[Place]:
@@ -169,7 +169,7 @@ def find_place(text: str, search: PlaceSearch | None, where: str, covers: str = 
     if search is None:
         fix = "give latitude and longitude, build a map, or name a search for places by its URL"
         raise InvalidInput.of("names of places are not known", where, text[:60], "47.141, 9.521", fix)
-    matches = search.search(text, limit=MOST_ASKED)
+    matches = search.search(text, limit=MAX_ASKED)
     whole = [place for place in matches if place.is_called(text)]
     others = [place for place in whole if place.kind == whole[0].kind and place.distance_m(whole[0]) > TWIN_M]
     if whole and not others:
@@ -193,7 +193,7 @@ def did_you_mean(places: Sequence[Place]) -> str:
         f"{place.name[:LONGEST_NAME]!r}" + (f" ({place.kind.replace('_', ' ')})" if place.kind else "")
         for place in places
     ]
-    return f"did you mean {' or '.join(list(dict.fromkeys(names))[:MOST_NAMED])}?" if names else ""
+    return f"did you mean {' or '.join(list(dict.fromkeys(names))[:MAX_NAMED])}?" if names else ""
 
 
 def _similar(text: str, search: PlaceSearch) -> list[Place]:

@@ -25,11 +25,11 @@ from tripwatt.units import SECONDS_PER_HOUR
 POINT_EVERY_M: Final = 30_000.0
 """Distance between the points of a road for which the weather is requested [m]: a few cells of a weather model."""
 
-MOST_POINTS: Final = 20
+MAX_POINTS: Final = 20
 KEPT_S: Final = 3600.0
 """Time for which an answer is used again [s]; weather models run every few hours."""
 
-MOST_KEPT: Final = 5000
+MAX_KEPT: Final = 5000
 CELL_DEG: Final = 0.05
 """Size of a cell [°]; places in the same cell share an answer."""
 
@@ -147,7 +147,7 @@ class WeatherServer:
         keys = [_cell(place, hour) for place, hour in zip(places, when, strict=True)]
         now = time.monotonic()
         missing = [key for key in dict.fromkeys(keys) if self._kept.get(key, (-math.inf,))[0] < now - KEPT_S]
-        if len(self._kept) + len(missing) > MOST_KEPT:
+        if len(self._kept) + len(missing) > MAX_KEPT:
             self._kept.clear()
             missing = list(dict.fromkeys(keys))
         if missing:
@@ -215,7 +215,7 @@ def weather_along(
     RemoteError
         As in `source.at`.
     """
-    number = min(max(round(road.distance_m / POINT_EVERY_M), 1), MOST_POINTS)
+    number = min(max(round(road.distance_m / POINT_EVERY_M), 1), MAX_POINTS)
     position = (np.arange(number) + 0.5) / number * road.distance_m
     border = running_sum(road.links.length_m)
     passed = np.interp(position, border, running_sum(road.links.travel_time_s))

@@ -14,7 +14,7 @@ from tripwatt.errors import InvalidInput, excerpt
 from tripwatt.files import read_file, strict_json
 from tripwatt.routes.points import require_few_points, require_on_earth
 
-MOST_BYTES: Final = 64 * 1024 * 1024
+MAX_BYTES: Final = 64 * 1024 * 1024
 """Largest size of one file [bytes]: a GPX point takes about 100."""
 
 
@@ -30,9 +30,9 @@ def content(source: bytes | str | Path, where: str | None = None) -> tuple[bytes
         data, name = source, where or "route"
     else:
         path = Path(source)
-        data, name = read_file(path, MOST_BYTES), where or path.name
-    if len(data) > MOST_BYTES:
-        raise InvalidInput.of("file too large", name, f"{len(data)} bytes", f"at most {MOST_BYTES} bytes")
+        data, name = read_file(path, MAX_BYTES), where or path.name
+    if len(data) > MAX_BYTES:
+        raise InvalidInput.of("file too large", name, f"{len(data)} bytes", f"at most {MAX_BYTES} bytes")
     return data, name
 
 

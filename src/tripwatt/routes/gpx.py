@@ -52,7 +52,7 @@ class _Gpx(XmlTracks):
     root = "gpx"
     kinds = ("trk", "rte")
     texts = ("ele", "time")
-    most_text = 100
+    max_text = 100
     allowed = "a GPX document with a trk or rte of two points"
 
     place = ""

@@ -15,8 +15,8 @@ import pandas as pd
 
 from tripwatt.arrays import BoolArray, FloatArray, running_sum
 from tripwatt.errors import (
-    MOST_FAULTS,
-    MOST_HINTS,
+    MAX_FAULTS,
+    MAX_HINTS,
     Fault,
     InvalidInput,
     and_more,
@@ -24,7 +24,7 @@ from tripwatt.errors import (
     first_faults,
     raise_faults,
 )
-from tripwatt.routes.links import FLAT_ROAD, MOST_LINKS, LinkRoute
+from tripwatt.routes.links import FLAT_ROAD, MAX_LINKS, LinkRoute
 from tripwatt.trips import LINK_COLUMNS, STEEPEST_GRADE, Flag
 from tripwatt.trips.elevation import HEIGHT_NOISE_M
 from tripwatt.trips.headers import header_faults, same_quantity
@@ -72,7 +72,7 @@ def route_from_links(links: Iterable[Mapping[str, float | None]] | pd.DataFrame)
     if isinstance(links, pd.DataFrame):
         raise_faults(link_header_faults([*map(str, links)], "links"))
         rows = links.astype(object).where(links.notna(), None).to_dict("records")
-    columns, faults = columns_of_links(list(itertools.islice(rows, MOST_LINKS + 1)))
+    columns, faults = columns_of_links(list(itertools.islice(rows, MAX_LINKS + 1)))
     raise_faults(faults)
     return route_of_columns(columns)
 
@@ -170,8 +170,8 @@ def columns_of_links(links: Sequence[object], where: str = "") -> tuple[dict[str
     if not links:
         raise InvalidInput.of("no links", "links", "0", "at least one link")
     wrong = _Faults(where)
-    if len(links) > MOST_LINKS:
-        got, allowed = f"more than {MOST_LINKS}", f"at most {MOST_LINKS}"
+    if len(links) > MAX_LINKS:
+        got, allowed = f"more than {MAX_LINKS}", f"at most {MAX_LINKS}"
         wrong.faults.append(Fault("too many links", "links", got, allowed))
     no_link = np.array([not isinstance(link, Mapping) for link in links])
     allowed = "an object with length_m and speed_m_s"
@@ -189,7 +189,7 @@ def columns_of_links(links: Sequence[object], where: str = "") -> tuple[dict[str
     allowed = f"-{STEEPEST_GRADE} to {STEEPEST_GRADE}"
     for key, grade, more in (("grade", columns["grade"], 0.0), ("end_elevation_m", slope, noise)):
         wrong.add("grade out of range", np.abs(grade) > STEEPEST_GRADE + more, key, _shown(grade), allowed)
-    return columns, first_faults(wrong.faults, "links", MOST_FAULTS + 1)
+    return columns, first_faults(wrong.faults, "links", MAX_FAULTS + 1)
 
 
 def _shown(values: FloatArray) -> Callable[[int], str]:
@@ -234,11 +234,11 @@ def _unknown_keys(rows: Sequence[Mapping[str, Any]], wrong: _Faults) -> None:
                 if key not in _KNOWN:
                     unknown.setdefault(key, []).append(k)
     allowed = ", ".join(LINK_KEYS)
-    for number, (name, where) in enumerate(itertools.islice(unknown.items(), MOST_FAULTS)):
-        hint, got = key_hint(name) if number < MOST_HINTS else "", dict.fromkeys(where, excerpt(name))
+    for number, (name, where) in enumerate(itertools.islice(unknown.items(), MAX_FAULTS)):
+        hint, got = key_hint(name) if number < MAX_HINTS else "", dict.fromkeys(where, excerpt(name))
         wrong.add("unknown key", where, "", got.__getitem__, allowed, hint)
-    if len(unknown) > MOST_FAULTS:
-        wrong.faults.append(Fault("unknown key", "links", f"{len(unknown) - MOST_FAULTS} more", allowed))
+    if len(unknown) > MAX_FAULTS:
+        wrong.faults.append(Fault("unknown key", "links", f"{len(unknown) - MAX_FAULTS} more", allowed))
 
 
 def _numbers(values: Sequence[object], key: str, wrong: _Faults) -> FloatArray:

@@ -8,7 +8,7 @@ import itertools
 
 from tripwatt.errors import Fault, InvalidInput, first_faults, raise_faults
 from tripwatt.routes.link_objects import columns_of_links, link_header_faults, route_of_columns
-from tripwatt.routes.links import MOST_LINKS, LinkRoute
+from tripwatt.routes.links import MAX_LINKS, LinkRoute
 from tripwatt.trips.headers import DELIMITERS
 
 
@@ -67,7 +67,7 @@ def route_from_table(data: bytes, where: str = "links") -> LinkRoute:
         names, delimiter = _cells(text.partition("\n")[0])
         reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter)
         filled = (row for row in itertools.islice(reader, 1, None) if any(cell.strip() for cell in row))
-        rows = list(itertools.islice(filled, MOST_LINKS + 1))
+        rows = list(itertools.islice(filled, MAX_LINKS + 1))
     except (UnicodeDecodeError, csv.Error) as error:
         raise InvalidInput.of("not a table", where, str(error)[:120], "CSV in UTF-8") from error
     raise_faults(link_header_faults(names, where))

@@ -15,13 +15,13 @@ from tripwatt.errors import Fault, InvalidInput, and_more
 from tripwatt.routes.profile import LinkStyle, link_profile
 from tripwatt.trips import COLUMNS, LINK_COLUMNS, Flag, Plan, Recorded, raise_faults, table_of
 
-MOST_LINKS: Final = 200_000
+MAX_LINKS: Final = 200_000
 """Largest number of links in one route; a router response may have one for each piece between two nodes of the map."""
 
-MOST_TRAVEL_TIME_S: Final = LINK_COLUMNS["travel_time_s"].maximum
+MAX_TRAVEL_TIME_S: Final = LINK_COLUMNS["travel_time_s"].maximum
 """Longest travel time [s]: no battery lasts longer without a charge."""
 
-MOST_SAMPLES: Final = 2_000_000
+MAX_SAMPLES: Final = 2_000_000
 """Largest number of samples in one planned trip."""
 
 FASTEST_LINK_M_S: Final = LINK_COLUMNS["speed_m_s"].maximum
@@ -137,8 +137,8 @@ class LinkRoute:
 
 def _route_faults(route: LinkRoute) -> Iterator[Fault]:
     n_links = len(route.length_m)
-    if not 1 <= n_links <= MOST_LINKS:
-        yield Fault("number of links out of range", "links", f"{n_links}", f"1 to {MOST_LINKS}")
+    if not 1 <= n_links <= MAX_LINKS:
+        yield Fault("number of links out of range", "links", f"{n_links}", f"1 to {MAX_LINKS}")
         return
     for name, values, sound, allowed in _link_rules(route):
         if values.shape != route.length_m.shape:
@@ -150,8 +150,8 @@ def _route_faults(route: LinkRoute) -> Iterator[Fault]:
             yield Fault("link out of range", where, got, allowed)
     with np.errstate(over="ignore"):
         total = float(route.travel_time_s.sum())
-    if total > MOST_TRAVEL_TIME_S:
-        yield Fault("route takes too long", "links", f"{total:g} s", f"at most {MOST_TRAVEL_TIME_S:g} s")
+    if total > MAX_TRAVEL_TIME_S:
+        yield Fault("route takes too long", "links", f"{total:g} s", f"at most {MAX_TRAVEL_TIME_S:g} s")
     if route.elevation_m is not None:
         column = COLUMNS["elevation_m"]
         wrong = ~((route.elevation_m >= column.minimum) & (route.elevation_m <= column.maximum))
@@ -170,8 +170,8 @@ def _link_rules(route: LinkRoute) -> Iterator[tuple[str, FloatArray, BoolArray, 
     fastest = FASTEST_LINK_M_S
     sound = (length >= SHORTEST_LINK_M) & (length <= LONGEST_LINK_M)
     yield "length_m", length, sound, f"{SHORTEST_LINK_M:g} to {LONGEST_LINK_M:g} m"
-    sound = (time > 0) & (time <= MOST_TRAVEL_TIME_S)
-    yield "travel_time_s", time, sound, f"more than 0, at most {MOST_TRAVEL_TIME_S:g} s"
+    sound = (time > 0) & (time <= MAX_TRAVEL_TIME_S)
+    yield "travel_time_s", time, sound, f"more than 0, at most {MAX_TRAVEL_TIME_S:g} s"
     yield "speed_m_s", speed, ~(speed > fastest), f"at most {fastest:g} m/s"
     yield "stop_s", stop, ~((stop < 0) | (stop >= time)), "0 s to less than the travel time"
     for name, values in (("moving_speed_m_s", moving), ("speed_limit_m_s", limit)):
@@ -276,7 +276,7 @@ def plan_from_links(
     >>> plan.duration_s, round(plan.distance_m), plan.flags[0].code
     (80.0, 1000, 'no_elevation')
     """
-    finest = max(route.duration_s / MOST_SAMPLES, 1e-3)
+    finest = max(route.duration_s / MAX_SAMPLES, 1e-3)
     if not (math.isfinite(step_s) and step_s >= finest):
         raise InvalidInput.of("step out of range", "step_s", f"{step_s}", f"{finest:g} s or more")
     route = _uncut(route)

@@ -13,7 +13,7 @@ from tripwatt.errors import Fault, InvalidInput, and_more, raise_faults
 EARTH_RADIUS_M: Final = 6_371_008.8
 """Mean radius of the earth (IUGG, GRS 80)."""
 
-MOST_POINTS: Final = 500_000
+MAX_POINTS: Final = 500_000
 """Largest number of points in one route: 139 hours at one point a second."""
 
 
@@ -58,9 +58,9 @@ def distances_m(points: FloatArray, total_m: float | None = None) -> FloatArray:
 
 
 def require_few_points(number: int, where: str) -> None:
-    """Raise `InvalidInput` if there are more points than `MOST_POINTS`."""
-    if number > MOST_POINTS:
-        raise InvalidInput.of("too many points", where, f"{number}", f"at most {MOST_POINTS}")
+    """Raise `InvalidInput` if there are more points than `MAX_POINTS`."""
+    if number > MAX_POINTS:
+        raise InvalidInput.of("too many points", where, f"{number}", f"at most {MAX_POINTS}")
 
 
 def require_on_earth(latitude_deg: FloatArray, longitude_deg: FloatArray, where: str) -> None:

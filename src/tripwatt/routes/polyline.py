@@ -6,7 +6,7 @@ import numpy as np
 
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import InvalidInput
-from tripwatt.routes.points import MOST_POINTS, require_on_earth
+from tripwatt.routes.points import MAX_POINTS, require_on_earth
 
 
 def decode_polyline(text: str, where: str, *, precision: float = 1e5, dimensions: int = 2) -> FloatArray:
@@ -27,7 +27,7 @@ def decode_polyline(text: str, where: str, *, precision: float = 1e5, dimensions
     Raises
     ------
     InvalidInput
-        When the text is not an encoded polyline, or has more than `MOST_POINTS` points.
+        When the text is not an encoded polyline, or has more than `MAX_POINTS` points.
 
     Examples
     --------
@@ -35,8 +35,8 @@ def decode_polyline(text: str, where: str, *, precision: float = 1e5, dimensions
     array([[  38.5 , -120.2 ],
            [  40.7 , -120.95]])
     """
-    if len(text) > 32 * MOST_POINTS:
-        raise InvalidInput.of("polyline too long", where, f"{len(text)} characters", f"{32 * MOST_POINTS}")
+    if len(text) > 32 * MAX_POINTS:
+        raise InvalidInput.of("polyline too long", where, f"{len(text)} characters", f"{32 * MAX_POINTS}")
     chunks = np.frombuffer(text.encode("utf-32-le", "surrogatepass"), dtype=np.uint32).astype(np.int64) - 63
     ends = np.flatnonzero(chunks < 0x20)  # the last character of each number lacks the bit for "more follow"
     starts = np.concatenate(([0], ends + 1))

@@ -29,7 +29,7 @@ LONGEST_STREET_M: Final = 2000.0
 """Link length [m] above which the street speed no longer grows: twice the longest links of its fit. A longer link has at least
 one disturbance per such length, as several links of this length would have."""
 
-MOST_OVER_MEAN_M_S: Final = 8.0
+MAX_OVER_MEAN_M_S: Final = 8.0
 """Largest difference between free speed and mean speed [m/s]. This and the next two constants come from the driving schedules that
 were made of recorded driving (`docs/decisions/forecast-11-even-links.md`)."""
 
@@ -111,7 +111,7 @@ class LinkStyle:
         """Speed between two disturbances [m/s] on each link, shape of `length_m`.
 
         This is the power mean of the mean speed and a street speed that grows with the length, but at most
-        `MOST_OVER_MEAN_M_S` above the mean speed, and nearer to the mean speed on fast roads (`undisturbed_speed`).
+        `MAX_OVER_MEAN_M_S` above the mean speed, and nearer to the mean speed on fast roads (`undisturbed_speed`).
 
         Parameters
         ----------
@@ -134,7 +134,7 @@ class LinkStyle:
         reach = np.minimum(length_m, LONGEST_STREET_M) / 250.0
         street = self.street_speed_m_s * reach**self.length_exponent
         free = (street**self.sharpness + speed_m_s**self.sharpness) ** (1.0 / self.sharpness)
-        return undisturbed_speed(speed_m_s, np.minimum(free, speed_m_s + MOST_OVER_MEAN_M_S))
+        return undisturbed_speed(speed_m_s, np.minimum(free, speed_m_s + MAX_OVER_MEAN_M_S))
 
 
 def undisturbed_speed(mean_m_s: FloatArray, free_m_s: FloatArray) -> FloatArray:
@@ -270,7 +270,7 @@ class Course:
         # at both ends of the route the car stands anyway: the time left over is spent there
         at_rest = np.zeros(n, dtype=bool)
         at_rest[[0, -1]] = np.isnan(stop[[0, -1]])
-        self.most_delay = np.where(at_rest & (dips == 0), 0.0, most)
+        self.max_delay = np.where(at_rest & (dips == 0), 0.0, most)
         self.ramp = ramp_speeds(self.position, self.ends, np.minimum(self.free, HURRY * mean + 2.0), style)
         for side in (self.ramp[1:], self.ramp[:-1]):
             np.minimum(side, self.limit[self.link], out=side)
@@ -281,7 +281,7 @@ class Course:
         A negative delay means more speed and firmer acceleration and braking. A positive delay slows the car down at the dips
         of the link; on a link without dips it lowers the speed throughout.
         """
-        has_dip = self.most_delay == 1.0
+        has_dip = self.max_delay == 1.0
         share = np.where(has_dip, 1.0 - np.minimum(delay, 0.0), 1.0 - delay)
         cruise = np.minimum(self.free * share, self.fastest)
         effort = np.minimum(self.style.comfort * (1.0 + FIRMER * np.maximum(-delay, 0.0)), 1.0)
@@ -302,7 +302,7 @@ class Course:
         The secant method is used. Neighbouring links influence each other, so a secant may mislead: a delay changes at most by
         a step, which grows while the sign of the link's error is the same and is halved when the sign changes.
         """
-        delay = np.where(self.most_delay == 1.0, 0.4, 0.0)
+        delay = np.where(self.max_delay == 1.0, 0.4, 0.0)
         least = np.minimum(1.0 - self.fastest / self.free, (1.0 - 1.0 / self.style.comfort) / FIRMER)
         # a choice: links of 250 m and of 1 km then take the fewest passes
         step = np.full(delay.shape, 0.12)
@@ -318,7 +318,7 @@ class Course:
             # settled: in tolerance, or early with a stop in which the car can wait, or late and as fast as possible
             settled = (
                 (np.abs(late) <= tolerance)
-                | ((late < 0) & (delay >= self.most_delay) & self.can_wait)
+                | ((late < 0) & (delay >= self.max_delay) & self.can_wait)
                 | ((late > 0) & (delay <= least))
             )
             if settled.all():
@@ -327,15 +327,15 @@ class Course:
             with np.errstate(divide="ignore", invalid="ignore"):
                 wanted = np.where(slope > 0, np.abs(late) / slope, step)
             wanted = np.where(settled, 0.0, -np.sign(late) * np.minimum(wanted, step))
-            new = np.clip(delay + wanted, least, self.most_delay)
+            new = np.clip(delay + wanted, least, self.max_delay)
             change, before, delay = new - delay, late, new
         return speed, driving_s
 
     @property
     def can_wait(self) -> BoolArray:
         """Whether each link has a place at which the car can wait."""
-        can = np.equal(self.most_delay, 1.0)
-        can[[0, -1]] |= self.most_delay[[0, -1]] == 0.0
+        can = np.equal(self.max_delay, 1.0)
+        can[[0, -1]] |= self.max_delay[[0, -1]] == 0.0
         return can
 
     @property

@@ -45,7 +45,7 @@ class Terrain:
         Median over roads of the standard deviation of the net climb over 10 km [m].
     spread : float
         Standard deviation of the logarithm of that scale between roads.
-    most_m : float
+    max_m : float
         Largest net climb of any such road [m].
     share : float
         Share of the roads of unknown terrain that are of this kind.
@@ -53,7 +53,7 @@ class Terrain:
 
     scale_m: float
     spread: float
-    most_m: float
+    max_m: float
     share: float
 
 
@@ -69,7 +69,7 @@ class NetClimbs:
         Mean scale of the roads with this climb [m]: roads that end far above or below their start are in rougher country.
     weights : ndarray, shape (scenarios,)
         Probability of each scenario; the sum is 1.
-    most_m : float
+    max_m : float
         Largest net climb of any road of this terrain [m].
 
     Examples
@@ -84,11 +84,11 @@ class NetClimbs:
     over_10_km_m: FloatArray
     scale_m: FloatArray
     weights: FloatArray
-    most_m: float
+    max_m: float
 
     def limit(self, distance_m: FloatArray | float) -> FloatArray:
         """Largest net climb of a road of a given length [m]."""
-        return np.minimum(STEEPEST * np.asarray(distance_m, dtype=np.float64), self.most_m)
+        return np.minimum(STEEPEST * np.asarray(distance_m, dtype=np.float64), self.max_m)
 
     def net_m(self, distance_m: FloatArray) -> FloatArray:
         """Net climb of each scenario up to each distance [m], shape (scenarios, distances)."""
@@ -179,4 +179,4 @@ def net_climbs(terrain: str = "unknown", without: str | None = None) -> NetClimb
     size = np.interp(np.abs(2.0 * middle - 1.0), normal @ shares, grid)
     density = shares / scales * np.exp(-0.5 * (size[:, None] / scales) ** 2)
     rough = (density @ scales) / density.sum(axis=1)
-    return NetClimbs(np.sign(middle - 0.5) * size, rough, np.diff(edges), max(kind.most_m for kind in chosen))
+    return NetClimbs(np.sign(middle - 0.5) * size, rough, np.diff(edges), max(kind.max_m for kind in chosen))

@@ -15,8 +15,8 @@ from tripwatt.errors import Fault, InvalidInput, and_more, excerpt, raise_faults
 from tripwatt.routes.links import (
     FASTEST_LINK_M_S,
     FLAT_ROAD,
-    MOST_SAMPLES,
-    MOST_TRAVEL_TIME_S,
+    MAX_SAMPLES,
+    MAX_TRAVEL_TIME_S,
     SHORTEST_LINK_M,
     LinkRoute,
 )
@@ -36,7 +36,7 @@ STANDING_M_S: Final = 0.5
 TRACK_LINK_M: Final = 100.0
 """Points of a sparse or timeless track are joined until a link has this length."""
 
-MOST_IN_GAPS: Final = 0.25
+MAX_IN_GAPS: Final = 0.25
 """Largest share of the length of a logged track that may lie in gaps between its points."""
 
 EARLIEST_YEAR, LATEST_YEAR = 1970, 2199
@@ -103,8 +103,8 @@ class Track:
                 where = f"track, point {back[0] + 2}"
                 yield Fault("time decreases", where, got, "times that never decrease")
             span = float(self.time_s[-1] - self.time_s[0])
-            if not 0 < span <= MOST_TRAVEL_TIME_S:
-                allowed = f"more than 0, at most {MOST_TRAVEL_TIME_S:g} s"
+            if not 0 < span <= MAX_TRAVEL_TIME_S:
+                allowed = f"more than 0, at most {MAX_TRAVEL_TIME_S:g} s"
                 yield Fault("duration out of range", "track", f"{span:g} s", allowed)
         if not float(self.step_m.sum()) > 0:
             yield Fault("track has no length", "track", "0 m", "two different places")
@@ -256,16 +256,16 @@ def _moving_gaps(time_s: FloatArray, driven_m: FloatArray) -> tuple[Flag, ...]:
     Raises
     ------
     InvalidInput
-        When more than the share `MOST_IN_GAPS` of the distance lies in gaps.
+        When more than the share `MAX_IN_GAPS` of the distance lies in gaps.
     """
     step, way = np.diff(time_s), np.diff(driven_m)
     gaps = (step > SHORTEST_GAP_S) & (way >= STANDING_M_S * step)
     if not gaps.any():
         return ()
     share = float(way[gaps].sum() / driven_m[-1])
-    if share > MOST_IN_GAPS:
+    if share > MAX_IN_GAPS:
         got = f"{share:.0%} of the way in gaps of up to {step[gaps].max():g} s"
-        allowed = f"at most {MOST_IN_GAPS:.0%} in gaps over {SHORTEST_GAP_S:g} s"
+        allowed = f"at most {MAX_IN_GAPS:.0%} in gaps over {SHORTEST_GAP_S:g} s"
         raise InvalidInput.of("gaps in the track", "track", got, allowed, "give the whole track")
     return (Flag("gap_bridged", "speed_m_s", float(step[gaps].sum()), "s"),)
 
@@ -325,9 +325,9 @@ def plan_from_track(track: Track, *, trip_id: str = "track", step_s: float = 1.0
     last = np.append(np.flatnonzero(keep)[1:], len(track)) - 1
     known_s, driven = track.time_s[keep], track.position_m[last]
     span = float(known_s[-1])
-    finest = max(span / MOST_SAMPLES, 1e-3)
-    if not finest <= step_s <= MOST_TRAVEL_TIME_S:
-        allowed = f"{finest:g} to {MOST_TRAVEL_TIME_S:g} s"
+    finest = max(span / MAX_SAMPLES, 1e-3)
+    if not finest <= step_s <= MAX_TRAVEL_TIME_S:
+        allowed = f"{finest:g} to {MAX_TRAVEL_TIME_S:g} s"
         raise InvalidInput.of("step out of range", "step_s", f"{step_s}", allowed)
     time = np.arange(max(math.ceil(span / step_s - 1e-9), 1) + 1, dtype=np.float64) * step_s
     before, after = np.maximum(time - WINDOW_S, 0.0), np.minimum(time + WINDOW_S, span)

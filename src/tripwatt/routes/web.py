@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 TOTAL_TIMEOUT_S: Final = 15.0
 """Longest time [s] of one request with its retries and its answer."""
 
-MOST_ANSWER_BYTES: Final = 32 * 1024 * 1024
+MAX_ANSWER_BYTES: Final = 32 * 1024 * 1024
 """Largest answer [bytes]: a route of 10,000 km with all its points has less."""
 
 ATTEMPTS: Final = 3
@@ -212,8 +212,8 @@ class WebClient:
         parts, size = [], 0
         for part in response.iter_bytes():
             size += len(part)
-            if size > MOST_ANSWER_BYTES:
-                raise RemoteError.of("answer too large", self.host, f"more than {MOST_ANSWER_BYTES} bytes")
+            if size > MAX_ANSWER_BYTES:
+                raise RemoteError.of("answer too large", self.host, f"more than {MAX_ANSWER_BYTES} bytes")
             if time.monotonic() > deadline:
                 raise httpx.ReadTimeout("slow answer", request=request)
             parts.append(part)

@@ -13,7 +13,7 @@ import numpy as np
 
 from tripwatt.errors import InvalidInput
 from tripwatt.routes.links import first_of
-from tripwatt.routes.points import MOST_POINTS
+from tripwatt.routes.points import MAX_POINTS
 from tripwatt.routes.tracks import Track, times_of
 
 DEEPEST_XML: Final = 64
@@ -66,7 +66,7 @@ class XmlTracks:
     texts: ClassVar[tuple[str, ...]]
     """Elements whose text is read."""
 
-    most_text: ClassVar[float] = math.inf
+    max_text: ClassVar[float] = math.inf
     """After this many characters of an element's text, further parts of it are left out."""
 
     allowed: ClassVar[str]
@@ -92,11 +92,11 @@ class XmlTracks:
         Raises
         ------
         InvalidInput
-            When there are more than `MOST_POINTS`.
+            When there are more than `MAX_POINTS`.
         """
         self.number += 1
-        if self.number > MOST_POINTS:
-            got, allowed = f"more than {MOST_POINTS}", f"at most {MOST_POINTS}"
+        if self.number > MAX_POINTS:
+            got, allowed = f"more than {MAX_POINTS}", f"at most {MAX_POINTS}"
             raise InvalidInput.of("too many points", self.name, got, allowed)
         return f"{self.name}, point {self.number}"
 
@@ -156,7 +156,7 @@ class XmlTracks:
         self.started(tag, attributes)
 
     def _add_text(self, text: str) -> None:
-        if self.path[-1] in self.texts and self._characters < self.most_text:
+        if self.path[-1] in self.texts and self._characters < self.max_text:
             self._text.append(text)
             self._characters += len(text)
 

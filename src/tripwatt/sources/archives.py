@@ -21,18 +21,18 @@ from tripwatt.containers import CELLS, LIMITS, TABLES, Budget, open_archive
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.files import move_new, read_file
 from tripwatt.sources.columnar import PARQUET, SUFFIXES, require_small_columns
-from tripwatt.sources.delimited import MOST_COLUMNS
+from tripwatt.sources.delimited import MAX_COLUMNS
 from tripwatt.sources.workbooks import read_workbook
 
 ARCHIVE: Final = ".zip"
 WORKBOOK: Final = ".xlsx"
-MOST_FILES: Final = 2000
+MAX_FILES: Final = 2000
 """Largest number of tables in an archive."""
 
-LEAST_NAMES: Final = 2
+MIN_NAMES: Final = 2
 """Least number of texts in the header row of a sheet."""
 
-MOST_LEADING_ROWS: Final = 50
+MAX_LEADING_ROWS: Final = 50
 """Number of first rows of a sheet in which the header is searched."""
 
 LONGEST_STEM: Final = 80
@@ -78,7 +78,7 @@ def unpack(
     Raises
     ------
     InvalidInput
-        When the file holds no table, is damaged, or exceeds `MOST_FILES` tables or the limits.
+        When the file holds no table, is damaged, or exceeds `MAX_FILES` tables or the limits.
 
     Examples
     --------
@@ -209,9 +209,9 @@ def _members(place: Path, data: bytes, budget: Budget) -> Iterator[tuple[str, by
     try:
         archive = open_archive(data, budget)
         tables = [entry for entry in archive.infolist() if _is_table(entry.filename)]
-        if len(tables) > MOST_FILES:
+        if len(tables) > MAX_FILES:
             got = f"{len(tables)} tables"
-            raise InvalidInput.of("too many files", f"{place}", got, f"at most {MOST_FILES}")
+            raise InvalidInput.of("too many files", f"{place}", got, f"at most {MAX_FILES}")
         for entry in tables:
             budget.take(TABLES, 0 if entry.filename.lower().endswith(WORKBOOK) else entry.file_size)
             yield entry.filename, archive.open(entry).read(entry.file_size + 1)
@@ -232,12 +232,12 @@ def _from_workbook(place: Path, data: bytes, folder: Path, budget: Budget) -> It
 
 def _write_table(rows: Iterator[list[Any]], folder: Path, budget: Budget) -> tuple[int, Path]:
     """Write the rows of a sheet as CSV from the header on, cut to the width of the header; return the number of rows, and the file."""
-    head = list(itertools.islice(filter(_is_filled, rows), MOST_LEADING_ROWS))
+    head = list(itertools.islice(filter(_is_filled, rows), MAX_LEADING_ROWS))
     made, count = folder / f"{len(list(folder.iterdir()))}", 0
     for k, row in enumerate(head):
         names, below = _names_in(row), _names_in(head[k + 1]) if k + 1 < len(head) else 0
-        if names >= LEAST_NAMES and below <= names:  # a title has fewer cells than the header below it
-            width = min(max(i + 1 for i, cell in enumerate(row) if cell is not None), MOST_COLUMNS)
+        if names >= MIN_NAMES and below <= names:  # a title has fewer cells than the header below it
+            width = min(max(i + 1 for i, cell in enumerate(row) if cell is not None), MAX_COLUMNS)
             with made.open("w", encoding="utf-8", newline="") as text:
                 writer = csv.writer(text, lineterminator="\n")
                 for row in itertools.chain(head[k:], filter(_is_filled, rows)):

@@ -16,7 +16,7 @@ from tripwatt.sources.delimited import open_delimited
 from tripwatt.trips import COLUMNS, REQUIRED_COLUMNS, is_sound, structure_faults, table_of, value_faults
 from tripwatt.trips.headers import header_faults, same_quantity
 
-LEAST_SAMPLES: Final = 3
+MIN_SAMPLES: Final = 3
 """Least number of samples of a drive."""
 
 ALSO_KNOWN: Final = ("observed_energy_wh",)
@@ -24,7 +24,7 @@ ALSO_KNOWN: Final = ("observed_energy_wh",)
 
 
 def read_canonical(
-    path: Path | str, *, required: Sequence[str] = REQUIRED_COLUMNS, least: int = LEAST_SAMPLES
+    path: Path | str, *, required: Sequence[str] = REQUIRED_COLUMNS, least: int = MIN_SAMPLES
 ) -> pd.DataFrame:
     """Read the samples of one trip from a CSV or Parquet file with the columns of `tripwatt.trips.COLUMNS`.
 
@@ -70,7 +70,7 @@ def canonical_of_text(content: bytes, where: str = "table") -> pd.DataFrame:
     [0.0, 2.5, 4.0]
     """
     table = CsvTable(Path(where), (open_delimited(Path(where), content),))
-    return _samples_of(table, where, REQUIRED_COLUMNS, LEAST_SAMPLES)
+    return _samples_of(table, where, REQUIRED_COLUMNS, MIN_SAMPLES)
 
 
 def canonical_samples(
@@ -78,7 +78,7 @@ def canonical_samples(
     where: str = "samples",
     *,
     required: Sequence[str] = REQUIRED_COLUMNS,
-    least: int = LEAST_SAMPLES,
+    least: int = MIN_SAMPLES,
 ) -> pd.DataFrame:
     """Check columns in memory by the rules of `read_canonical`, and return them as samples of a trip. O(samples x columns).
 

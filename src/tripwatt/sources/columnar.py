@@ -16,11 +16,11 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray
-from tripwatt.containers import MOST_CONTENT_BYTES
+from tripwatt.containers import MAX_CONTENT_BYTES
 from tripwatt.errors import Fault, InvalidInput, require_extras
 from tripwatt.files import read_file
 from tripwatt.sources.delimited import (
-    MOST_COLUMNS,
+    MAX_COLUMNS,
     Delimited,
     even_rows,
     open_delimited,
@@ -42,9 +42,9 @@ Rows = TypeVar("Rows", bound=Sized)
 
 PARQUET: Final = ".parquet"
 SUFFIXES: Final = (".csv", ".tsv", ".txt", PARQUET)
-MOST_ROWS: Final = 500_000
-"""Largest number of rows in a Parquet file with less than `LEAST_ROW_BYTES` a row; equal values take almost no space there."""
-LEAST_ROW_BYTES: Final = 4
+MAX_ROWS: Final = 500_000
+"""Largest number of rows in a Parquet file with less than `MIN_ROW_BYTES` a row; equal values take almost no space there."""
+MIN_ROW_BYTES: Final = 4
 """Least number of bytes that a row of measurements takes in a Parquet file."""
 INDEX: Final = re.compile(r"__index_level_\d+__")
 """Names of the columns in which pandas keeps the index of a table."""
@@ -152,7 +152,7 @@ class ParquetTable:
         return {}
 
     def read(self, name: str) -> pa.ChunkedArray:
-        """Read one column, if neither its pages nor the texts of its rows exceed `MOST_CONTENT_BYTES`.
+        """Read one column, if neither its pages nor the texts of its rows exceed `MAX_CONTENT_BYTES`.
 
         Raises
         ------
@@ -168,7 +168,7 @@ class ParquetTable:
                 raise TypeError("values that are neither numbers, times nor texts")
             if self.values[name] != rows:
                 raise ValueError(f"{self.values[name]} values of {name!r} in {rows} rows")
-            if size <= MOST_CONTENT_BYTES:
+            if size <= MAX_CONTENT_BYTES:
                 # texts are read as a dictionary, so that a text that is in every row is held once
                 column = self.file.read(columns=[name], use_threads=False)[name]
                 size = sum(map(_text_size, column.chunks))
@@ -176,9 +176,9 @@ class ParquetTable:
             raise
         except (*UNFOLLOWED, OSError, pa.ArrowException) as error:
             raise InvalidInput(_unreadable(self.path, error)) from error
-        if column is None or size > MOST_CONTENT_BYTES:
+        if column is None or size > MAX_CONTENT_BYTES:
             got = f"{size} bytes when inflated"
-            raise InvalidInput.of("column too large", where, got, f"at most {MOST_CONTENT_BYTES} bytes")
+            raise InvalidInput.of("column too large", where, got, f"at most {MAX_CONTENT_BYTES} bytes")
         return column
 
     def _column(self, name: str) -> pd.Series:
@@ -283,11 +283,11 @@ def _open_parquet(path: Path, faults: list[Fault] | None) -> ParquetTable:
     except (*UNFOLLOWED, OSError, pa.ArrowException) as error:
         raise InvalidInput(_unreadable(path, error)) from error
     rows, columns = file.metadata.num_rows, file.metadata.num_columns
-    most_rows = max(MOST_ROWS, len(content) // LEAST_ROW_BYTES)
-    size, most = sum(inflated.values()), MOST_CONTENT_BYTES * max(min(columns, len(content) >> 20), 1)
-    if rows > most_rows or columns > MOST_COLUMNS or size > most:
+    max_rows = max(MAX_ROWS, len(content) // MIN_ROW_BYTES)
+    size, most = sum(inflated.values()), MAX_CONTENT_BYTES * max(min(columns, len(content) >> 20), 1)
+    if rows > max_rows or columns > MAX_COLUMNS or size > most:
         got = f"{rows} rows of {columns} columns in {len(content)} bytes, {size} when inflated"
-        allowed = f"at most {most_rows} rows of {MOST_COLUMNS} columns, {most} bytes when inflated"
+        allowed = f"at most {max_rows} rows of {MAX_COLUMNS} columns, {most} bytes when inflated"
         raise InvalidInput.of("Parquet file too large", f"{path}", got, allowed)
     return ParquetTable(path, file, values, inflated, faults)
 

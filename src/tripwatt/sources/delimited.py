@@ -27,15 +27,15 @@ from tripwatt.trips.headers import DELIMITERS
 
 LARGEST_NUMBER: Final = 1e15
 """Largest number accepted in any unit; time stamps in milliseconds since 1970 are about 2e12."""
-MOST_HEADER_BYTES: Final = 1_000_000
+MAX_HEADER_BYTES: Final = 1_000_000
 """Longest header [bytes]."""
-MOST_COLUMNS: Final = 10_000
+MAX_COLUMNS: Final = 10_000
 """Largest number of columns; loggers write up to some hundreds."""
-MOST_TITLE_LINES: Final = 50
+MAX_TITLE_LINES: Final = 50
 """Number of first lines in which the header is searched."""
-MOST_SECTIONS: Final = 2000
+MAX_SECTIONS: Final = 2000
 """Largest number of further headers in one file."""
-MOST_CUT_SHARE: Final = 0.05
+MAX_CUT_SHARE: Final = 0.05
 """If more than this share of the rows has the same number of cells, below that of the header, the logger leaves out empty cells at
 the end; rarer short rows were cut off."""
 SHOWN_ROWS: Final = 5
@@ -168,23 +168,23 @@ def _header(path: Path, data: bytes) -> tuple[int, int, str, tuple[str, ...] | N
     """
     offset, stated = 0, ""
     head: list[tuple[int, int, str]] = []
-    lines = data[: 2 * MOST_HEADER_BYTES].split(b"\n", MOST_TITLE_LINES)[:MOST_TITLE_LINES]
+    lines = data[: 2 * MAX_HEADER_BYTES].split(b"\n", MAX_TITLE_LINES)[:MAX_TITLE_LINES]
     for line, raw in enumerate(lines, start=1):
-        if len(raw) > MOST_HEADER_BYTES:
+        if len(raw) > MAX_HEADER_BYTES:
             got = f"a first line of {len(raw)} bytes"
-            raise InvalidInput.of("header too long", f"{path}", got, f"at most {MOST_HEADER_BYTES} bytes")
+            raise InvalidInput.of("header too long", f"{path}", got, f"at most {MAX_HEADER_BYTES} bytes")
         text = decode(raw).strip("\r\n")
         if text.lower().startswith("sep=") and len(text) == len("sep=") + 1:
             stated = text[-1]
-        elif text.strip() and len(head) < MOST_TITLE_LINES:
+        elif text.strip() and len(head) < MAX_TITLE_LINES:
             head.append((offset, line, text))
         offset += len(raw) + 1
     for (offset, line, text), (_, _, below) in zip(head, [*head[1:], head[-1]], strict=True):
         delimiter = stated or max(DELIMITERS, key=text.count)
         cells = tuple(cell.strip() for cell in fields_of(text, delimiter))
-        if text.count(delimiter) >= MOST_COLUMNS:
+        if text.count(delimiter) >= MAX_COLUMNS:
             got = f"{text.count(delimiter) + 1} columns"
-            raise InvalidInput.of("too many columns", f"{path}", got, f"at most {MOST_COLUMNS}")
+            raise InvalidInput.of("too many columns", f"{path}", got, f"at most {MAX_COLUMNS}")
         if len([cell for cell in cells if cell]) > 1 and not _is_title(cells, below, delimiter):
             return offset, line, delimiter, None if _has_values(cells) else cells
     offset, line, text = head[0]
@@ -212,7 +212,7 @@ def sections(source: Delimited) -> list[Delimited]:
     Raises
     ------
     InvalidInput
-        When there are more than `MOST_SECTIONS` further headers.
+        When there are more than `MAX_SECTIONS` further headers.
     """
     names = {column_key(name) for name in source.names if name}
     starts = "|".join(re.escape(name) for name in source.names if name)
@@ -224,9 +224,9 @@ def sections(source: Delimited) -> list[Delimited]:
         for match in (begin.finditer(source.data, max(source.body_offset - 1, 0)) if starts else ())
     ]
     found = [(m, cells) for m, cells in found if 2 * len(names & set(map(column_key, cells))) >= len(names)]
-    if len(found) > MOST_SECTIONS:
+    if len(found) > MAX_SECTIONS:
         got = f"{len(found)} lines that are headers"
-        raise InvalidInput.of("too many headers", f"{source.path}", got, f"at most {MOST_SECTIONS}")
+        raise InvalidInput.of("too many headers", f"{source.path}", got, f"at most {MAX_SECTIONS}")
     parts = [replace(source, data=source.data[: found[0][0].start() + 1])] if found else [source]
     line = source.header_line
     for k, (match, cells) in enumerate(found):
@@ -265,7 +265,7 @@ def even_rows(source: Delimited) -> tuple[Delimited, list[Fault]]:
     }
     wrong = {i: cells for i, cells in fields.items() if len(cells) != width}
     short = Counter(len(cells) for cells in wrong.values() if len(cells) < width)
-    usual = {n for n, count in short.items() if count > MOST_CUT_SHARE * len(lines)}
+    usual = {n for n, count in short.items() if count > MAX_CUT_SHARE * len(lines)}
     last = max((i for i, line in enumerate(lines) if line.strip()), default=-1)
     is_cut = last == len(lines) - 1 and len(wrong.get(last, [])) not in (0, *usual)
     for i, cells in wrong.items():

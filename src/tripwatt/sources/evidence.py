@@ -32,7 +32,7 @@ PACK_V: Final = (150.0, 950.0)
 PACK_SWING: Final = 0.35
 STAND_IN_V: Final = 360.0
 """Pack voltage if none is logged; any voltage of a pack is good enough to find the sign of the current."""
-MOST_COLUMNS: Final = 12
+MAX_COLUMNS: Final = 12
 
 SINCE_1970: Final = 1e8
 """Times above this count from 1970: no trip lasts so many seconds."""
@@ -199,8 +199,8 @@ def _match(
 ) -> Flow:
     """The findings from the pair of a speed and a power that obeys Newton's second law best."""
     best: tuple[float, float, str, str] | None = None
-    for speed_name, speed in list(speeds.items())[:MOST_COLUMNS]:
-        for flow_name, flow in list(flows.items())[:MOST_COLUMNS]:
+    for speed_name, speed in list(speeds.items())[:MAX_COLUMNS]:
+        for flow_name, flow in list(flows.items())[:MAX_COLUMNS]:
             if speed_name and speed_name == flow_name:
                 continue
             answer = apparent_mass(time, speed, flow)

@@ -27,7 +27,7 @@ from types import MappingProxyType
 from typing import Any, Final
 
 from tripwatt.errors import Fault, did_you_mean, excerpt
-from tripwatt.files import MOST_TEXT_BYTES, parse_toml, read_text_file
+from tripwatt.files import MAX_TEXT_BYTES, parse_toml, read_text_file
 from tripwatt.trips import COLUMNS, raise_faults
 from tripwatt.trips.columns import is_number
 from tripwatt.units import M_PER_FOOT, M_S_PER_KM_H, SECONDS_PER_HOUR, ZERO_CELSIUS_K
@@ -202,7 +202,7 @@ def load_mapping(mapping: Path | str) -> ColumnMapping:
         return parse_mapping(shipped_text(mapping), mapping)
     path = Path(mapping)
     allowed = f"a TOML file, or one of {', '.join(shipped_mappings())}"
-    text = read_text_file(path, MOST_TEXT_BYTES, what="cannot read the mapping", allowed=allowed)
+    text = read_text_file(path, MAX_TEXT_BYTES, what="cannot read the mapping", allowed=allowed)
     return parse_mapping(text, str(path))
 
 

@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import Any, Final
 
-MOST_VALUES: Final = 3_000_000
+MAX_VALUES: Final = 3_000_000
 """Largest number of values in all heads of a file: a file of 1 GiB with fifty columns has half as many."""
 
 I16, I32, I64, BINARY, LIST, STRUCT = 4, 5, 6, 8, 9, 12
@@ -28,7 +28,7 @@ class Heads(io.BytesIO):
     {(1, 5): 3}
     """
 
-    left = MOST_VALUES
+    left = MAX_VALUES
 
     def value(self, kind: int) -> Any:
         """Read the next value, which is of a given kind.
@@ -38,7 +38,7 @@ class Heads(io.BytesIO):
         Raises
         ------
         ValueError, LookupError, ArithmeticError
-            When the bytes are not such a value, or there are more than `MOST_VALUES` values.
+            When the bytes are not such a value, or there are more than `MAX_VALUES` values.
         """
         self.left -= 1
         if self.left < 0:

@@ -29,8 +29,8 @@ SLOWEST_M_S: Final = 3.0
 """Below this speed the changes of position are mostly errors and are not used."""
 FASTEST_M_S: Final = 90.0
 """Speeds above this, in the assumed unit, count as wrong cells and are not used."""
-LEAST_M: Final = 2000.0
-LEAST_BY_ODOMETER_M: Final = 20_000.0
+MIN_M: Final = 2000.0
+MIN_BY_ODOMETER_M: Final = 20_000.0
 NEAR: Final = 0.15
 """Tolerance of the logarithm of a ratio of distances: units of speed differ by a factor of 1.6 or more, distances by a few percent."""
 CLEARER: Final = 0.7
@@ -102,7 +102,7 @@ def speed_unit_of(assumed: str, ways: Iterable[Ways]) -> str:
     if not len(sums) or now is None:
         return assumed
     total = sums.sum(axis=0)
-    for by_speed, other, least in ((total[0], total[1], LEAST_M), (total[2], total[3], LEAST_BY_ODOMETER_M)):
+    for by_speed, other, least in ((total[0], total[1], MIN_M), (total[2], total[3], MIN_BY_ODOMETER_M)):
         if by_speed > 0.0 and other >= least:
             ratio = other / by_speed
             fitting = [u for u, factor in SPEED_UNITS.items() if abs(np.log(ratio * now / factor)) < NEAR]

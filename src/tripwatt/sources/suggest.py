@@ -43,9 +43,9 @@ from tripwatt.sources.mapping import (
 from tripwatt.sources.naming import candidates, column_names, is_something_else, unit_in, unit_named, words
 from tripwatt.trips import COLUMNS
 
-MOST_BAD: Final = 0.1
+MAX_BAD: Final = 0.1
 """Largest ratio of unreadable cells to numbers in a column of numbers."""
-MOST_BESIDE: Final = 60
+MAX_BESIDE: Final = 60
 """Largest number of other files whose time stamps are read."""
 DAY_FORMATS: Final = ("%Y-%m-%d", "%Y/%m/%d", "%d.%m.%Y", "%m/%d/%Y", "%d/%m/%Y", "%d-%m-%Y", "%m-%d-%Y", "%d.%m.%y", "%m/%d/%y", "%d/%m/%y", "%Y%m%d", "%d-%b-%Y")  # fmt: skip
 _DAY_NAME: Final = re.compile(r"\b(date|day|datum|tag|fecha|jour)\b")
@@ -54,12 +54,12 @@ SPARSE_SHARE: Final = 0.2
 """If a larger share of a measured column is missing, the logger is taken to write a value only if it changes."""
 HOLD_S: Final = 10
 
-LEAST_OPTIONAL: Final = 0.6
+MIN_OPTIONAL: Final = 0.6
 """Least share of a shipped mapping's optional columns in a table that is taken to be of the same logger."""
 
 RISING_SHARE: Final = 0.9
 """Least share of rows in which a column of time does not decrease; it may decrease where another trip starts."""
-LEAST_TIMES: Final = 0.08
+MIN_TIMES: Final = 0.08
 """Least number of distinct times per sample in a column of time: a logger of 10 Hz may write whole seconds."""
 
 OWN_NAME: Final = "canonical name"
@@ -246,7 +246,7 @@ def _readable(path: Path, names: Sequence[str]) -> tuple[TableFile, dict[str, Fl
         (values,) = read
         known = int(np.isfinite(values).sum())
         by_comma = sum(fault.count for fault in faults if fault.what == "decimal comma")
-        if sum(fault.count for fault in faults) - by_comma <= MOST_BAD * known:
+        if sum(fault.count for fault in faults) - by_comma <= MAX_BAD * known:
             columns[name] = values
             commas, cells = commas + by_comma, cells + known * (by_comma > 0)
     return table, columns, "," if commas > 0.5 * cells else "."
@@ -262,7 +262,7 @@ def _with_day(guess: Guess, table: TableFile, beside: Sequence[Path]) -> Guess:
                 guess = replace(guess, date=name, format=f"{form} {guess.format}", why=why)
                 break
     texts = [_stamp_texts(table, guess)]
-    for file in beside[:MOST_BESIDE]:
+    for file in beside[:MAX_BESIDE]:
         with contextlib.suppress(InvalidInput, ValueError):
             texts.append(_stamp_texts(open_table(file, faults=[]), guess))
     decided = decided_format(texts, guess.format)
@@ -345,7 +345,7 @@ def _as_shipped(
     """
     there = {column_key(n): n for n in table.names}
     optional = [e.column for e in mapping.columns.values() if e.optional]
-    if sum(column_key(c) in there for c in optional) < LEAST_OPTIONAL * len(optional):
+    if sum(column_key(c) in there for c in optional) < MIN_OPTIONAL * len(optional):
         return guesses
     own: dict[str, Guess] = {}
     for ours, entry in mapping.columns.items():
@@ -389,7 +389,7 @@ def _possible(ours: str, unit: str, known: FloatArray) -> bool:
     if ours == "time_s":
         rises = len(known) > 1 and float(np.mean(np.diff(known) >= 0.0)) > RISING_SHARE
         # a temperature that hardly moves rises as well
-        return rises and len(np.unique(known)) >= max(2, LEAST_TIMES * len(known))
+        return rises and len(np.unique(known)) >= max(2, MIN_TIMES * len(known))
     if ours not in COLUMNS:
         return True
     factor, offset = UNITS[ours][unit]

@@ -31,9 +31,9 @@ _FOLLOWS: Final = "directly after previous trip"
 _SETPOINT_RANGE_DEGC: Final = (10.0, 40.0)
 _LARGEST_PAYLOAD_KG: Final = 1000.0
 
-_MOST_SHEET_BYTES: Final = 1 << 26
+_MAX_SHEET_BYTES: Final = 1 << 26
 """Largest workbook [bytes], also when inflated; that of the data set has 25 kB."""
-_MOST_ROWS, _MOST_COLUMNS = 10_000, 200
+_MAX_ROWS, _MAX_COLUMNS = 10_000, 200
 
 
 def read_overview(path: Path, trip_ids: Sequence[str]) -> tuple[dict[str, Context], list[Flag]]:
@@ -79,10 +79,10 @@ def _sheet_rows(path: Path) -> list[Mapping[str, object]]:
     fix = "fetch it again, or remove it to read the trips without season and weather"
 
     def rows_of(rows: Iterator[list[object]]) -> list[list[object]]:
-        return [row[:_MOST_COLUMNS] for row in itertools.islice(rows, _MOST_ROWS)]
+        return [row[:_MAX_COLUMNS] for row in itertools.islice(rows, _MAX_ROWS)]
 
-    data = read_file(path, _MOST_SHEET_BYTES)
-    tables = read_workbook(data, rows_of, Budget(f"{path}", {**LIMITS, INSIDE: _MOST_SHEET_BYTES}), fix)
+    data = read_file(path, _MAX_SHEET_BYTES)
+    tables = read_workbook(data, rows_of, Budget(f"{path}", {**LIMITS, INSIDE: _MAX_SHEET_BYTES}), fix)
     for _, table in tables:
         for number, cells in enumerate(table[:10]):
             names = [re.sub(r"\s*\[.*", "", column_key(_text(cell))) for cell in cells]

@@ -18,18 +18,18 @@ Element = tuple[str, str, dict[str, str], str]
 """Tag of the parent, tag, attributes and text."""
 Convert = Callable[[float], Any]
 
-MOST_SHEETS: Final = 50
-MOST_COLUMNS: Final = 16_384
+MAX_SHEETS: Final = 50
+MAX_COLUMNS: Final = 16_384
 """Largest number of columns in a sheet, as in Excel."""
 
-MOST_DEPTH: Final = 100
+MAX_DEPTH: Final = 100
 _PIECE_BYTES: Final = 1 << 16
 
 
 def read_workbook(
     data: bytes, read: Callable[[Iterator[list[Any]]], T], budget: Budget, fix: str = ""
 ) -> list[tuple[str, T]]:
-    """Apply a function to the rows of each of the first `MOST_SHEETS` sheets, and return the titles with the results.
+    """Apply a function to the rows of each of the first `MAX_SHEETS` sheets, and return the titles with the results.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def _sheets(archive: ZipFile, budget: Budget) -> Iterator[tuple[str, Iterator[li
     epoch = dt.datetime(1904, 1, 1) if is_1904 else dt.datetime(1899, 12, 30)
     times = _times(archive, parts["styles"], epoch, budget) if "styles" in parts else []
     sheets = [(a["name"], *links[_link(a)]) for _, tag, a, _ in elements if tag == "sheet"]
-    for title, path in [(title, path) for title, kind, path in sheets if kind == "worksheet"][:MOST_SHEETS]:
+    for title, path in [(title, path) for title, kind, path in sheets if kind == "worksheet"][:MAX_SHEETS]:
         yield title, _rows(_elements(archive, path, budget), texts, times, budget)
 
 
@@ -80,7 +80,7 @@ def _elements(archive: ZipFile, name: str, budget: Budget) -> Iterator[Element]:
     def start(tag: str, attributes: dict[str, str]) -> None:
         stack.append((tag.rpartition(":")[2], attributes))
         text.clear()
-        if len(stack) > MOST_DEPTH:
+        if len(stack) > MAX_DEPTH:
             raise ValueError("elements too deep")
 
     def end(_: str) -> None:
@@ -163,8 +163,8 @@ def _rows(
         elif tag == "c":
             reference = attributes.get("r", "").rstrip("0123456789")
             column = column_index_from_string(reference) if reference else len(row) + 1
-            if column > MOST_COLUMNS:
-                raise ValueError(f"a row of over {MOST_COLUMNS} cells")
+            if column > MAX_COLUMNS:
+                raise ValueError(f"a row of over {MAX_COLUMNS} cells")
             row += [None] * (column - len(row))
             if any(content):
                 row[column - 1] = _value("".join(content), attributes, texts, times)

@@ -62,7 +62,7 @@ from .flags import (
     Flag as Flag,
 )
 from .gaps import (
-    MOST_DURATION_S as MOST_DURATION_S,
+    MAX_DURATION_S as MAX_DURATION_S,
 )
 from .gaps import (
     gap_flags as gap_flags,

@@ -11,7 +11,7 @@ from tripwatt.trips.columns import STEEPEST_GRADE
 
 FIX_TOLERANCE_M: Final = 0.016
 """Largest distance from a straight line of a height interpolated between two fixes and rounded to 0.01 m."""
-LEAST_BETWEEN_FIXES_S: Final = 30.0
+MIN_BETWEEN_FIXES_S: Final = 30.0
 """Shortest mean time between the fixes of an interpolated height; the slope of a measured height changes more often."""
 
 HEIGHT_NOISE_M: Final = 10.0
@@ -20,7 +20,7 @@ DRIFT_M_S: Final = 0.5
 """Largest drift of a height while the car stands."""
 STEEPEST_ON_AVERAGE: Final = 0.2
 """Largest mean grade of a longer road: the steepest streets are only a few hundred metres long."""
-LEAST_FAULT_M: Final = 60.0
+MIN_FAULT_M: Final = 60.0
 """Smallest jump that is certainly a fault: a smaller one may be a sensor catching up with the road, by 40 m and more in the Twizy's log."""
 ROAD_PER_JUMP: Final = 25.0
 """Length of road that each metre of a jump costs: a shorter run between two opposite jumps is left out."""
@@ -32,7 +32,7 @@ DRIFT_GRADE: Final = 0.07
 """Smallest grade of a drift: a less steep rise is a hill."""
 TUNNEL_GRADE: Final = 0.01
 """Largest grade of the road along a drift, beyond the noise."""
-MOST_BACK: Final = 500
+MAX_BACK: Final = 500
 """Largest number of successive runs that may be left out."""
 
 
@@ -62,7 +62,7 @@ def elevation_over_distance(time_s: FloatArray, speed_m_s: FloatArray, elevation
     if len(known) < 3:
         return elevation_m
     time, height = time_s[known], elevation_m[known]
-    fixes = _fixes(time, height, int((time[-1] - time[0]) / LEAST_BETWEEN_FIXES_S))
+    fixes = _fixes(time, height, int((time[-1] - time[0]) / MIN_BETWEEN_FIXES_S))
     if fixes is None:
         return elevation_m
     speed = np.nan_to_num(speed_m_s)
@@ -78,7 +78,7 @@ def heights_of_a_road(time_s: FloatArray, distance_m: FloatArray, elevation_m: F
     A jump is a change of height that exceeds that of the steepest street by `HEIGHT_NOISE_M`. Jumps divide the heights into runs.
     The runs that stay cover most of the road, and a road can join each with the next. Heights between them, such as voids of 0 m
     or a drift in a tunnel, are interpolated over distance. Other runs at an end, such as 0 m before the first fix, keep their slopes,
-    but their jump is removed. Jumps below `LEAST_FAULT_M`, by which a sensor catches up, stay, except beside 0 m at an end.
+    but their jump is removed. Jumps below `MIN_FAULT_M`, by which a sensor catches up, stay, except beside 0 m at an end.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ def heights_of_a_road(time_s: FloatArray, distance_m: FloatArray, elevation_m: F
     outer = (number < chain[0]) | (number > chain[-1])
     stays = outer | np.isin(number, chain)
     unset = np.diff(running_sum(height != 0.0)[np.column_stack((first, last + 1))])[:, 0] == 0.0
-    faulty = (np.abs(rise) > LEAST_FAULT_M) | unset[1:] | unset[:-1]
+    faulty = (np.abs(rise) > MIN_FAULT_M) | unset[1:] | unset[:-1]
     faulty &= outer[1:] | outer[:-1]
     climbed = stays[1:] & stays[:-1] & ~faulty
     if climbed.all():
@@ -137,7 +137,7 @@ def _jumps(time: FloatArray, way: FloatArray, height: FloatArray) -> tuple[IntAr
     jumps = np.diff(running_sum(over)[edge]) > HEIGHT_NOISE_M
     start, end = edge[:-1][jumps], edge[1:][jumps]
     cuts: list[int] = []
-    for a, b in np.column_stack((start, end))[np.abs(height[end] - height[start]) > LEAST_FAULT_M].tolist():
+    for a, b in np.column_stack((start, end))[np.abs(height[end] - height[start]) > MIN_FAULT_M].tolist():
         longest = min(LONGEST_DRIFT_M, abs(height[b] - height[a]) / DRIFT_GRADE)
         near, far = np.searchsorted(way, (way[b] - longest, way[a] + longest))
         for here, part in ((b, np.arange(near, a)[::-1]), (a, np.arange(b + 1, far))):
@@ -155,11 +155,11 @@ def _chain(way: FloatArray, height: FloatArray, first: IntArray, last: IntArray)
     most = np.where(changes[last] > changes[first], 1.0, HELD) * (way[last] - way[first])
     before = np.full(len(first), -1)
     for k in range(1, len(first)):
-        back = slice(max(k - MOST_BACK, 0), k)
+        back = slice(max(k - MAX_BACK, 0), k)
         over = np.abs(height[first[k]] - height[last[back]]) - HEIGHT_NOISE_M
         over -= STEEPEST_ON_AVERAGE * (way[first[k]] - way[last[back]])
         joined = most[back] - ROAD_PER_JUMP * np.maximum(over, 0.0)
-        joined[over > LEAST_FAULT_M - HEIGHT_NOISE_M] = 0.0
+        joined[over > MIN_FAULT_M - HEIGHT_NOISE_M] = 0.0
         best = int(joined.argmax())
         if joined[best] > 0.0:
             most[k] += joined[best]

@@ -12,10 +12,10 @@ from tripwatt.errors import Fault
 from tripwatt.trips.columns import LINK_COLUMNS
 from tripwatt.trips.flags import Flag
 
-MOST_DURATION_S: Final = LINK_COLUMNS["travel_time_s"].maximum
+MAX_DURATION_S: Final = LINK_COLUMNS["travel_time_s"].maximum
 """Longest trip [s]; time and memory of a forecast grow with the square of the duration."""
 
-MOST_SAMPLES: Final = 2_000_000
+MAX_SAMPLES: Final = 2_000_000
 """Most samples of one trip: 48 h at 10 Hz have 1,728,000."""
 
 SHORTEST_GAP_S: Final = 10.0
@@ -24,7 +24,7 @@ SHORTEST_GAP_S: Final = 10.0
 LONGEST_GAP_S: Final = 60.0
 """Longest gap of a speed trace that is bridged [s]; the audit splits a log at a longer one."""
 
-_LEAST_MS_STEP: Final = 50.0
+_MIN_MS_STEP: Final = 50.0
 """Median step of the times from which they look like milliseconds: 50 ms at 20 Hz."""
 
 
@@ -50,16 +50,16 @@ def time_faults(time_s: FloatArray, where: str) -> Iterator[Fault]:
     >>> print(*time_faults(np.arange(0.0, 9e5, 1000.0), "samples"))
     duration out of range: samples, column 'time_s': got 899000 s; allowed: at most 172800 s; times look like milliseconds...
     """
-    if len(time_s) > MOST_SAMPLES:
-        yield Fault("too many samples", where, f"{len(time_s)}", f"at most {MOST_SAMPLES}")
+    if len(time_s) > MAX_SAMPLES:
+        yield Fault("too many samples", where, f"{len(time_s)}", f"at most {MAX_SAMPLES}")
     step = np.diff(time_s)
     span = float(time_s[-1] - time_s[0]) if len(time_s) else 0.0
     wide = np.flatnonzero(step > LONGEST_GAP_S)
-    looks_ms = len(step) > 1 and float(np.median(step)) >= _LEAST_MS_STEP
+    looks_ms = len(step) > 1 and float(np.median(step)) >= _MIN_MS_STEP
     fix = "times look like milliseconds: give time_s in seconds" if looks_ms else ""
-    if span > MOST_DURATION_S:
+    if span > MAX_DURATION_S:
         place = f"{where}, column 'time_s'"
-        yield Fault("duration out of range", place, f"{span:g} s", f"at most {MOST_DURATION_S:g} s", fix)
+        yield Fault("duration out of range", place, f"{span:g} s", f"at most {MAX_DURATION_S:g} s", fix)
     elif len(wide):
         k = int(wide[0])
         more = f" (and {len(wide) - 1} more gaps)" if len(wide) > 1 else ""

@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
 from typing import Final
 
-from tripwatt.errors import MOST_FAULTS, MOST_HINTS, Fault
+from tripwatt.errors import MAX_FAULTS, MAX_HINTS, Fault
 
 DELIMITERS: Final = ";,\t|"
 """Possible delimiters between the cells of a text table."""
@@ -66,14 +66,14 @@ def header_faults(
     """
     allowed = ", ".join(known)
     unknown = [name for name in names if name not in known]
-    for k, name in enumerate(unknown[:MOST_FAULTS]):
+    for k, name in enumerate(unknown[:MAX_FAULTS]):
         shown = name[:LONGEST_NAME]
-        fix = hint(name) if k < MOST_HINTS else ""
+        fix = hint(name) if k < MAX_HINTS else ""
         yield Fault(what, f"{where}, column {shown!r}", shown, allowed, fix)
-    if len(unknown) > MOST_FAULTS:
-        yield Fault(what, where, f"{len(unknown) - MOST_FAULTS} more", allowed)
+    if len(unknown) > MAX_FAULTS:
+        yield Fault(what, where, f"{len(unknown) - MAX_FAULTS} more", allowed)
     twice = [(name, count) for name, count in Counter(names).items() if count > 1]
-    for name, count in twice[:MOST_FAULTS]:
+    for name, count in twice[:MAX_FAULTS]:
         yield Fault("duplicate column", f"{where}, column {name[:LONGEST_NAME]!r}", f"{count} times", "once")
-    if len(twice) > MOST_FAULTS:
-        yield Fault("duplicate column", where, f"{len(twice) - MOST_FAULTS} more", "once")
+    if len(twice) > MAX_FAULTS:
+        yield Fault("duplicate column", where, f"{len(twice) - MAX_FAULTS} more", "once")

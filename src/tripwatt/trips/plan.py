@@ -14,7 +14,7 @@ from tripwatt.trips.columns import raise_faults
 from tripwatt.trips.departure import Departure
 from tripwatt.trips.elevation import heights_of_a_road
 from tripwatt.trips.flags import Flag
-from tripwatt.trips.gaps import MOST_DURATION_S, gap_flags, time_faults
+from tripwatt.trips.gaps import MAX_DURATION_S, gap_flags, time_faults
 from tripwatt.trips.messages import flag_to_dict, message
 from tripwatt.trips.samples import Sampled, bin_means, columns_of, table_of
 from tripwatt.trips.schema import validate_samples
@@ -269,8 +269,8 @@ class Plan(Sampled):
 
 
 def _require_duration(duration_s: float, where: str) -> None:
-    if not duration_s <= MOST_DURATION_S:
-        allowed = f"at most {MOST_DURATION_S:g} s"
+    if not duration_s <= MAX_DURATION_S:
+        allowed = f"at most {MAX_DURATION_S:g} s"
         raise InvalidInput.of("duration out of range", where, f"{duration_s:g} s", allowed)
 
 
@@ -334,7 +334,7 @@ def plan_from_samples(
     Raises
     ------
     InvalidInput
-        With every fault of the samples, including a longer gap and a duration above `MOST_DURATION_S`.
+        With every fault of the samples, including a longer gap and a duration above `MAX_DURATION_S`.
 
     Examples
     --------

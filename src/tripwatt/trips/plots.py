@@ -11,7 +11,7 @@ from tripwatt.trips.samples import Sampled
 from tripwatt.units import M_S_PER_KM_H
 
 LINE: Final = "#0b5c8a"
-LEAST_WH: Final = 1.0
+MIN_WH: Final = 1.0
 """Parts of an energy that always stay below this magnitude are not plotted."""
 
 
@@ -37,10 +37,10 @@ def plot_drive(drive: Sampled, title: str, energy_wh: FloatArray | None, ax: Axe
 def plot_parts(
     time_s: FloatArray, parts_wh: Mapping[str, FloatArray], total_wh: FloatArray, title: str, ax: Axes | None
 ) -> Figure:
-    """Plot cumulative energy by part and in total over time, without parts that stay below `LEAST_WH`."""
+    """Plot cumulative energy by part and in total over time, without parts that stay below `MIN_WH`."""
     axis, minutes = axes_or_new(ax, 8.0, 4.4), (time_s - time_s[0]) / 60.0
     for name, energy in parts_wh.items():
-        if abs(energy).max() < LEAST_WH:
+        if abs(energy).max() < MIN_WH:
             continue
         axis.plot(minutes, energy / 1000.0, lw=1, label=name)
     axis.plot(minutes, total_wh / 1000.0, color="black", label="total")

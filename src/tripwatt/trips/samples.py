@@ -13,7 +13,7 @@ import pandas as pd
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import InvalidInput
 
-MOST_BINS: Final = 10_000_000
+MAX_BINS: Final = 10_000_000
 """Largest number of bins of one drive: 115 days at 1 Hz. Without it, a few samples far apart could take any amount of memory."""
 
 
@@ -177,7 +177,7 @@ def bin_means(
     Raises
     ------
     InvalidInput
-        If there would be `MOST_BINS` bins or more.
+        If there would be `MAX_BINS` bins or more.
 
     Examples
     --------
@@ -185,9 +185,9 @@ def bin_means(
     >>> n_bins, means["speed_m_s"].tolist()
     (2, [1.0, 5.0])
     """
-    if not float(time[-1]) / step_s < MOST_BINS:
+    if not float(time[-1]) / step_s < MAX_BINS:
         got = f"{float(time[-1]):g} s in steps of {step_s:g} s"
-        raise InvalidInput.of("duration out of range", "samples", got, f"at most {MOST_BINS} steps")
+        raise InvalidInput.of("duration out of range", "samples", got, f"at most {MAX_BINS} steps")
     bin_index = np.floor(time / step_s + 1e-6).astype(np.int64)
     n_bins = int(bin_index[-1]) + 1
     count = np.bincount(bin_index, minlength=n_bins)

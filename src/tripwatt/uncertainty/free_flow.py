@@ -24,7 +24,7 @@ from tripwatt.trips import Plan, Trip
 from tripwatt.uncertainty.route import energies
 from tripwatt.vehicles import Vehicle
 
-LEAST_TRIPS: Final = 5
+MIN_TRIPS: Final = 5
 """Fewest trips from which the two variances are estimated; a choice, because with fewer trips they would be chance."""
 
 
@@ -55,7 +55,7 @@ class FreeFlowUncertainty:
         """Estimate both variances from relative differences and distances of held-out trips.
 
         They are the non-negative least-squares fit to the squared differences. A difference is NaN if a trip has none; returns None
-        if fewer than `LEAST_TRIPS` have one.
+        if fewer than `MIN_TRIPS` have one.
 
         Examples
         --------
@@ -68,7 +68,7 @@ class FreeFlowUncertainty:
         from scipy.optimize import nnls
 
         known = np.isfinite(differences)
-        if known.sum() < LEAST_TRIPS:
+        if known.sum() < MIN_TRIPS:
             return None
         design = np.column_stack((np.ones(int(known.sum())), 1.0 / distance_m[known]))
         parts, _ = nnls(design, differences[known] ** 2)

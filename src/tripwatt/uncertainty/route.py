@@ -29,7 +29,7 @@ from tripwatt.vehicles import Vehicle
 LENGTHS_M: Final = (250.0, 1000.0, 4000.0)
 """Lengths of links for which the error is measured."""
 
-MOST_TRIPS: Final = 200
+MAX_TRIPS: Final = 200
 """Largest number of training trips that are cut into links: three variances need no more."""
 
 
@@ -180,7 +180,7 @@ def energies(corrector: PowerCorrector, table: SegmentTable) -> FloatArray:
 def linked_trips(trips: Sequence[Trip], vehicle: Vehicle) -> LinkedTrips:
     """Cut trips into links and simulate a driver on the links. O(samples) for each length.
 
-    If there are more than `MOST_TRIPS` trips, only that many are cut, evenly chosen. Trips that do not move are not cut.
+    If there are more than `MAX_TRIPS` trips, only that many are cut, evenly chosen. Trips that do not move are not cut.
 
     Parameters
     ----------
@@ -201,7 +201,7 @@ def linked_trips(trips: Sequence[Trip], vehicle: Vehicle) -> LinkedTrips:
     >>> len(linked_trips(synthetic_fleet(1).trips, load_vehicle(VEHICLE)).tables)
     1
     """
-    chosen = {int(i) for i in np.linspace(0, len(trips) - 1, min(len(trips), MOST_TRIPS)).round()}
+    chosen = {int(i) for i in np.linspace(0, len(trips) - 1, min(len(trips), MAX_TRIPS)).round()}
     return LinkedTrips(tuple(_on_links(t, vehicle) if i in chosen else () for i, t in enumerate(trips)))
 
 

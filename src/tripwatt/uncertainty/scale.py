@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.hybrid.factors import LEAST_KM, LEAST_NET, TAIL_DF
+from tripwatt.hybrid.factors import MIN_KM, MIN_NET, TAIL_DF
 from tripwatt.uncertainty.process import ResidualProcess, Segments
 from tripwatt.units import SECONDS_PER_HOUR
 
@@ -128,8 +128,8 @@ class TotalScale:
         >>> TotalScale(np.zeros(4), net_shares=(0.03, 0.4)).net_sd_wh(1000.0, 1200.0, 100_000.0)
         50.0
         """
-        from_km = self.net_shares[1] / math.sqrt(max(distance_m / 1000.0, LEAST_KM))
-        return max(abs(net_wh), LEAST_NET * moved_wh) * math.hypot(self.net_shares[0], from_km)
+        from_km = self.net_shares[1] / math.sqrt(max(distance_m / 1000.0, MIN_KM))
+        return max(abs(net_wh), MIN_NET * moved_wh) * math.hypot(self.net_shares[0], from_km)
 
     def sd_wh(self, segments: Segments) -> float:
         """Compute the standard deviation of the trip's energy.

@@ -43,7 +43,7 @@ SPREAD_SPEEDS_M_S: Final = (10.0, 30.0)
 SMALLEST_SPREAD: Final = 0.03
 """Smallest relative scatter: the repeatability of a coast-down, SAE J1263, 3 %."""
 
-LEAST_CARS: Final = 2
+MIN_CARS: Final = 2
 """Smallest number of cars of a kind of body for which a median drag area is computed."""
 
 VAN_OVER_SUV: Final = 1.15
@@ -299,7 +299,7 @@ def class_values(without: frozenset[str] = frozenset()) -> ClassValues:
     together = [run.force_n(ROLLING_SPEED_M_S, 0.0) / run.weight_n for _, run in runs]
     rolling = statistics.median(together) - per_speed * ROLLING_SPEED_M_S
     areas = {body: [run.drag_area_m2 for b, run in runs if b == body] for body in BODIES}
-    medians = {body: statistics.median(own) for body, own in areas.items() if len(own) >= LEAST_CARS}
+    medians = {body: statistics.median(own) for body, own in areas.items() if len(own) >= MIN_CARS}
     medians.setdefault("van", VAN_OVER_SUV * medians["suv"])
     medians[QUADRICYCLE] = TWIZY_DRAG_AREA_M2
     for body in BODIES:

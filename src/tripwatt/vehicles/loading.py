@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from tripwatt.errors import InvalidInput, excerpt
-from tripwatt.files import MOST_TEXT_BYTES, parse_toml, read_text_file
+from tripwatt.files import MAX_TEXT_BYTES, parse_toml, read_text_file
 from tripwatt.vehicles.anchors import anchors, with_anchor
 from tripwatt.vehicles.catalogue import catalogue, class_values, table_names
 from tripwatt.vehicles.charging import charging_section
@@ -206,4 +206,4 @@ def library_document(name: str) -> dict[str, Any]:
 
 
 def _read(path: Path) -> str:
-    return read_text_file(path, MOST_TEXT_BYTES, what="file cannot be read", allowed="a TOML text file")
+    return read_text_file(path, MAX_TEXT_BYTES, what="file cannot be read", allowed="a TOML text file")

@@ -25,20 +25,20 @@ from tripwatt.units import (
 from tripwatt.vehicles.losses import motor_loss
 from tripwatt.vehicles.parts import Battery, Body, Charging, Climate, Drivetrain, RoadLoad, Tyres
 
-LEAST_POWER_W_KG: Final = 5.0
+MIN_POWER_W_KG: Final = 5.0
 """Least motor power over mass: 5 kW/t are required of trucks with trailers (Directive 97/27/EC, annex I, 7.10)."""
 
-LEAST_FORCE_OF_WEIGHT: Final = 0.05
+MIN_FORCE_OF_WEIGHT: Final = 0.05
 """Least force at the wheels over weight: a car that cannot start on 5 % can use no ordinary road. Trucks with trailers start on
 12 % (Regulation (EU) 1230/2012, annex I, part A, 5); the torque of a described car is that of a class and may be too low."""
 
 TOP_SPEEDS_M_S: Final = (45.0 * M_S_PER_KM_H, 150.0)
 """Speed at the highest motor speed: 45 km/h of a light quadricycle (Regulation (EU) 168/2013) to above the fastest cars."""
 
-MOST_DRAG_AREA_M2: Final = 12.0
+MAX_DRAG_AREA_M2: Final = 12.0
 """Twice the 5 to 6 m² of tractors with semi-trailers (Regulation (EU) 2017/2400)."""
 
-MOST_ROLLING: Final = 0.1
+MAX_ROLLING: Final = 0.1
 """Rolling and driveline drag over weight at `ROLLING_AT_M_S`, as for a coefficient of rolling resistance: that of loose sand."""
 
 ROLLING_AT_M_S: Final = 25.0
@@ -46,10 +46,10 @@ ROLLING_AT_M_S: Final = 25.0
 COAST_DOWN_MASSES: Final = (0.25, 4.0)
 """Smallest and largest mass of the coast-down over that of the car; the difference is load."""
 
-LEAST_EFFICIENCY: Final = {10.0: 0.25, 25.0: 0.5}
+MIN_EFFICIENCY: Final = {10.0: 0.25, 25.0: 0.5}
 """Least efficiency of motor and inverter on a level road, by speed [m/s]. The least of the library are 0.66 and 0.79."""
 
-LEAST_PEAK_EFFICIENCY: Final = 0.5
+MIN_PEAK_EFFICIENCY: Final = 0.5
 """Least efficiency of motor and inverter at peak power. The least of the library is 0.75."""
 
 BATTERY_WH_KG: Final = (2.0, 200.0)
@@ -59,17 +59,17 @@ of a car made of cells of 400 Wh/kg would have 200."""
 PACK_V: Final = (24.0, 1500.0)
 """Lowest and highest voltage of the battery: UN Regulation 100 covers up to 1500 V."""
 
-MOST_TYRE_FACTOR: Final = 5.0
+MAX_TYRE_FACTOR: Final = 5.0
 """Largest rolling resistance of a cold tyre at -20 °C over that of a warm one. Cars have 1.7."""
 
 COLD_DEGC: Final = -20.0
 
-MOST_LOAD_W: Final = 20_000.0
-"""Largest electric power besides driving of a car of up to `MOST_LOAD_MASS_KG`; for heavier cars it grows with the mass."""
+MAX_LOAD_W: Final = 20_000.0
+"""Largest electric power besides driving of a car of up to `MAX_LOAD_MASS_KG`; for heavier cars it grows with the mass."""
 
-MOST_LOAD_MASS_KG: Final = 3500.0
+MAX_LOAD_MASS_KG: Final = 3500.0
 
-MOST_WH_KM: Final = 3000.0
+MAX_WH_KM: Final = 3000.0
 """Largest consumption on a level road, twice that of a loaded truck of 40 t."""
 
 
@@ -166,10 +166,10 @@ def _battery_faults(battery: Battery, body: Body, where: str) -> Iterator[Fault]
     voltage = cells * float(np.mean(battery.ocv_v))
     resistance = cells * float(np.mean(battery.resistance_ohm))
     # no load takes more from a voltage behind a resistance than U²/(4 R)
-    if voltage**2 < 4.0 * resistance * LEAST_POWER_W_KG * body.test_mass_kg:
+    if voltage**2 < 4.0 * resistance * MIN_POWER_W_KG * body.test_mass_kg:
         fields = ("battery.cells_in_series", "battery.ocv_v", "battery.resistance_ohm", "body.curb_mass_kg")
         got = f"at most {voltage**2 / (4.0 * resistance) / 1000.0:.3g} kW from the battery for {body.test_mass_kg:g} kg"
-        yield _impossible(where, fields, got, f"{LEAST_POWER_W_KG:g} kW/t or more")
+        yield _impossible(where, fields, got, f"{MIN_POWER_W_KG:g} kW/t or more")
 
 
 def _names(load: RoadLoad) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -192,14 +192,14 @@ def top_speed(drivetrain: Drivetrain) -> float:
 
 def _resistance_faults(load: RoadLoad, drivetrain: Drivetrain, body: Body, where: str) -> Iterator[Fault]:
     air, rolling = _names(load)
-    if load.drag_area_m2 > MOST_DRAG_AREA_M2:
+    if load.drag_area_m2 > MAX_DRAG_AREA_M2:
         got = f"a drag area of {load.drag_area_m2:.3g} m²"
-        yield _impossible(where, air, got, f"at most {MOST_DRAG_AREA_M2:g} m²")
+        yield _impossible(where, air, got, f"at most {MAX_DRAG_AREA_M2:g} m²")
     constant, linear = load.rolling_coefficients
     at_speed = constant + linear * ROLLING_AT_M_S
-    if at_speed > MOST_ROLLING:
+    if at_speed > MAX_ROLLING:
         got = f"a rolling resistance of {at_speed:.3g} of the weight"
-        yield _impossible(where, rolling, got, f"at most {MOST_ROLLING:g}")
+        yield _impossible(where, rolling, got, f"at most {MAX_ROLLING:g}")
     top = min(top_speed(drivetrain), TOP_SPEEDS_M_S[1])
     if constant + linear * top < 0.0:
         got = f"rolling resistance below 0 from {-constant / linear / M_S_PER_KM_H:.0f} km/h on"
@@ -219,16 +219,16 @@ def _limit_faults(drivetrain: Drivetrain, body: Body, where: str) -> Iterator[Fa
     weight = body.test_mass_kg * GRAVITY_M_S2
     power, torque = drivetrain.motor_max_power_w, drivetrain.motor_max_torque_nm
     mass = ("body.curb_mass_kg", "body.driver_mass_kg")
-    if power < LEAST_POWER_W_KG * body.test_mass_kg:
+    if power < MIN_POWER_W_KG * body.test_mass_kg:
         got = f"{power / 1000.0:.3g} kW for {body.test_mass_kg:g} kg"
-        allowed = f"{LEAST_POWER_W_KG:g} kW/t or more"
+        allowed = f"{MIN_POWER_W_KG:g} kW/t or more"
         yield _impossible(where, ("drivetrain.motor_max_power_w", *mass), got, allowed)
     force = torque * drivetrain.gear_ratio / drivetrain.wheel_radius_m * drivetrain.gearbox_efficiency
     wheel = ("drivetrain.gear_ratio", "drivetrain.wheel_radius_m")
-    if force < LEAST_FORCE_OF_WEIGHT * weight:
+    if force < MIN_FORCE_OF_WEIGHT * weight:
         got = f"{force:.4g} N at the wheels for {body.test_mass_kg:g} kg: it cannot start on {force / weight:.1%}"
         fields = ("drivetrain.motor_max_torque_nm", *wheel, *mass)
-        yield _impossible(where, fields, got, f"{LEAST_FORCE_OF_WEIGHT:.0%} of the weight or more")
+        yield _impossible(where, fields, got, f"{MIN_FORCE_OF_WEIGHT:.0%} of the weight or more")
     top, speeds = top_speed(drivetrain), TOP_SPEEDS_M_S
     if not speeds[0] <= top <= speeds[1]:
         allowed = f"{speeds[0] / M_S_PER_KM_H:.0f} to {speeds[1] / M_S_PER_KM_H:.0f} km/h"
@@ -246,17 +246,17 @@ def _limit_faults(drivetrain: Drivetrain, body: Body, where: str) -> Iterator[Fa
 def _load_faults(parts: Mapping[str, Any], where: str) -> Iterator[Fault]:
     tyres: Tyres | None = parts["tyres"]
     load = _largest_load(parts)
-    most = MOST_LOAD_W * max(parts["body"].curb_mass_kg / MOST_LOAD_MASS_KG, 1.0)
+    most = MAX_LOAD_W * max(parts["body"].curb_mass_kg / MAX_LOAD_MASS_KG, 1.0)
     if load > most:
         got = f"{load / 1000.0:.3g} kW besides driving"
         yield _impossible(
             where, _load_fields(parts), got, f"at most {most / 1000.0:.3g} kW in a car of this mass"
         )
-    if tyres is not None and _tyre_factor(tyres) > MOST_TYRE_FACTOR:
+    if tyres is not None and _tyre_factor(tyres) > MAX_TYRE_FACTOR:
         names = ("temperature_coefficient_per_k", "reference_temperature_degc", "cold_excess")
         got = f"{_tyre_factor(tyres):.3g} times the warm rolling resistance at {COLD_DEGC:g} °C"
         yield _impossible(
-            where, tuple(f"tyres.{name}" for name in names), got, f"at most {MOST_TYRE_FACTOR:g} times"
+            where, tuple(f"tyres.{name}" for name in names), got, f"at most {MAX_TYRE_FACTOR:g} times"
         )
 
 
@@ -290,8 +290,8 @@ def _loss_faults(parts: Mapping[str, Any], where: str) -> Iterator[Fault]:
     drivetrain: Drivetrain = parts["drivetrain"]
     power, torque = drivetrain.motor_max_power_w, drivetrain.motor_max_torque_nm
     top = drivetrain.motor_max_speed_rad_s
-    points = [(min(power, torque * w), w, LEAST_PEAK_EFFICIENCY) for w in (min(power / torque, top), top)]
-    for speed, least in LEAST_EFFICIENCY.items():
+    points = [(min(power, torque * w), w, MIN_PEAK_EFFICIENCY) for w in (min(power / torque, top), top)]
+    for speed, least in MIN_EFFICIENCY.items():
         level = _level_road(parts, speed)
         points.append((level.shaft_w, level.motor_rad_s, least))
     peak = ("drivetrain.motor_max_power_w", "drivetrain.motor_max_torque_nm")
@@ -310,12 +310,12 @@ def _consumption_faults(parts: Mapping[str, Any], where: str) -> Iterator[Fault]
     drivetrain: Drivetrain = parts["drivetrain"]
     air, rolling = _names(parts["road_load"])
     cold = 1.0 if parts["tyres"] is None else _tyre_factor(parts["tyres"])
-    for speed in LEAST_EFFICIENCY:
+    for speed in MIN_EFFICIENCY:
         level = _level_road(parts, speed)
         loss = _loss(level.shaft_w, level.motor_rad_s, drivetrain)
         watt = (cold * level.rolling_w, level.air_w, loss, _largest_load(parts))
         total = sum(watt) / drivetrain.gearbox_efficiency
-        if total > MOST_WH_KM * level.speed_m_s * SECONDS_PER_HOUR / 1000.0:
+        if total > MAX_WH_KM * level.speed_m_s * SECONDS_PER_HOUR / 1000.0:
             losses = _loss_fields(level.shaft_w, level.motor_rad_s, drivetrain)
             names = (("body.curb_mass_kg", *rolling), air, losses, _load_fields(parts))
             large = [entries for entries, power in zip(names, watt, strict=True) if power > 0.2 * total]
@@ -324,7 +324,7 @@ def _consumption_faults(parts: Mapping[str, Any], where: str) -> Iterator[Fault]
             got = (
                 f"{wh_km:.4g} Wh/km on a level road at {level.speed_m_s / M_S_PER_KM_H:.0f} km/h in the cold"
             )
-            yield _impossible(where, fields, got, f"at most {MOST_WH_KM:g} Wh/km")
+            yield _impossible(where, fields, got, f"at most {MAX_WH_KM:g} Wh/km")
             return
 
 

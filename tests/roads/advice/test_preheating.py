@@ -20,7 +20,7 @@ from tripwatt.roads.advice.preheating import (
     BATTERY_STEPS,
     CHARGER,
     COMFORT_W_K,
-    LEAST_WH,
+    MIN_WH,
     PLUG_W,
     SCARCE,
     STEP_S,
@@ -122,7 +122,7 @@ def test_the_optimum_is_that_of_plain_loops(degc: float, plug_w: float, worth: f
     plan = road(12.0, ambient_temperature_degc=degc)
     costs = costs_one_by_one(car, plan, plug_w, worth)
     chosen = key_of(preheating(car, plan, plug_w=plug_w, worth=worth))
-    nothing = costs[None, 0, 0] - worth * LEAST_WH
+    nothing = costs[None, 0, 0] - worth * MIN_WH
     assert min(nothing, costs[chosen]) == pytest.approx(min(nothing, *costs.values()), abs=1e-3)
     assert chosen == (None, 0, 0) or costs[chosen] < nothing
 

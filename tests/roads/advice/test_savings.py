@@ -10,7 +10,7 @@ from benchmarks import advised, heating
 from tools import CATALOGUE, DATA
 
 import tripwatt as tw
-from tripwatt.forecasting.difference import LEAST_SHARE, OTHER_SPEEDS
+from tripwatt.forecasting.difference import MIN_SHARE, OTHER_SPEEDS
 from tripwatt.physics import DriveConditions, simulate
 from tripwatt.trips import Departure
 
@@ -90,7 +90,7 @@ def test_shapes_err_about_as_a_car_on_a_dynamometer() -> None:
     drawn = advised.shape_sd() * np.random.default_rng(0).standard_normal((4000, len(advised.SHAPES)))
     spread = np.sqrt(np.mean(np.square(drawn @ (shapes[1] - shapes[0]))))
     # between two constant speeds about as much as between the schedules from which it comes
-    assert 0.7 * LEAST_SHARE < spread / np.linalg.norm(causes[1] - causes[0]) < 1.4 * LEAST_SHARE
+    assert 0.7 * MIN_SHARE < spread / np.linalg.norm(causes[1] - causes[0]) < 1.4 * MIN_SHARE
 
 
 @needs_cycles

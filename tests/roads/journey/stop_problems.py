@@ -33,8 +33,8 @@ def exhaustive(problem):
     """
     require_longer_by_stations(problem)
     end, best, levels = len(problem.taken) - 1, np.inf, problem.levels
-    least_left = (problem.need - problem.taken)[:-1, end].min()
-    lacks = np.maximum(problem.taken[:-1, end, None] + least_left - levels, 0.0)
+    min_left = (problem.need - problem.taken)[:-1, end].min()
+    lacks = np.maximum(problem.taken[:-1, end, None] + min_left - levels, 0.0)
     step = np.diff(problem.charging_s, axis=1).min(axis=1)[:-1] / np.diff(levels).max()
     fastest = np.append(
         np.minimum.accumulate(step[::-1])[::-1][1:], 1e9

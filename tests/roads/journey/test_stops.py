@@ -397,7 +397,7 @@ def test_another_station_is_reached_by_four_of_five_at_least():
 def test_of_too_many_stations_the_two_strongest_of_each_stretch_are_kept(model, long_journey, monkeypatch):
     power_w = 1000.0 * np.array([50, 20, 90, 70, 30, 11, 12, 150, 40, 60, 25, 35, 45])
     stations = [replace(one, power_w=float(w)) for one, w in zip(row(13), power_w, strict=True)]
-    monkeypatch.setattr(corridor_module, "MOST_STATIONS", 6)
+    monkeypatch.setattr(corridor_module, "MAX_STATIONS", 6)
     corridor = replace(long_journey.corridor, atlas=replace(MADE, stations=tuple(stations)))
     thirds = np.split(power_w, [4, 9])
     expected = [w for third in thirds for w in third if w >= np.sort(third)[-2]]

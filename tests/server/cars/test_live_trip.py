@@ -40,7 +40,7 @@ def fed(*samples: Sample) -> tuple[TripFinder, list[LiveTrip]]:
 
 def test_the_thresholds_are_those_of_the_documentation() -> None:
     assert (MOVING_M_S, BEFORE_S, STANDING_S, PARKED_S) == (1.0, 180.0, 300.0, 60.0)
-    assert (SILENCE_S, live_trip.LEAST_M, HOLD_S, LATE_S) == (600.0, 200.0, 10.0, 30.0)
+    assert (SILENCE_S, live_trip.MIN_M, HOLD_S, LATE_S) == (600.0, 200.0, 10.0, 30.0)
     page = (ROOT / "docs" / "howto" / "live.md").read_text("utf-8")
     for text in (
         "first sample of 1 m/s or more; a standstill of up to 180 s before it",
@@ -49,7 +49,7 @@ def test_the_thresholds_are_those_of_the_documentation() -> None:
         "less than 200 m",
         "A speed holds for 10 s",
         "up to 30 s later",
-        f"at most {live_trip.MOST_SAMPLES:,} samples",
+        f"at most {live_trip.MAX_SAMPLES:,} samples",
     ):
         assert text in page
 
@@ -136,7 +136,7 @@ def test_a_car_that_is_charged_is_on_no_trip() -> None:
 
 
 def test_a_trip_has_a_longest_duration(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(live_trip, "MOST_DURATION_S", 100.0)
+    monkeypatch.setattr(live_trip, "MAX_DURATION_S", 100.0)
     _, ended = fed(*(at(float(k), 10.0) for k in range(250)))
     assert [trip.last_s - trip.start_s for trip in ended] == [99.0, 99.0]
 
@@ -179,7 +179,7 @@ def test_the_distance_is_the_trapezoid_of_the_speed_without_gaps() -> None:
 
 
 def test_memory_is_bounded_and_the_whole_trip_stays_covered(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(live_trip, "MOST_SAMPLES", 100)
+    monkeypatch.setattr(live_trip, "MAX_SAMPLES", 100)
     trip = LiveTrip([at(0.0, 10.0)])
     for k in range(1, 5000):
         trip.append(at(float(k), 10.0, soc=0.5))

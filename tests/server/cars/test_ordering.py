@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tripwatt.server.cars import Sample
-from tripwatt.server.cars.ordering import LATE_S, MOST_WAITING, OrderedSamples
+from tripwatt.server.cars.ordering import LATE_S, MAX_WAITING, OrderedSamples
 
 T0 = 1_700_000_000.0
 
@@ -49,9 +49,9 @@ def test_what_was_given_on_before_is_late() -> None:
 
 @pytest.mark.parametrize(("extra", "given_on"), [(0, 0), (1, 1), (7, 7)])
 def test_the_window_is_bounded(extra: int, given_on: int) -> None:
-    out, _, ordered = fed([k * 1e-3 for k in range(MOST_WAITING + extra)])
+    out, _, ordered = fed([k * 1e-3 for k in range(MAX_WAITING + extra)])
     assert len(out) == given_on
-    assert len(ordered.waiting) == MOST_WAITING
+    assert len(ordered.waiting) == MAX_WAITING
 
 
 def test_a_stamp_far_ahead_makes_none_late() -> None:

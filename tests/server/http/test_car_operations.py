@@ -364,8 +364,8 @@ def test_logs_with_positions_get_the_heights_of_the_map(tmp_path: Path) -> None:
     assert trip.array("elevation_m") == pytest.approx(np.full(len(samples), 500.0))
 
 
-def stored(own: CarJobs, place: Path, name: str, content: bytes, most_bytes: int = 3000) -> dict[str, int]:
-    return own.store("car", place.name, name, content, most_bytes)
+def stored(own: CarJobs, place: Path, name: str, content: bytes, max_bytes: int = 3000) -> dict[str, int]:
+    return own.store("car", place.name, name, content, max_bytes)
 
 
 def test_what_waits_to_be_learned_has_a_bound_and_expires(tmp_path: Path) -> None:

@@ -152,7 +152,7 @@ def test_a_folder_has_a_file_for_each_program_and_none_of_an_earlier_report(tmp_
     assert document["coldest_week"] == {
         "monday": "2025-01-06",
         "ambient_temperature_degc": -7.4,
-        "least_trips": 10,
+        "min_trips": 10,
         "colder": (("2025-01-13", -9.0, 3),),
     }
     report().write(tmp_path, AT, 7400.0)

@@ -1,7 +1,7 @@
 /** Server-sent events out of a stream of text. */
 
 /** Longest event; those of the service have a few kilobytes. */
-const MOST_CHARACTERS = 1_000_000;
+const MAX_CHARACTERS = 1_000_000;
 
 export class EventParser {
   private rest = "";
@@ -10,7 +10,7 @@ export class EventParser {
   take(part: string): string[] {
     const parts = (this.rest + part).split(/\r?\n\r?\n/);
     this.rest = parts.pop() ?? "";
-    if (this.rest.length > MOST_CHARACTERS) throw new RangeError();
+    if (this.rest.length > MAX_CHARACTERS) throw new RangeError();
     return parts.map(dataOf).filter((data) => data !== "");
   }
 }

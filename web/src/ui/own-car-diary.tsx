@@ -9,7 +9,7 @@ import { temperaturesText } from "./wording";
 import { said } from "../state/messages";
 
 /** Factors below this share of their standard deviation are not shown by the trips. */
-const LEAST_SHOWN = 0.5;
+const MIN_SHOWN = 0.5;
 const SHOWN_REASONS = 5;
 
 function percent(share: number | null, digits = 1): string {
@@ -81,7 +81,7 @@ function Learned({ of }: { of: OwnCar }) {
   const { ownCars: words } = text.value;
   const factors = Object.entries(of.learned);
   const isShown = ({ change, sd, seen_degc }: OwnCar["learned"][string]) =>
-    seen_degc !== null && Math.abs(change) >= LEAST_SHOWN * sd;
+    seen_degc !== null && Math.abs(change) >= MIN_SHOWN * sd;
   const shown = factors.filter(([, factor]) => isShown(factor));
   const others = factors.filter(([, factor]) => !isShown(factor));
   const seen = factors.flatMap(([, { seen_degc }]) => seen_degc ?? []);

@@ -13,7 +13,7 @@ import { temperaturesText } from "./wording";
 import { Said } from "./said";
 
 /** So many reasons are told at once. */
-const MOST_REASONS = 8;
+const MAX_REASONS = 8;
 
 type Preview = NonNullable<LogsReading["preview"]>;
 type Reason = Alike & { consequence?: Preview["findings"][number]["consequence"] };
@@ -51,8 +51,8 @@ function Learnable({ preview, report }: { preview: Preview | null; report: Alike
   const { shown, duration, figure } = format.value;
   const { distance } = units.value;
   const reasons: Reason[] = [...(preview?.findings ?? []), ...report];
-  const first = reasons.slice(0, MOST_REASONS);
-  const rest = reasons.slice(MOST_REASONS);
+  const first = reasons.slice(0, MAX_REASONS);
+  const rest = reasons.slice(MAX_REASONS);
   const lost = preview ? [preview.lost_distance_m, preview.lost_duration_s] : [0, 0];
   const [lostM = 0, lostS = 0] = lost;
   const { from_date, to_date, ambient_degc } = preview ?? {};

@@ -13,7 +13,7 @@ from homeassistant.helpers.entity_platform import AddConfigEntryEntitiesCallback
 from homeassistant.util import dt as dt_util
 
 from .client import ServiceAwayError, ServiceProblemError, TokenRefusedError
-from .const import CONF_CALENDARS, DOMAIN, MOST_NEEDS
+from .const import CONF_CALENDARS, DOMAIN, MAX_NEEDS
 from .coordinator import TripwattEntry
 from .entity import CarEntity, add_for_each_car
 from .trips import CalendarTrip, trips_between
@@ -68,7 +68,7 @@ class CarCalendar(CarEntity, CalendarEntity):
         """
         source = self.coordinator.config_entry.options[CONF_CALENDARS][self.car]
         trips = await trips_between(hass, source, start_date, end_date)
-        ahead = [trip for trip in trips if trip.starts_at > dt_util.utcnow()][:MOST_NEEDS]
+        ahead = [trip for trip in trips if trip.starts_at > dt_util.utcnow()][:MAX_NEEDS]
         try:
             needs = {trip: await self.coordinator.need(self.state_of_car, trip) for trip in ahead}
         except (ServiceAwayError, ServiceProblemError, TokenRefusedError) as error:

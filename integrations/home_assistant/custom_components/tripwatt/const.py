@@ -26,5 +26,5 @@ AHEAD_EVERY_S: Final = 600
 LOOK_AHEAD: Final = timedelta(days=7)
 """The next trip is looked for so far ahead in a calendar."""
 
-MOST_NEEDS: Final = 10
+MAX_NEEDS: Final = 10
 """Trips of a calendar whose need is worked out in one view; each is a forecast."""

@@ -19,7 +19,7 @@ from tripwatt.errors import Fault, InvalidInput, install
 
 Result = TypeVar("Result")
 
-MOST_TRIES: Final = 200
+MAX_TRIES: Final = 200
 """Largest number of tries of one commit; each failure means that another writer succeeded."""
 
 ONE_FILE: Final = 1 << 40
@@ -156,7 +156,7 @@ class DeltaFolder:
 
     def append(self, rows: pa.Table) -> None:
         """Append rows in one commit; the commit is tried again if another writer was first."""
-        self._repeated(lambda table: self._write(table, rows, tries=MOST_TRIES))
+        self._repeated(lambda table: self._write(table, rows, tries=MAX_TRIES))
 
     def append_checked(self, rows_for: Callable[[Any], pa.Table | None]) -> int:
         """Append rows that depend on the rows of the table; the commit succeeds only on the version that was read.
@@ -173,7 +173,7 @@ class DeltaFolder:
             Number of rows that were appended.
         """
         deltalake = require_deltalake()
-        for _ in range(MOST_TRIES):
+        for _ in range(MAX_TRIES):
             table = self.open()
             rows = rows_for(table)
             if rows is None or not rows.num_rows:
@@ -230,7 +230,7 @@ class DeltaFolder:
 
     def _repeated(self, action: Callable[[Any], Result]) -> Result:
         failed = require_deltalake().exceptions.CommitFailedError
-        for _ in range(MOST_TRIES):
+        for _ in range(MAX_TRIES):
             try:
                 with _usable(self.place):
                     return action(self.open())
@@ -310,5 +310,5 @@ def _usable(place: str) -> Iterator[Any]:
 
 
 def _busy(place: str) -> Fault:
-    got = f"{MOST_TRIES} commits of other writers came first"
+    got = f"{MAX_TRIES} commits of other writers came first"
     return Fault("trip store is busy", place, got, "fewer writers at once, or larger batches")

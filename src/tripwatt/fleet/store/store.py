@@ -40,7 +40,7 @@ from tripwatt.trips import Log, Recorded, TripSet, raise_faults
 FORMAT: Final = 1
 BUCKETS: Final = 16
 """Default number of hash buckets of vehicles."""
-MOST_BUCKETS: Final = 1024
+MAX_BUCKETS: Final = 1024
 
 BATCH: Final = 500
 """Number of logs in one commit."""
@@ -549,8 +549,8 @@ def create_store(
     >>> import tripwatt as tw
     >>> store = tw.create_store("trips")  # doctest: +SKIP
     """
-    if not 1 <= buckets <= MOST_BUCKETS:
-        raise InvalidInput.of("value out of range", "buckets", f"{buckets}", f"1 to {MOST_BUCKETS}")
+    if not 1 <= buckets <= MAX_BUCKETS:
+        raise InvalidInput.of("value out of range", "buckets", f"{buckets}", f"1 to {MAX_BUCKETS}")
     store = TripStore(f"{place}", dict(options or {}), buckets)
     if store.rows.exists():
         raise InvalidInput.of("trip store exists", store.place, "", "a new or empty folder")

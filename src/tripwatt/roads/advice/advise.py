@@ -12,11 +12,11 @@ from typing import Any, Final
 
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import Difference, Forecast, ForecastModel
-from tripwatt.forecasting.difference import LEAST_SHARE
+from tripwatt.forecasting.difference import MIN_SHARE
 from tripwatt.forecasting.leaving import forecasts_like, soc_needed
 from tripwatt.population import for_car
 from tripwatt.roads.advice.actions import ALONE, EFFORTS, Action, actions, with_action
-from tripwatt.roads.advice.preheating import LEAST_WH
+from tripwatt.roads.advice.preheating import MIN_WH
 from tripwatt.roads.journey import ChargingPlan, Journey
 from tripwatt.trips import Departure, Plan, Trip
 from tripwatt.trips.columns import require_fraction
@@ -26,12 +26,12 @@ from tripwatt.vehicles import Vehicle
 
 CHANCE: Final = 0.95
 """Default of the required chance to arrive: 19 of 20 trips."""
-MOST_TOGETHER: Final = 3
+MAX_TOGETHER: Final = 3
 """Largest number of actions that are advised together."""
-LEAST_SURE: Final = 0.95
+MIN_SURE: Final = 0.95
 """Smallest chance that an action saves energy at all with which it is advised."""
-MOST_SETS: Final = 3
-MOST_TRIED: Final = 12
+MAX_SETS: Final = 3
+MAX_TRIED: Final = 12
 HOPEFUL: Final = 0.8
 """A set of actions is forecast only if the sum of its savings is at least this share of the missing energy: actions help or hinder each
 other, so the sum is not exact."""
@@ -308,9 +308,7 @@ def advise(
         Advised((action,), other, other.difference(forecast), other.soc_arrival, other.p_arrive(reserve))
         for action, other in ways
     ]
-    sure = [
-        one for one in every if one.difference.p_less >= LEAST_SURE and one.difference.energy_wh <= -LEAST_WH
-    ]
+    sure = [one for one in every if one.difference.p_less >= MIN_SURE and one.difference.energy_wh <= -MIN_WH]
     mildest = {one.actions[0].group: one for one in reversed(sure)}
     singly = sorted(mildest.values(), key=lambda one: one.difference.energy_wh)
     speeds = [
@@ -340,7 +338,7 @@ def _stops(journey: Journey, plan: ChargingPlan, chance: float) -> Iterator[Advi
     causes = {cause: wh - base.by_cause_wh[cause] for cause, wh in plan.by_cause_wh.items()}
     difference = Difference(
         plan.energy_wh - base.energy_wh,
-        LEAST_SHARE * math.hypot(*causes.values()),
+        MIN_SHARE * math.hypot(*causes.values()),
         plan.duration_s - base.plan.duration_s,
         plan.soc_arrival - base.soc_arrival,
         causes,
@@ -395,7 +393,7 @@ def _least(
     their savings is at least `HOPEFUL` times the missing energy `lacking_wh`.
     """
     found: dict[tuple[str, ...], Advised] = {}
-    for size in range(1, MOST_TOGETHER + 1):
+    for size in range(1, MAX_TOGETHER + 1):
         most = min((one.cost_min for one in found.values()), default=math.inf)
         sets = [chosen for chosen in itertools.combinations(sure, size) if _one_of_each(chosen)]
         hopeful = [
@@ -404,9 +402,9 @@ def _least(
             if (cost := sum(one.cost_min for one in chosen)) < most
             and -sum(one.difference.energy_wh for one in chosen) >= HOPEFUL * lacking_wh
         ]
-        for _, chosen in sorted(hopeful, key=lambda pair: pair[0])[:MOST_TRIED]:
+        for _, chosen in sorted(hopeful, key=lambda pair: pair[0])[:MAX_TRIED]:
             codes = tuple(one.actions[0].code for one in chosen)
-            if codes not in found and len(found) < MOST_SETS:
+            if codes not in found and len(found) < MAX_SETS:
                 together = chosen[0] if size == 1 else join(chosen)
                 if together.p_arrive >= chance:
                     found[codes] = together

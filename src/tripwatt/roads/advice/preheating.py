@@ -43,7 +43,7 @@ BATTERY_HEATER_W: Final = 5000.0
 """Usual power of battery heaters [W]."""
 WARM_BATTERY_DEGC: Final = 20.0
 DIGITS: Final = 6
-LEAST_WH: Final = 20.0
+MIN_WH: Final = 20.0
 """Smaller savings are not advised, since nobody sees them on a display [Wh]."""
 
 
@@ -171,7 +171,7 @@ def preheating(
     saved, wall = np.round(taken[0] - taken, DIGITS), plugged / CHARGER
     cost = wall - worth * saved + [cabin.discomfort_wh for cabin, _ in ways]
     cost[saved < 0.0] = np.inf
-    cost[0] -= worth * LEAST_WH
+    cost[0] -= worth * MIN_WH
     best = int(np.argmin(cost))
     if best == 0:
         return None

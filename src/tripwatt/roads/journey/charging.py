@@ -40,7 +40,7 @@ WARM_DEGC: Final = 25.0
 COLD_LOSS_1_K: Final = 0.36 / 25.0
 """Share of the power with direct current that cells lose for each kelvin below `WARM_DEGC`. Motoaki, Yi and Salisbury (2018), Energy Policy 122:
 after half an hour at 0 °C a car has 36 % less charge than at 25 °C. A sample of one model of car, whose air temperature stands for that of its cells."""
-LEAST_COLD_FACTOR: Final = 0.2
+MIN_COLD_FACTOR: Final = 0.2
 """Smallest factor of the power of cold cells. The line is not followed to 0: the coldest charges of the study took about three times as
 long, and colder ones are not known."""
 
@@ -213,4 +213,4 @@ def cold_factor(cell_degc: float) -> float:
     >>> cold_factor(30.0), round(cold_factor(0.0), 2), cold_factor(-40.0)
     (1.0, 0.64, 0.2)
     """
-    return float(np.clip(1.0 - COLD_LOSS_1_K * (WARM_DEGC - cell_degc), LEAST_COLD_FACTOR, 1.0))
+    return float(np.clip(1.0 - COLD_LOSS_1_K * (WARM_DEGC - cell_degc), MIN_COLD_FACTOR, 1.0))

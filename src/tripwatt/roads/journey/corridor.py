@@ -33,11 +33,11 @@ CERTAIN: Final = 0.95
 DETOUR_M: Final = 3000.0
 """Stations farther from the road than this are not used."""
 POINT_EVERY_M: Final = 500.0
-MOST_STATIONS: Final = 200
+MAX_STATIONS: Final = 200
 DETOUR_FACTOR: Final = 1.3
 """Way to a station over its distance from the road, for estimated legs; a usual value of road networks."""
 DETOUR_M_S: Final = 12.0
-MOST_ROUNDS: Final = 12
+MAX_ROUNDS: Final = 12
 """Largest number of optima whose legs are routed; after these, only routed legs are used."""
 NEARLY: Final = 0.001
 CLOSE: Final = {"cheapest": 0.01}
@@ -123,9 +123,9 @@ class Corridor:
                 usable = stations[index].usable_with(self.rules.plugs)
                 if usable is not None:
                     pairs.append((float(position[point]), usable))
-        if len(pairs) <= MOST_STATIONS:
+        if len(pairs) <= MAX_STATIONS:
             return pairs
-        stretch_m = 2.0 * self.road.distance_m / MOST_STATIONS
+        stretch_m = 2.0 * self.road.distance_m / MAX_STATIONS
         kept: dict[int, list[tuple[float, Station]]] = {}
         for at, station in sorted(pairs, key=lambda pair: -pair[1].power_w):
             kept.setdefault(int(at / stretch_m), []).append((at, station))
@@ -267,14 +267,14 @@ class Corridor:
 
     def optimum(self, chances: tuple[float, float], label: str) -> StopPlan | None:
         """Find the plan of routed legs that is best by a label; returns None if there is no such plan."""
-        for k in range(MOST_ROUNDS + 1):
+        for k in range(MAX_ROUNDS + 1):
             problem = self.problem(*chances)
             aim = _aimed(problem, label)
             found, known = least_time(aim), self._known(aim)
             if found is None:
                 return None
             cost_s = math.inf if known is None else known.duration_s
-            if cost_s <= (1.0 + CLOSE.get(label, NEARLY)) * found.duration_s or k == MOST_ROUNDS:
+            if cost_s <= (1.0 + CLOSE.get(label, NEARLY)) * found.duration_s or k == MAX_ROUNDS:
                 break
             self._route(problem, found)
         return known and replace(known, duration_s=problem.duration_s(known.nodes, known.levels))

@@ -35,7 +35,7 @@ from tripwatt.vehicles import Vehicle
 NODES_M: Final = (2_000.0, 5_000.0, 15_000.0, 40_000.0, 100_000.0)
 """Lengths of the roads that are forecast; between and beyond these lengths, energy and charge are linear in the distance."""
 DISTANCES_KM: Final = (0.5, 2000.0)
-MOST_TRIPS: Final = 100
+MAX_TRIPS: Final = 100
 BAND: Final = (0.05, 0.95)
 HALF: Final = (0.25, 0.75)
 CAUTIOUS: Final = 0.95
@@ -448,7 +448,7 @@ def need(
     5.0
     """
     quantile = require_fraction("quantile", quantile, 0.5)
-    number = int(require_number("trips", trips, 1, MOST_TRIPS))
+    number = int(require_number("trips", trips, 1, MAX_TRIPS))
     own, known = for_car(model, vehicle), departure or Departure()
     levels = (BAND[0], HALF[0], 0.5, HALF[1], BAND[1], quantile)
     if isinstance(distance_km, Plan | Trip):

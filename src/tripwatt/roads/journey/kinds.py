@@ -161,7 +161,7 @@ NEAR: Final = 0.5
 SEASON_DAYS: Final = 20.0
 """Standard deviation of the day of the year, by which own trips are weighted for the outside temperature of a day."""
 DAYS_OF_YEAR: Final = 365.25
-MOST_ERROR: Final = 1.0
+MAX_ERROR: Final = 1.0
 """Relative errors are clipped to this: trips that take twice as much as typical roads, or nothing, are standstill with the car switched on,
 or a few metres."""
 PRIOR_TRIPS: Final = 5.0
@@ -218,7 +218,7 @@ class OwnRoads:
 
         def errors(shares: FloatArray, is_known: bool) -> tuple[float, tuple[float, ...]]:
             typical = np.maximum((shares * by_kind).sum(axis=1), 1.0)
-            error = np.clip(self.driving_wh / typical - 1.0, -MOST_ERROR, MOST_ERROR)
+            error = np.clip(self.driving_wh / typical - 1.0, -MAX_ERROR, MAX_ERROR)
             more = float(near @ error / trips)
             square = PRIOR_TRIPS * self.prior.share(distance_m, is_known) ** 2 + near @ (error - more) ** 2
             return more, (float(square / trips), 0.0)

@@ -32,14 +32,14 @@ from tripwatt.vehicles import Vehicle
 
 if TYPE_CHECKING:
     from tripwatt.figures import Axes, Figure
-MOST_STOPS: Final = 20
-MOST_ALTERNATIVES: Final = 3
-MOST_OVERHEAD_S: Final = 7200.0
+MAX_STOPS: Final = 20
+MAX_ALTERNATIVES: Final = 3
+MAX_OVERHEAD_S: Final = 7200.0
 MOTORWAY_SPEEDS_KM_H: Final = (130.0, 120.0, 110.0, 100.0, 90.0, 80.0)
 CHEAPER_KM_H: Final = 100.0
 """The cost of speed is the energy taken by driving faster than this on motorways."""
 
-LEAST_MOTORWAY_M: Final = 1000.0
+MIN_MOTORWAY_M: Final = 1000.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,9 +83,9 @@ class JourneyOptions:
     def __post_init__(self) -> None:
         faults = list(scalar_faults({"reserve": self.reserve}))
         faults += number_faults(
-            "alternatives", self.alternatives, Column("", 0, MOST_ALTERNATIVES, ""), whole=True
+            "alternatives", self.alternatives, Column("", 0, MAX_ALTERNATIVES, ""), whole=True
         )
-        faults += number_faults("stop_overhead_s", self.stop_overhead_s, Column("s", 0, MOST_OVERHEAD_S, ""))
+        faults += number_faults("stop_overhead_s", self.stop_overhead_s, Column("s", 0, MAX_OVERHEAD_S, ""))
         raise_faults(faults)
 
 
@@ -492,8 +492,8 @@ def find_stops(stops: Sequence[Place | str], atlas: Atlas, *, round_trip: bool =
     >>> len(find_stops(["47.14, 9.52", "47.16, 9.50"], atlas, round_trip=True))
     3
     """
-    if not 2 <= len(stops) <= MOST_STOPS:
-        raise InvalidInput.of("number of places out of range", "stops", f"{len(stops)}", f"2 to {MOST_STOPS}")
+    if not 2 <= len(stops) <= MAX_STOPS:
+        raise InvalidInput.of("number of places out of range", "stops", f"{len(stops)}", f"2 to {MAX_STOPS}")
     with Check() as check:
         places = [check(atlas.find, stop, f"stops[{k}]") for k, stop in enumerate(stops)]
     return (*places, places[0]) if round_trip else tuple(places)
@@ -617,7 +617,7 @@ def _speed(forecaster: RoadForecaster, first: RoadForecast, reserve: float) -> S
     if first.forecast.p_arrive(reserve) >= CERTAIN:
         return None
     road = first.road
-    if float(road.links.length_m[on_motorway(road)].sum()) < LEAST_MOTORWAY_M:
+    if float(road.links.length_m[on_motorway(road)].sum()) < MIN_MOTORWAY_M:
         return None
     for speed in MOTORWAY_SPEEDS_KM_H:
         slower = capped(road, speed * M_S_PER_KM_H)

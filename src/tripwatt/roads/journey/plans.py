@@ -23,8 +23,8 @@ RISKS: Final = (5e-4, 1.0 - CERTAIN)
 CLOSE: Final = 0.005
 """The search ends if the chance of the whole journey is at most this much over `CERTAIN`."""
 NARROW: Final = 1.1
-MOST_TRIALS: Final = 8
-"""The search for the risk of a leg ends if the risk is known to the factor `NARROW`, or after `MOST_TRIALS` trials."""
+MAX_TRIALS: Final = 8
+"""The search for the risk of a leg ends if the risk is known to the factor `NARROW`, or after `MAX_TRIALS` trials."""
 SAFEST: Final = ((0.9995, 0.9995), (0.998, 0.998), (0.99, 0.99), (CERTAIN, 0.9995))
 """Chances of the first leg and of every other leg of the safest plan; the first possible pair is used."""
 SAFEST_TIME: Final = 1.25
@@ -79,7 +79,7 @@ def _certain(corridor: Corridor, label: str, risk: float) -> tuple[ChargingPlan 
     """
     for first in (0.0, RISKS[1]):
         (low, high), best = RISKS, None
-        for _ in range(MOST_TRIALS):
+        for _ in range(MAX_TRIALS):
             chances, whole = (1.0 - max(first, risk), 1.0 - risk), 1.0
             found = corridor.optimum(chances, label)
             if found is not None:
@@ -115,10 +115,10 @@ def _trimmed(
     return plan, found, chances
 
 
-def _safest(corridor: Corridor, most_s: float) -> ChargingPlan | None:
+def _safest(corridor: Corridor, max_s: float) -> ChargingPlan | None:
     for chances in SAFEST:
         found = corridor.optimum(chances, "safest")
-        if found is not None and found.duration_s <= most_s:
+        if found is not None and found.duration_s <= max_s:
             plan = ChargingPlan("safest", (), corridor.driven(found), corridor.rules.reserve)
             return _with_stops(corridor, plan, found, chances)
     return None

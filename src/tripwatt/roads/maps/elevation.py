@@ -39,7 +39,7 @@ HIGHEST_M: Final = 9000.0
 MARGIN_DEG: Final = 0.02
 """Roads of a map reach this far beyond its places [°]."""
 
-MOST_CELLS: Final = 100
+MAX_CELLS: Final = 100
 """No drive crosses more cells; heights of places in more cells are not looked up, since these places cannot be positions of a drive."""
 KEPT_CELLS: Final = 4
 """Number of tiles that stay in memory, 52 MB each: the next drive begins where the last one ended."""
@@ -165,7 +165,7 @@ class Elevation:
         known = (np.abs(latitude_deg) < 90.0) & (np.abs(longitude_deg) < 180.0)
         corners = np.floor(np.column_stack([latitude_deg, longitude_deg])[known]).astype(int)
         cells, its = np.unique(corners, axis=0, return_inverse=True)
-        for number, (south, west) in enumerate(cells.tolist() if len(cells) <= MOST_CELLS else ()):
+        for number, (south, west) in enumerate(cells.tolist() if len(cells) <= MAX_CELLS else ()):
             tile = self._kept((south, west))
             if tile is not None:
                 here = np.flatnonzero(known)[its.ravel() == number]
@@ -234,7 +234,7 @@ def _read(path: Path) -> Heights:
         content = read_file(path, 2 * most, what="cannot read the elevation tile", allowed="a tile of SRTM")
         if path.name.lower().endswith(".zip"):
             archive = open_archive(
-                content, Budget(path.name), most_ratio=most
+                content, Budget(path.name), max_ratio=most
             )  # a tile of the sea is nothing but zeros
             inside = [name for name in archive.namelist() if name.lower().endswith(".hgt")]
             content = archive.open(inside[0] if inside else "*.hgt").read(most)

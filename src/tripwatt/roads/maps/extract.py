@@ -25,7 +25,7 @@ OTHER_NAMES: Final = re.compile(
 )
 """Keys of names in other languages, and of older or shorter names."""
 
-MOST_NAMES: Final = 200
+MAX_NAMES: Final = 200
 LONGEST_NAME: Final = 200
 POWER: Final = re.compile(r"(\d+(?:[.,]\d+)?)\s*(kva|kw|w)?\b", re.IGNORECASE)
 
@@ -105,7 +105,7 @@ def _other_names(tags: Mapping[str, str], name: str) -> tuple[str, ...]:
     """Return the names under other keys than `name`, each once."""
     values = (value for key, value in sorted(tags.items()) if OTHER_NAMES.fullmatch(key))
     names = dict.fromkeys(part.strip()[:LONGEST_NAME] for value in values for part in value.split(";"))
-    return tuple(other for other in names if other not in ("", name))[:MOST_NAMES]
+    return tuple(other for other in names if other not in ("", name))[:MAX_NAMES]
 
 
 def _kind(tags: Mapping[str, str], is_way: bool) -> str | None:

@@ -21,12 +21,12 @@ from tripwatt.roads.routers.valhalla import ValhallaRouter
 INFO_NAME: Final = "map.json"
 INDEX_NAME: Final = "places.sqlite"
 FORMAT: Final = 2
-MOST_INFO_BYTES: Final = 1 << 20
+MAX_INFO_BYTES: Final = 1 << 20
 ATTRIBUTION: Final = "© OpenStreetMap contributors, ODbL 1.0"
 """Text that has to be shown wherever a map, a road or a place of an extract is shown."""
 
 
-MOST_NAMED: Final = 3
+MAX_NAMED: Final = 3
 """Largest number of settlements that are named to say where a map is."""
 
 
@@ -55,7 +55,7 @@ class MapFolder:
         if self.info.get("bounds_deg") is None:
             return ""
         south, west, north, east = map(float, self.info["bounds_deg"])
-        names = [place.title for place in self.index.settlements(south, west, north, east, MOST_NAMED)]
+        names = [place.title for place in self.index.settlements(south, west, north, east, MAX_NAMED)]
         *others, last = names or [""]
         around = f" around {', '.join(others)}{' and ' if others else ''}{last}" if last else ""
         return f"{_span(south, north, 'SN')} and {_span(west, east, 'WE')}{around} ({self.info['extract']})"
@@ -76,7 +76,7 @@ def open_map(folder: Path | str) -> MapFolder:
     """
     folder = Path(folder)
     try:
-        info = json.loads(read_text_file(folder / INFO_NAME, MOST_INFO_BYTES))
+        info = json.loads(read_text_file(folder / INFO_NAME, MAX_INFO_BYTES))
     except (InvalidInput, ValueError, RecursionError) as error:
         fix = "build one with tripwatt map build REGION.osm.pbf"
         got = error.faults[0].got if isinstance(error, InvalidInput) else type(error).__name__

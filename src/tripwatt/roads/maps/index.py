@@ -25,12 +25,12 @@ from tripwatt.routes.places import SPELLINGS, TWIN_M, Place, plain_words, withou
 FAR_FROM_SETTLEMENT_DEG: Final = 0.3
 """An object farther from a settlement than this [° of latitude] is named without the settlement."""
 
-MOST_FOUND: Final = 50
+MAX_FOUND: Final = 50
 CANDIDATES: Final = 200
 """Largest number of matches that are compared; the index has the important places first."""
 
 LONGEST_TEXT: Final = 200
-MOST_WORDS: Final = 10
+MAX_WORDS: Final = 10
 SETTLEMENT: Final = KINDS.index("street")
 """Ranks below this are settlements."""
 
@@ -287,10 +287,10 @@ class PlaceIndex:
         tuple of Place
             Places found; empty if there are none.
         """
-        words = plain_words(text[:LONGEST_TEXT])[:MOST_WORDS]
+        words = plain_words(text[:LONGEST_TEXT])[:MAX_WORDS]
         if not words or limit < 1:
             return ()
-        limit = min(limit, MOST_FOUND)
+        limit = min(limit, MAX_FOUND)
         with self._damage_is_a_fault():
             rows = self._matching([[f'"{word}"*'] for word in words])
             found = sorted((_Match.of(row, words) for row in rows), key=lambda match: match.order)

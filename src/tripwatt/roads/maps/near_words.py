@@ -19,10 +19,10 @@ LONGEST: Final = 30
 TWO_MISTAKES_FROM: Final = 8
 """Number of letters from which on a typed word may have two mistakes."""
 
-MOST_COMPARED: Final = 40
+MAX_COMPARED: Final = 40
 """Largest number of words of one key that are compared, those of important places first."""
 
-MOST_NEAR: Final = 5
+MAX_NEAR: Final = 5
 
 SCHEMA: Final = (
     "CREATE TABLE words (key TEXT, rank INTEGER, word TEXT, PRIMARY KEY (key, rank, word)) WITHOUT ROWID"
@@ -56,13 +56,13 @@ def near_words(database: sqlite3.Connection, typed: str) -> dict[str, int]:
         word: rank
         for key in keys(typed)
         for rank, word in database.execute(
-            "SELECT rank, word FROM words WHERE key = ? ORDER BY rank LIMIT ?", (key, MOST_COMPARED)
+            "SELECT rank, word FROM words WHERE key = ? ORDER BY rank LIMIT ?", (key, MAX_COMPARED)
         )
     }
     long = len(typed) + most
     measured = ((*mistakes(typed, word[:long]), rank, word) for word, rank in rows.items())
     nearest = sorted(entry for entry in measured if 0 < entry[0] <= most)
-    return {word: begins for begins, _, _, word in nearest[:MOST_NEAR]}
+    return {word: begins for begins, _, _, word in nearest[:MAX_NEAR]}
 
 
 def _has_mistakes(word: str) -> bool:

@@ -40,8 +40,8 @@ COLUMNS: Final = tuple(BOUNDS)
 DIRECT_FROM_W: Final = 43_001.0
 """A station of a file with this power or more is taken to have direct current, since alternating current ends at 43 kW."""
 
-MOST_STATIONS: Final = 1_000_000
-MOST_STATIONS_BYTES: Final = 1 << 27
+MAX_STATIONS: Final = 1_000_000
+MAX_STATIONS_BYTES: Final = 1 << 27
 """Largest number of stations in a file, and largest size of the file [bytes]."""
 
 
@@ -106,12 +106,12 @@ def read_stations(path: Path | str) -> tuple[Station, ...]:
     """
     path = Path(path)
     text = read_text_file(
-        path, MOST_STATIONS_BYTES, what="cannot read the stations", allowed="a CSV table in UTF-8"
+        path, MAX_STATIONS_BYTES, what="cannot read the stations", allowed="a CSV table in UTF-8"
     )
     try:
         reader = csv.DictReader(io.StringIO(text, newline=""))
         names = reader.fieldnames or ()
-        rows = list(itertools.islice(reader, MOST_STATIONS + 1))
+        rows = list(itertools.islice(reader, MAX_STATIONS + 1))
     except csv.Error as error:
         raise InvalidInput.of(
             "cannot read the stations", f"{path}", f"{error}"[:80], "a CSV table"
@@ -119,8 +119,8 @@ def read_stations(path: Path | str) -> tuple[Station, ...]:
     missing = [name for name in COLUMNS if name not in names]
     if missing:
         raise InvalidInput.of("missing column", path.name, ", ".join(missing), ", ".join(COLUMNS))
-    if len(rows) > MOST_STATIONS:
-        raise InvalidInput.of("too many stations", path.name, f"{len(rows)}", f"at most {MOST_STATIONS}")
+    if len(rows) > MAX_STATIONS:
+        raise InvalidInput.of("too many stations", path.name, f"{len(rows)}", f"at most {MAX_STATIONS}")
     faults, columns = [], []
     for column, (low, high) in BOUNDS.items():
         cells = pd.Series([row[column] for row in rows], dtype=object)

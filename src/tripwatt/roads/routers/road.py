@@ -23,10 +23,10 @@ SAME_SPEED: Final = 0.03
 SAME_TIME_S: Final = 0.06
 """Edges have the same speed if their times differ by less than these [1, s]: routers round times to 0.1 s and speeds to 1 km/h."""
 
-LEAST_SIGNAL_STOP_S: Final = 2.0
+MIN_SIGNAL_STOP_S: Final = 2.0
 """Shorter delays at a signal are not counted as standstill."""
 
-MOST_ROUTES: Final = 4
+MAX_ROUTES: Final = 4
 """Largest number of roads in one answer."""
 
 KEY: Final = "TRIPWATT_ROUTER_KEY"
@@ -171,7 +171,7 @@ def pooled(edges: Edges) -> tuple[LinkRoute, tuple[str, ...]]:
     total_s = np.maximum(total_s, driving_s)
     last = np.append(first[1:], len(length)) - 1
     spare = total_s - driving_s
-    stop = np.where(edges.signal[last] & (spare >= LEAST_SIGNAL_STOP_S), spare, np.nan)
+    stop = np.where(edges.signal[last] & (spare >= MIN_SIGNAL_STOP_S), spare, np.nan)
     limit = edges.limit_m_s[first]
     with np.errstate(all="ignore"):  # a link without time is named below
         moving = total_m / driving_s

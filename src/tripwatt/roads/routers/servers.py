@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Final, Self
 import numpy as np
 
 from tripwatt.errors import InvalidInput, RemoteError
-from tripwatt.roads.routers.road import KEY, MOST_ROUTES, Edges, Road, RoadParts, no_road, require_stops
+from tripwatt.roads.routers.road import KEY, MAX_ROUTES, Edges, Road, RoadParts, no_road, require_stops
 from tripwatt.routes.answers import annotated, intervals, lengths_and_times, speeds_at_points, steps_of
 from tripwatt.routes.documents import Node
 from tripwatt.routes.places import Place
@@ -48,9 +48,9 @@ class ServerRouter:
     def roads(self, stops: Sequence[Place], *, alternatives: int = 0) -> tuple[Road, ...]:
         """See `Router.roads`."""
         require_stops(stops)
-        answer = self.ask(stops, min(alternatives, MOST_ROUTES - 1) if len(stops) == 2 else 0)
+        answer = self.ask(stops, min(alternatives, MAX_ROUTES - 1) if len(stops) == 2 else 0)
         with as_remote():
-            parts = [self.parts(route) for route in answer.entries(least=1)[:MOST_ROUTES]]
+            parts = [self.parts(route) for route in answer.entries(least=1)[:MAX_ROUTES]]
         return tuple(part.road(stops) for part in parts)
 
     def ask(self, stops: Sequence[Place], others: int) -> Node:

@@ -18,7 +18,7 @@ import numpy as np
 
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.errors import InvalidInput
-from tripwatt.roads.routers.road import KEY, MOST_ROUTES, Edges, Road, RoadParts, no_road, require_stops
+from tripwatt.roads.routers.road import KEY, MAX_ROUTES, Edges, Road, RoadParts, no_road, require_stops
 from tripwatt.routes.documents import Node
 from tripwatt.routes.places import Place
 from tripwatt.routes.points import distances_m
@@ -32,7 +32,7 @@ Ask = Callable[[str, dict[str, Any]], Any]
 """Function from an action of Valhalla and its request to the answer as a document."""
 
 HTTP_OK: Final = 200
-MOST_EDGES: Final = 200_000
+MAX_EDGES: Final = 200_000
 HEIGHT_EVERY_M: Final = 30.0
 """Distance between the heights along the road [m], as fine as the usual elevation model."""
 
@@ -110,7 +110,7 @@ class ValhallaRouter:
         asked: list[dict[str, Any]] = [{}]
         if alternatives:
             asked = [
-                {"alternates": min(alternatives, MOST_ROUTES - 2)},
+                {"alternates": min(alternatives, MAX_ROUTES - 2)},
                 {"costing_options": {"auto": {"shortest": True}}},
             ]
         trips = self._together([partial(self._trips, stops, more) for more in asked])
@@ -164,7 +164,7 @@ class ValhallaRouter:
         }
         answer = self._answer("route", request, stops)
         others = answer["alternates"]
-        entries = answer, *(others.entries() if others.value else ())[:MOST_ROUTES]
+        entries = answer, *(others.entries() if others.value else ())[:MAX_ROUTES]
         trips = [entry["trip"] for entry in entries]
         for trip in trips:
             trip.members()
@@ -233,10 +233,8 @@ class ValhallaRouter:
 def _edges(answer: Node, shape: str, points: FloatArray) -> tuple[Edges, FloatArray]:
     """Return the edges of a line, and the ranges of distance [m] in tunnels or on bridges, shape (ranges, 2)."""
     entries = answer["edges"].entries(least=1)
-    if len(entries) > MOST_EDGES:
-        raise InvalidInput.of(
-            "too many edges", "trace_attributes", f"{len(entries)}", f"at most {MOST_EDGES}"
-        )
+    if len(entries) > MAX_EDGES:
+        raise InvalidInput.of("too many edges", "trace_attributes", f"{len(entries)}", f"at most {MAX_EDGES}")
     own = answer["shape"].value
     # for a short leg on one edge, Valhalla may return no part of the edge
     within = entries[-1]["end_shape_index"].value == 0

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from tripwatt.trips import Log
     from tripwatt.vehicles import Vehicle
 
-MOST_LEFT_OUT: Final = 100
+MAX_LEFT_OUT: Final = 100
 """Most trips left out of the diary whose reasons are kept; the oldest reasons are dropped first."""
 
 
@@ -328,7 +328,7 @@ class Car(LiveCar):
                 put_settings(db, {"state": secrets.token_hex(8)})
             if lesson.left_out:
                 left_out = [*{**self.left_out, **lesson.left_out}.items()]
-                put_settings(db, {"left_out": dict(left_out[-MOST_LEFT_OUT:])})
+                put_settings(db, {"left_out": dict(left_out[-MAX_LEFT_OUT:])})
         self.file.checkpoint()
         return True
 

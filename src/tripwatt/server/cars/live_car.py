@@ -26,7 +26,7 @@ from tripwatt.server.cars.car_file import (
     put_settings,
     row_of_log,
 )
-from tripwatt.server.cars.live_trip import LEAST_M, SILENCE_S, LiveTrip
+from tripwatt.server.cars.live_trip import MIN_M, SILENCE_S, LiveTrip
 from tripwatt.server.cars.ordering import Arrival
 from tripwatt.server.cars.plan import LivePlan
 from tripwatt.server.cars.recording import Recorder
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 FAR_S: Final = 366.0 * SECONDS_PER_DAY
 """Most that our clock may be slow [s]; before the sender's clock is known, samples further ahead are refused."""
 
-LEAST_ROWS: Final = 3
+MIN_ROWS: Final = 3
 """Fewest samples from which a log is made."""
 
 ERASE_EVERY_S: Final = 3600.0
@@ -53,7 +53,7 @@ SLACK_MESSAGES: Final = 1000
 EVERY_S: Final = 120.0
 """Shortest time between two stored forecasts of a trip [s]."""
 
-MOST_FORECASTS: Final = 400
+MAX_FORECASTS: Final = 400
 """Most stored forecasts of a trip: enough for 13 h, longer than the longest trip."""
 
 VALID_NAME: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]{0,63}")
@@ -242,7 +242,7 @@ class LiveCar(Recorder):
         started = dt.datetime.fromtimestamp(int(trip.start_s), dt.UTC)
         context = Context(started_at=started.astimezone().replace(tzinfo=None))
         log = None
-        if trip.distance_m >= LEAST_M and len(table) >= LEAST_ROWS:
+        if trip.distance_m >= MIN_M and len(table) >= MIN_ROWS:
             log = or_none(Log.from_samples, f"{self.name}-{started:%Y%m%dT%H%M%SZ}", table, context)
         if log is None:
             db.execute("DELETE FROM forecasts WHERE start_s = ?", (trip.start_s,))
@@ -376,7 +376,7 @@ class LiveCar(Recorder):
 
     def _is_due(self, at_s: float) -> bool:
         made = self.forecasts
-        return not made or (at_s - made[-1].at_s >= EVERY_S and len(made) < MOST_FORECASTS)
+        return not made or (at_s - made[-1].at_s >= EVERY_S and len(made) < MAX_FORECASTS)
 
     def close(self) -> None:
         """Close the car's file and unlock its folder, so that another process can follow the car."""

@@ -15,7 +15,7 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray, held
 from tripwatt.server.cars.telemetry import Sample, moved
-from tripwatt.trips import MOST_DURATION_S, table_of
+from tripwatt.trips import MAX_DURATION_S, table_of
 
 MOVING_M_S: Final = 1.0
 """Speed from which a car drives [m/s]; satellite positioning shows a parked car at up to about half of this speed."""
@@ -33,19 +33,19 @@ PARKED_S: Final = 60.0
 SILENCE_S: Final = 600.0
 """A trip ends if the car sends nothing for this long [s]: a tunnel or a dead spot is shorter."""
 
-LEAST_M: Final = 200.0
+MIN_M: Final = 200.0
 """A shorter drive is no trip [m]: the car was moved, or the positioning was wrong."""
 
 HOLD_S: Final = 10.0
 """A speed is held for up to this long if later messages have none [s]."""
 
-MOST_SAMPLES: Final = 40_000
+MAX_SAMPLES: Final = 40_000
 """Most stored samples of a trip: 11 h at 1 Hz. At this number every other sample is dropped, and later ones are thinned alike."""
 
 GAP_STEPS: Final = 1.5
 """A late sample is used if its neighbours are at least this many median time steps of the trip apart; others are doubles or strays."""
 
-_MOST_BEFORE: Final = 2000
+_MAX_BEFORE: Final = 2000
 
 
 class LiveTrip:
@@ -89,7 +89,7 @@ class LiveTrip:
         self.stood_s = math.inf
         self.distance_m = 0.0
         self._speed_m_s = 0.0
-        self._least_step_s = 0.0
+        self._min_step_s = 0.0
         self._columns: dict[str, array[float]] = {"time_s": array("d"), "speed_m_s": array("d")}
         for sample in samples:
             self.append(sample)
@@ -115,14 +115,14 @@ class LiveTrip:
             else:
                 self.stood_s = min(self.stood_s, max(self.moved_s, sample.time_s - HOLD_S))
         times = self._columns["time_s"]
-        if not times or sample.time_s - times[-1] >= self._least_step_s:
+        if not times or sample.time_s - times[-1] >= self._min_step_s:
             self._keep(sample)
         self.last_s = sample.time_s
 
     def _keep(self, sample: Sample) -> None:
-        if len(self) >= MOST_SAMPLES:
+        if len(self) >= MAX_SAMPLES:
             times = self._columns["time_s"]
-            self._least_step_s = 2.0 * (times[-1] - times[0]) / len(times)
+            self._min_step_s = 2.0 * (times[-1] - times[0]) / len(times)
             self._columns = {name: values[::2] for name, values in self._columns.items()}
         for name in sample.values:
             if name not in self._columns:
@@ -165,7 +165,7 @@ class LiveTrip:
         """
         times = self._columns["time_s"]
         at, steps = bisect.bisect_left(times, sample.time_s), np.diff(times)
-        if not 0 < at < len(times) < MOST_SAMPLES or steps[at - 1] < GAP_STEPS * np.median(steps):
+        if not 0 < at < len(times) < MAX_SAMPLES or steps[at - 1] < GAP_STEPS * np.median(steps):
             return False
         before_m = self._driven_m()
         for name in {*sample.values} - {*self._columns}:
@@ -269,7 +269,7 @@ class TripFinder:
 
     def __init__(self) -> None:
         self.trip: LiveTrip | None = None
-        self.before: deque[Sample] = deque(maxlen=_MOST_BEFORE)
+        self.before: deque[Sample] = deque(maxlen=_MAX_BEFORE)
 
     def add(self, sample: Sample) -> LiveTrip | None:
         """Take the next sample. O(1) amortised.
@@ -312,14 +312,14 @@ class TripFinder:
         by_s : float
             Time to add to all times [s].
         """
-        self.before = deque((moved(sample, by_s) for sample in self.before), _MOST_BEFORE)
+        self.before = deque((moved(sample, by_s) for sample in self.before), _MAX_BEFORE)
         if self.trip is not None:
             self.trip.move(by_s)
 
     def _ends(self, trip: LiveTrip, sample: Sample) -> bool:
         if sample.charging or sample.time_s - trip.last_s >= SILENCE_S:
             return True
-        if sample.time_s - trip.start_s >= MOST_DURATION_S:
+        if sample.time_s - trip.start_s >= MAX_DURATION_S:
             return True
         speed = sample.values.get("speed_m_s")
         if speed is None or speed >= MOVING_M_S:

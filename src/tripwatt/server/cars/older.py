@@ -46,8 +46,8 @@ LIVE: Final = "live"
 NAMES: Final = ("trips", "learned", ".learned.older", LIVE, "car.toml", "left-out.json", ABOUT)
 """Files and folders of an older version; the description goes last."""
 
-MOST_TEXT_BYTES: Final = 1 << 24
-MOST_LINE_BYTES: Final = 4096
+MAX_TEXT_BYTES: Final = 1 << 24
+MAX_LINE_BYTES: Final = 4096
 OLD_CAUSES: Final = {
     "cause_hvac_wh": "cause_climate_wh",
     "cause_learned_correction_wh": "cause_correction_wh",
@@ -101,13 +101,13 @@ def is_there(folder: Path) -> bool:
 
 def _read_description(folder: Path, db: sqlite3.Connection) -> None:
     with damage(folder / ABOUT, "the description of a car"):
-        about = json.loads(read_text_file(folder / ABOUT, MOST_TEXT_BYTES))
+        about = json.loads(read_text_file(folder / ABOUT, MAX_TEXT_BYTES))
         car = replace(load_vehicle(folder / "car.toml"), name=f"{about['vehicle']}")
         settings = {"vehicle": vehicle_values(car), "base": about["base"], "label": about.get("label")}
     left_out = folder / "left-out.json"
     if left_out.is_file():
         with damage(left_out, "reasons by trip"):
-            settings["left_out"] = dict(json.loads(read_text_file(left_out, MOST_TEXT_BYTES)))
+            settings["left_out"] = dict(json.loads(read_text_file(left_out, MAX_TEXT_BYTES)))
     put_settings(db, {**settings, "state": secrets.token_hex(8)})
     put_logs(db, map(row_of_log, open_store(folder / "trips").logs()), is_learned=True)
     learned = folder / "learned"
@@ -125,10 +125,10 @@ def _read_settings(live: Path, db: sqlite3.Connection) -> None:
     token, plan = live / "token.json", live / "plan.json"
     if token.is_file():
         with damage(token, "the digest of a token"):
-            put_settings(db, {"token": f"{json.loads(read_text_file(token, MOST_TEXT_BYTES))['sha256']}"})
+            put_settings(db, {"token": f"{json.loads(read_text_file(token, MAX_TEXT_BYTES))['sha256']}"})
     if plan.is_file():
         with damage(plan, "a plan", "remove it"):
-            about = LivePlan.from_dict(json.loads(read_file(plan, MOST_TEXT_BYTES))).to_dict()
+            about = LivePlan.from_dict(json.loads(read_file(plan, MAX_TEXT_BYTES))).to_dict()
             put_settings(db, {"plan": about})
     start_s, made = _forecasts(live / "forecasts.json")
     put_forecasts(db, start_s, made)
@@ -140,9 +140,9 @@ def _read_journal(path: Path, db: sqlite3.Connection) -> None:
         return
     samples: list[Sample] = []
     with path.open("rb") as stream:
-        first = stream.readline(MOST_LINE_BYTES)
+        first = stream.readline(MAX_LINE_BYTES)
         stream.seek(0)
-        while line := stream.readline(MOST_LINE_BYTES):
+        while line := stream.readline(MAX_LINE_BYTES):
             with contextlib.suppress(*UNREADABLE):
                 samples.append(sample_of_text(line))
     if samples and samples[-1].received_s is None:
@@ -171,7 +171,7 @@ def _read_trips(car: str, live: Path, db: sqlite3.Connection) -> None:
     """Read the finished trips on the road; the text of a trip that cannot be read is kept in the setting `unread`."""
     taught: set[str] = set()
     with contextlib.suppress(*UNREADABLE):
-        taught = set(json.loads(read_text_file(live / "taught.json", MOST_TEXT_BYTES))["trips"])
+        taught = set(json.loads(read_text_file(live / "taught.json", MAX_TEXT_BYTES))["trips"])
     unread = {}
     for path in sorted((live / "trips").glob("*.csv")):
         name = path.stem
@@ -196,7 +196,7 @@ def _read_trips(car: str, live: Path, db: sqlite3.Connection) -> None:
 def _forecasts(path: Path) -> tuple[float, tuple[MadeForecast, ...]]:
     """Return the departure of a trip and its forecasts from a file; NaN and no forecasts if it is missing or damaged."""
     with contextlib.suppress(*UNREADABLE):
-        document = json.loads(read_text_file(path, MOST_TEXT_BYTES))
+        document = json.loads(read_text_file(path, MAX_TEXT_BYTES))
         rows = [[float(row[name]) for name in MadeForecast.__slots__] for row in document["forecasts"]]
         if all(math.isfinite(value) for row in rows for value in row):
             return float(document["start_s"]), tuple(MadeForecast(*row) for row in rows)

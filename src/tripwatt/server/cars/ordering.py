@@ -12,7 +12,7 @@ from tripwatt.server.cars.telemetry import Sample, moved
 LATE_S: Final = 30.0
 """A sample is still used if its time is at most this much before the latest time that arrived [s]."""
 
-MOST_WAITING: Final = 600
+MAX_WAITING: Final = 600
 """Most samples that wait for late ones: 20 Hz for `LATE_S`. If there are more, the oldest are released."""
 
 Place = Literal["new", "doubled", "late"]
@@ -32,7 +32,7 @@ class OrderedSamples:
     Attributes
     ----------
     waiting : list of Sample
-        Samples in the window by time, at most `MOST_WAITING`.
+        Samples in the window by time, at most `MAX_WAITING`.
     newest_s, given_s : float
         Latest time of an arrived and of a released sample [s since 1970]; `after_s` before the first one.
 
@@ -54,7 +54,7 @@ class OrderedSamples:
         self.newest_s = self.given_s = after_s
 
     def arrival(self, sample: Sample) -> Place:
-        """Return whether a sample is new, doubled (its time is there already) or too late. O(log(`MOST_WAITING`))."""
+        """Return whether a sample is new, doubled (its time is there already) or too late. O(log(`MAX_WAITING`))."""
         if sample.time_s <= self.given_s:
             return "doubled" if sample.time_s == self.given_s else "late"
         at = bisect.bisect_left(self.waiting, sample.time_s, key=_time)
@@ -62,14 +62,14 @@ class OrderedSamples:
         return "doubled" if there else "new"
 
     def insert(self, sample: Sample) -> None:
-        """Insert a new sample into the window. O(`MOST_WAITING`), or O(1) for the latest sample."""
+        """Insert a new sample into the window. O(`MAX_WAITING`), or O(1) for the latest sample."""
         bisect.insort(self.waiting, sample, key=_time)
         self.newest_s = max(self.newest_s, sample.time_s)
 
     def ready(self) -> list[Sample]:
         """Release and return, in the order of their times, the samples before which no other can arrive."""
         count = bisect.bisect_right(self.waiting, self.newest_s - LATE_S, key=_time)
-        return self._give(max(count, len(self.waiting) - MOST_WAITING))
+        return self._give(max(count, len(self.waiting) - MAX_WAITING))
 
     def move(self, by_s: float) -> None:
         """Shift all times by `by_s` [s] after the clock of the sender was set."""

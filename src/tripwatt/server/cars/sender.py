@@ -26,7 +26,7 @@ STEADY: Final = (3, 5.0, 10.0)
 RECENT: Final = 15
 """Number of latest messages from which the clock is estimated."""
 
-MOST_HELD: Final = 600
+MAX_HELD: Final = 600
 """Most samples that are held."""
 
 WENT_ON: Final = 3
@@ -92,8 +92,8 @@ class Sender:
         """Whether the stamp of a sample is later than that of `last` by no more than its arrival, within tolerances."""
         if last is None or last.received_s is None or sample.received_s is None:
             return False
-        most_s = FUTURE_S + max(sample.received_s - last.received_s, 0.0)
-        return -LATE_S <= sample.time_s - last.time_s <= most_s
+        max_s = FUTURE_S + max(sample.received_s - last.received_s, 0.0)
+        return -LATE_S <= sample.time_s - last.time_s <= max_s
 
     def go_on(self, sample: Sample) -> None:
         """Take a sample that fits the known clock, and update this clock. O(1)."""
@@ -111,7 +111,7 @@ class Sender:
 
     def takes(self, sample: Sample) -> bool:
         """Whether a sample can be held together with those already held."""
-        return not self.held or (len(self.held) < MOST_HELD and self._follows(self.held[-1], sample))
+        return not self.held or (len(self.held) < MAX_HELD and self._follows(self.held[-1], sample))
 
     @property
     def was_set(self) -> bool:
@@ -150,12 +150,12 @@ def _offset_s(sample: Sample) -> float:
 
 
 def _steady(samples: Collection[Sample]) -> bool:
-    least, long_s, most_s = STEADY
+    least, long_s, max_s = STEADY
     if len(samples) < least:
         return False
     offsets = [_offset_s(sample) for sample in samples]
     came = [sample.received_s or 0.0 for sample in samples]
-    return max(offsets) - min(offsets) <= most_s and max(came) - min(came) >= long_s
+    return max(offsets) - min(offsets) <= max_s and max(came) - min(came) >= long_s
 
 
 def _differ(one: Sample, other: Sample) -> bool:

@@ -39,7 +39,7 @@ OWN_HOLD_S: Final = 10.0
 OWN_VOLTAGE_V: Final = 370.0
 """Assumed voltage if a sender has our columns and sends power without voltage [V]: only its product with the current counts."""
 
-MOST_POWER_W: Final = 2e6
+MAX_POWER_W: Final = 2e6
 """Largest battery power; that of a lorry on a megawatt charger is below."""
 
 
@@ -241,7 +241,7 @@ def number_of(given: Any) -> float:
 
 def _bounds(column: str) -> tuple[float, float]:
     if column == POWER:
-        return -MOST_POWER_W, MOST_POWER_W
+        return -MAX_POWER_W, MAX_POWER_W
     return COLUMNS[column].bounds if column else (-math.inf, math.inf)
 
 

@@ -23,8 +23,8 @@ SLOW_HOLD_S: Final = 600.0
 FAST: Final = frozenset({"speed_m_s", "voltage_v", "current_a", POWER})
 """Columns that are held as long as in the sender's mapping; their values that the broker kept from before are ignored."""
 
-MOST_TEXT_BYTES: Final = 64
-MOST_MESSAGE_BYTES: Final = 65_536
+MAX_TEXT_BYTES: Final = 64
+MAX_MESSAGE_BYTES: Final = 65_536
 
 
 class TopicJoiner:
@@ -100,7 +100,7 @@ class TopicJoiner:
         """
         if topic == self.root:
             return None if retained else self._whole(payload, received_s)
-        if not topic.startswith(f"{self.root}/") or len(payload) > MOST_TEXT_BYTES:
+        if not topic.startswith(f"{self.root}/") or len(payload) > MAX_TEXT_BYTES:
             return None
         metric = topic.removeprefix(f"{self.root}/").replace("/", ".")
         text = payload.decode("utf-8", "replace").strip().lower()
@@ -173,7 +173,7 @@ class TopicJoiner:
 
     def _whole(self, payload: bytes, received_s: float) -> Sample | None:
         """Return the sample of a message with all values as JSON; None if it is not valid (faults of values go to `note`)."""
-        if len(payload) > MOST_MESSAGE_BYTES:
+        if len(payload) > MAX_MESSAGE_BYTES:
             return None
         try:
             given: Any = json.loads(payload)

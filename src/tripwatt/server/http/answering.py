@@ -39,13 +39,13 @@ class Answering:
         self._kept: dict[bytes, bytes] = {}
 
     async def read(
-        self, request: Request, media_types: Sequence[str] = (JSON,), most_bytes: int | None = None
+        self, request: Request, media_types: Sequence[str] = (JSON,), max_bytes: int | None = None
     ) -> bytes:
         """Read the body of a request for a job; raise the problem `busy` if too many requests wait already."""
         limits = self.settings.limits
         if self.pool.waiting >= limits.waiting:
             raise Problem("busy", "too many requests wait", headers={"Retry-After": "1"})
-        most = limits.body_bytes if most_bytes is None else most_bytes
+        most = limits.body_bytes if max_bytes is None else max_bytes
         return await self.bodies.read(request, media_types, most, limits.body_timeout_s)
 
     async def job(

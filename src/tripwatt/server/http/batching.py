@@ -77,10 +77,10 @@ async def forecast_lines(
 
 async def _forecast_line(line: bytes, pool: WorkerPool, metrics: Metrics, job: dict[str, Any]) -> bytes:
     """Return a forecast, or a problem document with the name of the trip if the line can be read."""
-    most_bytes = pool.settings.limits.body_bytes
+    max_bytes = pool.settings.limits.body_bytes
     try:
-        if len(line) > most_bytes:
-            raise Problem("too-large", f"at most {most_bytes} bytes per trip")
+        if len(line) > max_bytes:
+            raise Problem("too-large", f"at most {max_bytes} bytes per trip")
         result = await pool.run(job, line, may_queue=True)
     except Problem as problem:
         status, document = problem.status, problem.document()
@@ -91,5 +91,5 @@ async def _forecast_line(line: bytes, pool: WorkerPool, metrics: Metrics, job: d
     if status == 200:
         return result.content + b"\n"
     with contextlib.suppress(orjson.JSONDecodeError, AttributeError):
-        document["trip"] = orjson.loads(line if len(line) <= most_bytes else b"[]").get("trip", "trip")
+        document["trip"] = orjson.loads(line if len(line) <= max_bytes else b"[]").get("trip", "trip")
     return orjson.dumps(document) + b"\n"

@@ -40,7 +40,7 @@ PROGRESS: Final = "progress.json"
 """File beside the tables of an upload with the trips that were learned."""
 
 TABLES: Final = "tables"
-MOST_FILES: Final = 4000
+MAX_FILES: Final = 4000
 """Most tables of an upload."""
 
 EXPIRES_AFTER_S: Final = 3600.0
@@ -51,7 +51,7 @@ SHOWN_FINDINGS: Final = 40
 SHOWN_FAULTS: Final = 5
 SHOWN_TRIPS: Final = 200
 SHOWN_REASONS: Final = 20
-MOST_KEPT_MODELS: Final = 16
+MAX_KEPT_MODELS: Final = 16
 """Most models of cars that a worker keeps in memory; the least recently used is dropped first."""
 
 
@@ -72,7 +72,7 @@ class CarJobs:
     folder: Path | None = None
     heights: Heights | None = None
     models: LRUCache[str, tuple[str, ForecastModel]] = field(
-        default_factory=lambda: LRUCache(MOST_KEPT_MODELS)
+        default_factory=lambda: LRUCache(MAX_KEPT_MODELS)
     )
 
     def names(self) -> list[str]:
@@ -128,7 +128,7 @@ class CarJobs:
         """Make a token for a car."""
         return {"token": live.issue_token(self.car(name).folder)}
 
-    def store(self, name: str, upload: str, file: str, body: bytes, most_bytes: int) -> dict[str, int]:
+    def store(self, name: str, upload: str, file: str, body: bytes, max_bytes: int) -> dict[str, int]:
         """Unpack a file into the tables of an upload, and return their number and bytes; expired uploads are erased first."""
         try:
             place = car_folder(self.folder, name) / UPLOADS / upload
@@ -136,7 +136,7 @@ class CarJobs:
             raise Problem("busy", f"the file cannot be stored: {error.faults[0].got}") from error
         tables = place / TABLES
         _expire(place.parent, time.time() - EXPIRES_AFTER_S)
-        room = max(most_bytes - sum(_sizes(place.parent)), 0)
+        room = max(max_bytes - sum(_sizes(place.parent)), 0)
         limits = {**LIMITS, **{kind: min(room, LIMITS[kind]) for kind in (INSIDE, TABLES_BYTES)}}
         try:
             tables.mkdir(parents=True, exist_ok=True)
@@ -145,12 +145,12 @@ class CarJobs:
         except OSError as error:
             raise Problem("busy", f"the file cannot be stored: {error.strerror}") from error
         sizes = _sizes(tables)
-        if len(sizes) > MOST_FILES or sum(_sizes(place.parent)) > most_bytes:
+        if len(sizes) > MAX_FILES or sum(_sizes(place.parent)) > max_bytes:
             for table in set(made) - before:  # those that were sent before stay
                 table.unlink(missing_ok=True)
             if not _sizes(tables):
                 shutil.rmtree(place, ignore_errors=True)
-            most = f"{MOST_FILES} tables and {most_bytes} bytes"
+            most = f"{MAX_FILES} tables and {max_bytes} bytes"
             raise Problem("too-large", f"at most {most} that are not learned yet")
         return {"files": len(sizes), "bytes": sum(sizes)}
 

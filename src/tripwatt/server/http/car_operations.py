@@ -40,11 +40,11 @@ from tripwatt.server.http.problems import Problem, invalid_input
 
 UPLOAD: Final = "/v1/cars/{car}/uploads/{upload}"
 UPLOAD_PATTERN: Final = "^[a-z0-9]{8,32}$"
-MOST_PLACES: Final = 4
+MAX_PLACES: Final = 4
 """Most files that arrive and wait to be unpacked; further ones are refused."""
 
 FIRST_DELAY_S: Final = 30.0
-MOST_DELAY_S: Final = 3600.0
+MAX_DELAY_S: Final = 3600.0
 """Delay before a car that could not learn is tried again: doubled each time, up to the longest."""
 
 CarName = Annotated[str, PathValue(pattern=NAME_PATTERN, description="name of the car")]
@@ -101,7 +101,7 @@ class CarOperations:
         # cars that may have finished a trip, and the tasks that learn these trips
         self._news: set[str] = set()
         self._teaching: dict[str, asyncio.Task[None]] = {}
-        self._places, self._unpacking = asyncio.Semaphore(MOST_PLACES), asyncio.Lock()
+        self._places, self._unpacking = asyncio.Semaphore(MAX_PLACES), asyncio.Lock()
 
     @asynccontextmanager
     async def running(self) -> AsyncIterator[None]:
@@ -132,7 +132,7 @@ class CarOperations:
             self._news.discard(car)
             if await asyncio.to_thread(or_none, self._has_news, car) and not await self.learn_finished(car):
                 await asyncio.sleep(delay_s)
-                delay_s = min(2.0 * delay_s, MOST_DELAY_S)
+                delay_s = min(2.0 * delay_s, MAX_DELAY_S)
                 self._news.add(car)
         del self._teaching[car]
 
@@ -185,7 +185,7 @@ class CarOperations:
             content = await self.answering.read(request, (BYTES,), limits.upload_bytes)
             async with self._unpacking:  # one worker unpacks, the others go on
                 return await self.answering.job(
-                    request, "cars.store", content, **place, most_bytes=limits.car_bytes
+                    request, "cars.store", content, **place, max_bytes=limits.car_bytes
                 )
 
     @operation(f"POST {UPLOAD}", "cars", LogsResponse, LogsRequest)

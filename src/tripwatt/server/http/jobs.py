@@ -61,7 +61,7 @@ from tripwatt.vehicles import Vehicle, find_vehicles, require_vehicle, vehicle_n
 
 Journey = TypeVar("Journey", bound=journey_schemas.JourneyCar)
 
-MOST_TRANSFERRED: Final = 64
+MAX_TRANSFERRED: Final = 64
 """Most models on other cars that a worker keeps; the least recently used is dropped first."""
 
 
@@ -90,7 +90,7 @@ class Jobs:
     limits: Limits
     journeys: JourneyJobs = field(default_factory=JourneyJobs)
     transferred: LRUCache[tuple[str, str | None], ForecastModel] = field(
-        default_factory=lambda: LRUCache(MOST_TRANSFERRED)
+        default_factory=lambda: LRUCache(MAX_TRANSFERRED)
     )
     cars: CarJobs = field(default_factory=CarJobs)
     fleets: Mapping[str, FollowedModel] = field(default_factory=dict)

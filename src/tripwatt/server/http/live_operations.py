@@ -37,10 +37,10 @@ from tripwatt.server.http.receiving import media_type
 from tripwatt.server.http.schemas import check_request, parse_json
 from tripwatt.server.http.settings import Settings
 
-MOST_MESSAGE_BYTES: Final = 65_536
+MAX_MESSAGE_BYTES: Final = 65_536
 """Largest message of a car; those of senders have less than 2 kB."""
 
-MOST_FORM_FIELDS: Final = 20
+MAX_FORM_FIELDS: Final = 20
 
 LIVE_EVENTS: Final = {
     "schema": {"type": "string", "description": "events `live`; the data of each is a LiveResponse"}
@@ -58,7 +58,7 @@ class LiveOperations:
     settings : Settings
     pool : WorkerPool
     read_body : callable
-        Reads the body of a request: `(request, media_types, most_bytes)`.
+        Reads the body of a request: `(request, media_types, max_bytes)`.
     log : callable
 
     Raises
@@ -105,7 +105,7 @@ class LiveOperations:
     ) -> Response:
         """Take a message of a car in the format of A Better Routeplanner's live data."""
         cars = self.cars
-        body = await self.read_body(request, (openapi.JSON, openapi.FORM), MOST_MESSAGE_BYTES)
+        body = await self.read_body(request, (openapi.JSON, openapi.FORM), MAX_MESSAGE_BYTES)
         message = message_of(body, media_type(request))
         car = cars.by_token(given_token(message, request, token))
         return json_response(await cars.take(car, sample_from_abrp(telemetry_of(message))))
@@ -180,7 +180,7 @@ def message_of(body: bytes, kind: str) -> dict[str, Any]:
     if kind != openapi.FORM:
         return _parsed(body)
     try:
-        return dict(parse_qsl(body.decode("utf-8"), max_num_fields=MOST_FORM_FIELDS))
+        return dict(parse_qsl(body.decode("utf-8"), max_num_fields=MAX_FORM_FIELDS))
     except ValueError as error:
         fault = Fault("not a form", "body", f"{error}"[:80], "the fields token and tlm")
         raise invalid_input([fault]) from error

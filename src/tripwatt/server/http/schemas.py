@@ -28,7 +28,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError, PydanticKnownError
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import MOST_HINTS, Fault, InvalidInput, did_you_mean, excerpt, raise_faults
+from tripwatt.errors import MAX_HINTS, Fault, InvalidInput, did_you_mean, excerpt, raise_faults
 from tripwatt.forecasting.document import FlagDocument
 from tripwatt.routes import LinkRoute, route_from_links
 from tripwatt.routes.link_objects import route_with_elevation
@@ -36,7 +36,7 @@ from tripwatt.server.cars.documents import ProblemFault
 from tripwatt.server.cars.telemetry import FIRST_TIME_S, LAST_TIME_S
 from tripwatt.server.http.problems import TITLES, Problem
 from tripwatt.server.http.settings import Limits
-from tripwatt.sources.canonical import LEAST_SAMPLES, canonical_samples
+from tripwatt.sources.canonical import MIN_SAMPLES, canonical_samples
 from tripwatt.trips import ASKED, COLUMNS, LINK_COLUMNS, QUANTITIES, Column, Departure
 from tripwatt.trips import Field as DepartureField
 
@@ -194,7 +194,7 @@ Samples = Annotated[
     WithJsonSchema(
         _columns_schema(
             ["time_s", "speed_m_s"],
-            LEAST_SAMPLES,
+            MIN_SAMPLES,
             "Speed trace and road, one list per column. Of other signals only the first sample is used.",
         )
     ),
@@ -592,7 +592,7 @@ def faults_of(errors: Iterable[Mapping[str, Any]], known: Iterable[str]) -> Iter
             for fault in error["ctx"]["faults"]:
                 yield replace(fault, where=f"{inside}.{fault.where}".lstrip("."))
             continue
-        is_unknown = number < MOST_HINTS and error["type"] == "extra_forbidden"
+        is_unknown = number < MAX_HINTS and error["type"] == "extra_forbidden"
         fix = did_you_mean(str(error["loc"][-1]), known) if is_unknown else ""
         where, allowed = ".".join(map(str, error["loc"]))[:80], error["msg"].partition("Input should be ")[2]
         yield Fault(error["msg"], where or "body", excerpt(error.get("input"), 80), allowed, fix)

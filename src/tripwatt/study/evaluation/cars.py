@@ -21,7 +21,7 @@ import pandas as pd
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.auditing import audit
 from tripwatt.errors import Check, Fault, InvalidInput, raise_faults
-from tripwatt.files import MOST_TEXT_BYTES, parse_toml, read_text_file
+from tripwatt.files import MAX_TEXT_BYTES, parse_toml, read_text_file
 from tripwatt.forecasting import ForecastModel, load_model
 from tripwatt.forecasting.fitting import versions
 from tripwatt.forecasting.model import MIN_TRIPS
@@ -43,7 +43,7 @@ TRIPS: Final = (0, 1, 2, 5, 10, 20)
 DRAWS: Final = 100
 FEW: Final = 40
 """Number of trips below which all trips that were not drawn are scored, instead of the second half."""
-LEAST_SCORED: Final = 5
+MIN_SCORED: Final = 5
 LEVEL: Final = 0.9
 TOO_LOW: Final = 0.75
 """True coverage for which the power of the coverage check is reported."""
@@ -175,7 +175,7 @@ def read_cars(path: Path) -> list[CarTrips]:
     InvalidInput
         With all faults of the file, or of the logs.
     """
-    document = parse_toml(read_text_file(path, MOST_TEXT_BYTES), f"{path}")
+    document = parse_toml(read_text_file(path, MAX_TEXT_BYTES), f"{path}")
     raise_faults(_file_faults(document, f"{path}"))
     with Check() as check:
         cars = [check(list, _cars_of(name, about, path.parent)) for name, about in document.items()]
@@ -283,7 +283,7 @@ def _score(
         "in_time": [
             {"from": start, **_scores(order.iloc[start:])}
             for start in FROM
-            if start + LEAST_SCORED <= len(order)
+            if start + MIN_SCORED <= len(order)
         ],
         "without_trips": _scores(zero),
     }
@@ -326,7 +326,7 @@ def _curve(
     rows = [
         scores(k, _draws(n, half, k, draws if k else 1, seed))
         for k in trips
-        if k < half and (n >= FEW or n - k >= LEAST_SCORED or not k) and (k or not needs_trips)
+        if k < half and (n >= FEW or n - k >= MIN_SCORED or not k) and (k or not needs_trips)
     ]
     if n >= FEW:
         rows.append(scores(half, [Split(0, np.arange(half), np.arange(half, n))]))

@@ -171,7 +171,7 @@ def _frame(rows: TripRows, energy: FloatArray, sd: FloatArray, fold: IntArray, p
     )
 
 
-def own_trips(rows: TripRows, whole: Sums, scales: Scales, most_vehicles: int = 60) -> pd.DataFrame:
+def own_trips(rows: TripRows, whole: Sums, scales: Scales, max_vehicles: int = 60) -> pd.DataFrame:
     """Tabulate errors by the number of own trips, for models of the fleet with them, of the own trips alone, and of the fleet without them.
 
     The earliest trips of each vehicle are its known own trips; up to 10 trips after the largest number of them are
@@ -183,12 +183,12 @@ def own_trips(rows: TripRows, whole: Sums, scales: Scales, most_vehicles: int = 
     whole : Sums
         Sums of all rows.
     scales : Scales
-    most_vehicles : int
+    max_vehicles : int
         Largest number of vehicles evaluated, in a seeded random order.
     """
     started = rows.texts("started_at")
     ids = rows.texts("vehicle_id")
-    vehicles = np.random.default_rng(0).permutation(sorted(set(ids.tolist())))[:most_vehicles]
+    vehicles = np.random.default_rng(0).permutation(sorted(set(ids.tolist())))[:max_vehicles]
     errors: dict[int, list[tuple[float, ...]]] = {k: [] for k in OWN_TRIPS}
     for vehicle in vehicles:
         index = np.flatnonzero(ids == vehicle)

@@ -61,7 +61,7 @@ MIN_SCORED: Final = 3
 """Smallest number of trips of a regime that is scored."""
 CURVE_SIZES: Final = (5, 10, 20, 40)
 """Numbers of training trips of the learning curve."""
-CURVE_LEAST_TEST: Final = 8
+CURVE_MIN_TEST: Final = 8
 """Smallest number of trips left to score for a training size of the curve."""
 PHYSICS_IDENTIFIED: Final = "physics-identified"
 PUBLISHED_ONLY: Final = "hybrid-published"
@@ -140,7 +140,7 @@ class ForecastProtocol:
         main, curves = prepared.hold_outs[0], (self.centre, _DATA_ONLY)
         if main.scheme != LEAVE_ONE_TRIP_OUT or not {m.name for m in curves} <= {s.name for s in specs}:
             return []
-        draws = random_draws(main, CURVE_SIZES, CURVE_DRAWS, CURVE_LEAST_TEST, seed)
+        draws = random_draws(main, CURVE_SIZES, CURVE_DRAWS, CURVE_MIN_TEST, seed)
         return [Comparison(draws, curves)] if draws.splits else []
 
     def prepare(

@@ -118,7 +118,7 @@ class HoldOut(Generic[D]):
 
 
 def random_draws(
-    hold_out: HoldOut[D], sizes: Sequence[int], draws: int, least_scored: int, seed: int
+    hold_out: HoldOut[D], sizes: Sequence[int], draws: int, min_scored: int, seed: int
 ) -> HoldOut[D]:
     """Draw random training sets of several sizes, each scored on all other trips.
 
@@ -130,13 +130,13 @@ def random_draws(
         Numbers of training trips. A smaller set is part of the larger one of the same draw.
     draws : int
         Number of draws of each size.
-    least_scored : int
+    min_scored : int
         Sizes that leave fewer trips to score are left out.
     seed : int
     """
     n = len(hold_out.table)
     orders = [np.random.default_rng((seed, draw)).permutation(n) for draw in range(draws)]
-    drawn = itertools.product((size for size in sizes if size + least_scored <= n), range(draws))
+    drawn = itertools.product((size for size in sizes if size + min_scored <= n), range(draws))
     splits = tuple(
         Split(number, np.sort(orders[draw][:size]), np.sort(orders[draw][size:]), draw)
         for number, (size, draw) in enumerate(drawn)

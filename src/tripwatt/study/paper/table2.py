@@ -56,7 +56,7 @@ class Table2Corrector:
         step.
     terms : tuple of str
         Terms of the formula.
-    least_df : float
+    min_df : float
         Lower bound of the degrees of freedom of Student's t.
 
     Attributes
@@ -88,7 +88,7 @@ class Table2Corrector:
     every_rows: int = 60
     errors: Errors = "t"
     terms: tuple[str, ...] = TABLE2
-    least_df: float = 3.0
+    min_df: float = 3.0
     model_: Any = None
     medians_: pd.Series | None = None
     left_out_: tuple[str, ...] = ()
@@ -244,7 +244,7 @@ class Table2Corrector:
     def _model(self, engine: ModuleType) -> Any:
         formula = "y ~ " + " + ".join(term for term in self.terms if term not in self.left_out_)
         if self.errors == "t":
-            return engine.GAMM(formula, family=engine.ScaledT(min_df=self.least_df))
+            return engine.GAMM(formula, family=engine.ScaledT(min_df=self.min_df))
         return engine.GAMM(formula, ar1_rho="estimate" if self.errors == "ar1" else None)
 
     def frame(self, X: pd.DataFrame, groups: IntArray | None = None) -> pd.DataFrame:

@@ -31,7 +31,7 @@ LEARNERS: Final = {
 SHOWN_WHOLE: Final = ("population", "one factor", "by cause")
 """Learners whose curves fit into the figure; the curve of a constant may leave it at the top."""
 
-MOST_LETTERS: Final = 32
+MAX_LETTERS: Final = 32
 """Largest number of characters in the title of a small figure."""
 
 
@@ -161,7 +161,7 @@ def plot_curves(results: Record) -> Figure:
         if car.get("own_model"):
             own = 100.0 * car["own_model"]["error"]
             axes.axhline(own, color="#7c7c7c", lw=1.0, label="Own model, all trips of the first half")
-        axes.set_title(f"{car['car']}: {car['vehicle_title']}"[:MOST_LETTERS], fontsize=8.0)
+        axes.set_title(f"{car['car']}: {car['vehicle_title']}"[:MAX_LETTERS], fontsize=8.0)
         counts = [row["k"] for row in car["curves"]["population"]]
         axes.set_xticks(range(len(counts)), [f"{k}" for k in counts])
         largest = max(row["error"] for name in SHOWN_WHOLE for row in car["curves"][name])

@@ -15,7 +15,7 @@ import pandas as pd
 from tripwatt.errors import Fault
 from tripwatt.files import write_text
 from tripwatt.fleet import nights
-from tripwatt.fleet.changes import FALSE_CHANGES, LEAST_CHANGE, after_changes, changes, said_of_need
+from tripwatt.fleet.changes import FALSE_CHANGES, MIN_CHANGE, after_changes, changes, said_of_need
 from tripwatt.fleet.deviations import PARTS, deviations
 from tripwatt.fleet.model import FleetModel
 from tripwatt.fleet.registry import REPORT_FILES, REPORT_TABLES
@@ -32,7 +32,7 @@ CLASSES: Final = {
     "temperature": "outside temperature",
     "length": "length of the trip",
 }
-LEAST_TRIPS: Final = 10
+MIN_TRIPS: Final = 10
 """Smallest number of trips of a vehicle whose share inside the intervals is shown."""
 
 
@@ -96,12 +96,12 @@ def inside_table(evaluation: FleetEvaluation) -> Table:
     table = evaluation.table("vehicle_id")
 
     def spread() -> Iterator[dict[str, Any]]:
-        for protocol, shares in table[table["trips"] >= LEAST_TRIPS].groupby("protocol")["inside"]:
+        for protocol, shares in table[table["trips"] >= MIN_TRIPS].groupby("protocol")["inside"]:
             low, middle, high = shares.quantile([0.1, 0.5, 0.9])
             yield {"protocol": protocol, "n": len(shares), "low": low, "middle": middle, "high": high}
 
     return tabulated(
-        f"Trips inside the 90 % interval, by vehicle with {LEAST_TRIPS} trips or more",
+        f"Trips inside the 90 % interval, by vehicle with {MIN_TRIPS} trips or more",
         spread(),
         Column("trips forecast", "protocol"),
         Column("vehicles", "n", digits=0),
@@ -261,14 +261,14 @@ _ERROR: Final = (
     "it is named after."
 )
 _CHANGE: Final = (
-    f"A change is listed if it is {percent(LEAST_CHANGE, 0)} or more and beyond chance: in a fleet without changes, one of {1.0 / FALSE_CHANGES:.0f} reports lists "
+    f"A change is listed if it is {percent(MIN_CHANGE, 0)} or more and beyond chance: in a fleet without changes, one of {1.0 / FALSE_CHANGES:.0f} reports lists "
     "one. The percentage after a cause is the probability that it is the right one; the beginning lies between the earliest and the latest day with 95 %."
 )
 _SHARES: Final = {
     "vehicles": "Energy beyond that of the car model on the usual trip of the car model, with one standard deviation.",
     "drivers": "Energy beyond that of the vehicle's drivers together on the usual trip of the car model, with one standard deviation.",
 }
-NONE_CHANGED: Final = f"No vehicle changed by {percent(LEAST_CHANGE, 0)} or more beyond chance."
+NONE_CHANGED: Final = f"No vehicle changed by {percent(MIN_CHANGE, 0)} or more beyond chance."
 
 
 def said_of_changes(changed: pd.DataFrame, vehicles: int) -> str:
@@ -339,7 +339,7 @@ def said_of_routes(routes: pd.DataFrame, quantile: float, cold: nights.Cold) -> 
     able = (routes.iloc[:, 1:] <= 1.0).mean(axis=1)
     every, none = int((able == 1.0).sum()), int((able == 0.0).sum())
     at = f"at {number(cold.ambient_temperature_degc, 1.0, 0)} °C"
-    week = f"In the coldest week so far with {cold.least_trips} trips or more, from {cold.monday} {at}"
+    week = f"In the coldest week so far with {cold.min_trips} trips or more, from {cold.monday} {at}"
     colder = ", ".join(f"{day} ({number(degc, 1.0, 0)} °C, {n} trips)" for day, degc, n in cold.colder)
     return (
         f"{f'A{at[1:]}' if cold.monday is None else week}, a full battery of every car model suffices for {every} of "

@@ -48,8 +48,8 @@ FOLLOWS_WITHIN_S: Final = 300.0
 NOTES: Final = (Flag("synthetic", "synthetic"),)
 
 
-MOST_TRIPS: Final = 1_000_000
-MOST_SEED: Final = 2**63 - 1
+MAX_TRIPS: Final = 1_000_000
+MAX_SEED: Final = 2**63 - 1
 """Largest number of trips of a fleet, and largest seed."""
 
 CAR_MODELS: Final = ("bmw_i3_60ah", "nissan_leaf_24")
@@ -248,8 +248,8 @@ def example_fleet() -> Iterator[tuple[str, TripSet]]:
 
 def _require_sound(n_trips: int, seed: int, step_s: float, hours: tuple[float, float] | None) -> None:
     faults = [
-        *number_faults("n_trips", n_trips, Column("", 1, MOST_TRIPS, ""), whole=True),
-        *number_faults("seed", seed, Column("", 0, MOST_SEED, ""), whole=True),
+        *number_faults("n_trips", n_trips, Column("", 1, MAX_TRIPS, ""), whole=True),
+        *number_faults("seed", seed, Column("", 0, MAX_SEED, ""), whole=True),
         *number_faults("step_s", step_s, Column("s", 0.01, 1.0, "")),
     ]
     pair = isinstance(hours, tuple | list) and len(hours) == 2 and all(map(is_number, hours))
