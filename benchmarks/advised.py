@@ -35,8 +35,8 @@ from tripwatt.population import for_car
 from tripwatt.population.adapting import population_of
 from tripwatt.roads.advice import Action, Advice
 from tripwatt.roads.weather import TEMPERATURE_SD_K, WIND_SD_M_S
-from tripwatt.routes.links import links_of_trip, plan_from_links
-from tripwatt.trips import Plan, plan_from_trip
+from tripwatt.routes.links import links_of_trip
+from tripwatt.trips import Plan
 from tripwatt.trips.weather import WIND_AT_CAR, PlanWeather
 from tripwatt.uncertainty.charge import CAPACITY_SD, PUBLISHED_DISPLAY_SD
 from tripwatt.uncertainty.coverage import clopper_pearson
@@ -276,11 +276,11 @@ def advised_drive(setting: str, seed: int, base: ForecastModel, truth: Truth) ->
         known_car = replace(corrector, mean=truth.factors, factor=1e-3 * corrector.factor)
         model = replace(model, corrector_=known_car)
     (trip,) = tw.synthetic_fleet(1, 40_000 + seed, vehicle=tw.load_vehicle(CAR), hours=(0.5, 2.0)).trips
-    driven = plan_from_trip(trip)
+    driven = Plan.from_trip(trip)
     known = replace(driven.departure, extras=("roof_box",), soc=None, bms_soc=None)
     driven = plan = replace(driven, departure=known)
     if setting == PLANNED:
-        plan = plan_from_links(links_of_trip(trip, LINK_M), trip_id=trip.trip_id).with_departure(known)
+        plan = links_of_trip(trip, LINK_M).plan(trip_id=trip.trip_id).with_departure(known)
 
     def forecast_with(departure: tw.Departure | None = None) -> Forecast:
         made = model.forecast(plan, departure)

@@ -32,7 +32,7 @@ def drives(number: int, *, degc: float | None = 20.0, seed: int = 0) -> list[tw.
         samples = pd.DataFrame({"time_s": np.arange(float(SAMPLES)), "speed_m_s": speed})
         ambient = float(rng.uniform(-10.0, 35.0)) if degc is None else degc
         known = tw.Departure(soc=0.8, ambient_temperature_degc=ambient)
-        plans.append(tw.Plan.from_samples(f"drive {k}", samples, known))
+        plans.append(tw.Plan.from_trace(f"drive {k}", samples, known))
     return plans
 
 

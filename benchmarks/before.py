@@ -37,12 +37,12 @@ from tripwatt.population import Adaptation
 from tripwatt.population.adapting import in_order, with_travel_times
 from tripwatt.population.prior import Population, population
 from tripwatt.routes.free_flow import TravelTimeFactors, free_flow_links
-from tripwatt.routes.links import LinkRoute, plan_from_links
+from tripwatt.routes.links import LinkRoute
 from tripwatt.sources import read_logs
 from tripwatt.study.evaluation.cars import CarTrips, others_of
 from tripwatt.study.evaluation.forecast_scores import LEVELS, coverage_by_level
 from tripwatt.study.evaluation.metrics import absolute_percentage_error, bootstrap_interval, summarise_errors
-from tripwatt.trips import Plan, Trip, plan_from_trip
+from tripwatt.trips import Plan, Trip
 from tripwatt.uncertainty.coverage import clopper_pearson
 from tripwatt.uncertainty.free_flow import MIN_TRIPS
 from tripwatt.vehicles import Vehicle, without_data
@@ -158,7 +158,7 @@ class _Car:
             for start in (base, self.base)
         )
         trip, (links, driven_s) = self.trips[k], self.roads[k]
-        driven = plan_from_trip(trip)
+        driven = Plan.from_trip(trip)
         made = {DRIVEN: own.forecast(driven)}
         way_m = distance_driven(driven.array("time_s"), driven.array("speed_m_s"))
         height = links.elevation_at(way_m)
@@ -175,7 +175,7 @@ class _Car:
 
 def _plan(trip: Trip, links: LinkRoute) -> Plan:
     """A trip on its road, with what was known at its departure."""
-    return plan_from_links(links, trip_id=trip.trip_id).with_departure(trip.departure)
+    return links.plan(trip_id=trip.trip_id).with_departure(trip.departure)
 
 
 def _table(car: CarTrips, made: Sequence[Mapping[str, Forecast]]) -> pd.DataFrame:

@@ -40,7 +40,7 @@ from tripwatt.study.evaluation.cars import CarTrips, evaluate_cars
 from tripwatt.study.report.cars import cars_panels, curves_table, factors_table, means_table, time_table
 from tripwatt.study.report.html import png_bytes
 from tripwatt.study.report.tables import Column, tabulated
-from tripwatt.trips import Departure, Trip, TripSet, plan_from_trip
+from tripwatt.trips import Departure, Plan, Trip, TripSet
 from tripwatt.vehicles import RoadLoad, Vehicle, load_vehicle
 from tripwatt.vehicles.without import without_data
 
@@ -169,7 +169,7 @@ def lab_table(file: Path, car: Vehicle, warmth: float = 0.0) -> tuple[SegmentTab
         }
     )
     trip = Trip.from_samples(file.stem, samples)
-    plan = plan_from_trip(trip).with_departure(Departure(climate="off", warmth=warmth))
+    plan = Plan.from_trip(trip).with_departure(Departure(climate="off", warmth=warmth))
     assert car.tyres is not None
     settled = np.sqrt(np.minimum(trip.array("speed_m_s") / car.tyres.warm_up_speed_m_s, 1.0))
     step = np.diff(trip.array("time_s"), prepend=0.0, append=trip.array("time_s")[-1] + LAB_SOAK_S)

@@ -21,7 +21,7 @@ from benchmarks.measure import Row, report
 from benchmarks.need import models, trips_and_car
 from tripwatt.forecasting import ForecastModel
 from tripwatt.roads.advice import Companion, Message
-from tripwatt.trips import Trip, plan_from_trip
+from tripwatt.trips import Plan, Trip
 from tripwatt.units import SECONDS_PER_HOUR, SECONDS_PER_MINUTE
 
 RESERVE = 0.1
@@ -34,7 +34,7 @@ def followed(model: ForecastModel, trip: Trip, chance: float) -> tuple[list[Mess
 
     The measured energy is taken from the charge at the start by the model's energy of a displayed percent: what is tested is the energy ahead.
     """
-    plan = plan_from_trip(trip)
+    plan = Plan.from_trip(trip)
     first = model.forecast(plan)
     needed_wh = first.quantile(chance)
     soc = min(RESERVE + needed_wh / first.charge.wh_per_display, 1.0)

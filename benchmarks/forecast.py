@@ -16,7 +16,7 @@ import pandas as pd
 from benchmarks.measure import Row, not_measured, reference_loop, report, seconds, tum_folder
 from tripwatt.forecasting import ForecastModel, load_model
 from tripwatt.study.synthetic import synthetic_fleet
-from tripwatt.trips import plan_from_samples
+from tripwatt.trips import Plan
 
 TRIP_S = 1300.0
 RUNS = 101
@@ -30,7 +30,7 @@ def run() -> Iterator[Row]:
     """All rows, as they are measured."""
     yield Row("reference loop", reference_loop(), "s")
     samples = samples_of(TRIP_S)
-    trip = plan_from_samples(samples, "bench")
+    trip = Plan.from_samples(samples, "bench")
     model = load_model()
     seen = samples[samples["time_s"] <= 0.5 * TRIP_S]
     before = model.forecast(trip)
@@ -80,7 +80,7 @@ def long_trips(model: ForecastModel, samples: pd.DataFrame) -> Iterator[Row]:
     )
     took: list[tuple[float, float]] = []
     for log in (samples, long):
-        plan = plan_from_samples(log, "bench")
+        plan = Plan.from_samples(log, "bench")
         seen = log[log["time_s"] <= 0.5 * log["time_s"].iloc[-1]]
         seen = seen.assign(
             current_a=seen["current_a"] * LITTLE

@@ -33,7 +33,7 @@ from tripwatt.roads.journey import (
 from tripwatt.roads.maps import MapFolder, build_map
 from tripwatt.roads.maps.engine import valhalla_folder
 from tripwatt.roads.routers.servers import OsrmRouter
-from tripwatt.routes import plan_from_links, route_from_links
+from tripwatt.routes import route_from_links
 from tripwatt.routes.documents import Node
 
 RUNS = 5
@@ -47,7 +47,7 @@ def cutting() -> Iterator[Row]:
     energies = []
     for number in (1, 20, 200):
         links = [{"length_m": 20_000.0 / number, "speed_m_s": 50.0 / 3.6}] * number
-        energies.append(model.forecast(plan_from_links(route_from_links(links)), departure).energy_wh)
+        energies.append(model.forecast(route_from_links(links).plan(), departure).energy_wh)
     yield Row(
         "energy of 20 km as 1, 20, 200 links: largest change", max(energies) / min(energies) - 1.0, most=0.02
     )

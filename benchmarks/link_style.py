@@ -10,7 +10,7 @@ import numpy as np
 
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, InvalidInput, raise_faults
-from tripwatt.routes.links import links_of_trip, plan_from_links
+from tripwatt.routes.links import links_of_trip
 from tripwatt.routes.profile import LinkStyle
 from tripwatt.trips import Plan, Trip
 from tripwatt.units import GRAVITY_M_S2
@@ -127,7 +127,7 @@ def calibrate_style(
     def loss(x: FloatArray) -> float:
         inside = np.clip(x, low, high)
         trial = _with(start, names, inside)
-        off = [abs(energy(plan_from_links(r, style=trial).with_departure(d)) / e - 1.0) for r, d, e in cases]
+        off = [abs(energy(r.plan(style=trial).with_departure(d)) / e - 1.0) for r, d, e in cases]
         return float(np.mean(off)) + float(np.sum(np.abs(x - inside)))
 
     first = np.array([getattr(start, name) for name in names])

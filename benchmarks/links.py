@@ -31,7 +31,6 @@ from tripwatt.routes import (
     LinkStyle,
     link_profile,
     links_of_trip,
-    plan_from_links,
 )
 from tripwatt.sources import read_logs
 from tripwatt.trips import Plan, Trip, resample
@@ -57,7 +56,7 @@ def constant(route: LinkRoute, trip: Trip) -> Plan:
     height = route.elevation_at(position)
     if height is not None:
         samples["elevation_m"] = height
-    return Plan.from_samples(trip.trip_id, pd.DataFrame(samples), trip.departure)
+    return Plan.from_trace(trip.trip_id, pd.DataFrame(samples), trip.departure)
 
 
 def true_speed(route: LinkRoute, trip: Trip) -> Plan:
@@ -68,13 +67,13 @@ def true_speed(route: LinkRoute, trip: Trip) -> Plan:
     height = route.elevation_at(position)
     if height is not None:
         samples["elevation_m"] = height
-    return Plan.from_samples(trip.trip_id, pd.DataFrame(samples), trip.departure)
+    return Plan.from_trace(trip.trip_id, pd.DataFrame(samples), trip.departure)
 
 
 def styled(style: LinkStyle | None = None, seed: int | None = None) -> Driver:
     def drive(route: LinkRoute, trip: Trip) -> Plan:
         rng = None if seed is None else np.random.default_rng(seed)
-        return plan_from_links(route, style=style, rng=rng).with_departure(trip.departure)
+        return route.plan(style=style, rng=rng).with_departure(trip.departure)
 
     return drive
 
@@ -165,7 +164,7 @@ def milliseconds(number: int, repeats: int = 30) -> float:
     unknown = np.full(number, np.nan)
     length = np.full(number, 250.0)
     route = LinkRoute(length, length / rng.uniform(4.0, 30.0, number), unknown, unknown)
-    return 1e3 * seconds(lambda: plan_from_links(route), repeats, warm_up=False)
+    return 1e3 * seconds(lambda: route.plan(), repeats, warm_up=False)
 
 
 def measure() -> dict[str, Any]:

@@ -47,7 +47,7 @@ from tripwatt.server.cars import Car, TopicJoiner, issue_token
 from tripwatt.server.http.schemas import BMS_SOC
 from tripwatt.sources.tum import REFERENCE_TRIPS
 from tripwatt.study.synthetic import example_trip
-from tripwatt.trips import COLUMNS, Trip, plan_from_samples
+from tripwatt.trips import COLUMNS, Plan, Trip
 from tripwatt.trips.samples import columns_of
 
 FOLDS = 5
@@ -83,7 +83,7 @@ class Drive:
     def at_departure(self) -> Forecast:
         """The forecast of the library at the departure."""
         return tw.forecast(
-            plan_from_samples(
+            Plan.from_samples(
                 pd.DataFrame(self.plan["samples"], dtype=np.float64).rename(columns={"bms_soc": "soc"})
             )
         )

@@ -20,7 +20,7 @@ import tripwatt as tw
 from benchmarks.worlds import LEVELS, WORLDS, Row, table
 from tripwatt.hybrid.parameters import changed
 from tripwatt.population import for_car
-from tripwatt.trips import Trip, plan_from_trip
+from tripwatt.trips import Plan, Trip
 from tripwatt.vehicles import Vehicle
 
 CAR = "tesla_model_3_lr"
@@ -47,7 +47,7 @@ def scored(model: tw.ForecastModel, trips: Sequence[Trip]) -> np.ndarray:
     """Energy relative to the forecast, whether each of `LEVELS` holds it, and the width of the last, a row for each trip."""
     rows = []
     for trip in trips:
-        forecast = model.forecast(plan_from_trip(trip))
+        forecast = model.forecast(Plan.from_trip(trip))
         observed = float(trip.observed_energy_wh or np.nan)
         inside = [low <= observed <= high for low, high in map(forecast.interval, LEVELS)]
         low, high = forecast.interval(LEVELS[-1])

@@ -40,7 +40,7 @@ from tripwatt.roads.journey.kinds import (
 )
 from tripwatt.routes.free_flow import driven_by_kind
 from tripwatt.sources import read_logs
-from tripwatt.trips import Departure, Plan, Trip, plan_from_trip
+from tripwatt.trips import Departure, Plan, Trip
 from tripwatt.units import M_S_PER_KM_H
 from tripwatt.vehicles import Vehicle
 from tripwatt.vehicles.without import without_data
@@ -72,7 +72,7 @@ def study(trips: Sequence[Trip], car: Vehicle) -> RoadStudy:
         errors = []
         for trip, (metres, _) in zip(trips, classes, strict=True):
             plan = own.plan(trip.distance_m, rounded_shares(metres) if known else own.usual)
-            flat = _flat(plan_from_trip(trip))
+            flat = _flat(Plan.from_trip(trip))
             kind = simulate_trip(car, plan.with_departure(trip.departure)).simulated_energy_wh
             driven = simulate_trip(car, flat).simulated_energy_wh
             errors.append(driven / kind - 1.0)

@@ -35,8 +35,8 @@ from tripwatt.physics import DriveConditions, simulate, simulate_trip
 from tripwatt.population import for_car
 from tripwatt.population.adapting import Adaptation, population_of
 from tripwatt.roads.advice.actions import GENTLE_M_S2, SPEEDS_KM_H, calmer, capped
-from tripwatt.routes.links import links_of_trip, plan_from_links
-from tripwatt.trips import Plan, plan_from_trip
+from tripwatt.routes.links import links_of_trip
+from tripwatt.trips import Plan
 from tripwatt.uncertainty.route import LENGTHS_M
 from tripwatt.units import M_PER_MILE, M_S_PER_KM_H, SECONDS_PER_HOUR
 
@@ -76,7 +76,7 @@ def at_speeds(model: ForecastModel, speeds: Mapping[float, float]) -> dict[float
     for speed in speeds:
         time = np.arange(round(DISTANCE_M / (speed * M_S_PER_KM_H)) + 1.0)
         samples = {"time_s": time, "speed_m_s": np.full_like(time, speed * M_S_PER_KM_H), "elevation_m": 0.0}
-        made[speed] = lab.forecast(tw.Plan.from_samples(f"{speed:g}", pd.DataFrame(samples), departure))
+        made[speed] = lab.forecast(tw.Plan.from_trace(f"{speed:g}", pd.DataFrame(samples), departure))
     return made
 
 
@@ -146,8 +146,8 @@ def link_rows(data: Path) -> Iterator[Row]:
             errors: dict[float | None, list[float]] = {}
             for trip in trips[:MAX_LINKED]:
                 plans = (
-                    plan_from_trip(trip),
-                    plan_from_links(links_of_trip(trip, length_m)).with_departure(trip.departure),
+                    Plan.from_trip(trip),
+                    links_of_trip(trip, length_m).plan().with_departure(trip.departure),
                 )
                 before = [simulate_trip(car, plan).simulated_energy_wh for plan in plans]
                 for km_h in (None, *SPEEDS_KM_H):

@@ -29,7 +29,7 @@ from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.physics import grade_from_elevation
 from tripwatt.routes.terrain import GROWTH, REFERENCE_M, REGION_SCALE_M, net_climbs
 from tripwatt.sources.tum import REFERENCE_TRIPS
-from tripwatt.trips import Departure, Plan, Trip, plan_from_trip
+from tripwatt.trips import Departure, Plan, Trip
 from tripwatt.vehicles import Vehicle
 
 LEVEL = 0.9
@@ -101,7 +101,7 @@ def region_scale(trips: Sequence[Trip]) -> float:
 
 def without_heights(trip: Trip, terrain: str) -> Plan:
     """What is known of a trip before departure, but for the heights of its road."""
-    plan = plan_from_trip(trip)
+    plan = Plan.from_trip(trip)
     samples = plan.samples.drop(columns=["elevation_m", "grade"], errors="ignore")
     return replace(plan, samples=samples).with_departure(Departure(terrain=terrain))
 

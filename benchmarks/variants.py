@@ -31,7 +31,7 @@ from tripwatt.hybrid.split import (
 )
 from tripwatt.physics import simulate_trip
 from tripwatt.sources import read_logs
-from tripwatt.trips import Trip, plan_from_trip
+from tripwatt.trips import Plan, Trip
 from tripwatt.vehicles import load_vehicle
 
 FRACTIONS = (0.25, 0.5, 0.75)
@@ -102,7 +102,7 @@ def with_neighbours(table: SegmentTable) -> SegmentTable:
 
 
 def tabulated(trips: list[Trip], car: Any) -> SegmentTable:
-    plans = [plan_from_trip(trip) for trip in trips]
+    plans = [Plan.from_trip(trip) for trip in trips]
     runs = [segment_table(p, simulate_trip(car, p), t) for p, t in zip(plans, trips, strict=True)]
     return with_neighbours(SegmentTable.join(runs))
 

@@ -12,7 +12,7 @@ from tests.support import ROOT
 
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
-from tripwatt.trips import COLUMNS, QUANTITIES, Flag, Log, plan_from_samples
+from tripwatt.trips import COLUMNS, QUANTITIES, Flag, Log, Plan
 from tripwatt.trips.messages import catalogue, flag_to_dict, message
 
 NAMES = {
@@ -168,7 +168,7 @@ def test_the_departure_counts_before_what_the_file_holds(model):
     samples = pd.DataFrame(
         {"time_s": np.arange(300.0), "speed_m_s": 14.0, "soc": 0.5, "ambient_temperature_degc": 20.0}
     )
-    plan = plan_from_samples(samples, "drive")
+    plan = Plan.from_samples(samples, "drive")
     assert plan.departure == tw.Departure(bms_soc=0.5, ambient_temperature_degc=20.0)
     given = model.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=-5))
     assert given.plan.departure == tw.Departure(soc=0.8, ambient_temperature_degc=-5)
@@ -186,9 +186,9 @@ def test_one_forecast_in_one_call_is_that_of_the_model(model):
 
 def test_an_update_is_on_the_clock_of_the_file(model):
     samples = tw.synthetic_fleet(1).trips[0].samples.copy()
-    early = plan_from_samples(samples, "drive")
+    early = Plan.from_samples(samples, "drive")
     samples["time_s"] += 500.0
-    late = plan_from_samples(samples, "drive")
+    late = Plan.from_samples(samples, "drive")
     measured = ["time_s", "voltage_v", "current_a"]
     half = samples.iloc[: len(samples) // 2][measured]
     after = model.forecast(late).update(half)
@@ -265,7 +265,7 @@ def test_a_table_of_links_is_the_plan_of_its_rows(model):
 def test_a_table_of_samples_is_a_speed_trace_with_its_departure():
     samples = tw.synthetic_fleet(1).trips[0].samples
     plan = tw.read_route(samples.iloc[5:], trip_id="drive")
-    assert plan.to_dict() == plan_from_samples(samples.iloc[5:], "drive").to_dict()
+    assert plan.to_dict() == Plan.from_samples(samples.iloc[5:], "drive").to_dict()
     assert plan.link_m is None
     assert plan.departure.bms_soc == samples["soc"][5]
     with pytest.raises(tw.InvalidInput, match=r"speed has no effect: .* samples contains times or speeds"):

@@ -27,7 +27,7 @@ from tripwatt.routes.tracks import Track
 from tripwatt.sources import read_logs
 from tripwatt.sources.canonical import canonical_samples, read_canonical
 from tripwatt.sources.tum import is_tum_log, read_tum_file
-from tripwatt.trips import Departure, Plan, Trip, TripSet, plan_from_samples, plan_from_trip
+from tripwatt.trips import Departure, Plan, Trip, TripSet
 from tripwatt.vehicles import ALIASES, Vehicle, load_vehicle, vehicle_document, vehicle_from_document
 
 Route = Path | str | bytes | pd.DataFrame | Sequence[Mapping[str, float | None]]
@@ -71,7 +71,7 @@ def read_route(source: Route, *, speed_m_s: float | None = None, trip_id: str | 
     if isinstance(source, pd.DataFrame) and "time_s" in source:
         if speed_m_s is not None:
             raise InvalidInput(_without_effect("samples"))
-        return plan_from_samples(canonical_samples(source), named)
+        return Plan.from_samples(canonical_samples(source), named)
     if not isinstance(source, str | Path | bytes):
         return _planned(routes.route_from_links(source), "links", speed_m_s, named)
     if isinstance(source, bytes) or routes.is_route(source):
@@ -80,18 +80,20 @@ def read_route(source: Route, *, speed_m_s: float | None = None, trip_id: str | 
     if speed_m_s is not None:
         raise InvalidInput(_without_effect(Path(source).name))
     if is_tum_log(Path(source)):
-        return plan_from_samples(read_tum_file(Path(source), named).samples, named)
-    return plan_from_samples(read_canonical(source), named)
+        return Plan.from_samples(read_tum_file(Path(source), named).samples, named)
+    return Plan.from_samples(read_canonical(source), named)
 
 
 def _planned(route: LinkRoute | Track, where: str, speed_m_s: float | None, trip_id: str) -> Plan:
-    if speed_m_s is not None and not routes.needs_speed(route):
+    if isinstance(route, Track) and route.needs_speed:
+        if speed_m_s is None:
+            got, allowed = "points without times and speeds", "a mean speed for the track"
+            fix = "give speed_m_s in Python, --speed KM/H on the command line"
+            raise InvalidInput.of("speed is missing", where, got, allowed, fix)
+        return route.plan(speed_m_s=speed_m_s, trip_id=trip_id)
+    if speed_m_s is not None:
         raise InvalidInput(_without_effect(where))
-    if speed_m_s is None and routes.needs_speed(route):
-        got, allowed = "points without times and speeds", "a mean speed for the track"
-        fix = "give speed_m_s in Python, --speed KM/H on the command line"
-        raise InvalidInput.of("speed is missing", where, got, allowed, fix)
-    return routes.plan_from_route(route, speed_m_s=speed_m_s, trip_id=trip_id)
+    return route.plan(trip_id=trip_id)
 
 
 def _without_effect(where: str) -> Fault:
@@ -403,7 +405,7 @@ def _totals_table(pairs: Iterable[tuple[Vehicle, Plan]]) -> pd.DataFrame:
 
 
 def _plan(trip: Plan | Trip, departure: Departure | None) -> Plan:
-    return (trip if isinstance(trip, Plan) else plan_from_trip(trip)).with_departure(departure)
+    return (trip if isinstance(trip, Plan) else Plan.from_trip(trip)).with_departure(departure)
 
 
 def _car(vehicle: Vehicle | str) -> Vehicle:

@@ -18,7 +18,7 @@ import numpy as np
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.physics import Simulation, simulate_trip
-from tripwatt.routes import plan_from_links, route_from_links
+from tripwatt.routes import route_from_links
 from tripwatt.trips import Departure, Flag, Plan, table_of
 from tripwatt.trips.messages import message
 from tripwatt.units import GRAVITY_M_S2, M_S_PER_KM_H, SECONDS_PER_HOUR, WH_PER_J
@@ -198,7 +198,7 @@ class _Driver:
         samples = {"time_s": np.arange(float(len(speed_m_s))), "speed_m_s": speed_m_s}
         if grade:
             samples["grade"] = np.full(len(speed_m_s), grade)
-        return Plan.from_samples("export", table_of(samples), self.departure)
+        return Plan.from_trace("export", table_of(samples), self.departure)
 
     def driving_wh(self, trip: Plan) -> tuple[float, Simulation]:
         """Energy of a trip without auxiliaries [Wh], and its simulation."""
@@ -233,7 +233,7 @@ class _Driver:
         """Energy per kilometre [Wh/km] without auxiliaries on links with only a mean speed."""
         number = max(3, round(min(speed_m_s * DRIVE_S, DRIVE_M) / TRAFFIC_LINK_M))
         route = route_from_links([{"length_m": TRAFFIC_LINK_M, "speed_m_s": speed_m_s}] * number)
-        trip = plan_from_links(route).with_departure(self.departure)
+        trip = route.plan().with_departure(self.departure)
         return self.driving_wh(trip)[0] / (trip.distance_m / 1000.0)
 
     def changes_of_speed(self, inertia_kg: float) -> tuple[float, float]:

@@ -11,7 +11,7 @@ from tests.support.command import Run
 
 from tripwatt.export import EXPORTS, consumption_curve
 from tripwatt.forecasting import load_model, save_model
-from tripwatt.routes import parse_route, plan_from_route, route_from_links
+from tripwatt.routes import parse_route, route_from_links
 from tripwatt.trips import Departure, Plan
 from tripwatt.vehicles import load_vehicle
 
@@ -57,7 +57,7 @@ def test_every_format_is_a_trip(run: Run, tmp_path: Path) -> None:
         assert found["trip"] == path.stem
         assert found["series"]["displayed_soc"][0] == pytest.approx(0.7)
         assert found["series"]["distance_m"][-1] == pytest.approx(
-            plan_from_route(parse_route(path)).distance_m, rel=0.01
+            parse_route(path).plan().distance_m, rel=0.01
         )
         assert 0.0 < found["energy_wh"] < 2000.0
     plain = run("forecast", tmp_path / "links.csv", "--soc", 0.7)
@@ -142,10 +142,10 @@ def test_export_of_a_model_is_what_the_model_forecasts(run: Run) -> None:
     table = np.array(said["ev[freeFlowSpeedTable]"].split(","), dtype=float).reshape(-1, 2)
     seconds = 1200.0  # 20 km at 60 km/h
     model = load_model()
-    drive = plan_from_route(
-        route_from_links([{"length_m": 20_000.0, "travel_time_s": seconds, "moving_speed_m_s": 60 / 3.6}])
-    )
-    steady = Plan.from_samples("steady", drive.samples.assign(speed_m_s=60.0 / 3.6))
+    drive = route_from_links(
+        [{"length_m": 20_000.0, "travel_time_s": seconds, "moving_speed_m_s": 60 / 3.6}]
+    ).plan()
+    steady = Plan.from_trace("steady", drive.samples.assign(speed_m_s=60.0 / 3.6))
     departure = Departure(
         soc=0.8, ambient_temperature_degc=5.0, cabin_setpoint_degc=21.0, payload_mass_kg=75.0
     )

@@ -14,7 +14,7 @@ from tripwatt.command.printing import progress, progress_lines
 from tripwatt.command.sentences import chance_to_arrive, forecast_in_words, unknown_climb_in_words
 from tripwatt.forecasting import load_model
 from tripwatt.study.synthetic import example_trip
-from tripwatt.trips import Departure, plan_from_samples
+from tripwatt.trips import Departure, Plan
 
 
 def made(soc: tuple[float, float, float, float], energy_wh: float = 2120.0, **more: Any) -> Any:
@@ -75,7 +75,7 @@ def test_short_trips_have_two_digits_and_the_way_behind_is_told() -> None:
 
 
 def test_the_packages_model_and_the_example_trip() -> None:
-    found = load_model(None).forecast(plan_from_samples(example_trip(), "example"))
+    found = load_model(None).forecast(Plan.from_samples(example_trip(), "example"))
     said = forecast_in_words(found)
     numbers = [float(n) for n in re.findall(r"\d+\.?\d*", said)]
     km, minutes, degc, energy, _, _, low, high, *_ = numbers

@@ -27,7 +27,7 @@ from tripwatt.fleet.model import (
 )
 from tripwatt.hybrid import segment_trips
 from tripwatt.hybrid.groups import group_posterior
-from tripwatt.trips import Departure, Trip, plan_from_trip
+from tripwatt.trips import Departure, Plan, Trip
 from tripwatt.vehicles import load_vehicle
 
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
@@ -152,7 +152,7 @@ def test_the_core_imports_no_fleet_package():
 
 def test_a_forecast_needs_no_driver_and_knows_the_temperature_class(fleet):
     plan, _, model, _ = fleet
-    own = plan_from_trip(Trip.from_log(next(many_vehicles(plan))))
+    own = Plan.from_trip(Trip.from_log(next(many_vehicles(plan))))
     cold = replace(model.uncertainty.scores, values=model.uncertainty.scores.values * 3.0)
     wide = replace(model, scores={"cold": cold})
     narrow, wider = (

@@ -464,7 +464,7 @@ def car():
 def drive() -> ExpectedTrip:
     time = np.arange(361.0)
     samples = pd.DataFrame({"time_s": time, "speed_m_s": np.full(361, 12.0)})
-    plan = Plan.from_samples("by hand", samples, Departure(soc=START))
+    plan = Plan.from_trace("by hand", samples, Departure(soc=START))
     features = pd.DataFrame(
         {
             "speed_m_s": SPEED_M_S,

@@ -20,7 +20,7 @@ from tripwatt.forecasting.measured import (
     read_measured,
     since_departure,
 )
-from tripwatt.trips import Plan, plan_from_samples
+from tripwatt.trips import Plan
 
 EXACT = {"rel": 1e-9, "abs": 1e-9}
 NO = np.nan
@@ -331,7 +331,7 @@ def departed(log: pd.DataFrame, plan: Plan):
 
 
 class TestDeparture:
-    plan = plan_from_samples(pd.DataFrame({"time_s": [60.0, 61.0, 90.0], "speed_m_s": 10.0}))
+    plan = Plan.from_samples(pd.DataFrame({"time_s": [60.0, 61.0, 90.0], "speed_m_s": 10.0}))
 
     def readings(self, *times: float) -> pd.DataFrame:
         return pd.DataFrame({"time_s": np.array(times), "soc": 0.5})
@@ -358,7 +358,7 @@ class TestDeparture:
         speed = 15.0 + 5.0 * np.sin(time / 8.0)
         power = sign * (1500.0 * speed * np.gradient(speed, time) + 3000.0)
         log = pd.DataFrame({"time_s": time, "voltage_v": 360.0, "current_a": power / 360.0})
-        plan = Plan.from_samples("p", pd.DataFrame({"time_s": time, "speed_m_s": speed}))
+        plan = Plan.from_trace("p", pd.DataFrame({"time_s": time, "speed_m_s": speed}))
         return (log.assign(speed_m_s=speed) if own_speed else log), plan
 
     @pytest.mark.parametrize("own_speed", [True, False])
@@ -372,7 +372,7 @@ class TestDeparture:
 
     def test_on_a_planned_route_only_the_own_speed_counts(self) -> None:
         log, plan = self.accelerating(-1.0)
-        linked = Plan.from_samples("p", plan.samples, link_m=50.0)
+        linked = Plan.from_trace("p", plan.samples, link_m=50.0)
         with pytest.raises(InvalidInput, match="current has the wrong sign"):
             departed(log, linked)
         assert len(departed(log.drop(columns="speed_m_s"), linked)["time_s"]) == 600

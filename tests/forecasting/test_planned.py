@@ -15,9 +15,9 @@ from tripwatt.forecasting import model as model_module
 from tripwatt.forecasting.measured import along_the_plan, columns_measured
 from tripwatt.hybrid import power_corrector, segment_trips
 from tripwatt.physics import simulate_trip
-from tripwatt.routes import parse_route, plan_from_route, plan_on_links, route_from_links
+from tripwatt.routes import parse_route, plan_on_links, route_from_links
 from tripwatt.study.synthetic import synthetic_fleet
-from tripwatt.trips import Departure, Flag, plan_from_trip
+from tripwatt.trips import Departure, Flag, Plan
 from tripwatt.uncertainty import RouteUncertainty, linked_trips
 from tripwatt.uncertainty.route import LENGTHS_M, MAX_TRIPS
 from tripwatt.uncertainty.shrinkage import COMPONENTS, FRACTIONS, UpdateShrinkage
@@ -106,7 +106,7 @@ def test_measured_doubt_is_the_difference_of_the_two_forecasts(trips):
     some = trips[:3]
     off = linked_trips(some, CAR).differences(Nothing(), segment_trips(some, CAR), np.array([2, 0]))
     for row, trip in zip(off, (some[2], some[0]), strict=True):
-        base = simulate_trip(CAR, plan_from_trip(trip)).simulated_energy_wh
+        base = simulate_trip(CAR, Plan.from_trip(trip)).simulated_energy_wh
         on_links = [simulate_trip(CAR, plan_on_links(trip, m)).simulated_energy_wh for m in LENGTHS_M]
         np.testing.assert_allclose(row, np.array(on_links) / base - 1.0, rtol=2e-3)
     assert 0.0 < np.abs(off).max() < 0.5
@@ -146,11 +146,11 @@ def test_on_the_way_the_doubt_of_the_route_goes(model, trips):
 
 def test_what_a_route_assumed_is_flagged(model):
     track = parse_route(b'{"type": "LineString", "coordinates": [[11.5, 48.1], [11.9, 48.1]]}')
-    said = model.forecast(plan_from_route(track, speed_m_s=20.0)).flags
+    said = model.forecast(track.plan(speed_m_s=20.0)).flags
     assert Flag("speed_assumed", "track", 20.0, "m_s") in said
     assert [flag.code for flag in said].count("unknown_climb") == 1
     assert "no_elevation" not in {flag.code for flag in said}
-    far = model.forecast(plan_from_route(route_from_links([{"length_m": 30_000.0, "speed_m_s": 25.0}])))
+    far = model.forecast(route_from_links([{"length_m": 30_000.0, "speed_m_s": 25.0}]).plan())
     assert Flag("links_too_long", "links", 30_000.0, "m") in far.flags
 
 
@@ -178,7 +178,7 @@ def test_parked_logs_and_large_fleets(trips, monkeypatch):
 
 
 def test_departure_of_a_route_is_checked_and_wins(trips):
-    plan = plan_from_route(route_from_links([{"length_m": 2000.0, "speed_m_s": 12.0}]))
+    plan = route_from_links([{"length_m": 2000.0, "speed_m_s": 12.0}]).plan()
     cold = plan.with_departure(Departure(ambient_temperature_degc=-4.0))
     assert cold.departure == Departure(ambient_temperature_degc=-4.0)
     assert cold.samples is plan.samples
@@ -199,7 +199,7 @@ def late(plan, factor, waits_s, power_w):
 @pytest.mark.parametrize(("factor", "waits_s"), [(1.0, 0.0), (1.3, 0.0), (0.8, 40.0), (1.0, 120.0)])
 def test_a_late_car_has_the_rest_of_the_route_before_it(model, factor, waits_s):
     links = [{"length_m": 500.0, "speed_m_s": 6.0 + 8.0 * (k % 2)} for k in range(30)]
-    plan = plan_from_route(route_from_links(links))
+    plan = route_from_links(links).plan()
     same = np.ones(len(FRACTIONS))
     nothing = UpdateShrinkage(
         **dict.fromkeys(COMPONENTS, 0.0 * same), split_sd_factor=same, joint_sd_factor=same
@@ -228,9 +228,7 @@ def test_a_late_car_has_the_rest_of_the_route_before_it(model, factor, waits_s):
 
 def test_a_wait_that_the_car_did_not_have_is_no_gap(model):
     """Planned stops of a minute; the car drives through."""
-    plan = plan_from_route(
-        route_from_links([{"length_m": 1000.0, "travel_time_s": 140.0, "stop_s": 60.0}] * 8)
-    )
+    plan = route_from_links([{"length_m": 1000.0, "travel_time_s": 140.0, "stop_s": 60.0}] * 8).plan()
     time = np.arange(0.0, 500.0)
     observed = pd.DataFrame({"time_s": time, "speed_m_s": 12.0, "observed_energy_wh": time})
     columns = columns_measured(observed)
@@ -249,9 +247,9 @@ def test_a_wait_that_the_car_did_not_have_is_no_gap(model):
     st.floats(0.0, 300.0),
 )
 def test_any_drive_has_a_clock_that_goes_on(steps, start):
-    plan = plan_from_route(
-        route_from_links([{"length_m": 900.0, "speed_m_s": 9.0}, {"length_m": 80.0, "speed_m_s": 3.0}])
-    )
+    plan = route_from_links(
+        [{"length_m": 900.0, "speed_m_s": 9.0}, {"length_m": 80.0, "speed_m_s": 3.0}]
+    ).plan()
     time = start + np.cumsum([step for step, _ in steps])
     observed = pd.DataFrame(
         {"time_s": time, "speed_m_s": [v for _, v in steps], "soc": 0.5, "observed_energy_wh": time}

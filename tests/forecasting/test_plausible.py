@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting.plausible import battery_wh, impossible_faults
-from tripwatt.trips import plan_from_samples
+from tripwatt.trips import Plan
 from tripwatt.units import GRAVITY_M_S2
 
 
@@ -77,7 +77,7 @@ def test_samples_end_with_the_trip(planned) -> None:
     assert late.energy_wh > 0.0
     time = np.arange(601.0)
     trace = tw.load_model().forecast(
-        plan_from_samples(pd.DataFrame({"time_s": 60.0 + time, "speed_m_s": 10.0}))
+        Plan.from_samples(pd.DataFrame({"time_s": 60.0 + time, "speed_m_s": 10.0}))
     )
     ride = {"voltage_v": 360.0, "current_a": 10.0}
     trace.update(observed(721, **ride).iloc[60:])
@@ -98,8 +98,8 @@ def test_no_air_is_hotter_than_on_record() -> None:
     with pytest.raises(InvalidInput, match="got 70; allowed: -60 to 57 °C"):
         tw.Departure(ambient_temperature_degc=70.0)
     samples = pd.DataFrame({"time_s": [0.0, 1.0], "speed_m_s": 10.0, "ambient_temperature_degc": 65.0})
-    assert plan_from_samples(samples).departure.ambient_temperature_degc is None, "a sensor in the sun"
-    cool = plan_from_samples(samples.assign(ambient_temperature_degc=57.0))
+    assert Plan.from_samples(samples).departure.ambient_temperature_degc is None, "a sensor in the sun"
+    cool = Plan.from_samples(samples.assign(ambient_temperature_degc=57.0))
     assert cool.departure.ambient_temperature_degc == 57.0
 
 
@@ -142,7 +142,7 @@ def test_a_car_that_cannot_follow_is_no_forecast_of_the_trip() -> None:
         ),
     )
     speed = np.tile(np.concatenate((np.linspace(0.0, 25.0, 30), np.linspace(25.0, 0.0, 30))), 20)
-    plan = plan_from_samples(pd.DataFrame({"time_s": np.arange(1200.0), "speed_m_s": speed}))
+    plan = Plan.from_samples(pd.DataFrame({"time_s": np.arange(1200.0), "speed_m_s": speed}))
     departure = tw.Departure(soc=0.5, ambient_temperature_degc=20, climate="off")
     with pytest.raises(
         InvalidInput, match=r"energy that physics forbids: .*got -.* the car lacks .* kWh to follow"

@@ -89,7 +89,7 @@ def test_the_chance_to_arrive_falls_with_cold_and_load_and_rises_with_charge(veh
 
 def test_an_hour_at_a_standstill_costs_energy():
     samples = pd.DataFrame({"time_s": np.arange(3601.0), "speed_m_s": 0.0})
-    parked = tw.Plan.from_samples("parked", samples)
+    parked = tw.Plan.from_trace("parked", samples)
     found = tw.forecast(parked, departing())
     low, high = found.interval(0.95)
     assert 0.0 < low < found.energy_wh < high < 2000.0

@@ -38,7 +38,7 @@ from tripwatt.vehicles import load_vehicle
 def test_temperatures_that_a_file_keeps_are_flagged(given, flagged):
     rows = {"time_s": np.arange(60.0), "speed_m_s": 10.0}
     known = tw.Departure(cabin_temperature_degc=20.0, battery_temperature_degc=19.0)
-    plan = Plan.from_samples("trip", pd.DataFrame(rows), known)
+    plan = Plan.from_trace("trip", pd.DataFrame(rows), known)
     found = tw.load_model().forecast(plan, given)
     assert sorted(f.subject for f in found.flags if f.code == "file_value_kept") == flagged
 

@@ -133,9 +133,9 @@ def test_car_of_the_package_model_is_the_library_s() -> None:
 
 def test_forecasting_imports_no_learner() -> None:
     code = (
-        "import sys; from tripwatt.forecasting import load_model; from tripwatt.trips import plan_from_samples; import pandas as pd;"
+        "import sys; from tripwatt.forecasting import load_model; from tripwatt.trips import Plan; import pandas as pd;"
         "t = pd.DataFrame({'time_s': [0.0, 50.0, 100.0], 'speed_m_s': [0.0, 9.0, 9.0]});"
-        "load_model().forecast(plan_from_samples(t)).to_dict();"
+        "load_model().forecast(Plan.from_samples(t)).to_dict();"
         "print([m for m in ('sklearn', 'lightgbm', 'matplotlib', 'joblib', 'scipy') if m in sys.modules])"
     )
     answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

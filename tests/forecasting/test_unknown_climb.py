@@ -18,7 +18,7 @@ from tripwatt.hybrid.energy_errors import unknown_climb_wh
 from tripwatt.roads.journey.forecasting import RoadForecaster
 from tripwatt.routes import terrain
 from tripwatt.routes.terrain import net_climbs
-from tripwatt.trips import TERRAINS, Plan, plan_from_trip
+from tripwatt.trips import TERRAINS, Plan
 
 COLD = tw.Departure(
     soc=0.8,
@@ -169,7 +169,7 @@ def test_a_trip_without_heights_teaches_with_the_error_of_its_climb():
         for trip in trips
     ]
     known, unknown = (segment_trips(some, car).energy_errors.own_wh for some in (trips, bare))
-    expected = [unknown_climb_wh(plan_from_trip(trip), car) for trip in bare]
+    expected = [unknown_climb_wh(Plan.from_trip(trip), car) for trip in bare]
     assert unknown == pytest.approx(np.hypot(known, expected))
     assert min(expected) > 0.0
     longer = [unknown_climb_wh(road(km), car) for km in (5.0, 20.0, 80.0)]

@@ -104,7 +104,7 @@ class TestCalibration:
         own = table([1, 1, 1], [1.0, 0.5, 2.0], simulated=simulated, observed=observed)
         two = tuple(Parameter(name, width, "", (), ("climate",)) for name, width in (("a", 0.3), ("b", 0.1)))
         monkeypatch.setattr(room, "parameters", lambda: two)
-        monkeypatch.setattr(room, "plan_from_trip", lambda trip: trip)
+        monkeypatch.setattr(room.Plan, "from_trip", lambda trip: trip)
         monkeypatch.setattr(room, "segment_trips", lambda trips, car: own)
         slopes = np.array([[10.0, 1.0], [20.0, 2.0], [30.0, 3.0]])
         monkeypatch.setattr(room, "sensitivities", lambda *_: slopes)

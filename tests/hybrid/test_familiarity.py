@@ -15,7 +15,7 @@ from tripwatt.hybrid.familiarity import FADING, Familiarity, Range
 from tripwatt.hybrid.power import PowerCorrector
 from tripwatt.hybrid.stored import new_converter, parts_tree, structured, tree_parts
 from tripwatt.study.synthetic import VEHICLE, synthetic_fleet
-from tripwatt.trips import Departure, plan_from_trip
+from tripwatt.trips import Departure, Plan
 from tripwatt.vehicles import load_vehicle
 
 AMBIENT = "ambient_temperature_degc"
@@ -94,7 +94,7 @@ def test_a_forecast_far_outside_is_that_of_the_physics_and_wider() -> None:
     model = ForecastModel(CAR, corrector="linear").fit(warm)
     seen = model.ranges_[AMBIENT]
     assert seen.low - 8.0 * seen.sd > -60.0
-    plan = plan_from_trip(warm[0])
+    plan = Plan.from_trip(warm[0])
     usual = model.forecast(plan, Departure(ambient_temperature_degc=seen.low))
     far = model.forecast(plan, Departure(ambient_temperature_degc=seen.low - 8.0 * seen.sd))
     own = far.drive.table

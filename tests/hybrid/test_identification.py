@@ -23,7 +23,7 @@ from tripwatt.hybrid.identification import (
 from tripwatt.hybrid.parameters import changed
 from tripwatt.physics import simulate_trip
 from tripwatt.study.synthetic import synthetic_fleet
-from tripwatt.trips import Trip, plan_from_trip
+from tripwatt.trips import Plan, Trip
 from tripwatt.vehicles import load_vehicle
 
 BOOK = load_vehicle("bmw_i3_60ah")
@@ -280,7 +280,7 @@ def test_trips_without_signals_change_nothing():
 
 def test_trips_simulated_again_are_those_of_the_other_car():
     other = changed(BOOK, {"rolling": 0.3})
-    plans = [plan_from_trip(trip) for trip in FLEET]
+    plans = [Plan.from_trip(trip) for trip in FLEET]
     (again,), fresh = resimulated(segment_trips(FLEET, BOOK), plans, [other]), segment_trips(FLEET, other)
     np.testing.assert_array_equal(again.simulated_w, fresh.simulated_w)
     np.testing.assert_array_equal(again.observed_power_w, fresh.observed_power_w)
@@ -294,7 +294,7 @@ def test_an_energy_from_the_charge_is_spread_evenly_again():
         samples = trip.samples.drop(columns=["voltage_v", "current_a"]).assign(observed_energy_wh=energy)
         known.append(replace(trip, samples=samples, observed_energy_std_wh=50.0))
     other = changed(BOOK, {"rolling": 0.3})
-    plans = [plan_from_trip(trip) for trip in known]
+    plans = [Plan.from_trip(trip) for trip in known]
     table, fresh = segment_trips(known, BOOK), segment_trips(known, other)
     assert not table.energy_errors.along.any()
     (again,) = resimulated(table, plans, [other])

@@ -43,7 +43,7 @@ class TestParameters:
 
     def test_sensitivities(self, monkeypatch) -> None:
         """A power of 2 W for each kilogram of the car, at a change of 2 %; a cause that is multiplied as it is."""
-        plan = Plan.from_samples("p", pd.DataFrame({"time_s": np.arange(31.0), "speed_m_s": 1.0}))
+        plan = Plan.from_trace("p", pd.DataFrame({"time_s": np.arange(31.0), "speed_m_s": 1.0}))
 
         def run(car, plan):
             n = len(plan)

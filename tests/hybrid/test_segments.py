@@ -91,7 +91,7 @@ class TestSegments:
         time = self.time if time is None else time
         n = len(time)
         speed = self.speed if n == 7 else np.full(n, 10.0)
-        plan = Plan.from_samples("p", pd.DataFrame({"time_s": time, "speed_m_s": speed}), departure)
+        plan = Plan.from_trace("p", pd.DataFrame({"time_s": time, "speed_m_s": speed}), departure)
         power_w = 100.0 * np.arange(1.0, n + 1.0)
         run = SimpleNamespace(
             battery_power_w=power_w,
@@ -145,7 +145,7 @@ class TestSegments:
 
     def test_thirty_seconds(self) -> None:
         assert self.cut(time=np.arange(61.0), segment_s=30.0).hours * 3600.0 == pytest.approx([30.0, 31.0])
-        plan = Plan.from_samples("p", pd.DataFrame({"time_s": np.arange(61.0), "speed_m_s": 1.0}))
+        plan = Plan.from_trace("p", pd.DataFrame({"time_s": np.arange(61.0), "speed_m_s": 1.0}))
         zero = SimpleNamespace(
             battery_power_w=np.zeros(61),
             power_by_cause_w=dict.fromkeys(LINE_CAUSES, np.zeros(61)),

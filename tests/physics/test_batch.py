@@ -37,7 +37,7 @@ def drive(seed: int, n: int, **known) -> Plan:
     time = np.cumsum(rng.choice([1.0, 1.0, 0.5], n))
     height = 200.0 + 40.0 * np.sin(time / 300.0 + seed)
     columns = {"time_s": time, "speed_m_s": speed} | ({"elevation_m": height} if seed % 2 else {})
-    return Plan.from_samples(f"drive {seed}", pd.DataFrame(columns), tw.Departure(**known))
+    return Plan.from_trace(f"drive {seed}", pd.DataFrame(columns), tw.Departure(**known))
 
 
 DRIVES = [drive(k, n, **known) for k, (n, known) in enumerate(itertools.product((2, 300, 317, 900), WEATHER))]
@@ -99,7 +99,7 @@ def test_cars_that_differ_in_their_values_are_driven_side_by_side():
 
 def test_a_long_drive_beside_short_ones_and_a_drive_larger_than_a_chunk():
     time = np.linspace(0.0, 170_000.0, 300)  # hundreds of time constants of the tyres
-    days = Plan.from_samples("days", pd.DataFrame({"time_s": time, "speed_m_s": 10.0 + time % 7.0}))
+    days = Plan.from_trace("days", pd.DataFrame({"time_s": time, "speed_m_s": 10.0 + time % 7.0}))
     long = [drive(3, CHUNK_SAMPLES + 5, soc=0.9)]
     plans = [days, *long, *DRIVES[5:9], days]
     car = I3.with_values({"tyres.warm_up_time_s": 600.0})

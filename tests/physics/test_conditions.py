@@ -114,12 +114,10 @@ class TestConditions:
     def test_a_trip_is_simulated_on_its_own_road(self) -> None:
         rows = pd.DataFrame({"time_s": [0.0, 10.0, 20.0], "speed_m_s": 15.0})
         known = Departure(climate="off")
-        graded = simulate_trip(car(), Plan.from_samples("p", rows.assign(grade=0.03, elevation_m=0.0), known))
+        graded = simulate_trip(car(), Plan.from_trace("p", rows.assign(grade=0.03, elevation_m=0.0), known))
         assert graded.grade.tolist() == [0.03] * 3
         assert graded.climate_power_w.tolist() == [0.0] * 3
-        raised = simulate_trip(
-            car(), Plan.from_samples("p", rows.assign(elevation_m=[0.0, 7.5, 15.0]), known)
-        )
+        raised = simulate_trip(car(), Plan.from_trace("p", rows.assign(elevation_m=[0.0, 7.5, 15.0]), known))
         assert raised.grade == pytest.approx([0.05] * 3, rel=0.1)
-        bare = simulate_trip(car(), Plan.from_samples("p", rows, known))
+        bare = simulate_trip(car(), Plan.from_trace("p", rows, known))
         assert (bare.grade == 0.0).all()

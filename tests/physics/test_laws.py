@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from tripwatt.arrays import distance_driven
 from tripwatt.physics import CAUSES, DriveConditions, simulate, simulate_trip
 from tripwatt.physics.road_load import rolling_factor
-from tripwatt.trips import STEEPEST_GRADE, Context, Departure, Plan, Trip, plan_from_samples
+from tripwatt.trips import STEEPEST_GRADE, Context, Departure, Plan, Trip
 from tripwatt.trips.elevation import heights_of_a_road
 from tripwatt.units import GRAVITY_M_S2, WH_PER_J
 from tripwatt.vehicles import Vehicle, load_vehicle
@@ -426,7 +426,7 @@ def city(seconds: int = 600) -> Plan:
     """A drive of some minutes in a city and out of it."""
     time = np.arange(seconds + 1.0)
     speed = np.clip(10.0 + 8.0 * np.sin(time / 60.0) + 6.0 * np.sin(time / 23.0), 0.0, 30.0)
-    return plan_from_samples(pd.DataFrame({"time_s": time, "speed_m_s": speed}))
+    return Plan.from_samples(pd.DataFrame({"time_s": time, "speed_m_s": speed}))
 
 
 def energy_wh(car: Vehicle, plan: Plan, departure: Departure) -> float:
@@ -518,7 +518,7 @@ def test_a_sensor_at_its_end_hides_the_cabin_of_a_log_alone() -> None:
     assert energy_wh(car, CITY, planned) < energy_wh(car, CITY, cold) - 50.0
     samples = pd.DataFrame({"time_s": [0.0, 1.0], "speed_m_s": [0.0, 1.0], "cabin_temperature_degc": 10.0})
     assert Trip.from_samples("log", samples).departure.cabin_logged
-    given = plan_from_samples(samples, departure=Departure(cabin_temperature_degc=10.0)).departure
+    given = Plan.from_samples(samples, departure=Departure(cabin_temperature_degc=10.0)).departure
     assert given.cabin_logged is None
 
 

@@ -24,7 +24,7 @@ from tripwatt.population import adapt_model, adaptation, population, without_tri
 from tripwatt.population.adapting import PROTOCOL, Adaptation, in_order, population_of, scores_of
 from tripwatt.population.prior import Population, Source
 from tripwatt.study.synthetic import synthetic_fleet
-from tripwatt.trips import Trip, TripSet, plan_from_trip
+from tripwatt.trips import Plan, Trip, TripSet
 from tripwatt.vehicles import Vehicle, load_vehicle
 
 NOBODY = Population(Sums.empty(len(NAMES)))
@@ -41,7 +41,7 @@ def driven_by(trip: Trip, car: Vehicle, extra_w: float = 0.0, times: float = 1.0
     """The trip as another car would have logged it: its physics, a constant load that no book knows, and a factor."""
     road = trip.samples[["time_s", "speed_m_s", "elevation_m", "ambient_temperature_degc"]]
     bare = Trip.from_samples(trip.trip_id, road, replace(trip.context, cabin_setpoint_degc=None))
-    run = simulate_trip(car, plan_from_trip(bare))
+    run = simulate_trip(car, Plan.from_trip(bare))
     power = np.interp(road["time_s"] - road["time_s"].iloc[0], run.time_s, run.battery_power_w)
     samples = road.assign(voltage_v=360.0, current_a=(times * power + extra_w) / 360.0)
     return Trip.from_samples(trip.trip_id, samples, bare.context)
@@ -428,7 +428,7 @@ def test_a_departure_without_climate_control_has_no_correction_of_it(
 ) -> None:
     model = learned["loaded"].model
     assert isinstance(model.corrector_, FactorCorrector)
-    plan = plan_from_trip(loaded[-1])
+    plan = Plan.from_trip(loaded[-1])
     known = tw.Departure(soc=0.8, ambient_temperature_degc=ambient)
     auto, off = (model.forecast(plan, replace(known, climate=climate)) for climate in ("auto", "off"))
     simulated = auto.drive.table.simulated_w - off.drive.table.simulated_w

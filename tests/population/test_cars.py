@@ -21,7 +21,7 @@ from tripwatt.server.http.car_jobs import CarJobs
 from tripwatt.server.http.jobs import Jobs
 from tripwatt.server.http.settings import Limits
 from tripwatt.study.synthetic import synthetic_fleet
-from tripwatt.trips import plan_from_samples
+from tripwatt.trips import Plan
 from tripwatt.trips.messages import message
 from tripwatt.units import GRAVITY_M_S2
 from tripwatt.vehicles import render_vehicle
@@ -142,7 +142,7 @@ def test_more_mass_takes_at_least_its_potential_energy_uphill() -> None:
 def test_more_mass_takes_its_kinetic_energy_on_acceleration() -> None:
     time = np.arange(31.0)
     drive = pd.DataFrame({"time_s": time, "speed_m_s": np.minimum(time, 20.0), "elevation_m": 500.0})
-    plan = plan_from_samples(drive, "start")
+    plan = Plan.from_samples(drive, "start")
     found = [tw.forecast(plan, DEPARTURE, vehicle=car).to_dict()["by_cause_wh"] for car in (HEAVY, I3)]
     kinetic_wh = 0.5 * MORE_KG * I3.body.rotating_mass_factor * 20.0**2 / 3600.0
     assert found[0]["acceleration"] - found[1]["acceleration"] == pytest.approx(kinetic_wh, rel=1e-3)

@@ -363,7 +363,7 @@ def test_the_weather_is_asked_every_thirty_kilometres_at_twenty_points_at_most(k
 
 def made(speed, start_s=0.0):
     time = start_s + np.arange(float(len(speed)))
-    return Plan.from_samples("t", table_of({"time_s": time, "speed_m_s": np.array(speed)}))
+    return Plan.from_trace("t", table_of({"time_s": time, "speed_m_s": np.array(speed)}))
 
 
 def wind_of(plan):

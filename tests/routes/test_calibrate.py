@@ -8,7 +8,7 @@ import pytest
 from benchmarks.link_style import LINK_LENGTHS_M, calibrate_style, road_work
 
 from tripwatt.errors import InvalidInput
-from tripwatt.routes import LinkStyle, links_of_trip, plan_from_links, route_from_links
+from tripwatt.routes import LinkStyle, links_of_trip, route_from_links
 from tripwatt.trips import Trip
 
 
@@ -16,20 +16,14 @@ def test_calibration_finds_the_style_that_made_the_trips():
     truth = LinkStyle(street_speed_m_s=14.0, comfort=0.4)
     rng = np.random.default_rng(5)
     trips = [
-        plan_from_links(
-            route_from_links([{"length_m": 250.0, "speed_m_s": v} for v in rng.uniform(4.0, 16.0, 30)]),
-            style=truth,
+        route_from_links([{"length_m": 250.0, "speed_m_s": v} for v in rng.uniform(4.0, 16.0, 30)]).plan(
+            style=truth
         )
         for _ in range(4)
     ]
     found = calibrate_style(trips, length_m=(250.0,), max_evaluations=60)
-    wrong = [
-        abs(road_work(plan_from_links(links_of_trip(t), style=LinkStyle())) / road_work(t) - 1.0)
-        for t in trips
-    ]
-    right = [
-        abs(road_work(plan_from_links(links_of_trip(t), style=found)) / road_work(t) - 1.0) for t in trips
-    ]
+    wrong = [abs(road_work(links_of_trip(t).plan(style=LinkStyle())) / road_work(t) - 1.0) for t in trips]
+    right = [abs(road_work(links_of_trip(t).plan(style=found)) / road_work(t) - 1.0) for t in trips]
     assert np.mean(right) < 0.02
     assert np.mean(right) < 0.25 * np.mean(wrong)
     with pytest.raises(InvalidInput, match="no trips"):

@@ -7,7 +7,7 @@ from benchmarks.link_style import road_work
 
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
-from tripwatt.routes import LinkRoute, plan_from_links, route_from_links
+from tripwatt.routes import LinkRoute, route_from_links
 from tripwatt.routes.free_flow import TravelTimeFactors, free_flow_links, moving_share, share_energy
 from tripwatt.trips import Trip
 
@@ -157,7 +157,7 @@ def cut(number, **more):
 def test_energy_does_not_depend_on_how_a_road_is_cut(more):
     model = tw.load_model()
     departure = tw.Departure(soc=0.8, ambient_temperature_degc=10.0)
-    found = [model.forecast(plan_from_links(cut(n, **more)), departure) for n in (1, 20, 200)]
+    found = [model.forecast(cut(n, **more).plan(), departure) for n in (1, 20, 200)]
     assert [f.energy_wh for f in found] == pytest.approx([found[0].energy_wh] * 3, rel=1e-6)
     assert [f.sd_wh for f in found] == pytest.approx([found[0].sd_wh] * 3, rel=1e-6)
 
@@ -234,9 +234,7 @@ def test_the_share_of_drives_that_were_made_with_it_is_found(share):
     """Drives that the driver model made of links with a share of the limit between their stops."""
     road = links([50.0, 80.0, 60.0], [2000.0, 5000.0, 3000.0])
     seconds = np.array([1.9, 1.5, 2.1]) * road.travel_time_s
-    made = plan_from_links(
-        LinkRoute(road.length_m, seconds, road.stop_s, share * road.moving_speed_m_s), trip_id="made"
-    )
+    made = LinkRoute(road.length_m, seconds, road.stop_s, share * road.moving_speed_m_s).plan(trip_id="made")
     drive = Trip.from_samples("made", made.samples)
     found = share_energy(drive, road, seconds, road_work)
     assert moving_share([found, found]) == pytest.approx(share, abs=0.02)

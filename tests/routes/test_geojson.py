@@ -12,11 +12,9 @@ from tripwatt.routes import (
     ROAD_SPEED_M_S,
     Track,
     parse_route,
-    plan_from_route,
     points,
     read_geojson,
     read_gpx,
-    route_from_track,
 )
 from tripwatt.routes.points import haversine_m
 from tripwatt.trips import Flag
@@ -75,7 +73,7 @@ def test_geojson_lines_properties_and_heights():
     point = {"type": "Feature", "properties": None, "geometry": {"type": "Point", "coordinates": [11, 48]}}
     text = json.dumps({"type": "FeatureCollection", "features": [feature, point, faster]}).encode()
     track = read_geojson(text)
-    route = route_from_track(track)
+    route = track.links()
     np.testing.assert_allclose(route.speed_m_s, [ROAD_SPEED_M_S["secondary"], 25.0])
     assert route.elevation_at([0.0, route.distance_m / 2, route.distance_m]).tolist() == pytest.approx(
         [500, 510, 505]
@@ -91,8 +89,8 @@ def test_geojson_times_are_a_log():
         "geometry": {"type": "LineString", "coordinates": [[p[1], p[0]] for p in drive(SPEED)]},
     }
     np.testing.assert_allclose(
-        plan_from_route(read_geojson(json.dumps(line).encode())).array("speed_m_s"),
-        plan_from_route(read_gpx(gpx(drive(SPEED)))).array("speed_m_s"),
+        read_geojson(json.dumps(line).encode()).plan().array("speed_m_s"),
+        read_gpx(gpx(drive(SPEED))).plan().array("speed_m_s"),
         atol=1e-3,
     )
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tripwatt.errors import InvalidInput
-from tripwatt.routes import plan_from_route, read_gpx, xml_events
+from tripwatt.routes import read_gpx, xml_events
 from tripwatt.routes.points import haversine_m
 
 M_PER_DEGREE = float(haversine_m([48.0, 49.0], [11.0, 11.0])[0])
@@ -51,7 +51,7 @@ SPEED = np.concatenate(
 
 def test_a_logged_drive_comes_back_from_gpx():
     track = read_gpx(gpx(drive(SPEED, np.linspace(500.0, 530.0, len(SPEED)))))
-    trip = plan_from_route(track)
+    trip = track.plan()
     assert track.is_log
     assert trip.departure.departs_at.hour == 8
     assert trip.distance_m == pytest.approx(float(np.trapezoid(SPEED)), rel=0.01)

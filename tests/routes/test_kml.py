@@ -7,9 +7,7 @@ import pytest
 
 from tripwatt.errors import InvalidInput
 from tripwatt.routes import (
-    needs_speed,
     parse_route,
-    plan_from_route,
     read_kml,
     xml_events,
 )
@@ -43,7 +41,7 @@ def test_a_line_is_a_track_without_times():
     assert track.elevation_m.tolist() == [500.0, 510.0, 520.0]
     assert (track.time_s, track.started_at, track.flags) == (None, None, ())
     assert np.isnan(track.piece_speed_m_s).tolist() == [True, True]
-    assert needs_speed(track)
+    assert track.needs_speed
 
 
 @pytest.mark.parametrize("text", ["11.5,48.1 11.5,48.2", "11.5,48.1,0 11.5,48.2,0"])
@@ -68,9 +66,9 @@ def test_a_recording_has_times_and_comes_before_lines():
     assert [(flag.code, flag.subject, flag.value) for flag in track.flags] == [
         ("first_of_several", "tracks and routes", 2)
     ]
-    assert not needs_speed(track)
+    assert not track.needs_speed
     # 0.006 degrees of latitude are 667.2 m, in a minute 11.1 m/s
-    assert plan_from_route(track).duration_s == pytest.approx(60.0, abs=3.0)
+    assert track.plan().duration_s == pytest.approx(60.0, abs=3.0)
 
 
 def test_points_of_interest_and_lines_of_one_point_are_left_out():

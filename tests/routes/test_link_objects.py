@@ -16,8 +16,6 @@ from tripwatt.routes import (
     LinkRoute,
     link_objects,
     parse_route,
-    plan_from_links,
-    plan_from_route,
     route_from_links,
 )
 from tripwatt.routes.link_objects import LINK_KEYS, columns_of_links, fields_of_route, route_with_elevation
@@ -45,7 +43,7 @@ def test_heights_and_grades_say_the_same_road():
 def test_a_steep_link_climbs_as_given(grade):
     """Streets of 0.3 exist; a link that no street has is refused."""
     flat = {"length_m": 500.0, "speed_m_s": 8.0, "grade": 0.0}
-    plan = plan_from_links(route_from_links([flat, {"length_m": 1900.0, "speed_m_s": 8.0, "grade": grade}]))
+    plan = route_from_links([flat, {"length_m": 1900.0, "speed_m_s": 8.0, "grade": grade}]).plan()
     car = load_vehicle("bmw_i3_60ah")
     climb = simulate_trip(car, plan).by_cause_wh["climb"]
     expected = car.body.test_mass_kg * GRAVITY_M_S2 * grade * 1900.0 * WH_PER_J
@@ -108,7 +106,7 @@ def test_every_fault_of_the_links_at_once():
 )
 def test_any_links_are_refused_or_driven(links):
     try:
-        trip = plan_from_route(route_from_links(links))
+        trip = route_from_links(links).plan()
     except InvalidInput:
         return
     assert trip.duration_s > 0

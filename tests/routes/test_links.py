@@ -12,13 +12,11 @@ from tripwatt.routes import (
     LinkRoute,
     links,
     links_of_trip,
-    plan_from_links,
-    plan_from_route,
     route_from_links,
 )
 from tripwatt.routes.links import first_of_stretches, joined_links
 from tripwatt.sources import read_logs
-from tripwatt.trips import Departure, Flag, Trip, plan_from_trip, resample
+from tripwatt.trips import Departure, Flag, Plan, Trip, resample
 from tripwatt.vehicles import load_vehicle
 
 
@@ -58,14 +56,14 @@ def test_a_link_made_trip_has_the_links_of_the_trip():
         + 0.001 * np.sin(np.arange(910.0) / 90.0) ** 2
     )
     route = links_of_trip(trip, 500.0)
-    again = links_of_trip(plan_from_links(route, step_s=0.1), 500.0)
+    again = links_of_trip(route.plan(step_s=0.1), 500.0)
     np.testing.assert_allclose(again.travel_time_s[1:-1], route.travel_time_s[1:-1], rtol=0.02, atol=1.0)
     assert again.duration_s == pytest.approx(route.duration_s, rel=0.005)
 
 
 def test_departure_is_known_at_the_start_and_nothing_is_measured():
     departure = Departure(ambient_temperature_degc=-3.0, bms_soc=0.6, payload_mass_kg=70.0)
-    plan = plan_from_route(route_from_links([{"length_m": 900.0, "speed_m_s": 9.0}]))
+    plan = route_from_links([{"length_m": 900.0, "speed_m_s": 9.0}]).plan()
     assert plan.departure == Departure()
     plan = plan.with_departure(departure)
     assert plan.departure == departure
@@ -79,7 +77,7 @@ def test_departure_is_known_at_the_start_and_nothing_is_measured():
 def test_short_links_are_joined_and_their_time_is_kept():
     tiny = [{"length_m": 8.0, "speed_m_s": 12.0 if k % 3 else 9.0} for k in range(400)]
     route = route_from_links(tiny)
-    trip = plan_from_links(route)
+    trip = route.plan()
     assert trip.distance_m == pytest.approx(route.distance_m, rel=0.01)
     assert trip.duration_s == pytest.approx(route.duration_s, rel=0.03)
 
@@ -90,7 +88,7 @@ def test_links_of_real_trips_cost_what_the_trips_cost(data_dir):
     trips = [resample(t) for t in read_logs(data_dir / "tum").reference_trips()[::8]]
     true = np.array([simulate_trip(car, t).simulated_energy_wh for t in trips])
     for length, bound in ((250.0, 0.05), (1000.0, 0.06)):
-        made = [plan_from_links(links_of_trip(t, length)).with_departure(t.departure) for t in trips]
+        made = [links_of_trip(t, length).plan().with_departure(t.departure) for t in trips]
         off = np.array([simulate_trip(car, t).simulated_energy_wh for t in made]) / true - 1.0
         assert np.abs(off).mean() < bound
 
@@ -99,7 +97,7 @@ def test_steps_that_give_too_many_samples_are_refused():
     route = route_from_links([{"length_m": 1000.0, "speed_m_s": 1.0}] * 100)
     for step_s in (0.0, -1.0, float("nan"), 1e-3):
         with pytest.raises(InvalidInput, match="step out of range"):
-            plan_from_links(route, step_s=step_s)
+            route.plan(step_s=step_s)
 
 
 LIMITED = st.lists(
@@ -115,7 +113,7 @@ def test_nobody_drives_faster_than_the_limit_or_the_mean_speed(links, seed):
     route = route_from_links(
         [{"length_m": length, "speed_m_s": v, "speed_limit_m_s": limit} for length, v, limit in links]
     )
-    trip = plan_from_route(route, rng=None if seed is None else np.random.default_rng(seed), step_s=0.5)
+    trip = route.plan(rng=None if seed is None else np.random.default_rng(seed), step_s=0.5)
     time, speed = trip.array("time_s"), trip.array("speed_m_s")
     position = np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time))))
     position *= route.distance_m / position[-1]
@@ -130,16 +128,16 @@ def test_a_speed_limit_changes_the_drive():
     free = [{"length_m": 800.0, "speed_m_s": 8.0}] * 4
     limited = [{**link, "speed_limit_m_s": 9.0} for link in free]
     routes = [route_from_links(links) for links in (free, limited)]
-    fast, slow = (plan_from_route(route) for route in routes)
+    fast, slow = (route.plan() for route in routes)
     assert fast.array("speed_m_s").max() > 12.0
     assert slow.array("speed_m_s").max() <= 9.0 + 1e-9
     assert slow.duration_s == pytest.approx(400.0, rel=0.02)
 
 
 def test_a_planned_trip_knows_the_length_of_its_links():
-    assert plan_from_trip(driven(np.full(60, 10.0))).link_m is None
+    assert Plan.from_trip(driven(np.full(60, 10.0))).link_m is None
     two = route_from_links([{"length_m": 100.0, "speed_m_s": 9.0}, {"length_m": 300.0, "speed_m_s": 9.1}])
-    assert plan_from_route(two).link_m == pytest.approx((100.0**2 + 300.0**2) / 400.0)
+    assert two.plan().link_m == pytest.approx((100.0**2 + 300.0**2) / 400.0)
 
 
 NO = np.nan
@@ -259,11 +257,11 @@ def test_a_length_that_cuts_nothing(length_m):
 
 def test_a_plan_has_two_million_samples_of_a_millisecond(monkeypatch):
     with pytest.raises(InvalidInput, match=r"allowed: 0\.05 s or more"):
-        plan_from_links(route([50_000.0], [100_000.0]), step_s=0.0499)
+        route([50_000.0], [100_000.0]).plan(step_s=0.0499)
     with pytest.raises(InvalidInput, match=r"allowed: 0\.001 s or more"):
-        plan_from_links(route([90.0], [10.0]), step_s=0.0009)
+        route([90.0], [10.0]).plan(step_s=0.0009)
     monkeypatch.setattr(links, "MAX_SAMPLES", 100)
-    assert plan_from_links(route([90.0], [10.0]), step_s=0.1).step_s == 0.1
+    assert route([90.0], [10.0]).plan(step_s=0.1).step_s == 0.1
 
 
 def stretches(length, stop=None):
@@ -292,7 +290,7 @@ def test_links_are_joined_up_to_a_stop():
 def test_a_stop_at_the_end_of_joined_links_is_where_it_was_given():
     """20 m and 480 m in 50 s with a stop of 10 s behind them, then 500 m."""
     made = route([20.0, 480.0, 500.0], [2.0, 48.0, 45.0], stop_s=[0.0, 10.0, 0.0])
-    plan = plan_from_links(made, step_s=0.5)
+    plan = made.plan(step_s=0.5)
     speed = plan.array("speed_m_s")
     standing = np.flatnonzero(speed[5:-5] == 0.0) + 5
     assert len(standing) in (20, 21)
@@ -321,7 +319,7 @@ def test_what_is_known_of_joined_links():
 
 def uncut(length, time, **more):
     """The mean length of the links of a plan, weighted by length: which neighbours count as one."""
-    made = plan_from_links(route(length, time, **more))
+    made = route(length, time, **more).plan()
     return round(made.link_m, 6)
 
 

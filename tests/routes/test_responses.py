@@ -14,7 +14,6 @@ from tripwatt.routes import (
     LinkRoute,
     Track,
     parse_route,
-    plan_from_route,
     read_response,
 )
 from tripwatt.routes.points import haversine_m
@@ -95,7 +94,7 @@ def test_responses_of_routers(router, length, time):
     np.testing.assert_allclose(got_length, length, rtol=1e-3)
     np.testing.assert_allclose(got_time, time, rtol=1e-6)
     assert read_response(path, router).duration_s == route.duration_s
-    trip = plan_from_route(parse_route(path))
+    trip = parse_route(path).plan()
     assert trip.duration_s == pytest.approx(sum(time), rel=0.02, abs=2.0)
     assert trip.distance_m == pytest.approx(sum(length), rel=0.01)
 
@@ -242,13 +241,13 @@ REFUSED = {
 @pytest.mark.parametrize("name", REFUSED)
 def test_broken_routes_are_refused(name):
     with pytest.raises(InvalidInput) as caught:
-        plan_from_route(parse_route(REFUSED[name]), speed_m_s=10.0)
+        parse_route(REFUSED[name]).plan()
     assert all(len(str(fault)) < 500 for fault in caught.value.faults)
 
 
 def test_a_height_that_no_place_has_is_not_known() -> None:
     track = parse_route(gpx([(48.0, 11.0, 99999, None), (48.1, 11.0, 0, None)]))
-    plan = plan_from_route(track, speed_m_s=10.0)
+    plan = track.plan(speed_m_s=10.0)
     assert {flag.code for flag in plan.flags} & {"elevation_interpolated", "flat_road", "flat"}
     assert np.ptp(plan.array("elevation_m")) == 0.0
 
@@ -304,7 +303,7 @@ def test_mutants_are_refused_or_driven(text, changes):
         text = text[:at] + snippet + text[at + length :]
     try:
         route = parse_route(text)
-        trip = plan_from_route(route, speed_m_s=10.0)
+        trip = route.plan(speed_m_s=10.0) if isinstance(route, Track) else route.plan()
     except InvalidInput:
         return
     assert isinstance(route, LinkRoute | Track)

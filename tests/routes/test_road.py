@@ -22,7 +22,6 @@ from tripwatt.roads.routers import (
     road,
 )
 from tripwatt.roads.routers.servers import GraphHopperRouter, OpenRouteServiceRouter, OsrmRouter
-from tripwatt.routes import plan_from_links
 from tripwatt.routes.places import Place
 
 NO = math.nan
@@ -302,6 +301,4 @@ def test_a_road_becomes_a_plan_with_its_times():
     assert plan.free_flow
     assert plan.duration_s == pytest.approx(420.0, rel=0.02)
     assert plan.distance_m == pytest.approx(2 * HALF_M, rel=2e-3)
-    assert not plan_from_links(
-        road.links.__class__(*(np.array([v]) for v in (500.0, 50.0, NAN, NAN)))
-    ).free_flow
+    assert not road.links.__class__(*(np.array([v]) for v in (500.0, 50.0, NAN, NAN))).plan().free_flow

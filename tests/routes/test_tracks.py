@@ -8,15 +8,11 @@ import pytest
 
 from tripwatt.errors import InvalidInput
 from tripwatt.routes import (
-    LinkRoute,
     Track,
-    plan_from_route,
-    plan_from_track,
     read_gpx,
-    route_from_track,
 )
 from tripwatt.routes.points import haversine_m
-from tripwatt.routes.tracks import needs_speed, times_of
+from tripwatt.routes.tracks import times_of
 from tripwatt.trips import Flag
 
 M_PER_DEGREE = float(haversine_m([48.0, 49.0], [11.0, 11.0])[0])
@@ -68,23 +64,23 @@ def test_jitter_of_positions_is_no_driving():
         for (lat, lon, ele, t), e in zip(drive(np.zeros(120)), rng.normal(0, 0.15, 120), strict=True)
     ]
     points += [(48.001, 11.0, None, "2026-05-01T08:02:09Z")]
-    assert plan_from_track(read_gpx(gpx(points))).array("speed_m_s")[5:110].max() == 0.0
+    assert read_gpx(gpx(points)).driven_plan().array("speed_m_s")[5:110].max() == 0.0
 
 
 def test_a_sparse_track_gives_links_with_its_times():
     track = read_gpx(gpx(drive(SPEED, every_s=20)))
-    route = route_from_track(track)
+    route = track.links()
     assert not track.is_log
     assert route.duration_s == pytest.approx(track.time_s[-1])
     assert route.distance_m == pytest.approx(track.position_m[-1])
-    assert plan_from_route(track).duration_s == pytest.approx(track.time_s[-1], rel=0.02)
+    assert track.plan().duration_s == pytest.approx(track.time_s[-1], rel=0.02)
 
 
 def test_a_route_without_times_needs_a_speed():
     track = read_gpx(gpx([(48.0, 11.0, None, None), (48.02, 11.0, None, None)], "rtept"))
     with pytest.raises(InvalidInput, match="give speed_m_s"):
-        plan_from_route(track)
-    trip = plan_from_route(track, speed_m_s=16.0)
+        track.plan()
+    trip = track.plan(speed_m_s=16.0)
     assert trip.duration_s == pytest.approx(0.02 * M_PER_DEGREE / 16.0, abs=1.5)
     assert Flag("speed_assumed", "track", 16.0, "m_s") in trip.flags
     assert Flag("no_elevation", "road") in trip.flags
@@ -160,11 +156,9 @@ class TestTrack:
         assert [f.code for f in flags] == ["flat_road"] or len(flags) == 1
 
     def test_which_tracks_need_a_speed(self) -> None:
-        assert needs_speed(track([0.0, 9.0, 18.0], speed=[5.0, NO]))
-        assert not needs_speed(track([0.0, 9.0, 18.0], speed=[5.0, 5.0]))
-        assert not needs_speed(track([0.0, 9.0], [0.0, 1.0]))
-        links = LinkRoute(np.array([9.0]), np.array([9.0]), np.array([NO]), np.array([NO]))
-        assert not needs_speed(links)
+        assert track([0.0, 9.0, 18.0], speed=[5.0, NO]).needs_speed
+        assert not track([0.0, 9.0, 18.0], speed=[5.0, 5.0]).needs_speed
+        assert not track([0.0, 9.0], [0.0, 1.0]).needs_speed
 
 
 class TestTimes:
@@ -191,65 +185,63 @@ class TestTimes:
 
 class TestLinks:
     def test_points_are_joined_up_to_a_hundred_metres(self) -> None:
-        made = route_from_track(
-            track([0.0, 60.0, 110.0, 150.0, 210.5, 300.0], [0.0, 10.0, 20.0, 30.0, 40.0, 60.0])
-        )
+        made = track([0.0, 60.0, 110.0, 150.0, 210.5, 300.0], [0.0, 10.0, 20.0, 30.0, 40.0, 60.0]).links()
         assert made.length_m == pytest.approx([110.0, 100.5, 89.5], rel=1e-6)
         assert made.travel_time_s.tolist() == [20.0, 20.0, 20.0]
         assert np.isnan(made.stop_s).all()
 
     def test_a_rest_without_length_or_time_joins_the_link_before(self) -> None:
-        stands = route_from_track(track([0.0, 150.0, 300.0, 300.0], [0.0, 10.0, 20.0, 50.0]))
+        stands = track([0.0, 150.0, 300.0, 300.0], [0.0, 10.0, 20.0, 50.0]).links()
         assert stands.length_m == pytest.approx([150.0, 150.0], rel=1e-6)
         assert stands.travel_time_s.tolist() == [10.0, 40.0]
-        at_once = route_from_track(track([0.0, 150.0, 300.0, 450.0], [0.0, 10.0, 20.0, 20.0]))
+        at_once = track([0.0, 150.0, 300.0, 450.0], [0.0, 10.0, 20.0, 20.0]).links()
         assert at_once.travel_time_s.tolist() == [10.0, 10.0]
         assert at_once.length_m == pytest.approx([150.0, 300.0], rel=1e-6)
 
     def test_without_time_a_link_goes_on(self) -> None:
         """The first 150 m take no time, so a link cannot end there."""
-        made = route_from_track(track([0.0, 150.0, 300.0, 450.0], [0.0, 0.0, 20.0, 30.0]))
+        made = track([0.0, 150.0, 300.0, 450.0], [0.0, 0.0, 20.0, 30.0]).links()
         assert made.length_m == pytest.approx([300.0, 150.0], rel=1e-6)
         assert made.travel_time_s.tolist() == [20.0, 10.0]
 
     def test_links_end_where_the_speed_of_the_pieces_changes(self) -> None:
-        made = route_from_track(track([0.0, 20.0, 40.0, 60.0, 80.0], speed=[10.0, 10.0, 20.0, 20.0]))
+        made = track([0.0, 20.0, 40.0, 60.0, 80.0], speed=[10.0, 10.0, 20.0, 20.0]).links()
         assert made.length_m == pytest.approx([40.0, 40.0], rel=1e-6)
         assert made.travel_time_s == pytest.approx([4.0, 2.0], rel=1e-6)
         assert all(f.code != "speed_assumed" for f in made.flags)
-        quick = route_from_track(track([0.0, 20.0, 40.0], speed=[40.0, 20.0]))
+        quick = track([0.0, 20.0, 40.0], speed=[40.0, 20.0]).links()
         assert quick.travel_time_s == pytest.approx([0.5, 1.0], rel=1e-6)
 
     def test_less_than_a_hundred_metres_are_no_link(self) -> None:
-        made = route_from_track(track([0.0, 99.5, 199.0], [0.0, 10.0, 20.0]))
+        made = track([0.0, 99.5, 199.0], [0.0, 10.0, 20.0]).links()
         assert made.length_m == pytest.approx([199.0], rel=1e-6)
 
     def test_a_speed_for_pieces_without_one(self) -> None:
         some = track([0.0, 200.0, 400.0], speed=[10.0, NO], flags=(Flag("times_ignored", "track"),))
-        made = route_from_track(some, 25.0)
+        made = some.links(25.0)
         assert made.travel_time_s == pytest.approx([20.0, 8.0], rel=1e-6)
         codes = [(f.code, f.value, f.unit) for f in made.flags]
         assert codes[:2] == [("times_ignored", None, ""), ("speed_assumed", 25.0, "m_s")]
         assert len(codes) == 3  # and a flat road
-        known = route_from_track(track([0.0, 200.0], speed=[10.0]), 25.0)
+        known = track([0.0, 200.0], speed=[10.0]).links(25.0)
         assert known.travel_time_s == pytest.approx([20.0], rel=1e-6)
         assert all(f.code != "speed_assumed" for f in known.flags)
 
     def test_bounds_of_the_speed(self) -> None:
         slow = track([0.0, 100.0])
-        assert route_from_track(slow, 70.0).travel_time_s == pytest.approx([100.0 / 70.0], rel=1e-6)
+        assert slow.links(70.0).travel_time_s == pytest.approx([100.0 / 70.0], rel=1e-6)
         for wrong in (0.0, -1.0, 70.1):
             with pytest.raises(InvalidInput, match="speed out of range"):
-                route_from_track(slow, wrong)
+                slow.links(wrong)
         with pytest.raises(InvalidInput, match=r"got 1 pieces without time and speed"):
-            route_from_track(track([0.0, 100.0, 200.0], speed=[10.0, NO]))
+            track([0.0, 100.0, 200.0], speed=[10.0, NO]).links()
 
 
 class TestLoggedPlan:
     def test_speed_over_five_seconds(self) -> None:
         """0, 10, 30 m after 0, 1, 2 s and 10 m/s from there: the mean from two seconds before to two after."""
         metres = [0.0, 10.0, 30.0, 40.0, 50.0, 60.0]
-        plan = plan_from_track(track(metres, np.arange(6.0), height=[0.0, 1.0, 3.0, 4.0, 5.0, 6.0]))
+        plan = track(metres, np.arange(6.0), height=[0.0, 1.0, 3.0, 4.0, 5.0, 6.0]).driven_plan()
         assert plan.array("time_s").tolist() == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
         expected = [30 / 2, 40 / 3, 50 / 4, 50 / 4, 30 / 3, 20 / 2]
         assert plan.array("speed_m_s") == pytest.approx(expected, rel=1e-6)
@@ -260,14 +252,14 @@ class TestLoggedPlan:
     def test_steps(self) -> None:
         """5.5 s in steps of 2 s end at 6 s, where the plan looks back two seconds from 6 s to the end at 5.5 s."""
         even = track(10.0 * np.array([0.0, 2.0, 4.0, 5.5]), [0.0, 2.0, 4.0, 5.5])
-        plan = plan_from_track(even, step_s=2.0, trip_id="mine")
+        plan = even.driven_plan(step_s=2.0, trip_id="mine")
         assert plan.array("time_s").tolist() == [0.0, 2.0, 4.0, 6.0]
         assert plan.array("speed_m_s") == pytest.approx([10.0] * 4, rel=1e-6)
         assert plan.step_s == 2.0
         assert plan.trip_id == "mine"
-        whole = plan_from_track(track([0.0, 20.0, 40.0], [0.0, 2.0, 4.0]), step_s=2.0)
+        whole = track([0.0, 20.0, 40.0], [0.0, 2.0, 4.0]).driven_plan(step_s=2.0)
         assert whole.array("time_s").tolist() == [0.0, 2.0, 4.0]
-        short = plan_from_track(track([0.0, 5.0], [0.0, 0.5]))
+        short = track([0.0, 5.0], [0.0, 0.5]).driven_plan()
         assert short.array("time_s").tolist() == [0.0, 1.0]
         assert short.array("speed_m_s") == pytest.approx([10.0, 10.0], rel=1e-6)
 
@@ -275,35 +267,35 @@ class TestLoggedPlan:
         even = track([0.0, 20.0], [0.0, 2.0])
         for wrong in (0.0009, 0.0, -1.0, NO, math.inf, 172_801.0):
             with pytest.raises(InvalidInput, match="step out of range"):
-                plan_from_track(even, step_s=wrong)
-        assert len(plan_from_track(even, step_s=0.001)) == 2001
-        brief = plan_from_track(track([0.0, 0.001], [0.0, 0.0001]), step_s=172_800.0)
+                even.driven_plan(step_s=wrong)
+        assert len(even.driven_plan(step_s=0.001)) == 2001
+        brief = track([0.0, 0.001], [0.0, 0.0001]).driven_plan(step_s=172_800.0)
         assert brief.array("time_s").tolist() == [0.0, 172_800.0]
         assert brief.array("speed_m_s") == pytest.approx([10.0, 0.0], rel=1e-3)
 
     def test_of_points_with_one_time_the_last_place_counts(self) -> None:
-        plan = plan_from_track(track([0.0, 5.0, 10.0, 20.0, 30.0], [0.0, 1.0, 1.0, 2.0, 3.0]))
+        plan = track([0.0, 5.0, 10.0, 20.0, 30.0], [0.0, 1.0, 1.0, 2.0, 3.0]).driven_plan()
         assert plan.array("speed_m_s")[1:3] == pytest.approx([10.0, 10.0], rel=1e-6)
-        end = plan_from_track(track([0.0, 10.0, 20.0, 30.0], [0.0, 1.0, 2.0, 2.0]))
+        end = track([0.0, 10.0, 20.0, 30.0], [0.0, 1.0, 2.0, 2.0]).driven_plan()
         assert end.array("speed_m_s")[0] == pytest.approx(15.0, rel=1e-6)
 
     def test_jitter_stands(self) -> None:
-        slow = plan_from_track(track(0.499 * np.arange(9.0), np.arange(9.0)))
+        slow = track(0.499 * np.arange(9.0), np.arange(9.0)).driven_plan()
         assert (slow.array("speed_m_s") == 0.0).all()
-        moves = plan_from_track(track(0.501 * np.arange(9.0), np.arange(9.0)))
+        moves = track(0.501 * np.arange(9.0), np.arange(9.0)).driven_plan()
         assert moves.array("speed_m_s") == pytest.approx([0.501] * 9, rel=1e-6)
 
     def test_no_car_is_so_fast(self) -> None:
-        assert len(plan_from_track(track([0.0, 69.9, 139.8], np.arange(3.0)))) == 3
+        assert len(track([0.0, 69.9, 139.8], np.arange(3.0)).driven_plan()) == 3
         with pytest.raises(InvalidInput, match=r"got 256 km/h at 0 s; allowed: at most 252 km/h"):
-            plan_from_track(track([0.0, 71.0, 142.0], np.arange(3.0)))
+            track([0.0, 71.0, 142.0], np.arange(3.0)).driven_plan()
         with pytest.raises(InvalidInput, match="no times"):
-            plan_from_track(track([0.0, 71.0]))
+            track([0.0, 71.0]).driven_plan()
 
     def test_started(self) -> None:
         start = dt.datetime(2026, 5, 1, 8, tzinfo=dt.UTC)
         known = (Flag("times_interpolated", "track"),)
-        plan = plan_from_track(track([0.0, 20.0], [0.0, 2.0], started_at=start, flags=known))
+        plan = track([0.0, 20.0], [0.0, 2.0], started_at=start, flags=known).driven_plan()
         assert plan.departure.departs_at == start
         assert plan.flags[0] == known[0]
         assert len(plan.flags) == 2  # and a flat road

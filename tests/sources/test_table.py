@@ -19,7 +19,7 @@ from tripwatt.sources.canonical import read_canonical
 from tripwatt.sources.mapping import load_mapping, parse_mapping, shipped_mappings
 from tripwatt.sources.suggest import suggest_mapping
 from tripwatt.sources.table import read_table
-from tripwatt.trips import TripSet, plan_from_trip
+from tripwatt.trips import Plan, TripSet
 from tripwatt.trips.messages import message
 from tripwatt.vehicles import load_vehicle
 
@@ -355,7 +355,7 @@ def test_a_log_whose_first_positions_are_missing_is_simulated_on_the_heights_tha
 
     (trip,) = audit(read_table(tmp_path / "drive.csv", heights=hill)).trips
     assert np.isfinite(trip.array("elevation_m")).sum() == 270
-    run = simulate_trip(load_vehicle("vw_id3"), plan_from_trip(trip))
+    run = simulate_trip(load_vehicle("vw_id3"), Plan.from_trip(trip))
     climbed_m = 1000.0 * (latitude[-1] - latitude[30])
     mass_kg = load_vehicle("vw_id3").body.test_mass_kg
     assert run.by_cause_wh["climb"] == pytest.approx(mass_kg * 9.81 * climbed_m / 3600.0, rel=0.1)

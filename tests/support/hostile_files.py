@@ -153,10 +153,11 @@ _MAPPING: Final = b'[columns]\ntime_s = {column = "t", unit = "s"}\nspeed_m_s = 
 
 def _forecast_route(content: bytes, folder: Path) -> Any:
     del folder
-    route = parse_route(content)
-    from tripwatt.routes import needs_speed, plan_from_route
+    from tripwatt.routes import Track
 
-    return _model().forecast(plan_from_route(route, speed_m_s=14.0 if needs_speed(route) else None))
+    route = parse_route(content)
+    plan = route.plan(speed_m_s=14.0) if isinstance(route, Track) and route.needs_speed else route.plan()
+    return _model().forecast(plan)
 
 
 def _forecast_samples(path: Path) -> Any:

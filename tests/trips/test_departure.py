@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 import tripwatt as tw
 from tripwatt.command import departing
 from tripwatt.command.options import spread
-from tripwatt.routes import parse_route, plan_from_route
+from tripwatt.routes import parse_route
 from tripwatt.server.http.schemas import ForecastRequest, asked
 from tripwatt.trips import ASKED, COLUMNS, FIELDS, Departure, Field, Plan
 from tripwatt.trips.messages import name_of
@@ -30,7 +30,7 @@ WINDY = Departure(soc=0.8, ambient_temperature_degc=10.0, wind_speed_m_s=8.0)
 def eastward(speed_m_s: float = 25.0, heading_deg: float | None = 90.0) -> Plan:
     samples = pd.DataFrame({"time_s": np.arange(0.0, 1200.0), "speed_m_s": speed_m_s, "grade": 0.0})
     heading = None if heading_deg is None else np.full(1200, heading_deg)
-    return replace(Plan.from_samples("east", samples), heading_deg=heading)
+    return replace(Plan.from_trace("east", samples), heading_deg=heading)
 
 
 def test_each_field_is_an_entry_of_the_table():
@@ -133,13 +133,13 @@ def _check_side(calm, windy, energy):
 
 def test_a_track_has_its_direction():
     line = parse_route(b'{"type": "LineString", "coordinates": [[11.5, 48.1], [11.6, 48.1]]}')
-    plan = plan_from_route(line, speed_m_s=20.0)
+    plan = line.plan(speed_m_s=20.0)
     assert plan.heading_deg == pytest.approx(90.0, abs=0.1)
     points = "".join(
         f'<trkpt lat="{48 + k / 1e4:.4f}" lon="11"><time>2026-05-01T08:00:{k:02d}Z</time></trkpt>'
         for k in range(30)
     )
-    north = plan_from_route(parse_route(f"<gpx><trk><trkseg>{points}</trkseg></trk></gpx>".encode()))
+    north = parse_route(f"<gpx><trk><trkseg>{points}</trkseg></trk></gpx>".encode()).plan()
     assert north.heading_deg == pytest.approx(0.0, abs=1e-6)
     assert len(north.heading_deg) == len(north)
 

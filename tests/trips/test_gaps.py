@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from tripwatt.errors import InvalidInput
-from tripwatt.trips import Flag, Plan, bin_means, gap_flags, plan_from_samples, time_faults
+from tripwatt.trips import Flag, Plan, bin_means, gap_flags, time_faults
 from tripwatt.trips.messages import message
 
 
@@ -20,17 +20,17 @@ def without(first: float, last: float, end: float = 1800.0) -> np.ndarray:
 
 
 def test_a_short_gap_is_bridged_and_flagged() -> None:
-    plan = plan_from_samples(drive(without(100.0, 160.0)))
+    plan = Plan.from_samples(drive(without(100.0, 160.0)))
     assert plan.flags == (Flag("gap_bridged", "speed_m_s", 60.0, "s"),)
     assert message(plan.flags[0]) == "no samples for 60 s in all: speed is interpolated over the gaps"
     assert plan.distance_m == pytest.approx(18_000.0, rel=1e-3)
-    assert plan_from_samples(drive(without(100.0, 110.0))).flags == ()
+    assert Plan.from_samples(drive(without(100.0, 110.0))).flags == ()
     assert gap_flags(without(100.0, 111.0)) == (Flag("gap_bridged", "speed_m_s", 11.0, "s"),)
 
 
 def test_a_longer_gap_is_refused_with_its_place() -> None:
     with pytest.raises(InvalidInput) as caught:
-        plan_from_samples(drive(without(100.0, 161.0)), "commute")
+        Plan.from_samples(drive(without(100.0, 161.0)), "commute")
     assert str(caught.value) == (
         "gap in the samples: commute, column 'time_s', row 102: got no samples for 61 s; allowed: at most 60 s; "
         "give the whole trace, or the planned route as links"
@@ -46,18 +46,18 @@ def test_a_longer_gap_is_refused_with_its_place() -> None:
 )
 def test_most_of_a_trip_cannot_be_missing(time) -> None:
     with pytest.raises(InvalidInput, match="gap in the samples"):
-        plan_from_samples(drive(time))
+        Plan.from_samples(drive(time))
 
 
 def test_milliseconds_are_recognised() -> None:
     with pytest.raises(
         InvalidInput, match=r"got 1.461e.06 s; allowed: at most 172800 s; times look like milli"
     ):
-        plan_from_samples(drive(1000.0 * np.arange(1462)))
+        Plan.from_samples(drive(1000.0 * np.arange(1462)))
     with pytest.raises(InvalidInput, match=r"gap in the samples.*times look like milliseconds"):
-        plan_from_samples(drive(100.0 * np.arange(100)))
+        Plan.from_samples(drive(100.0 * np.arange(100)))
     with pytest.raises(InvalidInput) as caught:
-        plan_from_samples(drive([0.0, 1.0, 2.0, 172_801.0]))
+        Plan.from_samples(drive([0.0, 1.0, 2.0, 172_801.0]))
     assert "duration out of range" in str(caught.value)
     assert "milliseconds" not in str(caught.value)
     steps = [fault.fix for fault in time_faults(np.array([0.0, 49.0, 98.0, 200.0]), "x")]
@@ -74,7 +74,7 @@ def test_a_trip_has_a_longest_duration_and_most_samples() -> None:
 
 def test_no_plan_and_no_table_of_bins_takes_any_amount_of_memory() -> None:
     with pytest.raises(InvalidInput, match="duration out of range: a: got 172801 s"):
-        Plan.from_samples("a", drive([0.0, 172_801.0]))
-    Plan.from_samples("a", drive([0.0, 172_800.0]))
+        Plan.from_trace("a", drive([0.0, 172_801.0]))
+    Plan.from_trace("a", drive([0.0, 172_800.0]))
     with pytest.raises(InvalidInput, match=r"1e.07 s in steps of 1 s; allowed: at most 10000000 steps"):
         bin_means(np.array([0.0, 1e7]), {"speed_m_s": np.zeros(2)}, 1.0)

@@ -16,7 +16,7 @@ import pandas as pd
 from tripwatt.forecasting import Forecast, load_model
 from tripwatt.routes import route_from_links
 from tripwatt.study.synthetic import example_trip
-from tripwatt.trips import Trip, plan_from_samples
+from tripwatt.trips import Plan, Trip
 from tripwatt.trips.energy import observed_cumulative_energy
 from tripwatt.units import KG_PER_LB, M_PER_MILE, M_S_PER_KM_H, SECONDS_PER_HOUR, WH_PER_J
 
@@ -146,7 +146,7 @@ def arrivals() -> dict[str, Any]:
     table = example_trip()
     table = table[table["time_s"] <= table["time_s"].iloc[0] + TRIP_S].reset_index(drop=True)
     trip = Trip.from_samples("example", table)
-    before = load_model().forecast(plan_from_samples(table, "example"))
+    before = load_model().forecast(Plan.from_samples(table, "example"))
     measured_s = MEASURED_SHARE * trip.duration_s
     observed = table.loc[table["time_s"] <= measured_s, ["time_s", "voltage_v", "current_a"]]
     after = before.update(observed)

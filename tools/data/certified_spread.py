@@ -22,7 +22,7 @@ from tripwatt.certification.schedules import schedule
 from tripwatt.hybrid.factors import EVERYTHING, FACTORS, NAMES, factor_power
 from tripwatt.hybrid.segments import segment_table
 from tripwatt.physics import simulate_trip
-from tripwatt.trips import Departure, Trip, plan_from_trip
+from tripwatt.trips import Departure, Plan, Trip
 from tripwatt.vehicles import Vehicle, load_vehicle, vehicle_names
 from tripwatt.vehicles.anchors import anchors
 from tripwatt.vehicles.spreads import REPEAT_SD
@@ -72,7 +72,7 @@ def schedule_factors(car: Vehicle, cycle: str) -> FloatArray:
     samples = pd.DataFrame(
         {"time_s": time, "speed_m_s": speed, "ambient_temperature_degc": 23.0, "elevation_m": 0.0}
     )
-    plan = plan_from_trip(Trip.from_samples(cycle, samples)).with_departure(
+    plan = Plan.from_trip(Trip.from_samples(cycle, samples)).with_departure(
         Departure(climate="off", warmth=1.0)
     )
     table = segment_table(plan, simulate_trip(car, plan))

@@ -25,7 +25,7 @@ from tripwatt.routes import plan_on_links
 from tripwatt.server.cars import Car, Sample
 from tripwatt.study.evaluation import Execution
 from tripwatt.study.evaluation.forecast_data import measured_log
-from tripwatt.trips import plan_from_trip
+from tripwatt.trips import Plan
 
 Answers = dict[str, Any]
 
@@ -58,7 +58,7 @@ def updates(model: ForecastModel) -> Answers:
         log = measured_log(probe.trips()[k])
         return dict(forecast.update(log[log["time_s"] <= share * log["time_s"].iloc[-1]]).to_dict())
 
-    before = [model.forecast(plan_from_trip(trip)) for trip in probe.trips()[::4]]
+    before = [model.forecast(Plan.from_trip(trip)) for trip in probe.trips()[::4]]
     return {f"{k}, {share}": at(one, share, 4 * k) for k, one in enumerate(before) for share in DRIVEN}
 
 
@@ -106,7 +106,7 @@ def on_the_road(model: ForecastModel) -> Iterator[Answers]:
         np.arange(len(messages)) + np.random.default_rng(probe.SEED).uniform(0.0, 5.0, len(messages))
     )
     sent = [messages[k] for k in order.tolist() for _ in range(1 + k % 3 // 2)]
-    plan = plan_from_trip(probe.trips()[0])
+    plan = Plan.from_trip(probe.trips()[0])
     with tempfile.TemporaryDirectory() as place:
         for start in range(0, len(sent), RESTART_EACH):
             with Car.follow(Path(place) / "car") as car:

@@ -24,7 +24,7 @@ from tripwatt.physics import simulate_trip
 from tripwatt.population import for_car
 from tripwatt.routes import plan_on_links
 from tripwatt.study.synthetic import synthetic_fleet
-from tripwatt.trips import Departure, Plan, PlanWeather, Trip, plan_from_trip
+from tripwatt.trips import Departure, Plan, PlanWeather, Trip
 from tripwatt.vehicles import Vehicle, load_vehicle
 
 CARS: Final = (
@@ -59,13 +59,13 @@ def plans() -> list[Plan]:
     """The same drives in all weathers, up and down, in wind and rain, full and low, with much and little known."""
     drives = []
     for k, (trip, ambient) in enumerate(zip(trips(), np.linspace(*AMBIENT_DEGC, SHORT + LONG), strict=True)):
-        known = plan_from_trip(trip)
+        known = Plan.from_trip(trip)
         samples = known.samples
         if "elevation_m" in samples and k % 4 < 3:
             way = np.cumsum(samples["speed_m_s"] * samples["time_s"].diff().fillna(0.0))
             slope = SLOPE * (k % 4 - 1) * np.minimum(1.0, 6000.0 / np.asarray(way)[-1])
             samples = samples.assign(elevation_m=samples["elevation_m"] + slope * way)
-        plan = Plan.from_samples(known.trip_id, samples, departure(k, float(ambient)))
+        plan = Plan.from_trace(known.trip_id, samples, departure(k, float(ambient)))
         weather = PlanWeather(np.full(len(plan), 4.0), 1.15, 0.5)
         drives.append(replace(plan, weather=weather) if k % 5 == 0 else plan)
     return drives
@@ -156,7 +156,7 @@ def computed() -> Probe:
     for name, of_car in of_cars.items():
         parts[f"forecast {name}"] = [of_forecast(of_car.forecast(plan)) for plan in roads]
     parts["forecast on links"] = [of_forecast(model.forecast(plan_on_links(t, LINK_M))) for t in trips()]
-    flat = [Plan.from_samples(p.trip_id, p.samples.drop(columns="elevation_m"), p.departure) for p in roads]
+    flat = [Plan.from_trace(p.trip_id, p.samples.drop(columns="elevation_m"), p.departure) for p in roads]
     parts["forecast without heights"] = [of_forecast(model.forecast(plan)) for plan in flat]
     return simulated() | rounded(parts)
 

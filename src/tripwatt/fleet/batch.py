@@ -32,7 +32,7 @@ from tripwatt.fleet.executors import map_bounded
 from tripwatt.fleet.model import FleetModel
 from tripwatt.fleet.storage import load_fleet
 from tripwatt.modelfile import METADATA
-from tripwatt.routes import plan_from_route, route_from_links
+from tripwatt.routes import route_from_links
 from tripwatt.trips import LINK_COLUMNS, TEMPERATURES, Departure, Flag, raise_faults
 from tripwatt.trips.columns import Column, number_faults, scalar_faults
 from tripwatt.trips.messages import message
@@ -294,7 +294,7 @@ def _row(model: FleetModel, links: Sequence[Mapping[str, Any]], part: BatchPart)
     name, vehicle = f"{first['trip']}", f"{first['vehicle_id']}"
     try:
         fields = [{n: v for n, v in link.items() if n in LINK_COLUMNS and v is not None} for link in links]
-        plan = plan_from_route(route_from_links(fields), trip_id=name)
+        plan = route_from_links(fields).plan(trip_id=name)
         forecast = model.forecast(
             plan,
             Departure(**{n: first[n] for n in KNOWN if first.get(n) is not None}),

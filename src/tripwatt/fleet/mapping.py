@@ -34,7 +34,7 @@ from tripwatt.hybrid import SegmentTable, segment_table
 from tripwatt.hybrid.energy_errors import unknown_climb_wh
 from tripwatt.hybrid.groups import Sums
 from tripwatt.physics import simulate_trip
-from tripwatt.trips import REQUIRED_COLUMNS, Log, Trip, plan_from_trip, table_of
+from tripwatt.trips import REQUIRED_COLUMNS, Log, Plan, Trip, table_of
 from tripwatt.vehicles import Vehicle, load_vehicle
 
 VERSION: Final = 2
@@ -243,7 +243,7 @@ def segments_of(drive: Trip, car_model: str) -> SegmentTable | None:
     )
     car = car_of(car_model)
     try:
-        plan = plan_from_trip(drive)
+        plan = Plan.from_trip(drive)
         return segment_table(plan, simulate_trip(car, plan), measured, climb_wh=unknown_climb_wh(plan, car))
     except InvalidInput:
         return None

@@ -26,7 +26,7 @@ from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.forecasting.leaving import OF_CHARGE
 from tripwatt.roads.journey.distances import DISTANCES_KM, KindForecaster, taken_by
 from tripwatt.roads.journey.kinds import UNKNOWN
-from tripwatt.routes import plan_from_route, route_from_links
+from tripwatt.routes import route_from_links
 from tripwatt.sources.columnar import open_table
 from tripwatt.trips import LINK_COLUMNS, Departure, Plan, raise_faults
 from tripwatt.trips.columns import require_fraction, require_number
@@ -140,7 +140,7 @@ def _planned(rows: pd.DataFrame) -> PlannedTrip:
     first, where = links[0], f"trip {links[0]['trip']} of {links[0]['vehicle_id']}: "
     if "length_m" in first:
         fields = [{k: v for k, v in link.items() if k in LINK_COLUMNS} for link in links]
-        road: Plan | float = plan_from_route(route_from_links(fields), trip_id=str(first["trip"]))
+        road: Plan | float = route_from_links(fields).plan(trip_id=str(first["trip"]))
     else:
         road = require_number(f"{where}distance_km", first.get("distance_km"), *DISTANCES_KM)
     known = {name: first[name] for name in KNOWN if name in first and name != "soc"}

@@ -17,7 +17,7 @@ from tripwatt.hybrid import Corrector, PowerCorrector, SegmentTable, resimulated
 from tripwatt.hybrid.correctors import TUNED, fresh_corrector
 from tripwatt.hybrid.split import climate_logged
 from tripwatt.learners.folds import leave_one_out
-from tripwatt.trips import Trip, plan_from_trip
+from tripwatt.trips import Plan, Trip
 from tripwatt.vehicles import Vehicle
 
 INNER_FOLDS: Final = 10
@@ -44,7 +44,7 @@ def shown_by(
     car_of : callable
         Function from indices of trips to the car as these trips show it.
     """
-    plans = [plan_from_trip(trip) for trip in trips]
+    plans = [Plan.from_trip(trip) for trip in trips]
 
     def again(several: Sequence[IntArray]) -> list[SegmentTable]:
         cars = [car_of(members) for members in several]

@@ -308,8 +308,8 @@ def since_departure(observed: Columns, plan: Plan) -> Columns:
 
     Examples
     --------
-    >>> from tripwatt.trips import plan_from_samples
-    >>> plan = plan_from_samples(pd.DataFrame({"time_s": [60.0, 61.0], "speed_m_s": [0.0, 1.0]}))
+    >>> from tripwatt.trips import Plan
+    >>> plan = Plan.from_samples(pd.DataFrame({"time_s": [60.0, 61.0], "speed_m_s": [0.0, 1.0]}))
     >>> since_departure({"time_s": np.array([60.0, 61.0]), "soc": np.full(2, 0.5)}, plan)["time_s"].tolist()
     [0.0, 1.0]
     """

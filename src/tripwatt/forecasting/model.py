@@ -45,7 +45,7 @@ from tripwatt.hybrid.segments import driven_roads, driving_w
 from tripwatt.parallel import one_blas_thread
 from tripwatt.physics import simulate_trip
 from tripwatt.routes.terrain import net_climbs
-from tripwatt.trips import Departure, Flag, Plan, Trip, plan_from_trip, raise_faults
+from tripwatt.trips import Departure, Flag, Plan, Trip, raise_faults
 from tripwatt.trips.messages import name_of
 from tripwatt.trips.showing import html_table, span
 from tripwatt.uncertainty import ChargeScale, LinkedTrips, RouteUncertainty, UncertaintyModel, linked_trips
@@ -343,7 +343,7 @@ class ForecastModel:
         >>> bool(cold.energy_wh > mild.energy_wh)
         True
         """
-        own = trip if isinstance(trip, Plan) else plan_from_trip(trip)
+        own = trip if isinstance(trip, Plan) else Plan.from_trip(trip)
         plan = own.with_departure(departure)
         corrector, uncertainty = self.fitted_parts("forecast")
         simulation = simulate_trip(self.vehicle, plan)

@@ -103,7 +103,7 @@ def _constant(speed_km_h: float) -> Plan:
     speed = speed_km_h * M_S_PER_KM_H
     time = np.arange(0.0, MODEL_DRIVE_M / speed + 1.0)
     samples = {"time_s": time, "speed_m_s": np.full(len(time), speed), "grade": np.zeros(len(time))}
-    return Plan.from_samples(f"{speed_km_h:g} km/h", table_of(samples))
+    return Plan.from_trace(f"{speed_km_h:g} km/h", table_of(samples))
 
 
 def _waterfall(axis: Any, by_cause_wh: Mapping[str, float]) -> None:

@@ -36,7 +36,7 @@ from tripwatt.trips import (
     ROUTE_COLUMNS,
     SIGNALS,
     Departure,
-    plan_from_samples,
+    Plan,
 )
 from tripwatt.vehicles import Vehicle, vehicle_document, vehicle_from_document
 
@@ -110,7 +110,7 @@ def model_of_parts(parts: Mapping[str, Part], outside: Corrector | None = None) 
 def trial_w(model: ForecastModel) -> FloatArray:
     """Correction on a trial trip in the cold and in the warm [W]; it identifies an object from outside."""
     corrector, _ = model.fitted_parts("a trial")
-    plan = plan_from_samples(_trial_drive(), "trial")
+    plan = Plan.from_samples(_trial_drive(), "trial")
     added = []
     for ambient_degc in (-5.0, 25.0):
         known = plan.with_departure(Departure(ambient_temperature_degc=ambient_degc))
@@ -254,7 +254,7 @@ def require_usable(model: ForecastModel, where: str) -> None:
     observed = pd.DataFrame({"time_s": drive["time_s"][:61], "voltage_v": 350.0, "current_a": 30.0})
     try:
         with np.errstate(all="ignore"):
-            before = model.forecast(plan_from_samples(drive, "trial"))
+            before = model.forecast(Plan.from_samples(drive, "trial"))
             trials = [replace(before.plan, link_m=250.0)]
             trials += [before.plan.with_departure(Departure(ambient_temperature_degc=t)) for t in TRIAL_DEGC]
             made = [before, *map(model.forecast, trials)]

@@ -11,7 +11,7 @@ import numpy as np
 from tripwatt.arrays import FloatArray
 from tripwatt.hybrid.parameters import changed, parameters, sensitivities
 from tripwatt.hybrid.segments import require_measured, segment_trips
-from tripwatt.trips import Trip, plan_from_trip
+from tripwatt.trips import Plan, Trip
 from tripwatt.vehicles import Vehicle
 
 TAIL_DF: Final = 4.0
@@ -79,7 +79,7 @@ def calibrate(trips: Sequence[Trip], vehicle: Vehicle) -> Calibration:
     True
     """
     require_measured(trips, MIN_TRIPS)
-    plans = [plan_from_trip(trip) for trip in trips]
+    plans = [Plan.from_trip(trip) for trip in trips]
     table = segment_trips(trips, vehicle)
     by_change = sensitivities(plans, vehicle, table)
     totals = np.column_stack([table.totals_wh(column) for column in by_change.T])

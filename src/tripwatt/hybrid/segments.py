@@ -18,7 +18,7 @@ from tripwatt.physics import Simulation
 from tripwatt.physics.batch import simulate_trips
 from tripwatt.physics.chain import CAUSES
 from tripwatt.routes.free_flow import driven_by_kind
-from tripwatt.trips import TEMPERATURES, Plan, Trip, plan_from_trip, raise_faults, resample, table_of
+from tripwatt.trips import TEMPERATURES, Plan, Trip, raise_faults, resample, table_of
 from tripwatt.units import SECONDS_PER_DAY, SECONDS_PER_HOUR
 from tripwatt.vehicles import Vehicle
 
@@ -226,9 +226,9 @@ def segment_table(
     --------
     >>> from tripwatt.physics import simulate_trip
     >>> from tripwatt.study.synthetic import VEHICLE, synthetic_fleet
-    >>> from tripwatt.trips import plan_from_trip
+    >>> from tripwatt.trips import Plan
     >>> from tripwatt.vehicles import load_vehicle
-    >>> plan = plan_from_trip(synthetic_fleet(1).logs[0])
+    >>> plan = Plan.from_trip(synthetic_fleet(1).logs[0])
     >>> table = segment_table(plan, simulate_trip(load_vehicle(VEHICLE), plan))
     >>> len(table), table.observed_w is None, bool(abs(table.hours.sum() * 3600.0 - plan.duration_s) < 2.0)
     (1, True, True)
@@ -307,7 +307,7 @@ def segment_trips(trips: Sequence[Trip], vehicle: Vehicle) -> SegmentTable:
     (2, True)
     """
     require_measured(trips)
-    plans = [plan_from_trip(trip) for trip in trips]
+    plans = [Plan.from_trip(trip) for trip in trips]
     runs = simulate_trips((vehicle, plan) for plan in plans)
     return SegmentTable.join(
         [
@@ -375,7 +375,7 @@ def resimulated(
     >>> from tripwatt.vehicles import load_vehicle
     >>> car, trips = load_vehicle(VEHICLE), synthetic_fleet(2).trips
     >>> table = segment_trips(trips, car)
-    >>> (again,) = resimulated(table, [plan_from_trip(trip) for trip in trips], [car])
+    >>> (again,) = resimulated(table, [Plan.from_trip(trip) for trip in trips], [car])
     >>> bool((again.simulated_w == table.simulated_w).all())
     True
     """

@@ -5,11 +5,10 @@ from tripwatt.routes.gpx import read_gpx
 from tripwatt.routes.kml import read_kml
 from tripwatt.routes.link_objects import route_from_links
 from tripwatt.routes.link_table import is_links_table
-from tripwatt.routes.links import LinkRoute, links_of_trip, plan_from_links
-from tripwatt.routes.plan import plan_from_route, plan_on_links
+from tripwatt.routes.links import LinkRoute, links_of_trip, plan_on_links
 from tripwatt.routes.profile import LinkStyle, link_profile
 from tripwatt.routes.responses import is_route, parse_route, read_response
-from tripwatt.routes.tracks import Track, needs_speed, plan_from_track, route_from_track
+from tripwatt.routes.tracks import Track
 
 __all__ = [
     "ROAD_SPEED_M_S",
@@ -20,16 +19,11 @@ __all__ = [
     "is_route",
     "link_profile",
     "links_of_trip",
-    "needs_speed",
     "parse_route",
-    "plan_from_links",
-    "plan_from_route",
-    "plan_from_track",
     "plan_on_links",
     "read_geojson",
     "read_gpx",
     "read_kml",
     "read_response",
     "route_from_links",
-    "route_from_track",
 ]

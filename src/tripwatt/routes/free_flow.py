@@ -14,8 +14,8 @@ from typing import Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray, distance_driven
-from tripwatt.routes.links import SAME_SPEED, SHORTEST_STRETCH_M, LinkRoute, links_of_trip, plan_from_links
-from tripwatt.trips import Plan, Recorded, plan_from_trip
+from tripwatt.routes.links import SAME_SPEED, SHORTEST_STRETCH_M, LinkRoute, links_of_trip
+from tripwatt.trips import Plan, Recorded
 from tripwatt.units import M_S_PER_KM_H
 
 CLASSES_KM_H: Final = (30.0, 50.0, 70.0, 100.0, 120.0, 130.0)
@@ -120,8 +120,8 @@ def share_energy(
     """
     timed = replace(route, travel_time_s=driven_s)
     moving = [replace(timed, moving_speed_m_s=share * route.moving_speed_m_s) for share in SHARES]
-    planned = [energy(plan_from_links(links).with_departure(trip.departure)) for links in moving]
-    return np.asarray(np.log(np.array(planned) / energy(plan_from_trip(trip))))
+    planned = [energy(links.plan().with_departure(trip.departure)) for links in moving]
+    return np.asarray(np.log(np.array(planned) / energy(Plan.from_trip(trip))))
 
 
 def moving_share(energies: Sequence[FloatArray]) -> float:

@@ -134,6 +134,64 @@ class LinkRoute:
             np.interp(np.asarray(position_m), self.elevation_position_m, self.elevation_m), dtype=np.float64
         )
 
+    def plan(
+        self,
+        *,
+        trip_id: str = "route",
+        style: LinkStyle | None = None,
+        rng: np.random.Generator | None = None,
+        step_s: float = 1.0,
+    ) -> Plan:
+        """Plan the speed over time of a drive on a route, from standstill to standstill. O(length / 4 m + samples).
+
+        Neighbouring links with equal values count as one, so that the plan does not depend on how a road is cut. Links shorter
+        than `SHORTEST_STRETCH_M` are joined with the next ones, up to a given stop. `link_profile` reproduces the travel time of
+        every joined stretch.
+
+        Parameters
+        ----------
+        trip_id : str
+            Name of the plan.
+        style : LinkStyle, optional
+            How traffic and driver fill a link; the calibrated style by default.
+        rng : numpy.random.Generator, optional
+            Draws stops and speeds; without it the same route always gives the same plan.
+        step_s : float
+            Time between two samples [s].
+
+        Returns
+        -------
+        Plan
+            Columns `time_s`, `speed_m_s`, and `elevation_m` if it is known; `link_m` is the mean length of the links, weighted by length.
+
+        Raises
+        ------
+        InvalidInput
+            When the step is not positive or gives too many samples.
+
+        Examples
+        --------
+        >>> from tripwatt.routes import route_from_links
+        >>> plan = route_from_links([{"length_m": 1000.0, "speed_m_s": 12.5}]).plan()
+        >>> plan.duration_s, round(plan.distance_m), plan.flags[0].code
+        (80.0, 1000, 'no_elevation')
+        """
+        finest = max(self.duration_s / MAX_SAMPLES, 1e-3)
+        if not (math.isfinite(step_s) and step_s >= finest):
+            raise InvalidInput.of("step out of range", "step_s", f"{step_s}", f"{finest:g} s or more")
+        route = _uncut(self)
+        first = first_of_stretches(route)
+        stretches = joined_links(route, first)
+        profile = link_profile(**stretches, style=style, rng=rng, step_s=step_s)
+        columns = {"time_s": profile.time_s, "speed_m_s": profile.speed_m_s}
+        height = route.elevation_at(profile.position_m)
+        if height is not None:
+            columns["elevation_m"] = height
+        length = stretches["length_m"]
+        link_m = float(length @ length / length.sum())
+        plan = Plan.from_trace(trip_id, table_of(columns), link_m=link_m, flags=route.flags)
+        return replace(plan, step_s=step_s, free_flow=route.free_flow)
+
 
 def _route_faults(route: LinkRoute) -> Iterator[Fault]:
     n_links = len(route.length_m)
@@ -232,65 +290,38 @@ def links_of_trip(trip: Recorded, length_m: float = 250.0) -> LinkRoute:
     return LinkRoute(np.diff(border), np.diff(passed), unknown, unknown, position, height, flags)
 
 
-def plan_from_links(
-    route: LinkRoute,
-    *,
-    trip_id: str = "route",
-    style: LinkStyle | None = None,
-    rng: np.random.Generator | None = None,
-    step_s: float = 1.0,
-) -> Plan:
-    """Plan the speed over time of a drive on a route, from standstill to standstill. O(length / 4 m + samples).
+def plan_on_links(trip: Recorded, length_m: float) -> Plan:
+    """Plan of a recorded trip as if only the mean speeds of links of one length were known.
 
-    Neighbouring links with equal values count as one, so that the plan does not depend on how a road is cut. Links shorter
-    than `SHORTEST_STRETCH_M` are joined with the next ones, up to a given stop. `link_profile` reproduces the travel time of
-    every joined stretch.
+    Travel times of the links include every standstill; elevation is known only at their ends, stops are unknown.
 
     Parameters
     ----------
-    route : LinkRoute
-        The planned route.
-    trip_id : str
-        Name of the plan.
-    style : LinkStyle, optional
-        How traffic and driver fill a link; the calibrated style by default.
-    rng : numpy.random.Generator, optional
-        Draws stops and speeds; without it the same route always gives the same plan.
-    step_s : float
-        Time between two samples [s].
+    trip : Trip
+        Raw or resampled.
+    length_m : float
+        Length of a link [m].
 
     Returns
     -------
     Plan
-        Columns `time_s`, `speed_m_s`, and `elevation_m` if it is known; `link_m` is the mean length of the links, weighted by length.
+        With the departure of the trip.
 
     Raises
     ------
     InvalidInput
-        When the step is not positive or gives too many samples.
+        When the car does not move, or moves faster than a link allows.
 
     Examples
     --------
-    >>> from tripwatt.routes import route_from_links
-    >>> plan = plan_from_links(route_from_links([{"length_m": 1000.0, "speed_m_s": 12.5}]))
-    >>> plan.duration_s, round(plan.distance_m), plan.flags[0].code
-    (80.0, 1000, 'no_elevation')
+    >>> from tripwatt.study.synthetic import synthetic_fleet
+    >>> trip = synthetic_fleet(1).logs[0]
+    >>> plan = plan_on_links(trip, 500.0)
+    >>> plan.departure == trip.departure, abs(plan.distance_m / trip.distance_m - 1.0) < 0.01
+    (True, True)
     """
-    finest = max(route.duration_s / MAX_SAMPLES, 1e-3)
-    if not (math.isfinite(step_s) and step_s >= finest):
-        raise InvalidInput.of("step out of range", "step_s", f"{step_s}", f"{finest:g} s or more")
-    route = _uncut(route)
-    first = first_of_stretches(route)
-    stretches = joined_links(route, first)
-    profile = link_profile(**stretches, style=style, rng=rng, step_s=step_s)
-    columns = {"time_s": profile.time_s, "speed_m_s": profile.speed_m_s}
-    height = route.elevation_at(profile.position_m)
-    if height is not None:
-        columns["elevation_m"] = height
-    length = stretches["length_m"]
-    link_m = float(length @ length / length.sum())
-    plan = Plan.from_samples(trip_id, table_of(columns), link_m=link_m, flags=route.flags)
-    return replace(plan, step_s=step_s, free_flow=route.free_flow)
+    plan = links_of_trip(trip, length_m).plan(trip_id=trip.trip_id)
+    return replace(plan.with_departure(trip.departure), start_s=float(trip.array("time_s")[0]))
 
 
 def _uncut(route: LinkRoute) -> LinkRoute:

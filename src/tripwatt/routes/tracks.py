@@ -20,8 +20,9 @@ from tripwatt.routes.links import (
     SHORTEST_LINK_M,
     LinkRoute,
 )
-from tripwatt.routes.places import heading_along
+from tripwatt.routes.places import heading_along, with_heading
 from tripwatt.routes.points import haversine_m, require_on_earth
+from tripwatt.routes.profile import LinkStyle
 from tripwatt.trips import COLUMNS, Departure, Flag, Plan, table_of
 from tripwatt.trips.columns import is_number
 from tripwatt.trips.gaps import SHORTEST_GAP_S
@@ -146,27 +147,169 @@ class Track:
         flags = () if known.all() else (Flag("elevation_interpolated", "track"),)
         return self.position_m[known], self.elevation_m[known], flags
 
+    @property
+    def needs_speed(self) -> bool:
+        """Whether a piece of the track has neither time nor speed, so that `plan` needs the argument `speed_m_s`."""
+        return self.time_s is None and bool(np.isnan(self.piece_speed_m_s).any())
 
-def needs_speed(route: LinkRoute | Track) -> bool:
-    """Whether a route is a track with a piece that has neither time nor speed.
+    def plan(
+        self,
+        *,
+        speed_m_s: float | None = None,
+        trip_id: str = "route",
+        style: LinkStyle | None = None,
+        rng: np.random.Generator | None = None,
+        step_s: float = 1.0,
+    ) -> Plan:
+        """Make a plan of the track. The log of a drive keeps its own speed; any other track is converted to links. O(length / 4 m + samples).
 
-    Parameters
-    ----------
-    route : LinkRoute or Track
-        A route that a reader returned.
+        Parameters
+        ----------
+        speed_m_s : float, optional
+            Mean speed [m/s] of pieces without time and speed.
+        trip_id : str
+            Name of the plan.
+        style, rng, step_s
+            As in `LinkRoute.plan`.
 
-    Returns
-    -------
-    bool
-        Whether `plan_from_route` needs the argument `speed_m_s`.
+        Returns
+        -------
+        Plan
+            Speed over time, and elevation if it is known.
 
-    Examples
-    --------
-    >>> from tripwatt.routes import read_gpx
-    >>> needs_speed(read_gpx(b'<gpx><rte><rtept lat="48" lon="11"/><rtept lat="48.01" lon="11"/></rte></gpx>'))
-    True
-    """
-    return isinstance(route, Track) and route.time_s is None and bool(np.isnan(route.piece_speed_m_s).any())
+        Raises
+        ------
+        InvalidInput
+            As `driven_plan`, `links` and `LinkRoute.plan`.
+
+        Examples
+        --------
+        >>> from tripwatt.routes import parse_route
+        >>> line = parse_route(b'{"type": "LineString", "coordinates": [[11.5, 48.1], [11.52, 48.1]]}')
+        >>> round(line.plan(speed_m_s=14.0).duration_s)
+        107
+        """
+        if self.is_log:
+            return self.driven_plan(trip_id=trip_id, step_s=step_s)
+        plan = self.links(speed_m_s).plan(trip_id=trip_id, style=style, rng=rng, step_s=step_s)
+        position = self.position_m
+        return with_heading(plan, self.latitude_deg, self.longitude_deg, position, float(position[-1]))
+
+    def links(self, speed_m_s: float | None = None) -> LinkRoute:
+        """Convert a track into links, with its times, else the speeds of its pieces, else a given speed. O(points).
+
+        Points are joined until a link has the length `TRACK_LINK_M`.
+
+        Parameters
+        ----------
+        speed_m_s : float, optional
+            Mean speed [m/s], standstill included, of pieces that have neither time nor speed.
+
+        Returns
+        -------
+        LinkRoute
+            With the known elevation of the track.
+
+        Raises
+        ------
+        InvalidInput
+            When a piece has neither time nor speed and `speed_m_s` is not given, or the times imply a speed that no car reaches.
+
+        Examples
+        --------
+        >>> from tripwatt.routes import read_gpx
+        >>> track = read_gpx(b'<gpx><rte><rtept lat="48" lon="11"/><rtept lat="48.01" lon="11"/></rte></gpx>')
+        >>> track.links(20.0).travel_time_s.round(1)
+        array([55.6])
+        """
+        step = self.step_m
+        flags = self.flags
+        if self.time_s is not None:
+            time = np.diff(self.time_s)
+        else:
+            if speed_m_s is not None and not (is_number(speed_m_s) and 0 < speed_m_s <= FASTEST_LINK_M_S):
+                allowed = f"more than 0, at most {FASTEST_LINK_M_S:g} m/s"
+                raise InvalidInput.of("speed out of range", "speed_m_s", excerpt(speed_m_s), allowed)
+            unknown = np.isnan(self.piece_speed_m_s)
+            if unknown.any() and speed_m_s is None:
+                got, allowed = (
+                    f"{int(unknown.sum())} pieces without time and speed",
+                    "a mean speed for the track",
+                )
+                raise InvalidInput.of("speed is missing", "track", got, allowed, "give speed_m_s")
+            if speed_m_s is not None and unknown.any():
+                flags = (*flags, Flag("speed_assumed", "track", speed_m_s, "m_s"))
+            time = step / np.where(unknown, speed_m_s or np.nan, self.piece_speed_m_s)
+        first = _join(step, time, self.piece_speed_m_s if self.time_s is None else np.zeros_like(step))
+        length, seconds = np.add.reduceat(step, first), np.add.reduceat(time, first)
+        position, height, more = self.elevation()
+        none = np.full(len(length), np.nan)
+        return LinkRoute(length, seconds, none, none, position, height, (*flags, *more))
+
+    def driven_plan(self, *, trip_id: str = "track", step_s: float = 1.0) -> Plan:
+        """A plan with the speed over time of a logged track. O(points).
+
+        The speed is the mean over `WINDOW_S` before and after each sample; below `STANDING_M_S` it is 0.
+
+        Parameters
+        ----------
+        trip_id : str
+            Name of the plan.
+        step_s : float
+            Time between two samples [s].
+
+        Returns
+        -------
+        Plan
+            Speed over time from the first to the last point, and elevation if it is known.
+
+        Raises
+        ------
+        InvalidInput
+            When the track has no times, implies a speed that no car reaches, or has too many gaps, or the step is out of range.
+
+        Examples
+        --------
+        >>> from tripwatt.routes import read_gpx
+        >>> text = "".join(f'<trkpt lat="{48 + k / 1e4:.4f}" lon="11"><time>2026-05-01T08:00:{k:02d}Z</time></trkpt>' for k in range(30))
+        >>> plan = read_gpx(f"<gpx><trk><trkseg>{text}</trkseg></trk></gpx>".encode()).driven_plan()
+        >>> plan.array("speed_m_s")[10].round(2)
+        np.float64(11.12)
+        """
+        if self.time_s is None:
+            raise InvalidInput.of("no times", "track", "points without time", "a track with times")
+        keep = np.concatenate(([True], np.diff(self.time_s) > 0))
+        # if several points have the same time, the last position counts
+        last = np.append(np.flatnonzero(keep)[1:], len(self)) - 1
+        known_s, driven = self.time_s[keep], self.position_m[last]
+        span = float(known_s[-1])
+        finest = max(span / MAX_SAMPLES, 1e-3)
+        if not finest <= step_s <= MAX_TRAVEL_TIME_S:
+            allowed = f"{finest:g} to {MAX_TRAVEL_TIME_S:g} s"
+            raise InvalidInput.of("step out of range", "step_s", f"{step_s}", allowed)
+        time = np.arange(max(math.ceil(span / step_s - 1e-9), 1) + 1, dtype=np.float64) * step_s
+        before, after = np.maximum(time - WINDOW_S, 0.0), np.minimum(time + WINDOW_S, span)
+        after = np.maximum(after, before + 1e-9)
+        speed = (np.interp(after, known_s, driven) - np.interp(before, known_s, driven)) / (after - before)
+        speed = np.where(speed < STANDING_M_S, 0.0, speed)
+        fast = np.flatnonzero(speed > FASTEST_LINK_M_S)
+        if len(fast):
+            got = f"{speed[fast[0]] / M_S_PER_KM_H:.0f} km/h at {time[fast[0]]:g} s"
+            raise InvalidInput.of(
+                "implausible jump of the track",
+                "track",
+                got,
+                f"at most {FASTEST_LINK_M_S / M_S_PER_KM_H:g} km/h",
+            )
+        position, height, flags = self.elevation()
+        columns, at_m = {"time_s": time, "speed_m_s": speed}, np.interp(time, known_s, driven)
+        if position is not None and height is not None:
+            columns["elevation_m"] = np.interp(at_m, position, height)
+        flags += _moving_gaps(known_s, driven)
+        departure = Departure(departs_at=self.started_at)
+        plan = Plan.from_trace(trip_id, table_of(columns), departure, flags=(*self.flags, *flags))
+        heading = heading_along(self.latitude_deg, self.longitude_deg, self.position_m, at_m)
+        return replace(plan, step_s=step_s, heading_deg=heading)
 
 
 def times_of(texts: list[str], where: str) -> tuple[FloatArray | None, dt.datetime | None, tuple[Flag, ...]]:
@@ -197,57 +340,6 @@ def _moment(text: str, where: str) -> dt.datetime:
         allowed = f"{EARLIEST_YEAR} to {LATEST_YEAR}"
         raise InvalidInput.of("invalid time", where, f"year {moment.year}", allowed)
     return moment if moment.tzinfo is not None else moment.replace(tzinfo=dt.UTC)
-
-
-def route_from_track(track: Track, speed_m_s: float | None = None) -> LinkRoute:
-    """Convert a track into links, with its times, else the speeds of its pieces, else a given speed. O(points).
-
-    Points are joined until a link has the length `TRACK_LINK_M`.
-
-    Parameters
-    ----------
-    track : Track
-        A track that a reader returned.
-    speed_m_s : float, optional
-        Mean speed [m/s], standstill included, of pieces that have neither time nor speed.
-
-    Returns
-    -------
-    LinkRoute
-        With the known elevation of the track.
-
-    Raises
-    ------
-    InvalidInput
-        When a piece has neither time nor speed and `speed_m_s` is not given, or the times imply a speed that no car reaches.
-
-    Examples
-    --------
-    >>> from tripwatt.routes import read_gpx
-    >>> track = read_gpx(b'<gpx><rte><rtept lat="48" lon="11"/><rtept lat="48.01" lon="11"/></rte></gpx>')
-    >>> route_from_track(track, 20.0).travel_time_s.round(1)
-    array([55.6])
-    """
-    step = track.step_m
-    flags = track.flags
-    if track.time_s is not None:
-        time = np.diff(track.time_s)
-    else:
-        if speed_m_s is not None and not (is_number(speed_m_s) and 0 < speed_m_s <= FASTEST_LINK_M_S):
-            allowed = f"more than 0, at most {FASTEST_LINK_M_S:g} m/s"
-            raise InvalidInput.of("speed out of range", "speed_m_s", excerpt(speed_m_s), allowed)
-        unknown = np.isnan(track.piece_speed_m_s)
-        if unknown.any() and speed_m_s is None:
-            got, allowed = f"{int(unknown.sum())} pieces without time and speed", "a mean speed for the track"
-            raise InvalidInput.of("speed is missing", "track", got, allowed, "give speed_m_s")
-        if speed_m_s is not None and unknown.any():
-            flags = (*flags, Flag("speed_assumed", "track", speed_m_s, "m_s"))
-        time = step / np.where(unknown, speed_m_s or np.nan, track.piece_speed_m_s)
-    first = _join(step, time, track.piece_speed_m_s if track.time_s is None else np.zeros_like(step))
-    length, seconds = np.add.reduceat(step, first), np.add.reduceat(time, first)
-    position, height, more = track.elevation()
-    none = np.full(len(length), np.nan)
-    return LinkRoute(length, seconds, none, none, position, height, (*flags, *more))
 
 
 def _moving_gaps(time_s: FloatArray, driven_m: FloatArray) -> tuple[Flag, ...]:
@@ -284,68 +376,3 @@ def _join(step: FloatArray, time: FloatArray, kind: FloatArray) -> IntArray:
     while len(first) > 1 and not (sum(steps[first[-1] :]) >= SHORTEST_LINK_M and sum(times[first[-1] :]) > 0):
         first.pop()
     return np.array(first, dtype=np.int64)
-
-
-def plan_from_track(track: Track, *, trip_id: str = "track", step_s: float = 1.0) -> Plan:
-    """A plan with the speed over time of a logged track. O(points).
-
-    The speed is the mean over `WINDOW_S` before and after each sample; below `STANDING_M_S` it is 0.
-
-    Parameters
-    ----------
-    track : Track
-        A track with times.
-    trip_id : str
-        Name of the plan.
-    step_s : float
-        Time between two samples [s].
-
-    Returns
-    -------
-    Plan
-        Speed over time from the first to the last point, and elevation if it is known.
-
-    Raises
-    ------
-    InvalidInput
-        When the track has no times, implies a speed that no car reaches, or has too many gaps, or the step is out of range.
-
-    Examples
-    --------
-    >>> from tripwatt.routes import read_gpx
-    >>> text = "".join(f'<trkpt lat="{48 + k / 1e4:.4f}" lon="11"><time>2026-05-01T08:00:{k:02d}Z</time></trkpt>' for k in range(30))
-    >>> plan = plan_from_track(read_gpx(f"<gpx><trk><trkseg>{text}</trkseg></trk></gpx>".encode()))
-    >>> plan.array("speed_m_s")[10].round(2)
-    np.float64(11.12)
-    """
-    if track.time_s is None:
-        raise InvalidInput.of("no times", "track", "points without time", "a track with times")
-    keep = np.concatenate(([True], np.diff(track.time_s) > 0))
-    # if several points have the same time, the last position counts
-    last = np.append(np.flatnonzero(keep)[1:], len(track)) - 1
-    known_s, driven = track.time_s[keep], track.position_m[last]
-    span = float(known_s[-1])
-    finest = max(span / MAX_SAMPLES, 1e-3)
-    if not finest <= step_s <= MAX_TRAVEL_TIME_S:
-        allowed = f"{finest:g} to {MAX_TRAVEL_TIME_S:g} s"
-        raise InvalidInput.of("step out of range", "step_s", f"{step_s}", allowed)
-    time = np.arange(max(math.ceil(span / step_s - 1e-9), 1) + 1, dtype=np.float64) * step_s
-    before, after = np.maximum(time - WINDOW_S, 0.0), np.minimum(time + WINDOW_S, span)
-    after = np.maximum(after, before + 1e-9)
-    speed = (np.interp(after, known_s, driven) - np.interp(before, known_s, driven)) / (after - before)
-    speed = np.where(speed < STANDING_M_S, 0.0, speed)
-    fast = np.flatnonzero(speed > FASTEST_LINK_M_S)
-    if len(fast):
-        got = f"{speed[fast[0]] / M_S_PER_KM_H:.0f} km/h at {time[fast[0]]:g} s"
-        raise InvalidInput.of(
-            "implausible jump of the track", "track", got, f"at most {FASTEST_LINK_M_S / M_S_PER_KM_H:g} km/h"
-        )
-    position, height, flags = track.elevation()
-    columns, at_m = {"time_s": time, "speed_m_s": speed}, np.interp(time, known_s, driven)
-    if position is not None and height is not None:
-        columns["elevation_m"] = np.interp(at_m, position, height)
-    flags += _moving_gaps(known_s, driven)
-    departure = Departure(departs_at=track.started_at)
-    plan = Plan.from_samples(trip_id, table_of(columns), departure, flags=(*track.flags, *flags))
-    heading = heading_along(track.latitude_deg, track.longitude_deg, track.position_m, at_m)
-    return replace(plan, step_s=step_s, heading_deg=heading)

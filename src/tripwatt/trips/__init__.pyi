@@ -76,12 +76,6 @@ from .plan import (
 from .plan import (
     Plan as Plan,
 )
-from .plan import (
-    plan_from_samples as plan_from_samples,
-)
-from .plan import (
-    plan_from_trip as plan_from_trip,
-)
 from .samples import (
     Sampled as Sampled,
 )

@@ -56,7 +56,7 @@ class Plan(Sampled):
     Examples
     --------
     >>> import pandas as pd
-    >>> plan = Plan.from_samples("drive", pd.DataFrame({"time_s": [0.0, 60.0], "speed_m_s": [10.0, 10.0]}))
+    >>> plan = Plan.from_trace("drive", pd.DataFrame({"time_s": [0.0, 60.0], "speed_m_s": [10.0, 10.0]}))
     >>> plan
     <Plan drive: 0.6 km in 60 s, driven speed>
     >>> plan.with_departure(Departure(soc=0.8)).departure
@@ -96,14 +96,14 @@ class Plan(Sampled):
 
         Examples
         --------
-        >>> plan_from_samples(pd.DataFrame({"time_s": [0.0, 1.0], "speed_m_s": [0.0, 2.0]}), "start").array("speed_m_s")
+        >>> Plan.from_samples(pd.DataFrame({"time_s": [0.0, 1.0], "speed_m_s": [0.0, 2.0]}), "start").array("speed_m_s")
         array([0., 2.])
         """
         place = self.samples.columns.get_loc(column)
         return np.asarray(self.samples.to_numpy(dtype=np.float64)[:, place])
 
     @classmethod
-    def from_samples(
+    def from_trace(
         cls,
         trip_id: str,
         samples: pd.DataFrame,
@@ -142,7 +142,7 @@ class Plan(Sampled):
         >>> import pandas as pd
         >>> import tripwatt as tw
         >>> drive = pd.DataFrame({"time_s": [0.0, 60.0], "speed_m_s": [10.0, 10.0], "voltage_v": 360.0})
-        >>> list(tw.Plan.from_samples("drive", drive).samples)
+        >>> list(tw.Plan.from_trace("drive", drive).samples)
         ['time_s', 'speed_m_s']
         """
         validate_samples(samples, trip_id)
@@ -150,6 +150,98 @@ class Plan(Sampled):
         sound, more = _sound({str(name): route[name].to_numpy(dtype=np.float64) for name in route})
         route = route.assign(**sound) if more else route
         return cls(trip_id, route, departure or Departure(), link_m, tuple(dict.fromkeys((*flags, *more))))
+
+    @classmethod
+    def from_trip(cls, trip: Recorded, *, step_s: float = 1.0) -> Plan:
+        """Make a plan of a trip: its speed trace and road, and of the other signals only their values at departure.
+
+        Simulation, features and forecast have no other input, so nothing that was measured on the way can leak into a forecast
+        before departure. O(samples).
+
+        Parameters
+        ----------
+        trip : Trip
+            A trip with raw samples.
+        step_s : float
+            Width of the bins of the speed trace [s].
+
+        Returns
+        -------
+        Plan
+            Columns of `ROUTE_COLUMNS` as bin means, without the measured energy.
+
+        Raises
+        ------
+        InvalidInput
+            If a value of the first sample is out of its bounds.
+
+        Examples
+        --------
+        >>> from tripwatt.study.synthetic import synthetic_fleet
+        >>> trip = synthetic_fleet(1).logs[0]
+        >>> plan = Plan.from_trip(trip)
+        >>> plan.has("speed_m_s"), plan.has("current_a"), plan.departure == trip.departure
+        (True, False, True)
+        """
+        return cls._binned(trip, trip.departure, step_s)
+
+    @classmethod
+    def from_samples(
+        cls,
+        samples: pd.DataFrame,
+        trip_id: str = "trip",
+        departure: Departure | None = None,
+        *,
+        step_s: float = 1.0,
+    ) -> Plan:
+        """Make a plan from a speed trace and its road; of the other signals only the values at departure are used.
+
+        Gaps of up to `LONGEST_GAP_S` are bridged and flagged.
+
+        Parameters
+        ----------
+        samples : DataFrame
+            Canonical columns.
+        trip_id : str
+            Name of the plan.
+        departure : Departure, optional
+            Departure whose known fields replace those of the first sample.
+        step_s : float
+            Width of the bins of the speed trace [s].
+
+        Returns
+        -------
+        Plan
+            Speed trace and road as bin means, with a flag if a gap was bridged.
+
+        Raises
+        ------
+        InvalidInput
+            With every fault of the samples, including a longer gap and a duration above `MAX_DURATION_S`.
+
+        Examples
+        --------
+        >>> import pandas as pd
+        >>> drive = pd.DataFrame({"time_s": [0.0, 1.0, 2.0], "speed_m_s": [0.0, 1.0, 2.0], "soc": 0.5})
+        >>> Plan.from_samples(drive, departure=Departure(soc=0.8, payload_mass_kg=150.0)).departure
+        Departure(soc=0.8, payload_mass_kg=150.0)
+        """
+        validate_samples(samples, trip_id)
+        time = samples["time_s"].to_numpy(dtype=np.float64)
+        raise_faults(time_faults(time, trip_id))
+        log = Recorded(trip_id, samples)
+        own = replace(log.departure, payload_mass_kg=None, follows_trip=None)
+        plan = cls._binned(log, own.merge(departure), step_s)
+        return replace(plan, flags=(*gap_flags(time), *plan.flags))
+
+    @classmethod
+    def _binned(cls, drive: Sampled, departure: Departure, step_s: float) -> Plan:
+        route, flags = _sound({c: drive.array(c) for c in ROUTE_COLUMNS if c in drive})
+        time = route["time_s"]
+        start, end = float(time[0]), float(time[-1])
+        _require_duration(end - start, drive.trip_id)
+        _, columns = bin_means(time - start, route, step_s)
+        return cls(drive.trip_id, table_of(columns), departure, None, flags, step_s, start, end)
 
     def with_departure(self, departure: Departure | None) -> Plan:
         """Return the plan with its departure updated by the known fields of another departure.
@@ -272,93 +364,6 @@ def _require_duration(duration_s: float, where: str) -> None:
     if not duration_s <= MAX_DURATION_S:
         allowed = f"at most {MAX_DURATION_S:g} s"
         raise InvalidInput.of("duration out of range", where, f"{duration_s:g} s", allowed)
-
-
-def plan_from_trip(trip: Recorded, *, step_s: float = 1.0) -> Plan:
-    """Make a plan of a trip: its speed trace and road, and of the other signals only their values at departure.
-
-    Simulation, features and forecast have no other input, so nothing that was measured on the way can leak into a forecast
-    before departure. O(samples).
-
-    Parameters
-    ----------
-    trip : Trip
-        A trip with raw samples.
-    step_s : float
-        Width of the bins of the speed trace [s].
-
-    Returns
-    -------
-    Plan
-        Columns of `ROUTE_COLUMNS` as bin means, without the measured energy.
-
-    Raises
-    ------
-    InvalidInput
-        If a value of the first sample is out of its bounds.
-
-    Examples
-    --------
-    >>> from tripwatt.study.synthetic import synthetic_fleet
-    >>> trip = synthetic_fleet(1).logs[0]
-    >>> plan = plan_from_trip(trip)
-    >>> plan.has("speed_m_s"), plan.has("current_a"), plan.departure == trip.departure
-    (True, False, True)
-    """
-    return _plan(trip, trip.departure, step_s)
-
-
-def plan_from_samples(
-    samples: pd.DataFrame, trip_id: str = "trip", departure: Departure | None = None, *, step_s: float = 1.0
-) -> Plan:
-    """Make a plan from a speed trace and its road; of the other signals only the values at departure are used.
-
-    Gaps of up to `LONGEST_GAP_S` are bridged and flagged.
-
-    Parameters
-    ----------
-    samples : DataFrame
-        Canonical columns.
-    trip_id : str
-        Name of the plan.
-    departure : Departure, optional
-        Departure whose known fields replace those of the first sample.
-    step_s : float
-        Width of the bins of the speed trace [s].
-
-    Returns
-    -------
-    Plan
-        Speed trace and road as bin means, with a flag if a gap was bridged.
-
-    Raises
-    ------
-    InvalidInput
-        With every fault of the samples, including a longer gap and a duration above `MAX_DURATION_S`.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> drive = pd.DataFrame({"time_s": [0.0, 1.0, 2.0], "speed_m_s": [0.0, 1.0, 2.0], "soc": 0.5})
-    >>> plan_from_samples(drive, departure=Departure(soc=0.8, payload_mass_kg=150.0)).departure
-    Departure(soc=0.8, payload_mass_kg=150.0)
-    """
-    validate_samples(samples, trip_id)
-    time = samples["time_s"].to_numpy(dtype=np.float64)
-    raise_faults(time_faults(time, trip_id))
-    log = Recorded(trip_id, samples)
-    own = replace(log.departure, payload_mass_kg=None, follows_trip=None)
-    plan = _plan(log, own.merge(departure), step_s)
-    return replace(plan, flags=(*gap_flags(time), *plan.flags))
-
-
-def _plan(drive: Sampled, departure: Departure, step_s: float) -> Plan:
-    route, flags = _sound({c: drive.array(c) for c in ROUTE_COLUMNS if c in drive})
-    time = route["time_s"]
-    start, end = float(time[0]), float(time[-1])
-    _require_duration(end - start, drive.trip_id)
-    _, columns = bin_means(time - start, route, step_s)
-    return Plan(drive.trip_id, table_of(columns), departure, None, flags, step_s, start, end)
 
 
 def _sound(route: dict[str, FloatArray]) -> tuple[dict[str, FloatArray], tuple[Flag, ...]]:

@@ -19,7 +19,7 @@ from tripwatt.errors import or_none
 from tripwatt.hybrid import PowerCorrector, SegmentTable, segment_table
 from tripwatt.physics import simulate_trip
 from tripwatt.routes.free_flow import TravelTimeFactors, free_flow_links, moving_share, share_energy
-from tripwatt.routes.links import LinkRoute, plan_from_links
+from tripwatt.routes.links import LinkRoute
 from tripwatt.trips import Plan, Trip
 from tripwatt.uncertainty.route import energies
 from tripwatt.vehicles import Vehicle
@@ -135,7 +135,7 @@ class FreeFlowTrips:
         links, trip = self.links[k], self.trips[k]
         if links is None:
             return None
-        plan = plan_from_links(factors.expected(links[0]), trip_id=trip.trip_id)
+        plan = factors.expected(links[0]).plan(trip_id=trip.trip_id)
         return replace(plan.with_departure(trip.departure), start_s=float(trip.array("time_s")[0]))
 
     def differences(self, corrector: PowerCorrector, driven: SegmentTable, members: IntArray) -> FloatArray:

@@ -25,7 +25,7 @@ from tripwatt.roads.advice.actions import (
     calmer,
     capped,
 )
-from tripwatt.trips import Departure, Plan, plan_from_trip
+from tripwatt.trips import Departure, Plan
 from tripwatt.vehicles import Vehicle
 
 LONG = (
@@ -49,7 +49,7 @@ def road(share: float = 1.0, **known: Any) -> Plan:
 
 def test_a_slower_drive_has_the_same_road_and_stands_as_long() -> None:
     for trip in tw.synthetic_fleet(3).trips:
-        plan = plan_from_trip(trip)
+        plan = Plan.from_trip(trip)
         for other in (capped(plan, 15.0), calmer(plan, 0.5)):
             assert other.distance_m == pytest.approx(plan.distance_m, rel=0.01)
             assert other.duration_s >= plan.duration_s - 1e-6

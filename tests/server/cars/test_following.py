@@ -25,6 +25,8 @@ from tests.server.cars.brokers import (
 )
 from tests.server.cars.messages import NOON_S, measured
 
+from tripwatt.trips import Plan
+
 pytest.importorskip("aiomqtt", reason="the extra tripwatt[live] is not installed")
 
 import aiomqtt
@@ -34,7 +36,6 @@ from tripwatt.errors import InvalidInput
 from tripwatt.server.cars import Broker, Car, MqttSettings, Sample, following
 from tripwatt.server.cars.discovery import EXPIRES_S, SENSORS, discovery
 from tripwatt.study.synthetic import example_trip
-from tripwatt.trips import plan_from_samples
 
 needs_broker = pytest.mark.skipif(
     MOSQUITTO is None, reason="no mosquitto: install it from the distribution's packages"
@@ -118,7 +119,7 @@ def test_the_forecast_over_mqtt_is_that_of_update(
     expected = dict(discovery("leaf", "tripwatt", "homeassistant"))
     assert {topic: json.loads(text) for topic, text in sensors.items()} == expected
     table = drive[["time_s", *METRICS]]
-    own = MODEL.forecast(plan_from_samples(example_trip())).update_since_departure(table)
+    own = MODEL.forecast(Plan.from_samples(example_trip())).update_since_departure(table)
     found = documents[-1]["forecast"]
     assert found["energy_wh"] == pytest.approx(own.energy_wh, abs=1e-6)
     assert found["soc_quantiles"] == {
@@ -256,7 +257,7 @@ def test_trips_with_lost_late_and_doubled_messages_end_whole(tmp_path: Path, kil
     for seed in range(3):
         table = measured(example_trip(seed)).iloc[: 300 + 50 * seed]
         drives.append(Sent.from_table(f"car{seed}", table, seed))
-        forecasts[f"car{seed}"] = tw.forecast(plan_from_samples(example_trip(seed)))
+        forecasts[f"car{seed}"] = tw.forecast(Plan.from_samples(example_trip(seed)))
         assert len(drives[-1].messages) > len(drives[-1].table())
     for found in replay(tmp_path, drives, forecasts, killed=killed):
         assert found.difference_wh < 1e-6

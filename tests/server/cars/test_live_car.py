@@ -22,7 +22,7 @@ from tests.support.plans import request_of_samples
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import Forecast
-from tripwatt.routes import links_of_trip, plan_from_links
+from tripwatt.routes import links_of_trip
 from tripwatt.server.cars import Car, Sample, TopicJoiner, sample_from_abrp
 from tripwatt.server.cars import car as car_module
 from tripwatt.server.cars import live_car as module
@@ -30,7 +30,7 @@ from tripwatt.server.cars.car import AIR_S
 from tripwatt.server.cars.live_trip import SILENCE_S
 from tripwatt.server.cars.ordering import LATE_S
 from tripwatt.study.synthetic import example_trip
-from tripwatt.trips import plan_from_samples
+from tripwatt.trips import Plan
 from tripwatt.trips.messages import flag_to_dict
 
 REPLAYED = ("TripA05", "TripB11", "TripB30")
@@ -38,7 +38,7 @@ REPLAYED = ("TripA05", "TripB11", "TripB30")
 
 @pytest.fixture(scope="module")
 def forecast(drive: pd.DataFrame) -> Forecast:
-    return tw.load_model().forecast(plan_from_samples(example_trip().iloc[:700]))
+    return tw.load_model().forecast(Plan.from_samples(example_trip().iloc[:700]))
 
 
 def on_the_clock(table: pd.DataFrame) -> pd.DataFrame:
@@ -437,7 +437,7 @@ def test_without_a_plan_the_road_is_that_of_the_usual_trip(drive: pd.DataFrame, 
         (log,) = car.logs()
         fed(car, samples_of(drive.iloc[:150], NOON_S + 86_400.0))
         found = car.document(NOW_S)
-        plan = plan_from_links(links_of_trip(log)).with_departure(car.departure())
+        plan = links_of_trip(log).plan().with_departure(car.departure())
         own = car.update(MODEL.forecast(plan))
         assert (found["plan"], found["usual_trip"]) == ("usual", log.trip_id)
         assert found["forecast"] is not None

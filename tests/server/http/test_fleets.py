@@ -14,7 +14,7 @@ from tripwatt.errors import InvalidInput
 from tripwatt.fleet.model import FleetModel
 from tripwatt.fleet.registry import Registry
 from tripwatt.forecasting.storage import DEFAULT_MODEL, model_folder
-from tripwatt.routes import plan_from_route, route_from_links
+from tripwatt.routes import route_from_links
 from tripwatt.server.http.fleet_operations import report_file
 from tripwatt.server.http.fleets import NightRequest, NightResponse
 from tripwatt.server.http.jobs import Jobs
@@ -43,7 +43,7 @@ def moved(model: FleetModel) -> FleetModel:
 
 
 def energy(model: FleetModel, **vehicle: Any) -> float:
-    plan = plan_from_route(route_from_links(LINKS))
+    plan = route_from_links(LINKS).plan()
     return model.forecast(plan, Departure(soc=0.8, ambient_temperature_degc=4.0), **vehicle).energy_wh
 
 
@@ -143,7 +143,7 @@ def test_the_night_of_a_fleet_is_that_of_the_library(fleet: Any, registry: Regis
     answer = asked(jobs_of(registry), quantile=0.9)
     NightResponse.model_validate(answer)
     distance, links = answer["needs"]
-    own = fleet[2].forecast(plan_from_route(route_from_links(LINKS)), vehicle_id="V00002")
+    own = fleet[2].forecast(route_from_links(LINKS).plan(), vehicle_id="V00002")
     assert links["energy_quantile_wh"] == pytest.approx(own.quantile(0.9), rel=1e-9)
     assert (links["soc"], links["charge_wh"]) == (None, None)
     assert distance["charge_wh"] > 0.0

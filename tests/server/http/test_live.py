@@ -26,7 +26,7 @@ from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.forecasting.leaving import soc_needed
 from tripwatt.roads.advice.preheating import CHARGER, preheating
-from tripwatt.routes import links_of_trip, plan_from_links
+from tripwatt.routes import links_of_trip
 from tripwatt.server.cars import (
     Broker,
     Car,
@@ -49,7 +49,7 @@ from tripwatt.server.http.pool import JobResult
 from tripwatt.server.http.settings import Limits, Settings
 from tripwatt.server.http.worker import run_job
 from tripwatt.study.synthetic import example_trip
-from tripwatt.trips import plan_from_samples
+from tripwatt.trips import Plan
 from tripwatt.trips.messages import leave_in_words
 
 JSON, FORM = "application/json", "application/x-www-form-urlencoded"
@@ -90,7 +90,7 @@ def own_forecast(plan: dict[str, Any]) -> Forecast:
     """The forecast of a plan at its departure, by the library."""
     left_out = ("samples", "reserve", "departs_at")
     departure = tw.Departure(**{name: value for name, value in plan.items() if name not in left_out})
-    return tw.forecast(plan_from_samples(pd.DataFrame(plan["samples"]), departure=departure))
+    return tw.forecast(Plan.from_samples(pd.DataFrame(plan["samples"]), departure=departure))
 
 
 class Pool:
@@ -231,7 +231,7 @@ def test_without_a_plan_the_road_is_that_of_the_usual_trip(served: Served, drive
     for sent in abrp_messages(drive.iloc[:200], NOON_S + 86_400.0):
         served.send(sent)
     found = served("/v1/live/leaf").json()
-    plan = plan_from_links(links_of_trip(log)).with_departure(car.departure())
+    plan = links_of_trip(log).plan().with_departure(car.departure())
     own = car.update(tw.load_model().forecast(plan))
     assert (found["plan"], found["usual_trip"], found["faults"]) == ("usual", log.trip_id, [])
     assert found["forecast"]["energy_wh"] == pytest.approx(own.energy_wh, abs=1e-6)
@@ -363,7 +363,7 @@ def test_the_need_without_a_plan_is_that_of_the_usual_trip(served: Served, drive
     found = need(served, departs_at="2023-11-15T22:43:20Z").json()
     air = tw.Departure(ambient_temperature_degc=car.last_air_degc(car.now_s()))
     assert air.ambient_temperature_degc == pytest.approx(drive["ambient_temperature_degc"].iloc[-1])
-    own = tw.load_model().forecast(plan_from_links(links_of_trip(log)), air)
+    own = tw.load_model().forecast(links_of_trip(log).plan(), air)
     shown = float(drive["displayed_soc"].iloc[-1])
     assert (found["plan"], found["usual_trip"], found["soc"]) == ("usual", log.trip_id, pytest.approx(shown))
     assert found["energy_quantile_wh"] == pytest.approx(own.quantile(0.9), abs=1e-6)

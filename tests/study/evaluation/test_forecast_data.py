@@ -109,7 +109,7 @@ def table_for(features) -> SegmentTable:
 def features_of(**road):
     from tripwatt.study.evaluation.forecast_data import DATA_FEATURES
 
-    plan = Plan.from_samples("t", pd.DataFrame({"time_s": TIME, "speed_m_s": SPEED, **road}))
+    plan = Plan.from_trace("t", pd.DataFrame({"time_s": TIME, "speed_m_s": SPEED, **road}))
     own = ("climb_m_s", "kinetic_m2_s3")
     return _data_features(table_for([n for n in DATA_FEATURES if n not in own]), [plan])
 

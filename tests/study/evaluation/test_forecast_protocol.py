@@ -29,7 +29,7 @@ from tripwatt.study.evaluation.held_out_forecasts import reforecast
 from tripwatt.study.evaluation.hold_outs import CarChoice, HoldOut, HoldOutChoice
 from tripwatt.study.report import render_report
 from tripwatt.study.synthetic import synthetic_fleet
-from tripwatt.trips import Trip, plan_from_trip
+from tripwatt.trips import Plan, Trip
 from tripwatt.vehicles import load_vehicle
 
 ROAD = ("time_s", "speed_m_s", "elevation_m")
@@ -330,6 +330,6 @@ def test_a_first_sample_without_a_value_takes_the_next_within_a_minute(fleet):
     samples = trip.samples.copy()
     samples.loc[:2, "displayed_soc"] = np.nan
     late = dataclasses.replace(trip, samples=samples)
-    assert plan_from_trip(late).departure.soc == samples["displayed_soc"].iloc[3]
+    assert Plan.from_trip(late).departure.soc == samples["displayed_soc"].iloc[3]
     samples = samples.assign(displayed_soc=samples["displayed_soc"].where(samples["time_s"] > 60.5))
-    assert plan_from_trip(dataclasses.replace(trip, samples=samples)).departure.soc is None
+    assert Plan.from_trip(dataclasses.replace(trip, samples=samples)).departure.soc is None

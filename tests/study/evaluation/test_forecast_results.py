@@ -69,7 +69,7 @@ class TestResults:
     def test_frame(self) -> None:
         """Two folds of a trip each, given in the wrong order."""
         samples = pd.DataFrame({"time_s": [0.0, 10.0], "speed_m_s": 10.0, "elevation_m": [500.0, 507.0]})
-        plans = [Plan.from_samples(name, samples, Departure(ambient_temperature_degc=-3.0)) for name in "ab"]
+        plans = [Plan.from_trace(name, samples, Departure(ambient_temperature_degc=-3.0)) for name in "ab"]
         trips = [SimpleNamespace(context=Context(driver=name)) for name in "xy"]
         own = SimpleNamespace(plans=plans, table=SimpleNamespace(trips=trips))
         pair = np.array([0, 1])
@@ -104,8 +104,8 @@ class TestResults:
         samples = pd.DataFrame({"time_s": [0.0, 10.0], "speed_m_s": 10.0})
         known = Departure(battery_temperature_degc=4.0)
         plans = [
-            Plan.from_samples("a", samples.assign(elevation_m=[9.0, 4.0]), known),
-            Plan.from_samples("b", samples),
+            Plan.from_trace("a", samples.assign(elevation_m=[9.0, 4.0]), known),
+            Plan.from_trace("b", samples),
         ]
         trips = [SimpleNamespace(context=Context(driver=name)) for name in ("x", None)]
         own = SimpleNamespace(plans=plans, table=SimpleNamespace(trips=trips))

@@ -71,7 +71,7 @@ def test_arrivals_from_each_charge() -> None:
 
     samples = pd.DataFrame({"time_s": [0.0, 1.0], "speed_m_s": 1.0})
     (both, chance), (one, none) = (
-        arrivals_of(Model(), Plan.from_samples(name, samples, departure))
+        arrivals_of(Model(), Plan.from_trace(name, samples, departure))
         for name, departure in (("a", Departure(soc=0.8, bms_soc=0.7)), ("b", Departure(bms_soc=0.6)))
     )
     assert seen == [(0.8, None), (None, 0.7), (None, 0.6)]

@@ -12,7 +12,7 @@ from sklearn.model_selection import GroupKFold, KFold, LeaveOneOut, ShuffleSplit
 import tripwatt as tw
 from tripwatt.study.evaluation import Execution
 from tripwatt.study.evaluation.metrics import paired_difference
-from tripwatt.trips import Plan, plan_from_trip
+from tripwatt.trips import Plan
 
 HERE = Execution(n_jobs=1)
 ONE = "leave_one_trip_out:audited"
@@ -40,7 +40,7 @@ class PerKilometre:
     def fit(self, trips):
         self.ids = [trip.trip_id for trip in trips]
         energy_wh = sum(trip.observed_energy_wh for trip in trips)
-        self.wh_m = energy_wh / sum(plan_from_trip(trip).distance_m for trip in trips)
+        self.wh_m = energy_wh / sum(Plan.from_trip(trip).distance_m for trip in trips)
 
     def predict(self, trip):
         self.given.append((trip, self.ids))
@@ -75,8 +75,8 @@ def test_a_whole_model_gets_plans_of_trips_that_it_was_not_fitted_on(fleet, prot
     trips = {trip.trip_id: trip for trip in fleet.trips}
     for name, row in rows.iterrows():
         others = [trip for key, trip in trips.items() if key != name]
-        wh_m = sum(t.observed_energy_wh for t in others) / sum(plan_from_trip(t).distance_m for t in others)
-        assert row["predicted_energy_wh"] == pytest.approx(wh_m * plan_from_trip(trips[name]).distance_m)
+        wh_m = sum(t.observed_energy_wh for t in others) / sum(Plan.from_trip(t).distance_m for t in others)
+        assert row["predicted_energy_wh"] == pytest.approx(wh_m * Plan.from_trip(trips[name]).distance_m)
     assert rows["simulated_energy_wh"].tolist() == [0.0] * 9
 
 

@@ -21,7 +21,7 @@ from tripwatt.arrays import FloatArray
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting.ranges import UNKNOWN_AIR_SD_K
 from tripwatt.physics.conditions import UNKNOWN_AMBIENT_DEGC
-from tripwatt.routes.links import LinkRoute, plan_from_links
+from tripwatt.routes.links import LinkRoute
 from tripwatt.trips import Plan
 from tripwatt.units import M_S_PER_KM_H
 
@@ -153,7 +153,7 @@ class RoadPrior:
         )
         time, unknown = length / speed, np.full(len(length), np.nan)
         np.add.at(time, [0, -1], END_S_PER_M_S * speed[[0, -1]])
-        return plan_from_links(LinkRoute(length, time, unknown, unknown), trip_id="distance")
+        return LinkRoute(length, time, unknown, unknown).plan(trip_id="distance")
 
 
 NEAR: Final = 0.5

@@ -10,7 +10,7 @@ import numpy as np
 
 from tripwatt.arrays import BoolArray, FloatArray, IntArray
 from tripwatt.errors import Fault, InvalidInput, raise_faults
-from tripwatt.routes.links import FLAT_ROAD, SHORTEST_LINK_M, LinkRoute, plan_from_links
+from tripwatt.routes.links import FLAT_ROAD, SHORTEST_LINK_M, LinkRoute
 from tripwatt.routes.places import Place, heading_along, with_heading
 from tripwatt.routes.points import distances_m
 from tripwatt.routes.web import as_remote
@@ -110,8 +110,8 @@ class Road:
         return heading_along(self.latitude_deg, self.longitude_deg, self.position_m, position_m)
 
     def plan(self, trip_id: str = "route") -> Plan:
-        """Return the road as a plan with its direction of travel, see `plan_from_links`."""
-        plan = plan_from_links(self.links, trip_id=trip_id)
+        """Return the road as a plan with its direction of travel, see `LinkRoute.plan`."""
+        plan = self.links.plan(trip_id=trip_id)
         return with_heading(plan, self.latitude_deg, self.longitude_deg, self.position_m, self.distance_m)
 
     def with_links(self, links: LinkRoute) -> Road:

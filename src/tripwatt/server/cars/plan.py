@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from tripwatt.errors import InvalidInput, or_none
-from tripwatt.routes import links_of_trip, plan_from_links, route_from_links
+from tripwatt.routes import links_of_trip, route_from_links
 from tripwatt.routes.link_objects import fields_of_route, route_with_elevation
 from tripwatt.sources.canonical import canonical_samples
-from tripwatt.trips import ASKED, Departure, Plan, Recorded, plan_from_samples
+from tripwatt.trips import ASKED, Departure, Plan, Recorded
 
 
 @dataclass(frozen=True)
@@ -57,12 +57,12 @@ class LivePlan:
             if "samples" in given:
                 lists = given["samples"].items()
                 columns = {name.removeprefix("bms_"): np.array(values, np.float64) for name, values in lists}
-                plan = plan_from_samples(canonical_samples(columns), "samples")
+                plan = Plan.from_samples(canonical_samples(columns), "samples")
             else:
                 route = route_from_links(given["links"])
                 if "elevation" in given:
                     route = route_with_elevation(route, **given["elevation"])
-                plan = plan_from_links(route)
+                plan = route.plan()
         except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
             got = f"{type(error).__name__}: {error}"[:200]
             raise InvalidInput.of("no road", "plan", got, "links or samples of a request") from error

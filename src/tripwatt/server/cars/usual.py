@@ -10,7 +10,7 @@ from typing import Final, Protocol
 from tripwatt.auditing import audit
 from tripwatt.errors import InvalidInput
 from tripwatt.server.cars.car_file import CarFile
-from tripwatt.trips import Departure, Plan, TripSet, plan_from_trip
+from tripwatt.trips import Departure, Plan, TripSet
 from tripwatt.units import SECONDS_PER_HOUR
 
 NEAR_S: Final = 1.5 * SECONDS_PER_HOUR
@@ -83,7 +83,7 @@ def usual_plan(car: HasTrips, trip_id: str) -> Plan:
     trips = audit(TripSet(car.name, logs)).trips if logs else ()
     if not trips:
         raise InvalidInput.of("no such trip", "trip", trip_id[:60], f"a sound trip of the car {car.name}")
-    return replace(plan_from_trip(trips[0]), departure=Departure())
+    return replace(Plan.from_trip(trips[0]), departure=Departure())
 
 
 def _away_s(one_s: float, other_s: float) -> float:

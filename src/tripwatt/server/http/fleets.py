@@ -16,7 +16,6 @@ from tripwatt.fleet.nights import QUANTILE, PlannedTrip, needs_by_hour, night_do
 from tripwatt.fleet.registry import FollowedModel, Registry
 from tripwatt.forecasting import ForecastModel, load_metadata
 from tripwatt.roads.advice.preheating import PLUG_W
-from tripwatt.routes import plan_from_route
 from tripwatt.server.http import schemas
 from tripwatt.vehicles import load_vehicle
 
@@ -91,7 +90,7 @@ class PlannedTripRequest(schemas.DepartureRequest):
             if (self.distance_km is None) == (self.links is None):
                 got = "neither" if self.links is None else "both"
                 raise InvalidInput.of("one of them is needed", "distance_km, links", got, "one of the two")
-            road: Any = self.distance_km if self.links is None else plan_from_route(self.links)
+            road: Any = self.distance_km if self.links is None else self.links.plan()
         known = schemas.departure_of(self)
         soc = float("nan") if known.soc is None else known.soc
         known, named = replace(known, soc=None), (self.vehicle, self.driver)

@@ -24,7 +24,6 @@ from tripwatt.population.cars import for_car
 from tripwatt.roads.advice import advise
 from tripwatt.roads.advice.preheating import before_departure, need_before_departure
 from tripwatt.roads.journey import range_km
-from tripwatt.routes import plan_from_route
 from tripwatt.server.cars.usual import usual_plan
 from tripwatt.server.http import journey_schemas
 from tripwatt.server.http.car_jobs import CarJobs
@@ -55,7 +54,7 @@ from tripwatt.server.http.schemas import (
 from tripwatt.server.http.seen import with_seen
 from tripwatt.server.http.settings import Limits
 from tripwatt.study.synthetic import example_trip
-from tripwatt.trips import Plan, plan_from_samples
+from tripwatt.trips import Plan
 from tripwatt.trips.messages import flag_to_dict, leave_in_words
 from tripwatt.vehicles import Vehicle, find_vehicles, require_vehicle, vehicle_names
 
@@ -129,7 +128,7 @@ class Jobs:
 
     def warm_up(self) -> None:
         """Compute one forecast per model, so that the first request takes no longer than the others."""
-        plan = plan_from_samples(example_trip(), "warm-up")
+        plan = Plan.from_samples(example_trip(), "warm-up")
         of_fleets = (
             vehicle_model(fleet.get(), check_request({}, CarRequest)) for fleet in self.fleets.values()
         )
@@ -370,13 +369,13 @@ class Jobs:
     def _plan(self, request: ForecastRequest) -> Plan:
         samples, links = request.samples, request.links
         if samples is not None and links is None:
-            return plan_from_samples(samples, "samples")
+            return Plan.from_samples(samples, "samples")
         if links is None or samples is not None:
             got = "neither" if links is None else "both"
             raise InvalidInput.of("no single trip", "samples, links", got, "either samples or links")
         if request.elevation is not None:
             links = with_elevation(links, request.elevation, self.limits)
-        return plan_from_route(links)
+        return links.plan()
 
     def examples(self) -> dict[str, Any]:
         """Return the synthetic trips without their samples."""

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.errors import InvalidInput
-from tripwatt.routes import Track, is_links_table, parse_route, plan_from_route, route_from_track
+from tripwatt.routes import Track, is_links_table, parse_route
 from tripwatt.routes.link_objects import fields_of_route
 from tripwatt.server.http.schemas import BMS_SOC, require_duration
 from tripwatt.server.http.settings import Limits
@@ -44,13 +44,13 @@ def read_route(body: bytes, speed_m_s: float | None, limits: Limits) -> dict[str
     if isinstance(route, Track):
         if route.is_log and route.time_s is not None:
             require_duration(float(route.time_s[-1]), "upload", limits)
-            plan = plan_from_route(route)
+            plan = route.plan()
             return _response(plan.samples, limits, plan.flags)
-        route = route_from_track(route, speed_m_s)
+        route = route.links(speed_m_s)
     if len(route) > limits.links:
         raise InvalidInput.of("too many links", "upload", f"{len(route)}", f"at most {limits.links}")
     require_duration(route.duration_s, "upload", limits)
-    plan = plan_from_route(route)
+    plan = route.plan()
     return _response(plan.samples, limits, plan.flags) | fields_of_route(route)
 
 

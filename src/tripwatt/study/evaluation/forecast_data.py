@@ -26,7 +26,6 @@ from tripwatt.trips import (
     Plan,
     Trip,
     observed_cumulative_energy,
-    plan_from_trip,
 )
 from tripwatt.vehicles import Vehicle
 
@@ -80,7 +79,7 @@ class ForecastData:
         """Prepare raw trips with measured energy. O(samples)."""
         trips = _distinct(trips)
         table = build_table([at_departure_only(trip) for trip in trips], {"physics": vehicle})
-        plans = tuple(map(plan_from_trip, trips))
+        plans = tuple(map(Plan.from_trip, trips))
         segments = segment_trips(trips, vehicle)
         logs = tuple(measured_log(trip) for trip in trips)
         stages = tuple(stage_record(trip, vehicle) for trip in trips)

@@ -51,7 +51,7 @@ from tripwatt.study.evaluation.outside import WholeMethod, WholeModel, is_whole,
 from tripwatt.study.evaluation.results import EvaluationRun, about_run
 from tripwatt.study.evaluation.table_models import CONSTANT, LINEAR4, LINEAR6, PHYSICS, PHYSICS4
 from tripwatt.study.evaluation.tasks import ModelSpec
-from tripwatt.trips import Trip, TripSet, plan_from_trip
+from tripwatt.trips import Plan, Trip, TripSet
 from tripwatt.trips.messages import message
 from tripwatt.vehicles import Vehicle
 
@@ -228,7 +228,7 @@ def _regimes(trips: Sequence[Trip]) -> tuple[dict[tuple[str, str], tuple[IntArra
 
     Returns a mapping from scheme and name of each regime to its trips and their folds, and notes on regimes left out.
     """
-    plans = [plan_from_trip(trip) for trip in trips]
+    plans = [Plan.from_trip(trip) for trip in trips]
     duration = np.array([plan.duration_s for plan in plans])
     speed = np.array([plan.distance_m for plan in plans]) / np.maximum(duration, 1.0)
     seasons = np.array([str(trip.context.season) for trip in trips])

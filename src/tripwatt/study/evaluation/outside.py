@@ -19,7 +19,7 @@ from tripwatt.hybrid.outside import is_regressor, require_fitting
 from tripwatt.learners.outside import checked
 from tripwatt.study.evaluation.hold_outs import HoldOut, numbered_names
 from tripwatt.study.evaluation.tasks import Fitted, Method, ModelSpec
-from tripwatt.trips import Plan, Trip, plan_from_trip
+from tripwatt.trips import Plan, Trip
 
 HOW: Final = (
     "a name of the protocol, a regressor of scikit-learn's kind, fit(table) and predict(table) for a corrector, "
@@ -34,7 +34,7 @@ class WholeModel(Protocol):
     --------
     >>> class PerKilometre:
     ...     def fit(self, trips):
-    ...         self.wh_m = sum(t.observed_energy_wh for t in trips) / sum(plan_from_trip(t).distance_m for t in trips)
+    ...         self.wh_m = sum(t.observed_energy_wh for t in trips) / sum(Plan.from_trip(t).distance_m for t in trips)
     ...     def predict(self, trip):
     ...         return self.wh_m * trip.distance_m
     >>> import tripwatt as tw
@@ -102,7 +102,7 @@ class WholeMethod(Method[Sequence[Trip]]):
         model.fit([data[i] for i in train])
 
         def predict(test: IntArray) -> FloatArray:
-            return checked([model.predict(plan_from_trip(data[i])) for i in test], len(test), model)
+            return checked([model.predict(Plan.from_trip(data[i])) for i in test], len(test), model)
 
         return Fitted(predict)
 
