@@ -52,12 +52,17 @@ assert (result.failed, result.attempted > 6) == (0, True)
 
 TESTS: Final = {
     "core": (
-        (f"{ROOT}", "hypothesis", "pytest"),
-        "tests/physics tests/uncertainty",
+        ".",
+        "tests/auditing tests/certification tests/command tests/forecasting tests/hybrid tests/learners tests/physics tests/population "
+        "tests/routes tests/sources tests/trips tests/uncertainty tests/vehicles",
     ),
-    "gamm": ((f"{ROOT / 'gamm'}[test]",), "gamm/tests"),
+    "roads": (".[routing]", "tests/roads"),
+    "server": (".[service,live]", "tests/server/http tests/server/cars"),
+    "fleet": (".[fleet]", "tests/fleet"),
+    "study": ("gamm .[study]", "tests/study"),
+    "gamm": ("gamm[test]", "gamm/tests"),
 }
-"""Part -> what is installed for its tests, and where they are."""
+"""Part -> what is installed for its tests beside hypothesis and pytest, and where they are."""
 
 
 ENVIRONMENT: Final = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
@@ -98,6 +103,28 @@ def installed(name: str, source: Path, code: str, folder: Path) -> Iterator[Row]
     yield Row(f"{name} does not work", float(bool(fault)), most=0, note=fault)
 
 
+def tested(part: str, folder: Path) -> Row:
+    """Whether the tests of a part fail with only its own packages; those that need others are skipped, with their names."""
+    packages, selection = (text.split() for text in TESTS[part])
+    python = environment(
+        folder / f"tests of {part}", *(f"{ROOT}/{name}" for name in packages), "hypothesis", "pytest"
+    )
+    command = [
+        f"{python}",
+        "-m",
+        "pytest",
+        "-q",
+        "-p",
+        "no:cacheprovider",
+        "-p",
+        "tests.support.parts",
+        *selection,
+    ]
+    done = subprocess.run(command, cwd=ROOT, env=ENVIRONMENT, capture_output=True, text=True, check=False)
+    note = done.stdout.strip().rpartition("\n")[2]
+    return Row(f"tests of {part} with its own packages fail", float(done.returncode), most=0, note=note)
+
+
 def rows(tests: bool = False) -> Iterator[Row]:
     """All figures; the tests of the parts on request."""
     with tempfile.TemporaryDirectory() as place:
@@ -107,14 +134,8 @@ def rows(tests: bool = False) -> Iterator[Row]:
         timed = subprocess.run(command, env=ENVIRONMENT, check=True, capture_output=True, text=True)
         yield Row("import tripwatt, best of 5", float(timed.stdout), "s", most=MAX_IMPORT_S)
         yield from installed("tripwatt-gamm", ROOT / "gamm", GAMM, folder)
-        for part, (packages, selection) in TESTS.items() if tests else ():
-            python = environment(folder / part, *packages)
-            command = [f"{python}", "-m", "pytest", "-q", "-p", "no:cacheprovider", *selection.split()]
-            done = subprocess.run(
-                command, cwd=ROOT, env=ENVIRONMENT, capture_output=True, text=True, check=False
-            )
-            last = done.stdout.strip().rpartition("\n")[2]
-            yield Row(f"tests of {part} with its own packages fail", done.returncode, most=0, note=last)
+        for part in TESTS if tests else ():
+            yield tested(part, folder)
 
 
 def main(tests: Annotated[bool, Option(help="Run the tests of parts as well.")] = False) -> int:

@@ -11,7 +11,6 @@ import typer.main
 import typer.testing
 from hypothesis import settings
 from tests.support import ROOT
-from tests.support.front_end import with_packages
 
 settings.register_profile("gate", derandomize=True, deadline=None)  # no test asserts a time
 settings.register_profile("search", deadline=None)
@@ -49,6 +48,8 @@ def reference_dir() -> Path:
 @pytest.fixture(scope="session")
 def web(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The front end's sources with their packages of Node."""
+    from tests.support.front_end import with_packages  # needs the extra service
+
     return with_packages(tmp_path_factory.mktemp("front-end"))
 
 

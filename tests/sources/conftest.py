@@ -4,7 +4,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
-import openpyxl
 import pytest
 
 HEADER = (
@@ -51,6 +50,7 @@ def tum_bytes() -> Callable[..., bytes]:
 @pytest.fixture
 def write_overview() -> Callable[..., Path]:
     def write(folder: Path, rows: Sequence[Sequence[object]]) -> Path:
+        openpyxl = pytest.importorskip("openpyxl", reason="needs the extra tripwatt[workbooks]")
         book = openpyxl.Workbook()
         sheet = book.active
         sheet.append(
