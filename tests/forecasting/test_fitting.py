@@ -1,12 +1,13 @@
 """A fit with its provenance."""
 
 import dataclasses
+from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from tripwatt.forecasting import ForecastModel, load_metadata, save_model
+from tripwatt.forecasting import ForecastModel, fitting, load_metadata, save_model
 from tripwatt.forecasting.fitting import CarOfTrips, data_digest, fit_with_provenance
 from tripwatt.forecasting.inner import INNER_FOLDS
 from tripwatt.hybrid import segment_trips
@@ -75,3 +76,13 @@ def test_a_car_is_identified_by_its_trips_where_it_is_asked_for(fleet, car) -> N
     asked, bare = (CarOfTrips.from_trips(fleet.trips[:3], car, identified=on) for on in (True, False))
     assert [made.values()[0] is None for made in (asked, bare)] == [False, True]
     assert bare.values()[1:] == (None, car)
+
+
+def test_packages_of_extras_that_are_not_installed_are_left_out(monkeypatch):
+    def version(name):
+        if name in {"scikit-learn", "lightgbm"}:
+            raise PackageNotFoundError(name)
+        return "1.0"
+
+    monkeypatch.setattr(fitting, "version", version)
+    assert set(fitting.versions()["packages"]) == {"tripwatt", "numpy", "scipy", "pandas"}

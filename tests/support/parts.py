@@ -19,11 +19,11 @@ OURS = ("tripwatt", "tests", "tools", "benchmarks")
 def missing(error: BaseException | None) -> str | None:
     """The reason to skip if an error, or one that caused it, says that a package or an extra is not installed."""
     while error is not None:
-        if isinstance(error, ModuleNotFoundError) and (error.name or "").partition(".")[0] not in OURS:
-            return f"needs {error.name}"
-        if type(error) is ImportError and (error.name or "").startswith("tests."):
+        if isinstance(error, ImportError) and (error.name or "").partition(".")[0] not in OURS:
+            return f"needs {error.name or error}"
+        if isinstance(error, ImportError) and (error.name or "").startswith("tests."):
             return f"needs what {error.name} needs"
-        if isinstance(error, InvalidInput) and "pip install" in str(error):
+        if isinstance(error, InvalidInput | AssertionError) and "missing package" in str(error):
             return str(error)
         error = error.__cause__ or error.__context__
     return None

@@ -5,8 +5,9 @@ from __future__ import annotations
 import hashlib
 import platform
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from typing import Any, Final
 
 import numpy as np
@@ -173,8 +174,12 @@ def provenance_of(
 
 
 def versions() -> dict[str, Any]:
-    """Versions of Python and of the packages that the figures depend on."""
-    return {"python": platform.python_version(), "packages": {name: version(name) for name in PACKAGES}}
+    """Versions of Python and of the installed packages that the figures depend on."""
+    packages = {}
+    for name in PACKAGES:
+        with suppress(PackageNotFoundError):  # of an extra
+            packages[name] = version(name)
+    return {"python": platform.python_version(), "packages": packages}
 
 
 def held_out_figures(trips: Sequence[HeldOut]) -> dict[str, Any]:
