@@ -113,7 +113,6 @@ def tested(part: str, folder: Path) -> Row:
         f"{python}",
         "-m",
         "pytest",
-        "-q",
         "-p",
         "no:cacheprovider",
         "-p",
