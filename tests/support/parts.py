@@ -10,8 +10,6 @@ from collections.abc import Generator
 
 import pytest
 
-from tripwatt.errors import InvalidInput
-
 OURS = ("tripwatt", "tests", "tools", "benchmarks")
 """Packages of this repository; `tripwatt_gamm` is another distribution."""
 
@@ -23,7 +21,7 @@ def missing(error: BaseException | None) -> str | None:
             return f"needs {error.name or error}"
         if isinstance(error, ImportError) and (error.name or "").startswith("tests."):
             return f"needs what {error.name} needs"
-        if isinstance(error, InvalidInput | AssertionError) and "missing package" in str(error):
+        if "missing package" in str(error):
             return str(error)
         error = error.__cause__ or error.__context__
     return None
