@@ -137,7 +137,7 @@ EXTRAS: Final[Mapping[str, tuple[str, ...]]] = {
     "learners": ("sklearn", "lightgbm"),
     "study": ("tripwatt_gamm", "sklearn", "lightgbm", "matplotlib", "jinja2", "openpyxl", "pyarrow"),
     "service": ("fastapi", "pydantic", "uvicorn", "orjson", "prometheus_client"),
-    "fleet": ("deltalake", "pyarrow", "lightgbm"),
+    "fleet": ("deltalake", "pyarrow", "lightgbm", "matplotlib"),
     "routing": ("httpx",),
     "live": ("aiomqtt",),
     "mcp": ("mcp",),
