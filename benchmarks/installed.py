@@ -57,7 +57,7 @@ TESTS: Final = {
         "tests/routes tests/sources tests/trips tests/uncertainty tests/vehicles",
     ),
     "roads": (".[routing]", "tests/roads"),
-    "server": (".[service,live]", "tests/server/http tests/server/cars"),
+    "server": (".[service,live] httpx", "tests/server/http tests/server/cars"),
     "fleet": (".[fleet]", "tests/fleet"),
     "study": ("gamm .[study]", "tests/study"),
     "gamm": ("gamm[test]", "gamm/tests"),
@@ -106,9 +106,8 @@ def installed(name: str, source: Path, code: str, folder: Path) -> Iterator[Row]
 def tested(part: str, folder: Path) -> Row:
     """Whether the tests of a part fail with only its own packages; those that need others are skipped, with their names."""
     packages, selection = (text.split() for text in TESTS[part])
-    python = environment(
-        folder / f"tests of {part}", *(f"{ROOT}/{name}" for name in packages), "hypothesis", "pytest"
-    )
+    ours = [f"{ROOT}/{name}" if name.startswith((".", "gamm")) else name for name in packages]
+    python = environment(folder / f"tests of {part}", *ours, "hypothesis", "pytest")
     command = [
         f"{python}",
         "-m",
