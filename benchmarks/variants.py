@@ -15,7 +15,6 @@ from tools.command import run
 
 from benchmarks.measure import tum_folder
 from tripwatt.hybrid import SegmentTable, power_corrector, segment_table
-from tripwatt.hybrid.calibrate import calibrate
 from tripwatt.hybrid.power import (
     TREE_FEATURES,
     EnsembleCorrector,
@@ -84,7 +83,6 @@ VARIANTS: Mapping[str, tuple[str, Callable[[], PowerCorrector]]] = {
         lambda: split(climate(), both((*DRIVE_TREE_FEATURES, "trip_speed_m_s"))),
     ),
 }
-CALIBRATED = "split on a calibrated car"
 
 
 def with_neighbours(table: SegmentTable) -> SegmentTable:
@@ -114,13 +112,6 @@ def left_out(table: SegmentTable, name: str, i: int) -> np.ndarray:
     return held_out.residual_w - VARIANTS[name][1]().fit(table.take(train)).predict(held_out)
 
 
-def left_out_calibrated(trips: list[Trip], i: int) -> np.ndarray:
-    car = load_vehicle("bmw_i3_60ah")
-    others = [trip for j, trip in enumerate(trips) if j != i]
-    own = calibrate(others, car).applied(car)
-    return left_out(tabulated([*others, trips[i]], own), "split", len(others))
-
-
 def figures(table: SegmentTable, left: list[np.ndarray]) -> list[float]:
     """Mean APE and RMSE [kWh] of the total, then mean APE of the total with no update after each of `FRACTIONS`."""
     energy = table.totals_wh(table.observed_power_w)
@@ -146,14 +137,11 @@ def rows() -> dict[str, list[float]]:
     for name in VARIANTS:
         left = Parallel(-1)(delayed(left_out)(table, name, i) for i in range(len(table)))
         variants[name] = figures(table, left)
-    left = Parallel(-1)(delayed(left_out_calibrated)(trips, i) for i in range(len(table)))
-    variants[CALIBRATED] = figures(table, left)
     return variants
 
 
 def as_markdown(variants: Mapping[str, list[float]]) -> str:
     about = {name: text for name, (text, _) in VARIANTS.items()}
-    about[CALIBRATED] = "the default, after mass, drags and base load are calibrated in the fold"
     head = "| variant | mean APE | RMSE | no update at 25 % | 50 % | 75 % |\n|---|---|---|---|---|---|"
     lines = [
         f"| {about[name]} | {ape:.4f} | {rmse:.3f} kWh | {' | '.join(f'{r:.4f}' for r in rest)} |"

@@ -15,7 +15,7 @@ import pandas as pd
 from tripwatt import routes
 from tripwatt.auditing import audit
 from tripwatt.errors import Check, Fault, InvalidInput, raise_faults
-from tripwatt.forecasting.fitting import CarOfTrips
+from tripwatt.forecasting.fitting import fit_car
 from tripwatt.forecasting.forecast import Forecast
 from tripwatt.forecasting.model import DEFAULT_CORRECTOR, ForecastModel
 from tripwatt.hybrid import Corrector
@@ -234,11 +234,7 @@ def fit(
     <ForecastModel BMW i3 60 Ah, HistGradientBoostingRegressor corrector, 9 trips>
     """
     car, sound = _car(vehicle), _sound(trips)
-    if not identified:
-        return ForecastModel(car, corrector, seed).fit(sound, progress=progress)
-    cars = CarOfTrips.from_trips(sound, car)
-    model = ForecastModel(cars.values()[2], corrector, seed)
-    return model.fit(sound, car_of=cars.car, progress=progress)
+    return fit_car(sound, car, corrector, seed, identified=identified, progress=progress)[0]
 
 
 def adapt(base: ForecastModel, trips: TripSet | Sequence[Trip], vehicle: Vehicle | str) -> ForecastModel:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tripwatt.forecasting import ForecastModel, fitting, load_metadata, save_model
-from tripwatt.forecasting.fitting import CarOfTrips, data_digest, fit_with_provenance
+from tripwatt.forecasting.fitting import data_digest, fit_car, fit_with_provenance
 from tripwatt.forecasting.inner import INNER_FOLDS
 from tripwatt.hybrid import segment_trips
 from tripwatt.study.synthetic import synthetic_fleet
@@ -73,9 +73,13 @@ def test_progress_counts_the_inner_folds_and_the_fit(fleet, car) -> None:
 
 
 def test_a_car_is_identified_by_its_trips_where_it_is_asked_for(fleet, car) -> None:
-    asked, bare = (CarOfTrips.from_trips(fleet.trips[:3], car, identified=on) for on in (True, False))
-    assert [made.values()[0] is None for made in (asked, bare)] == [False, True]
-    assert bare.values()[1:] == (None, car)
+    (identified, values), (bare, none) = (
+        fit_car(fleet.trips[:8], car, "linear", identified=on) for on in (True, False)
+    )
+    assert values is not None
+    assert identified.vehicle == values.applied(car)
+    assert none is None
+    assert bare.vehicle is car
 
 
 def test_packages_of_extras_that_are_not_installed_are_left_out(monkeypatch):

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from tests.hybrid.test_identification import as_logged
 
-from tripwatt.forecasting import ForecastModel
-from tripwatt.forecasting.fitting import CarOfTrips
+from tripwatt.forecasting.fitting import fit_car
 from tripwatt.forecasting.inner import INNER_FOLDS, inner_fits, inner_folds
 from tripwatt.hybrid import power_corrector, segment_trips
 from tripwatt.study.synthetic import VEHICLE, synthetic_fleet
@@ -31,16 +30,11 @@ def other_log(trip):
     return replace(trip, samples=samples)
 
 
-def fitted(trips, name, *, calibrated=False) -> ForecastModel:
-    cars = CarOfTrips.from_trips(trips, BOOK, calibrated=calibrated)
-    return ForecastModel(cars.values()[2], corrector=name).fit(trips, car_of=cars.car)
-
-
-@pytest.mark.parametrize(("name", "calibrated"), [("linear", True), ("split", False)])
-def test_what_a_trip_measured_does_not_reach_its_own_held_out_forecast(name, calibrated) -> None:
+@pytest.mark.parametrize("name", ["linear", "split"])
+def test_what_a_trip_measured_does_not_reach_its_own_held_out_forecast(name) -> None:
     k = 5
-    before = fitted(LOGS, name, calibrated=calibrated)
-    after = fitted([*LOGS[:k], other_log(LOGS[k]), *LOGS[k + 1 :]], name, calibrated=calibrated)
+    before, _ = fit_car(LOGS, BOOK, name)
+    after, _ = fit_car([*LOGS[:k], other_log(LOGS[k]), *LOGS[k + 1 :]], BOOK, name)
     assert after.vehicle.road_load != before.vehicle.road_load
     changed = abs(after.held_out_[k].observed_wh / before.held_out_[k].observed_wh - 1.0)
     assert changed > 0.2

@@ -6,7 +6,6 @@ import hashlib
 import platform
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any, Final
 
@@ -15,8 +14,7 @@ import numpy as np
 from tripwatt.arrays import IntArray
 from tripwatt.auditing import Audit, audit
 from tripwatt.forecasting.model import DEFAULT_CORRECTOR, ForecastModel, HeldOut
-from tripwatt.hybrid import Identified, StageRecord, identify, stage_record
-from tripwatt.hybrid.calibrate import Calibration, calibrate
+from tripwatt.hybrid import Corrector, Identified, identify, stage_record
 from tripwatt.trips import COLUMNS, Trip, TripSet
 from tripwatt.trips.messages import message
 from tripwatt.vehicles import Vehicle
@@ -24,59 +22,29 @@ from tripwatt.vehicles import Vehicle
 PACKAGES: Final = ("tripwatt", "numpy", "scipy", "pandas", "scikit-learn", "lightgbm")
 
 
-@dataclass(frozen=True, eq=False)
-class CarOfTrips:
-    """A car and its trips, for identifying and calibrating the car's values on any subset of the trips.
+def fit_car(
+    trips: Sequence[Trip],
+    vehicle: Vehicle,
+    corrector: str | Corrector = DEFAULT_CORRECTOR,
+    seed: int = 0,
+    *,
+    identified: bool = True,
+    progress: Callable[[int, int], None] | None = None,
+) -> tuple[ForecastModel, Identified | None]:
+    """Fit a model on sound trips of one car; returns it with the identified values of the car, None if `identified` is False.
 
-    Attributes
-    ----------
-    vehicle : Vehicle
-        The car with its published values.
-    trips : tuple of Trip
-    records : tuple of StageRecord or None
-        Evidence from the signals of each trip; None if no values are identified.
-    calibrated : bool
-        Whether a few values are calibrated on the energies.
-
-    Examples
-    --------
-    >>> from tripwatt.study.synthetic import VEHICLE, synthetic_fleet
-    >>> from tripwatt.vehicles import load_vehicle
-    >>> car = load_vehicle(VEHICLE)
-    >>> shown = CarOfTrips.from_trips(synthetic_fleet(9).trips, car, calibrated=True)
-    >>> shown.car(np.arange(4)).body.test_mass_kg == shown.car(np.arange(9)).body.test_mass_kg
-    False
+    Each fold of the fit identifies the values anew, without the trips of the fold.
     """
+    if not identified:
+        return ForecastModel(vehicle, corrector, seed).fit(trips, progress=progress), None
+    records = [stage_record(trip, vehicle) for trip in trips]
 
-    vehicle: Vehicle
-    trips: tuple[Trip, ...]
-    records: tuple[StageRecord, ...] | None
-    calibrated: bool = False
+    def car_of(members: IntArray) -> Vehicle:
+        return identify([records[i] for i in members], vehicle).applied(vehicle)
 
-    @classmethod
-    def from_trips(
-        cls, trips: Sequence[Trip], vehicle: Vehicle, *, identified: bool = True, calibrated: bool = False
-    ) -> CarOfTrips:
-        """Collect the evidence from the signals of each trip. O(samples)."""
-        records = tuple(stage_record(trip, vehicle) for trip in trips) if identified else None
-        return cls(vehicle, tuple(trips), records, calibrated)
-
-    def values(
-        self, members: IntArray | None = None
-    ) -> tuple[Identified | None, Calibration | None, Vehicle]:
-        """Identified values, calibration, and the car with both, from some of the trips (all by default).
-
-        Identified values or calibration are None if they are not wanted.
-        """
-        chosen = range(len(self.trips)) if members is None else members
-        stages = None if self.records is None else identify([self.records[i] for i in chosen], self.vehicle)
-        car = self.vehicle if stages is None else stages.applied(self.vehicle)
-        calibration = calibrate([self.trips[i] for i in chosen], car) if self.calibrated else None
-        return stages, calibration, car if calibration is None else calibration.applied(car)
-
-    def car(self, members: IntArray) -> Vehicle:
-        """The car with the values that some of the trips show."""
-        return self.values(members)[2]
+    values = identify(records, vehicle)
+    model = ForecastModel(values.applied(vehicle), corrector, seed)
+    return model.fit(trips, car_of=car_of, progress=progress), values
 
 
 def fit_with_provenance(
@@ -86,7 +54,6 @@ def fit_with_provenance(
     corrector: str = DEFAULT_CORRECTOR,
     seed: int = 0,
     identified: bool = True,
-    calibrated: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[ForecastModel, dict[str, Any], dict[str, Any]]:
     """Audit the logs, fit a model on the sound trips, and collect the metadata of a stored model.
@@ -100,8 +67,6 @@ def fit_with_provenance(
     identified : bool
         Whether values of the car are first identified from logged signals (`hybrid.identification`), if the log has them:
         motor torque, heater and air conditioner, standing power, voltage at rest.
-    calibrated : bool
-        Whether a few uncertain values of the car are first calibrated on the trips (`hybrid.calibrate`).
     progress : callable, optional
         Called with (finished fits, all fits).
 
@@ -109,8 +74,7 @@ def fit_with_provenance(
     -------
     model : ForecastModel
     provenance : dict
-        Data set with citation and digest, trips, audit findings, identified values, calibrated values (relative change and its standard
-        deviation), versions.
+        Data set with citation and digest, trips, audit findings, identified values, versions.
     evaluation : dict
         Errors on training trips while each was held out of the fit, see `held_out_figures`.
 
@@ -128,17 +92,10 @@ def fit_with_provenance(
     ('synthetic', 9)
     """
     sound = audit(fleet)
-    cars = CarOfTrips.from_trips(sound.trips, vehicle, identified=identified, calibrated=calibrated)
-    stages, found_values, car = cars.values()
-    model = ForecastModel(car, corrector, seed).fit(sound.trips, car_of=cars.car, progress=progress)
-    notes = [] if stages is None or not stages.values else [str(stages)]
-    notes += [] if found_values is None else [str(found_values)]
+    model, values = fit_car(sound.trips, vehicle, corrector, seed, identified=identified, progress=progress)
     provenance = {
-        **provenance_of(fleet, sound, model, notes),
-        "identified": None if stages is None else dict(stages.values),
-        "calibration": None
-        if found_values is None
-        else {name: [change, found_values.sd[name]] for name, change in found_values.changes.items()},
+        **provenance_of(fleet, sound, model, [str(values)] if values and values.values else []),
+        "identified": None if values is None else dict(values.values),
     }
     return model, provenance, held_out_figures(model.held_out_)
 
@@ -201,7 +158,7 @@ def held_out_figures(trips: Sequence[HeldOut]) -> dict[str, Any]:
     error = np.array([trip.predicted_wh for trip in trips]) - observed
     return {
         "protocol": "training trips, each while its fold (at most 10) was held out of the fit; "
-        "settings, and identified and calibrated values of the car where there are any, without it as well",
+        "settings, and identified values of the car where there are any, without it as well",
         "given": "given the driven speed trace",
         "trips": len(trips),
         "mape": float(np.mean(np.abs(error) / np.abs(observed))),

@@ -1,28 +1,20 @@
-"""A few physical parameters of a car whose published values may be wrong, and their effect on the power of a trip.
+"""A few physical parameters of a car whose published values may be wrong.
 
 Each parameter has a width: the prior standard deviation of a car on the road from its published value. The widths come from
-published sources, never from the trips that are calibrated on.
+published sources, never from the trips of the car.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cache
-from typing import Final, cast
+from typing import cast
 
-import numpy as np
-
-from tripwatt.arrays import FloatArray
 from tripwatt.files import shipped_toml
-from tripwatt.hybrid.segments import SegmentTable, resimulated
-from tripwatt.trips import Plan
 from tripwatt.vehicles import Vehicle
 from tripwatt.vehicles.spreads import ROAD_GAIN
 from tripwatt.vehicles.vehicle import Entry, Value
-
-_STEP: Final = 0.02
-"""Relative change of a parameter for its finite difference."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,21 +29,18 @@ class Parameter:
     source : str
         Source of the width.
     keys : tuple of str
-        Entries of the car that the change multiplies; empty for a parameter that only scales causes of the simulated power.
-    causes : tuple of str
-        Causes of the simulated power that the parameter scales, to first order.
+        Entries of the car that the change multiplies; empty if no entry describes the parameter.
     """
 
     name: str
     width: float
     source: str
     keys: tuple[str, ...]
-    causes: tuple[str, ...]
 
 
 @cache
 def parameters() -> tuple[Parameter, ...]:
-    """Parameters that are calibrated, from `parameters.toml`.
+    """Parameters of `parameters.toml`.
 
     Examples
     --------
@@ -59,7 +48,7 @@ def parameters() -> tuple[Parameter, ...]:
     ['mass', 'rolling', 'air', 'base_load', 'drivetrain', 'climate']
     """
     return tuple(
-        Parameter(name, about["width"], about["source"], tuple(about["keys"]), tuple(about["causes"]))
+        Parameter(name, about["width"], about["source"], tuple(about["keys"]))
         for name, about in shipped_toml("hybrid/parameters.toml").items()
     )
 
@@ -139,29 +128,3 @@ def with_values(vehicle: Vehicle, values: Mapping[str, Value], sources: Mapping[
             published=before if old.published is None else old.published,
         )
     return vehicle.with_values(values, entries) if values else vehicle
-
-
-def sensitivities(plans: Sequence[Plan], vehicle: Vehicle, table: SegmentTable) -> FloatArray:
-    """Derivative of the power of each segment by the relative change of each parameter [W], shape (rows, parameters).
-
-    A parameter with entries of the car, except the base load, is changed by 2 % and the trips are simulated again. The others scale
-    their causes. O(samples) for each.
-
-    Parameters
-    ----------
-    plans : sequence of Plan
-        Plans in the order of the table.
-    vehicle : Vehicle
-    table : SegmentTable
-        Segments of the plans, simulated with the unchanged car.
-    """
-    columns = []
-    for parameter in parameters():
-        if parameter.keys and parameter.name != "base_load":
-            other = changed(vehicle, {parameter.name: _STEP})
-            (again,) = resimulated(table, plans, [other])
-            columns.append((again.simulated_w - table.simulated_w) / _STEP)
-        else:
-            causes = [f"{cause}_w" for cause in parameter.causes]
-            columns.append(np.asarray(table.features[causes].to_numpy().sum(axis=1)))
-    return np.column_stack(columns)
