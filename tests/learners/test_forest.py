@@ -93,20 +93,6 @@ def test_held_out_target_moves_nothing_to_the_last_bit(per_fold):
     assert (before[~out] != after[~out]).any()
 
 
-def test_covariates_that_matter_are_named():
-    X, y, groups = clustered()
-    forest = small().fit(X, y, groups)
-    ranked = forest.permutation_importance(X, y, groups)
-    assert ranked["covariate"].tolist() == ["dose", "site", "noise"]
-    assert abs(ranked["importance"][2]) < 0.05 * ranked["importance"][1]
-    indicators = pd.get_dummies(X, columns=["site"])
-    blocks = {"dose": ["dose"], "site": [c for c in indicators if c.startswith("site")]}
-    one_hot = small().fit(indicators, y, groups).permutation_importance(indicators, y, groups, columns=blocks)
-    assert one_hot["covariate"].tolist() == ["dose", "site"]
-    with pytest.raises(InvalidInput, match="unknown column"):
-        forest.permutation_importance(X, y, groups, columns={"a": ["nowhere"]})
-
-
 def test_unseen_levels_and_missing_values_are_predicted():
     X, y, groups = clustered()
     X.loc[::7, "dose"] = np.nan

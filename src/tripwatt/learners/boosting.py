@@ -13,7 +13,6 @@ from types import MappingProxyType
 from typing import Any, Literal, Self
 
 import numpy as np
-import pandas as pd
 from joblib import Parallel, delayed
 from sklearn.base import clone
 
@@ -75,8 +74,6 @@ class ClusteredBoosting(ClusteredTrees):
         Chosen number of rounds.
     best_params_ : dict
         Chosen setting.
-    learning_curve_ : DataFrame
-        `round, fold, error` of the chosen setting.
     correlation_parameter_ : float
         Parameter rho of the working correlation after the last round.
 
@@ -171,7 +168,6 @@ class ClusteredBoosting(ClusteredTrees):
         """
         sample, clusters, _, seed = self._prepare(X, y, groups)
         settings = self._settings()
-        self.learning_curve_ = pd.DataFrame({"round": [], "fold": [], "error": []})
         best, n_rounds = 0, self.n_rounds
         if self.n_folds is not None and sample.n_groups > 1:
             block = _blocks(sample.n_groups, self.n_folds, seed)
@@ -181,7 +177,6 @@ class ClusteredBoosting(ClusteredTrees):
                 for setting in settings
             ]
             best, n_rounds, _ = _choice(errors)
-            self.learning_curve_ = _learning_curve(errors[best], block)
         chosen = self._base() | settings[best]
         path = boost(sample, chosen, np.ones(sample.n_groups, dtype=bool), n_rounds, seed, start=self.start)
         self.groups_ = clusters.labels
@@ -209,11 +204,11 @@ class ClusteredBoosting(ClusteredTrees):
         Returns
         -------
         ndarray of shape (n_rows,)
-            Predictions. Attributes `fold_labels_` and `fold_rounds_` record the rounds that each fold used, and `fold_errors_`
-            the mean loss by which these were chosen (NaN if there was no choice).
+            Predictions. Attribute `fold_rounds_` has the number of rounds of each fold, `fold_errors_` the mean loss by which it was
+            chosen (NaN if there was no choice).
         """
         sample, clusters, rows, seed = self._prepare(X, y, groups)
-        fold_labels, fold_of_group = folds_of(folds, clusters)
+        fold_of_group = folds_of(folds, clusters)
         settings = self._settings()
         with Parallel(n_jobs=self.n_jobs) as parallel:
             choices = self._shared_choices(sample, fold_of_group, seed, parallel)
@@ -232,7 +227,6 @@ class ClusteredBoosting(ClusteredTrees):
         prediction = np.empty(len(rows))
         for fold, values in enumerate(results):
             prediction[fold_of_row == fold] = values
-        self.fold_labels_ = fold_labels
         self.fold_rounds_ = np.array([rounds for _, rounds, _ in choices])
         self.fold_errors_ = np.array([error for _, _, error in choices])
         return prediction
@@ -294,7 +288,7 @@ def _values(
     rows: FloatArray, start: float, booster: Any, position: IntArray, steps: FloatArray
 ) -> FloatArray:
     """Prediction of encoded rows: the sum of start, trees and lone leaves."""
-    total = sum_of_trees(booster, rows, 0, int((position >= 0).sum()))
+    total = sum_of_trees(booster, rows, position)
     return np.asarray(start + total + steps[position < 0].sum())
 
 
@@ -318,14 +312,3 @@ def _choice(errors: Sequence[FloatArray]) -> tuple[int, int, float]:
         if curve[at] < least:
             best, n_rounds, least = index, at + 1, float(curve[at])
     return best, n_rounds, least
-
-
-def _learning_curve(errors: FloatArray, block: IntArray) -> pd.DataFrame:
-    """Mean error of each fold after each round, one row for each pair of round and fold."""
-    parts = []
-    for fold in np.unique(block):
-        curve = errors[:, block == fold].mean(axis=1)
-        reached = ~np.isnan(curve)
-        rounds = np.flatnonzero(reached) + 1
-        parts.append(pd.DataFrame({"round": rounds, "fold": fold, "error": curve[reached]}))
-    return pd.concat(parts, ignore_index=True)

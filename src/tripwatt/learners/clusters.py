@@ -195,14 +195,14 @@ def mean_over_groups(losses: FloatArray) -> float:
     return float(known.mean()) if known.size else np.inf
 
 
-def folds_of(folds: Any, clusters: Clusters) -> tuple[npt.NDArray[Any], IntArray]:
-    """Labels of the folds, and the index of each group's fold; raises InvalidInput if a group is in two folds."""
+def folds_of(folds: Any, clusters: Clusters) -> IntArray:
+    """Index of each group's fold among the sorted labels of the folds; raises InvalidInput if a group is in two folds."""
     if folds is None:
-        return clusters.labels, np.arange(clusters.n_groups)
+        return np.arange(clusters.n_groups)
     by_row = Clusters.from_groups(folds, clusters.codes.size)
     fold_of_group = np.zeros(clusters.n_groups, dtype=np.int64)
     fold_of_group[clusters.codes] = by_row.codes
     torn = clusters.labels[np.unique(clusters.codes[fold_of_group[clusters.codes] != by_row.codes])]
     allowed = "one fold for all rows of a group"
     raise_faults(Fault("group in two folds", f"group {label}", allowed=allowed) for label in torn)
-    return by_row.labels, fold_of_group
+    return fold_of_group

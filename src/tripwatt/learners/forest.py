@@ -13,18 +13,16 @@ from types import MappingProxyType
 from typing import Any, Literal, Self
 
 import numpy as np
-import pandas as pd
 from sklearn.base import clone
 
 from tripwatt.arrays import BoolArray, FloatArray, IntArray
-from tripwatt.learners.clusters import Clusters, Loss, ScoreRows, folds_of, mean_over_groups
+from tripwatt.learners.clusters import Loss, ScoreRows, folds_of, mean_over_groups
 from tripwatt.learners.trees import (
     ClusteredTrees,
     Sample,
     Trees,
     TreeShape,
     keep_arguments,
-    leaf_numbers,
     sum_of_trees,
 )
 
@@ -182,7 +180,7 @@ class ClusteredForest(ClusteredTrees):
         return copy
 
     def _raw(self, rows: FloatArray) -> FloatArray:
-        total = sum_of_trees(self.booster_, rows, 0, int((self.position_ >= 0).sum()))
+        total = sum_of_trees(self.booster_, rows, self.position_)
         return np.asarray(total + self.values_[self.position_ < 0, 0].sum()) / len(self.position_)
 
     def leave_groups_out(self, X: Any, y: Any, groups: Any = None, folds: Any = None) -> FloatArray:
@@ -203,16 +201,16 @@ class ClusteredForest(ClusteredTrees):
         Returns
         -------
         ndarray of shape (n_rows,)
-            Predictions. Attributes `fold_labels_` and `fold_params_` record the setting that each fold used.
+            Predictions. Attribute `fold_params_` has the setting of each fold.
         """
         sample, clusters, rows, seed = self._prepare(X, y, groups)
-        fold_labels, fold_of_group = folds_of(folds, clusters)
+        fold_of_group = folds_of(folds, clusters)
         counts = _bootstrap(self.n_trees, np.ones(sample.n_groups, dtype=bool), seed)
-        held = fold_of_group == np.arange(len(fold_labels))[:, None]  # (n_folds, n_groups)
+        held = fold_of_group == np.arange(fold_of_group.max() + 1)[:, None]  # (n_folds, n_groups)
         without = (counts @ held.T == 0).T  # (n_folds, n_trees)
         needed = without.astype(int) @ (counts == 0) + np.where(held, self.n_trees, 0)
         enough = needed.min(axis=1) >= self.min_oob_trees
-        if len(fold_labels) < 2:
+        if len(held) < 2:
             enough[:] = False
         forests = [self._grow(sample, counts, setting, seed) for setting in self._settings()]
         best = np.zeros(len(held), dtype=np.int64)
@@ -223,7 +221,7 @@ class ClusteredForest(ClusteredTrees):
             best = np.argmin([[mean_over_groups(e) for e in error] for error in errors], axis=0)
         fold_of_row = fold_of_group[clusters.codes]
         prediction = np.empty(len(rows))
-        for fold in range(len(fold_labels)):
+        for fold in range(len(held)):
             inside = fold_of_row == fold
             if enough[fold]:
                 chosen, used = forests[best[fold]], without[fold]
@@ -231,7 +229,6 @@ class ClusteredForest(ClusteredTrees):
                 chosen, used = self._refit(sample, ~held[fold], seed + fold + 1)
                 best[fold] = [f.setting for f in forests].index(chosen.setting)
             prediction[inside] = chosen.predict(rows[inside], used)
-        self.fold_labels_ = fold_labels
         self.fold_params_ = [self._base() | forests[choice].setting for choice in best]
         return prediction
 
@@ -274,17 +271,6 @@ class ClusteredForest(ClusteredTrees):
         widths = forest.leaves.max(axis=1) + 1
         values = [values[:width] for values, width in zip(forest.values, widths, strict=True)]
         self.booster_, self.position_ = forest.trees.with_values(values)
-
-    def _predict_unseen(self, rows: FloatArray, clusters: Clusters) -> FloatArray:
-        known = pd.Index(self.groups_).get_indexer(pd.Index(clusters.labels))
-        used = np.where(known >= 0, self.counts_[:, known] == 0, True)[:, clusters.codes]
-        result = np.empty(len(rows))
-        for start in range(0, len(rows), _CHUNK):
-            part = slice(start, start + _CHUNK)
-            leaves = leaf_numbers(self.booster_, self.position_, rows[part])
-            values = np.take_along_axis(self.values_, leaves, axis=1)
-            result[part] = _masked_mean(values, used[:, part])
-        return result
 
 
 def _bootstrap(n_trees: int, allowed: BoolArray, seed: int) -> IntArray:

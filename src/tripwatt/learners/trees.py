@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Final
 
 import numpy as np
-import pandas as pd
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted, validate_data
@@ -137,7 +136,14 @@ class Trees:
 
     def leaves(self, X: FloatArray, first: int = 0) -> IntArray:
         """Leaf of each row in each tree from `first` on, shape (n_trees - first, n_rows)."""
-        return leaf_numbers(self.booster, np.array(self.position[first:], dtype=np.int64), X)
+        position = np.array(self.position[first:], dtype=np.int64)
+        result = np.zeros((position.size, len(X)), dtype=np.int64)
+        split = position >= 0
+        if split.any():
+            span = {"start_iteration": int(position[split][0]), "num_iteration": int(split.sum())}
+            kept = self.booster.predict(X, **span, pred_leaf=True, num_threads=1)
+            result[split] = np.asarray(kept).reshape(len(X), -1).T
+        return result
 
 
 @dataclass(frozen=True)
@@ -200,56 +206,6 @@ class ClusteredTrees(RegressorMixin, BaseEstimator):
         tags.non_deterministic = False
         return tags
 
-    def permutation_importance(
-        self,
-        X: Any,
-        y: Any,
-        groups: Any = None,
-        *,
-        columns: Mapping[str, Sequence[str]] | None = None,
-        n_repeats: int = 5,
-    ) -> pd.DataFrame:
-        """Rise of the loss if a covariate is permuted over the rows.
-
-        A forest predicts the groups of its fit by their out-of-bag trees. For a boosting, pass rows that it was not fitted to.
-
-        Parameters
-        ----------
-        X, y, groups
-            As in `fit`.
-        columns : dict, optional
-            Name -> columns to permute together, such as the indicators of one factor; by default each column separately.
-        n_repeats : int
-            Number of permutations of each covariate.
-
-        Returns
-        -------
-        DataFrame
-            `covariate, importance, std`, the most important first.
-        """
-        rows, target = self._rows(X), np.asarray(y, dtype=float)
-        clusters = Clusters.from_groups(groups, len(rows))
-        kept = thinned_rows(clusters.codes, self.max_rows_per_group)
-        part = Clusters(clusters.labels, clusters.codes[kept])
-        loss = GroupLoss(target[kept], part.codes, self.loss, self.score_rows)
-        rng = np.random.default_rng(seed_of(self.random_state))
-
-        def error(changed: FloatArray) -> float:
-            return float(loss(self._predict_unseen(changed, part)).mean())
-
-        rows, table = rows[kept], []
-        reference = error(rows)
-        for name, positions in column_blocks(column_names(self), columns).items():
-            rises = []
-            for _ in range(n_repeats):
-                shuffled = rows.copy()
-                shuffled[:, positions] = rows[rng.permutation(len(rows))][:, positions]
-                rises.append(error(shuffled) - reference)
-            table.append(
-                {"covariate": name, "importance": float(np.mean(rises)), "std": float(np.std(rises))}
-            )
-        return pd.DataFrame(table).sort_values("importance", ascending=False, ignore_index=True)
-
     def predict(self, X: Any) -> FloatArray:
         """Prediction of each row, shape (n_rows,): the mean of a forest's trees, or a boosting after its chosen rounds."""
         return self._raw(self._rows(X))
@@ -262,10 +218,6 @@ class ClusteredTrees(RegressorMixin, BaseEstimator):
         """Prediction of encoded rows."""
         raise NotImplementedError
 
-    def _predict_unseen(self, rows: FloatArray, clusters: Clusters) -> FloatArray:
-        """Prediction of encoded rows, if possible by trees that were not fitted to the rows' groups."""
-        return self._raw(rows)
-
     def _prepare(self, X: Any, y: Any, groups: Any) -> tuple[Sample, Clusters, FloatArray, int]:
         """Check settings and input of `fit`, thin and bin the rows.
 
@@ -277,7 +229,8 @@ class ClusteredTrees(RegressorMixin, BaseEstimator):
         clusters = Clusters.from_groups(groups, len(rows))
         kept = thinned_rows(clusters.codes, self.max_rows_per_group)
         codes = clusters.codes[kept]
-        categorical = [k for k, name in enumerate(column_names(self)) if name in self.columns_.levels]
+        names = getattr(self, "feature_names_in_", ())
+        categorical = [k for k, name in enumerate(names) if name in self.columns_.levels]
         sample = Sample(
             grower=TreeGrower(rows[kept], categorical, self.max_bins),
             y=target[kept],
@@ -286,7 +239,8 @@ class ClusteredTrees(RegressorMixin, BaseEstimator):
             loss=GroupLoss(target[kept], codes, self.loss, self.score_rows),
             n_groups=clusters.n_groups,
         )
-        return sample, clusters, rows, seed_of(self.random_state)
+        seed = int(check_random_state(self.random_state).randint(2**31 - 2))
+        return sample, clusters, rows, seed
 
     def _base(self) -> dict[str, Any]:
         return {name: getattr(self, name) for name in self.settings_names}
@@ -303,23 +257,12 @@ def keep_arguments(estimator: Any, arguments: Mapping[str, Any]) -> None:
             setattr(estimator, name, value)
 
 
-def leaf_numbers(booster: Any, position: IntArray, X: FloatArray) -> IntArray:
-    """Leaf of each row in each tree, shape (n_trees, n_rows); `position` holds successive indices of trees, -1 for a lone leaf."""
-    result = np.zeros((position.size, len(X)), dtype=np.int64)
-    split = position >= 0
-    if split.any():
-        span = {"start_iteration": int(position[split][0]), "num_iteration": int(split.sum())}
-        kept = booster.predict(X, **span, pred_leaf=True, num_threads=1)
-        result[split] = np.asarray(kept).reshape(len(X), -1).T
-    return result
-
-
-def sum_of_trees(booster: Any, X: FloatArray, first: int, n_trees: int) -> FloatArray:
-    """Sum of `n_trees` trees of a booster from tree `first` on, shape (n_rows,)."""
-    if n_trees <= 0 or booster is None:
+def sum_of_trees(booster: Any, X: FloatArray, position: IntArray) -> FloatArray:
+    """Sum of the trees of a booster, shape (n_rows,), without the lone leaves, whose `position` is -1."""
+    n_trees = int((position >= 0).sum())
+    if n_trees == 0:
         return np.zeros(len(X))
-    options = {"start_iteration": first, "num_iteration": n_trees, "raw_score": True, "num_threads": 1}
-    return np.asarray(booster.predict(X, **options), dtype=float)
+    return np.asarray(booster.predict(X, num_iteration=n_trees, raw_score=True, num_threads=1), dtype=float)
 
 
 def validate_rows(estimator: Any, X: Any, y: Any, *, reset: bool) -> tuple[FloatArray, FloatArray | None]:
@@ -337,12 +280,6 @@ def validate_rows(estimator: Any, X: Any, y: Any, *, reset: bool) -> tuple[Float
         return validate_data(estimator, encoded, **options), None
     encoded, target = validate_data(estimator, encoded, y, y_numeric=True, **options)
     return encoded, np.asarray(target, dtype=float)
-
-
-def column_names(estimator: Any) -> list[str]:
-    """Names of the columns that an estimator was fitted on; `x0, x1, ...` if the table had no names."""
-    names = getattr(estimator, "feature_names_in_", None)
-    return [f"x{i}" for i in range(estimator.n_features_in_)] if names is None else [str(n) for n in names]
 
 
 def settings_of(base: Mapping[str, Any], grid: Mapping[str, Sequence[Any]] | None) -> list[dict[str, Any]]:
@@ -369,21 +306,3 @@ def check_parameters(estimator: Any, allowed: Mapping[str, Allowed]) -> None:
             where = f"{type(estimator).__name__}({name}=)"
             faults.append(Fault("setting out of range", where, repr(value), text))
     raise_faults(faults)
-
-
-def column_blocks(names: Sequence[str], columns: Mapping[str, Sequence[str]] | None) -> dict[str, list[int]]:
-    """Positions of the columns that are permuted together: each column separately, or the blocks of `columns`."""
-    if columns is None:
-        return {name: [position] for position, name in enumerate(names)}
-    raise_faults(
-        Fault.unknown("unknown column", f"columns[{block!r}]", name, names)
-        for block, members in columns.items()
-        for name in members
-        if name not in names
-    )
-    return {block: [list(names).index(name) for name in members] for block, members in columns.items()}
-
-
-def seed_of(random_state: Any) -> int:
-    """Make an integer seed from any random state of scikit-learn."""
-    return int(check_random_state(random_state).randint(2**31 - 2))
