@@ -1,6 +1,7 @@
 """Files from outside within bounds, and outputs that are whole at every moment."""
 
 import os
+import platform
 import subprocess
 import sys
 import tracemalloc
@@ -152,15 +153,17 @@ def test_names_of_dead_processes_are_removed_and_those_of_the_living_stay(tmp_pa
     dead = subprocess.run(
         [sys.executable, "-c", "import os; print(os.getpid())"], capture_output=True, check=True
     )
-    left = tmp_path / f".out.{int(dead.stdout)}.writing"
-    alive = tmp_path / f".out.{os.getppid()}.writing"
-    other = tmp_path / ".other.1.writing"
-    for folder in (left, alive, other):
+    left = tmp_path / f".out.{platform.node()}.0.{int(dead.stdout)}.writing"
+    alive = tmp_path / f".out.{platform.node()}.0.{os.getppid()}.writing"
+    others = [
+        tmp_path / name for name in (f".out.elsewhere.0.{int(dead.stdout)}.writing", ".other.1.writing")
+    ]
+    for folder in (left, alive, *others):
         folder.mkdir()
     replace_folder(tmp_path / "out", filled("one"))
     assert not left.exists()
     assert alive.exists()
-    assert other.exists()
+    assert all(folder.exists() for folder in others), "of another machine, and of another output"
 
 
 def test_two_names_are_exchanged_in_one_step(tmp_path: Path) -> None:

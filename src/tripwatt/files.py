@@ -10,8 +10,10 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import errno
+import glob
 import json
 import os
+import platform
 import shutil
 import stat
 import sys
@@ -297,41 +299,31 @@ def exchange(one: Path, other: Path) -> bool:
 
 @contextlib.contextmanager
 def _beside(path: Path, *, folder: bool) -> Iterator[Path]:
-    """Make a locked temporary file or folder beside a path, and remove it at the end.
+    """Make a temporary file or folder beside a path, and remove it at the end.
 
-    Those of processes that have ended are removed first.
+    Those that ended processes of this machine left behind are removed first.
     """
-    for left in path.parent.glob(f".{_escape(path.name)}.*{WRITING}"):
-        descriptor = None if _is_alive(left) else _locked(left)
-        if descriptor is not None:
+    name = f".{path.name}.{platform.node()}"
+    for left in path.parent.glob(f"{glob.escape(name)}.*{WRITING}"):
+        if not _is_running(left.name.split(".")[-2]):
             _remove(left)
-            os.close(descriptor)
-    partial = path.with_name(f".{path.name}.{threading.get_native_id()}.{os.getpid()}{WRITING}")
-    _remove(partial)
+    partial = path.with_name(f"{name}.{threading.get_native_id()}.{os.getpid()}{WRITING}")
+    _remove(partial)  # of a process with the same number, such as in a container that was started again
     partial.mkdir() if folder else partial.touch()
-    descriptor = _locked(partial)
     try:
         yield partial
     finally:
         _remove(partial)
-        if descriptor is not None:
-            os.close(descriptor)
 
 
-def _is_alive(partial: Path) -> bool:
-    """Whether another process, still running, writes this temporary file or folder."""
-    number = partial.name.split(".")[-2]
+def _is_running(pid: str) -> bool:
     try:
-        os.kill(int(number), 0)
+        os.kill(int(pid), 0)
     except ProcessLookupError:
         return False
-    except (OSError, ValueError, OverflowError):
-        return True
-    return int(number) != os.getpid()
-
-
-def _escape(name: str) -> str:
-    return "".join(f"[{c}]" if c in "*?[" else c for c in name)
+    except (OSError, ValueError, OverflowError):  # such as a process of another user
+        pass
+    return True
 
 
 def _remove(path: Path) -> None:
@@ -341,37 +333,26 @@ def _remove(path: Path) -> None:
         path.unlink(missing_ok=True)
 
 
-def _locked(path: Path) -> int | None:
-    """A descriptor that holds the lock of a file or folder; None if the lock cannot be had."""
-    if sys.platform == "win32":
-        return None
-    try:
-        descriptor = os.open(path, os.O_RDONLY)
-    except OSError:
-        return None
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        os.close(descriptor)
-        return None
-    return descriptor
-
-
 @contextlib.contextmanager
 def folder_lock(folder: Path) -> Iterator[None]:
-    """Hold the lock of a folder until the block or the process ends.
+    """Hold the lock of a folder until the block or the process ends. Windows has no such lock.
 
     Raises
     ------
     InvalidInput
         When another process holds the lock.
     """
-    descriptor = _locked(folder)
-    if descriptor is None and sys.platform != "win32":
-        fix = "wait for it to end, or choose another folder"
-        raise InvalidInput.of("another run writes this output", f"{folder}", "a run at work", "one run", fix)
-    try:
+    if sys.platform == "win32":
         yield
-    finally:
-        if descriptor is not None:
-            os.close(descriptor)
+        return
+    with contextlib.ExitStack() as stack:
+        try:
+            descriptor = os.open(folder, os.O_RDONLY)
+            stack.callback(os.close, descriptor)
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            got, fix = "a run at work", "wait for it to end, or choose another folder"
+            raise InvalidInput.of(
+                "another run writes this output", f"{folder}", got, "one run", fix
+            ) from error
+        yield

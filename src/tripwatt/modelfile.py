@@ -13,8 +13,7 @@ import io
 import json
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, TypeVar
@@ -142,38 +141,25 @@ Read = TypeVar("Read")
 def _while_replaced(read: Callable[[Path], Read], path: Path) -> Read:
     """The result of ``read(path)``, which is repeated if it fails because another process replaces the folder."""
     for _ in range(READ_ATTEMPTS):
-        with _kept_open(path) as before:
-            try:
-                return read(path)
-            except InvalidInput:
-                if before is not None and _identity(path) == before:
-                    raise
-                if before is None and not any(path.absolute().parent.glob(f".{path.name}.*")):
-                    raise  # there is no model, and none is on its way
+        before = _identity(path)
+        try:
+            return read(path)
+        except InvalidInput:
+            if before is not None and _identity(path) == before:
+                raise
+            if before is None and not any(path.absolute().parent.glob(f".{path.name}.*")):
+                raise  # there is no model, and none is on its way
         time.sleep(RETRY_S)
     return read(path)
 
 
-@contextmanager
-def _kept_open(path: Path) -> Iterator[tuple[int, int] | None]:
-    """Keep a folder open and give its identity: no other folder can get its inode before the block ends."""
+def _identity(folder: Path) -> tuple[int, int, int] | None:
+    """Device, inode and time of change; the time differs where the inode of a removed folder is used again."""
     try:
-        held = os.open(path, os.O_RDONLY | getattr(os, "O_DIRECTORY", 0))
-    except OSError:  # there is no folder, or the system cannot open folders
-        yield _identity(path)
-        return
-    try:
-        yield _identity(held)
-    finally:
-        os.close(held)
-
-
-def _identity(folder: Path | int) -> tuple[int, int] | None:
-    try:
-        status = os.stat(folder)
+        status = folder.stat()
     except OSError:
         return None
-    return status.st_dev, status.st_ino
+    return status.st_dev, status.st_ino, status.st_mtime_ns
 
 
 def _read_metadata(path: Path) -> dict[str, Any]:

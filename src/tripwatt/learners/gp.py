@@ -11,7 +11,7 @@ independent of cars and trips.
 from __future__ import annotations
 
 import types
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field
 from typing import Any, Final, Self
 
@@ -212,14 +212,7 @@ class AdditiveGP:
         return arrays
 
     def load_arrays(self, arrays: dict[str, npt.NDArray[Any]]) -> Self:
-        """Reverse of `to_arrays`, on a model made with the same settings.
-
-        Raises
-        ------
-        InvalidInput
-            If an array is missing, not finite, or not of the shape that the terms need.
-        """
-        raise_faults(_array_faults(self.terms, self.share_column, arrays))
+        """Reverse of `to_arrays`, on a model made with the same settings."""
         names = [str(c) for c in arrays["columns"]]
         self.weights_, self.factor_ = arrays["weights"], arrays["factor"]
         self.variances_ = arrays["variances"]
@@ -369,38 +362,6 @@ class AdditiveGP:
         variance = np.maximum(1.0 / diagonal + own * (1.0 - scale), 0.1 * own)
         squared = (inverse @ target / diagonal) ** 2 / variance
         return np.asarray((self.df + squared) / (self.df + 1.0))
-
-
-def _array_faults(
-    terms: Sequence[KernelTerm], share_column: str | None, arrays: Mapping[str, npt.NDArray[Any]]
-) -> Iterator[Fault]:
-    """Yield every reason why arrays are not those of a model with these terms."""
-    smooth = [i for i, term in enumerate(terms) if term.kind == "smooth"]
-    n_columns = len({c for term in terms for c in term.columns})
-    points = {i: arrays.get(f"points{i}", np.empty(0)) for i in smooth}
-    n = len(terms) - len(smooth) + sum(len(p) for p in points.values() if p.ndim)
-    shapes: dict[str, tuple[int, ...]] = {
-        "weights": (n,),
-        "factor": (n, n),
-        "variances": (len(terms) + (1 if share_column is None else 2),),
-        "columns": (n_columns,),
-        "means": (n_columns,),
-        "sds": (n_columns,),
-        "ranges": (n_columns, 2),
-    }
-    for i in smooth:
-        rows = len(points[i]) if points[i].ndim else 0
-        shapes |= {f"points{i}": (rows, len(terms[i].columns)), f"whitener{i}": (rows, rows)}
-    for name, shape in shapes.items():
-        values = arrays.get(name)
-        kind = "U" if name == "columns" else "f"
-        if values is None or values.shape != shape or values.dtype.kind != kind:
-            got = "nothing" if values is None else f"{values.dtype} of shape {values.shape}"
-            yield Fault("wrong shape of an array", f"Gaussian process, {name}", got, f"{shape}")
-        elif kind == "f" and not np.isfinite(values).all():
-            yield Fault("not a finite number", f"Gaussian process, {name}", "nan or inf", "finite numbers")
-        elif name == "sds" and not (values > 0.0).all():
-            yield Fault("not positive", "Gaussian process, sds", f"{values.min():g}", "more than 0")
 
 
 def _columns(X: pd.DataFrame) -> dict[str, FloatArray]:

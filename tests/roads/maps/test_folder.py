@@ -1,6 +1,7 @@
 """Map folders: built whole or not at all."""
 
 import json
+import platform
 
 import numpy as np
 import pytest
@@ -123,7 +124,7 @@ def test_what_a_map_covers_in_words(builder):
 
 
 def test_a_map_is_replaced_when_the_new_one_is_complete(builder, tmp_path, monkeypatch):
-    left = tmp_path / f".map.0.{DEAD}.writing"  # of a process that was killed
+    left = tmp_path / f".map.{platform.node()}.0.{DEAD}.writing"  # of a process that was killed
     left.mkdir()
     (left / "left.txt").write_text("x")
     old = builder(*PLACES, out="map")
