@@ -88,5 +88,5 @@ def test_packages_of_extras_that_are_not_installed_are_left_out(monkeypatch):
             raise PackageNotFoundError(name)
         return "1.0"
 
-    monkeypatch.setattr(fitting, "version", version)
+    monkeypatch.setattr("importlib.metadata.version", version)
     assert set(fitting.versions()["packages"]) == {"tripwatt", "numpy", "scipy", "pandas"}

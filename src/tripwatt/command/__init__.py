@@ -10,31 +10,15 @@ import os
 import signal
 import sys
 import traceback
-from typing import Annotated, Final, NoReturn
+from collections import UserDict
+from importlib import import_module
+from typing import Annotated, Any, Final, NoReturn
 
 import typer
+from typer.core import TyperGroup
 
 import tripwatt
-from tripwatt.command import (
-    advise,
-    cars,
-    demo,
-    distances,
-    evaluate,
-    export,
-    fit,
-    fleets,
-    forecast,
-    inspect,
-    journey,
-    logs,
-    maps,
-    mcp,
-    own_cars,
-    serve,
-    stores,
-)
-from tripwatt.command.options import add_commands, add_group
+from tripwatt.command.options import make_group
 from tripwatt.errors import TripwattError, printable
 
 __all__ = ["app", "main"]
@@ -51,7 +35,59 @@ TRACEBACK: Final = "TRIPWATT_TRACEBACK"
 TERMINATED: Final = 128 + signal.SIGTERM
 """Exit code of a command that was ended by SIGTERM."""
 
+COMMANDS: Final = {
+    "evaluate": "evaluate.evaluate",
+    "fit": "fit.fit",
+    "forecast": "forecast.forecast",
+    "example-trip": "forecast.example_trip",
+    "plan": "journey.plan",
+    "reach": "journey.reach",
+    "places": "journey.places",
+    "advise": "advise.advise",
+    "need": "distances.need",
+    "range": "distances.range_",
+    "inspect": "inspect.inspect",
+    "audit": "logs.audit",
+    "vehicles": "cars.vehicles",
+    "simulate": "cars.simulate",
+    "export": "export.export",
+    "serve": "serve.serve",
+    "mcp": "mcp.mcp",
+    "demo": "demo.demo",
+    "map": "maps.MAP",
+    "mapping": "logs.MAPPING",
+    "logs": "logs.LOGS",
+    "store": "stores.STORE",
+    "fleet": "fleets.FLEET",
+    "car": "own_cars.CAR",
+}
+"""Name of a command or of a group of commands -> its module in this package, and its function or its `typer.Typer` there."""
+
+
+class _Commands(UserDict[str, Any]):
+    """Commands by name, each imported on its first use: to import all of them takes longer than a forecast."""
+
+    def __getitem__(self, name: str) -> Any:
+        if isinstance(place := self.data[name], str):
+            module, _, attribute = place.partition(".")
+            command = getattr(import_module(f"tripwatt.command.{module}"), attribute)
+            if not isinstance(command, typer.Typer):
+                group = make_group("", command)
+                (self.data[name],) = typer.main.get_group(group).commands.values()
+            else:
+                self.data[name] = typer.main.get_group(command)
+                self.data[name].name = name
+        return self.data[name]
+
+
+class _LazyGroup(TyperGroup):
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        self.commands = _Commands(COMMANDS)
+
+
 app = typer.Typer(
+    cls=_LazyGroup,
     help="Forecast the battery energy of an electric-car trip with a prediction interval.",
     epilog="Exit codes: 0 success, 1 success with warnings, 2 invalid input, 70 error of tripwatt, 130 interrupted, 143 terminated.",
     no_args_is_help=True,
@@ -74,20 +110,6 @@ def _main(
     ] = False,
 ) -> None:
     pass
-
-
-add_commands(app, evaluate.evaluate, fit.fit, forecast.forecast, forecast.example_trip)
-add_commands(app, journey.plan, journey.reach, journey.places, advise.advise)
-add_commands(app, distances.need, distances.range_, inspect.inspect, logs.audit)
-add_commands(app, cars.vehicles, cars.simulate, export.export)
-add_commands(app, serve.serve, context_settings={"auto_envvar_prefix": "TRIPWATT"})
-add_commands(app, mcp.mcp, demo.demo)
-add_group(app, "map", maps.GROUP, maps.build, maps.info)
-add_group(app, "mapping", logs.MAPPINGS, logs.list_, logs.show, logs.suggest, logs.apply)
-add_group(app, "logs", logs.LOGS, logs.anonymise)
-add_group(app, "store", stores.GROUP, *stores.COMMANDS)
-add_group(app, "fleet", fleets.GROUP, *fleets.COMMANDS)
-add_group(app, "car", own_cars.GROUP, *own_cars.COMMANDS)
 
 
 def main() -> None:

@@ -16,7 +16,7 @@ import tripwatt as tw
 from tripwatt.command import shared
 from tripwatt.command.departing import DepartingNow, time_of
 from tripwatt.command.forecast import show_arrival
-from tripwatt.command.options import Answer, argument, flag, option
+from tripwatt.command.options import Answer, argument, flag, make_group, option
 from tripwatt.command.output import write_text
 from tripwatt.command.printing import console, print_notes, print_table, progress
 from tripwatt.command.stores import Store
@@ -29,10 +29,6 @@ if TYPE_CHECKING:
     from tripwatt.fleet.statistics import TripRows
     from tripwatt.study.report.fleets import ManagerReport
 
-GROUP = (
-    "Many vehicles: one model of a trip store, with the deviations of each car model, vehicle and driver. It needs the "
-    "extra tripwatt[fleet]."
-)
 
 RegistryFolder = Annotated[Path, argument("REGISTRY", "Folder of the model's versions.")]
 CLUSTER = "Scheduler of a Dask cluster, such as tcp://10.0.0.5:8786, in place of --jobs."
@@ -369,4 +365,16 @@ def evaluate(
     )
 
 
-COMMANDS = (fit, update, refit, versions, promote, forecast, batch, report, evaluate)
+FLEET = make_group(
+    "Many vehicles: one model of a trip store, with the deviations of each car model, vehicle and driver. It needs the "
+    "extra tripwatt[fleet].",
+    fit,
+    update,
+    refit,
+    versions,
+    promote,
+    forecast,
+    batch,
+    report,
+    evaluate,
+)

@@ -14,14 +14,11 @@ import typer
 import tripwatt as tw
 from tripwatt import trips
 from tripwatt.command import shared
-from tripwatt.command.options import Answer, argument, flag
+from tripwatt.command.options import Answer, argument, flag, make_group
 from tripwatt.command.output import write_text
 from tripwatt.command.printing import console, print_findings, print_notes, print_reading, print_table
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.trips.messages import flag_to_dict
-
-MAPPINGS = "Columns of your tables and what they hold: list, show, suggest and apply mappings."
-LOGS = "Files of loggers: remove what tells whose they are."
 
 
 def audit(logs: shared.Logs) -> Answer:
@@ -189,3 +186,18 @@ def _comment(text: str) -> str:
     """Return the comment at the head of a TOML text, in one line."""
     head = itertools.takewhile(lambda line: line.startswith("#"), text.splitlines())
     return " ".join(line.lstrip("# ") for line in head)
+
+
+MAPPING = make_group(
+    "Columns of your tables and what they hold: list, show, suggest and apply mappings.",
+    list_,
+    show,
+    suggest,
+    apply,
+)
+
+
+LOGS = make_group(
+    "Files of loggers: remove what tells whose they are.",
+    anonymise,
+)

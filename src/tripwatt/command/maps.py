@@ -5,14 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from tripwatt.command.options import Answer, argument
+from tripwatt.command.options import Answer, argument, make_group
 from tripwatt.command.printing import print_notes, print_table
 from tripwatt.command.shared import OutFolder, Tiles
 
 if TYPE_CHECKING:
     from tripwatt.roads.maps import MapFolder
-
-GROUP = "Maps of a region on this machine."
 
 
 def build(
@@ -69,3 +67,10 @@ def _shown(folder: MapFolder) -> Answer:
         print_notes(filter(None, (without_tiles(terrain["missing"]), str(about["attribution"]))))
 
     return Answer(about | {"covers": folder.covers}, shown)
+
+
+MAP = make_group(
+    "Maps of a region on this machine.",
+    build,
+    info,
+)

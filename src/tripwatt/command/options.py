@@ -144,34 +144,28 @@ EXAMPLES: Final = "For example:"
 """Line of a command's docstring above its examples; each example is a comment on what it does, then the command."""
 
 
-def add_commands(app: typer.Typer, *commands: Callable[..., Any], **more: Any) -> None:
-    r"""Add commands to an application; their docstrings become their help texts, with the examples at the end.
+def make_group(help: str, *commands: Callable[..., Any]) -> typer.Typer:
+    r"""Make a group of commands; their docstrings become their help texts, with the examples at the end.
 
     Parameters
     ----------
-    app : typer.Typer
-        The application.
+    help : str
+        Help text of the group.
     *commands : callable
-        Functions with the names of the commands; examples follow the line `EXAMPLES` in their docstrings.
-    **more
-        Further arguments of `Typer.command`.
+        Functions with the names of the commands; examples follow the line `EXAMPLES` in their docstrings. The attribute
+        `context_settings` of a function is that of its command.
 
     Examples
     --------
-    >>> app = typer.Typer()
-    >>> add_commands(app, require_effect)
-    >>> app.registered_commands[0].name, app.registered_commands[0].epilog
+    >>> group = make_group("Checks.", require_effect)
+    >>> group.registered_commands[0].name, group.registered_commands[0].epilog
     ('require-effect', None)
     """
+    group = typer.Typer(help=help, no_args_is_help=True, rich_markup_mode=None)
     for command in commands:
         text, _, shown = inspect.getdoc(command).partition(f"\n\n{EXAMPLES}\n\n")  # type: ignore[union-attr]
         epilog = f"\b\nExamples:\n{shown}" if shown else None  # \b: click keeps the lines of the paragraph
         name = command.__name__.rstrip("_").replace("_", "-")
-        app.command(name, help=text, epilog=epilog, **more)(spread(command))
-
-
-def add_group(app: typer.Typer, name: str, help: str, *commands: Callable[..., Any]) -> None:
-    """Add a group of commands to an application."""
-    group = typer.Typer(help=help, no_args_is_help=True, rich_markup_mode=None)
-    add_commands(group, *commands)
-    app.add_typer(group, name=name)
+        settings = getattr(command, "context_settings", None)
+        group.command(name, help=text, epilog=epilog, context_settings=settings)(spread(command))
+    return group

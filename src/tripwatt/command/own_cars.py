@@ -12,7 +12,7 @@ import typer
 
 import tripwatt as tw
 from tripwatt.command import shared
-from tripwatt.command.options import Answer, argument, option
+from tripwatt.command.options import Answer, argument, make_group, option
 from tripwatt.command.printing import (
     change,
     console,
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 
     from tripwatt.server.cars import Car, Learned
 
-GROUP = "Your own car: its trips, the model that is adapted to them, and its diary."
 
 CarArgument = Annotated[Path, argument("CAR", "Folder of the car, made by `tripwatt car new`.")]
 
@@ -253,4 +252,11 @@ def _seen(degc: tuple[float, float] | None) -> str:
     return "not measurable yet" if degc is None else f"{degc[0]:.0f} to {degc[1]:.0f} °C"
 
 
-COMMANDS = (new, add, show, token, forget)
+CAR = make_group(
+    "Your own car: its trips, the model that is adapted to them, and its diary.",
+    new,
+    add,
+    show,
+    token,
+    forget,
+)

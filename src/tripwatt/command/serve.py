@@ -189,3 +189,6 @@ def models_of(given: list[str]) -> dict[str, Path]:
     folders = [Path(place.removeprefix("registry:")).resolve() for place in given]
     raise_faults(_twice("duplicate model name", "MODEL", [folder.name for folder in folders]))
     return {folder.name: folder for folder in folders}
+
+
+serve.context_settings = {"auto_envvar_prefix": "TRIPWATT"}  # type: ignore[attr-defined]

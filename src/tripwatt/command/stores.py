@@ -11,17 +11,13 @@ import typer
 
 import tripwatt as tw
 from tripwatt.command import shared
-from tripwatt.command.options import Answer, argument, flag, option
+from tripwatt.command.options import Answer, argument, flag, make_group, option
 from tripwatt.command.printing import console, print_findings, print_notes, print_table
 from tripwatt.errors import Fault, InvalidInput, grouped, raise_faults
 
 if TYPE_CHECKING:
     from tripwatt.fleet.store import TripStore
 
-GROUP = (
-    "Trip stores: logs of many vehicles in Delta tables, in a folder or an object store. They need the extra "
-    "tripwatt[fleet]."
-)
 
 PAIRS = "What an object store needs, such as AWS_REGION=eu-central-1; environment variables count too. Repeatable."
 
@@ -192,4 +188,13 @@ def forget(store: Store, vehicle_id: Annotated[str, option("ID", "The vehicle to
     return Answer({"vehicle_id": vehicle_id, "erased": erased}, shown)
 
 
-COMMANDS = (create, add, show, audit, compact, forget)
+STORE = make_group(
+    "Trip stores: logs of many vehicles in Delta tables, in a folder or an object store. They need the extra "
+    "tripwatt[fleet].",
+    create,
+    add,
+    show,
+    audit,
+    compact,
+    forget,
+)

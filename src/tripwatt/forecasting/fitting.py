@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-import platform
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
-from importlib.metadata import PackageNotFoundError, version
 from typing import Any, Final
 
 import numpy as np
@@ -132,6 +130,9 @@ def provenance_of(
 
 def versions() -> dict[str, Any]:
     """Versions of Python and of the installed packages that the figures depend on."""
+    import platform
+    from importlib.metadata import PackageNotFoundError, version  # slow to import
+
     packages = {}
     for name in PACKAGES:
         with suppress(PackageNotFoundError):  # of an extra

@@ -10,7 +10,6 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cache
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, get_origin, get_type_hints
 
@@ -127,8 +126,10 @@ def _converter() -> Converter:
     converter.register_structure_hook(Vehicle, lambda values, _: vehicle_of_values(values))
     without = override(omit=True)  # the scores of the held-out trips are part of the metadata
     named = override(unstruct_hook=corrector_name, struct_hook=lambda name, _: converter.structure(name, str))
-    unstructure = make_dict_unstructure_fn(ForecastModel, converter, held_out_=without, corrector=named)
-    converter.register_unstructure_hook(ForecastModel, unstructure)
+    converter.register_unstructure_hook_factory(  # made for the first model that is stored
+        lambda kind: kind is ForecastModel,
+        lambda kind: make_dict_unstructure_fn(kind, converter, held_out_=without, corrector=named),
+    )
     structure = make_dict_structure_fn(
         ForecastModel, converter, _cattrs_forbid_extra_keys=True, held_out_=without, corrector=named
     )
@@ -191,6 +192,8 @@ def save_model(
     >>> again.forecast(trips[8]).energy_wh == model.forecast(trips[8]).energy_wh
     True
     """
+    from importlib.metadata import version  # reads files of the installation
+
     parts, about = model_parts(model), model.to_dict()
     del about["training"]  # the contract has it
     metadata = {
