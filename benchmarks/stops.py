@@ -76,7 +76,7 @@ class MadeModel(ForecastModel):
         forecast = super().forecast(trip, departure)
         segments = replace(forecast.drive.segments, corrector_sd_wh=0.0, outside_sd_wh=0.0)
         uncertainty = forecast.uncertainty
-        process_wh = float(forecast.posterior.energy_wh(forecast.open_hours)[1][-1])
+        process_wh = float(forecast.posterior.sd_wh(forecast.open_hours)[-1])
         factor = uncertainty.scale.sd_wh(segments) / process_wh
         drive = replace(forecast.drive, segments=segments)
         return replace(forecast, drive=drive, sd_factor=factor, state_sd_wh=0.0)

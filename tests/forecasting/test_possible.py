@@ -125,5 +125,5 @@ def test_the_prior_without_its_matrix_is_the_prior(segments):
     )
     for process in (both, ONE_PROCESS):
         hours = rng.uniform(0.0, 1.0, segments) / 120.0
-        dense = DensePower.from_covariance(covariance(process, trip)).energy_wh(hours)[1]
-        np.testing.assert_allclose(process.prior(trip).energy_wh(hours)[1], dense, rtol=1e-9)
+        dense = DensePower.from_covariance(covariance(process, trip)).sd_wh(hours)
+        np.testing.assert_allclose(process.prior(trip).sd_wh(hours), dense, rtol=1e-9)

@@ -59,8 +59,8 @@ class DensePower:
             self.mean_w + gain @ (observed - weights @ self.mean_w), 0.5 * (covariance + covariance.T)
         )
 
-    def energy_wh(self, hours: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Mean and standard deviation of the cumulative energy at the end of each segment [Wh]."""
+    def sd_wh(self, hours: FloatArray) -> FloatArray:
+        """Standard deviation of the cumulative energy at the end of each segment [Wh]."""
         scaled = self.covariance_w2 * np.outer(hours, hours)
         variance = np.diag(np.cumsum(np.cumsum(scaled, axis=0), axis=1))
-        return np.cumsum(self.mean_w * hours), np.sqrt(np.maximum(variance, 0.0))
+        return np.sqrt(np.maximum(variance, 0.0))

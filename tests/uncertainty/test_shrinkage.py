@@ -57,8 +57,12 @@ class Prior:
         self.log.append((seen.tolist(), power_w.tolist(), variance_w2.tolist()))
         return Prior(self.variance, self.log, power_w.sum())
 
-    def energy_wh(self, hours):
-        return np.array([0.0, self.sum + hours.sum()]), np.array([0.0, np.sqrt(self.variance)])
+    @property
+    def mean_w(self):
+        return np.array([1.0, 1.0, 1.0, 1.0 + self.sum])
+
+    def sd_wh(self, hours):
+        return np.array([0.0, np.sqrt(self.variance)])
 
 
 class TestRest:

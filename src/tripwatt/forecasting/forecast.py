@@ -174,7 +174,7 @@ class Forecast:
         drive, measured, scale = self.drive, self.measured, self.charge
         hours = self.open_hours
         time_s = running_sum(drive.table.hours) * SECONDS_PER_HOUR
-        own_sd = self.sd_factor * self.rest_sd_factor * self.posterior.energy_wh(hours)[1]
+        own_sd = self.sd_factor * self.rest_sd_factor * self.posterior.sd_wh(hours)
         sd_wh = np.concatenate(([0.0], np.hypot(own_sd, remaining_sd_wh(self))))
         climb = None if self.climbing is None else self.climbing.ahead(self._climbs_from_m)
         excess = Excess.from_climb(self.uncertainty.scores, climb, sd_wh)

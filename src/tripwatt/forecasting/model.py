@@ -361,7 +361,7 @@ class ForecastModel:
             drive,
             uncertainty,
             posterior,
-            sd_factor=uncertainty.scale.sd_wh(segments) / float(posterior.energy_wh(segments.hours)[1][-1]),
+            sd_factor=uncertainty.scale.sd_wh(segments) / float(posterior.sd_wh(segments.hours)[-1]),
             state_sd_wh=math.hypot(
                 unknown_state_sd_wh(self.vehicle, unfamiliar.unknown, float(segments.hours.sum()), is_off),
                 unknown_wind_sd_wh(self.vehicle, plan),

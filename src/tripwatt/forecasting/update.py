@@ -11,7 +11,7 @@ from tripwatt.hybrid.climate_log import TOLD_BY, logged_climate
 from tripwatt.trips import table_of
 from tripwatt.uncertainty import ResidualPower, UncertaintyModel
 from tripwatt.uncertainty.process import EXACT_W2
-from tripwatt.uncertainty.residual_power import PowerSum, ShiftedPower
+from tripwatt.uncertainty.residual_power import PowerSum
 from tripwatt.uncertainty.shrinkage import is_off
 
 
@@ -43,12 +43,12 @@ def updated_power(
     climate = readings.condition(process.prior(segments, "climate"), process.limited(seen), exact)
     driving = readings.condition(process.prior(segments, "drive"), residual - seen, readings.variance_w2)
     if is_off(logged[needed], segments.step_s[needed]):
-        off = ShiftedPower(climate, np.where(ahead, -expected, climate.mean_w))
+        off = PowerSum((climate,), np.where(ahead, -expected, climate.mean_w))
         climate = shrinkage.applied("off", off, ahead, fraction)
     else:
         climate = shrinkage.applied("climate", climate, ahead, fraction)
     driving = shrinkage.applied("drive", driving, ahead, fraction)
-    return PowerSum.from_parts(climate, driving), shrinkage.sd_factor(True, fraction)
+    return PowerSum((climate, driving), climate.mean_w + driving.mean_w), shrinkage.sd_factor(True, fraction)
 
 
 def _climate_power(

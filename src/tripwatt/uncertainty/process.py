@@ -107,7 +107,7 @@ class ResidualProcess:
     >>> still = ComponentProcess(0.0, 0.0, 0.0, 600.0, 0.0)
     >>> process = ResidualProcess(ComponentProcess(60.0, 0.0, 0.0, 600.0, 0.0), still, climate_limit_w=500.0, split=True)
     >>> segments = Segments(np.array([900.0]), np.array([1800.0]), np.zeros(1), np.zeros(1))
-    >>> process.sd_wh(segments), process.prior(segments, "climate").energy_wh(segments.hours)[1].tolist()
+    >>> process.sd_wh(segments), process.prior(segments, "climate").sd_wh(segments.hours).tolist()
     (30.0, [0.0])
     >>> process.limited(np.array([-900.0, 20.0])).tolist()
     [-500.0, 20.0]

@@ -57,8 +57,7 @@ class ResidualPower(Protocol):
     Examples
     --------
     >>> power: ResidualPower = PowerPrior(np.array([30.0]), np.full((1, 1), 60.0), (), np.zeros(1))
-    >>> mean, sd = power.energy_wh(np.array([0.5]))
-    >>> mean.tolist(), sd.tolist()
+    >>> power.mean_w.tolist(), power.sd_wh(np.array([0.5])).tolist()
     ([0.0], [30.0])
     """
 
@@ -67,8 +66,8 @@ class ResidualPower(Protocol):
         """Mean residual power of each segment [W], shape (segments,)."""
         ...
 
-    def energy_wh(self, hours: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Compute mean and standard deviation of the cumulative residual energy at the end of each segment.
+    def sd_wh(self, hours: FloatArray) -> FloatArray:
+        """Compute the standard deviation of the cumulative residual energy at the end of each segment.
 
         Parameters
         ----------
@@ -77,9 +76,7 @@ class ResidualPower(Protocol):
 
         Returns
         -------
-        mean_wh : ndarray, shape (segments,)
-            Mean [Wh].
-        sd_wh : ndarray, shape (segments,)
+        ndarray, shape (segments,)
             Standard deviation [Wh].
         """
         ...
@@ -114,9 +111,8 @@ class PowerPrior:
     >>> hours = np.full(2, 1.0 / 60.0)
     >>> prior.variance_wh2(hours).round(3).tolist()
     [2.889, 11.333]
-    >>> mean, sd = prior.energy_wh(hours)
-    >>> mean.tolist(), (sd**2).round(3).tolist()
-    ([0.0, 0.0], [2.889, 11.333])
+    >>> (prior.sd_wh(hours) ** 2).round(3).tolist()
+    [2.889, 11.333]
     >>> prior.times(np.eye(2)).tolist()
     [[10400.0, 10000.0], [10000.0, 10400.0]]
     >>> after = prior.measured(np.array([0]), np.array([50.0]), np.array([25.0]))
@@ -176,22 +172,9 @@ class PowerPrior:
         """Zeros, shape (segments,)."""
         return np.zeros(len(self.time_s))
 
-    def energy_wh(self, hours: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Compute mean and standard deviation of the cumulative residual energy at the end of each segment. O(segments).
-
-        Parameters
-        ----------
-        hours : ndarray, shape (segments,)
-            Part of each segment that counts [h].
-
-        Returns
-        -------
-        mean_wh : ndarray, shape (segments,)
-            0 before departure.
-        sd_wh : ndarray, shape (segments,)
-            Standard deviation [Wh].
-        """
-        return self.mean_w, np.sqrt(self.variance_wh2(hours))
+    def sd_wh(self, hours: FloatArray) -> FloatArray:
+        """See `ResidualPower.sd_wh`. O(segments)."""
+        return np.sqrt(self.variance_wh2(hours))
 
     def variance_wh2(self, hours: FloatArray) -> FloatArray:
         """Compute the variance of the cumulative energy at the end of each segment. O(segments).
@@ -347,8 +330,8 @@ class MeasuredPower:
     X: FloatArray
     constant_covariance: FloatArray
 
-    def energy_wh(self, hours: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """See `ResidualPower.energy_wh`. O(segments x (1 + past segments with hours that count))."""
+    def sd_wh(self, hours: FloatArray) -> FloatArray:
+        """See `ResidualPower.sd_wh`. O(segments x (1 + past segments with hours that count))."""
         prior, J = self.prior, len(self.prior.drifts)
         last = int(np.flatnonzero(self.seen)[-1])
         # a segment with less than this left was measured as a whole
@@ -380,7 +363,7 @@ class MeasuredPower:
             weight = np.where(tail, hours, 0.0) * drift.size_w
             variance += drift_variance(prior.time_s, weight, drift.time_s) - reach[:, k + j] ** 2
         variance += np.cumsum(hours**2 * prior.new_w2 * known)
-        return np.cumsum(self.mean_w * hours), np.sqrt(np.maximum(variance, 0.0))
+        return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
 
     def _carried_all(self, last: int) -> FloatArray:
         """Expected power of each segment by unit constants and unit last drifts [W], shape (segments, constants + drifts)."""
@@ -406,47 +389,30 @@ class AveragedPower:
     mean_w: FloatArray
     factor_w: FloatArray
 
-    def energy_wh(self, hours: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """See `ResidualPower.energy_wh`. O(segments x readings)."""
+    def sd_wh(self, hours: FloatArray) -> FloatArray:
+        """See `ResidualPower.sd_wh`. O(segments x readings)."""
         known = np.cumsum(hours[:, None] * self.factor_w, axis=0)
         variance = self.prior.variance_wh2(hours) - np.sum(known**2, axis=1)
-        return np.cumsum(self.mean_w * hours), np.sqrt(np.maximum(variance, 0.0))
+        return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
 
 
 @dataclass(frozen=True, eq=False)
 class PowerSum:
-    """Distribution of the sum of independent residual powers.
+    """Distribution of the sum of independent residual powers, with a mean that is given.
 
     Attributes
     ----------
     parts : tuple of ResidualPower
     mean_w : ndarray, shape (segments,)
+        Mean of the sum [W]; it may differ from the sum of the means.
     """
 
     parts: tuple[ResidualPower, ...]
     mean_w: FloatArray
 
-    @classmethod
-    def from_parts(cls, *parts: ResidualPower) -> PowerSum:
-        """Add up the means of the parts."""
-        return cls(parts, np.sum([part.mean_w for part in parts], axis=0))
-
-    def energy_wh(self, hours: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """See `ResidualPower.energy_wh`; the variances of the parts add up."""
-        sds = np.array([part.energy_wh(hours)[1] for part in self.parts])
-        return np.cumsum(self.mean_w * hours), np.sqrt(np.sum(sds**2, axis=0))
-
-
-@dataclass(frozen=True, eq=False)
-class ShiftedPower:
-    """The distribution `of` with another mean, `mean_w`."""
-
-    of: ResidualPower
-    mean_w: FloatArray
-
-    def energy_wh(self, hours: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """See `ResidualPower.energy_wh`."""
-        return np.cumsum(self.mean_w * hours), self.of.energy_wh(hours)[1]
+    def sd_wh(self, hours: FloatArray) -> FloatArray:
+        """See `ResidualPower.sd_wh`; the variances of the parts add up."""
+        return np.asarray(np.linalg.norm([part.sd_wh(hours) for part in self.parts], axis=0))
 
 
 def _carried(prior: PowerPrior, drift: Drift, last: int) -> FloatArray:

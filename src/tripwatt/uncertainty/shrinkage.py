@@ -11,7 +11,7 @@ import numpy as np
 from tripwatt.arrays import BoolArray, FloatArray
 from tripwatt.uncertainty.conformal import ConformalScores
 from tripwatt.uncertainty.process import EXACT_W2, HeldOutResidual, ResidualProcess
-from tripwatt.uncertainty.residual_power import PowerPrior, ResidualPower, ShiftedPower
+from tripwatt.uncertainty.residual_power import PowerPrior, PowerSum, ResidualPower
 
 FRACTIONS: Final = (0.1, 0.25, 0.375, 0.5, 0.75, 0.9)
 """Measured fractions of a trip for which shares are estimated; a choice. Between the fractions shares are linear."""
@@ -192,7 +192,7 @@ class UpdateShrinkage:
         [1.0, 0.5]
         """
         kept = np.where(ahead, self.at(component, fraction), 1.0)
-        return ShiftedPower(posterior, posterior.mean_w * kept)
+        return PowerSum((posterior,), posterior.mean_w * kept)
 
 
 def _off_share(off: FloatArray, not_drawn: FloatArray, scale_wh: FloatArray) -> float:
@@ -237,8 +237,8 @@ def _rest(
     def expected(component: str, residual_w: FloatArray) -> tuple[float, float]:
         prior = priors[component]
         posterior = prior.measured(seen, residual_w[seen], exact) if len(seen) else prior
-        mean, sd = posterior.energy_wh(hours)
-        return float(mean[-1]), float(sd[-1] ** 2)
+        mean_wh = np.cumsum(posterior.mean_w * hours)
+        return float(mean_wh[-1]), float(posterior.sd_wh(hours)[-1] ** 2)
 
     joint = expected("joint", left)
     climate = drive = (0.0, 0.0)
