@@ -25,12 +25,11 @@ def of_plan() -> tw.Plan:
 
 NOUNS: dict[str, Callable[[], object]] = {
     "forecast": lambda: tw.forecast(of_plan(), tw.Departure(soc=0.8)),
-    "model": tw.load_model,
     "plan": of_plan,
     "simulation": lambda: tw.simulate(of_plan(), "vw_id3"),
     "trip": lambda: tw.synthetic_fleet(1).trips[0],
 }
-PANELS = {"forecast": 3, "model": 1, "plan": 2, "simulation": 1, "trip": 3}
+PANELS = {"forecast": 3, "plan": 2, "simulation": 1, "trip": 3}
 
 
 @pytest.mark.parametrize("name", NOUNS)

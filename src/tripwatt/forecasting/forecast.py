@@ -555,8 +555,7 @@ class Forecast:
         """
         from tripwatt.forecasting.plots import plot_forecast  # matplotlib is slow to import
 
-        title = f"{self.plan.trip_id}: {self.energy_wh / 1000.0:.2f} kWh, given {self.given}"
-        return plot_forecast(self.to_frame(), self.by_cause_wh, title, self.measured_until_s, ax)
+        return plot_forecast(self, ax)
 
     def __repr__(self) -> str:
         low, high = self.interval(BAND)

@@ -10,10 +10,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
-import pandas as pd
 
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.errors import InvalidInput
@@ -55,8 +54,6 @@ from tripwatt.uncertainty.model import scale_wh
 from tripwatt.uncertainty.process import HeldOutResidual
 from tripwatt.vehicles import Vehicle
 
-if TYPE_CHECKING:
-    from tripwatt.figures import Axes, Figure
 DEFAULT_CORRECTOR: Final = "split"
 MIN_TRIPS: Final = 8
 
@@ -386,10 +383,6 @@ class ForecastModel:
         raise_faults(impossible_faults(forecast.energy_wh, drive))
         return forecast
 
-    @property
-    def _known_ranges(self) -> dict[str, Range]:
-        return {name: seen for name, seen in self.ranges_.items() if np.isfinite(seen.low)}
-
     def to_dict(self) -> dict[str, Any]:
         """Return plain values: the car, the corrector, and the ranges of the training trips.
 
@@ -410,47 +403,10 @@ class ForecastModel:
             "corrector": corrector_name(self.corrector),
             "seed": self.seed,
             "trips": len(self.trip_ids_),
-            "training": {name: [seen.low, seen.high] for name, seen in self._known_ranges.items()},
+            "training": {
+                name: [seen.low, seen.high] for name, seen in self.ranges_.items() if np.isfinite(seen.low)
+            },
         }
-
-    def to_frame(self) -> pd.DataFrame:
-        """Table of the training ranges: `low`, `high` and `sd` of each quantity that forecasts compare with the training trips.
-
-        Returns
-        -------
-        DataFrame
-            One row per quantity; the index has their names.
-
-        Examples
-        --------
-        >>> import tripwatt as tw
-        >>> list(tw.load_model().to_frame().columns)
-        ['low', 'high', 'sd']
-        """
-        rows = {name: (seen.low, seen.high, seen.sd) for name, seen in self.ranges_.items()}
-        return pd.DataFrame.from_dict(rows, orient="index", columns=["low", "high", "sd"])
-
-    def plot(self, ax: Axes | None = None) -> Figure:
-        """Plot forecast consumption over speed at three outside temperatures, with 90 % intervals.
-
-        Parameters
-        ----------
-        ax : Axes, optional
-            Axes to draw in; a new figure if not given.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-            Consumption [kWh/100 km] over speed [km/h].
-
-        Examples
-        --------
-        >>> import tripwatt as tw
-        >>> tw.load_model().plot().savefig("model.png")  # doctest: +SKIP
-        """
-        from tripwatt.forecasting.plots import plot_model  # matplotlib is slow to import
-
-        return plot_model(self.forecast, self.vehicle.title, ax)
 
     def _title(self) -> str:
         trips = f"{corrector_name(self.corrector)} corrector, {len(self.trip_ids_)} trips"
@@ -460,8 +416,7 @@ class ForecastModel:
         return f"<ForecastModel {self._title()}>"
 
     def _repr_html_(self) -> str:
-        ranges = self._known_ranges.items()
-        rows = [(name_of(name), span(name, seen.low, seen.high)) for name, seen in ranges]
+        rows = [(name_of(name), span(name, *ends)) for name, ends in self.to_dict()["training"].items()]
         return html_table(f"ForecastModel {self._title()}", [("seen in training", ""), *rows] if rows else [])
 
 
