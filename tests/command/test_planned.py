@@ -10,7 +10,7 @@ from tests.support import ROOT
 from tests.support.command import Run
 
 from tripwatt.export import EXPORTS, consumption_curve
-from tripwatt.forecasting import load_model, save_model
+from tripwatt.forecasting import load_model
 from tripwatt.routes import parse_route, route_from_links
 from tripwatt.trips import Departure, Plan
 from tripwatt.vehicles import load_vehicle
@@ -63,23 +63,6 @@ def test_every_format_is_a_trip(run: Run, tmp_path: Path) -> None:
     plain = run("forecast", tmp_path / "links.csv", "--soc", 0.7)
     assert "given a planned route" in plain.out
     assert "the driven speed trace" not in plain.out
-
-
-def test_a_model_and_the_options_count(run: Run, tmp_path: Path) -> None:
-    save_model(load_model(), tmp_path / "model")
-    path = routes(tmp_path)["links.csv"]
-    cold, mild = (
-        json.loads(run("forecast", tmp_path / "model", path, "--ambient", t, "--json").out) for t in (-10, 20)
-    )
-    assert cold["energy_wh"] > mild["energy_wh"]
-
-
-def test_a_dense_track_is_the_drive_itself(run: Run, tmp_path: Path) -> None:
-    point = '<trkpt lat="48.{:06d}" lon="11"><time>2026-05-01T08:{:02d}:{:02d}Z</time></trkpt>'
-    text = "".join(point.format(100 * k, k // 60, k % 60) for k in range(300))
-    (tmp_path / "log.gpx").write_text(TRACK.format(text))
-    found = json.loads(run("forecast", tmp_path / "log.gpx", "--json").out)
-    assert found["given"] == "the driven speed trace"
 
 
 def test_a_track_without_times_needs_a_speed(run: Run, tmp_path: Path) -> None:

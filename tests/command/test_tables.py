@@ -48,10 +48,6 @@ def drive(n: int = 700, seed: int = 0) -> Table:
     )
 
 
-def gap(d: Table) -> Table:
-    return d.assign(Time=d.Time + 300.0 * (d.index >= 400))
-
-
 BAD: dict[str, tuple[Callable[[Table], Table], tuple[str, ...]]] = {
     "missing column": (
         lambda d: d.rename(columns={"Volt": "Voltage"}),
@@ -89,31 +85,6 @@ def test_bad_tables_are_one_message_and_code_2(run, tmp_path, command, what) -> 
     assert {p.name for p in tmp_path.iterdir()} == {"my.toml", "drive.csv"}, "nothing half-written is left"
 
 
-def test_a_gap_of_minutes_is_told_with_its_row_and_splits_the_drive(run, tmp_path) -> None:
-    (tmp_path / "my.toml").write_text(MAPPING)
-    gap(drive()).to_csv(tmp_path / "drive.csv", index=False)
-    answer = run("audit", "drive.csv", "--mapping", "my.toml", "--json")
-    assert answer.code == 0
-    found = json.loads(answer.out)
-    assert found["used"] == ["drive-1", "drive-2"]
-    (note,) = [n for n in found["notes"] if n["code"] == "samples_missing"]
-    assert "drive.csv row 402" in note["subject"]
-    assert note["value"] == 301.0
-    assert "301 s" in note["message"]
-
-
-def test_one_wrong_setting_in_many_files_is_counted_not_repeated(run, tmp_path) -> None:
-    (tmp_path / "my.toml").write_text(MAPPING)
-    folder = tmp_path / "logs"
-    folder.mkdir()
-    for k in range(9):
-        drive(60).assign(Volt=12.0).to_csv(folder / f"{k}.csv", index=False)
-    answer = run("audit", "logs", "--mapping", "my.toml", "--strict")
-    assert answer.code == 2
-    assert answer.err.count("value out of range") == 3
-    assert "7 more of this kind" in answer.err
-
-
 def test_several_trips_in_one_file_without_a_trip_column_are_no_traceback(run, tmp_path) -> None:
     (tmp_path / "my.toml").write_text(MAPPING)
     pd.concat([drive(), drive(seed=1)]).to_csv(tmp_path / "all.csv", index=False)
@@ -126,33 +97,6 @@ def test_several_trips_in_one_file_without_a_trip_column_are_no_traceback(run, t
     refused = run("mapping", "apply", "all.csv", "--mapping", "my.toml", "--trip", "all")
     assert refused.code == 2
     assert "all-1, all-2" in refused.err
-
-
-VEHICLE: dict[str, tuple[tuple[str, str], tuple[str, ...]]] = {
-    "missing value": (
-        ("curb_mass_kg = {", "# curb_mass_kg = {"),
-        ("missing entry: car.toml, [body]", "'curb_mass_kg'", 'unit = "kg", source = "..." } under [body]'),
-    ),
-    "no source": (
-        ('source = "Autoblog', 'sauce = "Autoblog'),
-        ("missing source: car.toml, body.curb_mass_kg", "the source of the value"),
-    ),
-}
-
-
-@pytest.mark.parametrize("what", VEHICLE)
-def test_bad_vehicle_files_are_one_message_and_code_2(run, tmp_path, what) -> None:
-    from importlib import resources
-
-    (old, new), words = VEHICLE[what]
-    text = (resources.files("tripwatt.vehicles") / "data" / "nissan_leaf_24.toml").read_text("utf-8")
-    assert old in text
-    (tmp_path / "car.toml").write_text(text.replace(old, new))
-    answer = run("vehicles", "car.toml")
-    assert answer.code == 2
-    assert answer.err.count("error:") == 1
-    for word in words:
-        assert word in answer.err
 
 
 def test_from_a_strange_table_to_a_forecast(run, tmp_path) -> None:
@@ -186,35 +130,3 @@ def test_from_a_strange_table_to_a_forecast(run, tmp_path) -> None:
     assert found.code == 0, found.err
     observed = answer["observed_energy_wh"]
     assert json.loads(found.out)["energy_wh"] == pytest.approx(observed, rel=0.25)
-
-
-def test_energy_from_whole_percents_says_how_uncertain_it_is_and_short_trips_go(run, tmp_path) -> None:
-    text = """
-    [columns]
-    time_s = { column = "Time", unit = "s" }
-    speed_m_s = { column = "Speed", unit = "km/h" }
-    soc = { column = "SoC", unit = "%" }
-    [battery]
-    usable_capacity_kwh = 40
-    """
-    (tmp_path / "my.toml").write_text(text)
-    folder = tmp_path / "logs"
-    folder.mkdir()
-    for name, drop in (("long", 12.0), ("short", 1.0), ("shortest", 0.4)):
-        d = drive()
-        d.assign(SoC=np.round(80.0 - drop * d.Time / 699.0)).to_csv(folder / f"{name}.csv", index=False)
-    found = json.loads(run("audit", "logs", "--mapping", "my.toml", "--json").out)
-    assert found["used"] == ["long", "short"]
-    said = {f["trip"]: f["what"] for f in found["findings"] if "standard error" in f["what"]}
-    assert said == {
-        "short": "energy from the state of charge is 400 Wh with a standard error of 165 Wh: inaccurate",
-        "shortest": "energy from the state of charge is 0 Wh with a standard error of 163 Wh: too inaccurate to use",
-    }
-    simulated = run("simulate", "logs", "--mapping", "my.toml", "--trip", "long", "--json")
-    answer = json.loads(simulated.out)
-    assert answer["observed_energy_wh"] == pytest.approx(4800.0)
-    assert answer["observed_energy_std_wh"] == pytest.approx(
-        np.hypot(0.05 * 4800, 400 / np.sqrt(6)), rel=1e-3
-    )
-    shown = run("simulate", "logs", "--mapping", "my.toml", "--trip", "long")
-    assert "standard error 290 Wh" in shown.out

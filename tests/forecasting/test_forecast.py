@@ -67,33 +67,6 @@ def test_first_sample_does_move_it(model, trip):
     assert model.forecast(colder).energy_wh != model.forecast(trip).energy_wh
 
 
-def test_causes_add_up(model, trip):
-    forecast = model.forecast(trip)
-    assert sum(forecast.by_cause_wh.values()) == pytest.approx(forecast.energy_wh, rel=1e-9)
-
-
-def test_quantiles_rise_and_probabilities_fall(model, trip):
-    forecast = model.forecast(trip)
-    quantiles = [forecast.quantile(p) for p in np.linspace(0.01, 0.99, 33)]
-    assert np.all(np.diff(quantiles) > 0)
-    chances = [forecast.p_arrive(soc) for soc in np.linspace(0.0, 1.0, 40)]
-    assert np.all(np.diff(chances) <= 0)
-    assert chances[0] > 0.99
-    assert chances[-1] < 0.01
-    half = forecast.probability_below(forecast.energy_wh)
-    assert half == pytest.approx(0.5)
-    assert forecast.probability_below(forecast.quantile(0.8)) == pytest.approx(0.8, abs=1e-6)
-
-
-def test_series_ends_at_the_total_and_at_the_arrival(model, trip):
-    forecast = model.forecast(trip)
-    last = forecast.to_frame().iloc[-1]
-    low, high = forecast.interval(0.9)
-    assert last["energy_wh"] == pytest.approx(forecast.energy_wh)
-    assert (last["energy_low_wh"], last["energy_high_wh"]) == pytest.approx((low, high))
-    assert last["displayed_soc"] == pytest.approx(forecast.soc_arrival)
-
-
 def test_a_trip_that_was_measured_to_its_end_is_known(model, trip):
     done = model.forecast(trip).update(trip.samples)
     assert done.energy_wh == pytest.approx(trip.observed_energy_wh, rel=2e-3)
@@ -168,18 +141,6 @@ PROCESS = ResidualProcess(
     1000.0,
     True,
 )
-
-
-def test_conditioning_is_exact_on_what_was_seen():
-    rng = np.random.default_rng(0)
-    n = 12
-    segments = some_blocks(rng, n)
-    K = covariance(PROCESS, segments)
-    seen, power = np.array([0, 3, 4]), rng.normal(0, 800, 3)
-    posterior = DensePower.from_covariance(K).given(np.eye(n)[seen], power, np.full(3, 1e-6))
-    np.testing.assert_allclose(posterior.mean_w[seen], power, atol=1e-3)
-    dense = K[:, seen] @ np.linalg.solve(K[np.ix_(seen, seen)], power)
-    np.testing.assert_allclose(posterior.mean_w, dense, rtol=1e-5, atol=1e-3)
 
 
 @pytest.mark.parametrize("components", [("drive",), ("climate",), ("drive", "climate")])
@@ -335,113 +296,47 @@ def test_scores_and_probabilities_are_inverse():
 
 
 EXACT = {"rel": 1e-9, "abs": 1e-9}
-
-
 STEP_S = np.array([60.0, 120.0, 180.0])
-
-
 HOURS = np.array([1 / 60, 1 / 30, 1 / 20])
-
-
 SIMULATED_W = np.array([3000.0, 12000.0, 6000.0])
-
-
 CORRECTION_W = np.array([100.0, -200.0, 50.0])
-
-
 EXPECTED_W = np.array([3100.0, 11800.0, 6050.0])
-
-
 ENERGY_WH = np.array([3100 / 60, 11800 / 30, 6050 / 20])
-
-
 SPEED_M_S = np.array([5.0, 20.0, 10.0])
-
-
 MOVED_W = np.array([1000.0, 9000.0, 4000.0])
-
-
 CLIMATE_W = np.array([800.0, 600.0, 500.0])
-
-
 SD_W = np.array([400.0, 300.0, 200.0])
-
-
 VOLTAGE_V = 350.0
-
-
 CAPACITY_AH = 60.0
-
-
 WH_PER_SOC = CAPACITY_AH * VOLTAGE_V
-
-
 ZERO, FULL = 0.1, 0.9
-
-
 START_SOC = 0.5
-
-
 START = 0.5
 """The battery management's half is half of the display as well."""
-
-
 WH_PER_DISPLAY = WH_PER_SOC * (FULL - ZERO)
-
-
 SCORES = ConformalScores.from_errors([0.5, -1.0, 1.5, -2.0])
-
-
 SD_FACTOR, STATE_SD_WH, ROUTE_SD_WH = 1.5, 18.0, 24.0
-
-
 BESIDE_SD_WH = 30.0
 """Of 18 and 24."""
-
-
 AIR_W, ROLLING_W = np.array([500.0, 4000.0, 2000.0]), np.array([300.0, 1500.0, 900.0])
-
-
 CLIMB_W, ACCELERATION_W = np.array([0.0, 1000.0, -500.0]), np.array([200.0, 0.0, -100.0])
-
-
 MIN_WH = np.array([600 / 60, 3750 / 30, 850 / 20])
 """Half of air and rolling, the climb and the kinetic energy, in each segment."""
-
-
 JOINT = np.array([0.2, 0.5, 0.6, 0.7, 0.8, 0.9])
-
-
 CLIMATE = np.array([0.4, 0.7, 0.7, 0.7, 0.8, 0.9])
-
-
 DRIVE = np.array([0.1, 0.25, 0.3, 0.3, 0.3, 0.3])
-
-
 SPLIT_FACTOR = np.array([1.2, 1.5, 1.5, 1.5, 1.5, 1.5])
-
-
 JOINT_FACTOR = np.array([1.1, 1.4, 1.4, 1.4, 1.4, 1.4])
-
-
 ONE_SIXTH = (1 / 6 - 0.1) / (0.25 - 0.1)
 """Place of a sixth of the trip, where the first segment ends, between the first two fractions of the shrinkage."""
-
-
 CONSTANT_W, DRIVE_NOISE, CLIMATE_SD_W, CLIMATE_NOISE = 500.0, 0.5, 300.0, 80.0
-
-
 ONE_PROCESS = ResidualProcess(
     ComponentProcess(CONSTANT_W, 0.0, 0.0, 300.0, DRIVE_NOISE),
     ComponentProcess(CLIMATE_SD_W, 0.0, 0.0, 300.0, CLIMATE_NOISE),
     climate_limit_w=600.0,
     split=False,
 )
-
-
 NOISE_W2 = (DRIVE_NOISE * (100.0 + 0.3 * MOVED_W)) ** 2
-
-
 BOTH_W2 = CONSTANT_W**2 + CLIMATE_SD_W**2
 """Covariance of two segments."""
 

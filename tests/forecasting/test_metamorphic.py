@@ -14,7 +14,7 @@ import pytest
 from tests.support.cars import some_cars
 
 import tripwatt as tw
-from tripwatt.forecasting.leaving import leaving_with, soc_needed
+from tripwatt.forecasting.leaving import soc_needed
 
 SOC = 0.85
 KNOWN = tw.Departure(
@@ -100,21 +100,6 @@ def test_energy_is_the_sum_of_its_causes(car: str) -> None:
         size = sum(map(abs, found.by_cause_wh.values()))
         assert abs(sum(found.by_cause_wh.values()) - found.energy_wh) < 1e-9 * size
         assert found.along.energy_wh[-1] == pytest.approx(found.energy_wh, rel=1e-9)
-
-
-@every_car
-def test_who_leaves_with_the_charge_that_is_needed_arrives_with_the_chance_that_was_asked_for(
-    car: str,
-) -> None:
-    found = asked(car)
-    for reserve, chance in ((0.05, 0.5), (0.1, 0.8), (0.1, 0.95), (0.2, 0.99)):
-        needed = soc_needed(found, reserve, chance)
-        assert 0.0 < needed < 1.0
-        assert leaving_with(found, needed).p_arrive(reserve) == pytest.approx(chance, abs=2e-3)
-    needs = [soc_needed(found, 0.1, chance) for chance in (0.5, 0.8, 0.9, 0.95, 0.99)]
-    assert needs == sorted(needs)
-    chances = [found.p_arrive(reserve) for reserve in (0.0, 0.2, 0.4, 0.6, 0.8)]
-    assert chances == sorted(chances, reverse=True)
 
 
 # --- more of something costs more

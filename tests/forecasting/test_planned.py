@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import ForecastModel, load_model, save_model
 from tripwatt.forecasting import model as model_module
 from tripwatt.forecasting.measured import along_the_plan, columns_measured
@@ -17,7 +16,7 @@ from tripwatt.hybrid import power_corrector, segment_trips
 from tripwatt.physics import simulate_trip
 from tripwatt.routes import parse_route, plan_on_links, route_from_links
 from tripwatt.study.synthetic import synthetic_fleet
-from tripwatt.trips import Departure, Flag, Plan
+from tripwatt.trips import Flag, Plan
 from tripwatt.uncertainty import RouteUncertainty, linked_trips
 from tripwatt.uncertainty.route import LENGTHS_M, MAX_TRIPS
 from tripwatt.uncertainty.shrinkage import COMPONENTS, FRACTIONS, UpdateShrinkage
@@ -175,16 +174,6 @@ def test_parked_logs_and_large_fleets(trips, monkeypatch):
     assert MAX_TRIPS >= 100
     monkeypatch.setattr("tripwatt.uncertainty.route.MAX_TRIPS", 2)
     assert [len(tables) for tables in linked_trips(trips[:5], CAR).tables] == [3, 0, 0, 0, 3]
-
-
-def test_departure_of_a_route_is_checked_and_wins(trips):
-    plan = route_from_links([{"length_m": 2000.0, "speed_m_s": 12.0}]).plan()
-    cold = plan.with_departure(Departure(ambient_temperature_degc=-4.0))
-    assert cold.departure == Departure(ambient_temperature_degc=-4.0)
-    assert cold.samples is plan.samples
-    with pytest.raises(InvalidInput) as caught:
-        Departure(ambient_temperature_degc=400.0, soc=7.0)
-    assert [fault.where for fault in caught.value.faults] == ["soc", "ambient_temperature_degc"]
 
 
 def late(plan, factor, waits_s, power_w):
