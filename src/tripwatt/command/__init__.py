@@ -71,12 +71,9 @@ class _Commands(UserDict[str, Any]):
         if isinstance(place := self.data[name], str):
             module, _, attribute = place.partition(".")
             command = getattr(import_module(f"tripwatt.command.{module}"), attribute)
-            if not isinstance(command, typer.Typer):
-                group = make_group("", command)
-                (self.data[name],) = typer.main.get_group(group).commands.values()
-            else:
-                self.data[name] = typer.main.get_group(command)
-                self.data[name].name = name
+            is_group = isinstance(command, typer.Typer)
+            group = typer.main.get_group(command if is_group else make_group("", [command]))
+            self.data[name] = group if is_group else group.commands[name]
         return self.data[name]
 
 

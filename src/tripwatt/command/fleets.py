@@ -368,13 +368,5 @@ def evaluate(
 FLEET = make_group(
     "Many vehicles: one model of a trip store, with the deviations of each car model, vehicle and driver. It needs the "
     "extra tripwatt[fleet].",
-    fit,
-    update,
-    refit,
-    versions,
-    promote,
-    forecast,
-    batch,
-    report,
-    evaluate,
+    (fit, update, refit, versions, promote, forecast, batch, report, evaluate),
 )

@@ -190,14 +190,8 @@ def _comment(text: str) -> str:
 
 MAPPING = make_group(
     "Columns of your tables and what they hold: list, show, suggest and apply mappings.",
-    list_,
-    show,
-    suggest,
-    apply,
+    (list_, show, suggest, apply),
 )
 
 
-LOGS = make_group(
-    "Files of loggers: remove what tells whose they are.",
-    anonymise,
-)
+LOGS = make_group("Files of loggers: remove what tells whose they are.", (anonymise,))

@@ -69,8 +69,4 @@ def _shown(folder: MapFolder) -> Answer:
     return Answer(about | {"covers": folder.covers}, shown)
 
 
-MAP = make_group(
-    "Maps of a region on this machine.",
-    build,
-    info,
-)
+MAP = make_group("Maps of a region on this machine.", (build, info))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import inspect
 import typing
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import is_dataclass
 from typing import Annotated, Any, Final, NamedTuple
 
@@ -144,20 +144,20 @@ EXAMPLES: Final = "For example:"
 """Line of a command's docstring above its examples; each example is a comment on what it does, then the command."""
 
 
-def make_group(help: str, *commands: Callable[..., Any]) -> typer.Typer:
+def make_group(help: str, commands: Iterable[Callable[..., Any]]) -> typer.Typer:
     r"""Make a group of commands; their docstrings become their help texts, with the examples at the end.
 
     Parameters
     ----------
     help : str
         Help text of the group.
-    *commands : callable
+    commands : iterable of callable
         Functions with the names of the commands; examples follow the line `EXAMPLES` in their docstrings. The attribute
         `context_settings` of a function is that of its command.
 
     Examples
     --------
-    >>> group = make_group("Checks.", require_effect)
+    >>> group = make_group("Checks.", [require_effect])
     >>> group.registered_commands[0].name, group.registered_commands[0].epilog
     ('require-effect', None)
     """

@@ -254,9 +254,5 @@ def _seen(degc: tuple[float, float] | None) -> str:
 
 CAR = make_group(
     "Your own car: its trips, the model that is adapted to them, and its diary.",
-    new,
-    add,
-    show,
-    token,
-    forget,
+    (new, add, show, token, forget),
 )

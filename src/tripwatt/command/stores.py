@@ -191,10 +191,5 @@ def forget(store: Store, vehicle_id: Annotated[str, option("ID", "The vehicle to
 STORE = make_group(
     "Trip stores: logs of many vehicles in Delta tables, in a folder or an object store. They need the extra "
     "tripwatt[fleet].",
-    create,
-    add,
-    show,
-    audit,
-    compact,
-    forget,
+    (create, add, show, audit, compact, forget),
 )

@@ -31,9 +31,8 @@ from tripwatt.hybrid.familiarity import Range
 from tripwatt.hybrid.groups import GroupPosterior, Scales, Sums, fit_scales, group_posterior
 from tripwatt.trips import Departure, Plan, Trip
 from tripwatt.uncertainty import ChargeScale, ConformalScores, UncertaintyModel
-from tripwatt.uncertainty.held_out import held_out_residual
 from tripwatt.uncertainty.model import scale_wh
-from tripwatt.uncertainty.process import HeldOutResidual
+from tripwatt.uncertainty.process import HeldOutResidual, held_out_residual
 
 FOLDS: Final = 5
 MIN_TRIPS: Final = 8

@@ -49,9 +49,8 @@ from tripwatt.trips.messages import name_of
 from tripwatt.trips.showing import html_table, span
 from tripwatt.uncertainty import ChargeScale, LinkedTrips, RouteUncertainty, UncertaintyModel, linked_trips
 from tripwatt.uncertainty.free_flow import FreeFlowTrips
-from tripwatt.uncertainty.held_out import held_out_residual, process_segments
 from tripwatt.uncertainty.model import scale_wh
-from tripwatt.uncertainty.process import HeldOutResidual
+from tripwatt.uncertainty.process import HeldOutResidual, held_out_residual, process_segments
 from tripwatt.vehicles import Vehicle
 
 DEFAULT_CORRECTOR: Final = "split"
