@@ -10,16 +10,14 @@ with one row per reading.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from tripwatt.arrays import BoolArray, FloatArray, IntArray
-
-_TOGETHER: Final = 64
-"""Number of segments whose drifts are summed with one matrix product."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -288,21 +286,14 @@ class PowerPrior:
 
 
 def fading_sums(time_s: FloatArray, values: FloatArray, fading_s: float) -> FloatArray:
-    """``sum over i <= k of values[i] exp(-(t[k] - t[i]) / T)`` for each k, along the first axis; T is `fading_s`. O(values).
-
-    The sums run in pieces: the sum before a piece fades as a whole.
-    """
-    n, columns = len(time_s), values.reshape(len(time_s), -1)
-    pieces = -(-n // _TOGETHER)
-    time = np.append(time_s, np.full(pieces * _TOGETHER - n, time_s[-1])).reshape(pieces, _TOGETHER)
-    padded = np.zeros((pieces * _TOGETHER, columns.shape[1]))
-    padded[:n] = columns
-    lag = np.abs(time[:, :, None] - time[:, None, :])
-    sums = np.tril(np.exp(-lag / fading_s)) @ padded.reshape(pieces, _TOGETHER, -1)
-    fading = np.exp(-(time[1:] - time[:-1, -1:]) / fading_s)
-    for k in range(1, pieces):
-        sums[k] += fading[k - 1][:, None] * sums[k - 1, -1]
-    return np.asarray(sums.reshape(padded.shape)[:n].reshape(values.shape))
+    """``sum over i <= k of values[i] exp(-(t[k] - t[i]) / T)`` for each k, along the first axis; T is `fading_s`. O(values)."""
+    fading = np.exp(-np.diff(time_s, prepend=time_s[0]) / fading_s).tolist()
+    rows = (
+        values.tolist() if values.ndim == 1 else values
+    )  # plain numbers add up faster than numbers of NumPy
+    steps = zip(rows, fading, strict=True)
+    sums = itertools.accumulate(steps, lambda before, step: step[0] + step[1] * before, initial=0.0)
+    return np.array(list(itertools.islice(sums, 1, None)))
 
 
 def drift_variance(time_s: FloatArray, weight: FloatArray, fading_s: float) -> FloatArray:
