@@ -1,4 +1,4 @@
-"""A text file without the extra `parquet`: line by line, with the same numbers, texts and faults."""
+"""Text files: sound and damaged cells and rows, with the line of each fault; and the extra that Parquet files need."""
 
 from __future__ import annotations
 
@@ -8,35 +8,36 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tripwatt.errors import Fault, InvalidInput
-from tripwatt.sources.columnar import open_table
-from tripwatt.sources.delimited import open_delimited, read_numbers, read_texts
-
-FILES = {
-    "sound": b"time_s,speed,name\n0,1.5,a\n1,,b\n2,-3e2,\xc3\xbc\n",
-    "quoted": b'time_s;"speed; km/h";name\n0;"1.5";"a;b"\n\n1;NaN;"c"\n',
-    "no number": b"time_s,speed,name\n0,fast,a\n1,2,b\n",
-    "uneven": b"time_s,speed,name\n0,1,a\n1,2\n2,3,c\n3,4,d\n",
-    "cut off": b"time_s,speed,name\n0,1,a\n1,2,b\n2,",
-}
+from tripwatt.errors import InvalidInput
+from tripwatt.sources.columnar import csv_table, open_table
+from tripwatt.sources.delimited import open_delimited
 
 
-def read(content: bytes, *, keep: bool) -> tuple[list[list[float]], list[list[str]], list[str]]:
-    source, faults = open_delimited(Path("log.csv"), content), list[Fault]()
-    try:
-        numbers = read_numbers(source, [0, 1], faults=faults if keep else None)
-        texts = read_texts(source, [2])
-    except InvalidInput as error:
-        return [], [], [fault.what for fault in error.faults]
-    return np.nan_to_num(numbers, nan=-1.0).tolist(), texts, [fault.what for fault in faults]
-
-
-@pytest.mark.parametrize("keep", [True, False])
-@pytest.mark.parametrize("name", FILES)
-def test_it_reads_what_arrow_reads(name: str, keep: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    expected = read(FILES[name], keep=keep)
-    monkeypatch.setitem(sys.modules, "pyarrow", None)
-    assert read(FILES[name], keep=keep) == expected
+@pytest.mark.parametrize(
+    ("content", "speed", "name", "faults"),
+    [
+        (b"time_s,speed,name\n0,1.5,a\n1,,b\n2,-3e2,\xc3\xbc\n", [1.5, -1, -300], ["a", "b", "ü"], []),
+        (b'time_s;"speed; km/h";name\r\n0;"1.5";"a;b"\r\n\r\n1;NaN;"c', [1.5, -1], ["a;b", "c"], []),
+        (b"time_s,speed,name\n0,fast,a\n\n1,2,\xfc\n", [-1, 2], ["a", "ü"], ["not a number: row 2"]),
+        (
+            b"time_s,speed,name\n0,1,a\n1,2\n\n2,3,c,x\n3,1e99,d\n",
+            [1, 2, 3, -1],
+            ["a", "", "c", "d"],
+            ["wrong number of columns: row 3", "wrong number of columns: row 5", "number out of range: row 6"],
+        ),
+        (b"time_s,speed,name\n0,1,a\n1,2,b\n2,", [1, 2, -1], ["a", "b", ""], ["wrong number of columns: row 4"]),
+    ],
+)  # fmt: skip
+def test_a_table_is_read_with_its_faults(
+    content: bytes, speed: list[float], name: list[str], faults: list[str]
+) -> None:
+    source = open_delimited(Path("log.csv"), content)
+    table = csv_table(source, [])
+    assert np.nan_to_num(table.numbers([source.names[1]])[0], nan=-1.0).tolist() == speed
+    assert table.texts("name") == name
+    assert [
+        f"{f.what}: {f.where.removeprefix('log.csv ').partition(' column')[0]}" for f in table.faults
+    ] == faults
 
 
 def test_a_parquet_file_says_what_installs_its_reader(

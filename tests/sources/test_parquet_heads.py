@@ -155,6 +155,6 @@ def test_too_little_memory_is_no_fault_of_the_file(tmp_path: Path, monkeypatch: 
                 raise pa.ArrowMemoryError("malloc of size 1 failed")
             return getattr(table.file, name)
 
-    full = type(table)(table.path, Full(), table.values, table.inflated)  # type: ignore[call-arg, arg-type, union-attr]
+    full = type(table)(table.path, Full(), table.values, table.inflated, [])  # type: ignore[call-arg, arg-type, union-attr]
     with pytest.raises(MemoryError):
         full.numbers(["time_s"])

@@ -112,6 +112,7 @@ def read_planned(file: Path | str, ambient_degc: float | None = None) -> list[Pl
     """
     read = open_table(Path(file))
     table = pd.DataFrame({name: _typed(name, read.texts(name)) for name in read.names})
+    raise_faults(read.faults)
     missing = [name for name in TEXTS[:3] if name not in table]
     missing += [] if {"distance_km", "length_m"} & set(table) else ["distance_km or length_m"]
     names = ", ".join(map(str, table))[:200]

@@ -17,7 +17,7 @@ from tripwatt.errors import InvalidInput
 from tripwatt.sources.archives import unpacked
 from tripwatt.sources.clocks import FIRST_LOGGERS_S
 from tripwatt.sources.columnar import open_table, table_files
-from tripwatt.sources.delimited import NULL_TEXTS, column_key, decode, fields_of, line_of, open_delimited
+from tripwatt.sources.delimited import NULL_TEXTS, cells_of, column_key, line_of, open_delimited
 from tripwatt.sources.kinds import Kind, given_kind, natural, proposed_kinds
 from tripwatt.sources.mapping import TIME_STAMPS, ColumnMapping, MappedColumn
 from tripwatt.sources.naming import words
@@ -122,9 +122,8 @@ def _hidden(file: Path, kind: Kind, names: tuple[str, ...], hiding: _Hiding) -> 
     current: Sequence[str] = source.names
     lines = []
     for number, raw in enumerate([*head, *source.data[source.body_offset :].split(b"\n")]):
-        text = decode(raw).strip("\r")
-        cells = [cell.strip() for cell in fields_of(text, source.delimiter)]
-        if text.strip() and 2 * len(own & {column_key(cell) for cell in cells}) >= len(own) > 0:
+        cells = cells_of(raw, source.delimiter)
+        if raw.strip() and 2 * len(own & {column_key(cell) for cell in cells}) >= len(own) > 0:
             current = cells
             cells = [name if hidden.role(name) else hiding.column(name) for name in cells]
         elif number < len(head):
@@ -132,7 +131,7 @@ def _hidden(file: Path, kind: Kind, names: tuple[str, ...], hiding: _Hiding) -> 
             cells = [cell if is_units and _UNIT.fullmatch(cell) else HIDDEN if cell else "" for cell in cells]
         else:
             cells = hidden.row(cells, current)
-        lines.append(line_of(cells, source.delimiter) if text.strip() else b"")
+        lines.append(line_of(cells, source.delimiter) if raw.strip() else b"")
     return b"\n".join(lines)
 
 

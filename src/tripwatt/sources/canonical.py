@@ -11,7 +11,7 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, InvalidInput, and_more, raise_faults
-from tripwatt.sources.columnar import CsvTable, TableFile, open_table
+from tripwatt.sources.columnar import TableFile, csv_table, open_table
 from tripwatt.sources.delimited import open_delimited
 from tripwatt.trips import COLUMNS, REQUIRED_COLUMNS, is_sound, structure_faults, table_of, value_faults
 from tripwatt.trips.headers import header_faults, same_quantity
@@ -69,7 +69,7 @@ def canonical_of_text(content: bytes, where: str = "table") -> pd.DataFrame:
     >>> canonical_of_text(b"time_s,speed_m_s\n0,0\n1,2.5\n2,4")["speed_m_s"].tolist()
     [0.0, 2.5, 4.0]
     """
-    table = CsvTable(Path(where), (open_delimited(Path(where), content),))
+    table = csv_table(open_delimited(Path(where), content), [])
     return _samples_of(table, where, REQUIRED_COLUMNS, MIN_SAMPLES)
 
 
@@ -105,34 +105,34 @@ def canonical_samples(
     np.float64(3.0)
     """
     names = [*map(str, columns)]
-    faults = [*_name_faults(names, where), *_missing(names, required, where)]
     if isinstance(columns, pd.DataFrame):
-        raise_faults(faults)
+        raise_faults([*_name_faults(names, where), *_missing(names, required, where)])
         raise_faults(structure_faults(columns, where, required=()))
         columns = {name: columns[name].to_numpy(np.float64) for name in names}
     known = {name: values for name, values in columns.items() if name in COLUMNS}
     lengths = {name: len(values) for name, values in known.items()}
     if len(set(lengths.values())) > 1:
         got = ", ".join(f"{name} has {n}" for name, n in lengths.items())
-        faults.append(Fault("columns of different lengths", where, got[:300], "one value per sample in each"))
-        raise InvalidInput(faults)
-    samples = table_of(known)
-    faults += _sample_faults(samples, where, least)
-    raise_faults(faults)
-    return samples
+        different = Fault("columns of different lengths", where, got[:300], "one value per sample in each")
+        raise InvalidInput([*_name_faults(names, where), *_missing(names, required, where), different])
+    return _checked(known, names, where, required, least)
 
 
 def _samples_of(table: TableFile, where: str, required: Sequence[str], least: int) -> pd.DataFrame:
     names = [name for name in table.names if name]
-    faults = [*_name_faults(names, where), *_missing(names, required, where)]
     known = [name for name in dict.fromkeys(names) if name in COLUMNS]
-    try:
-        values = table.numbers(known)
-    except InvalidInput as error:
-        raise InvalidInput([*faults, *error.faults]) from error
-    samples = pd.DataFrame(dict(zip(known, values, strict=True)))
-    faults += _sample_faults(samples, where, least)
-    raise_faults(faults)
+    columns = dict(zip(known, table.numbers(known), strict=True))
+    if table.faults:
+        raise InvalidInput([*_name_faults(names, where), *_missing(names, required, where), *table.faults])
+    return _checked(columns, names, where, required, least)
+
+
+def _checked(
+    columns: Mapping[str, FloatArray], names: Sequence[str], where: str, required: Sequence[str], least: int
+) -> pd.DataFrame:
+    samples = table_of(columns)
+    faults = [*_name_faults(names, where), *_missing(names, required, where)]
+    raise_faults([*faults, *_sample_faults(samples, where, least)])
     return samples
 
 

@@ -6,7 +6,7 @@ import io
 import itertools
 import os
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence, Sized
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Final, TypeVar
 import numpy as np
 import pandas as pd
 
-from tripwatt.arrays import FloatArray
+from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.containers import MAX_CONTENT_BYTES
 from tripwatt.errors import Fault, InvalidInput, require_extras
 from tripwatt.files import read_file
@@ -66,16 +66,19 @@ class CsvTable:
     path : Path
     parts : tuple of Delimited
         The rows below each header of the file.
+    line_numbers : ndarray, shape (rows,)
+        1-based line of each row in the file.
+    faults : list of Fault
+        Faults are appended to this list.
     decimal : str
         Decimal separator.
-    faults : list of Fault or None
-        Faults are appended to this list; with None they are raised.
     """
 
     path: Path
     parts: tuple[Delimited, ...]
+    line_numbers: IntArray
+    faults: list[Fault]
     decimal: str = "."
-    faults: list[Fault] | None = None
 
     @property
     def names(self) -> Sequence[str]:
@@ -91,34 +94,34 @@ class CsvTable:
 
     def numbers(self, names: Sequence[str]) -> list[FloatArray]:
         """Read columns as float64; every cell that is not a number is a fault."""
-        columns: list[list[FloatArray]] = [[] for _ in names]
-        for part in self.parts:
-            there = {name: part.names.index(name) for name in names if name in part.names}
-            read = dict(
-                zip(there, read_numbers(part, list(there.values()), self.decimal, self.faults), strict=True)
-            )
-            rows = len(next(iter(read.values()))) if read else len(read_texts(part, [0])[0])
-            for column, name in zip(columns, names, strict=True):
-                column.append(read[name] if name in read else np.full(rows, np.nan))
-        return [pieces[0] if len(pieces) == 1 else np.concatenate(pieces) for pieces in columns]
+        columns = [np.full(len(self.line_numbers), np.nan) for _ in names]
+        for part, rows in self._rows():
+            positions = {k: part.names.index(name) for k, name in enumerate(names) if name in part.names}
+            values, faults = read_numbers(part, [*positions.values()], self.decimal, self.line_numbers[rows])
+            self.faults.extend(faults)
+            for k, column in zip(positions, values, strict=True):
+                columns[k][rows] = column
+        return columns
 
     def texts(self, name: str) -> list[str]:
         """Read one column as texts."""
-        cells: list[str] = []
-        for part in self.parts:
-            there = name in part.names
-            texts = read_texts(part, [part.names.index(name) if there else 0])[0]
-            cells += texts if there else [""] * len(texts)
+        cells = [""] * len(self.line_numbers)
+        for part, rows in self._rows():
+            if name in part.names:
+                (cells[rows],) = read_texts(part, [part.names.index(name)])
         return cells
+
+    def _rows(self) -> Iterator[tuple[Delimited, slice]]:
+        """Yield each part with the place of its rows in the table."""
+        start = 0
+        for part in self.parts:
+            stop = start + part.data.count(b"\n", part.body_offset) + 1
+            yield part, slice(start, stop)
+            start = stop
 
     def row(self, index: int) -> int:
         """1-based line in the file of the row with an index."""
-        for part in self.parts[:-1]:
-            rows = part.data.count(b"\n", part.body_offset)
-            if index < rows:
-                return part.header_line + 1 + index
-            index -= rows
-        return self.parts[-1].header_line + 1 + index
+        return int(self.line_numbers[index])
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,15 +134,15 @@ class ParquetTable:
     file : pyarrow.parquet.ParquetFile
     values, inflated : mapping of str to int
         Number of values of each column, and bytes of its inflated pages (`column_sizes`).
-    faults : list of Fault or None
-        Faults are appended to this list; with None they are raised.
+    faults : list of Fault
+        Faults are appended to this list.
     """
 
     path: Path
     file: pq.ParquetFile
     values: Mapping[str, int]
     inflated: Mapping[str, int]
-    faults: list[Fault] | None = None
+    faults: list[Fault]
 
     @property
     def names(self) -> Sequence[str]:
@@ -192,28 +195,22 @@ class ParquetTable:
 
     def numbers(self, names: Sequence[str]) -> list[FloatArray]:
         """Read columns as float64; every column that is not numeric is a fault."""
-        faults: list[Fault] = []
-        values: list[FloatArray] = []
+        columns: list[FloatArray] = []
         for name in names:
             where = f"{self.path} column {name!r}"
             column = self._column(name)
             if pd.api.types.is_datetime64_any_dtype(column.dtype):
                 fix = 'in a mapping: unit = "timestamp"'
-                faults.append(Fault("not a number", where, f"{column.dtype}", "numbers", fix))
-                continue
+                raise InvalidInput.of("not a number", where, f"{column.dtype}", "numbers", fix)
             try:
-                values.append(np.asarray(pd.to_numeric(column), dtype=np.float64))
+                values = pd.to_numeric(column)
             except (ValueError, TypeError) as error:
-                number = np.asarray(pd.to_numeric(column, errors="coerce"), dtype=np.float64)
-                bad = int((np.isnan(number) & column.notna()).sum())
+                values = pd.to_numeric(column, errors="coerce")
+                bad = int((values.isna() & column.notna()).sum())
                 got = f"{column.dtype}: {error}"[:120]
-                faults.append(Fault("not a number", where, got, "numbers", count=bad))
-                values.append(number)
-        if self.faults is None or len(values) < len(names):
-            raise_faults(faults)
-        else:
-            self.faults.extend(faults)
-        return values
+                self.faults.append(Fault("not a number", where, got, "numbers", count=bad))
+            columns.append(np.asarray(values, dtype=np.float64))
+        return columns
 
     def texts(self, name: str) -> list[str]:
         """Read one column as texts; missing values are empty."""
@@ -242,32 +239,38 @@ def open_table(
     names : sequence of str
         Header to use for a text file without one.
     faults : list, optional
-        Faults are appended to this list; by default they are raised when the columns are read.
+        Faults of the file are appended to this list; by default it is a new one.
 
     Raises
     ------
     InvalidInput
         When the file cannot be read in the format of its suffix.
     """
+    faults = [] if faults is None else faults
     if path.suffix.lower() == PARQUET:
         return _open_parquet(path, faults)
-    source = open_delimited(path, names=names)
-    if faults is None:
-        return CsvTable(path, (source,), decimal)
-    parts = []
+    return csv_table(open_delimited(path, names=names), faults, decimal)
+
+
+def csv_table(source: Delimited, faults: list[Fault], decimal: str = ".") -> CsvTable:
+    """Make a table of a delimited file; further headers and uneven rows are appended to `faults`."""
+    parts, line_numbers = [], []
     for part in sections(source):
         if part.names != source.names:
-            got, where = f"{len(part.names)} columns", f"{path} row {part.header_line}"
+            got, where = f"{len(part.names)} columns", f"{source.path} row {part.header_line}"
             faults.append(
                 Fault("another header", where, got, f"the {len(source.names)} columns of the first")
             )
-        even, uneven = even_rows(part)
+        even, lines, uneven = even_rows(part)
         parts.append(even)
+        line_numbers.append(lines)
         faults += uneven
-    return CsvTable(path, tuple(parts), decimal, faults)
+    if not parts:
+        raise InvalidInput.of("no samples", f"{source.path}", "headers without rows below", "rows")
+    return CsvTable(source.path, tuple(parts), np.concatenate(line_numbers), faults, decimal)
 
 
-def _open_parquet(path: Path, faults: list[Fault] | None) -> ParquetTable:
+def _open_parquet(path: Path, faults: list[Fault]) -> ParquetTable:
     require_extras({"parquet": f"{path}"})
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -295,7 +298,7 @@ def _open_parquet(path: Path, faults: list[Fault] | None) -> ParquetTable:
 def require_small_columns(path: Path) -> None:
     """Raise `InvalidInput` if a Parquet file or one of its columns is too large; do nothing if the file cannot be read."""
     try:
-        table = _open_parquet(path, None)
+        table = _open_parquet(path, [])
         for name in table.names:
             table.read(name)
     except InvalidInput as error:
@@ -356,7 +359,7 @@ def read_all(read: Callable[[Item], Read], items: Iterable[Item]) -> list[Read]:
 
 
 def read_folder(
-    read: Callable[[str, Path, list[Fault] | None], Rows],
+    read: Callable[[str, Path, list[Fault]], Rows],
     files: Mapping[str, Path],
     *,
     strict: bool,
@@ -367,7 +370,7 @@ def read_folder(
     Parameters
     ----------
     read : callable
-        Takes the name of a file, its path, and a list to which it appends faults; if that is None, it raises them.
+        Takes the name of a file, its path, and a list to which it appends faults.
     files : mapping of str to path
     strict : bool
         Raise every fault of all files.
@@ -379,24 +382,26 @@ def read_folder(
     InvalidInput
         When no file can be read, or when there is a fault and `strict` is True.
     """
-    kept: dict[str, list[Fault]] = {name: [] for name in files}
+    by_file: dict[str, list[Fault]] = {name: [] for name in files}
 
     def read_one(name: str) -> Rows | None:
         try:
-            return read(name, files[name], None if strict else kept[name])
+            return read(name, files[name], by_file[name])
         except InvalidInput as error:
-            kept[name] += error.faults
+            by_file[name] += error.faults
             return None
 
-    made = dict(zip(files, read_all(read_one, files), strict=True))
-    whole = {name: rows for name, rows in made.items() if rows is not None}
-    raise_faults([*faults, *itertools.chain(*kept.values())] if strict or not whole else ())
-    counts = {name: len(whole.get(name, ())) for name in files}
+    results = dict(zip(files, read_all(read_one, files), strict=True))
+    used = {name: rows for name, rows in results.items() if rows is not None}
+    if strict or not used:
+        raise_faults([*faults, *itertools.chain(*by_file.values())])
     readings = [
-        FileReading(path.name, counts[name], counts[name], int(name in whole), tuple(kept[name]))
+        FileReading(path.name, len(used[name]), len(used[name]), 1, tuple(by_file[name]))
+        if name in used
+        else FileReading(path.name, faults=tuple(by_file[name]))
         for name, path in files.items()
     ]
-    return whole, readings
+    return used, readings
 
 
 def require_folder(folder: Path, allowed: str, fix: str) -> None:

@@ -1,7 +1,7 @@
 """Reader of delimited text files: only the wanted columns are read, and every fault is given with its row and column.
 
-The fast path is Arrow's reader with the column types fixed to numbers. If it fails, or is not installed (the extra
-`parquet`), the file is read line by line, which finds every fault that a user has to mend.
+`open_delimited` finds the header, `sections` splits the file at further headers, and `even_rows` gives every row as many cells as the
+header. The parser of pandas then reads columns of numbers. If it fails, the cells are read one by one, which finds every fault.
 """
 
 from __future__ import annotations
@@ -10,16 +10,16 @@ import csv
 import io
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+import pandas as pd
 
-from tripwatt.arrays import FloatArray
+from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.errors import Fault, InvalidInput, and_more, excerpt
 from tripwatt.files import read_file, shipped_toml
 from tripwatt.sources.mapping import UNITS
@@ -99,10 +99,6 @@ class Delimited:
     header_line: int
     units: tuple[str, ...] = ()
 
-    def where(self, line: int, column: str) -> str:
-        """Place of a cell for messages, with its line as an editor shows it."""
-        return f"{self.path} row {line} column {column!r}"
-
 
 def column_key(name: str) -> str:
     """A header cell in a form that is the same in all copies of a data set.
@@ -145,20 +141,21 @@ def open_delimited(path: Path, content: bytes | None = None, names: Sequence[str
             fix = "add the header of the other files"
             raise InvalidInput.of("no header", f"{path}", got, "names of columns in the first line", fix)
         return Delimited(path, tuple(names), delimiter, data, offset, line - 1)
-    end = data.find(b"\n", offset)
-    if end < 0 or not data[end:].strip():
-        raise InvalidInput.of(
-            "no samples", f"{path}", f"a header of {len(own)} columns without rows below", "rows"
-        )
-    data = data[: end + 1] + _without_headers(data[end + 1 :], data[offset:end].strip(b"\r"), delimiter)
-    units = tuple(c.strip() for c in fields_of(decode(data[end + 1 :].partition(b"\n")[0]), delimiter))
+    end = data.find(b"\n", offset) + 1 or len(data)
+    header, body = data[offset:end].strip(b"\n"), data[end:]
     if (
-        len(units) <= len(own)
-        and sum(unit.lower() in _UNITS for unit in units) > 1
-        and not _has_values(units)
-    ):
-        return Delimited(path, own, delimiter, data, data.find(b"\n", end + 1) + 1, line + 1, units)
-    return Delimited(path, own, delimiter, data, end + 1, line)
+        header in body
+    ):  # loggers repeat it at each start; a blank line in its place keeps the numbers of the lines
+        body = b"\n".join(b"" if line == header else line for line in body.split(b"\n"))
+    if not body.strip():
+        got = f"a header of {len(own)} columns without rows below"
+        raise InvalidInput.of("no samples", f"{path}", got, "rows")
+    data = data[:end] + body
+    units = tuple(cells_of(body.partition(b"\n")[0], delimiter))
+    stated = [unit for unit in units if unit.lower() in _UNITS]
+    if len(units) <= len(own) and len(stated) > 1 and not _has_values(units):
+        return Delimited(path, own, delimiter, data, data.find(b"\n", end) + 1, line + 1, units)
+    return Delimited(path, own, delimiter, data, end, line)
 
 
 def _header(path: Path, data: bytes) -> tuple[int, int, str, tuple[str, ...] | None]:
@@ -173,7 +170,7 @@ def _header(path: Path, data: bytes) -> tuple[int, int, str, tuple[str, ...] | N
         if len(raw) > MAX_HEADER_BYTES:
             got = f"a first line of {len(raw)} bytes"
             raise InvalidInput.of("header too long", f"{path}", got, f"at most {MAX_HEADER_BYTES} bytes")
-        text = decode(raw).strip("\r\n")
+        text = decode(raw)
         if text.lower().startswith("sep=") and len(text) == len("sep=") + 1:
             stated = text[-1]
         elif text.strip() and len(head) < MAX_TITLE_LINES:
@@ -181,7 +178,7 @@ def _header(path: Path, data: bytes) -> tuple[int, int, str, tuple[str, ...] | N
         offset += len(raw) + 1
     for (offset, line, text), (_, _, below) in zip(head, [*head[1:], head[-1]], strict=True):
         delimiter = stated or max(DELIMITERS, key=text.count)
-        cells = tuple(cell.strip() for cell in fields_of(text, delimiter))
+        cells = tuple(cells_of(text, delimiter))
         if text.count(delimiter) >= MAX_COLUMNS:
             got = f"{text.count(delimiter) + 1} columns"
             raise InvalidInput.of("too many columns", f"{path}", got, f"at most {MAX_COLUMNS}")
@@ -189,16 +186,14 @@ def _header(path: Path, data: bytes) -> tuple[int, int, str, tuple[str, ...] | N
             return offset, line, delimiter, None if _has_values(cells) else cells
     offset, line, text = head[0]
     delimiter = stated or max(DELIMITERS, key=text.count)
-    return offset, line, delimiter, tuple(cell.strip() for cell in fields_of(text, delimiter))
+    return offset, line, delimiter, tuple(cells_of(text, delimiter))
 
 
 def _is_title(cells: Sequence[str], below: str, delimiter: str) -> bool:
     """Whether a line is a title above the header: the line below has more cells, with either delimiter, and no values."""
-    longest = max(
-        (fields_of(below, other) for other in {delimiter, max(DELIMITERS, key=below.count)}), key=len
-    )
-    is_header = not any(_VALUE.fullmatch(cell.strip()) for cell in longest)
-    return is_header and len(longest) > len(cells)
+    delimiters = {delimiter, max(DELIMITERS, key=below.count)}
+    longest = max((cells_of(below, other) for other in delimiters), key=len)
+    return len(longest) > len(cells) and not any(_VALUE.fullmatch(cell) for cell in longest)
 
 
 def _has_values(cells: Sequence[str]) -> bool:
@@ -214,79 +209,73 @@ def sections(source: Delimited) -> list[Delimited]:
     InvalidInput
         When there are more than `MAX_SECTIONS` further headers.
     """
-    names = {column_key(name) for name in source.names if name}
+    keys = {column_key(name) for name in source.names if name}
     starts = "|".join(re.escape(name) for name in source.names if name)
-    begin = re.compile(
+    header = re.compile(
         rf"\n[\"' ]*(?:{starts})[\"' ]*{re.escape(source.delimiter)}[^\n]*".encode(), re.IGNORECASE
     )
-    found = [
-        (match, tuple(c.strip() for c in fields_of(decode(match[0]).strip("\r\n"), source.delimiter)))
-        for match in (begin.finditer(source.data, max(source.body_offset - 1, 0)) if starts else ())
+    further = [
+        (match, tuple(cells_of(match[0].strip(b"\n"), source.delimiter)))
+        for match in (header.finditer(source.data, max(source.body_offset - 1, 0)) if starts else ())
     ]
-    found = [(m, cells) for m, cells in found if 2 * len(names & set(map(column_key, cells))) >= len(names)]
-    if len(found) > MAX_SECTIONS:
-        got = f"{len(found)} lines that are headers"
+    further = [(m, names) for m, names in further if 2 * len(keys & set(map(column_key, names))) >= len(keys)]
+    if len(further) > MAX_SECTIONS:
+        got = f"{len(further)} lines that are headers"
         raise InvalidInput.of("too many headers", f"{source.path}", got, f"at most {MAX_SECTIONS}")
-    parts = [replace(source, data=source.data[: found[0][0].start() + 1])] if found else [source]
+    ends = [*(match.start() + 1 for match, _ in further), len(source.data)]
+    parts = [replace(source, data=source.data[: ends[0]])]
     line = source.header_line
-    for k, (match, cells) in enumerate(found):
-        end = found[k + 1][0].start() + 1 if k + 1 < len(found) else len(source.data)
+    for (match, names), end in zip(further, ends[1:], strict=True):
         line += parts[-1].data.count(b"\n", parts[-1].body_offset) + 1
         body = source.data[match.end() + 1 : end]
-        parts.append(replace(source, names=cells, data=body, body_offset=0, header_line=line))
+        parts.append(replace(source, names=names, data=body, body_offset=0, header_line=line))
     return [part for part in parts if part.data[part.body_offset :].strip()]
 
 
-def even_rows(source: Delimited) -> tuple[Delimited, list[Fault]]:
-    """Give every row as many cells as the header, and return the faults of the rows that were changed. O(bytes).
+def even_rows(source: Delimited) -> tuple[Delimited, IntArray, list[Fault]]:
+    """Give every row as many cells as the header. O(bytes).
 
-    Surplus cells on the right are removed. Cells that the logger left out at the end become empty cells. A row that was cut off
-    in the middle becomes an empty row.
+    Blank lines are left out. Surplus cells on the right are removed. Cells that the logger left out at the end become empty cells. A
+    row that was cut off in the middle becomes an empty row.
+
+    Returns
+    -------
+    source : Delimited
+        The file with even rows.
+    line_numbers : ndarray, shape (rows,)
+        1-based line of each row in the file.
+    faults : list of Fault
+        The rows that were changed.
 
     Raises
     ------
     InvalidInput
         When every row has more cells than the header: it is unknown which cells belong to which column.
     """
-    width, mark = _body_width(source), source.delimiter.encode()
-    body = source.data[source.body_offset :]
-    codes = np.frombuffer(body, np.uint8)
-    starts = np.append(0, np.flatnonzero(codes[:-1] == ord("\n")) + 1)
-    counts = np.add.reduceat((codes == ord(mark)).view(np.uint8), starts, dtype=np.int64) + 1
-    quotes = np.add.reduceat((codes == ord('"')).view(np.uint8), starts, dtype=np.int64)
-    odd = np.flatnonzero((counts != width) | (quotes > 0))  # a delimiter may be inside quotes
-    if not len(odd):
-        return source, []
-    lines = body.split(b"\n")
-    for i in odd[:-1].tolist():
-        lines[i] = lines[i] if lines[i].strip() else line_of([""] * width, source.delimiter)
-    fields = {
-        int(i): fields_of(decode(lines[i]).strip("\r"), source.delimiter) for i in odd if lines[i].strip()
+    width, delimiter = _body_width(source), source.delimiter
+    lines = source.data[source.body_offset :].split(b"\n")
+    filled = [i for i, line in enumerate(lines) if line.strip()]
+    mark = delimiter.encode()
+    cells = {  # of rows that may be uneven; a delimiter may be inside quotes
+        i: cells_of(lines[i], delimiter)
+        for i in filled
+        if lines[i].count(mark) != width - 1 or b'"' in lines[i]
     }
-    wrong = {i: cells for i, cells in fields.items() if len(cells) != width}
-    short = Counter(len(cells) for cells in wrong.values() if len(cells) < width)
-    usual = {n for n, count in short.items() if count > MAX_CUT_SHARE * len(lines)}
-    last = max((i for i, line in enumerate(lines) if line.strip()), default=-1)
-    is_cut = last == len(lines) - 1 and len(wrong.get(last, [])) not in (0, *usual)
-    for i, cells in wrong.items():
-        kept = cells[:width] if len(cells) > width else cells if len(cells) in usual else []
-        lines[i] = line_of([*kept, *[""] * (width - len(kept))], source.delimiter)
-    uneven = {i: len(cells) for i, cells in wrong.items() if any(cells[width:]) or len(cells) < width}
-    is_cut &= uneven.get(last, width) < width
-    faults = list(_row_faults(source, uneven, width, last if is_cut else -1))
+    lengths = Counter(len(row) for row in cells.values() if len(row) < width)
+    usual = {length for length, count in lengths.items() if count > MAX_CUT_SHARE * len(lines)}
+    uneven = {i: len(row) for i, row in cells.items() if len(row) < width or any(row[width:])}
+    is_cut = uneven.get(len(lines) - 1, width) < width and uneven[len(lines) - 1] not in usual
+    rows = [i for i in uneven if not (is_cut and i == len(lines) - 1)]
+    faults = [*_row_faults(source, [(source.header_line + 1 + i, uneven[i]) for i in rows], width)]
     if is_cut:
-        faults.append(_cut_off_fault(source, source.header_line + 1 + last, width, wrong[last]))
-    if uneven and min(uneven.values()) > width and len(uneven) == sum(bool(line.strip()) for line in lines):
+        faults.append(_cut_off_fault(source, source.header_line + len(lines), width, cells[len(lines) - 1]))
+    if uneven and len(uneven) == len(filled) and min(uneven.values()) > width:
         raise InvalidInput(faults)
-    return replace(source, data=b"\n".join(lines), body_offset=0), faults
-
-
-def _without_headers(body: bytes, header: bytes, delimiter: str) -> bytes:
-    """The body with empty rows in place of repeated headers, which loggers write at each start; row numbers do not change."""
-    if header not in body:
-        return body
-    empty = delimiter.encode() * header.count(delimiter.encode())
-    return b"\n".join(empty if row.strip(b"\r") == header else row for row in body.split(b"\n"))
+    for i, row in cells.items():
+        kept = row[:width] if len(row) >= width or len(row) in usual else []
+        lines[i] = line_of([*kept, *[""] * (width - len(kept))], delimiter)
+    body = b"\n".join(lines[i] for i in filled)
+    return replace(source, data=body, body_offset=0), source.header_line + 1 + np.array(filled), faults
 
 
 def _text_bytes(path: Path, data: bytes) -> bytes:
@@ -302,7 +291,7 @@ def _text_bytes(path: Path, data: bytes) -> bytes:
         )
     if b"\0" in data[:65536]:
         raise InvalidInput(_not_text(path, "zero bytes"))
-    return data if b"\n" in data else data.replace(b"\r", b"\n")
+    return data.replace(b"\r\n", b"\n") if b"\n" in data else data.replace(b"\r", b"\n")
 
 
 def _not_text(path: Path, got: str) -> Fault:
@@ -317,38 +306,26 @@ def decode(raw: bytes) -> str:
         return raw.decode("latin-1")
 
 
-def fields_of(line: str, delimiter: str) -> list[str]:
-    """Split a line into its cells."""
+def cells_of(line: str | bytes, delimiter: str) -> list[str]:
+    """Split a line into its cells, without outer blanks."""
+    text = (line if isinstance(line, str) else decode(line)).strip("\r")
     try:
-        return next(csv.reader([line], delimiter=delimiter), [])
+        cells = next(csv.reader([text], delimiter=delimiter), [])
     except csv.Error:  # a stray carriage return or an unbalanced quote in a damaged line
-        return line.split(delimiter)
+        cells = text.split(delimiter)
+    return [cell.strip() for cell in cells]
 
 
 def read_texts(source: Delimited, wanted: Sequence[int]) -> list[list[str]]:
-    """Read the columns at the given positions of the header as texts without outer blanks. O(bytes).
-
-    Raises
-    ------
-    InvalidInput
-        With every row of the wrong length.
-    """
-    try:
-        if find_spec("pyarrow") is None:
-            return _texts_by_line(source, wanted)
-        table = _parsed(source, wanted, "binary", strings_can_be_null=False)
-    except _UNREADABLE as error:
-        _, faults = even_rows(source)
-        got = str(error).splitlines()[0][:200]
-        unreadable = Fault("not a readable CSV file", f"{source.path}", got, "rows of cells")
-        raise InvalidInput(faults or [unreadable]) from error
-    return [[decode(cell).strip() for cell in column.to_pylist()] for column in table]
+    """Read the columns at the given positions of the header as texts without outer blanks; the rows have to be even. O(bytes)."""
+    table = _parsed(source, wanted, dtype=object, na_filter=False)
+    return [[decode(cell.encode("latin-1")).strip() for cell in table[i]] for i in wanted]
 
 
 def read_numbers(
-    source: Delimited, wanted: Sequence[int], decimal: str = ".", faults: list[Fault] | None = None
-) -> list[FloatArray]:
-    """Read the columns at the given positions of the header as float64; empty cells are NaN. O(bytes).
+    source: Delimited, wanted: Sequence[int], decimal: str, line_numbers: IntArray
+) -> tuple[list[FloatArray], list[Fault]]:
+    """Read the columns at the given positions of the header as float64; the rows have to be even. O(bytes).
 
     Parameters
     ----------
@@ -356,42 +333,30 @@ def read_numbers(
     wanted : sequence of int
     decimal : str
         Decimal separator of the file.
-    faults : list, optional
-        Faults are appended to this list instead of raised; cells that cannot be read are then NaN, and rows of another length are
-        changed by `even_rows`.
+    line_numbers : ndarray, shape (rows,)
+        Line of each row, for the faults.
 
-    Raises
-    ------
-    InvalidInput
-        If `faults` is not given: with every row of the wrong length and every cell that is not a number.
+    Returns
+    -------
+    list of ndarray, shape (rows,)
+        NaN if a cell is empty or cannot be read.
+    list of Fault
+        The cells that cannot be read.
     """
-    reason, nulls = "", {"null_values": list(NULL_TEXTS), "quoted_strings_can_be_null": True}
     try:
-        if find_spec("pyarrow") is None:
-            columns = _numbers_by_line(source, wanted, decimal)
-        else:
-            table = _parsed(source, wanted, "float64", **nulls, decimal_point=decimal)
-            columns = [np.asarray(column.to_numpy(), dtype=np.float64) for column in table]
+        table = _parsed(source, wanted, dtype=np.float64, na_values=NULL_TEXTS, decimal=decimal)
+        columns = [table[i].to_numpy() for i in wanted]
         if all(np.nanmax(np.abs(values), initial=0.0) <= LARGEST_NUMBER for values in columns):
-            return columns
-    except _UNREADABLE as error:
-        reason = str(error).splitlines()[0][:200]
-    even, found = even_rows(source)
-    try:
-        texts = read_texts(even, wanted)
-    except InvalidInput as error:
-        raise InvalidInput([*found, *error.faults]) from error
-    columns = []
-    for position, cells in zip(wanted, texts, strict=True):
+            return columns, []
+    except ValueError:  # a cell that is not a number
+        pass
+    columns, faults = [], list[Fault]()
+    for position, cells in zip(wanted, read_texts(source, wanted), strict=True):
         values, bad = numbers_of(cells, decimal)
         columns.append(values)
-        found += _cell_faults(even, position, [(even.header_line + 1 + i, cells[i]) for i in bad], decimal)
-    if faults is None:
-        raise InvalidInput(
-            found or [Fault("not a readable CSV file", f"{source.path}", reason, "rows of numbers")]
-        )
-    faults += found
-    return columns
+        place = f"{source.path} row {{}} column {source.names[position]!r}"
+        faults += _cell_faults([(place.format(line_numbers[i]), cells[i]) for i in bad], decimal)
+    return columns, faults
 
 
 def numbers_of(cells: Sequence[str], decimal: str) -> tuple[FloatArray, list[int]]:
@@ -412,53 +377,27 @@ def numbers_of(cells: Sequence[str], decimal: str) -> tuple[FloatArray, list[int
     return values, bad
 
 
-_UNREADABLE: Final = (ValueError, KeyError)
-"""Base classes of the errors that Arrow raises for a damaged row."""
-
-
-def _texts_by_line(source: Delimited, wanted: Sequence[int]) -> list[list[str]]:
-    """Read columns as texts without Arrow; raise ValueError for a row of another length, as Arrow does."""
-    lines = source.data[source.body_offset :].split(b"\n")
-    rows = [fields_of(decode(line).strip("\r"), source.delimiter) for line in lines if line.strip()]
-    if {len(row) for row in rows} != {_body_width(source)}:
-        raise ValueError("rows of different lengths")
-    return [[row[i].strip() for row in rows] for i in wanted]
-
-
-def _numbers_by_line(source: Delimited, wanted: Sequence[int], decimal: str) -> list[FloatArray]:
-    """Read columns as numbers without Arrow; raise ValueError for a cell that is not a number."""
-    columns = [numbers_of(cells, decimal) for cells in _texts_by_line(source, wanted)]
-    if any(bad for _, bad in columns):
-        raise ValueError("a cell that is no number")
-    return [values for values, _ in columns]
-
-
-def _parsed(source: Delimited, wanted: Sequence[int], kind: str, **options: Any) -> list[Any]:
-    """Read the columns at the given positions as Arrow arrays of type `kind`."""
-    import pyarrow as pa
-    import pyarrow.csv as pa_csv
-
-    names = [f"c{i}" for i in range(_body_width(source))]
-    chosen = [f"c{i}" for i in wanted]
-    table = pa_csv.read_csv(
-        pa.BufferReader(memoryview(source.data)[source.body_offset :]),
-        read_options=pa_csv.ReadOptions(column_names=names, use_threads=False, block_size=8 << 20),
-        parse_options=pa_csv.ParseOptions(delimiter=source.delimiter),
-        convert_options=pa_csv.ConvertOptions(
-            include_columns=chosen,
-            column_types=dict.fromkeys(chosen, pa.type_for_alias(kind)),
-            check_utf8=False,
-            **options,
-        ),
+def _parsed(source: Delimited, wanted: Sequence[int], **options: Any) -> pd.DataFrame:
+    """Read the columns at the given positions; `options` are those of `pandas.read_csv`."""
+    return pd.read_csv(  # noqa: TID251 - the content was read within its bounds
+        io.BytesIO(source.data[source.body_offset :]),
+        sep=source.delimiter,
+        header=None,
+        names=range(_body_width(source)),
+        usecols=sorted(wanted),
+        index_col=False,
+        keep_default_na=False,
+        skip_blank_lines=False,
+        lineterminator="\n",
+        encoding="latin-1",  # any bytes are text in it
+        **options,
     )
-    return [table[name] for name in chosen]
 
 
 def first_row(source: Delimited) -> list[str]:
     """Cells of the first row of the body."""
     end = source.data.find(b"\n", source.body_offset)
-    first = source.data[source.body_offset : end if end >= 0 else len(source.data)]
-    return fields_of(decode(first).strip("\r\n"), source.delimiter) or [""]
+    return cells_of(source.data[source.body_offset : end if end >= 0 else None], source.delimiter) or [""]
 
 
 def _body_width(source: Delimited) -> int:
@@ -467,7 +406,7 @@ def _body_width(source: Delimited) -> int:
     header = len(source.names)
     if len(row) == header - 1 and not source.names[-1]:
         return header - 1
-    if len(row) == header + 1 and not row[-1].strip():
+    if len(row) == header + 1 and not row[-1]:
         return header + 1
     return header
 
@@ -487,45 +426,38 @@ def line_of(cells: Sequence[str], delimiter: str) -> bytes:
 
 
 def _cut_off_fault(source: Delimited, line: int, width: int, cells: Sequence[str]) -> Fault:
-    position = min(len(cells) - 1, len(source.names) - 1)
+    name = source.names[min(len(cells), len(source.names)) - 1]
     return Fault(
         "truncated file",
-        source.where(line, source.names[position]),
+        f"{source.path} row {line} column {name!r}",
         f"the last line ends in {excerpt(cells[-1])}, field {len(cells)} of {width}",
         f"{width} fields and a line break",
         "fetch the file again, or delete the last line to use the rest",
     )
 
 
-def _row_faults(source: Delimited, fields: Mapping[int, int], width: int, cut: int) -> Iterator[Fault]:
-    """A fault for each of the first `SHOWN_ROWS` rows of another length, and one fault that counts the others.
-
-    `fields` has the number of cells of each such row by its place in the body; the row at `cut` is left out.
-    """
-    rows = [(place, n) for place, n in fields.items() if place != cut]
-    what, where = "wrong number of columns", f"{source.path}"
-    for place, n in rows[:SHOWN_ROWS]:
-        comma = source.delimiter == "," and n > width
+def _row_faults(source: Delimited, rows: Sequence[tuple[int, int]], width: int) -> Iterator[Fault]:
+    """A fault for each of the first `SHOWN_ROWS` rows, and one fault that counts the others; `rows` has lines and numbers of cells."""
+    what = "wrong number of columns"
+    for line, length in rows[:SHOWN_ROWS]:
+        comma = source.delimiter == "," and length > width
         fix = (
             "export with a decimal point, or with ';' between columns" if comma else "mend or delete the row"
         )
-        yield Fault(what, f"{where} row {source.header_line + 1 + place}", f"{n}", f"{width}", fix)
+        yield Fault(what, f"{source.path} row {line}", f"{length}", f"{width}", fix)
     more = len(rows) - SHOWN_ROWS
     if more > 0:
-        yield Fault(what, where, f"{more} more rows", f"{width}", count=more)
+        yield Fault(what, f"{source.path}", f"{more} more rows", f"{width}", count=more)
 
 
-def _cell_faults(
-    source: Delimited, position: int, bad: Sequence[tuple[int, str]], decimal: str
-) -> Iterator[Fault]:
-    """A fault for each bad cell of a column; if there are more than `SHOWN_ROWS`, one fault of the first cell with their number."""
+def _cell_faults(bad: Sequence[tuple[str, str]], decimal: str) -> Iterator[Fault]:
+    """A fault for each bad cell of a column, given as (place, text); for more than `SHOWN_ROWS`, one of the first with their number."""
     counted = len(bad) > SHOWN_ROWS
-    for line, text in bad[:1] if counted else bad:
+    for place, text in bad[:1] if counted else bad:
         what, allowed, fix = "not a number", "a number with a decimal point, or an empty cell", ""
         if _DECIMAL_COMMA.fullmatch(text):
             what, fix = "decimal comma", "export the file with a decimal point"
         elif _value(text.replace(decimal, ".")) is not None:
             what, allowed = "number out of range", f"a finite number of at most {LARGEST_NUMBER:g}"
         got = excerpt(text) + (and_more(bad) if counted else "")
-        where = source.where(line, source.names[position])
-        yield Fault(what, where, got, allowed, fix, count=len(bad) if counted else 1)
+        yield Fault(what, place, got, allowed, fix, count=len(bad) if counted else 1)

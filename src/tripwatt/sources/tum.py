@@ -17,15 +17,8 @@ import pandas as pd
 from tripwatt.arrays import by_key
 from tripwatt.errors import Fault, InvalidInput, system_errors
 from tripwatt.files import file_head
-from tripwatt.sources.columnar import read_folder, require_folder
-from tripwatt.sources.delimited import (
-    Delimited,
-    RawColumn,
-    column_key,
-    open_delimited,
-    raw_columns,
-    read_numbers,
-)
+from tripwatt.sources.columnar import csv_table, read_folder, require_folder
+from tripwatt.sources.delimited import Delimited, RawColumn, column_key, open_delimited, raw_columns
 from tripwatt.sources.tum_overview import read_overview
 from tripwatt.trips import (
     COLUMNS,
@@ -103,7 +96,7 @@ def read_tum(folder: Path | str, *, strict: bool = False) -> TripSet:
     except InvalidInput as error:
         faults += error.faults
 
-    def read_one(trip_id: str, path: Path, kept: list[Fault] | None) -> Log:
+    def read_one(trip_id: str, path: Path, kept: list[Fault]) -> Log:
         return read_tum_file(path, trip_id, contexts.get(trip_id), kept)
 
     logs, readings = read_folder(read_one, files, strict=strict, faults=faults)
@@ -175,14 +168,13 @@ def read_tum_file(
     """
     source = open_delimited(path)
     chosen = _choose(source)
-    values = read_numbers(source, list(chosen), faults=faults)
+    table = csv_table(source, [] if faults is None else faults)
+    columns = zip(chosen.values(), table.numbers([*chosen]), strict=True)
     samples = pd.DataFrame(
-        {
-            raw.ours: column if raw.factor == 1.0 else column * raw.factor
-            for raw, column in zip(chosen.values(), values, strict=True)
-        },
+        {raw.ours: column if raw.factor == 1.0 else column * raw.factor for raw, column in columns},
         copy=False,
     )
+    raise_faults(table.faults if faults is None else ())
     raise_faults(structure_faults(samples, str(path)))
     if "elevation_m" in samples:
         time, speed, height = (samples[c].to_numpy() for c in ("time_s", "speed_m_s", "elevation_m"))
@@ -190,22 +182,25 @@ def read_tum_file(
     return Log.from_samples(trip_id, samples, context)
 
 
-def _choose(source: Delimited) -> dict[int, RawColumn]:
-    """Positions in the header -> columns to read, in the order of `COLUMNS`."""
+def _choose(source: Delimited) -> dict[str, RawColumn]:
+    """Names in the header -> columns to read, in the order of `COLUMNS`."""
     positions = by_key(range(len(source.names)), lambda position: column_key(source.names[position]))
-    chosen: dict[str, tuple[int, RawColumn]] = {}
+    chosen: dict[str, tuple[str, RawColumn]] = {}
     faults: list[Fault] = []
     for raw in raw_columns("tum"):
         places = positions.get(column_key(raw.name), [])
         if not places or raw.ours in chosen:
             continue
-        chosen[raw.ours] = (places[0], raw)
+        chosen[raw.ours] = (source.names[places[0]], raw)
         if len(places) > 1:
-            where, got = source.where(source.header_line, raw.name), ", ".join(str(p + 1) for p in places)
+            where, got = (
+                f"{source.path} row {source.header_line} column {raw.name!r}",
+                ", ".join(str(p + 1) for p in places),
+            )
             faults.append(Fault("duplicate column", where, f"columns {got}", "one column of that name"))
     faults += [_missing_column(source, ours) for ours in NEEDED_COLUMNS if ours not in chosen]
     raise_faults(faults)
-    return {chosen[c][0]: chosen[c][1] for c in COLUMNS if c in chosen}
+    return dict(chosen[ours] for ours in COLUMNS if ours in chosen)
 
 
 def _missing_column(source: Delimited, ours: str) -> Fault:

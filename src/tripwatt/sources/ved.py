@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import datetime as dt
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -20,8 +19,8 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.errors import Fault, InvalidInput, and_more
-from tripwatt.sources.columnar import read_folder, require_folder
-from tripwatt.sources.delimited import Delimited, column_key, open_delimited, raw_columns, read_numbers
+from tripwatt.sources.columnar import CsvTable, csv_table, read_folder, require_folder
+from tripwatt.sources.delimited import Delimited, column_key, open_delimited, raw_columns
 from tripwatt.trips import COLUMNS, Context, Flag, Log, TripSet, raise_faults
 from tripwatt.trips.reading import ReadingReport
 
@@ -109,11 +108,12 @@ def _week_files(folder: Path) -> list[Path]:
     return files
 
 
-def _read_week(name: str, path: Path, faults: list[Fault] | None) -> _Week:
+def _read_week(file: str, path: Path, faults: list[Fault]) -> _Week:
     source = open_delimited(path)
-    positions = _positions(source)
-    values = dict(zip(positions, read_numbers(source, list(positions.values()), faults=faults), strict=True))
-    keys = _integer_keys(source, values, faults)
+    spelled = _spelled(source)
+    table = csv_table(source, faults)
+    values = dict(zip(spelled, table.numbers([*spelled.values()]), strict=True))
+    keys = _integer_keys(table, values)
     has_battery = np.isfinite(values["HV Battery Voltage[V]"])
     has_engine = np.zeros(len(has_battery), dtype=bool)
     for name in _ENGINE:
@@ -127,42 +127,34 @@ def _read_week(name: str, path: Path, faults: list[Fault] | None) -> _Week:
     columns["day"] = values["DayNum"][has_battery]
     samples = pd.DataFrame({"car": keys[0][has_battery], "trip": keys[1][has_battery], **columns}, copy=False)
     trips = frozenset(zip(*(k.tolist() for k in np.unique(np.stack(keys), axis=1)), strict=True))
-    return _Week(samples, trips, frozenset(np.unique(keys[0][has_engine]).tolist()), name)
+    return _Week(samples, trips, frozenset(np.unique(keys[0][has_engine]).tolist()), file)
 
 
-def _positions(source: Delimited) -> Mapping[str, int]:
-    there = {column_key(name): i for i, name in reversed(list(enumerate(source.names)))}
+def _spelled(source: Delimited) -> dict[str, str]:
+    """Name of a column in the data set -> its name in the header of a file."""
+    names = {column_key(name): name for name in reversed(source.names)}
     needed = (*_KEYS, *(raw.name for raw in raw_columns("ved")))
     where = f"{source.path} row {source.header_line}"
     got = f"{len(source.names)} columns: {', '.join(repr(n[:40]) for n in source.names[:6])} ..."
-    raise_faults(
-        Fault("missing column", where, got, f"a column {name!r}")
-        for name in needed
-        if column_key(name) not in there
-    )
-    return {name: there[column_key(name)] for name in (*needed, *_ENGINE) if column_key(name) in there}
+    missing = [name for name in needed if column_key(name) not in names]
+    raise_faults(Fault("missing column", where, got, f"a column {name!r}") for name in missing)
+    return {name: names[column_key(name)] for name in (*needed, *_ENGINE) if column_key(name) in names}
 
 
-def _integer_keys(
-    source: Delimited, values: dict[str, FloatArray], kept: list[Fault] | None
-) -> tuple[IntArray, ...]:
-    """Car and trip number of every row. If `kept` is given, faults are appended to it, and the rows with a fault are removed."""
-    faults, wrong = [], np.zeros(len(values["VehId"]), dtype=bool)
+def _integer_keys(table: CsvTable, values: dict[str, FloatArray]) -> tuple[IntArray, ...]:
+    """Car and trip number of every row. Rows with a fault are removed from `values`."""
+    sound = np.ones(len(values["VehId"]), dtype=bool)
     for name in _KEYS:
         column = values[name]
-        whole = (column == np.round(column)) | (name == "DayNum")
-        bad = ~(np.isfinite(column) & whole & (column >= 0.0) & (column <= LARGEST_KEY))
-        wrong |= bad
-        if bad.any():
-            row = int(np.flatnonzero(bad)[0])
-            got = f"{column[row]:g}{and_more(np.flatnonzero(bad))}"
-            where = source.where(source.header_line + 1 + row, name)
-            faults.append(Fault("not a whole number", where, got, "a whole number", count=int(bad.sum())))
-    if kept is None:
-        raise_faults(faults)
-    elif faults:
-        kept += faults
-        values.update({name: column[~wrong] for name, column in values.items()})
+        integer = (column == np.round(column)) | (name == "DayNum")
+        bad = np.flatnonzero(~(np.isfinite(column) & integer & (column >= 0.0) & (column <= LARGEST_KEY)))
+        if len(bad):
+            sound[bad] = False
+            where = f"{table.path} row {table.row(bad[0])} column {name!r}"
+            got = f"{column[bad[0]]:g}{and_more(bad)}"
+            table.faults.append(Fault("not a whole number", where, got, "a whole number", count=len(bad)))
+    if not sound.all():
+        values.update({name: column[sound] for name, column in values.items()})
     return values["VehId"].astype(np.int64), values["Trip"].astype(np.int64)
 
 
