@@ -6,7 +6,7 @@ import io
 import itertools
 import os
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
+from collections.abc import Callable, Iterable, Mapping, Sequence, Sized
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -66,7 +66,7 @@ class CsvTable:
     path : Path
     parts : tuple of Delimited
         The rows below each header of the file.
-    line_numbers : ndarray, shape (rows,)
+    lines : tuple of ndarray, shape (rows of a part,)
         1-based line of each row in the file.
     faults : list of Fault
         Faults are appended to this list.
@@ -76,7 +76,7 @@ class CsvTable:
 
     path: Path
     parts: tuple[Delimited, ...]
-    line_numbers: IntArray
+    lines: tuple[IntArray, ...]
     faults: list[Fault]
     decimal: str = "."
 
@@ -94,34 +94,27 @@ class CsvTable:
 
     def numbers(self, names: Sequence[str]) -> list[FloatArray]:
         """Read columns as float64; every cell that is not a number is a fault."""
-        columns = [np.full(len(self.line_numbers), np.nan) for _ in names]
-        for part, rows in self._rows():
-            positions = {k: part.names.index(name) for k, name in enumerate(names) if name in part.names}
-            values, faults = read_numbers(part, [*positions.values()], self.decimal, self.line_numbers[rows])
+        by_part = []
+        for part, lines in zip(self.parts, self.lines, strict=True):
+            present = [name for name in names if name in part.names]
+            positions = [part.names.index(name) for name in present]
+            values, faults = read_numbers(part, positions, self.decimal, lines)
             self.faults.extend(faults)
-            for k, column in zip(positions, values, strict=True):
-                columns[k][rows] = column
-        return columns
+            columns = dict(zip(present, values, strict=True))
+            by_part.append([columns.get(name, np.full(len(lines), np.nan)) for name in names])
+        return [np.concatenate(pieces) for pieces in zip(*by_part, strict=True)]
 
     def texts(self, name: str) -> list[str]:
         """Read one column as texts."""
-        cells = [""] * len(self.line_numbers)
-        for part, rows in self._rows():
-            if name in part.names:
-                (cells[rows],) = read_texts(part, [part.names.index(name)])
+        cells: list[str] = []
+        for part, lines in zip(self.parts, self.lines, strict=True):
+            is_there = name in part.names
+            cells += read_texts(part, [part.names.index(name)])[0] if is_there else [""] * len(lines)
         return cells
-
-    def _rows(self) -> Iterator[tuple[Delimited, slice]]:
-        """Yield each part with the place of its rows in the table."""
-        start = 0
-        for part in self.parts:
-            stop = start + part.data.count(b"\n", part.body_offset) + 1
-            yield part, slice(start, stop)
-            start = stop
 
     def row(self, index: int) -> int:
         """1-based line in the file of the row with an index."""
-        return int(self.line_numbers[index])
+        return int(np.concatenate(self.lines)[index])
 
 
 @dataclass(frozen=True, slots=True)
@@ -254,20 +247,20 @@ def open_table(
 
 def csv_table(source: Delimited, faults: list[Fault], decimal: str = ".") -> CsvTable:
     """Make a table of a delimited file; further headers and uneven rows are appended to `faults`."""
-    parts, line_numbers = [], []
+    parts, lines = [], []
     for part in sections(source):
         if part.names != source.names:
             got, where = f"{len(part.names)} columns", f"{source.path} row {part.header_line}"
             faults.append(
                 Fault("another header", where, got, f"the {len(source.names)} columns of the first")
             )
-        even, lines, uneven = even_rows(part)
+        even, line_numbers, uneven = even_rows(part)
         parts.append(even)
-        line_numbers.append(lines)
+        lines.append(line_numbers)
         faults += uneven
     if not parts:
         raise InvalidInput.of("no samples", f"{source.path}", "headers without rows below", "rows")
-    return CsvTable(source.path, tuple(parts), np.concatenate(line_numbers), faults, decimal)
+    return CsvTable(source.path, tuple(parts), tuple(lines), faults, decimal)
 
 
 def _open_parquet(path: Path, faults: list[Fault]) -> ParquetTable:

@@ -209,20 +209,30 @@ def sections(source: Delimited) -> list[Delimited]:
     InvalidInput
         When there are more than `MAX_SECTIONS` further headers.
     """
-    keys = {column_key(name) for name in source.names if name}
-    starts = "|".join(re.escape(name) for name in source.names if name)
+    named = [name for name in source.names if name]
+    keys = set(map(column_key, named))
+    # a search in the rows of numbers would take as long as reading them: only lines with the first letter of a name are compared
+    codes = np.frombuffer(source.data, np.uint8)
+    starts = np.flatnonzero(codes[source.body_offset : -1] == ord("\n")) + source.body_offset + 1
+    initials = "\"' " + "".join(name[0].lower() + name[0].upper() for name in named)
+    starts = starts[np.isin(codes[starts], np.frombuffer(initials.encode(), np.uint8))]
+    first_cell = "|".join(map(re.escape, named)) or "(?!)"
+    first_cell = "|".join(map(re.escape, named)) or "(?!)"
     header = re.compile(
-        rf"\n[\"' ]*(?:{starts})[\"' ]*{re.escape(source.delimiter)}[^\n]*".encode(), re.IGNORECASE
+        rf"[\"' ]*(?:{first_cell})[\"' ]*{re.escape(source.delimiter)}[^\n]*".encode(), re.IGNORECASE
     )
+    matches = [header.match(source.data, start) for start in (source.body_offset, *starts.tolist())]
     further = [
-        (match, tuple(cells_of(match[0].strip(b"\n"), source.delimiter)))
-        for match in (header.finditer(source.data, max(source.body_offset - 1, 0)) if starts else ())
+        (match, names)
+        for match in matches
+        if match is not None
+        for names in [tuple(cells_of(match[0], source.delimiter))]
+        if 2 * len(keys & set(map(column_key, names))) >= len(keys)
     ]
-    further = [(m, names) for m, names in further if 2 * len(keys & set(map(column_key, names))) >= len(keys)]
     if len(further) > MAX_SECTIONS:
         got = f"{len(further)} lines that are headers"
         raise InvalidInput.of("too many headers", f"{source.path}", got, f"at most {MAX_SECTIONS}")
-    ends = [*(match.start() + 1 for match, _ in further), len(source.data)]
+    ends = [*(match.start() for match, _ in further), len(source.data)]
     parts = [replace(source, data=source.data[: ends[0]])]
     line = source.header_line
     for (match, names), end in zip(further, ends[1:], strict=True):
@@ -253,6 +263,10 @@ def even_rows(source: Delimited) -> tuple[Delimited, IntArray, list[Fault]]:
         When every row has more cells than the header: it is unknown which cells belong to which column.
     """
     width, delimiter = _body_width(source), source.delimiter
+    body = source.data[source.body_offset :].rstrip(b"\n")
+    if _is_even(body, delimiter, width):
+        rows = np.arange(body.count(b"\n") + 1)
+        return replace(source, data=body, body_offset=0), source.header_line + 1 + rows, []
     lines = source.data[source.body_offset :].split(b"\n")
     filled = [i for i, line in enumerate(lines) if line.strip()]
     mark = delimiter.encode()
@@ -265,8 +279,8 @@ def even_rows(source: Delimited) -> tuple[Delimited, IntArray, list[Fault]]:
     usual = {length for length, count in lengths.items() if count > MAX_CUT_SHARE * len(lines)}
     uneven = {i: len(row) for i, row in cells.items() if len(row) < width or any(row[width:])}
     is_cut = uneven.get(len(lines) - 1, width) < width and uneven[len(lines) - 1] not in usual
-    rows = [i for i in uneven if not (is_cut and i == len(lines) - 1)]
-    faults = [*_row_faults(source, [(source.header_line + 1 + i, uneven[i]) for i in rows], width)]
+    listed = [i for i in uneven if not (is_cut and i == len(lines) - 1)]
+    faults = [*_row_faults(source, [(source.header_line + 1 + i, uneven[i]) for i in listed], width)]
     if is_cut:
         faults.append(_cut_off_fault(source, source.header_line + len(lines), width, cells[len(lines) - 1]))
     if uneven and len(uneven) == len(filled) and min(uneven.values()) > width:
@@ -276,6 +290,14 @@ def even_rows(source: Delimited) -> tuple[Delimited, IntArray, list[Fault]]:
         lines[i] = line_of([*kept, *[""] * (width - len(kept))], delimiter)
     body = b"\n".join(lines[i] for i in filled)
     return replace(source, data=body, body_offset=0), source.header_line + 1 + np.array(filled), faults
+
+
+def _is_even(body: bytes, delimiter: str, width: int) -> bool:
+    """Whether every row has `width` cells, and no cell is in quotes."""
+    codes = np.frombuffer(body, np.uint8)
+    ends = np.append(np.flatnonzero(codes == ord("\n")), len(codes))
+    delimiters = np.searchsorted(np.flatnonzero(codes == ord(delimiter)), ends)
+    return b'"' not in body and bool((np.diff(delimiters, prepend=0) == width - 1).all())
 
 
 def _text_bytes(path: Path, data: bytes) -> bytes:
