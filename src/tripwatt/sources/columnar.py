@@ -263,6 +263,14 @@ def csv_table(source: Delimited, faults: list[Fault], decimal: str = ".") -> Csv
     return CsvTable(source.path, tuple(parts), tuple(lines), faults, decimal)
 
 
+def stamp_texts(table: TableFile, column: str, date: str = "") -> list[str]:
+    """The texts of the time stamps of each row; `date` is the column of the day if `column` has only the time of day."""
+    texts = table.texts(column)
+    if not date:
+        return texts
+    return [f"{day} {clock}".strip() for day, clock in zip(table.texts(date), texts, strict=True)]
+
+
 def _open_parquet(path: Path, faults: list[Fault]) -> ParquetTable:
     require_extras({"parquet": f"{path}"})
     import pyarrow as pa

@@ -44,13 +44,22 @@ SPEED_UNITS: Final = {"m/s": 1.0, "km/h": M_S_PER_KM_H, "mph": M_S_PER_MPH}
 
 
 @dataclass(frozen=True, slots=True)
+class Guess:
+    """A guess which column of the table has the values of our column `ours`, with unit and reason."""
+
+    ours: str
+    column: str
+    unit: str
+    why: str
+    format: str = ""
+    date: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class Flow:
-    """Findings from the flow of power: recognised columns, sign of the current, mass of the car in the assumed unit of speed.
+    """Findings from the flow of power: recognised columns, sign of the current, mass of the car in the assumed unit of speed."""
 
-    `columns` holds tuples of our name, the column, its unit and the reason.
-    """
-
-    columns: tuple[tuple[str, str, str, str], ...] = ()
+    guesses: tuple[Guess, ...] = ()
     sign: str = ""
     why_sign: str = ""
     mass_kg: float | None = None
@@ -149,75 +158,64 @@ def speed_unit(assumed: str, mass_kg: float) -> tuple[str, str]:
     return unit, f"in {unit} the apparent mass of the car is {fitting[unit]:.0f} kg ({others}){check}"
 
 
-def best_flow(
-    clock: FloatArray, known: Mapping[str, tuple[str, FloatArray]], others: Mapping[str, FloatArray]
-) -> Flow:
-    """Recognise columns by their values alone, and find the sign of the current.
+def best_flow(time: FloatArray, known: Mapping[str, FloatArray], others: Mapping[str, FloatArray]) -> Flow:
+    """Recognise columns of one trip by their values alone, and find the sign of the current.
 
     Parameters
     ----------
-    clock : ndarray
+    time : ndarray, shape (samples,)
         Time [s].
-    known : mapping
-        Our name to (column, values in our unit), and "rows" to ("", 1 for the rows of the longest trip).
-    others : mapping
+    known : mapping of str to ndarray, shape (samples,)
+        Our name -> values in our unit.
+    others : mapping of str to ndarray, shape (samples,)
         Columns that no name has identified.
     """
-    rows = known["rows"][1] > 0
-    if len(clock) != len(rows) or not rows.any():
+    if not len(time):
         return Flow()
-    time = clock[rows]
-    columns: list[tuple[str, str, str, str]] = []
-    spare = {n: v[rows] for n, v in others.items()}
-    voltage = known["voltage_v"][1][rows] if "voltage_v" in known else None
-    if voltage is None:
-        name = next((n for n, v in spare.items() if _is_pack_voltage(v)), None)
-        if name is not None:
-            voltage = spare.pop(name)
-            text = f"no name matches; values of {np.nanmin(voltage):g} to {np.nanmax(voltage):g} are those of a traction battery"
-            columns.append(("voltage_v", name, "v", text))
-    volts = np.full(len(time), STAND_IN_V) if voltage is None else voltage
-    speeds = {n: v for n, v in spare.items() if _may_be_speed(v)}
+    spare, guesses = dict(others), []
+    volts = known.get("voltage_v", np.full(len(time), STAND_IN_V))
+    name = next((n for n, values in spare.items() if _is_pack_voltage(values)), None)
+    if "voltage_v" not in known and name is not None:
+        volts = spare.pop(name)
+        text = f"no name matches; values of {np.nanmin(volts):g} to {np.nanmax(volts):g} are those of a traction battery"
+        guesses.append(Guess("voltage_v", name, "v", text))
+    speeds = {n: values for n, values in spare.items() if _may_be_speed(values)}
     if "speed_m_s" in known:
-        speeds = {"": known["speed_m_s"][1][rows]}
-    if POWER in known and "current_a" not in known:
-        flows = {"": known[POWER][1][rows]}
-    elif "current_a" in known:
-        flows = {"": known["current_a"][1][rows] * volts}
+        speeds = {"": known["speed_m_s"]}
+    if "current_a" in known:
+        flows = {"": known["current_a"] * volts}
+    elif POWER in known:
+        flows = {"": known[POWER]}
     else:
-        flows = {n: v * volts for n, v in spare.items() if np.nanmin(v, initial=0.0) < 0.0}
-    return _match(time, speeds, flows, columns, measured=POWER in known or "current_a" in known)
-
-
-def _match(
-    time: FloatArray,
-    speeds: Mapping[str, FloatArray],
-    flows: Mapping[str, FloatArray],
-    columns: list[tuple[str, str, str, str]],
-    *,
-    measured: bool,
-) -> Flow:
-    """The findings from the pair of a speed and a power that obeys Newton's second law best."""
-    best: tuple[float, float, str, str] | None = None
-    for speed_name, speed in list(speeds.items())[:MAX_COLUMNS]:
-        for flow_name, flow in list(flows.items())[:MAX_COLUMNS]:
-            if speed_name and speed_name == flow_name:
-                continue
-            answer = apparent_mass(time, speed, flow)
-            if answer is not None and (best is None or abs(answer[1]) > abs(best[1])):
-                best = (answer[0], answer[1], speed_name, flow_name)
-    mass, correlation, speed_name, flow_name = best or (0.0, 0.0, "", "")
+        flows = {n: values * volts for n, values in spare.items() if np.nanmin(values, initial=0.0) < 0.0}
+    mass, correlation, speed_name, flow_name = _best_pair(time, speeds, flows)
     if abs(correlation) < (CURRENT_CORRELATION if speed_name or flow_name else CLEAR):
-        return Flow(tuple(columns), "discharge" if measured else "", "CHECK: too little driving to decide")
+        is_measured = POWER in known or "current_a" in known
+        sign = "discharge" if is_measured else ""
+        return Flow(tuple(guesses), sign, "CHECK: too little driving to decide")
     for ours, name, unit, why in (
         ("current_a", flow_name, "a", "correlated with speed times acceleration"),
         ("speed_m_s", speed_name, "m/s", "its change is correlated with the power"),
     ):
         if name:
             text = f"no name matches; {why} (correlation {abs(correlation):.2f})"
-            columns.append((ours, name, unit, text))
+            guesses.append(Guess(ours, name, unit, text))
     sign = "discharge" if correlation > 0 else "charge"
-    return Flow(tuple(columns), sign, f"correlation of power with acceleration {correlation:.2f}", abs(mass))
+    why_sign = f"correlation of power with acceleration {correlation:.2f}"
+    return Flow(tuple(guesses), sign, why_sign, abs(mass))
+
+
+def _best_pair(
+    time: FloatArray, speeds: Mapping[str, FloatArray], flows: Mapping[str, FloatArray]
+) -> tuple[float, float, str, str]:
+    """Mass [kg], correlation and names of the speed and the power that obey Newton's second law best; zeros if there is no pair."""
+    pairs = [(0.0, 0.0, "", "")]
+    for speed_name, speed in [*speeds.items()][:MAX_COLUMNS]:
+        for flow_name, flow in [*flows.items()][:MAX_COLUMNS]:
+            fit = apparent_mass(time, speed, flow) if flow_name != speed_name or not speed_name else None
+            if fit is not None:
+                pairs.append((*fit, speed_name, flow_name))
+    return max(pairs, key=lambda pair: abs(pair[1]))
 
 
 def _is_pack_voltage(values: FloatArray) -> bool:

@@ -15,7 +15,7 @@ import pandas as pd
 from tripwatt.arrays import FloatArray, IntArray, by_key
 from tripwatt.errors import Fault, InvalidInput, and_more, did_you_mean, raise_faults
 from tripwatt.sources.clocks import EARLIEST_YEAR, LATEST_YEAR, clock_only, seconds_of
-from tripwatt.sources.columnar import TableFile, open_table
+from tripwatt.sources.columnar import TableFile, open_table, stamp_texts
 from tripwatt.sources.delimited import column_key, numbers_of
 from tripwatt.sources.mapping import TIME_STAMPS, UNITS, ColumnMapping, MappedColumn
 from tripwatt.sources.naming import unit_named
@@ -122,12 +122,7 @@ def opened(path: Path, mapping: ColumnMapping, names: Sequence[str], kind: int) 
 def _read_wide(file: RawFile, table: TableFile) -> None:
     time = file.entries["time_s"]
     if time.unit == "timestamp":
-        file.stamps = table.texts(time.column)
-        if time.date:
-            file.stamps = [
-                f"{day} {clock}".strip()
-                for day, clock in zip(table.texts(time.date), file.stamps, strict=True)
-            ]
+        file.stamps = stamp_texts(table, time.column, time.date)
     numbers = {ours: e for ours, e in file.entries.items() if ours != "time_s" or e.unit != "timestamp"}
     file.values = dict(zip(numbers, table.numbers([e.column for e in numbers.values()]), strict=True))
     file.trips, file.vehicles = _trip_names(table, file.mapping)

@@ -16,30 +16,23 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.arrays import BoolArray, FloatArray
 from tripwatt.errors import Fault, InvalidInput, or_none
 from tripwatt.sources.clocks import clock_only, decided_format
-from tripwatt.sources.columnar import TableFile, open_table, table_files
+from tripwatt.sources.columnar import TableFile, open_table, stamp_texts, table_files
 from tripwatt.sources.delimited import column_key
 from tripwatt.sources.evidence import (
     FURTHEST_KG,
     SINCE_1970,
     STAND_IN_V,
     Flow,
+    Guess,
     best_flow,
     speed_unit,
     stamp_format,
     unit_of_values,
 )
-from tripwatt.sources.mapping import (
-    POWER,
-    TIME_STAMPS,
-    UNITS,
-    ColumnMapping,
-    load_mapping,
-    shipped_mappings,
-    shipped_text,
-)
+from tripwatt.sources.mapping import POWER, TIME_STAMPS, UNITS, ColumnMapping, load_mapping, shipped_mappings
 from tripwatt.sources.naming import candidates, column_names, is_something_else, unit_in, unit_named, words
 from tripwatt.trips import COLUMNS
 
@@ -76,18 +69,6 @@ SPELLED: Final[Mapping[str, str]] = {
     for unit in ("V", "mV", "kV", "A", "mA", "dA", "W", "kW", "PS", "degC", "degF", "K", "Nm")
 } | {"c": "degC", "f": "degF", "kmh": "km/h", "kph": "km/h"}
 """Unit in lower case -> usual spelling."""
-
-
-@dataclass(frozen=True, slots=True)
-class Guess:
-    """A guess which column of the table has the values of our column `ours`, with unit and reason."""
-
-    ours: str
-    column: str
-    unit: str
-    why: str
-    format: str = ""
-    date: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,94 +123,72 @@ def suggest_mapping(path: Path | str, names: Sequence[str] = (), beside: Sequenc
     else:
         raise errors[0]
     beside = [*beside, *(file for file in files if file != path)]
-    long = _long(path, table)
-    if long is not None:
-        return long
-    trip, groups = _trip_column(table, columns)
+    shipped = next((name for name in shipped_mappings() if _has_all(table, load_mapping(name))), None)
+    if shipped is not None and load_mapping(shipped).long_name is not None:
+        return _of_signals(path, table, load_mapping(shipped))
+    trip, longest = _trip_column(table, columns)
     guesses = _by_name(table, columns, trip)
     if "time_s" not in guesses:
         guesses |= _rising(table, columns, {g.column for g in guesses.values()} | {trip or ""})
-    shipped = next((name for name in shipped_mappings() if _has_all(table, name)), None)
     if shipped is not None:
         guesses = _as_shipped(guesses, load_mapping(shipped), table, columns)
     vehicle = next((name for name in table.names if _VEHICLE_NAME.match(words(name))), None)
     keys = {trip or "", vehicle or ""}
     taken = {g.column for g in guesses.values()} | keys
-    flow = best_flow(
-        _clock(guesses, columns, len(groups)),
-        _drive_by_drive(guesses, columns, groups),
-        {n: v for n, v in columns.items() if n not in taken and not is_something_else(n)},
-    )
-    guesses |= {g[0]: Guess(*g) for g in flow.columns}
+    drive = {name: values[longest] for name, values in columns.items()}
+    unknown = {n: values for n, values in drive.items() if n not in taken and not is_something_else(n)}
+    flow = best_flow(_clock(guesses, drive, int(longest.sum())), _in_our_units(guesses, drive), unknown)
+    guesses |= {guess.ours: guess for guess in flow.guesses}
     if "time_s" in guesses and guesses["time_s"].unit == "timestamp":
         guesses["time_s"] = _with_day(guesses["time_s"], table, beside)
     if {"voltage_v", "current_a"} <= guesses.keys():
         guesses.pop(POWER, None)
     guesses = {ours: guesses[ours] for ours in column_names() if ours in guesses}
     guesses = _with_american_check(_with_speed_unit(guesses, flow))
-    missing = tuple(_missing(guesses))
-    used = {g.column for g in guesses.values()} | keys
-    unused = tuple(n for n in dict.fromkeys(table.names) if n and n not in used)
-    settings = _file_settings(decimal, guesses, columns)
-    trips = [f"column = {_quote(trip)}"] if trip else []
+    sections = _sections(guesses, flow, columns, decimal)
+    if trip:
+        sections["trip"].append(f"column = {_quote(trip)}")
     if vehicle:
-        trips.append(f"vehicle = {_quote(vehicle)}  # {len(set(table.texts(vehicle)) - {''})} in this file")
-    toml = _render(path, guesses, flow, trips, missing, shipped, unused, settings)
-    return Suggestion(toml, tuple(guesses.values()), missing, shipped, unused)
+        count = len(set(table.texts(vehicle)) - {""})
+        sections["trip"].append(f"vehicle = {_quote(vehicle)}  # {count} in this file")
+    used = {g.column for g in guesses.values()} | keys
+    unused = [n for n in dict.fromkeys(table.names) if n and n not in used]
+    return _suggestion(path, guesses, sections, _missing(guesses), unused, shipped)
 
 
-def _long(path: Path, table: TableFile) -> Suggestion | None:
-    """A proposal for a table with a row for each value, made from the shipped mapping for such a table; None if none fits."""
-    for name in shipped_mappings():
-        mapping = load_mapping(name)
-        if mapping.long_name is None or not _has_all(table, name):
-            continue
-        there = next(n for n in table.names if column_key(n) == column_key(mapping.long_name))
-        signals = sorted(set(table.texts(there)))
-        guesses: dict[str, Guess] = {}
-        missing: list[str] = []
-        text = shipped_text(name)
-        for ours, entry in mapping.columns.items():
-            likely = candidates(ours, signals)
-            if ours == "time_s" or entry.column in signals:
-                guesses[ours] = Guess(ours, entry.column, entry.unit, f"of the shipped mapping {name!r}")
-            elif likely:
-                why = f"CHECK: similar name, in place of {entry.column!r}"
-                guesses[ours] = Guess(ours, likely[0], entry.unit, why)
-                text = text.replace(f"column = {_quote(entry.column)}", f"column = {_quote(likely[0])}")
-            elif not entry.optional:
-                missing.append(f"the signal of {ours}, {entry.column!r} is not in the file")
-        more = _more_signals(mapping, table, signals, {guess.column for guess in guesses.values()})
-        guesses |= {guess.ours: guess for guess in more}
-        added = [
-            f'{g.ours} = {{ column = {_quote(g.column)}, unit = "{g.unit}", optional = true }}' for g in more
-        ]
-        text = text.replace("[columns]\n", "\n".join(["[columns]", *added, ""]))
-        shown = ", ".join(_quote(s) for s in signals[:40]) + (" ..." if len(signals) > 40 else "")
-        head = [f"# Proposed for {_comment(path.name)}: the shipped mapping {name!r}. Check every line."]
-        head += [f"# TO DO: {what}" for what in missing]
-        head += [f"# {g.ours}: {g.why}" for g in guesses.values() if "CHECK" in g.why]
-        head.append(f"# Signals of the file: {_comment(shown)}")
-        return Suggestion("\n".join([*head, text]), tuple(guesses.values()), tuple(missing), name)
-    return None
-
-
-def _more_signals(
-    mapping: ColumnMapping, table: TableFile, signals: Sequence[str], taken: set[str]
-) -> list[Guess]:
-    """Guesses for signals that a shipped mapping lacks, from their names and the file's column of units; empty without one."""
+def _of_signals(path: Path, table: TableFile, mapping: ColumnMapping) -> Suggestion:
+    """A proposal for a table with a row for each value, made from the shipped mapping of such a table."""
+    column = next(n for n in table.names if column_key(n) == column_key(mapping.long_name or ""))
+    names = table.texts(column)
+    signals, missing = sorted(set(names) - {""}), []
+    guesses: dict[str, Guess] = {}
+    for ours, entry in mapping.columns.items():
+        likely = candidates(ours, signals)
+        why = f"of the shipped mapping {mapping.source!r}"
+        if likely and entry.column not in signals and ours != "time_s":
+            guesses[ours] = Guess(
+                ours, likely[0], entry.unit, f"CHECK: similar name, in place of {entry.column!r}"
+            )
+        elif ours == "time_s" or entry.column in signals or entry.optional:
+            guesses[ours] = Guess(ours, entry.column, entry.unit, why)
+        else:
+            missing.append(f"the signal of {ours}, {entry.column!r} is not in the file")
     unit_column = next((n for n in table.names if column_key(n) in ("units", "unit")), None)
-    if unit_column is None:
-        return []
-    names = table.texts(next(n for n in table.names if column_key(n) == column_key(mapping.long_name or "")))
-    units = dict(zip(names, table.texts(unit_column), strict=True))
-    more = []
+    units = dict(zip(names, table.texts(unit_column), strict=True)) if unit_column else {}
     for ours in (ours for ours in column_names() if ours not in mapping.columns and ours != POWER):
+        taken = {guess.column for guess in guesses.values()}
         likely = candidates(ours, [signal for signal in signals if signal not in taken])
-        unit = unit_named(ours, units[likely[0]]) if likely else None
+        unit = unit_named(ours, units.get(likely[0], "")) if likely else None
         if unit is not None:
-            more.append(Guess(ours, likely[0], unit, NAME_AND_UNIT))
-    return more
+            guesses[ours] = Guess(ours, likely[0], unit, NAME_AND_UNIT)
+    sections = {
+        "current": ['positive = "discharge"'],
+        "long": [f"name = {_quote(mapping.long_name or '')}", f"value = {_quote(mapping.long_value or '')}"],
+        "file": [f"hold_s = {mapping.hold_s:g}"],
+    }
+    unused = [signal for signal in signals if signal not in {guess.column for guess in guesses.values()}]
+    always = [ours for ours, entry in mapping.columns.items() if not entry.optional]
+    return _suggestion(path, guesses, sections, missing, unused, mapping.source, always=always)
 
 
 def _readable(path: Path, names: Sequence[str]) -> tuple[TableFile, dict[str, FloatArray], str]:
@@ -261,22 +220,14 @@ def _with_day(guess: Guess, table: TableFile, beside: Sequence[Path]) -> Guess:
                 why = f"{guess.why}; the day is in {_quote(name)}"
                 guess = replace(guess, date=name, format=f"{form} {guess.format}", why=why)
                 break
-    texts = [_stamp_texts(table, guess)]
+    texts = [stamp_texts(table, guess.column, guess.date)]
     for file in beside[:MAX_BESIDE]:
         with contextlib.suppress(InvalidInput, ValueError):
-            texts.append(_stamp_texts(open_table(file, faults=[]), guess))
+            texts.append(stamp_texts(open_table(file), guess.column, guess.date))
     decided = decided_format(texts, guess.format)
     if decided == guess.format:
         return guess
     return replace(guess, format=decided, why=f"{guess.why.partition('; CHECK')[0]}; by all files {decided}")
-
-
-def _stamp_texts(table: TableFile, guess: Guess) -> list[str]:
-    if not guess.date:
-        return table.texts(guess.column)
-    return [
-        f"{day} {time}" for day, time in zip(table.texts(guess.date), table.texts(guess.column), strict=True)
-    ]
 
 
 def _fits(texts: Sequence[str], form: str) -> bool:
@@ -284,15 +235,13 @@ def _fits(texts: Sequence[str], form: str) -> bool:
     return len(some) > 0 and bool(pd.to_datetime(some, format=form, errors="coerce").notna().all())
 
 
-def _trip_column(table: TableFile, columns: Mapping[str, FloatArray]) -> tuple[str | None, IntArray]:
-    """A column whose name says that it identifies trips, or None, and the number of the trip of each row."""
+def _trip_column(table: TableFile, columns: Mapping[str, FloatArray]) -> tuple[str | None, BoolArray]:
+    """A column whose name says that it identifies trips, or None, and the rows of the longest trip."""
     for name in table.names:
         if _TRIP_NAME.match(words(name)):
-            keys = columns[name] if name in columns else np.array(table.texts(name), dtype=object)
-            _, group = np.unique(np.array([str(k) for k in keys], dtype=object), return_inverse=True)
-            return name, group.astype(np.int64)
-    rows = len(next(iter(columns.values()))) if columns else 0
-    return None, np.zeros(rows, dtype=np.int64)
+            keys = pd.Series(columns[name] if name in columns else table.texts(name)).astype(str)
+            return name, (keys == keys.value_counts().idxmax()).to_numpy(dtype=bool)
+    return None, np.ones(len(next(iter(columns.values()), ())), dtype=bool)
 
 
 def _by_name(table: TableFile, columns: Mapping[str, FloatArray], trip: str | None) -> dict[str, Guess]:
@@ -400,26 +349,22 @@ def _possible(ours: str, unit: str, known: FloatArray) -> bool:
     return column.minimum <= middle <= column.maximum
 
 
-def _clock(guesses: Mapping[str, Guess], columns: Mapping[str, FloatArray], rows: int) -> FloatArray:
+def _clock(guesses: Mapping[str, Guess], drive: Mapping[str, FloatArray], rows: int) -> FloatArray:
     time = guesses.get("time_s")
-    if time is None or time.column not in columns:
+    if time is None or time.column not in drive:
         return np.arange(rows, dtype=np.float64)
-    unit = TIME_STAMPS[time.unit] if time.unit in TIME_STAMPS else UNITS["time_s"][time.unit][0]
-    seconds: FloatArray = (columns[time.column] - columns[time.column][0]) * unit
-    return seconds
+    factor = (TIME_STAMPS | {unit: factor for unit, (factor, _) in UNITS["time_s"].items()})[time.unit]
+    return np.asarray((drive[time.column] - drive[time.column][:1]) * factor)
 
 
-def _drive_by_drive(
-    guesses: Mapping[str, Guess], columns: Mapping[str, FloatArray], groups: IntArray
-) -> dict[str, tuple[str, FloatArray]]:
-    """The columns guessed for speed, voltage, current and power, in our units, and under "rows" 1 for rows of the longest trip."""
-    longest = groups == int(np.argmax(np.bincount(groups))) if len(groups) else np.zeros(0, bool)
-    known: dict[str, tuple[str, FloatArray]] = {"rows": ("", longest.astype(np.float64))}
+def _in_our_units(guesses: Mapping[str, Guess], drive: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    """The columns guessed for speed, voltage, current and power, in our units."""
+    known: dict[str, FloatArray] = {}
     for ours in ("speed_m_s", "voltage_v", "current_a", POWER):
         guess = guesses.get(ours)
-        if guess is not None and guess.column in columns:
+        if guess is not None and guess.column in drive:
             factor, offset = UNITS[ours][guess.unit.lower()]
-            known[ours] = (guess.column, columns[guess.column] * factor + offset)
+            known[ours] = drive[guess.column] * factor + offset
     return known
 
 
@@ -461,41 +406,50 @@ def _missing(guesses: Mapping[str, Guess]) -> list[str]:
     return [*missing, "[battery] usable_capacity_kwh" if by_charge else "voltage_v and current_a"]
 
 
-def _has_all(table: TableFile, shipped: str) -> bool:
-    mapping = load_mapping(shipped)
+def _has_all(table: TableFile, mapping: ColumnMapping) -> bool:
+    """Whether a table has the columns that a mapping needs."""
     keys = {column_key(n) for n in table.names}
+    needed = [entry.column for entry in mapping.columns.values() if not entry.optional]
     if mapping.long_name is not None:
-        return {column_key(mapping.long_name), column_key(mapping.long_value or "")} <= keys
-    return all(column_key(e.column) in keys for e in mapping.columns.values() if not e.optional)
+        needed = [mapping.long_name, mapping.long_value or ""]
+    return {*map(column_key, needed)} <= keys
 
 
-def _file_settings(
-    decimal: str, guesses: Mapping[str, Guess], columns: Mapping[str, FloatArray]
-) -> list[str]:
-    lines = ['decimal = ","  # the numbers have a decimal comma'] if decimal == "," else []
+def _sections(
+    guesses: Mapping[str, Guess], flow: Flow, columns: Mapping[str, FloatArray], decimal: str
+) -> dict[str, list[str]]:
+    """The lines of each optional table of a proposal."""
+    sections: dict[str, list[str]] = {name: [] for name in ("current", "trip", "battery", "file")}
+    if flow.sign and {"current_a", POWER} & guesses.keys():
+        sections["current"].append(f'positive = "{flow.sign}"  # {flow.why_sign}')
+    if POWER in guesses and "voltage_v" not in guesses:
+        note = "assumed, because no voltage is logged; only the power is measured"
+        sections["battery"].append(f"nominal_voltage_v = {STAND_IN_V:g}  # {note}")
+    if decimal == ",":
+        sections["file"].append('decimal = ","  # the numbers have a decimal comma')
     missing = {
-        g.column: float(np.mean(~np.isfinite(columns[g.column])))
-        for ours, g in guesses.items()
-        if ours in ("speed_m_s", "voltage_v", "current_a", POWER) and g.column in columns
+        guess.column: float(np.isnan(columns[guess.column]).mean())
+        for ours, guess in guesses.items()
+        if ours in ("speed_m_s", "voltage_v", "current_a", POWER) and guess.column in columns
     }
-    if missing and max(missing.values()) > SPARSE_SHARE:
-        column = max(missing, key=lambda name: missing[name])
-        lines.append(
-            f"hold_s = {HOLD_S}  # {missing[column]:.0%} of {_quote(column)} is missing: the last value is held"
-        )
-    return lines
+    column = max(missing, key=lambda name: missing[name], default="")
+    if missing.get(column, 0.0) > SPARSE_SHARE:
+        why = f"{missing[column]:.0%} of {_quote(column)} is missing: the last value is held"
+        sections["file"].append(f"hold_s = {HOLD_S}  # {why}")
+    return sections
 
 
-def _render(
+def _suggestion(
     path: Path,
     guesses: Mapping[str, Guess],
-    flow: Flow,
-    trips: Sequence[str],
+    sections: Mapping[str, Sequence[str]],
     missing: Sequence[str],
-    shipped: str | None,
     unused: Sequence[str],
-    settings: Sequence[str],
-) -> str:
+    shipped: str | None,
+    *,
+    always: Sequence[str] | None = None,
+) -> Suggestion:
+    """The proposal with its TOML; entries that are not in `always` are optional, by default none."""
     lines = [f"# Proposed for {_comment(path.name)} from its header and values. Check every line."]
     if shipped:
         lines.append(f"# The columns are those of the shipped mapping {shipped!r}: try --mapping {shipped}.")
@@ -505,20 +459,16 @@ def _render(
         lines.append(f"# Not used: {shown}" + (f" and {len(unused) - 12} more" if len(unused) > 12 else ""))
     lines.append("[columns]")
     for guess in guesses.values():
-        name, unit = _quote(guess.column), SPELLED.get(guess.unit, guess.unit)
-        more = {"date": guess.date, "format": guess.format}
-        stamp = "".join(f", {key} = {_quote(text)}" for key, text in more.items() if text)
-        lines.append(f'{guess.ours} = {{ column = {name}, unit = "{unit}"{stamp} }}  # {_comment(guess.why)}')
-    if flow.sign and {"current_a", POWER} & guesses.keys():
-        lines += ["", "[current]", f'positive = "{flow.sign}"  # {flow.why_sign}']
-    if trips:
-        lines += ["", "[trip]", *trips]
-    if POWER in guesses and "voltage_v" not in guesses:
-        note = "assumed, because no voltage is logged; only the power is measured"
-        lines += ["", "[battery]", f"nominal_voltage_v = {STAND_IN_V:g}  # {note}"]
-    if settings:
-        lines += ["", "[file]", *settings]
-    return "\n".join(lines) + "\n"
+        entry = [f"column = {_quote(guess.column)}", f'unit = "{SPELLED.get(guess.unit, guess.unit)}"']
+        entry += [
+            f"{key} = {_quote(getattr(guess, key))}" for key in ("date", "format") if getattr(guess, key)
+        ]
+        entry += [] if always is None or guess.ours in always else ["optional = true"]
+        lines.append(f"{guess.ours} = {{ {', '.join(entry)} }}  # {_comment(guess.why)}")
+    for name, settings in sections.items():
+        lines += ["", f"[{name}]", *settings] if settings else []
+    toml = "\n".join(lines) + "\n"
+    return Suggestion(toml, tuple(guesses.values()), tuple(missing), shipped, tuple(unused))
 
 
 def _comment(text: str) -> str:
