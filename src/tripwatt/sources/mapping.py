@@ -84,14 +84,19 @@ UNITS: Final[Mapping[str, Mapping[str, tuple[float, float]]]] = {
 """Our column -> unit -> (factor, offset) for the conversion to our unit. The case of units is ignored."""
 
 _OWN_UNIT: Final = {"time_s": "s", "grade": "1", POWER: "W"}
-_TABLES: Final = {
-    "columns": None,
-    "current": ("positive",),
-    "trip": ("column", "vehicle", "driver"),
-    "battery": ("nominal_voltage_v", "usable_capacity_kwh", "usable_capacity_uncertainty", "vehicle"),
-    "file": ("decimal", "hold_s"),
-    "long": ("name", "value"),
+_SETTINGS: Final[Mapping[str, Mapping[str, str]]] = {
+    "current": {"positive": "positive"},
+    "trip": {"column": "trip_column", "vehicle": "vehicle_column", "driver": "driver_column"},
+    "battery": {
+        "nominal_voltage_v": "nominal_voltage_v",
+        "usable_capacity_kwh": "usable_capacity_kwh",
+        "usable_capacity_uncertainty": "usable_capacity_uncertainty",
+        "vehicle": "battery_vehicle",
+    },
+    "file": {"decimal": "decimal", "hold_s": "hold_s"},
+    "long": {"name": "long_name", "value": "long_value"},
 }
+"""Optional table of a mapping -> its keys -> attribute of `ColumnMapping`."""
 _ENTRY_KEYS: Final = ("column", "date", "unit", "format", "optional")
 
 
@@ -240,32 +245,17 @@ def mapping_from_tables(tables: Mapping[str, Any], source: str) -> ColumnMapping
     """
     raise_faults(_structure_faults(tables, source))
     columns = {
-        ours: MappedColumn(
-            str(entry["column"]),
-            str(entry.get("unit", _own_unit(ours))).lower(),
-            str(entry.get("format", "")),
-            bool(entry.get("optional", False)),
-            str(entry.get("date", "")),
-        )
+        ours: MappedColumn(**{**entry, "unit": entry.get("unit", _own_unit(ours)).lower()})
         for ours, entry in tables["columns"].items()
     }
-    battery, file, long = (tables.get(name, {}) for name in ("battery", "file", "long"))
-    return ColumnMapping(
-        source,
-        MappingProxyType(columns),
-        -1.0 if tables.get("current", {}).get("positive") == "charge" else 1.0,
-        tables.get("trip", {}).get("column"),
-        battery.get("nominal_voltage_v"),
-        battery.get("usable_capacity_kwh"),
-        battery.get("usable_capacity_uncertainty", 0.05),
-        file.get("decimal", "."),
-        file.get("hold_s", 0.0),
-        long.get("name"),
-        long.get("value"),
-        tables.get("trip", {}).get("vehicle"),
-        battery.get("vehicle"),
-        tables.get("trip", {}).get("driver"),
-    )
+    settings = {
+        attribute: tables[name][key]
+        for name, keys in _SETTINGS.items()
+        for key, attribute in keys.items()
+        if key in tables.get(name, {})
+    }
+    sign = -1.0 if settings.pop("positive", None) == "charge" else 1.0
+    return ColumnMapping(source, MappingProxyType(columns), sign, **settings)
 
 
 def _own_unit(ours: str) -> str:
@@ -273,17 +263,17 @@ def _own_unit(ours: str) -> str:
 
 
 def _structure_faults(tables: Mapping[str, Any], source: str) -> Iterator[Fault]:
+    known = {"columns": UNITS, **_SETTINGS}
     for name, table in tables.items():
-        if name not in _TABLES:
-            allowed = f"[{'], ['.join(_TABLES)}]"
-            yield Fault("unknown table", f"{source} [{name}]", "", allowed, did_you_mean(name, _TABLES))
+        if name not in known:
+            allowed = f"[{'], ['.join(known)}]"
+            yield Fault("unknown table", f"{source} [{name}]", "", allowed, did_you_mean(name, known))
         elif not isinstance(table, dict):
             yield Fault("not a table", f"{source} [{name}]", excerpt(table), f"[{name}]")
         else:
-            keys = _TABLES[name] or tuple(UNITS)
-            for key in (key for key in table if key not in keys):
-                where = f"{source} [{name}] {key}"
-                yield Fault("unknown key", where, "", ", ".join(keys), did_you_mean(key, keys))
+            for key in (key for key in table if key not in known[name]):
+                fix = did_you_mean(key, known[name])
+                yield Fault("unknown key", f"{source} [{name}] {key}", "", ", ".join(known[name]), fix)
     columns = tables.get("columns", {})
     if not isinstance(columns, dict):
         return
@@ -303,9 +293,8 @@ def _entry_faults(ours: str, entry: object, where: str) -> Iterator[Fault]:
         return
     for key, value in entry.items():
         if key not in _ENTRY_KEYS:
-            yield Fault(
-                "unknown key", f"{where}.{key}", "", ", ".join(_ENTRY_KEYS), did_you_mean(key, _ENTRY_KEYS)
-            )
+            fix = did_you_mean(key, _ENTRY_KEYS)
+            yield Fault("unknown key", f"{where}.{key}", "", ", ".join(_ENTRY_KEYS), fix)
         elif key == "optional" and not isinstance(value, bool):
             yield Fault("not true or false", f"{where}.{key}", excerpt(value), "true or false")
         elif key != "optional" and not isinstance(value, str):
@@ -337,7 +326,7 @@ def _value_faults(tables: Mapping[str, Any], source: str) -> Iterator[Fault]:
             yield fault("unknown value", table, key, " or ".join(map(repr, allowed)))
     if _get(tables, "battery", "vehicle") not in (None, *vehicle_names()):
         yield fault("unknown vehicle", "battery", "vehicle", "a car of `tripwatt vehicles`")
-    for table, key in [(name, key) for name in ("trip", "long") for key in _TABLES[name] or ()]:
+    for table, key in [(name, key) for name in ("trip", "long") for key in _SETTINGS[name]]:
         section, value = tables.get(table), _get(tables, table, key)
         optional = table == "trip" and value is None and section
         if isinstance(section, dict) and not isinstance(value, str) and not optional:
