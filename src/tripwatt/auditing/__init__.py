@@ -29,7 +29,6 @@ SHORTEST_LEG_M: Final = 1000.0
 SHORTEST_LEG_S: Final = 120.0
 """Shortest distance and duration of a drive. On shorter drives one start and the resolution of the sensors are most of the energy."""
 
-ALL_LOGS: Final = "all logs"
 
 DRIVEN_M: Final = 50.0
 """Shortest distance of a piece of a log that counts as a drive; a shorter one is part of a stop."""
@@ -283,7 +282,9 @@ def without_repeats(findings: Sequence[Finding], n_logs: int) -> tuple[Finding, 
     """Merge a note that every log has, such as that of a missing column, into one note on all logs."""
     counts = Counter(f.what for f in findings if f.consequence == "noted")
     common = {what for what, n in counts.items() if n == n_logs > 1}
-    shared = (Finding(ALL_LOGS, 0.0, max(f.to_s for f in findings), what, "noted") for what in sorted(common))
+    shared = (
+        Finding("all logs", 0.0, max(f.to_s for f in findings), what, "noted") for what in sorted(common)
+    )
     return (*shared, *(f for f in findings if f.what not in common or f.consequence != "noted"))
 
 

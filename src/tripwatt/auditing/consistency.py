@@ -16,71 +16,18 @@ from tripwatt.trips.inertia import WRONG_SIGN, apparent_mass
 from tripwatt.trips.messages import signal_name
 from tripwatt.units import SECONDS_PER_HOUR
 
-SOC_TOLERANCE: Final = 0.1
-"""Usual relative error of the state of charge of a battery management (ageing, temperature, balancing)."""
-
-SOC_DRIFT: Final = 0.01
-"""Correction of the state of charge that a battery management may make during a drive, beyond two steps of its resolution."""
-
 SMALLEST_SOC_CHANGE: Final = 0.03
 """Smallest change of the state of charge from which a capacity counts for the car's median."""
 
-MAX_STD: Final = 5.0
-"""Error of the state of charge that is allowed, in standard deviations of the car's own scatter (near full some displays stand still
-for kilometres); 5 of them leave one sound drive in a million outside."""
-
-FEWEST_TRIPS: Final = 5
-"""Smallest number of drives whose median capacity is used."""
 
 OF_ANOTHER_CAR: Final = 2
 """Number of other drives with the same deviating capacity from which another car is assumed, not a fault."""
 
-COARSE_SHARE: Final = 0.25
-"""Standard error over the energy above which it is reported; a forecast's own error is smaller."""
-
-USELESS_SHARE: Final = 0.5
-"""Standard error over the energy from which the energy counts as unknown: two standard errors reach 0."""
-
-NORMAL_MAD: Final = 1.4826
-"""Standard deviation of a normal distribution per median absolute deviation."""
-
-POSSIBLE_CAPACITY_AH: Final = (10.0, 1500.0)
-"""From a light quadricycle's pack to a heavy truck's."""
-
-POSSIBLE_MASS_KG: Final = (450.0, 8000.0)
-"""Possible slopes of battery power over speed times acceleration: a car's mass over its driveline efficiency."""
-
-CLEAR_CORRELATION: Final = 0.5
-
-LONG_MISSING_SOC_S: Final = 10.0
-"""A shorter gap at an end is not reported: logs commonly lack the state of charge of the last second or two."""
 
 SOC_JUMP: Final = 0.03
-SOC_JUMP_RATE_PER_S: Final = 1.0 / 360.0
-"""Ten times the capacity in an hour: no passenger car charges or discharges faster."""
 
 
 STANDING_M_S: Final = 0.3
-FEWEST_STANDING: Final = 10
-"""Smallest number of samples at standstill for a median."""
-
-MAX_STANDING_W: Final = 25_000.0
-"""Power of a standing car that shows an offset: more than heater, air conditioner and base load together."""
-
-HEAVY_CAR_KG: Final = 3500.0
-"""Largest mass of a passenger car."""
-
-STEEP_ROAD: Final = 0.1
-"""Descent assumed for a road of unknown elevation: mean of the steepest long roads."""
-
-HEIGHT_MARGIN_M: Final = 30.0
-"""Margin for errors of a logged height and for the kinetic energy at the start (30 m are worth 88 km/h)."""
-
-MAX_WH_KM: Final = 3000.0
-"""Largest possible consumption: twice that of a loaded 40 t truck."""
-
-LONG_KM: Final = 5.0
-"""Shortest distance to which `MAX_WH_KM` applies: on shorter drives preheating may take most of the energy."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,9 +49,16 @@ class Balance:
     def fits(self, capacity_ah: float, std: float) -> bool:
         """Return whether a battery of a capacity explains the change of state of charge."""
         expected = self.charge_ah / capacity_ah
-        allowed = SOC_TOLERANCE * max(abs(expected), abs(self.soc_change))
-        allowed += 2.0 * self.resolution + SOC_DRIFT
-        return abs(expected - self.soc_change) <= max(allowed, MAX_STD * std)
+        # 0.1: usual relative error of the state of charge of a battery management (ageing, temperature,
+        # balancing)
+        allowed = 0.1 * max(abs(expected), abs(self.soc_change))
+        # 0.01: correction of the state of charge that a battery management may make during a drive, beyond
+        # two steps of its resolution
+        allowed += 2.0 * self.resolution + 0.01
+        # 5.0: error of the state of charge that is allowed, in standard deviations of the car's own
+        # scatter (near full some displays stand still for kilometres); 5 of them leave one sound drive in
+        # a million outside
+        return abs(expected - self.soc_change) <= max(allowed, 5.0 * std)
 
 
 def charge_balance(samples: pd.DataFrame) -> Balance | None:
@@ -155,10 +109,12 @@ def soc_findings(trips: Sequence[Recorded], sound: Sequence[bool]) -> dict[str, 
         if is_sound and t.trip_id in balances and abs(balances[t.trip_id].soc_change) >= SMALLEST_SOC_CHANGE
     }
     std, median = 0.0, None
-    if len(capacities) >= FEWEST_TRIPS:
+    # 5: smallest number of drives whose median capacity is used
+    if len(capacities) >= 5:
         median = float(np.median(list(capacities.values())))
         errors = np.array([b.soc_change - b.charge_ah / median for b in balances.values()])
-        std = NORMAL_MAD * float(np.median(np.abs(errors - np.median(errors))))
+        # 1.4826: standard deviation of a normal distribution per median absolute deviation
+        std = 1.4826 * float(np.median(np.abs(errors - np.median(errors))))
     judged = (
         _soc_finding(t, balances[t.trip_id], capacities, median, std) for t in trips if t.trip_id in balances
     )
@@ -169,7 +125,7 @@ def _soc_finding(
     trip: Recorded, balance: Balance, capacities: Mapping[str, float], median: float | None, std: float
 ) -> Finding | None:
     """Judge the balance of one drive by the capacities of the sound drives; None if nothing is wrong."""
-    low, high = POSSIBLE_CAPACITY_AH
+    low, high = 10.0, 1500.0  # Ah, from a light quadricycle's pack to a heavy truck's
     change = (
         f"{balance.charge_ah:.2f} Ah for a change of the state of charge of {100 * balance.soc_change:.1f} %"
     )
@@ -234,7 +190,8 @@ def stray_soc(time: FloatArray, soc: FloatArray) -> BoolArray:
             stray |= zero
     known = np.flatnonzero(np.isfinite(soc) & ~stray)
     step, seconds = np.diff(soc[known]), np.diff(time[known])
-    jumps = (np.abs(step) > SOC_JUMP) & (np.abs(step) > SOC_JUMP_RATE_PER_S * seconds)
+    # 1 / 360: ten times the capacity in an hour: no passenger car charges or discharges faster
+    jumps = (np.abs(step) > SOC_JUMP) & (np.abs(step) > seconds / 360.0)
     if not jumps.any():
         return stray
     piece = np.concatenate(([0], np.cumsum(jumps)))
@@ -251,7 +208,9 @@ def missing_soc(time: FloatArray, soc: FloatArray, trip_id: str) -> list[Finding
     findings: list[Finding] = []
     spans = ((0, int(known[0]), "start"), (int(known[-1]), len(soc) - 1, "end"))
     for first, last, where in spans:
-        if time[last] - time[first] > LONG_MISSING_SOC_S:
+        # 10.0: a shorter gap at an end is not reported: logs commonly lack the state of charge of the last
+        # second or two
+        if time[last] - time[first] > 10.0:
             what = f"state of charge is missing for {time[last] - time[first]:.1f} s at the {where}"
             findings.append(Finding(trip_id, float(time[first]), float(time[last]), what, "noted"))
     return findings
@@ -268,8 +227,8 @@ def unit_findings(trip: Recorded) -> list[Finding]:
     if correlation < WRONG_SIGN:
         what = "the battery charges while the car accelerates: the current has the wrong sign; reverse it"
         return [whole(trip.samples, trip.trip_id, what, "set aside")]
-    low, high = POSSIBLE_MASS_KG
-    if low <= mass <= high or correlation < CLEAR_CORRELATION:
+    low, high = 450.0, 8000.0  # kg, a car's mass over its driveline efficiency
+    if low <= mass <= high or correlation < 0.5:  # with a weaker correlation the mass is not clear
         return []
     heavy = "speed in m/s read as km/h, or a current in dA or mA read as A"
     guess = heavy if mass > high else "speed in km/h read as m/s, or a current or a voltage that is too small"
@@ -287,7 +246,10 @@ def offset_findings(trip: Recorded) -> Iterator[Finding]:
     if has(samples, "voltage_v") and has(samples, "current_a"):
         power = array(samples, "voltage_v") * array(samples, "current_a")
         standing = (array(samples, "speed_m_s") < STANDING_M_S) & np.isfinite(power)
-        if standing.sum() >= FEWEST_STANDING and float(np.median(power[standing])) > MAX_STANDING_W:
+        # 10: smallest number of samples at standstill for a median
+        # 25_000.0: power of a standing car that shows an offset: more than heater, air conditioner and
+        # base load together
+        if standing.sum() >= 10 and float(np.median(power[standing])) > 25_000.0:
             mean_kw = np.median(power[standing]) / 1000.0
             what = f"the battery gives {mean_kw:.0f} kW while the car stands: the current has an offset"
             yield whole(samples, trip.trip_id, what, "set aside")
@@ -296,17 +258,23 @@ def offset_findings(trip: Recorded) -> Iterator[Finding]:
     if has(samples, "elevation_m"):
         height = array(samples, "elevation_m")
         height = height[np.isfinite(height)]
-        drop = max(float(height[0] - height[-1]), 0.0) + HEIGHT_MARGIN_M
+        # 30.0: margin for errors of a logged height and for the kinetic energy at the start (30 m are
+        # worth 88 km/h)
+        drop = max(float(height[0] - height[-1]), 0.0) + 30.0
     else:
-        drop = STEEP_ROAD * trip.distance_m
-    gained = HEAVY_CAR_KG * 9.81 * drop / SECONDS_PER_HOUR
+        # 0.1: descent assumed for a road of unknown elevation: mean of the steepest long roads
+        drop = 0.1 * trip.distance_m
+    # 3500.0: largest mass of a passenger car
+    gained = 3500.0 * 9.81 * drop / SECONDS_PER_HOUR
     if -energy > gained:
         what = (
             f"the battery gains {-energy / max(distance_km, 1e-3):.0f} Wh/km on a road that falls by at most {drop:.0f} m: "
             "the current has an offset or the wrong sign"
         )
         yield whole(samples, trip.trip_id, what, "set aside")
-    elif distance_km >= LONG_KM and energy > MAX_WH_KM * distance_km:
+    # 3000.0: largest possible consumption: twice that of a loaded 40 t truck
+    # 5.0: on shorter drives preheating may take most of the energy
+    elif distance_km >= 5.0 and energy > 3000.0 * distance_km:
         what = f"{energy / distance_km:.0f} Wh/km: the current has an offset or the wrong unit"
         yield whole(samples, trip.trip_id, what, "set aside")
 
@@ -316,8 +284,11 @@ def energy_error_findings(trip: Recorded) -> Iterator[Finding]:
     error, energy = trip.observed_energy_std_wh, trip.observed_energy_wh
     if error is None or energy is None:
         return
-    useless = not error < USELESS_SHARE * energy
-    if useless or error > COARSE_SHARE * energy:
+    # 0.5: standard error over the energy from which the energy counts as unknown: two standard errors
+    # reach 0
+    useless = not error < 0.5 * energy
+    # 0.25: standard error over the energy above which it is reported; a forecast's own error is smaller
+    if useless or error > 0.25 * energy:
         measured = has(trip.samples, "voltage_v") and has(trip.samples, "current_a")
         source = "a coarse or seldom power" if measured else "the state of charge"
         verdict = "too inaccurate to use" if useless else "inaccurate"

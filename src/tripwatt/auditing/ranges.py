@@ -26,16 +26,6 @@ from tripwatt.trips.messages import signal_name
 STRAY_SHARE: Final = 0.01
 """Largest share of impossible values that counts as dropouts of a sensor; a larger one means that the column is something else."""
 
-REVERSING_M_S: Final = 10.0
-"""Fastest reversing: a negative speed up to this magnitude counts as reversing, a faster one as a fault."""
-
-SPIKE_M_S: Final = 8.0
-"""Change of speed of a spike: no car gains and loses this much over three samples within `SPIKE_WINDOW_S`."""
-
-SPIKE_WINDOW_S: Final = 2.0
-
-LARGEST_HEATER_W: Final = 12_000.0
-"""Largest possible heating power: cabin heaters of passenger cars have 3 to 7 kW, twin heaters about 10 kW."""
 
 _KELVIN: Final = (213.0, 343.0)
 
@@ -92,7 +82,9 @@ def _blank_outside(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
         if name == "time_s" or name not in samples.columns:
             continue
         values = array(samples, name)
-        highest = min(column.maximum, LARGEST_HEATER_W if "heating" in name else np.inf)
+        # 12_000.0: largest possible heating power: cabin heaters of passenger cars have 3 to 7 kW, twin
+        # heaters about 10 kW
+        highest = min(column.maximum, 12_000.0 if "heating" in name else np.inf)
         bad = (values < column.minimum) | (values > highest)
         if name == "speed_m_s":
             bad |= speed_spikes(array(samples, "time_s"), values)
@@ -110,7 +102,9 @@ def _blank_outside(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
 @blanking
 def _make_speed_positive(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
     speed = array(samples, "speed_m_s")
-    back = (speed < 0) & (speed >= -REVERSING_M_S)
+    # 10.0: fastest reversing: a negative speed up to this magnitude counts as reversing, a faster one as a
+    # fault
+    back = (speed < 0) & (speed >= -10.0)
     if back.any():
         what = f"{int(back.sum())} samples of negative speed are treated as reversing"
         yield "speed_m_s", np.where(back, -speed, speed), _span(samples, trip_id, back, what, "noted")
@@ -122,8 +116,9 @@ def speed_spikes(time: FloatArray, speed: FloatArray) -> BoolArray:
     if len(speed) > 2:
         up, down = speed[1:-1] - speed[:-2], speed[1:-1] - speed[2:]
         with np.errstate(invalid="ignore"):
-            apart = (np.minimum(np.abs(up), np.abs(down)) > SPIKE_M_S) & (up * down > 0)
-        spikes[1:-1] = apart & (time[2:] - time[:-2] <= SPIKE_WINDOW_S)
+            # 8.0: change of speed of a spike: no car gains and loses this much over three samples within 2 s
+            apart = (np.minimum(np.abs(up), np.abs(down)) > 8.0) & (up * down > 0)
+        spikes[1:-1] = apart & (time[2:] - time[:-2] <= 2.0)
     return spikes
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Final
 
 import numpy as np
 import pandas as pd
@@ -16,19 +15,6 @@ from tripwatt.trips.coarse_speed import LONGEST_HOLD_S, refresh_time
 from tripwatt.trips.elevation import HEIGHT_NOISE_M, heights_of_a_road
 from tripwatt.trips.messages import signal_name
 
-FLAT_ROAD_M: Final = 2000.0
-"""Distance over which no road keeps one height to the last digit."""
-
-CONSTANT_AMBIENT_S: Final = 3600.0
-"""Duration over which a constant temperature is suspicious: sensors resolve 0.5 to 1 °C, and the air changes by more in an hour."""
-
-DEFAULT_AMBIENT_DEGC: Final = (-40.0, 85.0, 127.0, 127.5, 215.0)
-"""Values of a bus message without a sensor: the ends of the usual codings."""
-
-COARSE_S: Final = 5.0
-"""Time between speeds [s] from which a finding is made. At this time the simulated energy of TUM trips is off by 1 % in the median
-and by 3 % in one of ten; at 10 s by 3 % and 6 %."""
-
 
 @blanking
 def mend_heights(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
@@ -39,7 +25,8 @@ def mend_heights(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
         return
     time, height = time[known], logged[known]
     driven = distance_driven(time, speed[known])
-    if np.ptp(height) == 0.0 and driven[-1] > FLAT_ROAD_M:
+    # 2000.0: distance over which no road keeps one height to the last digit
+    if np.ptp(height) == 0.0 and driven[-1] > 2000.0:
         what = (
             f"elevation stays at {height[0]:g} m over {driven[-1] / 1000:.1f} km: the road is treated as flat"
         )
@@ -68,7 +55,11 @@ def ambient_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
     value = float(np.nanmin(values))
     if value != np.nanmax(values):
         return
-    if time[-1] - time[0] > CONSTANT_AMBIENT_S or value in DEFAULT_AMBIENT_DEGC:
+    # 3600.0: duration over which a constant temperature is suspicious: sensors resolve 0.5 to 1 °C, and
+    # the air changes by more in an hour
+    # (-40.0, 85.0, 127.0, 127.5, 215.0): values of a bus message without a sensor: the ends of the usual
+    # codings
+    if time[-1] - time[0] > 3600.0 or value in (-40.0, 85.0, 127.0, 127.5, 215.0):
         what = f"outside temperature stays at {value:g} °C: it may not be measured"
         yield whole(samples, trip_id, what, "noted")
 
@@ -83,7 +74,9 @@ def coarse_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
     time, speed = time[known], speed[known]
     gaps = np.diff(time)[np.maximum(speed[1:], speed[:-1]) > MOVING_M_S]
     every = max(float(np.median(gaps)), refresh_time(time, speed)) if len(gaps) else 0.0
-    if every >= COARSE_S:
+    # 5.0: time between speeds [s] from which a finding is made. At this time the simulated energy of TUM
+    # trips is off by 1 % in the median and by 3 % in one of ten; at 10 s by 3 % and 6 %
+    if every >= 5.0:
         rare = every > LONGEST_HOLD_S
         unknown = "accelerations between are unknown, the simulated energy may be off by several percent"
         what = f"speed is a new value every {every:.1f} s: {'the drive cannot be simulated' if rare else unknown}"

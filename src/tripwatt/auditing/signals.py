@@ -27,58 +27,17 @@ from tripwatt.units import M_S_PER_KM_H
 FEWEST_SAMPLES: Final = 10
 """Smallest number of samples of a run that counts: a few samples may coincide by chance."""
 
-ROUNDING: Final = 1e-9
-"""Relative difference between means of equal values."""
 
 MOVING_M_S: Final = 1.0
 STANDSTILL_M_S: Final = 0.3
 
-FREEZE_MOVING_S: Final = 10.0
-"""Duration for which speed, voltage and current of a moving car never all stay constant."""
-
-UNUSUAL: Final = 5.0
-"""Duration of a freeze over the usual rest of the log: with coarse steps, such as whole km/h and whole kW, signals rest often."""
-
-FREEZE_STANDING_S: Final = 60.0
-"""Duration of a freeze at standstill that is removed at an end of a log, where it carries no information."""
-
-FROZEN_SENSOR_S: Final = 60.0
-"""Duration for which voltage or current cannot stay constant while the speed changes by `SPEED_CHANGE_M_S`."""
-
-SPEED_CHANGE_M_S: Final = 3.0
-
-FROZEN_SHARE: Final = 0.1
-"""Largest share of a drive in which the current may be frozen; beyond it the energy is unknown. Voltage varies only by a few percent."""
-
-STANDING_POWER_W: Final = 20_000.0
-"""Power that heater, air conditioner and all other loads of a standing car stay below."""
-
-STANDING_POWER_S: Final = 10.0
-
-SHORTEST_FILL_S: Final = 10.0
-"""Duration [s] from which signals that are all straight lines show a filled gap."""
-
-STRAIGHTNESS: Final = 0.0005
-"""Deviation from a straight line that rounding explains, as a share of the signal's range in the log."""
-
-SENSOR_STOP_S: Final = 10.0
-"""Longest time for which a missing signal is bridged by a straight line, as a gap in time is."""
 
 CHARGING_S: Final = 60.0
 CHARGING_A: Final = 1.0
 """Least duration and current into the battery of a standing car that show a charger."""
 
-STUCK_SHARE: Final = 0.9
-"""Share of samples with one value from which a heater signal counts as stuck: a working heater follows a controller."""
-
-STUCK_S: Final = 600.0
-STUCK_W: Final = 50.0
 
 PULSE_W: Final = 3000.0
-PULSE_S: Final = 3.0
-"""Height and duration of a false pulse: a heater's water circuit needs many seconds to take or lose kilowatts."""
-
-FEWEST_PULSES: Final = 3
 
 
 def _steady(samples: pd.DataFrame) -> BoolArray:
@@ -92,21 +51,27 @@ def _steady(samples: pd.DataFrame) -> BoolArray:
 def resting_steps(values: FloatArray) -> BoolArray:
     """Mark the steps in which a value stays constant, up to the rounding of means; shape (samples - 1,)."""
     with np.errstate(invalid="ignore"):
-        return np.asarray(np.abs(np.diff(values)) <= ROUNDING * (1.0 + np.abs(values[1:])), dtype=bool)
+        # 1e-9: relative difference between means of equal values
+        return np.asarray(np.abs(np.diff(values)) <= 1e-9 * (1.0 + np.abs(values[1:])), dtype=bool)
 
 
 def freeze_cuts(samples: pd.DataFrame) -> Iterator[Cut]:
     """Cut runs in which all measured signals are frozen while the car moves, or for long at an end of the log."""
     time, speed = array(samples, "time_s"), array(samples, "speed_m_s")
     steady = _steady(samples)
-    shortest = max(FREEZE_MOVING_S, UNUSUAL * usual_rest_s(time, speed, steady))
+    # 10.0: duration for which speed, voltage and current of a moving car never all stay constant
+    # 5.0: duration of a freeze over the usual rest of the log: with coarse steps, such as whole km/h and
+    # whole kW, signals rest often
+    shortest = max(10.0, 5.0 * usual_rest_s(time, speed, steady))
     for first, last in runs(steady):
         lasted = time[last] - time[first]
         if last - first < FEWEST_SAMPLES or lasted < shortest:
             continue
         moving = speed[first] > MOVING_M_S
         at_an_end = first == 0 or last == len(samples) - 1
-        if moving or (lasted >= FREEZE_STANDING_S and at_an_end):
+        # 60.0: duration of a freeze at standstill that is removed at an end of a log, where it carries no
+        # information
+        if moving or (lasted >= 60.0 and at_an_end):
             state = f"at {speed[first] / M_S_PER_KM_H:.0f} km/h" if moving else "at standstill"
             start = 0 if first == 0 else first + 1  # the first sample of a freeze is still a measurement
             yield Cut(start, last + 1, f"every signal frozen for {lasted:.1f} s {state}")
@@ -129,18 +94,23 @@ def frozen_sensor_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Find
         values = array(samples, name)
         for first, last in runs(resting_steps(values)):
             lasted = time[last] - time[first]
-            if lasted < FROZEN_SENSOR_S or last - first < FEWEST_SAMPLES:
+            # 60.0: duration for which voltage or current cannot stay constant while the speed changes by
+            # 3 m/s
+            if lasted < 60.0 or last - first < FEWEST_SAMPLES:
                 continue
-            if np.ptp(speed[first : last + 1]) > SPEED_CHANGE_M_S:
+            if np.ptp(speed[first : last + 1]) > 3.0:
                 what = f"{signal_name(name)} stays at {values[first]:g} for {lasted:.1f} s while the speed changes"
-                long = name == "current_a" and lasted > FROZEN_SHARE * (time[-1] - time[0])
+                # 0.1: largest share of a drive in which the current may be frozen; beyond it the energy is
+                # unknown. Voltage varies only by a few percent
+                long = name == "current_a" and lasted > 0.1 * (time[-1] - time[0])
                 yield between(samples, trip_id, first, last, what, "set aside" if long else "noted")
     power = array(samples, "voltage_v") * array(samples, "current_a")
     with np.errstate(invalid="ignore"):
-        standing = (speed < STANDSTILL_M_S) & (power > STANDING_POWER_W)
+        # 20_000.0: power that heater, air conditioner and all other loads of a standing car stay below
+        standing = (speed < STANDSTILL_M_S) & (power > 20_000.0)
     for first, last in runs(standing):
         lasted = time[last - 1] - time[first]
-        if lasted >= STANDING_POWER_S and last - first >= FEWEST_SAMPLES:
+        if lasted >= 10.0 and last - first >= FEWEST_SAMPLES:  # a shorter run may be a start
             mean = float(np.mean(power[first:last])) / 1000.0
             what = f"the battery delivers {mean:.1f} kW for {lasted:.1f} s at standstill: the speed is frozen"
             yield between(samples, trip_id, first, last - 1, what, "set aside")
@@ -154,7 +124,9 @@ def filled_gaps(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
     straight = np.ones(len(time) - 2, dtype=bool)
     weight = (time[1:-1] - time[:-2]) / (time[2:] - time[:-2])
     signals = [array(samples, name) for name in MEASURED]
-    tolerances = [STRAIGHTNESS * float(np.nanpercentile(x, 99) - np.nanpercentile(x, 1)) for x in signals]
+    # 0.0005: deviation from a straight line that rounding explains, as a share of the signal's range in
+    # the log
+    tolerances = [0.0005 * float(np.nanpercentile(x, 99) - np.nanpercentile(x, 1)) for x in signals]
     for values, tolerance in zip(signals, tolerances, strict=True):
         middle = values[:-2] + weight * (values[2:] - values[:-2])
         with np.errstate(invalid="ignore"):
@@ -162,7 +134,8 @@ def filled_gaps(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
     for first, stop in runs(straight):
         last = stop + 1
         lasted = time[last] - time[first]
-        if lasted < SHORTEST_FILL_S or stop - first < FEWEST_SAMPLES:
+        # 10.0: duration [s] from which signals that are all straight lines show a filled gap
+        if lasted < 10.0 or stop - first < FEWEST_SAMPLES:
             continue
         if are_lines(time[first : last + 1], [x[first : last + 1] for x in signals], tolerances):
             what = f"speed, voltage and current are straight lines for {lasted:.1f} s: a filled gap"
@@ -197,7 +170,8 @@ def sensor_stop_cuts(samples: pd.DataFrame) -> Iterator[Cut]:
         missing |= ~np.isfinite(array(samples, name))
     for first, last in runs(missing):
         lasted = time[min(last, len(time) - 1)] - time[max(first - 1, 0)]
-        if lasted > SENSOR_STOP_S:
+        # 10.0: longest time for which a missing signal is bridged by a straight line, as a gap in time is
+        if lasted > 10.0:
             lost = [n for n in measured if not np.isfinite(array(samples, n)[first:last]).all()]
             yield Cut(first, last, f"no values of {', '.join(map(signal_name, lost))} for {lasted:.1f} s")
 
@@ -232,7 +206,7 @@ def blank_stuck_heater(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
         if stuck is not None:
             what = f"{signal_name(name)} stays at {stuck[0]:g} W in {stuck[1]:.0%} of the samples: all its values are removed"
             yield name, np.full(len(values), np.nan), whole(samples, trip_id, what, "noted")
-        elif len(pulses) >= FEWEST_PULSES:
+        elif len(pulses) >= 3:  # fewer may be measurements
             what = f"{signal_name(name)} jumps up and back by more than {PULSE_W:g} W {len(pulses)} times: these values are removed"
             finding = between(samples, trip_id, pulses[0][0], pulses[-1][1] - 1, what, "noted")
             removed = np.concatenate([np.arange(first, last) for first, last in pulses])
@@ -252,13 +226,17 @@ def stuck_level(
     known = values[np.isfinite(values)]
     levels, counts = np.unique(known, return_counts=True)
     mode, share = float(levels[counts.argmax()]), float(counts.max() / len(known))
-    if mode < STUCK_W or share < STUCK_SHARE or len(known) < FEWEST_SAMPLES:
+    # 0.9: share of samples with one value from which a heater signal counts as stuck: a working heater
+    # follows a controller
+    # 50.0: the noise of a heater that is off is below it
+    if mode < 50.0 or share < 0.9 or len(known) < FEWEST_SAMPLES:
         return None
     requested = array(samples, "requested_heating_power_w")
     known_request = bool(np.isfinite(requested).any())
     contradicted = known_request and float(np.nanmedian(np.abs(requested - mode))) > 0.5 * mode
     lasts_s = float(samples["time_s"].iloc[-1] - samples["time_s"].iloc[0])
-    long = lasts_s >= STUCK_S and mode < float(levels[-1])
+    # 600.0: a heater changes its power in ten minutes, unless it gives its highest
+    long = lasts_s >= 600.0 and mode < float(levels[-1])
     return (mode, share) if contradicted or pulses or long else None
 
 
@@ -271,7 +249,9 @@ def short_pulses(time: FloatArray, values: FloatArray) -> list[tuple[int, int]]:
         if pulses and first < pulses[-1][1]:
             continue
         base = values[edge]
-        end = int(np.searchsorted(time, time[first] + PULSE_S, side="right"))
+        # 3.0: height and duration of a false pulse: a heater's water circuit needs many seconds to take or
+        # lose kilowatts
+        end = int(np.searchsorted(time, time[first] + 3.0, side="right"))
         low = np.flatnonzero(values[first:end] <= base + 0.25 * PULSE_W)
         if len(low) and np.max(values[first : first + low[0]]) > base + PULSE_W:
             pulses.append((first, first + int(low[0])))

@@ -24,7 +24,6 @@ from tripwatt.sources.naming import words
 from tripwatt.sources.scales import ODOMETER, PLACES
 from tripwatt.units import SECONDS_PER_DAY
 
-MAX_WEEKS: Final = 520
 _NUMBER: Final = re.compile(r"[-+]?(\d+([.,]\d*)?|[.,]\d+)([eE][-+]?\d{1,3})?")
 _UNIT: Final = re.compile(r"[^\W\d]{0,4}[/%°]?[^\W\d]{0,4}")
 _CLOCK: Final = re.compile(r"[\d:.,]+( ?[AaPp][Mm])?")
@@ -94,7 +93,7 @@ def anonymise_logs(
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
             raise InvalidInput.of("folder in use", f"{folder}", "not empty", "a new or empty folder")
         folder.mkdir(parents=True, exist_ok=True)
-        hiding = _Hiding(7 * (1 + secrets.randbelow(MAX_WEEKS)), positions)
+        hiding = _Hiding(7 * (1 + secrets.randbelow(520)), positions)  # up to ten years
         written = []
         of_file = {file: (kind, names) for kind in kinds for file, names in kind.files.items()}
         for number, file in enumerate(sorted(table_files(place), key=natural), start=1):

@@ -29,13 +29,6 @@ WORKBOOK: Final = ".xlsx"
 MAX_FILES: Final = 2000
 """Largest number of tables in an archive."""
 
-MIN_NAMES: Final = 2
-"""Least number of texts in the header row of a sheet."""
-
-MAX_LEADING_ROWS: Final = 50
-"""Number of first rows of a sheet in which the header is searched."""
-
-LONGEST_STEM: Final = 80
 
 DAMAGED: Final = (zipfile.BadZipFile, zlib.error)
 """Errors that a damaged archive raises, besides those of files and values."""
@@ -160,7 +153,9 @@ def safe_name(name: str, suffix: str) -> str:
     stem = _last_part(name)
     if stem.lower().endswith(suffix):
         stem = stem[: -len(suffix)]
-    stem = re.sub(r"[^\w .+()-]", "_", stem)[:LONGEST_STEM].strip(" .")
+    stem = re.sub(r"[^\w .+()-]", "_", stem)[:80].strip(
+        " ."
+    )  # with folder and number below the 255 bytes of a name
     return f"{stem or 'table'}{suffix}"
 
 
@@ -232,11 +227,13 @@ def _from_workbook(place: Path, data: bytes, folder: Path, budget: Budget) -> It
 
 def _write_table(rows: Iterator[list[Any]], folder: Path, budget: Budget) -> tuple[int, Path]:
     """Write the rows of a sheet as CSV from the header on, cut to the width of the header; return the number of rows, and the file."""
-    head = list(itertools.islice(filter(_is_filled, rows), MAX_LEADING_ROWS))
+    # 50: number of first rows of a sheet in which the header is searched
+    head = list(itertools.islice(filter(_is_filled, rows), 50))
     made, count = folder / f"{len(list(folder.iterdir()))}", 0
     for k, row in enumerate(head):
         names, below = _names_in(row), _names_in(head[k + 1]) if k + 1 < len(head) else 0
-        if names >= MIN_NAMES and below <= names:  # a title has fewer cells than the header below it
+        # 2: least number of texts in the header row of a sheet
+        if names >= 2 and below <= names:  # a title has fewer cells than the header below it
             width = min(max(i + 1 for i, cell in enumerate(row) if cell is not None), MAX_COLUMNS)
             with made.open("w", encoding="utf-8", newline="") as text:
                 writer = csv.writer(text, lineterminator="\n")

@@ -19,9 +19,6 @@ from tripwatt.trips.headers import header_faults, same_quantity
 MIN_SAMPLES: Final = 3
 """Least number of samples of a drive."""
 
-ALSO_KNOWN: Final = ("observed_energy_wh",)
-"""Columns of our own tables that are not signals; they are accepted and ignored."""
-
 
 def read_canonical(
     path: Path | str, *, required: Sequence[str] = REQUIRED_COLUMNS, least: int = MIN_SAMPLES
@@ -144,8 +141,8 @@ def _missing(names: Sequence[str], required: Sequence[str], where: str) -> list[
 
 
 def _name_faults(names: Sequence[str], where: str) -> Iterator[Fault]:
-    ours = [name for name in names if name not in ALSO_KNOWN]
-    return header_faults(ours, COLUMNS, where, "unknown column or unit", _hint)
+    signals = [name for name in names if name != "observed_energy_wh"]  # of our own tables; ignored
+    return header_faults(signals, COLUMNS, where, "unknown column or unit", _hint)
 
 
 def _hint(name: str) -> str:

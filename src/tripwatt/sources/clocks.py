@@ -21,11 +21,6 @@ GAP_S: Final = 60.0
 MOVING_M_S: Final = 1.0
 LONGEST_STEP: Final = 10.0
 """A step that differs from a full hour by at most this many usual steps is a change to or from daylight saving time."""
-FEW_BREAKS: Final = 4
-"""Largest number of breaks in the order of rows, after sorting by time, per fall of the time: with so few breaks, blocks of rows were
-exchanged and do not overlap in time."""
-SHORTER: Final = 0.3
-"""The order of day and month is changed if this shortens the total time between files to below this share."""
 
 
 def clock_only(form: str) -> bool:
@@ -86,7 +81,9 @@ def decided_format(files: Sequence[Sequence[str]], form: str) -> str:
         fits.append(float(np.isfinite(seconds_of(pd.Series(ends, dtype=object), one)).mean()))
         at = seconds_of(pd.Series(starts, dtype=object), one)
         spans.append(float(np.abs(np.diff(at[np.isfinite(at)])).sum()))
-    if len(forms) > 1 and (fits[1] > fits[0] or (fits[1] == fits[0] and spans[1] < SHORTER * spans[0])):
+    # 0.3: the order of day and month is changed if this shortens the total time between files to below
+    # this share
+    if len(forms) > 1 and (fits[1] > fits[0] or (fits[1] == fits[0] and spans[1] < 0.3 * spans[0])):
         return forms[1]
     return forms[0]
 
@@ -127,6 +124,8 @@ def steady_clock(time: FloatArray, speed: FloatArray) -> tuple[FloatArray, list[
     falls = np.flatnonzero(np.diff(time) < 0.0)
     if len(falls):
         breaks = int((np.diff(np.argsort(time, kind="stable")) != 1).sum())
-        if breaks <= FEW_BREAKS * len(falls) or len(falls) > LONGEST_STEP:
+        # 4: largest number of breaks in the order of rows, after sorting by time, per fall of the time:
+        # with so few breaks, blocks of rows were exchanged and do not overlap in time
+        if breaks <= 4 * len(falls) or len(falls) > LONGEST_STEP:
             codes.append("rows_sorted")
     return time, codes

@@ -53,8 +53,6 @@ UNFOLLOWED: Final = (ValueError, LookupError, TypeError, ArithmeticError, Recurs
 """Errors that damaged or contradictory heads of a Parquet file raise."""
 
 UNREADABLE: Final = "unreadable Parquet file"
-PROSE: Final = ".txt"
-"""Suffix of a file that is taken for a note about the tables, if its folder has tables of other suffixes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -347,7 +345,8 @@ def table_files(path: Path) -> list[Path]:
         return [path]
     visible = (p for p in path.iterdir() if p.is_file() and not p.name.startswith("."))
     files = sorted(p for p in visible if p.suffix.lower() in SUFFIXES)
-    files = [p for p in files if p.suffix.lower() != PROSE] or files
+    # a file .txt is taken for a note about the tables, if its folder has tables of other suffixes
+    files = [p for p in files if p.suffix.lower() != ".txt"] or files
     if not files:
         raise InvalidInput.of("no trips", f"{path}", "no table", allowed)
     return files

@@ -35,9 +35,6 @@ MAX_TITLE_LINES: Final = 50
 """Number of first lines in which the header is searched."""
 MAX_SECTIONS: Final = 2000
 """Largest number of further headers in one file."""
-MAX_CUT_SHARE: Final = 0.05
-"""If more than this share of the rows has the same number of cells, below that of the header, the logger leaves out empty cells at
-the end; rarer short rows were cut off."""
 SHOWN_ROWS: Final = 5
 """Number of rows listed for one kind of fault in one column; the others are counted."""
 NULL_TEXTS: Final = ("", "NaN", "nan", "NAN", "NA", "N/A", "n/a", "null", "NULL", "None", "-nan", "#N/A", "-")
@@ -276,7 +273,9 @@ def even_rows(source: Delimited) -> tuple[Delimited, IntArray, list[Fault]]:
         if lines[i].count(mark) != width - 1 or b'"' in lines[i]
     }
     lengths = Counter(len(row) for row in cells.values() if len(row) < width)
-    usual = {length for length, count in lengths.items() if count > MAX_CUT_SHARE * len(lines)}
+    # 0.05: if more than this share of the rows has the same number of cells, below that of the header, the
+    # logger leaves out empty cells at the end; rarer short rows were cut off
+    usual = {length for length, count in lengths.items() if count > 0.05 * len(lines)}
     uneven = {i: len(row) for i, row in cells.items() if len(row) < width or any(row[width:])}
     is_cut = uneven.get(len(lines) - 1, width) < width and uneven[len(lines) - 1] not in usual
     listed = [i for i in uneven if not (is_cut and i == len(lines) - 1)]

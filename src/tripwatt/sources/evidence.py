@@ -20,16 +20,10 @@ from tripwatt.trips import COLUMNS
 from tripwatt.trips.inertia import apparent_mass
 from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_HOUR
 
-CLEAR: Final = 0.3
-"""Correlation of the power with acceleration above which the sign of the current or power is clear."""
-CURRENT_CORRELATION: Final = 0.6
-"""Correlation above which a column without a matching name is taken for the current or the speed."""
-USUAL_KG: Final = 1700.0
 LIGHTEST_KG, HEAVIEST_KG = 600.0, 4500.0
 FURTHEST_KG: Final = (300.0, 9000.0)
 """A stated unit of speed is marked for a check if the car's apparent mass is outside this range: grades and heaters blur the mass."""
 PACK_V: Final = (150.0, 950.0)
-PACK_SWING: Final = 0.35
 STAND_IN_V: Final = 360.0
 """Pack voltage if none is logged; any voltage of a pack is good enough to find the sign of the current."""
 MAX_COLUMNS: Final = 12
@@ -37,8 +31,6 @@ MAX_COLUMNS: Final = 12
 SINCE_1970: Final = 1e8
 """Times above this count from 1970: no trip lasts so many seconds."""
 
-PPM_FROM: Final = 1e4
-"""A state of charge above this is in percent times 10,000, as Leaf Spy writes it."""
 
 SPEED_UNITS: Final = {"m/s": 1.0, "km/h": M_S_PER_KM_H, "mph": M_S_PER_MPH}
 
@@ -101,7 +93,8 @@ def unit_of_values(ours: str, known: FloatArray) -> tuple[str, str]:
     if ours == "speed_m_s":
         fast = "km/h", f"{seen} are km/h rather than m/s"
         return fast if high > 60.0 else ("m/s", f"{seen}: CHECK: m/s or km/h")
-    if ours in ("soc", "displayed_soc") and high > PPM_FROM:
+    # 1e4: a state of charge above this is in percent times 10,000, as Leaf Spy writes it
+    if ours in ("soc", "displayed_soc") and high > 1e4:
         return "ppm", f"{seen} are percent times 10,000"
     if ours in ("soc", "displayed_soc", "grade"):
         return ("%", f"{seen} are percent") if high > 1.5 else ("1", f"{seen} are a fraction")
@@ -152,7 +145,7 @@ def speed_unit(assumed: str, mass_kg: float) -> tuple[str, str]:
         fitting = {u: m for u, m in masses.items() if FURTHEST_KG[0] <= m <= FURTHEST_KG[1]}
     if not fitting:
         return assumed, f"CHECK: in {assumed} the mass of the car is {mass_kg:.0f} kg"
-    unit = min(fitting, key=lambda u: abs(np.log(fitting[u] / USUAL_KG)))
+    unit = min(fitting, key=lambda u: abs(np.log(fitting[u] / 1700.0)))  # 1700 kg: a usual car
     others = ", ".join(f"{m:.0f} in {u}" for u, m in masses.items() if u != unit)
     check = "; CHECK: the masses are close" if len(fitting) > 1 else ""
     return unit, f"in {unit} the apparent mass of the car is {fitting[unit]:.0f} kg ({others}){check}"
@@ -189,7 +182,9 @@ def best_flow(time: FloatArray, known: Mapping[str, FloatArray], others: Mapping
     else:
         flows = {n: values * volts for n, values in spare.items() if np.nanmin(values, initial=0.0) < 0.0}
     mass, correlation, speed_name, flow_name = _best_pair(time, speeds, flows)
-    if abs(correlation) < (CURRENT_CORRELATION if speed_name or flow_name else CLEAR):
+    # 0.3: correlation of the power with acceleration above which the sign of the current or power is clear
+    # 0.6: correlation above which a column without a matching name is taken for the current or the speed
+    if abs(correlation) < (0.6 if speed_name or flow_name else 0.3):
         is_measured = POWER in known or "current_a" in known
         sign = "discharge" if is_measured else ""
         return Flow(tuple(guesses), sign, "CHECK: too little driving to decide")
@@ -224,7 +219,8 @@ def _is_pack_voltage(values: FloatArray) -> bool:
         return False
     low, middle, high = np.quantile(known, [0.02, 0.5, 0.98])
     steady = abs(float(np.corrcoef(known, np.arange(len(known)))[0, 1])) > 0.9999 if high > low else True
-    return bool(PACK_V[0] <= middle <= PACK_V[1] and 0.0 < (high - low) / middle < PACK_SWING and not steady)
+    # 0.35: under load the voltage of a pack varies less, and a signal that rises evenly is a counter
+    return bool(PACK_V[0] <= middle <= PACK_V[1] and 0.0 < (high - low) / middle < 0.35 and not steady)
 
 
 def _may_be_speed(values: FloatArray) -> bool:

@@ -23,10 +23,6 @@ from tripwatt.vehicles import Vehicle
 
 HEAD_BYTES: Final = 1 << 16
 """Number of first bytes of a file that are read for its header."""
-ALIKE: Final = 0.7
-"""Least share of common columns of two files of one kind."""
-HALF_CHARGED: Final = 0.5
-"""State of charge at which the open-circuit voltage is taken as the battery's nominal voltage."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +113,8 @@ def proposed_kinds(
     for file in sorted(headers, key=lambda file: -file.stat().st_size):
         keys = frozenset(column_key(name) for name in headers[file][0])
         for other, files in groups:
-            if len(keys & other) >= ALIKE * len(keys | other):
+            # 0.7: least share of common columns of two files of one kind
+            if len(keys & other) >= 0.7 * len(keys | other):
                 files.append(file)
                 break
         else:
@@ -169,7 +166,9 @@ def _changed(
     measured = {POWER, "current_a"} & columns.keys()
     if vehicle is not None and measured and "voltage_v" not in columns:
         assumed["nominal_voltage_v"] = float(
-            open_circuit_voltage(np.array([HALF_CHARGED]), vehicle.battery)[0]
+            # 0.5: state of charge at which the open-circuit voltage is taken as the battery's nominal
+            # voltage
+            open_circuit_voltage(np.array([0.5]), vehicle.battery)[0]
         )
     elif vehicle is not None and not measured and {"soc", "displayed_soc"} & columns.keys():
         assumed["usable_capacity_kwh"] = usable_energy_wh(vehicle.battery) / 1000.0

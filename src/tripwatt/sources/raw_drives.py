@@ -28,16 +28,7 @@ CHANGED: Final = {
     "clock_daylight_saving": ("clock was set", "an hour was taken out"),
 }
 """Code of a correction of times -> the texts `what` and `got` of its fault."""
-WRONG_COLUMN: Final = 0.2
-"""If a larger share of a column is impossible, the column is something else or in another unit, and is not used at all."""
-CONTINUED_S: Final = 5.0
-CONTINUED_STEPS: Final = 3.0
-"""A file continues the drive of another one if it begins at most `CONTINUED_S`, or `CONTINUED_STEPS` usual steps, after its end."""
-REVERSING_M_S: Final = -10.0
-WH_PER_KWH: Final = 1000.0
 OCV_PARTS: Final = 1000
-WHOLE_PERCENT: Final = 0.01
-"""Assumed resolution of a state of charge that does not change."""
 
 
 @dataclass(eq=False)
@@ -166,7 +157,8 @@ def _blank_wrong(file: RawFile, ours: dict[str, FloatArray]) -> None:
         if name not in COLUMNS or name == "time_s":
             continue
         column, entry = COLUMNS[name], file.entries[name]
-        lowest = REVERSING_M_S if name == "speed_m_s" else column.minimum
+        # -10.0: a car that reverses
+        lowest = -10.0 if name == "speed_m_s" else column.minimum
         with np.errstate(invalid="ignore"):
             bad = np.flatnonzero((values < lowest) | (values > column.maximum))
         known = int(np.isfinite(values).sum())
@@ -182,7 +174,9 @@ def _blank_wrong(file: RawFile, ours: dict[str, FloatArray]) -> None:
         is_named = any(repr(entry.column) in other.where for other in file.faults)
         if known or not (entry.optional or is_named):
             file.faults.append(fault)
-        if known and len(bad) > WRONG_COLUMN * known and name not in NEEDED:
+        # 0.2: if a larger share of a column is impossible, the column is something else or in another
+        # unit, and is not used at all
+        if known and len(bad) > 0.2 * known and name not in NEEDED:
             del ours[name]
         elif known:
             ours[name] = values.copy()
@@ -245,7 +239,8 @@ def joined(drives: Sequence[RawDrive]) -> list[RawDrive]:
         step = np.diff(np.asarray(drive.samples["time_s"]))
         usual = float(np.median(step)) if len(step) else 0.0
         pause = after.ends[0] - drive.ends[1]
-        if 0.0 < pause <= max(CONTINUED_S, CONTINUED_STEPS * usual) and drive.car == after.car:
+        # a file continues the drive of another one if it begins at most 5 s, or 3 usual steps, after its end
+        if 0.0 < pause <= max(5.0, 3.0 * usual) and drive.car == after.car:
             after.samples = pd.concat([drive.samples, after.samples], ignore_index=True)
             after.files = [*drive.files, *after.files]
             after.name = drive.name
@@ -310,13 +305,14 @@ def _energy_from_soc(columns: Mapping[str, FloatArray], mapping: ColumnMapping) 
     soc = columns["soc"] if "soc" in columns else columns["displayed_soc"]
     time = columns["time_s"]
     known = np.isfinite(soc)
-    capacity_wh = WH_PER_KWH * (mapping.usable_capacity_kwh or math.nan)
+    capacity_wh = 1000.0 * (mapping.usable_capacity_kwh or math.nan)
     if not known.any():
         return np.full(len(soc), np.nan), math.nan
     filled = np.interp(time, time[known], soc[known])
     energy, slope = _share_of_energy(filled, mapping, displayed="soc" not in columns)
     energy = capacity_wh * (energy[0] - energy)
-    step = resolution(soc[known]) if np.ptp(soc[known]) > 0.0 else WHOLE_PERCENT
+    # 0.01: assumed resolution of a state of charge that does not change
+    step = resolution(soc[known]) if np.ptp(soc[known]) > 0.0 else 0.01
     from_rounding = capacity_wh * step / math.sqrt(12.0) * math.hypot(slope[0], slope[-1])
     from_capacity = mapping.usable_capacity_uncertainty * float(abs(energy[-1]))
     return energy, math.hypot(from_rounding, from_capacity)

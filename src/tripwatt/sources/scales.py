@@ -24,17 +24,9 @@ PLACES: Final = (
 )
 ODOMETER: Final = re.compile(r"^(odo|odometer|mileage|kilometerstand|v p odometer)\b")
 M_PER_DEGREE: Final = 111_195.0
-LONGEST_STEP_S: Final = 30.0
-SLOWEST_M_S: Final = 3.0
-"""Below this speed the changes of position are mostly errors and are not used."""
-FASTEST_M_S: Final = 90.0
-"""Speeds above this, in the assumed unit, count as wrong cells and are not used."""
 MIN_M: Final = 2000.0
-MIN_BY_ODOMETER_M: Final = 20_000.0
 NEAR: Final = 0.15
 """Tolerance of the logarithm of a ratio of distances: units of speed differ by a factor of 1.6 or more, distances by a few percent."""
-CLEARER: Final = 0.7
-HOTTEST_DEGC: Final = 57.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +51,9 @@ def ways_of(table: TableFile, time_s: FloatArray, speed_m_s: FloatArray) -> Ways
     step = np.diff(time_s)
     mean = 0.5 * (speed_m_s[1:] + speed_m_s[:-1])
     with np.errstate(invalid="ignore"):
-        use = (step > 0.0) & (step <= LONGEST_STEP_S) & (mean < FASTEST_M_S)
+        # 30.0: over a longer step the mean of two speeds is no measurement
+        # 90.0: speeds above this, in the assumed unit, count as wrong cells and are not used
+        use = (step > 0.0) & (step <= 30.0) & (mean < 90.0)
     place, counter = positions_of(table), _named(table, ODOMETER)
     odometer = None if counter is None else _degrees(table, counter)
     driven, on_map, counted, by_odometer = 0.0, 0.0, 0.0, 0.0
@@ -68,7 +62,8 @@ def ways_of(table: TableFile, time_s: FloatArray, speed_m_s: FloatArray) -> Ways
         north = np.diff(latitude) * M_PER_DEGREE
         east = np.diff(longitude) * M_PER_DEGREE * np.cos(np.radians(latitude[1:]))
         with np.errstate(invalid="ignore"):
-            seen = use & (mean > SLOWEST_M_S) & np.isfinite(north) & np.isfinite(east)
+            # 3.0: below this speed the changes of position are mostly errors and are not used
+            seen = use & (mean > 3.0) & np.isfinite(north) & np.isfinite(east)
         driven, on_map = float((mean * step)[seen].sum()), float(np.hypot(north, east)[seen].sum())
     if odometer is not None and use.any():
         to_m = 1609.344 if "mi" in (counter or "").lower() else 1000.0
@@ -102,7 +97,7 @@ def speed_unit_of(assumed: str, ways: Iterable[Ways]) -> str:
     if not len(sums) or now is None:
         return assumed
     total = sums.sum(axis=0)
-    for by_speed, other, least in ((total[0], total[1], MIN_M), (total[2], total[3], MIN_BY_ODOMETER_M)):
+    for by_speed, other, least in ((total[0], total[1], MIN_M), (total[2], total[3], 20_000.0)):
         if by_speed > 0.0 and other >= least:
             ratio = other / by_speed
             fitting = [u for u, factor in SPEED_UNITS.items() if abs(np.log(ratio * now / factor)) < NEAR]
@@ -132,11 +127,12 @@ def air_unit_of(assumed: str, air: Sequence[FloatArray], battery_degc: Sequence[
         if both.any():
             as_c = float(np.median(np.abs(values[both] - battery[both])))
             as_f = float(np.median(np.abs((values[both] - 32.0) / 1.8 - battery[both])))
-            if min(as_c, as_f) < CLEARER * max(as_c, as_f):
+            if min(as_c, as_f) < 0.7 * max(as_c, as_f):  # else neither is clearly nearer
                 now = "f" if as_f < as_c else "c"
                 return assumed if assumed.endswith(now) else f"deg{now}"
             return assumed
-    hot = float(np.quantile(values[known], 0.98)) > HOTTEST_DEGC
+    # 57.0: the highest air temperature on record is 56.7 °C (WMO, Furnace Creek 1913)
+    hot = float(np.quantile(values[known], 0.98)) > 57.0
     return "degf" if hot and assumed.endswith("c") else assumed
 
 

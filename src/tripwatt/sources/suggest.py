@@ -36,24 +36,11 @@ from tripwatt.sources.mapping import POWER, TIME_STAMPS, UNITS, ColumnMapping, l
 from tripwatt.sources.naming import candidates, column_names, is_something_else, unit_in, unit_named, words
 from tripwatt.trips import COLUMNS
 
-MAX_BAD: Final = 0.1
-"""Largest ratio of unreadable cells to numbers in a column of numbers."""
-MAX_BESIDE: Final = 60
-"""Largest number of other files whose time stamps are read."""
 DAY_FORMATS: Final = ("%Y-%m-%d", "%Y/%m/%d", "%d.%m.%Y", "%m/%d/%Y", "%d/%m/%Y", "%d-%m-%Y", "%m-%d-%Y", "%d.%m.%y", "%m/%d/%y", "%d/%m/%y", "%Y%m%d", "%d-%b-%Y")  # fmt: skip
 _DAY_NAME: Final = re.compile(r"\b(date|day|datum|tag|fecha|jour)\b")
 
-SPARSE_SHARE: Final = 0.2
-"""If a larger share of a measured column is missing, the logger is taken to write a value only if it changes."""
 HOLD_S: Final = 10
 
-MIN_OPTIONAL: Final = 0.6
-"""Least share of a shipped mapping's optional columns in a table that is taken to be of the same logger."""
-
-RISING_SHARE: Final = 0.9
-"""Least share of rows in which a column of time does not decrease; it may decrease where another trip starts."""
-MIN_TIMES: Final = 0.08
-"""Least number of distinct times per sample in a column of time: a logger of 10 Hz may write whole seconds."""
 
 OWN_NAME: Final = "canonical name"
 NAME_AND_UNIT: Final = "name and unit match"
@@ -205,7 +192,8 @@ def _readable(path: Path, names: Sequence[str]) -> tuple[TableFile, dict[str, Fl
         (values,) = read
         known = int(np.isfinite(values).sum())
         by_comma = sum(fault.count for fault in faults if fault.what == "decimal comma")
-        if sum(fault.count for fault in faults) - by_comma <= MAX_BAD * known:
+        # 0.1: largest ratio of unreadable cells to numbers in a column of numbers
+        if sum(fault.count for fault in faults) - by_comma <= 0.1 * known:
             columns[name] = values
             commas, cells = commas + by_comma, cells + known * (by_comma > 0)
     return table, columns, "," if commas > 0.5 * cells else "."
@@ -221,7 +209,8 @@ def _with_day(guess: Guess, table: TableFile, beside: Sequence[Path]) -> Guess:
                 guess = replace(guess, date=name, format=f"{form} {guess.format}", why=why)
                 break
     texts = [stamp_texts(table, guess.column, guess.date)]
-    for file in beside[:MAX_BESIDE]:
+    # 60: largest number of other files whose time stamps are read
+    for file in beside[:60]:
         with contextlib.suppress(InvalidInput, ValueError):
             texts.append(stamp_texts(open_table(file), guess.column, guess.date))
     decided = decided_format(texts, guess.format)
@@ -294,7 +283,9 @@ def _as_shipped(
     """
     there = {column_key(n): n for n in table.names}
     optional = [e.column for e in mapping.columns.values() if e.optional]
-    if sum(column_key(c) in there for c in optional) < MIN_OPTIONAL * len(optional):
+    # 0.6: least share of a shipped mapping's optional columns in a table that is taken to be of the same
+    # logger
+    if sum(column_key(c) in there for c in optional) < 0.6 * len(optional):
         return guesses
     own: dict[str, Guess] = {}
     for ours, entry in mapping.columns.items():
@@ -336,9 +327,13 @@ def _rising(table: TableFile, columns: Mapping[str, FloatArray], taken: set[str]
 def _possible(ours: str, unit: str, known: FloatArray) -> bool:
     """Whether values in this unit are possible for our column: by their median; a time by its increase."""
     if ours == "time_s":
-        rises = len(known) > 1 and float(np.mean(np.diff(known) >= 0.0)) > RISING_SHARE
+        # 0.9: least share of rows in which a column of time does not decrease; it may decrease where
+        # another trip starts
+        rises = len(known) > 1 and float(np.mean(np.diff(known) >= 0.0)) > 0.9
         # a temperature that hardly moves rises as well
-        return rises and len(np.unique(known)) >= max(2, MIN_TIMES * len(known))
+        # 0.08: least number of distinct times per sample in a column of time: a logger of 10 Hz may write
+        # whole seconds
+        return rises and len(np.unique(known)) >= max(2, 0.08 * len(known))
     if ours not in COLUMNS:
         return True
     factor, offset = UNITS[ours][unit]
@@ -433,7 +428,9 @@ def _sections(
         if ours in ("speed_m_s", "voltage_v", "current_a", POWER) and guess.column in columns
     }
     column = max(missing, key=lambda name: missing[name], default="")
-    if missing.get(column, 0.0) > SPARSE_SHARE:
+    # 0.2: if a larger share of a measured column is missing, the logger is taken to write a value only if
+    # it changes
+    if missing.get(column, 0.0) > 0.2:
         why = f"{missing[column]:.0%} of {_quote(column)} is missing: the last value is held"
         sections["file"].append(f"hold_s = {HOLD_S}  # {why}")
     return sections

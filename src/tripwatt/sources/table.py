@@ -30,8 +30,6 @@ from tripwatt.vehicles import Vehicle
 
 SHOWN_ALIKE: Final = 2
 """Number of faults listed of one kind in one column; the others are counted."""
-LARGEST_FOR_WAYS: Final = 40
-"""Number of files, the largest ones, whose positions and odometer are used to find the unit of speed."""
 
 Progress = Callable[[int, int], None]
 Heights = Callable[[FloatArray, FloatArray], FloatArray]
@@ -191,7 +189,9 @@ def _decide_together(files: Sequence[RawFile]) -> None:
     wide = [file for file in files if file.mapping.long_name is None]
     for its in _shared(wide, "speed_m_s"):
         unit = its[0].entries["speed_m_s"].unit
-        largest = sorted(its, key=lambda file: -file.rows)[:LARGEST_FOR_WAYS]
+        # 40: number of files, the largest ones, whose positions and odometer are used to find the unit of
+        # speed
+        largest = sorted(its, key=lambda file: -file.rows)[:40]
         now = speed_unit_of(unit, [_ways(file) for file in largest])
         if now != unit:
             use_unit(its, "speed_m_s", now)

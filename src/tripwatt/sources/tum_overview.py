@@ -21,15 +21,9 @@ from tripwatt.sources.delimited import column_key
 from tripwatt.sources.workbooks import read_workbook
 from tripwatt.trips import Context, Flag
 
-SEASONS: Final = {"A": "summer", "B": "winter"}
-"""Letter in a trip's id -> season of its measurement campaign."""
-
 _TRIP_ID: Final = re.compile(r"trip([ab]\d{2,3})", re.IGNORECASE)
 _PAYLOAD: Final = re.compile(r"\+\s*(\d+(?:[.,]\d+)?)\s*kg", re.IGNORECASE)
 _NOT_A_DIGIT: Final = re.compile(r"[^0-9]+")
-_FOLLOWS: Final = "directly after previous trip"
-_SETPOINT_RANGE_DEGC: Final = (10.0, 40.0)
-_LARGEST_PAYLOAD_KG: Final = 1000.0
 
 _MAX_SHEET_BYTES: Final = 1 << 26
 """Largest workbook [bytes], also when inflated; that of the data set has 25 kB."""
@@ -97,17 +91,17 @@ def _context(trip_id: str, row: Mapping[str, object], sheet: str, notes: list[Fl
     remarks = "; ".join(t for t in (_text(row.get("fan")), _text(row.get("note"))) if t)
     route = _text(row.get("route/area"))
     payload = sum((float(m.replace(",", ".")) for m in _PAYLOAD.findall(remarks)), start=0.0)
-    if payload > _LARGEST_PAYLOAD_KG:
+    if payload > 1000.0:  # more than a car carries
         notes.append(Flag("value_not_used", f"{sheet}, payload of {trip_id}", f"{payload:g} kg"))
         payload = 0.0
     return Context(
-        season=SEASONS[trip_id[4]],
+        season={"A": "summer", "B": "winter"}[trip_id[4]],  # the two measurement campaigns
         weather=_text(row.get("weather")).lower() or None,
         started_at=_departure(row.get("date"), trip_id, sheet, notes),
         route=route or None,
         cabin_setpoint_degc=_setpoint(row.get("target cabin temperature"), trip_id, sheet, notes),
         payload_mass_kg=payload,
-        follows_trip=_FOLLOWS in remarks.lower(),
+        follows_trip="directly after previous trip" in remarks.lower(),
         remarks=remarks,
     )
 
@@ -125,9 +119,8 @@ def _departure(cell: object, trip_id: str, sheet: str, notes: list[Flag]) -> dt.
 
 def _setpoint(cell: object, trip_id: str, sheet: str, notes: list[Flag]) -> float | None:
     text = _text(cell).replace(",", ".")
-    low, high = _SETPOINT_RANGE_DEGC
     with contextlib.suppress(ValueError):
-        if low <= float(text) <= high:
+        if 10.0 <= float(text) <= 40.0:  # what a car's climate control offers, with a margin
             return float(text)
     if text:
         notes.append(Flag("value_not_used", f"{sheet}, set-point of {trip_id}", text[:40]))

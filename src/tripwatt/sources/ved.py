@@ -33,10 +33,6 @@ FIRST_DAY: Final = dt.datetime(2017, 11, 1)
 """Midnight of `DayNum` 1."""
 
 
-LARGEST_KEY: Final = 1e6
-"""Largest number accepted for a car, a trip or a day."""
-
-
 _KEYS: Final = ("DayNum", "VehId", "Trip")
 _ENGINE: Final = ("Engine RPM[RPM]", "MAF[g/sec]", "Fuel Rate[L/hr]")
 """Signals of a combustion engine: a car with any value of one of these, even 0, is not electric."""
@@ -147,7 +143,8 @@ def _integer_keys(table: CsvTable, values: dict[str, FloatArray]) -> tuple[IntAr
     for name in _KEYS:
         column = values[name]
         integer = (column == np.round(column)) | (name == "DayNum")
-        bad = np.flatnonzero(~(np.isfinite(column) & integer & (column >= 0.0) & (column <= LARGEST_KEY)))
+        # 1e6: largest number accepted for a car, a trip or a day
+        bad = np.flatnonzero(~(np.isfinite(column) & integer & (column >= 0.0) & (column <= 1e6)))
         if len(bad):
             sound[bad] = False
             where = f"{table.path} row {table.row(bad[0])} column {name!r}"

@@ -32,29 +32,18 @@ from tripwatt.trips.energy import resolution
 FINE_M_S: Final = 0.15
 """Largest step of rounding [m/s] that is ignored: it changes the energy of a drive by less than 0.1 %."""
 
-COARSEST_M_S: Final = 1.0
-"""Largest step of rounding [m/s]; a larger one only shows that a log has few different values."""
 
 FEWEST: Final = 10
 """Smallest number of different values for a step, and of refreshes for a time between them; fewer may be chance."""
 
-SHORTEST_HOLD_S: Final = 0.5
-"""Shortest time between refreshes [s] that counts; a shorter one disappears in the means over a second of a simulation."""
 
 LONGEST_HOLD_S: Final = 30.0
 """Longest time between refreshes [s] that is bridged; in a longer one a car may stop and start again."""
 
-LONGEST_SMOOTHED_S: Final = 4.0
-"""Longest step between samples [s] for smoothing; in a longer one the speed changes by much more than the rounding."""
 
 JERK_INTENSITY: Final = 0.1
 """Intensity of the random walk of a car's acceleration [m^2/s^5]: the value among 0.03, 0.1, 0.3, 1, 3 and 10 with the least error of
 energy on TUM trips in whole km/h and mph every second."""
-
-_ROWS_HELD: Final = 1.5
-_SHORTEST_GAP_S: Final = 0.05
-_CERTAIN: Final = 1e6
-"""Weight of a standstill over that of a rounded value."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +103,9 @@ def rebuild_speed(time_s: FloatArray, speed_m_s: FloatArray, filled: FloatArray 
     held, step = refresh_time(time, logged), _rounding_step(logged)
     held = held if held <= LONGEST_HOLD_S else 0.0
     at, value = _refreshed(time, logged, held) if held else (time, logged)
-    if step and float(np.median(np.diff(at))) > LONGEST_SMOOTHED_S:
+    # 4.0: longest step between samples [s] for smoothing; in a longer one the speed changes by much more
+    # than the rounding
+    if step and float(np.median(np.diff(at))) > 4.0:
         step = 0.0
     if held or step:
         value, speed = _smoothed(at, value, step) if step else value, speed.copy()
@@ -155,14 +146,18 @@ def refresh_time(time_s: FloatArray, speed_m_s: FloatArray) -> float:
     moved_on = (np.abs(np.diff(value)) > least) & (value[:-1] > 0.0)
     stood = np.diff(time_s[starts])[moved_on]
     usual = float(np.median(stood)) if len(stood) >= FEWEST else 0.0
-    fresh = usual < SHORTEST_HOLD_S or usual < _ROWS_HELD * float(np.median(np.diff(time_s)))
+    # 0.5: shortest time between refreshes [s] that counts; a shorter one disappears in the means over a
+    # second of a simulation
+    # 1.5: a value that lasts one row is no held value
+    fresh = usual < 0.5 or usual < 1.5 * float(np.median(np.diff(time_s)))
     return 0.0 if fresh else usual
 
 
 def _rounding_step(speed: FloatArray) -> float:
     """Return the step of rounding [m/s]; 0 if the step is fine, or the speed has too few different values."""
     step = resolution(speed)
-    return step if FINE_M_S < step <= COARSEST_M_S and len(np.unique(speed)) >= FEWEST else 0.0
+    # 1.0: largest step of rounding [m/s]; a larger one only shows that a log has few different values
+    return step if FINE_M_S < step <= 1.0 and len(np.unique(speed)) >= FEWEST else 0.0
 
 
 def _refreshed(time: FloatArray, speed: FloatArray, held: float) -> tuple[FloatArray, FloatArray]:
@@ -185,10 +180,11 @@ def _monotone(at: FloatArray, value: FloatArray, time: FloatArray) -> FloatArray
 def _smoothed(time: FloatArray, speed: FloatArray, step: float) -> FloatArray:
     from scipy.linalg import solveh_banded
 
-    gap = np.maximum(np.diff(time), _SHORTEST_GAP_S)
+    gap = np.maximum(np.diff(time), 0.05)  # a shorter gap would make the system singular
     parts = 1.0 / gap[:-1], -1.0 / gap[:-1] - 1.0 / gap[1:], 1.0 / gap[1:]
     weight = step**2 / 12.0 / (0.5 * JERK_INTENSITY * (gap[:-1] + gap[1:]))
-    trust = np.where(speed == 0.0, _CERTAIN, 1.0)
+    # 1e6: weight of a standstill over that of a rounded value
+    trust = np.where(speed == 0.0, 1e6, 1.0)
     bands = np.vstack((np.zeros((2, len(time))), trust))
     for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)):
         bands[2 + i - j, j : len(time) - 2 + j] += weight * parts[i] * parts[j]

@@ -80,9 +80,6 @@ STEEPEST_GRADE: Final = LINK_COLUMNS["grade"].maximum
 """Rise over length that no street exceeds."""
 
 
-A_FRACTION: Final = "give a fraction, 0.9 for 90 %"
-
-
 def is_number(value: Any) -> bool:
     """Return whether a value is a single real number; truth values do not count.
 
@@ -119,7 +116,7 @@ def number_faults(name: str, value: Any, allowed: Column, *, whole: bool = False
     value out of range: level: got 90; allowed: 0 to 1; give a fraction, 0.9 for 90 %
     """
     is_share = allowed.unit == "1" and allowed.maximum == 1.0
-    fix = A_FRACTION if is_share else ""
+    fix = "give a fraction, 0.9 for 90 %" if is_share else ""
     if not is_number(value) or (whole and not isinstance(value, numbers.Integral)):
         what = "not a whole number" if whole else "not a number"
         yield Fault(what, name, excerpt(value), allowed.allowed, fix)

@@ -9,31 +9,13 @@ import numpy as np
 from tripwatt.arrays import FloatArray, IntArray, distance_driven, running_sum
 from tripwatt.trips.columns import STEEPEST_GRADE
 
-FIX_TOLERANCE_M: Final = 0.016
-"""Largest distance from a straight line of a height interpolated between two fixes and rounded to 0.01 m."""
 MIN_BETWEEN_FIXES_S: Final = 30.0
 """Shortest mean time between the fixes of an interpolated height; the slope of a measured height changes more often."""
 
 HEIGHT_NOISE_M: Final = 10.0
 """Error of satellite heights that smoothing removes."""
-DRIFT_M_S: Final = 0.5
-"""Largest drift of a height while the car stands."""
-STEEPEST_ON_AVERAGE: Final = 0.2
-"""Largest mean grade of a longer road: the steepest streets are only a few hundred metres long."""
 MIN_FAULT_M: Final = 60.0
 """Smallest jump that is certainly a fault: a smaller one may be a sensor catching up with the road, by 40 m and more in the Twizy's log."""
-ROAD_PER_JUMP: Final = 25.0
-"""Length of road that each metre of a jump costs: a shorter run between two opposite jumps is left out."""
-HELD: Final = 0.1
-"""Weight of a run whose height never changes, such as 0 m before the first fix; other runs have 1."""
-LONGEST_DRIFT_M: Final = 5000.0
-"""Longest road on which a receiver without a fix, as in a tunnel, drifts before its height jumps back."""
-DRIFT_GRADE: Final = 0.07
-"""Smallest grade of a drift: a less steep rise is a hill."""
-TUNNEL_GRADE: Final = 0.01
-"""Largest grade of the road along a drift, beyond the noise."""
-MAX_BACK: Final = 500
-"""Largest number of successive runs that may be left out."""
 
 
 def elevation_over_distance(time_s: FloatArray, speed_m_s: FloatArray, elevation_m: FloatArray) -> FloatArray:
@@ -131,17 +113,22 @@ def _jumps(time: FloatArray, way: FloatArray, height: FloatArray) -> tuple[IntAr
     Cuts are added as jumps between two samples, where a drift begins or ends.
     """
     rise = np.diff(height)
-    over = np.abs(rise) - STEEPEST_GRADE * np.diff(way) - DRIFT_M_S * np.diff(time)
+    # 0.5: largest drift of a height while the car stands
+    over = np.abs(rise) - STEEPEST_GRADE * np.diff(way) - 0.5 * np.diff(time)
     direction = np.where(over > 0.0, np.sign(rise), 0.0)
     edge = np.flatnonzero(np.diff(direction, prepend=0.0, append=0.0))
     jumps = np.diff(running_sum(over)[edge]) > HEIGHT_NOISE_M
     start, end = edge[:-1][jumps], edge[1:][jumps]
     cuts: list[int] = []
     for a, b in np.column_stack((start, end))[np.abs(height[end] - height[start]) > MIN_FAULT_M].tolist():
-        longest = min(LONGEST_DRIFT_M, abs(height[b] - height[a]) / DRIFT_GRADE)
+        # 5000.0: longest road on which a receiver without a fix, as in a tunnel, drifts before its height
+        # jumps back
+        # 0.07: smallest grade of a drift: a less steep rise is a hill
+        longest = min(5000.0, abs(height[b] - height[a]) / 0.07)
         near, far = np.searchsorted(way, (way[b] - longest, way[a] + longest))
         for here, part in ((b, np.arange(near, a)[::-1]), (a, np.arange(b + 1, far))):
-            room = HEIGHT_NOISE_M + TUNNEL_GRADE * np.abs(way[part] - way[here])
+            # 0.01: largest grade of the road along a drift, beyond the noise
+            room = HEIGHT_NOISE_M + 0.01 * np.abs(way[part] - way[here])
             back = part[np.abs(height[part] - height[here]) <= room]
             cuts += (back[:1] - (here == a)).tolist()
     cut = np.unique(np.array(cuts, dtype=np.int64))
@@ -152,13 +139,18 @@ def _jumps(time: FloatArray, way: FloatArray, height: FloatArray) -> tuple[IntAr
 def _chain(way: FloatArray, height: FloatArray, first: IntArray, last: IntArray) -> list[int]:
     """Return the indices of the runs that cover most of the road, such that a road can join each with the next. O(runs)."""
     changes = running_sum(np.diff(height) != 0.0)
-    most = np.where(changes[last] > changes[first], 1.0, HELD) * (way[last] - way[first])
+    # 0.1: weight of a run whose height never changes, such as 0 m before the first fix; other runs have 1
+    most = np.where(changes[last] > changes[first], 1.0, 0.1) * (way[last] - way[first])
     before = np.full(len(first), -1)
     for k in range(1, len(first)):
-        back = slice(max(k - MAX_BACK, 0), k)
+        # 500: largest number of successive runs that may be left out
+        back = slice(max(k - 500, 0), k)
         over = np.abs(height[first[k]] - height[last[back]]) - HEIGHT_NOISE_M
-        over -= STEEPEST_ON_AVERAGE * (way[first[k]] - way[last[back]])
-        joined = most[back] - ROAD_PER_JUMP * np.maximum(over, 0.0)
+        # 0.2: largest mean grade of a longer road: the steepest streets are only a few hundred metres long
+        over -= 0.2 * (way[first[k]] - way[last[back]])
+        # 25.0: length of road that each metre of a jump costs: a shorter run between two opposite jumps is
+        # left out
+        joined = most[back] - 25.0 * np.maximum(over, 0.0)
         joined[over > MIN_FAULT_M - HEIGHT_NOISE_M] = 0.0
         best = int(joined.argmax())
         if joined[best] > 0.0:
@@ -184,7 +176,9 @@ def _fixes(time: FloatArray, height: FloatArray, most: int) -> IntArray | None:
         line = height[a] + (height[b] - height[a]) * (time[part] - time[a]) / (time[b] - time[a])
         off = np.abs(height[part] - line)
         worst = a + int(off.argmax())
-        if off[worst - a] > FIX_TOLERANCE_M:
+        # 0.016: largest distance from a straight line of a height interpolated between two fixes and
+        # rounded to 0.01 m
+        if off[worst - a] > 0.016:
             kept.add(worst)
             spans += [(a, worst), (worst, b)]
     return np.array(sorted(kept), dtype=np.int64)

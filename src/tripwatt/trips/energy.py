@@ -32,8 +32,6 @@ POWER_TIME_S: Final = 4.0
 NEGLIGIBLE_SHARE: Final = 0.02
 """Largest standard error over the energy that is neglected: with the 6 % error of a good forecast it widens an interval by a twentieth."""
 
-_LATTICE_TOLERANCE: Final = 1e-7
-
 
 def observed_cumulative_energy(samples: pd.DataFrame | Mapping[str, FloatArray]) -> FloatArray | None:
     """Cumulative energy at the battery terminals [Wh], by the trapezoidal rule from voltage times current.
@@ -151,7 +149,8 @@ def resolution(values: FloatArray) -> float:
     known = np.unique(values[np.isfinite(values)])
     if len(known) < 2:
         return 0.0
-    tolerance = _LATTICE_TOLERANCE * max(float(np.abs(known).max()), 1e-300)
+    # 1e-7: relative error of values that were converted from another unit
+    tolerance = 1e-7 * max(float(np.abs(known).max()), 1e-300)
     gaps = np.diff(known)
     gaps = gaps[gaps > tolerance]
     step = float(gaps.min()) if len(gaps) else 0.0

@@ -24,9 +24,6 @@ SHORTEST_GAP_S: Final = 10.0
 LONGEST_GAP_S: Final = 60.0
 """Longest gap of a speed trace that is bridged [s]; the audit splits a log at a longer one."""
 
-_MIN_MS_STEP: Final = 50.0
-"""Median step of the times from which they look like milliseconds: 50 ms at 20 Hz."""
-
 
 def time_faults(time_s: FloatArray, where: str) -> Iterator[Fault]:
     """Yield the reasons why increasing times cannot be those of the samples of one planned trip. O(samples).
@@ -55,7 +52,8 @@ def time_faults(time_s: FloatArray, where: str) -> Iterator[Fault]:
     step = np.diff(time_s)
     span = float(time_s[-1] - time_s[0]) if len(time_s) else 0.0
     wide = np.flatnonzero(step > LONGEST_GAP_S)
-    looks_ms = len(step) > 1 and float(np.median(step)) >= _MIN_MS_STEP
+    # 50.0: median step of the times from which they look like milliseconds: 50 ms at 20 Hz
+    looks_ms = len(step) > 1 and float(np.median(step)) >= 50.0
     fix = "times look like milliseconds: give time_s in seconds" if looks_ms else ""
     if span > MAX_DURATION_S:
         place = f"{where}, column 'time_s'"

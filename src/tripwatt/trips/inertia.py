@@ -8,10 +8,7 @@ import numpy as np
 
 from tripwatt.arrays import FloatArray
 
-BIN_S: Final = 1.0
-SHORTEST_MOVING_S: Final = 120.0
 MOVING_M_S: Final = 1.0
-LONGEST_SPAN_S: Final = 10.0
 WRONG_SIGN: Final = -0.3
 """Correlation of power with speed times acceleration below which the current has the wrong sign."""
 
@@ -45,13 +42,13 @@ def apparent_mass(time: FloatArray, speed: FloatArray, power: FloatArray) -> tup
     if known.sum() < 3:
         return None
     time, speed, power = time[known], speed[known], power[known]
-    second = np.floor((time - time[0]) / BIN_S + 1e-6).astype(np.int64)
+    second = np.floor(time - time[0] + 1e-6).astype(np.int64)
     _, index, count = np.unique(second, return_inverse=True, return_counts=True)
     t, v, p = (np.bincount(index, weights=x) / count for x in (time, speed, power))
     span = t[2:] - t[:-2]
     inertia = 0.5 * (v[2:] ** 2 - v[:-2] ** 2) / span
-    moving = (v[1:-1] > MOVING_M_S) & (span < LONGEST_SPAN_S)
-    if float(np.sum(0.5 * span[moving])) < SHORTEST_MOVING_S:
+    moving = (v[1:-1] > MOVING_M_S) & (span < 10.0)  # over a longer span the acceleration is unknown
+    if float(np.sum(0.5 * span[moving])) < 120.0:  # two minutes of motion
         return None
     x = inertia[moving] - inertia[moving].mean()
     y = p[1:-1][moving] - p[1:-1][moving].mean()
