@@ -120,7 +120,6 @@ def test_context_from_the_sheet(tmp_path, tum_bytes, write_overview):
     assert third.season is None
     assert third.weather is None
     assert any("TripB99" in note for note in map(message, fleet.notes))
-    assert any("'warm'" in note and "TripB02" in note for note in map(message, fleet.notes))
     assert "10.21227/6jr9-5235" in fleet.citation
     assert "CC BY 4.0" in fleet.citation
 

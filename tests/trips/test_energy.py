@@ -13,7 +13,7 @@ import tripwatt as tw
 from tripwatt.sources.mapping import parse_mapping
 from tripwatt.sources.table import read_table
 from tripwatt.trips import Trip, observed_energy
-from tripwatt.trips.energy import POWER_TIME_S, _of_sampling, power_energy_std, resolution
+from tripwatt.trips.energy import POWER_TIME_S, _of_sampling, observed_energy_std, resolution
 
 
 def power_of(seed, seconds=1800, mean=12_000.0, sd=14_000.0):
@@ -27,12 +27,16 @@ def power_of(seed, seconds=1800, mean=12_000.0, sd=14_000.0):
     return np.arange(len(noise)) * 0.1, mean + power
 
 
+def std_of(time, voltage_v, current_a):
+    return observed_energy_std(pd.DataFrame({"time_s": time, "voltage_v": voltage_v, "current_a": current_a}))
+
+
 def poorly_logged(time, power, step_w, every_s):
     """Measured energy [Wh] and its standard error of a log with whole steps, now and then."""
     rows = np.arange(0, len(time), round(10 * every_s))
     rows = rows if rows[-1] == len(time) - 1 else np.append(rows, len(time) - 1)
     seen = step_w * np.round(power[rows] / step_w)
-    std = power_energy_std(time[rows], np.full(len(rows), 400.0), seen / 400.0)
+    std = std_of(time[rows], 400.0, seen / 400.0)
     return np.trapezoid(seen, time[rows]) / 3600.0, std or 0.0
 
 
@@ -84,9 +88,9 @@ def test_the_error_between_samples_against_its_double_integral():
 
 def test_a_well_measured_energy_carries_nothing():
     time, power = power_of(1)
-    assert power_energy_std(time, np.full(len(time), 400.0), power / 400.0) is None
-    assert power_energy_std(time[:1], time[:1], time[:1]) is None
-    assert power_energy_std(np.array([0.0, 9.0, 5.0]), np.ones(3), np.ones(3)) is None
+    assert std_of(time, 400.0, power / 400.0) is None
+    assert std_of(time[:1], time[:1], time[:1]) is None
+    assert std_of([0.0, 9.0, 5.0], 1.0, 1.0) is None
 
 
 @pytest.mark.parametrize(

@@ -145,55 +145,54 @@ def audit(logs: TripSet | Iterable[Recorded]) -> Audit:
     >>> float(result.trips[0].duration_s)
     400.0
     """
-    trips = tuple(logs.logs if isinstance(logs, TripSet) else logs)
-    require_unique_ids(trips)
-    raise_faults(Fault("not a raw log", t.trip_id, f"means over {t.step_s} s") for t in trips if t.step_s)
-    legs: list[Recorded] = []
-    findings: list[tuple[int, Finding]] = []
-    order: list[int] = []
-    for number, trip in enumerate(trips):
-        its_legs, more = _audit_log(trip)
-        legs += its_legs
-        order += [number] * len(its_legs)
-        findings += [(number, f) for f in more]
-    used = _without_fault(legs, [f for _, f in findings])
+    recorded = tuple(logs.logs if isinstance(logs, TripSet) else logs)
+    require_unique_ids(recorded)
+    raise_faults(
+        Fault("not a raw log", log.trip_id, f"means over {log.step_s} s") for log in recorded if log.step_s
+    )
+    audited = [_audit_log(log) for log in recorded]
+    legs = [leg for its_legs, _ in audited for leg in its_legs]
+    used = _without_fault(legs, [finding for _, its_findings in audited for finding in its_findings])
     by_leg = consistency.soc_findings(legs, used)
-    for number, leg in zip(order, legs, strict=True):
-        findings += [(number, f) for f in by_leg.get(leg.trip_id, [])]
-    findings.sort(key=lambda item: item[0])
-    ordered = without_repeats([f for _, f in findings], len(trips))
+    findings: list[Finding] = []
+    for its_legs, its_findings in audited:
+        findings += its_findings
+        for leg in its_legs:
+            findings += by_leg.get(leg.trip_id, [])
+    ordered = without_repeats(findings, len(recorded))
     sound = _without_fault(legs, ordered)
-    used_trips = tuple(Trip.from_log(leg) for leg, ok in zip(legs, sound, strict=True) if ok)
-    lost = [leg for leg, ok in zip(legs, sound, strict=True) if not ok]
-    far, long = sum(leg.distance_m for leg in lost), sum(leg.duration_s for leg in lost)
-    return Audit(used_trips, ordered, len(trips), float(far), float(long))
+    trips = tuple(Trip.from_log(leg) for leg, is_sound in zip(legs, sound, strict=True) if is_sound)
+    lost = [leg for leg, is_sound in zip(legs, sound, strict=True) if not is_sound]
+    lost_m, lost_s = sum(leg.distance_m for leg in lost), sum(leg.duration_s for leg in lost)
+    return Audit(trips, ordered, len(recorded), float(lost_m), float(lost_s))
 
 
 def _audit_log(trip: Recorded) -> tuple[list[Recorded], list[Finding]]:
     """Return the drives of one log, each mended and judged separately, and the findings."""
     samples, findings = ranges.blank_infinite(trip.samples, trip.trip_id)
     samples, cuts, more = stamps.mend_stamps(samples, trip.trip_id)
-    findings += more
-    more = list(ranges.missing_columns(samples, trip.trip_id))
+    findings += [*more, *ranges.missing_columns(samples, trip.trip_id)]
     if len(samples) < 2:
-        more.append(whole(samples, trip.trip_id, "fewer than two samples are left", "set aside"))
-    findings += more
-    if any(f.consequence == "set aside" for f in more):
-        return [], findings
-    samples, more = ranges.blank_impossible(samples, trip.trip_id)
-    findings += more
-    if any(f.consequence == "set aside" for f in more):
+        findings.append(whole(samples, trip.trip_id, "fewer than two samples are left", "set aside"))
+    if not _is_aside(findings):
+        samples, more = ranges.blank_impossible(samples, trip.trip_id)
+        findings += more
+    if _is_aside(findings):
         return [], findings
     for rule in (signals.sensor_stop_cuts, stamps.gap_cuts, signals.freeze_cuts, signals.charging_cuts):
         cuts += rule(samples)
     legs, more = _legs(trip, samples, cuts)
     findings += more
-    judged = []
+    mended = []
     for leg in legs:
-        mended, more = _judge_leg(leg)
+        leg, more = _judge_leg(leg)
+        mended.append(leg)
         findings += more
-        judged.append(mended)
-    return judged, findings
+    return mended, findings
+
+
+def _is_aside(findings: Iterable[Finding]) -> bool:
+    return any(finding.consequence == "set aside" for finding in findings)
 
 
 def _legs(trip: Recorded, samples: pd.DataFrame, cuts: Sequence[Cut]) -> tuple[list[Recorded], list[Finding]]:
@@ -203,16 +202,18 @@ def _legs(trip: Recorded, samples: pd.DataFrame, cuts: Sequence[Cut]) -> tuple[l
     for cut in cuts:
         keep[cut.first : cut.last] = False
         edges |= {cut.first, cut.last}
-    bounds = sorted(edges)
-    starts = [a for a, _ in pairwise(bounds) if keep[a]]
-    pieces = [samples.iloc[a:b].reset_index(drop=True) for a, b in pairwise(bounds) if keep[a]]
-    driven = [(a, p) for a, p in zip(starts, pieces, strict=True) if driven_m(p) >= DRIVEN_M]
+    pieces = [
+        (first, samples.iloc[first:last].reset_index(drop=True))
+        for first, last in pairwise(sorted(edges))
+        if keep[first]
+    ]
+    driven = [(first, piece) for first, piece in pieces if driven_m(piece) >= DRIVEN_M]
     ordered = sorted(cuts, key=lambda cut: cut.first)
     findings = [finding_of_cut(trip.trip_id, samples, cut, driven) for cut in ordered]
-    if cuts and driven:
-        short = [piece for piece in pieces if len(piece) > 1 and driven_m(piece) < DRIVEN_M]
-        what = "{:.0f} m beside a cut are too short for a drive"
-        findings += [between(p, trip.trip_id, 0, -1, what.format(driven_m(p)), "trimmed") for p in short]
+    for _, piece in pieces if cuts and driven else ():
+        if len(piece) > 1 and driven_m(piece) < DRIVEN_M:
+            what = f"{driven_m(piece):.0f} m beside a cut are too short for a drive"
+            findings.append(between(piece, trip.trip_id, 0, -1, what, "trimmed"))
     if not driven:
         what = "the car did not move" if not cuts else "no part of the log with a moving car is left"
         findings.append(whole(samples, trip.trip_id, what, "set aside"))

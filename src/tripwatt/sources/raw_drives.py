@@ -72,45 +72,42 @@ def drives_of(file: RawFile) -> list[RawDrive]:
     frame = pd.DataFrame(ours)
     timeless = np.isnan(ours["time_s"])
     if timeless.all():
-        raise InvalidInput.of(
-            "no times", f"{file.path}", f"{len(frame)} rows without a time", "a time in each row"
-        )
-    if timeless.any():
-        lost = int(timeless.sum()) - len(frame) + file.rows  # without empty rows
-        file.notes += [Flag("rows_without_time", file.path.name, float(lost), "1")] if lost > 0 else []
+        got = f"{len(frame)} rows without a time"
+        raise InvalidInput.of("no times", f"{file.path}", got, "a time in each row")
+    lost = int(timeless.sum()) - len(frame) + file.rows  # without empty rows
+    if lost > 0:
+        file.notes.append(Flag("rows_without_time", file.path.name, float(lost), "1"))
     drives = []
     for name, rows in _groups(file, len(frame)):
         rows = rows[~timeless[rows]]
-        car = None
-        if file.vehicles is not None:
-            cars = sorted({file.vehicles[int(i)] for i in rows})
-            if cars == [""] or len(cars) != 1:
-                where = f"{file.path} column {file.mapping.vehicle_column!r}, trip {name}"
-                got = ", ".join(map(repr, cars[:4]))
-                file.faults.append(
-                    Fault("no single vehicle", where, got, "one vehicle for each trip", count=len(rows))
-                )
-                continue
-            car = cars[0]
-        if len(rows) < 2:
+        cars, drivers = (
+            {texts[row] for row in rows.tolist()} if texts else set()
+            for texts in (file.vehicles, file.drivers)
+        )
+        if file.vehicles is not None and (len(cars) != 1 or "" in cars):
+            where = f"{file.path} column {file.mapping.vehicle_column!r}, trip {name}"
+            got = ", ".join(map(repr, sorted(cars)[:4]))
+            allowed = "one vehicle for each trip"
+            file.faults.append(Fault("no single vehicle", where, got, allowed, count=len(rows)))
+        elif len(rows) < 2:
             where = f"{file.path}, trip {name}"
             file.faults.append(Fault("too few samples", where, f"{len(rows)}", "at least 2"))
-            continue
-        drivers = {file.drivers[int(i)] for i in rows} if file.drivers else set()
-        driver = (drivers.pop() or None) if len(drivers) == 1 else None
-        drives.append(RawDrive(name, [file], _in_order(file, frame, name, rows), car, driver))
-        file.rows_used += len(rows)
+        else:
+            driver = (drivers.pop() or None) if len(drivers) == 1 else None
+            car = cars.pop() if cars else None
+            drives.append(RawDrive(name, [file], _in_order(file, frame, name, rows), car, driver))
+            file.rows_used += len(rows)
     return drives
 
 
 def _groups(file: RawFile, rows: int) -> list[tuple[str, IntArray]]:
     if file.trips is None:
         return [(file.path.stem, np.arange(rows))]
-    places = pd.Series(np.arange(rows)).groupby(np.array(file.trips, dtype=object), sort=False)
-    outside = sum(not text for text in file.trips)
+    outside = file.trips.count("")
     if outside:
         file.notes.append(Flag("rows_without_trip", file.path.name, float(outside), "1"))
-    return [(str(name), np.asarray(its)) for name, its in places if str(name)]
+    groups = pd.Series(np.arange(rows)).groupby(np.array(file.trips, dtype=object), sort=False)
+    return [(str(name), group.to_numpy()) for name, group in groups if str(name)]
 
 
 def _in_order(file: RawFile, frame: pd.DataFrame, name: str, rows: IntArray) -> pd.DataFrame:
@@ -126,9 +123,8 @@ def _in_order(file: RawFile, frame: pd.DataFrame, name: str, rows: IntArray) -> 
         time = np.asarray(samples["time_s"])
     for code in codes:
         what, got = CHANGED[code]
-        file.faults.append(
-            Fault(what, f"{file.path}, trip {name}", got, "times that increase by the same clock")
-        )
+        allowed = "times that increase by the same clock"
+        file.faults.append(Fault(what, f"{file.path}, trip {name}", got, allowed))
     step = np.diff(time)
 
     def row(i: int) -> str:
@@ -153,22 +149,18 @@ def _blank_wrong(file: RawFile, ours: dict[str, FloatArray]) -> None:
     InvalidInput
         When no value of the speed can be used.
     """
-    for name, values in [*ours.items()]:
-        if name not in COLUMNS or name == "time_s":
-            continue
-        column, entry = COLUMNS[name], file.entries[name]
-        # -10.0: a car that reverses
-        lowest = -10.0 if name == "speed_m_s" else column.minimum
-        with np.errstate(invalid="ignore"):
-            bad = np.flatnonzero((values < lowest) | (values > column.maximum))
+    for name in [name for name in ours if name in COLUMNS and name != "time_s"]:
+        column, entry, values = COLUMNS[name], file.entries[name], ours[name]
+        lowest = -10.0 if name == "speed_m_s" else column.minimum  # m/s, of a car that reverses
+        bad = np.flatnonzero((values < lowest) | (values > column.maximum))
         known = int(np.isfinite(values).sum())
         if known and not len(bad):
             continue
+        fault = Fault(
+            "empty column", f"{file.path} column {entry.column!r}", "no value", f"{name} in {entry.unit}"
+        )
         if known:
             fault = _range_fault(file, name, bad, lowest)
-        else:
-            place = f"{file.path} column {entry.column!r}"
-            fault = Fault("empty column", place, "no value", f"{name} in {entry.unit}")
         if name in NEEDED and len(bad) == known:
             raise InvalidInput([fault])
         is_named = any(repr(entry.column) in other.where for other in file.faults)
@@ -218,15 +210,12 @@ def without_copies(drives: Sequence[RawDrive]) -> list[RawDrive]:
     """The drives without copies: a drive with the same samples as an earlier one is left out, with a fault of its file."""
     seen: dict[bytes, RawDrive] = {}
     for drive in drives:
-        table = drive.samples
-        other = seen.setdefault(table.to_numpy(dtype=np.float64).tobytes(), drive)
-        if other is not drive:
-            where, got = f"{drive.files[0].path}, trip {drive.name}", f"the samples of {other.name}"
-            rows = len(table)
-            drive.files[0].faults.append(
-                Fault("copy of another drive", where, got, "each drive once", count=rows)
-            )
-            drive.files[0].rows_used -= rows
+        earlier = seen.setdefault(drive.samples.to_numpy(dtype=np.float64).tobytes(), drive)
+        if earlier is not drive:
+            (file,), rows = drive.files, len(drive.samples)
+            where, got = f"{file.path}, trip {drive.name}", f"the samples of {earlier.name}"
+            file.faults.append(Fault("copy of another drive", where, got, "each drive once", count=rows))
+            file.rows_used -= rows
     return [*seen.values()]
 
 
@@ -266,34 +255,28 @@ def log_of(drive: RawDrive) -> Log:
     if file.stamped:
         time = time - time[0]
     signals = {c: np.asarray(samples[c], dtype=np.float64) for c in samples.columns if c != "time_s"}
-    hold_s = mapping.hold_s
-    columns = {
-        "time_s": time,
-        **{c: held(time, x, hold_s) if hold_s > 0.0 else x for c, x in signals.items()},
-    }
+    columns = {c: held(time, x, mapping.hold_s) if mapping.hold_s > 0.0 else x for c, x in signals.items()}
+    columns = {"time_s": time, **columns}
     rebuilt = rebuild_speed(time, signals["speed_m_s"], columns["speed_m_s"])
     columns["speed_m_s"] = rebuilt.speed_m_s
     steps = (rebuilt.held_s, "s"), (round(rebuilt.step_m_s, 3), "m_s")
     notes = [Flag("speed_rebuilt", f"trip {drive.name}", value, unit) for value, unit in steps if value]
     file.notes += [note for note in notes if note not in file.notes]
-    energy_std: float | None = None
-    common_std = 0.0
     nominal = mapping.nominal_voltage_v
     if nominal is not None and (POWER in columns or "current_a" in columns):
         voltage = columns.get("voltage_v", np.full(len(time), np.nan))
         columns["voltage_v"] = np.where(np.isnan(voltage), nominal, voltage)
+    energy: dict[str, float] = {}
     if POWER in columns:
         columns["current_a"] = columns.pop(POWER) * mapping.discharge_sign / columns["voltage_v"]
     elif "current_a" in columns:
         columns["current_a"] = columns["current_a"] * mapping.discharge_sign
     elif mapping.usable_capacity_kwh is not None:
-        columns["observed_energy_wh"], energy_std = _energy_from_soc(columns, mapping)
-        common_std = mapping.usable_capacity_uncertainty
+        columns["observed_energy_wh"], energy["observed_energy_std_wh"] = _energy_from_soc(columns, mapping)
+        energy["observed_energy_common_std"] = mapping.usable_capacity_uncertainty
     order = [*(c for c in COLUMNS if c in columns), *(c for c in columns if c not in COLUMNS)]
     log = Log.from_samples(drive.name, pd.DataFrame({c: columns[c] for c in order}), context)
-    if energy_std is None:
-        return log
-    return replace(log, observed_energy_std_wh=energy_std, observed_energy_common_std=common_std)
+    return replace(log, **energy)
 
 
 def _energy_from_soc(columns: Mapping[str, FloatArray], mapping: ColumnMapping) -> tuple[FloatArray, float]:

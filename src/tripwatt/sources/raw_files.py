@@ -153,22 +153,26 @@ def _entries(file: RawFile, table: TableFile) -> dict[str, MappedColumn]:
         When a column of time, speed, trip, vehicle, driver or signal is missing; another missing column is a fault of the file.
     """
     mapping = file.mapping
-    own = [getattr(mapping, f"{name}_column") for name in ("trip", "vehicle", "driver")]
-    own += [mapping.long_name, mapping.long_value]
-    needed = [_missing(table, n, mapping) for n in own if n and n not in table.names]
+    keyed = (
+        mapping.trip_column,
+        mapping.vehicle_column,
+        mapping.driver_column,
+        mapping.long_name,
+        mapping.long_value,
+    )
+    needed = [_missing(table, name, mapping) for name in keyed if name and name not in table.names]
     keys = by_key(table.names, column_key)
 
     def spelled(column: str) -> str | None:
-        alike = [column] if column in table.names else keys.get(column_key(column), [])
-        return alike[0] if len(alike) == 1 else None
+        names = [column] if column in table.names else keys.get(column_key(column), [])
+        return names[0] if len(names) == 1 else None
 
     entries: dict[str, MappedColumn] = {}
     for ours, entry in mapping.columns.items():
+        column, date = spelled(entry.column), spelled(entry.date) if entry.date else ""
         if mapping.long_name is not None and ours != "time_s":
             entries[ours] = entry
-            continue
-        column, date = spelled(entry.column), spelled(entry.date) if entry.date else ""
-        if column is not None and date is not None:
+        elif column is not None and date is not None:
             entries[ours] = replace(entry, column=column, date=date)
         elif not entry.optional:
             faults = needed if ours in NEEDED else file.faults
@@ -190,18 +194,17 @@ def _read_long(file: RawFile, table: TableFile) -> None:
     timed = np.isfinite(raw_time)
     unit_column = next((n for n in table.names if column_key(n) in ("units", "unit")), None)
     wanted = (mapping.long_name, mapping.long_value, unit_column)
-    signals, texts, units = (
-        np.array(table.texts(n) if n else [""] * len(timed), dtype=object)[timed] for n in wanted
-    )
+    columns = [table.texts(name) if name else [""] * len(timed) for name in wanted]
+    signals, texts, units = (np.array(column, dtype=object)[timed] for column in columns)
     times, index = np.unique(raw_time[timed], return_inverse=True)
     file.values, file.rows = {"time_s": times}, len(times)
-    for ours, entry in file.mapping.columns.items():
+    for ours, entry in mapping.columns.items():
         rows = np.flatnonzero(signals == entry.column)
         if ours == "time_s":
             continue
         if not len(rows):
-            seen = sorted(set(signals.tolist()))
-            got, fix = ", ".join(map(repr, seen[:8])), did_you_mean(entry.column, seen)
+            present = sorted(set(signals.tolist()))
+            got, fix = ", ".join(map(repr, present[:8])), did_you_mean(entry.column, present)
             fault = Fault("missing signal", f"{table.path}", got, f"a signal {entry.column!r}", fix)
             if ours in NEEDED:
                 raise InvalidInput([fault])
@@ -220,18 +223,22 @@ def _read_long(file: RawFile, table: TableFile) -> None:
 
 
 def use_unit(files: Sequence[RawFile], ours: str, unit: str) -> None:
-    """Set the unit of a column in files to one that differs from the mapping's, and add a fault that says so."""
+    """Set the unit of a column in files; if it differs from the mapping's, add a fault that says so."""
     for file in files:
         entry = file.entries[ours]
-        where, allowed = f"{file.path} column {entry.column!r}", f"{entry.unit}, as in {file.mapping.source}"
-        file.faults.append(Fault("unit differs from the mapping's", where, f"values in {unit}", allowed))
-        file.entries[ours] = replace(entry, unit=unit)
+        if unit != entry.unit:
+            where, allowed = (
+                f"{file.path} column {entry.column!r}",
+                f"{entry.unit}, as in {file.mapping.source}",
+            )
+            file.faults.append(Fault("unit differs from the mapping's", where, f"values in {unit}", allowed))
+            file.entries[ours] = replace(entry, unit=unit)
 
 
 def in_ours(file: RawFile, ours: str) -> FloatArray:
     """The values of a column, converted to our unit."""
-    column, entry = file.values[ours], file.entries[ours]
-    factor, offset = UNITS[ours][entry.unit]
+    column = file.values[ours]
+    factor, offset = UNITS[ours][file.entries[ours].unit]
     converted = column if factor == 1.0 and offset == 0.0 else column * factor + offset
     # 0 V from a battery that is switched off is no measurement
     return np.where(converted == 0.0, np.nan, converted) if ours == "voltage_v" else converted

@@ -79,10 +79,7 @@ def read_table(
             kinds = [given_kind(place, mapping) if mapping is not None else _canonical(place)]
         else:
             kinds = proposed_kinds(place, vehicle)
-        fleet = read_kinds(
-            Path(path), kinds, strict=strict, progress=progress, faults=faults, heights=heights
-        )
-    return fleet
+        return read_kinds(Path(path), kinds, strict=strict, progress=progress, faults=faults, heights=heights)
 
 
 def read_kinds(
@@ -137,27 +134,26 @@ def _add_heights(file: RawFile, heights: Heights | None) -> None:
         heights is None
         or file.table is None
         or not file.values
-        or {"elevation_m", "grade"} & set(file.values)
+        or {"elevation_m", "grade"} & file.values.keys()
     ):
         return
     place = positions_of(file.table)
-    if place is not None and np.isfinite(found := heights(*place)).any():
+    elevation = None if place is None else heights(*place)
+    if elevation is not None and np.isfinite(elevation).any():
         file.entries["elevation_m"] = MappedColumn("positions", "m")
-        file.values["elevation_m"] = found
+        file.values["elevation_m"] = elevation
 
 
 def _merge_alike(path: Path, faults: Sequence[Fault]) -> Iterator[Fault]:
     """Yield all faults; of many faults of the same kind in the same column, only the first ones and one with the number of the others."""
-    for alike in by_key(faults, lambda f: (f.what, f.where.partition(" column ")[2], f.allowed)).values():
-        if len(alike) <= SHOWN_ALIKE + 1:
-            yield from alike
-            continue
-        yield from alike[:SHOWN_ALIKE]
-        column = alike[0].where.partition(" column ")[2]
-        place = f"{path} column {column}" if column else f"{path}"
-        more = alike[SHOWN_ALIKE:]
-        count = sum(fault.count for fault in more)
-        yield replace(alike[0], where=place, got=f"{len(more)} more of this kind", count=count)
+    for group in by_key(faults, lambda f: (f.what, f.where.partition(" column ")[2], f.allowed)).values():
+        left = group[SHOWN_ALIKE:] if len(group) > SHOWN_ALIKE + 1 else []
+        yield from group[: len(group) - len(left)]
+        if left:
+            column = group[0].where.partition(" column ")[2]
+            place = f"{path} column {column}" if column else f"{path}"
+            count = sum(fault.count for fault in left)
+            yield replace(group[0], where=place, got=f"{len(left)} more of this kind", count=count)
 
 
 def _canonical(path: Path) -> Kind:
@@ -176,46 +172,40 @@ def _canonical(path: Path) -> Kind:
 
 def _decide_together(files: Sequence[RawFile]) -> None:
     """Decide from files with the same columns together the order of day and month, and the units of speed and temperature."""
-    for its in _shared(files, "time_s"):
-        entry = its[0].entries["time_s"]
+    for group in _shared(files, "time_s"):
+        entry = group[0].entries["time_s"]
         if entry.unit == "timestamp":
-            form = decided_format([file.stamps for file in its], entry.format)
+            form = decided_format([file.stamps for file in group], entry.format)
             if form != entry.format:
-                its[0].notes.append(Flag("format_found", entry.column, form))
-            for file in its:
-                file.entries["time_s"] = replace(file.entries["time_s"], format=form)
+                group[0].notes.append(Flag("format_found", entry.column, form))
+            for file in group:
+                file.entries["time_s"] = replace(entry, format=form)
     for file in files:
         with_seconds(file)
     wide = [file for file in files if file.mapping.long_name is None]
-    for its in _shared(wide, "speed_m_s"):
-        unit = its[0].entries["speed_m_s"].unit
+    for group in _shared(wide, "speed_m_s"):
         # 40: number of files, the largest ones, whose positions and odometer are used to find the unit of
         # speed
-        largest = sorted(its, key=lambda file: -file.rows)[:40]
-        now = speed_unit_of(unit, [_ways(file) for file in largest])
-        if now != unit:
-            use_unit(its, "speed_m_s", now)
-            for high in _shared(its, "elevation_m") if now == "mph" else ():
-                use_unit(high, "elevation_m", "ft")
-    for its in _shared(wide, "ambient_temperature_degc"):
-        name = "battery_temperature_degc"
-        beside = [file for file in its if name in file.values] or its
+        largest = sorted(group, key=lambda file: -file.rows)[:40]
+        mapped = group[0].entries["speed_m_s"].unit
+        unit = speed_unit_of(mapped, [_ways(file) for file in largest])
+        use_unit(group, "speed_m_s", unit)
+        for high in _shared(group, "elevation_m") if mapped != unit == "mph" else ():
+            use_unit(high, "elevation_m", "ft")
+    name = "battery_temperature_degc"
+    for group in _shared(wide, "ambient_temperature_degc"):
+        beside = [file for file in group if name in file.values] or group
         air = [file.values["ambient_temperature_degc"] for file in beside]
-        unit = its[0].entries["ambient_temperature_degc"].unit
-        now = air_unit_of(unit, air, [in_ours(file, name) for file in beside if name in file.values])
-        if now != unit:
-            use_unit(its, "ambient_temperature_degc", now)
+        unit = group[0].entries["ambient_temperature_degc"].unit
+        battery = [in_ours(file, name) for file in beside if name in file.values]
+        use_unit(group, "ambient_temperature_degc", air_unit_of(unit, air, battery))
 
 
 def _shared(files: Sequence[RawFile], ours: str) -> list[list[RawFile]]:
     """Files grouped by the column that they have for our column `ours`; columns whose name states a unit are left out, except time."""
-    groups: dict[MappedColumn, list[RawFile]] = {}
-    for file in files:
-        entry = file.entries.get(ours)
-        is_time = ours == "time_s"
-        if entry is not None and (is_time or (ours in file.values and not is_stated(ours, entry.column))):
-            groups.setdefault(entry, []).append(file)
-    return [*groups.values()]
+    if ours != "time_s":
+        files = [f for f in files if ours in f.values and not is_stated(ours, f.entries[ours].column)]
+    return [*by_key(files, lambda file: file.entries[ours]).values()]
 
 
 def _ways(file: RawFile) -> Ways:

@@ -21,10 +21,6 @@ from tripwatt.sources.delimited import column_key
 from tripwatt.sources.workbooks import read_workbook
 from tripwatt.trips import Context, Flag
 
-_TRIP_ID: Final = re.compile(r"trip([ab]\d{2,3})", re.IGNORECASE)
-_PAYLOAD: Final = re.compile(r"\+\s*(\d+(?:[.,]\d+)?)\s*kg", re.IGNORECASE)
-_NOT_A_DIGIT: Final = re.compile(r"[^0-9]+")
-
 _MAX_SHEET_BYTES: Final = 1 << 26
 """Largest workbook [bytes], also when inflated; that of the data set has 25 kB."""
 _MAX_ROWS, _MAX_COLUMNS = 10_000, 200
@@ -42,30 +38,22 @@ def read_overview(path: Path, trip_ids: Sequence[str]) -> tuple[dict[str, Contex
     """
     if not path.exists():
         return {}, [Flag("sheet_missing", path.name)]
-    contexts: dict[str, Context] = {}
-    notes: list[Flag] = []
-    for trip_id, row in _trip_rows(path):
-        if trip_id in contexts:
-            notes.append(Flag("sheet_row_twice", trip_id, path.name))
-            continue
-        contexts[trip_id] = _context(trip_id, row, path.name, notes if trip_id in trip_ids else [])
-    absent = [t for t in trip_ids if t not in contexts]
+    rows: dict[str, Mapping[str, object]] = {}
+    for row in _sheet_rows(path):
+        match = re.fullmatch(r"trip([ab]\d{2,3})", _text(row.get("trip")), re.IGNORECASE)
+        if match is not None:
+            rows.setdefault(f"Trip{match[1].upper()}", row)
+    contexts = {trip_id: _context(trip_id, rows[trip_id]) for trip_id in trip_ids if trip_id in rows}
+    notes = []
+    absent = [trip_id for trip_id in trip_ids if trip_id not in rows]
     if absent:
         notes.append(Flag("sheet_row_missing", ", ".join(absent), path.name))
     departures: dict[dt.datetime, str] = {}
-    for trip_id in trip_ids:
-        departure = contexts[trip_id].started_at if trip_id in contexts else None
+    for trip_id, context in contexts.items():
+        departure = context.started_at
         if departure is not None and departures.setdefault(departure, trip_id) != trip_id:
             notes.append(Flag("same_departure", f"{departures[departure]} and {trip_id}", path.name))
     return contexts, notes
-
-
-def _trip_rows(path: Path) -> Iterator[tuple[str, Mapping[str, object]]]:
-    """Yield the trip id and the cells by name of each row that belongs to a trip."""
-    for row in _sheet_rows(path):
-        match = _TRIP_ID.fullmatch(_text(row.get("trip")))
-        if match is not None:
-            yield f"Trip{match[1].upper()}", row
 
 
 def _sheet_rows(path: Path) -> list[Mapping[str, object]]:
@@ -87,43 +75,36 @@ def _sheet_rows(path: Path) -> list[Mapping[str, object]]:
     raise InvalidInput.of("missing column", f"{path}", got, allowed, fix)
 
 
-def _context(trip_id: str, row: Mapping[str, object], sheet: str, notes: list[Flag]) -> Context:
+def _context(trip_id: str, row: Mapping[str, object]) -> Context:
+    """The context of a trip; a cell that cannot be read counts as unknown."""
     remarks = "; ".join(t for t in (_text(row.get("fan")), _text(row.get("note"))) if t)
-    route = _text(row.get("route/area"))
-    payload = sum((float(m.replace(",", ".")) for m in _PAYLOAD.findall(remarks)), start=0.0)
-    if payload > 1000.0:  # more than a car carries
-        notes.append(Flag("value_not_used", f"{sheet}, payload of {trip_id}", f"{payload:g} kg"))
-        payload = 0.0
+    masses = re.findall(r"\+\s*(\d+(?:[.,]\d+)?)\s*kg", remarks, re.IGNORECASE)
+    setpoint = _number(row.get("target cabin temperature"))
     return Context(
         season={"A": "summer", "B": "winter"}[trip_id[4]],  # the two measurement campaigns
         weather=_text(row.get("weather")).lower() or None,
-        started_at=_departure(row.get("date"), trip_id, sheet, notes),
-        route=route or None,
-        cabin_setpoint_degc=_setpoint(row.get("target cabin temperature"), trip_id, sheet, notes),
-        payload_mass_kg=payload,
+        started_at=_departure(row.get("date")),
+        route=_text(row.get("route/area")) or None,
+        # 10 to 40 °C is what a car's climate control offers, with a margin
+        cabin_setpoint_degc=setpoint if setpoint is not None and 10.0 <= setpoint <= 40.0 else None,
+        payload_mass_kg=sum((_number(mass) or 0.0 for mass in masses), start=0.0),
         follows_trip="directly after previous trip" in remarks.lower(),
         remarks=remarks,
     )
 
 
-def _departure(cell: object, trip_id: str, sheet: str, notes: list[Flag]) -> dt.datetime | None:
+def _departure(cell: object) -> dt.datetime | None:
     if isinstance(cell, dt.datetime):
         return cell.replace(tzinfo=None)
-    text = _text(cell)
-    with contextlib.suppress(ValueError):  # 2019-06-25_13-21-14 and 2019_12_08_09-38-26 both occur
-        return dt.datetime.strptime(_NOT_A_DIGIT.sub("-", text), "%Y-%m-%d-%H-%M-%S")
-    if text:
-        notes.append(Flag("value_not_used", f"{sheet}, departure of {trip_id}", text[:40]))
+    # 2019-06-25_13-21-14 and 2019_12_08_09-38-26 both occur
+    with contextlib.suppress(ValueError):
+        return dt.datetime.strptime(re.sub(r"[^0-9]+", "-", _text(cell)), "%Y-%m-%d-%H-%M-%S")
     return None
 
 
-def _setpoint(cell: object, trip_id: str, sheet: str, notes: list[Flag]) -> float | None:
-    text = _text(cell).replace(",", ".")
+def _number(cell: object) -> float | None:
     with contextlib.suppress(ValueError):
-        if 10.0 <= float(text) <= 40.0:  # what a car's climate control offers, with a margin
-            return float(text)
-    if text:
-        notes.append(Flag("value_not_used", f"{sheet}, set-point of {trip_id}", text[:40]))
+        return float(_text(cell).replace(",", "."))
     return None
 
 

@@ -118,14 +118,8 @@ def observed_energy_std(samples: pd.DataFrame) -> float | None:
     """
     if not {"time_s", "voltage_v", "current_a"} <= set(samples.columns):
         return None
-    columns = (np.asarray(samples[name], dtype=np.float64) for name in ("time_s", "voltage_v", "current_a"))
-    return power_energy_std(*columns)
-
-
-def power_energy_std(time_s: FloatArray, voltage_v: FloatArray, current_a: FloatArray) -> float | None:
-    """Compute `observed_energy_std` from arrays of shape (samples,); missing values are NaN."""
-    known = np.isfinite(time_s) & np.isfinite(voltage_v) & np.isfinite(current_a)
-    time, voltage, current = time_s[known], voltage_v[known], current_a[known]
+    columns = samples[["time_s", "voltage_v", "current_a"]].to_numpy(dtype=np.float64)
+    time, voltage, current = columns[np.isfinite(columns).all(axis=1)].T
     with np.errstate(over="ignore", invalid="ignore"):  # a log may hold anything until it is audited
         power = voltage * current
         if len(time) < 2 or not (np.isfinite(power).all() and (np.diff(time) > 0.0).all()):

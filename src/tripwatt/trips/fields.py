@@ -113,13 +113,13 @@ class Field:
         if self.column is not None:
             yield from number_faults(name, value, self.column)
         elif self.several:
-            if not (
-                isinstance(value, tuple | list)
-                and all(isinstance(v, str) and v in self.choices for v in value)
-            ):
+            words = value if isinstance(value, tuple | list) else (None,)
+            if not all(isinstance(word, str) and word in self.choices for word in words):
                 yield Fault(f"unknown {name.removesuffix('s')}", name, repr(value)[:60], self.allowed)
         elif self.choices:
-            yield from choice_faults(name, value, self.choices)
+            if not isinstance(value, str) or value not in self.choices:
+                fix = did_you_mean(value, self.choices) if isinstance(value, str) else ""
+                yield Fault("unknown choice", name, excerpt(value, 42), self.allowed, fix)
         elif not _is(self.type, value):
             yield Fault("wrong type", name, excerpt(value), self.allowed)
 
@@ -138,26 +138,3 @@ def _is(kind: str, value: Any) -> bool:
     if kind == "text":
         return isinstance(value, str)
     return isinstance(value, dt.datetime) and bool(value == value)
-
-
-def choice_faults(name: str, value: object, choices: tuple[str, ...]) -> Iterator[Fault]:
-    """Yield a fault if a value is not one of the allowed words; None means unknown and is allowed.
-
-    Parameters
-    ----------
-    name : str
-        Name of the field in the message.
-    value : object
-        What was given.
-    choices : tuple of str
-        Allowed words.
-
-    Yields
-    ------
-    Fault
-        At most one.
-    """
-    if value is None or (isinstance(value, str) and value in choices):
-        return
-    fix = did_you_mean(value, choices) if isinstance(value, str) else ""
-    yield Fault("unknown choice", name, excerpt(value, 42), f"one of {', '.join(choices)}", fix)
