@@ -10,7 +10,7 @@
 
 A fitted model explains itself:
 
->>> model.summary().smooth.index.tolist(), model.diagnosis().qq.distribution.name, list(model.effects(frame))
+>>> model.summary().smooth.index.tolist(), model.diagnosis().distribution_name, list(model.effects(frame))
 (['s(x)'], 'normal', ['s(x)'])
 >>> model.plot(frame).axes[0].get_xlabel()
 'x'

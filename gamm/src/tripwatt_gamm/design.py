@@ -37,14 +37,13 @@ from tripwatt_gamm.smoothers import Built, build_smooth, build_tensor
 from tripwatt_gamm.tables import IndexedColumns, TableRows
 from tripwatt_gamm.terms import Formula, Parametric, RandomEffect, Smooth, Tensor
 
-LARGEST_RATIO = 1e4
-"""Largest ratio of the root mean squares of two correlated effects' columns.
-
-Beyond this ratio their penalties are parallel to working precision.
-"""
+MAX_SIZE_RATIO = 1e4
+"""Largest ratio of the root mean squares of two correlated effects' columns: beyond its square, 1e8, their penalties are
+parallel to working precision."""
 
 MAX_TABLE_CELLS = 4_000_000
-"""Cells up to which one table holds the smooths of all levels of a factor; beyond, each level has its own table."""
+"""Cells up to which one table holds the smooths of all levels of a factor: a choice, 32 MB. Beyond it, each level has its
+own table."""
 
 
 @dataclass
@@ -123,7 +122,7 @@ class Design:
         ]
 
 
-def check_columns(formula: Formula, frame: pd.DataFrame) -> None:
+def _check_columns(formula: Formula, frame: pd.DataFrame) -> None:
     """Check the columns of a formula in a frame; raise one error with all faults.
 
     Faults are columns that are unknown, not numeric, not finite or have missing levels, terms given twice, and a frame
@@ -163,16 +162,15 @@ class _Piece:
     scale: FloatArray | None = None
     part: slice = field(default_factory=lambda: slice(None))
 
-    @property
-    def columns(self) -> Index:
-        spans = [np.arange(fitted.start, fitted.start + fitted.size, dtype=np.intp) for fitted in self.terms]
-        return np.concatenate(spans)[self.part]
-
     def indexed(self) -> IndexedColumns:
-        return IndexedColumns(self.columns, self.table, self.index, self.scale)
+        """Return the piece as columns of X, once the first coefficients of its terms are known."""
+        columns = [
+            np.arange(fitted.start, fitted.start + fitted.size, dtype=np.intp) for fitted in self.terms
+        ]
+        return IndexedColumns(np.concatenate(columns)[self.part], self.table, self.index, self.scale)
 
     @property
-    def is_plain(self) -> bool:
+    def is_indicator(self) -> bool:
         """Whether the columns are indicators of levels, or the intercept."""
         kinds = (b.kind == "random" or b.contrast is not None or b.term is None for b in self.terms)
         return self.scale is None and all(kinds)
@@ -199,15 +197,15 @@ class _Builder:
 
     def _grids(self) -> dict[str, int]:
         """Largest number of values for each covariate: the same in curves and surfaces, so that nested terms stay nested."""
-        out: dict[str, int] = {}
+        grids: dict[str, int] = {}
         if self.limit is None:
-            return out
+            return grids
         for term in self.formula.terms:
             if isinstance(term, Smooth | Tensor):
-                many = len(term.names) > 1
-                most = grid_limit(self._covariates(term.names), self.limit) if many else self.limit
-                out.update({name: min(most, out.get(name, most)) for name in term.names})
-        return out
+                several = len(term.names) > 1
+                limit = grid_limit(self._covariates(term.names), self.limit) if several else self.limit
+                grids |= {name: min(limit, grids.get(name, limit)) for name in term.names}
+        return grids
 
     def points(self, names: tuple[str, ...]) -> Points:
         if names not in self.joint:
@@ -274,10 +272,10 @@ class _Builder:
     def _correlate(self, fitted: FittedTerm, effects: list[FloatArray | None], levels: int) -> None:
         """Set the penalties, at zero correlation, and the root mean squares of the columns, the units of the loadings."""
         sizes = np.array([1.0 if effect is None else np.sqrt(np.mean(effect**2)) for effect in effects])
-        if sizes.max() > LARGEST_RATIO * sizes.min():
+        if sizes.max() > MAX_SIZE_RATIO * sizes.min():
             got = ", ".join(f"{name} {size:.3g}" for name, size in zip(fitted.effects, sizes, strict=True))
             fix = "give the columns units in which their values are near 1"
-            allowed = f"root mean squares within a factor of {LARGEST_RATIO:g}"
+            allowed = f"root mean squares within a factor of {MAX_SIZE_RATIO:g}"
             raise InvalidInput.of("correlated effects of unlike size", fitted.label, got, allowed, fix)
         fitted.scales = sizes
         fitted.penalties = correlated_penalties(levels, np.zeros(len(sizes) * (len(sizes) - 1) // 2))
@@ -302,9 +300,8 @@ class _Builder:
             return
         assert term.by is not None
         levels, codes = self.factor((term.by,))
-        first = (
-            1 if is_ordered(self.frame[term.by]) else 0
-        )  # the lowest level of an ordered factor is the reference
+        # the lowest level of an ordered factor is the reference
+        first = 1 if is_ordered(self.frame[term.by]) else 0
         if len(levels.names) <= first:
             fix = "leave the term out"
             raise InvalidInput.of(
@@ -354,47 +351,45 @@ class _Builder:
 
     def _nest(self, parts: list[IndexedColumns]) -> list[IndexedColumns]:
         """Merge the table of a curve into that of a surface with the same covariate: one index instead of two."""
-        index_of = {id(points.index): names for names, points in self.joint.items()}
-        wide = [part for part in parts if len(index_of.get(id(part.index), ())) > 1 and part.scale is None]
-        out = list(parts)
+        names_of = {id(points.index): names for names, points in self.joint.items()}
+        surfaces = [
+            part for part in parts if len(names_of.get(id(part.index), ())) > 1 and part.scale is None
+        ]
+        nested = list(parts)
         for part in parts:
-            names = index_of.get(id(part.index), ())
-            home = next(
-                (w for w in wide if names and w is not part and set(names) <= set(index_of[id(w.index)])),
-                None,
-            )
-            if home is None or part.scale is not None or len(names) > 1:
+            names = names_of.get(id(part.index), ())
+            if len(names) != 1 or part.scale is not None:
                 continue
-            surface = self.joint[index_of[id(home.index)]]
-            position = np.empty(len(surface.values), dtype=np.intp)
-            position[surface.index] = part.index  # all rows of a point share the value of the curve
-            merged = IndexedColumns(
-                np.concatenate([home.columns, part.columns]),
-                np.hstack([home.table, part.table[position]]),
-                home.index,
-            )
-            out = [merged if q is home else q for q in out if q is not part]
-            wide = [merged if w is home else w for w in wide]
-        return out
+            surface = next((s for s in surfaces if names[0] in names_of[id(s.index)]), None)
+            if surface is None:
+                continue
+            points = self.joint[names_of[id(surface.index)]]
+            position = np.empty(len(points.values), dtype=np.intp)
+            position[points.index] = part.index  # all rows of a point share the value of the curve
+            columns = np.concatenate([surface.columns, part.columns])
+            merged = IndexedColumns(columns, np.hstack([surface.table, part.table[position]]), surface.index)
+            nested = [merged if other is surface else other for other in nested if other is not part]
+            surfaces = [merged if other is surface else other for other in surfaces]
+        return nested
 
     def _parts(self) -> list[IndexedColumns]:
         """All parts of X; factors and the intercept are merged into one part if their joint levels are few."""
-        plain = [piece for piece in self.pieces if piece.is_plain]
-        parts = self._nest([piece.indexed() for piece in self.pieces if not piece.is_plain])
-        if not plain:
+        indicators = [piece for piece in self.pieces if piece.is_indicator]
+        parts = self._nest([piece.indexed() for piece in self.pieces if not piece.is_indicator])
+        if not indicators:
             return parts
         code = np.zeros(len(self.frame), dtype=np.int64)
-        for piece in plain:
+        for piece in indicators:
             code = pd.factorize(code * len(piece.table) + piece.index)[0]
         _, first = np.unique(code, return_index=True)
         if len(first) > MAX_JOINT:
-            return parts + [piece.indexed() for piece in plain]
-        table = np.hstack([piece.table[piece.index[first]] for piece in plain])
-        columns = np.concatenate([piece.columns for piece in plain])
+            return parts + [piece.indexed() for piece in indicators]
+        table = np.hstack([piece.table[piece.index[first]] for piece in indicators])
+        columns = np.concatenate([piece.indexed().columns for piece in indicators])
         return [*parts, IndexedColumns(columns, table, code.astype(np.intp), None)]
 
 
-def value_limit(discretise: bool | int, n: int) -> int | None:
+def _value_limit(discretise: bool | int, n: int) -> int | None:
     """Largest number of distinct values of a covariate for `n` rows; returns None if all are kept."""
     if discretise is True:
         return MAX_VALUES if n > EXACT_ROWS else None
@@ -434,8 +429,8 @@ def build_design(
     InvalidInput
         Names the term that cannot be built, or all faulty columns.
     """
-    check_columns(formula, frame)
-    builder = _Builder(formula, frame, value_limit(discretise, len(frame)), extrapolation)
+    _check_columns(formula, frame)
+    builder = _Builder(formula, frame, _value_limit(discretise, len(frame)), extrapolation)
     for term in formula.terms:
         if isinstance(term, Parametric):
             builder.parametric(term)

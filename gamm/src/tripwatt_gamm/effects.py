@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from tripwatt_gamm.estimator import Estimator
     from tripwatt_gamm.fitted_terms import FittedTerm
 
-_TOO_FAR: Final = 0.1  # share of the range: a surface farther than this from every point is not shown
-_CELLS: Final = 400  # cells per covariate, finer than a figure shows
+TOO_FAR: Final = 0.1
+"""Share of each range: a surface farther than this from every row of the data is not shown (the default of mgcv's plots)."""
 
 
 def _banded(
@@ -111,10 +111,9 @@ class CurveEffect:
         ax.plot(self.x, self.effect, color=figures.BLUE, linewidth=1.8)
         if self.rug.size:
             rug = np.unique(self.rug)
-            shown = rug[:: max(1, rug.size // 400)]
-            ax.vlines(
-                shown, 0.0, 0.03, color="black", alpha=0.35, linewidth=0.6, transform=ax.get_xaxis_transform()
-            )
+            rug = rug[:: max(1, len(rug) // 400)]  # more lines would only be a black bar
+            place = ax.get_xaxis_transform()
+            ax.vlines(rug, 0.0, 0.03, color="black", alpha=0.35, linewidth=0.6, transform=place)
         ax.set(title=f"{self.label}, EDF {self.edf:.2f}", xlabel=self.covariate, ylabel="Effect")
         return figures.figure_of(ax)
 
@@ -202,9 +201,8 @@ class SurfaceEffect:
             ax.clabel(lines, fontsize=7)
             ax.figure.colorbar(filled, ax=ax, label="Effect")
         if self.points.size:
-            cells = _cells(self.points, np.array([self.x[0], self.y[0]]), np.array([self.x[-1], self.y[-1]]))
-            keep = cells[:: max(1, len(cells) // 1500)]
-            ax.scatter(keep[:, 0], keep[:, 1], s=2, color="black", alpha=0.35, linewidths=0, rasterized=True)
+            x, y = self.points[figures.shown_rows(self.points[:, 0])].T
+            ax.scatter(x, y, s=2, color="black", alpha=0.35, linewidths=0, rasterized=True)
         held = "".join(f"\nat {name} {value:.3g}" for name, value in self.at.items())
         ax.set(
             title=f"{self.label}, EDF {self.edf:.2f}{held}",
@@ -460,14 +458,6 @@ def _rows(fitted: FittedTerm, frame: pd.DataFrame, names: tuple[str, ...]) -> Fl
     return frame[list(names)].to_numpy(dtype=float)
 
 
-def _cells(points: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
-    """Thin points (n, 2) to one for each cell of a fine grid."""
-    step = np.where(high > low, high - low, 1.0) / _CELLS
-    cell = np.rint((points - low) / step).astype(np.int64)
-    _, first = np.unique(cell[:, 0] * (2 * _CELLS) + cell[:, 1], return_index=True)
-    return points[first]
-
-
 def _grid(model: Estimator, name: str, points: int) -> FloatArray:
     low, high = model.ranges_[name]
     return np.linspace(float(low), float(high), points)
@@ -505,10 +495,9 @@ def _surface(model: Estimator, fitted: FittedTerm, frame: pd.DataFrame | None, p
     if len(cloud):
         from scipy.spatial import cKDTree
 
-        low, span = np.array([x[0], y[0]]), np.array([np.ptp(x), np.ptp(y)])
-        tree = cKDTree(_cells(cloud, low, low + span) / span)
-        distance, _ = tree.query(np.c_[across.ravel(), along.ravel()] / span)
-        effect, error = (np.where(distance > _TOO_FAR, np.nan, v) for v in (effect, error))
+        span = np.array([np.ptp(x), np.ptp(y)])
+        distance, _ = cKDTree(cloud / span).query(np.c_[across.ravel(), along.ravel()] / span)
+        effect, error = (np.where(distance > TOO_FAR, np.nan, v) for v in (effect, error))
     shape = across.shape
     edf = float(model.edf_[fitted.slice].sum())
     return SurfaceEffect(
@@ -544,22 +533,22 @@ def _factor(model: Estimator, fitted: FittedTerm, multiplier: float) -> FactorEf
     return FactorEffect(fitted.label, shown, effect, error, multiplier, reference)
 
 
-def plot_effects(found: Mapping[str, Effect], ax: Axes | None = None, columns: int = 3) -> Figure:
+def plot_effects(effects: Mapping[str, Effect], figure: Figure | None = None, columns: int = 3) -> Figure:
     """Draw effects on one figure.
 
     Parameters
     ----------
-    found : mapping
+    effects : mapping
         Effects by label: all or some of those from `GAMM.effects`.
-    ax : matplotlib Axes, optional
-        Axes that the panels replace; a new figure by default.
+    figure : matplotlib Figure, optional
+        Empty figure to draw on; a new one by default.
     columns : int
-        Panels per row.
+        Largest number of panels in a row.
 
     Returns
     -------
     matplotlib Figure
-        One panel for each effect, in their order.
+        The figure that was drawn on, with one panel for each effect, in their order.
 
     Examples
     --------
@@ -574,12 +563,9 @@ def plot_effects(found: Mapping[str, Effect], ax: Axes | None = None, columns: i
     """
     from tripwatt_gamm import figures
 
-    columns = max(1, min(columns, len(found)))
-    rows = -(-len(found) // columns)
-    place = figures.place_for_panels(ax, 4.6 * columns, 3.6 * max(rows, 1))
-    axes = place.subplots(max(rows, 1), columns, squeeze=False).ravel()
-    for effect, panel in zip(found.values(), axes, strict=False):
-        effect.plot(panel)
-    for panel in axes[len(found) :]:
-        panel.set_axis_off()
-    return figures.figure_of(place)
+    columns = max(1, min(columns, len(effects)))
+    rows = max(1, -(-len(effects) // columns))
+    figure = figures.new_figure(4.6 * columns, 3.6 * rows) if figure is None else figure
+    for number, effect in enumerate(effects.values(), start=1):
+        effect.plot(figure.add_subplot(rows, columns, number))
+    return figure

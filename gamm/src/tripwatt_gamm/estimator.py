@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Container, Sequence
+from collections.abc import Collection, Container, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, Self, TypeAlias, overload
+from typing import TYPE_CHECKING, Any, Literal, Self, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -19,19 +19,15 @@ from tripwatt_gamm.families import Family, Gaussian, ScaledT
 from tripwatt_gamm.fit import Solution
 from tripwatt_gamm.fitted_terms import Extrapolation, FittedTerm
 from tripwatt_gamm.formula import nearest, parse_formula
-from tripwatt_gamm.identify import identify, require_rows
-from tripwatt_gamm.leaveout import grouped_moments, leave_out
-from tripwatt_gamm.moments import Moments
+from tripwatt_gamm.identify import require_rows
+from tripwatt_gamm.leaveout import grouped_moments, identified_moments, leave_out
 from tripwatt_gamm.results import results
 from tripwatt_gamm.solve import FitSettings, Method, Problem, solve
 from tripwatt_gamm.tables import previous_rows
 from tripwatt_gamm.terms import Formula, RandomEffect, Smooth, Tensor
 
 PREDICT_ROWS = 8192
-
-Labels: TypeAlias = Collection[str]
-Yes: TypeAlias = Literal[True]
-No: TypeAlias = Literal[False]
+"""Rows whose model matrix is formed at a time; a choice, because it bounds the memory and more rows are no faster."""
 
 
 @dataclass(eq=False)
@@ -80,26 +76,17 @@ class Estimator:
         codes = self._groups(frame, groups)
         previous = None if self.ar1_rho is None else previous_rows(codes)
         design = build_design(formula, frame, self.discretise, self.extrapolation)
-        sums = self._moments(design, values, codes)
-        raw = sums.gram[0]
-        design, reduced = identify(design, raw)
-        if design.p != sums.gram.shape[1]:  # columns were removed from a term
-            sums = self._moments(design, values, codes)
-            reduced = sums.gram[0]
-        active = design.active(np.diag(reduced))
+        every = np.arange(len(values), dtype=np.intp)
+        sums = grouped_moments(design, values, codes, every, self.ar1_rho is not None)
+        design, sums = identified_moments(design, sums, values, codes, every)
+        active = design.active(np.diag(sums.gram[0]))
         stack, which = design.penalty_stack(active)
         require_rows(len(frame), stack, "frame")
         given = _given_logs(self.smoothing_parameters, design)
         settings = self._settings(family, None if given is None else given[which])
         rows = design.rows.subset(columns=active)
-        solution = solve(Problem(rows, values, sums, stack, active, settings, previous))
-        if solution is None:
-            raise InvalidInput.of(
-                "model not identifiable",
-                str(formula.response or "y"),
-                "singular system",
-                "linearly independent terms",
-            )
+        problem = Problem(rows, values, sums, stack, active, settings, previous)
+        solution = solve(problem, formula.response or "y")
         loaded = dict(stack.loaded(solution.loadings).terms)
         for fitted in design.terms:
             if fitted.scales is not None:
@@ -110,28 +97,16 @@ class Estimator:
 
     @overload
     def predict(
-        self, frame: pd.DataFrame, exclude: Labels = ..., se: No = ..., terms: No = ...
+        self, frame: pd.DataFrame, exclude: Collection[str] = ..., se: Literal[False] = ...
     ) -> FloatArray: ...
     @overload
     def predict(
-        self, frame: pd.DataFrame, exclude: Labels = ..., *, se: Yes, terms: No = ...
+        self, frame: pd.DataFrame, exclude: Collection[str] = ..., *, se: Literal[True]
     ) -> tuple[FloatArray, FloatArray]: ...
-    @overload
     def predict(
-        self, frame: pd.DataFrame, exclude: Labels = ..., se: No = ..., *, terms: Yes
-    ) -> pd.DataFrame: ...
-    @overload
-    def predict(
-        self, frame: pd.DataFrame, exclude: Labels = ..., *, se: Yes, terms: Yes
-    ) -> tuple[pd.DataFrame, pd.DataFrame]: ...
-    def predict(
-        self,
-        frame: pd.DataFrame,
-        exclude: Labels = (),
-        se: bool = False,
-        terms: bool = False,
-    ) -> FloatArray | pd.DataFrame | tuple[FloatArray, FloatArray] | tuple[pd.DataFrame, pd.DataFrame]:
-        """Predict the response, or the contribution of each term.
+        self, frame: pd.DataFrame, exclude: Collection[str] = (), se: bool = False
+    ) -> FloatArray | tuple[FloatArray, FloatArray]:
+        """Predict the response.
 
         Parameters
         ----------
@@ -141,44 +116,55 @@ class Estimator:
             Labels of terms to leave out.
         se : bool
             Whether to return standard errors too.
-        terms : bool
-            Whether to return a frame with one column per term instead of their sum.
 
         Returns
         -------
-        ndarray, shape (n,), or DataFrame
-            The response, or with `terms` the contribution of each term. With `se` a pair: the prediction and its
-            standard errors, in the same form.
+        ndarray, shape (n,)
+            The response; with `se` a pair of the response and its standard errors.
 
         Notes
         -----
         A factor level without training rows has the mean effect of the training rows. An unknown level of a random
         effect has the effect 0. Covariates outside their range follow `extrapolation`.
         """
-        full = self._checked(frame, exclude)
+        values, errors = [np.zeros(0)], [np.zeros(0)]
+        for X in self._matrices(frame, exclude):
+            values.append(X @ self.coef_)
+            if se:
+                errors.append(np.sqrt(np.maximum(np.einsum("ij,ij->i", X @ self.Vp_, X), 0.0)))
+        return (np.concatenate(values), np.concatenate(errors)) if se else np.concatenate(values)
+
+    def predict_terms(self, frame: pd.DataFrame) -> pd.DataFrame:
+        """Predict the contribution of each term to the response.
+
+        Parameters
+        ----------
+        frame : DataFrame
+            As for `predict`.
+
+        Returns
+        -------
+        DataFrame, shape (n, terms)
+            Contributions by label of the term, which add up to the response.
+        """
+        parts = [
+            np.stack([X[:, fitted.slice] @ self.coef_[fitted.slice] for fitted in self.terms_], axis=1)
+            for X in self._matrices(frame, ())
+        ]
+        labels = [fitted.label for fitted in self.terms_]
+        return pd.DataFrame(np.concatenate([np.zeros((0, len(labels))), *parts]), frame.index, labels)
+
+    def _matrices(self, frame: pd.DataFrame, exclude: Collection[str]) -> Iterator[FloatArray]:
+        """Yield the model matrix of successive rows (at most `PREDICT_ROWS`, p); columns of excluded terms are 0."""
+        included = self._checked(frame, exclude)
         if self.extrapolation == "clamp":
-            full = self.training_.clamp_frame(full)
-        included = [fitted for fitted in self.terms_ if fitted.label not in set(exclude)]
-        fit, error = np.zeros((len(full), len(included))), np.zeros((len(full), len(included)))
-        total = np.zeros(len(full))
-        for start in range(0, len(full), PREDICT_ROWS):
-            rows = slice(start, start + PREDICT_ROWS)
-            piece = full.iloc[rows]
-            X = np.zeros((len(piece), len(self.coef_)))
-            for j, fitted in enumerate(included):
-                B = fitted.matrix(piece)
-                fit[rows, j] = B @ self.coef_[fitted.slice]
-                X[:, fitted.slice] = B
-                if se and terms:
-                    V = self.Vp_[fitted.slice, fitted.slice]
-                    error[rows, j] = np.sqrt(np.maximum(np.einsum("ij,ij->i", B @ V, B), 0.0))
-            if se and not terms:
-                total[rows] = np.sqrt(np.maximum(np.einsum("ij,ij->i", X @ self.Vp_, X), 0.0))
-        if terms:
-            labels = [fitted.label for fitted in included]
-            out = pd.DataFrame(fit, index=frame.index, columns=labels)
-            return (out, pd.DataFrame(error, index=frame.index, columns=labels)) if se else out
-        return (fit.sum(axis=1), total) if se else fit.sum(axis=1)
+            frame = self.training_.clamp_frame(frame)
+        for start in range(0, len(frame), PREDICT_ROWS):
+            rows = frame.iloc[start : start + PREDICT_ROWS]
+            X = np.zeros((len(rows), len(self.coef_)))
+            for fitted in included:
+                X[:, fitted.slice] = fitted.matrix(rows)
+            yield X
 
     def extrapolation_mask(self, frame: pd.DataFrame) -> BoolArray:
         """Mark rows with a covariate outside its training range or a level that training did not have.
@@ -259,9 +245,9 @@ class Estimator:
         wanted = None
         if at is not None:
             labels = _labels(frame, groups if folds is None else folds)
-            wanted = _complete_at(at, design), _units_at(at, at_folds, labels)
-        predictions, report = leave_out(design, frame, values, group_codes, units, settings, wanted)
-        self.folds_ = report
+            raise_faults(_column_faults(at, design.terms, design.training.levels))
+            wanted = at, _units_at(at, at_folds, labels)
+        predictions, self.folds_ = leave_out(design, frame, values, group_codes, units, settings, wanted)
         return predictions
 
     def _formula(self) -> Formula:
@@ -313,9 +299,6 @@ class Estimator:
             )
         return codes
 
-    def _moments(self, design: Design, y: FloatArray, groups: Index) -> Moments:
-        return grouped_moments(design, y, groups, np.arange(len(y), dtype=np.intp), self.ar1_rho is not None)
-
     def _keep_penalties(self, design: Design, solution: Solution, which: list[int]) -> None:
         """Set the smoothing parameters and the covariance of their logs; NaN for a term without data."""
         names = design.penalty_names
@@ -346,20 +329,19 @@ class Estimator:
         self.levels_ = {name: levels.names for name, levels in design.training.levels.items()}
         self.notes_ = list(design.notes)
 
-    def _checked(self, frame: pd.DataFrame, exclude: Collection[str]) -> pd.DataFrame:
-        """Return the frame if prediction can read it; raise if the model is not fitted, or a term or a column is faulty."""
+    def _checked(self, frame: pd.DataFrame, exclude: Collection[str]) -> list[FittedTerm]:
+        """Return the terms of a prediction from a frame; raise if the model is not fitted, or a term or a column is faulty."""
         if not hasattr(self, "coef_"):
             raise InvalidInput.of("not fitted", "GAMM", "", "a model after fit()")
-        known = [fitted.label for fitted in self.terms_]
+        labels = [fitted.label for fitted in self.terms_]
         faults = [
-            Fault("unknown term", "predict(exclude=)", repr(label), ", ".join(known), nearest(label, known))
+            Fault("unknown term", "predict(exclude=)", repr(label), ", ".join(labels), nearest(label, labels))
             for label in exclude
-            if label not in known
+            if label not in labels
         ]
-        used = [fitted for fitted in self.terms_ if fitted.label not in set(exclude)]
-        faults += _column_faults(frame, used, self.levels_)
-        raise_faults(faults)
-        return frame
+        included = [fitted for fitted in self.terms_ if fitted.label not in exclude]
+        raise_faults([*faults, *_column_faults(frame, included, self.levels_)])
+        return included
 
 
 def _given_logs(given: Sequence[float] | None, design: Design) -> FloatArray | None:
@@ -378,8 +360,7 @@ def _given_logs(given: Sequence[float] | None, design: Design) -> FloatArray | N
 def _labels(frame: pd.DataFrame, labels: object) -> npt.NDArray[Any]:
     """Labels (n,) given as an array or as a column."""
     if isinstance(labels, str):
-        faults = missing_columns(frame, [labels])
-        raise_faults(faults)
+        raise_faults(missing_columns(frame, [labels]))
         labels = frame[labels]
     return np.asarray(labels)
 
@@ -406,9 +387,3 @@ def _column_faults(frame: pd.DataFrame, terms: list[FittedTerm], levels: Contain
             if name in frame.columns and (smoothed or name not in levels):
                 faults += numbers(frame, name, term.label)[1]
     return faults
-
-
-def _complete_at(at: pd.DataFrame, design: Design) -> pd.DataFrame:
-    """Return `at` if its columns can be read, otherwise raise; levels of random effects need no column."""
-    raise_faults(_column_faults(at, design.terms, design.training.levels))
-    return at

@@ -1,4 +1,4 @@
-"""Colours, axes and thinning that all figures of a model share."""
+"""Colours, new figures and thinning that all figures of a model share."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tripwatt_gamm.errors import InvalidInput
+from tripwatt_gamm.arrays import FloatArray
 
 try:
     from matplotlib.axes import Axes
@@ -16,10 +16,11 @@ try:
 except ImportError as error:
     raise ImportError("figures need matplotlib: pip install 'tripwatt-gamm[figures]'") from error
 
-BLUE: Final = "#0072B2"  # Okabe & Ito's palette, told apart by every eye
+BLUE: Final = "#0072B2"  # Okabe & Ito's palette, whose colours differ for every kind of colour vision
 RED: Final = "#D55E00"
 GREY: Final = "#999999"
-MAX_POINTS: Final = 4000  # more points only take time to draw
+MAX_POINTS: Final = 4000
+"""Largest number of points that are drawn; a choice, because more of them only take time."""
 
 
 class NotebookFigure(Figure):
@@ -31,35 +32,24 @@ class NotebookFigure(Figure):
         return buffer.getvalue()
 
 
+def new_figure(width_in: float, height_in: float) -> Figure:
+    """Make an empty figure of a size in inches."""
+    return NotebookFigure(figsize=(width_in, height_in), layout="constrained")
+
+
 def axes_or_new(ax: Axes | None) -> Axes:
-    """The given axes, or those of a new figure."""
-    return NotebookFigure(figsize=(5.0, 4.0), layout="constrained").subplots() if ax is None else ax
+    """Return the given axes, or those of a new figure."""
+    return new_figure(5.0, 4.0).subplots() if ax is None else ax
 
 
-def place_for_panels(ax: Axes | None, width_in: float, height_in: float) -> Figure | SubFigure:
-    """Return a new figure of this size or, if axes are given, a subfigure that replaces them in their grid.
-
-    Raises
-    ------
-    InvalidInput
-        If the axes are not part of a grid.
-    """
-    if ax is None:
-        return NotebookFigure(figsize=(width_in, height_in), layout="constrained")
-    cell = ax.get_subplotspec()
-    if cell is None:
-        raise InvalidInput.of("axes without a grid", "ax", f"{ax}", "axes that subplots() made")
-    around = ax.figure
-    ax.remove()
-    return around.add_subfigure(cell)
-
-
-def figure_of(drawn: Axes | SubFigure | Figure) -> Figure:
-    """Return the whole figure that axes, a subfigure or a figure belong to."""
-    figure = drawn.figure
+def figure_of(ax: Axes) -> Figure:
+    """Return the whole figure that axes belong to, also if they are part of a subfigure."""
+    figure: Figure | SubFigure = ax.figure
     return figure if isinstance(figure, Figure) else figure.figure
 
 
-def thin_index(n: int) -> NDArray[np.intp]:
-    """Return at most `MAX_POINTS` evenly spaced numbers of `n` rows; all of them if they are fewer."""
-    return np.unique(np.linspace(0, n - 1, min(n, MAX_POINTS)).round().astype(np.intp))
+def shown_rows(values: FloatArray) -> NDArray[np.intp]:
+    """Return the sorted positions of the values to draw: `MAX_POINTS` evenly spaced ones, the 50 smallest and 50 largest."""
+    even = np.linspace(0, len(values) - 1, min(len(values), MAX_POINTS)).round().astype(np.intp)
+    order = np.argsort(values)
+    return np.unique(np.concatenate([even, order[:50], order[-50:]]))

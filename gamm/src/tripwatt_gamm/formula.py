@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import ast
 import difflib
+import keyword
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Final, NoReturn, cast, get_args
 
-from tripwatt_gamm.errors import Fault, InvalidInput
+from tripwatt_gamm.errors import Fault, InvalidInput, raise_faults
 from tripwatt_gamm.terms import Basis, Formula, Parametric, RandomEffect, Smooth, Tensor, Term
 
 _BASES: Final = (*get_args(Basis), "re")
@@ -23,7 +24,7 @@ _FUNCTIONS: Final = ("s", "te", "ti")
 _ARGUMENTS: Final = ("bs", "k", "by")
 _TERMS_ALLOWED: Final = "a column, s(...), te(...), ti(...), (1 + x | group), 1, 0 or -1, joined by +"
 _QUOTED: Final = re.compile(r"`([^`]*)`")
-_MASK: Final = re.compile(r"ǂ(\d+)ǂ*")  # Python takes it as a letter; a column is unlikely to start with it
+_MASK: Final = re.compile(r"ǂ(\d+)ǂ*")  # Python reads ǂ as a letter; no column is likely to start with it
 _PLAIN_NAME: Final = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*")
 _RESERVED: Final = ("c", "s", "te", "ti", "True", "False", "None")
 
@@ -34,9 +35,18 @@ class _Unreadable(Exception):
 
 @dataclass
 class _Reader:
-    """One pass over a formula; collects terms and faults together."""
+    """Terms and faults of a formula, collected while its syntax tree is read.
 
-    text: str
+    Attributes
+    ----------
+    source : str
+        The right-hand side in brackets, with quoted names masked; the syntax tree has its positions.
+    offset : int
+        Position of `source` in the text of the user.
+    quoted : tuple of str
+        Names that were written in backticks.
+    """
+
     source: str
     offset: int
     quoted: tuple[str, ...]
@@ -51,14 +61,14 @@ class _Reader:
         piece = ast.get_source_segment(self.source, node) or ""
         return _MASK.sub(lambda hit: f"`{self.quoted[int(hit[1])]}`", piece)
 
-    def complain(self, node: ast.expr, what: str, got: str, allowed: str, fix: str = "") -> None:
-        before = self.source.encode()[: node.col_offset].decode()  # ast counts bytes
+    def note_fault(self, node: ast.expr, what: str, got: str, allowed: str, fix: str = "") -> None:
+        before = self.source.encode()[: node.col_offset].decode()  # the offsets of `ast` count bytes
         where = f"term {self.original(node)!r} at character {self.offset + len(before) + 1}"
         self.faults.append(Fault(what, where, got, allowed, fix))
 
     def refuse(self, node: ast.expr, what: str, got: str, allowed: str, fix: str = "") -> NoReturn:
         """Note a fault and leave the term."""
-        self.complain(node, what, got, allowed, fix)
+        self.note_fault(node, what, got, allowed, fix)
         raise _Unreadable
 
     # -- names and values ------------------------------------------------------------------------
@@ -90,6 +100,7 @@ class _Reader:
         return tuple(values)
 
     def basis(self, call: ast.Call, node: ast.expr) -> str:
+        """Read the basis of the argument `bs`; several elements must be equal."""
         values = {e.value if isinstance(e, ast.Constant) else None for e in self.vector(node)}
         value = next(iter(values)) if len(values) == 1 else None
         if not isinstance(value, str) or value not in _BASES:
@@ -100,50 +111,76 @@ class _Reader:
 
     # -- terms -----------------------------------------------------------------------------------
 
-    def read(self, node: ast.expr) -> None:
-        """Add one summand to the model."""
+    def add(self, sign: int, node: ast.expr) -> None:
+        """Add one summand to the model, or note its fault."""
         try:
-            if isinstance(node, ast.Constant) and node.value in (0, 1) and not isinstance(node.value, bool):
+            if sign < 0:
+                if not (isinstance(node, ast.Constant) and node.value == 1):
+                    got = f"- {self.original(node)}"
+                    self.refuse(node, "only the intercept can be taken away", got, "-1")
+                self.intercept = False
+            elif isinstance(node, ast.Constant) and node.value in (0, 1) and not isinstance(node.value, bool):
                 self.intercept = bool(node.value)
-            elif isinstance(node, ast.Call):
-                self.terms.append(self.call(node))
-            elif isinstance(node, ast.BinOp) and isinstance(node.op, ast.BitOr):
-                self.terms.append(self.correlated(node))
-            elif (name := self.column(node)) is not None:
-                self.terms.append(Parametric(name))
             else:
-                self.refuse_term(node)
+                self.terms.append(self.term(node))
         except _Unreadable:
             pass
 
-    def refuse_term(self, node: ast.expr) -> None:
-        fix = ""
-        if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult):
+    def term(self, node: ast.expr) -> Term:
+        """Read a column, a call or the random effects of a group."""
+        if isinstance(node, ast.Call):
+            return self.call(node)
+        if isinstance(node, ast.BinOp) and isinstance(node.op, ast.BitOr):
+            return self.correlated(node)
+        name = self.column(node)
+        if name is None:
+            product = isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult)
             fix = "for an interaction use s(x, by=f), te(a, b) or a column that holds the product"
-        self.complain(node, "not a term", self.original(node), _TERMS_ALLOWED, fix)
-
-    def remove(self, node: ast.expr) -> None:
-        if isinstance(node, ast.Constant) and node.value == 1:
-            self.intercept = False
-        else:
-            self.complain(node, "only the intercept can be taken away", f"- {self.original(node)}", "-1")
+            self.refuse(node, "not a term", self.original(node), _TERMS_ALLOWED, fix if product else "")
+        return Parametric(name)
 
     def call(self, node: ast.Call) -> Term:
-        """Read a smooth, a tensor or a random effect from its call."""
+        """Read a smooth, a tensor product or a random effect from its call."""
         kind = self.column(node.func) or self.original(node.func)
         if kind not in _FUNCTIONS:
             fix = nearest(kind, _FUNCTIONS) or "compute transformed columns beforehand"
             self.refuse(node, "unknown function", f"{kind}()", "s(), te(), ti()", fix)
-        names = tuple(self.column(argument) for argument in node.args)
-        if not names or None in names:
-            self.refuse(node, "a smooth takes columns", self.original(node), f"{kind}(column, ...)")
+        names = [self.column(argument) for argument in node.args]
         columns = tuple(name for name in names if name is not None)
+        if not names or len(columns) < len(names):
+            self.refuse(node, "a smooth takes columns", self.original(node), f"{kind}(column, ...)")
         if len(set(columns)) < len(columns):
             self.refuse(node, "column given twice", ", ".join(columns), "distinct columns")
         options = self.options(node)
-        return (
-            self.smooth(node, columns, options) if kind == "s" else self.tensor(node, kind, columns, options)
-        )
+        basis = self.basis(node, options["bs"]) if "bs" in options else "tp" if kind == "s" else "cr"
+        if kind == "s" and basis == "re":
+            if len(options) > 1:
+                got = ", ".join(key for key in options if key != "bs")
+                self.refuse(node, "a random effect takes columns only", got, 's(group, x, bs="re")')
+            return RandomEffect(columns[0], columns[1:])
+        k = self.dimensions(node, options["k"]) if "k" in options else ()
+        by = self.by(node, options)
+        if kind == "s":
+            return self.smooth(node, columns, cast(Basis, basis), k, by)
+        if len(columns) < 2 or basis == "re":
+            got, allowed = self.original(node), f'{kind}(a, b, bs="ps", k=c(6, 6))'
+            self.refuse(node, "a tensor product takes two or more covariates", got, allowed)
+        if len(k) not in (0, 1, len(columns)):
+            got = f"{len(k)} numbers for {len(columns)} covariates"
+            self.refuse(node, "k does not match the covariates", got, f"1 or {len(columns)} numbers")
+        k = k * len(columns) if len(k) == 1 else k
+        return Tensor(columns, cast(Basis, basis), k or None, "te" if kind == "te" else "ti", by)
+
+    def smooth(
+        self, node: ast.Call, columns: tuple[str, ...], basis: Basis, k: tuple[int, ...], by: str | None
+    ) -> Smooth:
+        """Make a smooth of one covariate, or an isotropic one of several."""
+        if len(columns) > 1 and basis != "tp":
+            fix = f'te({", ".join(columns)}, bs="{basis}") or ti(...)'
+            self.refuse(node, "basis of one covariate only", f'bs="{basis}"', '"tp"', fix)
+        if len(k) > 1:
+            self.refuse(node, "k takes one number", f"{len(k)} numbers", f"k={k[0]}")
+        return Smooth(columns, basis, k[0] if k else None, by)
 
     def correlated(self, node: ast.BinOp) -> RandomEffect:
         """Read the intercept and slopes of a group, (1 + x | g)."""
@@ -155,52 +192,21 @@ class _Reader:
         return RandomEffect(group, tuple(names), correlated=bool(names))
 
     def options(self, node: ast.Call) -> dict[str, ast.expr]:
+        """Return the arguments of a call by name."""
         given: dict[str, ast.expr] = {}
-        for keyword in node.keywords:
-            if keyword.arg not in _ARGUMENTS:
-                name = keyword.arg or "**"
+        for argument in node.keywords:
+            if argument.arg not in _ARGUMENTS:
+                name = argument.arg or "**"
                 self.refuse(node, "unknown argument", name, ", ".join(_ARGUMENTS), nearest(name, _ARGUMENTS))
-            given[keyword.arg] = keyword.value
+            given[argument.arg] = argument.value
         return given
 
     def by(self, node: ast.Call, options: Mapping[str, ast.expr]) -> str | None:
-        if "by" not in options:
-            return None
-        name = self.column(options["by"])
-        if name is None:
+        """Return the column of the argument `by`, if there is one."""
+        name = self.column(options["by"]) if "by" in options else None
+        if name is None and "by" in options:
             self.refuse(node, "by takes one column", f"by={self.original(options['by'])}", "by=column")
         return name
-
-    def smooth(self, node: ast.Call, names: tuple[str, ...], options: Mapping[str, ast.expr]) -> Term:
-        basis = self.basis(node, options["bs"]) if "bs" in options else "tp"
-        if basis == "re":
-            if len(options) > 1:
-                got = ", ".join(key for key in options if key != "bs")
-                self.refuse(node, "a random effect takes columns only", got, 's(group, x, bs="re")')
-            return RandomEffect(names[0], names[1:])
-        if len(names) > 1 and basis != "tp":
-            fix = f'te({", ".join(names)}, bs="{basis}") or ti(...)'
-            self.refuse(node, "basis of one covariate only", f'bs="{basis}"', '"tp"', fix)
-        k = self.dimensions(node, options["k"]) if "k" in options else (None,)
-        if len(k) != 1:
-            self.refuse(node, "k takes one number", self.original(options["k"]), f"k={k[0]}")
-        return Smooth(names, cast(Basis, basis), k[0], self.by(node, options))
-
-    def tensor(
-        self, node: ast.Call, kind: str, names: tuple[str, ...], options: Mapping[str, ast.expr]
-    ) -> Term:
-        basis = self.basis(node, options["bs"]) if "bs" in options else "cr"
-        if len(names) < 2 or basis == "re":
-            got, allowed = self.original(node), f'{kind}(a, b, bs="ps", k=c(6, 6))'
-            self.refuse(node, "a tensor product takes two or more covariates", got, allowed)
-        k: tuple[int, ...] | None = None
-        if "k" in options:
-            k = self.dimensions(node, options["k"])
-            k = k * len(names) if len(k) == 1 else k
-            if len(k) != len(names):
-                got = f"{len(k)} numbers for {len(names)} covariates"
-                self.refuse(node, "k does not match the covariates", got, f"1 or {len(names)} numbers")
-        return Tensor(names, cast(Basis, basis), k, "te" if kind == "te" else "ti", self.by(node, options))
 
 
 def nearest(name: str, allowed: Iterable[str]) -> str:
@@ -279,7 +285,7 @@ def parse_formula(text: str) -> Formula:
     flat = right.replace("\n", " ").replace("\t", " ").replace("\r", " ")
     masked, quoted = _mask_quotes(flat)
     source = f"({masked})"
-    reader = _Reader(text, source, len(left) + len(tilde) - 1, quoted)
+    reader = _Reader(source, len(left) + len(tilde) - 1, quoted)
     response = _response(reader, left)
     try:
         tree = ast.parse(source, mode="eval").body
@@ -287,11 +293,10 @@ def parse_formula(text: str) -> Formula:
         reader.faults.append(_syntax_fault(error, text, reader.offset))
         raise InvalidInput(reader.faults) from None
     if isinstance(tree, ast.BinOp) and isinstance(tree.op, ast.BitOr) and not right.strip().startswith("("):
-        reader.complain(tree, "random effects without brackets", reader.original(tree), "(1 + x | group)")
+        reader.note_fault(tree, "random effects without brackets", reader.original(tree), "(1 + x | group)")
     for sign, node in _summands(tree):
-        reader.read(node) if sign > 0 else reader.remove(node)
-    if reader.faults:
-        raise InvalidInput(reader.faults)
+        reader.add(sign, node)
+    raise_faults(reader.faults)
     return Formula(response, tuple(reader.terms), reader.intercept)
 
 
@@ -323,8 +328,7 @@ def _syntax_fault(error: SyntaxError | ValueError, text: str, offset: int) -> Fa
 
 
 def _name(name: str) -> str:
-    import keyword
-
+    """Write a column's name as in a formula: in backticks if it is no plain name or has a meaning of its own there."""
     plain = _PLAIN_NAME.fullmatch(name) and not any(keyword.iskeyword(part) for part in name.split("."))
     return name if plain and name not in _RESERVED and not _MASK.fullmatch(name) else f"`{name}`"
 

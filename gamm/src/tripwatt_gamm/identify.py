@@ -39,22 +39,18 @@ def _nil_directions(design: Design, gram: FloatArray, active: Index) -> tuple[Fl
     return out, d
 
 
-def _place(fitted: FittedTerm) -> int:
-    """Rank of a term when several share a nil direction; the highest rank loses it.
+def _removal_rank(fitted: FittedTerm) -> int:
+    """Rank of a term among those that share a nil direction; the direction is removed from the term of highest rank.
 
-    Surfaces have 2; curves and random effects 1; parametric terms 0.
+    The rank is 2 for surfaces, 1 for curves and random effects, 0 for parametric terms.
     """
     if fitted.kind == "parametric":
         return 0
-    return (
-        2
-        if isinstance(fitted.term, Tensor) or (isinstance(fitted.term, Smooth) and len(fitted.term.names) > 1)
-        else 1
-    )
+    return 2 if isinstance(fitted.term, Smooth | Tensor) and len(fitted.term.names) > 1 else 1
 
 
-def identify(design: Design, gram: FloatArray) -> tuple[Design, FloatArray]:
-    """Remove the directions that nothing determines from a design; return the design and its crossproduct.
+def identify(design: Design, gram: FloatArray) -> Design:
+    """Remove the directions that nothing determines from a design.
 
     A direction that several terms share is removed from a surface rather than a curve, from a curve rather than a
     parametric term, and then from the later term. If only parametric terms share it, their last column is held at zero.
@@ -68,15 +64,16 @@ def identify(design: Design, gram: FloatArray) -> tuple[Design, FloatArray]:
 
     Returns
     -------
-    Design, ndarray
+    Design
+        The design itself if nothing was removed from its terms.
     """
-    for _ in range(20):
+    for _ in range(20):  # each pass removes one term's part; far fewer are needed
         active = design.active(np.diag(gram))
         nil, scale = _nil_directions(design, gram, active)
         if not nil.shape[1]:
-            return design, gram
+            return design
         involved = [b for b in design.terms if np.linalg.norm(nil[b.slice]) > INVOLVED]
-        fitted = max(involved, key=lambda b: (_place(b), b.start))
+        fitted = max(involved, key=lambda b: (_removal_rank(b), b.start))
         others = ", ".join(b.label for b in involved if b is not fitted) or "itself"
         if fitted.kind == "parametric":
             column = fitted.start + int(np.flatnonzero(np.abs(nil[fitted.slice]).max(axis=1) > INVOLVED)[-1])
@@ -89,7 +86,7 @@ def identify(design: Design, gram: FloatArray) -> tuple[Design, FloatArray]:
         rank = int((sizes > 1e-6 * sizes[0]).sum())
         design.notes.append(f"{fitted.label} repeats {others}: {rank} of its columns removed")
         design, gram = _reduce(design, gram, fitted, U[:, rank:])
-    return design, gram
+    return design
 
 
 def _reduce(design: Design, gram: FloatArray, fitted: FittedTerm, Z: FloatArray) -> tuple[Design, FloatArray]:

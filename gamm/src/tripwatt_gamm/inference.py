@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve, pinvh
 
 from tripwatt_gamm.arrays import FloatArray
 from tripwatt_gamm.chisq import weighted_chi2_sf
@@ -24,9 +25,12 @@ if TYPE_CHECKING:
 
     from tripwatt_gamm.estimator import Estimator
 
-_WHOLE: Final = 1e-6  # a reference df this close to a whole number is one
-_RANK: Final = 1e-8  # relative size below which an eigenvalue is rounding
-_LEFT: Final = 1e-7  # share of a column up to which what remains after projection on other terms is rounding
+WHOLE_DF: Final = 1e-6
+"""Distance from a whole number up to which a reference df counts as whole: a choice, because EDFs are no more accurate."""
+MIN_EIGENVALUE: Final = 1e-8
+"""Relative size below which an eigenvalue is rounding: about the square root of the working precision."""
+MIN_REMAINDER: Final = 1e-7
+"""Share of a column up to which what remains after projection on other terms is rounding: some ten times as much."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,15 +103,15 @@ def smooth_test(
     root = np.linalg.qr(factor)[1]
     values, vectors = np.linalg.eigh(root @ vp @ root.T)
     values, vectors = values[::-1], vectors[:, ::-1]
-    rank = int((values > _RANK * max(values[0], 0.0)).sum())
+    rank = int((values > MIN_EIGENVALUE * max(values[0], 0.0)).sum())
     if rank == 0:
         return TermTest(float(ref_df), 0.0, 1.0)  # a term without data explains nothing
     signs = np.where(vectors[0] < 0, -1.0, 1.0)
     z = (vectors * signs).T[:rank] @ (root @ coef) / np.sqrt(values[:rank])
     r = float(min(max(ref_df, 1.0), rank))
-    whole = int(np.floor(r + _WHOLE))
+    whole = int(np.floor(r + WHOLE_DF))
     part = r - whole
-    if part <= _WHOLE:
+    if part <= WHOLE_DF:
         totals = [float(z[:whole] @ z[:whole])]
         weights = np.ones(whole)
     else:
@@ -178,15 +182,15 @@ def random_effect_test(
     fixed = np.setdiff1d(np.flatnonzero(alive), np.concatenate([index, random]))
     covariance, weighted = _null_model(gram, penalty, np.flatnonzero(alive), index, random)
     b = coef[index]
-    told = weighted[np.ix_(index, index)]
+    explained = weighted[np.ix_(index, index)]  # M of the notes
     if fixed.size:
         cross = weighted[np.ix_(fixed, index)]
-        told = told - cross.T @ _solve((weighted + penalty)[np.ix_(fixed, fixed)], cross)
-    lean = told + penalty[np.ix_(index, index)]
-    total = float(b @ lean @ b / scale)
-    values, vectors = np.linalg.eigh(lean)
+        explained = explained - cross.T @ _solve((weighted + penalty)[np.ix_(fixed, fixed)], cross)
+    penalised = explained + penalty[np.ix_(index, index)]
+    total = float(b @ penalised @ b / scale)
+    values, vectors = np.linalg.eigh(penalised)
     half = vectors * np.sqrt(np.clip(values, 0.0, None))
-    rank = _rank(told, np.diag(gram)[index])
+    rank = _rank(explained, np.diag(gram)[index])
     if rank == 0:
         return TermTest(0.0, 0.0, 1.0)
     weights = np.clip(np.linalg.eigvalsh(half.T @ covariance @ half)[::-1][:rank], 0.0, None)
@@ -197,7 +201,7 @@ def random_effect_test(
 def _rank(a: FloatArray, size: FloatArray) -> int:
     """Rank of the crossproduct `a` after projection on other terms; `size` is its diagonal before."""
     d = np.where(size > 0, size, 1.0) ** 0.5
-    return int((np.linalg.eigvalsh(a / np.outer(d, d)) > _LEFT).sum())
+    return int((np.linalg.eigvalsh(a / np.outer(d, d)) > MIN_REMAINDER).sum())
 
 
 def _null_model(
@@ -226,15 +230,9 @@ def _solve(a: FloatArray, b: FloatArray) -> FloatArray:
     d = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
     scaled = a / np.outer(d, d)
     try:
-        lower = np.linalg.cholesky(scaled)
+        solution = cho_solve(cho_factor(scaled, lower=True), b / d[:, None])
     except np.linalg.LinAlgError:
-        values, vectors = np.linalg.eigh(scaled)
-        inverse = np.where(values > values[-1] * 1e-14, 1 / np.where(values > 0, values, 1.0), 0.0)
-        solution = vectors @ (inverse[:, None] * (vectors.T @ (b / d[:, None])))
-    else:
-        from scipy.linalg import cho_solve
-
-        solution = cho_solve((lower, True), b / d[:, None])
+        solution = pinvh(scaled, rtol=1e-14) @ (b / d[:, None])
     return np.asarray(solution / d[:, None], dtype=float)
 
 
@@ -265,9 +263,8 @@ def total_penalty(model: Estimator) -> FloatArray:
     parameters = iter(model.smoothing_parameters_.values())
     for fitted in model.terms_:
         for matrix in fitted.penalties:
-            penalty[fitted.slice, fitted.slice] += (
-                np.nan_to_num(next(parameters)) * matrix
-            )  # NaN: a term without data has no penalty
+            # the smoothing parameter of a term without data is NaN; the term has no penalty
+            penalty[fitted.slice, fitted.slice] += np.nan_to_num(next(parameters)) * matrix
     return penalty
 
 

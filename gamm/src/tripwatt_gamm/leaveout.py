@@ -20,7 +20,8 @@ from tripwatt_gamm.solve import FitSettings, Problem, solve
 from tripwatt_gamm.tables import previous_rows
 
 DEAD = 1e-10
-"""Share of a column's sum of squares up to which the rest after subtraction is only rounding."""
+"""Share of a column's sum of squares up to which the rest after subtraction is only rounding: a choice, because sums of
+millions of rows have relative errors of some 1e-13."""
 
 
 def grouped_moments(design: Design, y: FloatArray, groups: Index, rows: Index, lagged: bool) -> Moments:
@@ -35,6 +36,27 @@ def grouped_moments(design: Design, y: FloatArray, groups: Index, rows: Index, l
     return total
 
 
+def identified_moments(
+    design: Design, sums: Moments, y: FloatArray, groups: Index, rows: Index
+) -> tuple[Design, Moments]:
+    """Return the design without directions that nothing determines, and its moments.
+
+    Parameters
+    ----------
+    design : Design
+    sums : Moments
+        Moments of `rows`; they are computed again if columns of a term were removed.
+    y : ndarray (n,)
+    groups : ndarray (n,)
+    rows : ndarray
+        Numbers of the rows of the fit.
+    """
+    reduced = identify(design, sums.gram[0])
+    if reduced.p != design.p:
+        sums = grouped_moments(reduced, y, groups, rows, sums.lagged)
+    return reduced, sums
+
+
 def _fold(
     design: Design,
     frame: pd.DataFrame,
@@ -46,7 +68,7 @@ def _fold(
     wanted: pd.DataFrame | None = None,
 ) -> tuple[FloatArray, dict[str, int | bool]]:
     """Fit without the rows held out; return predictions of these rows (or of `wanted`) and a report of the fit."""
-    lagged = len(total.gram) > 1
+    lagged = total.lagged
     out, kept = np.flatnonzero(held).astype(np.intp), np.flatnonzero(~held).astype(np.intp)
     if len(y) <= EXACT_ROWS:  # in a difference the last digits would still depend on the held-out response
         sums = grouped_moments(design, y, groups, kept, lagged)
@@ -54,30 +76,25 @@ def _fold(
         sums = total - grouped_moments(design, y, groups, out, lagged)
     dead = np.diag(sums.gram[0]) <= DEAD * np.diag(total.gram[0])
     sums.gram[:, dead], sums.gram[:, :, dead], sums.cross[:, dead] = 0.0, 0.0, 0.0
-    own, gram = identify(replace(design, notes=[], empty=list(design.empty)), sums.gram[0])
-    if own.p != design.p:
-        sums = grouped_moments(own, y, groups, kept, lagged)
-        gram = sums.gram[0]
-    active = own.active(np.diag(gram))
-    stack, which = own.penalty_stack(active)
-    require_rows(len(kept), stack, f"without fold of row {out[0]}")
+    # the notes and empty columns of this fold are not those of the whole
+    copy = replace(design, notes=[], empty=list(design.empty))
+    reduced, sums = identified_moments(copy, sums, y, groups, kept)
+    active = reduced.active(np.diag(sums.gram[0]))
+    stack, which = reduced.penalty_stack(active)
+    where = f"without fold of row {out[0]}"
+    require_rows(len(kept), stack, where)
     if settings.rho is not None:
         settings = replace(settings, rho=settings.rho[which])
     previous = previous_rows(groups[kept]) if lagged else None
-    rows = own.rows.subset(kept, active)
-    solution = solve(Problem(rows, y[kept], sums, stack, active, settings, previous))
-    if solution is None:
-        where = f"without fold of row {out[0]}"
-        raise InvalidInput.of(
-            "model not identifiable", where, "singular system", "linearly independent terms"
-        )
-    beta = np.zeros(own.p)
+    rows = reduced.rows.subset(kept, active)
+    solution = solve(Problem(rows, y[kept], sums, stack, active, settings, previous), where)
+    beta = np.zeros(reduced.p)
     beta[active] = solution.beta
-    training, piece = own.training_of(~held), frame.iloc[out] if wanted is None else wanted
-    if own.terms[0].extrapolation == "clamp":
+    training, piece = reduced.training_of(~held), frame.iloc[out] if wanted is None else wanted
+    if reduced.terms[0].extrapolation == "clamp":
         piece = training.clamp_frame(piece)
     prediction = np.zeros(len(piece))
-    for fitted in own.terms:
+    for fitted in reduced.terms:
         if fitted.kind != "random" or beta[fitted.slice].any():
             prediction += fitted.matrix(piece, training) @ beta[fitted.slice]
     return prediction, {"rows": len(out), "converged": solution.converged, "n_iter": solution.n_iter}
@@ -120,16 +137,14 @@ def leave_out(
     count = int(folds.max()) + 1
     if count < 2:
         raise InvalidInput.of("only one group", "leave_groups_out", "1 fold", "two or more")
-    lagged = settings.ar1_rho is not None
-    total = grouped_moments(design, y, groups, np.arange(len(y), dtype=np.intp), lagged)
-    design, gram = identify(design, total.gram[0])
-    if gram.shape != total.gram[0].shape:
-        total = grouped_moments(design, y, groups, np.arange(len(y), dtype=np.intp), lagged)
-    where = folds if at is None else at[1]
-    predictions, reports = np.empty(len(where)), []
+    every = np.arange(len(y), dtype=np.intp)
+    total = grouped_moments(design, y, groups, every, settings.ar1_rho is not None)
+    design, total = identified_moments(design, total, y, groups, every)
+    wanted_folds = folds if at is None else at[1]
+    predictions, reports = np.empty(len(wanted_folds)), []
     for fold in range(count):
-        own = where == fold
-        wanted = None if at is None else at[0][own]
-        predictions[own], report = _fold(design, frame, y, groups, folds == fold, total, settings, wanted)
+        rows = wanted_folds == fold
+        wanted = None if at is None else at[0][rows]
+        predictions[rows], report = _fold(design, frame, y, groups, folds == fold, total, settings, wanted)
         reports.append(report)
     return predictions, pd.DataFrame(reports)

@@ -12,7 +12,6 @@ from tripwatt_gamm.summary import Summary
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
@@ -92,7 +91,7 @@ class GAMM(Estimator):
     [False, True]
     >>> model.leave_groups_out(frame, y, groups="trip").shape
     (100,)
-    >>> model.summary().formula, list(model.effects(frame)), model.diagnosis().qq.distribution.name
+    >>> model.summary().formula, list(model.effects(frame)), model.diagnosis().distribution_name
     ('~ s(x)', ['s(x)'], 'normal')
     >>> model.variance_components()["term"].tolist(), len(model.plot(frame).axes)
     (['Residual'], 1)
@@ -150,25 +149,27 @@ class GAMM(Estimator):
         Returns
         -------
         Diagnosis
-            ``.qq``, ``.histogram``, ``.frame()``; ``.plot()`` draws four figures.
+            ``.frame()`` tabulates it, ``.plot()`` draws four figures.
         """
         return Diagnosis.from_model(self)
 
-    def plot(self, frame: pd.DataFrame | None = None, ax: Axes | None = None, columns: int = 3) -> Figure:
+    def plot(
+        self, frame: pd.DataFrame | None = None, figure: Figure | None = None, columns: int = 3
+    ) -> Figure:
         """Draw all effects, one panel for each.
 
         Parameters
         ----------
         frame : DataFrame, optional
             The data, for rugs and points.
-        ax : matplotlib Axes, optional
-            Axes that the panels replace; a new figure by default.
+        figure : matplotlib Figure, optional
+            Empty figure to draw on; a new one by default.
         columns : int
-            Panels per row.
+            Largest number of panels in a row.
 
         Returns
         -------
         matplotlib Figure
-            The figure that the panels are in.
+            The figure that was drawn on.
         """
-        return plot_effects(self.effects(frame), ax, columns)
+        return plot_effects(self.effects(frame), figure, columns)

@@ -52,9 +52,14 @@ class Moments:
         pairs = zip(vars(self).values(), vars(other).values(), strict=True)
         return Moments(*(mine + theirs for mine, theirs in pairs))
 
+    @property
+    def lagged(self) -> bool:
+        """Whether there are lagged products, for autocorrelated errors."""
+        return len(self.gram) > 1
+
     def mixture(self, rho: float) -> FloatArray:
         """Weights (s,) that combine the sums to those of whitened rows at autocorrelation `rho`."""
-        if len(self.gram) == 1:
+        if not self.lagged:
             return np.ones(1)
         # sum of (x_t - rho x_(t-1))^2 / (1 - rho^2) over rows with a predecessor, plus first rows unchanged
         return np.array([1.0, -rho, rho**2, -(rho**2)]) / (1 - rho**2)

@@ -11,6 +11,7 @@ from scipy.optimize import minimize, minimize_scalar
 
 from tripwatt_gamm.arrays import FloatArray
 from tripwatt_gamm.covariates import Index
+from tripwatt_gamm.errors import InvalidInput
 from tripwatt_gamm.families import Family, Gaussian, ScaledT, Theta
 from tripwatt_gamm.fit import NormalEquations, Solution, fit_gaussian
 from tripwatt_gamm.laplace import LaplaceModel, fit_laplace
@@ -188,42 +189,50 @@ def _solve(problem: Problem) -> Solution | None:
         return math.inf if fitted is None else fitted.score
 
     low, high = np.arctanh(AR1_BOUNDS)
-    xatol = (
-        1e-8 if stack.n_loadings else 1e-4
-    )  # the outer search over loadings needs a smooth score (for this reason warm starts are not used either)
+    # the outer search over loadings needs a smooth score; for this reason warm starts are not used there either
+    xatol = 1e-8 if stack.n_loadings else 1e-4
     best = minimize_scalar(score, bounds=(low, high), method="bounded", options={"xatol": xatol})
     return _at(problem, float(np.tanh(best.x)))
 
 
-def solve(problem: Problem) -> Solution | None:
+def solve(problem: Problem, where: str) -> Solution:
     """Fit the active coefficients; correlations of effects are found by an outer search on the REML score.
 
     Parameters
     ----------
     problem : Problem
+    where : str
+        Name of the data, for the message of the error.
 
-    Returns
-    -------
-    Solution or None
-        None if no start leads to a positive definite system.
+    Raises
+    ------
+    InvalidInput
+        If no start leads to a positive definite system.
     """
-    stack = problem.stack
-    if not stack.n_loadings:
-        return _solve(problem)
+    solution = _search_loadings(problem) if problem.stack.n_loadings else _solve(problem)
+    if solution is None:
+        allowed = "linearly independent terms"
+        raise InvalidInput.of("model not identifiable", where, "singular system", allowed)
+    return solution
 
-    def at(loadings: FloatArray) -> Solution | None:
-        return _solve(replace(problem, stack=stack.loaded(loadings)))
+
+def _search_loadings(problem: Problem) -> Solution | None:
+    """Find the loadings of correlated effects with the best REML score; return None if no fit succeeds there."""
+
+    def fit_at(loadings: FloatArray) -> Solution | None:
+        return _solve(replace(problem, stack=problem.stack.loaded(loadings)))
 
     def score(loadings: FloatArray) -> float:
-        fitted = at(loadings)
+        fitted = fit_at(loadings)
         return math.inf if fitted is None else fitted.score
 
     def gradient(loadings: FloatArray) -> FloatArray:
         steps = LOADING_STEP * np.eye(len(loadings))
         return np.array([score(loadings + s) - score(loadings - s) for s in steps]) / (2 * LOADING_STEP)
 
-    best = minimize(score, np.zeros(stack.n_loadings), jac=gradient, method="BFGS", options={"gtol": 1e-4})
-    solution = at(best.x)
+    start = np.zeros(problem.stack.n_loadings)
+    best = minimize(score, start, jac=gradient, method="BFGS", options={"gtol": 1e-4})
+    solution = fit_at(best.x)
     if solution is None:
         return None
     flat = float(np.abs(best.jac).max()) < MAX_GRADIENT

@@ -20,6 +20,11 @@ if TYPE_CHECKING:
 _LEVELS: Final = ((0.001, "***"), (0.01, "**"), (0.05, "*"))
 _LEGEND: Final = "*** p < 0.001, ** p < 0.01, * p < 0.05"
 _EDF: Final = "EDF: "
+_FITTED: Final = (
+    *("r2", "deviance_explained", "reml", "aic", "loglik", "scale", "n"),
+    *("nu", "sigma", "nu_at_bound", "converged", "message"),
+)
+"""Fields of a summary that are attributes of the model, there with a trailing underscore."""
 
 
 def stars(p_value: float) -> str:
@@ -117,24 +122,13 @@ class Summary:
         return cls(
             parametric=coefficient_table(model),
             smooth=term_table(model),
+            variance=variance_components(model),
             formula=render_formula(model.formula_),
             family=family.name,
             method=str(model.method) if family.name == "scat" else "REML",
             scale_known=not (isinstance(family, Gaussian) and family.scale is None),
-            r2=float(model.r2_),
-            deviance_explained=float(model.deviance_explained_),
-            reml=float(model.reml_),
-            aic=float(model.aic_),
-            loglik=float(model.loglik_),
-            scale=float(model.scale_),
-            n=int(model.n_),
-            nu=float(model.nu_) if model.nu_ is not None else float("nan"),
-            sigma=float(model.sigma_) if model.sigma_ is not None else float("nan"),
-            nu_at_bound=bool(model.nu_at_bound_),
-            converged=bool(model.converged_),
-            message=str(model.message_),
             notes=tuple(model.notes_),
-            variance=variance_components(model),
+            **{name: getattr(model, f"{name}_") for name in _FITTED},
         )
 
     def distribution(self) -> str:
@@ -180,9 +174,8 @@ class Summary:
         """
         lines = [f"Family:  {self.distribution()}", f"Formula: {self.formula}"]
         if not self.converged:
-            lines.append(
-                f"WARNING: the fit did not converge; its figures are not to be trusted. {self.message}".rstrip()
-            )
+            warning = "WARNING: the fit did not converge; its figures are not to be trusted."
+            lines.append(f"{warning} {self.message}".rstrip())
         parametric, smooth = ("z", "Chi-sq") if self.scale_known else ("t", "F")
         tables = (
             ("Parametric coefficients", self.parametric, ("Estimate", "Std. error", parametric), "%.4f"),
@@ -192,10 +185,9 @@ class Summary:
             if len(table):
                 lines += ["", f"{title}:", *_align(table, heads, style)]
         if len(self.variance) > 1:
-            shown = self.variance.drop(columns="variance").to_string(
-                index=False, na_rep="", float_format="%.4f"
-            )
-            lines += ["", "Variance components:", *map(str.rstrip, shown.split("\n"))]
+            shown = self.variance.drop(columns="variance")
+            printed = shown.to_string(index=False, na_rep="", float_format="%.4f").split("\n")
+            lines += ["", "Variance components:", *map(str.rstrip, printed)]
         lines += ["", f"Stars: {_LEGEND}", ""]
         lines += [f"{label + ':':<20}{value}" for label, value in self.scores().items()]
         lines += ["", *(f"Note: {note}" for note in self.notes)] if self.notes else []
@@ -209,27 +201,24 @@ class Summary:
         list of tuple
             Estimate with standard error for coefficients, EDF with reference df for smooth terms.
         """
-        pairs = [(self.parametric, "", "estimate", "std_error"), (self.smooth, _EDF, "edf", "ref_df")]
         return [
-            (f"{prefix}{term}", f"{row[value]:.2f} ({row[in_brackets]:.2f})", stars(float(row["p_value"])))
-            for table, prefix, value, in_brackets in pairs
-            for term, row in table.iterrows()
+            (f"{prefix}{term}", f"{value:.2f} ({in_brackets:.2f})", stars(p_value))
+            for prefix, table in (("", self.parametric), (_EDF, self.smooth))
+            for term, value, in_brackets, _, p_value in table.itertuples(name=None)
         ]
 
 
 def _align(table: pd.DataFrame, heads: tuple[str, str, str], style: str) -> list[str]:
-    names = [str(name) for name in table.index]
-    wide = max(map(len, [*names, ""]))
+    """Return the lines of a table of tests; both tables have value, error or df, statistic and p-value as columns."""
+    wide = max(len(str(name)) for name in table.index)
     lines = [f"{'':<{wide}} " + " ".join(f"{head:>12}" for head in heads) + f" {'p':>10}"]
-    for name, row in zip(names, table.itertuples(index=False, name=None), strict=True):
-        first, second, statistic, p = (float(v) for v in row)
-        numbers = " ".join(f"{style % v:>12}" for v in (first, second))
-        shown = f"{statistic:>12.3f}" if np.isfinite(statistic) else f"{'':>12}"
-        lines.append(f"{name:<{wide}} {numbers} {shown} {_p_value(p):>10} {stars(p)}".rstrip())
+    for name, first, second, statistic, p in table.itertuples(name=None):
+        tested = np.isfinite(p)
+        numbers = (style % first, style % second, f"{statistic:.3f}" if tested else "")
+        cells = " ".join(f"{number:>12}" for number in numbers)
+        lines.append(f"{name:<{wide}} {cells} {_p_value(p) if tested else '':>10} {stars(p)}".rstrip())
     return lines
 
 
 def _p_value(p: float) -> str:
-    if not np.isfinite(p):
-        return ""
     return "< 2e-16" if p < 2e-16 else f"{p:.4f}" if p >= 1e-4 else f"{p:.2e}"

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING
 
 import matplotlib
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tripwatt.study.paper.insight import GammInsight
 from tripwatt.study.report.covariates import term_in_words
 from tripwatt.study.report.panel import Panel
-from tripwatt.study.report.style import plotted
+from tripwatt.study.report.style import new_figure
 from tripwatt.study.report.tables import Table, number
 from tripwatt.study.report.view import View, plain
+
+if TYPE_CHECKING:
+    from tripwatt_gamm.effects import Effect
 
 
 def panels(view: View) -> list[Panel]:
@@ -23,44 +27,50 @@ def panels(view: View) -> list[Panel]:
         return []
     from tripwatt_gamm import CurveEffect, RandomEffects, SurfaceEffect, plot_effects  # an extra
 
-    curves = {name: e for name, e in gamm.effects.items() if isinstance(e, CurveEffect)}
+    curves = {name: effect for name, effect in gamm.effects.items() if isinstance(effect, CurveEffect)}
+
+    def panel(
+        key: str, title: str, caption: str, height_in: float, head: str, draw: Callable[[Figure], object]
+    ) -> Panel:
+        figure = new_figure(height_in, head, "", view.synthetic)
+        with matplotlib.rc_context({"axes.titlesize": 7.5}):
+            draw(figure)
+        return Panel(f"gamm-{key}", title, caption, figure)
+
     shown = [
         Panel("gamm-summary", "Summary of the GAMM", tables=(terms_table(view, gamm), fit_table(view, gamm))),
-        Panel(
-            "gamm-diagnosis",
+        panel(
+            "diagnosis",
             "Residuals against the fitted distribution",
             "Residuals in Wh; red: what the fitted model expects.",
-            _figure(view, 6.0, "Residuals of the GAMM [Wh]", gamm.diagnosis.plot),
+            6.0,
+            "Residuals of the GAMM [Wh]",
+            gamm.diagnosis.plot,
         ),
-        Panel(
-            "gamm-smooths",
+        panel(
+            "smooths",
             "Effect of each covariate",
             "Centred smooths in Wh, with pointwise bands of 95 %; ticks are the data.",
-            _figure(
-                view,
-                0.5 + 2.2 * len(curves),
-                "Smooth effects of the GAMM [Wh]",
-                lambda place: plot_effects(curves, place, columns=1),
-            ),
+            0.5 + 2.2 * len(curves),
+            "Smooth effects of the GAMM [Wh]",
+            lambda figure: plot_effects(curves, figure, columns=1),
         ),
     ]
     for effect in gamm.effects.values():
+        draw = partial(_draw_alone, effect)
         if isinstance(effect, SurfaceEffect):
             caption = "In Wh; blank far from all data; points are the data."
-            drawn = _figure(view, 4.3, "Surface of the GAMM [Wh]", effect.plot)
-            shown.append(Panel("gamm-surface", "Joint effect of two covariates", caption, drawn))
+            head = "Surface of the GAMM [Wh]"
+            shown.append(panel("surface", "Joint effect of two covariates", caption, 4.3, head, draw))
         elif isinstance(effect, RandomEffects):
             caption = "In Wh, with 95 % intervals; on the line if they are normally distributed. That of a new trip is 0."
-            drawn = _figure(view, 3.6, "Random effects of the trips [Wh]", effect.plot)
-            shown.append(Panel("gamm-random", "Random effects of the trips", caption, drawn))
+            head = "Random effects of the trips [Wh]"
+            shown.append(panel("random", "Random effects of the trips", caption, 3.6, head, draw))
     return shown
 
 
-def _figure(view: View, height_in: float, title: str, draw: Callable[[Axes], Figure]) -> Figure:
-    figure, place = plotted(view, height_in, title)
-    with matplotlib.rc_context({"axes.titlesize": 7.5}):
-        draw(place)
-    return figure
+def _draw_alone(effect: Effect, figure: Figure) -> None:
+    effect.plot(figure.add_subplot())
 
 
 def terms_table(view: View, gamm: GammInsight) -> Table:

@@ -1,0 +1,108 @@
+"""The estimator: laws of its fits, prediction, and options that cannot be used."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gamm_samples import FULL, X, clustered, study
+from tripwatt_gamm import GAMM, Formula, RandomEffect, Smooth
+from tripwatt_gamm.errors import InvalidInput
+
+few = settings(max_examples=8, deadline=None)
+
+
+seeds = st.integers(0, 10_000)
+
+
+CURVE = Formula("y", (Smooth(("x",), "ps", 12), RandomEffect("g")))
+
+
+@few
+@given(seed=seeds)
+def test_relabelling_groups_changes_nothing(seed):
+    frame = clustered(seed, n=160)
+    other = frame.assign(
+        g=frame["g"].map(dict(zip(["g0", "g1", "g2", "g3", "g4", "g5", "g6", "g7"], "pqhxwanb", strict=True)))
+    )
+    one, two = GAMM(CURVE, "scat").fit(frame), GAMM(CURVE, "scat").fit(other)
+    assert np.abs(one.fitted_values_ - two.fitted_values_).max() < 1e-4 * frame["y"].std()
+    assert one.reml_ == pytest.approx(two.reml_, rel=1e-6)
+
+
+@few
+@given(seed=seeds, constant=st.floats(-1e3, 1e3), family=st.sampled_from(["gaussian", "scat"]))
+def test_a_constant_moves_only_the_intercept(seed, constant, family):
+    frame = clustered(seed, n=160)
+    one = GAMM(CURVE, family).fit(frame)
+    two = GAMM(CURVE, family).fit(frame, frame["y"] + constant)
+    assert two.coef_[0] - one.coef_[0] == pytest.approx(constant, abs=1e-3)
+    assert two.coef_[1:] == pytest.approx(one.coef_[1:], abs=2e-3)
+
+
+@few
+@given(seed=seeds, factor=st.floats(1e-6, 1e6), family=st.sampled_from(["gaussian", "scat"]))
+def test_scaling_the_response_scales_everything(seed, factor, family):
+    frame = clustered(seed, n=160)
+    one = GAMM(CURVE, family).fit(frame)
+    two = GAMM(CURVE, family).fit(frame, frame["y"] * factor)
+    assert two.fitted_values_ / factor == pytest.approx(one.fitted_values_, abs=2e-3)
+    assert two.sigma_ / factor == pytest.approx(one.sigma_, rel=1e-3)
+    assert np.diag(two.Vp_) / factor**2 == pytest.approx(np.diag(one.Vp_), rel=1e-2, abs=1e-4)
+
+
+def test_predictions_add_up(frame, model):
+    fit, se = model.predict(frame, se=True)
+    terms = model.predict_terms(frame)
+    assert fit == pytest.approx(model.fitted_values_, abs=1e-8)
+    assert terms.sum(axis=1).to_numpy() == pytest.approx(fit)
+    assert list(terms) == ["(Intercept)", "w", "s(x)", "s(x,z)", "s(g)"]
+    without = model.predict(frame, exclude=["s(g)"])
+    assert fit - without == pytest.approx(terms["s(g)"].to_numpy())
+    dense = np.hstack([fitted.matrix(frame) for fitted in model.terms_])
+    assert se == pytest.approx(np.sqrt(np.einsum("ij,jk,ik->i", dense, model.Vp_, dense)))
+    assert pytest.approx(np.linalg.pinv(model.Vp_) @ model.F_, abs=1e-4) == model.R_.T @ model.R_
+
+
+def test_predict_and_options_say_what_is_wrong(frame, model):
+    with pytest.raises(InvalidInput, match=r"unknown column.*'x'"):
+        model.predict(frame.drop(columns="x"))
+    with pytest.raises(InvalidInput, match="not finite"):
+        model.predict(frame.assign(x=np.nan))
+    with pytest.raises(InvalidInput, match="unknown term"):
+        model.predict(frame, exclude=["s(trip)"])
+    with pytest.raises(InvalidInput, match="unknown family"):
+        GAMM(FULL, "poisson").fit(frame)
+    with pytest.raises(InvalidInput, match="no score for a correlation"):
+        GAMM(FULL, "scat", ar1_rho="estimate").fit(frame)
+    with pytest.raises(InvalidInput, match=r"invalid smoothing parameters.*s\(x,z\)"):
+        GAMM(FULL, smoothing_parameters=[1.0]).fit(frame)
+    with pytest.raises(InvalidInput, match="only one group"):
+        GAMM(Formula("y", (X,))).leave_groups_out(frame, groups=np.zeros(len(frame)))
+    with pytest.raises(InvalidInput, match="wrong length"):
+        GAMM(FULL).fit(frame, frame["y"][:-1])
+
+
+def test_a_fit_that_did_not_converge_says_so(frame):
+    model = GAMM(FULL, "scat", max_iter=2).fit(frame)
+    assert not model.converged_
+    assert "2" in model.message_
+    assert "max_iter" in model.message_
+    assert np.isfinite(model.fitted_values_).all()
+
+
+def test_a_level_that_is_unknown_or_missing_has_no_effect():
+    frame = study("sleepstudy")
+    model = GAMM("reaction ~ days + (1 + days | subject)").fit(frame)
+    new = pd.DataFrame({"days": [0.0, 4.0], "subject": [999, 999]})
+    line = model.coef_[0] + model.coef_[1] * new["days"].to_numpy()
+    assert model.predict(new) == pytest.approx(line)
+    assert model.predict(new[["days"]]) == pytest.approx(line)
+    assert not model.extrapolation_mask(new).any()
+    known = model.predict(new.assign(subject=308))
+    own = model.coef_[[2, 20]]  # subject 308 is the first level: intercepts come first, slopes next
+    assert known - line == pytest.approx(own[0] + own[1] * new["days"].to_numpy())
+    assert model.predict(new.assign(subject=308), exclude=["(1+days|subject)"]) == pytest.approx(line)
+    with pytest.raises(InvalidInput, match="unknown column: 'days'"):
+        model.predict(new[["subject"]])

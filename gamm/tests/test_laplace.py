@@ -1,0 +1,82 @@
+"""Scores have exact derivatives, and meet the gaussian ones."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gamm_samples import clustered
+from tripwatt_gamm import GAMM, Formula, RandomEffect, ScaledT, Smooth, Tensor
+from tripwatt_gamm.design import build_design
+from tripwatt_gamm.families import Theta
+from tripwatt_gamm.fit import NormalEquations, gaussian_score
+from tripwatt_gamm.laplace import LaplaceModel
+
+few = settings(max_examples=8, deadline=None)
+
+
+seeds = st.integers(0, 10_000)
+
+
+CURVE = Formula("y", (Smooth(("x",), "ps", 12), RandomEffect("g")))
+
+
+def central(score, x, h=1e-4):
+    """Gradient by central differences, and Hessian from the exact gradients."""
+    gradient, hessian = np.empty(len(x)), np.empty((len(x), len(x)))
+    for i in range(len(x)):
+        step = np.zeros(len(x))
+        step[i] = h
+        up, down = score(x + step), score(x - step)
+        gradient[i], hessian[i] = (up[0] - down[0]) / (2 * h), (up[1] - down[1]) / (2 * h)
+    return gradient, hessian
+
+
+@settings(max_examples=4, deadline=None)
+@given(seed=seeds)
+def test_scores_have_exact_gradients_and_hessians(seed):
+    frame = clustered(seed, n=160)
+    formula = Formula(
+        "y", (Smooth(("x",), "tp", 8), Tensor(("x", "z"), "cr", (4, 4), "te"), RandomEffect("g"))
+    )
+    design = build_design(Formula("y", formula.terms[1:]), frame)
+    rows, y = design.rows, frame["y"].to_numpy()
+    active = np.arange(design.p)
+    stack, _ = design.penalty_stack(active)
+    rng = np.random.default_rng(seed)
+    gram, cross = stack.rotate_both(rows.gram()), stack.rotate(rows.transpose(y))
+    normal = NormalEquations(gram, cross, float(y @ y), len(y))
+    rho = rng.uniform(-3, 4, stack.size)
+    for scale in (None, 0.3):
+
+        def score(x, scale=scale):
+            found = gaussian_score(normal, stack, x, scale)
+            return found.value, found.gradient, found.hessian
+
+        gradient, hessian = central(score, rho)
+        assert score(rho)[1] == pytest.approx(gradient, abs=1e-5)
+        assert score(rho)[2] == pytest.approx(hessian, abs=1e-5)
+    model = LaplaceModel(rows, y, stack, ScaledT(), gaussian_score(normal, stack, rho, None).beta)
+
+    def laplace(x):
+        return model.value(x[:-2], Theta(x[-2], x[-1], 3.0))
+
+    point = np.append(rho, [0.7, -0.8])
+    gradient, hessian = central(laplace, point)
+    assert laplace(point)[1] == pytest.approx(gradient, abs=1e-4)
+    assert laplace(point)[2] == pytest.approx(hessian, abs=1e-4)
+
+
+@few
+@given(seed=seeds)
+def test_many_degrees_of_freedom_meet_the_gaussian_fit(seed):
+    frame = clustered(seed, n=160)
+    normal = GAMM(CURVE, method="REML").fit(frame)
+    sigma = float(np.sqrt(normal.scale_))
+    # a scaled t has its smoothing parameters relative to the data, a gaussian relative to data over variance
+    sp = [value / sigma**2 for value in normal.smoothing_parameters_.values()]
+    for method in ("fREML", "REML"):
+        limit = GAMM(CURVE, ScaledT(nu=1e7, sigma=sigma), method, smoothing_parameters=sp).fit(frame)
+        assert limit.fitted_values_ == pytest.approx(normal.fitted_values_, abs=1e-4)
+        assert limit.edf_.sum() == pytest.approx(normal.edf_.sum(), rel=1e-4)
+    assert limit.reml_ == pytest.approx(normal.reml_, rel=1e-4)
