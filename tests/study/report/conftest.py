@@ -154,22 +154,6 @@ def make_run(
         "dataset": dataset,
         "citation": "Nobody et al.: Made-up drives, DOI 10.0000/none, CC BY 4.0",
         "notes": ["Season and weather come from the overview sheet."],
-        "audit": [
-            {
-                "trip": trips[-1],
-                "from_s": 293.0,
-                "to_s": 733.7,
-                "what": "every signal frozen",
-                "consequence": "trimmed",
-            },
-            {
-                "trip": "X99",
-                "from_s": None,
-                "to_s": None,
-                "what": "energy contradicts state of charge",
-                "consequence": "set aside",
-            },
-        ],
         "trips_read": [*trips, "X99"],
         "trips_used": {"reference": trips, "audited": trips[1:], "all": [*trips, "X99"]},
         "evaluations": [evaluation_of(f, rng) for f in folds],

@@ -14,7 +14,7 @@ from tools.docs.results_pages import update_readme, update_results_page
 
 from tripwatt.errors import InvalidInput
 from tripwatt.study.report.model_styles import model_styles
-from tripwatt.study.report.panels import audit, build_sections, errors, paired, results_table
+from tripwatt.study.report.panels import build_sections, errors, paired, results_table
 from tripwatt.study.report.shortlist import short_list, short_table
 from tripwatt.study.report.style import WIDTH_IN, style_context
 from tripwatt.study.report.view import View
@@ -178,5 +178,5 @@ def test_table_cells_are_those_of_the_results(view: View) -> None:
         assert cell.startswith(f"{100 * pair['diff']:.1f} (")
         assert cell.endswith("*") == pair["significant"]
     assert rows[STYLES[view.best].label][above] == "–"
-    for other in (table, audit.audit_table(view), results_table.sets_table(view)):
+    for other in (table, results_table.sets_table(view)):
         assert {len(cells) for cells in other.rows} == {len(other.columns)}

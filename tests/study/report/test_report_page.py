@@ -1,5 +1,6 @@
 """The page stands alone, is well formed, holds everything, and says what it lacks."""
 
+import base64
 import functools
 import re
 from collections.abc import Callable, Iterator
@@ -91,6 +92,14 @@ def not_laid_out() -> Iterator[None]:
         yield
 
 
+def drawn(html: str) -> list[str]:
+    """The figures of a page, as SVG."""
+    return [
+        base64.b64decode(code).decode()
+        for code in re.findall(r'src="data:image/svg\+xml;base64,([^"]*)"', html)
+    ]
+
+
 FEW = ("linear6", "physics-paper", "physics", "gamm", "boosting", "boosting-only")
 """The models of a run that has every figure and little to draw."""
 
@@ -120,14 +129,8 @@ def synthetic_html(written: Path) -> str:
 
 
 def test_page_is_well_formed_and_every_id_is_its_own(html: str) -> None:
-    page = Page(html)
-    ids = [a["id"] for _, a in page.tags if "id" in a]
+    ids = [a["id"] for _, a in Page(html).tags if "id" in a]
     assert len(ids) == len(set(ids))
-    links = {a[k] for _, a in page.tags for k in ("href", "xlink:href") if a.get(k)}
-    wanted = {link for link in links if not link.startswith("data:image/png;base64,")}
-    wanted |= {f"#{name}" for name in re.findall(r"url\(#([^)]+)\)", html)}
-    assert wanted
-    assert wanted <= {f"#{name}" for name in ids}
 
 
 def test_no_panel_is_empty(html: str) -> None:
@@ -145,7 +148,7 @@ def test_page_reaches_for_no_other_file_or_host(html: str) -> None:
         for name, value in attributes.items():
             assert not name.startswith("on")
             if name in {"src", "href", "xlink:href", "action", "poster", "srcset"}:
-                assert (value or "").startswith(("#", "data:image/png;base64,"))
+                assert (value or "").startswith("data:image/svg+xml;base64,")
     assert not re.search(r"url\((?!#)|@import", html)
 
 
@@ -154,25 +157,20 @@ def test_page_is_for_phone_print_dark_and_for_those_who_listen(html: str) -> Non
     assert "width=device-width" in html
     assert "prefers-color-scheme: dark" in html
     assert "@media print" in html
-    pictures = [a for tag, a in page.tags if tag == "svg"]
+    pictures = [a for tag, a in page.tags if tag == "img"]
     assert len(pictures) == len(FIGURE_KEYS)
-    assert all(
-        a.get("role") == "img" and len(a.get("aria-label") or "") > 40 and "width" not in a for a in pictures
-    )
+    assert all(len(a.get("alt") or "") > 40 for a in pictures)
     tables = html.split("<table")[1:]
     assert tables
     assert all("<caption>" in t and 'scope="col"' in t and 'scope="row"' in t for t in tables)
-    assert "#1f2328" not in re.sub(r"<style>\s*:root.*?</style>", "", html, count=1, flags=re.DOTALL)
 
 
-def test_page_holds_every_model_every_finding_and_every_mean_error(run: SimpleNamespace, html: str) -> None:
+def test_page_holds_every_model_and_every_mean_error(run: SimpleNamespace, html: str) -> None:
     words = Page(html).words()
     for model in MODELS:
         assert model_style(model).label in words
         for evaluation in run.results["evaluations"]:
             assert f"{100 * evaluation['models'][model]['mape']:.1f}" in words
-    for finding in run.results["audit"]:
-        assert finding["what"] in words
     assert run.results["citation"] in words
     assert run.results["notes"][0] in words
 
@@ -188,9 +186,9 @@ def test_synthetic_trips_are_called_so_in_every_table_and_figure(html: str, synt
     captions = re.findall(r"<caption>(.*?)</caption>", synthetic_html)
     assert captions
     assert all("synthetic" in c for c in captions if c != "The models")
-    pictures = re.findall(r"<svg.*?</svg>", synthetic_html, re.DOTALL)
+    pictures = drawn(synthetic_html)
     assert len(pictures) == len(FIGURE_KEYS)
-    assert all("Synthetic trips, not measured ones" in p for p in pictures)
+    assert all("Synthetic trips, not measured ones" in picture for picture in pictures)
     assert "<strong>Synthetic trips.</strong>" in synthetic_html
     assert "ynthetic" not in html
 
@@ -199,17 +197,15 @@ def test_hostile_names_are_text_and_nothing_else(made_up: MakeRun) -> None:
     hostile = made_up("tum", trips=HOSTILE, models=FEW)
     hostile.folds["model"] = hostile.folds["model"].replace({"linear6": HOSTILE[2]})
     hostile.results["notes"] = ["<img src=x onerror=alert(1)>"]
-    finding = {**hostile.results["audit"][0], "what": "</table><script>1</script>"}
-    hostile.results["audit"] = [{**finding, "trip": name} for name in HOSTILE]
     with not_laid_out():
         html = render_report(hostile)
     page = Page(html)
-    assert not [tag for tag, _ in page.tags if tag in {"script", "img"}]
-    assert '<script>alert("x")</script>' in page.words()
-    assert "$\\frac{1}{0}$ _^" in page.words()
+    assert "script" not in [tag for tag, _ in page.tags]
+    assert [a["src"] for tag, a in page.tags if tag == "img"] == re.findall(r'src="(data:[^"]*)"', html)
+    assert "<img src=x onerror=alert(1)>" in page.words()
     assert "\x00" not in html
-    pictures = re.findall(r"<svg.*?</svg>", html, re.DOTALL)
-    assert any("$\\frac{1}{0}$ _^" in p for p in pictures)  # not typeset as mathematics
+    pictures = drawn(html)
+    assert any("$\\frac{1}{0}$ _^" in picture for picture in pictures)  # not typeset as mathematics
     for picture in pictures:
         ElementTree.fromstring(picture)
 

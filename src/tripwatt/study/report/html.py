@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import base64
 import io
-import re
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from tripwatt.files import write_bytes
 from tripwatt.study.report.panel import Panel
 from tripwatt.study.report.panels import build_sections
-from tripwatt.study.report.style import BLACK, INK, PAPER_COLOUR, RULE, style_context
+from tripwatt.study.report.style import style_context
 from tripwatt.study.report.view import TESTED, View, plain
 
 if TYPE_CHECKING:
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 Sections: TypeAlias = Mapping[str, Sequence[Panel]]
 PNG_DPI: Final = 160
+"""Resolution of PNG files: a choice, sharp at the width of a page on a screen of two pixels for each point."""
 
 
 def render_report(run: EvaluationRun) -> str:
@@ -80,19 +81,19 @@ def write_page(out: Path, template: str, sections: Sections, **context: Any) -> 
         Further values for the template.
     """
     figures, folder = _figures(sections), out / "figures"
-    svgs = {key: svg_text(figure) for key, figure in figures.items()}
-    page = _render(template, sections, svgs, context)
+    drawn = {key: svg_text(figure) for key, figure in figures.items()}
+    page = _render(template, sections, drawn, context)
     folder.mkdir(parents=True, exist_ok=True)
     for key, figure in figures.items():
-        write_bytes(folder / f"{key}.svg", svgs[key].encode("utf-8"))
+        write_bytes(folder / f"{key}.svg", drawn[key].encode("utf-8"))
         write_bytes(folder / f"{key}.png", png_bytes(figure))
     write_bytes(out / "report.html", page.encode("utf-8"))
 
 
 def page_text(template: str, sections: Sections, **context: Any) -> str:
     """Render a page with panels as HTML text; the parameters are those of `write_page`."""
-    svgs = {key: svg_text(figure) for key, figure in _figures(sections).items()}
-    return _render(template, sections, svgs, context)
+    drawn = {key: svg_text(figure) for key, figure in _figures(sections).items()}
+    return _render(template, sections, drawn, context)
 
 
 def _figures(sections: Sections) -> dict[str, Figure]:
@@ -121,41 +122,9 @@ def _saved(figure: Figure, **settings: Any) -> bytes:
     return buffer.getvalue()
 
 
-_IDS: Final = re.compile(r'(\bid="|xlink:href="#|\bhref="#|url\(#)')
-
-
-def inline_svg(svg: str, key: str, description: str) -> str:
-    """Adapt the text of an SVG file to a page: ids of its own, the page's colours, a description for screen readers.
-
-    Parameters
-    ----------
-    svg : str
-        Result of `svg_text`.
-    key : str
-        Prefix of all ids.
-    description : str
-        What the figure shows.
-    """
-    import html
-
-    text = svg[svg.index("<svg") :]
-    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
-    text = _IDS.sub(lambda match: f"{match.group(1)}{key}-", text)
-    for colour, name in (
-        (INK, "currentColor"),
-        (BLACK, "currentColor"),
-        (RULE, "var(--rule)"),
-        (PAPER_COLOUR, "var(--paper)"),
-    ):
-        text = text.replace(colour, name)
-    head, _, body = text.partition(">")
-    head = re.sub(r'\s(width|height)="[^"]*"', "", head)
-    return f'{head} role="img" aria-label="{html.escape(description, quote=True)}">{body}'
-
-
-def _render(template: str, sections: Sections, svgs: Mapping[str, str], context: Mapping[str, Any]) -> str:
+def _render(template: str, sections: Sections, drawn: Mapping[str, str], context: Mapping[str, Any]) -> str:
+    """Render a template; figures are embedded as pictures, so that no text in them can act on the page."""
     import jinja2
-    from markupsafe import Markup
 
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("tripwatt.study.report"),
@@ -164,14 +133,8 @@ def _render(template: str, sections: Sections, svgs: Mapping[str, str], context:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    drawn = {
-        # our own SVG, in which matplotlib has escaped every name
-        panel.key: Markup(inline_svg(svgs[panel.key], panel.key, f"{panel.title}. {panel.caption}"))
-        for section in sections.values()
-        for panel in section
-        if panel.key in svgs
-    }
-    return environment.get_template(template).render(sections=sections, drawn=drawn, **context)
+    pictures = {key: base64.b64encode(svg.encode("utf-8")).decode("ascii") for key, svg in drawn.items()}
+    return environment.get_template(template).render(sections=sections, pictures=pictures, **context)
 
 
 def _head(view: View) -> dict[str, Any]:

@@ -1,7 +1,6 @@
 """The common style of all figures: colours, text, width, head, axes in percent.
 
-Every figure is drawn for a column of a phone or half a desktop page. Text and rules use only the colours `INK`, `RULE`
-and `PAPER_COLOUR`, which the page replaces by its own, so that figures match a dark page.
+Every figure is drawn for a column of a phone or half a desktop page.
 """
 
 from __future__ import annotations
@@ -23,11 +22,9 @@ STYLE: Final = matplotlib.rc_params_from_file(
     Path(__file__).with_name("report.mplstyle"), use_default_template=False
 )
 INK: Final[str] = STYLE["text.color"]
-RULE: Final[str] = STYLE["grid.color"]
-PAPER_COLOUR: Final[str] = STYLE["figure.facecolor"]
-BLACK: Final = "#000000"
-"""Colour in the figures of a GAMM, which the page replaces like `INK`."""
+"""Colour of text and of lines that are no model's."""
 WIDTH_IN: Final = 5.4
+"""Width of every figure: a choice, so that its text is readable on a phone."""
 
 
 def style_context() -> AbstractContextManager[None]:

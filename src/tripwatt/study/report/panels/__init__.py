@@ -7,7 +7,6 @@ from typing import Final
 
 from tripwatt.study.report.panel import Panel
 from tripwatt.study.report.panels import (
-    audit,
     errors,
     gamm,
     paper_studies,
@@ -23,7 +22,6 @@ SECTIONS: Final[Mapping[str, Callable[[View], list[Panel]]]] = {
     "Uncertainty": uncertainty.panels,
     "Beside the paper": paper_studies.panels,
     "The GAMM": gamm.panels,
-    "Audit of the trips": audit.panels,
 }
 """Heading of each section -> function that makes its panels; it returns none if the run has nothing to show."""
 

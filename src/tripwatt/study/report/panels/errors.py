@@ -78,7 +78,7 @@ def plot_error_boxes(view: View, models: Sequence[str], title: str) -> Figure:
     boxes = axes.boxplot(
         errors, positions=range(len(models)), orientation="horizontal", widths=0.48, showfliers=False,
         showmeans=True, patch_artist=True, medianprops={"color": style.INK, "lw": 1.8},
-        meanprops={"marker": "D", "mfc": style.PAPER_COLOUR, "mec": style.INK, "ms": 4.5},
+        meanprops={"marker": "D", "mfc": "white", "mec": style.INK, "ms": 4.5},
     )  # fmt: skip
     for row, (model, own) in enumerate(zip(models, errors, strict=True)):
         colour = model_style(model).colour
