@@ -1,12 +1,13 @@
 """The evaluation of a fleet holds out what it scores."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from tests.fleet.rows import made_rows
 
 from tripwatt.errors import InvalidInput
 from tripwatt.hybrid.groups import group_posterior
-from tripwatt.study.evaluation.fleets import LENGTHS, classes, evaluate_rows
+from tripwatt.study.evaluation.fleets import FleetEvaluation, evaluate_rows
 
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
 
@@ -52,7 +53,7 @@ def test_evaluation_holds_out_what_it_scores():
         "10 to 20 °C",
         "above 20 °C",
     }
-    assert set(again.table("length")["length"]) == {name for *_, name in LENGTHS}
+    assert set(again.table("length")["length"]) == {"below 10 km", "10 to 25 km", "above 25 km"}
     one = rows.where(rows.texts("vehicle_id") == "v00")
     with pytest.raises(InvalidInput, match="too few vehicles"):
         evaluate_rows(one)
@@ -66,5 +67,8 @@ def test_intervals_cover_their_share_of_new_vehicles():
 
 
 def test_classes_have_a_lower_bound_inside_and_an_upper_outside():
-    names = classes(np.array([0.0, 9999.9, 10e3, 25e3, np.nan]), LENGTHS).tolist()
-    assert names == ["below 10 km", "below 10 km", "10 to 25 km", "above 25 km", "unknown"]
+    trips = pd.DataFrame({"distance_m": [0.0, 9999.9, 10e3, 25e3, np.nan], "protocol": "later trips"})
+    trips = trips.assign(observed_wh=1.0, predicted_wh=1.0, low_wh=1.0, high_wh=1.0)
+    table = FleetEvaluation(trips, pd.DataFrame()).table("length")
+    counts = dict(zip(table["length"], table["trips"], strict=True))
+    assert counts == {"below 10 km": 2, "10 to 25 km": 1, "above 25 km": 1, "unknown": 1}

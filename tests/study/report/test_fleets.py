@@ -21,10 +21,10 @@ from tripwatt.hybrid.groups import fit_scales, group_posterior
 from tripwatt.study.evaluation.fleets import FleetEvaluation
 from tripwatt.study.report.fleets import (
     ManagerReport,
+    describe_routes,
     evaluation_page,
     needs_table,
     routes_table,
-    said_of_routes,
 )
 from tripwatt.trips import Departure
 
@@ -181,12 +181,12 @@ def test_routes_name_the_cars_that_can_drive_them():
         ("b", "large", "–", "60"),
         ("c", "none", "–", "–"),
     )
-    said = said_of_routes(routes, 0.95, Cold(-7.4, "2025-01-06", 4, (("2025-01-13", -9.2, 3),)))
+    said = describe_routes(routes, 0.95, Cold(-7.4, "2025-01-06", 4, (("2025-01-13", -9.2, 3),)))
     assert said.startswith(
         "In the coldest week so far with 4 trips or more, from 2025-01-06 at −7 °C, a full"
     )
     assert said.endswith("Colder weeks with fewer trips do not count: 2025-01-13 (−9 °C, 3 trips).")
-    given = said_of_routes(routes, 0.95, Cold(-15.0))
+    given = describe_routes(routes, 0.95, Cold(-15.0))
     assert given.startswith("At −15 °C, a full battery")
     assert "week" not in given
     assert (

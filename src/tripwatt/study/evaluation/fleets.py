@@ -6,9 +6,8 @@ fitted to the training part for the split by time, and to all trips for the othe
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import pandas as pd
@@ -24,23 +23,25 @@ from tripwatt.learners.folds import leave_one_out
 from tripwatt.uncertainty import ConformalScores
 
 NEWEST_SHARE: Final = 0.2
+"""Share of the trips that the split by time scores: a choice, as usual for such a split."""
 VEHICLE_FOLDS: Final = 10
+"""Parts of the vehicles that are left out in turn: a choice, as usual for cross-validation."""
 OWN_TRIPS: Final = (0, 1, 3, 10, 30)
+"""Numbers of own trips with which a vehicle is forecast: a choice, about even steps of the logarithm."""
 
-PROTOCOLS: Final = ("later trips", "new vehicles", "new car models")
-
-TEMPERATURES: Final = (
-    (-np.inf, 0.0, "below 0 °C"),
-    (0.0, 10.0, "0 to 10 °C"),
-    (10.0, 20.0, "10 to 20 °C"),
-    (20.0, np.inf, "above 20 °C"),
-)
-LENGTHS: Final = ((0.0, 10e3, "below 10 km"), (10e3, 25e3, "10 to 25 km"), (25e3, np.inf, "above 25 km"))
 CLASSES: Final = {
-    "temperature": ("ambient_temperature_degc", TEMPERATURES),
-    "length": ("distance_m", LENGTHS),
+    "temperature": (
+        "ambient_temperature_degc",
+        (-np.inf, 0.0, 10.0, 20.0, np.inf),
+        ("below 0 °C", "0 to 10 °C", "10 to 20 °C", "above 20 °C"),
+    ),
+    "length": (
+        "distance_m",
+        (0.0, 10e3, 25e3, np.inf),
+        ("below 10 km", "10 to 25 km", "above 25 km"),
+    ),
 }
-"""Name of a classification of trips -> column and bounds."""
+"""Name of a classification of trips -> column, edges and names of its classes; a class has its lower edge."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,25 +67,12 @@ class FleetEvaluation:
         error = (trips["predicted_wh"] - observed).abs() / observed.abs()
         frame = trips.assign(error=error, inside=observed.between(trips["low_wh"], trips["high_wh"]))
         if by in CLASSES:
-            column, bounds = CLASSES[by]
-            frame[by] = classes(frame[column].to_numpy(), bounds)
+            column, edges, names = CLASSES[by]
+            found = pd.cut(frame[column], edges, right=False, labels=names)
+            frame[by] = found.astype(object).fillna("unknown")
         grouped = frame.groupby(["protocol", by], sort=True)
         means = {name: (name, "mean") for name in ("error", "inside")}
         return grouped.agg(trips=("error", "size"), **means).reset_index()
-
-
-def classes(values: FloatArray, bounds: Sequence[tuple[float, float, str]]) -> Any:
-    """Return the name of the class of each value; "unknown" for NaN.
-
-    Examples
-    --------
-    >>> classes(np.array([-1.0, 10.0, np.nan]), TEMPERATURES).tolist()
-    ['below 0 °C', '10 to 20 °C', 'unknown']
-    """
-    names = np.full(len(values), "unknown", dtype=object)
-    for low, high, name in bounds:
-        names[(values >= low) & (values < high)] = name
-    return names
 
 
 def evaluate_rows(rows: TripRows, scales: Scales | None = None) -> FleetEvaluation:
@@ -101,30 +89,28 @@ def evaluate_rows(rows: TripRows, scales: Scales | None = None) -> FleetEvaluati
     InvalidInput
         If there are fewer than two vehicles.
     """
-    vehicles = sorted(set(rows.texts("vehicle_id").tolist()))
+    vehicles, vehicle = np.unique(rows.texts("vehicle_id").astype(str), return_inverse=True)
     if len(vehicles) < 2:
         raise InvalidInput.of("too few vehicles", "fleet", f"{len(vehicles)}", "at least 2")
-    whole = rows.sums
-    scales = scales or fit_scales(whole, START)
-    code = np.searchsorted(vehicles, rows.texts("vehicle_id"))
-    fold = np.random.default_rng(0).permutation(len(vehicles))[code] % VEHICLE_FOLDS
-    models = rows.texts("car_model")
-    parts = [_later(rows, fold), _left_out(rows, whole, scales, fold, fold, "new vehicles")]
-    names, model_code = np.unique(models.astype(str), return_inverse=True)
+    all_trips = rows.sums
+    scales = scales or fit_scales(all_trips, START)
+    fold = np.random.default_rng(0).permutation(len(vehicles))[vehicle] % VEHICLE_FOLDS
+    parts = [_later(rows, fold), _left_out(rows, all_trips, scales, fold, fold, "new vehicles")]
+    names, car_model = np.unique(rows.texts("car_model").astype(str), return_inverse=True)
     if len(names) > 1:
-        parts.append(_left_out(rows, whole, scales, model_code, fold, "new car models"))
+        parts.append(_left_out(rows, all_trips, scales, car_model, fold, "new car models"))
     held_out = pd.concat([part for part in parts if part is not None], ignore_index=True)
-    return FleetEvaluation(held_out, own_trips(rows, whole, scales))
+    return FleetEvaluation(held_out, own_trips(rows, all_trips, scales))
 
 
 def _later(rows: TripRows, fold: IntArray) -> pd.DataFrame | None:
     """Forecast the newest fifth of the trips from all others; returns None if start times are too few or too much alike."""
     started = pd.to_datetime(pd.Series(rows.texts("started_at")), errors="coerce").to_numpy()
-    known = ~np.isnat(started)
-    if known.sum() < 10:
+    dated = ~np.isnat(started)
+    if dated.sum() < 10:  # fewer trips have no fifth worth a score
         return None
-    cut = np.sort(started[known])[int((1.0 - NEWEST_SHARE) * known.sum())]
-    late = known & (started >= cut)
+    cut = np.sort(started[dated])[int((1.0 - NEWEST_SHARE) * dated.sum())]
+    late = dated & (started >= cut)
     if not late.any() or late.all():
         return None
     train = rows.where(~late).sums
@@ -135,12 +121,13 @@ def _later(rows: TripRows, fold: IntArray) -> pd.DataFrame | None:
 
 
 def _left_out(
-    rows: TripRows, whole: Sums, scales: Scales, part: IntArray, fold: IntArray, protocol: str
+    rows: TripRows, all_trips: Sums, scales: Scales, part: IntArray, fold: IntArray, protocol: str
 ) -> pd.DataFrame:
+    """Forecast the trips of each part from all others."""
     energy, sd = np.zeros(len(rows)), np.zeros(len(rows))
     for split in leave_one_out(part):
         test = rows.take(split.test)
-        posterior = group_posterior(_nonempty(whole - test.sums), scales)
+        posterior = group_posterior(_nonempty(all_trips - test.sums), scales)
         energy[split.test], sd[split.test] = with_errors(posterior, test)
     return _frame(rows, energy, sd, fold, protocol)
 
@@ -156,8 +143,8 @@ def _frame(rows: TripRows, energy: FloatArray, sd: FloatArray, fold: IntArray, p
     score = np.abs(observed - energy) / sd
     factor = np.zeros(len(rows))
     for split in leave_one_out(fold):
-        known = score[split.train] if len(split.train) else score
-        factor[split.test] = ConformalScores.from_errors(known.tolist()).factor(LEVEL)
+        calibration = score[split.train] if len(split.train) else score
+        factor[split.test] = ConformalScores.from_errors(calibration.tolist()).factor(LEVEL)
     return pd.DataFrame(
         {
             "protocol": protocol,
@@ -171,7 +158,7 @@ def _frame(rows: TripRows, energy: FloatArray, sd: FloatArray, fold: IntArray, p
     )
 
 
-def own_trips(rows: TripRows, whole: Sums, scales: Scales, max_vehicles: int = 60) -> pd.DataFrame:
+def own_trips(rows: TripRows, all_trips: Sums, scales: Scales, max_vehicles: int = 60) -> pd.DataFrame:
     """Tabulate errors by the number of own trips, for models of the fleet with them, of the own trips alone, and of the fleet without them.
 
     The earliest trips of each vehicle are its known own trips; up to 10 trips after the largest number of them are
@@ -180,7 +167,7 @@ def own_trips(rows: TripRows, whole: Sums, scales: Scales, max_vehicles: int = 6
     Parameters
     ----------
     rows : TripRows
-    whole : Sums
+    all_trips : Sums
         Sums of all rows.
     scales : Scales
     max_vehicles : int
@@ -197,7 +184,7 @@ def own_trips(rows: TripRows, whole: Sums, scales: Scales, max_vehicles: int = 6
         if not fitting:
             continue
         test = rows.take(index[max(fitting) : max(fitting) + 10])
-        others = _nonempty(whole - rows.take(index).sums)
+        others = _nonempty(all_trips - rows.take(index).sums)
         for k in fitting:
             known = rows.take(index[:k]).sums
             errors[k].append(

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -262,84 +260,75 @@ def reliability(chance: FloatArray, happened: BoolArray, seed: int) -> list[dict
     return rows
 
 
-@dataclass(frozen=True, slots=True)
-class Stratum:
-    """Trips that have something in common.
-
-    Attributes
-    ----------
-    by : str
-        What the trips are divided by.
-    name : str
-    members : ndarray of bool, shape (trips,)
-    """
-
-    by: str
-    name: str
-    members: BoolArray
-
-
-NET_DESCENT_M: Final = -10.0
-COLD_BATTERY_DEGC: Final = 5.0
-HOT_BATTERY_DEGC: Final = 28.0
+STRATA: Final[Mapping[str, tuple[str, tuple[float, ...], tuple[str, ...]]]] = {
+    "road": ("net_climb_m", (-10.0,), ("net descent of more than 10 m", "no net descent")),
+    # the warmest class begins above 28 °C, the others at their lower edge
+    "battery": (
+        "battery_temperature_degc",
+        (5.0, float(np.nextafter(28.0, 29.0))),
+        ("below 5 °C", "5 to 28 °C", "above 28 °C"),
+    ),
+    "ambient": (
+        "ambient_temperature_degc",
+        (5.0, 15.0, 25.0),
+        ("below 5 °C", "5 to 15 °C", "15 to 25 °C", "25 °C or more"),
+    ),
+    "length": ("km", (10.0, 20.0, 40.0), ("below 10 km", "10 to 20 km", "20 to 40 km", "40 km or more")),
+    "mean speed": ("km_h", (30.0, 50.0), ("below 30 km/h", "30 to 50 km/h", "50 km/h or more")),
+}
+"""What trips are divided by -> column, inner edges and names of the classes: a choice, so that each class has some trips of
+the reference data."""
 
 
-def strata_of(trips: pd.DataFrame) -> list[Stratum]:
-    """Divide trips into strata by what is known at departure; empty strata are left out.
+def strata_of(trips: pd.DataFrame) -> dict[tuple[str, str], BoolArray]:
+    """Divide trips into strata by what is known at departure.
 
     Parameters
     ----------
     trips : DataFrame
         `net_climb_m, battery_temperature_degc, ambient_temperature_degc, distance_m, duration_s, driver`; NaN or
         None if unknown.
+
+    Returns
+    -------
+    dict
+        What the trips are divided by and name of the stratum -> mask of the trips; empty strata are left out.
     """
-    battery = trips["battery_temperature_degc"].to_numpy(dtype=float)
-    climb = trips["net_climb_m"].to_numpy(dtype=float)
-    km = trips["distance_m"].to_numpy(dtype=float) / 1000.0
-    strata = [
-        Stratum("road", "net descent of more than 10 m", climb < NET_DESCENT_M),
-        Stratum("road", "no net descent", climb >= NET_DESCENT_M),
-        Stratum("battery", "below 5 °C", battery < COLD_BATTERY_DEGC),
-        Stratum("battery", "5 to 28 °C", (battery >= COLD_BATTERY_DEGC) & (battery <= HOT_BATTERY_DEGC)),
-        Stratum("battery", "above 28 °C", battery > HOT_BATTERY_DEGC),
-        *_bins("ambient", trips["ambient_temperature_degc"].to_numpy(dtype=float), (5, 15, 25), "°C"),
-        *_bins("length", km, (10, 20, 40), "km"),
-        *_bins("mean speed", km / (trips["duration_s"].to_numpy(dtype=float) / 3600.0), (30, 50), "km/h"),
-    ]
-    drivers = sorted({d for d in trips["driver"] if isinstance(d, str)})
-    strata += [Stratum("driver", d, (trips["driver"] == d).to_numpy(dtype=bool)) for d in drivers]
-    return [s for s in strata if s.members.any()]
-
-
-def _bins(by: str, values: FloatArray, edges: Sequence[float], unit: str) -> list[Stratum]:
-    """Divide trips by `edges`: below the first, between neighbouring edges, and from the last on."""
-    bounds = [-np.inf, *edges, np.inf]
-    between = [f"{a} to {b}" for a, b in itertools.pairwise(edges)]
-    names = [f"below {edges[0]} {unit}", *(f"{n} {unit}" for n in between), f"{edges[-1]} {unit} or more"]
-    return [
-        Stratum(by, name, (values >= low) & (values < high))
-        for name, (low, high) in zip(names, itertools.pairwise(bounds), strict=True)
-    ]
+    hours = trips["duration_s"].astype(float) / 3600.0
+    frame = trips.assign(km=trips["distance_m"].astype(float) / 1000.0)
+    frame = frame.assign(km_h=frame["km"] / hours)
+    classes: dict[str, pd.Series[Any]] = {
+        by: pd.cut(frame[column].astype(float), [-np.inf, *edges, np.inf], right=False, labels=names)
+        for by, (column, edges, names) in STRATA.items()
+    }
+    classes["driver"] = trips["driver"].astype("category")
+    return {
+        (by, name): (of_trips == name).to_numpy(dtype=bool)
+        for by, of_trips in classes.items()
+        for name in of_trips.cat.categories
+        if (of_trips == name).any()
+    }
 
 
 def strata_scores(
-    strata: Sequence[Stratum],
+    strata: Mapping[tuple[str, str], BoolArray],
     ape: FloatArray,
     ape_data: FloatArray | None,
     seed: int,
     days: Sequence[str] | None = None,
 ) -> list[dict[str, Any]]:
-    """Return the mean APE of hybrid and data-only model by stratum, and their paired difference; an interval if there are several trips."""
+    """Return the mean APE of hybrid and data-only model by stratum, and their paired difference.
+
+    The difference has an interval if there are several trips.
+    """
     rows = []
-    for stratum in strata:
-        own = ape[stratum.members]
-        row: dict[str, Any] = {"by": stratum.by, "stratum": stratum.name, "n_trips": len(own)}
-        row[FORECAST] = float(own.mean())
+    for (by, name), members in strata.items():
+        row: dict[str, Any] = {"by": by, "stratum": name, "n_trips": int(members.sum())}
+        row[FORECAST] = float(ape[members].mean())
         if ape_data is not None:
-            other = ape_data[stratum.members]
-            its = None if days is None else np.array(days)[stratum.members].tolist()
-            difference = paired_difference(own, other, seed, its)
-            row |= {WITHOUT_PHYSICS: float(other.mean()), "diff": difference.diff}
-            row["diff_ci95"] = difference.ci95 if len(own) > 1 else None
+            days_of_members = None if days is None else np.array(days)[members].tolist()
+            difference = paired_difference(ape[members], ape_data[members], seed, days_of_members)
+            row |= {WITHOUT_PHYSICS: float(ape_data[members].mean()), "diff": difference.diff}
+            row["diff_ci95"] = difference.ci95 if row["n_trips"] > 1 else None
         rows.append(row)
     return rows

@@ -5,8 +5,9 @@ from __future__ import annotations
 import datetime as dt
 import json
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -33,36 +34,26 @@ CLASSES: Final = {
     "length": "length of the trip",
 }
 MIN_TRIPS: Final = 10
-"""Smallest number of trips of a vehicle whose share inside the intervals is shown."""
-
-
-def csv_of(table: pd.DataFrame) -> str:
-    """Write a table as CSV, with times in ISO 8601 and their offset."""
-    times = table.columns.intersection(["departs_at", "arrives_at"])
-    texts = {name: table[name].map(lambda time: time.isoformat(timespec="seconds")) for name in times}
-    return table.assign(**texts).to_csv(index=False)
+"""Smallest number of trips of a vehicle whose share inside the intervals is shown: a choice, since with fewer trips chance
+alone gives 70 or 100 %."""
 
 
 def evaluation_page(title: str, evaluation: FleetEvaluation, rows: TripRows) -> str:
     """Render the page on the accuracy of a fleet's forecasts, as one HTML file without scripts."""
     tables = (
         *(accuracy_table(evaluation, by) for by in CLASSES),
-        own_table(evaluation),
-        inside_table(evaluation),
+        _own_trips_table(evaluation),
+        _coverage_table(evaluation),
     )
     facts = {"Trips": len(rows), "Vehicles": len(set(rows.texts("vehicle_id").tolist()))}
-    said = said_of_errors(evaluation)
-    panel = Panel("accuracy", "Accuracy on held-out trips", said, tables=tables)
+    errors = (evaluation.trips["predicted_wh"] / evaluation.trips["observed_wh"] - 1.0).abs()
+    means = errors.groupby(evaluation.trips["protocol"]).mean()
+    listed = ", ".join(f"{100.0 * mean:.1f} % on {name}" for name, mean in means.items())
+    caption = f"Mean error of the linear model: {listed}."
+    panel = Panel("accuracy", "Accuracy on held-out trips", caption, tables=tables)
     return page_text(
         "fleet.html.jinja", {"": [panel]}, title=title, facts=facts.items(), files=(), foot=_ERROR
     )
-
-
-def said_of_errors(evaluation: FleetEvaluation) -> str:
-    """Return a sentence with the mean error of each set of held-out trips."""
-    errors = (evaluation.trips["predicted_wh"] / evaluation.trips["observed_wh"] - 1.0).abs()
-    means = errors.groupby(evaluation.trips["protocol"]).mean()
-    return f"Mean error of the linear model: {', '.join(f'{100.0 * mean:.1f} % on {name}' for name, mean in means.items())}."
 
 
 def accuracy_table(evaluation: FleetEvaluation, by: str) -> Table:
@@ -78,7 +69,7 @@ def accuracy_table(evaluation: FleetEvaluation, by: str) -> Table:
     )
 
 
-def own_table(evaluation: FleetEvaluation) -> Table:
+def _own_trips_table(evaluation: FleetEvaluation) -> Table:
     """Tabulate the mean error by the number of the vehicle's own trips in the fit."""
     return tabulated(
         "Mean error by number of own trips",
@@ -91,18 +82,15 @@ def own_table(evaluation: FleetEvaluation) -> Table:
     )
 
 
-def inside_table(evaluation: FleetEvaluation) -> Table:
+def _coverage_table(evaluation: FleetEvaluation) -> Table:
     """Tabulate how much the share of trips inside the interval differs between vehicles."""
     table = evaluation.table("vehicle_id")
-
-    def spread() -> Iterator[dict[str, Any]]:
-        for protocol, shares in table[table["trips"] >= MIN_TRIPS].groupby("protocol")["inside"]:
-            low, middle, high = shares.quantile([0.1, 0.5, 0.9])
-            yield {"protocol": protocol, "n": len(shares), "low": low, "middle": middle, "high": high}
-
+    shares = table[table["trips"] >= MIN_TRIPS].groupby("protocol")["inside"]
+    tenth, nine_tenths = (lambda s: s.quantile(0.1)), (lambda s: s.quantile(0.9))
+    spread = shares.agg(n="size", low=tenth, middle="median", high=nine_tenths)
     return tabulated(
         f"Trips inside the 90 % interval, by vehicle with {MIN_TRIPS} trips or more",
-        spread(),
+        spread.reset_index().to_dict("records"),
         Column("trips forecast", "protocol"),
         Column("vehicles", "n", digits=0),
         in_percent("lowest tenth [%]", "low", 0),
@@ -167,26 +155,32 @@ class ManagerReport:
         coldest_degc : float, optional
             Outside temperature instead of that of the coldest week [°C].
         """
-        asked = {"quantile": quantile, "reserve": reserve}
+        settings = {"quantile": quantile, "reserve": reserve}
         vehicles, changed = deviations(model.posterior, rows), changes(model.posterior, rows)
         cold = nights.coldest_week(rows) if coldest_degc is None else nights.Cold(coldest_degc)
-        report = cls("Fleet report", quantile, changed, vehicles, cold=cold, about=about)
-        if drivers:
-            compared = deviations(model.posterior, rows, drivers=True)
-            report = replace(report, drivers=compared if len(compared) else None)
+        compared = deviations(model.posterior, rows, drivers=True) if drivers else None
+        needs, routes = None, None
+        refused: list[Fault] = []
         if planned:
-            refused: list[Fault] = []
-            needs = nights.needs_by_hour(
-                after_changes(model, rows, changed), planned, **asked, refused=refused
-            )
-            said = said_of_need(changed)
-            more = needs["vehicle_id"].map(lambda car: said.get(car, ""))
-            needs["reasons"] = (needs["reasons"].fillna("") + "; " + more).str.strip("; ")
-            report = replace(report, needs=needs, refused=tuple(refused))
+            since_changes = after_changes(model, rows, changed)
+            needs = nights.needs_by_hour(since_changes, planned, **settings, refused=refused)
+            reasons = said_of_need(changed)
+            of_changes = needs["vehicle_id"].map(lambda car: reasons.get(car, ""))
+            needs["reasons"] = (needs["reasons"].fillna("") + "; " + of_changes).str.strip("; ")
         if planned and cold is not None:
-            routes = nights.needs_by_car(model, planned, cold.ambient_temperature_degc, **asked)
-            report = replace(report, routes=routes)
-        return report
+            routes = nights.needs_by_car(model, planned, cold.ambient_temperature_degc, **settings)
+        return cls(
+            title="Fleet report",
+            quantile=quantile,
+            changes=changed,
+            vehicles=vehicles,
+            drivers=None if compared is None or compared.empty else compared,
+            needs=needs,
+            routes=routes,
+            cold=cold,
+            refused=tuple(refused),
+            about=about,
+        )
 
     @property
     def tables(self) -> dict[str, pd.DataFrame]:
@@ -199,37 +193,37 @@ class ManagerReport:
         if self.needs is None:
             return []
         rows = zip(self.needs["vehicle_id"], self.needs["reasons"], strict=True)
-        whats = ((car, what) for car, reasons in rows for what in reasons.split("; ") if what)
-        told = alike((what, car, 1, f"{car}: {what}") for car, what in whats)
-        kinds = (f"{kind.example} (departures: {kind.count} of {len(self.needs)})" for kind in told)
-        left = (f"left out: {fault}" for fault in self.refused)
-        return [*left, *(re.sub(r"(?<!\S)-(?=\d)", "−", kind) for kind in kinds)]
+        reasons = ((car, reason) for car, listed in rows for reason in listed.split("; ") if reason)
+        kinds = alike((reason, car, 1, f"{car}: {reason}") for car, reason in reasons)
+        notes = (f"{kind.example} (departures: {kind.count} of {len(self.needs)})" for kind in kinds)
+        left_out = (f"left out: {fault}" for fault in self.refused)
+        return [*left_out, *(re.sub(r"(?<!\S)-(?=\d)", "−", note) for note in notes)]
 
     def page(self) -> str:
         """Render the report as one HTML file without scripts."""
         counts = {"Trips": self.vehicles["trips"].sum(), "Vehicles": len(self.vehicles)}
         facts = {**counts, "That changed": self.changes["vehicle_id"].nunique(), **self.about}
-        there = {*self.tables, *(("emhass", "evcc") if self.needs is not None else ())}
-        more = {"files": [n for n in REPORT_FILES if n.partition(".")[0] in there], "foot": _CHANGE}
-        return page_text(
-            "fleet.html.jinja", {"": [*self.panels()]}, title=self.title, facts=facts.items(), **more
-        )
+        names = {*self.tables, *(("emhass", "evcc") if self.needs is not None else ())}
+        context = {"files": [n for n in REPORT_FILES if n.partition(".")[0] in names], "foot": _CHANGE}
+        sections = {"": [*self.panels()]}
+        return page_text("fleet.html.jinja", sections, title=self.title, facts=facts.items(), **context)
 
     def panels(self) -> Iterator[Panel]:
         """Yield the panels of changes, needs, routes, vehicles and drivers; all but the first only if there is a table."""
-        tables: tuple[Table, ...] = (changes_table(self.changes),) if len(self.changes) else ()
-        said = said_of_changes(self.changes, len(self.vehicles))
-        yield Panel("changes", "Vehicles that changed", said, tables=tables)
+        tables: tuple[Table, ...] = (_changes_table(self.changes),) if len(self.changes) else ()
+        caption = _describe_changes(self.changes, len(self.vehicles))
+        yield Panel("changes", "Vehicles that changed", caption, tables=tables)
         if self.needs is not None:
-            said, needs = said_of_needs(self.needs, self.quantile), needs_table(self.needs, self.quantile)
             notes = Table("What the needs assume and their limits", ("note",), tuple(zip(self.notes)))
-            yield Panel("needs", "What the planned trips need", said, tables=(needs, notes))
+            tables = needs_table(self.needs, self.quantile), notes
+            caption = _describe_needs(self.needs, self.quantile)
+            yield Panel("needs", "What the planned trips need", caption, tables=tables)
         if self.routes is not None and self.cold is not None:
-            said = said_of_routes(self.routes, self.quantile, self.cold)
-            yield Panel("routes", "Cars for the planned routes", said, tables=(routes_table(self.routes),))
+            caption = describe_routes(self.routes, self.quantile, self.cold)
+            yield Panel("routes", "Cars for the planned routes", caption, tables=(routes_table(self.routes),))
         for key, title in (("vehicles", "Vehicles beside others"), ("drivers", "Drivers beside others")):
             if key in self.tables:
-                shares = shares_table(self.tables[key], key[:-1])
+                shares = _shares_table(self.tables[key], key[:-1])
                 yield Panel(key, title, _SHARES[key], tables=(shares,), folded=True)
 
     def write(self, folder: Path, at: dt.datetime, charger_w: float) -> dict[str, Any]:
@@ -242,7 +236,7 @@ class ManagerReport:
         document["refused"] = [fault.texts for fault in self.refused]
         document["coldest_week"] = self.cold and self.cold._asdict()
         document |= {name: nights.records(table) for name, table in self.tables.items()}
-        texts = {f"{name}.csv": csv_of(table) for name, table in self.tables.items()}
+        texts = {f"{name}.csv": _csv_text(table) for name, table in self.tables.items()}
         if self.needs is not None:
             document |= nights.night_document(self.needs, at, charger_w)
             lines = "".join(f"{path}\n" for path in document["evcc"])
@@ -254,6 +248,13 @@ class ManagerReport:
         for name, text in texts.items():
             write_text(folder / name, text)
         return document
+
+
+def _csv_text(table: pd.DataFrame) -> str:
+    """Write a table as CSV, with times in ISO 8601 and their offset."""
+    times = table.columns.intersection(["departs_at", "arrives_at"])
+    texts = {name: table[name].map(lambda time: time.isoformat(timespec="seconds")) for name in times}
+    return table.assign(**texts).to_csv(index=False)
 
 
 _ERROR: Final = (
@@ -268,13 +269,12 @@ _SHARES: Final = {
     "vehicles": "Energy beyond that of the car model on the usual trip of the car model, with one standard deviation.",
     "drivers": "Energy beyond that of the vehicle's drivers together on the usual trip of the car model, with one standard deviation.",
 }
-NONE_CHANGED: Final = f"No vehicle changed by {percent(MIN_CHANGE, 0)} or more beyond chance."
 
 
-def said_of_changes(changed: pd.DataFrame, vehicles: int) -> str:
+def _describe_changes(changed: pd.DataFrame, vehicles: int) -> str:
     """Say how many vehicles changed, and by which causes."""
     if not len(changed):
-        return NONE_CHANGED
+        return f"No vehicle changed by {percent(MIN_CHANGE, 0)} or more beyond chance."
     causes = ", ".join(f"{n} by {cause}" for cause, n in changed["cause"].value_counts().items())
     return (
         f"{changed['vehicle_id'].nunique()} of {vehicles} vehicles: {causes}. A change of the consumption is a share of it; one of the battery is a "
@@ -282,7 +282,7 @@ def said_of_changes(changed: pd.DataFrame, vehicles: int) -> str:
     )
 
 
-def changes_table(changed: pd.DataFrame) -> Table:
+def _changes_table(changed: pd.DataFrame) -> Table:
     """Tabulate the changes, one row for each."""
     return tabulated(
         "Every change, the largest first",
@@ -292,18 +292,19 @@ def changes_table(changed: pd.DataFrame) -> Table:
         in_words("since", "since"),
         in_words("earliest", "from_day"),
         in_words("latest", "to_day"),
-        Column("more [%]", _more("change")),
+        Column("more [%]", partial(_with_sd, "change")),
         Column("trips before", "before", digits=0),
         Column("after", "after", digits=0),
         in_words("car model", "car_model"),
     )
 
 
-def _more(name: str) -> Callable[[Mapping[str, Any]], str]:
-    return lambda row: f"{100.0 * row[name]:+.1f}\u00a0±\u00a0{100.0 * row['sd']:.1f}".replace("-", "−")
+def _with_sd(name: str, row: Mapping[str, Any]) -> str:
+    """Format a signed fraction of a row in percent, with its standard deviation."""
+    return f"{100.0 * row[name]:+.1f}\u00a0±\u00a0{100.0 * row['sd']:.1f}".replace("-", "−")
 
 
-def said_of_needs(needs: pd.DataFrame, quantile: float) -> str:
+def _describe_needs(needs: pd.DataFrame, quantile: float) -> str:
     """Say how much energy the planned trips need, and how much has to be charged."""
     kwh = needs[["energy_quantile_wh", "charge_wh"]].sum() / 1000.0
     full = int((needs["soc_needed"] > 1.0).groupby(needs["vehicle_id"]).any().sum())
@@ -334,16 +335,17 @@ def needs_table(needs: pd.DataFrame, quantile: float) -> Table:
     )
 
 
-def said_of_routes(routes: pd.DataFrame, quantile: float, cold: nights.Cold) -> str:
+def describe_routes(routes: pd.DataFrame, quantile: float, cold: nights.Cold) -> str:
     """Say how many routes all car models can drive, how many only some, and how many none."""
-    able = (routes.iloc[:, 1:] <= 1.0).mean(axis=1)
-    every, none = int((able == 1.0).sum()), int((able == 0.0).sum())
+    share = (routes.iloc[:, 1:] <= 1.0).mean(axis=1)  # of the car models that can drive a route
+    by_all, by_none = int((share == 1.0).sum()), int((share == 0.0).sum())
     at = f"at {number(cold.ambient_temperature_degc, 1.0, 0)} °C"
-    week = f"In the coldest week so far with {cold.min_trips} trips or more, from {cold.monday} {at}"
+    week = f"in the coldest week so far with {cold.min_trips} trips or more, from {cold.monday} {at}"
+    when = at if cold.monday is None else week
     colder = ", ".join(f"{day} ({number(degc, 1.0, 0)} °C, {n} trips)" for day, degc, n in cold.colder)
     return (
-        f"{f'A{at[1:]}' if cold.monday is None else week}, a full battery of every car model suffices for {every} of "
-        f"{len(able)} routes with {percent(quantile, 0)}; {len(able) - every - none} more with some of the car models, {none} with none of them. "
+        f"{when[0].upper()}{when[1:]}, a full battery of every car model suffices for {by_all} of {len(share)} routes with "
+        f"{percent(quantile, 0)}; {len(share) - by_all - by_none} more with some of the car models, {by_none} with none of them. "
         "The columns have the displayed charge [%] that suffices with each car model, whichever vehicle it is; a dash is more than a full battery."
         + (f" Colder weeks with fewer trips do not count: {colder}." if colder else "")
     )
@@ -353,18 +355,18 @@ def routes_table(routes: pd.DataFrame) -> Table:
     """Tabulate the charge that suffices: one row for each route, one column for each car model."""
     cars = [f"{car}" for car in routes.columns[1:]]
 
-    def able(row: Mapping[str, Any]) -> str:
+    def suitable(row: Mapping[str, Any]) -> str:
         names = [car for car in cars if row[car] <= 1.0]
         return "all" if len(names) == len(cars) else ", ".join(names) or "none"
 
-    def within(car: str) -> Column:
+    def charge_column(car: str) -> Column:
         return in_percent(car, lambda row: row[car] if row[car] <= 1.0 else None, 0)
 
-    columns = Column("route", "trip"), in_words("car models", able), *map(within, cars)
+    columns = Column("route", "trip"), in_words("car models", suitable), *map(charge_column, cars)
     return tabulated("Charge that suffices", routes.to_dict("records"), *columns)
 
 
-def shares_table(table: pd.DataFrame, key: str) -> Table:
+def _shares_table(table: pd.DataFrame, key: str) -> Table:
     """Tabulate the deviations, one row for each vehicle or driver."""
     return tabulated(
         f"Every {key}, by deviation",
@@ -372,6 +374,6 @@ def shares_table(table: pd.DataFrame, key: str) -> Table:
         Column(key, "driver" if key == "driver" else "vehicle_id"),
         in_words("car model", "car_model"),
         Column("trips", "trips", digits=0),
-        Column("more [%]", _more("share")),
+        Column("more [%]", partial(_with_sd, "share")),
         *(in_percent(f"{part.replace('_', ' ')} [%]", part) for part in PARTS),
     )
