@@ -39,7 +39,7 @@ from tripwatt.population.prior import Population, population
 from tripwatt.routes.free_flow import TravelTimeFactors, free_flow_links
 from tripwatt.routes.links import LinkRoute
 from tripwatt.sources import read_logs
-from tripwatt.study.evaluation.cars import CarTrips, others_of
+from tripwatt.study.evaluation.cars import CarTrips, population_without
 from tripwatt.study.evaluation.forecast_scores import LEVELS, coverage_by_level
 from tripwatt.study.evaluation.metrics import absolute_percentage_error, bootstrap_interval, summarise_errors
 from tripwatt.trips import Plan, Trip
@@ -123,7 +123,7 @@ def evaluate_before(
     described: list[dict[str, Any]] = []
     tables: list[pd.DataFrame] = []
     for car in scored:
-        known, made = _Car.of(car, others_of(cars, car, rest)), list[dict[str, Forecast]]()
+        known, made = _Car.of(car, population_without(cars, car, rest)), list[dict[str, Forecast]]()
         for k in range(len(car.trips)):
             apart = [i for i, trip in enumerate(car.trips) if fold(trip) != fold(car.trips[k])]
             made.append(known.forecasts(k, apart))

@@ -39,7 +39,7 @@ from tripwatt.sources import read_logs
 from tripwatt.study.evaluation.cars import CarTrips, evaluate_cars
 from tripwatt.study.report.cars import cars_panels, curves_table, factors_table, means_table, time_table
 from tripwatt.study.report.html import png_bytes
-from tripwatt.study.report.tables import Column, tabulated
+from tripwatt.study.report.tables import Column, make_table
 from tripwatt.trips import Departure, Plan, Trip, TripSet
 from tripwatt.vehicles import RoadLoad, Vehicle, load_vehicle
 from tripwatt.vehicles.without import without_data
@@ -191,7 +191,7 @@ def publish(results: dict[str, Any]) -> None:
     pages.renew(page, "cars", "\n\n".join(map(markdown, tables)))
     stages = [*stage_rows(DATA / "sedan" / "lab"), *quarter_rows(cars())]
     columns = [Column(name.capitalize(), attrgetter(name)) for name in ("name", "figure", "note")]
-    table = tabulated("The sedan on the dynamometer, and sets by speed: published values", stages, *columns)
+    table = make_table("The sedan on the dynamometer, and sets by speed: published values", stages, *columns)
     pages.renew(page, "dynamometer", markdown(table))
 
 

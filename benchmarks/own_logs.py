@@ -19,8 +19,8 @@ import tripwatt as tw
 from benchmarks.cars import cars
 from tripwatt.population.adapting import in_order
 from tripwatt.study.evaluation import Execution
-from tripwatt.study.report.intervals import OFF
-from tripwatt.study.report.tables import Column, in_words, number, tabulated
+from tripwatt.study.report.intervals import SIGNIFICANT_MARK
+from tripwatt.study.report.tables import Column, in_words, make_table, number
 from tripwatt.study.report.words import listed
 from tripwatt.trips import Trip
 from tripwatt.vehicles import Vehicle
@@ -70,7 +70,7 @@ def shown(every: Sequence[dict[str, Any]], blocks: int) -> str:
     columns = (
         in_words("Car", "car"),
         in_words("Level", "level"),
-        Column("Inside", lambda row: row["inside"] + OFF * bool(row["off"])),
+        Column("Inside", lambda row: row["inside"] + SIGNIFICANT_MARK * bool(row["off"])),
         Column("Clopper-Pearson 95 % [%]", "ci95"),
         Column("Mean width [kWh]", "width"),
         Column("Width needed [kWh]", "needed"),
@@ -81,7 +81,7 @@ def shown(every: Sequence[dict[str, Any]], blocks: int) -> str:
         off = [f"{row['car']}, {row['level']} ({row['inside']})" for row in every if row["off"] == kind]
         said += [f"Significantly too {kind} trips (Clopper-Pearson, 95 %): {listed(off)}."] if off else []
     verdict = " ".join(said) or "No share differs significantly from its level (Clopper-Pearson, 95 %)."
-    return f"{markdown(tabulated(caption, every, *columns))}\n\n{verdict}"
+    return f"{markdown(make_table(caption, every, *columns))}\n\n{verdict}"
 
 
 def main(blocks: int = 3, write: bool = False) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from tools.docs.tables import markdown
-from tripwatt.study.report.tables import Column, Table, in_percent, number, span, tabulated
+from tripwatt.study.report.tables import Column, Table, in_percent, make_table, number, span
 
 Record = Mapping[str, Any]
 
@@ -67,7 +67,7 @@ def errors_table(results: Record) -> Table:
         for car in results["cars"]
         for name, row in car["known"].items()
     ]
-    return tabulated(
+    return make_table(
         "Energy and duration by what is known of a trip",
         rows,
         Column("Known", "label"),
@@ -99,7 +99,7 @@ def chances_table(results: Record) -> Table:
         for name, row in car["known"].items()
         for chance in row["arrival"]
     ]
-    return tabulated(
+    return make_table(
         "Chance to arrive: trips that leave with the energy for it",
         rows,
         Column("Known", "label"),
@@ -115,7 +115,7 @@ def split_table(results: Record) -> Table:
     rows = [
         {"label": f"{car['car']}: {row['part']}", **row} for car in results["cars"] for row in car["split"]
     ]
-    return tabulated(
+    return make_table(
         "The error before departure by cause; means and shares add up",
         rows,
         Column("Part", "label"),
@@ -131,7 +131,7 @@ def transfer_table(results: Record) -> Table:
     for row in results["travel_times"]:
         by_set.setdefault(row["learned"], {"learned": row["learned"]})[row["scored"]] = row["mape"]
     columns = [in_percent(f"Trips of {name} [%]", name) for name in by_set]
-    return tabulated(
+    return make_table(
         "Mean error of the duration by where the travel times were learned; a set by itself: each trip from the others",
         by_set.values(),
         Column("Learned from", "learned"),

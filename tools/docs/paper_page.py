@@ -18,9 +18,9 @@ from tripwatt.study.paper.correctors import SIMULATION
 from tripwatt.study.report.covariates import term_in_words
 from tripwatt.study.report.panels import paper_studies
 from tripwatt.study.report.panels.results_table import results_table
-from tripwatt.study.report.tables import DASH, Column, Table, in_percent, number, tabulated
+from tripwatt.study.report.tables import DASH, Column, Table, in_percent, make_table, number
 from tripwatt.study.report.view import Record, View
-from tripwatt.study.report.words import label, listed, percent, points
+from tripwatt.study.report.words import listed, model_label, percent, points
 
 Cars = Mapping[str, Any]
 
@@ -185,11 +185,11 @@ def _trips(view: View, cars: Cars) -> str:
         "than the data-driven model, the crossing says little of a good model without physics."
     )
     image = "![Mean error against the number of training trips](../images/paper-trips-needed.png)"
-    table = tabulated(
+    table = make_table(
         "Mean error [%]",
         study["curve"],
         Column("Training trips", "n_trips", digits=0),
-        *(in_percent(label(name), name) for name in CURVE_MODELS),
+        *(in_percent(model_label(name), name) for name in CURVE_MODELS),
     )
     return "\n\n".join([text, image, markdown(table)])
 
@@ -285,7 +285,7 @@ _EQUATIONS = """\
 
 def _longest_agrees(view: View) -> str:
     longest = max(paper_studies.CORRECTORS, key=lambda name: float(view.scores[name]["fit_s"]))
-    return "confirmed" if longest == PAPER_LONGEST else f"not so here: {label(longest)}"
+    return "confirmed" if longest == PAPER_LONGEST else f"not so here: {model_label(longest)}"
 
 
 ELEMENTS: Final = (
@@ -355,7 +355,7 @@ ELEMENTS: Final = (
         "figures-5-to-7",
         "Figures 5, 6 and 7: error distributions of GAMM, forest and boosting",
         "one figure with every model",
-        lambda view: "; ".join(f"{label(n)} {_beside(view, n)}" for n in paper_studies.CORRECTORS),
+        lambda view: "; ".join(f"{model_label(n)} {_beside(view, n)}" for n in paper_studies.CORRECTORS),
         _image("error-distribution", "Distribution of the errors of every model over the held-out trips"),
     ),
     Element(
@@ -370,7 +370,7 @@ ELEMENTS: Final = (
         "Table 3: average errors",
         "the main table of the protocol",
         lambda view: "; ".join(
-            f"{label(n)} {_beside(view, n)}" for n in (SIMULATION, *paper_studies.CORRECTORS)
+            f"{model_label(n)} {_beside(view, n)}" for n in (SIMULATION, *paper_studies.CORRECTORS)
         ),
         _table3,
     ),

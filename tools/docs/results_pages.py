@@ -17,8 +17,8 @@ from tools.docs.tables import markdown, on_names
 from tripwatt.errors import InvalidInput
 from tripwatt.files import write_bytes
 from tripwatt.study.evaluation import DEFAULT_PROTOCOL
-from tripwatt.study.report.intervals import NOTE, OFF
-from tripwatt.study.report.panels.paired import SIGNIFICANT, difference_column
+from tripwatt.study.report.intervals import NEEDED_WIDTH_NOTE, SIGNIFICANT_MARK
+from tripwatt.study.report.panels.paired import SIGNIFICANCE_NOTE, difference_column
 from tripwatt.study.report.panels.results_table import results_table, sets_table
 from tripwatt.study.report.panels.uncertainty import coverage_by_set, scored_sets, updates_table
 from tripwatt.study.report.shortlist import short_table
@@ -45,7 +45,7 @@ def render_short(results: Mapping[str, Any]) -> str:
 
 
 def _significant() -> str:
-    return SIGNIFICANT.replace("*", r"\*")
+    return SIGNIFICANCE_NOTE.replace("*", r"\*")
 
 
 def render_paper(results: Mapping[str, Any]) -> str:
@@ -76,7 +76,7 @@ def render_forecast(results: Mapping[str, Any]) -> str:
         markdown(results_table(view)),
         markdown(updates_table(view)),
         markdown(coverage_by_set(view)),
-        f"\\{OFF} differs significantly from the level. {NOTE}",
+        f"\\{SIGNIFICANT_MARK} differs significantly from the level. {NEEDED_WIDTH_NOTE}",
         markdown(sets_table(view)),
     ]
     return "\n\n".join([*parts, _origin(results)])

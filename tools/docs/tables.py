@@ -7,7 +7,7 @@ from typing import Final
 
 from tripwatt.study.report.tables import Table
 from tripwatt.study.report.view import View
-from tripwatt.study.report.words import label
+from tripwatt.study.report.words import model_label
 
 SHARED: Final = ("boosting-only", "linear4", "linear6")
 """Models of both protocols that take something else in each."""
@@ -21,7 +21,7 @@ DIFFERS: Final[Mapping[str, str]] = {
 
 def on_names(view: View) -> str:
     """Which models of the run share their name with another model, and how they differ; empty where none does."""
-    names = [label(name) for name in SHARED if name in view.scores]
+    names = [model_label(name) for name in SHARED if name in view.scores]
     differs = DIFFERS.get(view.protocol.name)
     return f"*{'*, *'.join(names)}*: {differs}." if names and differs else ""
 

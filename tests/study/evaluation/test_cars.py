@@ -64,8 +64,8 @@ def test_nothing_of_the_scored_data_set_takes_part(cars) -> None:
         replace(car, trips=tuple(louder(trip, 7.0) for trip in car.trips)) if car.dataset == "two" else car
         for car in cars
     ]
-    quiet, strange = (protocol.others_of(every, scored, rest) for every in (cars, loud))
-    alone = protocol.others_of(cars[:1], scored, rest)
+    quiet, strange = (protocol.population_without(every, scored, rest) for every in (cars, loud))
+    alone = protocol.population_without(cars[:1], scored, rest)
     vehicle = scored.vehicle
     expected = alone.experts(vehicle).collapsed()
     for others in (quiet, strange):
@@ -76,7 +76,7 @@ def test_nothing_of_the_scored_data_set_takes_part(cars) -> None:
 
 def test_a_car_of_the_same_model_takes_no_part(cars) -> None:
     sibling = replace(cars[0], name="d", dataset="three")
-    others = protocol.others_of([*cars, sibling], cars[0], population().without({"one"}))
+    others = protocol.population_without([*cars, sibling], cars[0], population().without({"one"}))
     assert "d" not in [source.vehicle for source in others.sources]
     assert cars[0].vehicle.name not in [source.car_model for source in others.sources]
 

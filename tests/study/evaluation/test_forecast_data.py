@@ -12,7 +12,7 @@ from tripwatt.hybrid import SegmentTable
 from tripwatt.hybrid.segments import SEGMENT_S
 from tripwatt.study.evaluation.forecast_data import (
     _data_features,
-    _distinct,
+    _with_distinct_ids,
     at_departure_only,
     measured_log,
 )
@@ -75,7 +75,7 @@ def test_only_the_departure_is_left_of_a_trip() -> None:
 
 def test_trips_of_one_name_get_marks() -> None:
     trips = [dataclasses.replace(log_of([0.0, 1.0]), trip_id=name) for name in ("a", "a", "b", "a")]
-    assert [t.trip_id for t in _distinct(trips)] == ["a", "a'", "b", "a''"]
+    assert [t.trip_id for t in _with_distinct_ids(trips)] == ["a", "a'", "b", "a''"]
 
 
 class TestData:

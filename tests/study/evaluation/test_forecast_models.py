@@ -152,7 +152,7 @@ def test_the_fold_of_a_forecast_is_held_out(monkeypatch) -> None:
 
     nothing = np.full((2, 3), NO), np.full((2, 13), NO)
     monkeypatch.setattr(forecast_models, "ForecastModel", Model)
-    monkeypatch.setattr(held_out_forecasts, "arrivals_of", lambda model, plan: nothing)
+    monkeypatch.setattr(held_out_forecasts, "forecast_arrivals", lambda model, plan: nothing)
     monkeypatch.setattr(
         ForecastData,
         "identified",

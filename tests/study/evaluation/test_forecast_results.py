@@ -11,8 +11,8 @@ from tripwatt.learners.folds import Split
 from tripwatt.study.evaluation import forecast_results
 from tripwatt.study.evaluation.comparison import Comparison
 from tripwatt.study.evaluation.forecast_results import (
-    about_trips,
     add_crps_of_points,
+    departure_table,
     forecast_frame,
     forecast_scores,
     learning_curve,
@@ -22,7 +22,7 @@ from tripwatt.study.evaluation.forecast_scores import (
     FORECAST,
     WITHOUT_PHYSICS,
 )
-from tripwatt.study.evaluation.held_out_forecasts import HeldOutForecast, of_each
+from tripwatt.study.evaluation.held_out_forecasts import HeldOutForecast, stack_attribute
 from tripwatt.study.evaluation.tasks import FoldResult
 from tripwatt.trips import Context, Departure, Plan
 
@@ -109,7 +109,7 @@ class TestResults:
         ]
         trips = [SimpleNamespace(context=Context(driver=name)) for name in ("x", None)]
         own = SimpleNamespace(plans=plans, table=SimpleNamespace(trips=trips))
-        rows = about_trips(own, np.array([1, 0]))
+        rows = departure_table(own, np.array([1, 0]))
         assert rows["trip"].tolist() == ["b", "a"]
         assert rows["net_climb_m"].tolist() == pytest.approx([NO, -5.0], nan_ok=True)
         assert rows["battery_temperature_degc"].tolist() == pytest.approx([NO, 4.0], nan_ok=True)
@@ -133,7 +133,7 @@ class TestResults:
             for name, given in seen.items()
         }
         rows = {
-            name: of_each(own, name).tolist()
+            name: stack_attribute(own, name).tolist()
             for name in ("shown", "arrival", "arrival_chance", "sd_wh", "factors", "updates_wh")
         }
         low, high = ([[c + k for c in range(first, first + 4)] for k in (0, 1)] for first in (1, 5))
@@ -147,7 +147,7 @@ class TestResults:
         errors = {FORECAST: np.array([0.1, 0.2]), WITHOUT_PHYSICS: np.array([0.3, 0.4])}
         monkeypatch.setattr(forecast_results, "strata_of", lambda about: "kinds")
         monkeypatch.setattr(forecast_results, "strata_scores", lambda *given: [given])
-        monkeypatch.setattr(forecast_results, "about_trips", lambda data, members: None)
+        monkeypatch.setattr(forecast_results, "departure_table", lambda data, members: None)
 
         def strata_with(*names):
             specs = [SimpleNamespace(name=name) for name in names]

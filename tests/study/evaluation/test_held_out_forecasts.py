@@ -11,7 +11,7 @@ from tripwatt.study.evaluation.forecast_scores import (
     LEVELS,
     UPDATES,
 )
-from tripwatt.study.evaluation.held_out_forecasts import HeldOutForecast, arrivals_of, reforecast
+from tripwatt.study.evaluation.held_out_forecasts import HeldOutForecast, forecast_arrivals, reforecast
 from tripwatt.trips import Departure, Plan
 
 
@@ -45,7 +45,7 @@ class TestReforecast:
 
 
 def test_what_is_kept_of_a_forecast(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(held_out_forecasts, "arrivals_of", lambda model, plan: ("bounds", "chances"))
+    monkeypatch.setattr(held_out_forecasts, "forecast_arrivals", lambda model, plan: ("bounds", "chances"))
     log = driven_log(displayed_soc=[0.8, 0.7, 0.6, 0.5, 0.45, NO])
     kept = HeldOutForecast.from_forecast(None, "plan", Told(), log)
     assert kept.factors == pytest.approx(4.0 * (np.arange(100) + 0.5) / 100, **EXACT)
@@ -71,7 +71,7 @@ def test_arrivals_from_each_charge() -> None:
 
     samples = pd.DataFrame({"time_s": [0.0, 1.0], "speed_m_s": 1.0})
     (both, chance), (one, none) = (
-        arrivals_of(Model(), Plan.from_trace(name, samples, departure))
+        forecast_arrivals(Model(), Plan.from_trace(name, samples, departure))
         for name, departure in (("a", Departure(soc=0.8, bms_soc=0.7)), ("b", Departure(bms_soc=0.6)))
     )
     assert seen == [(0.8, None), (None, 0.7), (None, 0.6)]

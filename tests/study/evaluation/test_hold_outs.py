@@ -10,9 +10,9 @@ from tripwatt.learners.folds import Split, leave_one_out
 from tripwatt.study.evaluation.hold_outs import (
     LEAVE_ONE_TRIP_OUT,
     HoldOut,
-    days_of,
+    number_days,
     random_draws,
-    splits_of,
+    split_trips,
 )
 
 
@@ -48,7 +48,7 @@ def test_any_splitter_serves() -> None:
     trips = [SimpleNamespace(context=SimpleNamespace(day=None))] * 7
     splitters = {"KFold": KFold(3, shuffle=True, random_state=1), "Gap": Gap()}
     found = {
-        name: HoldOut(name, "all", range(7), None, splits_of(name, splitter, trips, np.ones(7)))
+        name: HoldOut(name, "all", range(7), None, split_trips(name, splitter, trips, np.ones(7)))
         for name, splitter in splitters.items()
     }
     assert [split.number for split in found["KFold"].splits] == [0, 1, 2]
@@ -80,6 +80,6 @@ def test_days_need_a_date_of_each_trip_and_three_of_them() -> None:
     def trips(*days: str | None) -> list:
         return [SimpleNamespace(context=SimpleNamespace(day=day)) for day in days]
 
-    assert days_of(trips("b", "a", "c", "a")).tolist() == [1, 0, 2, 0]
-    assert days_of(trips("b", "a", "b")) is None
-    assert days_of(trips("b", "a", None, "c")) is None
+    assert number_days(trips("b", "a", "c", "a")).tolist() == [1, 0, 2, 0]
+    assert number_days(trips("b", "a", "b")) is None
+    assert number_days(trips("b", "a", None, "c")) is None

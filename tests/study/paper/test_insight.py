@@ -28,7 +28,7 @@ def table() -> TripTable:
 def test_gamm_is_kept_with_its_numbers(table: TripTable) -> None:
     found = insight(table, GAMM)
     assert found is not None
-    assert found.summary.n == len(found.diagnosis.qq.residual)
+    assert found.summary.n == len(found.diagnosis.residual)
     assert found.row_step_s == 60.0
     (trips,) = (e for e in found.effects.values() if isinstance(e, RandomEffects))
     assert set(trips.level) == set(table.trip_ids)

@@ -15,7 +15,7 @@ from tools.docs.results_pages import update_readme, update_results_page
 from tripwatt.errors import InvalidInput
 from tripwatt.study.report.model_styles import model_styles
 from tripwatt.study.report.panels import build_sections, errors, paired, results_table
-from tripwatt.study.report.shortlist import short_list, short_table
+from tripwatt.study.report.shortlist import short_table, short_table_models
 from tripwatt.study.report.style import WIDTH_IN, style_context
 from tripwatt.study.report.view import View
 
@@ -99,7 +99,7 @@ def test_no_text_of_a_figure_leaves_it_or_covers_its_neighbour(view: View, run: 
 def test_the_short_table_has_five_models_with_their_titles(run: SimpleNamespace) -> None:
     view = View(run.results)
     table = short_table(view)
-    for name, row in zip(short_list(view), table.rows, strict=True):
+    for name, row in zip(short_table_models(view), table.rows, strict=True):
         score = view.main["models"][name]
         low, high = score["mape_ci95"]
         assert row[0] == STYLES[name].label
@@ -112,7 +112,7 @@ def test_the_short_table_has_five_models_with_their_titles(run: SimpleNamespace)
 def test_short_table_is_the_best_of_each_kind_and_holds_the_best_of_all(made_up: MakeRun) -> None:
     view = View(made_up("tum", trips=["a", "b", "c", "d", "e"]).results)
     models = view.main["models"]
-    names = short_list(view)
+    names = short_table_models(view)
     kinds = [STYLES[m].kind for m in names]
     assert names[0] == "constant"
     assert kinds == ["constant", "baseline", "physics", "data", "hybrid"]
@@ -121,7 +121,7 @@ def test_short_table_is_the_best_of_each_kind_and_holds_the_best_of_all(made_up:
         assert models[name]["mape"] == min(models[m]["mape"] for m in rivals)
     assert min(m["mape"] for m in models.values()) == min(models[m]["mape"] for m in names)
     few = {**view.main, "models": {m: models[m] for m in ("linear4", "linear6", "physics")}}
-    assert short_list(View({"evaluations": [few]})) == ["linear4", "linear6", "physics"]
+    assert short_table_models(View({"evaluations": [few]})) == ["linear4", "linear6", "physics"]
 
 
 @pytest.mark.parametrize(
@@ -142,7 +142,7 @@ def test_a_page_holds_the_results_and_keeps_the_rest(
     assert once.endswith(f"\n<!-- {marker}:end -->\ntail\n")
     assert "\nold\n" not in once
     view = View(results)
-    shown = MODELS if protocol == "paper" else short_list(view)
+    shown = MODELS if protocol == "paper" else short_table_models(view)
     assert all(f"{100 * view.main['models'][m]['mape']:.1f}" in once for m in shown)
 
 

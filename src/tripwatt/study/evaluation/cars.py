@@ -140,14 +140,14 @@ def evaluate_cars(
     )
     raise_faults(
         Fault("value out of range", name, f"{got}", allowed)
-        for name, got, allowed, right in checks
-        if not right
+        for name, got, allowed, valid in checks
+        if not valid
     )
     given = {car.dataset for car in cars}
     described, rows = [], []
     for number, car in enumerate(cars):
-        others = others_of(cars, car, population().without(given))
-        about, table = _score(car, others, sorted({*trips}), draws, seed, own_model)
+        population_of_others = population_without(cars, car, population().without(given))
+        about, table = _score(car, population_of_others, sorted({*trips}), draws, seed, own_model)
         described.append(about)
         rows.append(table)
         if progress is not None:
@@ -182,22 +182,22 @@ def read_cars(path: Path) -> list[CarTrips]:
     return [car for some in cars for car in some]
 
 
-def _cars_of(name: str, about: Mapping[str, str], place: Path) -> Iterator[CarTrips]:
+def _cars_of(name: str, about: Mapping[str, str], folder: Path) -> Iterator[CarTrips]:
     mapping: Path | str | None = about.get("mapping")
-    if mapping is not None and (place / mapping).is_file():
-        mapping = place / mapping
+    if mapping is not None and (folder / mapping).is_file():
+        mapping = folder / mapping
     car = about["vehicle"]
-    vehicle = load_vehicle(place / car if car.endswith(".toml") else car)
+    vehicle = load_vehicle(folder / car if car.endswith(".toml") else car)
     dataset = about.get("dataset", "table" if mapping is not None else "tum")
-    fleet = read_logs(place / about["logs"], dataset, mapping)
-    judged, known_as = audit(fleet), name if dataset == "table" else fleet.name
-    sound = [trip for trip in judged.trips if trip.observed_energy_wh is not None]
+    fleet = read_logs(folder / about["logs"], dataset, mapping)
+    audited, audit_name = audit(fleet), name if dataset == "table" else fleet.name
+    sound = [trip for trip in audited.trips if trip.observed_energy_wh is not None]
     if not sound:
-        raise InvalidInput.of("no sound trips", f"[{name}]", f"{judged}", "at least 1 with measured energy")
+        raise InvalidInput.of("no sound trips", f"[{name}]", f"{audited}", "at least 1 with measured energy")
     ids = sorted({trip.context.car or "" for trip in sound})
-    for own in ids:
-        trips = tuple(trip for trip in sound if (trip.context.car or "") == own)
-        yield CarTrips(f"{name}-{own}" if len(ids) > 1 else name, known_as, vehicle, trips)
+    for vehicle_id in ids:
+        trips = tuple(trip for trip in sound if (trip.context.car or "") == vehicle_id)
+        yield CarTrips(f"{name}-{vehicle_id}" if len(ids) > 1 else name, audit_name, vehicle, trips)
 
 
 def _file_faults(document: Mapping[str, Any], where: str) -> Iterator[Fault]:
@@ -226,20 +226,20 @@ def evidence_of(car: CarTrips, dataset: str) -> tuple[Vehicle, TripEvidence, Seg
     return vehicle, TripEvidence.from_table(table, vehicle), table
 
 
-def others_of(cars: Sequence[CarTrips], scored: CarTrips, rest: Population) -> Population:
+def population_without(cars: Sequence[CarTrips], scored: CarTrips, rest: Population) -> Population:
     """Build the population of all cars whose model and data set differ from the scored one's.
 
     They are simulated without values from the scored car's data set; `rest` is the population to add.
     """
-    known = [
+    evidence = [
         (car.source(), evidence_of(car, scored.dataset)[1])
         for car in cars
         if car.dataset != scored.dataset and car.vehicle.name != scored.vehicle.name
     ]
-    own = Population.from_evidence(known)
+    population_of_cars = Population.from_evidence(evidence)
     kept = [i for i, (model, _) in enumerate(rest.sums.groups) if model != scored.vehicle.name]
     sources = tuple(source for source in rest.sources if source.car_model != scored.vehicle.name)
-    return Population(own.sums + rest.sums.take(kept), (*own.sources, *sources))
+    return Population(population_of_cars.sums + rest.sums.take(kept), (*population_of_cars.sources, *sources))
 
 
 def _score(
@@ -249,25 +249,27 @@ def _score(
     base = load_model()
     observed = evidence.observed_wh
     published = without_data(car.vehicle, car.dataset)
-    new = others.experts(published)
+    experts = others.experts(published)
     learners: dict[str, Learner] = {
-        "population": partial(_learned, new),
-        "constant": partial(_constant, lengths={trip.trip_id: trip.distance_m for trip in car.trips}),
-        "one factor": _one_factor,
-        "by cause": _by_cause,
+        "population": partial(_population_residuals, experts),
+        "constant": partial(
+            _constant_residuals, lengths={trip.trip_id: trip.distance_m for trip in car.trips}
+        ),
+        "one factor": _one_factor_residuals,
+        "by cause": _by_cause_residuals,
     }
     curves = {
         name: _curve(learner, evidence, trips, draws, seed, needs_trips=name != "population")
         for name, learner in learners.items()
     }
-    zero, order = _in_time(car, base, published, others)
-    mean, _ = new.predict(evidence)
+    without_trips, in_time = _in_time(car, base, published, others)
+    mean, _ = experts.predict(evidence)
     error = evidence.residual_wh - mean
     # score everything on the second half, also what is not fitted to the first half
     second = np.arange(len(evidence) // 2 if len(evidence) >= FEW else 0, len(evidence))
     total = np.append(evidence.factors_wh.sum(axis=0), 0.0)
-    common = total @ new.collapsed()[1] @ total
-    spread = np.sqrt(common + float((new.noise_scale * evidence.usual_wh2 + evidence.measured_wh2).sum()))
+    common = total @ experts.collapsed()[1] @ total
+    spread = np.sqrt(common + float((experts.noise_scale * evidence.usual_wh2 + evidence.measured_wh2).sum()))
     about: dict[str, Any] = {
         "car": car.name,
         "dataset": car.dataset,
@@ -281,19 +283,21 @@ def _score(
         "mean_error_over_sd": float(error.sum() / spread),
         "curves": curves,
         "in_time": [
-            {"from": start, **_scores(order.iloc[start:])}
+            {"from": start, **_scores(in_time.iloc[start:])}
             for start in FROM
-            if start + MIN_SCORED <= len(order)
+            if start + MIN_SCORED <= len(in_time)
         ],
-        "without_trips": _scores(zero),
+        "without_trips": _scores(without_trips),
     }
     if own_model and len(evidence) >= FEW:
         about["own_model"] = _own_model(vehicle, table)
     if car.lab is not None:
-        known, _ = new.learn(car.lab(vehicle))
-        left = evidence.residual_wh - known.on_the_road().predict(evidence)[0]
-        about["lab_to_road"] = _error(left[second], observed[second])
-    frame = order.assign(car=car.name).join(zero[["forecast_wh", "low_wh", "high_wh"]].add_prefix("zero_"))
+        learned, _ = experts.learn(car.lab(vehicle))
+        residual = evidence.residual_wh - learned.on_the_road().predict(evidence)[0]
+        about["lab_to_road"] = _error(residual[second], observed[second])
+    frame = in_time.assign(car=car.name).join(
+        without_trips[["forecast_wh", "low_wh", "high_wh"]].add_prefix("zero_")
+    )
     return about, frame
 
 
@@ -318,10 +322,14 @@ def _curve(
 
     def scores(k: int, splits: Iterable[Split]) -> dict[str, Any]:
         def fit(known: IntArray) -> Callable[[IntArray], dict[str, float]]:
-            return lambda scored: _drawn(learner, evidence.take(known), evidence.take(scored))
+            return lambda scored: _draw_error(learner, evidence.take(known), evidence.take(scored))
 
-        found = [score for _, score in held_out(splits, fit)]
-        return {"k": k, "draws": len(found), **(_means(found) if k < half else found[0])}
+        scored_draws = [score for _, score in held_out(splits, fit)]
+        return {
+            "k": k,
+            "draws": len(scored_draws),
+            **(_mean_over_draws(scored_draws) if k < half else scored_draws[0]),
+        }
 
     rows = [
         scores(k, _draws(n, half, k, draws if k else 1, seed))
@@ -341,11 +349,11 @@ def _draws(n: int, half: int, k: int, draws: int, seed: int) -> Iterator[Split]:
         yield Split(draw, known, np.arange(half, n) if half < n else np.delete(np.arange(n), known), draw)
 
 
-def _drawn(learner: Learner, known: TripEvidence, asked: TripEvidence) -> dict[str, float]:
-    return _error(asked.residual_wh - learner(known, asked), asked.observed_wh)
+def _draw_error(learner: Learner, train: TripEvidence, test: TripEvidence) -> dict[str, float]:
+    return _error(test.residual_wh - learner(train, test), test.observed_wh)
 
 
-def _means(scores: Sequence[Mapping[str, float]]) -> dict[str, Any]:
+def _mean_over_draws(scores: Sequence[Mapping[str, float]]) -> dict[str, Any]:
     errors = [score["error"] for score in scores]
     return {
         "error": float(np.mean(errors)),
@@ -354,29 +362,29 @@ def _means(scores: Sequence[Mapping[str, float]]) -> dict[str, Any]:
     }
 
 
-def _learned(new: Experts, known: TripEvidence, asked: TripEvidence) -> FloatArray:
-    return new.learn(known)[0].predict(asked)[0]
+def _population_residuals(experts: Experts, train: TripEvidence, test: TripEvidence) -> FloatArray:
+    return experts.learn(train)[0].predict(test)[0]
 
 
-def _constant(known: TripEvidence, asked: TripEvidence, lengths: Mapping[str, float]) -> FloatArray:
+def _constant_residuals(train: TripEvidence, test: TripEvidence, lengths: Mapping[str, float]) -> FloatArray:
     """Residuals of a forecast with one energy per metre, fitted to the known trips."""
-    rate = known.observed_wh.sum() / sum(lengths[name] for name in known.trip_ids)
-    simulated = asked.observed_wh - asked.residual_wh
-    return np.array([rate * lengths[name] for name in asked.trip_ids]) - simulated
+    rate = train.observed_wh.sum() / sum(lengths[name] for name in train.trip_ids)
+    simulated = test.observed_wh - test.residual_wh
+    return np.array([rate * lengths[name] for name in test.trip_ids]) - simulated
 
 
-def _one_factor(known: TripEvidence, asked: TripEvidence) -> FloatArray:
+def _one_factor_residuals(train: TripEvidence, test: TripEvidence) -> FloatArray:
     """Residuals of a forecast with one factor on the simulated energy, fitted to the known trips."""
-    simulated = known.factors_wh[:, 0] / SDS[0]
-    factor = known.observed_wh.sum() / simulated.sum()
-    return np.asarray((factor - 1.0) * asked.factors_wh[:, 0] / SDS[0])
+    simulated = train.factors_wh[:, 0] / SDS[0]
+    factor = train.observed_wh.sum() / simulated.sum()
+    return np.asarray((factor - 1.0) * test.factors_wh[:, 0] / SDS[0])
 
 
-def _by_cause(known: TripEvidence, asked: TripEvidence) -> FloatArray:
+def _by_cause_residuals(train: TripEvidence, test: TripEvidence) -> FloatArray:
     """Residuals by a linear model in the factors, shrunk to the published values by the factors' usual standard deviations."""
-    X, variance = known.factors_wh, known.usual_wh2 + known.measured_wh2
+    X, variance = train.factors_wh, train.usual_wh2 + train.measured_wh2
     gram = (X.T / variance) @ X + np.eye(X.shape[1])
-    return np.asarray(asked.factors_wh @ np.linalg.solve(gram, (X.T / variance) @ known.residual_wh))
+    return np.asarray(test.factors_wh @ np.linalg.solve(gram, (X.T / variance) @ train.residual_wh))
 
 
 def _own_model(vehicle: Vehicle, table: SegmentTable) -> dict[str, float] | None:
@@ -395,21 +403,26 @@ def _in_time(
     car: CarTrips, base: ForecastModel, vehicle: Vehicle, others: Population
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return two tables of forecasts in order of time: without own trips, and with a model fitted to all earlier own trips."""
-    known = Adaptation.before_trips(base, vehicle, others)
-    first = model = known.model
-    zero: list[tuple[object, ...]] = []
-    order: list[tuple[object, ...]] = []
+    adaptation = Adaptation.before_trips(base, vehicle, others)
+    without_trips = model = adaptation.model
+    forecasts_without_trips: list[tuple[object, ...]] = []
+    forecasts_in_time: list[tuple[object, ...]] = []
     for trip in in_order(car.trips):
-        for rows, forecast in ((zero, first.forecast(trip)), (order, model.forecast(trip))):
+        for rows, forecast in (
+            (forecasts_without_trips, without_trips.forecast(trip)),
+            (forecasts_in_time, model.forecast(trip)),
+        ):
             low, high = forecast.interval(LEVEL)
             rows.append((trip.trip_id, trip.observed_energy_wh, forecast.energy_wh, low, high))
-        known = known.with_trips([trip])
-        model = known.model
+        adaptation = adaptation.with_trips([trip])
+        model = adaptation.model
     columns = ["trip", "observed_energy_wh", "forecast_wh", "low_wh", "high_wh"]
-    kinds = pd.DataFrame(
-        known.innovations.weights, columns=[f"weight_{kind.replace(' ', '_')}" for kind in KINDS]
+    weights = pd.DataFrame(
+        adaptation.innovations.weights, columns=[f"weight_{kind.replace(' ', '_')}" for kind in KINDS]
     )
-    return pd.DataFrame(zero, columns=columns), pd.DataFrame(order, columns=columns).join(kinds)
+    return pd.DataFrame(forecasts_without_trips, columns=columns), pd.DataFrame(
+        forecasts_in_time, columns=columns
+    ).join(weights)
 
 
 def _scores(table: pd.DataFrame) -> dict[str, Any]:

@@ -55,27 +55,29 @@ class Comparison:
     specs: tuple[ModelSpec, ...]
     results: tuple[FoldResult, ...] = ()
 
-    def of(self, model: str) -> list[FoldResult]:
+    def results_of(self, model: str) -> list[FoldResult]:
         """Return the results of a model."""
         return [result for result in self.results if result.model == model]
 
     def energies_wh(self, model: str) -> FloatArray:
         """Return the predicted energy of each scored trip, in the order of the trips."""
-        return np.array(self._ordered(model, [result.predicted_wh.tolist() for result in self.of(model)]))
+        return np.array(
+            self._ordered(model, [result.predicted_wh.tolist() for result in self.results_of(model)])
+        )
 
     def forecasts(self, model: str) -> list[HeldOutForecast]:
         """Return the forecasts of the scored trips, in the order of the trips; empty if the model makes none or did not run."""
-        parts = [result.forecasts for result in self.of(model) if result.forecasts is not None]
+        parts = [result.forecasts for result in self.results_of(model) if result.forecasts is not None]
         return self._ordered(model, parts) if parts else []
 
     def _ordered(self, model: str, parts: Sequence[Sequence[T]]) -> list[T]:
         """Sort the values of a model's results (one value per scored trip) by trip, then by split."""
         of_trips = (
-            (trip, result.split.number, each)
-            for result, part in zip(self.of(model), parts, strict=True)
-            for trip, each in zip(result.split.test.tolist(), part, strict=True)
+            (trip, result.split.number, value)
+            for result, part in zip(self.results_of(model), parts, strict=True)
+            for trip, value in zip(result.split.test.tolist(), part, strict=True)
         )
-        return [each for _, _, each in sorted(of_trips, key=lambda found: found[:2])]
+        return [value for _, _, value in sorted(of_trips, key=lambda item: item[:2])]
 
     @cached_property
     def frame(self) -> pd.DataFrame:
@@ -113,7 +115,7 @@ class Comparison:
         """Summarise the errors of every model."""
         names, models = [spec.name for spec in self.specs], {}
         for name in names:
-            rows, own = self.rows_of(name), self.of(name)
+            rows, results = self.rows_of(name), self.results_of(name)
             observed, predicted = (rows[f"{kind}_energy_wh"].to_numpy() for kind in ("observed", "predicted"))
             errors = summarise_errors(observed, predicted, seed)
             if len(self.hold_out.tested) > len(self.hold_out.scored):  # over trips, not over splits
@@ -125,7 +127,7 @@ class Comparison:
                     for base in PHYSICS_ALONE
                     if base in names and base != name
                 },
-                **median_times(own),
+                **median_times(results),
             }
         return {
             "scheme": self.hold_out.scheme,

@@ -47,7 +47,7 @@ class Execution:
 
 
 def run_folds(
-    comparisons: Sequence[Comparison], seed: int, execution: Execution, *, compares: bool = False
+    comparisons: Sequence[Comparison], seed: int, execution: Execution, *, compare_settings: bool = False
 ) -> list[Comparison]:
     """Run the comparisons and return them with their results; equal models, trips and splits run once.
 
@@ -56,32 +56,34 @@ def run_folds(
     comparisons : sequence of Comparison
     seed : int
     execution : Execution
-    compares : bool
+    compare_settings : bool
         Whether to compare settings inside the folds of the reference trips.
     """
     keys = [_key(comparison) for comparison in comparisons]
-    folder = _folder(execution, [_code_digest(), seed, keys])
+    folder = _folds_folder(execution, [_code_digest(), seed, keys])
     results: dict[int, list[FoldResult]] = {keys.index(key): [] for key in keys}
     tasks: list[Task] = []
-    for index, done in results.items():
+    for index, results_of_index in results.items():
         hold_out = comparisons[index].hold_out
         for spec in comparisons[index].specs:
             kept = [_load(_file(folder, index, spec.name, split)) for split in hold_out.splits]
-            done += [result for result in kept if result is not None]
+            results_of_index += [result for result in kept if result is not None]
             missing = [split for split, result in zip(hold_out.splits, kept, strict=True) if result is None]
-            tasks += spec.tasks(index, hold_out, missing, seed, compares=compares and hold_out.is_reference)
+            tasks += spec.tasks(
+                index, hold_out, missing, seed, compare_settings=compare_settings and hold_out.is_reference
+            )
     tasks.sort(key=lambda task: task.rank)
     finished = sum(map(len, results.values()))
     total = finished + sum(len(task.splits) for task in tasks)
     report = execution.progress or (lambda finished, total: None)
     report(finished, total)
-    for number, fresh in map_unordered(_run, tasks, n_jobs=execution.n_jobs):
+    for number, new_results in map_unordered(_run, tasks, n_jobs=execution.n_jobs):
         index = tasks[number].comparison
-        for result in fresh:
+        for result in new_results:
             if (file := _file(folder, index, result.model, result.split)) is not None:
                 write_bytes(file, pickle.dumps(result))
-        results[index] += fresh
-        finished += len(fresh)
+        results[index] += new_results
+        finished += len(new_results)
         report(finished, total)
     return [
         replace(comparison, results=tuple(results[keys.index(key)]))
@@ -104,14 +106,14 @@ def _key(comparison: Comparison) -> str:
     )
 
 
-def _folder(execution: Execution, what: object) -> Path | None:
+def _folds_folder(execution: Execution, identity: object) -> Path | None:
     """Return the folder of finished splits of the same code, trips, models and seed; emptied unless the run resumes.
 
     Returns None if finished splits are not kept.
     """
     if execution.work_dir is None:
         return None
-    folder = execution.work_dir / hashlib.sha256(json.dumps(what).encode()).hexdigest()[:16]
+    folder = execution.work_dir / hashlib.sha256(json.dumps(identity).encode()).hexdigest()[:16]
     folder.mkdir(parents=True, exist_ok=True)
     for old in () if execution.resume else folder.glob("*.fold"):
         old.unlink()

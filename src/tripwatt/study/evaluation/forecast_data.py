@@ -77,7 +77,7 @@ class ForecastData:
     @classmethod
     def from_trips(cls, trips: Sequence[Trip], vehicle: Vehicle) -> ForecastData:
         """Prepare raw trips with measured energy. O(samples)."""
-        trips = _distinct(trips)
+        trips = _with_distinct_ids(trips)
         table = build_table([at_departure_only(trip) for trip in trips], {"physics": vehicle})
         plans = tuple(map(Plan.from_trip, trips))
         segments = segment_trips(trips, vehicle)
@@ -136,9 +136,9 @@ def at_departure_only(trip: Trip) -> Trip:
     Columns that are neither kept nor part of a departure are dropped.
     """
     kept = [c for c in (*ROUTE_COLUMNS, "voltage_v", "current_a", "observed_energy_wh") if c in trip]
-    known = Departure.from_first_sample(trip, trip.context)
-    first = {c: getattr(known, name) for name, c in SIGNALS.items() if c in trip}
-    values = {c: np.nan if value is None else float(value) for c, value in first.items()}
+    departure = Departure.from_first_sample(trip, trip.context)
+    at_start = {c: getattr(departure, name) for name, c in SIGNALS.items() if c in trip}
+    values = {c: np.nan if value is None else float(value) for c, value in at_start.items()}
     return replace(trip, samples=trip.samples[kept].assign(**values))
 
 
@@ -172,11 +172,11 @@ def measured_log(trip: Trip, step_s: float = 1.0) -> pd.DataFrame:
     time = trip.array("time_s") - float(trip.array("time_s")[0])
     speed = trip.array("speed_m_s")
     distance = np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time))))
-    known = np.isfinite(cumulative)
+    measured = np.isfinite(cumulative)
     if {"voltage_v", "current_a"} <= set(raw.columns):
         # energy in a gap is interpolated with the sample after it, so rows in the gap would depend on a later sample
-        known &= np.isfinite(trip.array("voltage_v") * trip.array("current_a"))
-    rows = np.flatnonzero(known)
+        measured &= np.isfinite(trip.array("voltage_v") * trip.array("current_a"))
+    rows = np.flatnonzero(measured)
     steps = np.arange(0.0, time[rows[-1]], step_s)
     last = np.clip(np.searchsorted(time[rows], steps + 1e-9, side="right") - 1, 0, None)
     rows = rows[np.unique(np.append(last, len(rows) - 1))]
@@ -192,10 +192,10 @@ def _data_features(segments: SegmentTable, plans: Sequence[Plan]) -> pd.DataFram
         rows = slice(int(segments.offsets[i]), int(segments.offsets[i + 1]))
         seconds = segments.hours[rows] * 3600.0
         height = _height(plan)
-        climbs.append(_change(height, plan, seconds))
-        kinetic.append(_change(0.5 * plan.array("speed_m_s") ** 2, plan, seconds))
-    own = {"climb_m_s": np.concatenate(climbs), "kinetic_m2_s3": np.concatenate(kinetic)}
-    return segments.features.assign(**own)[list(DATA_FEATURES)]
+        climbs.append(_change_per_second(height, plan, seconds))
+        kinetic.append(_change_per_second(0.5 * plan.array("speed_m_s") ** 2, plan, seconds))
+    columns = {"climb_m_s": np.concatenate(climbs), "kinetic_m2_s3": np.concatenate(kinetic)}
+    return segments.features.assign(**columns)[list(DATA_FEATURES)]
 
 
 def _height(plan: Plan) -> FloatArray:
@@ -207,7 +207,7 @@ def _height(plan: Plan) -> FloatArray:
     return np.full(len(plan), np.nan)
 
 
-def _change(values: FloatArray, plan: Plan, seconds: FloatArray) -> FloatArray:
+def _change_per_second(values: FloatArray, plan: Plan, seconds: FloatArray) -> FloatArray:
     """Change per second over each segment of a plan."""
     time = plan.array("time_s") - plan.array("time_s")[0]
     edges = np.minimum(np.arange(len(seconds) + 1) * SEGMENT_S, time[-1])
@@ -215,14 +215,14 @@ def _change(values: FloatArray, plan: Plan, seconds: FloatArray) -> FloatArray:
     return np.asarray(np.diff(np.interp(edges, time, values)) / seconds)
 
 
-def _distinct(trips: Sequence[Trip]) -> list[Trip]:
+def _with_distinct_ids(trips: Sequence[Trip]) -> list[Trip]:
     """Make the ids of trips distinct: a later trip with an id that is taken gets a mark."""
-    seen: set[str] = set()
+    taken: set[str] = set()
     named = []
     for trip in trips:
         name = trip.trip_id
-        while name in seen:
+        while name in taken:
             name += "'"
-        seen.add(name)
+        taken.add(name)
         named.append(trip if name == trip.trip_id else replace(trip, trip_id=name))
     return named

@@ -55,17 +55,21 @@ class PowerMethod(Method[ForecastData]):
             return False
         return isinstance(power_corrector(self.corrector, seed), LearnerCorrector)
 
-    def together(self, data: ForecastData, folds: IntArray, seed: int, *, compares: bool) -> Fitted:
+    def fit_all_folds(
+        self, data: ForecastData, folds: IntArray, seed: int, *, compare_settings: bool
+    ) -> Fitted:
         """Correct the power of each trip by its familiarity with trips of the other folds."""
         learner, segments = held_out_learner(self.corrector or "", seed), data.segments
         correction = _left_out(learner, learner.columns(segments), segments.residual_w, data, folds)
         share, features, row_folds = np.ones(len(correction)), segments.features, folds[segments.groups]
         for fold in np.unique(folds):
-            own = row_folds == fold
-            share[own] = Familiarity.from_features(features[~own], learner.features).share(features[own])
+            in_fold = row_folds == fold
+            share[in_fold] = Familiarity.from_features(features[~in_fold], learner.features).share(
+                features[in_fold]
+            )
         return Fitted(segments.totals_wh(segments.simulated_w + correction * share).__getitem__)
 
-    def needed(self, hold_out: HoldOut[ForecastData], scored: IntArray) -> ForecastData:
+    def required_data(self, hold_out: HoldOut[ForecastData], scored: IntArray) -> ForecastData:
         """Return the segments, and the data that identify the stages if these are identified."""
         return replace(hold_out.data, logs=()) if self.identified else hold_out.data.slim()
 
@@ -99,22 +103,24 @@ class DataMethod(Method[ForecastData]):
         """Return True: every learner can leave groups out."""
         return True
 
-    def together(self, data: ForecastData, folds: IntArray, seed: int, *, compares: bool) -> Fitted:
+    def fit_all_folds(
+        self, data: ForecastData, folds: IntArray, seed: int, *, compare_settings: bool
+    ) -> Fitted:
         """Predict the power of each trip."""
         learner, segments = held_out_learner(self.corrector, seed), data.segments
         power = _left_out(learner, data.data_features, segments.observed_power_w, data, folds)
         return Fitted(segments.totals_wh(power).__getitem__)
 
-    def needed(self, hold_out: HoldOut[ForecastData], scored: IntArray) -> ForecastData:
+    def required_data(self, hold_out: HoldOut[ForecastData], scored: IntArray) -> ForecastData:
         """Return the segments and data features."""
         return hold_out.data.slim()
 
 
 def held_out_learner(corrector: str, seed: int) -> LearnerCorrector:
     """Make a corrector whose learner predicts all folds, each held out, at once."""
-    made = power_corrector(corrector, seed)
-    assert isinstance(made, LearnerCorrector)
-    return made
+    built = power_corrector(corrector, seed)
+    assert isinstance(built, LearnerCorrector)
+    return built
 
 
 def _left_out(
@@ -147,22 +153,22 @@ class ForecastMethod(Method[ForecastData]):
         model.fit_segments(
             segments.take(train), again=lambda several: [t for _, t in training.identified(several)]
         )
-        made: dict[int, Forecast] = {}
+        forecast_of_trip: dict[int, Forecast] = {}
 
         def predict(test: IntArray) -> FloatArray:
-            made.update({int(i): model.forecast(data.plans[int(i)]) for i in test})
-            return np.array([made[int(i)].energy_wh for i in test])
+            forecast_of_trip.update({int(i): model.forecast(data.plans[int(i)]) for i in test})
+            return np.array([forecast_of_trip[int(i)].energy_wh for i in test])
 
         def forecasts(test: IntArray) -> list[HeldOutForecast]:
             return [
-                HeldOutForecast.from_forecast(model, data.plans[i], made[i], data.logs[i])
+                HeldOutForecast.from_forecast(model, data.plans[i], forecast_of_trip[i], data.logs[i])
                 for i in test.tolist()
             ]
 
         return Fitted(predict, forecasts)
 
-    def needed(self, hold_out: HoldOut[ForecastData], scored: IntArray) -> ForecastData:
+    def required_data(self, hold_out: HoldOut[ForecastData], scored: IntArray) -> ForecastData:
         """Return everything but the table, the recorded trips, and the logs of trips that are not scored."""
-        data, wanted = hold_out.data, set(scored.tolist())
-        logs = tuple(log if i in wanted else log.iloc[:0] for i, log in enumerate(data.logs))
+        data, scored_trips = hold_out.data, set(scored.tolist())
+        logs = tuple(log if i in scored_trips else log.iloc[:0] for i, log in enumerate(data.logs))
         return replace(data, table=data.table.take([]), logs=logs, trips=())

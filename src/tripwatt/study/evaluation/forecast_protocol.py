@@ -43,11 +43,11 @@ from tripwatt.study.evaluation.hold_outs import (
     HoldOut,
     HoldOutChoice,
     Prepared,
-    days_of,
-    hold_outs_of,
+    build_hold_outs,
+    number_days,
     random_draws,
 )
-from tripwatt.study.evaluation.outside import WholeMethod, WholeModel, is_whole, outside_spec
+from tripwatt.study.evaluation.outside import WholeMethod, WholeModel, is_whole_model, outside_spec
 from tripwatt.study.evaluation.results import EvaluationRun, about_run
 from tripwatt.study.evaluation.table_models import CONSTANT, LINEAR4, LINEAR6, PHYSICS, PHYSICS4
 from tripwatt.study.evaluation.tasks import ModelSpec
@@ -79,7 +79,7 @@ _NAMES: Final[Mapping[str, str]] = {"gp": "power-kriging", "split": "power-chann
 """Corrector -> its name in the files if that is not power-CORRECTOR."""
 
 
-def _power(name: str, title: str, corrector: str | None, *, identified: bool = False) -> ModelSpec:
+def _power_model(name: str, title: str, corrector: str | None, *, identified: bool = False) -> ModelSpec:
     return ModelSpec(name, title, PowerMethod(corrector, identified), "physics")
 
 
@@ -104,21 +104,21 @@ class ForecastProtocol:
     given = GIVEN
 
     def __init__(self, corrector: str = DEFAULT_CORRECTOR) -> None:
-        self.centre = _power(FORECAST, _TITLES[corrector], corrector)
+        self.centre = _power_model(FORECAST, _TITLES[corrector], corrector)
         self.models: tuple[ModelSpec, ...] = (
             *(CONSTANT, LINEAR4, LINEAR6, PHYSICS, PHYSICS4, _DATA_ONLY),
             *(
-                _power(_NAMES.get(name, f"power-{name}"), title, name)
+                _power_model(_NAMES.get(name, f"power-{name}"), title, name)
                 for name, title in _TITLES.items()
                 if name != corrector
             ),
-            _power(
+            _power_model(
                 PHYSICS_IDENTIFIED,
                 "physics, stages identified from their signals in each fold",
                 None,
                 identified=True,
             ),
-            _power(PUBLISHED_ONLY, f"{_TITLES[corrector]}, with published values only", corrector),
+            _power_model(PUBLISHED_ONLY, f"{_TITLES[corrector]}, with published values only", corrector),
             ModelSpec(
                 FORECAST,
                 f"the forecast: {_TITLES[corrector]}, on physics identified in each fold, with intervals and updates",
@@ -129,11 +129,11 @@ class ForecastProtocol:
 
     def from_outside(self, name: str, model: Corrector | WholeModel) -> ModelSpec:
         """Make the row of a whole model, or of a corrector in a forecast with intervals and updates on physics identified in each fold."""
-        if is_whole(model):
+        if is_whole_model(model):
             return outside_spec(name, model, WholeMethod(model, lambda h: h.data.trips), None)
         return outside_spec(name, model, ForecastMethod(model), "physics")
 
-    def beside(
+    def further_comparisons(
         self, prepared: Prepared[ForecastData], specs: Sequence[ModelSpec], seed: int
     ) -> list[Comparison]:
         """Return the learning curve; empty if its two models were not both chosen or trips are too few."""
@@ -151,22 +151,22 @@ class ForecastProtocol:
         scored = audited = audit(fleet)
         notes = [*map(message, fleet.notes)]
         if test_fleet is None:
-            hold_outs, more = _held_out(fleet, audited, vehicle, wanted)
+            hold_outs, further_notes = _held_out(fleet, audited, vehicle, wanted)
         else:
             if wanted.chosen is not None:
                 raise InvalidInput.of(
                     "option has no effect", "hold_outs", "hold-outs with test trips", "one of the two"
                 )
             scored = audit(test_fleet)
-            hold_outs, more = _other_trips(fleet, audited, test_fleet, scored, vehicle)
+            hold_outs, further_notes = _other_trips(fleet, audited, test_fleet, scored, vehicle)
             notes += map(message, test_fleet.notes)
-        return Prepared(hold_outs, fleet, test_fleet, scored, {"physics": vehicle}, (*notes, *more))
+        return Prepared(hold_outs, fleet, test_fleet, scored, {"physics": vehicle}, (*notes, *further_notes))
 
     def assemble(
         self,
         prepared: Prepared[ForecastData],
         main: Sequence[Comparison],
-        beside: Sequence[Comparison],
+        further: Sequence[Comparison],
         seed: int,
     ) -> EvaluationRun:
         """Score totals, intervals, updates, strata and the learning curve."""
@@ -174,8 +174,8 @@ class ForecastProtocol:
         for comparison in main:
             summary = comparison.summary(seed)
             add_crps_of_points(summary["models"], comparison.frame)
-            held = comparison.hold_out
-            days = [held.table.days[i] for i in held.tested]
+            hold_out = comparison.hold_out
+            days = [hold_out.table.days[i] for i in hold_out.tested]
             for name in summary["models"]:
                 forecasts, part = comparison.forecasts(name), comparison.rows_of(name)
                 if forecasts:
@@ -187,7 +187,7 @@ class ForecastProtocol:
             **about_run(self.name, prepared, first, seed),
             "fitted_on": prepared.fleet.name,
             "evaluations": summaries,
-            "learning_curve": [row for draws in beside for row in learning_curve(draws, seed)],
+            "learning_curve": [row for draws in further for row in learning_curve(draws, seed)],
             "strata": strata(first, seed),
         }
         return EvaluationRun(
@@ -205,22 +205,26 @@ def _held_out(
     Leave-one-trip-out of the reference and of the audited trips; leave-one-day-out and regimes of the first of
     these sets.
     """
-    every = {"reference": fleet.reference_trips(), "audited": audited.trips}
-    notes = [f"no {name} trips in the data set {fleet.name!r}" for name, trips in every.items() if not trips]
-    sets = {name: trips for name, trips in every.items() if trips}
-    _require(min(map(len, sets.values()), default=1) - 1, fleet)
+    sets_by_name = {"reference": fleet.reference_trips(), "audited": audited.trips}
+    notes = [
+        f"no {name} trips in the data set {fleet.name!r}" for name, trips in sets_by_name.items() if not trips
+    ]
+    sets = {name: trips for name, trips in sets_by_name.items() if trips}
+    _require_training_trips(min(map(len, sets.values()), default=1) - 1, fleet)
     main = next(iter(sets.values()))
-    by_day = days_of(main)
+    by_day = number_days(main)
     if by_day is None:
         notes.append(WITHOUT_DAYS)
     elif len(by_day) - int(np.bincount(by_day).max()) < MIN_TRIPS:
         notes.append("leave-one-day-out left out: too few trips remain without the fullest day")
         by_day = None
-    regimes, more = _regimes(main)
+    regimes, regime_notes = _regimes(main)
     prepare = partial(ForecastData.from_trips, vehicle=vehicle)
-    hold_outs = hold_outs_of(sets, by_day, wanted, prepare, attrgetter("table"), regimes)
-    _require(min(len(split.train) for hold_out in hold_outs for split in hold_out.splits), fleet)
-    return hold_outs, [*notes, *more] if wanted.chosen is None else wanted.notes(main)
+    hold_outs = build_hold_outs(sets, by_day, wanted, prepare, attrgetter("table"), regimes)
+    _require_training_trips(
+        min(len(split.train) for hold_out in hold_outs for split in hold_out.splits), fleet
+    )
+    return hold_outs, [*notes, *regime_notes] if wanted.chosen is None else wanted.notes(main)
 
 
 def _regimes(trips: Sequence[Trip]) -> tuple[dict[tuple[str, str], tuple[IntArray, IntArray]], list[str]]:
@@ -234,8 +238,8 @@ def _regimes(trips: Sequence[Trip]) -> tuple[dict[tuple[str, str], tuple[IntArra
     seasons = np.array([str(trip.context.season) for trip in trips])
     parts: list[tuple[str, str, BoolArray, BoolArray]] = []
     for name, values in (("longer third", duration), ("faster third", speed)):
-        beyond = values > np.quantile(values, SPLIT)
-        parts.append((LEAVE_REGIME_OUT, name, ~beyond, beyond))
+        upper_third = values > np.quantile(values, SPLIT)
+        parts.append((LEAVE_REGIME_OUT, name, ~upper_third, upper_third))
     for train, test in (("summer", "winter"), ("winter", "summer")):
         parts.append((LEAVE_REGIME_OUT, f"{test}, fitted on {train}", seasons == train, seasons == test))
     days = [None if trip.context.day is None else str(trip.context.day) for trip in trips]
@@ -260,9 +264,9 @@ def _other_trips(
 ) -> tuple[list[HoldOut[ForecastData]], list[str]]:
     """Return the hold-out that fits on one fleet and scores another: on the reference trips of each or, without, its audited trips."""
     train: Sequence[Trip] = fleet.reference_trips() or audited.trips
-    name = "reference" if test_fleet.reference_trips() else "audited"
+    set_name = "reference" if test_fleet.reference_trips() else "audited"
     test: Sequence[Trip] = test_fleet.reference_trips() or test_audited.trips
-    _require(len(train), fleet)
+    _require_training_trips(len(train), fleet)
     if not test:
         raise InvalidInput.of(
             "no trip to score", f"--test {test_fleet.name}", "0", "at least 1 after the audit"
@@ -270,11 +274,11 @@ def _other_trips(
     data = ForecastData.from_trips([*test, *train], vehicle)
     splits = leave_one_out(np.repeat([0, TRAINING_ONLY], [len(test), len(train)]))
     note = f"fitted on {len(train)} trips of {fleet.name!r}, scored on {len(test)} of {test_fleet.name!r}"
-    return [HoldOut(OTHER_TRIPS, name, data.table, data, splits)], [note]
+    return [HoldOut(OTHER_TRIPS, set_name, data.table, data, splits)], [note]
 
 
-def _require(training: int, fleet: TripSet) -> None:
+def _require_training_trips(training: int, fleet: TripSet) -> None:
     if training < MIN_TRIPS:
-        got = f"{training} to train on, of {len(fleet.trips)}"
+        found = f"{training} to train on, of {len(fleet.trips)}"
         least = f"at least {MIN_TRIPS} to train on"
-        raise InvalidInput.of("too few trips after the audit", fleet.name, got, least)
+        raise InvalidInput.of("too few trips after the audit", fleet.name, found, least)

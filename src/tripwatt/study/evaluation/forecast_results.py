@@ -27,7 +27,7 @@ from tripwatt.study.evaluation.forecast_scores import (
     symmetric_quantiles,
     update_scores,
 )
-from tripwatt.study.evaluation.held_out_forecasts import HeldOutForecast, of_each
+from tripwatt.study.evaluation.held_out_forecasts import HeldOutForecast, stack_attribute
 from tripwatt.study.evaluation.hold_outs import HoldOut
 from tripwatt.study.evaluation.metrics import absolute_percentage_error, bootstrap_interval
 
@@ -47,13 +47,15 @@ def forecast_scores(
 ) -> dict[str, Any]:
     """Score arrival, coverage, CRPS and updates of the forecasts of a hold-out; `part` has their rows of the folds, `days` their days."""
     observed, centre = part["observed_energy_wh"].to_numpy(), part["predicted_energy_wh"].to_numpy()
-    bounds, factors = of_each(forecasts, "bounds_wh"), of_each(forecasts, "factors")
-    shown, arrival, chance = (of_each(forecasts, name) for name in ("shown", "arrival", "arrival_chance"))
+    bounds, factors = stack_attribute(forecasts, "bounds_wh"), stack_attribute(forecasts, "factors")
+    shown, arrival, chance = (
+        stack_attribute(forecasts, name) for name in ("shown", "arrival", "arrival_chance")
+    )
     return {
         "arrival": arrival_scores(shown, arrival, chance, seed),
         **coverage_scores(observed, bounds[:, :, 0], bounds[:, :, 1], seed),
-        **crps_scores(observed, centre, of_each(forecasts, "sd_wh"), factors),
-        "update": update_scores(observed, of_each(forecasts, "updates_wh"), seed, days),
+        **crps_scores(observed, centre, stack_attribute(forecasts, "sd_wh"), factors),
+        "update": update_scores(observed, stack_attribute(forecasts, "updates_wh"), seed, days),
     }
 
 
@@ -64,34 +66,34 @@ def forecast_frame(
 
     Columns: `trip, observed_energy_wh, energy_wh, sd_wh, pit, crps_wh, flags`; bounds `low_50, high_50, ...` by
     nominal level in percent; for each fraction of the trip's time and each of `UPDATES` a column such as `update_25`
-    [Wh]; and the columns of `about_trips`.
+    [Wh]; and the columns of `departure_table`.
     """
     observed, centre = part["observed_energy_wh"].to_numpy(), part["predicted_energy_wh"].to_numpy()
-    sd_wh, bounds = of_each(forecasts, "sd_wh"), of_each(forecasts, "bounds_wh")
-    half_wh = of_each(forecasts, "factors") * sd_wh[:, None]
+    sd_wh, bounds = stack_attribute(forecasts, "sd_wh"), stack_attribute(forecasts, "bounds_wh")
+    half_wh = stack_attribute(forecasts, "factors") * sd_wh[:, None]
     columns: dict[str, Any] = {
         "trip": part["trip"].to_numpy(),
         "observed_energy_wh": observed,
         "energy_wh": centre,
         "sd_wh": sd_wh,
-        "pit": of_each(forecasts, "pit"),
+        "pit": stack_attribute(forecasts, "pit"),
         "crps_wh": crps(observed, symmetric_quantiles(centre, half_wh)),
-        "flags": of_each(forecasts, "flags"),
+        "flags": stack_attribute(forecasts, "flags"),
     }
     for j, level in enumerate(LEVELS):
         columns[f"low_{100 * level:g}"], columns[f"high_{100 * level:g}"] = bounds[:, j].T
-    updates = of_each(forecasts, "updates_wh")
+    updates = stack_attribute(forecasts, "updates_wh")
     for (j, fraction), (k, name) in itertools.product(enumerate(FRACTIONS), enumerate(UPDATES)):
         columns[f"{name}_{100 * fraction:g}"] = updates[:, j, k]
-    about = about_trips(hold_out.data, hold_out.tested).drop(columns="trip")
+    about = departure_table(hold_out.data, hold_out.tested).drop(columns="trip")
     return pd.concat([pd.DataFrame(columns), about], axis=1)
 
 
-def _known(value: float | None) -> float:
+def _nan_if_none(value: float | None) -> float:
     return float("nan") if value is None else value
 
 
-def about_trips(data: ForecastData, members: IntArray) -> pd.DataFrame:
+def departure_table(data: ForecastData, members: IntArray) -> pd.DataFrame:
     """Tabulate what strata are divided by, known at departure: one row per trip."""
     plans = [data.plans[i] for i in members]
     heights = [plan.array("elevation_m") if "elevation_m" in plan else np.array([np.nan]) for plan in plans]
@@ -101,8 +103,12 @@ def about_trips(data: ForecastData, members: IntArray) -> pd.DataFrame:
             "duration_s": [plan.duration_s for plan in plans],
             "distance_m": [plan.distance_m for plan in plans],
             "net_climb_m": [float(height[-1] - height[0]) for height in heights],
-            "ambient_temperature_degc": [_known(plan.departure.ambient_temperature_degc) for plan in plans],
-            "battery_temperature_degc": [_known(plan.departure.battery_temperature_degc) for plan in plans],
+            "ambient_temperature_degc": [
+                _nan_if_none(plan.departure.ambient_temperature_degc) for plan in plans
+            ],
+            "battery_temperature_degc": [
+                _nan_if_none(plan.departure.battery_temperature_degc) for plan in plans
+            ],
             "driver": [data.table.trips[i].context.driver for i in members],
         }
     )
@@ -113,7 +119,7 @@ def strata(main: Comparison, seed: int) -> list[dict[str, Any]]:
     names = {spec.name for spec in main.specs}
     if FORECAST not in names:
         return []
-    about = about_trips(main.hold_out.data, main.hold_out.scored)
+    about = departure_table(main.hold_out.data, main.hold_out.scored)
     other = main.ape(WITHOUT_PHYSICS) if WITHOUT_PHYSICS in names else None
     days = [main.hold_out.table.days[i] for i in main.hold_out.scored]
     return strata_scores(strata_of(about), main.ape(FORECAST), other, seed, days)

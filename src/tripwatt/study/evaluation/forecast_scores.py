@@ -91,14 +91,16 @@ def coverage_scores(
 def coverage_by_level(observed_wh: FloatArray, low_wh: FloatArray, high_wh: FloatArray) -> dict[str, Any]:
     """Return the `coverage_scores` without the bootstrap."""
     scores = {
-        f"{level:g}": _covered(Coverage.from_bounds(observed_wh, low_wh[:, j], high_wh[:, j], level), "_wh")
+        f"{level:g}": _interval_scores(
+            Coverage.from_bounds(observed_wh, low_wh[:, j], high_wh[:, j], level), "_wh"
+        )
         for j, level in enumerate(LEVELS)
     }
     names = next(iter(scores.values()))
     return {name: {level: score[name] for level, score in scores.items()} for name in names}
 
 
-def _covered(intervals: Coverage, unit: str) -> dict[str, Any]:
+def _interval_scores(intervals: Coverage, unit: str) -> dict[str, Any]:
     return {
         "coverage": intervals.share,
         "coverage_ci95": intervals.ci95,
@@ -130,11 +132,11 @@ def crps_scores(
         return float(crps(observed_wh, symmetric_quantiles(centre_wh, factors * sd[:, None])).mean())
 
     mean = float(sd_wh.mean())
-    one = [score(np.full(len(sd_wh), mean * share)) for share in np.geomspace(0.25, 4.0, 49)]
+    same_width = [score(np.full(len(sd_wh), mean * share)) for share in np.geomspace(0.25, 4.0, 49)]
     return {
         "crps_wh": score(sd_wh),
         "crps_same_width_wh": score(np.full(len(sd_wh), mean)),
-        "crps_best_same_width_wh": min(one),
+        "crps_best_same_width_wh": min(same_width),
     }
 
 
@@ -163,8 +165,8 @@ def update_scores(
             for k, name in enumerate(TOTALS)
         }
         low, high = (energies_wh[:, j, UPDATES.index(name)] for name in ("update_low", "update_high"))
-        beside = paired_difference(ape["update"], ape["no_update"], seed, days)
-        gauge = paired_difference(ape["update"], ape["naive_gauge"], seed, days)
+        against_no_update = paired_difference(ape["update"], ape["no_update"], seed, days)
+        against_gauge = paired_difference(ape["update"], ape["naive_gauge"], seed, days)
         soc = ape["soc_only"][np.isfinite(ape["soc_only"])]
         scores[f"{fraction:g}"] = {
             "mape": float(ape["update"].mean()),
@@ -172,11 +174,11 @@ def update_scores(
             "no_update": float(ape["no_update"].mean()),
             "naive_gauge": float(ape["naive_gauge"].mean()),
             "soc_only": float(soc.mean()) if len(soc) else None,
-            "diff": beside.diff,
-            "diff_ci95": beside.ci95,
-            "significant": beside.significant,
-            "diff_gauge": gauge.diff,
-            "diff_gauge_ci95": gauge.ci95,
+            "diff": against_no_update.diff,
+            "diff_ci95": against_no_update.ci95,
+            "significant": against_no_update.significant,
+            "diff_gauge": against_gauge.diff,
+            "diff_gauge_ci95": against_gauge.ci95,
             "coverage": float(np.mean((low <= observed_wh) & (observed_wh <= high))),
             "interval_width_wh": float(np.mean(high - low)),
         }
@@ -205,17 +207,17 @@ def arrival_scores(
     """
     scores: dict[str, dict[str, Any] | None] = dict.fromkeys(ARRIVAL_STARTS)
     for k, start in enumerate(ARRIVAL_STARTS):
-        known = np.isfinite(shown) & np.isfinite(arrival[:, k]).all(axis=1)
-        if not known.any():
+        complete = np.isfinite(shown) & np.isfinite(arrival[:, k]).all(axis=1)
+        if not complete.any():
             continue
-        truth, (centre, low, high) = shown[known], arrival[known, k].T
+        truth, (centre, low, high) = shown[complete], arrival[complete, k].T
         arrived = truth[:, None] >= centre[:, None] + np.array(RESERVE_OFFSETS)
         scores[start] = {
-            "n_trips": int(known.sum()),
+            "n_trips": int(complete.sum()),
             "mae": float(np.mean(np.abs(centre - truth))),
             "bias": float(np.mean(centre - truth)),
-            **_covered(Coverage.from_bounds(truth, low, high, UPDATE_LEVEL), ""),
-            "reliability": reliability(chance[known, k], arrived, seed),
+            **_interval_scores(Coverage.from_bounds(truth, low, high, UPDATE_LEVEL), ""),
+            "reliability": reliability(chance[complete, k], arrived, seed),
         }
     return scores
 

@@ -79,7 +79,7 @@ class HeldOutForecast:
             From `measured_log`.
         """
         levels = (np.arange(CRPS_LEVELS) + 0.5) / CRPS_LEVELS
-        arrival, chance = arrivals_of(model, plan)
+        arrival, chance = forecast_arrivals(model, plan)
         return cls(
             sd_wh=forecast.sd_wh,
             bounds_wh=np.array([forecast.interval(level) for level in LEVELS]),
@@ -87,23 +87,23 @@ class HeldOutForecast:
             pit=forecast.probability_below(float(log["observed_energy_wh"].iloc[-1])),
             flags=len(forecast.flags),
             updates_wh=np.array([reforecast(forecast, log, x) for x in FRACTIONS]),
-            shown=_shown_at_arrival(log),
+            shown=_displayed_charge_at_arrival(log),
             arrival=arrival,
             arrival_chance=chance,
         )
 
 
-def of_each(forecasts: Sequence[HeldOutForecast], name: str) -> FloatArray:
+def stack_attribute(forecasts: Sequence[HeldOutForecast], name: str) -> FloatArray:
     """Stack the attribute `name` of all forecasts."""
     return np.array([getattr(forecast, name) for forecast in forecasts])
 
 
-def _shown_at_arrival(log: pd.DataFrame) -> float:
+def _displayed_charge_at_arrival(log: pd.DataFrame) -> float:
     shown = log["displayed_soc"].dropna().to_numpy() if "displayed_soc" in log else np.empty(0)
     return float(shown[-1]) if len(shown) else np.nan
 
 
-def arrivals_of(model: ForecastModel, plan: Plan) -> tuple[FloatArray, FloatArray]:
+def forecast_arrivals(model: ForecastModel, plan: Plan) -> tuple[FloatArray, FloatArray]:
     """Forecast the displayed charge at arrival of a trip, from each start of `ARRIVAL_STARTS` alone.
 
     Parameters
@@ -149,8 +149,8 @@ def reforecast(forecast: Forecast, log: pd.DataFrame, fraction: float) -> list[f
     cut = fraction * float(planned_series["time_s"].iloc[-1])
     so_far = log[log["time_s"] <= cut]
     if len(so_far) < 2:
-        same = forecast.energy_wh
-        return [same, float("nan"), same, same, *forecast.interval(UPDATE_LEVEL)]
+        energy_wh = forecast.energy_wh
+        return [energy_wh, float("nan"), energy_wh, energy_wh, *forecast.interval(UPDATE_LEVEL)]
     last = so_far.iloc[-1]
     measured = ["time_s", "observed_energy_wh", *(c for c in TOLD_BY if c in so_far)]
     updated = forecast.update_since_departure(so_far[measured])
@@ -158,8 +158,10 @@ def reforecast(forecast: Forecast, log: pd.DataFrame, fraction: float) -> list[f
     by_charge = (
         forecast.update_since_departure(so_far[["time_s", *charge]]).energy_wh if charge else float("nan")
     )
-    then = float(np.interp(last["time_s"], planned_series["time_s"], planned_series["energy_wh"]))
-    metres, whole = float(last["distance_m"]), float(planned_series["distance_m"].iloc[-1])
-    gauge = float(last["observed_energy_wh"]) * whole / metres if metres > 0.0 else forecast.energy_wh
-    no_update = float(last["observed_energy_wh"]) + forecast.energy_wh - then
+    planned_so_far_wh = float(
+        np.interp(last["time_s"], planned_series["time_s"], planned_series["energy_wh"])
+    )
+    driven_m, trip_m = float(last["distance_m"]), float(planned_series["distance_m"].iloc[-1])
+    gauge = float(last["observed_energy_wh"]) * trip_m / driven_m if driven_m > 0.0 else forecast.energy_wh
+    no_update = float(last["observed_energy_wh"]) + forecast.energy_wh - planned_so_far_wh
     return [updated.energy_wh, by_charge, no_update, gauge, *updated.interval(UPDATE_LEVEL)]

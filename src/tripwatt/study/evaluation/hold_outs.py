@@ -29,7 +29,7 @@ TIME_SPLIT: Final = "time_split"
 RANDOM_DRAWS: Final = "random_draws"
 
 REFERENCE: Final = "reference"
-"""Name of the set of trips on which a protocol compares settings inside the folds."""
+"""Name of the set of trips on which a protocol compare_settings settings inside the folds."""
 
 MIN_DAYS: Final = 3
 """Smallest number of days for which one day is left out at a time."""
@@ -144,7 +144,7 @@ def random_draws(
     return replace(hold_out, scheme=RANDOM_DRAWS, splits=splits)
 
 
-def days_of(trips: Sequence[Trip]) -> IntArray | None:
+def number_days(trips: Sequence[Trip]) -> IntArray | None:
     """Number the day of each trip; returns None if a date is unknown or there are fewer than `MIN_DAYS` days."""
     days = [trip.context.day for trip in trips]
     if any(day is None for day in days) or len(set(days)) < MIN_DAYS:
@@ -272,7 +272,7 @@ HoldOuts = str | Splitter | Sequence[str | Splitter]
 """Hold-outs as an argument of `evaluate`: a name, a splitter, or a list of names and splitters."""
 
 
-def numbered_names(given: Iterable[object]) -> list[str]:
+def numbered_names(objects: Iterable[object]) -> list[str]:
     """Return the names: strings as they are, objects by their class, with a number if the class occurs again.
 
     Examples
@@ -282,10 +282,10 @@ def numbered_names(given: Iterable[object]) -> list[str]:
     """
     names: list[str] = []
     count: Counter[str] = Counter()
-    for each in given:
-        name = each if isinstance(each, str) else type(each).__name__
+    for item in objects:
+        name = item if isinstance(item, str) else type(item).__name__
         count[name] += 1
-        names.append(name if isinstance(each, str) or count[name] == 1 else f"{name}-{count[name]}")
+        names.append(name if isinstance(item, str) or count[name] == 1 else f"{name}-{count[name]}")
     return names
 
 
@@ -300,7 +300,7 @@ class HoldOutChoice:
 
     Examples
     --------
-    >>> HoldOutChoice.from_argument("reference").of([("leave_one_trip_out", "reference"), ("leave_one_trip_out", "all")])
+    >>> HoldOutChoice.from_argument("reference").select([("leave_one_trip_out", "reference"), ("leave_one_trip_out", "all")])
     [('leave_one_trip_out', 'reference')]
     """
 
@@ -347,14 +347,14 @@ class HoldOutChoice:
         """The names, and the classes of the splitters; a class that occurs again gets a number."""
         return numbered_names(self.chosen or ())
 
-    def of(self, known: Sequence[tuple[str, str]]) -> list[tuple[str, str | Splitter]]:
+    def select(self, available: Sequence[tuple[str, str]]) -> list[tuple[str, str | Splitter]]:
         """Find the chosen hold-outs among those of a protocol.
 
         A name is a scheme, a set of trips, or both as ``scheme:trips``.
 
         Parameters
         ----------
-        known : sequence of (str, str)
+        available : sequence of (str, str)
             Scheme and set of trips of each hold-out.
 
         Returns
@@ -370,21 +370,21 @@ class HoldOutChoice:
 
         Examples
         --------
-        >>> HoldOutChoice().of([("leave_one_trip_out", "all")])
+        >>> HoldOutChoice().select([("leave_one_trip_out", "all")])
         [('leave_one_trip_out', 'all')]
         """
         chosen: list[tuple[str, str | Splitter]] = []
         faults = []
-        for label, each in zip(self.labels, self.chosen or (), strict=True):
-            of_name = [pair for pair in known if each in {*pair, ":".join(pair)}]
-            if not isinstance(each, str):
-                chosen.append((label, each))
-            elif not of_name:
-                allowed = dict.fromkeys([*(scheme for scheme, _ in known), *map(":".join, known)])
-                faults.append(Fault.unknown("unknown hold-out", "hold_outs", each, allowed))
-            chosen += [pair for pair in of_name if pair not in chosen]
+        for label, choice in zip(self.labels, self.chosen or (), strict=True):
+            matching = [pair for pair in available if choice in {*pair, ":".join(pair)}]
+            if not isinstance(choice, str):
+                chosen.append((label, choice))
+            elif not matching:
+                allowed = dict.fromkeys([*(scheme for scheme, _ in available), *map(":".join, available)])
+                faults.append(Fault.unknown("unknown hold-out", "hold_outs", choice, allowed))
+            chosen += [pair for pair in matching if pair not in chosen]
         raise_faults(faults)
-        return list(known) if self.chosen is None else chosen
+        return list(available) if self.chosen is None else chosen
 
     def notes(self, trips: Sequence[Trip]) -> list[str]:
         """Note the splitters by groups for which each trip is a group, because the days of the trips are unknown or too few.
@@ -404,11 +404,11 @@ class HoldOutChoice:
         >>> HoldOutChoice(("reference",)).notes([])
         []
         """
-        grouped = [label for label in self.labels if "Group" in label and days_of(trips) is None]
+        grouped = [label for label in self.labels if "Group" in label and number_days(trips) is None]
         return [f"{label}: {WITHOUT_GROUPS}" for label in grouped]
 
 
-def splits_of(
+def split_trips(
     name: str, splitter: Splitter, trips: Sequence[Trip], energy_wh: FloatArray
 ) -> tuple[Split, ...]:
     """Split trips with a splitter.
@@ -427,23 +427,23 @@ def splits_of(
     InvalidInput
         If the splitter cannot split the trips.
     """
-    days, every = days_of(trips), np.arange(len(trips))
+    days, numbers = number_days(trips), np.arange(len(trips))
     try:
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", "The groups parameter is ignored", UserWarning)
-            pairs = list(splitter.split(list(trips), energy_wh, every if days is None else days))
+            pairs = list(splitter.split(list(trips), energy_wh, numbers if days is None else days))
         # a splitter yields numbers of trips, or a mask over the trips
-        cut = [(np.sort(every[train]), np.sort(every[test])) for train, test in pairs]
+        sorted_pairs = [(np.sort(numbers[train]), np.sort(numbers[test])) for train, test in pairs]
     except (ValueError, TypeError, IndexError) as error:
         raise InvalidInput.of("trips cannot be split", name, str(error)[:200]) from error
-    return tuple(Split(number, *pair) for number, pair in enumerate(cut))
+    return tuple(Split(number, *pair) for number, pair in enumerate(sorted_pairs))
 
 
 Regimes = Mapping[tuple[str, str], tuple[IntArray, IntArray]]
 """Scheme and name of a part of the main trips -> numbers of its trips, and the fold of each of these."""
 
 
-def hold_outs_of(
+def build_hold_outs(
     sets: Mapping[str, Sequence[Trip]],
     by_day: IntArray | None,
     wanted: HoldOutChoice,
@@ -470,19 +470,26 @@ def hold_outs_of(
         See `Regimes`.
     """
     main, regimes = next(iter(sets)), regimes or {}
-    known = [*((LEAVE_ONE_TRIP_OUT, name) for name in sets), *regimes]
+    available = [*((LEAVE_ONE_TRIP_OUT, name) for name in sets), *regimes]
     if by_day is not None:
-        known.insert(len(sets), (LEAVE_ONE_DAY_OUT, main))
+        available.insert(len(sets), (LEAVE_ONE_DAY_OUT, main))
     prepared = cache(lambda name: prepare(sets[name]))
     hold_outs: list[HoldOut[D]] = []
-    for scheme, which in wanted.of(known):
-        name, data = which, prepared(which if isinstance(which, str) and which in sets else main)
+    for scheme, trips_or_splitter in wanted.select(available):
+        name, data = (
+            trips_or_splitter,
+            prepared(
+                trips_or_splitter
+                if isinstance(trips_or_splitter, str) and trips_or_splitter in sets
+                else main
+            ),
+        )
         table = table_of(data)
-        if not isinstance(which, str):
+        if not isinstance(trips_or_splitter, str):
             name = main
-            splits = splits_of(scheme, which, sets[main], table.observed_wh[table.last_rows])
-        elif (scheme, which) in regimes:
-            members, folds = regimes[scheme, which]
+            splits = split_trips(scheme, trips_or_splitter, sets[main], table.observed_wh[table.last_rows])
+        elif (scheme, trips_or_splitter) in regimes:
+            members, folds = regimes[scheme, trips_or_splitter]
             data = data.take(members)
             splits = leave_one_out(folds)
         else:

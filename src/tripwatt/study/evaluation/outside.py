@@ -106,12 +106,12 @@ class WholeMethod(Method[Sequence[Trip]]):
 
         return Fitted(predict)
 
-    def needed(self, hold_out: HoldOut[Any], scored: IntArray) -> Sequence[Trip]:
+    def required_data(self, hold_out: HoldOut[Any], scored: IntArray) -> Sequence[Trip]:
         """Return the recorded trips."""
         return self.recorded(hold_out)
 
 
-def is_whole(model: object) -> bool:
+def is_whole_model(model: object) -> bool:
     """Check whether a model is a whole model: the first argument of its `fit` is `trips`.
 
     Raises
@@ -122,15 +122,15 @@ def is_whole(model: object) -> bool:
     require_fitting(model, "models", HOW)
     if is_regressor(model):
         return False
-    first = next(iter(inspect.signature(model.fit).parameters), "")  # type: ignore[attr-defined]  # checked above
-    if first not in ("trips", "table"):
+    argument = next(iter(inspect.signature(model.fit).parameters), "")  # type: ignore[attr-defined]  # checked above
+    if argument not in ("trips", "table"):
         raise InvalidInput.of(
-            "unknown kind of model", "models", f"fit({first}) of {type(model).__name__}", HOW
+            "unknown kind of model", "models", f"fit({argument}) of {type(model).__name__}", HOW
         )
-    return first == "trips"
+    return argument == "trips"
 
 
-def named_models(models: Sequence[AnyModel] | Mapping[str, AnyModel]) -> dict[str, AnyModel]:
+def models_by_name(models: Sequence[AnyModel] | Mapping[str, AnyModel]) -> dict[str, AnyModel]:
     """Return models by the names of their rows: the key of a mapping, or the model's name or class."""
     if isinstance(models, Mapping):
         return dict(models)

@@ -24,10 +24,10 @@ from tripwatt.study.evaluation.hold_outs import (
     HoldOut,
     HoldOutChoice,
     Prepared,
-    days_of,
-    hold_outs_of,
+    build_hold_outs,
+    number_days,
 )
-from tripwatt.study.evaluation.outside import WholeMethod, WholeModel, is_whole, outside_spec
+from tripwatt.study.evaluation.outside import WholeMethod, WholeModel, is_whole_model, outside_spec
 from tripwatt.study.evaluation.paper_studies import simulation_forms, studies, study_comparisons
 from tripwatt.study.evaluation.results import EvaluationRun, about_run
 from tripwatt.study.evaluation.table_models import (
@@ -84,7 +84,7 @@ class PaperProtocol:
 
     def from_outside(self, name: str, model: Corrector | WholeModel) -> ModelSpec:
         """Make the row of a whole model, or of a regressor with the covariates and the simulation of the paper's correctors."""
-        if is_whole(model):
+        if is_whole_model(model):
             return outside_spec(name, model, WholeMethod(model, lambda h: h.table.trips), None)
         if not is_regressor(model):
             got = f"{type(model).__name__} on segments"
@@ -94,7 +94,7 @@ class PaperProtocol:
             name, model, TableMethod(partial(correctors.outside, model)), correctors.SIMULATION
         )
 
-    def beside(
+    def further_comparisons(
         self, prepared: Prepared[TripTable], specs: Sequence[ModelSpec], seed: int
     ) -> list[Comparison]:
         """Return the comparisons of `tripwatt.study.evaluation.paper_studies`."""
@@ -108,19 +108,21 @@ class PaperProtocol:
             got, allowed = f"protocol {self.name!r}", "protocol 'forecast'"
             raise InvalidInput.of("option not available", "--test", got, allowed)
         cars = {name: car.load(preset) for name, preset in PRESETS.items()}
-        given = [
+        override_notes = [
             f"{cars['physics'].name} with {key} = {value}" for key, value in (car.overrides or {}).items()
         ]
         audited = audit(fleet)
         forms = simulation_forms(car) if fleet.reference is not None and wanted.chosen is None else {}
         hold_outs, notes = _hold_outs(fleet, audited, cars | forms, wanted)
-        return Prepared(hold_outs, fleet, None, audited, cars, (*map(message, fleet.notes), *given, *notes))
+        return Prepared(
+            hold_outs, fleet, None, audited, cars, (*map(message, fleet.notes), *override_notes, *notes)
+        )
 
     def assemble(
         self,
         prepared: Prepared[TripTable],
         main: Sequence[Comparison],
-        beside: Sequence[Comparison],
+        further: Sequence[Comparison],
         seed: int,
     ) -> EvaluationRun:
         """Score the totals and the studies, and fit the GAMM to all trips."""
@@ -133,7 +135,7 @@ class PaperProtocol:
             **about_run(self.name, prepared, first, seed),
             "evaluations": [comparison.summary(seed) for comparison in main],
             "table2": _table2(gamm),
-            "studies": studies(first, beside, seed),
+            "studies": studies(first, further, seed),
         }
         return EvaluationRun(
             results=content,
@@ -160,18 +162,18 @@ def _hold_outs(
     fleet: TripSet, audited: Audit, cars: Mapping[str, Vehicle], wanted: HoldOutChoice
 ) -> tuple[list[HoldOut[TripTable]], list[str]]:
     usable, notes = _usable(fleet.trips)
-    every = {"reference": fleet.reference_trips(), "audited": audited.trips, "all": usable}
-    sets = {name: trips for name, trips in every.items() if trips}
+    sets_by_name = {"reference": fleet.reference_trips(), "audited": audited.trips, "all": usable}
+    sets = {name: trips for name, trips in sets_by_name.items() if trips}
     if fleet.reference is not None and "reference" not in sets:
         notes.append(f"none of the reference trips of the data set {fleet.name!r} is here")
     if not sets or max(map(len, sets.values())) < MIN_FOLDS:
         got = f"{len(audited.trips)} of {len(fleet.trips)}"
-        least = f"at least {MIN_FOLDS} with measured energy"
-        raise InvalidInput.of("too few trips after the audit", fleet.name, got, least)
+        allowed = f"at least {MIN_FOLDS} with measured energy"
+        raise InvalidInput.of("too few trips after the audit", fleet.name, got, allowed)
     main = next(iter(sets.values()))
-    days = days_of(main)
+    days = number_days(main)
     notes += [WITHOUT_DAYS] if days is None else []
-    hold_outs = hold_outs_of(sets, days, wanted, partial(build_table, physics=cars), lambda table: table)
+    hold_outs = build_hold_outs(sets, days, wanted, partial(build_table, physics=cars), lambda table: table)
     return hold_outs, [*notes, *hold_outs[0].table.notes, *wanted.notes(main)]
 
 

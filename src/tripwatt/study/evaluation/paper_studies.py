@@ -86,15 +86,17 @@ NEAREST: Final = "physics-brochure"
 """Form of the simulation whose error on the reference trips is nearest to the paper's; correctors are also run on it."""
 
 
-def _studied(name: str, title: str, make: Callable[..., EnergyModel], **settings: Any) -> ModelSpec:
+def _study_model(name: str, title: str, make: Callable[..., EnergyModel], **settings: Any) -> ModelSpec:
     """Make a model from `make` with settings, on the simulation among the settings or else on that of the correctors."""
     simulation = settings.get("simulation", correctors.SIMULATION)
     return table_model(name, title, functools.partial(make, **settings), simulation)
 
 
-SIMULATIONS: Final = tuple(_studied(form.name, form.title, physics, simulation=form.name) for form in FORMS)
+SIMULATIONS: Final = tuple(
+    _study_model(form.name, form.title, physics, simulation=form.name) for form in FORMS
+)
 ON_NEAREST: Final = tuple(
-    _studied(f"{name}-brochure", f"{title} on {NEAREST}", make, simulation=NEAREST)
+    _study_model(f"{name}-brochure", f"{title} on {NEAREST}", make, simulation=NEAREST)
     for name, title, make in (
         ("gamm", "GAMM with Student's t errors", correctors.gamm),
         ("forest", "clustered forest", correctors.forest),
@@ -102,7 +104,7 @@ ON_NEAREST: Final = tuple(
     )
 )
 CORRELATIONS: Final = tuple(
-    _studied(
+    _study_model(
         f"boosting-{kind}",
         f"clustered boosting, working correlation {kind}",
         correctors.boosting,
@@ -111,7 +113,7 @@ CORRELATIONS: Final = tuple(
     for kind in ("exchangeable", "ar1")
 )
 GAMM_ERRORS: Final = (
-    _studied("gamm-ar1", "GAMM with normal AR(1) errors within a trip", correctors.gamm, errors="ar1"),
+    _study_model("gamm-ar1", "GAMM with normal AR(1) errors within a trip", correctors.gamm, errors="ar1"),
 )
 
 CHOICES: Final[Mapping[str, tuple[str, ...]]] = {
@@ -164,8 +166,8 @@ def study_comparisons(hold_out: HoldOut[TripTable], names: Sequence[str], seed: 
     """
     if not hold_out.is_reference:
         return []
-    known = {None, *hold_out.table.simulated_wh}
-    models = tuple(model for model in study_models(names) if model.simulation in known)
+    available = {None, *hold_out.table.simulated_wh}
+    models = tuple(model for model in study_models(names) if model.simulation in available)
     comparisons = [Comparison(hold_out, models)]
     draws = random_draws(hold_out, SIZES, DRAWS, MIN_SCORED, seed)
     return [*comparisons, Comparison(draws, CURVE)] if set(CURVE_MODELS) <= set(names) else comparisons
@@ -178,14 +180,14 @@ def simulation_forms(car: CarChoice) -> dict[str, Vehicle]:
     return {form.name: car.load("paper", form.overrides) for form in FORMS}
 
 
-def studies(main: Comparison, beside: Sequence[Comparison], seed: int) -> dict[str, Any]:
+def studies(main: Comparison, further: Sequence[Comparison], seed: int) -> dict[str, Any]:
     """Score everything beside the table; returns an empty dict if the studies did not run.
 
     Parameters
     ----------
     main : Comparison
         The models of the table on the main hold-out.
-    beside : sequence of Comparison
+    further : sequence of Comparison
         From `study_comparisons`.
     seed : int
 
@@ -195,9 +197,9 @@ def studies(main: Comparison, beside: Sequence[Comparison], seed: int) -> dict[s
         `trips, n_trips, models` (name -> title, simulation, scores, share of trips improved over that simulation),
         `choices` (name -> model -> number of folds) and `trips_needed`.
     """
-    if not beside:
+    if not further:
         return {}
-    table, (varied, *curve) = main.hold_out.table, beside
+    table, (varied, *curve) = main.hold_out.table, further
     all_specs = {spec.name: spec for spec in (*main.specs, *varied.specs)}
     by_model: dict[str, dict[int, FoldResult]] = {}
     for result in (*main.results, *varied.results):
@@ -228,34 +230,34 @@ def chosen_folds(
 
     The time of a fit is the sum over all candidates, because all are fitted for the choice.
     """
-    taken, count = {}, {next(iter(c.values())).model: 0 for c in candidates}
+    chosen, count = {}, {next(iter(c.values())).model: 0 for c in candidates}
     for fold in candidates[0]:
         options = [c[fold] for c in candidates]
         errors = [option.inner_error for option in options]
         best = options[int(np.nanargmin(errors))] if np.isfinite(errors).any() else options[0]
         count[best.model] += 1
         fit_s = sum(option.fit_s for option in options)
-        taken[fold] = replace(best, model=name, fit_s=fit_s)
-    return taken, count
+        chosen[fold] = replace(best, model=name, fit_s=fit_s)
+    return chosen, count
 
 
 def _scores(
     table: TripTable, folds: Mapping[int, FoldResult], simulation: str | None, seed: int
 ) -> dict[str, Any]:
     last = table.last_rows
-    observed, simulated, ours = (
+    observed, simulated, predicted = (
         table.observed_wh[last],
         table.simulated(simulation)[last],
         np.empty(len(table)),
     )
     for result in folds.values():
-        ours[result.split.test] = result.predicted_wh
-    errors = (absolute_percentage_error(observed, energy_wh) for energy_wh in (ours, simulated))
+        predicted[result.split.test] = result.predicted_wh
+    errors = (absolute_percentage_error(observed, energy_wh) for energy_wh in (predicted, simulated))
     improved = np.mean(np.less(*errors))
-    own = simulation is None or np.array_equal(ours, simulated)
-    return asdict(summarise_errors(observed, ours, seed)) | {
+    is_simulation = simulation is None or np.array_equal(predicted, simulated)
+    return asdict(summarise_errors(observed, predicted, seed)) | {
         "simulation": simulation,
-        "improved_share": None if own else float(improved),
+        "improved_share": None if is_simulation else float(improved),
         **median_times(list(folds.values())),
     }
 
@@ -282,8 +284,8 @@ def trips_needed(draws: Comparison, seed: int) -> dict[str, Any]:
     errors = np.full((len(CURVE_MODELS), len(sizes), n_draws, n_trips), np.nan)
     for result in draws.results:
         split, model = result.split, CURVE_MODELS.index(result.model)
-        place = model, np.searchsorted(sizes, len(split.train)), split.draw, split.test
-        errors[place] = absolute_percentage_error(observed[split.test], result.predicted_wh)
+        index = model, np.searchsorted(sizes, len(split.train)), split.draw, split.test
+        errors[index] = absolute_percentage_error(observed[split.test], result.predicted_wh)
     means = _weighted(errors, np.ones(n_draws), np.ones(n_trips))
     rng = np.random.default_rng(seed)
     crossings = []

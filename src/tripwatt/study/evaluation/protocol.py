@@ -11,7 +11,7 @@ from tripwatt.hybrid import Corrector
 from tripwatt.hybrid.outside import packaged_correctors
 from tripwatt.study.evaluation.comparison import Comparison
 from tripwatt.study.evaluation.hold_outs import CarChoice, HoldOutChoice, Prepared
-from tripwatt.study.evaluation.outside import AnyModel, WholeModel, named_models
+from tripwatt.study.evaluation.outside import AnyModel, WholeModel, models_by_name
 from tripwatt.study.evaluation.results import EvaluationRun
 from tripwatt.study.evaluation.tasks import ModelSpec
 from tripwatt.trips import TripSet
@@ -50,8 +50,10 @@ class EvaluationProtocol(Protocol):
     published: Mapping[str, float]
     given: str
 
-    def beside(self, prepared: Prepared[Any], specs: Sequence[ModelSpec], seed: int) -> list[Comparison]:
-        """Choose further comparisons beside the chosen models on the hold-outs, such as learning curves.
+    def further_comparisons(
+        self, prepared: Prepared[Any], specs: Sequence[ModelSpec], seed: int
+    ) -> list[Comparison]:
+        """Choose comparisons in addition to the chosen models on the hold-outs, such as learning curves.
 
         Parameters
         ----------
@@ -69,7 +71,7 @@ class EvaluationProtocol(Protocol):
 
         Examples
         --------
-        >>> protocol.beside(prepared, protocol.models, seed=0)  # doctest: +SKIP
+        >>> protocol.further_comparisons(prepared, protocol.models, seed=0)  # doctest: +SKIP
         """
         ...
 
@@ -128,7 +130,7 @@ class EvaluationProtocol(Protocol):
         ...
 
     def assemble(
-        self, prepared: Prepared[Any], main: Sequence[Comparison], beside: Sequence[Comparison], seed: int
+        self, prepared: Prepared[Any], main: Sequence[Comparison], further: Sequence[Comparison], seed: int
     ) -> EvaluationRun:
         """Score the held-out predictions.
 
@@ -138,8 +140,8 @@ class EvaluationProtocol(Protocol):
             From `prepare`.
         main : sequence of Comparison
             Results of the chosen models on each hold-out.
-        beside : sequence of Comparison
-            Results of the comparisons from `beside`.
+        further : sequence of Comparison
+            Results of the comparisons from `further_comparisons`.
         seed : int
             Seed of the bootstrap.
 
@@ -186,20 +188,20 @@ def choose_models(
     """
     if models is None:
         return protocol.models
-    known, packaged = [spec.name for spec in protocol.models], packaged_correctors()
-    named = named_models(models)
+    own_names, packaged = [spec.name for spec in protocol.models], packaged_correctors()
+    named = models_by_name(models)
     names = [model for model in named.values() if isinstance(model, str)]
-    unknown = [name for name in names if name not in known and name not in packaged]
-    taken = [name for name, model in named.items() if name in known and not isinstance(model, str)]
-    faults = [Fault.unknown("unknown model", "models", name, [*known, *packaged]) for name in unknown]
+    unknown = [name for name in names if name not in own_names and name not in packaged]
+    taken = [name for name, model in named.items() if name in own_names and not isinstance(model, str)]
+    faults = [Fault.unknown("unknown model", "models", name, [*own_names, *packaged]) for name in unknown]
     allowed = "a name that no model of the protocol has"
     raise_faults([*faults, *(Fault("name is taken", "models", name, allowed) for name in taken)])
-    others = {
+    further_models = {
         name: packaged[model](seed) if isinstance(model, str) else model
         for name, model in named.items()
-        if not (isinstance(model, str) and model in known)
+        if not (isinstance(model, str) and model in own_names)
     }
-    outside = [protocol.from_outside(name, model) for name, model in others.items()]
+    outside = [protocol.from_outside(name, model) for name, model in further_models.items()]
     rows = {model: name for name, model in named.items() if isinstance(model, str)}
-    own = [replace(spec, name=rows[spec.name]) for spec in protocol.models if spec.name in rows]
-    return (*own, *outside)
+    own_models = [replace(spec, name=rows[spec.name]) for spec in protocol.models if spec.name in rows]
+    return (*own_models, *outside)

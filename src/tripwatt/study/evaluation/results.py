@@ -84,8 +84,8 @@ class EvaluationRun:
                 low, high = scores["mape_ci95"]
                 about = {"scheme": part["scheme"], "trips": part["trips"], "model": model}
                 errors = {"mape": scores["mape"], "mape_low": low, "mape_high": high}
-                more = {k: scores[k] for k in ("median_ape", "max_ape", "bias", "rmse_wh")}
-                rows.append({**about, "n_trips": part["n_trips"], **errors, **more})
+                further_errors = {k: scores[k] for k in ("median_ape", "max_ape", "bias", "rmse_wh")}
+                rows.append({**about, "n_trips": part["n_trips"], **errors, **further_errors})
         return pd.DataFrame(rows)
 
     def compare(self, a: str, b: str, *, hold_out: str | None = None) -> PairedDifference:
@@ -181,18 +181,18 @@ class EvaluationRun:
 
 def about_run(protocol: str, prepared: Prepared[Any], main: Comparison, seed: int) -> dict[str, Any]:
     """Return the part of `results.json` about the data and the models, and the paired differences of the main comparison."""
-    shown = prepared.scored_fleet
+    fleet = prepared.scored_fleet
     return {
         "protocol": protocol,
-        "dataset": shown.name,
-        "synthetic": shown.name == SYNTHETIC,
-        "citation": shown.citation,
+        "dataset": fleet.name,
+        "synthetic": fleet.name == SYNTHETIC,
+        "citation": fleet.citation,
         "seed": seed,
         "versions": {"python": platform.python_version()} | {name: version(name) for name in VERSIONED},
         "vehicle": next(iter(prepared.cars.values())).name,
         "notes": list(dict.fromkeys(prepared.notes)),
         "models": {spec.name: spec.title for spec in main.specs},
-        "trips_read": [t.trip_id for t in shown.trips],
+        "trips_read": [t.trip_id for t in fleet.trips],
         "trips_used": {h.trips: [h.table.trip_ids[i] for i in h.scored] for h in prepared.hold_outs},
         "days": dict(zip(main.hold_out.table.trip_ids, main.hold_out.table.days, strict=True)),
         "audit": [asdict(finding) for finding in prepared.audited.findings],

@@ -120,8 +120,8 @@ def evaluate(
     car = vehicle if isinstance(vehicle, CarChoice) else CarChoice(vehicle)
     prepared = chosen.prepare(_fleet(trips), test_fleet, car, wanted)
     main = [Comparison(hold_out, specs) for hold_out in prepared.hold_outs]
-    beside = chosen.beside(prepared, specs, seed) if wanted.chosen is None else []
-    done = run_folds([*main, *beside], seed, execution or Execution(), compares=bool(beside))
+    further = chosen.further_comparisons(prepared, specs, seed) if wanted.chosen is None else []
+    done = run_folds([*main, *further], seed, execution or Execution(), compare_settings=bool(further))
     return chosen.assemble(prepared, done[: len(main)], done[len(main) :], seed)
 
 

@@ -44,15 +44,15 @@ class TableMethod(Method[TripTable]):
         model = self.make(seed)
         return isinstance(model, HybridModel) and model.shares_folds
 
-    def together(self, data: TripTable, folds: IntArray, seed: int, *, compares: bool) -> Fitted:
+    def fit_all_folds(self, data: TripTable, folds: IntArray, seed: int, *, compare_settings: bool) -> Fitted:
         """Predict each trip without its fold."""
         model = self.make(seed)
         assert isinstance(model, HybridModel)
         predicted = model.predict_held_out(data, folds)
-        inner = model.inner_errors(data, folds, seed) if compares else None
+        inner = model.inner_errors(data, folds, seed) if compare_settings else None
         return Fitted(lambda test: predicted[data.last_rows[test]], inner_errors=inner)
 
-    def needed(self, hold_out: HoldOut[Any], scored: IntArray) -> TripTable:
+    def required_data(self, hold_out: HoldOut[Any], scored: IntArray) -> TripTable:
         """Return the table without the samples of its trips."""
         return hold_out.table.without_samples()
 

@@ -53,7 +53,7 @@ class FoldResult:
 
 @dataclass(frozen=True, slots=True)
 class Fitted:
-    """Result of `Method.fit` and `Method.together`.
+    """Result of `Method.fit` and `Method.fit_all_folds`.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class Fitted:
     forecasts : callable or None
         Function from numbers of predicted trips to everything that is scored of their forecasts.
     inner_errors : ndarray or None, shape (folds,)
-        From `Method.together`: error of each fold by which settings are compared, in the order of the folds' numbers.
+        From `Method.fit_all_folds`: error of each fold by which settings are compared, in the order of the folds' numbers.
     """
 
     predict: Predict
@@ -82,14 +82,14 @@ class Method(Generic[D]):
         raise NotImplementedError
 
     def shares_folds(self, seed: int) -> bool:
-        """Whether `together` predicts all folds at once, each held out."""
+        """Whether `fit_all_folds` predicts all folds at once, each held out."""
         return False
 
-    def together(self, data: D, folds: IntArray, seed: int, *, compares: bool) -> Fitted:
-        """Predict each trip by a model fitted without its fold; with `compares` also the errors inside the folds."""
+    def fit_all_folds(self, data: D, folds: IntArray, seed: int, *, compare_settings: bool) -> Fitted:
+        """Predict each trip by a model fitted without its fold; with `compare_settings` also the errors inside the folds."""
         raise NotImplementedError
 
-    def needed(self, hold_out: HoldOut[Any], scored: IntArray) -> D:
+    def required_data(self, hold_out: HoldOut[Any], scored: IntArray) -> D:
         """Return the data that `fit` and the prediction of the scored trips need; they are sent to another process."""
         raise NotImplementedError
 
@@ -124,7 +124,7 @@ class ModelSpec:
         splits: Sequence[Split],
         seed: int,
         *,
-        compares: bool = False,
+        compare_settings: bool = False,
     ) -> Iterator[Task]:
         """Yield the tasks for some splits of a hold-out.
 
@@ -134,8 +134,8 @@ class ModelSpec:
         size = self.method.splits_per_task if folds is None else max(len(splits), 1)
         for start in range(0, len(splits), size):
             part = tuple(splits[start : start + size])
-            data = self.method.needed(hold_out, np.concatenate([split.test for split in part]))
-            yield Task(comparison, self, data, part, seed, folds, compares)
+            data = self.method.required_data(hold_out, np.concatenate([split.test for split in part]))
+            yield Task(comparison, self, data, part, seed, folds, compare_settings)
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,12 +148,12 @@ class Task:
         Number of the comparison.
     spec : ModelSpec
     data : object
-        See `Method.needed`.
+        See `Method.required_data`.
     splits : tuple of Split
     seed : int
     folds : ndarray of int or None, shape (trips,)
         Fold of each trip if all folds are predicted at once; otherwise None.
-    compares : bool
+    compare_settings : bool
         Whether to compute the errors inside the folds, by which settings are compared.
     """
 
@@ -163,7 +163,7 @@ class Task:
     splits: tuple[Split, ...]
     seed: int
     folds: IntArray | None = None
-    compares: bool = False
+    compare_settings: bool = False
 
     @property
     def rank(self) -> tuple[int, int]:
@@ -179,16 +179,19 @@ class Task:
 
     def _run_together(self, folds: IntArray) -> list[FoldResult]:
         """Predict all folds at once; the times of fit and prediction are those of one ordinary fit."""
-        found = self.spec.method.together(self.data, folds, self.seed, compares=self.compares)
-        every, numbers = np.arange(len(folds)), np.unique(folds)
-        plain = self._fit(every)(every[:TIMED_TRIPS])
-        inner = np.full(len(numbers), np.nan) if found.inner_errors is None else found.inner_errors
-        errors = dict(zip(numbers.tolist(), inner.tolist(), strict=True))
+        fitted = self.spec.method.fit_all_folds(
+            self.data, folds, self.seed, compare_settings=self.compare_settings
+        )
+        trips, fold_numbers = np.arange(len(folds)), np.unique(folds)
+        ordinary_fit = self._fit(trips)(trips[:TIMED_TRIPS])
+        inner = np.full(len(fold_numbers), np.nan) if fitted.inner_errors is None else fitted.inner_errors
+        errors = dict(zip(fold_numbers.tolist(), inner.tolist(), strict=True))
         return [
             FoldResult(
                 self.spec.name,
                 split,
-                **plain | {"predicted_wh": found.predict(split.test), "inner_error": errors[split.number]},
+                **ordinary_fit
+                | {"predicted_wh": fitted.predict(split.test), "inner_error": errors[split.number]},
             )
             for split in self.splits
         ]

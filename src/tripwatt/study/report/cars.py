@@ -13,7 +13,7 @@ from tripwatt.files import write_text
 from tripwatt.study.report.html import write_page
 from tripwatt.study.report.panel import Panel
 from tripwatt.study.report.style import legend_below, new_figure, style_context
-from tripwatt.study.report.tables import Column, Table, in_percent, in_words, tabulated
+from tripwatt.study.report.tables import Column, Table, in_percent, in_words, make_table
 
 if TYPE_CHECKING:
     from tripwatt.study.evaluation.cars import CarsRun
@@ -88,7 +88,9 @@ def curves_table(results: Record) -> Table:
         if car["curves"][name]
     ]
     columns = (in_percent(f"{k}", f"{k}") for k in counts)
-    return tabulated("Error [%] by the number of own trips", rows, Column("Car and model", "label"), *columns)
+    return make_table(
+        "Error [%] by the number of own trips", rows, Column("Car and model", "label"), *columns
+    )
 
 
 def time_table(results: Record) -> Table:
@@ -98,7 +100,7 @@ def time_table(results: Record) -> Table:
         for car in results["cars"]
         for score in car["in_time"]
     ]
-    return tabulated(
+    return make_table(
         "In order of time, each trip forecast before it is learned",
         rows,
         Column("Car", "label"),
@@ -115,7 +117,7 @@ def time_table(results: Record) -> Table:
 
 def means_table(results: Record) -> Table:
     """Tabulate the errors of each car without own trips, with its own model, and from the dynamometer."""
-    return tabulated(
+    return make_table(
         "Each car without own trips, and its own model fitted to the first half of its trips",
         results["cars"],
         Column("Car", lambda car: f"{car['car']}: {car['vehicle_title']}"),
@@ -131,7 +133,7 @@ def means_table(results: Record) -> Table:
 
 def factors_table(results: Record) -> Table:
     """Tabulate mean and spread of each factor over the cars of the package."""
-    return tabulated(
+    return make_table(
         "Factors by which cars differ from their simulation",
         results["factors"],
         Column("Factor", lambda row: row["factor"].replace("_", " ")),

@@ -24,7 +24,7 @@ from tripwatt.fleet.statistics import TripRows
 from tripwatt.study.evaluation.fleets import FleetEvaluation
 from tripwatt.study.report.html import page_text
 from tripwatt.study.report.panel import Panel
-from tripwatt.study.report.tables import Column, Table, in_kwh, in_percent, in_words, number, tabulated
+from tripwatt.study.report.tables import Column, Table, in_kwh, in_percent, in_words, make_table, number
 from tripwatt.study.report.words import percent
 from tripwatt.trips.reading import alike
 
@@ -58,7 +58,7 @@ def evaluation_page(title: str, evaluation: FleetEvaluation, rows: TripRows) -> 
 
 def accuracy_table(evaluation: FleetEvaluation, by: str) -> Table:
     """Tabulate mean error and coverage by one of `CLASSES`."""
-    return tabulated(
+    return make_table(
         f"By {CLASSES[by]}",
         evaluation.table(by).to_dict("records"),
         Column("trips forecast", "protocol"),
@@ -71,7 +71,7 @@ def accuracy_table(evaluation: FleetEvaluation, by: str) -> Table:
 
 def _own_trips_table(evaluation: FleetEvaluation) -> Table:
     """Tabulate the mean error by the number of the vehicle's own trips in the fit."""
-    return tabulated(
+    return make_table(
         "Mean error by number of own trips",
         evaluation.own.to_dict("records"),
         Column("own trips", "own_trips", digits=0),
@@ -88,7 +88,7 @@ def _coverage_table(evaluation: FleetEvaluation) -> Table:
     shares = table[table["trips"] >= MIN_TRIPS].groupby("protocol")["inside"]
     tenth, nine_tenths = (lambda s: s.quantile(0.1)), (lambda s: s.quantile(0.9))
     spread = shares.agg(n="size", low=tenth, middle="median", high=nine_tenths)
-    return tabulated(
+    return make_table(
         f"Trips inside the 90 % interval, by vehicle with {MIN_TRIPS} trips or more",
         spread.reset_index().to_dict("records"),
         Column("trips forecast", "protocol"),
@@ -284,7 +284,7 @@ def _describe_changes(changed: pd.DataFrame, vehicles: int) -> str:
 
 def _changes_table(changed: pd.DataFrame) -> Table:
     """Tabulate the changes, one row for each."""
-    return tabulated(
+    return make_table(
         "Every change, the largest first",
         changed.to_dict("records"),
         Column("vehicle", "vehicle_id"),
@@ -320,7 +320,7 @@ def _describe_needs(needs: pd.DataFrame, quantile: float) -> str:
 def needs_table(needs: pd.DataFrame, quantile: float) -> Table:
     """Tabulate needs by vehicle and hour of departure; first rows with something to charge or a need of more than a full battery."""
     urgent = (needs["charge_wh"] > 0.0) | (needs["soc_needed"] > 1.0)
-    return tabulated(
+    return make_table(
         "By vehicle and hour of departure",
         [*needs[urgent].to_dict("records"), *needs[~urgent].to_dict("records")],
         Column("vehicle", "vehicle_id"),
@@ -363,12 +363,12 @@ def routes_table(routes: pd.DataFrame) -> Table:
         return in_percent(car, lambda row: row[car] if row[car] <= 1.0 else None, 0)
 
     columns = Column("route", "trip"), in_words("car models", suitable), *map(charge_column, cars)
-    return tabulated("Charge that suffices", routes.to_dict("records"), *columns)
+    return make_table("Charge that suffices", routes.to_dict("records"), *columns)
 
 
 def _shares_table(table: pd.DataFrame, key: str) -> Table:
     """Tabulate the deviations, one row for each vehicle or driver."""
-    return tabulated(
+    return make_table(
         f"Every {key}, by deviation",
         table.to_dict("records"),
         Column(key, "driver" if key == "driver" else "vehicle_id"),

@@ -15,7 +15,7 @@ from tripwatt.files import write_bytes
 from tripwatt.study.report.panel import Panel
 from tripwatt.study.report.panels import build_sections
 from tripwatt.study.report.style import style_context
-from tripwatt.study.report.view import TESTED, View, plain
+from tripwatt.study.report.view import TESTED, View, printable
 
 if TYPE_CHECKING:
     from tripwatt.study.evaluation.results import EvaluationRun
@@ -147,11 +147,11 @@ def _head(view: View) -> dict[str, Any]:
         "Seed": results.get("seed"),
     }
     return {
-        "title": f"Evaluation on {'synthetic trips' if view.synthetic else plain(view.dataset)}",
+        "title": f"Evaluation on {'synthetic trips' if view.synthetic else printable(view.dataset)}",
         "synthetic": view.synthetic,
         "tested": TESTED.get(view.main.get("scheme"), ""),
-        "facts": [(name, plain(value, 200)) for name, value in facts.items()],
+        "facts": [(name, printable(value, 200)) for name, value in facts.items()],
         "versions": ", ".join(f"{name} {version}" for name, version in results["versions"].items()),
         "citation": results["citation"],
-        "notes": [plain(note, 600) for note in results["notes"]],
+        "notes": [printable(note, 600) for note in results["notes"]],
     }

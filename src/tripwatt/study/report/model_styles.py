@@ -75,12 +75,12 @@ def model_style(name: str) -> ModelStyle:
     return model_styles().get(name) or ModelStyle(name, _UNKNOWN_COLOUR, "data", "")
 
 
-def ordered(names: Iterable[str]) -> list[str]:
+def in_table_order(names: Iterable[str]) -> list[str]:
     """Sort model names in the order of the tables; unknown names come last, by alphabet.
 
     Examples
     --------
-    >>> ordered(["forest", "zebra", "constant"])
+    >>> in_table_order(["forest", "zebra", "constant"])
     ['constant', 'forest', 'zebra']
     """
     rank = {name: i for i, name in enumerate(model_styles())}

@@ -6,9 +6,9 @@ from typing import Final
 
 from tripwatt.arrays import by_key
 from tripwatt.study.report.model_styles import model_style
-from tripwatt.study.report.tables import DASH, Column, Table, in_percent, tabulated
-from tripwatt.study.report.view import Record, View, is_known, of_evaluation
-from tripwatt.study.report.words import label
+from tripwatt.study.report.tables import DASH, Column, Table, in_percent, make_table
+from tripwatt.study.report.view import Record, View, describe_evaluation, is_finite_number
+from tripwatt.study.report.words import model_label
 
 SHORT_ROWS: Final = 5
 """Number of models up to which the short table shows all of them."""
@@ -19,7 +19,7 @@ _KINDS: Final = ("constant", "baseline", "physics", "data", "hybrid")
 """Kinds of models in the order of the short table."""
 
 
-def short_list(view: View) -> list[str]:
+def short_table_models(view: View) -> list[str]:
     """Choose the models of the short table: the constant, the best model of each kind, the forecast with published values.
 
     Each kind is a benchmark for the best hybrid: one consumption per distance (the constant), a few coefficients
@@ -44,17 +44,17 @@ def short_list(view: View) -> list[str]:
 
 def _error(score: Record) -> float:
     value = score.get("mape")
-    return float(value) if is_known(value) else float("inf")
+    return float(value) if is_finite_number(value) else float("inf")
 
 
 def short_table(view: View, *more: Column) -> Table:
-    """Tabulate the models of `short_list`: mean error with its interval, columns `more`, and coverage if there is a forecast."""
-    rows = [{**view.scores[m], "name": m} for m in short_list(view)]
+    """Tabulate the models of `short_table_models`: mean error with its interval, columns `more`, and coverage if there is a forecast."""
+    rows = [{**view.scores[m], "name": m} for m in short_table_models(view)]
     inside = in_percent(_INSIDE, lambda row: (row.get("coverage") or {}).get("0.9"), 0)
-    return tabulated(
-        view.captioned(f"Error of a trip's energy: {of_evaluation(view.main)}"),
+    return make_table(
+        view.captioned(f"Error of a trip's energy: {describe_evaluation(view.main)}"),
         rows,
-        Column("Model", lambda row: label(row["name"])),
+        Column("Model", lambda row: model_label(row["name"])),
         in_percent("Mean error [%]", "mape"),
         in_percent("95 % interval", "mape_ci95"),
         *more,

@@ -42,7 +42,7 @@ def new_figure(height_in: float, title: str, note: str, synthetic: bool) -> Figu
     return figure
 
 
-def plotted(view: View, height_in: float, title: str, note: str = "") -> tuple[Figure, Axes]:
+def new_axes(view: View, height_in: float, title: str, note: str = "") -> tuple[Figure, Axes]:
     """Make a figure of a run with one pair of axes.
 
     Parameters
@@ -57,7 +57,7 @@ def plotted(view: View, height_in: float, title: str, note: str = "") -> tuple[F
     return figure, figure.add_subplot()
 
 
-def stacked(
+def new_axes_column(
     view: View, height_in: float, head: tuple[str, str], rows: int, **settings: Any
 ) -> tuple[Figure, list[Axes]]:
     """Make a figure of a run with several pairs of axes, one below the other; `head` is a title and a note."""

@@ -85,14 +85,14 @@ def in_words(head: str, value: str | Callable[[Any], object]) -> Column:
     return Column(head, value, text=True)
 
 
-def tabulated(
+def make_table(
     caption: str, records: Iterable[Any], *columns: Column, strong: frozenset[int] = frozenset()
 ) -> Table:
     """Make a table with a row for each record.
 
     Examples
     --------
-    >>> tabulated("Trips", [{"trip": "a", "wh": 1200.0}], Column("Trip", "trip"), in_kwh("Energy [kWh]", "wh")).rows
+    >>> make_table("Trips", [{"trip": "a", "wh": 1200.0}], Column("Trip", "trip"), in_kwh("Energy [kWh]", "wh")).rows
     (('a', '1.20'),)
     """
     rows = tuple(tuple(column.cell(record) for column in columns) for record in records)

@@ -14,7 +14,7 @@ from tripwatt.files import shipped_toml
 from tripwatt.study.evaluation import DEFAULT_PROTOCOL, PROTOCOLS, EvaluationProtocol
 from tripwatt.study.evaluation.comparison import FOLD_COLUMNS
 from tripwatt.study.paper.insight import GammInsight
-from tripwatt.study.report.model_styles import model_style, ordered
+from tripwatt.study.report.model_styles import in_table_order, model_style
 
 if TYPE_CHECKING:
     from tripwatt.study.evaluation.results import EvaluationRun
@@ -28,12 +28,12 @@ TESTED: Final = _EVALUATIONS["tested"]
 TRIP_SETS: Final = _EVALUATIONS["trip_sets"]
 
 
-def plain(text: object, longest: int = 48) -> str:
+def printable(text: object, longest: int = 48) -> str:
     """Return a text as one printable line: control characters become a visible mark, a long text is cut in the middle.
 
     Examples
     --------
-    >>> plain("a" * 60, 9)
+    >>> printable("a" * 60, 9)
     'aaaa…aaaa'
     """
     line = "".join("�" if unicodedata.category(c) in ("Cc", "Cs", "Cn", "Co") else c for c in str(text))
@@ -43,14 +43,14 @@ def plain(text: object, longest: int = 48) -> str:
     return f"{line[:half]}…{line[-half:]}"
 
 
-def of_evaluation(evaluation: Record) -> str:
+def describe_evaluation(evaluation: Record) -> str:
     """Describe scheme and trip set of an evaluation in words.
 
     Examples
     --------
-    >>> of_evaluation({"scheme": "leave_one_trip_out", "trips": "reference", "n_trips": 58})
+    >>> describe_evaluation({"scheme": "leave_one_trip_out", "trips": "reference", "n_trips": 58})
     'leave one trip out, 58 reference trips'
-    >>> of_evaluation({"scheme": "leave_regime_out", "trips": "longer third", "n_trips": 19})
+    >>> describe_evaluation({"scheme": "leave_regime_out", "trips": "longer third", "n_trips": 19})
     'trips of another kind, longer third (19 trips)'
     """
     scheme, trips, number = evaluation["scheme"], evaluation["trips"], evaluation["n_trips"]
@@ -124,7 +124,7 @@ class View:
     @property
     def models(self) -> list[str]:
         """Models of the main evaluation in table order."""
-        return ordered(map(str, self.scores))
+        return in_table_order(map(str, self.scores))
 
     @property
     def best(self) -> str | None:
@@ -135,10 +135,10 @@ class View:
         """
         if self.protocol.focus in self.scores:
             return self.protocol.focus
-        errors = {m: float(v["mape"]) for m, v in self.scores.items() if is_known(v.get("mape"))}
+        errors = {m: float(v["mape"]) for m, v in self.scores.items() if is_finite_number(v.get("mape"))}
         hybrids = {m: e for m, e in errors.items() if model_style(m).kind == "hybrid"}
         pool = hybrids or errors
-        return min(ordered(pool), key=lambda m: pool[m]) if pool else None
+        return min(in_table_order(pool), key=lambda m: pool[m]) if pool else None
 
     @property
     def focus(self) -> Record:
@@ -153,7 +153,7 @@ class View:
     @property
     def note(self) -> str:
         """Folds and trips of the main evaluation, for the head of a figure."""
-        return of_evaluation(self.main) if self.main else ""
+        return describe_evaluation(self.main) if self.main else ""
 
     @property
     def main_folds(self) -> pd.DataFrame:
@@ -168,6 +168,6 @@ class View:
         return f"{caption} (synthetic trips)" if self.synthetic else caption
 
 
-def is_known(value: object) -> TypeGuard[float]:
+def is_finite_number(value: object) -> TypeGuard[float]:
     """Whether a value of the results is a finite number."""
     return isinstance(value, int | float) and bool(np.isfinite(value))

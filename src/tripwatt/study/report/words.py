@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from tripwatt.study.report.model_styles import model_style
-from tripwatt.study.report.view import plain
+from tripwatt.study.report.view import printable
 
 
 def percent(fraction: float | None, digits: int = 1) -> str:
@@ -35,9 +35,9 @@ def points(difference: float) -> str:
     return f"{sign}{abs(100 * difference):.1f} points"
 
 
-def label(model: str) -> str:
+def model_label(model: str) -> str:
     """Return a model's name for a sentence."""
-    return plain(model_style(model).label)
+    return printable(model_style(model).label)
 
 
 def listed(items: Sequence[str]) -> str:

@@ -42,13 +42,13 @@ class RoadKind:
     bend_m_s: tuple[float, float]
 
 
-def _m_s(*speeds_km_h: float) -> tuple[float, ...]:
+def _to_m_s(*speeds_km_h: float) -> tuple[float, ...]:
     return tuple(v * M_S_PER_KM_H for v in speeds_km_h)
 
 
-CITY: Final = RoadKind(_m_s(30, 50, 50, 60), (90, 500), (0.7, 1.0), 0.28, 0.25, (4.0, 8.0))
-RURAL: Final = RoadKind(_m_s(50, 70, 80, 100), (300, 1800), (0.75, 1.0), 0.15, 0.45, (9.0, 17.0))
-HIGHWAY: Final = RoadKind(_m_s(80, 100, 120, 130), (500, 2500), (0.75, 1.0), 0.0, 0.1, (16.0, 22.0))
+CITY: Final = RoadKind(_to_m_s(30, 50, 50, 60), (90, 500), (0.7, 1.0), 0.28, 0.25, (4.0, 8.0))
+RURAL: Final = RoadKind(_to_m_s(50, 70, 80, 100), (300, 1800), (0.75, 1.0), 0.15, 0.45, (9.0, 17.0))
+HIGHWAY: Final = RoadKind(_to_m_s(80, 100, 120, 130), (500, 2500), (0.75, 1.0), 0.0, 0.1, (16.0, 22.0))
 
 PHASES: Final = {
     "city": ((CITY, 1.0),),

@@ -10,10 +10,10 @@ from matplotlib.figure import Figure
 
 from tripwatt.arrays import FloatArray
 from tripwatt.study.report import style
-from tripwatt.study.report.model_styles import model_style, ordered
+from tripwatt.study.report.model_styles import in_table_order, model_style
 from tripwatt.study.report.panel import Panel
 from tripwatt.study.report.view import View
-from tripwatt.study.report.words import label
+from tripwatt.study.report.words import model_label
 
 CUT: Final = 1.5
 """Errors beyond this fraction are drawn at the edge; otherwise a few would flatten all others."""
@@ -22,7 +22,7 @@ EDGE: Final = f"errors beyond {100 * CUT:.0f} % are drawn at the edge"
 
 def panels(view: View) -> list[Panel]:
     """Return the panels with the distribution of the errors and the box plots."""
-    present = ordered(map(str, view.main_folds["model"].unique()))
+    present = in_table_order(map(str, view.main_folds["model"].unique()))
     alone = ((m, model_style(m).without_physics) for m in present)
     pairs = [(model_style(m).stands_on, m, other) for m, other in alone if other in present]
     shown = []
@@ -53,7 +53,7 @@ def plot_error_distribution(view: View, models: Sequence[str]) -> Figure:
     largest = np.abs(np.concatenate(list(errors.values()))).max(initial=0.2)
     limit = min(np.ceil(10 * largest) / 10, CUT)
     head = "Error of every trip, by model", f"{view.note}\nevery row to its own scale; {EDGE}"
-    figure, rows = style.stacked(view, 1.5 + 0.72 * len(models), head, len(models), sharex=True)
+    figure, rows = style.new_axes_column(view, 1.5 + 0.72 * len(models), head, len(models), sharex=True)
     for number, (axes, model) in enumerate(zip(rows, models, strict=True)):
         colour, clipped = model_style(model).colour, np.clip(errors[model], -limit, limit)
         axes.hist(clipped, bins=np.linspace(-limit, limit, 41).tolist(), color=colour, alpha=0.75, lw=0)
@@ -63,7 +63,7 @@ def plot_error_distribution(view: View, models: Sequence[str]) -> Figure:
         axes.axvline(float(np.median(clipped)), color=style.INK, lw=1.1, ls=(0, (2, 2)))
         axes.set(xlim=(-limit, limit), yticks=[])
         axes.spines["left"].set_visible(False)
-        axes.set_title(label(model), fontsize=8.5, pad=2)
+        axes.set_title(model_label(model), fontsize=8.5, pad=2)
         axes.tick_params(axis="x", pad=7)
         axes.grid(axis="x")
     words = "(predicted − measured) / measured [%];  dashed: median;  ticks: single trips"
@@ -73,7 +73,7 @@ def plot_error_distribution(view: View, models: Sequence[str]) -> Figure:
 
 def plot_error_boxes(view: View, models: Sequence[str], title: str) -> Figure:
     """Draw a box plot of each model's absolute errors, with every trip as a point and the paper's means as crosses."""
-    figure, axes = style.plotted(view, 1.7 + 0.52 * len(models), title, f"{view.note}\n{EDGE}")
+    figure, axes = style.new_axes(view, 1.7 + 0.52 * len(models), title, f"{view.note}\n{EDGE}")
     errors = [np.minimum(np.abs(signed_errors(view, m)), CUT) for m in models]
     boxes = axes.boxplot(
         errors, positions=range(len(models)), orientation="horizontal", widths=0.48, showfliers=False,
@@ -93,7 +93,7 @@ def plot_error_boxes(view: View, models: Sequence[str], title: str) -> Figure:
         ["mean", "median", *(["the paper's mean"] if paper else ())],
         loc="best",
     )
-    style.row_names(axes, [label(m) for m in models])
+    style.row_names(axes, [model_label(m) for m in models])
     axes.set_xlim(left=0)
     style.percent_axis(axes, "absolute percentage error [%]")
     return figure

@@ -14,7 +14,7 @@ from tripwatt.study.report.covariates import term_in_words
 from tripwatt.study.report.panel import Panel
 from tripwatt.study.report.style import new_figure
 from tripwatt.study.report.tables import Table, number
-from tripwatt.study.report.view import View, plain
+from tripwatt.study.report.view import View, printable
 
 if TYPE_CHECKING:
     from tripwatt_gamm.effects import Effect
@@ -97,7 +97,7 @@ def fit_table(view: View, gamm: GammInsight) -> Table:
         *((name, value.replace("-", "−")) for name, value in page.scores().items()),
         (f"Correlation of residuals {gamm.row_step_s:g} s apart", neighbours),
         *(
-            ("Note", plain(term_in_words(note), 400))
+            ("Note", printable(term_in_words(note), 400))
             for note in (gamm.autocorrelation.warning, *page.notes)
             if note
         ),

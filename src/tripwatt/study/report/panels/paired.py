@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from tripwatt.study.report.intervals import OFF
+from tripwatt.study.report.intervals import SIGNIFICANT_MARK
 from tripwatt.study.report.tables import Column, number, span
 from tripwatt.study.report.view import Record, View
-from tripwatt.study.report.words import label
+from tripwatt.study.report.words import model_label
 
-SIGNIFICANT = "A difference is significant (*) if its interval does not contain 0 for any of 40 seeds of the bootstrap over days."
+SIGNIFICANCE_NOTE = "A difference is significant (*) if its interval does not contain 0 for any of 40 seeds of the bootstrap over days."
 
 
 def paired_with(pairs: Sequence[Record], best: str | None) -> list[Record]:
@@ -38,7 +38,7 @@ def difference_column(view: View) -> Column:
         pair = pairs.get(row["name"])
         if pair is None:
             return None
-        star = OFF if pair["significant"] else ""
+        star = SIGNIFICANT_MARK if pair["significant"] else ""
         return f"{number(pair['diff'], 100, 1)} ({span(pair['ci95'])}){star}"
 
-    return Column(f"Above {label(str(view.best))} [points]", cell)
+    return Column(f"Above {model_label(str(view.best))} [points]", cell)

@@ -11,8 +11,8 @@ from tripwatt.study.evaluation.paper_studies import CORRELATIONS, CURVE_MODELS, 
 from tripwatt.study.paper.correctors import SIMULATION
 from tripwatt.study.report.model_styles import model_style
 from tripwatt.study.report.panel import Panel
-from tripwatt.study.report.style import INK, legend_below, plotted
-from tripwatt.study.report.tables import DASH, Column, Table, in_percent, in_words, tabulated
+from tripwatt.study.report.style import INK, legend_below, new_axes
+from tripwatt.study.report.tables import DASH, Column, Table, in_percent, in_words, make_table
 from tripwatt.study.report.view import Record, View
 from tripwatt.study.report.words import points
 
@@ -43,7 +43,7 @@ def forms_table(view: View) -> Table:
     scores, target = study_scores(view), view.published[SIMULATION]
     rows = [scores[name] for name in (SIMULATION, *(form.name for form in FORMS)) if name in scores]
     paper = {"title": "the paper's simulation", "mape": target}
-    return tabulated(
+    return make_table(
         "Simulation alone, without climate control",
         [*rows, paper],
         Column("Simulation", "title"),
@@ -59,7 +59,7 @@ def improved_table(view: View) -> Table:
     """Tabulate the correctors on the table's simulation and on the nearest form, with the share of trips that they improve."""
     scores = study_scores(view)
     names = [*CORRECTORS, *(f"{name}-brochure" for name in CORRECTORS)]
-    return tabulated(
+    return make_table(
         "Correctors, and the share of trips that they improve over their simulation",
         [scores[name] for name in names if name in scores],
         Column("Corrector", "title"),
@@ -90,7 +90,7 @@ def _options(view: View, names: Sequence[str], caption: str) -> Table:
     def without_worst(row: Record) -> float | None:
         return (trips * row["mape"] - row["max_ape"]) / (trips - 1) if "max_ape" in row else None
 
-    return tabulated(
+    return make_table(
         caption,
         [*rows, {"title": "the paper", "mape": view.published[names[0]]}],
         Column("Model", "title"),
@@ -107,7 +107,7 @@ def _options(view: View, names: Sequence[str], caption: str) -> Table:
 def plot_trips_needed(view: View) -> Figure:
     """Draw the mean error against the number of training trips, with the crossing and its interval."""
     needed: Record = view.results["studies"]["trips_needed"]
-    figure, axes = plotted(view, 3.7, "How many training trips it takes", view.note)
+    figure, axes = new_axes(view, 3.7, "How many training trips it takes", view.note)
     hybrid, alone = CURVE_MODELS
     sizes = [row["n_trips"] for row in needed["curve"]]
     for name, marker in ((alone, "s"), (hybrid, "o")):

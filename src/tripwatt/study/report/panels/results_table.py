@@ -6,25 +6,25 @@ from functools import partial
 
 from tripwatt.study.report.model_styles import PAPER, model_style
 from tripwatt.study.report.panel import Panel
-from tripwatt.study.report.panels.paired import SIGNIFICANT, difference_column
-from tripwatt.study.report.tables import Column, Table, in_kwh, in_percent, in_words, number, span, tabulated
-from tripwatt.study.report.view import Record, View, of_evaluation
-from tripwatt.study.report.words import label
+from tripwatt.study.report.panels.paired import SIGNIFICANCE_NOTE, difference_column
+from tripwatt.study.report.tables import Column, Table, in_kwh, in_percent, in_words, make_table, number, span
+from tripwatt.study.report.view import Record, View, describe_evaluation
+from tripwatt.study.report.words import model_label
 
 
 def panels(view: View) -> list[Panel]:
     """Return the panels of the main evaluation, of all evaluations, and of the models' meanings."""
     if not view.evaluations:
         return []
-    legend = tabulated(
+    legend = make_table(
         "The models",
         view.models,
-        Column("Model", label),
+        Column("Model", model_label),
         in_words("Name in the files", str),
         in_words("What it is", lambda name: model_style(name).meaning),
     )
     return [
-        Panel("table", "Errors of the models", SIGNIFICANT, tables=(results_table(view),)),
+        Panel("table", "Errors of the models", SIGNIFICANCE_NOTE, tables=(results_table(view),)),
         Panel("sets", "Other trips and other folds", tables=(sets_table(view),)),
         Panel("legend", "What the models are", tables=(legend,)),
     ]
@@ -38,10 +38,10 @@ def results_table(view: View) -> Table:
         heading = f"Beats {model_style(preset).preset} [% of trips]"
         return in_percent(heading, lambda row: (row.get("improved_share") or {}).get(preset), 0)
 
-    return tabulated(
+    return make_table(
         view.captioned(head[:1].upper() + head[1:]),
         [{**view.scores[name], "name": name} for name in view.models],
-        Column("Model", lambda row: label(row["name"])),
+        Column("Model", lambda row: model_label(row["name"])),
         in_percent("Mean error [%]", "mape"),
         in_percent("95 % interval", "mape_ci95"),
         difference_column(view),
@@ -60,11 +60,11 @@ def results_table(view: View) -> Table:
 def sets_table(view: View) -> Table:
     """Tabulate the mean error of each model (rows) in each evaluation (columns)."""
     paper = [in_percent(f"the paper ({PAPER})", view.published.get)] if view.published else []
-    return tabulated(
+    return make_table(
         view.captioned("Mean error [%] with its 95 % interval, by the trips that were used"),
         view.models,
-        Column("Model", label),
-        *(Column(of_evaluation(e), partial(_mean_and_interval, e)) for e in view.evaluations),
+        Column("Model", model_label),
+        *(Column(describe_evaluation(e), partial(_mean_and_interval, e)) for e in view.evaluations),
         *paper,
     )
 

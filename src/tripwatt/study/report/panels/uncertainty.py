@@ -6,10 +6,16 @@ from collections.abc import Mapping
 from typing import Final
 
 from tripwatt.study.evaluation.forecast_scores import UPDATE_LEVEL
-from tripwatt.study.report.intervals import NOTE, OFF, charge_rows, energy_rows, intervals_table
+from tripwatt.study.report.intervals import (
+    NEEDED_WIDTH_NOTE,
+    SIGNIFICANT_MARK,
+    charge_rows,
+    energy_rows,
+    intervals_table,
+)
 from tripwatt.study.report.panel import Panel
-from tripwatt.study.report.tables import Column, Table, in_kwh, in_percent, tabulated
-from tripwatt.study.report.view import Record, View, of_evaluation
+from tripwatt.study.report.tables import Column, Table, in_kwh, in_percent, make_table
+from tripwatt.study.report.view import Record, View, describe_evaluation
 
 STARTS: Final[Mapping[str, str]] = {
     "soc": "the display was known at departure",
@@ -23,7 +29,7 @@ def panels(view: View) -> list[Panel]:
     if "coverage" not in view.focus:
         return []
     arrival = arrival_table(view)
-    note = f"{OFF} differs significantly from the level. {NOTE}"
+    note = f"{SIGNIFICANT_MARK} differs significantly from the level. {NEEDED_WIDTH_NOTE}"
     return [
         Panel("coverage", "Coverage of the intervals", note, tables=(coverage_by_set(view),)),
         *([Panel("arrival", "State of charge at arrival", tables=(arrival,))] if arrival.rows else ()),
@@ -34,7 +40,7 @@ def panels(view: View) -> list[Panel]:
 def scored_sets(view: View) -> list[tuple[str, Record, int]]:
     """Return name, scores of the forecast and number of trips of every set of held-out trips."""
     scored = [(e, e["models"].get(view.protocol.focus, {})) for e in view.evaluations]
-    return [(of_evaluation(e), score, int(e["n_trips"])) for e, score in scored if "coverage" in score]
+    return [(describe_evaluation(e), score, int(e["n_trips"])) for e, score in scored if "coverage" in score]
 
 
 def coverage_by_set(view: View) -> Table:
@@ -49,7 +55,7 @@ def coverage_by_set(view: View) -> Table:
 def arrival_table(view: View) -> Table:
     """Tabulate error and interval of the displayed charge at arrival, a row for each charge known at departure."""
     scores = view.focus.get("arrival") or {}
-    return tabulated(
+    return make_table(
         view.captioned(f"Displayed charge at arrival, {view.given}"),
         [{**scores[key], "start": words} for key, words in STARTS.items() if scores.get(key)],
         Column("Known at departure", "start"),
@@ -64,7 +70,7 @@ def arrival_table(view: View) -> Table:
 
 def updates_table(view: View) -> Table:
     """Tabulate errors and intervals of the re-forecast, and errors of the baselines, by the part that was driven."""
-    return tabulated(
+    return make_table(
         view.captioned(f"Mean error of the re-forecast total, {view.given}"),
         [{**row, "part": f"{100 * float(key):g} %"} for key, row in view.focus["update"].items()],
         Column("Part driven", "part"),
