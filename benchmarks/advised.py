@@ -22,6 +22,7 @@ from tools import DATA
 import tripwatt as tw
 from benchmarks.measure import Row
 from benchmarks.worlds import WORLDS as PUBLISHED
+from benchmarks.worlds import changed
 from tripwatt.arrays import FloatArray
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.forecasting.difference import MIN_SHARE
@@ -29,7 +30,6 @@ from tripwatt.forecasting.leaving import soc_needed
 from tripwatt.hybrid import segment_table
 from tripwatt.hybrid.factors import USUAL_SHARE, USUAL_SHARE_KM, USUAL_WH, FactorCorrector, factor_power
 from tripwatt.hybrid.learning import Experts
-from tripwatt.hybrid.parameters import changed
 from tripwatt.physics import DriveConditions, Simulation, simulate, simulate_trip
 from tripwatt.population import for_car
 from tripwatt.population.adapting import population_of

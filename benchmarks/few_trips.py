@@ -20,9 +20,8 @@ from tools.docs import pages
 
 import tripwatt as tw
 from benchmarks.long_trips import scored
-from benchmarks.worlds import LEVELS, WORLDS, Row, table
+from benchmarks.worlds import LEVELS, WORLDS, Row, changed, table
 from tripwatt.hybrid import EnergyRegression, build_table
-from tripwatt.hybrid.parameters import changed
 from tripwatt.population import for_car
 from tripwatt.sources import read_logs
 from tripwatt.study.evaluation.table_models import SIX

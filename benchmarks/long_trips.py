@@ -17,8 +17,7 @@ from tools.command import run
 from tools.docs import pages
 
 import tripwatt as tw
-from benchmarks.worlds import LEVELS, WORLDS, Row, table
-from tripwatt.hybrid.parameters import changed
+from benchmarks.worlds import LEVELS, WORLDS, Row, changed, table
 from tripwatt.population import for_car
 from tripwatt.trips import Plan, Trip
 from tripwatt.vehicles import Vehicle

@@ -1,6 +1,6 @@
 """Synthetic cars for measurements of coverage: how far a true car is from its published values, by where that comes from.
 
-Intervals contain spreads of these values (`parameters`). Cars that are drawn from the same spreads show that the arithmetic is
+Intervals contain spreads of these values (`WIDTHS`). Cars that are drawn from the same spreads show that the arithmetic is
 right, and nothing of cars on a road. The other worlds are not known to the intervals.
 """
 
@@ -15,11 +15,35 @@ import numpy as np
 import pandas as pd
 from tools import CATALOGUE
 
-from tripwatt.hybrid.parameters import parameters
+from tripwatt.hybrid.parameters import with_values
 from tripwatt.units import M_S_PER_KM_H
+from tripwatt.vehicles import Vehicle
+from tripwatt.vehicles.parts import ROLLING_ENTRIES
 
 World = Callable[[np.random.Generator], dict[str, float]]
 
+WIDTHS: Final = {
+    # one more adult (75 kg, Directive 92/21/EEC) or the lightest against the heaviest trim: 3 to 6 % of a small car
+    "mass": 0.05,
+    # neighbouring classes of the EU tyre label (Regulation (EU) 2020/740, annex I: B to 7.7, C to 9.0, D to 10.5 kg/t)
+    "rolling": 0.15,
+    # drag area of coast-downs against makers' figures, e.g. Nissan's 0.28 to 0.29 and 0.315 of a coast-down fit
+    "air": 0.10,
+    # 0.2 to 0.4 kW of auxiliary load, about the 0.25 and 0.3 kW that FASTSim's database gives for electric cars
+    "base_load": 0.40,
+    # motor and inverter losses are scaled from another car's map where a car's own is not published
+    "drivetrain": 0.20,
+    # heat demand with and without recirculated air, and of settings 3 K apart at 20 K to the outside
+    "climate": 0.30,
+}
+"""Standard deviation of the relative change of each parameter of a car from its published value, by published sources."""
+ENTRIES: Final = {
+    "mass": ("body.curb_mass_kg", "body.driver_mass_kg"),
+    "rolling": tuple(f"road_load.{name}" for name in ROLLING_ENTRIES),
+    "air": ("road_load.coastdown_c_n_s2_m2", "road_load.drag_coefficient"),
+    "base_load": ("auxiliaries.base_load_w", "auxiliaries.moving_load_w"),
+}
+"""Entries of a car that a parameter multiplies; losses of the drivetrain and of climate control have none."""
 FARTHEST: Final = 2.5
 """No value is more than so many times larger or smaller than the published one."""
 FREEDOM: Final = 3.0
@@ -32,6 +56,19 @@ DRAWS: Final = 2000
 LEVELS: Final = (0.5, 0.8, 0.9)
 
 
+def changed(vehicle: Vehicle, changes: Mapping[str, float]) -> Vehicle:
+    """A car whose parameters are changed by relative amounts; parameters without an entry have no effect."""
+    published = {
+        key: (vehicle.value(key), 1.0 + change)
+        for name, change in changes.items()
+        for key in ENTRIES.get(name, ())
+    }
+    values = {key: value * factor for key, (value, factor) in published.items() if isinstance(value, float)}
+    return with_values(
+        vehicle, values, {key: f"published value times {published[key][1]:.3f}" for key in values}
+    )
+
+
 def relative(logarithm: float) -> float:
     """A relative change of at most `FARTHEST` times, so that no value changes its sign."""
     return float(np.expm1(np.clip(logarithm, -np.log(FARTHEST), np.log(FARTHEST))))
@@ -41,14 +78,14 @@ def spread(scale: float = 1.0, shift: float = 0.0, heavy: bool = False) -> World
     """Log-normal changes by the published spreads, as they are or deliberately not."""
 
     def draw(rng: np.random.Generator) -> dict[str, float]:
-        number = len(parameters())
+        number = len(WIDTHS)
         normal = (
             rng.standard_t(FREEDOM, number) / np.sqrt(FREEDOM / (FREEDOM - 2.0))
             if heavy
             else rng.standard_normal(number)
         )
-        pairs = zip(parameters(), normal, strict=True)
-        return {p.name: relative(scale * p.width * (z + shift)) for p, z in pairs}
+        pairs = zip(WIDTHS.items(), normal, strict=True)
+        return {name: relative(scale * width * (z + shift)) for (name, width), z in pairs}
 
     return draw
 

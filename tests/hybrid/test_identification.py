@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from benchmarks.worlds import changed
 
 from tripwatt.hybrid import (
     Identified,
@@ -20,7 +21,6 @@ from tripwatt.hybrid.identification import (
     MIN_TRIPS,
     ROLLING_WIDTH,
 )
-from tripwatt.hybrid.parameters import changed
 from tripwatt.physics import simulate_trip
 from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import Plan, Trip

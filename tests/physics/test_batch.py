@@ -5,10 +5,10 @@ import itertools
 import numpy as np
 import pandas as pd
 import pytest
+from benchmarks.worlds import changed
 
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
-from tripwatt.hybrid.parameters import changed
 from tripwatt.physics import CAUSES, simulate_trip
 from tripwatt.physics.batch import CHUNK_SAMPLES, simulate_trips, trip_totals
 from tripwatt.physics.cabin import MIN_SIDE_BY_SIDE

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmarks.worlds import changed
 from scipy.stats import t as t_distribution
 
 import tripwatt as tw
@@ -18,7 +19,6 @@ from tripwatt.hybrid import learning
 from tripwatt.hybrid.factors import NAMES, UNITS, FactorCorrector
 from tripwatt.hybrid.groups import Sums
 from tripwatt.hybrid.learning import KINDS, Experts
-from tripwatt.hybrid.parameters import changed
 from tripwatt.physics import simulate_trip
 from tripwatt.population import adapt_model, adaptation, population, without_trips
 from tripwatt.population.adapting import PROTOCOL, Adaptation, in_order, population_of, scores_of

@@ -5,9 +5,7 @@ import pytest
 from benchmarks import worlds
 from tools import CATALOGUE
 
-from tripwatt.hybrid.parameters import parameters
-
-NAMES = {p.name for p in parameters()}
+from tripwatt.vehicles import load_vehicle
 
 
 def drawn(name: str, number: int = 400) -> np.ndarray:
@@ -15,8 +13,8 @@ def drawn(name: str, number: int = 400) -> np.ndarray:
         pytest.skip("the lists of cars are not at hand: set TRIPWATT_CATALOGUE")
     draw = worlds.WORLDS[name][1]
     cars = [draw(np.random.default_rng(seed)) for seed in range(number)]
-    assert all(set(car) == NAMES for car in cars)
-    return np.log1p([[car[p.name] for p in parameters()] for car in cars])
+    assert all(set(car) == set(worlds.WIDTHS) for car in cars)
+    return np.log1p([[car[name] for name in worlds.WIDTHS] for car in cars])
 
 
 @pytest.mark.parametrize("name", list(worlds.WORLDS))
@@ -27,7 +25,7 @@ def test_no_value_of_a_world_changes_its_sign_or_is_far_off(name: str) -> None:
 
 
 def test_worlds_are_as_wide_as_they_are_called() -> None:
-    width = np.array([p.width for p in parameters()])
+    width = np.array(list(worlds.WIDTHS.values()))
     scale = {name: np.std(drawn(name), axis=0) / width for name in ("published", "narrow", "wide")}
     assert scale["published"] == pytest.approx(np.ones(len(width)), rel=0.12)
     assert scale["narrow"] == pytest.approx(0.5 * scale["published"], rel=0.05)
@@ -35,6 +33,18 @@ def test_worlds_are_as_wide_as_they_are_called() -> None:
     assert np.mean(drawn("shifted"), axis=0) == pytest.approx(width, rel=0.12)
     tails = [np.mean(np.abs(drawn(name) / width) > 3.0) for name in ("published", "heavy")]
     assert tails[1] > 2.0 * tails[0]
+
+
+def test_a_change_is_relative_and_names_its_source() -> None:
+    car = load_vehicle("bmw_i3_60ah")
+    heavier = worlds.changed(car, {"mass": 0.1, "air": -0.5, "climate": 0.2})
+    assert heavier.body.curb_mass_kg == pytest.approx(1.1 * car.body.curb_mass_kg)
+    assert heavier.body.driver_mass_kg == pytest.approx(1.1 * car.body.driver_mass_kg)
+    assert heavier.road_load.coastdown_c_n_s2_m2 == pytest.approx(0.5 * car.road_load.coastdown_c_n_s2_m2)
+    assert heavier.road_load.coastdown_a_n == car.road_load.coastdown_a_n
+    assert heavier.entries["body.curb_mass_kg"].source.startswith("published value times 1.100; published")
+    assert heavier.entries["body.curb_mass_kg"].value == heavier.body.curb_mass_kg
+    assert heavier.entries["road_load.coastdown_a_n"] == car.entries["road_load.coastdown_a_n"]
 
 
 def test_a_coverage_over_cars_is_less_sure_than_over_trips() -> None:

@@ -6,12 +6,13 @@ from dataclasses import fields, replace
 from pathlib import Path
 
 import pytest
+from benchmarks.worlds import changed
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import tripwatt as tw
 from tripwatt.hybrid.identification import Identified
-from tripwatt.hybrid.parameters import changed, on_road
+from tripwatt.hybrid.parameters import on_road
 from tripwatt.vehicles import Vehicle, differences, render_vehicle, vehicle_names, with_differences
 from tripwatt.vehicles.vehicle import SECTIONS
 

@@ -59,7 +59,8 @@ COLD_DEGC: Final = 5.0
 """The rise in the cold is identified if at least `MIN_TRIPS` trips are colder than this [°C]; warm trips do not show it. If all trips
 are cold, the priors share an excess between the rise and the rolling resistance at the reference temperature."""
 BASE_WIDTH: Final = 0.4
-"""Prior standard deviation of the base load, as in `tripwatt.hybrid.parameters`."""
+"""Prior relative standard deviation of the base load: 0.2 to 0.4 kW, about the 0.25 and 0.3 kW that FASTSim's database gives for electric
+cars."""
 CURVE_WIDTH_V: Final = 0.05
 """Prior standard deviation of a cell's open-circuit voltage [V]: curves of cathodes of one family differ by about this."""
 REST_SD_V: Final = 0.02

@@ -1,56 +1,14 @@
-"""A few physical parameters of a car whose published values may be wrong.
-
-Each parameter has a width: the prior standard deviation of a car on the road from its published value. The widths come from
-published sources, never from the trips of the car.
-"""
+"""Values of a car other than the published ones: on the road in place of a test, or identified from trips."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
-from functools import cache
-from typing import cast
+from dataclasses import fields, replace
 
-from tripwatt.files import shipped_toml
 from tripwatt.vehicles import Vehicle
+from tripwatt.vehicles.parts import ROLLING_ENTRIES
 from tripwatt.vehicles.spreads import ROAD_GAIN
 from tripwatt.vehicles.vehicle import Entry, Value
-
-
-@dataclass(frozen=True, slots=True)
-class Parameter:
-    """One parameter of a car, as a relative change of its published value.
-
-    Attributes
-    ----------
-    name : str
-    width : float
-        Prior standard deviation of the relative change.
-    source : str
-        Source of the width.
-    keys : tuple of str
-        Entries of the car that the change multiplies; empty if no entry describes the parameter.
-    """
-
-    name: str
-    width: float
-    source: str
-    keys: tuple[str, ...]
-
-
-@cache
-def parameters() -> tuple[Parameter, ...]:
-    """Parameters of `parameters.toml`.
-
-    Examples
-    --------
-    >>> [parameter.name for parameter in parameters()]
-    ['mass', 'rolling', 'air', 'base_load', 'drivetrain', 'climate']
-    """
-    return tuple(
-        Parameter(name, about["width"], about["source"], tuple(about["keys"]))
-        for name, about in shipped_toml("hybrid/parameters.toml").items()
-    )
 
 
 def on_road(vehicle: Vehicle) -> Vehicle:
@@ -65,36 +23,10 @@ def on_road(vehicle: Vehicle) -> Vehicle:
     """
     if vehicle.anchor == "road":
         return vehicle
-    rolling = {"rolling": ROAD_GAIN}
-    return replace(changed(vehicle, rolling, source="from the test to the road"), anchor="road")
-
-
-def changed(vehicle: Vehicle, changes: Mapping[str, float], *, source: str = "") -> Vehicle:
-    """Return a car with parameters changed by relative amounts; parameters without an entry of the car have no effect.
-
-    Parameters
-    ----------
-    vehicle : Vehicle
-    changes : mapping of str to float
-        Name of a parameter -> relative change, e.g. ``{"mass": 0.03}``.
-    source : str
-        Source of every changed entry.
-
-    Examples
-    --------
-    >>> from tripwatt.vehicles import load_vehicle
-    >>> car = changed(load_vehicle("bmw_i3_60ah"), {"base_load": 0.5})
-    >>> car.auxiliaries.base_load_w, car.entries["auxiliaries.base_load_w"].value
-    (450.0, 450.0)
-    """
-    values, sources = {}, {}
-    for parameter in parameters():
-        factor = 1.0 + changes.get(parameter.name, 0.0)
-        for key in parameter.keys if factor != 1.0 else ():
-            value = cast(float | None, vehicle.value(key))
-            if value is not None:
-                values[key], sources[key] = value * factor, source or f"published value times {factor:.3f}"
-    return with_values(vehicle, values, sources)
+    published = {f"road_load.{name}": getattr(vehicle.road_load, name) for name in ROLLING_ENTRIES}
+    values = {key: value * (1.0 + ROAD_GAIN) for key, value in published.items() if value is not None}
+    sources = dict.fromkeys(values, "from the test to the road")
+    return replace(with_values(vehicle, values, sources), anchor="road")
 
 
 def with_values(vehicle: Vehicle, values: Mapping[str, Value], sources: Mapping[str, str]) -> Vehicle:

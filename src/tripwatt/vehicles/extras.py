@@ -12,6 +12,7 @@ from typing import Final
 from tripwatt.files import shipped_toml
 from tripwatt.trips import EXTRAS
 from tripwatt.vehicles.catalogue import ROAD_LOAD_DENSITY_KG_M3
+from tripwatt.vehicles.parts import ROLLING_ENTRIES
 from tripwatt.vehicles.vehicle import Vehicle
 
 
@@ -84,7 +85,7 @@ def with_extras(vehicle: Vehicle, extras: Iterable[str], tyre_pressure: float | 
         "body.curb_mass_kg": vehicle.body.curb_mass_kg + sum(extra.mass_kg for extra in chosen),
         "auxiliaries.base_load_w": vehicle.auxiliaries.base_load_w + sum(extra.load_w for extra in chosen),
     }
-    for name in ("coastdown_a_n", "coastdown_b_n_s_m", "rolling_resistance_coefficient"):
+    for name in ROLLING_ENTRIES:
         value = getattr(load, name)
         if value is not None:
             values[f"road_load.{name}"] = value * rolling

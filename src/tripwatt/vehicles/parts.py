@@ -124,6 +124,9 @@ class RoadLoad:
         return given(self.rolling_resistance_coefficient), 0.0
 
 
+ROLLING_ENTRIES: Final = ("coastdown_a_n", "coastdown_b_n_s_m", "rolling_resistance_coefficient")
+"""Entries of a road load to which rolling and driveline drag are proportional."""
+
 ROAD_LOADS: Final = {
     "coastdown": tuple(f.name for f in fields(RoadLoad) if f.name.startswith("coastdown_")),
     "coefficients": ("drag_coefficient", "frontal_area_m2", "rolling_resistance_coefficient"),

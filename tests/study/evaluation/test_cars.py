@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from benchmarks.worlds import changed
 
 from tripwatt.errors import InvalidInput
-from tripwatt.hybrid.parameters import changed
 from tripwatt.population.prior import population
 from tripwatt.study.evaluation import cars as protocol
 from tripwatt.study.evaluation.cars import CarTrips, evaluate_cars, evidence_of
