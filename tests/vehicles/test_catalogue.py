@@ -3,11 +3,11 @@
 import pytest
 
 from tripwatt.vehicles import (
+    LICENCES,
     vehicle_names,
     vehicle_titles,
 )
 from tripwatt.vehicles.catalogue import BODIES, Coastdown, catalogue, class_values, table_names
-from tripwatt.vehicles.licences import LICENCES
 
 NUMBERS = {
     "test_weight": (2000.0, 9000.0, "lb"),

@@ -31,7 +31,7 @@ def car_file(folder: Path, *lines: str, without: str = "", name: str = "vw_id3")
 
 def test_a_car_without_a_heater_has_no_climate_control_in_any_weather(tmp_path: Path) -> None:
     usual = load_vehicle("vw_id3")
-    bare = load_vehicle(car_file(tmp_path, 'heater = "none"'))
+    bare = load_vehicle(car_file(tmp_path, 'without = ["climate"]'))
     assert usual.climate is not None
     assert bare.climate is None
     assert [key for key in bare.entries if key.startswith("climate.")] == []
@@ -54,7 +54,7 @@ def known(departure: tw.Departure) -> dict[str, float]:
 
 def test_a_car_without_a_heater_that_extends_one_with_it_loses_it(tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
-    path.write_text('name = "Mine"\nextends = "vw_id3"\nheater = "none"\n')
+    path.write_text('name = "Mine"\nextends = "vw_id3"\nwithout = ["climate"]\n')
     bare = load_vehicle(path)
     assert bare.climate is None
     assert load_vehicle(path, "paper").climate is None
@@ -63,21 +63,20 @@ def test_a_car_without_a_heater_that_extends_one_with_it_loses_it(tmp_path: Path
 
 
 def test_a_car_without_a_heater_is_written_and_read_as_it_is(tmp_path: Path) -> None:
-    bare = load_vehicle(car_file(tmp_path, 'heater = "none"'))
+    bare = load_vehicle(car_file(tmp_path, 'without = ["climate"]'))
     assert vehicle_from_document(vehicle_document(bare), bare.name, "again") == bare
     path = tmp_path / "mine.toml"
     path.write_text(render_vehicle(bare), encoding="utf-8")
     assert load_vehicle(path) == bare
 
 
-@pytest.mark.parametrize("value", ['"heat pump"', "true", '["none"]'])
-def test_another_heater_is_refused_with_what_is_allowed(tmp_path: Path, value: str) -> None:
-    with pytest.raises(InvalidInput, match="unknown heater") as caught:
-        load_vehicle(car_file(tmp_path, f"heater = {value}"))
+@pytest.mark.parametrize("value", ['"climate"', "true", '["battery"]', "[[]]"])
+def test_only_optional_parts_can_be_left_out(tmp_path: Path, value: str) -> None:
+    with pytest.raises(InvalidInput, match="part cannot be left out") as caught:
+        load_vehicle(car_file(tmp_path, f"without = {value}"))
     (fault,) = caught.value.faults
-    assert fault.where.endswith("mine.toml, heater")
-    assert fault.allowed == '"none", or no such key'
-    assert fault.fix == "describe a heater in [climate]"
+    assert fault.where.endswith("mine.toml, without")
+    assert fault.allowed == "a list of charging, climate, tyres"
 
 
 def test_a_file_of_one_s_own_is_held_against_no_test_unless_it_says_so(tmp_path: Path) -> None:

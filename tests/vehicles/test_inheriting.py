@@ -1,8 +1,7 @@
 """What a car's file takes over from shared data and other cars."""
 
+import copy
 import itertools
-import tomllib
-from importlib import resources
 
 import numpy as np
 import pytest
@@ -13,18 +12,13 @@ from tripwatt.vehicles import (
     load_vehicle,
     vehicle_from_document,
 )
-from tripwatt.vehicles.inheriting import bundled_bases, bundled_text, inherit
+from tripwatt.vehicles.inheriting import bundled_document, bundled_files, inherit
 from tripwatt.vehicles.loading import file_names
 from tripwatt.vehicles.losses import motor_loss
 
 
 def faults_of(error: pytest.ExceptionInfo[InvalidInput]) -> str:
     return str(error.value)
-
-
-def raw(name: str) -> dict[str, object]:
-    folder = resources.files("tripwatt.vehicles") / "data"
-    return tomllib.loads((folder / f"{name}.toml").read_text("utf-8"))
 
 
 def test_scaled_losses_are_the_reference_at_equal_shares() -> None:
@@ -43,7 +37,7 @@ def test_scaled_losses_are_the_reference_at_equal_shares() -> None:
     ("section", "key"), [("drivetrain", "motor_max_speed_rad_s"), ("battery", "capacity_ah")]
 )
 def test_a_missing_entry_that_others_are_scaled_by_is_one_fault(section: str, key: str) -> None:
-    document = tomllib.loads(bundled_text("vw_id3"))
+    document = copy.deepcopy(bundled_document("vw_id3"))
     del document[section][key]
     with pytest.raises(InvalidInput) as caught:
         vehicle_from_document(document, "car", "car.toml")
@@ -76,19 +70,19 @@ def test_own_entries_win_over_inherited_ones() -> None:
             {"extends": ["pasenger_car"]},
             ("unknown base", "pasenger_car", "did you mean 'passenger_car'?"),
         ),
-        ({"extends": 3}, ("not a list of names", "3")),
+        ({"extends": 3}, ("unknown base", "got 3")),
         ({"scaled": {"motor_loses": "bmw_i3_60ah"}}, ("unknown key", "scaled.motor_loses", "motor_losses")),
         ({"scaled": {"motor_losses": "bmw_i4"}}, ("unknown base", "scaled.motor_losses", "bmw_i4")),
     ],
 )
 def test_wrong_inheritance_is_named(change: dict[str, object], words: tuple[str, ...]) -> None:
     with pytest.raises(InvalidInput) as error:
-        vehicle_from_document({**raw("vw_id3"), **change}, "car", "car.toml")
+        vehicle_from_document({**bundled_document("vw_id3"), **change}, "car", "car.toml")
     assert all(word in faults_of(error) for word in words)
 
 
 def test_bases_are_files_and_names_are_cars() -> None:
     shared = {"passenger_car", "nmc_cells", "lmo_cells", "lfp_cells"}
     shared |= {"permanent_magnet_motor", "induction_motor", "externally_excited_motor"}
-    assert {*shared, *file_names()} == set(bundled_bases())
-    assert all(a < b for a, b in itertools.pairwise(bundled_bases()))
+    assert {*shared, *file_names()} == set(bundled_files())
+    assert all(a < b for a, b in itertools.pairwise(bundled_files()))

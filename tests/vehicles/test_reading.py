@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from tests.support import ROOT
+from tools.docs.write_parameters import render_licences
 
 from tripwatt.errors import InvalidInput
-from tripwatt.vehicles import (
-    load_vehicle,
-    vehicle_from_document,
-)
+from tripwatt.vehicles import load_vehicle, vehicle_from_document, vehicle_names
 
 
 @pytest.fixture
@@ -70,10 +69,10 @@ def test_all_faults_come_together_with_file_and_key(document: dict[str, Any]) ->
         "auxiliaries.base_load_w",
         "body.driver_mass_kg",
         "battery.heat_loss_w_k",
-        "[wheels]",
+        "wheels",
     ):
         assert any("car.toml" in fault and where in fault for fault in found), where
-    assert any("did you mean 'curb_mass_kg'" in fault for fault in found)
+    assert any("did you mean 'body.curb_mass_kg'" in fault for fault in found)
 
 
 def test_each_required_entry_is_missed(document: dict[str, Any]) -> None:
@@ -147,3 +146,55 @@ def test_the_largest_regenerative_torque_is_the_floor_of_the_logged_torque(data_
         braking = braking[braking < -70.0]
         share = np.mean((braking >= -torque) & (braking <= 2.0 - torque))
         assert share > 0.25, name  # a pile at the floor, not a tail
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"body": 5}, "not a table: car.toml, body"),
+        ({"scaled": []}, "not a table: car.toml, scaled"),
+        ({"preset": "paper"}, "not a table: car.toml, preset"),
+        ({"preset": {"mine": 5}}, "not a table: car.toml, preset.mine"),
+        ({"preset": {"mine": {"without": 5}}}, "part cannot be left out: car.toml, preset.mine, without"),
+        ({"preset": {"mine": {"wheels": {}}}}, "unknown section: car.toml, preset.mine, wheels"),
+        ({"licence": "GPL"}, "unknown licence: car.toml, licence"),
+        ({"licence": ["facts"]}, "unknown licence: car.toml, licence"),
+        ({"anchor": []}, "unknown anchor: car.toml, anchor"),
+    ],
+)
+def test_a_wrong_shape_is_a_fault_with_its_place(document, change, words) -> None:
+    preset = "mine" if isinstance(change.get("preset"), dict) else "default"
+    assert any(words in fault for fault in faults_of({**document, **change}, preset=preset))
+
+
+def test_every_value_of_the_library_has_the_licence_of_its_source() -> None:
+    for name in vehicle_names():
+        licences = {entry.licence for entry in load_vehicle(name).entries.values()}
+        assert not licences & {"not-stated", "user", "as-source-file"}, name
+
+
+def test_an_entry_without_a_licence_has_that_of_its_file(tmp_path: Path) -> None:
+    own = tmp_path / "mine.toml"
+    own.write_text(
+        'extends = ["nissan_leaf_40"]\nbody.curb_mass_kg = {value = 1600, unit = "kg", source = "weighed"}'
+    )
+    entries = load_vehicle(own).entries
+    assert entries["body.curb_mass_kg"].licence == "user"
+    assert entries["road_load.coastdown_a_n"].licence == "US-public-domain"
+    assert entries["auxiliaries.base_load_w"].licence == "Apache-2.0"  # of passenger_car
+    own.write_text('licence = "MIT"\n' + own.read_text())
+    assert load_vehicle(own).entries["body.curb_mass_kg"].licence == "MIT"
+    assert load_vehicle(own, overrides={"mass": 1700.0}).entries["body.curb_mass_kg"].licence == "user"
+    assert load_vehicle(own, "paper").entries["regeneration.fraction"].licence == "facts"
+
+
+def test_an_entry_with_an_unknown_licence_is_a_fault(document: dict[str, Any]) -> None:
+    document["body"]["curb_mass_kg"]["licence"] = "facts AND mine"
+    (fault,) = faults_of(document)
+    assert "body.curb_mass_kg" in fault
+    assert "mine" in fault
+
+
+def test_table_of_licences_in_the_documentation_is_that_of_the_code() -> None:
+    page = (ROOT / "docs" / "reference" / "vehicles.md").read_text("utf-8")
+    assert render_licences() in page, "run: python -m tools.docs.write_parameters"

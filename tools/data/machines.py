@@ -189,13 +189,7 @@ def report(label: str, name: str, machine: Machine, values: Drivetrain) -> None:
 
 
 def _entry(value: float, unit: str, source: str, estimated: str) -> str:
-    return f'{{ value = {value:.6g}, unit = "{unit}", source = "{source}", estimated = "{estimated}" }}'
-
-
-def _licences(sources: str) -> str:
-    """The table of licences for works separated by semicolons: single published figures."""
-    names = ", ".join(f'"{source}"' for source in sources.split("; "))
-    return f"[licences]\nfacts = [{names}]\n"
+    return f'{{ value = {value:.6g}, unit = "{unit}", source = "{source}", estimated = "{estimated}", licence = "facts" }}'
 
 
 def induction_toml(values: FloatArray) -> str:
@@ -223,8 +217,8 @@ def induction_toml(values: FloatArray) -> str:
         "# Motor and inverter of an induction machine: the equation of a machine whose flux is chosen, fitted to the published maps of\n"
         "# three machines. Written by `python -m tools.data.machines --write`; see docs/decisions/physics-08-machines.md.\n"
     )
-    kind = f'machine = {{ value = "induction", unit = "", source = "{source}" }}'
-    return "\n".join([head, _licences(source), "[drivetrain]", kind, *lines, ""])
+    kind = f'machine = {{ value = "induction", unit = "", source = "{source}", licence = "facts" }}'
+    return "\n".join([head, "[drivetrain]", kind, *lines, ""])
 
 
 def excited_toml(values: FloatArray) -> str:
@@ -263,8 +257,8 @@ def excited_toml(values: FloatArray) -> str:
         "# `python -m tools.data.machines --write`; see docs/decisions/physics-08-machines.md.\n\n"
         '[scaled]\nmotor_losses = "permanent_magnet_motor"\n'
     )
-    kind = f'machine = {{ value = "externally_excited", unit = "", source = "{EXCITED.source}" }}'
-    return "\n".join([head, _licences(f"{EXCITED.source}; {maps}"), "[drivetrain]", kind, *lines, ""])
+    kind = f'machine = {{ value = "externally_excited", unit = "", source = "{EXCITED.source}", licence = "facts" }}'
+    return "\n".join([head, "[drivetrain]", kind, *lines, ""])
 
 
 def main(write: bool = False) -> None:

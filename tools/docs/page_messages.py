@@ -53,7 +53,6 @@ NOT_REACHED: Final = (
     "sources/tum_overview.py",
     "sources/ved.py",
     "vehicles/inheriting.py",
-    "vehicles/licences.py",
     "vehicles/overriding.py",
     "vehicles/reading.py",
 )

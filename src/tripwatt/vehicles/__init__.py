@@ -2,7 +2,6 @@
 
 from tripwatt.vehicles.comparing import Difference, differences, with_differences
 from tripwatt.vehicles.extras import with_extras
-from tripwatt.vehicles.licences import LICENCES
 from tripwatt.vehicles.loading import (
     find_vehicles,
     load_vehicle,
@@ -22,7 +21,7 @@ from tripwatt.vehicles.parts import (
     Tyres,
 )
 from tripwatt.vehicles.reading import vehicle_from_document
-from tripwatt.vehicles.vehicle import ANCHORS, Entry, Vehicle
+from tripwatt.vehicles.vehicle import ANCHORS, LICENCES, Entry, Vehicle
 from tripwatt.vehicles.without import names_data, without_data
 from tripwatt.vehicles.writing import describe_vehicle, render_vehicle, vehicle_document
 

@@ -19,7 +19,7 @@ from functools import cache
 from typing import Final
 
 from tripwatt.units import GRAVITY_M_S2, KG_PER_LB, M_PER_MILE, N_PER_LBF, SECONDS_PER_HOUR
-from tripwatt.vehicles.inheriting import data_folder
+from tripwatt.vehicles.inheriting import DATA
 
 QUADRICYCLE: Final = "quadricycle"
 BODIES: Final = ("small", "hatchback", "sedan", "suv", "van", "pickup", QUADRICYCLE)
@@ -101,8 +101,7 @@ Row = Mapping[str, tuple[Cell, ...]]
 
 def records(name: str) -> Iterator[dict[str, str]]:
     """Yield the rows of a CSV file in `data/table`."""
-    file = data_folder() / "table" / name
-    yield from csv.DictReader(file.read_text(encoding="utf-8").splitlines())
+    yield from csv.DictReader((DATA / "table" / name).read_text(encoding="utf-8").splitlines())
 
 
 @cache

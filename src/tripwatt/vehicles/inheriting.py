@@ -14,65 +14,51 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping, Sequence
 from functools import cache
-from importlib import resources
+from pathlib import Path
 from typing import Any, Final
 
 from tripwatt.errors import Fault
-from tripwatt.vehicles.licences import with_licences
 
-DEEPEST_EXTENSION: Final = 5
-"""Largest depth of files that extend one another; more counts as a circle."""
-
-SCALINGS: Final = ("motor_losses", "cell_resistance")
-"""Keys of the table `[scaled]`."""
-
-
-def data_folder() -> Any:
-    """Return the folder of data files that come with the package."""
-    return resources.files("tripwatt.vehicles") / "data"
+DATA: Final = Path(__file__).parent / "data"
+"""Folder of the data files that come with the package."""
 
 
 @cache
-def bundled_text(name: str) -> str | None:
-    """Return the text of a shared file or of a bundled car with a name; None if there is no such file."""
-    folder = data_folder()
-    files = (place / f"{name}.toml" for place in (folder / "shared", folder))
-    return next((str(file.read_text(encoding="utf-8")) for file in files if file.is_file()), None)
-
-
-@cache
-def _bundled(name: str, depth: int) -> tuple[dict[str, Any], tuple[Fault, ...]]:
-    """Return the document of a bundled file with inherited entries, and its faults. The document must not be changed."""
-    faults: list[Fault] = []
-    document = inherit(tomllib.loads(bundled_text(name) or ""), f"{name}.toml", faults, depth)
-    return document, tuple(faults)
-
-
-def bundled_bases() -> tuple[str, ...]:
-    """Return the names that `extends` may use, sorted.
+def bundled_files() -> Mapping[str, Path]:
+    """Return the files that `extends` may name, shared ones and cars, by their names without the ending, sorted.
 
     Examples
     --------
-    >>> "passenger_car" in bundled_bases()
-    True
+    >>> bundled_files()["passenger_car"].name
+    'passenger_car.toml'
     """
-    files = [*data_folder().iterdir(), *(data_folder() / "shared").iterdir()]
-    return tuple(sorted(f.name[:-5] for f in files if f.name.endswith(".toml")))
+    files = {file.stem: file for folder in (DATA, DATA / "shared") for file in folder.glob("*.toml")}
+    return dict(sorted(files.items()))
 
 
-def inherit(document: Mapping[str, Any], where: str, faults: list[Fault], depth: int = 0) -> dict[str, Any]:
-    """Return the document with inherited entries and licences, without the keys that control inheritance.
+@cache
+def bundled_document(name: str) -> Mapping[str, Any]:
+    """Return the document of a bundled file as it is written; it must not be changed."""
+    return tomllib.loads(bundled_files()[name].read_text(encoding="utf-8"))
+
+
+@cache
+def _whole_document(name: str) -> Mapping[str, Any]:
+    """Return the document of a bundled file with inherited entries; it must not be changed."""
+    return inherit(bundled_document(name), f"{name}.toml", [])
+
+
+def inherit(document: Mapping[str, Any], where: str, faults: list[Fault]) -> dict[str, Any]:
+    """Return the document with inherited entries, without the keys that control inheritance.
 
     Parameters
     ----------
     document : mapping
-        A parsed TOML.
+        A parsed TOML whose sections are tables.
     where : str
         Name of the file in messages.
     faults : list of Fault
         Faults that are found are appended to this list.
-    depth : int
-        Number of documents that extend one another down to this one.
 
     Examples
     --------
@@ -80,62 +66,40 @@ def inherit(document: Mapping[str, Any], where: str, faults: list[Fault], depth:
     >>> car["body"]["driver_mass_kg"]["value"]
     75.0
     """
-    document = with_licences(document, where, faults)
-    own = {k: v for k, v in document.items() if k not in ("extends", "scaled")}
+    own = {key: value for key, value in document.items() if key not in ("extends", "scaled")}
+    bases = document.get("extends", [])
     result: dict[str, Any] = {}
-    for base in _names(document.get("extends", []), where, faults):
-        parent = _base(base, f"{where}, extends", faults, depth)
-        _take_over(result, {k: v for k, v in parent.items() if k not in ("name", "preset", "anchor")})
+    for base in bases if isinstance(bases, list) else [bases]:
+        parent = _base(base, f"{where}, extends", faults)
+        _take_over(result, {key: value for key, value in parent.items() if key not in NOT_INHERITED})
     _take_over(result, own)
-    scaled = document.get("scaled", {})
-    if not isinstance(scaled, Mapping):
-        faults.append(Fault("not a table", f"{where}, scaled", repr(scaled), "a table [scaled]"))
-        return result
-    for key, reference in scaled.items():
+    for key, reference in document.get("scaled", {}).items():
         place = f"{where}, scaled.{key}"
         if key not in SCALINGS:
-            faults.append(Fault("unknown key", place, str(key), ", ".join(SCALINGS)))
+            faults.append(Fault.unknown("unknown key", place, key, SCALINGS))
             continue
-        parent = _base(str(reference), place, faults, depth)
-        scale = _scaled_motor if key == "motor_losses" else _scaled_resistance
-        values = scale(result, parent, str(reference)) if parent else {}
-        section = "drivetrain" if key == "motor_losses" else "battery"
+        section, scale = SCALINGS[key]
+        parent = _base(reference, place, faults)
+        values = scale(result, parent, reference) if parent else {}
         # the car's own entries win; None means that an entry needed for scaling is missing, which is a fault elsewhere
-        result[section] = {
-            **result.get(section, {}),
-            **{k: v for k, v in values.items() if k not in own.get(section, {})},
-        }
+        result[section] = {**result.get(section, {}), **values, **own.get(section, {})}
     return result
 
 
-def _names(raw: object, where: str, faults: list[Fault]) -> Sequence[str]:
-    if isinstance(raw, str):
-        return [raw]
-    if isinstance(raw, Sequence) and all(isinstance(name, str) for name in raw):
-        return list(raw)
-    faults.append(Fault("not a list of names", f"{where}, extends", repr(raw), ", ".join(bundled_bases())))
-    return []
+NOT_INHERITED: Final = ("name", "preset", "anchor", "licence")
+"""Keys of a file that hold for this file alone."""
 
 
-def _base(name: str, place: str, faults: list[Fault], depth: int) -> dict[str, Any]:
-    text = bundled_text(name)
-    if text is None:
-        faults.append(Fault.unknown("unknown base", place, name, bundled_bases()))
+def _base(name: Any, place: str, faults: list[Fault]) -> Mapping[str, Any]:
+    if name not in list(bundled_files()):
+        faults.append(Fault.unknown("unknown base", place, name, bundled_files()))
         return {}
-    if depth >= DEEPEST_EXTENSION:
-        faults.append(Fault("circular extends", place, name, "files that do not extend one another"))
-        return {}
-    document, inherited = _bundled(name, depth + 1)
-    faults += inherited
-    return document
+    return _whole_document(name)
 
 
 def _take_over(result: dict[str, Any], more: Mapping[str, Any]) -> None:
     for key, value in more.items():
-        if isinstance(value, Mapping) and isinstance(result.get(key), Mapping):
-            result[key] = {**result[key], **value}
-        else:
-            result[key] = value
+        result[key] = {**result.get(key, {}), **value} if isinstance(value, Mapping) else value
 
 
 def _numbers(document: Mapping[str, Any], section: str, keys: Sequence[str]) -> list[float] | None:
@@ -201,3 +165,10 @@ def _scale_entry(entry: Mapping[str, Any], factor: float, how: str) -> dict[str,
     scaled = [float(v) * factor for v in value] if isinstance(value, list) else float(value) * factor
     before = entry.get("estimated", "")
     return {**entry, "value": scaled, "estimated": f"{how}; {before}" if before else how}
+
+
+SCALINGS: Final = {
+    "motor_losses": ("drivetrain", _scaled_motor),
+    "cell_resistance": ("battery", _scaled_resistance),
+}
+"""Key of the table `[scaled]` -> the section of the entries that it computes, and how."""

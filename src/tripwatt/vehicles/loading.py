@@ -17,7 +17,7 @@ from tripwatt.files import MAX_TEXT_BYTES, parse_toml, read_text_file
 from tripwatt.vehicles.anchors import anchors, with_anchor
 from tripwatt.vehicles.catalogue import catalogue, class_values, table_names
 from tripwatt.vehicles.charging import charging_section
-from tripwatt.vehicles.inheriting import bundled_text, data_folder
+from tripwatt.vehicles.inheriting import DATA, bundled_document
 from tripwatt.vehicles.reading import vehicle_from_document
 from tripwatt.vehicles.similar import figures_of_row, similar_document
 from tripwatt.vehicles.vehicle import Vehicle
@@ -38,7 +38,7 @@ def vehicle_names() -> tuple[str, ...]:
 @cache
 def file_names() -> tuple[str, ...]:
     """Return the names of the library cars that have a TOML, sorted."""
-    return tuple(sorted(f.name[:-5] for f in data_folder().iterdir() if f.name.endswith(".toml")))
+    return tuple(sorted(file.stem for file in DATA.glob("*.toml")))
 
 
 def load_vehicle(
@@ -133,7 +133,7 @@ def vehicle_titles() -> Mapping[str, str]:
     >>> vehicle_titles()["vw_id3"]
     'Volkswagen ID.3 58 kWh'
     """
-    titles = {name: str(parse_toml(bundled_text(name) or "", name)["name"]) for name in file_names()}
+    titles = {name: str(bundled_document(name)["name"]) for name in file_names()}
     titles |= {name: catalogue()[name]["title"][0].value for name in table_names()}
     return types.MappingProxyType({name: titles[name] for name in vehicle_names()})
 
@@ -201,7 +201,7 @@ def library_document(name: str) -> dict[str, Any]:
         One of `vehicle_names()`.
     """
     if name in file_names():
-        return {**parse_toml(bundled_text(name) or "", name), **charging_section(name)}
+        return {**bundled_document(name), **charging_section(name)}
     return {**similar_document(figures_of_row(catalogue()[name]), class_values()), **charging_section(name)}
 
 

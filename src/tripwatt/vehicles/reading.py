@@ -1,45 +1,38 @@
 """Reading of a car's TOML into a `Vehicle`, with every fault of the file in one message.
 
-An entry is `key = { value = ..., unit = "...", source = "...", estimated = "how" }`. The optional `estimated` states how the value was
-derived if no source states it directly. `tripwatt.vehicles.licences` describes how a file names the licence of each source.
-`[preset.NAME.SECTION]` tables replace entries. `without = ["climate"]` in `[preset.NAME]` leaves out an optional part;
-`heater = "none"` in the file leaves out climate control in all presets.
+An entry is `key = { value = ..., unit = "...", source = "...", estimated = "how", licence = "..." }`. The optional `estimated` states how the
+value was derived if no source states it directly. An entry without a licence has the `licence` at the top of the file.
+`[preset.NAME.SECTION]` tables replace entries. `without = ["climate"]` leaves out an optional part, at the top of the file in all presets,
+in `[preset.NAME]` in this one.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import sys
 import tomllib
 import types
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from functools import cache
 from typing import Any, Final
 
 from tripwatt.errors import Fault, did_you_mean, excerpt, raise_faults
-from tripwatt.vehicles.inheriting import data_folder, inherit
-from tripwatt.vehicles.licences import licence_faults, with_licences
+from tripwatt.vehicles.inheriting import DATA, inherit
 from tripwatt.vehicles.overriding import ALIASES
 from tripwatt.vehicles.parts import ROAD_LOADS, Battery, RoadLoad
 from tripwatt.vehicles.relations import relation_faults, table_faults
-from tripwatt.vehicles.vehicle import ANCHORS, OPTIONAL_SECTIONS, SECTIONS, Entry, Value, Vehicle
+from tripwatt.vehicles.vehicle import ANCHORS, LICENCES, OPTIONAL_SECTIONS, SECTIONS, Entry, Value, Vehicle
 
 ENTRY_KEYS: Final = ("value", "unit", "source", "estimated", "scale", "licence", "published")
 SCALES: Final = ("soc", "displayed_soc")
+TABLES: Final = (*SECTIONS, "scaled", "preset")
+"""Keys of a file whose values are tables."""
 
 
 @cache
-def _shared_presets() -> dict[str, dict[str, Any]]:
+def _shared_presets() -> Mapping[str, Any]:
     """Return the presets that every car has unless its own file overrides them."""
-    files = sorted((data_folder() / "presets").iterdir(), key=lambda f: str(f.name))
-    faults: list[Fault] = []
-    presets = {
-        f.name[:-5]: with_licences(tomllib.loads(f.read_text(encoding="utf-8")), f.name, faults)
-        for f in files
-        if f.name.endswith(".toml")
-    }
-    raise_faults(faults)
-    return presets
+    files = (DATA / "presets").glob("*.toml")
+    return {file.stem: tomllib.loads(file.read_text(encoding="utf-8")) for file in files}
 
 
 def vehicle_from_document(
@@ -83,24 +76,34 @@ def vehicle_from_document(
     'my_car'
     """
     faults: list[Fault] = []
-    document = inherit(document, where, faults)
-    tables = _preset_tables(document, preset, where, faults)
-    entries: dict[str, Entry] = {}
-    for section, table in tables.items():
-        for key, raw in table.items():
-            entry = _entry(section, key, raw, where, faults)
-            if entry is not None:
-                entries[f"{section}.{key}"] = entry
+    document = inherit(_well_formed(document, where, faults), where, faults)
+    presets = {**_shared_presets(), **document.get("preset", {})}
+    if preset not in ("default", *presets):
+        faults.append(Fault.unknown("unknown preset", where, preset, sorted({"default", *presets})))
+    chosen = _well_formed(presets.get(preset, {}), f"{where}, preset.{preset}", faults)
+    left_out = {*document.get("without", []), *chosen.get("without", [])}
+    raws = {
+        f"{section}.{key}": raw
+        for section in SECTIONS
+        if section not in left_out
+        for key, raw in {**document.get(section, {}), **chosen.get(section, {})}.items()
+    }
     overrides = {ALIASES.get(key, key): value for key, value in overrides.items()}
-    for key, value in overrides.items():
-        _override(entries, key, value, faults)
-    left_out = OPTIONAL_SECTIONS - tables.keys() if preset != "default" else frozenset()
-    entries = {key: e for key, e in entries.items() if key.partition(".")[0] not in left_out}
+    raws |= {key: _override_entry(key, value, raws.get(key)) for key, value in overrides.items()}
+    licence = document.get("licence", "not-stated")
+    faults += _licence_faults(licence, f"{where}, licence")
+    entries: dict[str, Entry] = {}
+    for key, raw in raws.items():
+        wrong = list(_entry_faults(key, raw, f"{'overrides' if key in overrides else where}, {key}"))
+        faults += wrong
+        # `[scaled]` leaves None where it could not compute the entry because another one is missing
+        if not wrong and raw is not None and key.partition(".")[0] not in left_out:
+            entries[key] = _entry({"licence": licence, **raw})
     anchor = str(document.get("anchor", "published"))
     anchor = "published" if anchor == "book" else anchor  # in the folders of cars that 0.2 made
     if anchor not in ANCHORS:
-        faults.append(_unknown_fault("anchor", f"{where}, anchor", anchor, ANCHORS))
-    parts = {section: _part(section, entries, tables.get(section), where, faults) for section in SECTIONS}
+        faults.append(Fault.unknown("unknown anchor", f"{where}, anchor", anchor, ANCHORS))
+    parts = {section: _part(section, entries, raws, where, faults) for section in SECTIONS}
     if not faults:
         parts["road_load"] = _with_method(parts["road_load"], where, faults)
         faults += _useless_overrides(parts["road_load"], overrides)
@@ -113,210 +116,150 @@ def vehicle_from_document(
     return Vehicle(name, title, preset, entries=entries, anchor=anchor, **parts)
 
 
+def _well_formed(document: object, where: str, faults: list[Fault]) -> dict[str, Any]:
+    """Return the keys of a document or a preset whose values have the right type; the others are faults."""
+    if not isinstance(document, Mapping):
+        faults.append(Fault("not a table", where, excerpt(document), "a table"))
+        return {}
+    kept = {}
+    for key, value in document.items():
+        place = f"{where}, {key}"
+        if key in TABLES and not isinstance(value, Mapping):
+            faults.append(Fault("not a table", place, excerpt(value), f"a table [{key}]"))
+        elif key == "without" and not (
+            isinstance(value, list) and all(section in list(OPTIONAL_SECTIONS) for section in value)
+        ):
+            allowed = f"a list of {', '.join(sorted(OPTIONAL_SECTIONS))}"
+            faults.append(Fault("part cannot be left out", place, excerpt(value), allowed))
+        elif key not in (*TABLES, "without", "name", "anchor", "licence", "extends"):
+            faults.append(Fault.unknown("unknown section", place, key, (*SECTIONS, "preset")))
+        else:
+            kept[key] = value
+    return kept
+
+
+def _override_entry(key: str, value: float | str, replaced: Any) -> dict[str, Any]:
+    """Return the entry of a value that the caller gives, on the scale of the entry that it replaces."""
+    about = _fields()[key].metadata if key in _fields() else {"unit": ""}
+    entry = {"value": value, "unit": about["unit"], "source": "given by the caller", "licence": "user"}
+    if about.get("scaled"):
+        entry["scale"] = replaced.get("scale") if isinstance(replaced, Mapping) else "soc"
+    return entry
+
+
+@cache
+def _fields() -> Mapping[str, dataclasses.Field[Any]]:
+    """Return the field of every entry by the key of the entry, such as "body.curb_mass_kg"."""
+    return {f"{section}.{f.name}": f for section, part in SECTIONS.items() for f in dataclasses.fields(part)}
+
+
+def _entry_faults(key: str, raw: Any, place: str) -> Iterator[Fault]:
+    field = _fields().get(key)
+    if field is None:
+        allowed = "a key of the parameter table in docs/explanation/car-model.md"
+        yield Fault("unknown key", place, key, allowed, did_you_mean(key, _fields()))
+    elif not isinstance(raw, Mapping):
+        if raw is not None:
+            yield Fault("not an entry", place, excerpt(raw), "{ value = ..., unit = ..., source = ... }")
+    else:
+        for word in raw:
+            if word not in ENTRY_KEYS:
+                yield Fault.unknown("unknown key of an entry", place, word, ENTRY_KEYS)
+        if not str(raw.get("source", "")).strip():
+            yield Fault("missing source", place, "nothing", "the source of the value")
+        if raw.get("unit") != field.metadata["unit"]:
+            yield Fault("wrong unit", place, excerpt(raw.get("unit")), repr(field.metadata["unit"]))
+        scales = SCALES if field.metadata.get("scaled") else (None,)
+        if raw.get("scale") not in scales:
+            allowed = " or ".join(SCALES) if field.metadata.get("scaled") else "no scale"
+            yield Fault("wrong scale", place, excerpt(raw.get("scale")), allowed)
+        yield from _licence_faults(raw.get("licence", "not-stated"), f"{place}, licence")
+        yield from _value_faults(field, raw.get("value"), place)
+        if "published" in raw:
+            yield from _value_faults(field, raw["published"], place)
+
+
+def _licence_faults(expression: object, place: str) -> Iterator[Fault]:
+    for name in str(expression).split(" AND "):
+        if name not in LICENCES:
+            yield Fault.unknown("unknown licence", place, name, LICENCES)
+
+
+def _value_faults(field: dataclasses.Field[Any], value: Any, place: str) -> Iterator[Fault]:
+    meta = field.metadata
+    if "choice" in meta:
+        if value not in meta["choice"]:
+            yield Fault.unknown("unknown value", place, value, meta["choice"])
+        return
+    is_table = str(field.type).startswith("tuple")
+    if is_table and not (isinstance(value, list | tuple) and len(value) > 1):
+        yield Fault("not a table", place, excerpt(value), "a list of at least two numbers")
+        return
+    for number in value if is_table else [value]:
+        if not isinstance(number, int | float) or isinstance(number, bool):
+            yield Fault("not a number", place, excerpt(number), "a finite number")
+        elif not meta["minimum"] <= number <= meta["maximum"]:
+            allowed = f"{meta['minimum']:g} to {meta['maximum']:g} {meta['unit']}"
+            yield Fault("value out of range", place, f"{excerpt(number)} {meta['unit']}", allowed)
+
+
+def _entry(raw: Mapping[str, Any]) -> Entry:
+    """Make an entry of checked values, with numbers as float and lists as tuples."""
+    values = {word: _as_value(raw[word]) for word in ("value", "published") if word in raw}
+    words = {word: str(raw[word]) for word in raw.keys() - values.keys()}
+    return Entry(**values, **words)  # type: ignore[arg-type]
+
+
+def _as_value(raw: Any) -> Value:
+    if isinstance(raw, str):
+        return raw
+    return tuple(map(float, raw)) if isinstance(raw, list | tuple) else float(raw)
+
+
 def _part(
     section: str,
     entries: Mapping[str, Entry],
-    table: Mapping[str, Any] | None,
+    raws: Mapping[str, Any],
     where: str,
     faults: list[Fault],
 ) -> Any:
     """Build a part from its entries; None if the car lacks this optional part, or an entry is missing."""
-    fields = _fields(section)
-    values = {key: entries[name].value for key in fields if (name := f"{section}.{key}") in entries}
-    if table is None and not values and section in OPTIONAL_SECTIONS:
+    fields = {f.name: f for f in dataclasses.fields(SECTIONS[section])}
+    values = {name: entries[key].value for name in fields if (key := f"{section}.{name}") in entries}
+    if not values and section in OPTIONAL_SECTIONS:
         return None
-    missing = [k for k, f in fields.items() if f.default is dataclasses.MISSING and k not in values]
-    place = f"{where}, [{section}]"
-    faults += [
-        Fault("missing entry", place, "nothing", f"an entry {key!r}", _entry_line(section, key))
-        for key in missing
-        if key not in (table or ())  # else the entry already has a fault
-    ]
+    missing = [name for name, f in fields.items() if f.default is dataclasses.MISSING and name not in values]
+    for name in missing:
+        if f"{section}.{name}" not in raws:  # else the entry already has a fault
+            unit = fields[name].metadata["unit"]
+            fix = f'add {name} = {{ value = ..., unit = "{unit}", source = "..." }} under [{section}]'
+            faults.append(
+                Fault("missing entry", f"{where}, [{section}]", "nothing", f"an entry {name!r}", fix)
+            )
     return None if missing else SECTIONS[section](**values)
-
-
-def _preset_tables(
-    document: Mapping[str, Any], preset: str, where: str, faults: list[Fault]
-) -> dict[str, dict[str, Any]]:
-    """Return the sections of a document with entries replaced by those of a preset."""
-    faults += [
-        _unknown_fault("section", f"{where}, [{key}]", key, [*SECTIONS, "preset"])
-        for key in document
-        if key not in (*SECTIONS, "preset", "name", "anchor", "heater")
-    ]
-    heater = document.get("heater", "none")
-    if heater != "none":
-        fix = "describe a heater in [climate]"
-        faults.append(
-            Fault("unknown heater", f"{where}, heater", excerpt(heater), '"none", or no such key', fix)
-        )
-    presets = {**_shared_presets(), **document.get("preset", {})}
-    if preset != "default" and preset not in presets:
-        allowed = ", ".join(sorted({"default", *presets}))
-        faults.append(Fault("unknown preset", where, preset, allowed))
-    chosen = presets.get(preset, {})
-    dropped = [*chosen.get("without", []), *(["climate"] if "heater" in document else [])]
-    for section in dropped:
-        if section not in OPTIONAL_SECTIONS:
-            allowed = ", ".join(sorted(OPTIONAL_SECTIONS)) or "nothing"
-            faults.append(Fault("part cannot be left out", f"{where}, [preset.{preset}]", section, allowed))
-    tables: dict[str, dict[str, Any]] = {}
-    for section in SECTIONS:
-        if (section in document or section in chosen) and section not in dropped:
-            tables[section] = {**document.get(section, {}), **chosen.get(section, {})}
-    faults += [
-        _unknown_fault("section", f"{where}, [preset.{preset}.{key}]", key, SECTIONS)
-        for key in chosen
-        if key not in (*SECTIONS, "without")
-    ]
-    return tables
-
-
-def _unknown_fault(what: str, where: str, got: str, allowed: Sequence[str] | Mapping[str, Any]) -> Fault:
-    many = "a key of the parameter table in docs/explanation/car-model.md"
-    known = ", ".join(sorted(allowed)) if len(allowed) < 12 else many
-    return Fault(f"unknown {what}", where, got, known, did_you_mean(got, allowed))
-
-
-@cache
-def _fields(section: str) -> dict[str, dataclasses.Field[Any]]:
-    return {f.name: f for f in dataclasses.fields(SECTIONS[section])}
-
-
-def _entry_line(section: str, key: str) -> str:
-    """Return the line of TOML to write for a missing entry."""
-    unit = _fields(section)[key].metadata["unit"]
-    return f'add {key} = {{ value = ..., unit = "{unit}", source = "..." }} under [{section}]'
-
-
-def _entry(section: str, key: str, raw: object, where: str, faults: list[Fault]) -> Entry | None:
-    """Check and build one entry; None if it cannot be used, with the reason appended to `faults`."""
-    place = f"{where}, {section}.{key}"
-    if raw is None:  # `[scaled]` could not compute the entry because another one is missing
-        return None
-    field = _fields(section).get(key)
-    if field is None:
-        faults.append(_unknown_fault("key", place, key, list(_fields(section))))
-        return None
-    if not isinstance(raw, Mapping):
-        got = excerpt(raw)
-        faults.append(Fault("not an entry", place, got, "{ value = ..., unit = ..., source = ... }"))
-        return None
-    before = len(faults)
-    scaled = bool(field.metadata.get("scaled"))
-    faults += [
-        _unknown_fault("key of an entry", place, str(word), ENTRY_KEYS)
-        for word in raw
-        if word not in ENTRY_KEYS
-    ]
-    faults += [
-        Fault(f"missing {word}", place, "nothing", "every entry has value, unit and source")
-        for word in ("value", "unit")
-        if word not in raw
-    ]
-    if not str(raw.get("source", "")).strip():
-        faults.append(Fault("missing source", place, "nothing", "the source of the value"))
-    faults += licence_faults(raw["licence"], f"{place}, licence") if "licence" in raw else []
-    unit = field.metadata["unit"]
-    if "unit" in raw and raw["unit"] != unit:
-        faults.append(Fault("wrong unit", place, excerpt(raw["unit"]), repr(unit)))
-    if scaled and raw.get("scale") not in SCALES:
-        faults.append(
-            Fault("missing scale", place, excerpt(raw.get("scale")), " or ".join(map(repr, SCALES)))
-        )
-    if not scaled and "scale" in raw:
-        faults.append(Fault("scale has no effect", place, excerpt(raw["scale"]), "no scale"))
-    for word in ("value", "published"):
-        if word in raw:
-            faults.extend(_value_faults(field, raw[word], place))
-    if len(faults) > before or "licence" not in raw:  # the file's missing licences are one fault
-        return None
-    return Entry(
-        _as_value(raw["value"]),
-        unit,
-        str(raw["source"]),
-        str(raw.get("estimated", "")),
-        str(raw.get("scale", "")),
-        str(raw["licence"]),
-        _as_value(raw["published"]) if "published" in raw else None,
-    )
-
-
-def _as_value(raw: object) -> Value:
-    if isinstance(raw, str):
-        return raw
-    if isinstance(raw, Sequence):
-        return tuple(float(v) for v in raw)
-    assert isinstance(raw, int | float)
-    return float(raw)
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
-
-
-def _value_faults(field: dataclasses.Field[Any], value: object, place: str) -> Iterator[Fault]:
-    meta = field.metadata
-    if "choice" in meta:
-        if value not in meta["choice"]:
-            yield Fault("unknown value", place, excerpt(value), " or ".join(map(repr, meta["choice"])))
-        return
-    table = str(field.type).startswith("tuple")
-    numbers = value if table and isinstance(value, Sequence) and not isinstance(value, str) else [value]
-    if table and (isinstance(value, str) or not isinstance(value, Sequence) or len(value) < 2):
-        yield Fault("not a table", place, excerpt(value), "a list of at least two numbers")
-        return
-    for number in numbers:
-        if not _is_number(number):
-            yield Fault("not a number", place, excerpt(number), "a finite number")
-        elif not meta["minimum"] <= number <= meta["maximum"]:
-            allowed = f"{meta['minimum']:g} to {meta['maximum']:g} {meta['unit']}"
-            yield Fault("value out of range", place, f"{number:g} {meta['unit']}", allowed)
-
-
-def _override(entries: dict[str, Entry], key: str, value: float | str, faults: list[Fault]) -> None:
-    known = {f"{section}.{name}": field for section in SECTIONS for name, field in _fields(section).items()}
-    field = known.get(key)
-    if field is None:
-        faults.append(_unknown_fault("key", "overrides", key, known))
-        return
-    wrong = list(_value_faults(field, value, f"overrides, {key}"))
-    faults += wrong
-    if not wrong:
-        unit, absent = field.metadata["unit"], "soc" if field.metadata.get("scaled") else ""
-        scale = entries[key].scale if key in entries else absent
-        entries[key] = Entry(_as_value(value), unit, "given by the caller", scale=scale, licence="user")
 
 
 def _useless_overrides(road_load: RoadLoad, overrides: Mapping[str, float | str]) -> Iterator[Fault]:
     """Yield a fault for each override of the description of the road load that is not used."""
-    for key in overrides:
-        section, _, name = key.partition(".")
-        if section != "road_load" or name == "method" or not road_load.method:
-            continue
-        belongs = "coastdown" if name.startswith("coastdown_") else "coefficients"
-        if belongs != road_load.method:
-            allowed = f"entries of the {road_load.method} road load"
-            fix = f"also set road_load.method to {belongs!r}, which needs all of its entries"
-            yield Fault("override has no effect", f"overrides, {key}", str(overrides[key]), allowed, fix)
+    for method, names in ROAD_LOADS.items():
+        for key in (f"road_load.{name}" for name in names):
+            if key in overrides and road_load.method not in ("", method):
+                allowed = f"entries of the {road_load.method} road load"
+                fix = f"also set road_load.method to {method!r}, which needs all of its entries"
+                yield Fault("override has no effect", f"overrides, {key}", str(overrides[key]), allowed, fix)
 
 
 def _with_method(road_load: RoadLoad, where: str, faults: list[Fault]) -> RoadLoad:
     """Set the method of the road load to the description that is complete, if the document names none."""
     complete = [m for m, keys in ROAD_LOADS.items() if all(getattr(road_load, k) is not None for k in keys)]
-    place = f"{where}, [road_load]"
-    if road_load.method and road_load.method not in complete:
-        lacking = [k for k in ROAD_LOADS[road_load.method] if getattr(road_load, k) is None]
-        fix = "; ".join(_entry_line("road_load", key) for key in lacking)
-        faults.append(Fault("missing entry", place, "nothing", f"entries {', '.join(lacking)}", fix))
-    elif not road_load.method and len(complete) != 1:
-        allowed = "either all of " + " or all of ".join(", ".join(keys) for keys in ROAD_LOADS.values())
-        got = "both descriptions and no method" if complete else "no complete description"
-        faults.append(
-            Fault("road load is incomplete or ambiguous", place, got, allowed, "choose one with `method`")
-        )
-    elif not road_load.method:
-        return dataclasses.replace(road_load, method=complete[0])
+    if road_load.method in complete or (not road_load.method and len(complete) == 1):
+        return dataclasses.replace(road_load, method=road_load.method or complete[0])
+    allowed = "all of " + ", or all of ".join(
+        f"{', '.join(keys)} ({method})" for method, keys in ROAD_LOADS.items()
+    )
+    got = f"method {road_load.method!r}, complete: {' and '.join(complete) or 'none'}"
+    what, fix = "road load is incomplete or ambiguous", "choose a complete description with `method`"
+    faults.append(Fault(what, f"{where}, [road_load]", got, allowed, fix))
     return road_load
 
 

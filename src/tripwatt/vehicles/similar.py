@@ -204,7 +204,7 @@ def similar_document(car: Figures, classes: ClassValues) -> dict[str, Any]:
         "battery": _battery(car),
     }
     if car.body == QUADRICYCLE:
-        document["heater"] = "none"
+        document["without"] = ["climate"]
     elif car.heat_pump:
         heat_w, cop = HEAT_PUMPS[car.recent]
         how = f"that of cars {'from 2020 on' if car.recent else 'before 2020'}; the car has a heat pump"

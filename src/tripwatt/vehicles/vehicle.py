@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
+from tripwatt.files import shipped_toml
 from tripwatt.vehicles.parts import (
     Auxiliaries,
     Battery,
@@ -42,6 +43,10 @@ ANCHORS: Final = ("published", "road_load", "certification", "class", "road")
 """Tests to which a car's values are anchored. "published": none. "road_load": certified consumption and a measured coast-down.
 "certification": certified consumption without a coast-down. "class": none, because the values are those of a class. "road": the values
 already hold for the road."""
+
+
+LICENCES: Final[Mapping[str, str]] = shipped_toml("vehicles/data/table/licences.toml")
+"""Licence of a source -> its meaning; SPDX names where there is one."""
 
 
 @dataclass(frozen=True, slots=True)

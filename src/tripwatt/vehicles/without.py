@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from functools import cache
 from types import MappingProxyType
 
-from tripwatt.vehicles.inheriting import data_folder
+from tripwatt.vehicles.inheriting import DATA
 from tripwatt.vehicles.vehicle import SECTIONS, Entry, Vehicle
 
 
@@ -16,14 +16,14 @@ from tripwatt.vehicles.vehicle import SECTIONS, Entry, Vehicle
 def _known_without() -> Mapping[str, tuple[str, Mapping[str, Entry]]]:
     """Return for each data set its name in sources, and the entries that replace its values."""
     known = {}
-    for file in (data_folder() / "without").iterdir():
+    for file in (DATA / "without").glob("*.toml"):
         document = tomllib.loads(file.read_text(encoding="utf-8"))
         entries = {
             f"{section}.{key}": Entry(**entry)
             for section in SECTIONS
             for key, entry in document.get(section, {}).items()
         }
-        known[file.name.removesuffix(".toml")] = (str(document["name"]), MappingProxyType(entries))
+        known[file.stem] = (str(document["name"]), MappingProxyType(entries))
     return MappingProxyType(known)
 
 

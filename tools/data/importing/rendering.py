@@ -14,6 +14,12 @@ CELLS_IN_SERIES: Final = 96
 PACK_KG_PER_KWH: Final = 6.7
 """Packs hold about 0.15 kWh per kilogram."""
 
+I3: Final = "BMW, technical data i3 (2013)"
+PACKS: Final = "general figures of packs, 0.15 kWh/kg; cells 1000 J/(kg K) (Collath et al. 2024)"
+GRID: Final = "grid of resistance_ohm"
+LICENCES: Final = {I3: "facts", PACKS: "estimate AND facts", GRID: "estimate"}
+"""Licence of each source other than the imported file."""
+
 Line = tuple[str, float | str, str, str, str]
 """Key, value, unit, source, how it was estimated (empty for a stated value)."""
 
@@ -38,10 +44,6 @@ def vehicle_toml(stated: Stated, source: str) -> str:
         'extends = ["passenger_car", "nmc_cells"]',
         'licence = "as-source-file"',
         "",
-        "[licences]",
-        'facts = ["BMW, technical data i3 (2013)", "cells 1000 J/(kg K) (Collath et al. 2024)"]',
-        'estimate = ["general figures of packs", "grid of resistance_ohm"]',
-        "",
         "[scaled]",
         'motor_losses = "permanent_magnet_motor"',
     ]
@@ -58,7 +60,8 @@ def _toml_line(line: Line) -> str:
     scale = ', scale = "soc"' if key == "capacity_ah" else ""
     how = f", estimated = {json.dumps(estimated, ensure_ascii=False)}" if estimated else ""
     quoted = json.dumps(source, ensure_ascii=False)
-    return f'{key} = {{ value = {shown}, unit = "{unit}"{scale}, source = {quoted}{how} }}'
+    licence = f', licence = "{LICENCES[source]}"' if source in LICENCES else ""
+    return f'{key} = {{ value = {shown}, unit = "{unit}"{scale}, source = {quoted}{how}{licence} }}'
 
 
 def _body(stated: Stated, source: str) -> list[Line]:
@@ -77,21 +80,20 @@ def _body(stated: Stated, source: str) -> list[Line]:
 
 
 def _drivetrain(stated: Stated, source: str) -> list[Line]:
-    i3 = "BMW, technical data i3 (2013)"
     share = stated.motor_power_w / 125e3
     return [
         ("wheel_radius_m", stated.wheel_radius_m, "m", source, ""),
         ("gear_ratio", stated.gear_ratio, "1", source, "")
         if stated.gear_ratio
-        else ("gear_ratio", 9.665, "1", i3, f"that of the BMW i3; {source} has none"),
+        else ("gear_ratio", 9.665, "1", I3, f"that of the BMW i3; {source} has none"),
         ("gearbox_efficiency", stated.gearbox_efficiency, "1", source, ""),
         ("motor_max_torque_nm", stated.motor_torque_nm, "Nm", source, "")
         if stated.motor_torque_nm
-        else ("motor_max_torque_nm", 250.0 * share, "Nm", i3, f"in proportion to power; {source} has none"),
+        else ("motor_max_torque_nm", 250.0 * share, "Nm", I3, f"in proportion to power; {source} has none"),
         ("motor_max_power_w", stated.motor_power_w, "W", source, ""),
         ("motor_max_speed_rad_s", stated.motor_speed_rad_s, "rad/s", source, "end of its loss map")
         if stated.motor_speed_rad_s
-        else ("motor_max_speed_rad_s", 1193.8, "rad/s", i3, f"that of the BMW i3; {source} has none"),
+        else ("motor_max_speed_rad_s", 1193.8, "rad/s", I3, f"that of the BMW i3; {source} has none"),
     ]
 
 
@@ -124,7 +126,7 @@ def _battery(stated: Stated, source: str) -> list[Line]:
             "heat_capacity_j_k",
             PACK_KG_PER_KWH * kwh * 1000.0,
             "J/K",
-            "general figures of packs, 0.15 kWh/kg; cells 1000 J/(kg K) (Collath et al. 2024)",
+            PACKS,
             f"pack of {PACK_KG_PER_KWH * kwh:.0f} kg",
         ),
         ("displayed_zero_soc", stated.window[0], "1", source, "lowest state of charge that is used"),
@@ -132,6 +134,6 @@ def _battery(stated: Stated, source: str) -> list[Line]:
     ]
     if stated.pack_resistance_ohm is not None:
         cell = stated.pack_resistance_ohm / cells
-        rows.append(("resistance_soc", "[0.0, 1.0]", "1", "grid of resistance_ohm", ""))
+        rows.append(("resistance_soc", "[0.0, 1.0]", "1", GRID, ""))
         rows.append(("resistance_ohm", f"[{cell:.10g}, {cell:.10g}]", "ohm", source, f"over {cells} cells"))
     return rows
