@@ -35,8 +35,8 @@ def entry(value: object, unit: str) -> dict[str, object]:
     ("soc", "power", "word"),
     [
         ([0.0, 1.0], [50_000.0, 20_000.0, 10_000.0], "differ in length"),
-        ([0.0, 0.9], [50_000.0, 20_000.0], "does not increase"),
-        ([0.1, 1.0], [50_000.0, 20_000.0], "does not increase"),
+        ([0.0, 0.9], [50_000.0, 20_000.0], "does not cover"),
+        ([0.1, 1.0], [50_000.0, 20_000.0], "does not cover"),
         ([0.0, 0.5, 0.5, 1.0], [50_000.0] * 4, "does not increase"),
         ([0.0, 1.0], [50_000.0, 0.0], "out of range"),
     ],

@@ -13,7 +13,7 @@ from tripwatt.forecasting.expected import MIN_RESISTANCE, ExpectedTrip
 from tripwatt.forecasting.measured import MAX_STRETCH, WHERE, Columns, measured_energy
 from tripwatt.physics.battery import internal_resistance, largest_power, open_circuit_voltage
 from tripwatt.units import GRAVITY_M_S2, SECONDS_PER_HOUR
-from tripwatt.vehicles.relations import MIN_PEAK_EFFICIENCY
+from tripwatt.vehicles.relations import PEAK_EFFICIENCY
 
 CAPACITY_MARGIN: Final = 1.15
 """Largest ratio of the energy on the way to that of the car's battery: a new battery may hold more than its data sheet says."""
@@ -102,7 +102,7 @@ def impossible_faults(energy_wh: float, drive: ExpectedTrip) -> Iterator[Fault]:
     if cause["shortfall"] < 0.0:
         least = min(least, 0.0)
     hours = drive.plan.duration_s / SECONDS_PER_HOUR
-    motor_w = drive.vehicle.drivetrain.motor_max_power_w / MIN_PEAK_EFFICIENCY
+    motor_w = drive.vehicle.drivetrain.motor_max_power_w / PEAK_EFFICIENCY[0]
     loads_wh = cause["base_load"] + cause["climate"]
     most = min(_battery_most_w(drive) * hours, motor_w * hours + loads_wh)
     if least - ROUNDING_WH <= energy_wh <= most + ROUNDING_WH:

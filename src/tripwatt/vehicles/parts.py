@@ -14,8 +14,7 @@ Number = TypeVar("Number", float, FloatArray)
 def quantity(unit: str, minimum: float, maximum: float, *, default: Any = MISSING, **more: Any) -> Any:
     """Make a dataclass field for a quantity with unit and bounds.
 
-    `scaled=True` marks a quantity that depends on the scale of the state of charge, so the TOML must name the scale. `lossless` is
-    the value of an entry of the loss map at which the loss is smallest.
+    `scaled=True` marks a quantity that depends on the scale of the state of charge, so the TOML must name the scale.
     """
     return field(metadata={"unit": unit, "minimum": minimum, "maximum": maximum, **more}, default=default)
 
@@ -274,20 +273,20 @@ class Drivetrain:
     motor_max_torque_nm: float = quantity("Nm", 1.0, 20_000.0)
     motor_max_power_w: float = quantity("W", 1e3, 2e6)
     motor_max_speed_rad_s: float = quantity("rad/s", 50.0, 4_000.0)
-    torque_constant_nm_a: float = quantity("Nm/A", 1e-3, 100.0, lossless=100.0)
-    phase_resistance_ohm: float = quantity("ohm", 0.0, 1.0, lossless=0.0)
-    field_weakening_speed_rad_s: float = quantity("rad/s", 1.0, 1e9, lossless=1000000000.0)
-    characteristic_current_a: float = quantity("A", 0.0, 1e5, lossless=0.0)
-    iron_loss_linear: float = quantity("W s/(rad Nm^x)", -10.0, 10.0, lossless=0.0)
-    iron_loss_quadratic: float = quantity("W s2/(rad2 Nm^x)", 0.0, 1.0, lossless=0.0)
-    iron_loss_torque_exponent: float = quantity("1", 0.0, 3.0, lossless=0.0)
-    inverter_fixed_loss_w: float = quantity("W", 0.0, 5_000.0, lossless=0.0)
-    inverter_voltage_drop_v: float = quantity("V", 0.0, 50.0, lossless=0.0)
-    inverter_resistance_ohm: float = quantity("ohm", 0.0, 1.0, lossless=0.0)
-    motor_loss_factor: float = quantity("1", 0.0, 20.0, lossless=1.0, default=1.0)
-    flux_loss_w_s2_rad2: float = quantity("W s2/rad2", 0.0, 1.0, lossless=0.0, default=0.0)
+    torque_constant_nm_a: float = quantity("Nm/A", 1e-3, 100.0)
+    phase_resistance_ohm: float = quantity("ohm", 0.0, 1.0)
+    field_weakening_speed_rad_s: float = quantity("rad/s", 1.0, 1e9)
+    characteristic_current_a: float = quantity("A", 0.0, 1e5)
+    iron_loss_linear: float = quantity("W s/(rad Nm^x)", -10.0, 10.0)
+    iron_loss_quadratic: float = quantity("W s2/(rad2 Nm^x)", 0.0, 1.0)
+    iron_loss_torque_exponent: float = quantity("1", 0.0, 3.0)
+    inverter_fixed_loss_w: float = quantity("W", 0.0, 5_000.0)
+    inverter_voltage_drop_v: float = quantity("V", 0.0, 50.0)
+    inverter_resistance_ohm: float = quantity("ohm", 0.0, 1.0)
+    motor_loss_factor: float = quantity("1", 0.0, 20.0, default=1.0)
+    flux_loss_w_s2_rad2: float = quantity("W s2/rad2", 0.0, 1.0, default=0.0)
     machine: str = choice(MACHINES, default="permanent_magnet")
-    field_loss_w: float = quantity("W", 0.0, 50_000.0, lossless=0.0, default=0.0)
+    field_loss_w: float = quantity("W", 0.0, 50_000.0, default=0.0)
 
 
 @dataclass(frozen=True, slots=True)
