@@ -19,7 +19,8 @@ from tools.docs import pages
 from benchmarks.measure import Row
 from tripwatt.physics import DriveConditions, simulate
 from tripwatt.units import M_PER_MILE
-from tripwatt.vehicles import RoadLoad, load_vehicle
+from tripwatt.vehicles import load_vehicle
+from tripwatt.vehicles.parts import RoadLoad
 
 TEST_MASS_KG = 1443.33
 """Argonne D3 Master Summary List, 2014 BMW i3 BEV: 3182 lb."""

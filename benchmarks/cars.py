@@ -41,7 +41,8 @@ from tripwatt.study.report.cars import cars_panels, curves_table, factors_table,
 from tripwatt.study.report.html import png_bytes
 from tripwatt.study.report.tables import Column, make_table
 from tripwatt.trips import Departure, Plan, Trip, TripSet
-from tripwatt.vehicles import RoadLoad, Vehicle, load_vehicle
+from tripwatt.vehicles import Vehicle, load_vehicle
+from tripwatt.vehicles.parts import RoadLoad
 from tripwatt.vehicles.without import without_data
 
 MIN_M = 2000.0

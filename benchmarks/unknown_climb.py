@@ -26,7 +26,7 @@ import tripwatt as tw
 from benchmarks.measure import Row, report
 from tripwatt.arrays import FloatArray
 from tripwatt.forecasting import Forecast, ForecastModel
-from tripwatt.physics import grade_from_elevation
+from tripwatt.physics.road_load import grade_from_elevation
 from tripwatt.routes.terrain import GROWTH, REFERENCE_M, REGION_SCALE_M, net_climbs
 from tripwatt.sources.tum import REFERENCE_TRIPS
 from tripwatt.trips import Departure, Plan, Trip

@@ -17,8 +17,7 @@ from tools.data.anchoring import (
 )
 from tools.docs import pages
 
-from tripwatt.certification import anchored, scaled
-from tripwatt.certification.anchoring import ROAD_LOAD, Anchored, errors, keys
+from tripwatt.certification.anchoring import ROAD_LOAD, Anchored, anchored, errors, keys, scaled
 from tripwatt.certification.consumption import driven_wh_per_km
 from tripwatt.vehicles import load_vehicle
 from tripwatt.vehicles.anchors import anchors

@@ -5,15 +5,15 @@ import dataclasses
 import pytest
 from tools.data.anchoring import WH_PER_KM, certified_figures
 
-from tripwatt.certification import (
+from tripwatt.certification.consumption import (
     CertifiedFigure,
     charging_efficiency,
     driven_wh_per_km,
     relative_error,
-    schedule,
     simulated_wh_per_km,
+    wltp_test_mass,
 )
-from tripwatt.certification.consumption import wltp_test_mass
+from tripwatt.certification.schedules import schedule
 from tripwatt.vehicles import load_vehicle
 
 

@@ -5,8 +5,10 @@ import math
 import pytest
 
 import tripwatt as tw
-from tripwatt.certification import certified_interval, describe_car, driven_wh_per_km, schedule, usual_figures
-from tripwatt.certification.consumption import charging_efficiency, wltp_test_mass
+from tripwatt.certification import certified_interval, describe_car
+from tripwatt.certification.consumption import charging_efficiency, driven_wh_per_km, wltp_test_mass
+from tripwatt.certification.describing import usual_figures
+from tripwatt.certification.schedules import schedule
 from tripwatt.errors import InvalidInput
 from tripwatt.vehicles import load_vehicle, render_vehicle
 from tripwatt.vehicles.catalogue import class_values, mass_range_kg

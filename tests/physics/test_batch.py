@@ -9,9 +9,10 @@ from benchmarks.worlds import changed
 
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
-from tripwatt.physics import CAUSES, simulate_trip
+from tripwatt.physics import simulate_trip
 from tripwatt.physics.batch import CHUNK_SAMPLES, simulate_trips, trip_totals
 from tripwatt.physics.cabin import MIN_SIDE_BY_SIDE
+from tripwatt.physics.chain import CAUSES
 from tripwatt.trips import Plan
 
 I3 = tw.load_vehicle("bmw_i3_60ah")

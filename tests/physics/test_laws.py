@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tripwatt.arrays import distance_driven
-from tripwatt.physics import CAUSES, DriveConditions, simulate, simulate_trip
+from tripwatt.physics import DriveConditions, simulate, simulate_trip
+from tripwatt.physics.chain import CAUSES
 from tripwatt.physics.road_load import rolling_factor
 from tripwatt.trips import STEEPEST_GRADE, Context, Departure, Plan, Trip
 from tripwatt.trips.elevation import heights_of_a_road

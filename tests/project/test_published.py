@@ -11,7 +11,8 @@ from tests.support import ROOT
 from tools.docs import publish_results, write_cli, write_figures
 from tools.docs.pages import of_page, without_parts
 
-from tripwatt.vehicles import load_vehicle, names_data
+from tripwatt.vehicles import load_vehicle
+from tripwatt.vehicles.without import names_data
 
 DOCS = ROOT / "docs"
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from tripwatt.certification import schedule
+from tripwatt.certification.schedules import schedule
 from tripwatt.errors import InvalidInput
 from tripwatt.physics import DriveConditions, simulate
 from tripwatt.routes import LinkStyle, driver, link_profile, profile

@@ -2,12 +2,8 @@
 
 import pytest
 
-from tripwatt.vehicles import (
-    load_vehicle,
-    names_data,
-    vehicle_names,
-    without_data,
-)
+from tripwatt.vehicles import load_vehicle, vehicle_names, without_data
+from tripwatt.vehicles.without import names_data
 
 
 @pytest.mark.parametrize("name", vehicle_names())

@@ -84,7 +84,7 @@ class Anchored:
         Parameters
         ----------
         level : str
-            A key of `tripwatt.vehicles.ANCHORS`.
+            A key of `tripwatt.vehicles.vehicle.ANCHORS`.
 
         Returns
         -------

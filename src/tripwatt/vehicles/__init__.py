@@ -10,41 +10,26 @@ from tripwatt.vehicles.loading import (
     vehicle_titles,
 )
 from tripwatt.vehicles.overriding import ALIASES, parse_overrides
-from tripwatt.vehicles.parts import (
-    Auxiliaries,
-    Battery,
-    Body,
-    Climate,
-    Drivetrain,
-    Regeneration,
-    RoadLoad,
-    Tyres,
-)
+from tripwatt.vehicles.parts import Battery, Climate, Drivetrain, Regeneration, Tyres
 from tripwatt.vehicles.reading import vehicle_from_document
-from tripwatt.vehicles.vehicle import ANCHORS, LICENCES, Entry, Vehicle
-from tripwatt.vehicles.without import names_data, without_data
+from tripwatt.vehicles.vehicle import LICENCES, Vehicle
+from tripwatt.vehicles.without import without_data
 from tripwatt.vehicles.writing import describe_vehicle, render_vehicle, vehicle_document
 
 __all__ = [
     "ALIASES",
-    "ANCHORS",
     "LICENCES",
-    "Auxiliaries",
     "Battery",
-    "Body",
     "Climate",
     "Difference",
     "Drivetrain",
-    "Entry",
     "Regeneration",
-    "RoadLoad",
     "Tyres",
     "Vehicle",
     "describe_vehicle",
     "differences",
     "find_vehicles",
     "load_vehicle",
-    "names_data",
     "parse_overrides",
     "render_vehicle",
     "require_vehicle",

@@ -25,7 +25,7 @@ class Anchor:
     Attributes
     ----------
     level : str
-        One of `tripwatt.vehicles.ANCHORS`.
+        One of `tripwatt.vehicles.vehicle.ANCHORS`.
     loss : str
         Loss that was changed: "motor", "iron" or "gear" losses, or the "road load".
     entries : mapping of str to (float, str)
