@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final, Protocol, Self
+from typing import Final, Protocol, Self
 
 import numpy as np
 import pandas as pd
@@ -245,33 +245,22 @@ def build_table(trips: Sequence[Trip], physics: Mapping[str, Vehicle], *, step_s
 
 
 def _covariates(blocks: Sequence[Trip]) -> tuple[pd.DataFrame, tuple[str, ...]]:
-    lengths = [len(b) for b in blocks]
-
-    def numbers(column: str) -> FloatArray:
-        return np.concatenate([b.array(column) if column in b else np.full(len(b), np.nan) for b in blocks])
-
-    def levels(values: Sequence[str | None]) -> pd.Series[Any]:
-        known = [UNKNOWN_LEVEL if v is None else v for v in values]
-        categories = pd.CategoricalDtype(sorted(set(known)))
-        return pd.Series(np.repeat(np.asarray(known, dtype=object), lengths)).astype(categories)
-
-    elevation = numbers("elevation_m")
-    starts = np.concatenate(([0], np.cumsum(lengths)[:-1]))
-    frame = pd.DataFrame(
-        {
-            "time_s": numbers("time_s"),
-            "speed_m_s": numbers("speed_m_s"),
-            "ambient_temperature_degc": numbers("ambient_temperature_degc"),
-            "elevation_difference_m": elevation - np.repeat(elevation[starts], lengths),
-            "season": levels([b.context.season for b in blocks]),
-            "weather": levels([b.context.weather for b in blocks]),
-        }
+    """Return the covariates that some trip has, and a note on each of the others."""
+    columns = ["time_s", "speed_m_s", "ambient_temperature_degc", "elevation_m"]
+    frames = []
+    for block in blocks:
+        frame = block.samples.reindex(columns=columns).astype(np.float64)
+        climb = frame.pop("elevation_m")
+        season, weather = (level or UNKNOWN_LEVEL for level in (block.context.season, block.context.weather))
+        frames.append(
+            frame.assign(elevation_difference_m=climb - climb.iloc[0], season=season, weather=weather)
+        )
+    frame = pd.concat(frames, ignore_index=True)
+    frame = frame.astype(
+        {name: pd.CategoricalDtype(sorted(set(frame[name]))) for name in ("season", "weather")}
     )
     unknown = [
-        name
-        for name in COVARIATES
-        if frame[name].isna().all()
-        or (frame[name].dtype == "category" and set(frame[name]) == {UNKNOWN_LEVEL})
+        name for name in COVARIATES if frame[name].isna().all() or (frame[name] == UNKNOWN_LEVEL).all()
     ]
     notes = tuple(f"covariate {name} dropped: no trip has it" for name in unknown)
     return frame.drop(columns=unknown), notes

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
+from tripwatt.errors import Fault, raise_faults
 from tripwatt.physics.cabin import UNKNOWN_SUN_W_M2, CabinStart
-from tripwatt.trips import COLUMNS, FIELDS, QUANTITIES, raise_faults
+from tripwatt.trips import COLUMNS, FIELDS, QUANTITIES
 from tripwatt.vehicles import Vehicle
 
 UNKNOWN_AMBIENT_DEGC: Final = 10.0
@@ -110,36 +112,32 @@ class DriveConditions:
         sun, warmth = self.solar_irradiance_w_m2, self.initial_warmth
         return CabinStart(temperature, setpoint, sun, warmth, self.climate)
 
-    def bounded_values(self, vehicle: Vehicle) -> dict[str, tuple[float, float, float]]:
-        """List each number with the lowest and the highest value allowed.
+    def faults(self, vehicle: Vehicle) -> Iterator[Fault]:
+        """Yield a fault for each number that is out of bounds.
 
         Parameters
         ----------
         vehicle : Vehicle
             The car, whose mass bounds the payload.
-
-        Returns
-        -------
-        dict of str to tuple of float
-            Name -> (value, lowest, highest), in the unit of the name.
         """
-        cabin = self.cabin_start(vehicle)
+        columns = {name: name.removeprefix("initial_") for name in _WITH_COLUMN}
+        bounds = {name: (COLUMNS.get(key) or QUANTITIES[key]).bounds for name, key in columns.items()}
         lightest_kg = -0.5 * vehicle.body.curb_mass_kg  # a test may be lighter than the car with its driver
-        density = 1.2 if self.air_density_kg_m3 is None else self.air_density_kg_m3
-        bounds = {
-            "ambient_temperature_degc": (self.ambient_temperature_degc, "ambient_temperature_degc"),
-            "initial_soc": (self.initial_soc, "soc"),
-            "initial_battery_temperature_degc": (self.battery_start_degc, "battery_temperature_degc"),
-            "initial_cabin_temperature_degc": (cabin.temperature_degc, "cabin_temperature_degc"),
-            "cabin_setpoint_degc": (cabin.setpoint_degc, "cabin_setpoint_degc"),
-            "solar_irradiance_w_m2": (self.solar_irradiance_w_m2, "solar_irradiance_w_m2"),
-            "rain_mm_h": (self.rain_mm_h, "rain_mm_h"),
-        }
-        columns = (
-            (name, value, COLUMNS.get(key) or QUANTITIES[key]) for name, (value, key) in bounds.items()
-        )
-        return {name: (value, *column.bounds) for name, value, column in columns} | {
-            "payload_mass_kg": (self.payload_mass_kg, lightest_kg, QUANTITIES["payload_mass_kg"].maximum),
-            "initial_warmth": (self.initial_warmth, 0.0, 1.0),
-            "air_density_kg_m3": (density, 0.0, 10.0),
-        }
+        bounds["payload_mass_kg"] = lightest_kg, QUANTITIES["payload_mass_kg"].maximum
+        bounds |= {"initial_warmth": (0.0, 1.0), "air_density_kg_m3": (0.0, 10.0)}
+        for name, (low, high) in bounds.items():
+            value = getattr(self, name)
+            if value is not None and not low <= value <= high:
+                yield Fault("value out of range", name, f"{value}", f"{low:g} to {high:g}")
+
+
+_WITH_COLUMN: Final = (
+    "ambient_temperature_degc",
+    "initial_soc",
+    "initial_battery_temperature_degc",
+    "initial_cabin_temperature_degc",
+    "cabin_setpoint_degc",
+    "solar_irradiance_w_m2",
+    "rain_mm_h",
+)
+"""Values with the bounds of the column or quantity of their name without `initial_`."""

@@ -355,8 +355,8 @@ def drive_of(
     speed = np.asarray(speed_m_s, dtype=np.float64)
     slope, height, given, wind = (None if a is None else np.asarray(a, dtype=np.float64) for a in more)
     climate = np.zeros(()) if given is None else given
-    values = conditions.bounded_values(vehicle)
-    raise_faults(argument_faults(time, speed, slope, height, climate, values, wind))
+    faults = argument_faults(time, speed, slope, height, climate, wind)
+    raise_faults([*faults, *conditions.faults(vehicle)])
     if road is not None:
         slope = road
     elif slope is None:

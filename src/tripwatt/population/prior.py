@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, Final
@@ -213,25 +213,20 @@ class Population:
             deviation, and the standard deviation between cars. Then the prior standard deviations before any trip, between car models
             and between vehicles of one model, each with its degrees of freedom, and their source.
         """
-        mean = self._posterior.weights()[0]
-        root = np.sqrt(np.diag(self._posterior.covariance[0]))
-        between = sum((self._posterior.scales.variances(level) for level in (1, 2)), np.zeros(len(FACTORS)))
-        rows = [
-            (f.unit, m * f.sd, r * f.sd, s * f.sd, f.models, f.df, f.vehicles, ASSUMED_DF, f.source)
-            for f, m, r, s in zip(FACTORS, mean, root, np.sqrt(between), strict=True)
-        ]
-        columns = [
-            "unit",
-            "mean",
-            "mean_sd",
-            "car_sd",
-            "models_sd",
-            "models_df",
-            "vehicles_sd",
-            "vehicles_df",
-            "source",
-        ]
-        return pd.DataFrame(rows, index=pd.Index(NAMES, name="factor"), columns=columns)
+        posterior = self._posterior
+        between = sum((posterior.scales.variances(level) for level in (1, 2)), np.zeros(len(FACTORS)))
+        columns = {
+            "unit": [f.unit for f in FACTORS],
+            "mean": posterior.weights()[0] * SDS,
+            "mean_sd": np.sqrt(np.diag(posterior.covariance[0])) * SDS,
+            "car_sd": np.sqrt(between) * SDS,
+            "models_sd": [f.models for f in FACTORS],
+            "models_df": [f.df for f in FACTORS],
+            "vehicles_sd": [f.vehicles for f in FACTORS],
+            "vehicles_df": ASSUMED_DF,
+            "source": [f.source for f in FACTORS],
+        }
+        return pd.DataFrame(columns, index=pd.Index(NAMES, name="factor"))
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values, as in the file that comes with the package.
@@ -241,11 +236,12 @@ class Population:
         dict
             `factors`, the usual standard deviation of each; `sources`; `sums` as nested lists; and `logs` of the spreads.
         """
-        arrays = self.sums.to_arrays()
-        sources = [{name: getattr(s, name) for name in Source.__slots__} for s in self.sources]
-        rounded = {name: np.asarray(v).tolist() for name, v in arrays.items()}
-        factors = dict(zip(NAMES, SDS.tolist(), strict=True))
-        return {"factors": factors, "sources": sources, "sums": rounded, "logs": self._scales.logs.tolist()}
+        return {
+            "factors": dict(zip(NAMES, SDS.tolist(), strict=True)),
+            "sources": [asdict(source) for source in self.sources],
+            "sums": {name: np.asarray(v).tolist() for name, v in self.sums.to_arrays().items()},
+            "logs": self._scales.logs.tolist(),
+        }
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Population:
