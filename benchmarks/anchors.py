@@ -16,12 +16,12 @@ from typing import Final
 
 import numpy as np
 from tools.command import run
-from tools.data.anchoring import certified_figures, most_probable
+from tools.data.anchoring import anchored, certified_figures, most_probable, scaled
 from tools.docs import pages
 
 from benchmarks.measure import Row
 from tripwatt.arrays import FloatArray
-from tripwatt.certification.anchoring import ROAD_LOAD, anchored, errors, scaled
+from tripwatt.certification.anchoring import ROAD_LOAD, errors
 from tripwatt.certification.consumption import CertifiedFigure
 from tripwatt.vehicles import Vehicle, load_vehicle, vehicle_from_document, vehicle_names
 from tripwatt.vehicles.anchors import CLASS, Anchor, anchors

@@ -11,13 +11,17 @@ from tools.data.anchoring import (
     LOSSES,
     PAIR,
     ROW_TOLERANCE,
+    Anchored,
+    anchored,
     certified_figures,
+    keys,
     most_probable,
     motorway_loss_wh_per_km,
+    scaled,
 )
 from tools.docs import pages
 
-from tripwatt.certification.anchoring import ROAD_LOAD, Anchored, anchored, errors, keys, scaled
+from tripwatt.certification.anchoring import ROAD_LOAD, errors
 from tripwatt.certification.consumption import driven_wh_per_km
 from tripwatt.vehicles import load_vehicle
 from tripwatt.vehicles.anchors import anchors

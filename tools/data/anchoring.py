@@ -1,6 +1,8 @@
 """Which loss of a car closes the mean error of its certified consumption: for the anchors of the library.
 
-Each of the three losses between wheel and battery (`tripwatt.certification.anchoring`) closes the mean over the rows; the one is taken
+For a car with a measured coast-down the gap lies between wheel and battery, and one of three losses is changed: that of the map of motor
+and inverter ("motor"), an eddy-current loss of the flux beside the map ("iron", in proportion to the square of speed), or that of the gear
+("gear", in proportion to the power through it). Each closes the mean over the rows; the one is taken
 that is most probable, by the rows and by what it does to the loss on a motorway. Where that leaves a row off by more than
 `ROW_TOLERANCE`, city and highway ask for two losses: that of the map and an eddy-current loss, which differ most in how they grow with
 speed.
@@ -9,21 +11,22 @@ speed.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
 from types import MappingProxyType
-from typing import Final
+from typing import Final, cast
 
 import numpy as np
 
 from tripwatt.arrays import FloatArray
 from tripwatt.certification.anchoring import (
-    BOUNDS,
-    Anchored,
-    anchored,
+    FACTORS,
+    GEARBOX,
+    ROAD_LOAD,
     closing_factor,
     errors,
-    scaled,
-    without_outliers,
+    road_parts,
+    with_road_load,
 )
 from tripwatt.certification.consumption import (
     SCHEDULE_DENSITY_DEGC,
@@ -34,6 +37,7 @@ from tripwatt.certification.consumption import (
 from tripwatt.physics.road_load import air_density
 from tripwatt.units import GRAVITY_M_S2, KG_PER_LB, M_PER_MILE, WH_PER_J
 from tripwatt.vehicles import Vehicle
+from tripwatt.vehicles.anchors import Anchor
 from tripwatt.vehicles.catalogue import Cell, Row, catalogue
 from tripwatt.vehicles.spreads import REPEAT_SD
 
@@ -53,6 +57,19 @@ PAIR: Final = "motor and iron"
 MIN_MOTOR: Final = 0.4
 """Least factor of the map in a pair: the best and the worst of the published machines lie about so far apart."""
 
+IRON_LOSS_W: Final = 200.0
+IRON_SPEED_M_S: Final = 20.0
+"""Speed of the car at which raising the factor "iron" by 1 adds `IRON_LOSS_W`."""
+
+KEYS: Final = {
+    "motor": "drivetrain.motor_loss_factor",
+    "iron": "drivetrain.flux_loss_w_s2_rad2",
+    "gear": GEARBOX,
+}
+BOUNDS: Final = {"motor": (0.0, 2.5), "iron": (1.0, 40.0), "gear": (0.0, 40.0), ROAD_LOAD: FACTORS}
+"""Smallest and largest factor of each loss. The map of a motor includes field weakening, which a large factor would raise far beyond the
+speeds of the schedules."""
+
 WH_PER_KM: Final = MappingProxyType(
     {"kWh/100 mi": 1e4 / M_PER_MILE, "kWh/100 km": 10.0, "Wh/mi": 1e3 / M_PER_MILE}
 )
@@ -60,6 +77,112 @@ WH_PER_KM: Final = MappingProxyType(
 
 
 _OUTLIER: Final = "ratio_outlier"
+
+
+@dataclass(frozen=True, slots=True)
+class Anchored:
+    """A car after anchoring, with the factor and the errors before and after.
+
+    Attributes
+    ----------
+    vehicle : Vehicle
+        The car with the changed loss.
+    loss : str
+        The loss that was changed, a key of `BOUNDS`.
+    factor : float
+        Factor of the loss.
+    before, after : ndarray, shape (figures,)
+        Relative error of each figure before and after.
+
+    Examples
+    --------
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> car = load_vehicle("bmw_i3_60ah")
+    >>> met = Anchored(car, "motor", 1.0, np.array([0.02, 0.04]), np.array([-0.01, 0.01]))
+    >>> round(met.anchor("certification").before, 3)
+    0.03
+    """
+
+    vehicle: Vehicle
+    loss: str
+    factor: float
+    before: FloatArray
+    after: FloatArray
+
+    def anchor(self, level: str) -> Anchor:
+        """Collect the entries that the factor has changed.
+
+        Parameters
+        ----------
+        level : str
+            A key of `tripwatt.vehicles.vehicle.ANCHORS`.
+
+        Returns
+        -------
+        Anchor
+            The values of the entries, their units, and the mean relative error before.
+        """
+        entries = {}
+        for key in keys(self.vehicle, self.loss):
+            unit = "W s2/rad2" if key == KEYS["iron"] else "1"
+            unit = self.vehicle.entries[key].unit if key in self.vehicle.entries else unit
+            entries[key] = (cast(float, self.vehicle.value(key)), unit)
+        return Anchor(level, self.loss, MappingProxyType(entries), float(self.before.mean()))
+
+
+def keys(vehicle: Vehicle, loss: str) -> tuple[str, ...]:
+    """Return the entries of a car that the factor of a loss changes."""
+    if loss == ROAD_LOAD:
+        return *road_parts(vehicle), GEARBOX
+    return tuple(KEYS[name] for name in loss.split(" and "))
+
+
+def scaled(vehicle: Vehicle, loss: str, factor: float) -> Vehicle:
+    """Multiply one loss of a car by a factor.
+
+    "motor": the loss factor of the map is multiplied. "gear": the factor is an exponent of the efficiency. "iron": each 1 above a
+    factor of 1 adds `IRON_LOSS_W` at `IRON_SPEED_M_S`. "road load": see `with_road_load`.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        The car.
+    loss : str
+        A key of `BOUNDS`.
+    factor : float
+        1 leaves the car as it is.
+
+    Returns
+    -------
+    Vehicle
+        A copy with other values; its `entries` are not updated.
+    """
+    if loss == ROAD_LOAD:
+        return with_road_load(vehicle, factor)
+    drivetrain, key = vehicle.drivetrain, KEYS[loss]
+    value = cast(float, vehicle.value(key))
+    if loss == "gear":
+        return vehicle.with_values({key: value**factor})
+    if loss == "iron":
+        speed = IRON_SPEED_M_S * drivetrain.gear_ratio / drivetrain.wheel_radius_m
+        return vehicle.with_values({key: value + (factor - 1.0) * IRON_LOSS_W / speed**2})
+    return vehicle.with_values({key: value * factor})
+
+
+def anchored(vehicle: Vehicle, figures: Sequence[CertifiedFigure], loss: str = ROAD_LOAD) -> Anchored:
+    """Change one loss of a car so that the mean error of its certified figures is zero. O(figures x samples).
+
+    Outliers are left out, unless all figures are outliers.
+    """
+    sound = without_outliers(figures)
+    factor = closing_factor(partial(scaled, vehicle, loss), sound, BOUNDS[loss])
+    car = scaled(vehicle, loss, factor)
+    return Anchored(car, loss, factor, errors(vehicle, sound), errors(car, sound))
+
+
+def without_outliers(figures: Sequence[CertifiedFigure]) -> list[CertifiedFigure]:
+    """Return the figures that are not marked as outliers, or all figures if all are outliers."""
+    return [figure for figure in figures if not figure.outlier] or list(figures)
 
 
 def most_probable(vehicle: Vehicle, figures: Sequence[CertifiedFigure]) -> Anchored:
@@ -106,7 +229,7 @@ def _with_two(
 
     def closed(motor: float) -> Anchored:
         own = scaled(vehicle, "motor", motor)
-        factor = closing_factor(own, figures, "iron")
+        factor = closing_factor(partial(scaled, own, "iron"), figures, BOUNDS["iron"])
         car = scaled(own, "iron", factor)
         return Anchored(car, PAIR, factor, before, errors(car, figures))
 

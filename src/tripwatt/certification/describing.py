@@ -7,13 +7,21 @@ import statistics
 import zlib
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from types import MappingProxyType
 from typing import Any, Final, cast
 
 import numpy as np
 
-from tripwatt.certification.anchoring import ROAD_LOAD, anchored, road_parts
+from tripwatt.certification.anchoring import (
+    FACTORS,
+    GEARBOX,
+    ROAD_LOAD,
+    closing_factor,
+    errors,
+    road_parts,
+    with_road_load,
+)
 from tripwatt.certification.consumption import (
     CertifiedFigure,
     charging_efficiency,
@@ -302,8 +310,9 @@ def _certified(car: Vehicle, wh_per_km: float, procedure: str) -> list[Certified
 
 def _meeting(car: Vehicle, document: Mapping[str, Any], wh_per_km: float, procedure: str) -> Vehicle:
     """Return the car with a road load at which its simulated consumption is the given one."""
-    done = anchored(car, _certified(car, wh_per_km, procedure))
-    left = float(done.after.mean())
+    figures = _certified(car, wh_per_km, procedure)
+    met = with_road_load(car, closing_factor(partial(with_road_load, car), figures, FACTORS))
+    left = float(errors(met, figures).mean())
     if abs(left) > REPEAT_SD:
         possible = wh_per_km / 10.0 * (1.0 + left)
         raise InvalidInput.of(
@@ -313,9 +322,11 @@ def _meeting(car: Vehicle, document: Mapping[str, Any], wh_per_km: float, proced
             f"{'at most' if left < 0.0 else 'at least'} {possible:.1f} kWh/100 km for its mass, power and body",
             "check the figures; consumption is in kWh/100 km at the wall",
         )
-    road = done.anchor("certification")
-    common = anchors()[CLASS]
-    anchor = Anchor("certification", ROAD_LOAD, {**common.entries, **road.entries}, road.before)
+    entries = {
+        key: (cast(float, met.value(key)), car.entries[key].unit) for key in (*road_parts(car), GEARBOX)
+    }
+    before = float(errors(car, figures).mean())
+    anchor = Anchor("certification", ROAD_LOAD, {**anchors()[CLASS].entries, **entries}, before)
     return vehicle_from_document(with_anchor(document, anchor), car.name, car.name)
 
 
@@ -423,9 +434,9 @@ def makers() -> int:
 @cache
 def _mass_sd() -> float:
     """Relative standard deviation of masses about the median of their kind of body, over the table."""
-    errors = [
+    logs = [
         math.log(curb_mass_kg(row) / usual_figures(row["body"][0].value)["mass_kg"])
         for row in catalogue().values()
         if "title" in row and "test_weight" in row
     ]
-    return statistics.stdev(errors)
+    return statistics.stdev(logs)
