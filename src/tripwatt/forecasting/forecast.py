@@ -555,7 +555,8 @@ class Forecast:
         """
         from tripwatt.forecasting.plots import plot_forecast  # matplotlib is slow to import
 
-        return plot_forecast(self, ax)
+        title = f"{self.plan.trip_id}: {self.energy_wh / 1000.0:.2f} kWh, given {self.given}"
+        return plot_forecast(self.to_frame(), self.by_cause_wh, title, self.measured_until_s, ax)
 
     def __repr__(self) -> str:
         low, high = self.interval(BAND)

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from tripwatt.figures import Axes, Figure, figure_of, place_for_panels
 from tripwatt.physics.chain import CAUSE_NAMES
@@ -13,17 +14,27 @@ from tripwatt.physics.chain import CAUSE_NAMES
 _LINE, _ABOVE, _BELOW, _TOTAL = "#0b5c8a", "#c8553d", "#3a7d44", "#444444"
 
 
-def plot_forecast(forecast: Any, ax: Axes | None = None) -> Figure:
+def plot_forecast(
+    series: pd.DataFrame,
+    by_cause_wh: Mapping[str, float],
+    title: str,
+    measured_until_s: float = 0.0,
+    ax: Axes | None = None,
+) -> Figure:
     """Plot energy and displayed state of charge along the trip with 90 % bands, and a waterfall of the causes.
 
     Parameters
     ----------
-    forecast : Forecast
-        Its class imports this module.
+    series : DataFrame
+        Table of `Forecast.to_frame`.
+    by_cause_wh : mapping of str to float
+        `Forecast.by_cause_wh`.
+    title : str
+    measured_until_s : float
+        Time up to which the trip was measured [s since departure]; 0 before departure.
     ax : Axes, optional
         Axes that the panels replace.
     """
-    series = forecast.to_frame()
     place = place_for_panels(ax, 10.0, 6.4)
     grid = place.add_gridspec(2, 2, width_ratios=[1.0, 1.15])
     energy = place.add_subplot(grid[0, 0])
@@ -36,13 +47,13 @@ def plot_forecast(forecast: Any, ax: Axes | None = None) -> Figure:
         low, middle, high = (scale * series[f"{of}{end}{unit}"] for end in ("_low", "", "_high"))
         axis.fill_between(minutes, low, high, color=_LINE, alpha=0.2, lw=0)
         axis.plot(minutes, middle, color=_LINE)
-        if forecast.measured_until_s > 0.0:
-            axis.axvline(forecast.measured_until_s / 60.0, color=_TOTAL, lw=1, ls=":")
+        if measured_until_s > 0.0:
+            axis.axvline(measured_until_s / 60.0, color=_TOTAL, lw=1, ls=":")
         axis.set_ylabel(label)
     soc.set_xlabel("time [min]")
     energy.set_title("expected, with the central 90 % interval", fontsize="medium")
-    _waterfall(place.add_subplot(grid[:, 1]), forecast.by_cause_wh)
-    place.suptitle(f"{forecast.plan.trip_id}: {forecast.energy_wh / 1000.0:.2f} kWh, given {forecast.given}")
+    _waterfall(place.add_subplot(grid[:, 1]), by_cause_wh)
+    place.suptitle(title)
     return figure_of(place)
 
 

@@ -169,8 +169,12 @@ class Track:
             Mean speed [m/s] of pieces without time and speed.
         trip_id : str
             Name of the plan.
-        style, rng, step_s
-            As in `LinkRoute.plan`.
+        style : LinkStyle, optional
+            How traffic and driver fill a link, as in `LinkRoute.plan`.
+        rng : numpy.random.Generator, optional
+            Draws stops and speeds, as in `LinkRoute.plan`.
+        step_s : float
+            Time between two samples [s].
 
         Returns
         -------

@@ -400,7 +400,7 @@ def numbers_of(cells: Sequence[str], decimal: str) -> tuple[FloatArray, list[int
 
 def _parsed(source: Delimited, wanted: Sequence[int], **options: Any) -> pd.DataFrame:
     """Read the columns at the given positions; `options` are those of `pandas.read_csv`."""
-    return pd.read_csv(  # noqa: TID251 - the content was read within its bounds
+    table: pd.DataFrame = pd.read_csv(  # noqa: TID251 - the content was read within its bounds
         io.BytesIO(source.data[source.body_offset :]),
         sep=source.delimiter,
         header=None,
@@ -413,6 +413,7 @@ def _parsed(source: Delimited, wanted: Sequence[int], **options: Any) -> pd.Data
         encoding="latin-1",  # any bytes are text in it
         **options,
     )
+    return table
 
 
 def first_row(source: Delimited) -> list[str]:

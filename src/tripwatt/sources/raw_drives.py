@@ -276,7 +276,7 @@ def log_of(drive: RawDrive) -> Log:
         energy["observed_energy_common_std"] = mapping.usable_capacity_uncertainty
     order = [*(c for c in COLUMNS if c in columns), *(c for c in columns if c not in COLUMNS)]
     log = Log.from_samples(drive.name, pd.DataFrame({c: columns[c] for c in order}), context)
-    return replace(log, **energy)
+    return replace(log, **energy)  # type: ignore[arg-type] # the fields of the energy are numbers
 
 
 def _energy_from_soc(columns: Mapping[str, FloatArray], mapping: ColumnMapping) -> tuple[FloatArray, float]:
