@@ -54,12 +54,12 @@ class Service:
         return self.client.post("/v1/forecast", json=request)
 
 
-def wait_for(condition: Callable[[], Any], seconds: float = 60.0) -> bool:
-    """Whether something becomes true in time."""
+def wait_for(condition: Callable[[], Any], seconds: float = 60.0, every_s: float = 0.05) -> bool:
+    """Whether a condition, looked at every `every_s` seconds, becomes true in time."""
     until = time.monotonic() + seconds
-    while not (found := condition()) and time.monotonic() < until:
-        time.sleep(0.05)
-    return bool(found)
+    while not (is_met := bool(condition())) and time.monotonic() < until:
+        time.sleep(every_s)
+    return is_met
 
 
 def free_port() -> int:
