@@ -62,29 +62,32 @@ hass: .venv-hass/.ready .venv-emhass/.ready  ## Home Assistant and EMHASS for th
 	.venv-tools/bin/python $(PIP_INSTALL) uv
 	touch $@
 
+# The checks of a virtual environment. Types are checked beside the tests, many of which wait for other processes; the summary of pytest
+# stays the last line, and the gate fails where any part fails.
+define gate
+$(1)/bin/ruff format --check .
+$(1)/bin/ruff check .
+$(1)/bin/lint-imports
+@nice $(1)/bin/mypy & types=$$!; \
+$(1)/bin/python -m pytest -n $(TEST_WORKERS) --dist loadscope --no-loadscope-reorder; tests=$$?; \
+wait $$types || { echo "mypy found faults, which stand above" >&2; exit 1; }; exit $$tests
+endef
+
 run: .venv/.ready  ## the main job: on DATA, or on the built-in synthetic fleet
 	.venv/bin/tripwatt evaluate $(DATA) --out $(OUT)
 
 check: .venv-check/.ready  ## the whole gate, with the versions of constraints/check.txt
-	.venv-check/bin/ruff format --check .
-	.venv-check/bin/ruff check .
-	.venv-check/bin/mypy
-	.venv-check/bin/lint-imports
-	.venv-check/bin/python -m pytest -n $(TEST_WORKERS) --dist loadscope
+	$(call gate,.venv-check)
 
 check-latest: .venv-tools/.ready  ## the gate with the newest release of everything
 	$(PYTHON) -m venv --clear .venv-latest
 	$(UV) pip install --quiet --python .venv-latest/bin/python --upgrade --refresh -e gamm -e ".[dev,interop]"
-	.venv-latest/bin/ruff format --check .
-	.venv-latest/bin/ruff check .
-	.venv-latest/bin/mypy
-	.venv-latest/bin/lint-imports
-	.venv-latest/bin/python -m pytest -n $(TEST_WORKERS) --dist loadscope
+	$(call gate,.venv-latest)
 
 lowest: .venv-tools/.ready  ## the tests without a browser, with the lowest declared release of each dependency
 	$(UV) venv --quiet --clear --python 3.11 .venv-lowest
 	$(UV) pip install --quiet --python .venv-lowest/bin/python --resolution lowest-direct -e gamm -e ".[dev,interop]"
-	.venv-lowest/bin/python -m pytest -n $(TEST_WORKERS) --dist loadscope --ignore=tests/server/page
+	.venv-lowest/bin/python -m pytest -n $(TEST_WORKERS) --dist loadscope --no-loadscope-reorder --ignore=tests/server/page
 
 constraints: .venv-tools/.ready  ## the newest release of everything into constraints, with hashes: for the gate, for the container
 	$(UV) pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes --no-emit-index-url \

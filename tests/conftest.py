@@ -18,6 +18,27 @@ settings.load_profile(os.environ.get("TRIPWATT_HYPOTHESIS", "gate"))
 """The gate draws the same examples in every run; TRIPWATT_HYPOTHESIS=search draws new ones."""
 
 
+LONGEST = (
+    "integrations/test_home_assistant.py",
+    "project/test_site.py",
+    "server/page/test_journey.py",
+    "server/page/test_page.py",
+    "server/page/test_cars.py",
+    "server/page/test_frontend.py",
+    "hostile/test_bounds.py",
+    "roads/journey/test_distances.py",
+    "server/http/test_clients.py",
+    "server/http/test_nulls.py",
+    "project/test_gallery.py",
+    "project/test_types.py",
+)
+"""Modules that take half a minute or more. They begin first, so that no worker is left alone with one of them at the end."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    items.sort(key=lambda item: not item.path.as_posix().endswith(LONGEST))
+
+
 @pytest.fixture(scope="session", autouse=True)
 def built_once() -> Iterator[None]:
     """The tree of commands, for which Typer takes a tenth of a second at each call, is built once in a process."""

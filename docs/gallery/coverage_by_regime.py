@@ -12,9 +12,9 @@ from scipy.stats import binomtest
 
 import tripwatt as tw
 
-trips = tw.audit(tw.synthetic_fleet(192, seed=1)).trips
-model = tw.fit(trips[:48], "bmw_i3_60ah", corrector="linear", identified=False)
-test = trips[48:]
+trips = tw.audit(tw.synthetic_fleet(96, seed=1)).trips
+model = tw.fit(trips[:24], "bmw_i3_60ah", corrector="linear", identified=False)
+test = trips[24:]
 forecasts = [model.forecast(trip) for trip in test]
 measured_wh = np.array([trip.observed_energy_wh for trip in test])
 degc = np.array([trip.departure.ambient_temperature_degc for trip in test])

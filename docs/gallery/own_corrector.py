@@ -17,7 +17,7 @@ import tripwatt as tw
 from tripwatt.study.evaluation import Execution
 
 run = tw.evaluate(
-    tw.synthetic_fleet(24),
+    tw.synthetic_fleet(16),
     protocol="forecast",
     models={
         "physics": "physics",

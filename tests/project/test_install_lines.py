@@ -22,7 +22,7 @@ IN_CLONE = re.compile(
 SHAPE = ON_INDEX if ON_AN_INDEX else IN_CLONE
 
 
-def read_texts() -> list[tuple[str, str]]:
+def install_lines() -> list[tuple[str, str]]:
     files = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
     for folder, kinds in (
         ("src/tripwatt", ("py",)),
@@ -32,18 +32,17 @@ def read_texts() -> list[tuple[str, str]]:
     ):
         for kind in kinds:
             files += sorted((ROOT / folder).rglob(f"*.{kind}"))
+    texts = ((file.relative_to(ROOT), file.read_text()) for file in files)
     return [
-        (f"{file.relative_to(ROOT)}:{k}", line)
-        for file in files
-        for k, line in enumerate(file.read_text().splitlines(), 1)
+        (f"{name}:{k}", line)
+        for name, text in texts
+        if "pip install" in text
+        for k, line in enumerate(text.splitlines(), 1)
+        if re.search(r"pip install\s+(-e\s+)?['\".]|pip install.*tripwatt", line)
     ]
 
 
-LINES = [
-    (where, line)
-    for where, line in read_texts()
-    if re.search(r"pip install\s+(-e\s+)?['\".]|pip install.*tripwatt", line)
-]
+LINES = install_lines()
 
 
 def test_lines_that_install_are_found() -> None:
