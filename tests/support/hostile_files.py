@@ -35,6 +35,7 @@ from tripwatt.fleet.nights import read_planned
 from tripwatt.forecasting import ForecastModel, load_model
 from tripwatt.forecasting.plausible import battery_wh
 from tripwatt.forecasting.storage import model_folder
+from tripwatt.modelfile import read_model, write_model
 from tripwatt.roads.maps.folder import INDEX_NAME, INFO_NAME, open_map
 from tripwatt.routes import parse_route
 from tripwatt.server.cars import Car, Sample, TopicJoiner, sample_from_abrp
@@ -464,6 +465,15 @@ def _read_one(read: Callable[[], Any], found: Found, what: str) -> None:
     found.slowest_s = max(found.slowest_s, seconds)
     if seconds > LONGEST_S:
         found.wrong.append(f"{seconds:.0f} s: {what}")
+
+
+def forge(folder: Path, part: str, change: Callable[[Any], object]) -> Path:
+    """The model of the package with one part changed and all digests computed again."""
+    sound = read_model(model_folder())
+    parts = {n: json.loads(json.dumps(p)) if n.endswith(".json") else dict(p) for n, p in sound.parts.items()}
+    change(parts[part])
+    write_model(folder / "m", {"provenance": {}}, parts)
+    return folder / "m"
 
 
 def forged_models(number: int, seed: int = 0) -> Found:

@@ -177,7 +177,7 @@ def run(text):
 MAP: Final = """
 import json, sqlite3
 from tripwatt.roads.maps import build_map, folder as module, open_map
-EXTRACTS = {"old": 300, "new": 900}
+EXTRACTS = {"old": 60, "new": 180}
 module.require_valhalla = lambda: None
 def tiles(work, extract):
     for number in range(8):

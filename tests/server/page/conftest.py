@@ -37,9 +37,8 @@ def browser() -> Iterator[Any]:
 
 @pytest.fixture
 def look(browser: Any, service: Service) -> Iterator[Callable[..., Any]]:
-    """Opens the page. At the end, the console is empty and all requests went to the service."""
-    contexts, said, strangers = [], [], []
-    allowed: list[str] = []
+    """Opens the page. At the end, the console has only what was expected, and all requests went to the service."""
+    contexts, messages, strangers, allowed = [], [], [], []
 
     def open_page(
         size: str = "desktop",
@@ -54,10 +53,9 @@ def look(browser: Any, service: Service) -> Iterator[Callable[..., Any]]:
         if not stranger:
             context.add_init_script(f"sessionStorage.setItem('tripwatt.token', '{TOKEN}')")
         page = context.new_page()
-        if expect:
-            allowed.append(expect)
-        page.on("console", lambda message: said.append(f"{message.type}: {message.text}"))
-        page.on("pageerror", lambda error: said.append(f"error: {error}"))
+        allowed.extend(part for part in expect.split("|") if part)
+        page.on("console", lambda message: messages.append(f"{message.type}: {message.text}"))
+        page.on("pageerror", lambda error: messages.append(f"error: {error}"))
         page.on(
             "request",
             lambda request: (
@@ -71,7 +69,7 @@ def look(browser: Any, service: Service) -> Iterator[Callable[..., Any]]:
     yield open_page
     for context in contexts:
         context.close()
-    assert [text for text in said if not any(part in text for part in allowed)] == []
+    assert [text for text in messages if not any(part in text for part in allowed)] == []
     assert strangers == []
 
 
