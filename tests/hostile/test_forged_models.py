@@ -76,9 +76,9 @@ ARRAY_CHANGES = [
     (scaled("corrector_.drive.members.0.process.weights", 1e6), ABSURD),
     (scaled("corrector_.drive.members.0.process.factor", 1e6), ABSURD),
     (scaled("corrector_.drive.members.1.trees.leaf_value", 1e6), ABSURD),
-    (scaled(f"{PROCESS}.weights", np.nan), "not a finite number: Gaussian process, weights"),
-    (scaled(f"{PROCESS}.sds", 0.0), "not positive: Gaussian process, sds"),
-    (sliced(f"{PROCESS}.factor", slice(-1)), "wrong shape of an array: Gaussian process, factor"),
+    (scaled(f"{PROCESS}.weights", np.nan), "model gives no forecast"),
+    (scaled(f"{PROCESS}.sds", 0.0), "model gives no forecast"),
+    (sliced(f"{PROCESS}.factor", slice(-1)), "model gives no forecast"),
     (sliced("uncertainty_.scores.values", slice(0)), "model gives no forecast|parts do not make"),
     (
         sliced("uncertainty_.scores.values", slice(None, None, -1)),
