@@ -114,7 +114,7 @@ def test_a_car_on_the_road_flags_that_it_has_no_trips(other: tw.ForecastModel, t
 def test_an_own_car_flags_that_it_has_no_trips_yet(own_car: Any, links: Path) -> None:
     assert codes(own_car.model().flags) == [FIRST]
     jobs = Jobs({"i3": tw.load_model()}, Limits(), cars=CarJobs(own_car.folder.parent))
-    document = jobs.forecast(json.dumps({"links": LINKS, "model": "mine"}).encode())
+    document = jobs.run("forecast", json.dumps({"links": LINKS, "model": "mine"}).encode())
     assert codes(document["flags"])[0] == FIRST
     printed = answered("forecast", own_car.folder, links, "--json")
     assert codes(json.loads(printed.out)["flags"])[0] == FIRST
@@ -211,7 +211,7 @@ def test_the_service_compares_the_library_s_car_with_that_of_its_model() -> None
     jobs = Jobs({"heavy": replace(MODEL, vehicle=replace(MODEL.vehicle, body=HEAVY.body))}, Limits())
 
     def forecast(**more: str) -> dict[str, object]:
-        return jobs.forecast(json.dumps({"links": UPHILL, "soc": 0.9, **more}).encode())
+        return jobs.run("forecast", json.dumps({"links": UPHILL, "soc": 0.9, **more}).encode())
 
     own, library = forecast(), forecast(vehicle="bmw_i3_60ah")
     assert own["energy_wh"] > library["energy_wh"] + MORE_KG * GRAVITY_M_S2 * 250.0 / 3600.0  # type: ignore[operator]

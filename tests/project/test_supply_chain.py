@@ -96,7 +96,7 @@ sys.modules |= dict.fromkeys({gone!r})
 from tripwatt.server.http.jobs import Jobs
 from tripwatt.server.http.settings import Limits, Settings
 from tripwatt.server.http.app import create_app
-import tripwatt.server.http.worker, tripwatt.server.http.over_mqtt, tripwatt.server.cars, tripwatt.fleet.store, tripwatt.fleet.registry
+import tripwatt.server.http.worker, tripwatt.server.http.live, tripwatt.server.cars, tripwatt.fleet.store, tripwatt.fleet.registry
 create_app()
 Jobs.from_folders({{}}, Limits()).warm_up()
 """

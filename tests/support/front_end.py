@@ -12,8 +12,7 @@ import pytest
 from tests.support import ROOT
 from tools.docs import write_page_flags
 
-from tripwatt.server.http.app import Api
-from tripwatt.server.http.settings import Settings
+from tripwatt.server.http.app import openapi_document
 
 WEB = ROOT / "web"
 MIN_NODE = 20
@@ -74,6 +73,6 @@ def with_packages(place: Path) -> Path:
 def with_inputs(web: Path) -> Path:
     """The sources, after the modules that come from the package are written, as `make types` does."""
     write_page_flags.write(web / "generated")
-    document = json.dumps(Api(Settings(), lambda **record: None).app.openapi())
+    document = json.dumps(openapi_document())
     run(web, "node", "types.mjs", given=document).check_returncode()
     return web

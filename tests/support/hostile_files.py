@@ -230,7 +230,7 @@ def _telemetry_bodies() -> list[bytes]:
 
 def _telemetry(content: bytes, folder: Path) -> None:
     """As the service takes a body of either kind; what it accepts is on disk, once."""
-    from tripwatt.server.http.live_operations import message_of, telemetry_of
+    from tripwatt.server.http.car_endpoints import message_of, telemetry_of
     from tripwatt.server.http.openapi import FORM, JSON
     from tripwatt.server.http.problems import Problem
 

@@ -41,7 +41,7 @@ NOT_REACHED: Final = (
     "roads/maps/folder.py",
     "roads/maps/stations.py",
     "server/cars/following.py",
-    "server/http/fleet_operations.py",
+    "server/http/fleet_endpoints.py",
     "server/http/fleets.py",
     "server/http/serving.py",
     "server/http/settings.py",

@@ -214,10 +214,9 @@ def _shown(schema: Schema, names: tuple[str, ...]) -> str:
 
 def of_checkout() -> dict[str, Any]:
     """The OpenAPI document of the package that this process imports."""
-    from tripwatt.server.http.app import Api
-    from tripwatt.server.http.settings import Settings
+    from tripwatt.server.http.app import openapi_document
 
-    document: dict[str, Any] = Api(Settings(), lambda **record: None).app.openapi()
+    document: dict[str, Any] = openapi_document()
     return document
 
 

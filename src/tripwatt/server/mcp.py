@@ -49,25 +49,23 @@ class VehiclesRequest(StrictModel):
     """words of maker, model and year; default: all cars"""
 
 
-def _diary(jobs: Jobs, body: bytes) -> dict[str, Any]:
-    asked = check_request(parse_json(body), DiaryRequest)
-    shown = jobs.cars.show(asked.car)
-    return shown | {"diary": shown["diary"][: asked.trips]}
+def _show_diary(jobs: Jobs, request: DiaryRequest) -> dict[str, Any]:
+    shown = jobs.cars.show(request.car)
+    return shown | {"diary": shown["diary"][: request.trips]}
 
 
-def _vehicles(jobs: Jobs, body: bytes) -> dict[str, Any]:
-    return jobs.vehicles(check_request(parse_json(body), VehiclesRequest).search)
+def _list_vehicles(jobs: Jobs, request: VehiclesRequest) -> dict[str, Any]:
+    return jobs.vehicles(request.search)
 
 
-def _cars(jobs: Jobs, body: bytes) -> dict[str, Any]:
-    check_request(parse_json(body), StrictModel)
+def _list_cars(jobs: Jobs, request: StrictModel) -> dict[str, Any]:
     return jobs.cars.list()
 
 
 class Tool(NamedTuple):
     """A tool: the function that it runs, and the schemas of its request and its answer."""
 
-    run: Callable[[Jobs, bytes], dict[str, Any]]
+    run: Callable[[Jobs, Any], dict[str, Any]]
     takes: type[BaseModel]
     gives: type
 
@@ -79,9 +77,9 @@ TOOLS: Final[Mapping[str, Tool]] = {
     "advise": Tool(Jobs.advice, schemas.AdviceRequest, advice.AdviceResponse),
     "advise_journey": Tool(Jobs.journey_advice, journey_schemas.JourneyAdviceRequest, advice.AdviceResponse),
     "forecast": Tool(Jobs.forecast, schemas.ForecastRequest, ForecastResponse),
-    "diary": Tool(_diary, DiaryRequest, car_schemas.CarResponse),
-    "cars": Tool(_cars, StrictModel, car_schemas.CarsResponse),
-    "vehicles": Tool(_vehicles, VehiclesRequest, schemas.VehiclesResponse),
+    "diary": Tool(_show_diary, DiaryRequest, car_schemas.CarResponse),
+    "cars": Tool(_list_cars, StrictModel, car_schemas.CarsResponse),
+    "vehicles": Tool(_list_vehicles, VehiclesRequest, schemas.VehiclesResponse),
     "new_car": Tool(Jobs.new_car, car_schemas.NewCarRequest, car_schemas.CarResponse),
 }
 """Tools by name."""
@@ -134,22 +132,26 @@ def make_server(jobs: Jobs, *, changes: bool = False, remote: bool = False) -> S
     absent = OF_MAP * (jobs.journeys.atlas is None) + OF_CARS * (jobs.cars.folder is None)
     offered = [name for name in TOOLS if name not in absent and (changes or name not in CHANGING)]
     listed = types.ListToolsResult(tools=[_document(name, remote) for name in offered])
-    one = anyio.CapacityLimiter(1)  # models are kept in caches that one thread may use at a time
+    one_thread = anyio.CapacityLimiter(1)  # models are kept in caches that one thread may use at a time
+
+    def run(name: str, arguments: bytes) -> dict[str, Any]:
+        tool = TOOLS[name]
+        return tool.run(jobs, check_request(parse_json(arguments), tool.takes, jobs))
 
     async def list_tools(context: Any, parameters: Any) -> types.ListToolsResult:
         return listed
 
     async def call_tool(context: Any, parameters: Any) -> types.CallToolResult:
-        body = orjson.dumps(parameters.arguments or {})
         try:
             if parameters.name not in offered:
                 raise InvalidInput(Fault.unknown("unknown tool", "name", parameters.name, offered))
-            found = await anyio.to_thread.run_sync(TOOLS[parameters.name].run, jobs, body, limiter=one)
+            arguments = orjson.dumps(parameters.arguments or {})
+            document = await anyio.to_thread.run_sync(run, parameters.name, arguments, limiter=one_thread)
         except InvalidInput as error:
             return _answer(f"{error}", is_error=True)
         except Problem as error:
             return _answer(f"{TITLES[error.kind][1]} {error.detail}".strip(), is_error=True)
-        text = orjson.dumps(_short(found))
+        text = orjson.dumps(_short(document))
         return _answer(text.decode(), structured_content=orjson.loads(text))
 
     about: dict[str, Any] = {"version": tripwatt.__version__, "instructions": INSTRUCTIONS}

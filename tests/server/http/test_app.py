@@ -12,7 +12,8 @@ import httpx
 import orjson
 import pytest
 
-from tripwatt.server.http import app as room
+from tripwatt.server.http import app as app_module
+from tripwatt.server.http import service as room
 from tripwatt.server.http.app import create_app
 from tripwatt.server.http.pool import JobResult
 from tripwatt.server.http.problems import Problem
@@ -313,7 +314,7 @@ def test_other_errors_of_the_framework_have_a_kind(status: int, kind: str) -> No
     from fastapi import FastAPI, HTTPException
 
     app = FastAPI()
-    room.add_handlers(app)
+    app_module.add_handlers(app)
 
     @app.get("/")
     async def fail() -> None:
@@ -340,7 +341,7 @@ def test_what_is_wrong_with_a_parameter_is_cut_after_80_characters() -> None:
 
 def test_assets_never_change_and_the_page_may() -> None:
     served = Served()
-    asset = next((room.PAGE / "assets").iterdir())
+    asset = next((app_module.PAGE / "assets").iterdir())
     found = served(f"/assets/{asset.name}")
     assert (found.status_code, found.headers["cache-control"]) == (
         200,
@@ -352,7 +353,7 @@ def test_assets_never_change_and_the_page_may() -> None:
 
 
 def test_without_a_built_page_there_is_none(monkeypatch: pytest.MonkeyPatch, tmp_path: Any) -> None:
-    monkeypatch.setattr(room, "PAGE", tmp_path / "nothing")
+    monkeypatch.setattr(app_module, "PAGE", tmp_path / "nothing")
     served = Served()
     assert (served("/").status_code, served("/healthz").status_code) == (404, 200)
 

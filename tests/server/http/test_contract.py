@@ -8,6 +8,7 @@ from typing import Any
 
 import orjson
 import pytest
+from fastapi.routing import APIRoute
 from starlette.requests import Request
 from starlette.responses import Response
 from tests.support import ROOT
@@ -15,15 +16,15 @@ from tests.support.service_process import Service
 
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting.document import ForecastResponse
-from tripwatt.server.http.app import Api
-from tripwatt.server.http.contract import chosen, known_parameters, tagged
+from tripwatt.server.http.app import openapi_document
+from tripwatt.server.http.contract import chosen_fields, refuse_unknown_parameters
 from tripwatt.server.http.problems import TITLES, pointer_to
-from tripwatt.server.http.settings import Settings
+from tripwatt.server.http.service import Call
 
 
 @pytest.fixture(scope="module")
 def document() -> dict[str, Any]:
-    return Api(Settings(), lambda **record: None).app.openapi()
+    return openapi_document()
 
 
 def operations(document: dict[str, Any]) -> list[dict[str, Any]]:
@@ -103,15 +104,16 @@ def test_a_response_has_the_fields_that_were_asked_for(service: Service, drive: 
 def test_parameters_of_the_path_are_not_those_of_the_query() -> None:
     async def handler(request: Request, zoom: int, fields: str | None) -> None: ...
 
+    route = APIRoute("/v1/tiles/{zoom}", handler)
+
     def faults_of(query: bytes) -> list[tuple[str, str]]:
-        request = Request({"type": "http", "query_string": query})
+        request = Request({"type": "http", "query_string": query, "route": route})
         try:
-            asyncio.run(check.dependency(request))  # type: ignore[misc, arg-type]
+            asyncio.run(refuse_unknown_parameters(request))
         except InvalidInput as refused:
             return [(fault.where, fault.fix) for fault in refused.faults]
         return []
 
-    (check,) = known_parameters(handler, "/v1/tiles/{zoom}")
     assert faults_of(b"fields=a") == []
     assert [where for where, _ in faults_of(b"request=1&zoom=2&fields=a")] == ["query.request", "query.zoom"]
     ((where, fix),) = faults_of(b"field=a")
@@ -146,7 +148,7 @@ def test_what_is_refused_names_what_is_allowed(service: Service, complete: Servi
 
 def test_every_unknown_field_is_named() -> None:
     with pytest.raises(InvalidInput) as refused:
-        chosen({"a": 1}, "b,a,c")
+        chosen_fields({"a": 1}, "b,a,c")
     assert [fault.got for fault in refused.value.faults] == ["'b'", "'c'"]
 
 
@@ -230,7 +232,8 @@ def test_headers_are_in_the_document(document: dict[str, Any]) -> None:
 
 def test_a_tag_is_of_the_content() -> None:
     def answer(content: bytes, *headers: tuple[bytes, bytes]) -> Response:
-        return tagged(Request({"type": "http", "headers": headers}), content, "text/plain")
+        call = Call(Request({"type": "http", "headers": headers}), None)  # type: ignore[arg-type]
+        return call.tagged(content, "text/plain")
 
     first, other = answer(b"a"), answer(b"b")
     tag = first.headers["etag"]

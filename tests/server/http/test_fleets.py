@@ -15,7 +15,7 @@ from tripwatt.fleet.model import FleetModel
 from tripwatt.fleet.registry import Registry
 from tripwatt.forecasting.storage import DEFAULT_MODEL, model_folder
 from tripwatt.routes import route_from_links
-from tripwatt.server.http.fleet_operations import report_file
+from tripwatt.server.http.fleet_endpoints import report_file
 from tripwatt.server.http.fleets import NightRequest, NightResponse
 from tripwatt.server.http.jobs import Jobs
 from tripwatt.server.http.schemas import check_request
@@ -54,7 +54,7 @@ def jobs_of(registry: Registry, log: list[dict[str, Any]] | None = None) -> Jobs
 
 def fault_of(jobs: Jobs, **fields: Any) -> tuple[str, str]:
     with pytest.raises(InvalidInput) as caught:
-        jobs.forecast(body_of(**fields))
+        jobs.run("forecast", body_of(**fields))
     (fault,) = caught.value.faults
     return fault.what, fault.where
 
@@ -63,15 +63,17 @@ def test_a_forecast_is_that_of_its_vehicle(fleet: Any, registry: Registry) -> No
     model: FleetModel = fleet[2]
     jobs = jobs_of(registry)
     jobs.warm_up()
-    first, other = (jobs.forecast(body_of(vehicle_id=v))["energy_wh"] for v in ("V00000", "V00002"))
+    first, other = (jobs.run("forecast", body_of(vehicle_id=v))["energy_wh"] for v in ("V00000", "V00002"))
     assert [first, other] == pytest.approx(
         [energy(model, vehicle_id=v) for v in ("V00000", "V00002")], rel=1e-12
     )
     assert first != other
-    new = jobs.forecast(body_of(model="vans", vehicle_id="new", vehicle="vw_id3"))["energy_wh"]
+    new = jobs.run("forecast", body_of(model="vans", vehicle_id="new", vehicle="vw_id3"))["energy_wh"]
     assert new == pytest.approx(energy(model, vehicle_id="new", car_model="vw_id3"), rel=1e-12)
     usual = min(model.vehicles().values())
-    assert jobs.forecast(body_of())["energy_wh"] == pytest.approx(energy(model, car_model=usual), rel=1e-12)
+    assert jobs.run("forecast", body_of())["energy_wh"] == pytest.approx(
+        energy(model, car_model=usual), rel=1e-12
+    )
 
 
 def test_what_is_no_vehicle_of_the_fleet_is_a_fault(fleet: Any, registry: Registry) -> None:
@@ -91,7 +93,7 @@ def test_the_version_in_use_is_followed_and_a_damaged_one_refused(fleet: Any, re
     jobs = jobs_of(registry, log)
 
     def answer() -> float:
-        return float(jobs.forecast(body_of(vehicle_id="V00000"))["energy_wh"])
+        return float(jobs.run("forecast", body_of(vehicle_id="V00000"))["energy_wh"])
 
     before = answer()
     registry.promote(registry.add(moved(model)))
@@ -107,7 +109,7 @@ def test_the_version_in_use_is_followed_and_a_damaged_one_refused(fleet: Any, re
     assert changed == {"event": "model changed", "model": "vans", "version": "0002"}
     assert (refused["event"], refused["version"]) == ("model refused", "0003")
     assert "no model" in refused["reason"]
-    assert [m["model"]["version"] for m in jobs.run({"kind": "summaries"}, b"")["models"]] == ["0002"]  # type: ignore[index]
+    assert [m["model"]["version"] for m in jobs.run("summaries")["models"]] == ["0002"]  # type: ignore[index]
     registry._point("0001")
     assert answer() == before
 
@@ -134,7 +136,7 @@ def night(**fields: Any) -> dict[str, Any]:
 
 
 def asked(jobs: Jobs, **fields: Any) -> dict[str, Any]:
-    answer = jobs.run({"kind": "night"}, orjson.dumps(night(**fields)))
+    answer = jobs.run("night", orjson.dumps(night(**fields)))
     assert isinstance(answer, dict)
     return answer
 

@@ -32,9 +32,15 @@ def limited(jobs: Jobs, **limits: Any) -> Jobs:
     return replace(jobs, limits=Limits(**limits))
 
 
-def faults_of(call: Any, *arguments: Any) -> tuple[Fault, ...]:
+def faults_of(jobs: Jobs, kind: str, body: bytes) -> tuple[Fault, ...]:
     with pytest.raises(InvalidInput) as caught:
-        call(*arguments)
+        jobs.run(kind, body)
+    return caught.value.faults
+
+
+def upload_faults(upload: bytes, limits: Limits) -> tuple[Fault, ...]:
+    with pytest.raises(InvalidInput) as caught:
+        read_route(upload, None, limits)
     return caught.value.faults
 
 
@@ -49,47 +55,45 @@ def test_without_folders_there_is_the_model_of_the_package(jobs: Jobs) -> None:
 
 
 def test_a_forecast_has_the_name_and_the_reserve_of_its_request(jobs: Jobs) -> None:
-    found = jobs.forecast(body_of(trip="mine", soc=0.5, reserve=0.35))
+    found = jobs.run("forecast", body_of(trip="mine", soc=0.5, reserve=0.35))
     assert found["trip"] == "mine"
     assert "0.35" in found["p_arrive_by_soc"]
-    assert found == jobs.run({"kind": "forecast"}, body_of(trip="mine", soc=0.5, reserve=0.35))
 
 
 def test_an_update_is_measured_until_its_last_sample(jobs: Jobs) -> None:
     observed = {"time_s": [0.0, 1.0, 4.0], "voltage_v": [360.0] * 3, "current_a": [10.0] * 3}
-    found = jobs.run({"kind": "update"}, body_of(soc=0.5, observed=observed))
+    found = jobs.run("update", body_of(soc=0.5, observed=observed))
     assert isinstance(found, dict)
     assert found["measured_until_s"] == 4.0
 
 
 def test_what_is_wrong_is_named_once_and_together(jobs: Jobs) -> None:
     body = body_of(soc=2.0, model="bmw_i3_tu", vehicle="nothing", observed={"time_s": 1})
-    found = [fault.where for fault in faults_of(jobs.update, body)]
+    found = [fault.where for fault in faults_of(jobs, "update", body)]
     assert len(found) == len(set(found))
     assert {"soc", "model", "vehicle", "observed.time_s"} == set(found)
 
 
 def test_a_body_that_is_no_object_is_one_fault(jobs: Jobs) -> None:
-    update = jobs.update
-    for call in (jobs.forecast, update, jobs.plan, jobs.reach):
-        assert [fault.where for fault in faults_of(call, b"[]")] == ["body"]
+    for kind in ("forecast", "update", "plan", "reach"):
+        assert [fault.where for fault in faults_of(jobs, kind, b"[]")] == ["body"]
     with pytest.raises(Problem) as caught:
-        jobs.forecast(b"{")
+        jobs.run("forecast", b"{")
     assert caught.value.kind == "not-json"
 
 
 def test_a_trip_has_samples_or_links(jobs: Jobs) -> None:
     samples = {"time_s": [0, 1, 2], "speed_m_s": [10, 10, 10]}
-    (both,) = faults_of(jobs.forecast, body_of(samples=samples))
-    (neither,) = faults_of(jobs.forecast, b"{}")
+    (both,) = faults_of(jobs, "forecast", body_of(samples=samples))
+    (neither,) = faults_of(jobs, "forecast", b"{}")
     assert [both.got, neither.got] == ["both", "neither"]
-    assert jobs.forecast(orjson.dumps({"samples": samples}))["given"] == "the driven speed trace"
+    assert jobs.run("forecast", orjson.dumps({"samples": samples}))["given"] == "the driven speed trace"
 
 
 def test_a_model_and_a_car_are_texts(jobs: Jobs) -> None:
-    assert [fault.where for fault in faults_of(jobs.forecast, body_of(model=3))] == ["model"]
-    assert [fault.where for fault in faults_of(jobs.forecast, body_of(vehicle=3))] == ["vehicle"]
-    assert [fault.where for fault in faults_of(jobs.forecast, body_of(model=3, vehicle="nothing"))] == [
+    assert [fault.where for fault in faults_of(jobs, "forecast", body_of(model=3))] == ["model"]
+    assert [fault.where for fault in faults_of(jobs, "forecast", body_of(vehicle=3))] == ["vehicle"]
+    assert [fault.where for fault in faults_of(jobs, "forecast", body_of(model=3, vehicle="nothing"))] == [
         *("model", "vehicle")
     ]
 
@@ -97,7 +101,7 @@ def test_a_model_and_a_car_are_texts(jobs: Jobs) -> None:
 def test_the_car_of_the_model_needs_no_transfer(jobs: Jobs) -> None:
     own = jobs.models[DEFAULT_MODEL].vehicle.name
     found = limited(jobs)
-    assert found.forecast(body_of(vehicle=own)) == found.forecast(body_of())
+    assert found.run("forecast", body_of(vehicle=own)) == found.run("forecast", body_of())
     assert len(found.transferred) == 0
 
 
@@ -106,23 +110,23 @@ def test_a_distance_is_answered_for_a_described_car(jobs: Jobs) -> None:
         return orjson.dumps({"distance_km": 50, **more})
 
     heavy = '{"mass_kg": 2600, "usable_battery_kwh": 90, "body": "van"}'
-    described = jobs.distance(asked(vehicle_figures=heavy))
-    assert described["energy_wh"] > 1.2 * jobs.distance(asked())["energy_wh"]
-    far = jobs.range(orjson.dumps({"vehicle_figures": heavy}))
-    assert far["range_m"] > 1.5 * jobs.range(b"{}")["range_m"]
-    assert {f.where for f in faults_of(jobs.distance, asked(vehicle_figures='{"mass_kg": 1}'))} == {
+    described = jobs.run("distance", asked(vehicle_figures=heavy))
+    assert described["energy_wh"] > 1.2 * jobs.run("distance", asked())["energy_wh"]
+    far = jobs.run("range", orjson.dumps({"vehicle_figures": heavy}))
+    assert far["range_m"] > 1.5 * jobs.run("range", b"{}")["range_m"]
+    assert {f.where for f in faults_of(jobs, "distance", asked(vehicle_figures='{"mass_kg": 1}'))} == {
         "vehicle_figures.mass_kg"
     }
-    (fault,) = faults_of(jobs.distance, asked(vehicle_figures=heavy, vehicle="vw_id3"))
+    (fault,) = faults_of(jobs, "distance", asked(vehicle_figures=heavy, vehicle="vw_id3"))
     assert fault.where == "vehicle, vehicle_figures"
-    (fault,) = faults_of(jobs.distance, asked(vehicle_figures=heavy, car="mine"))
+    (fault,) = faults_of(jobs, "distance", asked(vehicle_figures=heavy, car="mine"))
     assert fault.what == "two cars"
 
 
 def test_a_car_or_figures(jobs: Jobs) -> None:
-    (fault,) = faults_of(jobs.forecast, body_of(vehicle="vw_id3", vehicle_figures={}))
+    (fault,) = faults_of(jobs, "forecast", body_of(vehicle="vw_id3", vehicle_figures={}))
     assert (fault.what, fault.got) == ("no single car", "both")
-    assert {f.where for f in faults_of(jobs.forecast, body_of(vehicle_figures={"mass_kg": 1.0}))} == {
+    assert {f.where for f in faults_of(jobs, "forecast", body_of(vehicle_figures={"mass_kg": 1.0}))} == {
         "vehicle_figures.mass_kg"
     }
 
@@ -140,12 +144,12 @@ def test_a_transferred_model_is_kept_and_the_least_recent_one_goes_first(
     kept = LRUCache[tuple[str, str | None], ForecastModel](64)
     kept.update({(DEFAULT_MODEL, f"car {k}"): jobs.models[DEFAULT_MODEL] for k in range(63)})
     found = replace(jobs, transferred=kept)
-    found.forecast(body_of(vehicle="vw_id3"))
+    found.run("forecast", body_of(vehicle="vw_id3"))
     assert len(found.transferred) == 64
     assert found.transferred[DEFAULT_MODEL, "car 0"]  # which makes car 1 the least recent
-    found.forecast(body_of(vehicle="vw_id3"))
+    found.run("forecast", body_of(vehicle="vw_id3"))
     assert made == ["vw_id3"]
-    found.forecast(body_of(vehicle="tesla_model_3_lr"))
+    found.run("forecast", body_of(vehicle="tesla_model_3_lr"))
     assert len(found.transferred) == 64
     assert (DEFAULT_MODEL, "car 1") not in found.transferred
     assert {(DEFAULT_MODEL, name) for name in ("car 0", "vw_id3", "tesla_model_3_lr")} <= set(
@@ -154,9 +158,9 @@ def test_a_transferred_model_is_kept_and_the_least_recent_one_goes_first(
 
 
 def test_the_flags_of_a_transfer_come_first(jobs: Jobs) -> None:
-    found = limited(jobs).forecast(body_of(vehicle="vw_id3"))
+    found = limited(jobs).run("forecast", body_of(vehicle="vw_id3"))
     assert found["flags"][0]["code"] == "no_trips_of_car"
-    assert "no_trips_of_car" not in {flag["code"] for flag in jobs.forecast(body_of())["flags"]}
+    assert "no_trips_of_car" not in {flag["code"] for flag in jobs.run("forecast", body_of())["flags"]}
 
 
 def test_an_uploaded_trip_is_measured_from_its_first_sample(jobs: Jobs) -> None:
@@ -167,10 +171,10 @@ def test_an_uploaded_trip_is_measured_from_its_first_sample(jobs: Jobs) -> None:
 
 
 def test_an_uploaded_trip_has_its_limits(jobs: Jobs) -> None:
-    assert faults_of(read_route, CSV, None, limited(jobs, samples=2).limits) == (
+    assert upload_faults(CSV, limited(jobs, samples=2).limits) == (
         Fault("too many samples", "upload", "3", "at most 2"),
     )
-    (fault,) = faults_of(read_route, CSV, None, limited(jobs, duration_s=1.9).limits)
+    (fault,) = upload_faults(CSV, limited(jobs, duration_s=1.9).limits)
     assert (fault.what, fault.got) == ("duration out of range", "2 s")
 
 
@@ -180,10 +184,10 @@ def test_an_uploaded_route_has_its_limits(jobs: Jobs) -> None:
     assert [link["length_m"] for link in found["links"]] == [800.0, 400.0]
     assert found["elevation"] is None
     assert [note["code"] for note in found["notes"]] == ["no_elevation"]
-    assert faults_of(read_route, body, None, limited(jobs, links=1).limits) == (
+    assert upload_faults(body, limited(jobs, links=1).limits) == (
         Fault("too many links", "upload", "2", "at most 1"),
     )
-    assert faults_of(read_route, body, None, limited(jobs, duration_s=149.0).limits)[0].got == "150 s"
+    assert upload_faults(body, limited(jobs, duration_s=149.0).limits)[0].got == "150 s"
 
 
 def line_of(*points: list[float]) -> bytes:
@@ -192,7 +196,7 @@ def line_of(*points: list[float]) -> bytes:
 
 def test_a_track_without_times_is_driven_at_the_speed(jobs: Jobs) -> None:
     points = ([11.5, 48.1, 500.0], [11.6, 48.1, 510.0])
-    slow, fast = (jobs.run({"kind": "route", "speed_m_s": v}, line_of(*points)) for v in (10.0, 20.0))
+    slow, fast = (jobs.run("route", line_of(*points), speed_m_s=v) for v in (10.0, 20.0))
     assert isinstance(slow, dict)
     assert isinstance(fast, dict)
     assert slow["links"][0]["travel_time_s"] == pytest.approx(2.0 * fast["links"][0]["travel_time_s"])
@@ -212,7 +216,7 @@ def test_a_log_has_its_duration_and_no_links(jobs: Jobs) -> None:
     log = gpx_of(*range(0, 124, 4))
     found = read_route(log, None, limited(jobs, duration_s=120.0).limits)
     assert (found["links"], found["duration_s"]) == (None, 120.0)
-    (fault,) = faults_of(read_route, log, None, limited(jobs, duration_s=119.0).limits)
+    (fault,) = upload_faults(log, limited(jobs, duration_s=119.0).limits)
     assert (fault.where, fault.got) == ("upload", "120 s")
 
 
@@ -228,13 +232,13 @@ def test_the_cars_and_the_models_fitted_on_them(jobs: Jobs) -> None:
     own = jobs.models[DEFAULT_MODEL].vehicle.name
     assert rows.pop(own) == [DEFAULT_MODEL]
     assert set(map(tuple, rows.values())) == {()}
-    searched = jobs.run({"kind": "vehicles", "search": "kona"}, b"")
+    searched = jobs.run("vehicles", search="kona")
     assert isinstance(searched, dict)
     assert [row["name"] for row in searched["vehicles"]] == ["hyundai_kona_64", "hyundai_kona_39"]
 
 
 def test_a_described_car(jobs: Jobs) -> None:
-    found = jobs.run({"kind": "describe"}, b'{"mass_kg": 1830, "title": "mine"}')
+    found = jobs.run("describe", b'{"mass_kg": 1830, "title": "mine"}')
     assert isinstance(found, dict)
     assert (found["title"], found["test_mass_kg"], found["anchor"]) == ("mine", 1905.0, "class")
 
@@ -267,13 +271,13 @@ def test_a_forecast_that_physics_forbids_is_a_fault_of_the_request(jobs: Jobs) -
 
 def test_a_fault_of_one_of_two_trips_names_its_trip(jobs: Jobs) -> None:
     wrong = {"links": [{"length_m": -1.0, "speed_m_s": 9.0}], "model": "zzz"}
-    found = faults_of(jobs.difference, orjson.dumps({"one": {"links": LINKS}, "other": wrong}))
+    found = faults_of(jobs, "difference", orjson.dumps({"one": {"links": LINKS}, "other": wrong}))
     assert [fault.where for fault in found] == ["other.model", "other.link 1, length_m"]
 
 
 def test_an_unknown_model_gets_a_suggestion(jobs: Jobs) -> None:
     for name, fix in (("bmw_i3_tu", "did you mean 'bmw_i3_tum'?"), ("zzz", "")):
-        (fault,) = faults_of(jobs.forecast, body_of(model=name))
+        (fault,) = faults_of(jobs, "forecast", body_of(model=name))
         found = (fault.what, fault.where, fault.allowed, fault.fix)
         assert found == ("unknown model", "model", DEFAULT_MODEL, fix)
 

@@ -28,9 +28,7 @@ from tripwatt.forecasting.leaving import soc_needed
 from tripwatt.roads.advice.preheating import CHARGER, preheating
 from tripwatt.routes import links_of_trip
 from tripwatt.server.cars import (
-    Broker,
     Car,
-    MqttSettings,
     Sample,
     create_car,
     has_token,
@@ -38,13 +36,12 @@ from tripwatt.server.cars import (
     live_car,
 )
 from tripwatt.server.cars.live_trip import SILENCE_S
-from tripwatt.server.http import app as room
 from tripwatt.server.http import live as module
+from tripwatt.server.http import service as room
 from tripwatt.server.http.app import create_app
 from tripwatt.server.http.car_jobs import CarJobs
 from tripwatt.server.http.jobs import Jobs
 from tripwatt.server.http.live import LiveCars
-from tripwatt.server.http.over_mqtt import OverMqtt
 from tripwatt.server.http.pool import JobResult
 from tripwatt.server.http.settings import Limits, Settings
 from tripwatt.server.http.worker import run_job
@@ -146,11 +143,8 @@ def served(tmp_path: Path, jobs: Jobs, monkeypatch: pytest.MonkeyPatch) -> Itera
 def _cars(served: Served) -> LiveCars:
     """The cars of an application."""
     packed: Any = served.app.app
-    for route in packed.app.routes:
-        if getattr(route, "path", "") == "/v1/telemetry":
-            found: LiveCars = route.endpoint.__self__.cars
-            return found
-    raise AssertionError
+    cars: LiveCars = packed.app.state.service.live
+    return cars
 
 
 def message(k: float, **more: Any) -> dict[str, Any]:
@@ -311,8 +305,7 @@ def test_what_is_asked_of_a_car_takes_the_temperature_and_the_charge_of_its_last
 def test_the_range_over_mqtt_and_over_http_is_one(served: Served) -> None:
     served.send(message(0.0, speed=0, soc=40.0, ext_temp=-3.0))
     served.put({"links": LINKS, "vehicle": "vw_id3", "reserve": 0.2})
-    over = OverMqtt(_cars(served), MqttSettings(Broker("192.0.2.7", 1883)))
-    published = asyncio.run(over.documents())["leaf"]
+    published = asyncio.run(_cars(served).published())["leaf"]
     assert published["range"] == served("/v1/range", params={"car": "leaf"}).json()
     assert (published["range"]["soc"], published["range"]["reserve"]) == (0.4, 0.0)
     assert published["ambient_temperature_degc"] == -3.0

@@ -21,7 +21,6 @@ from tripwatt.roads.advice.preheating import CHARGER, PLUG_W
 from tripwatt.server.cars import Broker, MqttSettings, Sample, issue_token, live_car, sample_from_abrp
 from tripwatt.server.http.jobs import Jobs
 from tripwatt.server.http.live import LiveCars
-from tripwatt.server.http.over_mqtt import PROBABILITY, OverMqtt
 from tripwatt.server.http.pool import JobResult
 from tripwatt.server.http.settings import Limits, Settings
 from tripwatt.server.http.worker import run_job
@@ -53,16 +52,16 @@ class Published:
     def __init__(self, folder: Path) -> None:
         self.pool, self.logged, self.now_s = Pool(), list[dict[str, Any]](), NOON_S
         issue_token(folder / "leaf")
-        settings = Settings(cars=folder, limits=Limits(live_every_s=3.0))
+        broker = MqttSettings(Broker("192.0.2.7", 1883))
+        settings = Settings(cars=folder, limits=Limits(live_every_s=3.0), mqtt=broker)
         self.cars = LiveCars(settings, self.pool, lambda **record: self.logged.append(record))  # type: ignore[arg-type]
-        self.over = OverMqtt(self.cars, MqttSettings(Broker("192.0.2.7", 1883)))
         self.car = self.cars.by_name("leaf")
 
     def take(self, sample: Sample, name: str = "leaf") -> None:
-        asyncio.run(self.over.take(name, sample))
+        asyncio.run(self.cars.take_published(name, sample))
 
     def document(self) -> dict[str, Any]:
-        return asyncio.run(self.over.documents())["leaf"]
+        return asyncio.run(self.cars.published())["leaf"]
 
 
 @pytest.fixture
@@ -78,7 +77,6 @@ def test_the_need_and_the_range_of_a_parked_car_are_those_of_the_library(publish
     published.car.set_plan(PLAN)
     found = published.document()
     own = tw.forecast(tw.read_route(LINKS), tw.Departure(ambient_temperature_degc=4.0), vehicle="vw_id3")
-    assert PROBABILITY == 0.9
     assert found["need"]["probability"] == 0.9
     assert found["need"]["energy_quantile_wh"] == pytest.approx(own.quantile(0.9), rel=1e-6)
     needed = soc_needed(own, 0.2, 0.9)
@@ -161,7 +159,8 @@ def test_messages_of_forgotten_cars_and_a_full_disk_are_passed_over(
 
 
 def test_what_the_broker_does_is_logged_and_cars_are_as_often_as_in_a_stream(published: Published) -> None:
-    follower = published.over.follower
+    follower = published.cars._follower
+    assert follower is not None
     assert follower.every_s == 3.0
     follower.note("192.0.2.7:1883: refused")
     assert published.logged == [{"event": "mqtt", "error": "192.0.2.7:1883: refused"}]

@@ -14,10 +14,9 @@ from tests.server.cars.messages import abrp_messages, measured
 from tests.support.service_process import Service, serving, wait_for
 
 from tripwatt.server.cars import create_car, issue_token, open_car
-from tripwatt.server.http import car_operations as module
-from tripwatt.server.http.answering import Answering
-from tripwatt.server.http.car_operations import CarOperations
+from tripwatt.server.http import learning as module
 from tripwatt.server.http.jobs import Jobs
+from tripwatt.server.http.learning import LearningCars
 from tripwatt.server.http.live import LiveCars
 from tripwatt.server.http.settings import Settings
 from tripwatt.study.synthetic import synthetic_fleet
@@ -38,25 +37,25 @@ def test_a_car_that_cannot_learn_is_tried_again_later_and_later(
         asked.append(car)
         answer = next(answers)
         if answer:
-            operations.learn_soon(car)  # another trip ends
+            learning.learn_soon(car)  # another trip ends
         return answer
 
     async def sleep(seconds: float) -> None:
         slept.append(seconds)
 
     async def run() -> None:
-        operations.learn_soon("zoe")
-        operations.learn_soon("leaf")
-        operations.learn_soon("leaf")
-        await asyncio.gather(*operations._teaching.values())
+        learning.learn_soon("zoe")
+        learning.learn_soon("leaf")
+        learning.learn_soon("leaf")
+        await asyncio.gather(*learning._teaching.values())
 
-    operations = CarOperations(Answering(Settings(cars=tmp_path), None, None), None, print)  # type: ignore[arg-type]
-    monkeypatch.setattr(operations, "learn_finished", learn)
-    monkeypatch.setattr(operations, "_has_news", lambda car: car == "leaf" and next(news))
+    learning = LearningCars(Settings(cars=tmp_path), print)
+    monkeypatch.setattr(learning, "learn_finished", learn)
+    monkeypatch.setattr(learning, "_has_news", lambda car: car == "leaf" and next(news))
     monkeypatch.setattr(module.asyncio, "sleep", sleep)
     asyncio.run(run())
     assert (asked, slept) == (["leaf"] * 3, [module.FIRST_DELAY_S, 2.0 * module.FIRST_DELAY_S])
-    assert (operations._teaching, operations._news) == ({}, set())
+    assert (learning._teaching, learning._news) == ({}, set())
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.server.http.test_car_operations import archive, logs_of
+from tests.server.http.test_car_endpoints import archive, logs_of
 from tests.server.page.conftest import serious
 from tests.sources.test_loggers import EXPORTS, WITHOUT_BMS, WITHOUT_DISPLAY, written
 from tests.support.service_process import Service

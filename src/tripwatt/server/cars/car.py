@@ -160,6 +160,17 @@ class Car(LiveCar):
         return vehicle_of_values(values)
 
     @property
+    def is_described(self) -> bool:
+        """Whether the car has a description; without one, it has only samples from the road."""
+        return self.file.setting("vehicle") is not None
+
+    @property
+    def reserve_asked(self) -> float:
+        """Displayed state of charge to keep: that of the plan, else `reserve`."""
+        asked = None if self.plan is None else self.plan.request.get("reserve")
+        return self.reserve if asked is None else asked
+
+    @property
     def base(self) -> Path | None:
         """Folder of the model that is adapted to the trips; None for the bundled model."""
         base = self.file.setting("base")
@@ -541,9 +552,7 @@ class Car(LiveCar):
             self.note(f"forecast not stored: {error}"[:200])
 
     def _live(self, forecast: Forecast) -> LiveForecastDocument:
-        plan = None if self._departing is None else self._departing[0][0]
-        reserve = None if plan is None else plan.request.get("reserve")
-        return live_forecast(forecast, self.reserve if reserve is None else reserve)
+        return live_forecast(forecast, self.reserve_asked)
 
     def keep_forecast(self, forecast: LiveForecastDocument, *, departing: bool = False) -> bool:
         """Store a forecast of the whole trip for the diary, if one is due.
@@ -585,6 +594,6 @@ class Car(LiveCar):
         return True
 
     def __repr__(self) -> str:
-        if self.file.setting("vehicle") is None:
+        if not self.is_described:
             return f"<Car {self.name}: no description>"
         return f"<Car {self.name}: {self.vehicle.title}, {len(self.diary)} trips in its diary>"

@@ -5,15 +5,15 @@ from __future__ import annotations
 import bisect
 import itertools
 import math
-from array import array
 from collections import deque
 from collections.abc import Iterable, Sequence
+from operator import attrgetter
 from typing import Final
 
 import numpy as np
 import pandas as pd
 
-from tripwatt.arrays import FloatArray, held
+from tripwatt.arrays import held
 from tripwatt.server.cars.telemetry import Sample, moved
 from tripwatt.trips import MAX_DURATION_S, table_of
 
@@ -46,6 +46,8 @@ GAP_STEPS: Final = 1.5
 """A late sample is used if its neighbours are at least this many median time steps of the trip apart; others are doubles or strays."""
 
 _MAX_BEFORE: Final = 2000
+
+_time = attrgetter("time_s")
 
 
 class LiveTrip:
@@ -90,12 +92,12 @@ class LiveTrip:
         self.distance_m = 0.0
         self._speed_m_s = 0.0
         self._min_step_s = 0.0
-        self._columns: dict[str, array[float]] = {"time_s": array("d"), "speed_m_s": array("d")}
+        self._samples: list[Sample] = []
         for sample in samples:
             self.append(sample)
 
     def __len__(self) -> int:
-        return len(self._columns["time_s"])
+        return len(self._samples)
 
     def append(self, sample: Sample) -> None:
         """Add the next sample. O(1) amortised.
@@ -114,23 +116,13 @@ class LiveTrip:
                 self.moved_s, self.stood_s = sample.time_s, math.inf
             else:
                 self.stood_s = min(self.stood_s, max(self.moved_s, sample.time_s - HOLD_S))
-        times = self._columns["time_s"]
-        if not times or sample.time_s - times[-1] >= self._min_step_s:
-            self._keep(sample)
+        if not len(self) or sample.time_s - self._samples[-1].time_s >= self._min_step_s:
+            if len(self) >= MAX_SAMPLES:
+                duration_s = self._samples[-1].time_s - self._samples[0].time_s
+                self._min_step_s = 2.0 * duration_s / len(self)
+                del self._samples[1::2]
+            self._samples.append(sample)
         self.last_s = sample.time_s
-
-    def _keep(self, sample: Sample) -> None:
-        if len(self) >= MAX_SAMPLES:
-            times = self._columns["time_s"]
-            self._min_step_s = 2.0 * (times[-1] - times[0]) / len(times)
-            self._columns = {name: values[::2] for name, values in self._columns.items()}
-        for name in sample.values:
-            if name not in self._columns:
-                self._columns[name] = array("d", [math.nan]) * len(self)
-        for name, values in self._columns.items():
-            if name != "time_s":
-                values.append(sample.values.get(name, math.nan))
-        self._columns["time_s"].append(sample.time_s)
 
     def has(self, sample: Sample) -> bool:
         """Return whether exactly this sample is part of the trip. O(log(samples)).
@@ -145,10 +137,9 @@ class LiveTrip:
         bool
             False also if the trip has a sample of this time with other values.
         """
-        at = bisect.bisect_left(self._columns["time_s"], sample.time_s)
-        row = {name: values[at : at + 1] for name, values in self._columns.items()}
-        sent = {"time_s": sample.time_s, **sample.values}
-        return all(row.get(name, array("d")).tolist() == [value] for name, value in sent.items())
+        place = bisect.bisect_left(self._samples, sample.time_s, key=_time)
+        stored = self._samples[place : place + 1]
+        return any(s.time_s == sample.time_s and sample.values.items() <= s.values.items() for s in stored)
 
     def insert(self, sample: Sample) -> bool:
         """Insert a late sample if the trip has a gap at its time. O(samples).
@@ -163,23 +154,22 @@ class LiveTrip:
         bool
             Whether the sample was inserted.
         """
-        times = self._columns["time_s"]
-        at, steps = bisect.bisect_left(times, sample.time_s), np.diff(times)
-        if not 0 < at < len(times) < MAX_SAMPLES or steps[at - 1] < GAP_STEPS * np.median(steps):
+        steps = np.diff([stored.time_s for stored in self._samples])
+        place = bisect.bisect_left(self._samples, sample.time_s, key=_time)
+        if not 0 < place < len(self) < MAX_SAMPLES or steps[place - 1] < GAP_STEPS * np.median(steps):
             return False
         before_m = self._driven_m()
-        for name in {*sample.values} - {*self._columns}:
-            self._columns[name] = array("d", [math.nan]) * len(times)
-        for name, values in self._columns.items():
-            values.insert(at, sample.time_s if name == "time_s" else sample.values.get(name, math.nan))
+        self._samples.insert(place, sample)
         self.distance_m += self._driven_m() - before_m
         if sample.values.get("speed_m_s", 0.0) >= MOVING_M_S and sample.time_s > self.moved_s:
             self.moved_s, self.stood_s = sample.time_s, max(sample.time_s, self.stood_s)
         return True
 
     def _driven_m(self) -> float:
-        time, speed = (np.array(self._columns[name]) for name in ("time_s", "speed_m_s"))
-        time, speed = time[np.isfinite(speed)], speed[np.isfinite(speed)]
+        """Return the distance by the speeds of the stored samples [m]."""
+        moving = [sample for sample in self._samples if "speed_m_s" in sample.values]
+        time = np.array([sample.time_s for sample in moving])
+        speed = np.array([sample.values["speed_m_s"] for sample in moving])
         return float(0.5 * (speed[1:] + speed[:-1]) @ np.minimum(np.diff(time), HOLD_S))
 
     def move(self, by_s: float) -> None:
@@ -190,7 +180,7 @@ class LiveTrip:
         by_s : float
             Time to add to all times [s].
         """
-        self._columns["time_s"] = array("d", (time_s + by_s for time_s in self._columns["time_s"]))
+        self._samples = [moved(sample, by_s) for sample in self._samples]
         for name in ("start_s", "moved_s", "last_s", "stood_s"):
             setattr(self, name, getattr(self, name) + by_s)
 
@@ -221,24 +211,15 @@ class LiveTrip:
         DataFrame
             One row per sample.
         """
-        columns = self._with_more(more)
         since_s = self.start_s if since_s is None else since_s
-        time = columns["time_s"]
+        samples = [*self._samples, *itertools.takewhile(lambda sample: not sample.charging, more)]
+        time = np.array([sample.time_s for sample in samples])
+        names = dict.fromkeys(["speed_m_s", *(name for sample in samples for name in sample.values)])
+        columns = {n: np.array([sample.values.get(n, math.nan) for sample in samples]) for n in names}
         columns["speed_m_s"] = held(time, columns["speed_m_s"], HOLD_S)
         kept = np.isfinite(columns["speed_m_s"]) & (time >= since_s) & (time <= until_s)
-        return table_of(
-            {"time_s": time[kept] - (since_s - start_s)}
-            | {n: v[kept] for n, v in columns.items() if n != "time_s"}
-        )
-
-    def _with_more(self, more: Iterable[Sample]) -> dict[str, FloatArray]:
-        later = itertools.takewhile(lambda sample: not sample.charging, more)
-        rows = [{"time_s": sample.time_s, **sample.values} for sample in later]
-        columns = {name: np.array(values) for name, values in self._columns.items()}
-        missing = np.full(len(self), np.nan)
-        for name in dict.fromkeys(name for row in rows for name in row):
-            columns.setdefault(name, missing)
-        return {n: np.append(own, [row.get(n, math.nan) for row in rows]) for n, own in columns.items()}
+        shown = {name: values[kept] for name, values in columns.items()}
+        return table_of({"time_s": time[kept] - (since_s - start_s), **shown})
 
 
 class TripFinder:

@@ -27,7 +27,6 @@ from tripwatt.server.cars.folder import UPLOADS, folder_name, learned_state
 from tripwatt.server.cars.live_car import VALID_NAME
 from tripwatt.server.http.car_schemas import CarResponse, CarSummary, LogsRequest, plain
 from tripwatt.server.http.problems import MAX_FAULTS, Problem, fault_document
-from tripwatt.server.http.schemas import check_request, parse_json
 from tripwatt.sources.archives import unpack
 from tripwatt.sources.kinds import Changes, Kind, proposed_kinds
 from tripwatt.sources.mapping import TIME_STAMPS, UNITS
@@ -154,9 +153,9 @@ class CarJobs:
             raise Problem("too-large", f"at most {most} that are not learned yet")
         return {"files": len(sizes), "bytes": sum(sizes)}
 
-    def logs(self, name: str, upload: str, body: bytes) -> dict[str, Any]:
+    def logs(self, name: str, upload: str, request: LogsRequest) -> dict[str, Any]:
         """Return how the files of an upload are read, and what they hold then, as `LogsResponse`."""
-        own, request = self.car(name), check_request(parse_json(body), LogsRequest)
+        own = self.car(name)
         tables = uploaded(own.folder, upload)
         kinds = kinds_of(tables, request, own.vehicle)
         preview, faults, report = None, [], None
@@ -174,9 +173,9 @@ class CarJobs:
             "faults": faults,
         }
 
-    def learn(self, name: str, upload: str, body: bytes) -> dict[str, Any]:
+    def learn(self, name: str, upload: str, request: LogsRequest) -> dict[str, Any]:
         """Learn the trips of an upload and erase the upload; return the fields of `Learned`."""
-        own, request = self.car(name), check_request(parse_json(body), LogsRequest)
+        own = self.car(name)
         tables = uploaded(own.folder, upload)
         file = tables.parent / PROGRESS
         try:

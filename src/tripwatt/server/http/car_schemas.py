@@ -8,11 +8,8 @@ from pydantic import Field
 
 from tripwatt.server.cars.car_file import MadeForecast
 from tripwatt.server.cars.documents import ProblemFault
-from tripwatt.server.cars.live_car import VALID_NAME
 from tripwatt.server.http.schemas import ResponseModel, StrictModel, VehicleFigures
 from tripwatt.sources.mapping import UNITS
-
-NAME_PATTERN = f"^{VALID_NAME.pattern}$"
 
 
 class NewCarRequest(StrictModel):

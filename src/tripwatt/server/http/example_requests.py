@@ -5,7 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
+from pydantic import BaseModel
+
 from tripwatt.files import shipped_toml
+from tripwatt.server.http import schemas
+from tripwatt.server.http.car_schemas import LogsRequest, NewCarRequest
+from tripwatt.server.http.fleets import NightRequest
+from tripwatt.server.http.journey_schemas import (
+    JourneyAdviceRequest,
+    JourneyDifferenceRequest,
+    PlanRequest,
+    ReachRequest,
+)
+from tripwatt.server.http.live_schemas import LivePlanRequest, TelemetryRequest
 
 PARTS: Final[Mapping[str, Any]] = shipped_toml("server/http/example_requests.toml")
 PLANNED_REQUEST: Final[Mapping[str, Any]] = PARTS["planned"]
@@ -18,23 +30,23 @@ def _warmer(request: Mapping[str, Any], **warmer: float) -> dict[str, Any]:
     return {"warmer": {"one": {**request, **warmer}, "other": request}}
 
 
-EXAMPLES: Final[Mapping[str, Mapping[str, Any]]] = {
-    "ForecastRequest": {"planned road": PLANNED_REQUEST, "speed trace": DRIVEN_REQUEST},
-    "UpdateRequest": {"after 20 s": {**DRIVEN_REQUEST, "observed": PARTS["observed"]}},
-    "LivePlanRequest": {"planned road": PLANNED_REQUEST},
-    "TelemetryRequest": {"a message": {"token": "the-token-of-the-car", "tlm": PARTS["message"]}},
-    "NewCarRequest": {"a car": {"name": "my-leaf", "vehicle": "nissan_leaf_24"}},
-    "LogsRequest": {"as proposed": {}},
-    "PlanRequest": {"a journey": JOURNEY},
-    "JourneyAdviceRequest": {"a journey": {**JOURNEY, "chance": 0.95}},
-    "JourneyDifferenceRequest": _warmer(JOURNEY, ambient_temperature_degc=10.0),
-    "AdviceRequest": {"planned road": {**PLANNED_REQUEST, "chance": 0.95, "extras": ["roof_box"]}},
-    "DifferenceRequest": _warmer(PLANNED_REQUEST, cabin_setpoint_degc=18.0),
-    "NightRequest": {"tomorrow": PARTS["night"]},
-    "ReachRequest": {"a start": {"start": JOURNEY["stops"][0], "soc": 0.2}},
-    "VehicleFigures": {"compact car": PARTS["figures"]},
+EXAMPLES: Final[Mapping[type[BaseModel], Mapping[str, Any]]] = {
+    schemas.ForecastRequest: {"planned road": PLANNED_REQUEST, "speed trace": DRIVEN_REQUEST},
+    schemas.UpdateRequest: {"after 20 s": {**DRIVEN_REQUEST, "observed": PARTS["observed"]}},
+    LivePlanRequest: {"planned road": PLANNED_REQUEST},
+    TelemetryRequest: {"a message": {"token": "the-token-of-the-car", "tlm": PARTS["message"]}},
+    NewCarRequest: {"a car": {"name": "my-leaf", "vehicle": "nissan_leaf_24"}},
+    LogsRequest: {"as proposed": {}},
+    PlanRequest: {"a journey": JOURNEY},
+    JourneyAdviceRequest: {"a journey": {**JOURNEY, "chance": 0.95}},
+    JourneyDifferenceRequest: _warmer(JOURNEY, ambient_temperature_degc=10.0),
+    schemas.AdviceRequest: {"planned road": {**PLANNED_REQUEST, "chance": 0.95, "extras": ["roof_box"]}},
+    schemas.DifferenceRequest: _warmer(PLANNED_REQUEST, cabin_setpoint_degc=18.0),
+    NightRequest: {"tomorrow": PARTS["night"]},
+    ReachRequest: {"a start": {"start": JOURNEY["stops"][0], "soc": 0.2}},
+    schemas.VehicleFigures: {"compact car": PARTS["figures"]},
 }
-"""Examples by schema and name."""
+"""Examples of each request, by name."""
 
 BINARY: Final = {"type": "string", "format": "binary"}
 ROUTE: Final = {"type": "object", "description": "of a router, GeoJSON, or `links`; a list of links, too"}

@@ -6,10 +6,9 @@ import datetime as dt
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from inspect import signature
 from operator import attrgetter
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, Final, get_type_hints
 
 import orjson
 from cachetools import LRUCache
@@ -25,7 +24,6 @@ from tripwatt.roads.advice import advise
 from tripwatt.roads.advice.preheating import before_departure, need_before_departure
 from tripwatt.roads.journey import range_km
 from tripwatt.server.cars.usual import usual_plan
-from tripwatt.server.http import journey_schemas
 from tripwatt.server.http.car_jobs import CarJobs
 from tripwatt.server.http.car_schemas import NewCarRequest
 from tripwatt.server.http.fleets import (
@@ -35,6 +33,14 @@ from tripwatt.server.http.fleets import (
     model_summary,
     night,
     vehicle_model,
+)
+from tripwatt.server.http.journey_schemas import (
+    JourneyAdviceRequest,
+    JourneyDifferenceRequest,
+    NeedQuery,
+    PlanRequest,
+    RangeQuery,
+    ReachRequest,
 )
 from tripwatt.server.http.journeys import JourneyJobs
 from tripwatt.server.http.library import described, example, example_summaries, vehicles
@@ -57,8 +63,6 @@ from tripwatt.study.synthetic import example_trip
 from tripwatt.trips import Plan
 from tripwatt.trips.messages import flag_to_dict, leave_in_words
 from tripwatt.vehicles import Vehicle, find_vehicles, require_vehicle, vehicle_names
-
-Journey = TypeVar("Journey", bound=journey_schemas.JourneyCar)
 
 MAX_TRANSFERRED: Final = 64
 """Most models on other cars that a worker keeps; the least recently used is dropped first."""
@@ -135,15 +139,17 @@ class Jobs:
         for model in (*self.models.values(), *of_fleets):
             model.forecast(plan).to_dict()
 
-    def run(self, job: Mapping[str, Any], body: bytes) -> dict[str, Any] | bytes:
+    def run(self, kind: str, body: bytes = b"", **parameters: Any) -> dict[str, Any] | bytes:
         """Run a job.
 
         Parameters
         ----------
-        job : mapping
-            `kind`: the name of a method, such as `forecast` or `cars.show`; and its parameters.
+        kind : str
+            Name of a method, such as `forecast` or `cars.show`. A method with a parameter `request` gets the checked body.
         body : bytes
-            For a method with a parameter `body`.
+            Body of the request.
+        **parameters : object
+            Parameters of the method; those that the method lacks are ignored.
 
         Returns
         -------
@@ -155,53 +161,51 @@ class Jobs:
         InvalidInput, Problem
             When the body is wrong.
         """
-        work, given = attrgetter(job["kind"])(self), {**job, "body": body}
-        document: dict[str, Any] | bytes = work(
-            **{name: given[name] for name in signature(work).parameters if name in given}
-        )
-        return document
+        work: Callable[..., dict[str, Any] | bytes] = attrgetter(kind)(self)
+        given = {**parameters, "body": body}
+        types = get_type_hints(work)
+        if "request" in types:
+            given["request"] = check_request(parse_json(body), types["request"], self)
+        return work(**{name: given[name] for name in types if name in given})
 
-    def forecast(self, body: bytes, request: type[ForecastRequest] = ForecastRequest) -> dict[str, Any]:
+    def forecast(self, request: ForecastRequest) -> dict[str, Any]:
         """Return the response to a `ForecastRequest`."""
-        asked = check_request(parse_json(body), request, self)
-        forecast, probability = self._forecast(asked), asked.probability
-        leave = None if probability is None else leave_with(forecast, asked.reserve, probability)
-        return require_finite(forecast.to_dict(asked.reserve, leave))
+        forecast, probability = self._forecast(request), request.probability
+        leave = None if probability is None else leave_with(forecast, request.reserve, probability)
+        return require_finite(forecast.to_dict(request.reserve, leave))
 
-    def update(self, body: bytes) -> dict[str, Any]:
+    def update(self, request: UpdateRequest) -> dict[str, Any]:
         """Return the response to an `UpdateRequest`."""
-        return self.forecast(body, UpdateRequest)
+        return self.forecast(request)
 
     def route(self, body: bytes, speed_m_s: float | None) -> dict[str, Any]:
         """Return the response to the upload of a route."""
         return read_route(body, speed_m_s, self.limits)
 
-    def night(self, body: bytes) -> dict[str, Any]:
+    def night(self, request: NightRequest) -> dict[str, Any]:
         """Return the response to a `NightRequest`."""
-        return night(self.fleets, check_request(parse_json(body), NightRequest, self))
+        return night(self.fleets, request)
 
-    def difference(self, body: bytes) -> dict[str, Any]:
+    def difference(self, request: DifferenceRequest) -> dict[str, Any]:
         """Return the response to a `DifferenceRequest`: the first trip less the other one."""
-        asked = check_request(parse_json(body), DifferenceRequest, self)
-        return self._forecast(asked.one).difference(self._forecast(asked.other)).to_dict()
+        return self._forecast(request.one).difference(self._forecast(request.other)).to_dict()
 
-    def journey_difference(self, body: bytes) -> dict[str, Any]:
+    def journey_difference(self, request: JourneyDifferenceRequest) -> dict[str, Any]:
         """Return the response to a `JourneyDifferenceRequest`: the road of the first journey less that of the other one."""
-        asked = check_request(parse_json(body), journey_schemas.JourneyDifferenceRequest, self)
         one, other = (
-            self.journeys.road(journey, self.model_of(journey), asked.road)
-            for journey in (asked.one, asked.other)
+            self.journeys.road(journey, self.model_of(journey), request.road)
+            for journey in (request.one, request.other)
         )
         return one.difference(other).to_dict()
 
-    def advice(self, body: bytes) -> dict[str, Any]:
+    def advice(self, request: AdviceRequest) -> dict[str, Any]:
         """Return the response to an `AdviceRequest`."""
-        request = check_request(parse_json(body), AdviceRequest, self)
         return advise(self._forecast(request), reserve=request.reserve, chance=request.chance).to_dict()
 
-    def need(self, body: bytes, how: Mapping[str, Any], seen: Mapping[str, Any]) -> dict[str, Any]:
+    def need(
+        self, request: ForecastRequest, how: Mapping[str, Any], seen: Mapping[str, Any]
+    ) -> dict[str, Any]:
         """Return what a `ForecastRequest` needs with the probability of `how`: energy, charge, and what to do until then."""
-        request = check_request(parse_json(body), ForecastRequest, self)
         forecast = self._forecast(request, seen)
         needed = {
             "expected_wh": forecast.energy_wh,
@@ -217,24 +221,23 @@ class Jobs:
         flags = [flag_to_dict(flag) for flag in forecast.flags]
         return {"reserve": request.reserve, **needed, "message": leave, **until, "flags": flags}
 
-    def plan(self, body: bytes) -> dict[str, Any]:
+    def plan(self, request: PlanRequest) -> dict[str, Any]:
         """Return the response to a `PlanRequest`."""
-        journey = self.journeys.plan(*self._journey(body, journey_schemas.PlanRequest))
+        journey = self.journeys.plan(request, self.model_of(request))
         for road in journey["roads"]:
             require_finite(road["forecast"])
         return journey
 
-    def journey_advice(self, body: bytes) -> dict[str, Any]:
+    def journey_advice(self, request: JourneyAdviceRequest) -> dict[str, Any]:
         """Return the response to a `JourneyAdviceRequest`."""
-        return self.journeys.advice(*self._journey(body, journey_schemas.JourneyAdviceRequest))
+        return self.journeys.advice(request, self.model_of(request))
 
-    def reach(self, body: bytes) -> dict[str, Any]:
+    def reach(self, request: ReachRequest) -> dict[str, Any]:
         """Return the response to a `ReachRequest`."""
-        return self.journeys.reach(*self._journey(body, journey_schemas.ReachRequest))
+        return self.journeys.reach(request, self.model_of(request))
 
-    def distance(self, body: bytes, seen: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    def distance(self, request: NeedQuery, seen: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """Return the response to a `NeedQuery`."""
-        request = check_request(parse_json(body), journey_schemas.NeedQuery)
         if (request.distance_km is None) == (request.trip is None):
             got = "neither" if request.trip is None else "both a distance and a usual trip"
             allowed = "a distance, or a trip of a car"
@@ -259,15 +262,14 @@ class Jobs:
         )
         return replace(needed, flags=(*flags, *needed.flags)).to_dict() | until
 
-    def range(self, body: bytes, seen: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    def range(self, request: RangeQuery, seen: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """Return the response to a `RangeQuery`."""
-        request = check_request(parse_json(body), journey_schemas.RangeQuery)
         model = self._model_asked(request)
         known, flags = with_seen(departure_of(request), seen, model.vehicle)
         far = range_km(None, request.kind, known, reserve=request.reserve or 0.0, model=model)
         return replace(far, flags=(*flags, *far.flags)).to_dict()
 
-    def _model_asked(self, request: journey_schemas.RangeQuery) -> ForecastModel:
+    def _model_asked(self, request: RangeQuery) -> ForecastModel:
         given = request.vehicle_figures
         if request.car is not None and (request.model, request.vehicle, given) != (None, None, None):
             raise InvalidInput.of("two cars", "car", "a model or vehicle too", "one of them")
@@ -279,11 +281,6 @@ class Jobs:
             ) from error
         car = {"model": request.car or request.model, "vehicle": request.vehicle}
         return self.model_named({**car, "vehicle_figures": figures})
-
-    def _journey(self, body: bytes, kind: type[Journey]) -> tuple[Journey, ForecastModel]:
-        """Return the request of a body, and the model for its car."""
-        request = check_request(parse_json(body), kind, self)
-        return request, self.model_of(request)
 
     def _forecast(self, request: ForecastRequest, seen: Mapping[str, Any] | None = None) -> Forecast:
         """Return the forecast of a request, updated with the observed samples of an `UpdateRequest`."""
@@ -349,13 +346,12 @@ class Jobs:
                 self.transferred[key] = kept
         return kept
 
-    def describe(self, body: bytes) -> dict[str, Any]:
+    def describe(self, request: VehicleFigures) -> dict[str, Any]:
         """Return the response to `VehicleFigures`."""
-        return described(describe(check_request(parse_json(body), VehicleFigures)))
+        return described(describe(request))
 
-    def new_car(self, body: bytes) -> dict[str, Any]:
+    def new_car(self, request: NewCarRequest) -> dict[str, Any]:
         """Make the car of a `NewCarRequest`, and return it."""
-        request = check_request(parse_json(body), NewCarRequest)
         if request.name in (*self.models, *self.fleets):
             got = f"{request.name}"
             raise InvalidInput.of("name is taken", "name", got, "another name: a model of the service has it")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -23,10 +24,11 @@ from sse_starlette import EventSourceResponse, ServerSentEvent
 from tripwatt.errors import InvalidInput, did_you_mean, or_none
 from tripwatt.forecasting import ForecastModel
 from tripwatt.roads.advice import Companion, Message
-from tripwatt.server.cars import Car, Sample, has_token, is_car
+from tripwatt.server.cars import Car, Follower, Sample, has_token
 from tripwatt.server.cars.folder import digest_of, token_digest
 from tripwatt.server.http.car_jobs import CarJobs
 from tripwatt.server.http.jobs import Jobs
+from tripwatt.server.http.journey_schemas import NeedQuery
 from tripwatt.server.http.pool import JobResult, WorkerPool, cancel
 from tripwatt.server.http.problems import Problem, fault_document
 from tripwatt.server.http.seen import undescribed
@@ -41,6 +43,9 @@ KEEP_ALIVE_S: Final = 15.0
 
 STREAM_END_S: Final = 5.0
 """Time that streams have to end with the service [s]."""
+
+NEED_S: Final = 600.0
+"""Need and range are computed again after this time [s], because usual trips depend on the time of day. A choice."""
 
 CAR_FIELDS: Final = ("model", "vehicle", "vehicle_figures")
 """Fields of a request that name a car or a model."""
@@ -88,8 +93,21 @@ class LiveCars:
         if folder is None or not folder.is_dir():
             fix = "make it; cars are made in it on the page or by `tripwatt car new`"
             raise InvalidInput.of("no folder of cars", "--cars", f"{folder}", "a folder", fix)
-        over_mqtt = {} if settings.mqtt is None else settings.mqtt.cars
-        for name in sorted({place.name for place in folder.iterdir() if has_token(place)} | {*over_mqtt}):
+        names = {place.name for place in folder.iterdir() if has_token(place)}
+        self._follower: Follower | None = None
+        # name of a car -> state of which need and range were computed, and need and range
+        self._ahead: dict[str, tuple[tuple[Any, ...], dict[str, Any]]] = {}
+        if settings.mqtt is not None:
+            names |= {*settings.mqtt.cars}
+            every_s = settings.limits.live_every_s
+            self._follower = Follower(
+                settings.mqtt,
+                self.take_published,
+                self.published,
+                lambda text: log(event="mqtt", error=text),
+                every_s,
+            )
+        for name in sorted(names):
             self._open(folder / name)
 
     async def run(self, work: Callable[Given, Result], *args: Given.args, **more: Given.kwargs) -> Result:
@@ -99,8 +117,8 @@ class LiveCars:
     def _open(self, place: Path) -> None:
         name = place.name
         if name not in self.cars:
-            keep_days = self.settings.keep_days
-            car = Car.follow(place, lambda request: self._model(name, request), keep_days=keep_days)
+            car = Car.follow(place, keep_days=self.settings.keep_days)
+            car.model_of = partial(self._model, car)
             car.note = lambda text: self.log(event="forecast not stored", vehicle=name, error=text)
             car.finished = partial(self._finished, name)
             self.cars[name] = car
@@ -157,12 +175,7 @@ class LiveCars:
         return self.cars[name]
 
     async def take(self, car: Car, sample: Sample) -> dict[str, Any]:
-        """Store a message of a car.
-
-        Returns
-        -------
-        dict
-            As `TelemetryResponse`.
+        """Store a message of a car, and return the `TelemetryResponse`.
 
         Raises
         ------
@@ -179,13 +192,20 @@ class LiveCars:
             allowed = "the time of a message that fits the trip"
             fix = "send messages in the order of their times"
             raise InvalidInput.of("message too late", "utc", f"{sample.time_s:.3f}", allowed, fix)
-        ignored = [fault_document(fault) for fault in sample.faults]
-        return {
-            "status": "held" if arrival == "held" else "ok",
-            "car": car.name,
-            "arrival": arrival,
-            "ignored": ignored,
-        }
+        status, ignored = "held" if arrival == "held" else "ok", map(fault_document, sample.faults)
+        return {"status": status, "car": car.name, "arrival": arrival, "ignored": [*ignored]}
+
+    async def take_published(self, name: str, sample: Sample) -> None:
+        """Store a message that a car sent over MQTT, unless the car was forgotten; a message that cannot be stored is logged.
+
+        Raises
+        ------
+        InvalidInput
+            For a message that is too late to count.
+        """
+        with contextlib.suppress(Problem):  # a broker does not send a message again
+            if name in self.cars:
+                await self.take(self.cars[name], sample)
 
     async def set_plan(self, car: Car, plan: dict[str, Any], departure_s: float | None) -> JobResult:
         """Set the plan of a car's trip, if the plan can be forecast.
@@ -203,7 +223,7 @@ class LiveCars:
         JobResult
             Result of the forecast at departure; the plan is set if the status is 200.
         """
-        checked = await self.pool.run({"kind": "forecast"}, orjson.dumps(self.by_own_model(car.name, plan)))
+        checked = await self.pool.run({"kind": "forecast"}, orjson.dumps(self._with_own_model(car, plan)))
         if checked.status == 200:
             try:
                 await self.run(car.set_plan, plan, departure_s)
@@ -220,37 +240,33 @@ class LiveCars:
         return await self.run(self._document, car)
 
     def _document(self, car: Car) -> dict[str, Any]:
-        document = car.document(car.now_s())
-        message = None if document["faults"] else or_none(self._told, car)
-        told = None if message is None else message.to_dict()
-        named = _names_car(self.by_own_model(car.name, {} if car.plan is None else car.plan.request))
-        flags = [] if named else [flag_to_dict(undescribed(car.name, self._model(car.name, {}).vehicle))]
-        return {**document, "flags": flags, "message": told}
+        document: dict[str, Any] = {**car.document(car.now_s())}
+        message = None if document["faults"] else or_none(self._message, car)
+        document["message"] = None if message is None else message.to_dict()
+        if not _names_car(self._with_own_model(car, {} if car.plan is None else car.plan.request)):
+            document["flags"] = [flag_to_dict(undescribed(car.name, self._model(car, {}).vehicle))]
+        return document
 
-    def _told(self, car: Car) -> Message | None:
+    def _message(self, car: Car) -> Message | None:
         """Return the latest message on the trip of a car; each forecast at departure gets a companion of its own."""
         departing = car.at_departure()
         if departing is None or car.trip is None:
             return None
         companion = self._companions.get(car.name)
         if companion is None or companion.departure is not departing:
-            plan = car.plan
-            reserve = None if plan is None else plan.request.get("reserve")
-            companion = Companion(departing, car.reserve if reserve is None else reserve)
-            self._companions[car.name] = companion
+            self._companions[car.name] = companion = Companion(departing, car.reserve_asked)
         observed = car.observed(departing.plan.start_s)
         if len(observed) > 1:
             companion.hear(observed, car.updated)
         return companion.last
 
-    def by_own_model(self, name: str, request: Mapping[str, Any]) -> dict[str, Any]:
+    def _with_own_model(self, car: Car, request: Mapping[str, Any]) -> dict[str, Any]:
         """Return a request; if it names no car or model and the car has a model of its own, add the name of this model."""
-        cars = self.settings.cars
-        own = not _names_car(request) and cars is not None and is_car(cars / name)
-        return {**request, "model": name} if own else dict(request)
+        own = {"model": car.name} if car.is_described and not _names_car(request) else {}
+        return {**request, **own}
 
-    def _model(self, name: str, request: Mapping[str, Any]) -> ForecastModel:
-        return self._jobs.model_named(self.by_own_model(name, request))
+    def _model(self, car: Car, request: Mapping[str, Any]) -> ForecastModel:
+        return self._jobs.model_named(self._with_own_model(car, request))
 
     @cached_property
     def _jobs(self) -> Jobs:
@@ -258,71 +274,81 @@ class LiveCars:
         settings = self.settings
         return Jobs.from_folders(settings.models, settings.limits, cars=CarJobs(settings.cars))
 
-    async def need(self, car: Car, how: Mapping[str, float], known: Mapping[str, float]) -> JobResult:
-        """Return what the next trip of a car needs, as `NeedResponse`.
-
-        Parameters
-        ----------
-        car : Car
-        how : mapping of str to float
-            `probability`, 0.5 to 1; `departure_s`, when it leaves [s since 1970]; `plug_w`, power of the plug [W].
-        known : mapping of str to float
-            Fields of the request that replace those of the plan.
+    async def need(self, car: Car, query: NeedQuery) -> JobResult:
+        """Return what the next trip of a car needs, as `NeedResponse`; reserve and temperature of the query replace those of the plan.
 
         Raises
         ------
         Problem
             `no-plan` if there is neither a plan nor a usual trip.
         """
-        plan = await self.run(car.plan_at, how["departure_s"])
+        departure_s = time.time() if query.departs_at is None else query.departs_at.timestamp()
+        plan = await self.run(car.plan_at, departure_s)
         if plan is None:
             raise Problem("no-plan", "no plan, and no earlier trip at this time of day")
-        soc = await self.run(car.shown_soc) if car.trip is None else None
-        asked = await self.job_of(car, {**plan.request, **known})
-        seen = {**asked["seen"], "soc": None}  # only the charge of the plan counts
-        result = await self.pool.run(
-            {"kind": "need", "how": {**how, "soc": soc}, "seen": seen}, asked["body"]
-        )
+        known = query.model_dump(include={"reserve", "ambient_temperature_degc"}, exclude_none=True)
+        job = await self._job_about(car, {**plan.request, **known})
+        job["seen"]["soc"] = None  # only the charge of the plan counts
+        how = {
+            "probability": query.probability,
+            "departure_s": departure_s,
+            "plug_w": query.plug_w,
+            "soc": await self.run(car.shown_soc) if car.trip is None else None,
+        }
+        result = await self.pool.run({"kind": "need", "how": how, "seen": job["seen"]}, job["body"])
         if result.status != 200:
             return result
         needed = {
             "car": car.name,
             "plan": "given" if plan.usual_trip is None else "usual",
             "usual_trip": plan.usual_trip,
-            "probability": how["probability"],
+            "probability": query.probability,
             **orjson.loads(result.content),
         }
         return replace(result, content=orjson.dumps(needed))
 
-    async def job_of(self, car: Car, request: Mapping[str, Any]) -> dict[str, Any]:
+    async def _job_about(self, car: Car, request: Mapping[str, Any]) -> dict[str, Any]:
         """Return the parameters of a job about a car: `body` is the request with the own model, `seen` what the last messages show."""
-        asked = self.by_own_model(car.name, request)
+        request = self._with_own_model(car, request)
         seen = {
             "soc": await self.run(car.shown_soc),
             "ambient_temperature_degc": car.last_air_degc(car.now_s()),
-            "undescribed": None if _names_car(asked) else car.name,
+            "undescribed": None if _names_car(request) else car.name,
         }
-        return {"body": orjson.dumps(asked), "seen": seen}
+        return {"body": orjson.dumps(request), "seen": seen}
 
     async def job_without_road(self, car: Car, known: Mapping[str, Any]) -> dict[str, Any]:
-        """Return `job_of` for the range of a car or the need of a distance; a car that the plan names replaces the own model."""
-        asked = {} if car.plan is None else {name: car.plan.request.get(name) for name in CAR_FIELDS}
-        if asked.get("vehicle_figures") is not None:
-            asked["vehicle_figures"] = orjson.dumps(asked["vehicle_figures"]).decode()
-        return await self.job_of(car, {**asked, **known})
+        """Return the parameters of a job for the range of a car or the need of a distance.
+
+        A car that the plan names replaces the model of the car.
+        """
+        request = {} if car.plan is None else {name: car.plan.request.get(name) for name in CAR_FIELDS}
+        if request.get("vehicle_figures") is not None:
+            request["vehicle_figures"] = orjson.dumps(request["vehicle_figures"]).decode()
+        return await self._job_about(car, {**request, **known})
+
+    async def _range(self, car: Car) -> JobResult:
+        job = await self.job_without_road(car, {})
+        return await self.pool.run({"kind": "range", "seen": job["seen"]}, job["body"])
+
+    async def published(self) -> dict[str, dict[str, Any]]:
+        """Return what is published of each car: its document, what its next trip needs, and how far its charge carries."""
+        documents = {}
+        for name, car in [*self.cars.items()]:
+            document = await self.document(car)
+            state = (*car.live_state[1:], document["soc"], time.time() // NEED_S)
+            if name not in self._ahead or self._ahead[name][0] != state:
+                needed = None if car.trip else await _or_none(self.need(car, NeedQuery.model_validate({})))
+                far = None if document["soc"] is None else await _or_none(self._range(car))
+                self._ahead[name] = state, {"need": needed, "range": far}
+            documents[name] = {**document, **self._ahead[name][1]}
+        return documents
 
     def summary(self) -> dict[str, Any]:
         """Return the cars, as `LiveCarsResponse`."""
-        rows = (car.shown(car.now_s()) for _, car in sorted(self.cars.items()))
-        cars = [
-            {
-                "car": row["car"],
-                "seconds_since_message": row["seconds_since_message"],
-                "on_trip": row["trip"] is not None,
-            }
-            for row in rows
-        ]
-        return {"cars": cars}
+        shown = [car.shown(car.now_s()) for _, car in sorted(self.cars.items())]
+        names = ("car", "seconds_since_message")
+        return {"cars": [{n: row[n] for n in names} | {"on_trip": row["trip"] is not None} for row in shown]}
 
     def stream(self, car: Car) -> EventSourceResponse:
         """Return the forecasts of a car as a stream of server-sent events.
@@ -379,10 +405,12 @@ class LiveCars:
             await asyncio.sleep(SILENCE_CHECK_S)
 
     @contextlib.asynccontextmanager
-    async def running(self, *work: Awaitable[None]) -> AsyncIterator[None]:
-        """Watch the cars and await `work` meanwhile; close the cars at the end."""
+    async def running(self) -> AsyncIterator[None]:
+        """Watch the cars and follow them over MQTT; close them at the end."""
         self._loop = asyncio.get_running_loop()
-        tasks = [asyncio.ensure_future(one) for one in (self.watch(), *work)]
+        tasks = [asyncio.ensure_future(self.watch())]
+        if self._follower is not None:
+            tasks.append(asyncio.ensure_future(self._follower.follow()))
         try:
             yield
         finally:
@@ -400,6 +428,14 @@ def _watched(car: Car) -> None:
     """End the trip of a car that is silent; otherwise make its forecast if one is due for the diary."""
     if not car.end_when_silent(car.now_s()) and car.wants_forecast:
         car.document(car.now_s())
+
+
+async def _or_none(result: Awaitable[JobResult]) -> dict[str, Any] | None:
+    """Return the document of a job; None if the job fails or refuses its input."""
+    with contextlib.suppress(Problem, InvalidInput):
+        done = await result
+        return orjson.loads(done.content) if done.status == 200 else None
+    return None
 
 
 def _names_car(request: Mapping[str, Any]) -> bool:

@@ -1,18 +1,18 @@
-"""The OpenAPI document: the decorator `operation` of a handler states what FastAPI cannot derive."""
+"""The OpenAPI document: FastAPI derives it from the routes; requests, whose bodies the workers check, are described here."""
 
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
-from typing import Any, Final, TypeVar
+from collections.abc import Iterable
+from typing import Any, Final
 
-from fastapi import FastAPI
-from pydantic import TypeAdapter
+from fastapi import APIRouter, Depends, FastAPI
+from fastapi.routing import APIRoute
+from pydantic import BaseModel, TypeAdapter
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from starlette.responses import Response
 
-from tripwatt.server.http.contract import known_parameters
+from tripwatt.server.http.contract import refuse_unknown_parameters
 from tripwatt.server.http.example_requests import EXAMPLES
 from tripwatt.server.http.problems import MEDIA_TYPE
 from tripwatt.server.http.schemas import ProblemDocument
@@ -29,91 +29,57 @@ BYTES: Final = "application/octet-stream"
 TILE: Final = "application/vnd.mapbox-vector-tile"
 
 REFERENCE: Final = "#/components/schemas/"
-HEALTH: Final = "operation"
-"""Tag of operations for monitoring, which ignore unknown parameters."""
-
 BINARY: Final = {"schema": {"type": "string", "format": "binary"}}
 TEXT: Final = {"schema": {"type": "string"}}
 
-TAG: Final = {"ETag": {"description": "changes with the content", **TEXT}}
-HELD: Final = {
+PROBLEM: Final[dict[str, Any]] = {
+    "description": "A problem document",
+    "content": {MEDIA_TYPE: {"schema": {"$ref": f"{REFERENCE}ProblemDocument"}}},
+    "headers": {"Retry-After": {"description": "seconds to wait, where the service is busy", **TEXT}},
+}
+"""Any response of an operation that is not described otherwise."""
+
+_TAG: Final = {"headers": {"ETag": {"description": "changes with the content", **TEXT}}}
+_IF_NONE_MATCH: Final = {
     "name": "If-None-Match",
     "in": "header",
     "description": "the `ETag` that the client has: a 304 has no content",
     **TEXT,
 }
-"""Headers of a document that seldom changes, and of a request for it."""
+_TAGGED: Final = {"200": _TAG, "304": {"description": "The client has it already", **_TAG}}
+TAGGED: Final[dict[str, Any]] = {"openapi_extra": {"parameters": [_IF_NONE_MATCH], "responses": _TAGGED}}
+"""Arguments of the route of a document that seldom changes."""
 
-Content = type | dict[str, Any]
-"""Schema of a JSON document, or an OpenAPI object for a media type."""
-
-Handler = TypeVar("Handler", bound=Callable[..., Any])
+INTERNAL: Final[dict[str, Any]] = {"openapi_extra": {"x-internal": True}}
+"""Arguments of a route that serves only the page and may change in any version."""
 
 
-@dataclass(frozen=True, slots=True)
-class Operation:
-    """What the OpenAPI document states of an operation beyond the signature and the docstring of its handler.
+def new_router(tag: str) -> APIRouter:
+    """Return a router whose operations refuse unknown parameters, and answer errors with problem documents."""
+    return APIRouter(
+        tags=[tag],
+        dependencies=[Depends(refuse_unknown_parameters)],
+        responses={"default": PROBLEM},
+        generate_unique_id_function=lambda route: route.name,
+    )
 
-    Attributes
-    ----------
-    method, path : str
-    tag : str
-    answer : mapping of str to Content
-        Content of the response with status 200, by media type.
-    takes : mapping of str to Content
-        Content of the request by media type; empty for a request without a body.
-    tagged : bool
-        Whether the operation supports `If-None-Match`.
-    internal : bool
-        Whether the operation serves only the page and may change in any version.
-    description : str
-        Description of the response with status 200; that of its schema by default.
-    more : mapping
-        Further fields of the operation.
-    """
 
-    method: str
-    path: str
-    tag: str
-    answer: Mapping[str, Content]
-    takes: Mapping[str, Content]
-    tagged: bool = False
-    internal: bool = False
-    description: str = ""
-    more: Mapping[str, Any] = field(default_factory=dict)
+def takes(model: type[BaseModel], *media_types: str, **more: Any) -> dict[str, Any]:
+    """Return the arguments of a route whose body is a `model`, with its examples and `more` fields; a worker checks the body."""
+    examples = {name: {"value": value} for name, value in EXAMPLES[model].items()}
+    media_type = {"schema": {"$ref": REFERENCE + model.__name__}, "examples": examples}
+    return takes_content(dict.fromkeys(media_types or (JSON,), media_type), **more)
 
-    def add_to(self, app: FastAPI, handler: Callable[..., Any]) -> None:
-        """Add the operation to an application; any response that it does not describe is a problem document."""
-        answer = {"description": self._description(), "content": _contents(self.answer)}
-        answers: dict[int | str, dict[str, Any]] = {200: answer, "default": PROBLEM}
-        extra = {**self.more, **({"x-internal": True} if self.internal else {})}
-        if self.takes:
-            extra["requestBody"] = {"required": True, "content": _contents(self.takes)}
-        if self.tagged:
-            answers[304] = {"description": "The client has it already", "headers": TAG}
-            answer["headers"], extra["parameters"] = TAG, [HELD]
-        app.add_api_route(
-            self.path,
-            handler,
-            methods=[self.method],
-            operation_id=handler.__name__,
-            tags=[self.tag],
-            dependencies=[] if self.tag == HEALTH else known_parameters(handler, self.path),
-            response_class=Response,
-            response_model=None,
-            responses=answers,
-            openapi_extra=extra,
-        )
 
-    def models(self) -> set[type]:
-        """Return the schemas of request and response."""
-        contents = (*self.answer.values(), *self.takes.values())
-        return {content for content in contents if isinstance(content, type)}
+def takes_content(content: dict[str, Any], **more: Any) -> dict[str, Any]:
+    """Return the arguments of a route whose body has OpenAPI's objects `content` by media type, and `more` fields."""
+    return {"openapi_extra": {"requestBody": {"required": True, "content": content}, **more}}
 
-    def _description(self) -> str:
-        content, *_ = self.answer.values()
-        summary = inspect.getdoc(content) if isinstance(content, type) else ""
-        return self.description or (summary or "").partition("\n")[0]
+
+def gives(content: dict[str, Any], description: str) -> dict[str, Any]:
+    """Return the arguments of a route whose response is not JSON, but has OpenAPI's objects `content` by media type."""
+    responses = {200: {"content": content}}
+    return {"response_class": Response, "response_description": description, "responses": responses}
 
 
 class Schemas(GenerateJsonSchema):
@@ -138,107 +104,46 @@ class Schemas(GenerateJsonSchema):
         return made
 
 
-def operation(
-    route: str,
-    tag: str,
-    answer: Content | Mapping[str, Content],
-    takes: Content | Mapping[str, Content] | None = None,
-    **more: Any,
-) -> Callable[[Handler], Handler]:
-    """Describe the operation of a handler.
-
-    Parameters
-    ----------
-    route : str
-        Method and path.
-    tag : str
-    answer, takes : type, or mapping of str to Content
-        A schema of JSON, or content by media type.
-    **more : object
-        Further attributes of `Operation`.
-    """
-    method, path = route.split()
-
-    def mark(handler: Handler) -> Handler:
-        made = Operation(method, path, tag, _by_type(answer), _by_type(takes), **more)
-        handler.operation = made  # type: ignore[attr-defined]
-        return handler
-
-    return mark
-
-
-def add_operations(app: FastAPI, owners: Iterable[object], *, with_token: bool) -> None:
-    """Add the operations of objects to an application, and their schemas to its document.
-
-    Parameters
-    ----------
-    app : FastAPI
-        Its method `openapi` is replaced.
-    owners : iterable of object
-        Objects with methods that `operation` describes.
-    with_token : bool
-        Whether the document requires a bearer token.
-    """
-    models: set[type] = {ProblemDocument}
-    for owner in owners:
-        for name, handler in vars(type(owner)).items():
-            described = getattr(handler, "operation", None)
-            if described is not None:
-                described.add_to(app, getattr(owner, name))
-                models |= described.models()
+def describe_requests(app: FastAPI, *, with_token: bool) -> None:
+    """Complete the OpenAPI document of an application by the schemas of requests and, `with_token`, by a required token."""
     derive = app.openapi
 
-    def document() -> dict[str, Any]:
+    def openapi() -> dict[str, Any]:
         if app.openapi_schema is None:
-            derived = derive()
-            for operations in derived["paths"].values():
+            answered = [r for r in app.routes if isinstance(r, APIRoute) and r.response_model is not None]
+            for route in answered:
+                described = inspect.getdoc(route.response_model) or ""
+                route.response_description = described.partition("\n")[0]
+            document = derive()
+            for operations in document["paths"].values():
                 for parameter in (p for of in operations.values() for p in of.get("parameters", ())):
                     parameter["schema"] = _without_null(parameter["schema"])
-            ordered = sorted(models, key=lambda model: model.__name__)
-            _, schemas = TypeAdapter.json_schemas(
-                [(model, "validation", TypeAdapter(model)) for model in ordered],
-                ref_template=REFERENCE + "{model}",
-                schema_generator=Schemas,
-            )
             security = {"car": {"type": "http", "scheme": "bearer"}}
             if with_token:
                 security["token"] = {"type": "http", "scheme": "bearer"}
-                derived["security"] = [{"token": []}]
-            derived["components"] = {"schemas": schemas["$defs"], "securitySchemes": security}
-            app.openapi_schema = derived
+                document["security"] = [{"token": []}]
+            document["components"] = {
+                "schemas": _schemas(r.response_model for r in answered),
+                "securitySchemes": security,
+            }
+            app.openapi_schema = document
         return app.openapi_schema
 
-    app.openapi = document  # type: ignore[method-assign] # the way that FastAPI documents
+    app.openapi = openapi  # type: ignore[method-assign] # the way that FastAPI documents
+
+
+def _schemas(answers: Iterable[Any]) -> dict[str, Any]:
+    """Return the schemas of all requests, and of these answers."""
+    models = sorted({ProblemDocument, *EXAMPLES, *answers}, key=lambda model: model.__name__)
+    _, document = TypeAdapter.json_schemas(
+        [(model, "validation", TypeAdapter(model)) for model in models],
+        ref_template=REFERENCE + "{model}",
+        schema_generator=Schemas,
+    )
+    return dict(document["$defs"])
 
 
 def _without_null(schema: dict[str, Any]) -> dict[str, Any]:
     """Return the schema of a parameter without null: in a URL, a parameter can be left out but not be null."""
-    kinds = [one for one in schema.get("anyOf", ()) if one != {"type": "null"}]
+    kinds = [kind for kind in schema.get("anyOf", ()) if kind != {"type": "null"}]
     return {**kinds[0], **{k: v for k, v in schema.items() if k != "anyOf"}} if len(kinds) == 1 else schema
-
-
-def _by_type(content: Content | Mapping[str, Content] | None) -> Mapping[str, Content]:
-    if content is None:
-        return {}
-    return {JSON: content} if isinstance(content, type) else content
-
-
-def _contents(contents: Mapping[str, Content]) -> dict[str, Any]:
-    """Return media type objects; a schema comes with its examples."""
-    described = {}
-    for media_type, content in contents.items():
-        if isinstance(content, type):
-            examples = EXAMPLES.get(content.__name__, {})
-            shown = {name: {"value": value} for name, value in examples.items()}
-            reference = {"schema": {"$ref": REFERENCE + content.__name__}}
-            content = {**reference, **({"examples": shown} if shown else {})}
-        described[media_type] = content
-    return described
-
-
-PROBLEM: Final[dict[str, Any]] = {
-    "description": "A problem document",
-    "content": _contents({MEDIA_TYPE: ProblemDocument}),
-    "headers": {"Retry-After": {"description": "seconds to wait, where the service is busy", **TEXT}},
-}
-"""Any response of an operation that is not described otherwise."""

@@ -20,7 +20,7 @@ import orjson
 from tripwatt.errors import InvalidInput, RemoteError
 from tripwatt.roads.journey import AtlasSettings
 from tripwatt.server.http.car_jobs import CarJobs
-from tripwatt.server.http.contract import chosen
+from tripwatt.server.http.contract import chosen_fields
 from tripwatt.server.http.jobs import Jobs
 from tripwatt.server.http.journeys import JourneyJobs
 from tripwatt.server.http.log import log_json
@@ -99,10 +99,11 @@ def run_job(jobs: Jobs, job: dict[str, Any], body: bytes) -> tuple[int, bytes]:
     400
     """
     try:
-        document = jobs.run(job, body)
+        parameters = {name: value for name, value in job.items() if name not in ("kind", "fields")}
+        document = jobs.run(job["kind"], body, **parameters)
         if isinstance(document, bytes):
             return 200, document
-        return 200, orjson.dumps(chosen(document, job.get("fields")))
+        return 200, orjson.dumps(chosen_fields(document, job.get("fields")))
     except RemoteError as error:
         problem = Problem("remote", faults=error.faults)
     except InvalidInput as error:

@@ -30,6 +30,7 @@ from tripwatt.hybrid.factors import NAMES, UNITS
 from tripwatt.hybrid.learning import KINDS
 from tripwatt.server.cars import create_car, open_car
 from tripwatt.server.http.car_jobs import CarJobs
+from tripwatt.server.http.car_schemas import LogsRequest
 from tripwatt.server.http.problems import Problem
 from tripwatt.study.synthetic import synthetic_fleet
 
@@ -357,8 +358,8 @@ def test_logs_with_positions_get_the_heights_of_the_map(tmp_path: Path) -> None:
 
     own = CarJobs(tmp_path, hill)
     own.store("car", "first001", "a.csv", content, 10**8)
-    assert own.logs("car", "first001", b"{}")["faults"] == []
-    assert own.learn("car", "first001", b"{}")["flat"] == 0
+    assert own.logs("car", "first001", LogsRequest())["faults"] == []
+    assert own.learn("car", "first001", LogsRequest())["flat"] == 0
     assert seen == [len(samples)] * 2
     (trip,) = open_car(tmp_path / "car").logs()
     assert trip.array("elevation_m") == pytest.approx(np.full(len(samples), 500.0))

@@ -1,0 +1,252 @@
+"""The endpoints of users' cars, made, shown, given logs, erased; and of cars on the road. Without a folder of cars each is `no-live`."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Mapping
+from typing import Annotated, Any, Final
+from urllib.parse import parse_qsl
+
+import orjson
+from fastapi import Path as PathValue
+from fastapi import Query
+from starlette.requests import Request
+from starlette.responses import Response
+
+from tripwatt.errors import Fault, excerpt
+from tripwatt.server.cars import sample_from_abrp
+from tripwatt.server.cars.documents import LiveResponse
+from tripwatt.server.cars.live_car import VALID_NAME
+from tripwatt.server.http.car_jobs import car_folder
+from tripwatt.server.http.car_schemas import (
+    CarResponse,
+    CarsResponse,
+    Forgotten,
+    LogsRequest,
+    LogsResponse,
+    NewCarRequest,
+    TokenResponse,
+    UploadResponse,
+)
+from tripwatt.server.http.learning import Learning
+from tripwatt.server.http.live_schemas import (
+    LiveCarsResponse,
+    LiveDeparture,
+    LivePlanRequest,
+    TelemetryRequest,
+    TelemetryResponse,
+)
+from tripwatt.server.http.openapi import (
+    BINARY,
+    BYTES,
+    EVENTS,
+    FORM,
+    JSON,
+    gives,
+    new_router,
+    takes,
+    takes_content,
+)
+from tripwatt.server.http.problems import Problem, invalid_input
+from tripwatt.server.http.receiving import media_type
+from tripwatt.server.http.schemas import check_request, parse_json
+from tripwatt.server.http.service import Called, json_response
+
+MAX_MESSAGE_BYTES: Final = 65_536
+"""Largest message of a car; those of senders have less than 2 kB."""
+
+MAX_FORM_FIELDS: Final = 20
+"""Most fields of a form (a choice): a message has two."""
+
+LIVE_EVENTS: Final = {
+    "schema": {"type": "string", "description": "events `live`; the data of each is a LiveResponse"}
+}
+UPLOAD: Final = "/v1/cars/{car}/uploads/{upload}"
+
+CarName = Annotated[str, PathValue(pattern=f"^{VALID_NAME.pattern}$", description="name of the car")]
+UploadName = Annotated[
+    str, PathValue(pattern="^[a-z0-9]{8,32}$", description="name of the upload, chosen by the client")
+]
+FileName = Annotated[str, PathValue(min_length=1, max_length=200, description="name of the file")]
+CarToken = Annotated[str | None, Query(description="token of the car")]
+
+cars, live = new_router("cars"), new_router("live")
+
+
+@cars.get("/v1/cars", response_model=CarsResponse)
+async def list_cars(call: Called) -> Response:
+    """List the cars."""
+    return await call.job("cars.list")
+
+
+@cars.post("/v1/cars", response_model=CarResponse, **takes(NewCarRequest))
+async def new_car(call: Called) -> Response:
+    """Make a car."""
+    return _with_learning(await call.body_job("new_car"), None)
+
+
+@cars.get("/v1/cars/{car}", response_model=CarResponse)
+async def get_car(call: Called, car: CarName) -> Response:
+    """Return a car, what it learned, and its diary."""
+    learning = call.service.learning.document(car)  # before: what is done by then is shown
+    return _with_learning(await call.job("cars.show", name=car), learning)
+
+
+@cars.delete("/v1/cars/{car}", response_model=Forgotten)
+async def forget_car(call: Called, car: CarName) -> Response:
+    """Erase a car: its trips, its model, its diary, and what it sent."""
+    call.service.learning.require_idle(car)
+    with contextlib.suppress(Problem):
+        await call.service.live.drop(car)
+    response = await call.job("cars.forget", name=car)
+    call.service.learning.by_car.pop(car, None)
+    return response
+
+
+@cars.post("/v1/cars/{car}/token", response_model=TokenResponse)
+async def new_token(call: Called, car: CarName) -> Response:
+    """Make a token with which a car sends its messages; an earlier one is no longer accepted."""
+    response = await call.job("cars.token", name=car)
+    if response.status_code == 200:
+        await call.service.live.follow(car_folder(call.service.settings.cars, car))
+    return response
+
+
+@cars.put(f"{UPLOAD}/{{file}}", response_model=UploadResponse, **takes_content({BYTES: BINARY}))
+async def put_file(call: Called, car: CarName, upload: UploadName, file: FileName) -> Response:
+    """Add a file of logs to an upload: a table, a workbook, or an archive of them."""
+    service, limits = call.service, call.service.settings.limits
+    car_folder(service.settings.cars, car)  # before the file arrives
+    if service.uploads.locked():
+        raise Problem("busy", "too many files are unpacked", headers={"Retry-After": "2"})
+    async with service.uploads:
+        content = await call.read((BYTES,), limits.upload_bytes)
+        async with service.unpacking:
+            place = {"name": car, "upload": upload, "file": file}
+            return await call.job("cars.store", content, **place, max_bytes=limits.car_bytes)
+
+
+@cars.post(UPLOAD, response_model=LogsResponse, **takes(LogsRequest))
+async def read_logs(call: Called, car: CarName, upload: UploadName) -> Response:
+    """Return how the tables of an upload are read, and what the audit says of them; nothing is learned."""
+    return await call.body_job("cars.logs", name=car, upload=upload)
+
+
+@cars.post(f"{UPLOAD}/learn", response_model=CarResponse, **takes(LogsRequest))
+async def learn(call: Called, car: CarName, upload: UploadName) -> Response:
+    """Learn the trips of an upload: the response comes at once, and the car shows the progress."""
+    body, job = await call.read(), {"name": car, "upload": upload}
+    checked = await call.job("cars.logs", body, **job)
+    if checked.status_code != 200:
+        return checked
+    faults = orjson.loads(checked.body)["faults"]
+    if faults:
+        raise invalid_input(
+            [Fault(**{"where": "logs", **{k: v for k, v in fault.items() if v}}) for fault in faults]
+        )
+    call.service.learning.require_idle(car)
+    call.service.learning.start(Learning(upload), {"kind": "cars.learn", **job}, body)
+    return await get_car(call, car)
+
+
+def _with_learning(response: Response, learning: Mapping[str, Any] | None) -> Response:
+    """Return the response with a car's document, completed by what the car learns."""
+    if response.status_code != 200:
+        return response
+    return json_response({**orjson.loads(response.body), "learning": learning})
+
+
+@live.post(
+    "/v1/telemetry",
+    response_model=TelemetryResponse,
+    # a message that has the token needs no other security
+    **takes(TelemetryRequest, JSON, FORM, security=[{"car": []}, {}]),
+)
+async def telemetry(call: Called, token: CarToken = None) -> Response:
+    """Take a message of a car in the format of A Better Routeplanner's live data."""
+    cars_on_road = call.service.live
+    body = await call.read((JSON, FORM), MAX_MESSAGE_BYTES)
+    message = message_of(body, media_type(call.request))
+    car = cars_on_road.by_token(given_token(message, call.request, token))
+    return json_response(await cars_on_road.take(car, sample_from_abrp(telemetry_of(message))))
+
+
+@live.get("/v1/live", response_model=LiveCarsResponse)
+async def list_live(call: Called) -> Response:
+    """List the cars on the road: those with a token."""
+    return json_response(call.service.live.summary())
+
+
+@live.get("/v1/live/{car}", response_model=LiveResponse)
+async def get_live(call: Called, car: CarName) -> Response:
+    """Return the state of a car on the road and the latest forecast of its trip."""
+    return json_response(await call.service.live.document(call.service.live.by_name(car)))
+
+
+@live.put("/v1/live/{car}/plan", response_model=LiveResponse, **takes(LivePlanRequest))
+async def put_plan(call: Called, car: CarName) -> Response:
+    """Give the plan of the trip that a car is on, or of its next one; it is kept until that trip has ended."""
+    followed = call.service.live.by_name(car)
+    plan = _json_object(await call.read())
+    leaves = check_request({"departs_at": plan.pop("departs_at", None)}, LiveDeparture)
+    result = await call.service.live.set_plan(followed, plan, leaves.departure_s)
+    if result.status != 200:
+        return call.answer(result)
+    return json_response(await call.service.live.document(followed))
+
+
+@live.get("/v1/live/{car}/events", **gives({EVENTS: LIVE_EVENTS}, "A stream of server-sent events"))
+async def get_events(call: Called, car: CarName) -> Response:
+    """Stream the state of a car on the road and the forecasts of its trip as server-sent events."""
+    followed = call.service.live.by_name(car)
+    if call.request.scope.get("was_head"):
+        return Response(media_type=EVENTS)  # a stream without a body would never end
+    return call.service.live.stream(followed)
+
+
+def message_of(body: bytes, kind: str) -> dict[str, Any]:
+    """Return the object of a body: JSON, or the fields of a form.
+
+    Raises
+    ------
+    Problem
+        `not-json`, or `invalid-input` for JSON that is not an object and for a form that is not valid.
+
+    Examples
+    --------
+    >>> message_of(b"token=abc&tlm=%7B%22utc%22%3A1%7D", "application/x-www-form-urlencoded")
+    {'token': 'abc', 'tlm': '{"utc":1}'}
+    """
+    if kind != FORM:
+        return _json_object(body)
+    try:
+        return dict(parse_qsl(body.decode("utf-8"), max_num_fields=MAX_FORM_FIELDS))
+    except ValueError as error:
+        fault = Fault("not a form", "body", f"{error}"[:80], "the fields token and tlm")
+        raise invalid_input([fault]) from error
+
+
+def given_token(message: Mapping[str, Any], request: Request, of_query: str | None) -> str:
+    """Return the token of a request: a bearer token, else a field of its message, else a parameter of its URL; empty if none."""
+    kind, _, bearer = request.headers.get("authorization", "").partition(" ")
+    candidates = (bearer.strip() if kind.lower() == "bearer" else "", message.get("token"), of_query)
+    return next((token for token in candidates if isinstance(token, str) and token), "")
+
+
+def telemetry_of(message: Mapping[str, Any]) -> Any:
+    """Return the object `tlm` of a message, which may be JSON text; without `tlm`, the message itself if it has a `utc`.
+
+    Raises
+    ------
+    Problem
+        `not-json` if the text is not JSON.
+    """
+    given = message.get("tlm", message if "utc" in message else None)
+    return parse_json(given.encode(), "tlm: ") if isinstance(given, str) else given
+
+
+def _json_object(body: bytes) -> dict[str, Any]:
+    document = parse_json(body)
+    if not isinstance(document, dict):
+        raise invalid_input([Fault("not an object", "body", excerpt(document), "an object")])
+    return document

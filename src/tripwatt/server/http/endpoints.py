@@ -1,0 +1,251 @@
+"""The endpoints of forecasts, routes, journeys, and what the service has: models, vehicles, map, examples."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import AsyncIterator
+from typing import Annotated, Final
+
+from fastapi import APIRouter, Query, Response
+from fastapi import Path as PathValue
+from prometheus_client import CONTENT_TYPE_LATEST
+from starlette.responses import StreamingResponse
+
+from tripwatt.forecasting.document import ForecastResponse
+from tripwatt.server.http import journey_schemas as journey
+from tripwatt.server.http import schemas
+from tripwatt.server.http.advice_schemas import AdviceResponse, DifferenceDocument
+from tripwatt.server.http.batching import forecast_lines, lines_of
+from tripwatt.server.http.contract import Fields
+from tripwatt.server.http.example_requests import UPLOADS
+from tripwatt.server.http.openapi import (
+    BINARY,
+    INTERNAL,
+    NDJSON,
+    PROBLEM,
+    TAGGED,
+    TEXT,
+    TILE,
+    gives,
+    new_router,
+    takes,
+    takes_content,
+)
+from tripwatt.server.http.problems import Problem
+from tripwatt.server.http.schemas import DifferenceRequest, ForecastRequest, UpdateRequest
+from tripwatt.server.http.service import Called, json_response
+
+BATCH_TYPES: Final = (NDJSON, "application/jsonl", "application/ndjson")
+"""Media types of the body of a batch."""
+
+MAX_ZOOM: Final = 22
+"""Finest zoom of a tile, as maps have it."""
+
+Latitude = Annotated[float, Query(ge=-90.0, le=90.0, allow_inf_nan=False)]
+Longitude = Annotated[float, Query(ge=-180.0, le=180.0, allow_inf_nan=False)]
+Zoom = Annotated[int, PathValue(ge=0, le=MAX_ZOOM)]
+TileNumber = Annotated[int, PathValue(ge=0, lt=2**MAX_ZOOM)]
+MeanSpeed = Annotated[
+    float | None, Query(gt=0, le=70, description="mean speed [m/s] of a track without times and speeds")
+]
+NameStart = Annotated[
+    str, Query(min_length=1, max_length=200, description="start of a name, a street, a house")
+]
+MaxPlaces = Annotated[int, Query(ge=1, le=50, description="most places")]
+MaxShown = Annotated[int, Query(ge=1, le=1000, description="most settlements, most stations")]
+CarWords = Annotated[
+    str | None, Query(min_length=1, max_length=100, description="words of the title or name, or a model year")
+]
+NeedQuery = Annotated[journey.NeedQuery, Query()]
+RangeQuery = Annotated[journey.RangeQuery, Query()]
+"""Parameters of operations."""
+
+forecasts, routes = new_router("forecast"), new_router("routes")
+journeys, library = new_router("journeys"), new_router("library")
+monitoring = APIRouter(
+    tags=["operation"],
+    responses={"default": PROBLEM},
+    generate_unique_id_function=lambda route: route.name,
+)
+"""Routers by tag; operations for monitoring ignore unknown parameters."""
+
+
+@forecasts.post("/v1/forecast", response_model=ForecastResponse, **takes(ForecastRequest))
+async def forecast(call: Called, fields: Fields = None) -> Response:
+    """Forecast a trip from a speed trace or from the links of a planned route."""
+    return await call.body_job("forecast", fields=fields)
+
+
+@forecasts.post("/v1/forecast/update", response_model=ForecastResponse, **takes(UpdateRequest))
+async def update(call: Called, fields: Fields = None) -> Response:
+    """Update the forecast of a trip with the samples measured so far."""
+    return await call.body_job("update", fields=fields)
+
+
+@forecasts.post("/v1/forecast/difference", response_model=DifferenceDocument, **takes(DifferenceRequest))
+async def difference(call: Called) -> Response:
+    """Compare two trips of one car: what both share cancels, and the difference has an interval of its own."""
+    return await call.body_job("difference")
+
+
+@forecasts.post("/v1/advice", response_model=AdviceResponse, **takes(schemas.AdviceRequest))
+async def advice(call: Called) -> Response:
+    """Return what to do about a trip: the least that helps, and what each action saves."""
+    return await call.body_job("advice")
+
+
+@forecasts.post(
+    "/v1/forecast/batch",
+    **gives({NDJSON: TEXT}, "One ForecastResponse or ProblemDocument per line, in the order of the requests"),
+    **takes_content({NDJSON: {"schema": {"description": "one ForecastRequest per line"}}}),
+)
+async def batch(call: Called, fields: Fields = None) -> Response:
+    """Forecast many trips: one request per line in, one forecast or problem per line out, in the same order."""
+    service, limits = call.service, call.service.settings.limits
+    body = await service.bodies.read(call.request, BATCH_TYPES, limits.batch_bytes, limits.body_timeout_s)
+    lines = lines_of(body, limits.batch)
+    if service.batches.locked():
+        raise Problem("busy", "too many batches", headers={"Retry-After": "5"})
+
+    async def answers() -> AsyncIterator[bytes]:
+        async with service.batches:
+            async for answer in forecast_lines(lines, service.pool, service.metrics, fields):
+                yield answer
+
+    return StreamingResponse(answers(), media_type=NDJSON)
+
+
+@routes.post("/v1/routes", response_model=schemas.RouteResponse, **takes_content(UPLOADS))
+async def route(call: Called, speed_m_s: MeanSpeed = None) -> Response:
+    """Read a route or a trip: GPX, KML, GeoJSON, the response of a router, links, or samples as CSV."""
+    body = await call.read(tuple(UPLOADS))
+    speed = speed_m_s if speed_m_s is not None and math.isfinite(speed_m_s) else None
+    return await call.job("route", body, speed_m_s=speed)
+
+
+@journeys.post("/v1/journeys", response_model=journey.PlanResponse, **takes(journey.PlanRequest))
+async def plan(call: Called, fields: Fields = None) -> Response:
+    """Plan a journey: roads, their forecasts, the charge to leave with, a charging stop."""
+    return await call.body_job("plan", fields=fields)
+
+
+@journeys.post(
+    "/v1/journeys/difference", response_model=DifferenceDocument, **takes(journey.JourneyDifferenceRequest)
+)
+async def journey_difference(call: Called) -> Response:
+    """Compare two journeys of one car without their stops to charge, as `POST /v1/forecast/difference` does trips."""
+    return await call.body_job("journey_difference")
+
+
+@journeys.post("/v1/journeys/advice", response_model=AdviceResponse, **takes(journey.JourneyAdviceRequest))
+async def journey_advice(call: Called) -> Response:
+    """Return what to do about a journey with its charging stops: the least that helps, what each action saves, and the time in all."""
+    return await call.body_job("journey_advice")
+
+
+@journeys.post("/v1/reachable", response_model=journey.ReachResponse, **takes(journey.ReachRequest))
+async def reach(call: Called) -> Response:
+    """Return the area that the charge reaches with 95 % and with 50 %."""
+    return await call.body_job("reach")
+
+
+@journeys.get("/v1/need", response_model=journey.NeedAnswer)
+async def get_need(call: Called, query: NeedQuery) -> Response:
+    """Return what some kilometres or a usual trip need, without a road; without either, what the next trip of a car on the road needs."""
+    if query.distance_km is None and query.trip is None and query.car is not None:
+        live = call.service.live
+        return call.answer(await live.need(live.by_name(query.car), query))
+    return await call.job("distance", **await call.service.job_without_road(query))
+
+
+@journeys.get("/v1/range", response_model=journey.RangeResponse)
+async def get_range(call: Called, query: RangeQuery) -> Response:
+    """Return how far a charge carries, without a road."""
+    return await call.job("range", **await call.service.job_without_road(query))
+
+
+@journeys.get("/v1/places", response_model=journey.PlacesResponse)
+async def get_places(call: Called, q: NameStart, limit: MaxPlaces = 10) -> Response:
+    """Find places by the start of their names."""
+    return await call.job("journeys.places", text=q, limit=limit)
+
+
+@library.get("/v1/map", response_model=journey.MapResponse, **TAGGED)
+async def get_map(call: Called) -> Response:
+    """Return the roads, places and weather of the service."""
+    return await call.kept("journeys.describe")
+
+
+@journeys.get("/v1/map/view", response_model=journey.ViewResponse, **INTERNAL)
+async def get_view(
+    call: Called,
+    south: Latitude,
+    west: Longitude,
+    north: Latitude,
+    east: Longitude,
+    limit: MaxShown = 200,
+) -> Response:
+    """Return settlements and charging stations inside of bounds."""
+    return await call.job("journeys.view", bounds_deg=[south, west, north, east], limit=limit)
+
+
+@journeys.get(
+    "/v1/tiles/{zoom}/{column}/{row}",
+    **gives({TILE: BINARY}, "The tile; empty without roads"),
+    **INTERNAL,
+)
+async def get_tile(call: Called, zoom: Zoom, column: TileNumber, row: TileNumber) -> Response:
+    """Return the roads of a part of the map as a vector tile."""
+    response = await call.job("journeys.tile", media_type=TILE, zoom=zoom, column=column, row=row)
+    response.headers["Cache-Control"] = "private, max-age=3600"
+    return response
+
+
+@library.get("/v1/models", response_model=schemas.ModelsResponse, **TAGGED)
+async def get_models(call: Called) -> Response:
+    """List the models with their inputs, provenance and scores."""
+    return await call.about_models("summaries")
+
+
+@library.post("/v1/vehicles", response_model=schemas.DescribedVehicle, **takes(schemas.VehicleFigures))
+async def describe(call: Called) -> Response:
+    """Describe a car that the library does not have, by a few figures."""
+    return await call.body_job("describe")
+
+
+@library.get("/v1/vehicles", response_model=schemas.VehiclesResponse, **TAGGED)
+async def get_vehicles(call: Called, search: CarWords = None) -> Response:
+    """List the cars of the library, or those that words find, and the models fitted on each."""
+    return await (call.about_models("vehicles") if search is None else call.job("vehicles", search=search))
+
+
+@library.get("/v1/examples", response_model=schemas.ExamplesResponse, **INTERNAL)
+async def get_examples(call: Called) -> Response:
+    """List synthetic trips as examples."""
+    return await call.kept("examples")
+
+
+@library.get("/v1/examples/{trip}", response_model=schemas.ExampleResponse, **INTERNAL)
+async def get_example(call: Called, trip: str) -> Response:
+    """Return one synthetic trip: a request for a forecast, and the samples simulated for it."""
+    return await call.kept("example", trip=trip)
+
+
+@monitoring.get("/healthz", response_model=schemas.HealthResponse)
+async def healthz(call: Called) -> Response:
+    """Check that the service is alive."""
+    return json_response({"status": "alive", "workers": call.service.pool.ready})
+
+
+@monitoring.get("/readyz", response_model=schemas.HealthResponse)
+async def readyz(call: Called) -> Response:
+    """Check that a worker is ready to forecast."""
+    if not call.service.pool.ready:
+        raise Problem("busy", "no worker is ready", headers={"Retry-After": "1"})
+    return json_response({"status": "ready", "workers": call.service.pool.ready})
+
+
+@monitoring.get("/metrics", **gives({"text/plain": TEXT}, "Metrics in the text format of Prometheus"))
+async def get_metrics(call: Called) -> Response:
+    """Return metrics for Prometheus."""
+    return Response(call.service.metrics.render(), media_type=CONTENT_TYPE_LATEST)

@@ -1,0 +1,57 @@
+"""The endpoints of the fleet of a registry: what its planned trips need, and the report for its manager."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Final
+
+from fastapi import Path as PathValue
+from fastapi import Query, Response
+
+from tripwatt.fleet.registry import REPORT_FILES
+from tripwatt.server.http.fleets import NightRequest, NightResponse, is_registry
+from tripwatt.server.http.openapi import JSON, TAGGED, TEXT, gives, new_router, takes
+from tripwatt.server.http.problems import Problem
+from tripwatt.server.http.service import Called
+
+MEDIA_TYPES: Final = {".html": "text/html", ".json": JSON, ".csv": "text/csv", ".txt": "text/plain"}
+"""Suffix of a file of a report -> media type."""
+
+POLICY: Final = "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+"""Content-Security-Policy of a report, which is one file with its style and without scripts."""
+
+REPORT: Final = {kind: {} if kind == JSON else TEXT for kind in MEDIA_TYPES.values()}
+"""Media type of a file of a report -> its media type object."""
+
+ReportFile = Annotated[str, PathValue(json_schema_extra={"enum": list(REPORT_FILES)})]
+FleetName = Annotated[
+    str | None, Query(max_length=100, description="a fleet of /v1/models; default: the first one")
+]
+
+fleet = new_router("fleet")
+
+
+@fleet.post("/v1/fleet/needs", response_model=NightResponse, **takes(NightRequest))
+async def fleet_needs(call: Called) -> Response:
+    """Return what the planned trips of a fleet need, by vehicle and hour of departure, also as EMHASS and evcc read it."""
+    return await call.body_job("night")
+
+
+@fleet.get("/v1/fleet/report/{file}", **gives(REPORT, "The file"), **TAGGED)
+async def get_fleet_report(call: Called, file: ReportFile, model: FleetName = None) -> Response:
+    """Return a file of the report that `tripwatt fleet report` wrote last: its page, its data, or one of its tables."""
+    content = report_file(call.service.settings.models, model, file)
+    if content is None:
+        raise Problem("not-found", "no such file; `tripwatt fleet report` writes the report of a registry")
+    response = call.tagged(content, MEDIA_TYPES[Path(file).suffix])
+    response.headers["Content-Security-Policy"] = POLICY
+    return response
+
+
+def report_file(folders: Mapping[str, Path], model: str | None, name: str) -> bytes | None:
+    """Return a file of the report in the registry of a fleet, by default of the first fleet; None if there is no such file."""
+    registries = {fleet: folder for fleet, folder in folders.items() if is_registry(folder)}
+    folder = registries.get(next(iter(registries), "") if model is None else model)
+    file = None if folder is None else folder / "report" / name
+    return file.read_bytes() if file is not None and name in REPORT_FILES and file.is_file() else None

@@ -1,0 +1,181 @@
+"""What the endpoints share: settings, workers, arriving bodies and cars; and a call of an endpoint, from its body to its response."""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from typing import Annotated, Any, Final
+
+import orjson
+from fastapi import Depends, FastAPI
+from starlette.requests import Request
+from starlette.responses import Response
+
+from tripwatt.server.http.jobs import Jobs
+from tripwatt.server.http.journey_schemas import RangeQuery
+from tripwatt.server.http.learning import LearningCars
+from tripwatt.server.http.live import CAR_FIELDS, LiveCars
+from tripwatt.server.http.metrics import Metrics
+from tripwatt.server.http.openapi import JSON
+from tripwatt.server.http.pool import JobResult, WorkerPool
+from tripwatt.server.http.problems import MEDIA_TYPE, Problem
+from tripwatt.server.http.receiving import Bodies, request_id
+from tripwatt.server.http.settings import Settings
+
+MAX_UPLOADS: Final = 4
+"""Most files of logs that arrive and wait to be unpacked; further ones are refused. A choice: each takes up to `Limits.upload_bytes`."""
+
+
+class Service:
+    """One service: its workers, its metrics, and its cars.
+
+    Parameters
+    ----------
+    settings : Settings
+    log : callable
+        Called with one record of the log as keywords.
+
+    Attributes
+    ----------
+    bodies : Bodies
+        Bodies that are arriving.
+    batches : asyncio.Semaphore
+        Bounds the batches that run at the same time.
+    uploads : asyncio.Semaphore
+        Bounds the files of logs that arrive and wait to be unpacked.
+    unpacking : asyncio.Lock
+        Held while one worker unpacks a file; the other workers go on.
+    documents : dict of bytes to bytes
+        Documents that stay the same while the service runs, by their jobs.
+    follows_fleets : bool
+        Whether models of fleets are served, whose versions change.
+    learning : LearningCars
+
+    Raises
+    ------
+    InvalidInput
+        When a model or a car on the road cannot be used.
+    """
+
+    def __init__(self, settings: Settings, log: Callable[..., None]) -> None:
+        self.settings, self.metrics = settings, Metrics()
+        self.pool = WorkerPool(settings, log)
+        self.metrics.waiting.set_function(lambda: self.pool.waiting)
+        self.metrics.workers.set_function(lambda: self.pool.ready)
+        self.metrics.lost.set_function(lambda: self.pool.lost)
+        self.bodies = Bodies(settings.limits.arriving_bytes)
+        self.batches = asyncio.Semaphore(settings.limits.batches)
+        self.uploads, self.unpacking = asyncio.Semaphore(MAX_UPLOADS), asyncio.Lock()
+        self.documents: dict[bytes, bytes] = {}
+        # raises faults before a worker starts
+        self.follows_fleets = bool(Jobs.from_folders(settings.models, settings.limits).fleets)
+        self.learning = LearningCars(settings, log)
+        self._live = None if settings.cars is None else LiveCars(settings, self.pool, log)
+        if self._live is not None:
+            self._live.learn = self.learning.learn_soon
+
+    @property
+    def live(self) -> LiveCars:
+        """The cars on the road.
+
+        Raises
+        ------
+        Problem
+            `no-live`.
+        """
+        if self._live is None:
+            raise Problem("no-live", "start the service with --cars")
+        return self._live
+
+    async def job_without_road(self, query: RangeQuery) -> dict[str, Any]:
+        """Return the parameters of a query's job: `body`, and `seen` if the query is about a car on the road."""
+        given, live = query.model_dump(mode="json", exclude_unset=True), self._live
+        if live is None or query.car not in live.cars or any(map(given.get, CAR_FIELDS)):
+            return {"body": orjson.dumps(given)}
+        if given.get("trip") is None:  # else the car is that of the trip
+            del given["car"]
+        return await live.job_without_road(live.cars[query.car], given)
+
+    @asynccontextmanager
+    async def running(self, _: FastAPI) -> AsyncIterator[None]:
+        """Start the workers, follow the cars on the road and let them learn, until the service stops."""
+        await self.pool.start()
+        if self._live is None:
+            yield
+        else:
+            async with self._live.running(), self.learning.running():
+                yield
+        await self.pool.stop()
+
+
+@dataclass(frozen=True)
+class Call:
+    """A request to an endpoint, and the service that answers it."""
+
+    request: Request
+    service: Service
+
+    async def read(self, media_types: Sequence[str] = (JSON,), max_bytes: int | None = None) -> bytes:
+        """Read the body for a job; raise the problem `busy` if too many requests wait already."""
+        limits = self.service.settings.limits
+        if self.service.pool.waiting >= limits.waiting:
+            raise Problem("busy", "too many requests wait", headers={"Retry-After": "1"})
+        max_bytes = limits.body_bytes if max_bytes is None else max_bytes
+        return await self.service.bodies.read(self.request, media_types, max_bytes, limits.body_timeout_s)
+
+    async def job(self, kind: str, body: bytes = b"", media_type: str = JSON, **parameters: Any) -> Response:
+        """Run a job, and return its document as the response."""
+        result = await self.service.pool.run({"kind": kind, **parameters}, body)
+        self.service.metrics.job_seconds.labels(kind).observe(result.seconds)
+        return self.answer(result, media_type)
+
+    async def body_job(self, kind: str, **parameters: Any) -> Response:
+        """Run a job on the body, and return its document as the response."""
+        return await self.job(kind, await self.read(), **parameters)
+
+    async def kept(self, kind: str, **parameters: Any) -> Response:
+        """Return a document that stays the same while the service runs; its job runs only once."""
+        key, documents = orjson.dumps([kind, parameters]), self.service.documents
+        if key not in documents:
+            response = await self.job(kind, **parameters)
+            if response.status_code == 404:
+                return response
+            if response.status_code != 200:
+                raise Problem("internal")  # without input there is nothing to correct
+            documents[key] = bytes(response.body)
+        return self.tagged(documents[key], JSON)
+
+    async def about_models(self, kind: str) -> Response:
+        """Return a document about models, which changes while the service runs only if it follows the models of fleets."""
+        return await (self.job if self.service.follows_fleets else self.kept)(kind)
+
+    def answer(self, result: JobResult, media_type: str = JSON) -> Response:
+        """Return the result of a job as the response; a problem document gets the id of the request."""
+        if result.status == 200:
+            return Response(result.content, media_type=media_type)
+        problem = {**orjson.loads(result.content), "instance": request_id(self.request)}
+        return Response(orjson.dumps(problem), result.status, media_type=MEDIA_TYPE)
+
+    def tagged(self, content: bytes, media_type: str) -> Response:
+        """Return a document that seldom changes with its entity tag; status 304 without content if the client has it already."""
+        tag = f'W/"{hashlib.sha256(content).hexdigest()[:20]}"'
+        headers = {"ETag": tag, "Cache-Control": "no-cache"}
+        if tag in [given.strip() for given in self.request.headers.get("if-none-match", "").split(",")]:
+            return Response(status_code=304, headers=headers)
+        return Response(content, headers=headers, media_type=media_type)
+
+
+async def _call(request: Request) -> Call:
+    return Call(request, request.app.state.service)
+
+
+Called = Annotated[Call, Depends(_call)]
+"""Parameter of an endpoint: the call."""
+
+
+def json_response(document: Mapping[str, Any]) -> Response:
+    """Return a document as a response."""
+    return Response(orjson.dumps(document), media_type=JSON)
