@@ -38,7 +38,7 @@ class Drive:
         """Return the car as keyword arguments of `need` and `range_km`; for a user's own car also `plan`, which plans its trips."""
         if self.car is None:
             return {"model": self.model, "vehicle": self.vehicle}
-        from tripwatt.server.cars.usual import usual_plan
+        from tripwatt.server.cars.plan import usual_plan
 
         if self.vehicle is not None or self.model is not None:
             raise InvalidInput.of("two cars", "--car", "--vehicle or --model too", "one of them")

@@ -16,7 +16,6 @@ from pydantic.json_schema import models_json_schema
 import tripwatt
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting.document import ForecastResponse
-from tripwatt.server.http import advice_schemas as advice
 from tripwatt.server.http import car_schemas, journey_schemas, schemas
 from tripwatt.server.http.jobs import Jobs
 from tripwatt.server.http.openapi import Schemas
@@ -74,8 +73,10 @@ TOOLS: Final[Mapping[str, Tool]] = {
     "plan": Tool(Jobs.plan, journey_schemas.PlanRequest, journey_schemas.PlanResponse),
     "need": Tool(Jobs.distance, journey_schemas.NeedQuery, journey_schemas.DistanceNeed),
     "range": Tool(Jobs.range, journey_schemas.RangeQuery, journey_schemas.RangeResponse),
-    "advise": Tool(Jobs.advice, schemas.AdviceRequest, advice.AdviceResponse),
-    "advise_journey": Tool(Jobs.journey_advice, journey_schemas.JourneyAdviceRequest, advice.AdviceResponse),
+    "advise": Tool(Jobs.advice, schemas.AdviceRequest, journey_schemas.AdviceResponse),
+    "advise_journey": Tool(
+        Jobs.journey_advice, journey_schemas.JourneyAdviceRequest, journey_schemas.AdviceResponse
+    ),
     "forecast": Tool(Jobs.forecast, schemas.ForecastRequest, ForecastResponse),
     "diary": Tool(_show_diary, DiaryRequest, car_schemas.CarResponse),
     "cars": Tool(_list_cars, StrictModel, car_schemas.CarsResponse),

@@ -28,7 +28,7 @@ from tripwatt.server.cars import car as car_module
 from tripwatt.server.cars import live_car as module
 from tripwatt.server.cars.car import AIR_S
 from tripwatt.server.cars.live_trip import SILENCE_S
-from tripwatt.server.cars.ordering import LATE_S
+from tripwatt.server.cars.sender import LATE_S
 from tripwatt.study.synthetic import example_trip
 from tripwatt.trips import Plan
 from tripwatt.trips.messages import flag_to_dict

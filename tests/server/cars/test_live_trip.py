@@ -18,7 +18,7 @@ from tripwatt.server.cars.live_trip import (
     SILENCE_S,
     STANDING_S,
 )
-from tripwatt.server.cars.ordering import LATE_S
+from tripwatt.server.cars.sender import LATE_S
 
 T0 = 1_700_000_000.0
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tripwatt.server.cars import Sample
-from tripwatt.server.cars.ordering import LATE_S, MAX_WAITING, OrderedSamples
+from tripwatt.server.cars.sender import LATE_S, MAX_WAITING, OrderedSamples
 
 T0 = 1_700_000_000.0
 

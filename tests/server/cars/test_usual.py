@@ -6,7 +6,7 @@ import datetime as dt
 
 import pytest
 
-from tripwatt.server.cars.usual import NEAR_S, usual_departure
+from tripwatt.server.cars.plan import NEAR_S, usual_departure
 
 
 def at(day: int, hour: int, minute: int = 0) -> float:

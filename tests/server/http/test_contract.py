@@ -17,9 +17,9 @@ from tests.support.service_process import Service
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting.document import ForecastResponse
 from tripwatt.server.http.app import openapi_document
-from tripwatt.server.http.contract import chosen_fields, refuse_unknown_parameters
 from tripwatt.server.http.problems import TITLES, pointer_to
 from tripwatt.server.http.service import Call
+from tripwatt.server.http.worker import chosen_fields, refuse_unknown_parameters
 
 
 @pytest.fixture(scope="module")

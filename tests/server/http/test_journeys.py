@@ -21,8 +21,13 @@ import tripwatt as tw
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.roads.journey import Atlas, AtlasSettings, Place
 from tripwatt.server.http import journeys
-from tripwatt.server.http.advice_schemas import AdviceResponse
-from tripwatt.server.http.journey_schemas import JourneyAdviceRequest, PlaceRequest, PlanRequest, ReachRequest
+from tripwatt.server.http.journey_schemas import (
+    AdviceResponse,
+    JourneyAdviceRequest,
+    PlaceRequest,
+    PlanRequest,
+    ReachRequest,
+)
 from tripwatt.server.http.journeys import JourneyJobs, place_of
 from tripwatt.server.http.problems import Problem
 from tripwatt.server.http.schemas import check_request, departure_of

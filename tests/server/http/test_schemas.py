@@ -13,7 +13,7 @@ import tripwatt as tw
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting.document import ForecastResponse
 from tripwatt.forecasting.leaving import leave_with
-from tripwatt.server.http.car_schemas import ColumnChoice, NewCarRequest
+from tripwatt.server.http.car_schemas import ColumnChoice, NewCarRequest, TelemetryRequest
 from tripwatt.server.http.journey_schemas import (
     NeedQuery,
     PlaceRequest,
@@ -21,7 +21,6 @@ from tripwatt.server.http.journey_schemas import (
     RangeQuery,
     ReachRequest,
 )
-from tripwatt.server.http.live_schemas import TelemetryRequest
 from tripwatt.server.http.problems import Problem
 from tripwatt.server.http.schemas import (
     MIN_DURATION_S,

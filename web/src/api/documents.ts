@@ -7,7 +7,7 @@ export type {
   AdvisedDocument as Advised,
   AdviceResponse as Advice,
   DifferenceDocument as Difference,
-  WholeDocument as Whole,
+  JourneyInShort as Whole,
   SpeedCapDocument as SpeedCap,
   ChargingDocument as ChargingPlan,
   ChargingStop as Stop,

@@ -27,12 +27,10 @@ from tripwatt.server.cars.car_file import (
     row_of_log,
 )
 from tripwatt.server.cars.live_trip import MIN_M, SILENCE_S, LiveTrip
-from tripwatt.server.cars.ordering import Arrival
-from tripwatt.server.cars.plan import LivePlan
+from tripwatt.server.cars.plan import LONGER, LivePlan, usual_departure
 from tripwatt.server.cars.recording import Recorder
-from tripwatt.server.cars.sender import steady_clock
+from tripwatt.server.cars.sender import Arrival, steady_clock
 from tripwatt.server.cars.telemetry import Sample
-from tripwatt.server.cars.usual import LONGER, usual_departure
 from tripwatt.trips import Context, Log
 from tripwatt.units import SECONDS_PER_DAY
 

@@ -13,9 +13,8 @@ import pandas as pd
 from tripwatt.errors import Fault
 from tripwatt.server.cars.documents import LiveMessages
 from tripwatt.server.cars.live_trip import SILENCE_S, LiveTrip, TripFinder
-from tripwatt.server.cars.ordering import Arrival, OrderedSamples, Place
 from tripwatt.server.cars.plan import LivePlan
-from tripwatt.server.cars.sender import Sender
+from tripwatt.server.cars.sender import Arrival, OrderedSamples, Place, Sender
 from tripwatt.server.cars.telemetry import CHARGES, Sample
 from tripwatt.trips import Context, Departure
 from tripwatt.trips.departure import FIRST_S

@@ -27,8 +27,7 @@ from tripwatt.server.http.fleet_endpoints import fleet
 from tripwatt.server.http.middleware import ServiceMiddleware
 from tripwatt.server.http.openapi import DESCRIPTION, describe_requests
 from tripwatt.server.http.problems import Problem, invalid_input
-from tripwatt.server.http.receiving import request_id
-from tripwatt.server.http.service import Service
+from tripwatt.server.http.service import Service, request_id
 from tripwatt.server.http.settings import Settings
 
 PAGE: Final = Path(__file__).with_name("page")

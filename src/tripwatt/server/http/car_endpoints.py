@@ -22,20 +22,18 @@ from tripwatt.server.http.car_schemas import (
     CarResponse,
     CarsResponse,
     Forgotten,
+    LiveCarsResponse,
+    LiveDeparture,
+    LivePlanRequest,
     LogsRequest,
     LogsResponse,
     NewCarRequest,
+    TelemetryRequest,
+    TelemetryResponse,
     TokenResponse,
     UploadResponse,
 )
 from tripwatt.server.http.learning import Learning
-from tripwatt.server.http.live_schemas import (
-    LiveCarsResponse,
-    LiveDeparture,
-    LivePlanRequest,
-    TelemetryRequest,
-    TelemetryResponse,
-)
 from tripwatt.server.http.openapi import (
     BINARY,
     BYTES,
@@ -48,9 +46,8 @@ from tripwatt.server.http.openapi import (
     takes_content,
 )
 from tripwatt.server.http.problems import Problem, invalid_input
-from tripwatt.server.http.receiving import media_type
 from tripwatt.server.http.schemas import check_request, parse_json
-from tripwatt.server.http.service import Called, json_response
+from tripwatt.server.http.service import Called, json_response, media_type
 
 MAX_MESSAGE_BYTES: Final = 65_536
 """Largest message of a car; those of senders have less than 2 kB."""

@@ -4,12 +4,20 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from pydantic import Field
+from pydantic import BaseModel, ConfigDict, Field
 
 from tripwatt.server.cars.car_file import MadeForecast
 from tripwatt.server.cars.documents import ProblemFault
-from tripwatt.server.http.schemas import ResponseModel, StrictModel, VehicleFigures
+from tripwatt.server.http.schemas import (
+    ForecastRequest,
+    ResponseModel,
+    StrictModel,
+    Time,
+    VehicleFigures,
+    asked,
+)
 from tripwatt.sources.mapping import UNITS
+from tripwatt.trips import ASKED
 
 
 class NewCarRequest(StrictModel):
@@ -302,3 +310,57 @@ class Forgotten(ResponseModel):
 def plain(value: Any) -> Any:
     """Return a value as JSON can hold it: None in place of a number that is not finite."""
     return None if isinstance(value, float) and value - value != 0.0 else value
+
+
+class TelemetryRequest(BaseModel):
+    """A message of a car in the format of A Better Routeplanner's live data; other fields are allowed."""
+
+    model_config = ConfigDict(extra="allow", use_attribute_docstrings=True)
+
+    tlm: dict[str, Any] | str
+    """the message as an object, or as its JSON text: utc [s since 1970] is required; speed [km/h], power [kW, output is positive], soc [%], voltage, current, elevation, ext_temp, batt_temp, cabin_temp, hvac_power [kW], hvac_setpoint, is_charging, is_parked"""
+    token: str | None = Field(None, max_length=200)
+    """token of the car; or as a bearer token"""
+
+
+class TelemetryResponse(ResponseModel):
+    """What became of a message."""
+
+    status: Literal["ok", "held"]
+    """`held`: the message waits until later ones confirm its time"""
+    car: str
+    arrival: Literal["new", "doubled", "held"]
+    """only a new message counts; one that is too late to count is refused"""
+    ignored: list[ProblemFault]
+    """values that cannot be one"""
+
+
+class LiveDeparture(StrictModel):
+    """When a car leaves."""
+
+    departs_at: Time | None = asked("departs_at", ASKED["departs_at"])[1]
+    """departure; default: the start of the trip. Earlier messages do not count"""
+
+    @property
+    def departure_s(self) -> float | None:
+        """Departure [s since 1970]."""
+        return None if self.departs_at is None else self.departs_at.timestamp()
+
+
+class LivePlanRequest(LiveDeparture, ForecastRequest):
+    """The trip that a car is on or that comes next. What the plan leaves unknown of the departure is that of the car's messages."""
+
+
+class LiveCarSummary(ResponseModel):
+    """A car that the service follows."""
+
+    car: str
+    seconds_since_message: float | None
+    """null before the first message"""
+    on_trip: bool
+
+
+class LiveCarsResponse(ResponseModel):
+    """The cars that the service follows, by name."""
+
+    cars: list[LiveCarSummary]

@@ -14,10 +14,9 @@ from starlette.responses import StreamingResponse
 from tripwatt.forecasting.document import ForecastResponse
 from tripwatt.server.http import journey_schemas as journey
 from tripwatt.server.http import schemas
-from tripwatt.server.http.advice_schemas import AdviceResponse, DifferenceDocument
 from tripwatt.server.http.batching import forecast_lines, lines_of
-from tripwatt.server.http.contract import Fields
 from tripwatt.server.http.example_requests import UPLOADS
+from tripwatt.server.http.journey_schemas import AdviceResponse, DifferenceDocument
 from tripwatt.server.http.openapi import (
     BINARY,
     INTERNAL,
@@ -26,6 +25,7 @@ from tripwatt.server.http.openapi import (
     TAGGED,
     TEXT,
     TILE,
+    Fields,
     gives,
     new_router,
     takes,

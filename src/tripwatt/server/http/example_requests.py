@@ -9,7 +9,7 @@ from pydantic import BaseModel
 
 from tripwatt.files import shipped_toml
 from tripwatt.server.http import schemas
-from tripwatt.server.http.car_schemas import LogsRequest, NewCarRequest
+from tripwatt.server.http.car_schemas import LivePlanRequest, LogsRequest, NewCarRequest, TelemetryRequest
 from tripwatt.server.http.fleets import NightRequest
 from tripwatt.server.http.journey_schemas import (
     JourneyAdviceRequest,
@@ -17,7 +17,6 @@ from tripwatt.server.http.journey_schemas import (
     PlanRequest,
     ReachRequest,
 )
-from tripwatt.server.http.live_schemas import LivePlanRequest, TelemetryRequest
 
 PARTS: Final[Mapping[str, Any]] = shipped_toml("server/http/example_requests.toml")
 PLANNED_REQUEST: Final[Mapping[str, Any]] = PARTS["planned"]

@@ -23,7 +23,7 @@ from tripwatt.population.cars import for_car
 from tripwatt.roads.advice import advise
 from tripwatt.roads.advice.preheating import before_departure, need_before_departure
 from tripwatt.roads.journey import range_km
-from tripwatt.server.cars.usual import usual_plan
+from tripwatt.server.cars.plan import usual_plan
 from tripwatt.server.http.car_jobs import CarJobs
 from tripwatt.server.http.car_schemas import NewCarRequest
 from tripwatt.server.http.fleets import (
@@ -57,10 +57,9 @@ from tripwatt.server.http.schemas import (
     parse_json,
     with_elevation,
 )
-from tripwatt.server.http.seen import with_seen
 from tripwatt.server.http.settings import Limits
 from tripwatt.study.synthetic import example_trip
-from tripwatt.trips import Plan
+from tripwatt.trips import Departure, Flag, Plan
 from tripwatt.trips.messages import flag_to_dict, leave_in_words
 from tripwatt.vehicles import Vehicle, find_vehicles, require_vehicle, vehicle_names
 
@@ -435,3 +434,25 @@ def require_finite(forecast: Mapping[str, Any]) -> dict[str, Any]:
 
 def _no_forecast() -> InvalidInput:
     return InvalidInput.of("no forecast", "trip", "implausible results", "a trip that a car can drive")
+
+
+def with_seen(
+    known: Departure, seen: Mapping[str, Any] | None, vehicle: Vehicle
+) -> tuple[Departure, tuple[Flag, ...]]:
+    """Fill temperature and charge that a departure leaves out from the car's last messages; return the departure and flags.
+
+    A temperature that was filled in gets a flag, and so does a car without a description. A charge gets none, because the answer
+    shows it. A charge of the battery management counts as given.
+    """
+    seen = seen or {}
+    given = known if known.bms_soc is None else replace(known, soc=known.bms_soc)
+    air = "ambient_temperature_degc"
+    used = {n: seen[n] for n in ("soc", air) if seen.get(n) is not None and getattr(given, n) is None}
+    flags = [Flag("of_last_message", air, used[air], "degc")] if air in used else []
+    flags += [undescribed(seen["undescribed"], vehicle)] if seen.get("undescribed") else []
+    return known.merge(Departure(**used)), tuple(flags)
+
+
+def undescribed(car: str, assumed: Vehicle) -> Flag:
+    """Return the flag of a car on the road without a description."""
+    return Flag("no_description", assumed.title, car)

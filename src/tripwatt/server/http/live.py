@@ -27,11 +27,10 @@ from tripwatt.roads.advice import Companion, Message
 from tripwatt.server.cars import Car, Follower, Sample, has_token
 from tripwatt.server.cars.folder import digest_of, token_digest
 from tripwatt.server.http.car_jobs import CarJobs
-from tripwatt.server.http.jobs import Jobs
+from tripwatt.server.http.jobs import Jobs, undescribed
 from tripwatt.server.http.journey_schemas import NeedQuery
 from tripwatt.server.http.pool import JobResult, WorkerPool, cancel
 from tripwatt.server.http.problems import Problem, fault_document
-from tripwatt.server.http.seen import undescribed
 from tripwatt.server.http.settings import Settings
 from tripwatt.trips.messages import flag_to_dict
 

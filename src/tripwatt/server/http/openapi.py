@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Iterable
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
-from fastapi import APIRouter, Depends, FastAPI
+from fastapi import APIRouter, Depends, FastAPI, Query
 from fastapi.routing import APIRoute
 from pydantic import BaseModel, TypeAdapter
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
+from starlette.requests import Request
 from starlette.responses import Response
 
-from tripwatt.server.http.contract import refuse_unknown_parameters
+from tripwatt.errors import Fault, did_you_mean, raise_faults
 from tripwatt.server.http.example_requests import EXAMPLES
 from tripwatt.server.http.problems import MEDIA_TYPE
 from tripwatt.server.http.schemas import ProblemDocument
@@ -52,6 +53,32 @@ TAGGED: Final[dict[str, Any]] = {"openapi_extra": {"parameters": [_IF_NONE_MATCH
 
 INTERNAL: Final[dict[str, Any]] = {"openapi_extra": {"x-internal": True}}
 """Arguments of a route that serves only the page and may change in any version."""
+
+
+Fields = Annotated[
+    str | None,
+    Query(max_length=500, description="fields of the response, with commas, as `energy_wh,soc_arrival`; default: all. With it, required fields of the response may be missing: read it as JSON, without the types of a generated client"),
+]  # fmt: skip
+
+
+async def refuse_unknown_parameters(request: Request) -> None:  # a plain function would run in another thread
+    """Refuse query parameters that the operation of a request lacks; a model of parameters refuses them itself.
+
+    Raises
+    ------
+    InvalidInput
+        With the most similar name.
+    """
+    parameters = request.scope["route"].dependant.query_params
+    kinds = [parameter.field_info.annotation for parameter in parameters]
+    if any(isinstance(kind, type) and issubclass(kind, BaseModel) for kind in kinds):
+        return
+    names = [parameter.alias for parameter in parameters]
+    raise_faults(
+        Fault("unknown parameter", f"query.{name[:80]}", fix=did_you_mean(name, names))
+        for name in request.query_params
+        if name not in names
+    )
 
 
 def new_router(tag: str) -> APIRouter:

@@ -17,10 +17,9 @@ from typing import Any, Final
 
 import orjson
 
-from tripwatt.errors import InvalidInput, RemoteError
+from tripwatt.errors import Fault, InvalidInput, RemoteError, excerpt, raise_faults
 from tripwatt.roads.journey import AtlasSettings
 from tripwatt.server.http.car_jobs import CarJobs
-from tripwatt.server.http.contract import chosen_fields
 from tripwatt.server.http.jobs import Jobs
 from tripwatt.server.http.journeys import JourneyJobs
 from tripwatt.server.http.log import log_json
@@ -127,3 +126,27 @@ def bound_memory(more_bytes: int) -> None:
         most = resource.getrlimit(resource.RLIMIT_DATA)[1]
         with contextlib.suppress(ValueError):  # the system allows less
             resource.setrlimit(resource.RLIMIT_DATA, (pages * resource.getpagesize() + more_bytes, most))
+
+
+def chosen_fields(document: Any, fields: str | None) -> Any:
+    """Return the named fields of a document; all fields if `fields` is None.
+
+    Raises
+    ------
+    InvalidInput
+        For a name that the document does not have.
+
+    Examples
+    --------
+    >>> chosen_fields({"energy_wh": 1.0, "series": []}, "energy_wh")
+    {'energy_wh': 1.0}
+    """
+    if fields is None:
+        return document
+    names = fields.split(",")
+    raise_faults(
+        Fault("unknown field", "query.fields", excerpt(name), ", ".join(document))
+        for name in names
+        if name not in document
+    )
+    return {name: document[name] for name in names}

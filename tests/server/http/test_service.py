@@ -10,7 +10,7 @@ from starlette.requests import Request
 from tests.support.virtual_time import elapsed_s, run_jumping
 
 from tripwatt.server.http.problems import Problem
-from tripwatt.server.http.receiving import Bodies, media_type, require_media_type
+from tripwatt.server.http.service import Bodies, media_type, require_media_type
 
 JSON = "application/json"
 
