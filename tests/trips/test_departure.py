@@ -20,7 +20,7 @@ import tripwatt as tw
 from tripwatt.command import departing
 from tripwatt.command.options import spread
 from tripwatt.routes import parse_route
-from tripwatt.server.http.schemas import ForecastRequest, asked
+from tripwatt.server.http.schemas import ForecastRequest, departure_field
 from tripwatt.trips import ASKED, COLUMNS, FIELDS, Departure, Field, Plan
 from tripwatt.trips.messages import name_of
 
@@ -68,7 +68,7 @@ def test_a_new_field_is_one_entry(monkeypatch):
     assert CliRunner().invoke(app, ["--clouds", "0.5"]).exit_code == 0
     assert made == [{"clouds": 0.5}]
     assert [fault.what for fault in field.faults("clouds", 2.0)] == ["value out of range"]
-    request: type[BaseModel] = create_model("Request", clouds=asked("clouds", field))
+    request: type[BaseModel] = create_model("Request", clouds=departure_field("clouds", field))
     schema = request.model_json_schema()["properties"]["clouds"]
     assert (schema["x-label"], schema["anyOf"][0]["maximum"]) == ("clouds", 1.0)
 

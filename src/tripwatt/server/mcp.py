@@ -132,7 +132,7 @@ def make_server(jobs: Jobs, *, changes: bool = False, remote: bool = False) -> S
     """
     absent = OF_MAP * (jobs.journeys.atlas is None) + OF_CARS * (jobs.cars.folder is None)
     offered = [name for name in TOOLS if name not in absent and (changes or name not in CHANGING)]
-    listed = types.ListToolsResult(tools=[_document(name, remote) for name in offered])
+    listed = types.ListToolsResult(tools=[_describe_tool(name, remote) for name in offered])
     one_thread = anyio.CapacityLimiter(1)  # models are kept in caches that one thread may use at a time
 
     def run(name: str, arguments: bytes) -> dict[str, Any]:
@@ -149,11 +149,11 @@ def make_server(jobs: Jobs, *, changes: bool = False, remote: bool = False) -> S
             arguments = orjson.dumps(parameters.arguments or {})
             document = await anyio.to_thread.run_sync(run, parameters.name, arguments, limiter=one_thread)
         except InvalidInput as error:
-            return _answer(f"{error}", is_error=True)
+            return _tool_result(f"{error}", is_error=True)
         except Problem as error:
-            return _answer(f"{TITLES[error.kind][1]} {error.detail}".strip(), is_error=True)
-        text = orjson.dumps(_short(document))
-        return _answer(text.decode(), structured_content=orjson.loads(text))
+            return _tool_result(f"{TITLES[error.kind][1]} {error.detail}".strip(), is_error=True)
+        text = orjson.dumps(_without_long_fields(document))
+        return _tool_result(text.decode(), structured_content=orjson.loads(text))
 
     about: dict[str, Any] = {"version": tripwatt.__version__, "instructions": INSTRUCTIONS}
     return Server("tripwatt", **about, on_list_tools=list_tools, on_call_tool=call_tool)
@@ -174,7 +174,7 @@ def serve(server: Server[Any]) -> None:
     anyio.run(run)
 
 
-def _document(name: str, remote: bool) -> types.Tool:
+def _describe_tool(name: str, remote: bool) -> types.Tool:
     """Return the description of a tool for an assistant, with its schemas."""
     tool, reads = TOOLS[name], name not in CHANGING
     wanted: list[tuple[type[BaseModel], Literal["validation"]]] = [(tool.takes, "validation")]
@@ -187,21 +187,21 @@ def _document(name: str, remote: bool) -> types.Tool:
         name=name,
         description=ABOUT[name],
         input_schema={**named.pop(tool.takes.__name__), "$defs": named},
-        output_schema=_short(
+        output_schema=_without_long_fields(
             TypeAdapter(tool.gives).json_schema(mode="serialization", schema_generator=Schemas)
         ),
         annotations=hints,
     )
 
 
-def _short(value: Any) -> Any:
+def _without_long_fields(value: Any) -> Any:
     """Return a document, or its schema, without the fields of `LEFT_OUT`."""
     if isinstance(value, Mapping):
-        return {name: _short(inner) for name, inner in value.items() if name not in LEFT_OUT}
+        return {name: _without_long_fields(inner) for name, inner in value.items() if name not in LEFT_OUT}
     if isinstance(value, list):
-        return [_short(inner) for inner in value if inner not in LEFT_OUT]
+        return [_without_long_fields(inner) for inner in value if inner not in LEFT_OUT]
     return value
 
 
-def _answer(text: str, **more: Any) -> types.CallToolResult:
+def _tool_result(text: str, **more: Any) -> types.CallToolResult:
     return types.CallToolResult(content=[types.TextContent(text=text)], **more)

@@ -64,7 +64,7 @@ def test_scores_by_hand() -> None:
     assert list(undated.by_season()) == ["june_to_august", "september_to_november"]
     assert diary.by_cause_wh() == {"air": 810.0, "base_load": 2290.0, "not_forecast": pytest.approx(-200.0)}
     assert sum(diary.by_cause_wh().values()) == pytest.approx(table["energy_wh"].sum())
-    nothing = Diary.empty()
+    nothing = Diary.from_entries([])
     assert nothing.score.to_dict() == {
         "trips": 0,
         "error": None,

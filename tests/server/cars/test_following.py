@@ -378,7 +378,7 @@ def test_a_sample_is_complete_after_two_seconds_of_silence(monkeypatch: pytest.M
 
     monkeypatch.setattr(asyncio, "sleep", sleep)
     with pytest.raises(asyncio.CancelledError):
-        asyncio.run(found.follower._report(Client()))  # type: ignore[arg-type]
+        asyncio.run(found.follower._publish_cars(Client()))  # type: ignore[arg-type]
     assert flushed == [("leaf", 2.0), ("leaf", 2.5), ("leaf", 3.0), ("zoe", 3.0)]
 
 

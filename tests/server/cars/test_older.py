@@ -167,7 +167,7 @@ def test_damaged_lines_of_a_journal_cost_only_themselves(tmp_path: Path) -> None
 def test_a_damaged_first_line_makes_no_sample_late(tmp_path: Path, after_s: str) -> None:
     assert len(journal(tmp_path / "leaf", f'{{"after_s":{after_s}}}\n'.encode() + LINES[0])) == 1
     with Car.follow(tmp_path / "leaf") as car:
-        assert car._ordered.given_s == -math.inf
+        assert car._ordered.released_s == -math.inf
 
 
 @pytest.mark.parametrize(

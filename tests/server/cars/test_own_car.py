@@ -204,7 +204,7 @@ def test_a_crash_between_store_and_model_is_caught_up(
         def crash(*_: object) -> None:
             raise KeyboardInterrupt
 
-        patch.setattr(Car, "_keep_lesson", crash)
+        patch.setattr(Car, "_store_lesson", crash)
         with pytest.raises(KeyboardInterrupt):
             car.add(logs[:4])
     assert len(car.diary) == 0

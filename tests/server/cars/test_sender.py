@@ -177,8 +177,8 @@ def test_the_clock_of_the_machine_may_be_set(monkeypatch: pytest.MonkeyPatch) ->
 def test_a_clock_is_known_from_messages_at_the_pace_of_their_stamps() -> None:
     burst, live = Sender(), Sender()
     for k in range(3 * RECENT):
-        burst.go_on(Sample(NOON_S + k, received_s=NOON_S + 1e6 + 0.01 * k))
-        live.go_on(Sample(NOON_S + k, received_s=NOON_S + 1e6 + k))
+        burst.accept(Sample(NOON_S + k, received_s=NOON_S + 1e6 + 0.01 * k))
+        live.accept(Sample(NOON_S + k, received_s=NOON_S + 1e6 + k))
     assert (burst.offset_s, live.offset_s) == (None, 1e6)
 
 
@@ -193,7 +193,7 @@ def test_what_a_standing_car_sent_outlives_the_messages_that_are_erased(folder: 
         car.record(Sample(NOON_S - 1.0, {"displayed_soc": 0.69}), now_s=NOON_S - 0.5)
         for k in range(2000):
             car.record(Sample(NOON_S + k, {"speed_m_s": 0.0}), now_s=NOON_S + k + 0.5)
-        before = [sample.time_s for sample in car._waiting]
+        before = [sample.time_s for sample in car._needed_samples]
         assert len(car.file.messages()) < 1500
     with Car.follow(folder) as car:
         assert [s.time_s for s in (*car._finder.before, *car._ordered.waiting)][-len(before) :] == before
@@ -230,7 +230,7 @@ def test_a_stamp_that_was_held_outlives_the_messages_that_are_erased(folder: Pat
             car.record(Sample(NOON_S + k, {"speed_m_s": 0.0}), now_s=NOON_S + k + 0.5)
         assert driven(car, range(400, 402), HOUR_S) == ["held"] * 2
         car._messages = 2000  # many that do not count
-        car._finish()
+        car._store_ended_trips()
         assert len(car.file.messages()) < 300
     with Car.follow(folder) as car:
         assert car.shown(0.0)["held"] == 2

@@ -270,11 +270,11 @@ def test_as_many_batches_as_the_limit_run() -> None:
     assert served.post("/v1/forecast/batch", b"{}", LINES).status_code == 200  # the place is free again
 
     async def run() -> list[httpx.Response]:
-        runs, go_on = asyncio.Event(), asyncio.Event()
+        runs, accept = asyncio.Event(), asyncio.Event()
 
         async def held(job: dict[str, Any], body: bytes, *, may_queue: bool = False) -> JobResult:
             runs.set()
-            await go_on.wait()
+            await accept.wait()
             return served.pool.result
 
         served.pool.run = held  # type: ignore[method-assign]
@@ -282,7 +282,7 @@ def test_as_many_batches_as_the_limit_run() -> None:
         first = asyncio.create_task(served.ask("/v1/forecast/batch", "POST", **more))
         await runs.wait()
         second = await served.ask("/v1/forecast/batch", "POST", **more)
-        go_on.set()
+        accept.set()
         return [await first, second]
 
     first, second = asyncio.run(run())

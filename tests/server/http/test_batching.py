@@ -9,7 +9,7 @@ from typing import Any
 import orjson
 import pytest
 
-from tripwatt.server.http.batching import forecast_lines, lines_of
+from tripwatt.server.http.batching import forecast_lines, parse_lines
 from tripwatt.server.http.metrics import Metrics
 from tripwatt.server.http.pool import JobResult
 from tripwatt.server.http.problems import Problem
@@ -18,14 +18,14 @@ from tripwatt.server.http.settings import Limits
 
 def problem_of(body: bytes, most: int) -> Problem:
     with pytest.raises(Problem) as caught:
-        lines_of(body, most)
+        parse_lines(body, most)
     return caught.value
 
 
 def test_a_batch_has_a_largest_number_of_lines_and_empty_ones_are_left_out() -> None:
-    assert lines_of(b"a\n\n \t\nbc\r\nd", 3) == [b"a", b"bc\r", b"d"]
-    assert lines_of(b"a\n", 1) == [b"a"]
-    assert lines_of(b"a\n\n\n\n\n\n", 3) == [b"a"]
+    assert parse_lines(b"a\n\n \t\nbc\r\nd", 3) == [b"a", b"bc\r", b"d"]
+    assert parse_lines(b"a\n", 1) == [b"a"]
+    assert parse_lines(b"a\n\n\n\n\n\n", 3) == [b"a"]
     for body, most in ((b"a\nb", 1), (b"a\nb\nc", 2), (b"\n" * 7, 3)):
         assert (problem_of(body, most).kind, problem_of(body, most).detail) == (
             "too-large",

@@ -10,7 +10,14 @@ from types import SimpleNamespace
 import pytest
 
 from tripwatt.errors import Fault
-from tripwatt.server.http.car_jobs import PROGRESS, CarJobs, _files, preview_of, read_progress, uploaded
+from tripwatt.server.http.car_jobs import (
+    PROGRESS,
+    CarJobs,
+    _file_documents,
+    preview_logs,
+    read_progress,
+    upload_tables,
+)
 from tripwatt.server.http.car_schemas import plain
 from tripwatt.server.http.problems import Problem
 from tripwatt.study.synthetic import synthetic_fleet
@@ -31,16 +38,16 @@ def test_an_upload_is_named_by_letters_and_digits(tmp_path: Path) -> None:
     for name in ("good0001", "empty001"):
         (tmp_path / "uploads" / name / "tables").mkdir(parents=True)
     (tmp_path / "uploads" / "good0001" / "tables" / "t00.csv").write_text("a\n1\n")
-    assert uploaded(tmp_path, "good0001").name == "tables"
+    assert upload_tables(tmp_path, "good0001").name == "tables"
     for name in ("..", "", "missing1", "empty001", "../uploads/good0001"):
         with pytest.raises(Problem):
-            uploaded(tmp_path, name)
+            upload_tables(tmp_path, name)
 
 
 def test_the_first_five_faults_of_a_file_are_shown_without_where_it_is_kept(tmp_path: Path) -> None:
     faults = [Fault("empty value", f"{tmp_path}/t00.csv, row {k}") for k in range(9)]
     kind = SimpleNamespace(files=[SimpleNamespace(name="t00.csv")], faults=faults, tables={})
-    shown, ignored = _files([kind], None, ["t01.csv"], tmp_path)  # type: ignore[list-item]
+    shown, ignored = _file_documents([kind], None, ["t01.csv"], tmp_path)  # type: ignore[list-item]
     assert [fault["where"] for fault in shown["faults"]] == [f"t00.csv, row {k}" for k in range(5)]
     assert (ignored["name"], ignored["state"], ignored["faults"]) == ("t01.csv", "ignored", [])
 
@@ -54,7 +61,7 @@ def test_a_preview_has_the_sums_and_ends_of_its_drives() -> None:
     made = synthetic_fleet(3, seed=2)
     first, *others = made.logs
     bare = replace(first, samples=first.samples.drop(columns="ambient_temperature_degc"))
-    found = preview_of(TripSet("three", (bare, *others)))
+    found = preview_logs(TripSet("three", (bare, *others)))
     trips = made.trips
     assert (found["logs"], found["drives"]) == (3, 3)
     assert [(one["count"], one["consequence"]) for one in found["findings"]] == [(1, "noted")]
@@ -65,7 +72,7 @@ def test_a_preview_has_the_sums_and_ends_of_its_drives() -> None:
     assert (found["from_date"], found["to_date"]) == (days[0], days[-1])
     air = [float(log.samples["ambient_temperature_degc"].iloc[0]) for log in others]
     assert found["ambient_degc"] == [min(air), max(air)]
-    without = preview_of(TripSet("one", (bare,)))
+    without = preview_logs(TripSet("one", (bare,)))
     assert (without["drives"], without["ambient_degc"]) == (1, None)
 
 

@@ -17,7 +17,7 @@ from tests.support.service_process import Service
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting.document import ForecastResponse
 from tripwatt.server.http.app import openapi_document
-from tripwatt.server.http.problems import TITLES, pointer_to
+from tripwatt.server.http.problems import TITLES, json_pointer
 from tripwatt.server.http.service import Call
 from tripwatt.server.http.worker import chosen_fields, refuse_unknown_parameters
 
@@ -71,7 +71,7 @@ def test_problems_are_told_apart_and_nothing_is_deprecated(document: dict[str, A
     ],
 )
 def test_a_place_in_the_body_has_a_pointer(where: str, pointer: str | None) -> None:
-    assert pointer_to(where) == pointer
+    assert json_pointer(where) == pointer
 
 
 def test_unknown_parameters_are_refused(service: Service) -> None:

@@ -8,7 +8,7 @@ import pytest
 from tripwatt.physics.battery import open_circuit_voltage, usable_energy_wh
 from tripwatt.server.http import library
 from tripwatt.server.http.library import (
-    described,
+    describe_vehicle,
     example_summaries,
     examples,
     vehicles,
@@ -46,7 +46,7 @@ def test_the_cars_of_the_library() -> None:
 
 def test_a_car_is_described_with_its_certified_interval() -> None:
     car = load_vehicle("bmw_i3_60ah")
-    found = described(car)
+    found = describe_vehicle(car)
     assert (found["title"], found["test_mass_kg"]) == (car.title, car.body.test_mass_kg)
     assert found["wltp_low_kwh_per_100km"] < found["wltp_kwh_per_100km"] < found["wltp_high_kwh_per_100km"]
 

@@ -72,7 +72,7 @@ def test_a_process_is_prepared_once_and_runs_jobs() -> None:
     with ProcessPoolExecutor(
         1, multiprocessing.get_context("spawn"), worker.prepare, ({}, Limits(), AtlasSettings(), None)
     ) as process:
-        status, content, seconds = process.submit(worker.run_here, {"kind": "forecast"}, b"{").result()
+        status, content, seconds = process.submit(worker.run_in_worker, {"kind": "forecast"}, b"{").result()
         assert (status, orjson.loads(content)["type"]) == (400, "/problems/not-json")
         assert 0.0 <= seconds < 120.0
         assert process.submit(signal.getsignal, signal.SIGTERM).result() is signal.SIG_IGN

@@ -28,7 +28,7 @@ from tripwatt.server.cars.car_file import (
 from tripwatt.server.cars.diary import Diary
 from tripwatt.server.cars.documents import HIGH, LOW, LiveForecastDocument, LiveResponse, live_forecast
 from tripwatt.server.cars.learning import Learned, Learner, Lesson, Progress, model_of_parts
-from tripwatt.server.cars.live_car import LiveCar, made_folder
+from tripwatt.server.cars.live_car import LiveCar, make_car_folder
 from tripwatt.server.cars.plan import LivePlan
 from tripwatt.trips import Departure, TripSet
 from tripwatt.trips.columns import require_fraction
@@ -39,11 +39,11 @@ if TYPE_CHECKING:
     from tripwatt.vehicles import Vehicle
 
 MAX_LEFT_OUT: Final = 100
-"""Most trips left out of the diary whose reasons are kept; the oldest reasons are dropped first."""
+"""Most trips left out of the diary whose reasons are kept (a choice); the oldest reasons are dropped first."""
 
 
 AIR_S: Final = SECONDS_PER_DAY
-"""Longest age of an outside temperature that is still used [s]."""
+"""Longest age of an outside temperature that is still used [s]. A choice: the next day begins at about the same temperature."""
 
 ModelOf = Callable[[Mapping[str, Any]], ForecastModel]
 """Request of a plan -> model that forecasts it; the same object until the model changes."""
@@ -98,9 +98,9 @@ class Car(LiveCar):
         self.model_of: ModelOf | None = None
         self.reserve = 0.1
         self.note: Callable[[str], None] = lambda _: None
-        # what the forecast at departure was made of, and that forecast
-        self._departing: tuple[tuple[LivePlan, ForecastModel, Departure], Forecast] | None = None
-        self._of: tuple[Any, ...] = ()
+        # plan, model and departure of the forecast at departure, and that forecast
+        self._at_departure: tuple[tuple[LivePlan, ForecastModel, Departure], Forecast] | None = None
+        self._forecast_state: tuple[Any, ...] = ()
         self._forecast: LiveForecastDocument | None = None
         self._faults: list[dict[str, str]] = []
         self.updated: Forecast | None = None
@@ -138,7 +138,7 @@ class Car(LiveCar):
             When the folder's name is not a valid car name, the folder cannot be written, or another process follows the car.
         """
         require_fraction("reserve", reserve)
-        made_folder(Path(folder).absolute())
+        make_car_folder(Path(folder).absolute())
         car = cls(folder)
         car.model_of, car.reserve, car.keep_days = model_of, reserve, keep_days
         car._resume()
@@ -186,7 +186,7 @@ class Car(LiveCar):
         """The diary of the car: its trips, each with the forecast made before it was learned."""
         with self.file.read() as db:
             rows = db.execute("SELECT entry FROM diary ORDER BY rowid").fetchall()
-        return Diary.empty().with_entries(json.loads(entry) for (entry,) in rows)
+        return Diary.from_entries(json.loads(entry) for (entry,) in rows)
 
     @property
     def left_out(self) -> dict[str, str]:
@@ -213,16 +213,6 @@ class Car(LiveCar):
         """
         return self._learner().model()
 
-    def learned_state(self) -> str:
-        """Return an identifier of what the car has learned.
-
-        Returns
-        -------
-        str
-            Text that changes whenever the car learns.
-        """
-        return f"{self.file.setting('state')}"
-
     def add(self, logs: TripSet | Iterable[Log], *, progress: Progress | None = None) -> Learned:
         """Store logs, forecast their trips one after the other, and learn from them.
 
@@ -245,26 +235,24 @@ class Car(LiveCar):
         InvalidInput
             When a log was resampled, or the car cannot be written.
         """
-        given = [
+        raw_logs = [
             replace(log, context=replace(log.context, car=None))
             for log in (logs.logs if isinstance(logs, TripSet) else logs)
         ]
         raise_faults(
             Fault("not a raw log", log.trip_id, f"means over {log.step_s} s")
-            for log in given
+            for log in raw_logs
             if log.step_s is not None
         )
-        rows = [row_of_log(log) for log in given]
+        rows = [row_of_log(log) for log in raw_logs]
         with system_errors("cannot write the car", f"{self.folder}", "a writable folder with space"):
             with self.file.write() as db:
                 added = put_logs(db, rows)
-                digests = {digest for (digest,) in db.execute("SELECT digest FROM trips")}
-            other = "another log of this name was added before"
-            others = {f"{name}": other for name, digest, *_ in rows if digest not in digests}
-            known = len(rows) - added - len(others)
-            return self._learn(
-                {log.trip_id for log in given} - {*others}, Learned(added, known), others, progress
-            )
+                stored = {digest for (digest,) in db.execute("SELECT digest FROM trips")}
+            why = "another log of this name was added before"
+            refused = {f"{name}": why for name, digest, *_ in rows if digest not in stored}
+            counts = Learned(added, len(rows) - added - len(refused))
+            return self._learn({log.trip_id for log in raw_logs} - {*refused}, counts, refused, progress)
 
     def learn(self, *, progress: Progress | None = None) -> Learned:
         """Learn the trips that the car finished on the road.
@@ -296,11 +284,11 @@ class Car(LiveCar):
     def has_news(self) -> bool:
         """Whether a trip that was finished on the road is not learned yet; False if the car has no description."""
         with self.file.read() as db:
-            found = db.execute(
+            row = db.execute(
                 """SELECT 1 FROM settings WHERE name = 'vehicle'
                 AND EXISTS (SELECT 1 FROM trips WHERE start_s IS NOT NULL AND NOT is_learned)"""
-            )
-            return found.fetchone() is not None
+            ).fetchone()
+        return row is not None
 
     def _learner(self) -> Learner:
         with self.file.read() as db:
@@ -310,24 +298,25 @@ class Car(LiveCar):
         return Learner(self.vehicle, self.base, TripSet(self.name, self.logs()), self.diary.trip_ids, stored)
 
     def _learn(
-        self, given: Iterable[str], counts: Learned, others: Mapping[str, str], progress: Progress | None
+        self, names: Iterable[str], counts: Learned, refused: Mapping[str, str], progress: Progress | None
     ) -> Learned:
-        """Learn all trips that are not in the diary; repeat this if another process changed the learned state meanwhile."""
-        is_kept = False
-        while not is_kept:
-            state, learner = self.learned_state(), self._learner()
-            lesson = learner.learn(given, progress or (lambda done, total: None))
-            lesson.left_out |= others
-            is_kept = self._keep_lesson(state, learner.logs, lesson)
+        """Learn all trips that are not in the diary; repeat this if another process changed the learned state meanwhile.
+
+        The result has the reasons why trips of `names` were left out, and those of `refused`.
+        """
+        is_stored = False
+        while not is_stored:
+            state, learner = self.file.setting("state"), self._learner()
+            lesson = learner.learn(names, progress or (lambda done, total: None))
+            lesson.left_out |= refused
+            is_stored = self._store_lesson(state, learner.logs, lesson)
         left_out = tuple(f"{trip}: {why}" for trip, why in lesson.left_out.items())
         return replace(counts, entries=len(lesson.entries), left_out=left_out, flat=lesson.flat)
 
-    def _keep_lesson(self, state: str, logs: TripSet, lesson: Lesson) -> bool:
+    def _store_lesson(self, state: str, logs: TripSet, lesson: Lesson) -> bool:
         """Write model and diary in one transaction; return False if the learned state is no longer `state`."""
         with self.file.write() as db:
-            if db.execute("SELECT value FROM settings WHERE name = 'state'").fetchone() != (
-                json.dumps(state),
-            ):
+            if self.file.setting("state", db) != state:
                 return False
             names = [(log.trip_id,) for log in logs.logs]
             db.executemany("UPDATE trips SET is_learned = TRUE WHERE trip_id = ?", names)
@@ -360,10 +349,8 @@ class Car(LiveCar):
         latest, by_book = diary.latest()
         with self.file.read() as db:
             (trips,) = db.execute("SELECT count(*) FROM trips").fetchone()
-            (text,) = db.execute("SELECT content FROM model WHERE part = ?", (METADATA,)).fetchone() or (
-                "{}",
-            )
-        metadata = json.loads(text)
+            part = db.execute("SELECT content FROM model WHERE part = ?", (METADATA,)).fetchone()
+        metadata = {} if part is None else json.loads(part[0])
         is_current = metadata.get("format_version") == FORMAT_VERSION
         adapted = metadata["provenance"]["adapted"] if is_current else {}
         return {
@@ -408,13 +395,14 @@ class Car(LiveCar):
             plan = self._usual[2]
         if plan is None or self.model_of is None:
             return None
-        model, known, shown = self.model_of(plan.request), plan.road.departure, self.departure()
-        if known.soc is not None or known.bms_soc is not None:
-            shown = replace(shown, soc=None, bms_soc=None)
-        made_of = plan, model, shown.merge(known)
-        if self._departing is None or self._departing[0] != made_of:
-            self._departing = made_of, model.forecast(replace(plan.road, departure=made_of[2]))
-        return self._departing[1]
+        model, planned, sampled = self.model_of(plan.request), plan.road.departure, self.departure()
+        if planned.soc is not None or planned.bms_soc is not None:
+            sampled = replace(sampled, soc=None, bms_soc=None)
+        departure = sampled.merge(planned)
+        if self._at_departure is None or self._at_departure[0] != (plan, model, departure):
+            made = model.forecast(replace(plan.road, departure=departure))
+            self._at_departure = (plan, model, departure), made
+        return self._at_departure[1]
 
     def update(self, forecast: Forecast) -> Forecast:
         """Update the forecast made at departure with what was measured so far. O(samples of the trip).
@@ -456,12 +444,15 @@ class Car(LiveCar):
         'new'
         0.8
         """
-        if self._soc is None or self._soc[1] == "soc" or self.model_of is None:
-            return None if self._soc is None or self._soc[1] != "soc" else self._soc[2]
+        if self._soc is None:
+            return None
+        _, field, soc = self._soc
+        if field == "soc" or self.model_of is None:
+            return soc if field == "soc" else None
         model = self.model_of({} if self.plan is None else self.plan.request)
         scale = None if model.uncertainty_ is None else model.uncertainty_.charge
-        shown = scale.displayed if scale is not None else model.vehicle.battery.displayed_from_soc
-        return min(max(float(shown(self._soc[2])), 0.0), 1.0)
+        displayed = model.vehicle.battery.displayed_from_soc if scale is None else scale.displayed
+        return min(max(float(displayed(soc)), 0.0), 1.0)
 
     def last_air_degc(self, now_s: float) -> float | None:
         """Return the outside temperature from the latest message that has one.
@@ -510,11 +501,11 @@ class Car(LiveCar):
         dict
             Plain values, as in the response of the service.
         """
-        if self._of != self.live_state:
-            self._make()
+        if self._forecast_state != self.live_state:
+            self._update_forecast()
         usual = None
-        if self.plan is None and self._forecast is not None and self._departing is not None:
-            usual = self._departing[0][0].usual_trip
+        if self.plan is None and self._forecast is not None and self._at_departure is not None:
+            usual = self._at_departure[0][0].usual_trip
         document = {
             **self.shown(now_s),
             "soc": self.shown_soc(),
@@ -528,31 +519,28 @@ class Car(LiveCar):
         }
         return cast(LiveResponse, document)
 
-    def _make(self) -> None:
+    def _update_forecast(self) -> None:
         """Make the forecast of the document, and store it for the diary if one is due."""
-        before, of, self._of = self._forecast, self._of, self.live_state
+        before, state_before, self._forecast_state = self._forecast, self._forecast_state, self.live_state
         departing, self._faults = None, []
         try:
             departing = self.at_departure()
             self.updated = None if departing is None else self.update(departing)
-            self._forecast = None if self.updated is None else self._live(self.updated)
+            self._forecast = None if self.updated is None else live_forecast(self.updated, self.reserve_asked)
         except InvalidInput as error:
             self._faults = [fault.texts for fault in error.faults]
-            if of[1:] != self._of[1:]:  # the forecast before is of another trip or plan
-                self._forecast = None if departing is None else self._live(departing)
+            if state_before[1:] != self.live_state[1:]:  # the forecast before is of another trip or plan
+                self._forecast = None if departing is None else live_forecast(departing, self.reserve_asked)
             return
         if self._forecast is None:
             return
         try:
             # the forecast before is that of the departure if the car was on no trip
-            if before is not None and of[1:] == (self._of[1], None):
+            if before is not None and state_before[1:] == (self.live_state[1], None):
                 self.keep_forecast(before, departing=True)
             self.keep_forecast(self._forecast)
         except OSError as error:
             self.note(f"forecast not stored: {error}"[:200])
-
-    def _live(self, forecast: Forecast) -> LiveForecastDocument:
-        return live_forecast(forecast, self.reserve_asked)
 
     def keep_forecast(self, forecast: LiveForecastDocument, *, departing: bool = False) -> bool:
         """Store a forecast of the whole trip for the diary, if one is due.
@@ -587,7 +575,7 @@ class Car(LiveCar):
         at_s, distance_m = (0.0, 0.0) if departing else (trip.last_s - trip.start_s, trip.distance_m)
         ends = (forecast["quantiles_wh"][end] for end in (LOW, HIGH))
         made = MadeForecast(at_s, distance_m, forecast["energy_wh"], *ends)
-        if not self._is_due(at_s) or not all(map(math.isfinite, astuple(made))):
+        if not self._is_forecast_due(at_s) or not all(map(math.isfinite, astuple(made))):
             return False
         with self.file.write() as db:
             put_forecasts(db, trip.start_s, [made])

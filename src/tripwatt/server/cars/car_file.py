@@ -155,9 +155,12 @@ class CarFile:
         with suppress(InvalidInput), self.read() as db:
             db.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchall()
 
-    def setting(self, name: str) -> Any:
-        """Return a setting; None if it is missing, or if a killed process left the file without tables."""
-        with self.read() as db:
+    def setting(self, name: str, transaction: sqlite3.Connection | None = None) -> Any:
+        """Return a setting, as in a transaction if one is given; None if it is missing, or the file has no tables.
+
+        A process that was killed may leave a file without tables.
+        """
+        with self.read() if transaction is None else nullcontext(transaction) as db:
             if db.execute("PRAGMA user_version").fetchone() == (0,):
                 return None
             row = db.execute("SELECT value FROM settings WHERE name = ?", (name,)).fetchone()
@@ -174,10 +177,8 @@ class CarFile:
     def departures(self, before_s: float) -> list[float]:
         """Return the departures of finished trips on the road before `before_s` [s since 1970]."""
         with self.read() as db:
-            return [
-                start_s
-                for (start_s,) in db.execute("SELECT start_s FROM trips WHERE start_s < ?", (before_s,))
-            ]
+            rows = db.execute("SELECT start_s FROM trips WHERE start_s < ?", (before_s,))
+            return [start_s for (start_s,) in rows]
 
     def forecasts(self, start_s: float) -> tuple[MadeForecast, ...]:
         """Return the forecasts made on the trip that started at `start_s` [s since 1970]."""
@@ -189,9 +190,8 @@ class CarFile:
     def messages(self) -> list[Sample]:
         """Return the samples that belong to no finished trip, in the order of their arrival."""
         with self.read() as db:
-            return [
-                sample_of_text(text) for (text,) in db.execute("SELECT sample FROM messages ORDER BY rowid")
-            ]
+            rows = db.execute("SELECT sample FROM messages ORDER BY rowid")
+            return [sample_of_text(text) for (text,) in rows]
 
 
 def put_settings(db: sqlite3.Connection, settings: Mapping[str, Any]) -> None:
@@ -218,8 +218,7 @@ def put_logs(
 def row_of_log(log: Recorded) -> tuple[object, ...]:
     """Return a log as a row of the table `trips`, without its last two columns. O(samples)."""
     samples, started, names = BytesIO(), log.context.started_at, kept_columns(log)
-    arrays: dict[str, Any] = {name: log.array(name) for name in names}
-    np.savez_compressed(samples, **arrays)
+    np.savez_compressed(samples, **{name: log.array(name) for name in names})  # type: ignore[arg-type]
     return (
         log.trip_id,
         digest_of("", log),
@@ -233,9 +232,8 @@ def row_of_log(log: Recorded) -> tuple[object, ...]:
 
 def put_forecasts(db: sqlite3.Connection, start_s: float, made: Iterable[MadeForecast]) -> None:
     """Add forecasts of the trip that started at `start_s` [s since 1970]."""
-    db.executemany(
-        "INSERT INTO forecasts VALUES (?, ?, ?, ?, ?, ?)", [(start_s, *astuple(one)) for one in made]
-    )
+    rows = [(start_s, *astuple(forecast)) for forecast in made]
+    db.executemany("INSERT INTO forecasts VALUES (?, ?, ?, ?, ?, ?)", rows)
 
 
 def put_messages(db: sqlite3.Connection, samples: Iterable[Sample]) -> None:

@@ -35,11 +35,11 @@ CAUSE: Final = "cause_"
 
 QUARTERS: Final = ("december_to_february", "march_to_may", "june_to_august", "september_to_november")
 LATEST: Final = 20
-"""Number of latest trips in the running score."""
+"""Number of latest trips in the running score. A choice: about a month of commutes."""
 
 COLD_DEGC: Final = 5.0
 WARM_DEGC: Final = 20.0
-"""Bounds of the classes of outside air: heating all the way, little climate control, cooling."""
+"""Bounds of the classes of outside air: heating all the way, little climate control, cooling. A choice."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,15 +83,15 @@ class Score:
     needed_width: float
 
     @classmethod
-    def of(cls, table: pd.DataFrame, start: str = "") -> Score:
+    def of(cls, table: pd.DataFrame, prefix: str = "") -> Score:
         """Score the rows of a diary.
 
         Parameters
         ----------
         table : DataFrame
-            Columns `energy_wh`, and `forecast_wh`, `low_wh` and `high_wh` after the prefix `start`.
-        start : str
-            Prefix of the columns: `book_` for the forecasts without own trips.
+            Columns `energy_wh`, and `forecast_wh`, `low_wh` and `high_wh` after `prefix`.
+        prefix : str
+            Prefix of the columns: `book_` for the forecasts without the car's own trips.
 
         Returns
         -------
@@ -106,17 +106,18 @@ class Score:
         >>> score.inside, score.coverage, score.width, round(score.needed_width, 6)
         (1, 0.5, 0.2, 0.3)
         """
-        names = ("energy_wh", *(f"{start}{name}" for name in FORECAST))
-        took, said, low, high = (table[name].to_numpy(dtype=np.float64) for name in names)
-        if not len(took):
+        names = ("energy_wh", *(f"{prefix}{name}" for name in FORECAST))
+        measured, forecast, low, high = (table[name].to_numpy(dtype=np.float64) for name in names)
+        if not len(measured):
             nan = math.nan
             return cls(0, nan, nan, nan, nan, nan, 0, nan)
-        covered = Coverage.from_bounds(took, low, high, LEVEL)
-        error, total, counts = said - took, float(np.abs(took).sum()) or math.nan, took > 0.0
-        width = float((high - low).sum() / total)
+        covered = Coverage.from_bounds(measured, low, high, LEVEL)
+        total, consumed = float(np.abs(measured).sum()) or math.nan, measured > 0.0
+        error, width = forecast - measured, float((high - low).sum() / total)
+        relative = np.abs(error[consumed]) / measured[consumed]
         return cls(
-            len(took),
-            float(np.mean(np.abs(error[counts]) / took[counts])) if counts.any() else math.nan,
+            len(measured),
+            float(np.mean(relative)) if consumed.any() else math.nan,
             float(np.abs(error).sum() / total),
             float(error.sum() / total),
             covered.share,
@@ -164,9 +165,10 @@ def entry(trip: Trip, forecast: Forecast, published: Forecast, trips_learned: in
     }
 
 
-def _columns(forecast: Forecast, start: str = "") -> dict[str, float]:
+def _columns(forecast: Forecast, prefix: str = "") -> dict[str, float]:
+    """Return the values of the columns of a forecast."""
     values = forecast.energy_wh, *forecast.interval(LEVEL)
-    return dict(zip((f"{start}{name}" for name in FORECAST), values, strict=True))
+    return dict(zip((f"{prefix}{name}" for name in FORECAST), values, strict=True))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -184,11 +186,11 @@ class Diary:
     --------
     >>> row = {"trip_id": "A", "ambient_temperature_degc": 3.0, "energy_wh": 1000.0, "forecast_wh": 1100.0,
     ...        "low_wh": 900.0, "high_wh": 1300.0, "book_forecast_wh": 1200.0, "book_low_wh": 900.0, "book_high_wh": 1500.0}
-    >>> diary = Diary.empty().with_entries([row])
+    >>> diary = Diary.from_entries([row])
     >>> len(diary), diary.score.error
     (1, 0.1)
-    >>> own, book = diary.latest(5)
-    >>> own.error < book.error
+    >>> adapted, published = diary.latest(5)
+    >>> adapted.error < published.error
     True
     >>> list(diary.by_temperature()), diary.by_cause_wh()
     (['below 5 °C'], {})
@@ -197,19 +199,8 @@ class Diary:
     table: pd.DataFrame
 
     @classmethod
-    def empty(cls) -> Diary:
-        """Make a diary without a trip.
-
-        Returns
-        -------
-        Diary
-            No rows; all columns except those by cause.
-        """
-        texts = {name: pd.Series(dtype=str) for name in TEXTS}
-        return cls(pd.DataFrame({**texts, **{name: pd.Series(dtype=np.float64) for name in NUMBERS}}))
-
-    def with_entries(self, entries: Iterable[Mapping[str, Any]]) -> Diary:
-        """Add rows.
+    def from_entries(cls, entries: Iterable[Mapping[str, Any]]) -> Diary:
+        """Make a diary.
 
         Parameters
         ----------
@@ -219,12 +210,13 @@ class Diary:
         Returns
         -------
         Diary
-            A copy with the rows at its end.
+            Without entries, no rows and all columns except those by cause.
         """
         rows = pd.DataFrame(list(entries))
         if rows.empty:
-            return self
-        return Diary(rows if self.table.empty else pd.concat([self.table, rows], ignore_index=True))
+            kinds = {**dict.fromkeys(TEXTS, str), **dict.fromkeys(NUMBERS, np.float64)}
+            rows = pd.DataFrame({name: pd.Series(dtype=kind) for name, kind in kinds.items()})
+        return cls(rows)
 
     def __len__(self) -> int:
         return len(self.table)
@@ -249,10 +241,10 @@ class Diary:
 
         Returns
         -------
-        own : Score
+        adapted : Score
             Score of the forecasts by the model as it was at each trip.
-        book : Score
-            Score of the forecasts by the model without own trips.
+        published : Score
+            Score of the forecasts by the model without the car's own trips.
         """
         last = self.table.tail(trips)
         return Score.of(last), Score.of(last, BOOK)
@@ -287,7 +279,7 @@ class Diary:
 
         Examples
         --------
-        >>> Diary.empty().by_season()
+        >>> Diary.from_entries([]).by_season()
         {}
         """
         month = pd.to_datetime(
@@ -321,13 +313,13 @@ class Diary:
 
         Examples
         --------
-        >>> Diary.empty().seen_degc("heating") is None
+        >>> Diary.from_entries([]).seen_degc("heating") is None
         True
         """
         air = self.table["ambient_temperature_degc"].to_numpy(dtype=np.float64)
         low, high = acts_between(factor)
-        seen = air[(air >= low) & (air <= high)]
-        return (float(seen.min()), float(seen.max())) if len(seen) else None
+        shown = air[(air >= low) & (air <= high)]
+        return (float(shown.min()), float(shown.max())) if len(shown) else None
 
     def by_cause_wh(self) -> dict[str, float]:
         """Sum the energy of all trips by cause: the forecasts by cause, and the energy that was not forecast.

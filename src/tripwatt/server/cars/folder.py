@@ -17,7 +17,7 @@ from tripwatt.population.cars import for_car
 from tripwatt.server.cars import older
 from tripwatt.server.cars.car import Car
 from tripwatt.server.cars.car_file import FILE, CarFile, put_settings
-from tripwatt.server.cars.live_car import VALID_NAME, made_folder
+from tripwatt.server.cars.live_car import VALID_NAME, make_car_folder
 from tripwatt.vehicles import Vehicle, load_vehicle
 
 UPLOADS: Final = "uploads"
@@ -69,7 +69,7 @@ def create_car(
     >>> car = tw.create_car("my-leaf", "nissan_leaf_24")  # doctest: +SKIP
     """
     wanted = Path(folder)
-    place = _place(wanted)
+    place = _car_folder(wanted)
     car = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
     there = {entry.name for entry in place.iterdir()} if place.is_dir() else set[str]()
     other = {name for name in there if name not in (FILE, older.LIVE) and not name.startswith(f"{FILE}-")}
@@ -139,7 +139,7 @@ def open_car(folder: Path | str) -> Car:
     >>> tw.open_car("my-leaf").diary.score  # doctest: +SKIP
     Score(trips=12, error=0.09, weighted_error=0.08, bias=0.01, coverage=0.92, width=0.4)
     """
-    place = _place(Path(folder))
+    place = _car_folder(Path(folder))
     if not is_car(place):
         got = "a folder" if place.is_dir() else "a file" if place.exists() else "no such folder"
         fix = "make one: tripwatt car new"
@@ -147,7 +147,7 @@ def open_car(folder: Path | str) -> Car:
     return Car(place)
 
 
-def _place(folder: Path) -> Path:
+def _car_folder(folder: Path) -> Path:
     """Return the folder of a car, given with its name or its label as last part."""
     usual = folder.name == "" or VALID_NAME.fullmatch(folder.name) is not None or is_car(folder)
     return folder if usual else folder.with_name(folder_name(folder.name))
@@ -175,7 +175,7 @@ def forget_car(folder: Path | str) -> None:
     ...     print(place.exists())
     False
     """
-    place = _place(Path(folder))
+    place = _car_folder(Path(folder))
     if not (place / FILE).is_file() and not (place / older.LIVE).is_dir():
         place = open_car(folder).folder
     with folder_lock(place):
@@ -237,7 +237,7 @@ def issue_token(folder: Path | str) -> str:
     32 True
     """
     token, place = secrets.token_urlsafe(24), Path(folder).absolute()
-    made_folder(place)
+    make_car_folder(place)
     car = Car(place)
     with (
         system_errors("cannot write the folder", f"{place}", "a writable folder"),
@@ -266,7 +266,7 @@ def token_digest(folder: Path | str) -> str | None:
 
 def _setting(place: Path, name: str) -> object:
     """Return a setting of the car in a folder; None if there is no car or no such setting."""
-    if older.is_there(place):
+    if older.is_older_folder(place):
         Car(place)
     file = CarFile(place)
     return file.setting(name) if file.path.is_file() else None

@@ -174,7 +174,7 @@ class Follower:
         self._joiners = {name: TopicJoiner(*given) for name, given in self.settings.cars.items()}
         self._now_s = steady_clock()
         for name, joiner in self._joiners.items():
-            joiner.note = partial(self._refused, name)
+            joiner.note = partial(self._note_refusal, name)
         self._received_s = dict.fromkeys(self._joiners, 0.0)
         # what was published of a car, without its age, and when
         self._published: dict[str, tuple[dict[str, Any], float]] = {}
@@ -195,7 +195,7 @@ class Follower:
                     try:
                         async with asyncio.TaskGroup() as tasks:
                             tasks.create_task(self._listen(client))
-                            tasks.create_task(self._report(client))
+                            tasks.create_task(self._publish_cars(client))
                     finally:  # the will is for a process that is killed, and for a lost connection
                         with contextlib.suppress(aiomqtt.MqttError):
                             await self._publish(client, "", OFFLINE)
@@ -223,12 +223,12 @@ class Follower:
         try:
             await self.take(name, sample)
         except InvalidInput as error:
-            self._refused(name, error)
+            self._note_refusal(name, error)
 
-    def _refused(self, name: str, error: InvalidInput) -> None:
+    def _note_refusal(self, name: str, error: InvalidInput) -> None:
         self.note(f"{name}: message not stored: {error}"[:200])
 
-    async def _report(self, client: aiomqtt.Client) -> None:
+    async def _publish_cars(self, client: aiomqtt.Client) -> None:
         while True:
             await asyncio.sleep(self.every_s)
             for name, joiner in self._joiners.items():

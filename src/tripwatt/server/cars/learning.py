@@ -100,9 +100,9 @@ class Learner:
         """Return the model of the car; before the first trip, that of its published values."""
         if self.stored is not None:
             return self.stored
-        return self.known().model if self.seen else for_car(self.base, self.vehicle)
+        return self.adaptation().model if self.seen else for_car(self.base, self.vehicle)
 
-    def known(self) -> Adaptation:
+    def adaptation(self) -> Adaptation:
         """Return what the car has learned; computed from its trips again if an older version of tripwatt learned them."""
         base, stored = load_model(self.base), self.stored
         new = Adaptation.before_trips(base, self.vehicle, population_of(base))
@@ -122,12 +122,12 @@ class Learner:
             Names of logs; if the audit sets them aside, `Lesson.left_out` has the reason.
         progress : callable
         """
-        judged, lesson, given = audit(self.logs), Lesson(), {*given}
-        lesson.left_out |= {trip: why for trip, why in judged.set_aside.items() if trip in given}
-        ahead = [trip for trip in _by_date(judged.trips) if trip.trip_id not in self.seen]
+        audited, lesson, given = audit(self.logs), Lesson(), {*given}
+        lesson.left_out |= {trip: why for trip, why in audited.set_aside.items() if trip in given}
+        ahead = [trip for trip in _by_date(audited.trips) if trip.trip_id not in self.seen]
         if not ahead:
             return lesson
-        published, known, model = for_car(self.base, self.vehicle), self.known(), self.model()
+        published, known, model = for_car(self.base, self.vehicle), self.adaptation(), self.model()
         for number, trip in enumerate(ahead, start=1):
             try:
                 row = entry(trip, model.forecast(trip), published.forecast(trip), len(known.evidence))
@@ -141,12 +141,12 @@ class Learner:
             progress(number, len(ahead))
         if lesson.entries:
             base = load_metadata(self.base, check_parts=False)
-            provenance = {**provenance_of(self.logs, judged, model, []), **about_adaptation(known, base)}
-            lesson.model = _parts(model, provenance)
+            provenance = {**provenance_of(self.logs, audited, model, []), **about_adaptation(known, base)}
+            lesson.model = _stored_parts(model, provenance)
         return lesson
 
 
-def _parts(model: ForecastModel, provenance: Mapping[str, Any]) -> dict[str, bytes]:
+def _stored_parts(model: ForecastModel, provenance: Mapping[str, Any]) -> dict[str, bytes]:
     figures = {**held_out_figures(model.held_out_), "protocol": PROTOCOL}
     with TemporaryDirectory() as folder:
         place = Path(folder, "model")

@@ -85,7 +85,7 @@ class LiveCar(Recorder):
         self.folder = Path(folder).absolute()
         self.file = CarFile(self.folder)
         with system_errors("cannot write the folder", f"{self.folder}", "a writable folder"):
-            self.file.prepare(partial(older.fill, self.folder))
+            self.file.prepare(partial(older.read_into, self.folder))
         older.remove(self.folder)
         super().__init__(self.folder.name)
         self.keep_days = math.inf
@@ -103,7 +103,7 @@ class LiveCar(Recorder):
             stack.enter_context(folder_lock(self.folder))
             self.file.keep_open()
             stack.callback(self.file.close)
-            self._recall(self.file.setting("live") or {})
+            self._restore(self.file.setting("live") or {})
             plan = self.file.setting("plan")
             self.plan = None if plan is None else LivePlan.from_dict(plan)
             for sample in self.file.messages():
@@ -113,7 +113,7 @@ class LiveCar(Recorder):
             if self._messages:
                 self._listening_s = self.now_s()
             self.counts = {"new": 0, "doubled": 0, "late": 0}
-            self._finish()
+            self._store_ended_trips()
             self.erase_old(self.now_s())
             self._open = stack.pop_all()
 
@@ -152,7 +152,7 @@ class LiveCar(Recorder):
             self._messages += 1
         self._take(sample, arrival)
         self.received_s = now_s
-        self._finish()
+        self._store_ended_trips()
         return "new" if arrival == "held" and not self._sender.held else arrival
 
     def _move(self, by_s: float) -> None:
@@ -204,18 +204,18 @@ class LiveCar(Recorder):
         """
         self._end_trip()
         done = bool(self.ended)
-        self._finish()
+        self._store_ended_trips()
         return done
 
-    def _finish(self) -> None:
+    def _store_ended_trips(self) -> None:
         """Write ended trips, and forget their plan and their samples, in one transaction."""
-        waiting, done = self._waiting, bool(self.ended)
+        waiting, done = self._needed_samples, bool(self.ended)
         # while the car is on a trip again, its samples are needed to find it after a restart
         shorten = self.trip is None and (done or self._messages > 2 * len(waiting) + SLACK_MESSAGES)
         if not done and not shorten:
             return
         with self.file.write() as db:
-            kept = [trip for trip in self.ended if self._keep(db, trip)]
+            kept = [trip for trip in self.ended if self._store_trip(db, trip)]
             plan = self.plan
             if plan is not None and any(
                 plan.given_s is None or plan.given_s <= trip.moved_s for trip in kept
@@ -225,7 +225,7 @@ class LiveCar(Recorder):
             if shorten:
                 db.execute("DELETE FROM messages")
                 put_messages(db, waiting)
-                put_settings(db, {"live": self._rest()})
+                put_settings(db, {"live": self._state_before_samples()})
         self.ended.clear()
         self._plans += plan is not self.plan
         self.plan = plan
@@ -234,7 +234,7 @@ class LiveCar(Recorder):
             self.file.checkpoint()
             self.finished()
 
-    def _keep(self, db: sqlite3.Connection, trip: LiveTrip) -> bool:
+    def _store_trip(self, db: sqlite3.Connection, trip: LiveTrip) -> bool:
         """Write an ended trip as a log and return True; if it is too short, delete its forecasts and return False."""
         table = trip.table(until_s=trip.moved_s)
         started = dt.datetime.fromtimestamp(int(trip.start_s), dt.UTC)
@@ -284,7 +284,7 @@ class LiveCar(Recorder):
             db.execute("UPDATE trips SET start_s = NULL WHERE start_s < ?", (before_s,))
             if is_silent:
                 db.execute("DELETE FROM messages")
-                put_settings(db, {"live": self._forget_charge()})
+                put_settings(db, {"live": self._state_without_charge()})
                 self._messages = 0
         self.file.checkpoint()
         self._usual = None
@@ -370,9 +370,9 @@ class LiveCar(Recorder):
     def wants_forecast(self) -> bool:
         """Whether a forecast made now is due to be stored with the trip."""
         trip = self.trip
-        return trip is not None and self._is_due(trip.last_s - trip.start_s)
+        return trip is not None and self._is_forecast_due(trip.last_s - trip.start_s)
 
-    def _is_due(self, at_s: float) -> bool:
+    def _is_forecast_due(self, at_s: float) -> bool:
         made = self.forecasts
         return not made or (at_s - made[-1].at_s >= EVERY_S and len(made) < MAX_FORECASTS)
 
@@ -387,7 +387,7 @@ class LiveCar(Recorder):
         self.close()
 
 
-def made_folder(place: Path) -> None:
+def make_car_folder(place: Path) -> None:
     """Create the folder of a car if it is missing.
 
     Raises

@@ -65,7 +65,7 @@ UNREADABLE: Final = (
 )
 
 
-def fill(folder: Path, db: sqlite3.Connection) -> None:
+def read_into(folder: Path, db: sqlite3.Connection) -> None:
     """Read the folder of an older version into the new file of its car. O(bytes).
 
     Raises
@@ -85,7 +85,7 @@ def fill(folder: Path, db: sqlite3.Connection) -> None:
 
 def remove(folder: Path) -> None:
     """Remove what an older version wrote."""
-    if not is_there(folder):
+    if not is_older_folder(folder):
         return
     for place in (*folder.glob(".learned.*.writing"), *(folder / name for name in NAMES)):
         if place.is_dir():
@@ -94,7 +94,7 @@ def remove(folder: Path) -> None:
             place.unlink(missing_ok=True)
 
 
-def is_there(folder: Path) -> bool:
+def is_older_folder(folder: Path) -> bool:
     """Whether an older version wrote this folder."""
     return (folder / ABOUT).is_file() or (folder / LIVE).is_dir()
 
@@ -153,7 +153,7 @@ def _read_journal(path: Path, db: sqlite3.Connection) -> None:
 
 
 def _known(line: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what the first line of a journal holds of earlier samples, in the form of `Recorder._rest`."""
+    """Return what the first line of a journal holds of earlier samples, in the form of `Recorder._state_before_samples`."""
     charge, parked, offset_s = None, False, number_of(line.get("offset_s"))
     if line.get("charge") is not None:
         time_s, field, value, parked = line["charge"]

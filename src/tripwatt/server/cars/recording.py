@@ -61,11 +61,11 @@ class Recorder:
         self.ended: list[LiveTrip] = []
         self._finder = TripFinder()
         # start and departure [s since 1970] of a trip, and what its first samples show of the departure
-        self._first: tuple[tuple[float, float], Departure] | None = None
-        self._recall({})
+        self._departure_of_trip: tuple[tuple[float, float], Departure] | None = None
+        self._restore({})
 
-    def _recall(self, before: Mapping[str, Any]) -> None:
-        """Restore what samples that are no longer kept have shown, from the result of `_rest`."""
+    def _restore(self, before: Mapping[str, Any]) -> None:
+        """Restore what samples that are no longer kept have shown, from the result of `_state_before_samples`."""
         self._ordered = OrderedSamples(before.get("after_s", -math.inf))
         self._sender = Sender(before.get("offset_s"))
         # time, field of a departure and charge of the latest sample that has one, and of the latest one before the trip
@@ -90,19 +90,19 @@ class Recorder:
     def _take(self, sample: Sample, arrival: Arrival) -> None:
         sender = self._sender
         if arrival == "held":
-            if not sender.takes(sample):
+            if not sender.can_hold(sample):
                 self._release()
             sender.held.append(sample)
-            if sender.was_set:
-                by_s, held = sender.set_clock(self._ordered.newest_s)
+            if sender.clock_was_set:
+                by_s, held = sender.adopt_clock(self._ordered.newest_s)
                 self._move(by_s)
                 for one in held:
                     self._count(one, self._ordered.arrival(one))
             return
         if arrival == "new":
-            sender.go_on(sample)
+            sender.accept(sample)
         self._count(sample, arrival)
-        if sender.was_not_set:
+        if sender.clock_was_kept:
             self._release()
 
     def _release(self) -> None:
@@ -114,7 +114,7 @@ class Recorder:
             else:
                 self.counts["late"] += 1
                 if arrival == "new" or self.trip is not None:  # else it is of a trip that has ended
-                    self._sender.contradict(sample)
+                    self._sender.add_stray(sample)
 
     def _move(self, by_s: float) -> None:
         """Shift all samples so far to the new clock of the sender."""
@@ -122,7 +122,7 @@ class Recorder:
         self._finder.move(by_s)
         self._soc, self._parked = (one and (one[0] + by_s, *one[1:]) for one in (self._soc, self._parked))
         self._air = self._air[0] + by_s, self._air[1]
-        self._first = None
+        self._departure_of_trip = None
 
     def _count(self, sample: Sample, arrival: Place) -> None:
         self.counts[arrival] += 1
@@ -136,9 +136,9 @@ class Recorder:
         if air_degc is not None and not sample.time_s < self._air[0]:
             self._air = sample.time_s, air_degc
         self._ordered.insert(sample)
-        self._follow(self._ordered.ready())
+        self._find_trips(self._ordered.release_ready())
 
-    def _follow(self, samples: list[Sample]) -> None:
+    def _find_trips(self, samples: list[Sample]) -> None:
         for sample in samples:
             self._end(self._finder.add(sample))
 
@@ -150,18 +150,18 @@ class Recorder:
     def _end_trip(self) -> None:
         """End the trip that the car is on, because no more samples arrive."""
         self._release()
-        self._follow(self._ordered.rest())
+        self._find_trips(self._ordered.release_all())
         self._end(self._finder.end())
 
     @property
-    def _waiting(self) -> list[Sample]:
+    def _needed_samples(self) -> list[Sample]:
         """Samples that are still needed if the car is on no trip."""
         return [*self._finder.before, *self._ordered.waiting, *self._sender.held]
 
-    def _rest(self) -> dict[str, Any]:
-        """Return what samples have shown that are dropped when the car is on no trip and only `_waiting` is kept."""
+    def _state_before_samples(self) -> dict[str, Any]:
+        """Return what samples have shown that are dropped when the car is on no trip and only `_needed_samples` is kept."""
         kept = [*self._finder.before, *self._ordered.waiting]
-        after_s = math.nextafter(kept[0].time_s, -math.inf) if kept else self._ordered.given_s
+        after_s = math.nextafter(kept[0].time_s, -math.inf) if kept else self._ordered.released_s
         return {
             "after_s": after_s,
             "offset_s": self._sender.offset_s,
@@ -170,10 +170,10 @@ class Recorder:
             "air": self._air,
         }
 
-    def _forget_charge(self) -> dict[str, Any]:
-        """Forget the charge; return what is still known, as `_rest` does."""
+    def _state_without_charge(self) -> dict[str, Any]:
+        """Forget the charge; return what is still known, as `_state_before_samples` does."""
         self._soc = self._parked = None
-        return {**self._rest(), "after_s": self._ordered.newest_s}
+        return {**self._state_before_samples(), "after_s": self._ordered.newest_s}
 
     def observed(self, start_s: float = 0.0) -> pd.DataFrame:
         """Tabulate what the car measured on its trip so far, including samples that wait for late ones. O(samples of the trip).
@@ -208,8 +208,8 @@ class Recorder:
         """
         trip = self.trip
         of = None if trip is None else (trip.start_s, self._since_s(trip))
-        if self._first is not None and self._first[0] == of:
-            return self._first[1]
+        if self._departure_of_trip is not None and self._departure_of_trip[0] == of:
+            return self._departure_of_trip[1]
         table = self.observed()
         if not len(table):
             latest: dict[str, float] = {}
@@ -222,7 +222,7 @@ class Recorder:
             departure = departure.merge(Departure(**{self._parked[1]: self._parked[2]}))  # type: ignore[arg-type]
         settled_s = float(table["time_s"].iloc[0]) + FIRST_S
         if trip is not None and of is not None and trip.last_s - of[1] > settled_s:
-            self._first = of, departure  # no sample that comes now can change it
+            self._departure_of_trip = of, departure  # no sample that comes now can change it
         return departure
 
     def shown(self, now_s: float) -> dict[str, Any]:

@@ -42,7 +42,7 @@ class OrderedSamples:
     ----------
     waiting : list of Sample
         Samples in the window by time, at most `MAX_WAITING`.
-    newest_s, given_s : float
+    newest_s, released_s : float
         Latest time of an arrived and of a released sample [s since 1970]; `after_s` before the first one.
 
     Examples
@@ -52,7 +52,7 @@ class OrderedSamples:
     ...     sample = Sample(time_s)
     ...     if ordered.arrival(sample) == "new":
     ...         ordered.insert(sample)
-    >>> [sample.time_s - 1.7e9 for sample in ordered.ready()]
+    >>> [sample.time_s - 1.7e9 for sample in ordered.release_ready()]
     [0.0, 10.0, 20.0]
     >>> ordered.arrival(Sample(1.7e9 + 15.0))
     'late'
@@ -60,12 +60,12 @@ class OrderedSamples:
 
     def __init__(self, after_s: float = -math.inf) -> None:
         self.waiting: list[Sample] = []
-        self.newest_s = self.given_s = after_s
+        self.newest_s = self.released_s = after_s
 
     def arrival(self, sample: Sample) -> Place:
         """Return whether a sample is new, doubled (its time is there already) or too late. O(log(`MAX_WAITING`))."""
-        if sample.time_s <= self.given_s:
-            return "doubled" if sample.time_s == self.given_s else "late"
+        if sample.time_s <= self.released_s:
+            return "doubled" if sample.time_s == self.released_s else "late"
         at = bisect.bisect_left(self.waiting, sample.time_s, key=_time)
         there = at < len(self.waiting) and self.waiting[at].time_s == sample.time_s
         return "doubled" if there else "new"
@@ -75,25 +75,25 @@ class OrderedSamples:
         bisect.insort(self.waiting, sample, key=_time)
         self.newest_s = max(self.newest_s, sample.time_s)
 
-    def ready(self) -> list[Sample]:
+    def release_ready(self) -> list[Sample]:
         """Release and return, in the order of their times, the samples before which no other can arrive."""
         count = bisect.bisect_right(self.waiting, self.newest_s - LATE_S, key=_time)
-        return self._give(max(count, len(self.waiting) - MAX_WAITING))
+        return self._release_first(max(count, len(self.waiting) - MAX_WAITING))
 
     def move(self, by_s: float) -> None:
         """Shift all times by `by_s` [s] after the clock of the sender was set."""
         self.waiting = [moved(sample, by_s) for sample in self.waiting]
-        self.newest_s, self.given_s = self.newest_s + by_s, self.given_s + by_s
+        self.newest_s, self.released_s = self.newest_s + by_s, self.released_s + by_s
 
-    def rest(self) -> list[Sample]:
+    def release_all(self) -> list[Sample]:
         """Release and return all samples."""
-        return self._give(len(self.waiting))
+        return self._release_first(len(self.waiting))
 
-    def _give(self, count: int) -> list[Sample]:
+    def _release_first(self, count: int) -> list[Sample]:
         if not count:
             return []
         given, self.waiting = self.waiting[:count], self.waiting[count:]
-        self.given_s = given[-1].time_s
+        self.released_s = given[-1].time_s
         return given
 
 
@@ -109,7 +109,7 @@ RECENT: Final = 15
 MAX_HELD: Final = 600
 """Most samples that are held."""
 
-WENT_ON: Final = 3
+MIN_ACCEPTED: Final = 3
 """Number of messages by the earlier clock that show that it was not set."""
 
 POSSIBLE: Final = {"speed_m_s": (5.0, 6.0), "displayed_soc": (0.02, 1e-3), "soc": (0.02, 1e-3)}
@@ -146,7 +146,7 @@ class Sender:
     --------
     >>> sender = Sender()
     >>> for k in range(10):
-    ...     sender.go_on(Sample(1.7e9 + k, received_s=1.7e9 + k + 3600.0))
+    ...     sender.accept(Sample(1.7e9 + k, received_s=1.7e9 + k + 3600.0))
     >>> sender.offset_s, sender.fits(Sample(1.7e9 + 86400.0, received_s=1.7e9 + 3610.0))
     (3600.0, False)
     """
@@ -158,8 +158,8 @@ class Sender:
         self._last: Sample | None = None
         self._recent: deque[Sample] = deque(maxlen=RECENT)
         self._strays: deque[Sample] = deque(maxlen=RECENT)
-        self._went_on = 0
-        self._apart = 0.0
+        self._accepted_since = 0
+        self._apart_score = 0.0
 
     def fits(self, sample: Sample, *, late: bool = False) -> bool:
         """Whether a sample fits the known clock: neither far ahead of it nor late. True while no clock is known."""
@@ -175,35 +175,37 @@ class Sender:
         max_s = FUTURE_S + max(sample.received_s - last.received_s, 0.0)
         return -LATE_S <= sample.time_s - last.time_s <= max_s
 
-    def go_on(self, sample: Sample) -> None:
+    def accept(self, sample: Sample) -> None:
         """Take a sample that fits the known clock, and update this clock. O(1)."""
         if self._last is not None:
             odd = _differ(self._last, sample)
-            self._apart = min(max(self._apart + APART[not odd], 0.0), APART[2])
-            if odd and self._apart >= APART[2] and sample.received_s is not None:
+            self._apart_score = min(max(self._apart_score + APART[not odd], 0.0), APART[2])
+            if odd and self._apart_score >= APART[2] and sample.received_s is not None:
                 self.mixed_s = sample.received_s
         self._last = sample
-        self._went_on += bool(self.held)
+        self._accepted_since += bool(self.held)
         if sample.received_s is not None:
             self._recent.append(sample)
         if _steady(self._recent):
             self.offset_s = statistics.median(map(_offset_s, self._recent))
 
-    def takes(self, sample: Sample) -> bool:
+    def can_hold(self, sample: Sample) -> bool:
         """Whether a sample can be held together with those already held."""
         return not self.held or (len(self.held) < MAX_HELD and self._follows(self.held[-1], sample))
 
     @property
-    def was_set(self) -> bool:
-        """Whether the held samples show another clock, and fewer than `WENT_ON` - 1 samples came by the known one."""
-        return self._went_on < WENT_ON - 1 and _steady(self.held)
+    def clock_was_set(self) -> bool:
+        """Whether the held samples show another clock, and fewer than `MIN_ACCEPTED` - 1 samples came by the known one."""
+        return self._accepted_since < MIN_ACCEPTED - 1 and _steady(self.held)
 
     @property
-    def was_not_set(self) -> bool:
+    def clock_was_kept(self) -> bool:
         """Whether enough samples by the known clock came beside the held samples."""
-        return self._went_on >= WENT_ON or (self._went_on >= WENT_ON - 1 and _steady(self.held))
+        return self._accepted_since >= MIN_ACCEPTED or (
+            self._accepted_since >= MIN_ACCEPTED - 1 and _steady(self.held)
+        )
 
-    def set_clock(self, newest_s: float) -> tuple[float, list[Sample]]:
+    def adopt_clock(self, newest_s: float) -> tuple[float, list[Sample]]:
         """Adopt the clock of the held samples; return the shift for all samples before them [s], and the held samples."""
         before_s = 0.0 if self.offset_s is None else self.offset_s
         self._recent = deque(self.held, RECENT)
@@ -215,10 +217,10 @@ class Sender:
 
     def release(self) -> list[Sample]:
         """Return the held samples, and hold them no longer."""
-        held, self.held, self._went_on = self.held, [], 0
+        held, self.held, self._accepted_since = self.held, [], 0
         return held
 
-    def contradict(self, sample: Sample) -> None:
+    def add_stray(self, sample: Sample) -> None:
         """Note a sample that does not count; if several share a clock of their own, there is another sender."""
         self._strays.append(sample)
         if _steady(self._strays) and sample.received_s is not None:

@@ -70,9 +70,9 @@ class TopicJoiner:
         self._hold_s = max(self.format.mapping.hold_s, JOIN_S)
         self._values: dict[str, tuple[float, float]] = {}
         self._flags: dict[str, str] = {}
-        self._timed = self._fresh = False
-        self._open_s = -math.inf
-        self._first_s = math.inf
+        self._has_time = self._has_news = False
+        self._begins_s = -math.inf
+        self._first_arrival_s = math.inf
 
     @property
     def filter(self) -> str:
@@ -99,7 +99,7 @@ class TopicJoiner:
             The sample that is complete now; None if there is none.
         """
         if topic == self.root:
-            return None if retained else self._whole(payload, received_s)
+            return None if retained else self._sample_of_json(payload, received_s)
         if not topic.startswith(f"{self.root}/") or len(payload) > MAX_TEXT_BYTES:
             return None
         metric = topic.removeprefix(f"{self.root}/").replace("/", ".")
@@ -108,15 +108,15 @@ class TopicJoiner:
             return None if retained else self._start_at(number_of(text) * self.format.time_unit_s)
         if metric in self.format.charging or metric in self.format.parked:
             self._flags[metric] = text
-            return self._note(received_s)
+            return self._note_arrival(received_s)
         if metric not in self.format.columns:
             return None
         column, factor, offset = self.format.columns[metric]
         value = number_of(text) * factor + offset
         if (retained and column in FAST) or not is_sound(column, value):
             return None
-        done = self._note(received_s)
-        self._values[column] = (value, self._open_s)
+        done = self._note_arrival(received_s)
+        self._values[column] = (value, self._begins_s)
         return done
 
     def flush(self) -> Sample | None:
@@ -127,51 +127,51 @@ class TopicJoiner:
         Sample or None
             None if nothing arrived since the last sample.
         """
-        if not self._fresh or self._open_s == -math.inf:
+        if not self._has_news or self._begins_s == -math.inf:
             return None
-        self._fresh = False
+        self._has_news = False
         return self._sample()
 
-    def _open(self, time_s: float) -> None:
+    def _begin(self, time_s: float) -> None:
         """Begin a sample at `time_s`. Values that came before the first sample get its time."""
-        if self._open_s == -math.inf:
+        if self._begins_s == -math.inf:
             self._values = {name: (value, time_s) for name, (value, _) in self._values.items()}
-        self._open_s = time_s
+        self._begins_s = time_s
 
     def _start_at(self, time_s: float) -> Sample | None:
         """Begin a sample at a time that the sender sent; return the sample before it."""
-        if not math.isfinite(time_s) or time_s == self._open_s:
+        if not math.isfinite(time_s) or time_s == self._begins_s:
             return None
         done = self.flush()
-        self._open(time_s)
-        self._timed = True
+        self._begin(time_s)
+        self._has_time = True
         return done
 
-    def _note(self, received_s: float) -> Sample | None:
+    def _note_arrival(self, received_s: float) -> Sample | None:
         """Note that a value came; if the sender sends no time, it may begin the next sample. Return the sample before it."""
         done = None
-        self._first_s = min(self._first_s, received_s)
-        if not self._timed and self.format.time_field and received_s < self._first_s + TIME_WAIT_S:
+        self._first_arrival_s = min(self._first_arrival_s, received_s)
+        if not self._has_time and self.format.time_field and received_s < self._first_arrival_s + TIME_WAIT_S:
             return None
-        if not self._timed and received_s >= self._open_s + JOIN_S:
+        if not self._has_time and received_s >= self._begins_s + JOIN_S:
             done = self.flush()
-            self._open(math.floor(received_s / JOIN_S) * JOIN_S)
-        self._fresh = True
+            self._begin(math.floor(received_s / JOIN_S) * JOIN_S)
+        self._has_news = True
         return done
 
     def _sample(self) -> Sample | None:
         values = {
             name: value
             for name, (value, at_s) in self._values.items()
-            if abs(self._open_s - at_s) <= (self._hold_s if name in FAST else SLOW_HOLD_S)
+            if abs(self._begins_s - at_s) <= (self._hold_s if name in FAST else SLOW_HOLD_S)
         }
         parked = is_set(self.format.parked, self._flags)
         if parked:
             values["speed_m_s"] = 0.0
         values, charging = self.format.with_current(values), is_set(self.format.charging, self._flags)
-        return or_none(Sample, self._open_s, values, charging, parked)  # None for a time out of bounds
+        return or_none(Sample, self._begins_s, values, charging, parked)  # None for a time out of bounds
 
-    def _whole(self, payload: bytes, received_s: float) -> Sample | None:
+    def _sample_of_json(self, payload: bytes, received_s: float) -> Sample | None:
         """Return the sample of a message with all values as JSON; None if it is not valid (faults of values go to `note`)."""
         if len(payload) > MAX_MESSAGE_BYTES:
             return None

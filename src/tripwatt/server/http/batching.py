@@ -12,30 +12,30 @@ import orjson
 
 from tripwatt.errors import Fault
 from tripwatt.server.http.metrics import Metrics
-from tripwatt.server.http.pool import WorkerPool, cancel
+from tripwatt.server.http.pool import WorkerPool, cancel_all
 from tripwatt.server.http.problems import Problem, invalid_input
 
 QUEUED_JOBS: Final = 1
 """Jobs of a batch that wait while every worker runs one: a single request waits for at most these."""
 
 
-def lines_of(body: bytes, most: int) -> list[bytes]:
+def parse_lines(body: bytes, max_lines: int) -> list[bytes]:
     r"""Return the lines of the body of a batch without empty lines.
 
     Raises
     ------
     Problem
-        `invalid-input` if there is no line. `too-large` if there are more than `most` lines, or more than twice as many line breaks.
+        `invalid-input` if there is no line. `too-large` if there are more than `max_lines` lines, or more than twice as many line breaks.
 
     Examples
     --------
-    >>> lines_of(b"{} \n \n[]", 2)
+    >>> parse_lines(b"{} \n \n[]", 2)
     [b'{} ', b'[]']
     """
     breaks = body.count(b"\n")  # before they become a list
-    lines = [] if breaks > 2 * most else [line for line in body.split(b"\n") if line.strip()]
-    if breaks > 2 * most or len(lines) > most:
-        raise Problem("too-large", f"at most {most} trips")
+    lines = [] if breaks > 2 * max_lines else [line for line in body.split(b"\n") if line.strip()]
+    if breaks > 2 * max_lines or len(lines) > max_lines:
+        raise Problem("too-large", f"at most {max_lines} trips")
     if not lines:
         raise invalid_input([Fault("no trips", "body", "no line", "one ForecastRequest per line")])
     return lines
@@ -62,17 +62,17 @@ async def forecast_lines(
     """
     running: deque[asyncio.Task[bytes]] = deque()
     remaining, job = iter(lines), {"kind": "forecast", "fields": fields}
-    most_running = pool.settings.workers + QUEUED_JOBS
+    max_running = pool.settings.workers + QUEUED_JOBS
     try:
         while True:
-            while len(running) < most_running and (line := next(remaining, None)) is not None:
+            while len(running) < max_running and (line := next(remaining, None)) is not None:
                 running.append(asyncio.ensure_future(_forecast_line(line, pool, metrics, job)))
             if not running:
                 return
             yield await running.popleft()
     finally:
         with contextlib.suppress(asyncio.CancelledError):
-            await cancel(running)
+            await cancel_all(running)
 
 
 async def _forecast_line(line: bytes, pool: WorkerPool, metrics: Metrics, job: dict[str, Any]) -> bytes:

@@ -40,10 +40,10 @@ from tripwatt.server.http.openapi import (
     EVENTS,
     FORM,
     JSON,
-    gives,
     new_router,
-    takes,
-    takes_content,
+    request_body,
+    request_content,
+    response_content,
 )
 from tripwatt.server.http.problems import Problem, invalid_input
 from tripwatt.server.http.schemas import check_request, parse_json
@@ -76,7 +76,7 @@ async def list_cars(call: Called) -> Response:
     return await call.job("cars.list")
 
 
-@cars.post("/v1/cars", response_model=CarResponse, **takes(NewCarRequest))
+@cars.post("/v1/cars", response_model=CarResponse, **request_body(NewCarRequest))
 async def new_car(call: Called) -> Response:
     """Make a car."""
     return _with_learning(await call.body_job("new_car"), None)
@@ -109,7 +109,7 @@ async def new_token(call: Called, car: CarName) -> Response:
     return response
 
 
-@cars.put(f"{UPLOAD}/{{file}}", response_model=UploadResponse, **takes_content({BYTES: BINARY}))
+@cars.put(f"{UPLOAD}/{{file}}", response_model=UploadResponse, **request_content({BYTES: BINARY}))
 async def put_file(call: Called, car: CarName, upload: UploadName, file: FileName) -> Response:
     """Add a file of logs to an upload: a table, a workbook, or an archive of them."""
     service, limits = call.service, call.service.settings.limits
@@ -123,13 +123,13 @@ async def put_file(call: Called, car: CarName, upload: UploadName, file: FileNam
             return await call.job("cars.store", content, **place, max_bytes=limits.car_bytes)
 
 
-@cars.post(UPLOAD, response_model=LogsResponse, **takes(LogsRequest))
+@cars.post(UPLOAD, response_model=LogsResponse, **request_body(LogsRequest))
 async def read_logs(call: Called, car: CarName, upload: UploadName) -> Response:
     """Return how the tables of an upload are read, and what the audit says of them; nothing is learned."""
     return await call.body_job("cars.logs", name=car, upload=upload)
 
 
-@cars.post(f"{UPLOAD}/learn", response_model=CarResponse, **takes(LogsRequest))
+@cars.post(f"{UPLOAD}/learn", response_model=CarResponse, **request_body(LogsRequest))
 async def learn(call: Called, car: CarName, upload: UploadName) -> Response:
     """Learn the trips of an upload: the response comes at once, and the car shows the progress."""
     body, job = await call.read(), {"name": car, "upload": upload}
@@ -157,7 +157,7 @@ def _with_learning(response: Response, learning: Mapping[str, Any] | None) -> Re
     "/v1/telemetry",
     response_model=TelemetryResponse,
     # a message that has the token needs no other security
-    **takes(TelemetryRequest, JSON, FORM, security=[{"car": []}, {}]),
+    **request_body(TelemetryRequest, JSON, FORM, security=[{"car": []}, {}]),
 )
 async def telemetry(call: Called, token: CarToken = None) -> Response:
     """Take a message of a car in the format of A Better Routeplanner's live data."""
@@ -180,7 +180,7 @@ async def get_live(call: Called, car: CarName) -> Response:
     return json_response(await call.service.live.document(call.service.live.by_name(car)))
 
 
-@live.put("/v1/live/{car}/plan", response_model=LiveResponse, **takes(LivePlanRequest))
+@live.put("/v1/live/{car}/plan", response_model=LiveResponse, **request_body(LivePlanRequest))
 async def put_plan(call: Called, car: CarName) -> Response:
     """Give the plan of the trip that a car is on, or of its next one; it is kept until that trip has ended."""
     followed = call.service.live.by_name(car)
@@ -192,7 +192,9 @@ async def put_plan(call: Called, car: CarName) -> Response:
     return json_response(await call.service.live.document(followed))
 
 
-@live.get("/v1/live/{car}/events", **gives({EVENTS: LIVE_EVENTS}, "A stream of server-sent events"))
+@live.get(
+    "/v1/live/{car}/events", **response_content({EVENTS: LIVE_EVENTS}, "A stream of server-sent events")
+)
 async def get_events(call: Called, car: CarName) -> Response:
     """Stream the state of a car on the road and the forecasts of its trip as server-sent events."""
     followed = call.service.live.by_name(car)

@@ -107,7 +107,7 @@ class CarJobs:
         diary = own.diary
         about = own.about(diary)
         rows = diary.table.tail(SHOWN_TRIPS).iloc[::-1].to_dict("records")
-        return {**_summary(own, about, CarResponse), "diary": [_entry(row, own) for row in rows]}
+        return {**_summary(own, about, CarResponse), "diary": [_diary_entry(row, own) for row in rows]}
 
     def create(self, name: str, vehicle: Vehicle | str) -> dict[str, Any]:
         """Make a car, and return it as `show`."""
@@ -134,7 +134,7 @@ class CarJobs:
         except InvalidInput as error:  # a full disk: not even the car can be read
             raise Problem("busy", f"the file cannot be stored: {error.faults[0].got}") from error
         tables = place / TABLES
-        _expire(place.parent, time.time() - EXPIRES_AFTER_S)
+        _erase_expired(place.parent, time.time() - EXPIRES_AFTER_S)
         room = max(max_bytes - sum(_sizes(place.parent)), 0)
         limits = {**LIMITS, **{kind: min(room, LIMITS[kind]) for kind in (INSIDE, TABLES_BYTES)}}
         try:
@@ -156,19 +156,19 @@ class CarJobs:
     def logs(self, name: str, upload: str, request: LogsRequest) -> dict[str, Any]:
         """Return how the files of an upload are read, and what they hold then, as `LogsResponse`."""
         own = self.car(name)
-        tables = uploaded(own.folder, upload)
-        kinds = kinds_of(tables, request, own.vehicle)
+        tables = upload_tables(own.folder, upload)
+        kinds = kinds_of_upload(tables, request, own.vehicle)
         preview, faults, report = None, [], None
         try:
             fleet = read_kinds(tables, kinds, heights=self.heights)
-            preview, report = preview_of(fleet), fleet.report
+            preview, report = preview_logs(fleet), fleet.report
         except InvalidInput as error:
-            faults = [fault_document(fault) for fault in _by_file(error, tables).faults[:MAX_FAULTS]]
+            faults = [fault_document(fault) for fault in _without_folder(error, tables).faults[:MAX_FAULTS]]
         return {
             "fields": [{"ours": ours, "units": units_of(ours)} for ours in UNITS],
-            "kinds": [_kind(n, kind) for n, kind in enumerate(kinds) if kind.tables],
-            "files": _files(kinds, report, request.ignored, tables),
-            "report": [_alike(group, tables) for group in report.groups()] if report else [],
+            "kinds": [_kind_document(n, kind) for n, kind in enumerate(kinds) if kind.tables],
+            "files": _file_documents(kinds, report, request.ignored, tables),
+            "report": [_group_document(group, tables) for group in report.groups()] if report else [],
             "preview": preview,
             "faults": faults,
         }
@@ -176,22 +176,24 @@ class CarJobs:
     def learn(self, name: str, upload: str, request: LogsRequest) -> dict[str, Any]:
         """Learn the trips of an upload and erase the upload; return the fields of `Learned`."""
         own = self.car(name)
-        tables = uploaded(own.folder, upload)
+        tables = upload_tables(own.folder, upload)
         file = tables.parent / PROGRESS
         try:
-            kinds = kinds_of(tables, request, own.vehicle)
+            kinds = kinds_of_upload(tables, request, own.vehicle)
             fleet = read_kinds(tables, kinds, heights=self.heights)
         except InvalidInput as error:
-            raise _by_file(error, tables) from error
-        done = own.add(
-            fleet, progress=lambda n, of: write_bytes(file, orjson.dumps({"done": n, "total": of}))
-        )
+            raise _without_folder(error, tables) from error
+
+        def note_progress(done: int, total: int) -> None:
+            write_bytes(file, orjson.dumps({"done": done, "total": total}))
+
+        learned = own.add(fleet, progress=note_progress)
         shutil.rmtree(tables.parent, ignore_errors=True)
-        return _learned(done)
+        return _learned_document(learned)
 
     def learn_finished(self, name: str) -> dict[str, Any]:
         """Learn the trips that a car finished on the road; return the fields of `Learned`."""
-        return _learned(self.car(name).learn())
+        return _learned_document(self.car(name).learn())
 
 
 def require_folder(folder: Path | None) -> Path:
@@ -221,7 +223,7 @@ def car_folder(folder: Path | None, name: str) -> Path:
     return place
 
 
-def uploaded(car: Path, upload: str) -> Path:
+def upload_tables(car: Path, upload: str) -> Path:
     """Return the folder with the tables of an upload.
 
     Raises
@@ -246,7 +248,7 @@ def units_of(ours: str) -> list[str]:
     return [*UNITS[ours], *(TIME_STAMPS if ours == "time_s" else ())]
 
 
-def kinds_of(tables: Path, request: LogsRequest, vehicle: Vehicle) -> list[Kind]:
+def kinds_of_upload(tables: Path, request: LogsRequest, vehicle: Vehicle) -> list[Kind]:
     """Return the kinds of files of an upload, with the changes of a request."""
     changes = {
         int(number): Changes(
@@ -259,7 +261,7 @@ def kinds_of(tables: Path, request: LogsRequest, vehicle: Vehicle) -> list[Kind]
     return proposed_kinds(tables, vehicle, changes, request.ignored)
 
 
-def preview_of(fleet: TripSet) -> dict[str, Any]:
+def preview_logs(fleet: TripSet) -> dict[str, Any]:
     """Return the audit of logs, as `LogsPreview`."""
     audited = audit(fleet)
     sound = [trip for trip in audited.trips if trip.observed_energy_wh is not None]
@@ -293,7 +295,7 @@ def read_progress(folder: Path, upload: str) -> tuple[int, int | None]:
         return 0, None
 
 
-def _by_file(error: InvalidInput, tables: Path) -> InvalidInput:
+def _without_folder(error: InvalidInput, tables: Path) -> InvalidInput:
     """Return the same faults with names of files without the service's folder, which clients need not know."""
     folder = f"{tables}{os.sep}"
     return InvalidInput(
@@ -302,7 +304,7 @@ def _by_file(error: InvalidInput, tables: Path) -> InvalidInput:
     )
 
 
-def _kind(number: int, kind: Kind) -> dict[str, Any]:
+def _kind_document(number: int, kind: Kind) -> dict[str, Any]:
     """Return a kind of files, as `KindDocument`."""
     guesses = () if kind.proposal is None else kind.proposal.guesses
     why = {(guess.ours, guess.column): guess.why for guess in guesses}
@@ -330,7 +332,7 @@ def _kind(number: int, kind: Kind) -> dict[str, Any]:
     }
 
 
-def _files(
+def _file_documents(
     kinds: Sequence[Kind], report: ReadingReport | None, ignored: Sequence[str], tables: Path
 ) -> list[dict[str, Any]]:
     """Return the files of an upload, as `FileDocument`."""
@@ -343,7 +345,7 @@ def _files(
             **{name: getattr(file, name) for name in names},
             "kind": file.kind if kinds[file.kind].tables else None,
             "faults": [
-                *map(fault_document, _by_file(InvalidInput(file.faults), tables).faults[:SHOWN_FAULTS])
+                *map(fault_document, _without_folder(InvalidInput(file.faults), tables).faults[:SHOWN_FAULTS])
             ],
         }
         for file in (unread if report is None else report.files)
@@ -352,11 +354,11 @@ def _files(
     return [*shown, *({"name": name, **nothing} for name in ignored)]
 
 
-def _alike(group: Alike, tables: Path) -> dict[str, Any]:
+def _group_document(group: Alike, tables: Path) -> dict[str, Any]:
     return {**asdict(group), "example": group.example.replace(f"{tables}{os.sep}", "")}
 
 
-def _entry(row: Mapping[Hashable, Any], car: live.Car) -> dict[str, Any]:
+def _diary_entry(row: Mapping[Hashable, Any], car: live.Car) -> dict[str, Any]:
     """Return a row of the diary of a car, as `DiaryEntry`."""
     values = {f"{key}": plain(value) for key, value in row.items()}
     causes = {key for key in values if key.startswith(CAUSE)}
@@ -371,7 +373,7 @@ def _entry(row: Mapping[Hashable, Any], car: live.Car) -> dict[str, Any]:
     }
 
 
-def _learned(done: live.Learned) -> dict[str, Any]:
+def _learned_document(done: live.Learned) -> dict[str, Any]:
     return {**asdict(done), "left_out": list(done.left_out[:SHOWN_REASONS])}
 
 
@@ -393,7 +395,7 @@ def _sizes(folder: Path) -> list[int]:
     return sizes
 
 
-def _expire(uploads: Path, before_s: float) -> None:
+def _erase_expired(uploads: Path, before_s: float) -> None:
     for place in uploads.iterdir() if uploads.is_dir() else []:
         with contextlib.suppress(OSError):
             if max(file.stat().st_mtime for file in (place, *place.rglob("*"))) < before_s:

@@ -14,7 +14,7 @@ from tripwatt.server.http.schemas import (
     StrictModel,
     Time,
     VehicleFigures,
-    asked,
+    departure_field,
 )
 from tripwatt.sources.mapping import UNITS
 from tripwatt.trips import ASKED
@@ -338,7 +338,7 @@ class TelemetryResponse(ResponseModel):
 class LiveDeparture(StrictModel):
     """When a car leaves."""
 
-    departs_at: Time | None = asked("departs_at", ASKED["departs_at"])[1]
+    departs_at: Time | None = departure_field("departs_at", ASKED["departs_at"])[1]
     """departure; default: the start of the trip. Earlier messages do not count"""
 
     @property

@@ -14,7 +14,7 @@ from starlette.responses import StreamingResponse
 from tripwatt.forecasting.document import ForecastResponse
 from tripwatt.server.http import journey_schemas as journey
 from tripwatt.server.http import schemas
-from tripwatt.server.http.batching import forecast_lines, lines_of
+from tripwatt.server.http.batching import forecast_lines, parse_lines
 from tripwatt.server.http.example_requests import UPLOADS
 from tripwatt.server.http.journey_schemas import AdviceResponse, DifferenceDocument
 from tripwatt.server.http.openapi import (
@@ -26,10 +26,10 @@ from tripwatt.server.http.openapi import (
     TEXT,
     TILE,
     Fields,
-    gives,
     new_router,
-    takes,
-    takes_content,
+    request_body,
+    request_content,
+    response_content,
 )
 from tripwatt.server.http.problems import Problem
 from tripwatt.server.http.schemas import DifferenceRequest, ForecastRequest, UpdateRequest
@@ -70,25 +70,27 @@ monitoring = APIRouter(
 """Routers by tag; operations for monitoring ignore unknown parameters."""
 
 
-@forecasts.post("/v1/forecast", response_model=ForecastResponse, **takes(ForecastRequest))
+@forecasts.post("/v1/forecast", response_model=ForecastResponse, **request_body(ForecastRequest))
 async def forecast(call: Called, fields: Fields = None) -> Response:
     """Forecast a trip from a speed trace or from the links of a planned route."""
     return await call.body_job("forecast", fields=fields)
 
 
-@forecasts.post("/v1/forecast/update", response_model=ForecastResponse, **takes(UpdateRequest))
+@forecasts.post("/v1/forecast/update", response_model=ForecastResponse, **request_body(UpdateRequest))
 async def update(call: Called, fields: Fields = None) -> Response:
     """Update the forecast of a trip with the samples measured so far."""
     return await call.body_job("update", fields=fields)
 
 
-@forecasts.post("/v1/forecast/difference", response_model=DifferenceDocument, **takes(DifferenceRequest))
+@forecasts.post(
+    "/v1/forecast/difference", response_model=DifferenceDocument, **request_body(DifferenceRequest)
+)
 async def difference(call: Called) -> Response:
     """Compare two trips of one car: what both share cancels, and the difference has an interval of its own."""
     return await call.body_job("difference")
 
 
-@forecasts.post("/v1/advice", response_model=AdviceResponse, **takes(schemas.AdviceRequest))
+@forecasts.post("/v1/advice", response_model=AdviceResponse, **request_body(schemas.AdviceRequest))
 async def advice(call: Called) -> Response:
     """Return what to do about a trip: the least that helps, and what each action saves."""
     return await call.body_job("advice")
@@ -96,14 +98,16 @@ async def advice(call: Called) -> Response:
 
 @forecasts.post(
     "/v1/forecast/batch",
-    **gives({NDJSON: TEXT}, "One ForecastResponse or ProblemDocument per line, in the order of the requests"),
-    **takes_content({NDJSON: {"schema": {"description": "one ForecastRequest per line"}}}),
+    **response_content(
+        {NDJSON: TEXT}, "One ForecastResponse or ProblemDocument per line, in the order of the requests"
+    ),
+    **request_content({NDJSON: {"schema": {"description": "one ForecastRequest per line"}}}),
 )
 async def batch(call: Called, fields: Fields = None) -> Response:
     """Forecast many trips: one request per line in, one forecast or problem per line out, in the same order."""
     service, limits = call.service, call.service.settings.limits
     body = await service.bodies.read(call.request, BATCH_TYPES, limits.batch_bytes, limits.body_timeout_s)
-    lines = lines_of(body, limits.batch)
+    lines = parse_lines(body, limits.batch)
     if service.batches.locked():
         raise Problem("busy", "too many batches", headers={"Retry-After": "5"})
 
@@ -115,7 +119,7 @@ async def batch(call: Called, fields: Fields = None) -> Response:
     return StreamingResponse(answers(), media_type=NDJSON)
 
 
-@routes.post("/v1/routes", response_model=schemas.RouteResponse, **takes_content(UPLOADS))
+@routes.post("/v1/routes", response_model=schemas.RouteResponse, **request_content(UPLOADS))
 async def route(call: Called, speed_m_s: MeanSpeed = None) -> Response:
     """Read a route or a trip: GPX, KML, GeoJSON, the response of a router, links, or samples as CSV."""
     body = await call.read(tuple(UPLOADS))
@@ -123,27 +127,31 @@ async def route(call: Called, speed_m_s: MeanSpeed = None) -> Response:
     return await call.job("route", body, speed_m_s=speed)
 
 
-@journeys.post("/v1/journeys", response_model=journey.PlanResponse, **takes(journey.PlanRequest))
+@journeys.post("/v1/journeys", response_model=journey.PlanResponse, **request_body(journey.PlanRequest))
 async def plan(call: Called, fields: Fields = None) -> Response:
     """Plan a journey: roads, their forecasts, the charge to leave with, a charging stop."""
     return await call.body_job("plan", fields=fields)
 
 
 @journeys.post(
-    "/v1/journeys/difference", response_model=DifferenceDocument, **takes(journey.JourneyDifferenceRequest)
+    "/v1/journeys/difference",
+    response_model=DifferenceDocument,
+    **request_body(journey.JourneyDifferenceRequest),
 )
 async def journey_difference(call: Called) -> Response:
     """Compare two journeys of one car without their stops to charge, as `POST /v1/forecast/difference` does trips."""
     return await call.body_job("journey_difference")
 
 
-@journeys.post("/v1/journeys/advice", response_model=AdviceResponse, **takes(journey.JourneyAdviceRequest))
+@journeys.post(
+    "/v1/journeys/advice", response_model=AdviceResponse, **request_body(journey.JourneyAdviceRequest)
+)
 async def journey_advice(call: Called) -> Response:
     """Return what to do about a journey with its charging stops: the least that helps, what each action saves, and the time in all."""
     return await call.body_job("journey_advice")
 
 
-@journeys.post("/v1/reachable", response_model=journey.ReachResponse, **takes(journey.ReachRequest))
+@journeys.post("/v1/reachable", response_model=journey.ReachResponse, **request_body(journey.ReachRequest))
 async def reach(call: Called) -> Response:
     """Return the area that the charge reaches with 95 % and with 50 %."""
     return await call.body_job("reach")
@@ -191,7 +199,7 @@ async def get_view(
 
 @journeys.get(
     "/v1/tiles/{zoom}/{column}/{row}",
-    **gives({TILE: BINARY}, "The tile; empty without roads"),
+    **response_content({TILE: BINARY}, "The tile; empty without roads"),
     **INTERNAL,
 )
 async def get_tile(call: Called, zoom: Zoom, column: TileNumber, row: TileNumber) -> Response:
@@ -207,7 +215,7 @@ async def get_models(call: Called) -> Response:
     return await call.about_models("summaries")
 
 
-@library.post("/v1/vehicles", response_model=schemas.DescribedVehicle, **takes(schemas.VehicleFigures))
+@library.post("/v1/vehicles", response_model=schemas.DescribedVehicle, **request_body(schemas.VehicleFigures))
 async def describe(call: Called) -> Response:
     """Describe a car that the library does not have, by a few figures."""
     return await call.body_job("describe")
@@ -245,7 +253,9 @@ async def readyz(call: Called) -> Response:
     return json_response({"status": "ready", "workers": call.service.pool.ready})
 
 
-@monitoring.get("/metrics", **gives({"text/plain": TEXT}, "Metrics in the text format of Prometheus"))
+@monitoring.get(
+    "/metrics", **response_content({"text/plain": TEXT}, "Metrics in the text format of Prometheus")
+)
 async def get_metrics(call: Called) -> Response:
     """Return metrics for Prometheus."""
     return Response(call.service.metrics.render(), media_type=CONTENT_TYPE_LATEST)

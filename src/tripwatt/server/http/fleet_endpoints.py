@@ -11,7 +11,7 @@ from fastapi import Query, Response
 
 from tripwatt.fleet.registry import REPORT_FILES
 from tripwatt.server.http.fleets import NightRequest, NightResponse, is_registry
-from tripwatt.server.http.openapi import JSON, TAGGED, TEXT, gives, new_router, takes
+from tripwatt.server.http.openapi import JSON, TAGGED, TEXT, new_router, request_body, response_content
 from tripwatt.server.http.problems import Problem
 from tripwatt.server.http.service import Called
 
@@ -32,13 +32,13 @@ FleetName = Annotated[
 fleet = new_router("fleet")
 
 
-@fleet.post("/v1/fleet/needs", response_model=NightResponse, **takes(NightRequest))
+@fleet.post("/v1/fleet/needs", response_model=NightResponse, **request_body(NightRequest))
 async def fleet_needs(call: Called) -> Response:
     """Return what the planned trips of a fleet need, by vehicle and hour of departure, also as EMHASS and evcc read it."""
     return await call.body_job("night")
 
 
-@fleet.get("/v1/fleet/report/{file}", **gives(REPORT, "The file"), **TAGGED)
+@fleet.get("/v1/fleet/report/{file}", **response_content(REPORT, "The file"), **TAGGED)
 async def get_fleet_report(call: Called, file: ReportFile, model: FleetName = None) -> Response:
     """Return a file of the report that `tripwatt fleet report` wrote last: its page, its data, or one of its tables."""
     content = report_file(call.service.settings.models, model, file)

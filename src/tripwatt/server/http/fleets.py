@@ -25,7 +25,7 @@ def is_registry(folder: Path | None) -> bool:
     return folder is not None and (folder / "versions").is_dir()
 
 
-def followed(name: str, folder: Path, log: Callable[..., None]) -> FollowedModel:
+def follow_registry(name: str, folder: Path, log: Callable[..., None]) -> FollowedModel:
     """Return the model that a registry has in use, and follow it; each change or refusal is logged with `name`."""
 
     def on_change(version: str, error: InvalidInput | None) -> None:
@@ -107,7 +107,7 @@ class NightRequest(schemas.StrictModel):
     trips: list[PlannedTripRequest] = Field(min_length=1, max_length=500)
     quantile: float = Field(QUANTILE, ge=0.5, lt=1.0)
     """probability with which the energy of a trip suffices"""
-    reserve: float = schemas.reserved(0.0)
+    reserve: float = schemas.reserve_field(0.0)
     plug_w: float = Field(PLUG_W, gt=0.0, le=400_000.0)
     """power of a charger [W]"""
     begins_at: AwareDatetime | None = Field(None, strict=False)

@@ -28,7 +28,7 @@ from tripwatt.server.http.car_jobs import CarJobs
 from tripwatt.server.http.car_schemas import NewCarRequest
 from tripwatt.server.http.fleets import (
     NightRequest,
-    followed,
+    follow_registry,
     is_registry,
     model_summary,
     night,
@@ -43,7 +43,7 @@ from tripwatt.server.http.journey_schemas import (
     ReachRequest,
 )
 from tripwatt.server.http.journeys import JourneyJobs
-from tripwatt.server.http.library import described, example, example_summaries, vehicles
+from tripwatt.server.http.library import describe_vehicle, example, example_summaries, vehicles
 from tripwatt.server.http.route_uploads import read_route
 from tripwatt.server.http.schemas import (
     AdviceRequest,
@@ -120,7 +120,9 @@ class Jobs:
             Called with what happened to the models of fleets as keywords.
         """
         fleets = {
-            name: followed(name, folder, log) for name, folder in folders.items() if is_registry(folder)
+            name: follow_registry(name, folder, log)
+            for name, folder in folders.items()
+            if is_registry(folder)
         }
         models = {name: load_model(folder) for name, folder in folders.items() if name not in fleets}
         if not folders:
@@ -247,8 +249,8 @@ class Jobs:
                 got, allowed = "a trip without its car", "the car that drove the trip"
                 raise InvalidInput.of("car is missing", "car", got, allowed)
             ahead = usual_plan(self.cars.car(request.car), request.trip)
-        model = self._model_asked(request)
-        known, flags = with_seen(departure_of(request), seen, model.vehicle)
+        model = self._model_of_query(request)
+        known, flags = with_last_message(departure_of(request), seen, model.vehicle)
         needed, until = need_before_departure(
             ahead,
             request.kind,
@@ -263,12 +265,12 @@ class Jobs:
 
     def range(self, request: RangeQuery, seen: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """Return the response to a `RangeQuery`."""
-        model = self._model_asked(request)
-        known, flags = with_seen(departure_of(request), seen, model.vehicle)
+        model = self._model_of_query(request)
+        known, flags = with_last_message(departure_of(request), seen, model.vehicle)
         far = range_km(None, request.kind, known, reserve=request.reserve or 0.0, model=model)
         return replace(far, flags=(*flags, *far.flags)).to_dict()
 
-    def _model_asked(self, request: RangeQuery) -> ForecastModel:
+    def _model_of_query(self, request: RangeQuery) -> ForecastModel:
         given = request.vehicle_figures
         if request.car is not None and (request.model, request.vehicle, given) != (None, None, None):
             raise InvalidInput.of("two cars", "car", "a model or vehicle too", "one of them")
@@ -284,7 +286,7 @@ class Jobs:
     def _forecast(self, request: ForecastRequest, seen: Mapping[str, Any] | None = None) -> Forecast:
         """Return the forecast of a request, updated with the observed samples of an `UpdateRequest`."""
         plan, own = self._plan(request), self.model_of(request)
-        known, flags = with_seen(plan.departure.merge(departure_of(request)), seen, own.vehicle)
+        known, flags = with_last_message(plan.departure.merge(departure_of(request)), seen, own.vehicle)
         forecast = own.forecast(replace(plan, trip_id=request.trip), known)
         forecast = replace(forecast, flags=(*flags, *forecast.flags))
         return forecast.update(request.observed) if isinstance(request, UpdateRequest) else forecast
@@ -347,7 +349,7 @@ class Jobs:
 
     def describe(self, request: VehicleFigures) -> dict[str, Any]:
         """Return the response to `VehicleFigures`."""
-        return described(describe(request))
+        return describe_vehicle(describe(request))
 
     def new_car(self, request: NewCarRequest) -> dict[str, Any]:
         """Make the car of a `NewCarRequest`, and return it."""
@@ -436,7 +438,7 @@ def _no_forecast() -> InvalidInput:
     return InvalidInput.of("no forecast", "trip", "implausible results", "a trip that a car can drive")
 
 
-def with_seen(
+def with_last_message(
     known: Departure, seen: Mapping[str, Any] | None, vehicle: Vehicle
 ) -> tuple[Departure, tuple[Flag, ...]]:
     """Fill temperature and charge that a departure leaves out from the car's last messages; return the departure and flags.
@@ -449,10 +451,10 @@ def with_seen(
     air = "ambient_temperature_degc"
     used = {n: seen[n] for n in ("soc", air) if seen.get(n) is not None and getattr(given, n) is None}
     flags = [Flag("of_last_message", air, used[air], "degc")] if air in used else []
-    flags += [undescribed(seen["undescribed"], vehicle)] if seen.get("undescribed") else []
+    flags += [no_description_flag(seen["undescribed"], vehicle)] if seen.get("undescribed") else []
     return known.merge(Departure(**used)), tuple(flags)
 
 
-def undescribed(car: str, assumed: Vehicle) -> Flag:
+def no_description_flag(car: str, assumed: Vehicle) -> Flag:
     """Return the flag of a car on the road without a description."""
     return Flag("no_description", assumed.title, car)

@@ -169,14 +169,14 @@ Stop = Annotated[str, Field(min_length=1, max_length=200)] | PlaceRequest
 class JourneyCar(schemas.DepartureRequest, schemas.CarRequest):
     """The car, and what is known at departure."""
 
-    departs_at: schemas.Time | None = schemas.asked("departs_at", ASKED["departs_at"])[1]
+    departs_at: schemas.Time | None = schemas.departure_field("departs_at", ASKED["departs_at"])[1]
 
 
 class PlanRequest(JourneyCar):
     """A journey: places in their order, the car, and what is known at departure."""
 
     stops: list[Stop] = Field(min_length=2, max_length=20)
-    reserve: float = schemas.reserved(0.1)
+    reserve: float = schemas.reserve_field(0.1)
     alternatives: int = Field(0, ge=0, le=3)
     """other roads beside the fastest"""
     round_trip: bool = False
@@ -211,7 +211,7 @@ class ReachRequest(JourneyCar):
     """A start, the car, and what is known at departure."""
 
     start: Stop
-    reserve: float = schemas.reserved(0.0)
+    reserve: float = schemas.reserve_field(0.0)
 
 
 if TYPE_CHECKING:
@@ -220,14 +220,14 @@ else:
     _DepartureQuery = create_model(
         "_DepartureQuery",
         __config__=ConfigDict(extra="forbid", use_attribute_docstrings=True, allow_inf_nan=False),
-        **{name: schemas.asked(name, field) for name, field in ASKED.items()},
+        **{name: schemas.departure_field(name, field) for name, field in ASKED.items()},
     )
 
 
 class RangeQuery(_DepartureQuery):
     """A charge, the kind of road and the car."""
 
-    departs_at: schemas.Time | None = schemas.asked("departs_at", ASKED["departs_at"])[1]
+    departs_at: schemas.Time | None = schemas.departure_field("departs_at", ASKED["departs_at"])[1]
     kind: Literal["city", "country", "motorway", "mixed"] = "mixed"
     """kind of road; mixed: nothing is known of it"""
     model: str | None = Field(None, max_length=100)

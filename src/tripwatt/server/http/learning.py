@@ -14,7 +14,7 @@ import orjson
 from tripwatt.errors import or_none
 from tripwatt.server.cars import is_car, open_car
 from tripwatt.server.http.car_jobs import read_progress, require_folder
-from tripwatt.server.http.pool import JobResult, WorkerPool, cancel
+from tripwatt.server.http.pool import JobResult, WorkerPool, cancel_all
 from tripwatt.server.http.problems import Problem
 from tripwatt.server.http.settings import Settings
 
@@ -78,8 +78,8 @@ class LearningCars:
         try:
             yield
         finally:
-            await cancel(self._teaching.values())  # before the others, because they start to learn
-            await cancel(learning.task for learning in self.by_car.values() if learning.task is not None)
+            await cancel_all(self._teaching.values())  # before the others, because they start to learn
+            await cancel_all(learning.task for learning in self.by_car.values() if learning.task is not None)
             if self._started:
                 await self.learners.stop()
 

@@ -24,21 +24,23 @@ EXAMPLE_CAR: Final = "bmw_i3_60ah"
 def vehicles() -> tuple[dict[str, Any], ...]:
     """Return the cars of the library, without the models of the service."""
     cars = map(load_vehicle, vehicle_names())
-    return tuple({"name": car.name, "has_climate": car.climate is not None, **_values(car)} for car in cars)
+    return tuple(
+        {"name": car.name, "has_climate": car.climate is not None, **_vehicle_values(car)} for car in cars
+    )
 
 
-def described(car: Vehicle) -> dict[str, Any]:
+def describe_vehicle(car: Vehicle) -> dict[str, Any]:
     """Return the values of a car from a few figures, with the WLTP consumption and interval that it would be certified with."""
     certified = certified_interval(car)
     return {
-        **_values(car),
+        **_vehicle_values(car),
         "wltp_kwh_per_100km": certified.middle,
         "wltp_low_kwh_per_100km": certified.low,
         "wltp_high_kwh_per_100km": certified.high,
     }
 
 
-def _values(car: Vehicle) -> dict[str, Any]:
+def _vehicle_values(car: Vehicle) -> dict[str, Any]:
     return {
         "title": car.title,
         "test_mass_kg": car.body.test_mass_kg,

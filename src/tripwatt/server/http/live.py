@@ -27,9 +27,9 @@ from tripwatt.roads.advice import Companion, Message
 from tripwatt.server.cars import Car, Follower, Sample, has_token
 from tripwatt.server.cars.folder import digest_of, token_digest
 from tripwatt.server.http.car_jobs import CarJobs
-from tripwatt.server.http.jobs import Jobs, undescribed
+from tripwatt.server.http.jobs import Jobs, no_description_flag
 from tripwatt.server.http.journey_schemas import NeedQuery
-from tripwatt.server.http.pool import JobResult, WorkerPool, cancel
+from tripwatt.server.http.pool import JobResult, WorkerPool, cancel_all
 from tripwatt.server.http.problems import Problem, fault_document
 from tripwatt.server.http.settings import Settings
 from tripwatt.trips.messages import flag_to_dict
@@ -243,7 +243,7 @@ class LiveCars:
         message = None if document["faults"] else or_none(self._message, car)
         document["message"] = None if message is None else message.to_dict()
         if not _names_car(self._with_own_model(car, {} if car.plan is None else car.plan.request)):
-            document["flags"] = [flag_to_dict(undescribed(car.name, self._model(car, {}).vehicle))]
+            document["flags"] = [flag_to_dict(no_description_flag(car.name, self._model(car, {}).vehicle))]
         return document
 
     def _message(self, car: Car) -> Message | None:
@@ -396,7 +396,7 @@ class LiveCars:
         while True:
             for car in [*self.cars.values()]:
                 try:
-                    await self.run(_watched, car)
+                    await self.run(_watch_car, car)
                 except OSError as error:
                     self._not_stored("trip", car, error)
                 except Exception as error:  # the other cars are watched all the same
@@ -413,7 +413,7 @@ class LiveCars:
         try:
             yield
         finally:
-            await cancel(tasks)
+            await cancel_all(tasks)
             self.close()
 
     def close(self) -> None:
@@ -423,7 +423,7 @@ class LiveCars:
             car.close()
 
 
-def _watched(car: Car) -> None:
+def _watch_car(car: Car) -> None:
     """End the trip of a car that is silent; otherwise make its forecast if one is due for the diary."""
     if not car.end_when_silent(car.now_s()) and car.wants_forecast:
         car.document(car.now_s())

@@ -91,19 +91,19 @@ def new_router(tag: str) -> APIRouter:
     )
 
 
-def takes(model: type[BaseModel], *media_types: str, **more: Any) -> dict[str, Any]:
+def request_body(model: type[BaseModel], *media_types: str, **more: Any) -> dict[str, Any]:
     """Return the arguments of a route whose body is a `model`, with its examples and `more` fields; a worker checks the body."""
     examples = {name: {"value": value} for name, value in EXAMPLES[model].items()}
     media_type = {"schema": {"$ref": REFERENCE + model.__name__}, "examples": examples}
-    return takes_content(dict.fromkeys(media_types or (JSON,), media_type), **more)
+    return request_content(dict.fromkeys(media_types or (JSON,), media_type), **more)
 
 
-def takes_content(content: dict[str, Any], **more: Any) -> dict[str, Any]:
+def request_content(content: dict[str, Any], **more: Any) -> dict[str, Any]:
     """Return the arguments of a route whose body has OpenAPI's objects `content` by media type, and `more` fields."""
     return {"openapi_extra": {"requestBody": {"required": True, "content": content}, **more}}
 
 
-def gives(content: dict[str, Any], description: str) -> dict[str, Any]:
+def response_content(content: dict[str, Any], description: str) -> dict[str, Any]:
     """Return the arguments of a route whose response is not JSON, but has OpenAPI's objects `content` by media type."""
     responses = {200: {"content": content}}
     return {"response_class": Response, "response_description": description, "responses": responses}

@@ -19,7 +19,7 @@ from typing import Any, Final
 
 from tripwatt.server.http.problems import Problem
 from tripwatt.server.http.settings import Settings
-from tripwatt.server.http.worker import prepare, run_here
+from tripwatt.server.http.worker import prepare, run_in_worker
 
 MAX_ATTEMPTS: Final = 3
 """Most workers that one job may lose (a choice): without a bound, a job that crashes its worker would end all workers."""
@@ -34,7 +34,7 @@ RESTART_DELAY_S: Final = 5.0
 KILL: Final = getattr(signal, "SIGKILL", signal.SIGTERM)  # Windows has only SIGTERM, which kills
 
 
-async def cancel(tasks: Iterable[asyncio.Task[Any]]) -> None:
+async def cancel_all(tasks: Iterable[asyncio.Task[Any]]) -> None:
     """Cancel tasks and wait for their end.
 
     Parameters
@@ -44,7 +44,7 @@ async def cancel(tasks: Iterable[asyncio.Task[Any]]) -> None:
 
     Examples
     --------
-    >>> asyncio.run(cancel([]))
+    >>> asyncio.run(cancel_all([]))
     """
     listed = list(tasks)
     for task in listed:
@@ -128,7 +128,7 @@ class WorkerPool:
 
     async def stop(self) -> None:
         """End all workers. Requests that still wait for a job have to be finished before."""
-        await cancel(self._tasks)
+        await cancel_all(self._tasks)
         for worker in self._workers:
             worker.kill()
             worker.executor.shutdown()
@@ -158,7 +158,7 @@ class WorkerPool:
                 for _ in range(MAX_ATTEMPTS):
                     worker = await self._next_idle()
                     # a cancelled request leaves the worker with a job that it has to finish
-                    task = self._keep_task(self._run_on(worker, limits.timeout_s, run_here, job, body))
+                    task = self._keep_task(self._run_on(worker, limits.timeout_s, run_in_worker, job, body))
                     result = await asyncio.shield(task)
                     if result is not None:
                         return JobResult(*result)

@@ -115,23 +115,23 @@ def fault_document(fault: Fault) -> dict[str, str]:
 
 
 def _with_pointer(fault: Mapping[str, str]) -> dict[str, str]:
-    pointer = pointer_to(fault["where"])
+    pointer = json_pointer(fault["where"])
     return {**fault, **({} if pointer is None else {"pointer": pointer})}
 
 
-def pointer_to(where: str) -> str | None:
+def json_pointer(where: str) -> str | None:
     """Return the JSON pointer (RFC 6901) of a place in the body of a request; None if the place is not in the body.
 
     Examples
     --------
-    >>> pointer_to("samples.speed_m_s[3]"), pointer_to("one.link 2, length_m"), pointer_to("body")
+    >>> json_pointer("samples.speed_m_s[3]"), json_pointer("one.link 2, length_m"), json_pointer("body")
     ('/samples/speed_m_s/3', '/one/links/1/length_m', '')
     """
     if where == "body":
         return ""
     link = LINK.fullmatch(where)
     if link:
-        inside = (pointer_to(link[1]) or "") if link[1] else ""
+        inside = (json_pointer(link[1]) or "") if link[1] else ""
         return "/".join([f"{inside}/links", str(int(link[2]) - 1), *filter(None, [link[3]])])
     if where.startswith(OUTSIDE) or not IN_BODY.fullmatch(where):
         return None

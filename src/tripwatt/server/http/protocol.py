@@ -24,7 +24,7 @@ SEND_TIMEOUT_S: Final = 20.0
 """Longest time that a client may leave a full send buffer unread."""
 
 
-def most_connections() -> int:
+def max_connections() -> int:
     """Return half of the number of files that the process may open; workers, uploads and new connections need the others."""
     if sys.platform == "win32":
         return 512
@@ -34,21 +34,21 @@ def most_connections() -> int:
 class BoundedProtocol(HttpToolsProtocol):
     """HTTP/1.1 of uvicorn with bounds."""
 
-    most_connections = most_connections()
+    max_connections = max_connections()
 
     def __init__(self, *args: Any, **more: Any) -> None:
         super().__init__(*args, **more)
         self._body: list[bytes] = []
         self._unused_bytes = 0
-        self._heard_s = self.loop.time()
+        self._received_s = self.loop.time()
         self._send_timer: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Accept a connection; if there are too many, close the one that has been idle for longest."""
         super().connection_made(transport)
-        if len(self.connections) > self.most_connections:
+        if len(self.connections) > self.max_connections:
             open_ones = (c for c in self.connections if isinstance(c, BoundedProtocol) and c.is_idle)
-            min(open_ones, key=lambda one: one._heard_s).transport.abort()
+            min(open_ones, key=lambda one: one._received_s).transport.abort()
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Stop the timer."""
@@ -62,7 +62,7 @@ class BoundedProtocol(HttpToolsProtocol):
 
     def data_received(self, data: bytes) -> None:
         """Parse received bytes in slices, until a head exceeds its bound."""
-        self._heard_s = self.loop.time()
+        self._received_s = self.loop.time()
         for start in range(0, len(data), SLICE_BYTES):
             if self.transport.is_closing():
                 return

@@ -87,14 +87,14 @@ def checked_by(check: Callable[[Any, Limits], Any]) -> AfterValidator:
 
     def validate(value: Any, info: ValidationInfo) -> Any:
         jobs: Any = info.context
-        with faults_beside():
+        with collect_faults():
             return check(value, jobs.limits)
 
     return AfterValidator(validate)
 
 
 @contextmanager
-def faults_beside() -> Iterator[None]:
+def collect_faults() -> Iterator[None]:
     """Raise faults as an error of pydantic, which collects them with its own for `faults_of`."""
     try:
         yield
@@ -219,7 +219,7 @@ Links = Annotated[
 """Fields whose values are checked as whole tables, not one object at a time; a checked request has a table and a `LinkRoute`."""
 
 
-def bounded(
+def number_field(
     columns: Mapping[str, Column], name: str, default: Any = None, *, positive: bool = False, **more: Any
 ) -> Any:
     """Return the field of a number, with the bounds and the description of its column."""
@@ -239,25 +239,25 @@ class Link(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    length_m: float = bounded(LINK_COLUMNS, "length_m", ..., positive=True)
-    speed_m_s: float | None = bounded(LINK_COLUMNS, "speed_m_s", positive=True)
-    travel_time_s: float | None = bounded(LINK_COLUMNS, "travel_time_s", positive=True)
-    stop_s: float | None = bounded(LINK_COLUMNS, "stop_s")
-    moving_speed_m_s: float | None = bounded(LINK_COLUMNS, "moving_speed_m_s", positive=True)
-    speed_limit_m_s: float | None = bounded(LINK_COLUMNS, "speed_limit_m_s", positive=True)
-    grade: float | None = bounded(LINK_COLUMNS, "grade")
-    start_elevation_m: float | None = bounded(LINK_COLUMNS, "start_elevation_m")
-    end_elevation_m: float | None = bounded(LINK_COLUMNS, "end_elevation_m")
+    length_m: float = number_field(LINK_COLUMNS, "length_m", ..., positive=True)
+    speed_m_s: float | None = number_field(LINK_COLUMNS, "speed_m_s", positive=True)
+    travel_time_s: float | None = number_field(LINK_COLUMNS, "travel_time_s", positive=True)
+    stop_s: float | None = number_field(LINK_COLUMNS, "stop_s")
+    moving_speed_m_s: float | None = number_field(LINK_COLUMNS, "moving_speed_m_s", positive=True)
+    speed_limit_m_s: float | None = number_field(LINK_COLUMNS, "speed_limit_m_s", positive=True)
+    grade: float | None = number_field(LINK_COLUMNS, "grade")
+    start_elevation_m: float | None = number_field(LINK_COLUMNS, "start_elevation_m")
+    end_elevation_m: float | None = number_field(LINK_COLUMNS, "end_elevation_m")
 
 
-def reserved(default: float) -> Any:
+def reserve_field(default: float) -> Any:
     """Return the field `reserve`; null stands for its default."""
 
     def or_null(schema: dict[str, Any]) -> None:
         number = {name: schema.pop(name) for name in ("type", "minimum", "maximum")}
         schema["anyOf"] = [number, {"type": "null"}]
 
-    return bounded(QUANTITIES, "reserve", default, json_schema_extra=or_null)
+    return number_field(QUANTITIES, "reserve", default, json_schema_extra=or_null)
 
 
 class StrictModel(BaseModel):
@@ -321,22 +321,22 @@ class CarRequest(StrictModel):
     @classmethod
     def _is_known(cls, name: str | None, info: ValidationInfo) -> str | None:
         if name is not None and info.context is not None:
-            with faults_beside():
+            with collect_faults():
                 info.context.require_known(f"{info.field_name}", name, info.data.get("model"))
         return name
 
 
-def _text_of_time(given: Any) -> Any:
+def _require_text(given: Any) -> Any:
     """Refuse numbers, which pydantic takes as seconds since 1970."""
     if given is not None and not str(given)[4:].startswith("-"):
         raise PydanticKnownError("datetime_type")
     return given
 
 
-Time = Annotated[AwareDatetime, BeforeValidator(_text_of_time)]
+Time = Annotated[AwareDatetime, BeforeValidator(_require_text)]
 
 
-def asked(name: str, field: DepartureField) -> tuple[Any, Any]:
+def departure_field(name: str, field: DepartureField) -> tuple[Any, Any]:
     """Return type and schema in a request for a field of a departure; the schema also has what a form needs."""
     kind: Any = Literal[field.choices] if field.choices else float
     unit, rules = "", dict[str, Any]()
@@ -363,7 +363,7 @@ else:
         "DepartureRequest",
         __base__=StrictModel,
         __doc__="What is known at departure.",
-        **{name: asked(name, field) for name, field in ASKED.items() if name != "departs_at"},
+        **{name: departure_field(name, field) for name, field in ASKED.items() if name != "departs_at"},
     )
 
 
@@ -381,7 +381,7 @@ class ForecastRequest(DepartureRequest, CarRequest):
     samples: Samples | None = None
     links: Links | None = None
     elevation: Elevation | None = None
-    reserve: float = reserved(0.1)
+    reserve: float = reserve_field(0.1)
     probability: float | None = Field(None, ge=0.5, le=0.999)
     """with which the trip has to arrive with the reserve: the response has the charge to leave with; default: none is worked out"""
 

@@ -71,7 +71,7 @@ def _end_with_service() -> None:
         os._exit(1)
 
 
-def run_here(job: dict[str, Any], body: bytes) -> tuple[int, bytes, float]:
+def run_in_worker(job: dict[str, Any], body: bytes) -> tuple[int, bytes, float]:
     """Run a job with the models of this process; return HTTP status, document and computing time [s]."""
     started = time.perf_counter()
     return *run_job(PREPARED[0], job, body), time.perf_counter() - started
