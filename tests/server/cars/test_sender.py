@@ -27,12 +27,12 @@ def driven(car: Car, seconds: range, shift_s: float = 0.0, **more: float) -> lis
 @pytest.mark.parametrize("fault", FAULTS)
 def test_every_message_that_was_acknowledged_is_in_its_trip(fault: str) -> None:
     """The gate's sample of `python -m benchmarks.clocks`."""
-    tables = [measured(example_trip(seed)).iloc[:900] for seed in (3, 4)]
+    tables = [measured(example_trip(3)).iloc[:900]]
     done = replayed(tables, fault, seed=1)
     assert (done.lost, done.split, done.joined, done.disordered) == (0, 0, 0, 0)
-    assert done.sent > 1400
+    assert done.sent > 700
     if fault.startswith("milliseconds"):
-        assert done.answers["refused"] == done.told > 500
+        assert done.answers["refused"] == done.told > 250
     else:
         assert done.told == (len(tables) if fault.startswith("one stamp") else 0)
         assert done.in_trips == done.sent - done.told

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +11,7 @@ import orjson
 import pandas as pd
 import pytest
 from benchmarks.leave_with import OVER_HTTP, RESERVE, WORST, over_http
+from tests.support.command import answered
 from tests.support.service_fuzz import seeds
 from tests.support.service_process import Service
 from tools.quality.same_numbers import compared
@@ -28,9 +27,7 @@ LINKS = [
 
 def command_line(*arguments: object) -> dict[str, Any]:
     """What `tripwatt forecast --json` prints."""
-    command = [sys.executable, "-m", "tripwatt.command", "forecast", *map(str, arguments), "--json"]
-    done = subprocess.run(command, check=True, capture_output=True, text=True)
-    return dict(json.loads(done.stdout))
+    return dict(json.loads(answered("forecast", *arguments, "--json").out))
 
 
 def test_a_forecast_equals_that_of_the_command_line(
@@ -41,17 +38,6 @@ def test_a_forecast_equals_that_of_the_command_line(
     assert service.forecast({**drive, "probability": 0.95}).json() == command_line(
         tmp_path / "trip.csv", *options
     )
-
-
-def test_the_forecast_of_a_planned_route_equals_that_of_the_command_line(
-    service: Service, tmp_path: Path
-) -> None:
-    (tmp_path / "trip.json").write_text(json.dumps(LINKS))
-    asked = {"links": LINKS, "soc": 0.6, "ambient_temperature_degc": 3.0, "reserve": 0.2}
-    asked["probability"] = 0.95
-    printed = command_line(tmp_path / "trip.json", "--soc", 0.6, "--ambient", 3, "--reserve", 0.2)
-    assert service.forecast(asked).json() == printed
-    assert printed["given"] == "a planned route"
 
 
 def test_python_gives_the_numbers_of_the_service(service: Service) -> None:
@@ -86,38 +72,6 @@ def test_an_update_uses_the_measurements(service: Service, drive: dict[str, Any]
     pd.DataFrame(observed).to_csv(tmp_path / "seen.csv", index=False)
     options = ("--soc", 0.8, "--ambient", -5, "--setpoint", 21, "--payload", 80, "--reserve", 0.3)
     assert after == command_line(tmp_path / "trip.csv", *options, "--observed", tmp_path / "seen.csv")
-
-
-SAMPLES: list[tuple[Any, str]] = [
-    ({"time_s": [0, 1, 2], "speed_m_s": [0, "1", 2]}, "samples.speed_m_s[1]"),
-    ({"time_s": [0, 1, 1], "speed_m_s": [0, 1, 2]}, "samples, column 'time_s', row 3"),
-    ({"time_s": [0, 1, 2], "speed_m_s": [0, None, 2]}, "samples, column 'speed_m_s', row 2"),
-    ({"time_s": [0, 1, 2], "speed_m_s": [0, 1]}, "samples"),
-    ({"time_s": [0, 1, 2], "speed_km_h": [0, 1, 2]}, "samples, column 'speed_km_h'"),
-    ({"time_s": [0, 1e6, 2e6], "speed_m_s": [0, 1, 2]}, "samples"),
-    ([1, 2], "samples"),
-]
-
-
-def test_what_is_wrong_is_a_fault_with_its_position(service: Service, drive: dict[str, Any]) -> None:
-    level = {"position_m": [0.0, 1.0], "elevation_m": [1.0, 2.0]}
-    wrong: list[tuple[Any, str]] = [
-        ({}, "samples, links"),
-        (drive | {"links": LINKS}, "samples, links"),
-        (drive | {"model": "../../etc/passwd"}, "model"),
-        (drive | {"vehicle": "/etc/passwd"}, "vehicle"),
-        (drive | {"probability": 1.0}, "probability"),
-        ({"links": LINKS, "elevation": level}, "elevation"),
-        *(({"samples": samples}, where) for samples, where in SAMPLES),
-    ]
-    for request, where in wrong:
-        answer = service.forecast(request)
-        assert answer.status_code == 422
-        assert where in [fault["where"] for fault in answer.json()["faults"]], where
-    for body in (b"", b"{", b'{"reserve": NaN}', b'{"reserve": 1e999}', b'"\xff"', b"[" * 5000):
-        headers = {"Content-Type": "application/json"}
-        answer = service.client.post("/v1/forecast", content=body, headers=headers)
-        assert (answer.status_code, answer.json()["type"]) == (400, "/problems/not-json")
 
 
 def test_a_batch_returns_its_lines_in_order(service: Service, drive: dict[str, Any]) -> None:
@@ -208,30 +162,6 @@ def test_a_car_of_a_few_figures_is_described_and_forecast(service: Service, driv
     assert wrong.status_code == 422
     assert "at most" in wrong.json()["faults"][0]["allowed"]
     assert service.client.post("/v1/vehicles", json={"wheels": 4}).status_code == 422
-
-
-def test_a_search_lists_the_cars_that_it_finds(service: Service) -> None:
-    def named(words: str) -> list[str]:
-        answer = service.client.get("/v1/vehicles", params={"search": words})
-        return [car["name"] for car in answer.json()["vehicles"]]
-
-    assert named("kona") == ["hyundai_kona_64", "hyundai_kona_39"]
-    assert named("zeppelin") == []
-    assert service.client.get("/v1/vehicles", params={"search": ""}).status_code == 422
-
-
-def test_another_car_is_forecast_with_its_own_physics_and_wider_intervals(
-    service: Service, drive: dict[str, Any]
-) -> None:
-    own = service.forecast(drive).json()
-    heavy = service.forecast(drive | {"vehicle": "tesla_model_3_lr"}).json()
-    kinetic = [a["by_cause_wh"]["acceleration"] for a in (heavy, own)]  # the drive ends while the car moves
-    assert kinetic[0] > 1.2 * kinetic[1] > 0.0
-    assert heavy["soc_arrival"] > own["soc_arrival"]  # a larger battery
-    widths = [a["quantiles_wh"]["0.95"] - a["quantiles_wh"]["0.05"] for a in (heavy, own)]
-    assert widths[0] > 1.15 * widths[1]
-    assert heavy["flags"][0]["code"] == "no_trips_of_car"
-    assert not any("no trip of this car" in flag for flag in own["flags"])
 
 
 def test_examples_can_be_forecast_and_replayed(service: Service) -> None:

@@ -132,12 +132,6 @@ def test_the_speed_of_a_track_has_its_bounds() -> None:
     assert [job["speed_m_s"] for job, _ in served.pool.jobs] == [0.001, 70.0]
 
 
-def test_a_track_needs_no_speed() -> None:
-    served = Served()
-    served.post("/v1/routes", media_type="text/csv")
-    assert served.pool.jobs == [({"kind": "route", "speed_m_s": None}, b"{}")]
-
-
 PARAMETERS = [
     ("/v1/places", {"q": ""}, 422),
     ("/v1/places", {"q": "x" * 200, "limit": 50}, 200),
@@ -172,22 +166,6 @@ def test_a_parameter_has_its_bounds() -> None:
     assert found == PARAMETERS
 
 
-def test_what_jobs_of_journeys_are_told() -> None:
-    served = Served()
-    served("/v1/places", params={"q": "x"})
-    served("/v1/map/view", params=BOUNDS)
-    served("/v1/tiles/3/2/1")
-    served.post("/v1/journeys")
-    served.post("/v1/reachable")
-    assert [job for job, _ in served.pool.jobs] == [
-        {"kind": "journeys.places", "text": "x", "limit": 10},
-        {"kind": "journeys.view", "bounds_deg": [0.0, 0.0, 1.0, 1.0], "limit": 200},
-        {"kind": "journeys.tile", "zoom": 3, "column": 2, "row": 1},
-        {"kind": "plan", "fields": None},
-        {"kind": "reach"},
-    ]
-
-
 def test_a_tile_is_kept_for_an_hour_and_a_forecast_is_not() -> None:
     served = Served()
     tile = served("/v1/tiles/3/2/1")
@@ -203,40 +181,12 @@ def test_what_does_not_change_is_asked_once(path: str, kind: str) -> None:
     assert served.pool.jobs == [({"kind": kind}, b"")]
 
 
-def test_a_search_is_asked_each_time() -> None:
-    served = Served()
-    for _ in range(2):
-        served("/v1/vehicles", params={"search": "kona"})
-    assert served.pool.jobs == [({"kind": "vehicles", "search": "kona"}, b"")] * 2
-
-
 def test_a_document_that_fails_is_an_internal_error_and_is_not_kept() -> None:
     served = Served()
     served.pool.result = JobResult(422, b"{}", 0.5)
     assert served("/v1/map").status_code == 500
     served.pool.result = JobResult(200, b"{}", 0.5)
     assert served("/v1/map").status_code == 200
-
-
-def example_of(name: str) -> dict[str, Any]:
-    brief = {"trip": name, "title": "t", "vehicle": "v", "note": "n", "duration_s": 1.0, "distance_m": 2.0}
-    return brief | {
-        "ambient_temperature_degc": None,
-        "observed_energy_wh": 3.0,
-        "request": {},
-        "observed": {},
-    }
-
-
-def test_each_example_is_asked_for_once() -> None:
-    served = Served()
-    for name in ("one", "two"):
-        served.pool.result = JobResult(200, orjson.dumps(example_of(name)), 0.5)
-        assert [served(f"/v1/examples/{name}").json() for _ in range(2)] == [example_of(name)] * 2
-    assert len(served.pool.jobs) == 2
-    served.pool.result = JobResult(404, orjson.dumps(Problem("not-found").document()), 0.5)
-    assert [served("/v1/examples/three").status_code for _ in range(2)] == [404, 404]
-    assert len(served.pool.jobs) == 4
 
 
 def test_health_and_readiness() -> None:

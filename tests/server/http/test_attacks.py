@@ -106,35 +106,6 @@ def test_head_is_answered_like_get(service: Service) -> None:
     assert any(r.get("method") == "HEAD" for r in service.records())
 
 
-def test_all_faults_come_together_with_suggestions(service: Service) -> None:
-    answer = service.client.post(
-        "/v1/forecast/update",
-        json={
-            "samples": {"time_s": [0, 1, 1], "speed_m_s": [0, 1, 2], "speed_kmh": [1, 2, 3]},
-            "observed": {"time_s": [0, 1], "bms_soc": [2, 0.5]},
-            "model": "bmw_i3_tu",
-            "vehicle": "vw_id4",
-            "resreve": 0.1,
-            "soc": 3,
-        },
-    )
-    assert answer.status_code == 422
-    faults = {fault["where"]: fault for fault in answer.json()["faults"]}
-    assert {
-        "samples, column 'speed_kmh'",
-        "samples, column 'time_s', row 3",
-        "observed, column 'soc', row 1",
-        "model",
-        "vehicle",
-        "resreve",
-        "soc",
-    } <= set(faults)
-    assert faults["model"]["fix"] == "did you mean 'bmw_i3_tum'?"
-    assert "'vw_id4_pro'" in faults["vehicle"]["fix"]
-    assert faults["resreve"]["fix"] == "did you mean 'reserve'?"
-    assert "did you mean speed_m_s" in faults["samples, column 'speed_kmh'"]["fix"]
-
-
 def test_nested_json_is_a_fault(service: Service) -> None:
     for field in (b"links", b"samples", b"model", b"soc", b"elevation", b"colour"):
         nested = b"[" * 900 + b"]" * 900

@@ -9,7 +9,6 @@ import re
 import shlex
 import shutil
 import subprocess
-from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qs
 
@@ -164,13 +163,3 @@ def test_every_request_of_the_page_asks_what_the_service_takes(served: Served) -
         parameters = {name: values[0] for name, values in parse_qs(given).items()}
         assert set(parameters) <= {"car", "probability", "reserve", "plug_w", "departs_at", "distance_km"}
         assert served("/v1/need", params=parameters).status_code == 200
-
-
-def test_names_of_sensors_follow_from_their_titles() -> None:
-    text = "\n".join(blocks("yaml"))
-    titles = {"sensor." + name.lower().replace(" ", "_") for name in re.findall(r"- name: ([A-Z].+)", text)}
-    assert set(re.findall(r"sensor\.\w+", text)) == titles
-
-
-def test_the_page_has_its_place() -> None:
-    assert "howto/charge-planning.md" in Path(ROOT / "docs" / "index.md").read_text("utf-8")

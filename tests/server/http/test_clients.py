@@ -38,7 +38,7 @@ def document(complete: Service, tmp_path_factory: pytest.TempPathFactory) -> Pat
     return file
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def raw(complete: Service) -> dict[str, Any]:
     """The responses without a client."""
     trip = PLANNED_REQUEST | {"soc": 0.8}

@@ -3,23 +3,29 @@
 from __future__ import annotations
 
 import asyncio
+import copy
 import re
+from collections.abc import Iterator
 from typing import Any
 
 import orjson
 import pytest
 from fastapi.routing import APIRoute
+from pydantic import BaseModel
 from starlette.requests import Request
-from starlette.responses import Response
 from tests.support import ROOT
 from tests.support.service_process import Service
 
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting.document import ForecastResponse
 from tripwatt.server.http.app import openapi_document
+from tripwatt.server.http.example_requests import EXAMPLES
+from tripwatt.server.http.jobs import Jobs
+from tripwatt.server.http.openapi import refuse_unknown_parameters
 from tripwatt.server.http.problems import TITLES, json_pointer
-from tripwatt.server.http.service import Call
-from tripwatt.server.http.worker import chosen_fields, refuse_unknown_parameters
+from tripwatt.server.http.schemas import check_request
+from tripwatt.server.http.settings import Limits
+from tripwatt.server.http.worker import chosen_fields
 
 
 @pytest.fixture(scope="module")
@@ -44,6 +50,43 @@ def test_no_schema_has_what_generators_stumble_over(document: dict[str, Any]) ->
     assert b'"default"' not in text
     for schema in document["components"]["schemas"].values():
         assert not ({"oneOf", "anyOf", "allOf"} & schema.keys() and "properties" in schema)
+
+
+UNBOUNDED = {
+    *("AdviceRequest.links", "AdviceRequest.samples", "ForecastRequest.links", "ForecastRequest.samples"),
+    *("LivePlanRequest.links", "LivePlanRequest.samples", "UpdateRequest.links", "UpdateRequest.samples"),
+    *("UpdateRequest.observed", "TelemetryRequest.tlm"),
+}
+"""Fields that are bounded as whole tables by `Limits`, and the message of a car, which has at most 64 kB."""
+
+
+def is_bounded(schema: dict[str, Any]) -> bool:
+    """Whether a number has a lower and an upper bound, and a text and a list a largest length."""
+    if "enum" in schema or "const" in schema or "$ref" in schema or "format" in schema:
+        return True
+    if "anyOf" in schema:
+        return all(map(is_bounded, schema["anyOf"]))
+    low, high = ({f"{end}imum", f"exclusive{end.title()}imum"} & schema.keys() for end in ("min", "max"))
+    bounds = {
+        "string": "maxLength" in schema,
+        "array": "maxItems" in schema,
+        "object": "maxProperties" in schema,
+    }
+    numbers = dict.fromkeys(("number", "integer"), bool(low and high))
+    return {**bounds, **numbers, "boolean": True, "null": True}[schema["type"]]
+
+
+def test_every_field_of_a_request_has_bounds(document: dict[str, Any]) -> None:
+    schemas = document["components"]["schemas"]
+    fields = {
+        f"{model.__name__}.{name}": schema
+        for model in EXAMPLES
+        for name, schema in schemas[model.__name__]["properties"].items()
+    }
+    assert {name for name, schema in fields.items() if not is_bounded(schema)} == UNBOUNDED
+    parameters = [p for o in operations(document) for p in o.get("parameters", ()) if p["in"] == "query"]
+    # the head of a request bounds the token of a car, which is compared as a digest
+    assert [p["name"] for p in parameters if not is_bounded(p["schema"])] == ["token"]
 
 
 def test_problems_are_told_apart_and_nothing_is_deprecated(document: dict[str, Any]) -> None:
@@ -230,21 +273,6 @@ def test_headers_are_in_the_document(document: dict[str, Any]) -> None:
     assert "Retry-After" in forecast["responses"]["default"]["headers"]
 
 
-def test_a_tag_is_of_the_content() -> None:
-    def answer(content: bytes, *headers: tuple[bytes, bytes]) -> Response:
-        call = Call(Request({"type": "http", "headers": headers}), None)  # type: ignore[arg-type]
-        return call.tagged(content, "text/plain")
-
-    first, other = answer(b"a"), answer(b"b")
-    tag = first.headers["etag"]
-    assert re.fullmatch(r'W/"[0-9a-f]{20}"', tag)
-    assert tag != other.headers["etag"]
-    assert (first.body, first.headers["cache-control"]) == (b"a", "no-cache")
-    again = answer(b"a", (b"if-none-match", f'"x" , {tag}'.encode()))
-    assert (again.status_code, again.body, again.headers["etag"]) == (304, b"", tag)
-    assert answer(b"b", (b"if-none-match", tag.encode())).status_code == 200
-
-
 def test_another_site_changes_nothing(service: Service, document: dict[str, Any]) -> None:
     """Every operation that changes something; a program sends neither header, and the page those of its own origin."""
     client, changing = service.client, set[tuple[str, str]]()
@@ -260,3 +288,72 @@ def test_another_site_changes_nothing(service: Service, document: dict[str, Any]
             assert (refused.status_code, refused.json()["type"]) == (403, "/problems/foreign-site"), path
         assert all(client.request(method, place, headers=sent).status_code != 403 for sent in own), path
     assert client.get("/v1/models", headers={"Sec-Fetch-Site": "cross-site"}).status_code == 200
+
+
+Path = tuple[str | int, ...]
+
+
+def nullable(schema: dict[str, Any]) -> bool:
+    return any(one.get("type") == "null" for one in schema.get("anyOf", ()))
+
+
+def objects(
+    value: Any, schema: dict[str, Any], schemas: dict[str, Any], path: Path = ()
+) -> Iterator[tuple[Path, dict[str, Any]]]:
+    """Places of the objects of a document, and the properties that the schema gives each."""
+    if "$ref" in schema:
+        schema = schemas[schema["$ref"].rpartition("/")[2]]
+    for one in schema.get("anyOf", ()):
+        yield from objects(value, one, schemas, path)
+    if isinstance(value, dict) and "properties" in schema:
+        yield path, schema["properties"]
+        for name in value.keys() & schema["properties"].keys():
+            yield from objects(value[name], schema["properties"][name], schemas, (*path, name))
+    elif isinstance(value, list) and "items" in schema:
+        for k, item in enumerate(value):
+            yield from objects(item, schema["items"], schemas, (*path, k))
+
+
+def variants(example: Any, schema: dict[str, Any], schemas: dict[str, Any]) -> Iterator[tuple[str, Any, Any]]:
+    """Each field that may be null: its place, the example without it, and with null."""
+    for path, properties in objects(example, schema, schemas):
+        for name, of_field in properties.items():
+            if not nullable(of_field):
+                continue
+            without, with_null = copy.deepcopy(example), copy.deepcopy(example)
+            for document, change in (
+                (without, lambda o, n: o.pop(n, None)),
+                (with_null, lambda o, n: o.update({n: None})),
+            ):
+                for step in path:
+                    document = document[step]
+                change(document, name)
+            yield ".".join(map(str, (*path, name))), without, with_null
+
+
+def test_null_counts_as_left_out_wherever_the_document_allows_it(document: dict[str, Any]) -> None:
+    """Over every request, field by field."""
+    schemas, jobs = document["components"]["schemas"], Jobs.from_folders({}, Limits())
+
+    def refused(model: type[BaseModel], request: Any) -> list[str]:
+        try:
+            check_request(request, model, jobs)
+        except InvalidInput as error:
+            return [fault.where for fault in error.faults]
+        return []
+
+    wrong, tried = [], 0
+    for model, examples in EXAMPLES.items():
+        for example in examples.values():
+            for place, absent, null in variants(example, schemas[model.__name__], schemas):
+                tried += 1
+                if refused(model, absent) != refused(model, null):
+                    wrong.append(f"{model.__name__}.{place}")
+    assert tried > 150
+    assert wrong == []
+
+
+def test_no_parameter_is_documented_as_null(document: dict[str, Any]) -> None:
+    parameters = [p for o in operations(document) for p in o.get("parameters", ())]
+    assert len(parameters) > 50
+    assert [p for p in parameters if nullable(p["schema"]) or p["schema"].get("type") == "null"] == []

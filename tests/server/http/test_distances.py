@@ -47,14 +47,3 @@ def test_what_cannot_be_asked_is_refused(service: Service, query: dict[str, Any]
     found = asked(service, "/v1/need", **query)
     assert found.status_code == 422
     assert found.json()["faults"]
-
-
-@pytest.mark.parametrize(
-    ("query", "got"),
-    [({"distance_km": 50, "trip": "x"}, "both a distance and a usual trip"), ({}, "neither")],
-)
-def test_a_need_is_of_a_distance_or_of_a_usual_trip(
-    service: Service, query: dict[str, Any], got: str
-) -> None:
-    (fault,) = asked(service, "/v1/need", **query).json()["faults"]
-    assert (fault["what"], fault["got"]) == ("one of them is needed", got)

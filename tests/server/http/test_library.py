@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
-from tripwatt.physics.battery import open_circuit_voltage, usable_energy_wh
+from tripwatt.physics.battery import usable_energy_wh
 from tripwatt.server.http import library
 from tripwatt.server.http.library import (
     describe_vehicle,
@@ -15,17 +14,6 @@ from tripwatt.server.http.library import (
 )
 from tripwatt.server.http.problems import Problem
 from tripwatt.vehicles import load_vehicle, vehicle_names
-
-
-def test_the_usable_energy_is_the_mean_voltage_times_the_displayed_charge() -> None:
-    car = load_vehicle("bmw_i3_60ah")
-    battery = car.battery
-    low, high = battery.displayed_zero_soc, battery.displayed_full_soc
-    points = [low + (high - low) * k / 100.0 for k in range(101)]
-    mean_v = sum(float(open_circuit_voltage(np.array([p]), battery)[0]) for p in points) / 101.0
-    expected_wh = battery.capacity_ah * mean_v * (high - low)
-    assert usable_energy_wh(car.battery) == pytest.approx(expected_wh, rel=1e-12)
-    assert 0.0 < low < high < 1.0
 
 
 def test_the_cars_of_the_library() -> None:

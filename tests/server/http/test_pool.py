@@ -8,18 +8,15 @@ import os
 from collections.abc import Callable
 from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
-from pathlib import Path
 from typing import Any
 
 import pytest
 from tests.support.virtual_time import elapsed_s, run_jumping
 
-from tripwatt.roads.journey import AtlasSettings
 from tripwatt.server.http import pool as room
-from tripwatt.server.http.pool import JobResult, WorkerPool
+from tripwatt.server.http.pool import WorkerPool
 from tripwatt.server.http.problems import Problem
 from tripwatt.server.http.settings import Limits, Settings
-from tripwatt.server.http.worker import prepare
 
 ANSWER = (200, b"done", 0.5)
 JOB = {"kind": "forecast"}
@@ -111,39 +108,6 @@ async def settled() -> None:
         await asyncio.sleep(0)
 
 
-def test_a_worker_gets_its_models_limits_map_and_cars_and_no_token(monkeypatch: pytest.MonkeyPatch) -> None:
-    executors = Executors(monkeypatch)
-    atlas, limits = AtlasSettings("a-map"), Limits(samples=7)
-    settings = Settings(
-        {"one": Path("/m/1")}, limits=limits, atlas=atlas, token="secret" * 9, workers=1, cars=Path("c")
-    )
-
-    async def run() -> None:
-        pool = WorkerPool(settings, lambda **record: None)
-        await pool.start()
-        await pool.stop()
-
-    run_jumping(run())
-    ((number, context, initializer, given),) = executors.calls
-    assert (number, context.get_start_method(), initializer) == (1, "spawn", prepare)
-    assert given == ({"one": Path("/m/1")}, limits, atlas, Path("c"))
-
-
-def test_workers_take_jobs_in_turn_and_are_ended(monkeypatch: pytest.MonkeyPatch) -> None:
-    executors = Executors(monkeypatch)
-
-    async def run() -> None:
-        async with running(workers=2) as pool:
-            assert (pool.ready, pool.waiting, pool.lost) == (2, 0, 0)
-            for _ in range(4):
-                assert await pool.run(JOB, b"body") == JobResult(200, b"done", 0.5)
-        assert pool.ready == 0
-
-    run_jumping(run())
-    assert [one.asked for one in executors.made] == [[(JOB, b"body")] * 2] * 2
-    assert [(one.stopped, one.killed_s) for one in executors.made] == [(True, 0.0)] * 2
-
-
 def test_jobs_beyond_the_waiting_ones_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     Executors(monkeypatch, [1.0])
 
@@ -161,22 +125,6 @@ def test_jobs_beyond_the_waiting_ones_are_refused(monkeypatch: pytest.MonkeyPatc
             assert (pool.waiting, elapsed_s()) == (0, 1.0)
 
     run_jumping(run())
-
-
-def test_a_hung_worker_is_killed_and_its_job_times_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    executors, said = Executors(monkeypatch, [None]), list[dict[str, Any]]()
-
-    async def run() -> None:
-        async with running(log=lambda **record: said.append(record), timeout_s=2.5) as pool:
-            problem = await problem_of(pool)
-            assert (problem.kind, problem.detail, elapsed_s()) == ("timeout", "longer than 2.5 s", 2.5)
-            await settled()
-            assert (pool.ready, pool.lost) == (1, 1)
-            assert (await pool.run(JOB, b"")).status == 200
-
-    run_jumping(run())
-    assert executors.made[0].killed_s == 2.5
-    assert said == [{"event": "worker lost", "pid": 100}, {"event": "worker started", "ready": 1}]
 
 
 def test_a_cancelled_request_leaves_its_worker_usable(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -85,42 +85,6 @@ class Connection:
         return b"HTTP/1.1 400 Bad Request\r\n" in self.transport.written
 
 
-def refused(*parts: bytes) -> bool:
-    """Whether the parts, sent one after the other, are too large for a head."""
-
-    async def run() -> bool:
-        connection = Connection()
-        for part in parts:
-            connection.send(part)
-            for _ in range(5):
-                await asyncio.sleep(0)
-        assert connection.transport.is_closing() == connection.is_refused
-        await connection.end()
-        return connection.is_refused
-
-    return run_jumping(run())
-
-
-def head_of(size: int) -> bytes:
-    """A head of so many bytes that is not complete."""
-    return START + b"a: " + b"b" * (size - len(START) - 3)
-
-
-def test_a_head_has_at_most_32768_bytes_before_its_end() -> None:
-    assert not refused(head_of(32_768))
-    whole = head_of(32_769)
-    assert refused(whole)
-    assert refused(whole[:20_000], whole[20_000:32_768], whole[32_768:])
-    assert not refused(head_of(49_148) + b"\r\n\r\n")  # three slices, and the end in the last one
-
-
-def test_a_complete_head_and_parts_of_a_body_begin_a_new_count() -> None:
-    head = head_of(30_000) + b"\r\n\r\n"
-    assert not refused(head, head_of(32_768))
-    assert refused(head, head_of(32_769))
-    assert not refused(POST + b"Content-Length: 99999\r\n\r\n", *([b"x" * 20_000] * 4))
-
-
 def test_a_chunk_without_an_end_is_bounded() -> None:
     head = POST + b"Transfer-Encoding: chunked\r\n\r\n1\r\n{\r\n0\r\n"
     trailer = b"t: " + b"x" * 32_765
@@ -136,23 +100,6 @@ def test_a_chunk_without_an_end_is_bounded() -> None:
         return before, after
 
     assert run_jumping(run()) == (False, True)
-
-
-def test_a_body_is_whole_however_it_is_cut() -> None:
-    chunked = b"Transfer-Encoding: chunked\r\n\r\n2\r\nab\r\n1\r\nc\r\n0\r\n\r\n"
-
-    async def run() -> None:
-        for size in (1, 7, 1000):
-            connection = Connection()
-            whole = POST + chunked
-            for start in range(0, len(whole), size):
-                connection.send(whole[start : start + size])
-            for _ in range(5):
-                await asyncio.sleep(0)
-            assert connection.bodies == [b"abc"]
-            await connection.end()
-
-    run_jumping(run())
 
 
 def test_a_client_has_twenty_seconds_to_read() -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 import pytest
 from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic.json_schema import models_json_schema
@@ -13,19 +12,14 @@ import tripwatt as tw
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting.document import ForecastResponse
 from tripwatt.forecasting.leaving import leave_with
-from tripwatt.server.http.car_schemas import ColumnChoice, NewCarRequest, TelemetryRequest
 from tripwatt.server.http.journey_schemas import (
     NeedQuery,
-    PlaceRequest,
     PlanRequest,
-    RangeQuery,
     ReachRequest,
 )
 from tripwatt.server.http.problems import Problem
 from tripwatt.server.http.schemas import (
     MIN_DURATION_S,
-    MIN_OBSERVED,
-    NUMBER_TYPES,
     Elevation,
     ForecastRequest,
     Link,
@@ -40,8 +34,6 @@ from tripwatt.server.http.schemas import (
     with_elevation,
 )
 from tripwatt.server.http.settings import Limits
-
-NEVER = {"length_m": 100.0, "speed_m_s": 10.0}
 
 
 def faults_of(model: type[BaseModel], document: Any) -> tuple[Fault, ...]:
@@ -61,91 +53,6 @@ def is_valid(model: type[BaseModel], document: dict[str, Any]) -> bool:
 PLACE = {"latitude_deg": 47.0, "longitude_deg": 9.0}
 PLAN: dict[str, Any] = {"stops": [PLACE, "Ostheim"]}
 REACH: dict[str, Any] = {"start": PLACE}
-
-NUMBERS: list[tuple[type[BaseModel], dict[str, Any], str, float, float]] = [
-    (VehicleFigures, {}, "mass_kg", 400.0, 6000.0),
-    (VehicleFigures, {}, "usable_battery_kwh", 4.0, 300.0),
-    (VehicleFigures, {}, "consumption_kwh_per_100km", 6.0, 60.0),
-    (VehicleFigures, {}, "motor_power_kw", 5.0, 1500.0),
-    (ForecastRequest, {}, "soc", 0.0, 1.0),
-    (ForecastRequest, {}, "ambient_temperature_degc", -60.0, 57.0),
-    (ForecastRequest, {}, "cabin_setpoint_degc", 0.0, 50.0),
-    (ForecastRequest, {}, "cabin_temperature_degc", -60.0, 100.0),
-    (ForecastRequest, {}, "battery_temperature_degc", -60.0, 100.0),
-    (ForecastRequest, {}, "payload_mass_kg", 0.0, 60_000.0),
-    (ForecastRequest, {}, "reserve", 0.0, 1.0),
-    (Link, NEVER, "stop_s", 0.0, 172_800.0),
-    (Link, NEVER, "grade", -0.4, 0.4),
-    (Link, NEVER, "start_elevation_m", -500.0, 9000.0),
-    (Link, NEVER, "end_elevation_m", -500.0, 9000.0),
-    (PlaceRequest, PLACE, "latitude_deg", -90.0, 90.0),
-    (PlaceRequest, PLACE, "longitude_deg", -180.0, 180.0),
-    (ReachRequest, REACH, "wind_speed_m_s", 0.0, 60.0),
-    (ReachRequest, REACH, "wind_from_deg", 0.0, 360.0),
-    (ReachRequest, REACH, "rain_mm_h", 0.0, 200.0),
-    (ReachRequest, REACH, "pressure_pa", 30_000.0, 110_000.0),
-    (PlanRequest, PLAN, "reserve", 0.0, 1.0),
-    (NeedQuery, {}, "distance_km", 0.5, 2000.0),
-    (NeedQuery, {}, "probability", 0.5, 0.99),
-    (NeedQuery, {}, "plug_w", 0.0, 400_000.0),
-    (NeedQuery, {}, "reserve", 0.0, 1.0),
-]
-
-
-def test_a_number_has_its_bounds() -> None:
-    for model, others, name, low, high in NUMBERS:
-        taken = [is_valid(model, others | {name: value}) for value in (low, high)]
-        beyond = (float(np.nextafter(low, -np.inf)), float(np.nextafter(high, np.inf)), float("nan"))
-        assert (taken, name) == ([True, True], name)
-        assert not any(is_valid(model, others | {name: value}) for value in beyond), name
-
-
-def test_a_positive_number_is_above_zero() -> None:
-    highest = {"length_m": 1e7, "travel_time_s": 172_800.0, "moving_speed_m_s": 70.0, "speed_limit_m_s": 70.0}
-    for name, high in highest.items():
-        taken = [is_valid(Link, NEVER | {name: v}) for v in (0.0, 5e-324, high, np.nextafter(high, np.inf))]
-        assert taken == [False, True, True, False], name
-
-
-TEXTS: list[tuple[type[BaseModel], dict[str, Any], str, int, int]] = [
-    (ForecastRequest, {}, "model", 0, 100),
-    (ForecastRequest, {}, "vehicle", 0, 100),
-    (ForecastRequest, {}, "trip", 1, 100),
-    (VehicleFigures, {}, "title", 1, 100),
-    (ReachRequest, {}, "start", 1, 200),
-    (PlaceRequest, PLACE, "name", 0, 200),
-    (RangeQuery, {}, "model", 0, 100),
-    (RangeQuery, {}, "vehicle", 1, 100),
-    (RangeQuery, {}, "car", 0, 100),
-    (RangeQuery, {}, "vehicle_figures", 0, 1000),
-    (NeedQuery, {}, "trip", 0, 200),
-    (TelemetryRequest, {"tlm": {}}, "token", 0, 200),
-    (NewCarRequest, {"name": "a"}, "name", 1, 100),
-    (NewCarRequest, {"name": "a"}, "vehicle", 0, 200),
-    (ColumnChoice, {"column": "a"}, "column", 0, 500),
-    (ColumnChoice, {"column": "a"}, "unit", 0, 20),
-]
-
-
-def test_a_text_has_its_lengths() -> None:
-    for model, others, name, least, most in TEXTS:
-        found = [is_valid(model, others | {name: "x" * k}) for k in (0, least, most, most + 1)]
-        assert found == [least == 0, True, True, False], name
-
-
-def test_a_list_has_its_lengths() -> None:
-    assert [is_valid(ForecastRequest, {"extras": ["trailer"] * k}) for k in (5, 6)] == [True, False]
-    assert [is_valid(PlanRequest, {"stops": ["a"] * k}) for k in (1, 2, 20, 21)] == [False, True, True, False]
-    assert [is_valid(PlanRequest, PLAN | {"alternatives": k}) for k in (-1, 0, 3, 4)] == [
-        *(False, True, True, False)
-    ]
-    assert [is_valid(NeedQuery, {"trips": k}) for k in (0, 1, 100, 101)] == [False, True, True, False]
-    assert [is_valid(NeedQuery, {"quantile": q}) for q in (0.4999, 0.5, 0.9999, 1.0)] == [
-        *(False, True, True, False)
-    ]
-    assert is_valid(Elevation, {"position_m": [0.0], "elevation_m": [1.0]})
-    assert not is_valid(Elevation, {"position_m": [], "elevation_m": [1.0]})
-    assert not is_valid(Elevation, {"position_m": [0.0], "elevation_m": []})
 
 
 @pytest.mark.parametrize("value", ["1500", True, float("inf")])
@@ -205,10 +112,6 @@ def test_the_defaults_of_a_request() -> None:
         assert check_request({**more, "reserve": None}, kind).reserve == default
 
 
-def test_an_update_needs_measurements() -> None:
-    assert [fault.where for fault in faults_of(UpdateRequest, {})] == ["observed"]
-
-
 def properties_of(model: type[BaseModel]) -> dict[str, Any]:
     """The fields of a model in a document that has its links as well."""
     template = "#/components/schemas/{model}"
@@ -237,31 +140,12 @@ def test_the_charge_of_the_battery_management_has_a_name_of_its_own() -> None:
         parse_samples({**columns, "soc": charges}, Limits())
 
 
-def test_the_schema_of_measurements_needs_two_samples() -> None:
-    schema = properties_of(UpdateRequest)["observed"]
-    assert schema["required"] == ["time_s"]
-    assert schema["properties"]["speed_m_s"]["minItems"] == MIN_OBSERVED == 2
-    assert schema["properties"]["speed_m_s"]["items"]["type"] == ["number", "null"]
-
-
-def test_the_schema_has_links_and_the_meaning_of_its_fields() -> None:
-    links = properties_of(ForecastRequest)["links"]["anyOf"][0]
-    assert (links["type"], links["minItems"]) == ("array", 1)
-    soc = properties_of(ForecastRequest)["soc"]
-    assert soc["description"] == "Displayed state of charge at departure [1]"
-
-
 def test_what_is_no_json_is_said() -> None:
     assert parse_json(b'{"a": [1, null]}') == {"a": [1, None]}
     for body in (b"", b"NaN", b"1e999", b"{"):
         with pytest.raises(Problem) as caught:
             parse_json(body)
         assert caught.value.kind == "not-json"
-
-
-def test_a_body_that_is_no_object_is_a_fault_of_the_body() -> None:
-    (fault,) = faults_of(ForecastRequest, [1])
-    assert (fault.where, fault.got, fault.fix) == ("body", "[1]", "")
 
 
 def test_names_and_values_in_faults_are_cut_after_80_characters() -> None:
@@ -272,22 +156,10 @@ def test_names_and_values_in_faults_are_cut_after_80_characters() -> None:
     assert at_the_bound.where == "x" * 80
 
 
-def test_nested_faults_name_their_path() -> None:
-    (fault,) = faults_of(ForecastRequest, {"vehicle_figures": {"mass_kg": 1.0}})
-    assert fault.where == "vehicle_figures.mass_kg"
-
-
 def test_ten_unknown_fields_get_a_suggestion() -> None:
     document = {f"reserve{k}": 1 for k in range(12)}
     fixes = [fault.fix for fault in faults_of(ForecastRequest, document)]
     assert fixes == ["did you mean 'reserve'?"] * 10 + [""] * 2
-
-
-def test_only_unknown_fields_get_a_suggestion() -> None:
-    (wrong,) = faults_of(ForecastRequest, {"reserve": "x"})
-    assert wrong.fix == ""
-    (strange,) = faults_of(ForecastRequest, {"zzz": 1})
-    assert strange.fix == ""
 
 
 SAMPLES = {"time_s": [5.0, 6.0, 7.0, 8.0], "speed_m_s": [0, 1.5, 2, 1]}
@@ -303,12 +175,6 @@ def test_samples_become_a_table() -> None:
     found = parse_samples(SAMPLES | {"elevation_m": [1, None, 3, 4]}, Limits(samples=4, duration_s=3.0))
     assert found["speed_m_s"].tolist() == [0.0, 1.5, 2.0, 1.0]
     assert found["elevation_m"].isna().tolist() == [False, True, False, False]
-
-
-def test_all_types_of_numbers_are_numbers() -> None:
-    observed = parse_observed({"time_s": [0, 1.5, 2], "bms_soc": [1, None, 0.5]}, Limits())
-    assert observed["soc"].tolist()[::2] == [1.0, 0.5]
-    assert frozenset({float, int, type(None)}) == NUMBER_TYPES
 
 
 def test_samples_have_at_most_their_limit() -> None:

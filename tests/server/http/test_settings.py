@@ -7,42 +7,13 @@ import dataclasses
 import pytest
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.server.http.settings import MIN_TOKEN_LENGTH, Limits, Settings, is_loopback, parse_limits
+from tripwatt.server.http.settings import Limits, Settings, is_loopback, parse_limits
 
 
 def faults_of(*pairs: str) -> tuple[Fault, ...]:
     with pytest.raises(InvalidInput) as caught:
         parse_limits(list(pairs))
     return caught.value.faults
-
-
-def test_every_limit_has_its_documented_default() -> None:
-    assert dataclasses.asdict(Limits()) == {
-        "body_bytes": 4_000_000,  # a trip of 50,000 samples with four columns
-        "batch_bytes": 64_000_000,
-        "samples": 50_000,  # more than half a day at one sample per second
-        "links": 20_000,
-        "duration_s": 43_200.0,  # half a day: the computing time grows with its square
-        "batch": 5_000,
-        "waiting": 64,
-        "arriving_bytes": 256_000_000,
-        "batches": 2,
-        "timeout_s": 20.0,
-        "body_timeout_s": 20.0,
-        "upload_bytes": 64_000_000,  # a month of drives of a logger, packed
-        "car_bytes": 512_000_000,
-        "learn_s": 1800.0,
-        "listeners": 64,
-        "live_every_s": 5.0,
-        "memory_bytes": 2_000_000_000,  # ten million rows of a log take less
-    }
-
-
-def test_the_service_is_for_this_machine_by_default() -> None:
-    found = Settings()
-    assert (found.host, found.port, found.workers, found.token) == ("127.0.0.1", 8000, 2, "")
-    assert (dict(found.models), found.limits, found.atlas.map, found.cars) == ({}, Limits(), "", None)
-    assert MIN_TOKEN_LENGTH == 16
 
 
 def test_the_token_is_not_shown() -> None:
