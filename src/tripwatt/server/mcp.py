@@ -49,8 +49,8 @@ class VehiclesRequest(StrictModel):
 
 
 def _show_diary(jobs: Jobs, request: DiaryRequest) -> dict[str, Any]:
-    shown = jobs.cars.show(request.car)
-    return shown | {"diary": shown["diary"][: request.trips]}
+    document = jobs.cars.show(request.car)
+    return document | {"diary": document["diary"][: request.trips]}
 
 
 def _list_vehicles(jobs: Jobs, request: VehiclesRequest) -> dict[str, Any]:
@@ -155,8 +155,8 @@ def make_server(jobs: Jobs, *, changes: bool = False, remote: bool = False) -> S
         text = orjson.dumps(_without_long_fields(document))
         return _tool_result(text.decode(), structured_content=orjson.loads(text))
 
-    about: dict[str, Any] = {"version": tripwatt.__version__, "instructions": INSTRUCTIONS}
-    return Server("tripwatt", **about, on_list_tools=list_tools, on_call_tool=call_tool)
+    description: dict[str, Any] = {"version": tripwatt.__version__, "instructions": INSTRUCTIONS}
+    return Server("tripwatt", **description, on_list_tools=list_tools, on_call_tool=call_tool)
 
 
 def serve(server: Server[Any]) -> None:
@@ -177,16 +177,18 @@ def serve(server: Server[Any]) -> None:
 def _describe_tool(name: str, remote: bool) -> types.Tool:
     """Return the description of a tool for an assistant, with its schemas."""
     tool, reads = TOOLS[name], name not in CHANGING
-    wanted: list[tuple[type[BaseModel], Literal["validation"]]] = [(tool.takes, "validation")]
+    inputs: list[tuple[type[BaseModel], Literal["validation"]]] = [(tool.takes, "validation")]
     if "links" in tool.takes.model_fields:
-        wanted.append((schemas.Link, "validation"))  # which the schema of links names as OpenAPI has it
-    made = orjson.dumps(models_json_schema(wanted, ref_template="#/components/schemas/{model}")[1]["$defs"])
-    named = orjson.loads(made.replace(b"#/components/schemas/", b"#/$defs/"))
+        inputs.append((schemas.Link, "validation"))  # which the schema of links names as OpenAPI has it
+    definitions = orjson.dumps(
+        models_json_schema(inputs, ref_template="#/components/schemas/{model}")[1]["$defs"]
+    )
+    schemas_by_name = orjson.loads(definitions.replace(b"#/components/schemas/", b"#/$defs/"))
     hints = types.ToolAnnotations(read_only_hint=reads, destructive_hint=False, open_world_hint=remote)
     return types.Tool(
         name=name,
         description=ABOUT[name],
-        input_schema={**named.pop(tool.takes.__name__), "$defs": named},
+        input_schema={**schemas_by_name.pop(tool.takes.__name__), "$defs": schemas_by_name},
         output_schema=_without_long_fields(
             TypeAdapter(tool.gives).json_schema(mode="serialization", schema_generator=Schemas)
         ),

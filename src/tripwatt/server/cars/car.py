@@ -276,9 +276,9 @@ class Car(LiveCar):
         """
         with self.file.read() as db:
             rows = db.execute("SELECT trip_id, is_learned FROM trips WHERE start_s IS NOT NULL").fetchall()
-        new = {name for name, is_learned in rows if not is_learned}
+        names = {name for name, is_learned in rows if not is_learned}
         with system_errors("cannot write the car", f"{self.folder}", "a writable folder with space"):
-            return self._learn(new, Learned(len(new), len(rows) - len(new)), {}, progress)
+            return self._learn(names, Learned(len(names), len(rows) - len(names)), {}, progress)
 
     @property
     def has_news(self) -> bool:
@@ -400,8 +400,8 @@ class Car(LiveCar):
             sampled = replace(sampled, soc=None, bms_soc=None)
         departure = sampled.merge(planned)
         if self._at_departure is None or self._at_departure[0] != (plan, model, departure):
-            made = model.forecast(replace(plan.road, departure=departure))
-            self._at_departure = (plan, model, departure), made
+            forecast = model.forecast(replace(plan.road, departure=departure))
+            self._at_departure = (plan, model, departure), forecast
         return self._at_departure[1]
 
     def update(self, forecast: Forecast) -> Forecast:
@@ -573,8 +573,8 @@ class Car(LiveCar):
         if trip is None or (departing and self.forecasts):
             return False
         at_s, distance_m = (0.0, 0.0) if departing else (trip.last_s - trip.start_s, trip.distance_m)
-        ends = (forecast["quantiles_wh"][end] for end in (LOW, HIGH))
-        made = MadeForecast(at_s, distance_m, forecast["energy_wh"], *ends)
+        bounds = (forecast["quantiles_wh"][end] for end in (LOW, HIGH))
+        made = MadeForecast(at_s, distance_m, forecast["energy_wh"], *bounds)
         if not self._is_forecast_due(at_s) or not all(map(math.isfinite, astuple(made))):
             return False
         with self.file.write() as db:

@@ -130,9 +130,9 @@ class CarFile:
                 yield db
         except sqlite3.Error as error:
             # a full disk or a missing permission is no damage
-            what = "cannot use the car" if isinstance(error, sqlite3.OperationalError) else "damaged file"
+            problem = "cannot use the car" if isinstance(error, sqlite3.OperationalError) else "damaged file"
             got, allowed = f"{error}"[:200], "a file of tripwatt, on a disk with space"
-            raise InvalidInput.of(what, f"{self.path}", got, allowed) from error
+            raise InvalidInput.of(problem, f"{self.path}", got, allowed) from error
 
     @contextmanager
     def write(self) -> Iterator[sqlite3.Connection]:
@@ -209,10 +209,10 @@ def put_logs(
     is_learned: bool = False,
 ) -> int:
     """Add rows of `row_of_log`, except logs whose name or content is stored already; return the number of added rows."""
-    before = db.total_changes
+    changes_before = db.total_changes
     statement = "INSERT OR IGNORE INTO trips VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)"
     db.executemany(statement, [(*row, start_s, is_learned) for row in rows])
-    return db.total_changes - before
+    return db.total_changes - changes_before
 
 
 def row_of_log(log: Recorded) -> tuple[object, ...]:
@@ -230,9 +230,9 @@ def row_of_log(log: Recorded) -> tuple[object, ...]:
     )
 
 
-def put_forecasts(db: sqlite3.Connection, start_s: float, made: Iterable[MadeForecast]) -> None:
+def put_forecasts(db: sqlite3.Connection, start_s: float, forecasts: Iterable[MadeForecast]) -> None:
     """Add forecasts of the trip that started at `start_s` [s since 1970]."""
-    rows = [(start_s, *astuple(forecast)) for forecast in made]
+    rows = [(start_s, *astuple(forecast)) for forecast in forecasts]
     db.executemany("INSERT INTO forecasts VALUES (?, ?, ?, ?, ?, ?)", rows)
 
 

@@ -318,8 +318,8 @@ class Diary:
         """
         air = self.table["ambient_temperature_degc"].to_numpy(dtype=np.float64)
         low, high = acts_between(factor)
-        shown = air[(air >= low) & (air <= high)]
-        return (float(shown.min()), float(shown.max())) if len(shown) else None
+        temperatures = air[(air >= low) & (air <= high)]
+        return (float(temperatures.min()), float(temperatures.max())) if len(temperatures) else None
 
     def by_cause_wh(self) -> dict[str, float]:
         """Sum the energy of all trips by cause: the forecasts by cause, and the energy that was not forecast.

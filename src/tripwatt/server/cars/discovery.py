@@ -35,9 +35,9 @@ class Sensor:
     def template(self) -> str:
         """The template of Home Assistant for the figure."""
         around = self.of.partition(".")[0]
-        known = f"value_json.{around} is not none and value_json.{self.of} is not none"
+        condition = f"value_json.{around} is not none and value_json.{self.of} is not none"
         scale, digits = SCALES[self.unit]
-        return f"{{{{ ((value_json.{self.of} {scale}) | round({digits})) if {known} else none }}}}"
+        return f"{{{{ ((value_json.{self.of} {scale}) | round({digits})) if {condition} else none }}}}"
 
 
 SENSORS: Final = (

@@ -69,23 +69,23 @@ def create_car(
     >>> car = tw.create_car("my-leaf", "nissan_leaf_24")  # doctest: +SKIP
     """
     wanted = Path(folder)
-    place = _car_folder(wanted)
+    path = _car_folder(wanted)
     car = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
-    there = {entry.name for entry in place.iterdir()} if place.is_dir() else set[str]()
-    other = {name for name in there if name not in (FILE, older.LIVE) and not name.startswith(f"{FILE}-")}
-    if other or (place.exists() and not place.is_dir()) or is_car(place):
+    entries = {entry.name for entry in path.iterdir()} if path.is_dir() else set[str]()
+    foreign = {name for name in entries if name not in (FILE, older.LIVE) and not name.startswith(f"{FILE}-")}
+    if foreign or (path.exists() and not path.is_dir()) or is_car(path):
         got, allowed = "not empty", "a new or empty folder, or that of a car on the road"
-        raise InvalidInput.of("folder in use", f"{place}", got, allowed)
+        raise InvalidInput.of("folder in use", f"{path}", got, allowed)
     root = None if base is None else Path(base).resolve()
     for_car(root, car)
-    with system_errors("cannot write the folder", f"{place}", "a writable folder"):
-        place.mkdir(mode=0o700, parents=True, exist_ok=True)
-        made = Car(place)
-        about = {"vehicle": vehicle_values(car), "base": None if root is None else f"{root}"}
-        with made.file.write() as db:
-            put_settings(db, {**about, "label": label or wanted.name, "state": secrets.token_hex(8)})
-        made.file.checkpoint()
-    return made
+    with system_errors("cannot write the folder", f"{path}", "a writable folder"):
+        path.mkdir(mode=0o700, parents=True, exist_ok=True)
+        new_car = Car(path)
+        settings = {"vehicle": vehicle_values(car), "base": None if root is None else f"{root}"}
+        with new_car.file.write() as db:
+            put_settings(db, {**settings, "label": label or wanted.name, "state": secrets.token_hex(8)})
+        new_car.file.checkpoint()
+    return new_car
 
 
 def is_car(folder: Path | str) -> bool:
@@ -139,12 +139,12 @@ def open_car(folder: Path | str) -> Car:
     >>> tw.open_car("my-leaf").diary.score  # doctest: +SKIP
     Score(trips=12, error=0.09, weighted_error=0.08, bias=0.01, coverage=0.92, width=0.4)
     """
-    place = _car_folder(Path(folder))
-    if not is_car(place):
-        got = "a folder" if place.is_dir() else "a file" if place.exists() else "no such folder"
+    path = _car_folder(Path(folder))
+    if not is_car(path):
+        got = "a folder" if path.is_dir() else "a file" if path.exists() else "no such folder"
         fix = "make one: tripwatt car new"
-        raise InvalidInput.of("not a car", f"{place}", got, "a folder of `tripwatt car new`", fix)
-    return Car(place)
+        raise InvalidInput.of("not a car", f"{path}", got, "a folder of `tripwatt car new`", fix)
+    return Car(path)
 
 
 def _car_folder(folder: Path) -> Path:
@@ -175,16 +175,16 @@ def forget_car(folder: Path | str) -> None:
     ...     print(place.exists())
     False
     """
-    place = _car_folder(Path(folder))
-    if not (place / FILE).is_file() and not (place / older.LIVE).is_dir():
-        place = open_car(folder).folder
-    with folder_lock(place):
-        older.remove(place)
-        shutil.rmtree(place / UPLOADS, ignore_errors=True)
-        for end in ("-wal", "-shm", ""):  # a car is there until the last of them is gone
-            (place / f"{FILE}{end}").unlink(missing_ok=True)
-        if not any(place.iterdir()):
-            place.rmdir()
+    path = _car_folder(Path(folder))
+    if not (path / FILE).is_file() and not (path / older.LIVE).is_dir():
+        path = open_car(folder).folder
+    with folder_lock(path):
+        older.remove(path)
+        shutil.rmtree(path / UPLOADS, ignore_errors=True)
+        for suffix in ("-wal", "-shm", ""):  # a car is there until the last of them is gone
+            (path / f"{FILE}{suffix}").unlink(missing_ok=True)
+        if not any(path.iterdir()):
+            path.rmdir()
 
 
 def has_token(folder: Path | str) -> bool:
@@ -236,11 +236,11 @@ def issue_token(folder: Path | str) -> str:
     ...     print(len(token), token_digest(Path(folder, "my-leaf")) == digest_of(token))
     32 True
     """
-    token, place = secrets.token_urlsafe(24), Path(folder).absolute()
-    make_car_folder(place)
-    car = Car(place)
+    token, path = secrets.token_urlsafe(24), Path(folder).absolute()
+    make_car_folder(path)
+    car = Car(path)
     with (
-        system_errors("cannot write the folder", f"{place}", "a writable folder"),
+        system_errors("cannot write the folder", f"{path}", "a writable folder"),
         car.file.write() as db,
     ):
         put_settings(db, {"token": digest_of(token)})
@@ -264,9 +264,9 @@ def token_digest(folder: Path | str) -> str | None:
     return None if digest is None else f"{digest}"
 
 
-def _setting(place: Path, name: str) -> object:
+def _setting(folder: Path, name: str) -> object:
     """Return a setting of the car in a folder; None if there is no car or no such setting."""
-    if older.is_older_folder(place):
-        Car(place)
-    file = CarFile(place)
+    if older.is_older_folder(folder):
+        Car(folder)
+    file = CarFile(folder)
     return file.setting(name) if file.path.is_file() else None

@@ -245,12 +245,12 @@ class Follower:
     async def _publish_car(self, client: aiomqtt.Client, name: str, document: Mapping[str, Any]) -> None:
         """Publish a car if its document changed; without a change, publish it every `AGE_S` to update its age."""
         now_s, lasting = self._now_s(), {**document, "seconds_since_message": None}
-        before = self._published.get(name)
-        if before is not None and before[0] == lasting and now_s < before[1] + AGE_S:
+        previous = self._published.get(name)
+        if previous is not None and previous[0] == lasting and now_s < previous[1] + AGE_S:
             return
-        if before is None and self.settings.announce_below:
-            found = discovery(name, self.settings.publish_to, self.settings.announce_below)
-            for topic, message in found:
+        if previous is None and self.settings.announce_below:
+            messages = discovery(name, self.settings.publish_to, self.settings.announce_below)
+            for topic, message in messages:
                 await client.publish(topic, json.dumps(message), qos=1, retain=True)
         self._published[name] = lasting, now_s
         await self._publish(client, f"/{name}", json.dumps(document))

@@ -105,53 +105,54 @@ class Learner:
     def adaptation(self) -> Adaptation:
         """Return what the car has learned; computed from its trips again if an older version of tripwatt learned them."""
         base, stored = load_model(self.base), self.stored
-        new = Adaptation.before_trips(base, self.vehicle, population_of(base))
+        adaptation = Adaptation.before_trips(base, self.vehicle, population_of(base))
         evidence = None if stored is None else stored.evidence_
         if stored is not None and evidence is not None and evidence.is_current and stored.roads_ is not None:
-            return new.with_evidence(evidence, stored.ranges_, stored.roads_)
+            return adaptation.with_evidence(evidence, stored.ranges_, stored.roads_)
         if not self.seen:
-            return new
-        return new.with_trips([t for t in _by_date(audit(self.logs).trips) if t.trip_id in self.seen])
+            return adaptation
+        trips = _by_date(audit(self.logs).trips)
+        return adaptation.with_trips([trip for trip in trips if trip.trip_id in self.seen])
 
-    def learn(self, given: Iterable[str], progress: Progress) -> Lesson:
+    def learn(self, names: Iterable[str], progress: Progress) -> Lesson:
         """Forecast the trips that are not in the diary one after the other, each before it is learned.
 
         Parameters
         ----------
-        given : iterable of str
+        names : iterable of str
             Names of logs; if the audit sets them aside, `Lesson.left_out` has the reason.
         progress : callable
         """
-        audited, lesson, given = audit(self.logs), Lesson(), {*given}
-        lesson.left_out |= {trip: why for trip, why in audited.set_aside.items() if trip in given}
+        audited, lesson, names = audit(self.logs), Lesson(), {*names}
+        lesson.left_out |= {trip: why for trip, why in audited.set_aside.items() if trip in names}
         ahead = [trip for trip in _by_date(audited.trips) if trip.trip_id not in self.seen]
         if not ahead:
             return lesson
-        published, known, model = for_car(self.base, self.vehicle), self.adaptation(), self.model()
+        published, adaptation, model = for_car(self.base, self.vehicle), self.adaptation(), self.model()
         for number, trip in enumerate(ahead, start=1):
             try:
-                row = entry(trip, model.forecast(trip), published.forecast(trip), len(known.evidence))
-                known = known.with_trips([trip])
+                row = entry(trip, model.forecast(trip), published.forecast(trip), len(adaptation.evidence))
+                adaptation = adaptation.with_trips([trip])
             except InvalidInput as error:
                 lesson.left_out[trip.trip_id] = f"{error}"
             else:
                 lesson.entries.append(row)
-                model = known.model
+                model = adaptation.model
                 lesson.flat += not (trip.has("elevation_m") or trip.has("grade"))
             progress(number, len(ahead))
         if lesson.entries:
             base = load_metadata(self.base, check_parts=False)
-            provenance = {**provenance_of(self.logs, audited, model, []), **about_adaptation(known, base)}
-            lesson.model = _stored_parts(model, provenance)
+            provenance = provenance_of(self.logs, audited, model, [])
+            lesson.model = _stored_parts(model, {**provenance, **about_adaptation(adaptation, base)})
         return lesson
 
 
 def _stored_parts(model: ForecastModel, provenance: Mapping[str, Any]) -> dict[str, bytes]:
     figures = {**held_out_figures(model.held_out_), "protocol": PROTOCOL}
     with TemporaryDirectory() as folder:
-        place = Path(folder, "model")
-        save_model(model, place, provenance=provenance, evaluation=figures)
-        return {file.name: file.read_bytes() for file in place.iterdir()}
+        path = Path(folder, "model")
+        save_model(model, path, provenance=provenance, evaluation=figures)
+        return {file.name: file.read_bytes() for file in path.iterdir()}
 
 
 def model_of_parts(parts: Mapping[str, bytes]) -> ForecastModel:
@@ -165,5 +166,5 @@ def model_of_parts(parts: Mapping[str, bytes]) -> ForecastModel:
 def _by_date(trips: Iterable[Trip]) -> list[Trip]:
     """Sort trips with measured energy by departure; those without a date come last, by name."""
     dated = in_order(trip for trip in trips if trip.context.started_at is not None)
-    others = (trip for trip in trips if trip.context.started_at is None)
-    return [*dated, *sorted(in_order(others), key=lambda trip: trip.trip_id)]
+    undated = (trip for trip in trips if trip.context.started_at is None)
+    return [*dated, *sorted(in_order(undated), key=lambda trip: trip.trip_id)]

@@ -203,34 +203,34 @@ class LiveCar(Recorder):
             When the trip cannot be written; the next sample tries again.
         """
         self._end_trip()
-        done = bool(self.ended)
+        has_ended = bool(self.ended)
         self._store_ended_trips()
-        return done
+        return has_ended
 
     def _store_ended_trips(self) -> None:
         """Write ended trips, and forget their plan and their samples, in one transaction."""
-        waiting, done = self._needed_samples, bool(self.ended)
+        needed, has_ended = self._needed_samples, bool(self.ended)
         # while the car is on a trip again, its samples are needed to find it after a restart
-        shorten = self.trip is None and (done or self._messages > 2 * len(waiting) + SLACK_MESSAGES)
-        if not done and not shorten:
+        shorten = self.trip is None and (has_ended or self._messages > 2 * len(needed) + SLACK_MESSAGES)
+        if not has_ended and not shorten:
             return
         with self.file.write() as db:
-            kept = [trip for trip in self.ended if self._store_trip(db, trip)]
+            stored = [trip for trip in self.ended if self._store_trip(db, trip)]
             plan = self.plan
             if plan is not None and any(
-                plan.given_s is None or plan.given_s <= trip.moved_s for trip in kept
+                plan.given_s is None or plan.given_s <= trip.moved_s for trip in stored
             ):
                 put_settings(db, {"plan": None})
                 plan = None
             if shorten:
                 db.execute("DELETE FROM messages")
-                put_messages(db, waiting)
+                put_messages(db, needed)
                 put_settings(db, {"live": self._state_before_samples()})
         self.ended.clear()
         self._plans += plan is not self.plan
         self.plan = plan
-        self._messages = len(waiting) if shorten else self._messages
-        if done:
+        self._messages = len(needed) if shorten else self._messages
+        if has_ended:
             self.file.checkpoint()
             self.finished()
 
@@ -373,8 +373,8 @@ class LiveCar(Recorder):
         return trip is not None and self._is_forecast_due(trip.last_s - trip.start_s)
 
     def _is_forecast_due(self, at_s: float) -> bool:
-        made = self.forecasts
-        return not made or (at_s - made[-1].at_s >= EVERY_S and len(made) < MAX_FORECASTS)
+        forecasts = self.forecasts
+        return not forecasts or (at_s - forecasts[-1].at_s >= EVERY_S and len(forecasts) < MAX_FORECASTS)
 
     def close(self) -> None:
         """Close the car's file and unlock its folder, so that another process can follow the car."""
@@ -387,7 +387,7 @@ class LiveCar(Recorder):
         self.close()
 
 
-def make_car_folder(place: Path) -> None:
+def make_car_folder(folder: Path) -> None:
     """Create the folder of a car if it is missing.
 
     Raises
@@ -395,8 +395,8 @@ def make_car_folder(place: Path) -> None:
     InvalidInput
         When the folder's name is not a valid car name, or the folder cannot be created.
     """
-    if VALID_NAME.fullmatch(place.name) is None:
+    if VALID_NAME.fullmatch(folder.name) is None:
         allowed = "up to 64 letters, digits, '.', '_' and '-'"
-        raise InvalidInput.of("name cannot be used", f"{place}", place.name, allowed)
-    with system_errors("cannot write the folder", f"{place}", "a writable folder"):
-        place.mkdir(mode=0o700, parents=True, exist_ok=True)
+        raise InvalidInput.of("name cannot be used", f"{folder}", folder.name, allowed)
+    with system_errors("cannot write the folder", f"{folder}", "a writable folder"):
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)

@@ -137,8 +137,8 @@ class LiveTrip:
         bool
             False also if the trip has a sample of this time with other values.
         """
-        place = bisect.bisect_left(self._samples, sample.time_s, key=_time)
-        stored = self._samples[place : place + 1]
+        index = bisect.bisect_left(self._samples, sample.time_s, key=_time)
+        stored = self._samples[index : index + 1]
         return any(s.time_s == sample.time_s and sample.values.items() <= s.values.items() for s in stored)
 
     def insert(self, sample: Sample) -> bool:
@@ -155,11 +155,11 @@ class LiveTrip:
             Whether the sample was inserted.
         """
         steps = np.diff([stored.time_s for stored in self._samples])
-        place = bisect.bisect_left(self._samples, sample.time_s, key=_time)
-        if not 0 < place < len(self) < MAX_SAMPLES or steps[place - 1] < GAP_STEPS * np.median(steps):
+        index = bisect.bisect_left(self._samples, sample.time_s, key=_time)
+        if not 0 < index < len(self) < MAX_SAMPLES or steps[index - 1] < GAP_STEPS * np.median(steps):
             return False
         before_m = self._driven_m()
-        self._samples.insert(place, sample)
+        self._samples.insert(index, sample)
         self.distance_m += self._driven_m() - before_m
         if sample.values.get("speed_m_s", 0.0) >= MOVING_M_S and sample.time_s > self.moved_s:
             self.moved_s, self.stood_s = sample.time_s, max(sample.time_s, self.stood_s)
@@ -217,9 +217,9 @@ class LiveTrip:
         names = dict.fromkeys(["speed_m_s", *(name for sample in samples for name in sample.values)])
         columns = {n: np.array([sample.values.get(n, math.nan) for sample in samples]) for n in names}
         columns["speed_m_s"] = held(time, columns["speed_m_s"], HOLD_S)
-        kept = np.isfinite(columns["speed_m_s"]) & (time >= since_s) & (time <= until_s)
-        shown = {name: values[kept] for name, values in columns.items()}
-        return table_of({"time_s": time[kept] - (since_s - start_s), **shown})
+        is_used = np.isfinite(columns["speed_m_s"]) & (time >= since_s) & (time <= until_s)
+        used = {name: values[is_used] for name, values in columns.items()}
+        return table_of({"time_s": time[is_used] - (since_s - start_s), **used})
 
 
 class TripFinder:

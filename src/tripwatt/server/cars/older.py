@@ -87,11 +87,11 @@ def remove(folder: Path) -> None:
     """Remove what an older version wrote."""
     if not is_older_folder(folder):
         return
-    for place in (*folder.glob(".learned.*.writing"), *(folder / name for name in NAMES)):
-        if place.is_dir():
-            shutil.rmtree(place, ignore_errors=True)
+    for path in (*folder.glob(".learned.*.writing"), *(folder / name for name in NAMES)):
+        if path.is_dir():
+            shutil.rmtree(path, ignore_errors=True)
         else:
-            place.unlink(missing_ok=True)
+            path.unlink(missing_ok=True)
 
 
 def is_older_folder(folder: Path) -> bool:
@@ -101,9 +101,10 @@ def is_older_folder(folder: Path) -> bool:
 
 def _read_description(folder: Path, db: sqlite3.Connection) -> None:
     with damage(folder / ABOUT, "the description of a car"):
-        about = json.loads(read_text_file(folder / ABOUT, MAX_TEXT_BYTES))
-        car = replace(load_vehicle(folder / "car.toml"), name=f"{about['vehicle']}")
-        settings = {"vehicle": vehicle_values(car), "base": about["base"], "label": about.get("label")}
+        description = json.loads(read_text_file(folder / ABOUT, MAX_TEXT_BYTES))
+        car = replace(load_vehicle(folder / "car.toml"), name=f"{description['vehicle']}")
+        settings = {"vehicle": vehicle_values(car), "base": description["base"]}
+        settings["label"] = description.get("label")
     left_out = folder / "left-out.json"
     if left_out.is_file():
         with damage(left_out, "reasons by trip"):
@@ -128,10 +129,10 @@ def _read_settings(live: Path, db: sqlite3.Connection) -> None:
             put_settings(db, {"token": f"{json.loads(read_text_file(token, MAX_TEXT_BYTES))['sha256']}"})
     if plan.is_file():
         with damage(plan, "a plan", "remove it"):
-            about = LivePlan.from_dict(json.loads(read_file(plan, MAX_TEXT_BYTES))).to_dict()
-            put_settings(db, {"plan": about})
-    start_s, made = _forecasts(live / "forecasts.json")
-    put_forecasts(db, start_s, made)
+            stored_plan = LivePlan.from_dict(json.loads(read_file(plan, MAX_TEXT_BYTES))).to_dict()
+            put_settings(db, {"plan": stored_plan})
+    start_s, forecasts = _forecasts(live / "forecasts.json")
+    put_forecasts(db, start_s, forecasts)
 
 
 def _read_journal(path: Path, db: sqlite3.Connection) -> None:
@@ -140,7 +141,7 @@ def _read_journal(path: Path, db: sqlite3.Connection) -> None:
         return
     samples: list[Sample] = []
     with path.open("rb") as stream:
-        first = stream.readline(MAX_LINE_BYTES)
+        first_line = stream.readline(MAX_LINE_BYTES)
         stream.seek(0)
         while line := stream.readline(MAX_LINE_BYTES):
             with contextlib.suppress(*UNREADABLE):
@@ -149,7 +150,7 @@ def _read_journal(path: Path, db: sqlite3.Connection) -> None:
         samples[-1] = replace(samples[-1], received_s=path.stat().st_mtime)
     put_messages(db, samples)
     with contextlib.suppress(*UNREADABLE):
-        put_settings(db, {"live": _known(json.loads(first))})
+        put_settings(db, {"live": _known(json.loads(first_line))})
 
 
 def _known(line: Mapping[str, Any]) -> dict[str, Any]:
@@ -178,9 +179,9 @@ def _read_trips(car: str, live: Path, db: sqlite3.Connection) -> None:
         try:
             start = dt.datetime.strptime(name, "%Y%m%dT%H%M%SZ").replace(tzinfo=dt.UTC)
             log_name, start_s, is_learned = f"{car}-{name}", start.timestamp(), name in taught
-            given = (start_s, is_learned, log_name)
+            values = (start_s, is_learned, log_name)
             if not db.execute(
-                "UPDATE trips SET start_s = ?, is_learned = ? WHERE trip_id = ?", given
+                "UPDATE trips SET start_s = ?, is_learned = ? WHERE trip_id = ?", values
             ).rowcount:
                 context = Context(started_at=start.astimezone().replace(tzinfo=None))
                 row = row_of_log(Log.from_samples(log_name, read_canonical(path), context))

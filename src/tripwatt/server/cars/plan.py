@@ -60,9 +60,9 @@ def usual_departure(earlier_s: Iterable[float], departure_s: float) -> float | N
     >>> usual_departure([monday, monday + 3600.0], monday + 86_400.0 + 900.0) == monday
     True
     """
-    near = [(other, away) for other in earlier_s if (away := _away_s(other, departure_s)) <= NEAR_S]
-    alike = [pair for pair in near if _is_weekend(pair[0]) == _is_weekend(departure_s)]
-    return min(alike or near, key=lambda pair: (pair[1], -pair[0]), default=(None, 0.0))[0]
+    near = [(earlier, away) for earlier in earlier_s if (away := _away_s(earlier, departure_s)) <= NEAR_S]
+    same_kind = [pair for pair in near if _is_weekend(pair[0]) == _is_weekend(departure_s)]
+    return min(same_kind or near, key=lambda pair: (pair[1], -pair[0]), default=(None, 0.0))[0]
 
 
 def usual_plan(car: HasTrips, trip_id: str) -> Plan:
@@ -143,22 +143,22 @@ class LivePlan:
         InvalidInput
             When the fields do not describe a road.
         """
-        given = {name: value for name, value in self.request.items() if value is not None}
+        fields = {name: value for name, value in self.request.items() if value is not None}
         try:
-            if "samples" in given:
-                lists = given["samples"].items()
+            if "samples" in fields:
+                lists = fields["samples"].items()
                 columns = {name.removeprefix("bms_"): np.array(values, np.float64) for name, values in lists}
                 plan = Plan.from_samples(canonical_samples(columns), "samples")
             else:
-                route = route_from_links(given["links"])
-                if "elevation" in given:
-                    route = route_with_elevation(route, **given["elevation"])
+                route = route_from_links(fields["links"])
+                if "elevation" in fields:
+                    route = route_with_elevation(route, **fields["elevation"])
                 plan = route.plan()
         except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
             got = f"{type(error).__name__}: {error}"[:200]
             raise InvalidInput.of("no road", "plan", got, "links or samples of a request") from error
-        known = ASKED.keys() & given.keys() - {"departs_at"}
-        return plan.with_departure(Departure(**{name: given[name] for name in known}))
+        names = ASKED.keys() & fields.keys() - {"departs_at"}
+        return plan.with_departure(Departure(**{name: fields[name] for name in names}))
 
     @classmethod
     def from_trip(cls, trip: Recorded) -> LivePlan | None:
@@ -177,7 +177,7 @@ class LivePlan:
         return {"given_s": self.given_s, "departure_s": self.departure_s, "request": self.request}
 
     @classmethod
-    def from_dict(cls, about: Mapping[str, Any]) -> LivePlan:
+    def from_dict(cls, values: Mapping[str, Any]) -> LivePlan:
         """Make a plan from the values of `to_dict`.
 
         Raises
@@ -185,4 +185,4 @@ class LivePlan:
         KeyError, TypeError
             When the values are not those of a plan.
         """
-        return cls(dict(about["request"]), about["departure_s"], about["given_s"])
+        return cls(dict(values["request"]), values["departure_s"], values["given_s"])

@@ -64,16 +64,16 @@ class Recorder:
         self._departure_of_trip: tuple[tuple[float, float], Departure] | None = None
         self._restore({})
 
-    def _restore(self, before: Mapping[str, Any]) -> None:
+    def _restore(self, state: Mapping[str, Any]) -> None:
         """Restore what samples that are no longer kept have shown, from the result of `_state_before_samples`."""
-        self._ordered = OrderedSamples(before.get("after_s", -math.inf))
-        self._sender = Sender(before.get("offset_s"))
+        self._ordered = OrderedSamples(state.get("after_s", -math.inf))
+        self._sender = Sender(state.get("offset_s"))
         # time, field of a departure and charge of the latest sample that has one, and of the latest one before the trip
-        charge = before.get("charge")
+        charge = state.get("charge")
         self._soc: Charge | None = None if charge is None else tuple(charge)
-        self._parked: Charge | None = self._soc if before.get("parked") else None
+        self._parked: Charge | None = self._soc if state.get("parked") else None
         # time and value of the latest outside temperature
-        self._air: tuple[float, float] = tuple(before.get("air", (math.nan, math.nan)))
+        self._air: tuple[float, float] = tuple(state.get("air", (math.nan, math.nan)))
 
     @property
     def trip(self) -> LiveTrip | None:
@@ -96,8 +96,8 @@ class Recorder:
             if sender.clock_was_set:
                 by_s, held = sender.adopt_clock(self._ordered.newest_s)
                 self._move(by_s)
-                for one in held:
-                    self._count(one, self._ordered.arrival(one))
+                for held_sample in held:
+                    self._count(held_sample, self._ordered.arrival(held_sample))
             return
         if arrival == "new":
             sender.accept(sample)
@@ -120,7 +120,7 @@ class Recorder:
         """Shift all samples so far to the new clock of the sender."""
         self._ordered.move(by_s)
         self._finder.move(by_s)
-        self._soc, self._parked = (one and (one[0] + by_s, *one[1:]) for one in (self._soc, self._parked))
+        self._soc, self._parked = (soc and (soc[0] + by_s, *soc[1:]) for soc in (self._soc, self._parked))
         self._air = self._air[0] + by_s, self._air[1]
         self._departure_of_trip = None
 
@@ -160,8 +160,8 @@ class Recorder:
 
     def _state_before_samples(self) -> dict[str, Any]:
         """Return what samples have shown that are dropped when the car is on no trip and only `_needed_samples` is kept."""
-        kept = [*self._finder.before, *self._ordered.waiting]
-        after_s = math.nextafter(kept[0].time_s, -math.inf) if kept else self._ordered.released_s
+        waiting = [*self._finder.before, *self._ordered.waiting]
+        after_s = math.nextafter(waiting[0].time_s, -math.inf) if waiting else self._ordered.released_s
         return {
             "after_s": after_s,
             "offset_s": self._sender.offset_s,
@@ -194,8 +194,8 @@ class Recorder:
 
     def _since_s(self, trip: LiveTrip) -> float:
         """Return the departure of a trip [s since 1970]: that of its plan, else its start."""
-        given = None if self.plan is None else self.plan.departure_s
-        return trip.start_s if given is None else given
+        departure_s = None if self.plan is None else self.plan.departure_s
+        return trip.start_s if departure_s is None else departure_s
 
     def departure(self) -> Departure:
         """Collect what the car's samples show of the departure.
@@ -207,8 +207,8 @@ class Recorder:
             A charge stays valid as long as the car stands, because senders repeat only what changes.
         """
         trip = self.trip
-        of = None if trip is None else (trip.start_s, self._since_s(trip))
-        if self._departure_of_trip is not None and self._departure_of_trip[0] == of:
+        key = None if trip is None else (trip.start_s, self._since_s(trip))
+        if self._departure_of_trip is not None and self._departure_of_trip[0] == key:
             return self._departure_of_trip[1]
         table = self.observed()
         if not len(table):
@@ -216,13 +216,13 @@ class Recorder:
             for sample in (*self._finder.before, *self._ordered.waiting):
                 latest |= sample.values
             table = pd.DataFrame([{"time_s": 0.0, "speed_m_s": 0.0, **latest}], dtype="float64")
-        seen = Departure.from_first_sample(Sampled(self.name, table), Context())
-        departure = replace(seen, payload_mass_kg=None, follows_trip=None)
+        first_values = Departure.from_first_sample(Sampled(self.name, table), Context())
+        departure = replace(first_values, payload_mass_kg=None, follows_trip=None)
         if departure.soc is None and departure.bms_soc is None and self._parked is not None:
             departure = departure.merge(Departure(**{self._parked[1]: self._parked[2]}))  # type: ignore[arg-type]
         settled_s = float(table["time_s"].iloc[0]) + FIRST_S
-        if trip is not None and of is not None and trip.last_s - of[1] > settled_s:
-            self._departure_of_trip = of, departure  # no sample that comes now can change it
+        if trip is not None and key is not None and trip.last_s - key[1] > settled_s:
+            self._departure_of_trip = key, departure  # no sample that comes now can change it
         return departure
 
     def shown(self, now_s: float) -> dict[str, Any]:

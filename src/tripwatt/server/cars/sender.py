@@ -66,9 +66,9 @@ class OrderedSamples:
         """Return whether a sample is new, doubled (its time is there already) or too late. O(log(`MAX_WAITING`))."""
         if sample.time_s <= self.released_s:
             return "doubled" if sample.time_s == self.released_s else "late"
-        at = bisect.bisect_left(self.waiting, sample.time_s, key=_time)
-        there = at < len(self.waiting) and self.waiting[at].time_s == sample.time_s
-        return "doubled" if there else "new"
+        index = bisect.bisect_left(self.waiting, sample.time_s, key=_time)
+        is_stored = index < len(self.waiting) and self.waiting[index].time_s == sample.time_s
+        return "doubled" if is_stored else "new"
 
     def insert(self, sample: Sample) -> None:
         """Insert a new sample into the window. O(`MAX_WAITING`), or O(1) for the latest sample."""
@@ -92,9 +92,9 @@ class OrderedSamples:
     def _release_first(self, count: int) -> list[Sample]:
         if not count:
             return []
-        given, self.waiting = self.waiting[:count], self.waiting[count:]
-        self.released_s = given[-1].time_s
-        return given
+        released, self.waiting = self.waiting[:count], self.waiting[count:]
+        self.released_s = released[-1].time_s
+        return released
 
 
 FUTURE_S: Final = 120.0
@@ -213,7 +213,7 @@ class Sender:
         held = self.release()
         self._last = held[-1]
         # samples that arrived before the held ones were sent before them
-        return min(before_s - self.offset_s, min(s.time_s for s in held) - newest_s - 1e-3), held
+        return min(before_s - self.offset_s, min(sample.time_s for sample in held) - newest_s - 1e-3), held
 
     def release(self) -> list[Sample]:
         """Return the held samples, and hold them no longer."""
@@ -232,19 +232,19 @@ def _offset_s(sample: Sample) -> float:
 
 
 def _steady(samples: Collection[Sample]) -> bool:
-    least, long_s, max_s = STEADY
-    if len(samples) < least:
+    min_messages, min_s, max_s = STEADY
+    if len(samples) < min_messages:
         return False
     offsets = [_offset_s(sample) for sample in samples]
     came = [sample.received_s or 0.0 for sample in samples]
-    return max(offsets) - min(offsets) <= max_s and max(came) - min(came) >= long_s
+    return max(offsets) - min(offsets) <= max_s and max(came) - min(came) >= min_s
 
 
-def _differ(one: Sample, other: Sample) -> bool:
+def _differ(earlier: Sample, later: Sample) -> bool:
     """Whether two samples of about the same time cannot come from one car."""
-    apart_s = abs(other.time_s - one.time_s)
+    apart_s = abs(later.time_s - earlier.time_s)
     return apart_s <= HOLD_S and any(
-        abs(one.values[name] - other.values[name]) > at_once + rate * apart_s
+        abs(earlier.values[name] - later.values[name]) > at_once + rate * apart_s
         for name, (at_once, rate) in POSSIBLE.items()
-        if name in one.values and name in other.values
+        if name in earlier.values and name in later.values
     )

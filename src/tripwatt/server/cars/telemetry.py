@@ -127,9 +127,9 @@ class MessageFormat:
         """The mapping of `mapping_name`; for an empty name, that of our columns."""
         if self.mapping_name:
             return load_mapping(self.mapping_name)
-        own = {name: MappedColumn(name, next(iter(units))) for name, units in UNITS.items()}
-        own["time_s"] = MappedColumn("time_s", "epoch_s")
-        return ColumnMapping("", own, nominal_voltage_v=OWN_VOLTAGE_V, hold_s=OWN_HOLD_S)
+        columns = {name: MappedColumn(name, next(iter(units))) for name, units in UNITS.items()}
+        columns["time_s"] = MappedColumn("time_s", "epoch_s")
+        return ColumnMapping("", columns, nominal_voltage_v=OWN_VOLTAGE_V, hold_s=OWN_HOLD_S)
 
     @property
     def time_field(self) -> str:
@@ -212,9 +212,9 @@ def format_of(source: str) -> MessageFormat:
     if source not in (*FORMATS, *shipped_mappings()) and not source.endswith(".toml"):
         allowed = ", ".join(dict.fromkeys((*FORMATS, *shipped_mappings(), "or a file FILE.toml")))
         raise InvalidInput.of("unknown sender", "source", source[:60], allowed)
-    made = FORMATS.get(source) or MessageFormat(source)
-    made.mapping  # noqa: B018, it is checked
-    return made
+    message_format = FORMATS.get(source) or MessageFormat(source)
+    message_format.mapping  # noqa: B018, it is checked
+    return message_format
 
 
 def is_sound(column: str, value: float) -> bool:
@@ -225,16 +225,18 @@ def is_sound(column: str, value: float) -> bool:
 
 def is_set(flags: Mapping[str, tuple[str, ...]], values: Mapping[str, Any]) -> bool:
     """Whether `values` has, in a field of `flags`, one of the texts of this field."""
-    given = ((values.get(name), texts) for name, texts in flags.items())
-    return any(isinstance(value, str | int | float) and f"{value}".lower() in texts for value, texts in given)
+    candidates = ((values.get(name), texts) for name, texts in flags.items())
+    return any(
+        isinstance(value, str | int | float) and f"{value}".lower() in texts for value, texts in candidates
+    )
 
 
-def number_of(given: Any) -> float:
+def number_of(value: Any) -> float:
     """Return a number, or the number that a text contains; NaN for anything else."""
-    if isinstance(given, bool) or not isinstance(given, int | float | str):
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
         return math.nan
     try:
-        return float(given[:40] if isinstance(given, str) else given)
+        return float(value[:40] if isinstance(value, str) else value)
     except (ValueError, OverflowError):
         return math.nan
 
@@ -249,15 +251,15 @@ def _number(
     message: Mapping[str, Any], name: str, column: tuple[str, float, float], faults: list[Fault]
 ) -> float | None:
     """Return a number of a message in our unit; None if it is missing or, with a fault added to `faults`, not a valid number."""
-    given, (ours, factor, offset) = message.get(name), column
-    if given is None or given == "":
+    raw, (ours, factor, offset) = message.get(name), column
+    if raw is None or raw == "":
         return None
-    value = number_of(given) * factor + offset
+    value = number_of(raw) * factor + offset
     if math.isfinite(value) and is_sound(ours, value):
         return value
     low, high = sorted((bound - offset) / factor for bound in _bounds(ours))
     allowed = f"{low:g} to {high:g}" if ours else "a number"
-    faults.append(Fault("value out of range", name, excerpt(given), allowed))
+    faults.append(Fault("value out of range", name, excerpt(raw), allowed))
     return None
 
 

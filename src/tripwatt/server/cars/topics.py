@@ -115,9 +115,9 @@ class TopicJoiner:
         value = number_of(text) * factor + offset
         if (retained and column in FAST) or not is_sound(column, value):
             return None
-        done = self._note_arrival(received_s)
+        sample = self._note_arrival(received_s)
         self._values[column] = (value, self._begins_s)
-        return done
+        return sample
 
     def flush(self) -> Sample | None:
         """Return the sample of the values so far, without waiting for more.
@@ -142,22 +142,22 @@ class TopicJoiner:
         """Begin a sample at a time that the sender sent; return the sample before it."""
         if not math.isfinite(time_s) or time_s == self._begins_s:
             return None
-        done = self.flush()
+        sample = self.flush()
         self._begin(time_s)
         self._has_time = True
-        return done
+        return sample
 
     def _note_arrival(self, received_s: float) -> Sample | None:
         """Note that a value came; if the sender sends no time, it may begin the next sample. Return the sample before it."""
-        done = None
+        sample = None
         self._first_arrival_s = min(self._first_arrival_s, received_s)
         if not self._has_time and self.format.time_field and received_s < self._first_arrival_s + TIME_WAIT_S:
             return None
         if not self._has_time and received_s >= self._begins_s + JOIN_S:
-            done = self.flush()
+            sample = self.flush()
             self._begin(math.floor(received_s / JOIN_S) * JOIN_S)
         self._has_news = True
-        return done
+        return sample
 
     def _sample(self) -> Sample | None:
         values = {
@@ -176,9 +176,9 @@ class TopicJoiner:
         if len(payload) > MAX_MESSAGE_BYTES:
             return None
         try:
-            given: Any = json.loads(payload)
-            given = given.get("tlm", given) if isinstance(given, Mapping) else given
-            return self.format.sample(given, received_s) if given else None
+            document: Any = json.loads(payload)
+            document = document.get("tlm", document) if isinstance(document, Mapping) else document
+            return self.format.sample(document, received_s) if document else None
         except InvalidInput as error:
             self.note(error)
         except (ValueError, RecursionError):

@@ -119,8 +119,8 @@ async def put_file(call: Called, car: CarName, upload: UploadName, file: FileNam
     async with service.uploads:
         content = await call.read((BYTES,), limits.upload_bytes)
         async with service.unpacking:
-            place = {"name": car, "upload": upload, "file": file}
-            return await call.job("cars.store", content, **place, max_bytes=limits.car_bytes)
+            target = {"name": car, "upload": upload, "file": file}
+            return await call.job("cars.store", content, **target, max_bytes=limits.car_bytes)
 
 
 @cars.post(UPLOAD, response_model=LogsResponse, **request_body(LogsRequest))
@@ -185,8 +185,8 @@ async def put_plan(call: Called, car: CarName) -> Response:
     """Give the plan of the trip that a car is on, or of its next one; it is kept until that trip has ended."""
     followed = call.service.live.by_name(car)
     plan = _json_object(await call.read())
-    leaves = check_request({"departs_at": plan.pop("departs_at", None)}, LiveDeparture)
-    result = await call.service.live.set_plan(followed, plan, leaves.departure_s)
+    departure = check_request({"departs_at": plan.pop("departs_at", None)}, LiveDeparture)
+    result = await call.service.live.set_plan(followed, plan, departure.departure_s)
     if result.status != 200:
         return call.answer(result)
     return json_response(await call.service.live.document(followed))
@@ -240,8 +240,8 @@ def telemetry_of(message: Mapping[str, Any]) -> Any:
     Problem
         `not-json` if the text is not JSON.
     """
-    given = message.get("tlm", message if "utc" in message else None)
-    return parse_json(given.encode(), "tlm: ") if isinstance(given, str) else given
+    message_part = message.get("tlm", message if "utc" in message else None)
+    return parse_json(message_part.encode(), "tlm: ") if isinstance(message_part, str) else message_part
 
 
 def _json_object(body: bytes) -> dict[str, Any]:

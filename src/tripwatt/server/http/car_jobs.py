@@ -78,7 +78,7 @@ class CarJobs:
         """Return the names of the cars."""
         if self.folder is None or not self.folder.is_dir():
             return []
-        return sorted(place.name for place in self.folder.iterdir() if live.is_car(place))
+        return sorted(folder.name for folder in self.folder.iterdir() if live.is_car(folder))
 
     def car(self, name: str) -> live.Car:
         """Open the car of this name; raises as `car_folder` does."""
@@ -88,34 +88,34 @@ class CarJobs:
         """Return a label that changes whenever the car learns, and its current model; None if there is no such car."""
         if self.folder is None or VALID_NAME.fullmatch(name) is None:
             return None
-        state, kept = learned_state(self.folder / name), self.models.get(name)
+        state, cached = learned_state(self.folder / name), self.models.get(name)
         if state is None:
             return None
-        if kept is None or kept[0] != state:
-            self.models[name] = kept = state, live.open_car(self.folder / name).model()
-        return f"{name}@{state}", kept[1]
+        if cached is None or cached[0] != state:
+            self.models[name] = cached = state, live.open_car(self.folder / name).model()
+        return f"{name}@{state}", cached[1]
 
     def list(self) -> dict[str, Any]:
         """Return the cars, as `CarsResponse`."""
         if self.folder is None:
             return {"cars": None}
-        return {"cars": [_summary(own, own.about(), CarSummary) for own in map(self.car, self.names())]}
+        return {"cars": [_summary(car, car.about(), CarSummary) for car in map(self.car, self.names())]}
 
     def show(self, name: str) -> dict[str, Any]:
         """Return a car and its diary, as `CarResponse` without `learning`."""
-        own = self.car(name)
-        diary = own.diary
-        about = own.about(diary)
+        car = self.car(name)
+        diary = car.diary
+        description = car.about(diary)
         rows = diary.table.tail(SHOWN_TRIPS).iloc[::-1].to_dict("records")
-        return {**_summary(own, about, CarResponse), "diary": [_diary_entry(row, own) for row in rows]}
+        return {**_summary(car, description, CarResponse), "diary": [_diary_entry(row, car) for row in rows]}
 
     def create(self, name: str, vehicle: Vehicle | str) -> dict[str, Any]:
         """Make a car, and return it as `show`."""
-        place = require_folder(self.folder) / folder_name(name)
-        if place.exists():
-            taken = Fault("name is taken", "name", excerpt(name), "a name that no car has")
-            raise Problem("name-taken", faults=(taken,))
-        return self.show(live.create_car(place, vehicle, label=name).name)
+        folder = require_folder(self.folder) / folder_name(name)
+        if folder.exists():
+            fault = Fault("name is taken", "name", excerpt(name), "a name that no car has")
+            raise Problem("name-taken", faults=(fault,))
+        return self.show(live.create_car(folder, vehicle, label=name).name)
 
     def forget(self, name: str) -> dict[str, Any]:
         """Erase a car."""
@@ -130,34 +130,34 @@ class CarJobs:
     def store(self, name: str, upload: str, file: str, body: bytes, max_bytes: int) -> dict[str, int]:
         """Unpack a file into the tables of an upload, and return their number and bytes; expired uploads are erased first."""
         try:
-            place = car_folder(self.folder, name) / UPLOADS / upload
+            folder = car_folder(self.folder, name) / UPLOADS / upload
         except InvalidInput as error:  # a full disk: not even the car can be read
             raise Problem("busy", f"the file cannot be stored: {error.faults[0].got}") from error
-        tables = place / TABLES
-        _erase_expired(place.parent, time.time() - EXPIRES_AFTER_S)
-        room = max(max_bytes - sum(_sizes(place.parent)), 0)
-        limits = {**LIMITS, **{kind: min(room, LIMITS[kind]) for kind in (INSIDE, TABLES_BYTES)}}
+        tables = folder / TABLES
+        _erase_expired(folder.parent, time.time() - EXPIRES_AFTER_S)
+        free_bytes = max(max_bytes - sum(_sizes(folder.parent)), 0)
+        limits = {**LIMITS, **{kind: min(free_bytes, LIMITS[kind]) for kind in (INSIDE, TABLES_BYTES)}}
         try:
             tables.mkdir(parents=True, exist_ok=True)
-            before = set(tables.iterdir())
-            made = unpack(file, tables, content=body, limits=limits)
+            tables_before = set(tables.iterdir())
+            unpacked = unpack(file, tables, content=body, limits=limits)
         except OSError as error:
             raise Problem("busy", f"the file cannot be stored: {error.strerror}") from error
         sizes = _sizes(tables)
-        if len(sizes) > MAX_FILES or sum(_sizes(place.parent)) > max_bytes:
-            for table in set(made) - before:  # those that were sent before stay
+        if len(sizes) > MAX_FILES or sum(_sizes(folder.parent)) > max_bytes:
+            for table in set(unpacked) - tables_before:  # those that were sent before stay
                 table.unlink(missing_ok=True)
             if not _sizes(tables):
-                shutil.rmtree(place, ignore_errors=True)
-            most = f"{MAX_FILES} tables and {max_bytes} bytes"
-            raise Problem("too-large", f"at most {most} that are not learned yet")
+                shutil.rmtree(folder, ignore_errors=True)
+            allowed = f"{MAX_FILES} tables and {max_bytes} bytes"
+            raise Problem("too-large", f"at most {allowed} that are not learned yet")
         return {"files": len(sizes), "bytes": sum(sizes)}
 
     def logs(self, name: str, upload: str, request: LogsRequest) -> dict[str, Any]:
         """Return how the files of an upload are read, and what they hold then, as `LogsResponse`."""
-        own = self.car(name)
-        tables = upload_tables(own.folder, upload)
-        kinds = kinds_of_upload(tables, request, own.vehicle)
+        car = self.car(name)
+        tables = upload_tables(car.folder, upload)
+        kinds = kinds_of_upload(tables, request, car.vehicle)
         preview, faults, report = None, [], None
         try:
             fleet = read_kinds(tables, kinds, heights=self.heights)
@@ -175,11 +175,11 @@ class CarJobs:
 
     def learn(self, name: str, upload: str, request: LogsRequest) -> dict[str, Any]:
         """Learn the trips of an upload and erase the upload; return the fields of `Learned`."""
-        own = self.car(name)
-        tables = upload_tables(own.folder, upload)
+        car = self.car(name)
+        tables = upload_tables(car.folder, upload)
         file = tables.parent / PROGRESS
         try:
-            kinds = kinds_of_upload(tables, request, own.vehicle)
+            kinds = kinds_of_upload(tables, request, car.vehicle)
             fleet = read_kinds(tables, kinds, heights=self.heights)
         except InvalidInput as error:
             raise _without_folder(error, tables) from error
@@ -187,7 +187,7 @@ class CarJobs:
         def note_progress(done: int, total: int) -> None:
             write_bytes(file, orjson.dumps({"done": done, "total": total}))
 
-        learned = own.add(fleet, progress=note_progress)
+        learned = car.add(fleet, progress=note_progress)
         shutil.rmtree(tables.parent, ignore_errors=True)
         return _learned_document(learned)
 
@@ -217,10 +217,10 @@ def car_folder(folder: Path | None, name: str) -> Path:
     Problem
         `no-live` for a service without cars, `no-such-car`.
     """
-    place = require_folder(folder) / name
-    if VALID_NAME.fullmatch(name) is None or not live.is_car(place):
+    path = require_folder(folder) / name
+    if VALID_NAME.fullmatch(name) is None or not live.is_car(path):
         raise Problem("no-such-car", CARS_ARE_LISTED)
-    return place
+    return path
 
 
 def upload_tables(car: Path, upload: str) -> Path:
@@ -231,10 +231,10 @@ def upload_tables(car: Path, upload: str) -> Path:
     Problem
         `not-found`.
     """
-    place = car / UPLOADS / upload / TABLES
-    if not upload.isalnum() or not any(place.glob("[!.]*")):
+    tables = car / UPLOADS / upload / TABLES
+    if not upload.isalnum() or not any(tables.glob("[!.]*")):
         raise Problem("not-found", "no such upload")
-    return place
+    return tables
 
 
 def units_of(ours: str) -> list[str]:
@@ -267,7 +267,7 @@ def preview_logs(fleet: TripSet) -> dict[str, Any]:
     sound = [trip for trip in audited.trips if trip.observed_energy_wh is not None]
     starts = sorted(trip.context.started_at for trip in sound if trip.context.started_at is not None)
     air = [trip.departure.ambient_temperature_degc for trip in sound if "ambient_temperature_degc" in trip]
-    known = [value for value in air if value is not None]
+    temperatures = [value for value in air if value is not None]
     return {
         "logs": len(fleet.logs),
         "drives": len(sound),
@@ -276,7 +276,7 @@ def preview_logs(fleet: TripSet) -> dict[str, Any]:
         "energy_wh": float(sum(trip.observed_energy_wh or 0.0 for trip in sound)),
         "from_date": starts[0].isoformat() if starts else None,
         "to_date": starts[-1].isoformat() if starts else None,
-        "ambient_degc": [min(known), max(known)] if known else None,
+        "ambient_degc": [min(temperatures), max(temperatures)] if temperatures else None,
         "lost_distance_m": audited.lost_distance_m,
         "lost_duration_s": audited.lost_duration_s,
         "findings": [
@@ -336,11 +336,10 @@ def _file_documents(
     kinds: Sequence[Kind], report: ReadingReport | None, ignored: Sequence[str], tables: Path
 ) -> list[dict[str, Any]]:
     """Return the files of an upload, as `FileDocument`."""
-    unread = (
-        FileReading(f.name, kind=n, faults=kind.faults) for n, kind in enumerate(kinds) for f in kind.files
-    )
+    numbered = ((number, kind, path) for number, kind in enumerate(kinds) for path in kind.files)
+    unread = (FileReading(path.name, kind=number, faults=kind.faults) for number, kind, path in numbered)
     names = ("name", "state", "rows", "rows_used", "logs")
-    shown = [
+    documents = [
         {
             **{name: getattr(file, name) for name in names},
             "kind": file.kind if kinds[file.kind].tables else None,
@@ -351,7 +350,7 @@ def _file_documents(
         for file in (unread if report is None else report.files)
     ]
     nothing: dict[str, Any] = {"state": "ignored", **dict.fromkeys(names[2:], 0), "kind": None, "faults": []}
-    return [*shown, *({"name": name, **nothing} for name in ignored)]
+    return [*documents, *({"name": name, **nothing} for name in ignored)]
 
 
 def _group_document(group: Alike, tables: Path) -> dict[str, Any]:
@@ -373,30 +372,30 @@ def _diary_entry(row: Mapping[Hashable, Any], car: live.Car) -> dict[str, Any]:
     }
 
 
-def _learned_document(done: live.Learned) -> dict[str, Any]:
-    return {**asdict(done), "left_out": list(done.left_out[:SHOWN_REASONS])}
+def _learned_document(learned: live.Learned) -> dict[str, Any]:
+    return {**asdict(learned), "left_out": list(learned.left_out[:SHOWN_REASONS])}
 
 
-def _summary(own: live.Car, about: Mapping[str, Any], model: type[BaseModel]) -> dict[str, Any]:
-    """Return the fields of `about` that a response has, with the name of the car and whether it has a token."""
-    known = {key: about[key] for key in model.model_fields if key in about}
-    return {"name": own.name, "has_token": live.has_token(own.folder), **known}
+def _summary(car: live.Car, description: Mapping[str, Any], model: type[BaseModel]) -> dict[str, Any]:
+    """Return the fields of `description` that a response has, with the name of the car and whether it has a token."""
+    fields = {key: description[key] for key in model.model_fields if key in description}
+    return {"name": car.name, "has_token": live.has_token(car.folder), **fields}
 
 
 def _sizes(folder: Path) -> list[int]:
     """Return the sizes of the files below a folder [bytes], without those being written, or erased meanwhile by another upload."""
     sizes = []
-    for place, _, names in os.walk(folder):
-        for name in () if Path(place).name.startswith(".") else names:
+    for path, _, names in os.walk(folder):
+        for name in () if Path(path).name.startswith(".") else names:
             if name.startswith("."):
                 continue
             with contextlib.suppress(FileNotFoundError):
-                sizes.append((Path(place) / name).stat().st_size)
+                sizes.append((Path(path) / name).stat().st_size)
     return sizes
 
 
 def _erase_expired(uploads: Path, before_s: float) -> None:
-    for place in uploads.iterdir() if uploads.is_dir() else []:
+    for upload in uploads.iterdir() if uploads.is_dir() else []:
         with contextlib.suppress(OSError):
-            if max(file.stat().st_mtime for file in (place, *place.rglob("*"))) < before_s:
-                shutil.rmtree(place, ignore_errors=True)
+            if max(file.stat().st_mtime for file in (upload, *upload.rglob("*"))) < before_s:
+                shutil.rmtree(upload, ignore_errors=True)

@@ -41,9 +41,11 @@ def model_summary(folder: Path | None, fleet: FollowedModel | None) -> dict[str,
         return load_metadata(folder)
     fleet.get()  # the version in use, if the pointer has moved
     metadata = load_metadata(fleet.folder)
-    about, provenance = metadata.pop("fleet"), {name: metadata[name] for name in ("tripwatt", "packages")}
-    first = about["car_models"][0]
-    model = {"vehicle": first, "vehicle_title": load_vehicle(first).title, "version": fleet.version, **about}
+    description = metadata.pop("fleet")
+    provenance = {name: metadata[name] for name in ("tripwatt", "packages")}
+    name = description["car_models"][0]
+    vehicle = {"vehicle": name, "vehicle_title": load_vehicle(name).title}
+    model = {**vehicle, "version": fleet.version, **description}
     return {"model": model, "contract": {}, "provenance": provenance, "evaluation": {}}
 
 
@@ -91,11 +93,11 @@ class PlannedTripRequest(schemas.DepartureRequest):
                 got = "neither" if self.links is None else "both"
                 raise InvalidInput.of("one of them is needed", "distance_km, links", got, "one of the two")
             road: Any = self.distance_km if self.links is None else self.links.plan()
-        known = schemas.departure_of(self)
-        soc = float("nan") if known.soc is None else known.soc
-        known, named = replace(known, soc=None), (self.vehicle, self.driver)
+        departure = schemas.departure_of(self)
+        soc = float("nan") if departure.soc is None else departure.soc
+        departure, named = replace(departure, soc=None), (self.vehicle, self.driver)
         return PlannedTrip(
-            self.trip, self.vehicle_id, self.departs_at, road, self.kind, known, soc, *named, where
+            self.trip, self.vehicle_id, self.departs_at, road, self.kind, departure, soc, *named, where
         )
 
 

@@ -163,17 +163,17 @@ class Jobs:
             When the body is wrong.
         """
         work: Callable[..., dict[str, Any] | bytes] = attrgetter(kind)(self)
-        given = {**parameters, "body": body}
+        arguments = {**parameters, "body": body}
         types = get_type_hints(work)
         if "request" in types:
-            given["request"] = check_request(parse_json(body), types["request"], self)
-        return work(**{name: given[name] for name in types if name in given})
+            arguments["request"] = check_request(parse_json(body), types["request"], self)
+        return work(**{name: arguments[name] for name in types if name in arguments})
 
     def forecast(self, request: ForecastRequest) -> dict[str, Any]:
         """Return the response to a `ForecastRequest`."""
         forecast, probability = self._forecast(request), request.probability
-        leave = None if probability is None else leave_with(forecast, request.reserve, probability)
-        return require_finite(forecast.to_dict(request.reserve, leave))
+        leave_document = None if probability is None else leave_with(forecast, request.reserve, probability)
+        return require_finite(forecast.to_dict(request.reserve, leave_document))
 
     def update(self, request: UpdateRequest) -> dict[str, Any]:
         """Return the response to an `UpdateRequest`."""
@@ -216,11 +216,11 @@ class Jobs:
         }
         if not all(map(math.isfinite, needed.values())):
             raise _no_forecast()
-        leave = leave_in_words(needed["soc_needed"], request.reserve, how["probability"])
-        leaves = dt.datetime.fromtimestamp(how["departure_s"], dt.UTC)
-        until = before_departure(forecast, needed["soc_needed"], how["plug_w"], how["soc"], leaves)
+        message = leave_in_words(needed["soc_needed"], request.reserve, how["probability"])
+        departs_at = dt.datetime.fromtimestamp(how["departure_s"], dt.UTC)
+        until = before_departure(forecast, needed["soc_needed"], how["plug_w"], how["soc"], departs_at)
         flags = [flag_to_dict(flag) for flag in forecast.flags]
-        return {"reserve": request.reserve, **needed, "message": leave, **until, "flags": flags}
+        return {"reserve": request.reserve, **needed, "message": message, **until, "flags": flags}
 
     def plan(self, request: PlanRequest) -> dict[str, Any]:
         """Return the response to a `PlanRequest`."""
@@ -250,11 +250,11 @@ class Jobs:
                 raise InvalidInput.of("car is missing", "car", got, allowed)
             ahead = usual_plan(self.cars.car(request.car), request.trip)
         model = self._model_of_query(request)
-        known, flags = with_last_message(departure_of(request), seen, model.vehicle)
+        departure, flags = with_last_message(departure_of(request), seen, model.vehicle)
         needed, until = need_before_departure(
             ahead,
             request.kind,
-            known,
+            departure,
             request.plug_w,
             model=model,
             quantile=request.quantile,
@@ -266,16 +266,16 @@ class Jobs:
     def range(self, request: RangeQuery, seen: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """Return the response to a `RangeQuery`."""
         model = self._model_of_query(request)
-        known, flags = with_last_message(departure_of(request), seen, model.vehicle)
-        far = range_km(None, request.kind, known, reserve=request.reserve or 0.0, model=model)
-        return replace(far, flags=(*flags, *far.flags)).to_dict()
+        departure, flags = with_last_message(departure_of(request), seen, model.vehicle)
+        range_ = range_km(None, request.kind, departure, reserve=request.reserve or 0.0, model=model)
+        return replace(range_, flags=(*flags, *range_.flags)).to_dict()
 
     def _model_of_query(self, request: RangeQuery) -> ForecastModel:
-        given = request.vehicle_figures
-        if request.car is not None and (request.model, request.vehicle, given) != (None, None, None):
+        text = request.vehicle_figures
+        if request.car is not None and (request.model, request.vehicle, text) != (None, None, None):
             raise InvalidInput.of("two cars", "car", "a model or vehicle too", "one of them")
         try:
-            figures = None if given is None else orjson.loads(given)
+            figures = None if text is None else orjson.loads(text)
         except orjson.JSONDecodeError as error:
             raise InvalidInput.of(
                 "not JSON", "query.vehicle_figures", f"{error}"[:80], "an object"
@@ -285,9 +285,9 @@ class Jobs:
 
     def _forecast(self, request: ForecastRequest, seen: Mapping[str, Any] | None = None) -> Forecast:
         """Return the forecast of a request, updated with the observed samples of an `UpdateRequest`."""
-        plan, own = self._plan(request), self.model_of(request)
-        known, flags = with_last_message(plan.departure.merge(departure_of(request)), seen, own.vehicle)
-        forecast = own.forecast(replace(plan, trip_id=request.trip), known)
+        plan, model = self._plan(request), self.model_of(request)
+        departure, flags = with_last_message(plan.departure.merge(departure_of(request)), seen, model.vehicle)
+        forecast = model.forecast(replace(plan, trip_id=request.trip), departure)
         forecast = replace(forecast, flags=(*flags, *forecast.flags))
         return forecast.update(request.observed) if isinstance(request, UpdateRequest) else forecast
 
@@ -301,12 +301,12 @@ class Jobs:
         InvalidInput
             When there is no such model or car.
         """
-        own = self.cars.model((name if field == "model" else model) or "")
-        if field == "model" and own is None and name not in (*self.models, *self.fleets):
-            known = [*self.models, *self.fleets, *self.cars.names()]
-            raise InvalidInput(Fault.unknown("unknown model", "model", name, known))
+        car = self.cars.model((name if field == "model" else model) or "")
+        if field == "model" and car is None and name not in (*self.models, *self.fleets):
+            names = [*self.models, *self.fleets, *self.cars.names()]
+            raise InvalidInput(Fault.unknown("unknown model", "model", name, names))
         if field == "vehicle":  # only names of the library, never a path of a file
-            fitted = (*self.models.values(), *(() if own is None else own[1:]))
+            fitted = (*self.models.values(), *(() if car is None else car[1:]))
             if name not in (*vehicle_names(), *(model.vehicle.name for model in fitted)):
                 require_vehicle(name)
 
@@ -340,12 +340,12 @@ class Jobs:
             return fitted
         figures = request.vehicle_figures
         key = label, request.vehicle if figures is None else figures.model_dump_json()
-        kept = self.transferred.get(key)
-        if kept is None:
-            kept = for_car(fitted, request.vehicle if figures is None else describe(figures))
-            if kept is not fitted:
-                self.transferred[key] = kept
-        return kept
+        transferred = self.transferred.get(key)
+        if transferred is None:
+            transferred = for_car(fitted, request.vehicle if figures is None else describe(figures))
+            if transferred is not fitted:
+                self.transferred[key] = transferred
+        return transferred
 
     def describe(self, request: VehicleFigures) -> dict[str, Any]:
         """Return the response to `VehicleFigures`."""
@@ -384,10 +384,10 @@ class Jobs:
 
     def summaries(self) -> dict[str, Any]:
         """Return the models with their inputs, provenance and scores; the first is the default."""
-        places = {
+        by_name = {
             name: (self.folders.get(name), self.fleets.get(name)) for name in (*self.models, *self.fleets)
         }
-        return {"models": [{"name": name, **model_summary(*place)} for name, place in places.items()]}
+        return {"models": [{"name": name, **model_summary(*parts)} for name, parts in by_name.items()]}
 
     def vehicles(self, search: str | None = None) -> dict[str, Any]:
         """Return the cars of the library, or those that the words of `search` find, each with the models fitted on its trips."""
@@ -395,8 +395,8 @@ class Jobs:
         cars |= {name: {*fleet.get().vehicles().values()} for name, fleet in self.fleets.items()}
         by_name = {row["name"]: row for row in vehicles()}
         names = tuple(by_name) if search is None else find_vehicles(search)
-        of_models = {name: [model for model, its in cars.items() if name in its] for name in names}
-        return {"vehicles": [{**by_name[name], "models": models} for name, models in of_models.items()]}
+        rows = [{**by_name[n], "models": [model for model in cars if n in cars[model]]} for n in names]
+        return {"vehicles": rows}
 
 
 def _no_single_car(got: str) -> InvalidInput:
@@ -439,7 +439,7 @@ def _no_forecast() -> InvalidInput:
 
 
 def with_last_message(
-    known: Departure, seen: Mapping[str, Any] | None, vehicle: Vehicle
+    given: Departure, seen: Mapping[str, Any] | None, vehicle: Vehicle
 ) -> tuple[Departure, tuple[Flag, ...]]:
     """Fill temperature and charge that a departure leaves out from the car's last messages; return the departure and flags.
 
@@ -447,12 +447,12 @@ def with_last_message(
     shows it. A charge of the battery management counts as given.
     """
     seen = seen or {}
-    given = known if known.bms_soc is None else replace(known, soc=known.bms_soc)
+    departure = given if given.bms_soc is None else replace(given, soc=given.bms_soc)
     air = "ambient_temperature_degc"
-    used = {n: seen[n] for n in ("soc", air) if seen.get(n) is not None and getattr(given, n) is None}
+    used = {n: seen[n] for n in ("soc", air) if seen.get(n) is not None and getattr(departure, n) is None}
     flags = [Flag("of_last_message", air, used[air], "degc")] if air in used else []
     flags += [no_description_flag(seen["undescribed"], vehicle)] if seen.get("undescribed") else []
-    return known.merge(Departure(**used)), tuple(flags)
+    return given.merge(Departure(**used)), tuple(flags)
 
 
 def no_description_flag(car: str, assumed: Vehicle) -> Flag:

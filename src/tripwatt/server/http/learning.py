@@ -73,8 +73,8 @@ class LearningCars:
     async def running(self) -> AsyncIterator[None]:
         """Learn trips that cars finish on the road, until the service stops; what was learned by then is kept."""
         # a trip may have ended right before the last service did
-        for place in require_folder(self.settings.cars).iterdir():
-            self.learn_soon(place.name)
+        for folder in require_folder(self.settings.cars).iterdir():
+            self.learn_soon(folder.name)
         try:
             yield
         finally:
@@ -101,8 +101,8 @@ class LearningCars:
         del self._teaching[car]
 
     def _has_news(self, car: str) -> bool:
-        place = require_folder(self.settings.cars) / car
-        return is_car(place) and open_car(place).has_news
+        folder = require_folder(self.settings.cars) / car
+        return is_car(folder) and open_car(folder).has_news
 
     async def learn_finished(self, car: str) -> bool:
         """Learn the trips that a car finished on the road, unless it is learning already; return whether they were learned."""

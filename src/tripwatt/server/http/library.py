@@ -56,14 +56,14 @@ def examples() -> dict[str, dict[str, Any]]:
     battery = load_vehicle(EXAMPLE_CAR).battery
     by_trip = {}
     for trip in synthetic_fleet(EXAMPLE_COUNT).trips:
-        known = trip.departure.to_dict()
+        departure = trip.departure.to_dict()
         at_departure: dict[str, Any] = {
-            name: known[name] for name in ForecastRequest.model_fields if name in known
+            name: departure[name] for name in ForecastRequest.model_fields if name in departure
         }
         managed = float(trip.array("soc")[0])
         # converted as the bundled model converts the samples on the way, so that the curve starts at the charge of the departure
-        shown = battery.displayed_from_soc(managed) if charge is None else charge.displayed(managed)
-        at_departure["soc"] = float(np.clip(shown, 0.0, 1.0))
+        displayed = battery.displayed_from_soc(managed) if charge is None else charge.displayed(managed)
+        at_departure["soc"] = float(np.clip(displayed, 0.0, 1.0))
         route = [c for c in ("time_s", "speed_m_s", "elevation_m") if c in trip]
         measured = [c for c in ("time_s", "voltage_v", "current_a", "soc") if c in trip]
         by_trip[trip.trip_id] = {

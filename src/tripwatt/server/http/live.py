@@ -15,7 +15,7 @@ from dataclasses import replace
 from functools import cached_property, partial
 from hmac import compare_digest
 from pathlib import Path
-from typing import Any, Final, ParamSpec, TypeVar
+from typing import Any, Final, TypeVar
 
 import anyio
 import orjson
@@ -49,7 +49,6 @@ NEED_S: Final = 600.0
 CAR_FIELDS: Final = ("model", "vehicle", "vehicle_figures")
 """Fields of a request that name a car or a model."""
 
-Given = ParamSpec("Given")
 Result = TypeVar("Result")
 
 
@@ -92,7 +91,7 @@ class LiveCars:
         if folder is None or not folder.is_dir():
             fix = "make it; cars are made in it on the page or by `tripwatt car new`"
             raise InvalidInput.of("no folder of cars", "--cars", f"{folder}", "a folder", fix)
-        names = {place.name for place in folder.iterdir() if has_token(place)}
+        names = {car.name for car in folder.iterdir() if has_token(car)}
         self._follower: Follower | None = None
         # name of a car -> state of which need and range were computed, and need and range
         self._ahead: dict[str, tuple[tuple[Any, ...], dict[str, Any]]] = {}
@@ -109,25 +108,25 @@ class LiveCars:
         for name in sorted(names):
             self._open(folder / name)
 
-    async def run(self, work: Callable[Given, Result], *args: Given.args, **more: Given.kwargs) -> Result:
+    async def run(self, work: Callable[..., Result], *args: Any) -> Result:
         """Call `work` in the thread of the cars, and return its result."""
-        return await asyncio.get_running_loop().run_in_executor(self._thread, partial(work, *args, **more))
+        return await asyncio.get_running_loop().run_in_executor(self._thread, work, *args)
 
-    def _open(self, place: Path) -> None:
-        name = place.name
+    def _open(self, folder: Path) -> None:
+        name = folder.name
         if name not in self.cars:
-            car = Car.follow(place, keep_days=self.settings.keep_days)
+            car = Car.follow(folder, keep_days=self.settings.keep_days)
             car.model_of = partial(self._model, car)
             car.note = lambda text: self.log(event="forecast not stored", vehicle=name, error=text)
             car.finished = partial(self._finished, name)
             self.cars[name] = car
-        self._digests[name] = token_digest(place) or ""
+        self._digests[name] = token_digest(folder) or ""
 
     def _finished(self, name: str) -> None:
         if self._loop is not None:
             self._loop.call_soon_threadsafe(self.learn, name)
 
-    async def follow(self, place: Path) -> None:
+    async def follow(self, folder: Path) -> None:
         """Follow the car of a folder; if it is followed already, only read its token again.
 
         Raises
@@ -135,7 +134,7 @@ class LiveCars:
         InvalidInput
             When the car cannot be opened.
         """
-        await self.run(self._open, place)
+        await self.run(self._open, folder)
 
     async def drop(self, name: str) -> None:
         """Close a car and stop following it."""
@@ -166,12 +165,12 @@ class LiveCars:
         Problem
             `token-needed`.
         """
-        given = digest_of(token)
-        name = next((name for name, digest in self._digests.items() if compare_digest(given, digest)), None)
-        if name is None:
+        sent = digest_of(token)
+        names = [name for name, digest in self._digests.items() if compare_digest(sent, digest)]
+        if not names:
             challenge = {"WWW-Authenticate": 'Bearer realm="tripwatt"'}
             raise Problem("token-needed", "the token of a car: `token`, or a bearer token", headers=challenge)
-        return self.cars[name]
+        return self.cars[names[0]]
 
     async def take(self, car: Car, sample: Sample) -> dict[str, Any]:
         """Store a message of a car, and return the `TelemetryResponse`.
@@ -285,16 +284,16 @@ class LiveCars:
         plan = await self.run(car.plan_at, departure_s)
         if plan is None:
             raise Problem("no-plan", "no plan, and no earlier trip at this time of day")
-        known = query.model_dump(include={"reserve", "ambient_temperature_degc"}, exclude_none=True)
-        job = await self._job_about(car, {**plan.request, **known})
+        changed = query.model_dump(include={"reserve", "ambient_temperature_degc"}, exclude_none=True)
+        job = await self._job_about(car, {**plan.request, **changed})
         job["seen"]["soc"] = None  # only the charge of the plan counts
-        how = {
+        parameters = {
             "probability": query.probability,
             "departure_s": departure_s,
             "plug_w": query.plug_w,
             "soc": await self.run(car.shown_soc) if car.trip is None else None,
         }
-        result = await self.pool.run({"kind": "need", "how": how, "seen": job["seen"]}, job["body"])
+        result = await self.pool.run({"kind": "need", "how": parameters, "seen": job["seen"]}, job["body"])
         if result.status != 200:
             return result
         needed = {
@@ -316,7 +315,7 @@ class LiveCars:
         }
         return {"body": orjson.dumps(request), "seen": seen}
 
-    async def job_without_road(self, car: Car, known: Mapping[str, Any]) -> dict[str, Any]:
+    async def job_without_road(self, car: Car, fields: Mapping[str, Any]) -> dict[str, Any]:
         """Return the parameters of a job for the range of a car or the need of a distance.
 
         A car that the plan names replaces the model of the car.
@@ -324,7 +323,7 @@ class LiveCars:
         request = {} if car.plan is None else {name: car.plan.request.get(name) for name in CAR_FIELDS}
         if request.get("vehicle_figures") is not None:
             request["vehicle_figures"] = orjson.dumps(request["vehicle_figures"]).decode()
-        return await self._job_about(car, {**request, **known})
+        return await self._job_about(car, {**request, **fields})
 
     async def _range(self, car: Car) -> JobResult:
         job = await self.job_without_road(car, {})
@@ -338,16 +337,16 @@ class LiveCars:
             state = (*car.live_state[1:], document["soc"], time.time() // NEED_S)
             if name not in self._ahead or self._ahead[name][0] != state:
                 needed = None if car.trip else await _or_none(self.need(car, NeedQuery.model_validate({})))
-                far = None if document["soc"] is None else await _or_none(self._range(car))
-                self._ahead[name] = state, {"need": needed, "range": far}
+                range_ = None if document["soc"] is None else await _or_none(self._range(car))
+                self._ahead[name] = state, {"need": needed, "range": range_}
             documents[name] = {**document, **self._ahead[name][1]}
         return documents
 
     def summary(self) -> dict[str, Any]:
         """Return the cars, as `LiveCarsResponse`."""
-        shown = [car.shown(car.now_s()) for _, car in sorted(self.cars.items())]
+        rows = [self.cars[name].shown(self.cars[name].now_s()) for name in sorted(self.cars)]
         names = ("car", "seconds_since_message")
-        return {"cars": [{n: row[n] for n in names} | {"on_trip": row["trip"] is not None} for row in shown]}
+        return {"cars": [{n: row[n] for n in names} | {"on_trip": row["trip"] is not None} for row in rows]}
 
     def stream(self, car: Car) -> EventSourceResponse:
         """Return the forecasts of a car as a stream of server-sent events.
@@ -432,8 +431,8 @@ def _watch_car(car: Car) -> None:
 async def _or_none(result: Awaitable[JobResult]) -> dict[str, Any] | None:
     """Return the document of a job; None if the job fails or refuses its input."""
     with contextlib.suppress(Problem, InvalidInput):
-        done = await result
-        return orjson.loads(done.content) if done.status == 200 else None
+        finished = await result
+        return orjson.loads(finished.content) if finished.status == 200 else None
     return None
 
 

@@ -121,8 +121,8 @@ class ServiceMiddleware:
     def _check_token(self, given: list[str]) -> None:
         kind, _, token = (given[0] if len(given) == 1 else "").partition(" ")
         # the time of the comparison does not depend on the token
-        same = hmac.compare_digest(token.strip().encode("utf-8", "replace"), self.token)
-        if kind.lower() != "bearer" or not same:
+        is_right = hmac.compare_digest(token.strip().encode("utf-8", "replace"), self.token)
+        if kind.lower() != "bearer" or not is_right:
             challenge = {"WWW-Authenticate": 'Bearer realm="tripwatt"'}
             raise Problem("token-needed", "Authorization: Bearer ...", headers=challenge)
 
@@ -131,8 +131,8 @@ def _check_site(headers: Headers, allowed: Sequence[str]) -> None:
     """Refuse a request that a browser sends for a page of another site, unless its origin is allowed. Programs send neither header."""
     site, origin = headers.get("sec-fetch-site"), headers.get("origin")
     host = headers.get("x-forwarded-host", headers.get("host", "")).partition(",")[0].strip()
-    same = origin is None or origin.lower().partition(":")[2] == f"//{host.lower()}"
-    if origin not in allowed and not (same if site is None else site in OWN_SITES):
+    is_same = origin is None or origin.lower().partition(":")[2] == f"//{host.lower()}"
+    if origin not in allowed and not (is_same if site is None else site in OWN_SITES):
         remedy = "start the service with --cors-origin ORIGIN to allow it; for its own page, let the proxy pass its host as X-Forwarded-Host"
         raise Problem("foreign-site", f"a page of {excerpt(origin or site)} sent the request: {remedy}")
 

@@ -114,21 +114,21 @@ class Schemas(GenerateJsonSchema):
 
     def dataclass_schema(self, schema: Any) -> JsonSchemaValue:
         """Return the schema of a dataclass of the library; all of its fields are required."""
-        made = super().dataclass_schema(schema)
+        document = super().dataclass_schema(schema)
         described = (inspect.getdoc(schema["cls"]) or "").partition("\n\nExamples\n")[0]
-        return made | {
+        return document | {
             "description": described,
-            "required": [*made["properties"]],
+            "required": [*document["properties"]],
             "additionalProperties": False,
         }
 
     def default_schema(self, schema: Any) -> JsonSchemaValue:
         """Return the schema of a field that has a default."""
-        made = super().default_schema(schema)
-        default = made.pop("default", None)
+        document = super().default_schema(schema)
+        default = document.pop("default", None)
         if default is not None:
-            made["x-default"] = default
-        return made
+            document["x-default"] = default
+        return document
 
 
 def describe_requests(app: FastAPI, *, with_token: bool) -> None:

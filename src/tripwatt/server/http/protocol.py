@@ -47,8 +47,8 @@ class BoundedProtocol(HttpToolsProtocol):
         """Accept a connection; if there are too many, close the one that has been idle for longest."""
         super().connection_made(transport)
         if len(self.connections) > self.max_connections:
-            open_ones = (c for c in self.connections if isinstance(c, BoundedProtocol) and c.is_idle)
-            min(open_ones, key=lambda one: one._received_s).transport.abort()
+            idle = (c for c in self.connections if isinstance(c, BoundedProtocol) and c.is_idle)
+            min(idle, key=lambda connection: connection._received_s).transport.abort()
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Stop the timer."""

@@ -179,9 +179,9 @@ def _columns(value: Any, where: str, limits: Limits) -> dict[str, FloatArray]:
         elif len(values) > limits.samples:
             faults.append(Fault("too many samples", field, f"{len(values)}", f"at most {limits.samples}"))
         elif not set(map(type, values)) <= NUMBER_TYPES:
-            first = next(k for k, v in enumerate(values) if type(v) not in NUMBER_TYPES)
-            got = excerpt(values[first])
-            faults.append(Fault("not a number", f"{field}[{first}]", got, "a number, or null where unknown"))
+            position = next(k for k, v in enumerate(values) if type(v) not in NUMBER_TYPES)
+            got, allowed = excerpt(values[position]), "a number, or null where unknown"
+            faults.append(Fault("not a number", f"{field}[{position}]", got, allowed))
         else:
             columns["soc" if name == "bms_soc" else name] = np.array(values, dtype=np.float64)
     raise_faults(faults)
@@ -343,9 +343,9 @@ def departure_field(name: str, field: DepartureField) -> tuple[Any, Any]:
     if field.column is not None:
         unit, rules = f" [{field.column.unit}]", {"ge": field.column.minimum, "le": field.column.maximum}
     elif field.type == "time":
-        first, last = (dt.datetime.fromtimestamp(time_s, dt.UTC) for time_s in (FIRST_TIME_S, LAST_TIME_S))
+        earliest, latest = (dt.datetime.fromtimestamp(s, dt.UTC) for s in (FIRST_TIME_S, LAST_TIME_S))
         kind, unit = Time, "; with its time zone"
-        rules = {"strict": False, "ge": first, "le": last}
+        rules = {"strict": False, "ge": earliest, "le": latest}
     elif field.several:
         kind, rules = list[kind], {"max_length": len(field.choices)}
     form: dict[str, Any] = {"x-label": field.label, "x-unit": field.unit, "x-option": field.option}
@@ -369,8 +369,8 @@ else:
 
 def departure_of(request: DepartureRequest) -> Departure:
     """Return the departure of a request."""
-    known = {name: getattr(request, name) for name in ASKED if name in type(request).model_fields}
-    return Departure(**known)
+    fields = {name: getattr(request, name) for name in ASKED if name in type(request).model_fields}
+    return Departure(**fields)
 
 
 class ForecastRequest(DepartureRequest, CarRequest):
@@ -588,7 +588,9 @@ def faults_of(errors: Iterable[Mapping[str, Any]], known: Iterable[str]) -> Iter
     """Yield the faults of pydantic's errors; the first faults of unknown names suggest the most similar known name."""
     for number, error in enumerate(errors):
         if error["type"] == FAULTS:
-            inside = "".join(f"[{at}]" if isinstance(at, int) else f".{at}" for at in error["loc"][:-1])
+            inside = "".join(
+                f"[{step}]" if isinstance(step, int) else f".{step}" for step in error["loc"][:-1]
+            )
             for fault in error["ctx"]["faults"]:
                 yield replace(fault, where=f"{inside}.{fault.where}".lstrip("."))
             continue
@@ -610,12 +612,15 @@ def with_elevation(route: LinkRoute, elevation: Elevation, limits: Limits) -> Li
     return route_with_elevation(route, np.array(elevation.position_m), np.array(elevation.elevation_m))
 
 
-def _elevation_faults(route: LinkRoute, elevation: Elevation, most: int) -> Iterator[Fault]:
+def _elevation_faults(route: LinkRoute, elevation: Elevation, max_positions: int) -> Iterator[Fault]:
     position, heights = elevation.position_m, elevation.elevation_m
-    if len(position) != len(heights) or len(position) > most:
+    if len(position) != len(heights) or len(position) > max_positions:
         got = f"{len(position)} positions and {len(heights)} elevations"
-        what, allowed = "positions and elevations differ in number", f"equal numbers, at most {most}"
-        yield Fault(what, "elevation", got, allowed)
+        problem, allowed = (
+            "positions and elevations differ in number",
+            f"equal numbers, at most {max_positions}",
+        )
+        yield Fault(problem, "elevation", got, allowed)
     if position[0] < 0 or position != sorted(position):
         yield Fault("position decreases", "elevation.position_m", "", "0 m or more, never decreasing")
     if route.elevation_m is not None:

@@ -171,20 +171,20 @@ def parse_limits(pairs: list[str]) -> Limits:
     >>> parse_limits(["samples=2000"]).samples
     2000
     """
-    known = {f.name: f.type for f in fields(Limits)}
+    types = {f.name: f.type for f in fields(Limits)}
     values: dict[str, float] = {}
     faults = []
     for pair in pairs:
         key, _, text = pair.partition("=")
-        if key not in known:
-            faults.append(Fault.unknown("unknown limit", "--limit", key, known))
+        if key not in types:
+            faults.append(Fault.unknown("unknown limit", "--limit", key, types))
             continue
         try:
-            value = float(text) if known[key] == "float" else int(text)
+            value = float(text) if types[key] == "float" else int(text)
         except ValueError:
             value = -1
         if not 0 < value < 1e12:
-            allowed = "a number" if known[key] == "float" else "a whole number"
+            allowed = "a number" if types[key] == "float" else "a whole number"
             faults.append(Fault("value out of range", f"--limit {key}", text, f"{allowed} above 0"))
         values[key] = value
     raise_faults(faults)

@@ -111,8 +111,8 @@ def run_job(jobs: Jobs, job: dict[str, Any], body: bytes) -> tuple[int, bytes]:
         problem = error
     except MemoryError:
         log_json(event="out of memory", kind=job["kind"])
-        most = f"it takes more than {jobs.limits.memory_bytes} bytes of memory"
-        problem = Problem("too-large" if body else "internal", most)
+        limit = f"it takes more than {jobs.limits.memory_bytes} bytes of memory"
+        problem = Problem("too-large" if body else "internal", limit)
     except Exception as error:  # the log gets the traceback, the client does not
         log_json(event="bug", kind=job["kind"], traceback="".join(traceback.format_exception(error)))
         problem = Problem("internal")
@@ -123,9 +123,11 @@ def bound_memory(more_bytes: int) -> None:
     """Bound the memory of this process: more than `more_bytes` beyond its present size raises `MemoryError`. Linux only."""
     if sys.platform == "linux":
         pages = int(Path("/proc/self/statm").read_text().split()[5])
-        most = resource.getrlimit(resource.RLIMIT_DATA)[1]
+        hard_limit = resource.getrlimit(resource.RLIMIT_DATA)[1]
         with contextlib.suppress(ValueError):  # the system allows less
-            resource.setrlimit(resource.RLIMIT_DATA, (pages * resource.getpagesize() + more_bytes, most))
+            resource.setrlimit(
+                resource.RLIMIT_DATA, (pages * resource.getpagesize() + more_bytes, hard_limit)
+            )
 
 
 def chosen_fields(document: Any, fields: str | None) -> Any:

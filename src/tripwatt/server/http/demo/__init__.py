@@ -62,17 +62,17 @@ def make_demo(folder: Path, progress: Callable[[str], object] = lambda step: Non
 
 def example_map(folder: Path) -> Path:
     """Return the folder of the map of the made-up country; build the map if it is missing."""
-    made = folder / "map"
-    if not made.is_dir():
+    folder_of_map = folder / "map"
+    if not folder_of_map.is_dir():
         from scipy.ndimage import zoom
 
         tiles = folder / "heights"
         tiles.mkdir(exist_ok=True)
         heights = zoom(np.load(HERE / "heights.npy").astype(float), 1201 / 121, mode="nearest")
         (tiles / TILE).write_bytes(np.round(heights).astype(">i2").tobytes())
-        about = "made-up roads: no place of this map exists"
-        build_map(HERE / "example-country.osm.pbf", made, elevation=tiles, attribution=about)
-    return made
+        attribution = "made-up roads: no place of this map exists"
+        build_map(HERE / "example-country.osm.pbf", folder_of_map, elevation=tiles, attribution=attribution)
+    return folder_of_map
 
 
 def depart(settings: Settings) -> Drive:
@@ -106,8 +106,8 @@ def _samples(trip: Mapping[str, Any], begins_s: float) -> Drive:
     measured = {**trip["request"]["samples"], **trip["observed"]}
     names = [name for name in measured if name != "time_s"]
     after_s = np.array(measured["time_s"]) - measured["time_s"][0]
-    kept = np.searchsorted(after_s, np.arange(0.0, after_s[-1], EVERY_S))
-    for k in kept.tolist():
+    rows = np.searchsorted(after_s, np.arange(0.0, after_s[-1], EVERY_S))
+    for k in rows.tolist():
         yield begins_s + float(after_s[k]), {name.removeprefix("bms_"): measured[name][k] for name in names}
 
 
