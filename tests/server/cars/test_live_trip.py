@@ -107,7 +107,7 @@ def test_a_late_motion_is_the_last_one() -> None:
     trip = LiveTrip([at(float(k), 10.0) for k in range(5)] + [at(float(k), 0.0) for k in range(20, 30)])
     assert trip.insert(at(15.0, 5.0))
     assert (trip.moved_s, trip.stood_s) == (T0 + 15.0, T0 + 15.0)
-    trip.move(-5.0)
+    trip.shift_times(-5.0)
     assert (trip.start_s, trip.moved_s, trip.last_s, trip.stood_s) == (
         T0 - 5.0,
         T0 + 10.0,

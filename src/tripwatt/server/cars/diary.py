@@ -138,7 +138,7 @@ class Score:
         return {name: value if math.isfinite(value) else None for name, value in values.items()}
 
 
-def entry(trip: Trip, forecast: Forecast, published: Forecast, trips_learned: int) -> dict[str, Any]:
+def diary_entry(trip: Trip, forecast: Forecast, published: Forecast, trips_learned: int) -> dict[str, Any]:
     """Return the row of a trip in the diary.
 
     Parameters

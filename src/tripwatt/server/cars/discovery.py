@@ -23,21 +23,21 @@ SCALES: Final = {"%": ("* 100", 1), "kWh": ("/ 1000", 2), "km": ("/ 1000", 0), "
 
 @dataclass(frozen=True, slots=True)
 class Sensor:
-    """One figure of the published document, at its path `of`; unknown if the figure or the part around it is null."""
+    """One figure of the published document, at `path`; unknown if the figure or the part around it is null."""
 
     key: str
     title: str
-    of: str
+    path: str
     unit: str
     kind: str | None = None
 
     @property
     def template(self) -> str:
         """The template of Home Assistant for the figure."""
-        around = self.of.partition(".")[0]
-        condition = f"value_json.{around} is not none and value_json.{self.of} is not none"
+        around = self.path.partition(".")[0]
+        condition = f"value_json.{around} is not none and value_json.{self.path} is not none"
         scale, digits = SCALES[self.unit]
-        return f"{{{{ ((value_json.{self.of} {scale}) | round({digits})) if {condition} else none }}}}"
+        return f"{{{{ ((value_json.{self.path} {scale}) | round({digits})) if {condition} else none }}}}"
 
 
 SENSORS: Final = (

@@ -214,10 +214,10 @@ class Follower:
             for name, joiner in self._joiners.items():
                 if topic == joiner.root or topic.startswith(f"{joiner.root}/"):
                     self._received_s[name] = now_s
-                    await self._take(name, joiner.take(topic, payload, now_s, retained=bool(message.retain)))
+                    await self._store(name, joiner.take(topic, payload, now_s, retained=bool(message.retain)))
             mqtt.ack(message.mid, message.qos)
 
-    async def _take(self, name: str, sample: Sample | None) -> None:
+    async def _store(self, name: str, sample: Sample | None) -> None:
         if sample is None:
             return
         try:
@@ -233,7 +233,7 @@ class Follower:
             await asyncio.sleep(self.every_s)
             for name, joiner in self._joiners.items():
                 if self._now_s() - self._received_s[name] >= FLUSH_S:
-                    await self._take(name, joiner.flush())
+                    await self._store(name, joiner.flush())
             if self.settings.publish_to:
                 for name, document in (await self.documents()).items():
                     await self._publish_car(client, name, document)

@@ -14,7 +14,7 @@ from tripwatt.forecasting import ForecastModel, load_metadata, load_model, save_
 from tripwatt.forecasting.fitting import held_out_figures, provenance_of
 from tripwatt.population.adapting import PROTOCOL, Adaptation, about_adaptation, in_order, population_of
 from tripwatt.population.cars import for_car
-from tripwatt.server.cars.diary import entry
+from tripwatt.server.cars.diary import diary_entry
 from tripwatt.trips import Trip, TripSet
 from tripwatt.vehicles import Vehicle
 
@@ -111,7 +111,7 @@ class Learner:
             return adaptation.with_evidence(evidence, stored.ranges_, stored.roads_)
         if not self.seen:
             return adaptation
-        trips = _by_date(audit(self.logs).trips)
+        trips = _measured_by_date(audit(self.logs).trips)
         return adaptation.with_trips([trip for trip in trips if trip.trip_id in self.seen])
 
     def learn(self, names: Iterable[str], progress: Progress) -> Lesson:
@@ -125,13 +125,15 @@ class Learner:
         """
         audited, lesson, names = audit(self.logs), Lesson(), {*names}
         lesson.left_out |= {trip: why for trip, why in audited.set_aside.items() if trip in names}
-        ahead = [trip for trip in _by_date(audited.trips) if trip.trip_id not in self.seen]
+        ahead = [trip for trip in _measured_by_date(audited.trips) if trip.trip_id not in self.seen]
         if not ahead:
             return lesson
         published, adaptation, model = for_car(self.base, self.vehicle), self.adaptation(), self.model()
         for number, trip in enumerate(ahead, start=1):
             try:
-                row = entry(trip, model.forecast(trip), published.forecast(trip), len(adaptation.evidence))
+                row = diary_entry(
+                    trip, model.forecast(trip), published.forecast(trip), len(adaptation.evidence)
+                )
                 adaptation = adaptation.with_trips([trip])
             except InvalidInput as error:
                 lesson.left_out[trip.trip_id] = f"{error}"
@@ -163,7 +165,7 @@ def model_of_parts(parts: Mapping[str, bytes]) -> ForecastModel:
         return load_model(folder)
 
 
-def _by_date(trips: Iterable[Trip]) -> list[Trip]:
+def _measured_by_date(trips: Iterable[Trip]) -> list[Trip]:
     """Sort trips with measured energy by departure; those without a date come last, by name."""
     dated = in_order(trip for trip in trips if trip.context.started_at is not None)
     undated = (trip for trip in trips if trip.context.started_at is None)

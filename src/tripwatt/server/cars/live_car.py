@@ -107,7 +107,7 @@ class LiveCar(Recorder):
             plan = self.file.setting("plan")
             self.plan = None if plan is None else LivePlan.from_dict(plan)
             for sample in self.file.messages():
-                self._take(sample, self._arrival(sample))
+                self._process(sample, self._judge_arrival(sample))
                 self._messages += 1
                 self.received_s = sample.received_s
             if self._messages:
@@ -145,20 +145,20 @@ class LiveCar(Recorder):
             allowed, fix = f"at most {FAR_S:g} s ahead of our clock", "set the clock of the sender"
             raise InvalidInput.of("time in the future", "utc", got, allowed, fix)
         sample = replace(sample, received_s=now_s)
-        arrival = self._arrival(sample)
+        arrival = self._judge_arrival(sample)
         if arrival in ("new", "held"):
             with self.file.write() as db:
                 put_messages(db, [sample])
             self._messages += 1
-        self._take(sample, arrival)
+        self._process(sample, arrival)
         self.received_s = now_s
         self._store_ended_trips()
         return "new" if arrival == "held" and not self._sender.held else arrival
 
-    def _move(self, by_s: float) -> None:
+    def _shift_times(self, by_s: float) -> None:
         trip = self.trip
         before_s = math.nan if trip is None else trip.start_s
-        super()._move(by_s)
+        super()._shift_times(by_s)
         self._usual = None
         if trip is not None:
             with self.file.write() as db:

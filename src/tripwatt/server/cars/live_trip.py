@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import held
-from tripwatt.server.cars.telemetry import Sample, moved
+from tripwatt.server.cars.telemetry import Sample, shifted
 from tripwatt.trips import MAX_DURATION_S, table_of
 
 MOVING_M_S: Final = 1.0
@@ -80,7 +80,7 @@ class LiveTrip:
     >>> trip.append(Sample(1.7e9 + 4.0, {"speed_m_s": 12.0}))
     >>> trip.insert(Sample(1.7e9 + 2.0, {"speed_m_s": 12.0})), trip.has(Sample(1.7e9 + 2.0, {"speed_m_s": 12.0}))
     (True, True)
-    >>> trip.move(3600.0)
+    >>> trip.shift_times(3600.0)
     >>> trip.start_s
     1700003600.0
     """
@@ -172,7 +172,7 @@ class LiveTrip:
         speed = np.array([sample.values["speed_m_s"] for sample in moving])
         return float(0.5 * (speed[1:] + speed[:-1]) @ np.minimum(np.diff(time), HOLD_S))
 
-    def move(self, by_s: float) -> None:
+    def shift_times(self, by_s: float) -> None:
         """Shift all times after the clock of the sender was set. O(samples).
 
         Parameters
@@ -180,7 +180,7 @@ class LiveTrip:
         by_s : float
             Time to add to all times [s].
         """
-        self._samples = [moved(sample, by_s) for sample in self._samples]
+        self._samples = [shifted(sample, by_s) for sample in self._samples]
         for name in ("start_s", "moved_s", "last_s", "stood_s"):
             setattr(self, name, getattr(self, name) + by_s)
 
@@ -241,7 +241,7 @@ class TripFinder:
     >>> finder = TripFinder()
     >>> [finder.add(Sample(1.7e9 + k, {"speed_m_s": 10.0})) for k in range(3)]
     [None, None, None]
-    >>> finder.move(3600.0)
+    >>> finder.shift_times(3600.0)
     >>> finder.end().distance_m
     20.0
     >>> finder.trip is None
@@ -271,7 +271,7 @@ class TripFinder:
         if self.trip is not None:
             self.trip.append(sample)
         else:
-            self._stand(sample)
+            self._add_before_trip(sample)
         return ended
 
     def end(self) -> LiveTrip | None:
@@ -285,7 +285,7 @@ class TripFinder:
         ended, self.trip = self.trip, None
         return ended
 
-    def move(self, by_s: float) -> None:
+    def shift_times(self, by_s: float) -> None:
         """Shift all times after the clock of the sender was set. O(samples).
 
         Parameters
@@ -293,11 +293,12 @@ class TripFinder:
         by_s : float
             Time to add to all times [s].
         """
-        self.before = deque((moved(sample, by_s) for sample in self.before), _MAX_BEFORE)
+        self.before = deque((shifted(sample, by_s) for sample in self.before), _MAX_BEFORE)
         if self.trip is not None:
-            self.trip.move(by_s)
+            self.trip.shift_times(by_s)
 
     def _ends(self, trip: LiveTrip, sample: Sample) -> bool:
+        """Return whether a sample ends the trip."""
         if sample.charging or sample.time_s - trip.last_s >= SILENCE_S:
             return True
         if sample.time_s - trip.start_s >= MAX_DURATION_S:
@@ -308,7 +309,8 @@ class TripFinder:
         stood_s = min(trip.stood_s, max(trip.moved_s, sample.time_s - HOLD_S))  # a gap is no standstill
         return sample.time_s - stood_s >= (PARKED_S if sample.parked else STANDING_S)
 
-    def _stand(self, sample: Sample) -> None:
+    def _add_before_trip(self, sample: Sample) -> None:
+        """Keep a sample of a car that is on no trip; a sample in motion starts a trip."""
         if sample.charging:
             self.before.clear()
             return

@@ -131,7 +131,7 @@ def _read_settings(live: Path, db: sqlite3.Connection) -> None:
         with damage(plan, "a plan", "remove it"):
             stored_plan = LivePlan.from_dict(json.loads(read_file(plan, MAX_TEXT_BYTES))).to_dict()
             put_settings(db, {"plan": stored_plan})
-    start_s, forecasts = _forecasts(live / "forecasts.json")
+    start_s, forecasts = _read_forecasts(live / "forecasts.json")
     put_forecasts(db, start_s, forecasts)
 
 
@@ -150,10 +150,10 @@ def _read_journal(path: Path, db: sqlite3.Connection) -> None:
         samples[-1] = replace(samples[-1], received_s=path.stat().st_mtime)
     put_messages(db, samples)
     with contextlib.suppress(*UNREADABLE):
-        put_settings(db, {"live": _known(json.loads(first_line))})
+        put_settings(db, {"live": _state_of_line(json.loads(first_line))})
 
 
-def _known(line: Mapping[str, Any]) -> dict[str, Any]:
+def _state_of_line(line: Mapping[str, Any]) -> dict[str, Any]:
     """Return what the first line of a journal holds of earlier samples, in the form of `Recorder._state_before_samples`."""
     charge, parked, offset_s = None, False, number_of(line.get("offset_s"))
     if line.get("charge") is not None:
@@ -189,12 +189,12 @@ def _read_trips(car: str, live: Path, db: sqlite3.Connection) -> None:
         except UNREADABLE:
             unread[path.name] = read_file(path).decode("utf-8", "replace")
         else:
-            put_forecasts(db, start_s, _forecasts(path.with_name(f"{name}.forecasts.json"))[1])
+            put_forecasts(db, start_s, _read_forecasts(path.with_name(f"{name}.forecasts.json"))[1])
     if unread:
         put_settings(db, {"unread": unread})
 
 
-def _forecasts(path: Path) -> tuple[float, tuple[MadeForecast, ...]]:
+def _read_forecasts(path: Path) -> tuple[float, tuple[MadeForecast, ...]]:
     """Return the departure of a trip and its forecasts from a file; NaN and no forecasts if it is missing or damaged."""
     with contextlib.suppress(*UNREADABLE):
         document = json.loads(read_text_file(path, MAX_TEXT_BYTES))

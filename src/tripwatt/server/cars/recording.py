@@ -48,7 +48,7 @@ class Recorder:
     >>> seen = Recorder("leaf")
     >>> for k in range(4):
     ...     sample = Sample(1.7e9 + 10.0 * k, {"speed_m_s": 10.0, "displayed_soc": 0.8})
-    ...     seen._take(sample, seen._arrival(sample))
+    ...     seen._process(sample, seen._judge_arrival(sample))
     >>> seen.counts["new"], seen.observed().shape, seen.departure().soc
     (4, (4, 3), 0.8)
     """
@@ -80,14 +80,14 @@ class Recorder:
         """The trip that the car is on; its start is detected once no earlier sample can arrive."""
         return self._finder.trip
 
-    def _arrival(self, sample: Sample) -> Arrival:
+    def _judge_arrival(self, sample: Sample) -> Arrival:
         arrival = self._ordered.arrival(sample)
         late = arrival == "late"
         if late and self.trip is not None and self.trip.has(sample):
             return "doubled"
         return arrival if arrival == "doubled" or self._sender.fits(sample, late=late) else "held"
 
-    def _take(self, sample: Sample, arrival: Arrival) -> None:
+    def _process(self, sample: Sample, arrival: Arrival) -> None:
         sender = self._sender
         if arrival == "held":
             if not sender.can_hold(sample):
@@ -95,13 +95,13 @@ class Recorder:
             sender.held.append(sample)
             if sender.clock_was_set:
                 by_s, held = sender.adopt_clock(self._ordered.newest_s)
-                self._move(by_s)
+                self._shift_times(by_s)
                 for held_sample in held:
-                    self._count(held_sample, self._ordered.arrival(held_sample))
+                    self._use_sample(held_sample, self._ordered.arrival(held_sample))
             return
         if arrival == "new":
             sender.accept(sample)
-        self._count(sample, arrival)
+        self._use_sample(sample, arrival)
         if sender.clock_was_kept:
             self._release()
 
@@ -116,15 +116,15 @@ class Recorder:
                 if arrival == "new" or self.trip is not None:  # else it is of a trip that has ended
                     self._sender.add_stray(sample)
 
-    def _move(self, by_s: float) -> None:
+    def _shift_times(self, by_s: float) -> None:
         """Shift all samples so far to the new clock of the sender."""
-        self._ordered.move(by_s)
-        self._finder.move(by_s)
+        self._ordered.shift_times(by_s)
+        self._finder.shift_times(by_s)
         self._soc, self._parked = (soc and (soc[0] + by_s, *soc[1:]) for soc in (self._soc, self._parked))
         self._air = self._air[0] + by_s, self._air[1]
         self._departure_of_trip = None
 
-    def _count(self, sample: Sample, arrival: Place) -> None:
+    def _use_sample(self, sample: Sample, arrival: Place) -> None:
         self.counts[arrival] += 1
         if arrival != "new":
             return

@@ -16,7 +16,7 @@ from operator import attrgetter
 from typing import Final, Literal
 
 from tripwatt.server.cars.live_trip import HOLD_S
-from tripwatt.server.cars.telemetry import Sample, moved
+from tripwatt.server.cars.telemetry import Sample, shifted
 
 LATE_S: Final = 30.0
 """A sample is still used if its time is at most this much before the latest time that arrived [s]."""
@@ -80,9 +80,9 @@ class OrderedSamples:
         count = bisect.bisect_right(self.waiting, self.newest_s - LATE_S, key=_time)
         return self._release_first(max(count, len(self.waiting) - MAX_WAITING))
 
-    def move(self, by_s: float) -> None:
+    def shift_times(self, by_s: float) -> None:
         """Shift all times by `by_s` [s] after the clock of the sender was set."""
-        self.waiting = [moved(sample, by_s) for sample in self.waiting]
+        self.waiting = [shifted(sample, by_s) for sample in self.waiting]
         self.newest_s, self.released_s = self.newest_s + by_s, self.released_s + by_s
 
     def release_all(self) -> list[Sample]:

@@ -89,7 +89,7 @@ class Sample:
         raise_faults(faults)
 
 
-def moved(sample: Sample, by_s: float) -> Sample:
+def shifted(sample: Sample, by_s: float) -> Sample:
     """Return the sample with its time shifted by `by_s` [s], within the bounds of time stamps."""
     return replace(sample, time_s=min(max(sample.time_s + by_s, FIRST_TIME_S), LAST_TIME_S))
 

@@ -130,7 +130,7 @@ class TopicJoiner:
         if not self._has_news or self._begins_s == -math.inf:
             return None
         self._has_news = False
-        return self._sample()
+        return self._make_sample()
 
     def _begin(self, time_s: float) -> None:
         """Begin a sample at `time_s`. Values that came before the first sample get its time."""
@@ -159,7 +159,7 @@ class TopicJoiner:
         self._has_news = True
         return sample
 
-    def _sample(self) -> Sample | None:
+    def _make_sample(self) -> Sample | None:
         values = {
             name: value
             for name, (value, at_s) in self._values.items()

@@ -181,7 +181,7 @@ async def get_places(call: Called, q: NameStart, limit: MaxPlaces = 10) -> Respo
 @library.get("/v1/map", response_model=journey.MapResponse, **TAGGED)
 async def get_map(call: Called) -> Response:
     """Return the roads, places and weather of the service."""
-    return await call.kept("journeys.describe")
+    return await call.constant_document("journeys.describe")
 
 
 @journeys.get("/v1/map/view", response_model=journey.ViewResponse, **INTERNAL)
@@ -230,13 +230,13 @@ async def get_vehicles(call: Called, search: CarWords = None) -> Response:
 @library.get("/v1/examples", response_model=schemas.ExamplesResponse, **INTERNAL)
 async def get_examples(call: Called) -> Response:
     """List synthetic trips as examples."""
-    return await call.kept("examples")
+    return await call.constant_document("examples")
 
 
 @library.get("/v1/examples/{trip}", response_model=schemas.ExampleResponse, **INTERNAL)
 async def get_example(call: Called, trip: str) -> Response:
     """Return one synthetic trip: a request for a forecast, and the samples simulated for it."""
-    return await call.kept("example", trip=trip)
+    return await call.constant_document("example", trip=trip)
 
 
 @monitoring.get("/healthz", response_model=schemas.HealthResponse)

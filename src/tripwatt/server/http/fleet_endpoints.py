@@ -44,7 +44,7 @@ async def get_fleet_report(call: Called, file: ReportFile, model: FleetName = No
     content = report_file(call.service.settings.models, model, file)
     if content is None:
         raise Problem("not-found", "no such file; `tripwatt fleet report` writes the report of a registry")
-    response = call.tagged(content, MEDIA_TYPES[Path(file).suffix])
+    response = call.with_entity_tag(content, MEDIA_TYPES[Path(file).suffix])
     response.headers["Content-Security-Policy"] = POLICY
     return response
 

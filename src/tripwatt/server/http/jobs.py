@@ -171,7 +171,7 @@ class Jobs:
 
     def forecast(self, request: ForecastRequest) -> dict[str, Any]:
         """Return the response to a `ForecastRequest`."""
-        forecast, probability = self._forecast(request), request.probability
+        forecast, probability = self._make_forecast(request), request.probability
         leave_document = None if probability is None else leave_with(forecast, request.reserve, probability)
         return require_finite(forecast.to_dict(request.reserve, leave_document))
 
@@ -189,7 +189,7 @@ class Jobs:
 
     def difference(self, request: DifferenceRequest) -> dict[str, Any]:
         """Return the response to a `DifferenceRequest`: the first trip less the other one."""
-        return self._forecast(request.one).difference(self._forecast(request.other)).to_dict()
+        return self._make_forecast(request.one).difference(self._make_forecast(request.other)).to_dict()
 
     def journey_difference(self, request: JourneyDifferenceRequest) -> dict[str, Any]:
         """Return the response to a `JourneyDifferenceRequest`: the road of the first journey less that of the other one."""
@@ -201,24 +201,26 @@ class Jobs:
 
     def advice(self, request: AdviceRequest) -> dict[str, Any]:
         """Return the response to an `AdviceRequest`."""
-        return advise(self._forecast(request), reserve=request.reserve, chance=request.chance).to_dict()
+        return advise(self._make_forecast(request), reserve=request.reserve, chance=request.chance).to_dict()
 
     def need(
-        self, request: ForecastRequest, how: Mapping[str, Any], seen: Mapping[str, Any]
+        self, request: ForecastRequest, options: Mapping[str, Any], last_message: Mapping[str, Any]
     ) -> dict[str, Any]:
-        """Return what a `ForecastRequest` needs with the probability of `how`: energy, charge, and what to do until then."""
-        forecast = self._forecast(request, seen)
+        """Return what a `ForecastRequest` needs with the probability of `options`: energy, charge, and what to do until then."""
+        forecast = self._make_forecast(request, last_message)
         needed = {
             "expected_wh": forecast.energy_wh,
-            "energy_quantile_wh": forecast.quantile(how["probability"]),
-            "soc_needed": soc_needed(forecast, request.reserve, how["probability"]),
+            "energy_quantile_wh": forecast.quantile(options["probability"]),
+            "soc_needed": soc_needed(forecast, request.reserve, options["probability"]),
             "wh_per_display": forecast.charge.wh_per_display,
         }
         if not all(map(math.isfinite, needed.values())):
-            raise _no_forecast()
-        message = leave_in_words(needed["soc_needed"], request.reserve, how["probability"])
-        departs_at = dt.datetime.fromtimestamp(how["departure_s"], dt.UTC)
-        until = before_departure(forecast, needed["soc_needed"], how["plug_w"], how["soc"], departs_at)
+            raise _implausible_results()
+        message = leave_in_words(needed["soc_needed"], request.reserve, options["probability"])
+        departs_at = dt.datetime.fromtimestamp(options["departure_s"], dt.UTC)
+        until = before_departure(
+            forecast, needed["soc_needed"], options["plug_w"], options["soc"], departs_at
+        )
         flags = [flag_to_dict(flag) for flag in forecast.flags]
         return {"reserve": request.reserve, **needed, "message": message, **until, "flags": flags}
 
@@ -237,7 +239,7 @@ class Jobs:
         """Return the response to a `ReachRequest`."""
         return self.journeys.reach(request, self.model_of(request))
 
-    def distance(self, request: NeedQuery, seen: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    def distance(self, request: NeedQuery, last_message: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """Return the response to a `NeedQuery`."""
         if (request.distance_km is None) == (request.trip is None):
             got = "neither" if request.trip is None else "both a distance and a usual trip"
@@ -250,7 +252,7 @@ class Jobs:
                 raise InvalidInput.of("car is missing", "car", got, allowed)
             ahead = usual_plan(self.cars.car(request.car), request.trip)
         model = self._model_of_query(request)
-        departure, flags = with_last_message(departure_of(request), seen, model.vehicle)
+        departure, flags = with_last_message(departure_of(request), last_message, model.vehicle)
         needed, until = need_before_departure(
             ahead,
             request.kind,
@@ -263,10 +265,10 @@ class Jobs:
         )
         return replace(needed, flags=(*flags, *needed.flags)).to_dict() | until
 
-    def range(self, request: RangeQuery, seen: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    def range(self, request: RangeQuery, last_message: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """Return the response to a `RangeQuery`."""
         model = self._model_of_query(request)
-        departure, flags = with_last_message(departure_of(request), seen, model.vehicle)
+        departure, flags = with_last_message(departure_of(request), last_message, model.vehicle)
         range_ = range_km(None, request.kind, departure, reserve=request.reserve or 0.0, model=model)
         return replace(range_, flags=(*flags, *range_.flags)).to_dict()
 
@@ -283,10 +285,14 @@ class Jobs:
         car = {"model": request.car or request.model, "vehicle": request.vehicle}
         return self.model_named({**car, "vehicle_figures": figures})
 
-    def _forecast(self, request: ForecastRequest, seen: Mapping[str, Any] | None = None) -> Forecast:
+    def _make_forecast(
+        self, request: ForecastRequest, last_message: Mapping[str, Any] | None = None
+    ) -> Forecast:
         """Return the forecast of a request, updated with the observed samples of an `UpdateRequest`."""
         plan, model = self._plan(request), self.model_of(request)
-        departure, flags = with_last_message(plan.departure.merge(departure_of(request)), seen, model.vehicle)
+        departure, flags = with_last_message(
+            plan.departure.merge(departure_of(request)), last_message, model.vehicle
+        )
         forecast = model.forecast(replace(plan, trip_id=request.trip), departure)
         forecast = replace(forecast, flags=(*flags, *forecast.flags))
         return forecast.update(request.observed) if isinstance(request, UpdateRequest) else forecast
@@ -430,28 +436,34 @@ def require_finite(forecast: Mapping[str, Any]) -> dict[str, Any]:
     by_name = (forecast[name].values() for name in ("quantiles_wh", "p_arrive_by_soc"))
     sums = [sum(values) for values in (scalars, *by_name, *forecast["series"].values())]
     if not all(map(math.isfinite, sums)):  # one value that is not finite makes the sum so
-        raise _no_forecast()
+        raise _implausible_results()
     return dict(forecast)
 
 
-def _no_forecast() -> InvalidInput:
+def _implausible_results() -> InvalidInput:
     return InvalidInput.of("no forecast", "trip", "implausible results", "a trip that a car can drive")
 
 
 def with_last_message(
-    given: Departure, seen: Mapping[str, Any] | None, vehicle: Vehicle
+    given: Departure, last_message: Mapping[str, Any] | None, vehicle: Vehicle
 ) -> tuple[Departure, tuple[Flag, ...]]:
     """Fill temperature and charge that a departure leaves out from the car's last messages; return the departure and flags.
 
     A temperature that was filled in gets a flag, and so does a car without a description. A charge gets none, because the answer
     shows it. A charge of the battery management counts as given.
     """
-    seen = seen or {}
+    last_message = last_message or {}
     departure = given if given.bms_soc is None else replace(given, soc=given.bms_soc)
     air = "ambient_temperature_degc"
-    used = {n: seen[n] for n in ("soc", air) if seen.get(n) is not None and getattr(departure, n) is None}
+    used = {
+        n: last_message[n]
+        for n in ("soc", air)
+        if last_message.get(n) is not None and getattr(departure, n) is None
+    }
     flags = [Flag("of_last_message", air, used[air], "degc")] if air in used else []
-    flags += [no_description_flag(seen["undescribed"], vehicle)] if seen.get("undescribed") else []
+    flags += (
+        [no_description_flag(last_message["undescribed"], vehicle)] if last_message.get("undescribed") else []
+    )
     return given.merge(Departure(**used)), tuple(flags)
 
 

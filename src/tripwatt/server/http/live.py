@@ -286,14 +286,16 @@ class LiveCars:
             raise Problem("no-plan", "no plan, and no earlier trip at this time of day")
         changed = query.model_dump(include={"reserve", "ambient_temperature_degc"}, exclude_none=True)
         job = await self._job_about(car, {**plan.request, **changed})
-        job["seen"]["soc"] = None  # only the charge of the plan counts
+        job["last_message"]["soc"] = None  # only the charge of the plan counts
         parameters = {
             "probability": query.probability,
             "departure_s": departure_s,
             "plug_w": query.plug_w,
             "soc": await self.run(car.shown_soc) if car.trip is None else None,
         }
-        result = await self.pool.run({"kind": "need", "how": parameters, "seen": job["seen"]}, job["body"])
+        result = await self.pool.run(
+            {"kind": "need", "options": parameters, "last_message": job["last_message"]}, job["body"]
+        )
         if result.status != 200:
             return result
         needed = {
@@ -306,14 +308,14 @@ class LiveCars:
         return replace(result, content=orjson.dumps(needed))
 
     async def _job_about(self, car: Car, request: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the parameters of a job about a car: `body` is the request with the own model, `seen` what the last messages show."""
+        """Return the parameters of a job about a car: `body` is the request with the own model, `last_message` what the last messages show."""
         request = self._with_own_model(car, request)
-        seen = {
+        last_message = {
             "soc": await self.run(car.shown_soc),
             "ambient_temperature_degc": car.last_air_degc(car.now_s()),
             "undescribed": None if _names_car(request) else car.name,
         }
-        return {"body": orjson.dumps(request), "seen": seen}
+        return {"body": orjson.dumps(request), "last_message": last_message}
 
     async def job_without_road(self, car: Car, fields: Mapping[str, Any]) -> dict[str, Any]:
         """Return the parameters of a job for the range of a car or the need of a distance.
@@ -327,7 +329,7 @@ class LiveCars:
 
     async def _range(self, car: Car) -> JobResult:
         job = await self.job_without_road(car, {})
-        return await self.pool.run({"kind": "range", "seen": job["seen"]}, job["body"])
+        return await self.pool.run({"kind": "range", "last_message": job["last_message"]}, job["body"])
 
     async def published(self) -> dict[str, dict[str, Any]]:
         """Return what is published of each car: its document, what its next trip needs, and how far its charge carries."""

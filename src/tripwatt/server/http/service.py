@@ -90,7 +90,7 @@ class Service:
         return self._live
 
     async def job_without_road(self, query: RangeQuery) -> dict[str, Any]:
-        """Return the parameters of a query's job: `body`, and `seen` if the query is about a car on the road."""
+        """Return the parameters of a query's job: `body`, and `last_message` if the query is about a car on the road."""
         given, live = query.model_dump(mode="json", exclude_unset=True), self._live
         if live is None or query.car not in live.cars or any(map(given.get, CAR_FIELDS)):
             return {"body": orjson.dumps(given)}
@@ -227,7 +227,7 @@ class Call:
         """Run a job on the body, and return its document as the response."""
         return await self.job(kind, await self.read(), **parameters)
 
-    async def kept(self, kind: str, **parameters: Any) -> Response:
+    async def constant_document(self, kind: str, **parameters: Any) -> Response:
         """Return a document that stays the same while the service runs; its job runs only once."""
         key, documents = orjson.dumps([kind, parameters]), self.service.documents
         if key not in documents:
@@ -237,11 +237,11 @@ class Call:
             if response.status_code != 200:
                 raise Problem("internal")  # without input there is nothing to correct
             documents[key] = bytes(response.body)
-        return self.tagged(documents[key], JSON)
+        return self.with_entity_tag(documents[key], JSON)
 
     async def about_models(self, kind: str) -> Response:
         """Return a document about models, which changes while the service runs only if it follows the models of fleets."""
-        return await (self.job if self.service.follows_fleets else self.kept)(kind)
+        return await (self.job if self.service.follows_fleets else self.constant_document)(kind)
 
     def answer(self, result: JobResult, media_type: str = JSON) -> Response:
         """Return the result of a job as the response; a problem document gets the id of the request."""
@@ -250,7 +250,7 @@ class Call:
         problem = {**orjson.loads(result.content), "instance": request_id(self.request)}
         return Response(orjson.dumps(problem), result.status, media_type=MEDIA_TYPE)
 
-    def tagged(self, content: bytes, media_type: str) -> Response:
+    def with_entity_tag(self, content: bytes, media_type: str) -> Response:
         """Return a document that seldom changes with its entity tag; status 304 without content if the client has it already."""
         tag = f'W/"{hashlib.sha256(content).hexdigest()[:20]}"'
         headers = {"ETag": tag, "Cache-Control": "no-cache"}
