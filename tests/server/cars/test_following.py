@@ -34,7 +34,7 @@ import aiomqtt
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
 from tripwatt.server.cars import Broker, Car, MqttSettings, Sample, following
-from tripwatt.server.cars.discovery import EXPIRES_S, SENSORS, discovery
+from tripwatt.server.cars.discovery import SENSORS, discovery
 from tripwatt.study.synthetic import example_trip
 
 needs_broker = pytest.mark.skipif(
@@ -129,29 +129,6 @@ def test_the_forecast_over_mqtt_is_that_of_update(
     assert (found["reserve"], found["measured_until_s"], documents[-1]["faults"]) == (0.2, 299.0, [])
 
 
-@needs_broker
-def test_the_age_of_a_silent_car_grows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(following, "AGE_S", 0.5)
-    ages: list[float] = []
-
-    async def work(car: Car) -> None:
-        car.record(Sample(NOON_S, {"speed_m_s": 0.0}), now_s=time.time() - 40.0)
-        while len(ages) < 3:
-            wanted = max(ages, default=39.0)
-            found = await published(
-                where,
-                "tripwatt/leaf",
-                lambda found, wanted=wanted: (found["seconds_since_message"] or 0.0) > wanted,
-            )
-            ages.append(found["seconds_since_message"])
-
-    with broker(tmp_path) as (where, _):
-        following_car(tmp_path, where, work)
-    assert ages[0] >= 40.0
-    assert ages[0] + 0.4 < ages[1] < ages[2] - 0.4
-    assert ages[2] < 60.0
-
-
 @pytest.mark.parametrize("delay_s", [0.23])
 def test_a_client_that_loses_a_cancellation_delays_no_end(
     monkeypatch: pytest.MonkeyPatch, delay_s: float
@@ -200,11 +177,6 @@ def test_a_client_that_loses_a_cancellation_delays_no_end(
         assert task.cancelled()
 
     asyncio.run(run())
-
-
-def test_sensors_expire_after_several_times_of_an_age() -> None:
-    """A silent car is published again long before; 10 min after the end of a program nothing is left."""
-    assert 3.0 * following.AGE_S <= EXPIRES_S <= 600.0
 
 
 @needs_broker
@@ -348,19 +320,6 @@ def test_a_lost_broker_is_asked_again_after_twice_the_time_and_at_most_a_minute(
     found.follow()
     assert found.slept == [1.0, 2.0, 1.0, 2.0, 4.0]
     assert found.notes[2] == "192.0.2.7:1883: gone"
-
-
-def test_a_follower_subscribes_and_says_whether_it_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
-    client = Client()
-    found = Followed(monkeypatch, [client], 1)
-    found.follow()
-    assert found.follower.every_s == 5.0
-    assert {qos for _, qos in client.filters} == {1}
-    assert len(client.filters) == 2
-    assert client.sent == [("tripwatt", "online", 1, True), ("tripwatt", "offline", 1, True)]
-    silent = Client()
-    Followed(monkeypatch, [silent], 1, publish_to="").follow()
-    assert silent.sent == []
 
 
 def test_a_sample_is_complete_after_two_seconds_of_silence(monkeypatch: pytest.MonkeyPatch) -> None:

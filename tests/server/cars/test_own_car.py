@@ -108,13 +108,6 @@ def test_trips_are_learned_by_departure_once_and_later_ones_go_on(
     assert f"{car!r}".endswith("4 trips in its diary>")
 
 
-def test_causes_of_a_diary_add_up(learned: Car) -> None:
-    diary = learned.diary
-    assert sum(diary.by_cause_wh().values()) == pytest.approx(diary.table["energy_wh"].sum())
-    assert (diary.table["low_wh"] < diary.table["forecast_wh"]).all()
-    assert (diary.table["forecast_wh"] < diary.table["high_wh"]).all()
-
-
 def test_each_forecast_of_the_diary_is_that_of_a_model_adapted_to_the_trips_before_it(
     learned: Car, logs: tuple[Log, ...], base: Path
 ) -> None:

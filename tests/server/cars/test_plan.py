@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 from pathlib import Path
 
 import pandas as pd
@@ -13,7 +14,7 @@ from tests.support.plans import request_of_samples
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.server.cars import Car, Sample
 from tripwatt.server.cars.live_trip import SILENCE_S, STANDING_S
-from tripwatt.server.cars.plan import LivePlan
+from tripwatt.server.cars.plan import NEAR_S, LivePlan, usual_departure
 from tripwatt.study.synthetic import example_trip
 from tripwatt.trips import Log
 
@@ -78,3 +79,46 @@ def test_a_trip_without_a_road_has_none() -> None:
     assert plan.usual_trip == "there"
     assert sum(link["length_m"] for link in plan.request["links"]) == pytest.approx(1200.0)
     assert LivePlan.from_trip(Log.from_samples("too fast", table.assign(speed_m_s=89.0))) is None
+
+
+def at(day: int, hour: int, minute: int = 0) -> float:
+    """Local time in November 2023; the 6th is a Monday."""
+    return dt.datetime(2023, 11, day, hour, minute).timestamp()
+
+
+@pytest.mark.parametrize(
+    ("earlier", "departure", "expected"),
+    [
+        ([], at(7, 8), None),
+        ([at(6, 8)], at(7, 8, 20), at(6, 8)),
+        ([at(6, 8), at(6, 17)], at(7, 16, 30), at(6, 17)),
+        ([at(6, 6, 30)], at(7, 8), at(6, 6, 30)),
+        ([at(6, 6, 29)], at(7, 8), None),
+        ([at(6, 23, 30)], at(8, 0, 30), at(6, 23, 30)),
+        ([at(6, 8), at(7, 8)], at(8, 8), at(7, 8)),
+        ([at(4, 8), at(6, 9)], at(7, 8), at(6, 9)),
+        ([at(6, 8), at(5, 9)], at(11, 8), at(5, 9)),
+        ([at(4, 8)], at(7, 8), at(4, 8)),
+    ],
+    ids=[
+        "none",
+        "same hour",
+        "nearest",
+        "an hour and a half",
+        "further away",
+        "over midnight",
+        "latest",
+        "working day before weekend",
+        "weekend before working day",
+        "other kind of day",
+    ],
+)
+def test_the_nearest_departure_by_time_of_day(
+    earlier: list[float], departure: float, expected: float | None
+) -> None:
+    assert usual_departure(earlier, departure) == expected
+    assert usual_departure(iter(reversed(earlier)), departure) == expected
+
+
+def test_the_bound_is_an_hour_and_a_half() -> None:
+    assert NEAR_S == 5400.0

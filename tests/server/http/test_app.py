@@ -16,11 +16,9 @@ from tripwatt.server.http import app as app_module
 from tripwatt.server.http import service as room
 from tripwatt.server.http.app import create_app
 from tripwatt.server.http.pool import JobResult
-from tripwatt.server.http.problems import Problem
 from tripwatt.server.http.settings import Limits, Settings
 
 JSON = "application/json"
-BOUNDS = {"south": 0, "west": 0, "north": 1, "east": 1}
 
 
 class Pool:
@@ -125,47 +123,6 @@ def test_a_body_is_not_read_while_too_many_requests_wait() -> None:
     assert found.headers["retry-after"] == "1"
 
 
-def test_the_speed_of_a_track_has_its_bounds() -> None:
-    served = Served()
-    for speed, status in (("0", 422), ("0.001", 200), ("70", 200), ("70.001", 422)):
-        assert served.post(f"/v1/routes?speed_m_s={speed}", media_type="text/csv").status_code == status
-    assert [job["speed_m_s"] for job, _ in served.pool.jobs] == [0.001, 70.0]
-
-
-PARAMETERS = [
-    ("/v1/places", {"q": ""}, 422),
-    ("/v1/places", {"q": "x" * 200, "limit": 50}, 200),
-    ("/v1/places", {"q": "x" * 201}, 422),
-    ("/v1/places", {"q": "x", "limit": 0}, 422),
-    ("/v1/places", {"q": "x", "limit": 1}, 200),
-    ("/v1/places", {"q": "x", "limit": 51}, 422),
-    ("/v1/map/view", BOUNDS | {"limit": 0}, 422),
-    ("/v1/map/view", BOUNDS | {"limit": 1}, 200),
-    ("/v1/map/view", BOUNDS | {"limit": 1000}, 200),
-    ("/v1/map/view", BOUNDS | {"limit": 1001}, 422),
-    ("/v1/map/view", {"south": -90, "west": -180, "north": 90, "east": 180}, 200),
-    ("/v1/map/view", BOUNDS | {"south": -90.1}, 422),
-    ("/v1/map/view", BOUNDS | {"north": 90.1}, 422),
-    ("/v1/map/view", BOUNDS | {"west": -180.1}, 422),
-    ("/v1/map/view", BOUNDS | {"east": 180.1}, 422),
-    ("/v1/tiles/22/4194303/4194303", {}, 200),
-    ("/v1/tiles/23/0/0", {}, 422),
-    ("/v1/tiles/-1/0/0", {}, 422),
-    ("/v1/tiles/0/4194304/0", {}, 422),
-    ("/v1/tiles/0/0/4194304", {}, 422),
-    ("/v1/tiles/0/-1/0", {}, 422),
-    ("/v1/vehicles", {"search": ""}, 422),
-    ("/v1/vehicles", {"search": "x" * 100}, 200),
-    ("/v1/vehicles", {"search": "x" * 101}, 422),
-]
-
-
-def test_a_parameter_has_its_bounds() -> None:
-    served = Served()
-    found = [(path, asked, served(path, params=asked).status_code) for path, asked, _ in PARAMETERS]
-    assert found == PARAMETERS
-
-
 def test_a_tile_is_kept_for_an_hour_and_a_forecast_is_not() -> None:
     served = Served()
     tile = served("/v1/tiles/3/2/1")
@@ -256,29 +213,6 @@ def test_errors_of_the_framework_are_problem_documents(
     assert ("allow" in found.headers) == (status == 405)
 
 
-@pytest.mark.parametrize(
-    ("status", "kind"),
-    [(400, "bad-request"), (418, "bad-request"), (451, "bad-request"), (500, "internal"), (501, "internal")],
-)
-def test_other_errors_of_the_framework_have_a_kind(status: int, kind: str) -> None:
-    from fastapi import FastAPI, HTTPException
-
-    app = FastAPI()
-    app_module.add_handlers(app)
-
-    @app.get("/")
-    async def fail() -> None:
-        raise HTTPException(status, headers={"X-A": "b"})
-
-    async def run() -> httpx.Response:
-        async with httpx.AsyncClient(transport=httpx.ASGITransport(app), base_url="http://x") as client:
-            return await client.get("/")
-
-    found = asyncio.run(run())
-    assert (found.json()["type"], found.headers["x-a"]) == (f"/problems/{kind}", "b")
-    assert (found.status_code, "allow" in found.headers) == (Problem(kind).status, False)
-
-
 def test_all_methods_of_a_path_are_allowed() -> None:
     served = Served()
     assert served("/v1/vehicles", "DELETE").headers["allow"] == "GET, HEAD, POST"
@@ -300,12 +234,6 @@ def test_assets_never_change_and_the_page_may() -> None:
     page = served("/")
     assert (page.status_code, page.headers["cache-control"]) == (200, "no-cache")
     assert served("/index.html").status_code == 404
-
-
-def test_without_a_built_page_there_is_none(monkeypatch: pytest.MonkeyPatch, tmp_path: Any) -> None:
-    monkeypatch.setattr(app_module, "PAGE", tmp_path / "nothing")
-    served = Served()
-    assert (served("/").status_code, served("/healthz").status_code) == (404, 200)
 
 
 def test_the_page_and_foreign_documentation_are_not_in_the_document() -> None:

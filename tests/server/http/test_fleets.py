@@ -16,9 +16,8 @@ from tripwatt.fleet.registry import Registry
 from tripwatt.forecasting.storage import DEFAULT_MODEL, model_folder
 from tripwatt.routes import route_from_links
 from tripwatt.server.http.fleet_endpoints import report_file
-from tripwatt.server.http.fleets import NightRequest, NightResponse
+from tripwatt.server.http.fleets import NightResponse
 from tripwatt.server.http.jobs import Jobs
-from tripwatt.server.http.schemas import check_request
 from tripwatt.server.http.settings import Limits
 from tripwatt.trips import Departure
 from tripwatt.vehicles import load_vehicle
@@ -172,39 +171,6 @@ def test_faults_of_a_night_name_the_trip(registry: Registry) -> None:
     with pytest.raises(InvalidInput) as caught:
         asked(Jobs.from_folders({}, Limits()))
     assert caught.value.faults[0].what == "no fleet"
-
-
-def test_the_fields_of_a_night_have_bounds() -> None:
-    """The least and the most of each field are taken, and what is beyond them is refused."""
-    bounds: dict[str, tuple[list[Any], list[Any]]] = {
-        "vehicle_id": (["x", "x" * 100], ["", "x" * 101]),
-        "trip": (["x", "x" * 100], ["", "x" * 101]),
-        "vehicle": (["x" * 100], ["x" * 101]),
-        "driver": (["x" * 100], ["x" * 101]),
-        "distance_km": ([0.5, 2000.0], [0.49, 2000.1]),
-    }
-    of_night: dict[str, tuple[list[Any], list[Any]]] = {
-        "model": (["x" * 100], ["x" * 101]),
-        "quantile": ([0.5, 0.999], [0.499, 1.0]),
-        "reserve": ([0.0, 1.0], [-0.01, 1.01]),
-        "plug_w": ([0.1, 400_000.0], [0.0, 400_000.1]),
-        "trips": ([night()["trips"][:1] * n for n in (1, 500)], [[], night()["trips"][:1] * 501]),
-    }
-
-    def refused(name: str, value: Any) -> list[str]:
-        trip = {**night()["trips"][0], **({name: value} if name in bounds else {})}
-        asked = night(**{"trips": [trip], **({name: value} if name in of_night else {})})
-        try:
-            check_request(asked, NightRequest, Jobs({}, Limits()))
-        except InvalidInput as error:
-            return [fault.where.rpartition(".")[2] for fault in error.faults]
-        return []
-
-    for name, (within, beyond) in (bounds | of_night).items():
-        assert [refused(name, value) for value in within] == [[]] * len(within), name
-        assert [refused(name, value) for value in beyond] == [[name]] * len(beyond), name
-    usual = check_request(night(), NightRequest, Jobs({}, Limits()))
-    assert (usual.quantile, usual.reserve, usual.plug_w) == (0.95, 0.0, 7400.0)
 
 
 def test_files_of_a_report_are_those_of_the_registry(registry: Registry, tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""The responses of the service have the numbers and the names of the command line."""
+"""The responses of the service have the numbers and the names of Python and of the command line."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from tests.support.service_process import Service
 from tools.quality.same_numbers import compared
 
 import tripwatt as tw
+from tripwatt.roads.journey import need, range_km
 from tripwatt.trips.messages import leave_in_words
 
 LINKS = [
@@ -181,3 +182,83 @@ def test_who_leaves_with_the_charge_arrives_with_the_probability_asked_for(servi
         assert one.message == leave_in_words(one.soc, RESERVE, one.probability)
         assert one.message.startswith("A full battery is not enough") == (one.exception == "not even full")
     assert 0.5 * OVER_HTTP < sum(not one.exception for one in found) < OVER_HTTP
+
+
+MOTORWAY = [{"length_m": 80_000.0, "speed_m_s": 33.0, "grade": 0.0}]
+
+
+def test_advice_has_the_numbers_of_python(service: Service) -> None:
+    request = {
+        "links": MOTORWAY,
+        "soc": 0.5,
+        "ambient_temperature_degc": -5.0,
+        "vehicle": "vw_id3",
+        "chance": 0.9,
+    }
+    found = service.client.post("/v1/advice", json=request)
+    assert found.status_code == 200, found.text
+    known = tw.Departure(soc=0.5, ambient_temperature_degc=-5.0)
+    same = tw.advise(tw.read_route(MOTORWAY), known, "vw_id3", chance=0.9)
+    assert found.json() == json.loads(json.dumps(same.to_dict()))
+
+
+@pytest.mark.parametrize("wrong", [{"chance": 0.2}, {"chance": None}, {"reserve": 3.0}, {"links": None}])
+def test_what_cannot_be_asked_is_refused(service: Service, wrong: dict[str, object]) -> None:
+    found = service.client.post("/v1/advice", json={"links": MOTORWAY, "soc": 0.5, **wrong})
+    assert found.status_code == 422
+    assert found.json()["faults"]
+
+
+def test_a_difference_has_the_numbers_of_python(service: Service) -> None:
+    one, other = ({"links": MOTORWAY, "soc": 0.5, "ambient_temperature_degc": degc} for degc in (-5.0, 5.0))
+    found = service.client.post("/v1/forecast/difference", json={"one": one, "other": other})
+    assert found.status_code == 200, found.text
+    cold, mild = (
+        tw.forecast(tw.read_route(MOTORWAY), tw.Departure(soc=0.5, ambient_temperature_degc=degc))
+        for degc in (-5.0, 5.0)
+    )
+    assert found.json() == json.loads(json.dumps(cold.difference(mild).to_dict()))
+    refused = service.client.post(
+        "/v1/forecast/difference", json={"one": one, "other": {**other, "vehicle": "vw_id3"}}
+    )
+    assert refused.status_code == 422
+    assert "common part" in refused.text
+
+
+COLD = tw.Departure(ambient_temperature_degc=-5.0)
+
+
+def asked(service: Service, path: str, **query: Any) -> Any:
+    return service.client.get(path, params={"ambient_temperature_degc": -5.0, **query})
+
+
+def test_need_has_the_numbers_of_python(service: Service) -> None:
+    found = asked(service, "/v1/need", distance_km=50, kind="motorway", trips=3, vehicle="vw_id3").json()
+    expected = need(50, "motorway", COLD, trips=3, vehicle="vw_id3").to_dict()
+    assert {name: found[name] for name in expected} == expected
+    assert found["target_soc"] == min(found["soc_needed"], 1.0)
+    assert found["preheat"]["before_s"] > 0.0
+
+
+def test_range_has_the_numbers_of_python(service: Service) -> None:
+    found = asked(service, "/v1/range", soc=0.35, reserve=0.1).json()
+    assert found == range_km(0.35, departure=COLD, reserve=0.1).to_dict()
+
+
+@pytest.mark.parametrize(
+    "query",
+    [
+        {"distance_km": 50, "trip": "x", "car": "y"},
+        {"trip": "x"},
+        {},
+        {"distance_km": 50, "car": "x", "vehicle": "vw_id3"},
+        {"distance_km": -1},
+        {"distance_km": 50, "kind": "moon"},
+        {"distance_km": 50, "quantile": 1},
+        {"distance_km": 50, "colour": "red"},
+    ],
+)
+def test_what_cannot_be_needed_is_refused(service: Service, query: dict[str, Any]) -> None:
+    found = asked(service, "/v1/need", **query)
+    assert found.status_code == 422
+    assert found.json()["faults"]
