@@ -21,7 +21,9 @@ def missing(error: BaseException | None) -> str | None:
             return f"needs {error.name or error}"
         if isinstance(error, ImportError) and (error.name or "").startswith("tests."):
             return f"needs what {error.name} needs"
-        if "missing package" in str(error):
+        if "missing package" in str(error) or "No module named" in str(
+            error
+        ):  # said by a command or by a process
             return str(error)
         error = error.__cause__ or error.__context__
     return None

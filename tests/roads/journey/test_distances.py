@@ -134,6 +134,7 @@ def test_a_usual_trip_is_the_forecast_of_its_plan(model: ForecastModel) -> None:
 def test_what_a_data_set_shows_of_roads_is_that_of_its_logs(name: str) -> None:
     if not (DATA / name).is_dir():
         pytest.skip(f"no trips of {name} at TRIPWATT_DATA")
+    pytest.importorskip("openpyxl", reason="needs the extra tripwatt[workbooks]")
     kept, found = STUDIES[name], study(*trips_and_car(name, DATA))
     assert found.length_m == pytest.approx(kept.length_m, abs=1.0)
     assert found.time_s == pytest.approx(kept.time_s, abs=1.0)

@@ -122,6 +122,7 @@ def test_the_map_has_heights_stations_and_its_own_words(tmp_path: Path) -> None:
 
 
 def test_the_command_serves_the_car_while_it_drives(tmp_path: Path, made: Settings) -> None:
+    pytest.importorskip("osmium", reason="needs the extra tripwatt[routing]")
     assert made.cars is not None
     with (tmp_path / "log").open("wb") as log:
         command = [

@@ -81,7 +81,7 @@ def mistakes(typed: str, word: str) -> tuple[int, int]:
     >>> mistakes("schan", "schaan"), mistakes("vdau", "vaduz"), mistakes("vadu", "vaduz")
     ((1, 1), (1, 2), (0, 1))
     """
-    from rapidfuzz.distance import OSA  # of the extra routing
+    from rapidfuzz.distance import OSA  # of the extras routing and service
 
     whole = OSA.distance(typed, word)
     shortest = max(len(typed) - MAX_MISTAKES, 0)
