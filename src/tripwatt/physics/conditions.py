@@ -119,6 +119,17 @@ class DriveConditions:
         ----------
         vehicle : Vehicle
             The car, whose mass bounds the payload.
+
+        Yields
+        ------
+        Fault
+            With the name of the number, its value and its bounds.
+
+        Examples
+        --------
+        >>> from tripwatt.vehicles import load_vehicle
+        >>> [fault.where for fault in DriveConditions(initial_warmth=2.0).faults(load_vehicle("vw_id3"))]
+        ['initial_warmth']
         """
         columns = {name: name.removeprefix("initial_") for name in _WITH_COLUMN}
         bounds = {name: (COLUMNS.get(key) or QUANTITIES[key]).bounds for name, key in columns.items()}

@@ -171,7 +171,18 @@ class PowerPrior:
         return np.zeros(len(self.time_s))
 
     def sd_wh(self, hours: FloatArray) -> FloatArray:
-        """See `ResidualPower.sd_wh`. O(segments)."""
+        """Compute the standard deviation of the cumulative energy at the end of each segment. O(segments).
+
+        Parameters
+        ----------
+        hours : ndarray, shape (segments,)
+            Part of each segment that counts [h].
+
+        Returns
+        -------
+        ndarray, shape (segments,)
+            Standard deviation [Wh].
+        """
         return np.sqrt(self.variance_wh2(hours))
 
     def variance_wh2(self, hours: FloatArray) -> FloatArray:
