@@ -63,8 +63,8 @@ class DriveConditions:
     >>> car, conditions = load_vehicle("bmw_i3_60ah"), DriveConditions(ambient_temperature_degc=-5.0)
     >>> conditions.battery_start_degc, conditions.cabin_start(car).temperature_degc
     (-5.0, -5.0)
-    >>> conditions.bounded_values(car)["initial_warmth"]
-    (0.0, 0.0, 1.0)
+    >>> list(conditions.faults(car))
+    []
     """
 
     ambient_temperature_degc: float = MILD_DEGC
