@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from tools.data import dirty_logs, leaf_spy_owner
-from tools.data.dirty_logs import FAULTS, FORMATS, Truth, write_dirty_folder, write_leaf_spy_owner
+from tools.data import dirty_logs
+from tools.data.dirty_logs import FAULTS, FORMATS, Truth, write_dirty_folder
 from tools.data.dirty_tables import TABLES
 
 SEEDS = range(4)
@@ -114,16 +114,6 @@ def test_bad_rows_do_not_count(tmp_path: Path, seed: int) -> None:
     assert truth.sound_rows < sum(len(drive.samples) for drive in truth.drives)
 
 
-def test_the_place_moves_as_far_as_the_car_drives(tmp_path: Path) -> None:
-    truth = write_dirty_folder(tmp_path, "ovms", 2, faults=[])
-    table = pd.read_csv(sorted(tmp_path.iterdir())[0])[: len(truth.drives[0].samples)]
-    north, east = np.radians(table["v.p.latitude"]), np.radians(table["v.p.longitude"])
-    steps = np.hypot(np.diff(north), np.diff(east) * np.cos(north[1:])) * 6_371_008.8
-    assert steps.sum() == pytest.approx(truth.drives[0].distance_m, rel=0.005)
-    odometer = 1000.0 * np.ptp(table["v.p.odometer"])
-    assert odometer == pytest.approx(truth.drives[0].distance_m, rel=0.005)
-
-
 def test_units_of_a_folder_are_those_of_the_truth(tmp_path: Path) -> None:
     truth = write_dirty_folder(tmp_path, "leaf_spy", 5, faults=["speed in mph", "temperature in °F"])
     assert truth.columns["speed_m_s"] == ("Speed", "mph")
@@ -139,25 +129,6 @@ def test_units_of_a_folder_are_those_of_the_truth(tmp_path: Path) -> None:
         drive.samples["ambient_temperature_degc"][0] * 1.8 + 32.0, abs=0.6
     )
     assert drive.departs_at == datetime.strptime(table["Date/Time"][0], truth.time_format)
-
-
-def test_the_owner_of_two_years_has_what_is_said_of_him(tmp_path: Path) -> None:
-    truth = write_leaf_spy_owner(tmp_path)
-    texts = [path.read_text() for path in sorted(tmp_path.iterdir())]
-    assert len(texts) == 209
-    assert sum(map(len, texts)) == pytest.approx(66e6, rel=0.05)
-    assert texts.count("") == 2
-    assert sum(text != "" and not text.startswith("Date") for text in texts) == 4
-    assert sum(text != "" and not text.endswith("\n") for text in texts) == 2
-    lines = [line for text in texts for line in text.splitlines() if not line.startswith("Date")]
-    assert len(lines) == truth.sound_rows + truth.standing_rows + 2
-    updated = next(text for text in texts if "V2L" not in text and ",0,1,0\n" in text)
-    widths = [line.count(",") for line in updated.splitlines()]
-    assert sum(width == widths[0] + 3 for width in widths) == leaf_spy_owner.WIDER_ROWS == 476
-    assert len(truth.bad_files) == 3
-    assert len(truth.drives) > 350
-    for path in tmp_path.iterdir():
-        path.unlink()
 
 
 def test_the_command_prints_the_truth(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

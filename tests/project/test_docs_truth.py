@@ -14,8 +14,7 @@ from typing import Any
 import pytest
 import typer.main
 from tests.support import ROOT
-from tools import DOCS
-from tools.docs import make_results, write_citation
+from tools.docs import write_citation
 from tools.docs.pages import of_page
 
 from tripwatt.command import app
@@ -198,13 +197,6 @@ def test_every_kind_of_dead_name_is_found(tmp_path: Path) -> None:
         "tripwatt mapping guess",
         "tripwatt nothing",
     ]
-
-
-def test_the_times_of_whole_runs_are_those_of_the_list_of_results() -> None:
-    minutes = {result.name: result.minutes for result in make_results.RESULTS}
-    page = " ".join((DOCS / "explanation" / "evaluation.md").read_text("utf-8").split())
-    said = f"`paper` takes about {minutes['paper']:g} min and all of `forecast` about {minutes['forecast']:g} min"
-    assert said in page
 
 
 def test_the_entries_to_cite_are_those_of_the_citation_file() -> None:

@@ -21,7 +21,6 @@ from tripwatt.vehicles import LICENCES, load_vehicle, vehicle_names
 from tripwatt.vehicles.loading import file_names
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
-CONSTRAINTS = (ROOT / "constraints" / "check.txt").read_text("utf-8")
 # Of the extra `service`, without pydantic, which recent releases of typer need as well.
 SERVICE = ("fastapi", "starlette", "uvicorn", "uvloop", "httptools", "orjson", "prometheus_client")
 
@@ -73,43 +72,6 @@ def test_without_the_extra_service_the_rest_works_and_serve_says_what_is_missing
 
 
 # ------------------------------------------------------------------------------------------------ dependencies
-
-
-def test_every_direct_dependency_of_the_gate_is_pinned_with_a_hash() -> None:
-    extras = PROJECT["project"]["optional-dependencies"]
-    wanted = [
-        *PROJECT["project"]["dependencies"],
-        *extras["dev"],
-        *extras["interop"],
-        *extras["service"],
-        "hatchling",
-        "editables",
-    ]
-    names = {re.split(r"[\[><=; ]", line)[0].lower() for line in wanted} - {"tripwatt"}
-    blocks = re.split(r"\n(?=[a-z])", CONSTRAINTS.strip())
-    pinned = {re.match(r"[a-z0-9._-]+", block)[0]: block for block in blocks}  # type: ignore[index]
-    assert names <= set(pinned)
-    assert all(re.match(r"[a-z0-9._-]+==\S+", b) and "--hash=sha256:" in b for b in blocks)
-
-
-def test_the_constraints_name_no_index_and_no_place() -> None:
-    assert "://" not in CONSTRAINTS
-    assert not re.search(r"^\s*(-|--)(i|index-url|extra-index-url|find-links)\b", CONSTRAINTS, re.MULTILINE)
-    assert " @ " not in CONSTRAINTS
-
-
-def test_constraints_hold_the_lower_bounds() -> None:
-    pins: dict[str, list[tuple[int, ...]]] = {}
-    for name, version in re.findall(r"^([a-z0-9._-]+)==([0-9.]+)", CONSTRAINTS, re.MULTILINE):
-        pins.setdefault(name, []).append(tuple(int(n) for n in version.split(".") if n))
-    checked = 0
-    extras = PROJECT["project"]["optional-dependencies"]
-    for line in [*PROJECT["project"]["dependencies"], *extras["dev"], *extras["interop"], *extras["service"]]:
-        if bound := re.match(r"([a-z0-9-]+)>=([0-9.]+)", line):
-            least = tuple(int(n) for n in bound[2].split("."))
-            assert all(pin >= least for pin in pins[bound[1]]), line
-            checked += 1
-    assert checked >= len(PROJECT["project"]["dependencies"])
 
 
 def test_the_gamm_engine_has_the_version_of_tripwatt() -> None:

@@ -40,36 +40,6 @@ def test_readme_and_page_show_the_published_results(protocol: str, model: str, t
     assert ("77.7" in readme.read_text(encoding="utf-8")) == (protocol == "forecast")
 
 
-def test_the_readme_has_one_short_table_of_the_forecast() -> None:
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    shown = text.partition("<!-- results:begin -->")[2].partition("<!-- results:end -->")[0]
-    rows = [line.split("|")[1:-1] for line in shown.splitlines() if line.startswith("|")]
-    results = json.loads((DOCS / "results" / "forecast.json").read_text(encoding="utf-8"))
-    scores = results["evaluations"][0]["models"]
-    assert len(rows) == 2 + 6
-    assert {len(cells) for cells in rows} == {5}
-    assert rows[2][0].strip() == "Constant Wh/km"
-    best = [cell.strip() for cell in rows[-1]]
-    assert best[0] == "**Hybrid forecast**"
-    assert best[1] == f"{100 * scores['hybrid']['mape']:.1f}"
-    assert best[4] == f"{100 * scores['hybrid']['coverage']['0.9']:.0f}"
-    assert [cell.strip() for cell in rows[-2]][:2] == [
-        "Hybrid, published values only",
-        f"{100 * scores['hybrid-published']['mape']:.1f}",
-    ]
-    assert not any(name in shown for name in scores if name not in ("hybrid", "physics"))
-
-
-@pytest.mark.parametrize("page", ["README.md", "docs/explanation/results.md", "docs/explanation/method.md"])
-def test_both_paired_tests_stand_where_the_parts_are_compared(page: str) -> None:
-    text = (ROOT / page).read_text(encoding="utf-8")
-    for other in ("physics-identified", "boosting-only"):
-        pair = write_figures.value(f"forecast/paired[a={other};b=hybrid]")
-        bounds = [f"{abs(100 * end):.1f}" for end in pair["ci95"]]
-        assert f"{abs(100 * pair['diff']):.1f}" in text
-        assert all(bound in text for bound in bounds)
-
-
 def test_values_from_the_scored_logs_are_named_beside_their_figures() -> None:
     page = (DOCS / "explanation" / "results.md").read_text(encoding="utf-8")
     car = load_vehicle("bmw_i3_60ah")

@@ -7,7 +7,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
-from tools.docs import make_results, moved, pages, write_figures
+from tools.docs import make_results, pages, write_figures
 from tools.quality import probe
 
 from tripwatt.vehicles import load_vehicle
@@ -179,39 +179,6 @@ def test_every_part_of_a_page_that_is_stamped_is_there() -> None:
     for result in make_results.RESULTS:
         for place in result.files:
             assert make_results.written(place) != "missing", place
-
-
-def test_a_moved_command_and_place_have_their_new_names() -> None:
-    names = {
-        "docs/fit_default_model.py {data}/tum docs/results/forecast.json": "-m tools.data.fit_default_model {data}/tum docs/results/forecast.json",
-        "docs/publish_results.py {work}/forecast": "-m tools.docs.publish_results {work}/forecast",
-        "-m benchmarks.few_trips --cars 12 --write docs/synthetic.md": "-m benchmarks.few_trips --cars 12 --write",
-        "-m benchmarks.anchors --write": "-m benchmarks.anchors --write",
-        "docs/synthetic.md#few trips begin": "docs/reference/synthetic.md#few-trips",
-        "docs/peers.md#peers:begin": "docs/explanation/peers.md#peers",
-        "docs/results/paper.json": "docs/results/paper.json",
-    }
-    assert {old: moved.renamed(old) for old in names} == names
-
-
-def test_a_stamp_moves_with_what_it_wrote(
-    project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(moved, "ROOT", project)
-    old = tmp_path / "old"
-    (old / "docs").mkdir(parents=True)
-    text = "<!-- table begin -->\n\n[7.0 %](../x/y.md)\n<!-- table end -->\n"
-    (old / "docs" / "page.md").write_text(text, "utf-8")
-    (project / "docs" / "page.md").write_text(
-        "<!-- table:begin -->\n[7.0 %](y.md)\n<!-- table:end -->\n", "utf-8"
-    )
-    stamp = make_results.stamp(RESULT, "probe") | {"files": {"docs/page.md#table begin": "a digest"}}
-    assert moved.restamped(RESULT, stamp, old) == make_results.stamp(RESULT, "probe")
-    (old / "docs" / "page.md").write_text(text.replace("7.0", "7.1"), "utf-8")
-    with pytest.raises(ValueError, match="differs"):
-        moved.restamped(RESULT, stamp, old)
-    with pytest.raises(ValueError, match="-m two"):
-        moved.restamped(RESULT, {**stamp, "settings": ["-m two"]}, old)
 
 
 def test_a_result_without_other_cars_does_not_rest_on_their_forecasts(project: Path) -> None:
