@@ -5,7 +5,7 @@ import { car, chooseDescribed } from "../state/car";
 import { ENERGY, POWER, type Quantity } from "../model/units";
 import { format, text, units } from "../state/preferences";
 import { FaultList } from "./faults";
-import { useModal } from "./parts";
+import { Button, Submit, useModal } from "./parts";
 import { Select } from "./select";
 
 const open = signal(false);
@@ -145,12 +145,8 @@ export function CarDialog() {
         </label>
         <Faults />
         <div class="actions">
-          <button type="button" class="quiet" onClick={close}>
-            {text.value.cancel}
-          </button>
-          <button type="submit" class="primary">
-            {words.use}
-          </button>
+          <Button class="quiet" onClick={close} label={text.value.cancel} />
+          <Submit label={words.use} />
         </div>
       </form>
     </dialog>

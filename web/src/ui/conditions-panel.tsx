@@ -29,8 +29,7 @@ import { format, text, units } from "../state/preferences";
 import { trip } from "../state/trip";
 import { panelIsOpen } from "./chips";
 import { FaultList } from "./faults";
-import { Icon } from "./icons";
-import { Tick } from "./parts";
+import { Button, IconButton, put, Tick } from "./parts";
 import { Select } from "./select";
 import type { SettingName } from "./settings";
 import { Slider } from "./slider";
@@ -205,9 +204,7 @@ function Departs() {
         {departsAt === null ? (
           <span class="figures">{words.now}</span>
         ) : (
-          <button type="button" class="link" onClick={() => change({ departsAt: null })}>
-            {words.leaveNow}
-          </button>
+          <Button class="link" onClick={() => change({ departsAt: null })} label={words.leaveNow} />
         )}
       </div>
       <FaultList faults={faultsOf("departs_at")} />
@@ -235,21 +232,8 @@ export function ConditionsPanel() {
     >
       <div class="heading">
         <h2 id="conditions-title">{words.title}</h2>
-        {changed && (
-          <button type="button" class="link" onClick={() => resetTo(start)}>
-            {words.reset}
-          </button>
-        )}
-        <button
-          type="button"
-          class="quiet shut"
-          aria-label={words.shut}
-          onClick={() => {
-            panelIsOpen.value = false;
-          }}
-        >
-          <Icon name="close" />
-        </button>
+        {changed && <Button class="link" onClick={() => resetTo(start)} label={words.reset} />}
+        <IconButton icon="close" class="quiet shut" label={words.shut} onClick={put(panelIsOpen, false)} />
       </div>
       <Departs />
       {mode.value === "compare" && (

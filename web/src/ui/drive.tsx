@@ -8,6 +8,7 @@ import { format, text, units } from "../state/preferences";
 import { Choice } from "./choice";
 import { Icon } from "./icons";
 import { HistoryTable } from "./tables";
+import { Stat } from "./parts";
 
 export function DriveControls() {
   const { drive } = text.value;
@@ -52,18 +53,13 @@ export function DriveLine({ of }: { of: Forecast }) {
   const { shown } = format.value;
   return (
     <dl class="stats drive-line">
-      <div>
-        <dt>{drive.now}</dt>
-        <dd>{shown(now, PERCENT)}</dd>
-      </div>
-      <div>
-        <dt>{drive.forecast}</dt>
-        <dd class="is-main">{shown(of.soc_arrival, PERCENT, 1)}</dd>
-      </div>
-      <div>
-        <dt>{drive.gauge}</dt>
-        <dd class="is-other">{naive === null ? "–" : shown(naive, PERCENT, 1)}</dd>
-      </div>
+      <Stat label={drive.now}>{shown(now, PERCENT)}</Stat>
+      <Stat label={drive.forecast} class="is-main">
+        {shown(of.soc_arrival, PERCENT, 1)}
+      </Stat>
+      <Stat label={drive.gauge} class="is-other">
+        {naive === null ? "–" : shown(naive, PERCENT, 1)}
+      </Stat>
     </dl>
   );
 }

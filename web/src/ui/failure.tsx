@@ -7,6 +7,7 @@ import { text } from "../state/preferences";
 import { trip } from "../state/trip";
 import { FaultList } from "./faults";
 import { Icon } from "./icons";
+import { Button } from "./parts";
 
 /** Title and detail of a problem. */
 function problemText({ type, title, status, detail: given }: Problem): { title: string; detail: Said } {
@@ -39,9 +40,7 @@ export function Failure() {
           <p lang={detail.lang}>{detail.text}</p>
         )}
       </div>
-      <button type="button" onClick={retry}>
-        {failure.faults?.length ? text.value.close : problems.retry}
-      </button>
+      <Button onClick={retry} label={failure.faults?.length ? text.value.close : problems.retry} />
     </div>
   );
 }

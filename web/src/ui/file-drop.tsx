@@ -2,6 +2,7 @@ import type { ComponentChildren } from "preact";
 import { useRef, useState } from "preact/hooks";
 import { text } from "../state/preferences";
 import { Icon } from "./icons";
+import { Button } from "./parts";
 
 interface Props {
   label: string;
@@ -98,9 +99,7 @@ export function FileDrop({ label, formats, accept, multiple = false, mostBytes, 
       </label>
       {multiple && HAS_FOLDERS && (
         <div class="actions start">
-          <button type="button" onClick={() => folder.current?.click()}>
-            {words.chooseFolder}
-          </button>
+          <Button onClick={() => folder.current?.click()} label={words.chooseFolder} />
           <input
             ref={folder}
             type="file"

@@ -7,8 +7,7 @@ import { chosenLanguage, language, system, text, type Theme, theme } from "../st
 import { type Language, LANGUAGES } from "../text";
 import { CarField } from "./car-field";
 import { Choice } from "./choice";
-import { Icon } from "./icons";
-import { IconButton, into } from "./parts";
+import { IconButton, into, put } from "./parts";
 
 const THEMES: [Theme, "system" | "sun" | "moon"][] = [
   ["system", "system"],
@@ -26,17 +25,12 @@ function ThemeButton() {
   const { header } = text.value;
   const next = THEMES[(now + 1) % THEMES.length] as (typeof THEMES)[number];
   return (
-    <button
-      type="button"
-      class="quiet"
-      aria-label={header.changeTheme(header.theme[name])}
+    <IconButton
+      icon={icon}
+      label={header.changeTheme(header.theme[name])}
       title={header.theme[name]}
-      onClick={() => {
-        theme.value = next[0];
-      }}
-    >
-      <Icon name={icon} />
-    </button>
+      onClick={put(theme, next[0])}
+    />
   );
 }
 
@@ -96,15 +90,13 @@ export function Header() {
         {ownCars.value && (
           <IconButton icon="wheel" label={text.value.live.title} onClick={() => void openRoad()} />
         )}
-        <button
-          type="button"
+        <IconButton
+          icon="gear"
           class="quiet gear"
-          aria-label={text.value.header.settings}
+          label={text.value.header.settings}
           aria-expanded={isOpen}
           onClick={() => setOpen(!isOpen)}
-        >
-          <Icon name="gear" />
-        </button>
+        />
         <div class={`settings${isOpen ? " open" : ""}`}>
           <Choice
             label={text.value.header.units}

@@ -25,7 +25,7 @@ import { osmKind } from "../state/messages";
 import { text } from "../state/preferences";
 import { Covers } from "./covers";
 import { FaultList } from "./faults";
-import { IconButton, Tick } from "./parts";
+import { Button, IconButton, Submit, Tick } from "./parts";
 
 const PAUSE_MS = 120;
 // eslint-disable-next-line page/text -- names of keys
@@ -255,20 +255,16 @@ export function JourneyForm() {
           }}
         />
         {vias.value.length < MOST_STOPS - 2 && (
-          <button
-            type="button"
+          <Button
             class="link"
             onClick={() => {
               vias.value = [...vias.value, null];
             }}
-          >
-            {words.addVia}
-          </button>
+            label={words.addVia}
+          />
         )}
       </div>
-      <button type="submit" class="primary" disabled={isEmpty}>
-        {words.plan}
-      </button>
+      <Submit label={words.plan} disabled={isEmpty} />
     </form>
   );
 }

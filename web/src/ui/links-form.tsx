@@ -4,6 +4,7 @@ import { sampleLinks } from "../model/sample-links";
 import { chooseRoute } from "../state/catalogue";
 import { text, units } from "../state/preferences";
 import { NumberField } from "./number-field";
+import { Button, Fold, Submit } from "./parts";
 
 const START_ROWS = 3;
 const LINKS_HINT = '[{"length_m": 1800, "speed_m_s": 8.5}, …]';
@@ -82,15 +83,10 @@ export function LinksForm() {
             </tbody>
           </table>
         </div>
-        <button type="button" onClick={() => setRows([...rows, EMPTY_ROW])}>
-          {words.add}
-        </button>
-        <button type="submit" class="primary">
-          {isEmpty ? words.example : words.use}
-        </button>
+        <Button onClick={() => setRows([...rows, EMPTY_ROW])} label={words.add} />
+        <Submit label={isEmpty ? words.example : words.use} />
       </form>
-      <details class="as-table">
-        <summary>{words.paste}</summary>
+      <Fold title={words.paste}>
         <form
           class="links"
           onSubmit={(event) => {
@@ -107,11 +103,9 @@ export function LinksForm() {
             placeholder={LINKS_HINT}
             onInput={(event) => setPasted(event.currentTarget.value)}
           />
-          <button type="submit" class="primary" disabled={!pasted.trim()}>
-            {words.useJson}
-          </button>
+          <Submit label={words.useJson} disabled={!pasted.trim()} />
         </form>
-      </details>
+      </Fold>
     </>
   );
 }

@@ -24,7 +24,7 @@ import { trip } from "../state/trip";
 import { Chance } from "./chance";
 import { Icon } from "./icons";
 import { openOwnCars } from "./own-cars-dialog";
-import { IconButton, Stat, useModal } from "./parts";
+import { Button, IconButton, put, Stat, useModal } from "./parts";
 import { chanceInFigures, tripTitle } from "./wording";
 import { Said } from "./said";
 import { Warnings } from "./warnings";
@@ -179,16 +179,14 @@ function Choose() {
     return (
       <>
         <Empty title={words.noCar}>{words.noCarHint}</Empty>
-        <button
-          type="button"
+        <Button
           class="primary"
           onClick={() => {
             closeRoad();
             openOwnCars();
           }}
-        >
-          {text.value.ownCars.title}
-        </button>
+          label={text.value.ownCars.title}
+        />
       </>
     );
   }
@@ -196,12 +194,7 @@ function Choose() {
     <ul class="examples">
       {rows.map((row) => (
         <li key={row.car}>
-          <button
-            type="button"
-            onClick={() => {
-              followed.value = row.car;
-            }}
-          >
+          <button type="button" onClick={put(followed, row.car)}>
             <span class="name">{labelOf(row.car)}</span>
             <span class="figures">
               {row.on_trip
@@ -230,17 +223,7 @@ export function LiveDrive() {
     >
       <div class="heading">
         <h2 id="road-title">{followed.value ? labelOf(followed.value) : words.title}</h2>
-        {several && (
-          <button
-            type="button"
-            class="link"
-            onClick={() => {
-              followed.value = "";
-            }}
-          >
-            {text.value.ownCars.all}
-          </button>
-        )}
+        {several && <Button class="link" onClick={put(followed, "")} label={text.value.ownCars.all} />}
         <button type="button" aria-pressed={night.value} onClick={toggleNight}>
           <Icon name="moon" />
           {words.night}

@@ -38,7 +38,7 @@ import {
 import { positionM, selectedM } from "../state/position";
 import { dark, format, text } from "../state/preferences";
 import { trip } from "../state/trip";
-import { into, Tick } from "./parts";
+import { into, put, Tick } from "./parts";
 
 const VIEW_PAUSE_MS = 150;
 // eslint-disable-next-line page/text -- a font
@@ -275,13 +275,7 @@ export function MapCard() {
       {hasFailed.value ? (
         <p class="note">{words.failed}</p>
       ) : (
-        <MapCanvas
-          key={String(dark.value)}
-          onFail={() => {
-            hasFailed.value = true;
-          }}
-          onStation={into(station)}
-        />
+        <MapCanvas key={String(dark.value)} onFail={put(hasFailed, true)} onStation={into(station)} />
       )}
       <div class="map-foot">
         <p class="note">{hint(station.value)}</p>

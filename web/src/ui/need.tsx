@@ -12,6 +12,7 @@ import { DataTable } from "./data-table";
 import { Icon } from "./icons";
 import { Warnings } from "./warnings";
 import { Waiting } from "./failure";
+import { Stat } from "./parts";
 
 /** Kilometres from one end to the other. */
 function intervalText([low = 0, high = 0]: readonly number[]): string {
@@ -97,14 +98,8 @@ export function NeedAnswer() {
           </span>
         </p>
         <dl class="whole">
-          <div>
-            <dt>{words.charge}</dt>
-            <dd>{shown(needed.soc_needed, PERCENT)}</dd>
-          </div>
-          <div>
-            <dt>{others.duration}</dt>
-            <dd>{duration(needed.duration_s)}</dd>
-          </div>
+          <Stat label={words.charge}>{shown(needed.soc_needed, PERCENT)}</Stat>
+          <Stat label={others.duration}>{duration(needed.duration_s)}</Stat>
         </dl>
         <p class={`chance chance-${verdict}`}>
           <Icon name={verdict === "good" ? "check" : "warning"} />

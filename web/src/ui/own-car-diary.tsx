@@ -7,6 +7,7 @@ import { DataTable } from "./data-table";
 import { FaultList } from "./faults";
 import { temperaturesText } from "./wording";
 import { said } from "../state/messages";
+import { Fold } from "./parts";
 
 /** Factors below this share of their standard deviation are not shown by the trips. */
 const MIN_SHOWN = 0.5;
@@ -16,41 +17,46 @@ function percent(share: number | null, digits = 1): string {
   return share === null ? "–" : `${format.value.figure(PERCENT.from(share), digits)}\u00a0%`;
 }
 
-/** Bars one above the other: without own trips, with them, and what was needed. */
-function BeforeAfter({
-  label,
-  before,
-  after,
-  needed,
-}: {
-  label: string;
-  before: number | null;
-  after: number | null;
-  needed?: number | null;
-}) {
-  const { ownCars: words } = text.value;
-  const most = Math.max(before ?? 0, after ?? 0, needed ?? 0) || 1;
-  const rows: [string, number | null, string][] = [
-    [words.experts.published, before, "book"],
-    [words.byTrips, after, "own"],
-    ...(needed === undefined ? [] : [[words.widthNeeded, needed, "book"] as [string, number | null, string]]),
-  ];
+interface Bar {
+  name: string;
+  size: number;
+  kind: "own" | "book";
+  figures: string[];
+}
+
+/** Bars one above the other, with their figures. */
+function Bars({ label, bars }: { label: string; bars: Bar[] }) {
+  const largest = Math.max(...bars.map(({ size }) => size)) || 1;
   return (
     <table class="before-after">
       <caption>{label}</caption>
       <tbody>
-        {rows.map(([name, value, kind]) => (
+        {bars.map(({ name, size, kind, figures }) => (
           <tr key={name}>
             <th scope="row">{name}</th>
             <td class="picture" aria-hidden="true">
-              <span class={kind} style={{ width: `${(100 * (value ?? 0)) / most}%` }} />
+              <span class={kind} style={{ width: `${(100 * size) / largest}%` }} />
             </td>
-            <td class="value">{percent(value)}</td>
+            {figures.map((figure, column) => (
+              <td key={column} class="value">
+                {figure}
+              </td>
+            ))}
           </tr>
         ))}
       </tbody>
     </table>
   );
+}
+
+/** Without own trips, with them, and what was needed. */
+function beforeAfter(before: number | null, after: number | null, needed?: number | null): Bar[] {
+  const { ownCars: words } = text.value;
+  const bar = (name: string, share: number | null, kind: Bar["kind"]): Bar => {
+    return { name, size: share ?? 0, kind, figures: [percent(share)] };
+  };
+  const bars = [bar(words.experts.published, before, "book"), bar(words.byTrips, after, "own")];
+  return needed === undefined ? bars : [...bars, bar(words.widthNeeded, needed, "book")];
 }
 
 /** A factor of the car, and the outside temperatures at which its trips show it. */
@@ -100,15 +106,13 @@ function Learned({ of }: { of: OwnCar }) {
       {seen.length > 0 && <p>{words.seen(temperaturesText([Math.min(...seen), Math.max(...seen)]))}</p>}
       {shown.length > 0 && table(words.taught, shown)}
       {others.length > 0 && (
-        <details class="as-table">
-          <summary>{words.otherFactors(others.length)}</summary>
+        <Fold title={words.otherFactors(others.length)}>
           {table(words.otherFactors(others.length), others)}
-        </details>
+        </Fold>
       )}
-      <details class="as-table">
-        <summary>{words.weights}</summary>
+      <Fold title={words.weights}>
         <p class="note">{format.value.list(counts)}</p>
-      </details>
+      </Fold>
     </>
   );
 }
@@ -244,25 +248,13 @@ function Causes({ of }: { of: OwnCar }) {
     not_forecast: less ? words.lessThanForecast : words.moreThanForecast,
   };
   const total = rows.reduce((sum, [, wh]) => sum + wh, 0);
-  const most = Math.max(1, ...rows.map(([, wh]) => Math.abs(wh)));
   if (total <= 0) return null;
-  return (
-    <table class="before-after">
-      <caption>{words.whereEnergyWent}</caption>
-      <tbody>
-        {rows.map(([name, wh]) => (
-          <tr key={name}>
-            <th scope="row">{names[name] ?? name}</th>
-            <td class="picture" aria-hidden="true">
-              <span class={wh < 0 ? "book" : "own"} style={{ width: `${(100 * Math.abs(wh)) / most}%` }} />
-            </td>
-            <td class="value">{figure(ENERGY.from(magnitude(name, wh)), 1)}</td>
-            <td class="value">{percent(magnitude(name, wh) / total, 0)}</td>
-          </tr>
-        ))}
-      </tbody>
-    </table>
-  );
+  const bars = rows.map(([name, wh]): Bar => {
+    const shown = magnitude(name, wh);
+    const figures = [figure(ENERGY.from(shown), 1), percent(shown / total, 0)];
+    return { name: names[name] ?? name, size: Math.abs(wh), kind: wh < 0 ? "book" : "own", figures };
+  });
+  return <Bars label={words.whereEnergyWent} bars={bars} />;
 }
 
 function Progress({ of }: { of: OwnCar }) {
@@ -306,16 +298,13 @@ export function OwnCarDiary({ of }: { of: OwnCar }) {
           <h3 id="own-car-diary">{words.learnedFrom(of.in_diary)}</h3>
           <Learned of={of} />
           <div class="pair">
-            <BeforeAfter
+            <Bars
               label={words.errorOfLast(latest.trips)}
-              before={book.weighted_error}
-              after={latest.weighted_error}
+              bars={beforeAfter(book.weighted_error, latest.weighted_error)}
             />
-            <BeforeAfter
+            <Bars
               label={words.widthOfLast(latest.trips)}
-              before={book.width}
-              after={latest.width}
-              needed={latest.needed_width}
+              bars={beforeAfter(book.width, latest.width, latest.needed_width)}
             />
           </div>
           <h3>{words.diary}</h3>

@@ -15,6 +15,7 @@ import {
 import { format, text } from "../state/preferences";
 import { placeText, said } from "../state/messages";
 import { Said } from "./said";
+import { Button } from "./parts";
 
 /** So many files are listed without being asked for. */
 const FEW = 10;
@@ -51,14 +52,12 @@ function Row({ of }: { of: LogFile }) {
       <span class="name">{name}</span>
       <span class="state">{shown ?? words.states[state]}</span>
       {!WITHOUT_BUTTON.includes(state) && (
-        <button
-          type="button"
+        <Button
           class="link"
           aria-label={isOut ? words.useFile(name) : words.leaveOutFile(name)}
           onClick={() => void (isOut ? useAgain(of) : leaveOut([of]))}
-        >
-          {isOut ? words.use1 : words.leaveOut1}
-        </button>
+          label={isOut ? words.use1 : words.leaveOut1}
+        />
       )}
       <Why of={name} faults={faults} />
     </li>
@@ -125,15 +124,13 @@ export function OwnCarFiles() {
       </section>
       {bad.length > 0 && stage !== "sending" && (
         <div class="actions start">
-          <button
-            type="button"
+          <Button
             onClick={() => {
               list.current?.focus(); // the button goes
               void leaveOut(bad);
             }}
-          >
-            {words.leaveOutUnreadable(bad.length)}
-          </button>
+            label={words.leaveOutUnreadable(bad.length)}
+          />
         </div>
       )}
     </>

@@ -8,6 +8,7 @@ import { LOGGERS } from "../text/loggers";
 import { DataTable } from "./data-table";
 import { Select } from "./select";
 import { Said } from "./said";
+import { Button, Fold } from "./parts";
 
 /** Columns that no forecast can be learned without. */
 const NEEDED = ["time_s", "speed_m_s"];
@@ -111,9 +112,12 @@ function Kind({ of, fields }: { of: KindReading; fields: LogsReading["fields"] }
           <MappingRow key={ours} of={ours} kind={of} units={units} />
         ))}
       </DataTable>
-      <button type="button" class="link" aria-expanded={all} onClick={() => setAll(!all)}>
-        {all ? words.fewerColumns : words.moreColumns}
-      </button>
+      <Button
+        class="link"
+        aria-expanded={all}
+        onClick={() => setAll(!all)}
+        label={all ? words.fewerColumns : words.moreColumns}
+      />
       <Select
         label={words.positive}
         value={of.current_positive}
@@ -127,10 +131,9 @@ function Kind({ of, fields }: { of: KindReading; fields: LogsReading["fields"] }
         <p class="note">{words.bySoc(format.value.figure(of.assumed.usable_capacity_kwh, 1))}</p>
       )}
       {of.unused.length > 0 && (
-        <details class="as-table">
-          <summary>{words.unused(of.unused.length)}</summary>
+        <Fold title={words.unused(of.unused.length)}>
           <p class="note">{format.value.list(of.unused.slice(0, MAX_UNUSED))}</p>
-        </details>
+        </Fold>
       )}
     </details>
   );

@@ -11,6 +11,7 @@ import { OwnCarFiles } from "./own-car-files";
 import { OwnCarKinds } from "./own-car-kinds";
 import { temperaturesText } from "./wording";
 import { Said } from "./said";
+import { Button, Fold, put, Stat } from "./parts";
 
 /** So many reasons are told at once. */
 const MAX_REASONS = 8;
@@ -47,43 +48,30 @@ function datesText(from: string, to: string | null): string {
 
 /** What the logs hold for the car, and what of them is lost. */
 function Learnable({ preview, report }: { preview: Preview | null; report: Alike[] }) {
-  const { ownCars: words, result, tables } = text.value;
+  const { ownCars: words, conditions, result, tables } = text.value;
   const { shown, duration, figure } = format.value;
   const { distance } = units.value;
   const reasons: Reason[] = [...(preview?.findings ?? []), ...report];
   const first = reasons.slice(0, MAX_REASONS);
   const rest = reasons.slice(MAX_REASONS);
-  const lost = preview ? [preview.lost_distance_m, preview.lost_duration_s] : [0, 0];
-  const [lostM = 0, lostS = 0] = lost;
-  const { from_date, to_date, ambient_degc } = preview ?? {};
-  const rows: [string, string][] = preview
-    ? [
-        [words.trips, words.ofLogs(figure(preview.drives, 0), preview.logs)],
-        [result.distance, shown(preview.distance_m, distance)],
-        [tables.time, duration(preview.duration_s)],
-        [result.energy, shown(preview.energy_wh, ENERGY, 1)],
-        ...(from_date ? [[words.dates, datesText(from_date, to_date ?? null)] as [string, string]] : []),
-        ...(ambient_degc
-          ? [
-              [text.value.conditions.fields.ambient_temperature_degc, temperaturesText(ambient_degc)] as [
-                string,
-                string,
-              ],
-            ]
-          : []),
-      ]
-    : [];
+  const { lost_distance_m: lostM = 0, lost_duration_s: lostS = 0 } = preview ?? {};
   return (
     <section aria-labelledby="own-car-learnable">
       <h4 id="own-car-learnable">{words.learnable}</h4>
       {preview ? (
         <dl class="learnable">
-          {rows.map(([name, value]) => (
-            <div key={name}>
-              <dt>{name}</dt>
-              <dd>{value}</dd>
-            </div>
-          ))}
+          <Stat label={words.trips}>{words.ofLogs(figure(preview.drives, 0), preview.logs)}</Stat>
+          <Stat label={result.distance}>{shown(preview.distance_m, distance)}</Stat>
+          <Stat label={tables.time}>{duration(preview.duration_s)}</Stat>
+          <Stat label={result.energy}>{shown(preview.energy_wh, ENERGY, 1)}</Stat>
+          {preview.from_date && (
+            <Stat label={words.dates}>{datesText(preview.from_date, preview.to_date)}</Stat>
+          )}
+          {preview.ambient_degc && (
+            <Stat label={conditions.fields.ambient_temperature_degc}>
+              {temperaturesText(preview.ambient_degc)}
+            </Stat>
+          )}
         </dl>
       ) : (
         <p>{words.nothingToLearn}</p>
@@ -91,10 +79,9 @@ function Learnable({ preview, report }: { preview: Preview | null; report: Alike
       {(lostM > 0 || lostS > 0) && <p class="lost">{words.lost(shown(lostM, distance), duration(lostS))}</p>}
       {first.length > 0 && <Reasons of={first} />}
       {rest.length > 0 && (
-        <details class="as-table">
-          <summary>{words.moreReasons(rest.length)}</summary>
+        <Fold title={words.moreReasons(rest.length)}>
           <Reasons of={rest} />
-        </details>
+        </Fold>
       )}
     </section>
   );
@@ -126,23 +113,14 @@ export function OwnCarLogs({ car }: { car: string }) {
             </>
           )}
           <div class="actions">
-            <button
-              type="button"
-              onClick={() => {
-                logs.value = null;
-              }}
-            >
-              {text.value.cancel}
-            </button>
+            <Button onClick={put(logs, null)} label={text.value.cancel} />
             {now.read && (
-              <button
-                type="button"
+              <Button
                 class="primary"
                 disabled={drives === 0 || now.stage !== "ready"}
                 onClick={() => void learn()}
-              >
-                {words.learn(drives)}
-              </button>
+                label={words.learn(drives)}
+              />
             )}
           </div>
         </div>

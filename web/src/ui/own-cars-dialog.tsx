@@ -21,7 +21,7 @@ import { text } from "../state/preferences";
 import { FaultList } from "./faults";
 import { OwnCarDiary } from "./own-car-diary";
 import { OwnCarLogs } from "./own-car-logs";
-import { IconButton, useModal } from "./parts";
+import { Button, Fold, IconButton, put, Submit, useModal } from "./parts";
 
 const open = signal(false);
 
@@ -68,9 +68,7 @@ function NewCar() {
         <span>{words.name}</span>
         <input name="name" type="text" required maxLength={100} autocomplete="off" />
       </label>
-      <button type="submit" class="primary">
-        {words.make}
-      </button>
+      <Submit label={words.make} />
     </form>
   );
 }
@@ -79,19 +77,19 @@ function Token({ of }: { of: OwnCar }) {
   const [token, setToken] = useState("");
   const { ownCars: words } = text.value;
   return (
-    <details class="as-table">
-      <summary>{words.connect}</summary>
+    <Fold title={words.connect}>
       <p class="note">{words.connectNote}</p>
       {token ? (
         <p>
           <code>{token}</code> <span class="note">{words.tokenOnce}</span>
         </p>
       ) : (
-        <button type="button" onClick={() => void tokenOf(of.name).then((made) => setToken(made ?? ""))}>
-          {of.has_token ? words.replaceToken : words.makeToken}
-        </button>
+        <Button
+          onClick={() => void tokenOf(of.name).then((made) => setToken(made ?? ""))}
+          label={of.has_token ? words.replaceToken : words.makeToken}
+        />
       )}
-    </details>
+    </Fold>
   );
 }
 
@@ -103,51 +101,39 @@ function Shown({ of }: { of: OwnCar }) {
     <>
       <p class="note">{of.title}</p>
       <div class="actions start">
-        <button
-          type="button"
+        <Button
           class={isUsed ? "" : "primary"}
           disabled={isUsed}
           onClick={() => {
             useCar(of);
             open.value = false;
           }}
-        >
-          {isUsed ? words.used : words.use}
-        </button>
+          label={isUsed ? words.used : words.use}
+        />
         {of.has_token && (
-          <button
-            type="button"
+          <Button
             onClick={() => {
               open.value = false;
               void openRoad(of.name);
             }}
-          >
-            {text.value.live.title}
-          </button>
+            label={text.value.live.title}
+          />
         )}
-        {!asks && (
-          <button type="button" disabled={learns.value} onClick={() => setAsks(true)}>
-            {words.forget}
-          </button>
-        )}
+        {!asks && <Button disabled={learns.value} onClick={() => setAsks(true)} label={words.forget} />}
       </div>
       {asks && (
         <div class="confirm" role="alert">
           <p>{words.forgetAsk(of.label)}</p>
           <div class="actions start">
-            <button type="button" onClick={() => setAsks(false)}>
-              {words.keep}
-            </button>
-            <button
-              type="button"
+            <Button onClick={() => setAsks(false)} label={words.keep} />
+            <Button
               class="danger"
               onClick={() => {
                 if (logs.value?.car === of.name) logs.value = null;
                 void dropCar(of.name);
               }}
-            >
-              {words.forgetNow}
-            </button>
+              label={words.forgetNow}
+            />
           </div>
         </div>
       )}
@@ -169,17 +155,7 @@ export function OwnCarsDialog() {
     <dialog ref={dialog} class="wide" aria-labelledby="own-cars-title" onClose={close}>
       <div class="heading">
         <h2 id="own-cars-title">{now ? now.label : words.title}</h2>
-        {now && (
-          <button
-            type="button"
-            class="link"
-            onClick={() => {
-              shownCar.value = null;
-            }}
-          >
-            {words.all}
-          </button>
-        )}
+        {now && <Button class="link" onClick={put(shownCar, null)} label={words.all} />}
         <IconButton icon="close" label={text.value.close} onClick={close} />
       </div>
       {now ? (

@@ -1,7 +1,7 @@
 /** Small parts that many cards and dialogs have. */
 
 import type { Signal } from "@preact/signals";
-import type { ComponentChildren } from "preact";
+import type { ButtonHTMLAttributes, ComponentChildren } from "preact";
 import { useEffect, useRef } from "preact/hooks";
 import { Icon, type IconName } from "./icons";
 
@@ -12,12 +12,45 @@ export function into<T>(signal: Signal<T>): (value: T) => void {
   };
 }
 
+/** A handler that puts one value into a signal. */
+export function put<T>(signal: Signal<T>, value: T): () => void {
+  return () => {
+    signal.value = value;
+  };
+}
+
+type ButtonProps = ButtonHTMLAttributes & { label: string };
+
+/** A button with a text, which sends no form. */
+export function Button({ label, ...rest }: ButtonProps) {
+  return (
+    <button type="button" {...rest}>
+      {label}
+    </button>
+  );
+}
+
+/** The button that sends a form. */
+export function Submit({ label, ...rest }: ButtonProps) {
+  return (
+    <button type="submit" class="primary" {...rest}>
+      {label}
+    </button>
+  );
+}
+
+interface StatProps {
+  label: string;
+  class?: string;
+  children: ComponentChildren;
+}
+
 /** A figure with its name, in a list of such. */
-export function Stat({ label, children }: { label: string; children: ComponentChildren }) {
+export function Stat({ label, class: kind = "", children }: StatProps) {
   return (
     <div>
       <dt>{label}</dt>
-      <dd>{children}</dd>
+      <dd class={kind}>{children}</dd>
     </div>
   );
 }
@@ -45,11 +78,21 @@ export function Tick({ label, checked, disabled = false, onChange }: TickProps) 
 }
 
 /** A button that shows an icon alone. */
-export function IconButton({ icon, label, onClick }: { icon: IconName; label: string; onClick: () => void }) {
+export function IconButton({ icon, label, ...rest }: ButtonProps & { icon: IconName }) {
   return (
-    <button type="button" class="quiet" aria-label={label} title={label} onClick={onClick}>
+    <button type="button" class="quiet" aria-label={label} title={label} {...rest}>
       <Icon name={icon} />
     </button>
+  );
+}
+
+/** Details behind their title. */
+export function Fold({ title, children }: { title: string; children: ComponentChildren }) {
+  return (
+    <details class="as-table">
+      <summary>{title}</summary>
+      {children}
+    </details>
   );
 }
 

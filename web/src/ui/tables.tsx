@@ -7,13 +7,13 @@ import { PERCENT } from "../model/units";
 import { history, shownProfile } from "../state/drive";
 import { format, text, units } from "../state/preferences";
 import { DataTable } from "./data-table";
+import { Fold } from "./parts";
 
 const ROWS = 16;
 
 function Table({ title, head, rows }: { title: string; head: string[]; rows: ComponentChildren[][] }) {
   return (
-    <details class="as-table">
-      <summary>{title}</summary>
+    <Fold title={title}>
       <DataTable label={title} heads={head}>
         {rows.map((row) => (
           <tr key={String(row[0])}>
@@ -23,7 +23,7 @@ function Table({ title, head, rows }: { title: string; head: string[]; rows: Com
           </tr>
         ))}
       </DataTable>
-    </details>
+    </Fold>
   );
 }
 

@@ -1,7 +1,7 @@
 import { signal } from "@preact/signals";
 import { setTokenProvider } from "../api/client";
 import { text } from "../state/preferences";
-import { useModal } from "./parts";
+import { Submit, useModal } from "./parts";
 
 interface TokenRequest {
   again: boolean;
@@ -43,9 +43,7 @@ export function TokenDialog() {
           <input name="token" type="password" autocomplete="off" required />
         </label>
         {now?.again && <p class="faults">{words.refused}</p>}
-        <button type="submit" class="primary">
-          {words.send}
-        </button>
+        <Submit label={words.send} />
       </form>
     </dialog>
   );

@@ -23,6 +23,7 @@ import { LinksForm } from "./links-form";
 import { NumberField } from "./number-field";
 import { exampleTitle, tripTitle } from "./wording";
 import { Said } from "./said";
+import { Button } from "./parts";
 
 const MAX_BYTES = 4_000_000;
 const START_M_S = 50 / 3.6;
@@ -132,9 +133,12 @@ export function TripPanel() {
       <div class="heading">
         <h2 id="trip-title">{words.title}</h2>
         {!starts && (
-          <button type="button" class="link more" aria-expanded={open} onClick={() => setOpen(!open)}>
-            {open ? text.value.close : words.change}
-          </button>
+          <Button
+            class="link more"
+            aria-expanded={open}
+            onClick={() => setOpen(!open)}
+            label={open ? text.value.close : words.change}
+          />
         )}
       </div>
       <div class="ways">
