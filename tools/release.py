@@ -100,8 +100,11 @@ def build(root: Path, folder: Path) -> dict[str, bytes]:
 
 def build_twice(root: Path = ROOT) -> dict[str, bytes]:
     """Build twice, and return what both have; exits where they differ."""
-    with tempfile.TemporaryDirectory() as one, tempfile.TemporaryDirectory(suffix="-another") as other:
-        first, second = build(root, Path(one)), build(root, Path(other))
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        tempfile.TemporaryDirectory(suffix="-another") as another_folder,
+    ):
+        first, second = build(root, Path(folder)), build(root, Path(another_folder))
     if first != second:
         sys.exit(f"two builds differ: {', '.join(name for name in first if first[name] != second.get(name))}")
     return first

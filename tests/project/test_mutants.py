@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from tools import ROOT
-from tools.quality.mutants import ROOMS, named_mutants, ordered, read_map
+from tools.quality.mutants import ROOMS, named_mutants, order_tests, read_map
 from tools.quality.mutating import mutants_of
 
 SOURCE = '''"""Text of 3 words."""
@@ -61,7 +61,7 @@ def test_tests_are_chosen_by_line_and_quick_files_come_first(tmp_path: Path) -> 
     known = read_map(kept)
     assert known.of_lines("src/a.py", [1]) == {"t/x.py::slow"}
     assert known.of_lines("src/a.py", [2]) == {"t/y.py::one", "t/y.py::two"}  # a fixture of the module
-    chosen, seconds = ordered(known.of_lines("src/a.py", [1, 2]), known, 60.0)
+    chosen, seconds = order_tests(known.of_lines("src/a.py", [1, 2]), known, 60.0)
     assert chosen == ["t/y.py::two", "t/y.py::one", "t/x.py::slow"]
     assert seconds == 10.6
-    assert ordered(known.of_lines("src/a.py", [1, 2]), known, 5.0)[0] == ["t/y.py::two", "t/y.py::one"]
+    assert order_tests(known.of_lines("src/a.py", [1, 2]), known, 5.0)[0] == ["t/y.py::two", "t/y.py::one"]

@@ -10,9 +10,6 @@ from pathlib import Path
 
 import pytest
 from tests.support import ROOT
-from tools.docs import write_page_flags
-
-from tripwatt.server.http.app import openapi_document
 
 WEB = ROOT / "web"
 MIN_NODE = 20
@@ -72,6 +69,11 @@ def with_packages(place: Path) -> Path:
 
 def with_inputs(web: Path) -> Path:
     """The sources, after the modules that come from the package are written, as `make types` does."""
+    # here, because every run of pytest reads this module, and the server takes three seconds to import
+    from tools.docs import write_page_flags
+
+    from tripwatt.server.http.app import openapi_document
+
     write_page_flags.write(web / "generated")
     document = json.dumps(openapi_document())
     run(web, "node", "types.mjs", given=document).check_returncode()

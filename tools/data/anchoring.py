@@ -228,9 +228,9 @@ def _with_two(
     from scipy.optimize import minimize_scalar  # slow to import
 
     def closed(motor: float) -> Anchored:
-        own = scaled(vehicle, "motor", motor)
-        factor = closing_factor(partial(scaled, own, "iron"), figures, BOUNDS["iron"])
-        car = scaled(own, "iron", factor)
+        two_motors = scaled(vehicle, "motor", motor)
+        factor = closing_factor(partial(scaled, two_motors, "iron"), figures, BOUNDS["iron"])
+        car = scaled(two_motors, "iron", factor)
         return Anchored(car, PAIR, factor, before, errors(car, figures))
 
     bounds = (MIN_MOTOR, BOUNDS["motor"][1])

@@ -42,14 +42,14 @@ class Spread:
 
 def without_anchor() -> list[tuple[Vehicle, float]]:
     """Cars with a published WLTP consumption that no value of theirs rests on, and the relative error of the simulation."""
-    found = []
+    cars = []
     for name, description in BOTH.items():
         car = load_vehicle(name)
         mass_kg = wltp_test_mass(car.body.curb_mass_kg + car.body.driver_mass_kg)
         figure = CertifiedFigure("wltc", listed(description)[1] * KWH_PER_100_KM, True, mass_kg, "")
         if not any(figure.cycle == "wltc" for figure in certified_figures(name, car)):
-            found.append((car, relative_error(car, figure)))
-    return found
+            cars.append((car, relative_error(car, figure)))
+    return cars
 
 
 def consumption() -> Spread:
@@ -58,12 +58,12 @@ def consumption() -> Spread:
     return Spread(max(float(np.var(errors, ddof=1)) - REPEAT_SD**2, 0.0) ** 0.5, len(errors))
 
 
-def left_for_everything(whole: float, level: str) -> float:
+def left_for_everything(total_sd: float, level: str) -> float:
     """What the other factors leave of a spread of the WLTP consumption, between "models" or "vehicles"."""
-    others = np.array([getattr(factor, level) / factor.sd for factor in FACTORS])
-    others[NAMES.index(EVERYTHING)] = 0.0
-    causes = [schedule_factors(car, "wltc") * others for car, _ in without_anchor()]
-    return float(np.sqrt(max(whole**2 - float(np.mean(np.sum(np.square(causes), axis=1))), 0.0)))
+    factor_sds = np.array([getattr(factor, level) / factor.sd for factor in FACTORS])
+    factor_sds[NAMES.index(EVERYTHING)] = 0.0
+    causes = [schedule_factors(car, "wltc") * factor_sds for car, _ in without_anchor()]
+    return float(np.sqrt(max(total_sd**2 - float(np.mean(np.sum(np.square(causes), axis=1))), 0.0)))
 
 
 def schedule_factors(car: Vehicle, cycle: str) -> FloatArray:
@@ -110,8 +110,8 @@ def main() -> None:
     tilted, models = tilt(), consumption()
     print(f"consumption between car models: {models.value:.3f} of {models.models} models")
     print(f"tilt over the assumed spreads: {tilted.value:.3f} of {tilted.models} models")
-    for level, whole in (("models", models.value), ("vehicles", ONE_MODEL_SD)):
-        print(f"everything between {level}: {left_for_everything(whole, level):.3f} of {whole:.3f}")
+    for level, total_sd in (("models", models.value), ("vehicles", ONE_MODEL_SD)):
+        print(f"everything between {level}: {left_for_everything(total_sd, level):.3f} of {total_sd:.3f}")
 
 
 if __name__ == "__main__":

@@ -242,15 +242,15 @@ def whole_trips() -> tuple[Window, ...]:
 @cache
 def windows(min_s: int = MIN_S, max_s: int = MAX_S, min_m: float = MIN_M) -> tuple[Window, ...]:
     """Pieces between two standstills of the computed fleet, of some duration and length."""
-    found = []
+    starts = []
     for trip in whole_trips():
         way = integral(np.arange(float(len(trip.speed))), trip.speed)
         stops = np.flatnonzero(trip.speed < 0.1)
         stops = stops[np.append(True, np.diff(stops) > 1)]
         for a, b in ((a, b) for a in stops for b in stops if min_s <= b - a <= max_s):
             if way[b] - way[a] >= min_m:
-                found.append(Window(*(values[a : b + 1] for values in vars(trip).values())))
-    return tuple(found)
+                starts.append(Window(*(values[a : b + 1] for values in vars(trip).values())))
+    return tuple(starts)
 
 
 def sample_times(

@@ -301,21 +301,21 @@ FAULTS: Final = (*SETTINGS_DIRT, *DRIVES_DIRT, *ROW_DIRT, *FILES_DIRT)
 # How the app is set and how files are written
 
 
-def _settings(logger: str, rng: np.random.Generator, wanted: frozenset[str]) -> Settings:
+def _settings(logger: str, rng: np.random.Generator, faults: frozenset[str]) -> Settings:
     variant = int(rng.integers(6))
-    whole = bool(rng.integers(2)) and logger == "leaf_spy"
-    fahrenheit = "degF" if "temperature in °F" in wanted else "degC"
-    mph = "mph" if "speed in mph" in wanted else "km/h"
-    base = Settings(whole=whole, variant=variant % 2)
+    whole_numbers = bool(rng.integers(2)) and logger == "leaf_spy"
+    fahrenheit = "degF" if "temperature in °F" in faults else "degC"
+    mph = "mph" if "speed in mph" in faults else "km/h"
+    base = Settings(whole=whole_numbers, variant=variant % 2)
     if logger in ("leaf_spy", "car_scanner"):
         return replace(
-            base, temperature=fahrenheit, speed=mph, height="ft" if mph == "mph" else "m", whole=whole
+            base, temperature=fahrenheit, speed=mph, height="ft" if mph == "mph" else "m", whole=whole_numbers
         )
     if logger == "torque":
         return replace(base, temperature=fahrenheit, speed=mph)
     if logger != "plain":
         return base
-    day, month = "day first" in wanted, "month first" in wanted
+    day, month = "day first" in faults, "month first" in faults
     dots = bool(rng.integers(2))
     stamp = STAMPS[3] if month else STAMPS[4 if dots else 2] if day else STAMPS[int(rng.integers(2))]
     return Settings(
@@ -324,9 +324,9 @@ def _settings(logger: str, rng: np.random.Generator, wanted: frozenset[str]) -> 
         fahrenheit,
         variant=variant,
         stamp=stamp,
-        split_stamp=bool(stamp) and "date and time apart" in wanted,
+        split_stamp=bool(stamp) and "date and time apart" in faults,
         charge_positive=bool(rng.integers(2)),
-        units_row="units row" in wanted,
+        units_row="units row" in faults,
     )
 
 
@@ -334,7 +334,7 @@ def _settings_faults(settings: Settings, logger: str) -> set[str]:
     plain = logger == "plain"
     month = settings.stamp.startswith("%m")
     day = settings.stamp.startswith("%d")
-    found = {
+    planted = {
         "temperature in °F": settings.temperature == "degF",
         "speed in mph": settings.speed == "mph",
         "date and time apart": settings.split_stamp,
@@ -342,38 +342,38 @@ def _settings_faults(settings: Settings, logger: str) -> set[str]:
         "month first": plain and month,
         "units row": settings.units_row,
     }
-    return {name for name, there in found.items() if there}
+    return {name for name, is_planted in planted.items() if is_planted}
 
 
-def _look(logger: str, rng: np.random.Generator, wanted: frozenset[str]) -> Look:
+def _look(logger: str, rng: np.random.Generator, faults: frozenset[str]) -> Look:
     """How the files are written. Words that exclude each other give way to the first of them."""
-    xlsx = logger == "plain" and "xlsx" in wanted
-    comma = "decimal comma" in wanted
+    xlsx = logger == "plain" and "xlsx" in faults
+    comma = "decimal comma" in faults
     delimiter = ";" if logger == "car_scanner" or (comma and rng.random() < 0.6) else ","
     if logger == "plain":
         delimiter = str(rng.choice([",", ";", "\t"]))
-    encoding = next((name for name in ("utf-16", "latin-1", "byte order mark") if name in wanted), "utf-8")
-    top = "title line" if "title line" in wanted else ""
+    encoding = next((name for name in ("utf-16", "latin-1", "byte order mark") if name in faults), "utf-8")
+    top = "title line" if "title line" in faults else ""
     if xlsx:
         return Look(top=top, wide_title=bool(rng.integers(2)), xlsx=True)
-    if not top and "sep line" in wanted and delimiter != "\t":
+    if not top and "sep line" in faults and delimiter != "\t":
         top = "sep line"
-    quoted = "quoted cells" in wanted or (logger == "car_scanner" and rng.random() < 0.5)
+    quoted = "quoted cells" in faults or (logger == "car_scanner" and rng.random() < 0.5)
     return Look(
         delimiter,
         "," if comma else ".",
         encoding,
-        "\r\n" if "crlf" in wanted else "\n",
+        "\r\n" if "crlf" in faults else "\n",
         quoted,
-        "trailing delimiters" in wanted,
-        "blank lines" in wanted,
+        "trailing delimiters" in faults,
+        "blank lines" in faults,
         top,
         bool(rng.integers(2)),
     )
 
 
 def _look_faults(look: Look) -> set[str]:
-    found = {
+    planted = {
         "decimal comma": look.decimal == ",",
         "crlf": look.newline == "\r\n",
         "quoted cells": look.quoted,
@@ -381,7 +381,9 @@ def _look_faults(look: Look) -> set[str]:
         "blank lines": look.blank,
         "xlsx": look.xlsx,
     }
-    return {name for name, there in found.items() if there} | ({look.encoding, look.top} & set(FAULTS))
+    return {name for name, is_planted in planted.items() if is_planted} | (
+        {look.encoding, look.top} & set(FAULTS)
+    )
 
 
 # The drives of the files
@@ -405,8 +407,8 @@ def _middle(rows: pd.DataFrame) -> int | None:
     way = 1000.0 * (rows["odometer"].to_numpy() - float(rows["odometer"].iloc[0]))
     fits = (time >= MIN_HALF_S) & (time[-1] - time >= MIN_HALF_S)
     fits &= (way >= MIN_HALF_M) & (way[-1] - way >= MIN_HALF_M)
-    found = np.flatnonzero(fits)
-    return int(found[len(found) // 2]) if len(found) else None
+    places = np.flatnonzero(fits)
+    return int(places[len(places) // 2]) if len(places) else None
 
 
 @dataclass
@@ -637,8 +639,13 @@ def _true_drives(
     ours = list(book.table.ours(book.settings))
     dated = book.table.dated and bool(book.settings.stamp)
     return tuple(
-        true_drive([name for name, _ in its], pd.concat([rows for _, rows in its]), ours, dated=dated)
-        for its in parts.values()
+        true_drive(
+            [name for name, _ in parts_of_drive],
+            pd.concat([rows for _, rows in parts_of_drive]),
+            ours,
+            dated=dated,
+        )
+        for parts_of_drive in parts.values()
     )
 
 
@@ -660,11 +667,11 @@ def _write(book: Book, folder: Path, date: str) -> tuple[str, ...]:
         "binary file": ("backup.csv", b"\0\1" + book.rng.bytes(3000)),
         "text note": ("README.txt", b"Logs of my car.\nTyres changed in spring, please see the files.\n"),
     }
-    there = {name: entry for name, entry in bad.items() if book.wants(name)}
-    book.planted |= set(there)
-    for name, content in [*contents.items(), *there.values()]:
+    bad_files = {name: entry for name, entry in bad.items() if book.wants(name)}
+    book.planted |= set(bad_files)
+    for name, content in [*contents.items(), *bad_files.values()]:
         (folder / name).write_bytes(content)
-    return tuple(name for name, _ in there.values())
+    return tuple(name for name, _ in bad_files.values())
 
 
 def _units_row(book: Book) -> list[str]:

@@ -142,8 +142,11 @@ def stamps(clock: pd.Series, form: str) -> list[str]:
 
 def minutes(degrees: pd.Series) -> list[str]:
     """Degrees and minutes, as Leaf Spy writes them."""
-    whole = np.floor(degrees.to_numpy())
-    return [f"{int(w)} {m:.5f}" for w, m in zip(whole, (degrees.to_numpy() - whole) * 60.0, strict=True)]
+    whole_degrees = np.floor(degrees.to_numpy())
+    return [
+        f"{int(w)} {m:.5f}"
+        for w, m in zip(whole_degrees, (degrees.to_numpy() - whole_degrees) * 60.0, strict=True)
+    ]
 
 
 def _reach(d: pd.DataFrame, share: float) -> list[str]:

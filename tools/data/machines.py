@@ -159,13 +159,13 @@ def fitted(machines: Mapping[str, Machine]) -> FloatArray:
     def errors(values: FloatArray) -> FloatArray:
         return np.asarray((loss_at(torque, speed, drivetrain(values)) / loss - 1.0) * weight)
 
-    first = np.array([0.03, 0.005, 0.01, 0.01, 0.002, 0.005, 0.3])
+    start = np.array([0.03, 0.005, 0.01, 0.01, 0.002, 0.005, 0.3])
     scale = LEAST_SQUARES_SCALE * float(weight.mean())
     bounds = (np.append(np.full(6, 1e-9), 0.05), np.append(np.full(6, 1.0), 0.8))
     runs = [
         least_squares(
             errors,
-            first * np.exp(0.5 * rng.standard_normal(7) * (first < 0.2)),
+            start * np.exp(0.5 * rng.standard_normal(7) * (start < 0.2)),
             bounds=bounds,
             loss="soft_l1",
             f_scale=scale,
@@ -195,7 +195,7 @@ def _entry(value: float, unit: str, source: str, estimated: str) -> str:
 def induction_toml(values: FloatArray) -> str:
     """The shared file of induction machines."""
     machine = drivetrain(values)
-    source = "; ".join(one.source for one in INDUCTION.values())
+    source = "; ".join(motor.source for motor in INDUCTION.values())
     how = "least relative error of loss, python -m tools.data.machines"
     units = {
         "motor_max_torque_nm": "Nm",
@@ -227,7 +227,7 @@ def excited_toml(values: FloatArray) -> str:
     speed, base = (rpm * math.pi / 30.0 for rpm in (EXCITED.max_rpm, EXCITED.nominal_rpm))
     induction = drivetrain(values)
     torques, speeds = torque / RATING.torque_nm, speed / RATING.speed_rad_s
-    maps = "; ".join(one.source for one in INDUCTION.values())
+    maps = "; ".join(motor.source for motor in INDUCTION.values())
     own, same = (
         "published constants of the machine",
         "iron of the induction machines at the same shares of torque and speed",
@@ -266,8 +266,8 @@ def main(write: bool = False) -> None:
     values = fitted(INDUCTION)
     for name, machine in INDUCTION.items():
         report("fitted", name, machine, drivetrain(values))
-        others = {other: INDUCTION[other] for other in INDUCTION if other != name}
-        report("from the two others", name, machine, drivetrain(fitted(others)))
+        other_motors = {other: INDUCTION[other] for other in INDUCTION if other != name}
+        report("from the two others", name, machine, drivetrain(fitted(other_motors)))
     for name, machine in MAGNETS.items():
         report("reference of the library", name, machine, load_vehicle("tesla_model_3_lr").drivetrain)
     if write:

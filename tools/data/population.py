@@ -47,9 +47,9 @@ def cars(data: Path) -> Iterator[tuple[Source, list[Trip], Vehicle]]:
     ]
     leaf = load_vehicle("nissan_leaf_24")
     for name in sorted({str(trip.context.car) for trip in sound}):
-        own = [trip for trip in sound if trip.context.car == name]
-        own.sort(key=lambda trip: (str(trip.context.started_at), trip.trip_id))
-        yield _source(ved, leaf.name, f"ved-{name}"), own, leaf
+        trips_of_car = [trip for trip in sound if trip.context.car == name]
+        trips_of_car.sort(key=lambda trip: (str(trip.context.started_at), trip.trip_id))
+        yield _source(ved, leaf.name, f"ved-{name}"), trips_of_car, leaf
     twizy = read_logs(data / "twizy", "table", Path(__file__).parent / "twizy.toml")
     car = replace(describe_car(body=QUADRICYCLE), name="renault_twizy")
     yield _source(twizy, car.name, "twizy"), [t for t in twizy.trips if t.observed_energy_wh is not None], car

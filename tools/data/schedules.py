@@ -94,12 +94,12 @@ def circuit(counts: Transitions, order: int) -> IntArray:
             path.append(stack.pop())
     visits = Counter(path)
     seen: dict[int, int] = {}
-    whole: list[int] = []
+    edges: list[int] = []
     for speed in reversed(path):
         k = seen[speed] = seen.get(speed, 0) + 1
         seconds, n = constant.get(speed, 0), visits[speed]
-        whole += [speed] * (1 + k * seconds // n - (k - 1) * seconds // n)
-    return np.array(whole, dtype=np.int64)
+        edges += [speed] * (1 + k * seconds // n - (k - 1) * seconds // n)
+    return np.array(edges, dtype=np.int64)
 
 
 def counted(cycle: str) -> dict[tuple[int, int], int]:

@@ -23,16 +23,16 @@ LABELS: Final = {
 def short(results: Record) -> str:
     """The part of the README."""
     car = results["cars"][0]
-    known, n = car["known"], car["trips"]
+    known_trips, n = car["known"], car["trips"]
 
     def energy(name: str) -> str:
-        return f"{number(known[name]['mape'], 100, 1)} % (95 % interval {span(known[name]['mape_ci95'])} %)"
+        return f"{number(known_trips[name]['mape'], 100, 1)} % (95 % interval {span(known_trips[name]['mape_ci95'])} %)"
 
     def duration(name: str) -> str:
-        return f"{number(known[name]['duration']['mape'], 100, 1)} %"
+        return f"{number(known_trips[name]['duration']['mape'], 100, 1)} %"
 
     def inside(name: str) -> str:
-        return f"{known[name]['inside']['0.9']} trips lie inside the 90 % interval"
+        return f"{known_trips[name]['inside']['0.9']} trips lie inside the 90 % interval"
 
     return (
         f"**Before departure**, for {n} trips of a Renault Twizy, planned from speed limits and heights, each by a model without it, the energy errs by "
@@ -47,12 +47,12 @@ def text_of(results: Record) -> str:
     tables = (*before_tables(results), transfer_table(results))
     car = results["cars"][0]
     planned, duration = car["known"][PLANNED], car["known"][PLANNED]["duration"]
-    said = (
+    sentences = (
         f"The energy before departure errs by {number(planned['mape'], 100, 1)} % in the mean over {car['trips']} trips (95 % interval "
         f"{span(planned['mape_ci95'])} %), {number(car['over_driven'])} times as much as with the driven trace; the duration errs by "
         f"{number(duration['mape'], 100, 1)} %. Data: {results['citation']}."
     )
-    return "\n\n".join((said, *map(markdown, tables)))
+    return "\n\n".join((sentences, *map(markdown, tables)))
 
 
 def before_tables(results: Record) -> tuple[Table, ...]:

@@ -32,11 +32,11 @@ def render_links(results: Mapping[str, Any]) -> str:
     results : mapping
         What `benchmarks.planned` writes.
     """
-    known = results["known"]
-    rows = tuple(_row(NAMES.get(name, name), row) for name, row in known.items())
+    by_knowledge = results["known"]
+    rows = tuple(_row(NAMES.get(name, name), row) for name, row in by_knowledge.items())
     trips = int(results["n_trips"])
     intervals: list[tuple[str, ...]] = []
-    for key, row in known.items():
+    for key, row in by_knowledge.items():
         name = NAMES.get(key, key)
         intervals += energy_rows(name, row, trips)
         intervals += charge_rows(name, row.get("arrival") or {}, UPDATE_LEVEL)
@@ -67,12 +67,14 @@ def render_links(results: Mapping[str, Any]) -> str:
 
 
 def _row(name: str, row: Mapping[str, Any]) -> tuple[str, ...]:
-    more = f"{number(row['mape_more_than_driven'], 100, 1)} ({span(row['mape_more_than_driven_ci95'])})"
+    more_than_driven = (
+        f"{number(row['mape_more_than_driven'], 100, 1)} ({span(row['mape_more_than_driven_ci95'])})"
+    )
     return (
         name,
         number(row["mape"], 100, 1),
         span(row["mape_ci95"]),
-        DASH if name == NAMES["driven trace"] else more,
+        DASH if name == NAMES["driven trace"] else more_than_driven,
         number(row["mape_after_half"], 100, 1),
         number(row["bias"], 100, 1),
         number(row["rmse_wh"], 1e-3, 2),

@@ -279,23 +279,23 @@ def stamp(result: Result, probe_digest: str) -> dict[str, Any]:
 
 def stale(result: Result, stamps: Mapping[str, Any], now: Probe, at: Probe) -> Iterator[str]:
     """Why a result is not current; nothing when it is. Data that are not at hand are not looked at."""
-    made = stamps.get(result.name)
-    if made is None:
+    stamp_of_result = stamps.get(result.name)
+    if stamp_of_result is None:
         yield "it has no stamp"
         return
     at, now = resting(result, at), resting(result, now)
     changes = list(probe.differences(at, now))  # type: ignore[arg-type]
-    if made["probe"] != probe.digest(at):  # type: ignore[arg-type]
+    if stamp_of_result["probe"] != probe.digest(at):  # type: ignore[arg-type]
         yield "it was made with another probe than docs/results/probe.json"
     elif changes:
         yield f"the code computes something else: {'; '.join(changes[:3])}"
-    if made["settings"] != list(result.commands):
+    if stamp_of_result["settings"] != list(result.commands):
         yield "its command has changed"
     for name in result.data:
-        if source(name).exists() and made["data"].get(name) != digest(source(name)):
+        if source(name).exists() and stamp_of_result["data"].get(name) != digest(source(name)):
             yield f"its data have changed: {name}"
     for place in result.files:
-        if made["files"].get(place) != written(place):
+        if stamp_of_result["files"].get(place) != written(place):
             yield f"{place} is not what its command wrote"
 
 
@@ -340,8 +340,8 @@ def run(command: str) -> None:
 
 def environment() -> dict[str, str]:
     """With the folders of the data, and the project's own packages first."""
-    own = (str(ROOT / "src"), str(ROOT / "gamm" / "src"), str(ROOT))
-    path = os.pathsep.join(filter(None, (*own, os.environ.get("PYTHONPATH", ""))))
+    folders = (str(ROOT / "src"), str(ROOT / "gamm" / "src"), str(ROOT))
+    path = os.pathsep.join(filter(None, (*folders, os.environ.get("PYTHONPATH", ""))))
     return {
         "OMP_NUM_THREADS": "1",
         "OPENBLAS_NUM_THREADS": "1",

@@ -133,32 +133,32 @@ class Sources:
         """The templates that an expression may be."""
         if node is None or depth > DEEPEST:
             return {HOLE}
-        more = depth + 1
+        deeper = depth + 1
         match node:
             case ast.Constant(value=str(text)):
                 return {text}
             case ast.JoinedStr(values=values):
-                parts = [self._part(value, scope, more) for value in values]
+                parts = [self._part(value, scope, deeper) for value in values]
                 return {"".join(text) for text in product(*parts)} if _n(parts) <= MOST else {HOLE}
             case ast.IfExp(body=one, orelse=other):
-                return self.texts(one, scope, more) | self.texts(other, scope, more)
+                return self.texts(one, scope, deeper) | self.texts(other, scope, deeper)
             case ast.BoolOp(values=values):
-                return set().union(*(self.texts(value, scope, more) for value in values))
+                return set().union(*(self.texts(value, scope, deeper) for value in values))
             case ast.BinOp(left=left, op=ast.Add(), right=right):
-                parts = [self.texts(left, scope, more), self.texts(right, scope, more)]
+                parts = [self.texts(left, scope, deeper), self.texts(right, scope, deeper)]
                 return {"".join(text) for text in product(*parts)}
             case ast.Subscript(value=ast.JoinedStr() | ast.Constant() as text):
-                return self.texts(text, scope, more)
+                return self.texts(text, scope, deeper)
             case ast.Attribute(attr="format") | ast.Subscript():
                 return {HOLE}
             case ast.Attribute(attr=name) if name in self.functions:
-                return self._returned(name, more)
+                return self._returned(name, deeper)
             case ast.Call(func=ast.Attribute(value=text, attr="format")):
-                return {re.sub(r"\{[^}]*\}", HOLE, t) for t in self.texts(text, scope, more)}
+                return {re.sub(r"\{[^}]*\}", HOLE, t) for t in self.texts(text, scope, deeper)}
             case ast.Call(func=func) if (name := _name(func)) in self.functions and name not in OPAQUE:
-                return self._returned(name, more)
+                return self._returned(name, deeper)
             case ast.Name(id=name):
-                return self._named(name, scope, more)
+                return self._named(name, scope, deeper)
         return {HOLE}
 
     def _part(self, node: ast.expr, scope: Scope, depth: int) -> set[str]:
@@ -230,8 +230,8 @@ class Sources:
             both = (self._assigned(name, target, side, scope, depth) for side in (value.body, value.orelse))
             return set().union(*both)
         place = [*map(_name, target.elts)].index(name)
-        whole = isinstance(value, ast.Tuple) and len(value.elts) == len(target.elts)
-        return self.texts(value.elts[place], scope, depth) if whole else set()  # type: ignore[attr-defined]
+        is_unpacked = isinstance(value, ast.Tuple) and len(value.elts) == len(target.elts)
+        return self.texts(value.elts[place], scope, depth) if is_unpacked else set()  # type: ignore[attr-defined]
 
     def _looped(self, name: str, target: ast.AST, over: ast.expr, scope: Scope, depth: int) -> set[str]:
         texts: set[str] = set()
@@ -255,11 +255,11 @@ class Sources:
         texts: set[str] = set()
         skipped = 1 if placed[:1] in (["self"], ["cls"]) else 0
         for call, caller in self.calls.get(scope.name, ()):
-            given = {word.arg: word.value for word in call.keywords}
+            arguments_of_call = {word.arg: word.value for word in call.keywords}
             if not any(isinstance(argument, ast.Starred) for argument in call.args):
-                given |= dict(zip(placed[skipped:], call.args, strict=False))
-            if name in given:
-                texts |= self.texts(given[name], caller, depth)
+                arguments_of_call |= dict(zip(placed[skipped:], call.args, strict=False))
+            if name in arguments_of_call:
+                texts |= self.texts(arguments_of_call[name], caller, depth)
         defaults = dict(zip(placed[::-1], arguments.defaults[::-1], strict=False))
         return texts | (self.texts(defaults[name], None, depth) if name in defaults else set())
 
@@ -294,9 +294,11 @@ def _of_sources() -> Iterator[tuple[str, str, str]]:
         for call, scope in sources.calls.get(name, ()):
             if not _is_shown(call, name):
                 continue
-            given = dict(zip(arguments, call.args, strict=False)) | {w.arg: w.value for w in call.keywords}
-            for shown in SHOWN & given.keys():
-                for text in sources.texts(given[shown], scope):
+            texts_by_name = dict(zip(arguments, call.args, strict=False)) | {
+                w.arg: w.value for w in call.keywords
+            }
+            for shown in SHOWN & texts_by_name.keys():
+                for text in sources.texts(texts_by_name[shown], scope):
                     yield text, sources.place[call], "where" if shown == "where" else "text"
     for node, scope in sources.reasons:
         for text in sources.texts(node, scope):
@@ -334,11 +336,13 @@ def _has_words(text: str) -> bool:
 @cache
 def messages(role: str = "text") -> Mapping[str, str]:
     """Templates with words, each with a place where it is made; for the role `where` those of places in an input."""
-    found: dict[str, str] = {and_more("xy", HOLE).replace("1", HOLE): "errors.py"} if role == "text" else {}
-    for text, place, known in (*_of_sources(), *_of_documents(), *_of_problems(), *_of_flags()):
-        if known == role and _has_words(text):
-            found.setdefault(re.sub(r"\{:[^}]*\}", HOLE, text.strip(" ")), place)
-    return dict(sorted(found.items()))
+    place_of: dict[str, str] = (
+        {and_more("xy", HOLE).replace("1", HOLE): "errors.py"} if role == "text" else {}
+    )
+    for text, place, kind in (*_of_sources(), *_of_documents(), *_of_problems(), *_of_flags()):
+        if kind == role and _has_words(text):
+            place_of.setdefault(re.sub(r"\{:[^}]*\}", HOLE, text.strip(" ")), place)
+    return dict(sorted(place_of.items()))
 
 
 if __name__ == "__main__":

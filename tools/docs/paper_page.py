@@ -131,16 +131,16 @@ def table2_row(record: Record) -> tuple[str, str]:
     >>> table2_row({"term": "s(time_s):seasonwinter", "edf": 4.3, "ref_df": 4.8, "p_value": 0.0})
     ('s(time):winter', '4.30\xa0(4.80)***')
     """
-    first, second = (record[k] for k in (("edf", "ref_df") if "edf" in record else ("estimate", "std_error")))
+    value, spread = (record[k] for k in (("edf", "ref_df") if "edf" in record else ("estimate", "std_error")))
     p = record["p_value"]
     stars = "" if p is None else "*" * sum(p < bound for bound in (0.05, 0.01, 0.001))
-    return term_in_words(record["term"]), f"{number(first)}\u00a0({number(second)}){stars}"
+    return term_in_words(record["term"]), f"{number(value)}\u00a0({number(spread)}){stars}"
 
 
 def on_trip_df(view: View) -> str:
     """How many trips the paper's Table 2 was fitted on, from the reference df of its random effect."""
-    own = {table2_row(record)[0]: record for record in view.results["table2"]}
-    weathers = [record["std_error"] for name, record in own.items() if name.startswith("weather: ")]
+    rows = {table2_row(record)[0]: record for record in view.results["table2"]}
+    weathers = [record["std_error"] for name, record in rows.items() if name.startswith("weather: ")]
     fitted = PAPER_TRIP_DF + 1 + PAPER_WEATHERS
     return (
         "mgcv's reference df of a random effect is the number of its levels less the number of columns that are constant within a "
@@ -149,7 +149,7 @@ def on_trip_df(view: View) -> str:
         "trips with them (TripA15, TripA16, TripB02 of the data set's sheet) was in the fit. All eight weathers of the sheet are "
         "printed, so its reference is a ninth one, which the sheet does not have. "
         f"Here {view.main['n_trips']} trips, an intercept and {sum(e > 0 for e in weathers)} of {len(weathers)} weather coefficients with data leave "
-        f"{number(own['s(trip)']['ref_df'], 1.0, 0)}."
+        f"{number(rows['s(trip)']['ref_df'], 1.0, 0)}."
     )
 
 
@@ -213,8 +213,8 @@ def on_cars(cars: Cars) -> str:
         )
     if lost:
         parts.append(f"for {listed(lost)} the own model has a lower error")
-    said = "; ".join(parts)
-    return f"{said[:1].upper()}{said[1:]}." if said else "No other car was measured."
+    sentences = "; ".join(parts)
+    return f"{sentences[:1].upper()}{sentences[1:]}." if sentences else "No other car was measured."
 
 
 def _cars(view: View, cars: Cars) -> str:
@@ -233,11 +233,11 @@ def _improved(view: View) -> str:
 
 def _needed(view: View) -> str:
     study = view.results["studies"]["trips_needed"]
-    most, alone = study["curve"][-1], CURVE_MODELS[1]
-    weak = min(view.scores[name]["mape"] for name in ("linear4", "linear6")) < most[alone]
+    largest, alone = study["curve"][-1], CURVE_MODELS[1]
+    weak = min(view.scores[name]["mape"] for name in ("linear4", "linear6")) < largest[alone]
     return (
-        f"{study['crossing']:.1f} trips reach the {percent(most[alone])} that the data-driven model{', which is weak,' if weak else ''} has with "
-        f"{most['n_trips']}; the paper gives no figure"
+        f"{study['crossing']:.1f} trips reach the {percent(largest[alone])} that the data-driven model{', which is weak,' if weak else ''} has with "
+        f"{largest['n_trips']}; the paper gives no figure"
     )
 
 

@@ -22,10 +22,10 @@ class NearlyEqual(doctest.OutputChecker):
 
     def check_output(self, want: str, got: str, optionflags: int) -> bool:
         """Whether the words are the same and the numbers nearly so."""
-        wanted, printed = _NUMBER.findall(want), _NUMBER.findall(got)
-        near = len(wanted) == len(printed) and all(
+        expected, printed = _NUMBER.findall(want), _NUMBER.findall(got)
+        near = len(expected) == len(printed) and all(
             abs(float(a) - float(b)) <= 0.01 * max(abs(float(a)), 0.01)
-            for a, b in zip(wanted, printed, strict=True)
+            for a, b in zip(expected, printed, strict=True)
         )
         return near and super().check_output(_NUMBER.sub("#", want), _NUMBER.sub("#", got), optionflags)
 

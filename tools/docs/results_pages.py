@@ -36,12 +36,12 @@ def render_short(results: Mapping[str, Any]) -> str:
         The contract of `results.json`.
     """
     view = View(results)
-    given = (
+    note = (
         "The best model of each kind and, in bold, the forecast that tripwatt gives, on trips that they were not fitted on, "
         f"{view.given}."
     )
     table = markdown(short_table(view, difference_column(view)))
-    return "\n\n".join([table, f"{given} {_significant()} {on_names(view)}"])
+    return "\n\n".join([table, f"{note} {_significant()} {on_names(view)}"])
 
 
 def _significant() -> str:
@@ -57,9 +57,9 @@ def render_paper(results: Mapping[str, Any]) -> str:
         The contract of `results.json`.
     """
     view = View(results)
-    said = f"{_significant()} {on_names(view)}"
+    sentence = f"{_significant()} {on_names(view)}"
     tables = markdown(results_table(view)), markdown(sets_table(view))
-    return "\n\n".join([said, *tables, f"Data: {results['citation']}", _origin(results)])
+    return "\n\n".join([sentence, *tables, f"Data: {results['citation']}", _origin(results)])
 
 
 def render_forecast(results: Mapping[str, Any]) -> str:

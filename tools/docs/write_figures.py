@@ -44,8 +44,8 @@ def value(place: str, results: Path = RESULTS) -> Any:
         try:
             node = node[int(key)] if isinstance(node, list) else node[key]
             if chosen:
-                wanted = dict(pair.split("=", 1) for pair in chosen.split(";"))
-                (node,) = (row for row in node if all(str(row[k]) == v for k, v in wanted.items()))
+                conditions = dict(pair.split("=", 1) for pair in chosen.split(";"))
+                (node,) = (row for row in node if all(str(row[k]) == v for k, v in conditions.items()))
         except (KeyError, IndexError, TypeError, ValueError) as error:
             raise KeyError(f"{place}: no single {step}") from error
     return node

@@ -112,7 +112,7 @@ DEMO_PICTURES: Final[dict[str, tuple[str, str, bool, Callable[[Any], None]]]] = 
 def write(url: str, pictures: dict[str, tuple[str, str, bool, Callable[[Any], None]]]) -> None:
     """Write pictures of the page of a running service."""
     with browsing() as browser:
-        for name, (size, scheme, whole, act) in pictures.items():
+        for name, (size, scheme, full_page, act) in pictures.items():
             page = context_of(browser, size, scheme).new_page()
             page.set_viewport_size({"width": WIDTHS[size], "height": HEIGHTS[size]})
             page.goto(url)
@@ -121,7 +121,7 @@ def write(url: str, pictures: dict[str, tuple[str, str, bool, Callable[[Any], No
             page.wait_for_timeout(SETTLE_MS)
             page.evaluate("() => { document.activeElement.blur(); scrollTo(0, 0); }")
             page.wait_for_timeout(SETTLE_MS)
-            page.screenshot(path=IMAGES / f"{name}.png", full_page=whole)
+            page.screenshot(path=IMAGES / f"{name}.png", full_page=full_page)
             page.context.close()
 
 

@@ -82,8 +82,8 @@ def pieces(tree: ast.Module, rows: set[int], place: str) -> Iterator[tuple[str, 
     """Functions and classes of a file, each as (kind, piece)."""
     for node, inside in statements(tree):
         if isinstance(node, ast.ClassDef | Function):
-            first = node.lineno if isinstance(node, ast.ClassDef) else node.body[0].lineno
-            lines = len(rows & set(range(first, (node.end_lineno or node.lineno) + 1)))
+            start = node.lineno if isinstance(node, ast.ClassDef) else node.body[0].lineno
+            lines = len(rows & set(range(start, (node.end_lineno or node.lineno) + 1)))
             name = f"{inside}{node.name}"
             where, public = (
                 f"{place}:{node.lineno} {name}",

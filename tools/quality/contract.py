@@ -55,7 +55,11 @@ class Side:
         for key in ALTERNATIVES:
             if key in self.schema:
                 parts = [self.of(part).schema for part in self.schema[key]]
-                return [one for part in parts for one in self.of(self._with(key, part)).alternatives()]
+                return [
+                    alternative
+                    for part in parts
+                    for alternative in self.of(self._with(key, part)).alternatives()
+                ]
         kinds = self.schema.get("type")
         if isinstance(kinds, list):
             return [self.of({**self.schema, "type": kind}) for kind in kinds]
@@ -106,11 +110,11 @@ def _of_operation(was: Schema, now: Schema | None, old: Schema, new: Schema) -> 
         yield " request: a body is required"
     yield from _of_content(body, body_now, old, new, " request", to_service=True)
     for status, answer in was["responses"].items():
-        found = now["responses"].get(status, now["responses"].get("default"))
-        if found is None:
+        response = now["responses"].get(status, now["responses"].get("default"))
+        if response is None:
             yield f" response {status}: is removed"
         else:
-            yield from _of_content(answer, found, old, new, f" response {status}", to_service=False)
+            yield from _of_content(answer, response, old, new, f" response {status}", to_service=False)
 
 
 def _parameters(operation: Schema) -> dict[str, Schema]:
@@ -139,15 +143,15 @@ def _misfits(
     if pair in above and None not in pair:
         return []
     given, wanted = given.of(given.schema), wanted.of(wanted.schema)
-    found: list[str] = []
-    for one in given.alternatives():
+    misfits: list[str] = []
+    for alternative in given.alternatives():
         tried = (
-            list(_misfits_of_one(one, other, where, to_service, (*above, pair)))
+            list(_misfits_of_one(alternative, other, where, to_service, (*above, pair)))
             for other in wanted.alternatives()
         )
         nearest: list[str] = min(tried, key=lambda lines: _distance(lines, where))
-        found += nearest
-    return found
+        misfits += nearest
+    return misfits
 
 
 def _distance(misfits: list[str], where: str) -> tuple[bool, int]:
@@ -165,8 +169,8 @@ def _misfits_of_one(
         return
     choices, allowed = _choices(a), _choices(b)
     if allowed is not None and (choices is None or not choices <= allowed):
-        more = "any value" if choices is None else ", ".join(sorted(choices - allowed))
-        yield f"{where}: {more} beside the choices {', '.join(sorted(allowed))}"
+        extra = "any value" if choices is None else ", ".join(sorted(choices - allowed))
+        yield f"{where}: {extra} beside the choices {', '.join(sorted(allowed))}"
     for name in ("pattern", "format"):
         if choices is None and b.get(name) not in (None, "binary", a.get(name)):  # any text is binary
             yield f"{where}: {name} {a.get(name)} beside {b[name]}"
@@ -174,14 +178,18 @@ def _misfits_of_one(
         for pair in names:
             if choices is None and _limit(a, pair, sign) < _limit(b, pair, sign):
                 yield f"{where}: {pair[0]} {_shown(a, pair)} beside {_shown(b, pair)}"
-    of, wanted_of = a.get("properties", {}), b.get("properties", {})
+    fields, wanted_fields = a.get("properties", {}), b.get("properties", {})
     closed = b.get("additionalProperties") is False
-    lost = (of.keys() - wanted_of.keys() if closed else ()) if to_service else wanted_of.keys() - of.keys()
+    lost = (
+        (fields.keys() - wanted_fields.keys() if closed else ())
+        if to_service
+        else wanted_fields.keys() - fields.keys()
+    )
     yield from (f"{where}.{name}: field is removed" for name in sorted(lost))
     words = "is required" if to_service else "may be missing"
     unsure = set(b.get("required", ())) - set(a.get("required", ())) - set(lost)
     yield from (f"{where}.{name}: field {words}" for name in sorted(unsure))
-    inner = [(f".{name}", of[name], wanted_of[name]) for name in of if name in wanted_of]
+    inner = [(f".{name}", fields[name], wanted_fields[name]) for name in fields if name in wanted_fields]
     inner += [
         (f"[{key}]", a.get(key, {}), b[key])
         for key in ("items", "additionalProperties")

@@ -147,13 +147,13 @@ def dirty_logs() -> Answers:
 def main(out: Path) -> None:
     """Write the answers of this checkout."""
     models = probe.models()
-    first = models[probe.CARS[0]]
+    model = models[probe.CARS[0]]
     answers = {
         "forecasts": forecasts(models),
-        "updates": updates(first),
+        "updates": updates(model),
         "without a trace": without_a_trace(models),
         "evaluations": evaluations(),
-        "on the road": list(on_the_road(first)),
+        "on the road": list(on_the_road(model)),
         "dirty logs": dirty_logs(),
     }
     out.write_text(json.dumps(answers, default=str), "utf-8")

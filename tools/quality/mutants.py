@@ -139,7 +139,7 @@ def read_map(kept: Path) -> TestMap:
     return TestMap(by_line, seconds)
 
 
-def tests_for(mutant: Mutant, known: TestMap, uses: Mapping[str, Mapping[str, Sequence[int]]]) -> set[str]:
+def tests_for(mutant: Mutant, test_map: TestMap, uses: Mapping[str, Mapping[str, Sequence[int]]]) -> set[str]:
     """Tests that run the mutant: its statement, else its function, else functions that use the name it assigns.
 
     What runs in processes of its own alone, such as the service, is left to the tests of its room.
@@ -147,17 +147,17 @@ def tests_for(mutant: Mutant, known: TestMap, uses: Mapping[str, Mapping[str, Se
     path = mutant.path.relative_to(ROOT).as_posix()
     tests: set[str] = set()
     if mutant.function is not None:
-        first, last = mutant.function
-        if first <= mutant.first:
-            tests = known.of_lines(path, range(mutant.first, mutant.last + 1))
-        tests = tests or known.of_lines(path, range(first, last + 1))
+        start, end = mutant.function
+        if start <= mutant.first:
+            tests = test_map.of_lines(path, range(mutant.first, mutant.last + 1))
+        tests = tests or test_map.of_lines(path, range(start, end + 1))
     else:
         for name in mutant.names:
             for other, lines in uses.get(name, {}).items():
-                tests |= known.of_lines(other, lines)
-        tests = tests or known.of_lines(path, known.by_line.get(path, {}))
+                tests |= test_map.of_lines(other, lines)
+        tests = tests or test_map.of_lines(path, test_map.by_line.get(path, {}))
     room = mutant.path.relative_to(ROOT / "src" / "tripwatt").parent.as_posix()
-    return tests or {test for test in known.seconds if test.startswith(f"tests/{room}/")}
+    return tests or {test for test in test_map.seconds if test.startswith(f"tests/{room}/")}
 
 
 def uses_of_names(package: Path) -> dict[str, dict[str, list[int]]]:
@@ -176,37 +176,41 @@ def uses_of_names(package: Path) -> dict[str, dict[str, list[int]]]:
     return uses
 
 
-def naming(mutant: Mutant, known: TestMap, texts: Mapping[str, str]) -> set[str]:
+def tests_naming(mutant: Mutant, test_map: TestMap, texts: Mapping[str, str]) -> set[str]:
     """Tests of files that name the constant of a module that a mutant changes."""
     if mutant.function is not None or not mutant.names:
         return set()
     word = re.compile(rf"\b({'|'.join(map(re.escape, mutant.names))})\b")
     files = {name for name, text in texts.items() if word.search(text)}
-    return {test for test in known.seconds if test.split("::")[0] in files}
+    return {test for test in test_map.seconds if test.split("::")[0] in files}
 
 
-def ordered(tests: Iterable[str], known: TestMap, budget_s: float) -> tuple[list[str], float]:
+def order_tests(tests: Iterable[str], test_map: TestMap, budget_s: float) -> tuple[list[str], float]:
     """Tests grouped by file, quick files first, up to a sum of seconds; and that sum."""
     by_file: dict[str, list[str]] = defaultdict(list)
     for test in tests:
         by_file[test.split("::")[0]].append(test)
-    set_up = {name: max(known.seconds[t][0] for t in own) for name, own in by_file.items()}
+    set_up = {
+        name: max(test_map.seconds[t][0] for t in tests_of_file) for name, tests_of_file in by_file.items()
+    }
     chosen: list[str] = []
     spent = 0.0
-    for name, own in sorted(by_file.items(), key=lambda item: set_up[item[0]] + _quickest(item[1], known)):
-        fits = spent + set_up[name] + _quickest(own, known) <= budget_s
+    for name, tests_of_file in sorted(
+        by_file.items(), key=lambda item: set_up[item[0]] + _quickest(item[1], test_map)
+    ):
+        fits = spent + set_up[name] + _quickest(tests_of_file, test_map) <= budget_s
         if chosen and not fits:
             continue
         spent += set_up[name]
-        for test in sorted(own, key=lambda t: known.seconds[t][1]):
-            if not chosen or spent + known.seconds[test][1] <= budget_s:
+        for test in sorted(tests_of_file, key=lambda t: test_map.seconds[t][1]):
+            if not chosen or spent + test_map.seconds[test][1] <= budget_s:
                 chosen.append(test)
-                spent += known.seconds[test][1]
+                spent += test_map.seconds[test][1]
     return chosen, spent
 
 
-def _quickest(tests: Sequence[str], known: TestMap) -> float:
-    return min(known.seconds[test][1] for test in tests)
+def _quickest(tests: Sequence[str], test_map: TestMap) -> float:
+    return min(test_map.seconds[test][1] for test in tests)
 
 
 @dataclass(frozen=True, slots=True)
@@ -244,7 +248,7 @@ def judge(mutant: Mutant, project: Path, tests: Sequence[str], expected_s: float
 
 
 def judge_all(
-    mutants: Sequence[Mutant], known: TestMap, projects: Sequence[Path], budget_s: float
+    mutants: Sequence[Mutant], test_map: TestMap, projects: Sequence[Path], budget_s: float
 ) -> list[Verdict]:
     """Every mutant, as many at a time as there are copies of the project."""
     uses = uses_of_names(ROOT / "src" / "tripwatt")
@@ -256,9 +260,11 @@ def judge_all(
         free.put(project)
 
     def one(mutant: Mutant) -> Verdict:
-        likely, likely_s = ordered(naming(mutant, known, texts), known, budget_s)
-        others, others_s = ordered(tests_for(mutant, known, uses) - set(likely), known, budget_s - likely_s)
-        tests, expected_s = [*likely, *others], likely_s + others_s
+        likely, likely_s = order_tests(tests_naming(mutant, test_map, texts), test_map, budget_s)
+        other_tests, other_s = order_tests(
+            tests_for(mutant, test_map, uses) - set(likely), test_map, budget_s - likely_s
+        )
+        tests, expected_s = [*likely, *other_tests], likely_s + other_s
         project = free.get()
         try:
             verdict = judge(mutant, project, tests, expected_s)
@@ -323,8 +329,8 @@ def _changed_lines(since: str) -> dict[str, set[int]]:
         if row.startswith("+++ b/"):
             name = row.removeprefix("+++ b/")
         elif row.startswith("@@"):
-            first, _, count = row.split("+")[1].split(" ")[0].partition(",")
-            changed[name].update(range(int(first), int(first) + int(count or 1)))
+            start, _, count = row.split("+")[1].split(" ")[0].partition(",")
+            changed[name].update(range(int(start), int(start) + int(count or 1)))
     return {name: lines for name, lines in changed.items() if lines}
 
 

@@ -73,10 +73,10 @@ def plans() -> list[Plan]:
 
 def departure(k: int, ambient_degc: float) -> Departure:
     """What is known of a drive: of the air always, as on the trips of every result, of the car on every second, of some hardly more."""
-    given: dict[str, object] = {"soc": (0.95, 0.7, 0.4)[k % 3], "payload_mass_kg": 75.0 * (k % 4)}
-    given["ambient_temperature_degc"] = ambient_degc
+    conditions: dict[str, object] = {"soc": (0.95, 0.7, 0.4)[k % 3], "payload_mass_kg": 75.0 * (k % 4)}
+    conditions["ambient_temperature_degc"] = ambient_degc
     if k % 2:
-        given |= {
+        conditions |= {
             "cabin_temperature_degc": 0.5 * ambient_degc + 12.0,
             "battery_temperature_degc": 0.7 * ambient_degc + 5.0,
             "cabin_setpoint_degc": 21.0,
@@ -87,7 +87,7 @@ def departure(k: int, ambient_degc: float) -> Departure:
         9: {"extras": ("winter_tyres", "roof_box")},
     }
     rare |= {14: {"weather": "sunny"}, 16: {"weather": "sunny", "season": "summer"}}
-    return Departure(**(given | rare.get(k, {})))  # type: ignore[arg-type]
+    return Departure(**(conditions | rare.get(k, {})))  # type: ignore[arg-type]
 
 
 def with_signals(trip: Trip, car: Vehicle) -> Trip:
@@ -143,8 +143,8 @@ def models() -> dict[str, ForecastModel]:
     """A fitted car, the others that take its model over, and one of these with own trips."""
     cars = [load_vehicle(name) for name in CARS]
     model, last = ForecastModel(cars[0], corrector="gp").fit(trips()), cars[2]
-    own = tw.adapt(model, synthetic_fleet(OWN_TRIPS, SEED, vehicle=last).trips, last)
-    return {car.name: for_car(model, car) for car in cars} | {"own trips": own}
+    adapted = tw.adapt(model, synthetic_fleet(OWN_TRIPS, SEED, vehicle=last).trips, last)
+    return {car.name: for_car(model, car) for car in cars} | {"own trips": adapted}
 
 
 def computed() -> Probe:

@@ -175,7 +175,7 @@ def package_page(module: ModuleType) -> str:
     """
     door = set(importlib.import_module("tripwatt").__all__) if module.__name__ != "tripwatt" else set()
     names = public_names(module)
-    own = [name for name in names if name not in door]
+    described_here = [name for name in names if name not in door]
     lines = [
         f"# {module.__name__}",
         "",
@@ -184,11 +184,13 @@ def package_page(module: ModuleType) -> str:
         "   :no-members:",
     ]
     if shared := [name for name in names if name in door]:
-        told = ", ".join(f":py:obj:`~tripwatt.{name}`" for name in shared)
-        lines += ["", f"Described with :doc:`the front door <tripwatt>`: {told}."]
+        links = ", ".join(f":py:obj:`~tripwatt.{name}`" for name in shared)
+        lines += ["", f"Described with :doc:`the front door <tripwatt>`: {links}."]
     lines += ["```", "", "| name | what it is |", "|---|---|"]
-    lines += [f"| [`{name}`](#{module.__name__}.{name}) | {_first_line(module, name)} |" for name in own]
-    for name in own:
+    lines += [
+        f"| [`{name}`](#{module.__name__}.{name}) | {_first_line(module, name)} |" for name in described_here
+    ]
+    for name in described_here:
         lines += ["", f"## {name}", "", *_described(module, name)]
     return "\n".join([*lines, ""])
 
@@ -206,10 +208,10 @@ def public_names(module: ModuleType) -> list[str]:
     list of str
         Names without a leading underscore.
     """
-    own = [
+    defined_here = [
         name for name, thing in vars(module).items() if getattr(thing, "__module__", "") == module.__name__
     ]
-    return [name for name in getattr(module, "__all__", own) if not name.startswith("_")]
+    return [name for name in getattr(module, "__all__", defined_here) if not name.startswith("_")]
 
 
 def _described(module: ModuleType, name: str) -> list[str]:
@@ -288,13 +290,13 @@ def build(out: Path) -> str:
     with tempfile.TemporaryDirectory() as folder:
         pages, trees, fresh = (Path(folder, name) for name in ("pages", "trees", "site"))
         stage(pages)
-        said = io.StringIO()
+        warnings_text = io.StringIO()
         with patch_docutils(HERE), docutils_namespace(), warnings.catch_warnings():
             warnings.simplefilter("ignore", DeprecationWarning)  # of Sphinx's extensions among themselves
             warnings.simplefilter("ignore", PendingDeprecationWarning)
-            app = Sphinx(pages, HERE, fresh, trees, "html", status=None, warning=said)
+            app = Sphinx(pages, HERE, fresh, trees, "html", status=None, warning=warnings_text)
             app.build()
-        faults = re.sub(r"\x1b\[[0-9;]*m", "", said.getvalue()).replace(f"{pages}/", "")
+        faults = re.sub(r"\x1b\[[0-9;]*m", "", warnings_text.getvalue()).replace(f"{pages}/", "")
         if not faults:
             shutil.rmtree(out, ignore_errors=True)
             shutil.copytree(fresh, out, ignore=shutil.ignore_patterns(".buildinfo", "_sources"))
