@@ -94,14 +94,6 @@ def test_messages_and_make_run_name_extras_that_exist() -> None:
     assert SHAPE.search(install("service", "fleet"))
 
 
-def test_the_front_page_has_an_install_line_for_each_goal() -> None:
-    index = (ROOT / "docs" / "index.md").read_text()
-    found = [match for match in map(SHAPE.search, index.splitlines()) if match]
-    named = {extra for match in found for extra in (match["extras"] or "").split(",") if extra}
-    assert len(found) >= 6
-    assert named == set(EXTRAS) | {"elevation"}
-
-
 def brought(extra: str) -> set[str]:
     """Names of the packages that an extra brings, those of other extras of tripwatt among them."""
     needed = [Requirement(text) for text in DECLARED[extra]]
