@@ -9,7 +9,7 @@ import typer
 
 
 def run(main: Callable[..., int | None]) -> None:
-    """Run it with the words of the command line, and exit with what it returns.
+    """Run a function with the words of the command line, and exit with the code that it returns.
 
     Parameters
     ----------

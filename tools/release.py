@@ -111,7 +111,7 @@ def build_twice(root: Path = ROOT) -> dict[str, bytes]:
 
 
 def provenance(root: Path, built: Mapping[str, bytes]) -> dict[str, Any]:
-    """From what and how the files were built: a statement of in-toto with the predicate of SLSA 1.0, which nobody signed."""
+    """Statement of in-toto on the sources and the build of the files, with the predicate of SLSA 1.0, which nobody signed."""
     commit, number = _git(root, "rev-parse", "HEAD"), project(root)["version"]
     inputs = [f"constraints/{name}" for name in ("check.txt", "service.txt", "map.txt")]
     definition = {

@@ -53,7 +53,7 @@ def test_what_a_page_prints_can_be_written_into_it(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
     before = "Text.\n\n```python\n>>> x = 2\n>>> x + 1\n{}\n>>> print('a\\n\\nb')\n{}\n```\n\nEnd.\n"
     page.write_text(before.format("7", "old"), "utf-8")
-    assert render_pages.rewritten(page, tmp_path) == before.format("3", "a\n<BLANKLINE>\nb")
+    assert render_pages.with_output(page, tmp_path) == before.format("3", "a\n<BLANKLINE>\nb")
     assert page in [tmp_path / "page.md"]
     assert set(RUNNABLE) <= set(render_pages.pages())
 

@@ -55,8 +55,8 @@ def render(page: Path, folder: Path) -> doctest.TestResults:
     return doctest.DocTestRunner(NearlyEqual(), optionflags=flags).run(test)
 
 
-def rewritten(page: Path, folder: Path) -> str:
-    """A page with what its code prints now.
+def with_output(page: Path, folder: Path) -> str:
+    """Return a page with the output of its code as it is now.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ if __name__ == "__main__":
     for path in pages():
         with tempfile.TemporaryDirectory() as place, contextlib.chdir(place):
             if "--write" in sys.argv:
-                path.write_text(rewritten(path, DOCS / "images"), encoding="utf-8")
+                path.write_text(with_output(path, DOCS / "images"), encoding="utf-8")
             else:
                 failed += render(path, DOCS / "images").failed
     sys.exit(failed > 0)

@@ -45,13 +45,13 @@ class Side:
     document: Schema = field(repr=False)
 
     def of(self, schema: Schema) -> Side:
-        """Another schema of the document, in place of a reference what it names."""
+        """Another schema of the document; a reference is replaced by the schema that it names."""
         while "$ref" in schema:
             schema = self.document["components"]["schemas"][schema["$ref"].rpartition("/")[2]]
         return Side(schema, self.document)
 
     def alternatives(self) -> list[Side]:
-        """Schemas of which a value has to fit one."""
+        """Schemas, one of which a value has to fit."""
         for key in ALTERNATIVES:
             if key in self.schema:
                 parts = [self.of(part).schema for part in self.schema[key]]
@@ -138,7 +138,7 @@ def _of_content(
 def _misfits(
     given: Side, wanted: Side, where: str, *, to_service: bool, above: tuple[Any, ...] = ()
 ) -> list[str]:
-    """Why not every value of one schema fits another one."""
+    """Reasons why a value of the schema `given` may not fit the schema `wanted`."""
     pair = given.schema.get("$ref"), wanted.schema.get("$ref")
     if pair in above and None not in pair:
         return []

@@ -68,7 +68,7 @@ FOLLOW: Final = """
 
 
 def chromium() -> str | None:
-    """Where the browser is."""
+    """Path of the browser; None if there is none."""
     return next(filter(None, map(shutil.which, CHROMIUM)), None)
 
 
@@ -134,7 +134,7 @@ def advice_times(page: Any, moves: int) -> list[float]:
 
 
 def quantiles_ms(times: list[float]) -> dict[str, float]:
-    """The middle and the slowest of some times."""
+    """Median, 95th percentile and maximum of times."""
     return {f"p{q}_ms": round(float(np.percentile(times, q)), 1) for q in (50, 95, 100)}
 
 
@@ -146,7 +146,7 @@ def violations(page: Any) -> list[tuple[str, str]]:
 
 
 def measure() -> dict[str, Any]:
-    """All figures."""
+    """Measure all figures of the page."""
     folder = Path(tripwatt.server.http.__file__).with_name("page")
     files = {f.relative_to(folder).as_posix(): f.stat().st_size for f in folder.rglob("*") if f.is_file()}
     figures: dict[str, Any] = {"bundle_bytes": files, "bundle_total_bytes": sum(files.values())}

@@ -167,7 +167,7 @@ def rounded(parts: Mapping[str, Sequence[Sequence[float]]]) -> Probe:
 
 
 def differences(one: Mapping[str, Sequence[Sequence[float]]], other: Probe) -> Iterator[str]:
-    """Where two probes differ by more than noise, worst first within each part."""
+    """Yield the places where two probes differ by more than noise, the largest difference of each part first."""
     for name in dict.fromkeys((*one, *other)):
         rows = [np.array([x for row in probe.get(name, ()) for x in row]) for probe in (one, other)]
         if len(rows[0]) != len(rows[1]):

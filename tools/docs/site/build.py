@@ -125,7 +125,7 @@ def appended() -> Iterator[tuple[str, str]]:
 
 
 def with_words(text: str, words: Sequence[str]) -> str:
-    """A page with entries of the index below its title: the search puts a page first that has what is typed as an entry."""
+    """Add entries of the index below the title of a page: the search lists a page first if the words are one of its entries."""
     title, _, rest = text.partition("\n")
     entries = [f"   ! {word}" for word in words]
     return "\n".join([title, "", "```{eval-rst}", ".. index::", *entries, "", "```", rest])
