@@ -302,7 +302,7 @@ def tree_parts(tree: Mapping[str, Any], name: str = "model") -> dict[str, Part]:
 
     def plain(value: Any, place: str) -> Any:
         if isinstance(value, np.ndarray):
-            arrays[place] = _smallest(value)
+            arrays[place] = value
             return {_ARRAY: place}
         if isinstance(value, Mapping):
             return {key: plain(inner, f"{place}.{key}".lstrip(".")) for key, inner in value.items()}
@@ -311,15 +311,6 @@ def tree_parts(tree: Mapping[str, Any], name: str = "model") -> dict[str, Part]:
         return {_NUMBER: repr(value)} if isinstance(value, float) and math.isinf(value) else value
 
     return {f"{name}.json": plain(tree, ""), f"{name}.npz": arrays}
-
-
-def _smallest(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Convert an array of floats to single precision if that changes no value."""
-    if array.dtype != np.float64:
-        return array
-    with np.errstate(over="ignore"):
-        small = array.astype(np.float32)
-    return small if np.array_equal(small, array) else array
 
 
 def parts_tree(parts: Mapping[str, Part], name: str = "model") -> dict[str, Any]:

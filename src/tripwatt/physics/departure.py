@@ -30,34 +30,8 @@ def known_cabin(vehicle: Vehicle, given_degc: float | None, *, logged: bool) -> 
     return given_degc if given_degc > climate.sensor_minimum_degc else None
 
 
-def cabin_at_departure(
-    vehicle: Vehicle, given_degc: float | None, ambient_degc: float, *, logged: bool = False
-) -> float:
-    """Cabin temperature [°C] at departure: the given one, or else that of the outside air.
-
-    If the sensor reads the lower end of its range, the cabin is assumed to be as cold as the outside air, but no warmer than
-    the reading.
-
-    Examples
-    --------
-    >>> from tripwatt.vehicles import load_vehicle
-    >>> car = load_vehicle("bmw_i3_60ah")
-    >>> cabin_at_departure(car, 5.0, 3.0), cabin_at_departure(car, None, 3.0), cabin_at_departure(car, 10.0, 3.0, logged=True)
-    (5.0, 3.0, 3.0)
-    """
-    known = known_cabin(vehicle, given_degc, logged=logged)
-    if known is not None:
-        return known
-    return ambient_degc if given_degc is None else min(given_degc, ambient_degc)
-
-
 def warmth_from_cabin(
-    vehicle: Vehicle,
-    given_degc: float | None,
-    setpoint_degc: float | None,
-    ambient_degc: float,
-    *,
-    logged: bool = False,
+    vehicle: Vehicle, cabin_degc: float | None, setpoint_degc: float | None, ambient_degc: float
 ) -> float:
     """Warmth of tyres and driveline at departure, 0 to 1, inferred from a cabin that is still warm in cold weather.
 
@@ -68,18 +42,17 @@ def warmth_from_cabin(
     --------
     >>> from tripwatt.vehicles import load_vehicle
     >>> car = load_vehicle("bmw_i3_60ah")
-    >>> warmth_from_cabin(car, 12.0, 22.0, 2.0), warmth_from_cabin(car, 10.0, 22.0, 2.0, logged=True)
+    >>> warmth_from_cabin(car, 12.0, 22.0, 2.0), warmth_from_cabin(car, None, 22.0, 2.0)
     (0.5, 0.0)
     >>> warmth_from_cabin(car, 40.0, 22.0, 25.0), warmth_from_cabin(car, 20.0, 22.0, 12.0)
     (0.0, 0.4)
     """
     climate = vehicle.climate
-    cabin = known_cabin(vehicle, given_degc, logged=logged)
-    if cabin is None or climate is None:
+    if cabin_degc is None or climate is None:
         return 0.0
     setpoint = climate.setpoint_degc if setpoint_degc is None else setpoint_degc
     cold, warm = SUN_HEATS_CABINS_DEGC
     driven = min(1.0, max(0.0, (warm - ambient_degc) / (warm - cold)))
     # at least 5 K, for a set-point hardly above the outside air; a choice
     rise = max(setpoint - ambient_degc, 5.0)
-    return driven * min(1.0, max(0.0, (cabin - ambient_degc) / rise))
+    return driven * min(1.0, max(0.0, (cabin_degc - ambient_degc) / rise))

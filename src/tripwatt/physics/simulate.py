@@ -15,7 +15,7 @@ from tripwatt.physics.arguments import argument_faults
 from tripwatt.physics.cabin import CabinRun, CabinTask, condition_cabins, irradiance
 from tripwatt.physics.chain import CAUSE_NAMES, Trace, drive_chain
 from tripwatt.physics.conditions import UNKNOWN_AMBIENT_DEGC, DriveConditions
-from tripwatt.physics.departure import cabin_at_departure, warmth_from_cabin
+from tripwatt.physics.departure import known_cabin, warmth_from_cabin
 from tripwatt.physics.road_load import air_density, grade_from_elevation
 from tripwatt.trips import Departure, Flag, Plan, PlanWeather, Recorded
 from tripwatt.trips.showing import period
@@ -287,9 +287,11 @@ def conditions_at_departure(
     ambient = known.ambient_temperature_degc
     if ambient is None:
         ambient = UNKNOWN_AMBIENT_DEGC
-    cabin, setpoint = known.cabin_temperature_degc, known.cabin_setpoint_degc
-    logged = bool(known.cabin_logged)
-    warmth = warmth_from_cabin(vehicle, cabin, setpoint, ambient, logged=logged)
+    reading, setpoint = known.cabin_temperature_degc, known.cabin_setpoint_degc
+    cabin = known_cabin(vehicle, reading, logged=bool(known.cabin_logged))
+    warmth = warmth_from_cabin(vehicle, cabin, setpoint, ambient)
+    if cabin is None:  # as cold as the outside air, but no warmer than the lower end of the sensor's range
+        cabin = ambient if reading is None else min(reading, ambient)
     if known.follows_trip:
         warmth = 1.0
     if known.warmth is not None:
@@ -299,7 +301,7 @@ def conditions_at_departure(
         initial_soc=0.8 if soc is None else soc,
         initial_battery_temperature_degc=known.battery_temperature_degc,
         payload_mass_kg=known.payload_mass_kg or 0.0,
-        initial_cabin_temperature_degc=cabin_at_departure(vehicle, cabin, ambient, logged=logged),
+        initial_cabin_temperature_degc=cabin,
         cabin_setpoint_degc=setpoint,
         solar_irradiance_w_m2=irradiance(known.weather, known.season),
         initial_warmth=warmth,

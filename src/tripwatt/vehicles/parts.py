@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import MISSING, dataclass, field, fields
 from typing import Any, Final, TypeVar
 
-from tripwatt.arrays import FloatArray
+import numpy as np
+
+from tripwatt.arrays import FloatArray, PerTrip
 from tripwatt.units import GRAVITY_M_S2
 
 Number = TypeVar("Number", float, FloatArray)
@@ -170,17 +172,7 @@ class Tyres:
     warm_up_time_s: float = quantity("s", 1.0, 1e5)
     warm_up_speed_m_s: float = quantity("m/s", 1.0, 60.0)
 
-    @property
-    def warm_coefficient_per_k(self) -> float:
-        """Relative fall of rolling drag for each kelvin above the reference [1/K]."""
-        slope = (
-            self.temperature_coefficient_per_k
-        )  # a sum over both cases, so that it also holds for columns of several cars
-        return (slope < WARM_COEFFICIENT_PER_K) * slope + (
-            slope >= WARM_COEFFICIENT_PER_K
-        ) * WARM_COEFFICIENT_PER_K
-
-    def weather_factor(self, temperature_degc: Number) -> Number:
+    def weather_factor(self, temperature_degc: PerTrip) -> FloatArray:
         """Return warm rolling drag at an air temperature over that at the reference temperature [1].
 
         Parameters
@@ -190,21 +182,20 @@ class Tyres:
 
         Returns
         -------
-        float or ndarray
+        ndarray
             1 at the reference temperature; continuous, and never rising with temperature.
 
         Examples
         --------
         >>> from tripwatt.vehicles import load_vehicle
         >>> tyres = load_vehicle("bmw_i3_60ah").tyres
-        >>> tyres.weather_factor(20.0), round(tyres.weather_factor(0.0), 3), round(tyres.weather_factor(40.0), 3)
-        (1.0, 1.172, 0.828)
+        >>> tyres.weather_factor(np.array([0.0, 20.0, 40.0])).round(3)
+        array([1.172, 1.   , 0.828])
         """
         colder = self.reference_temperature_degc - temperature_degc
-        slope = (colder > 0.0) * self.temperature_coefficient_per_k + (
-            colder <= 0.0
-        ) * self.warm_coefficient_per_k
-        return 1.0 + slope * colder
+        slope = self.temperature_coefficient_per_k
+        warm_slope = np.minimum(slope, WARM_COEFFICIENT_PER_K)
+        return np.asarray(1.0 + slope * np.maximum(colder, 0.0) + warm_slope * np.minimum(colder, 0.0))
 
 
 MACHINES: Final = ("permanent_magnet", "induction", "externally_excited")
