@@ -72,12 +72,12 @@ BODY_WORDS: Final = shipped_toml("vehicles/data/table/bodies.toml")["words"]
 """Other words for a kind of body."""
 
 LIMITS: Final = {
-    "mass_kg": (400.0, 6000.0, "kg"),
-    "usable_battery_kwh": (4.0, 300.0, "kWh"),
-    "consumption_kwh_per_100km": (6.0, 60.0, "kWh/100 km"),
-    "motor_power_kw": (5.0, 1500.0, "kW"),
+    "mass_kg": Column("kg", 400.0, 6000.0, ""),
+    "usable_battery_kwh": Column("kWh", 4.0, 300.0, ""),
+    "consumption_kwh_per_100km": Column("kWh/100 km", 6.0, 60.0, ""),
+    "motor_power_kw": Column("kW", 5.0, 1500.0, ""),
 }
-"""Smallest and largest value of each figure, and its unit."""
+"""Unit, smallest and largest value of each figure."""
 
 FOLLOWING: Final = {
     "mass_kg": ("body.curb_mass_kg", "road_load."),
@@ -196,9 +196,8 @@ def _checked(given: Mapping[str, float | None], body: str | None, heat_pump: obj
     """Check that the figures are valid, and return the kind of body; "suv" if none is given."""
     faults: list[Fault] = []
     for key, value in given.items():
-        low, high, unit = LIMITS[key]
         if value is not None:
-            faults += number_faults(key, value, Column(unit, low, high, ""))
+            faults += number_faults(key, value, LIMITS[key])
     kind = "suv" if body is None else BODY_WORDS.get(str(body).lower(), str(body).lower())
     if kind not in BODIES:
         faults.append(Fault.unknown("unknown body", "body", body, (*BODIES, *BODY_WORDS)))
@@ -252,11 +251,8 @@ def _title(given: Mapping[str, float | None], kind: str, procedure: str) -> str:
     if mass is not None and beyond_classes(mass):
         low, high = mass_range_kg()
         kind = f"extrapolated from {kind} (library: {low:.0f} to {high:.0f} kg)"
-    parts = [kind]
-    for key, unit in (("mass_kg", "kg"), ("usable_battery_kwh", "kWh"), ("motor_power_kw", "kW")):
-        value = given[key]
-        if value is not None:
-            parts.append(f"{value:g} {unit}")
+    shown = [key for key in ("mass_kg", "usable_battery_kwh", "motor_power_kw") if given[key] is not None]
+    parts = [kind, *(f"{given[key]:g} {LIMITS[key].unit}" for key in shown)]
     consumption = given["consumption_kwh_per_100km"]
     if consumption is not None:
         parts.append(f"{procedure.upper()} {consumption:g} kWh/100 km")

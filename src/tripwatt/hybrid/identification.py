@@ -29,6 +29,7 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray
 from tripwatt.auditing.signals import blank_stuck_heater
+from tripwatt.hybrid.climate_log import CLIMATE_COLUMNS
 from tripwatt.hybrid.climate_values import FARTHEST, MIN_TRIPS, ClimateRecord, climate_values
 from tripwatt.hybrid.parameters import with_values
 from tripwatt.physics import Simulation, simulate_trip
@@ -73,8 +74,6 @@ STANDING_M_S: Final = 0.1
 CLIMATE_OFF_W: Final = 50.0
 """A cell rests below `RESTING_A` [A] for `RESTING_S` [s]; a car stands below `STANDING_M_S` [m/s]; climate control is off below
 `CLIMATE_OFF_W` [W]; choices."""
-
-HEATER: Final = ("heating_power_w", "aircon_power_w")
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,19 +193,19 @@ def stage_record(trip: Trip, vehicle: Vehicle) -> StageRecord:
     """
     trip = resample(trip)
     samples = blank_stuck_heater(trip.samples, "")[0]
-    climate = compressor = None
-    if all(name in samples and samples[name].notna().all() for name in HEATER):
-        heater, compressor = (np.maximum(samples[name].to_numpy(dtype=np.float64), 0.0) for name in HEATER)
-        climate = heater + compressor
+    climate, record = None, None
+    heater, compressor = (_column(samples, name) for name in CLIMATE_COLUMNS)
+    if heater is not None and compressor is not None:
+        compressor = np.maximum(compressor, 0.0)
+        climate = np.maximum(heater, 0.0) + compressor
+        record = ClimateRecord.from_trip(trip, vehicle, climate, compressor)
     road, braking = _torque_rows(trip, vehicle)
     return StageRecord(
         conditions_at_departure(vehicle, trip.departure).ambient_temperature_degc,
         road,
         braking,
         _standing_power(samples, climate),
-        None
-        if climate is None or compressor is None
-        else ClimateRecord.from_trip(trip, vehicle, climate, compressor),
+        record,
         _rest_rows(samples, vehicle),
     )
 

@@ -79,7 +79,8 @@ def load_vehicle(
             return _from_library(name, preset, overrides)
         vehicle = _unchanged(name, preset)
         return dataclasses.replace(vehicle, entries=dict(vehicle.entries))
-    document = parse_toml(_read(path), str(path))
+    text = read_text_file(path, MAX_TEXT_BYTES, what="file cannot be read", allowed="a TOML text file")
+    document = parse_toml(text, str(path))
     # values in a user's file have the licence of the user and are anchored to no test, unless the file says otherwise
     document = {"licence": "user", "anchor": "class", **document}
     return vehicle_from_document(document, path.stem, str(path), preset, overrides or {})
@@ -162,13 +163,12 @@ def find_vehicles(words: str) -> tuple[str, ...]:
     wanted = [word for word in map(_plain, words.split()) if word]
     matching = []
     for name, title in vehicle_titles().items():
-        years = _years(title)
         texts = [_plain(word) for word in re.split(r"[\s_()/-]+", f"{title} {name}")]
         rests = ["".join(texts[k:]) for k in range(len(texts))]
         if wanted and all(
             word in texts
             or (len(word) > 2 and any(rest.startswith(word) for rest in rests))
-            or _is_year_in(word, years)
+            or _is_year_of(word, title)
             for word in wanted
         ):
             parts = sum(word not in texts for word in wanted)
@@ -182,14 +182,10 @@ def _plain(text: str) -> str:
     return "".join(sign for sign in plain if sign.isascii() and sign.isalnum())
 
 
-def _years(title: str) -> tuple[int, int] | None:
-    """Return the first and last model year in the brackets at the end of a title; None if there are none."""
+def _is_year_of(word: str, title: str) -> bool:
+    """Return whether a word is a model year of a car, which are in brackets at the end of its title."""
     match = re.search(r"\((\d{4})(?:-(\d{4}))?\)$", title)
-    return None if match is None else (int(match[1]), int(match[2] or match[1]))
-
-
-def _is_year_in(word: str, years: tuple[int, int] | None) -> bool:
-    return years is not None and len(word) == 4 and word.isdigit() and years[0] <= int(word) <= years[1]
+    return match is not None and len(word) == 4 and match[1] <= word <= (match[2] or match[1])
 
 
 def library_document(name: str) -> dict[str, Any]:
@@ -203,7 +199,3 @@ def library_document(name: str) -> dict[str, Any]:
     if name in file_names():
         return {**bundled_document(name), **charging_section(name)}
     return {**similar_document(figures_of_row(catalogue()[name]), class_values()), **charging_section(name)}
-
-
-def _read(path: Path) -> str:
-    return read_text_file(path, MAX_TEXT_BYTES, what="file cannot be read", allowed="a TOML text file")

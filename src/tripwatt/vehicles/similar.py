@@ -221,38 +221,30 @@ def _class(value: float, unit: str, estimated: str) -> dict[str, Any]:
 
 
 def _road_load(car: Figures, classes: ClassValues) -> dict[str, Any]:
-    density = {
+    """Return the coast-down of a car, or else that of its class: rolling in proportion to the weight, the drag area of its body."""
+    run, about = car.coastdown, car.coastdown_source
+    if run is None or about is None:
+        mass, area = float(car.curb_mass["value"]) + DRIVER_KG, classes.drag_area_m2[car.body]
+        weight = mass * GRAVITY_M_S2
+        rolling = TWIZY_ROLLING if car.body == QUADRICYCLE else classes.rolling
+        c = 0.5 * ROAD_LOAD_DENSITY_KG_M3 * area
+        run = Coastdown(rolling * weight, classes.rolling_per_speed_s_m * weight, c, mass)
+        how = f"medians of {classes.cars} measured coast-downs, for the weight with a driver and the drag area of the body {car.body}, {area:.3f} m2"
+        about = _class(0.0, "", how)
+    values = {
+        "coastdown_a_n": (run.a_n, "N"),
+        "coastdown_b_n_s_m": (run.b_n_s_m, "N s/m"),
+        "coastdown_c_n_s2_m2": (run.c_n_s2_m2, "N s2/m2"),
+        "coastdown_mass_kg": (run.mass_kg, "kg"),
+    }
+    entries = {key: {**about, "value": value, "unit": unit} for key, (value, unit) in values.items()}
+    entries["coastdown_air_density_kg_m3"] = {
         "value": ROAD_LOAD_DENSITY_KG_M3,
         "unit": "kg/m3",
         "source": "SAE J2263 reference conditions, 20 degC and 98.21 kPa, ideal gas",
         "licence": "facts",
     }
-    run = car.coastdown
-    if run is not None:
-        about = {k: v for k, v in (car.coastdown_source or {}).items() if k != "value"}
-        return {
-            "coastdown_a_n": {**about, "value": run.a_n, "unit": "N"},
-            "coastdown_b_n_s_m": {**about, "value": run.b_n_s_m, "unit": "N s/m"},
-            "coastdown_c_n_s2_m2": {**about, "value": run.c_n_s2_m2, "unit": "N s2/m2"},
-            "coastdown_mass_kg": {**about, "value": run.mass_kg, "unit": "kg"},
-            "coastdown_air_density_kg_m3": density,
-        }
-    mass = float(car.curb_mass["value"]) + DRIVER_KG
-    weight = mass * GRAVITY_M_S2
-    how = f"median of {classes.cars} measured coast-downs, in proportion to the weight"
-    area = classes.drag_area_m2[car.body]
-    rolling = TWIZY_ROLLING if car.body == QUADRICYCLE else classes.rolling
-    return {
-        "coastdown_a_n": _class(rolling * weight, "N", how),
-        "coastdown_b_n_s_m": _class(classes.rolling_per_speed_s_m * weight, "N s/m", how),
-        "coastdown_c_n_s2_m2": _class(
-            0.5 * ROAD_LOAD_DENSITY_KG_M3 * area,
-            "N s2/m2",
-            f"median drag area of a {car.body}, {area:.3f} m2",
-        ),
-        "coastdown_mass_kg": _class(mass, "kg", "with a driver"),
-        "coastdown_air_density_kg_m3": density,
-    }
+    return entries
 
 
 def _battery(car: Figures) -> dict[str, Any]:

@@ -69,16 +69,13 @@ def spreads(anchor: str, beyond: float = 0.0) -> Mapping[str, float]:
     >>> spreads("road_load")["air"] < spreads("certification")["air"] < spreads("class")["air"]
     True
     """
-    if anchor in _NO_TEST:
+    # the consumption fixes the sum of rolling and air drag, so half of each variance of the class is left
+    unknown = {"road_load": 0.0, "certification": math.sqrt(0.5), "class": 1.0}.get(anchor)
+    if unknown is None:
         return types.MappingProxyType({})
     classes = class_values()
-    # the consumption fixes the sum of rolling and air drag, so half of each variance of the class is left
-    unknown = {"road_load": 0.0, "certification": math.sqrt(0.5), "class": 1.0}[anchor]
     by_part = {
         "rolling": math.hypot(TYRES_SD, ROAD_GAIN_SD, unknown * math.hypot(classes.rolling_sd, beyond)),
         "air": math.hypot(TRIM_SD, ROAD_GAIN_SD, unknown * math.hypot(classes.drag_area_sd, beyond)),
     }
     return types.MappingProxyType(by_part)
-
-
-_NO_TEST: Final = ("published", "road")
