@@ -184,20 +184,6 @@ def test_one_forecast_in_one_call_is_that_of_the_model(model):
     assert other.vehicle.name == "vw_id3"
 
 
-def test_an_update_is_on_the_clock_of_the_file(model):
-    samples = tw.synthetic_fleet(1).trips[0].samples.copy()
-    early = Plan.from_samples(samples, "drive")
-    samples["time_s"] += 500.0
-    late = Plan.from_samples(samples, "drive")
-    measured = ["time_s", "voltage_v", "current_a"]
-    half = samples.iloc[: len(samples) // 2][measured]
-    after = model.forecast(late).update(half)
-    same = model.forecast(early).update(half.assign(time_s=half["time_s"] - 500.0))
-    assert after.to_dict() == same.to_dict()
-    with pytest.raises(InvalidInput, match="before departure"):
-        model.forecast(late).update(half.assign(time_s=half["time_s"] - 100.0))
-
-
 def test_what_the_simulation_takes_is_bounded_by_the_schema_alone():
     car = tw.load_vehicle("bmw_i3_60ah")
     time = np.arange(3.0)

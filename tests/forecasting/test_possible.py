@@ -5,17 +5,13 @@ from functools import cache
 import numpy as np
 import pandas as pd
 import pytest
-from tests.forecasting.test_forecast import ONE_PROCESS
 from tests.support.cars import some_cars
-from tests.support.dense_process import DensePower, covariance
 
 import tripwatt as tw
 from tripwatt.forecasting.along import distance_below, possible_energy
 from tripwatt.forecasting.document import QUANTILES
 from tripwatt.population import for_car
 from tripwatt.trips import Departure
-from tripwatt.uncertainty import Segments
-from tripwatt.uncertainty.process import ComponentProcess, ResidualProcess
 
 KM = (1, 20, 60, 160, 400, 900)
 MIN_CHANGE = 1e-9
@@ -108,22 +104,3 @@ def test_the_least_energy_bounds_from_below_and_is_reversible():
     # a drive that gives energy back has no floor above its expectation
     assert possible_energy(-300.0, 100.0, -200.0) == -400.0
     assert distance_below(-300.0, -400.0, -200.0) == 100.0
-
-
-@pytest.mark.parametrize("segments", [1, 3, 64, 65, 200])
-def test_the_prior_without_its_matrix_is_the_prior(segments):
-    rng = np.random.default_rng(segments)
-    time = np.cumsum(rng.uniform(20.0, 40.0, segments))
-    trip = Segments(
-        time, np.full(segments, 30.0), rng.uniform(0, 9e3, segments), rng.uniform(0, 3e3, segments)
-    )
-    both = ResidualProcess(
-        ComponentProcess(50.0, 0.02, 400.0, 90.0, 0.5),
-        ComponentProcess(200.0, 0.1, 300.0, 300.0, 60.0, 2.0, 150.0),
-        1000.0,
-        True,
-    )
-    for process in (both, ONE_PROCESS):
-        hours = rng.uniform(0.0, 1.0, segments) / 120.0
-        dense = DensePower.from_covariance(covariance(process, trip)).sd_wh(hours)
-        np.testing.assert_allclose(process.prior(trip).sd_wh(hours), dense, rtol=1e-9)
