@@ -31,7 +31,7 @@ from tripwatt.sources import read_logs
 from tripwatt.study.evaluation.forecast_scores import LEVELS, UPDATE_LEVEL, coverage_scores
 from tripwatt.study.evaluation.metrics import absolute_percentage_error, bootstrap_interval, summarise_errors
 from tripwatt.trips import Trip
-from tripwatt.uncertainty import Coverage, linked_trips
+from tripwatt.uncertainty import Coverage, LinkedTrips, linked_trips
 from tripwatt.uncertainty.free_flow import FreeFlowTrips
 from tripwatt.vehicles import load_vehicle
 
@@ -59,7 +59,9 @@ def forecasts(trips: Sequence[Trip], folds: int = 0) -> list[dict[str, Forecast]
     for number in range(int(fold.max()) + 1):
         others = np.flatnonzero(fold != number)
         model = ForecastModel(car, seed=SEED).fit_segments(
-            segments.take(others), routes=routes.take(others), free_flow=free.take(others)
+            segments.take(others),
+            routes=LinkedTrips(tuple(routes.tables[i] for i in others)),
+            free_flow=free.take(others),
         )
         for k in np.flatnonzero(fold == number).tolist():
             by_trip[k] = _forecasts_of(trips[k], k, model, free)

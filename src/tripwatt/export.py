@@ -18,6 +18,7 @@ import numpy as np
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.physics import Simulation, simulate_trip
+from tripwatt.physics.battery import usable_energy_wh
 from tripwatt.routes import route_from_links
 from tripwatt.trips import Departure, Flag, Plan, table_of
 from tripwatt.trips.messages import message
@@ -134,8 +135,8 @@ def consumption_curve(
     (True, True)
     """
     departure = departure or Departure()
-    physics = _Driver(vehicle, departure, None)
-    drive, learned_w = physics.with_correction(correction)
+    physics = _Driver(vehicle, departure)
+    drive = physics if correction is None else physics.corrected(correction)
     speeds, levels = [], []
     for speed in range(LOWEST_KM_H, HIGHEST_KM_H + 1, STEP_KM_H):
         level, flags = drive.constant(speed * M_S_PER_KM_H)
@@ -156,43 +157,34 @@ def consumption_curve(
         speed_km_h=np.array(speeds, dtype=np.int64),
         energy_wh_km=np.array(levels),
         traffic_energy_wh_km=np.array([drive.in_traffic(v * M_S_PER_KM_H) for v in speeds]),
-        auxiliary_power_w=max(physics.auxiliary_power(reference) + learned_w, 0.0),
+        auxiliary_power_w=max(physics.auxiliary_power(reference) + drive.constant_w, 0.0),
         ascent_wh_m=(up - flat) / rise_m_km,
         descent_wh_m=max(flat - down, 0.0) / rise_m_km,
         acceleration_efficiency=gained,
         deceleration_efficiency=saved,
         mass_kg=mass,
-        capacity_wh=_capacity_wh(vehicle),
-        reference_wh_km=replace(drive, correction=correction).reference(),
+        capacity_wh=usable_energy_wh(vehicle.battery),
+        reference_wh_km=drive.reference(),
     )
-
-
-def _capacity_wh(vehicle: Vehicle) -> float:
-    battery = vehicle.battery
-    soc = np.linspace(battery.displayed_zero_soc, battery.displayed_full_soc, 101)
-    ocv = np.interp(soc, battery.ocv_soc, battery.ocv_v) * battery.cells_in_series
-    return float(np.trapezoid(ocv, soc) * battery.capacity_ah)
 
 
 @dataclass(frozen=True, slots=True)
 class _Driver:
-    """Simulated drives of one car from one departure."""
+    """Simulated drives of one car from one departure, with a correction of their energy [Wh].
+
+    The correction counts as driving, less `constant_w`, its power at the lowest speed [W].
+    """
 
     vehicle: Vehicle
     departure: Departure
-    correction: Callable[[Plan], float] | None
+    correction: Callable[[Plan], float] = lambda trip: 0.0
+    constant_w: float = 0.0
 
-    def with_correction(self, correction: Callable[[Plan], float] | None) -> tuple[_Driver, float]:
-        """A copy with the part of the correction that counts as driving, and the rest as a constant power [W]."""
-        if correction is None:
-            return self, 0.0
+    def corrected(self, correction: Callable[[Plan], float]) -> _Driver:
         slow = self.steady(LOWEST_KM_H * M_S_PER_KM_H)
-        power = correction(slow) * SECONDS_PER_HOUR / slow.duration_s
-
-        def of_driving(trip: Plan) -> float:
-            return correction(trip) - power * trip.duration_s / SECONDS_PER_HOUR
-
-        return replace(self, correction=of_driving), power
+        return replace(
+            self, correction=correction, constant_w=correction(slow) * SECONDS_PER_HOUR / slow.duration_s
+        )
 
     def trip(self, speed_m_s: FloatArray, grade: float = 0.0) -> Plan:
         samples = {"time_s": np.arange(float(len(speed_m_s))), "speed_m_s": speed_m_s}
@@ -205,7 +197,8 @@ class _Driver:
         run = simulate_trip(self.vehicle, trip)
         by_cause = run.by_cause_wh
         energy = run.simulated_energy_wh - sum(by_cause[cause] for cause in AUXILIARIES)
-        return energy + (0.0 if self.correction is None else self.correction(trip)), run
+        constant_wh = self.constant_w * trip.duration_s / SECONDS_PER_HOUR
+        return energy + self.correction(trip) - constant_wh, run
 
     def steady(self, speed_m_s: float, grade: float = 0.0) -> Plan:
         duration = int(min(DRIVE_S, DRIVE_M / speed_m_s))
@@ -226,8 +219,7 @@ class _Driver:
         """Energy per kilometre [Wh/km] at 110 km/h with auxiliaries."""
         trip = self.steady(ABRP_KM_H * M_S_PER_KM_H)
         energy = simulate_trip(self.vehicle, trip).simulated_energy_wh
-        correction = 0.0 if self.correction is None else self.correction(trip)
-        return (energy + correction) / (trip.distance_m / 1000.0)
+        return (energy + self.correction(trip)) / (trip.distance_m / 1000.0)
 
     def in_traffic(self, speed_m_s: float) -> float:
         """Energy per kilometre [Wh/km] without auxiliaries on links with only a mean speed."""
@@ -308,10 +300,9 @@ def _pairs(speed_km_h: IntArray, energy: FloatArray, digits: int) -> list[str]:
 
 def _rising_end(speed: IntArray, energy: FloatArray) -> tuple[IntArray, FloatArray]:
     """The curve without a falling end, which TomTom does not accept."""
-    last = len(speed)
-    while last > 1 and energy[last - 1] < energy[last - 2]:
-        last -= 1
-    return speed[:last], energy[:last]
+    rises = np.flatnonzero(np.diff(energy) >= 0.0)
+    end = int(rises[-1]) + 2 if len(rises) else 1
+    return speed[:end], energy[:end]
 
 
 EXPORTS: Final[Mapping[str, Callable[[ConsumptionCurve], dict[str, str]]]] = {
@@ -364,6 +355,6 @@ def render_query(parameters: Mapping[str, str]) -> str:
     >>> render_query({"ev[ascent]": "9", "ev[freeFlowSpeedTable]": "0,0.2"})
     'ev[ascent]=9&ev[freeFlowSpeedTable]=0,0.2'
     """
-    from urllib.parse import quote
+    from urllib.parse import quote, urlencode
 
-    return "&".join(f"{quote(k, safe='[]')}={quote(v, safe=',;:')}" for k, v in parameters.items())
+    return urlencode(parameters, safe="[],;:", quote_via=quote)

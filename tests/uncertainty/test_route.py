@@ -54,7 +54,6 @@ class TestLinks:
         assert np.isnan(found[1]).all()
         assert found[2] == pytest.approx([0.0, 115 / 105 - 1, 135 / 105 - 1], **EXACT)
         assert np.isnan(linked.differences(Corrector(), driven, np.array([1]))).all()
-        assert linked.take([1, 0]).tables == ((), tables)
 
     def test_at_most_two_hundred_trips_evenly(self, monkeypatch) -> None:
         monkeypatch.setattr(route, "_on_links", lambda trip, vehicle: (trip,))

@@ -419,7 +419,26 @@ class Forecast:
         >>> more.energy_wh > 0.0, more.sd_wh < cold.sd_wh
         (True, True)
         """
-        return difference(self, other)
+        if self.vehicle != other.vehicle or self.measured_until_s or other.measured_until_s:
+            got = "of two cars" if self.vehicle != other.vehicle else "one that was updated on the way"
+            allowed = "two forecasts of one car by one model before departure"
+            raise InvalidInput.of("forecasts without a common part", "forecasts", got, allowed)
+        ours, theirs = self.by_cause_wh, other.by_cause_wh
+        causes = {cause: wh - theirs[cause] for cause, wh in ours.items()}
+        simulated = (wh for cause, wh in causes.items() if cause != "correction")
+        return Difference(
+            self.energy_wh - other.energy_wh,
+            sd_between(
+                _shared(self, ours["climate"]),
+                _shared(other, theirs["climate"]),
+                self.uncertainty.scale,
+                simulated,
+            ),
+            self.plan.duration_s - other.plan.duration_s,
+            self.soc_arrival - other.soc_arrival,
+            causes,
+            self.uncertainty.scores,
+        )
 
     @one_blas_thread
     def update(self, observed: pd.DataFrame) -> Forecast:
@@ -568,7 +587,16 @@ class Forecast:
         )
 
     def _repr_html_(self) -> str:
-        return html_table(f"Forecast {self.plan.trip_id}", table_rows(self))
+        (low, high), (least, most) = self.interval(BAND), self.arrival.interval(BAND)
+        rows = [
+            ("energy", f"{self.energy_wh / 1000.0:.2f} kWh"),
+            (f"{BAND:.0%} interval", f"{low / 1000.0:.2f} to {high / 1000.0:.2f} kWh"),
+            ("state of charge at arrival", f"{self.soc_arrival:.0%} ({least:.0%} to {most:.0%})"),
+            ("probability to arrive", f"{self.p_arrive():.1%}"),
+            ("given", self.given),
+            *(("note", message(flag)) for flag in self.flags),
+        ]
+        return html_table(f"Forecast {self.plan.trip_id}", rows)
 
     @property
     def _climbs_from_m(self) -> float:
@@ -652,27 +680,6 @@ def with_empty_flag(forecast: Forecast) -> Forecast:
         return replace(forecast, flags=(*flags, Flag("battery_empty", "battery", missing, "wh")))
     # the same object if nothing changes: its cached properties are kept
     return forecast if len(flags) == len(forecast.flags) else replace(forecast, flags=flags)
-
-
-def difference(one: Forecast, other: Forecast) -> Difference:
-    """Difference of two forecasts, `one` minus `other`: see `Forecast.difference`."""
-    if one.vehicle != other.vehicle or one.measured_until_s or other.measured_until_s:
-        got = "of two cars" if one.vehicle != other.vehicle else "one that was updated on the way"
-        allowed = "two forecasts of one car by one model before departure"
-        raise InvalidInput.of("forecasts without a common part", "forecasts", got, allowed)
-    ours, theirs = one.by_cause_wh, other.by_cause_wh
-    causes = {cause: wh - theirs[cause] for cause, wh in ours.items()}
-    simulated = (wh for cause, wh in causes.items() if cause != "correction")
-    return Difference(
-        one.energy_wh - other.energy_wh,
-        sd_between(
-            _shared(one, ours["climate"]), _shared(other, theirs["climate"]), one.uncertainty.scale, simulated
-        ),
-        one.plan.duration_s - other.plan.duration_s,
-        one.soc_arrival - other.soc_arrival,
-        causes,
-        one.uncertainty.scores,
-    )
 
 
 def _shared(forecast: Forecast, climate_wh: float) -> Shared:
@@ -775,16 +782,3 @@ def with_route_error(
             flags.append(Flag("links_too_long", "links", link_m, "m"))
     wider = replace(forecast, route_sd_wh=route_sd_wh, flags=tuple(dict.fromkeys(flags)))
     return with_empty_flag(wider)
-
-
-def table_rows(forecast: Forecast) -> list[tuple[str, str]]:
-    """Names and values that a notebook shows for a forecast."""
-    (low, high), (least, most) = forecast.interval(BAND), forecast.arrival.interval(BAND)
-    return [
-        ("energy", f"{forecast.energy_wh / 1000.0:.2f} kWh"),
-        (f"{BAND:.0%} interval", f"{low / 1000.0:.2f} to {high / 1000.0:.2f} kWh"),
-        ("state of charge at arrival", f"{forecast.soc_arrival:.0%} ({least:.0%} to {most:.0%})"),
-        ("probability to arrive", f"{forecast.p_arrive():.1%}"),
-        ("given", forecast.given),
-        *(("note", message(flag)) for flag in forecast.flags),
-    ]

@@ -135,7 +135,7 @@ class AdditiveGP:
             raise InvalidInput.of("too few groups", "groups", str(len(labels)), "at least 3")
         w = np.ones(len(X)) if weight is None else np.asarray(weight, dtype=np.float64)
         self._learn_columns(X)
-        features, self.slices_ = self._features(X)
+        features = self._features(X)
         totals = np.zeros((len(labels), features.shape[1]))
         np.add.at(totals, codes, features * w[:, None])
         target = np.asarray(np.bincount(codes, np.asarray(y, dtype=np.float64) * w), dtype=np.float64)
@@ -149,7 +149,7 @@ class AdditiveGP:
 
     def predict(self, X: pd.DataFrame) -> FloatArray:
         """Mean of the sum of the terms, shape (rows,); the group effect of a new group is 0."""
-        return self.mean(self._features(X)[0])
+        return self.mean(self._features(X))
 
     def mean(self, features: FloatArray) -> FloatArray:
         """Mean of the sum of the terms, shape (rows,); `features` are those of the rows, see `features`."""
@@ -157,7 +157,7 @@ class AdditiveGP:
 
     def features(self, X: pd.DataFrame) -> tuple[FloatArray, FloatArray]:
         """Features of the rows, shape (rows, features), and the prior variance of their weights before any data."""
-        return self._features(X)[0], self._by_feature([term.sd**2 for term in self.terms])
+        return self._features(X), self._by_feature([term.sd**2 for term in self.terms])
 
     def factor(self, features: FloatArray) -> FloatArray:
         """Factor `L`, shape (rows, features), of the posterior covariance ``L @ L.T`` of the sum of the terms at the rows."""
@@ -278,7 +278,7 @@ class AdditiveGP:
         """Repeat a value of each term for all features of the term."""
         return np.repeat(np.asarray(of_terms), [s.stop - s.start for s in self._slices()])
 
-    def _features(self, X: pd.DataFrame) -> tuple[FloatArray, list[slice]]:
+    def _features(self, X: pd.DataFrame) -> FloatArray:
         blocks = []
         smooth = dict.fromkeys(c for term in self.terms if term.kind == "smooth" for c in term.columns)
         columns = _columns(X)
@@ -290,11 +290,11 @@ class AdditiveGP:
             else:
                 block = _squared_exponential(self._standard(held, term), self.points_[i]) @ self.whiteners_[i]
             blocks.append(block)
-        return np.concatenate(blocks, axis=1), self._slices()
+        return np.concatenate(blocks, axis=1)
 
     def _fit_totals(self, totals: FloatArray, target: FloatArray, effects: FloatArray) -> None:
         """Fit the variances, then the posterior of the features' weights; outlying clusters count less."""
-        kernels = np.array([totals[:, s] @ totals[:, s].T for s in self.slices_])
+        kernels = np.array([totals[:, s] @ totals[:, s].T for s in self._slices()])
         scale = np.ones(len(target))  # latent scale of the t distribution of each cluster's own effects
         self.variances_ = self._variances(kernels, target, effects, scale)
         # three passes; a choice

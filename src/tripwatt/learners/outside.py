@@ -69,7 +69,10 @@ class OutsideRegressor:
             k for k, v in made.get_params().items() if v is None and k.split("__")[-1] == "random_state"
         ]
         made.set_params(**dict.fromkeys(open_seeds, self.seed))
-        takes = isinstance(made, GridSearchCV | RandomizedSearchCV) or "groups" in _parameters(made.fit)
+        takes = (
+            isinstance(made, GridSearchCV | RandomizedSearchCV)
+            or "groups" in inspect.signature(made.fit).parameters
+        )
         self.regressor_ = made
         made.fit(self._input(columns), np.asarray(y), **({"groups": groups} if takes else {}))
         return self
@@ -117,10 +120,6 @@ def checked(predicted: object, rows: int, model: object) -> FloatArray:
         got = f"{int((~np.isfinite(values)).sum())} values that are not finite"
         raise InvalidInput.of("prediction cannot be used", where, got, "finite numbers")
     return values
-
-
-def _parameters(function: Any) -> list[str]:
-    return list(inspect.signature(function).parameters)
 
 
 def _numbers(X: pd.DataFrame) -> pd.DataFrame:

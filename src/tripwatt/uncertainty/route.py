@@ -125,21 +125,6 @@ class LinkedTrips:
 
     tables: tuple[tuple[SegmentTable, ...], ...]
 
-    def take(self, members: Sequence[int] | IntArray) -> LinkedTrips:
-        """Take some of the trips.
-
-        Parameters
-        ----------
-        members : sequence of int
-            Indices of the trips.
-
-        Returns
-        -------
-        LinkedTrips
-            The trips in the order of `members`.
-        """
-        return LinkedTrips(tuple(self.tables[int(i)] for i in members))
-
     def differences(self, corrector: PowerCorrector, driven: SegmentTable, members: IntArray) -> FloatArray:
         """Compare the predicted energies of trips on links with those on their driven traces.
 
