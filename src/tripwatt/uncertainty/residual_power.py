@@ -171,7 +171,7 @@ class PowerPrior:
         return np.zeros(len(self.time_s))
 
     def sd_wh(self, hours: FloatArray) -> FloatArray:
-        """Compute the standard deviation of the cumulative energy at the end of each segment. O(segments).
+        """Compute the standard deviation of the cumulative residual energy at the end of each segment. O(segments).
 
         Parameters
         ----------
