@@ -181,6 +181,7 @@ class _Driver:
     constant_w: float = 0.0
 
     def corrected(self, correction: Callable[[Plan], float]) -> _Driver:
+        """Return a copy with a correction."""
         slow = self.steady(LOWEST_KM_H * M_S_PER_KM_H)
         return replace(
             self, correction=correction, constant_w=correction(slow) * SECONDS_PER_HOUR / slow.duration_s

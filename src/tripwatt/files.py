@@ -238,15 +238,15 @@ def replace_folder(out: Path, write: Callable[[Path], None]) -> None:
     out = out.resolve() if out.is_symlink() else out.absolute()
     out.parent.mkdir(parents=True, exist_ok=True)
     restore_folder(out)
-    with _beside(out, folder=True) as made:
-        write(made)
+    with _beside(out, folder=True) as filled:
+        write(filled)
         if not out.exists():
-            made.rename(out)
-        elif not exchange(made, out):
+            filled.rename(out)
+        elif not exchange(filled, out):
             older = _older(out)
             out.rename(older)
             try:
-                made.rename(out)
+                filled.rename(out)
             except OSError:
                 older.rename(out)
                 raise

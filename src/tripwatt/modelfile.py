@@ -296,9 +296,9 @@ def _decode(place: Path, raw: bytes) -> Part:
 def _place(out: Path, content: Mapping[str, bytes]) -> None:
     """Write the files to a folder beside `out`, then exchange the two; an older model is removed only after that."""
 
-    def write(made: Path) -> None:
+    def write(folder: Path) -> None:
         for name, raw in content.items():
-            (made / name).write_bytes(raw)
+            (folder / name).write_bytes(raw)
 
     with system_errors("cannot write the model", "--out", "a writable folder", out):
         replace_folder(out, write)

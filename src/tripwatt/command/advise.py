@@ -71,8 +71,8 @@ def advise(
             plan, fitted = check(tw.read_route, trip), check(shared.model_of, model)
             car = vehicle and check(tw.load_vehicle, vehicle)
             known = check(departure)
-        found = tw.advise(plan, known, car, fitted, reserve=reserve, chance=probability)
-    return Answer(found.to_dict, partial(_show, found))
+        advice = tw.advise(plan, known, car, fitted, reserve=reserve, chance=probability)
+    return Answer(advice.to_dict, partial(_show, advice))
 
 
 def _show(advice: tw.Advice) -> None:

@@ -75,30 +75,30 @@ def need(
             got = "both" if distance and trip else "a trip without its car" if trip else "neither"
             allowed, fix = "a distance, or --trip with --car", "tripwatt need 50 km"
             raise InvalidInput.of("what is to be driven", "DISTANCE, --trip", got, allowed, fix)
-        own = drive.own()
-        again = own.pop("plan", None)
+        car = drive.own()
+        again = car.pop("plan", None)
         ahead: Any = again(trip) if trip else _kilometres(distance or [])
-        known, more = departure(), {"quantile": quantile, "trips": trips, "reserve": drive.reserve}
-        found, until = need_before_departure(ahead, drive.kind, known, plug, **more, **own)
-    return Answer(found.to_dict() | until, partial(_show_need, found, until, known.departs_at))
+        known, options = departure(), {"quantile": quantile, "trips": trips, "reserve": drive.reserve}
+        result, until = need_before_departure(ahead, drive.kind, known, plug, **options, **car)
+    return Answer(result.to_dict() | until, partial(_show_need, result, until, known.departs_at))
 
 
-def _show_need(found: tw.Need, until: Mapping[str, Any], leaves: dt.datetime | None) -> None:
-    less, more = map(kwh, found.half_wh)
+def _show_need(result: tw.Need, until: Mapping[str, Any], leaves: dt.datetime | None) -> None:
+    lower, upper = map(kwh, result.half_wh)
     rows = [
-        ("likely", kwh(found.energy_wh)),
-        ("middle half", f"{less.removesuffix(' kWh')} to {more}"),
-        (f"cautious ({100.0 * found.quantile:g} %)", kwh(found.energy_quantile_wh)),
-        ("charge for it", f"{100.0 * found.soc_needed:.0f} %"),
+        ("likely", kwh(result.energy_wh)),
+        ("middle half", f"{lower.removesuffix(' kWh')} to {upper}"),
+        (f"cautious ({100.0 * result.quantile:g} %)", kwh(result.energy_quantile_wh)),
+        ("charge for it", f"{100.0 * result.soc_needed:.0f} %"),
     ]
     if until["charging_s"]:
         rows.append(("on the plug", f"{kwh(until['wall_wh'])}, {period(until['charging_s'])}"))
     if until["preheat"]:
         rows.append(("preheat", begins(until["preheat"]["before_s"], leaves)))
-    print_table(f"{found.distance_m / 1000.0:.1f} km, {found.kind}, {found.car}", ("what", "value"), rows)
+    print_table(f"{result.distance_m / 1000.0:.1f} km, {result.kind}, {result.car}", ("what", "value"), rows)
     typer.echo(until["message"])
-    typer.echo(_doubt_in_words(found.doubt))
-    print_few_notes(found.flags)
+    typer.echo(_doubt_in_words(result.doubt))
+    print_few_notes(result.flags)
 
 
 def range_(departure: Departing, drive: Drive) -> Answer:
@@ -112,13 +112,13 @@ def range_(departure: Departing, drive: Drive) -> Answer:
       tripwatt range --soc 0.8 --reserve 0.1 --vehicle vw_id3 --json
     """
     with shared.options_named():
-        own = drive.own()
-        own.pop("plan", None)
-        found = tw.range_km(None, drive.kind, departure(), reserve=drive.reserve, **own)
-    return Answer(found.to_dict, partial(_show_range, found))
+        car = drive.own()
+        car.pop("plan", None)
+        result = tw.range_km(None, drive.kind, departure(), reserve=drive.reserve, **car)
+    return Answer(result.to_dict, partial(_show_range, result))
 
 
-def _show_range(found: tw.Range) -> None:
+def _show_range(result: tw.Range) -> None:
     rows = [
         (
             name,
@@ -126,13 +126,13 @@ def _show_range(found: tw.Range) -> None:
             f"{far.half_m[0] / 1000.0:.0f} to {far.half_m[1] / 1000.0:.0f} km",
             f"{far.interval_m[0] / 1000.0:.0f} km",
         )
-        for name, far in found.by_kind.items()
+        for name, far in result.by_kind.items()
     ]
-    title = f"Range from {found.soc:.0%} down to {found.reserve:.0%}"
+    title = f"Range from {result.soc:.0%} down to {result.reserve:.0%}"
     heads = ("kind of road", "likely", "middle half", "19 of 20 times at least")
     print_table(title, heads, rows, numbers=(heads[1], heads[3]))
-    typer.echo(_doubt_in_words(found.doubt))
-    print_few_notes(found.flags)
+    typer.echo(_doubt_in_words(result.doubt))
+    print_few_notes(result.flags)
 
 
 _NARROWS: Final = {

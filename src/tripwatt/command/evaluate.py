@@ -70,7 +70,7 @@ def evaluate(
     require_extras({"study": "tripwatt evaluate"})
     shown = console()
     if protocol == CARS:
-        others = {
+        without_effect = {
             "--dataset": logs.dataset,
             "--mapping": logs.mapping,
             "--test": test,
@@ -80,7 +80,7 @@ def evaluate(
             "--set": logs.overrides,
             "--resume": resume or None,
         }
-        require_effect(others, "only with another --protocol: the file names data and cars")
+        require_effect(without_effect, "only with another --protocol: the file names data and cars")
         return _evaluate_cars(logs.data, out)
     car, note = logs.named()
     options: dict[str, Any] = {"protocol": protocol, "models": _names(models), "hold_outs": _names(hold_outs)}

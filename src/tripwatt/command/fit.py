@@ -48,7 +48,7 @@ def fit(
     with Check() as check:
         started = None if base is None else check(_stored, base)
         check(_require_storable, corrector)
-        own = check(logs.car)
+        car = check(logs.car)
         check(require_place, out)
         with shown.status("reading trips"):
             fleet = check(logs.read)
@@ -60,11 +60,11 @@ def fit(
 
     if started is not None:
         with shown.status("adapting the model"):
-            model, provenance, figures = adapt_model(fleet, own, *started)
+            model, provenance, figures = adapt_model(fleet, car, *started)
     else:
         with progress(shown) as advance:
             model, provenance, figures = fit_with_provenance(
-                fleet, own, corrector=corrector, identified=not published, progress=advance
+                fleet, car, corrector=corrector, identified=not published, progress=advance
             )
     save_model(model, out, provenance=provenance, evaluation=figures)
     notes = provenance["data"]["notes"]
@@ -92,8 +92,8 @@ def _show_fit(fleet: trips.TripSet, out: Path, notes: list[str], figures: dict[s
 
     how = "adapted to" if figures.get("protocol") == PROTOCOL else "fitted on"
     used, read = figures["trips"], len(fleet.trips)
-    others = f" of {read} (`tripwatt audit` has the reasons)" if used < read else ""
-    typer.echo(f"model: {out}, {how} {used} trips{others} ({fleet.name})")
+    unused = f" of {read} (`tripwatt audit` has the reasons)" if used < read else ""
+    typer.echo(f"model: {out}, {how} {used} trips{unused} ({fleet.name})")
     errors = f"mean error {share(figures['mape'])}, RMSE {kwh(figures['rmse_wh'], 3)}"
     typer.echo(f"held-out trips: {errors}, {figures['given']}")
     print_notes([*grouped(fleet.notes), *notes[len(fleet.notes) :]])

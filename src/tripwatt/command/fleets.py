@@ -157,8 +157,8 @@ def refit(
         done = refit_fleet(source, target, fleet.place, executor, workers, weeks=weeks, progress=advance)
     version, comparison, promoted = done
     document = {"version": version, "in_use": promoted, "reason": f"{comparison}"}
-    said = f"version {version} is {'' if promoted else 'not '}in use: {comparison}"
-    return Answer(document | {"comparison": asdict(comparison)}, said, code=not promoted)
+    sentence = f"version {version} is {'' if promoted else 'not '}in use: {comparison}"
+    return Answer(document | {"comparison": asdict(comparison)}, sentence, code=not promoted)
 
 
 def versions(registry: RegistryFolder) -> Answer:
@@ -256,8 +256,8 @@ def batch(
     total_wh = float(pc.sum(table["energy_wh"]).as_py() or 0.0)
     without = f"; {failed} cannot be forecast, see the column error" if failed else ""
     document = {"out": str(out), "trips": done, "failed": failed, "energy_wh": total_wh}
-    said = f"{out}: {done} trips, {total_wh / 1000.0:.1f} kWh in all{without}"
-    return Answer(document, said, code=failed > 0)
+    sentence = f"{out}: {done} trips, {total_wh / 1000.0:.1f} kWh in all{without}"
+    return Answer(document, sentence, code=failed > 0)
 
 
 def report(
@@ -298,26 +298,26 @@ def report(
     ahead = [trip for trip in trips if trip.departs_at >= min(now, at)]
     rows = _rows(fleet, fleet.place, fleet)
     asked: dict[str, Any] = {"quantile": quantile, "reserve": reserve, "coldest_degc": coldest}
-    made = ManagerReport.of(about, versions.load(), rows, ahead, drivers=drivers, **asked)
-    document = made.write(folder, at, plug)
-    if drivers and made.drivers is None:
+    result = ManagerReport.of(about, versions.load(), rows, ahead, drivers=drivers, **asked)
+    document = result.write(folder, at, plug)
+    if drivers and result.drivers is None:
         print_notes(["no trip of the store names its driver, so that drivers cannot be compared"])
     if len(ahead) < len(trips):
         past = f"left out: {len(trips) - len(ahead)} of {len(trips)} planned trips, which departed before"
         print_notes([f"{past} {min(now, at):%Y-%m-%d %H:%M}"])
-    shown = partial(_show_report, made, folder)
-    return Answer({"out": f"{folder}", **document}, shown, code=len(made.refused) > 0)
+    shown = partial(_show_report, result, folder)
+    return Answer({"out": f"{folder}", **document}, shown, code=len(result.refused) > 0)
 
 
-def _show_report(made: ManagerReport, folder: Path) -> None:
-    for panel in made.panels():
+def _show_report(result: ManagerReport, folder: Path) -> None:
+    for panel in result.panels():
         if not panel.folded:
             typer.echo(panel.caption)
         if panel.key == "changes" and panel.tables:
             (table,) = panel.tables
             numbers = ("more [%]", "trips before", "after")
             print_table(table.caption, table.columns, table.rows, numbers=numbers)
-    print_notes(made.notes)
+    print_notes(result.notes)
     typer.echo(f"{folder / 'report.html'}")
 
 
@@ -357,10 +357,10 @@ def evaluate(
     rows = _rows(store, work, workers)
     scores = evaluate_rows(rows, fit_scales(rows.sums, START))
     write_text(evaluation_page(f"Fleet {store.store}", scores, rows), out)
-    by_car_model, own = (t.to_dict("records") for t in (scores.table("car_model"), scores.own))
+    by_car_model, by_own_trips = (t.to_dict("records") for t in (scores.table("car_model"), scores.own))
     table = accuracy_table(scores, "car_model")
     return Answer(
-        {"out": str(out), "by_car_model": by_car_model, "own_trips": own},
+        {"out": str(out), "by_car_model": by_car_model, "own_trips": by_own_trips},
         partial(print_table, f"{out}", table.columns, table.rows, numbers=table.columns[2:]),
     )
 

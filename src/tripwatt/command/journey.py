@@ -92,9 +92,9 @@ def reach(
 
     with shared.options_named():
         atlas = open_atlas(AtlasSettings(map_, places_url))
-        own = tw.for_car(model, vehicle)
+        fitted = tw.for_car(model, vehicle)
         place = atlas.find(start, "FROM")
-        area = find_reach(RoadForecaster(own, departure()), place, atlas, reserve=reserve)
+        area = find_reach(RoadForecaster(fitted, departure()), place, atlas, reserve=reserve)
     return Answer(area.to_dict, partial(_show_reach, area))
 
 

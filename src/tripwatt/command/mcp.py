@@ -39,5 +39,7 @@ def mcp(
         folders = check(models_of, model or [])
         check(make_cars_folder, cars)
         planned = check(journeys.JourneyJobs.from_settings, atlas)
-    made = jobs.Jobs.from_folders(folders, settings.Limits(), planned, car_jobs.CarJobs(cars))
-    serve(make_server(made, changes=changes, remote=any("://" in named for named in asdict(atlas).values())))
+    service = jobs.Jobs.from_folders(folders, settings.Limits(), planned, car_jobs.CarJobs(cars))
+    serve(
+        make_server(service, changes=changes, remote=any("://" in named for named in asdict(atlas).values()))
+    )

@@ -87,10 +87,10 @@ class Options(NamedTuple):
         return next((each for each in getattr(kind, "__metadata__", ()) if isinstance(each, cls)), None)
 
 
-def _parameters(made: Any) -> list[inspect.Parameter]:
+def _parameters(function: Any) -> list[inspect.Parameter]:
     """Return the parameters of a function or a class, with their types, as keyword-only parameters."""
-    hints = typing.get_type_hints(made, include_extras=True)
-    given = inspect.signature(made).parameters.values()
+    hints = typing.get_type_hints(function, include_extras=True)
+    given = inspect.signature(function).parameters.values()
     return [p.replace(annotation=hints[p.name], kind=inspect.Parameter.KEYWORD_ONLY) for p in given]
 
 

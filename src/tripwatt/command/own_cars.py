@@ -61,9 +61,9 @@ def new(
       # a car of `tripwatt vehicles new`
       tripwatt car new cars/my-car --vehicle my-car.toml
     """
-    made = tw.create_car(car, vehicle, base=base)
-    made_of = f"{made.folder}: {made.label}, {made.vehicle.title}, no trips yet"
-    return Answer(made.about, printable(made_of))
+    created = tw.create_car(car, vehicle, base=base)
+    made_of = f"{created.folder}: {created.label}, {created.vehicle.title}, no trips yet"
+    return Answer(created.about, printable(made_of))
 
 
 def add(
@@ -90,18 +90,18 @@ def add(
       # take the heights of the road from a map
       tripwatt car add cars/my-leaf exports --elevation map
     """
-    own, shown = tw.open_car(car), console()
-    more: dict[str, Any] = {"vehicle": own.vehicle}
+    opened, shown = tw.open_car(car), console()
+    options: dict[str, Any] = {"vehicle": opened.vehicle}
     if elevation is not None:
         from tripwatt.roads.maps import Elevation
 
-        more["heights"] = Elevation.from_folder(elevation).at
+        options["heights"] = Elevation.from_folder(elevation).at
     with progress(shown, "files") as advance:
-        fleet = shared.Logs(data, "table", mapping, strict).read(progress=advance, **more)
+        fleet = shared.Logs(data, "table", mapping, strict).read(progress=advance, **options)
     print_reading(fleet, tw.audit(fleet))
     with progress(shown, "trips") as advance:
-        done = own.add(fleet, progress=advance)
-    return _done(car, own, done)
+        done = opened.add(fleet, progress=advance)
+    return _done(car, opened, done)
 
 
 def show(
@@ -116,8 +116,8 @@ def show(
       # forecast with what it learned
       tripwatt forecast cars/my-leaf route.gpx --soc 0.8
     """
-    own = tw.open_car(car)
-    about, table = own.about(), own.diary.table.tail(trips)
+    opened = tw.open_car(car)
+    about, table = opened.about(), opened.diary.table.tail(trips)
     rows = table.astype(object).where(table.notna(), None).to_dict("records")
     return Answer({**about, "diary": rows}, partial(_show, about, table))
 
@@ -168,8 +168,8 @@ def token(car: Annotated[Path, argument("CAR", "Folder of the car; made where it
     """
     from tripwatt.server.cars import issue_token
 
-    made = issue_token(car)
-    return Answer({"car": f"{car}", "token": made}, made)
+    issued = issue_token(car)
+    return Answer({"car": f"{car}", "token": issued}, issued)
 
 
 def forget(car: CarArgument) -> Answer:

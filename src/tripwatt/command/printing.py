@@ -116,8 +116,8 @@ def print_reading(fleet: TripSet, result: Audit) -> None:
     kinds += [group for consequence, group in result.groups() if consequence == "set aside"]
     lines = [*map(str, kinds), *grouped(fleet.notes)]
     rest = len(lines) - MAX_GROUPS
-    more = [f"{rest} more kinds (`tripwatt audit DATA --json` lists all)"] if rest > 0 else []
-    print_notes([*lines[:MAX_GROUPS], *more])
+    further = [f"{rest} more kinds (`tripwatt audit DATA --json` lists all)"] if rest > 0 else []
+    print_notes([*lines[:MAX_GROUPS], *further])
 
 
 def print_notes(notes: Iterable[str | Flag]) -> None:

@@ -154,7 +154,7 @@ class OnMap:
         return AtlasSettings(self.map_, self.places, self.weather, stations)
 
 
-def one_trip(found: Sequence[tw.Trip], wanted: str | None, why_not: str = "") -> tw.Trip:
+def one_trip(candidates: Sequence[tw.Trip], wanted: str | None, why_not: str = "") -> tw.Trip:
     """Return the trip with the id `wanted` or, if it is None, the only trip.
 
     Raises
@@ -162,20 +162,20 @@ def one_trip(found: Sequence[tw.Trip], wanted: str | None, why_not: str = "") ->
     InvalidInput
         If there is no such trip, or there are several and `wanted` is None.
     """
-    chosen = [trip for trip in found if wanted in (None, trip.trip_id)]
+    chosen = [trip for trip in candidates if wanted in (None, trip.trip_id)]
     if len(chosen) == 1:
         return chosen[0]
-    names = ", ".join(trip.trip_id for trip in found[:MAX_NAMES]) or "a trip that the audit uses"
-    more = f" and {len(found) - MAX_NAMES} more" if len(found) > MAX_NAMES else ""
-    got = why_not or wanted or f"{len(found)} trips"
+    names = ", ".join(trip.trip_id for trip in candidates[:MAX_NAMES]) or "a trip that the audit uses"
+    more = f" and {len(candidates) - MAX_NAMES} more" if len(candidates) > MAX_NAMES else ""
+    got = why_not or wanted or f"{len(candidates)} trips"
     raise InvalidInput.of("no single trip", "--trip", got, names + more)
 
 
 @contextmanager
 def options_named() -> Iterator[None]:
     """Name faults by the options of the command instead of the arguments of the library, within a `with` block."""
-    more = {"vehicle": "--vehicle", "reserve": "--reserve", "speed_m_s": "--speed"}
-    with places_named({name: field.option for name, field in ASKED.items()} | more):
+    others = {"vehicle": "--vehicle", "reserve": "--reserve", "speed_m_s": "--speed"}
+    with places_named({name: field.option for name, field in ASKED.items()} | others):
         yield
 
 

@@ -67,13 +67,13 @@ def create(
     from tripwatt.fleet.store import Added
     from tripwatt.study.synthetic import example_fleet
 
-    made = tw.create_store(store.store, options=store_options(store.options))
+    created = tw.create_store(store.store, options=store_options(store.options))
     done = Added()
     for car_model, fleet in example_fleet() if example else ():
-        done += made.add(fleet, car_model=car_model)
+        done += created.add(fleet, car_model=car_model)
     if example:
         print_notes([f"{store.store} has computed trips; they do not describe real cars"])
-    return Answer(made.about, f"{store.store}: {done if example else 'an empty trip store'}")
+    return Answer(created.about, f"{store.store}: {done if example else 'an empty trip store'}")
 
 
 def add(

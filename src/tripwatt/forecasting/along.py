@@ -225,11 +225,11 @@ class Along:
         """
         levels, wh = np.array(p, dtype=np.float64), self.wh_per_display
         sd_wh = np.repeat([self.energy_sd_wh[-1], self.charge_sd[-1] * wh], len(p))
-        more = self.excess.end.quantiles(np.concatenate((levels, 1.0 - levels)), sd_wh)
-        half, more_wh = np.abs(more[: len(p)]), more[len(p) :]
+        excess_wh = self.excess.end.quantiles(np.concatenate((levels, 1.0 - levels)), sd_wh)
+        half, charge_excess_wh = np.abs(excess_wh[: len(p)]), excess_wh[len(p) :]
         below = possible_energy(self.energy_wh[-1], half, self.min_wh[-1])
         energy_wh = np.where(levels >= 0.5, self.energy_wh[-1] + half, below)
-        return energy_wh, np.clip(self.charge[-1] - more_wh / wh, 0.0, 1.0)
+        return energy_wh, np.clip(self.charge[-1] - charge_excess_wh / wh, 0.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -302,7 +302,7 @@ class Arrival:
         >>> [round(end, 6) for end in arrival.interval(0.9)] == [round(arrival.quantile(p), 6) for p in (0.05, 0.95)]
         True
         """
-        low, high = self.along.quantiles(ends(level))[1].tolist()
+        low, high = self.along.quantiles(interval_probabilities(level))[1].tolist()
         return low, high
 
     def probability(self, reserve: float) -> float:
@@ -354,7 +354,7 @@ class Arrival:
         return float(along.excess.end.probability_below(more_wh, sd_wh)[0])
 
 
-def ends(level: float) -> tuple[float, float]:
+def interval_probabilities(level: float) -> tuple[float, float]:
     """Probabilities below the two ends of a central interval of probability `level`.
 
     Raises

@@ -184,10 +184,10 @@ def data_digest(trips: Iterable[Trip]) -> str:
     >>> data_digest([log]) == data_digest([log]), data_digest([log]) == data_digest([other])
     (True, False)
     """
-    whole = hashlib.sha256()
+    digest = hashlib.sha256()
     for trip in sorted(trips, key=lambda t: t.trip_id):
-        whole.update(trip.trip_id.encode() + b"\0")
+        digest.update(trip.trip_id.encode() + b"\0")
         for name in (c for c in COLUMNS if c in trip):
-            whole.update(name.encode() + b"\0")
-            whole.update(np.ascontiguousarray(trip.array(name), dtype="<f8").tobytes())
-    return whole.hexdigest()
+            digest.update(name.encode() + b"\0")
+            digest.update(np.ascontiguousarray(trip.array(name), dtype="<f8").tobytes())
+    return digest.hexdigest()

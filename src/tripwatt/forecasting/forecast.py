@@ -12,7 +12,7 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray, running_sum
 from tripwatt.errors import InvalidInput
-from tripwatt.forecasting.along import Along, Arrival, distance_below, ends
+from tripwatt.forecasting.along import Along, Arrival, distance_below, interval_probabilities
 from tripwatt.forecasting.difference import Difference, Shared, sd_between
 from tripwatt.forecasting.document import (
     ARRIVAL_LEVELS,
@@ -215,8 +215,8 @@ class Forecast:
     @property
     def sd_wh(self) -> float:
         """Standard deviation of the energy of the whole trip [Wh]; an unknown climb counts without its far tails."""
-        own, climb = float(self.along.energy_sd_wh[-1]), self.along.excess.climb
-        return own if climb is None else float(np.hypot(own, climb.core_sd_wh[-1]))
+        error_wh, climb = float(self.along.energy_sd_wh[-1]), self.along.excess.climb
+        return error_wh if climb is None else float(np.hypot(error_wh, climb.core_sd_wh[-1]))
 
     def quantile(self, p: float) -> float:
         """Quantile of the energy of the whole trip [Wh], always above the least energy that the drive can take.
@@ -264,7 +264,7 @@ class Forecast:
         >>> round(low, 3) == round(forecast.quantile(0.05), 3), round(high, 3) == round(forecast.quantile(0.95), 3)
         (True, True)
         """
-        low, high = self.along.quantiles(ends(level))[0].tolist()
+        low, high = self.along.quantiles(interval_probabilities(level))[0].tolist()
         return low, high
 
     def probability_below(self, energy_wh: float) -> float:
@@ -709,8 +709,8 @@ def remaining_sd_wh(forecast: Forecast) -> FloatArray:
     if forecast.measured.hours is None and anchor is not None:  # the state of charge was read up to here
         step_s = forecast.drive.segments.step_s
         ahead = ahead * np.clip((forecast.drive.edges_s[1:] - anchor.time_s) / step_s, 0.0, 1.0)
-    whole = np.hypot(forecast.route_sd_wh, forecast.state_sd_wh)
-    return np.asarray(whole * np.cumsum(ahead) / forecast.drive.table.hours.sum())
+    trip_sd_wh = np.hypot(forecast.route_sd_wh, forecast.state_sd_wh)
+    return np.asarray(trip_sd_wh * np.cumsum(ahead) / forecast.drive.table.hours.sum())
 
 
 def forecast_document(

@@ -30,7 +30,7 @@ Again = Callable[[Sequence[IntArray]], Sequence[SegmentTable]]
 Each table has all training trips, simulated with the car as the chosen trips show it."""
 
 
-def shown_by(
+def resimulation(
     trips: Sequence[Trip], table: SegmentTable, vehicle: Vehicle, car_of: Callable[[IntArray], Vehicle]
 ) -> Again:
     """Return a function that simulates all trips with the car as some of them show it, see `Again`.
@@ -93,10 +93,10 @@ def inner_fits(
     tunes = isinstance(name, str) and name in TUNED
     splits, blocks = leave_one_out(folds), leave_one_out(folds % SETTINGS_BLOCKS) if tunes else ()
     kept = [split.train for split in (*splits, *blocks)]
-    seen = [table] * len(kept) if again is None else again(kept)
+    tables = [table] * len(kept) if again is None else again(kept)
     tuned = [fitted] * SETTINGS_BLOCKS
-    for block, own in zip(blocks, seen[len(splits) :], strict=True):
-        tuned[block.number] = fresh_corrector(str(name), seed, fitted).fit(own.take(block.train))
-    for split, own in zip(splits, seen, strict=False):
-        corrector = tuned[split.number % SETTINGS_BLOCKS].clone_tuned().fit(own.take(split.train))
-        yield InnerFit(split.test, corrector, own)
+    for block, simulated in zip(blocks, tables[len(splits) :], strict=True):
+        tuned[block.number] = fresh_corrector(str(name), seed, fitted).fit(simulated.take(block.train))
+    for split, simulated in zip(splits, tables, strict=False):
+        corrector = tuned[split.number % SETTINGS_BLOCKS].clone_tuned().fit(simulated.take(split.train))
+        yield InnerFit(split.test, corrector, simulated)

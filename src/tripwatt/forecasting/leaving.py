@@ -96,13 +96,13 @@ def soc_needed(forecast: Forecast, reserve: float = 0.1, probability: float = 0.
     """
     reserve = require_fraction("reserve", reserve)
     probability = require_fraction("probability", probability, 0.5)
-    own = forecast.plan.departure.soc if forecast.measured is NOT_MEASURED else None
+    planned = forecast.plan.departure.soc if forecast.measured is NOT_MEASURED else None
 
     def spare(soc: float) -> float:
-        left = forecast if soc == own else leaving_with(forecast, soc)
+        left = forecast if soc == planned else leaving_with(forecast, soc)
         return left.along.spare(reserve, probability)
 
-    return charge_with_spare(spare, 0.5 if own is None else own)
+    return charge_with_spare(spare, 0.5 if planned is None else planned)
 
 
 def leave_with(forecast: Forecast, reserve: float, probability: float) -> LeaveWith:

@@ -334,10 +334,12 @@ def _require_sign(observed: Columns, plan: Plan) -> None:
     if not {"voltage_v", "current_a"} <= observed.keys():
         return
     time = observed["time_s"]
-    own = "speed_m_s" in observed
-    if not own and plan.link_m is not None:
+    has_speed = "speed_m_s" in observed
+    if not has_speed and plan.link_m is not None:
         return  # the car's speed is unknown
-    speed = observed["speed_m_s"] if own else np.interp(time, plan.array("time_s"), plan.array("speed_m_s"))
+    speed = (
+        observed["speed_m_s"] if has_speed else np.interp(time, plan.array("time_s"), plan.array("speed_m_s"))
+    )
     slope = apparent_mass(time, speed, observed["voltage_v"] * observed["current_a"])
     if slope is not None and slope[1] < WRONG_SIGN:
         got = "the battery would charge while the car accelerates"
@@ -366,11 +368,11 @@ def along_the_plan(samples: Columns, plan: Plan) -> Columns:
     if plan.link_m is None:
         return samples
     at = plan.array("time_s") - plan.array("time_s")[0]
-    there = distance_driven(at, plan.array("speed_m_s"))
-    moves = np.concatenate(([True], np.diff(there) > 0.0))
+    planned_m = distance_driven(at, plan.array("speed_m_s"))
+    moves = np.concatenate(([True], np.diff(planned_m) > 0.0))
     time, speed = samples["time_s"], samples["speed_m_s"]
-    driven = distance_driven(time, speed) + float(np.interp(time[0], at, there))
-    clock = np.interp(driven, there[moves], at[moves])
+    driven = distance_driven(time, speed) + float(np.interp(time[0], at, planned_m))
+    clock = np.interp(driven, planned_m[moves], at[moves])
     states = {name: samples[name] for name in ("soc", "displayed_soc") if name in samples}
     powers = {name: samples[name] for name in (*CLIMATE_COLUMNS, CLIMATE_IN_ALL) if name in samples}
     if powers:
@@ -397,9 +399,9 @@ def along_the_plan(samples: Columns, plan: Plan) -> Columns:
     if energy is not None:
         columns["observed_energy_wh"] = np.interp(place, order, energy[kept])
     columns |= {name: np.interp(place, order, values[kept]) for name, values in powers.items()}
-    whole = place == np.floor(place)
+    is_sample = place == np.floor(place)
     for name, values in states.items():
-        columns[name] = np.where(whole, values[kept][place.astype(np.int64)], np.nan)
+        columns[name] = np.where(is_sample, values[kept][place.astype(np.int64)], np.nan)
     return columns
 
 

@@ -18,7 +18,7 @@ from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting.expected import ExpectedTrip
 from tripwatt.forecasting.forecast import Forecast, with_route_error
-from tripwatt.forecasting.inner import INNER_FOLDS, Again, inner_fits, shown_by
+from tripwatt.forecasting.inner import INNER_FOLDS, Again, inner_fits, resimulation
 from tripwatt.forecasting.plausible import impossible_faults
 from tripwatt.forecasting.ranges import (
     compare,
@@ -163,7 +163,7 @@ class ForecastModel:
         <ForecastModel BMW i3 60 Ah, linear corrector, 9 trips>
         """
         table = segment_trips(trips, self.vehicle)
-        again = None if car_of is None else shown_by(trips, table, self.vehicle, car_of)
+        again = None if car_of is None else resimulation(trips, table, self.vehicle, car_of)
         self.fit_segments(
             table,
             routes=linked_trips(trips, self.vehicle),
@@ -339,8 +339,8 @@ class ForecastModel:
         >>> bool(cold.energy_wh > mild.energy_wh)
         True
         """
-        own = trip if isinstance(trip, Plan) else Plan.from_trip(trip)
-        plan = own.with_departure(departure)
+        recorded = trip if isinstance(trip, Plan) else Plan.from_trip(trip)
+        plan = recorded.with_departure(departure)
         corrector, uncertainty = self.fitted_parts("forecast")
         simulation = simulate_trip(self.vehicle, plan)
         table = segment_table(plan, simulation)
@@ -371,7 +371,7 @@ class ForecastModel:
                 *unfamiliar.flags,
                 *_assumed(drive),
                 *simulation.flags,
-                *kept_temperatures(own, departure),
+                *kept_temperatures(recorded, departure),
             ),
             model=self,
         )

@@ -40,11 +40,11 @@ def plot_forecast(
     energy = place.add_subplot(grid[0, 0])
     soc = place.add_subplot(grid[1, 0], sharex=energy)
     minutes = series["time_s"] / 60.0
-    for axis, of, unit, scale, label in (
+    for axis, quantity, unit, scale, label in (
         (energy, "energy", "_wh", 1e-3, "energy [kWh]"),
         (soc, "displayed_soc", "", 100.0, "state of charge [%]"),
     ):
-        low, middle, high = (scale * series[f"{of}{end}{unit}"] for end in ("_low", "", "_high"))
+        low, middle, high = (scale * series[f"{quantity}{end}{unit}"] for end in ("_low", "", "_high"))
         axis.fill_between(minutes, low, high, color=_LINE, alpha=0.2, lw=0)
         axis.plot(minutes, middle, color=_LINE)
         if measured_until_s > 0.0:

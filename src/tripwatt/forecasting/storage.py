@@ -260,10 +260,10 @@ def require_usable(model: ForecastModel, where: str) -> None:
             before = model.forecast(Plan.from_samples(drive, "trial"))
             trials = [replace(before.plan, link_m=250.0)]
             trials += [before.plan.with_departure(Departure(ambient_temperature_degc=t)) for t in TRIAL_DEGC]
-            made = [before, *map(model.forecast, trials)]
-            for forecast in made:
+            forecasts = [before, *map(model.forecast, trials)]
+            for forecast in forecasts:
                 raise_faults(impossible_faults(forecast.interval(0.9)[1], forecast.drive))
-            documents = [forecast.to_dict() for forecast in (*made, before.update(observed))]
+            documents = [forecast.to_dict() for forecast in (*forecasts, before.update(observed))]
             quantiles = [list(document["quantiles_wh"].values()) for document in documents]
             sound = math.isfinite(sum(_numbers(documents))) and quantiles == [*map(sorted, quantiles)]
     except InvalidInput as error:

@@ -277,9 +277,9 @@ class ClusteredBoosting(ClusteredTrees):
             delayed(self._errors)(sample, settings[number], block, pair, seed) for number, pair in asked
         )
         errors = np.full((n_blocks, len(settings), self.n_rounds, sample.n_groups), np.nan)
-        for (setting, (b, c)), found in zip(asked, results, strict=True):
-            errors[c, setting][:, block == b] = found[:, block == b]
-            errors[b, setting][:, block == c] = found[:, block == c]
+        for (setting, (b, c)), losses in zip(asked, results, strict=True):
+            errors[c, setting][:, block == b] = losses[:, block == b]
+            errors[b, setting][:, block == c] = losses[:, block == c]
         chosen = [_choice(list(errors[b])) for b in range(n_blocks)]
         return [chosen[b] for b in block_of_fold]
 

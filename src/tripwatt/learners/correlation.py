@@ -96,10 +96,10 @@ class WorkingCorrelation:
             table = in_leaf.reshape(n_groups, n_leaves).astype(float)
             weight = np.zeros(n_groups)
             weight[self.codes] = self.weight
-            own = np.diag((table * weight[:, None]).sum(axis=0))
+            diagonal = np.diag((table * weight[:, None]).sum(axis=0))
             shared = (table * (self._group_shrinkage() * weight)[:, None]).T @ table
-            return np.asarray((own - shared) / (1.0 - self.rho))
-        own = np.diag(np.bincount(leaf, self._ar1_diagonal() * self.weight, n_leaves))
+            return np.asarray((diagonal - shared) / (1.0 - self.rho))
+        diagonal = np.diag(np.bincount(leaf, self._ar1_diagonal() * self.weight, n_leaves))
         flat = leaf[1:][self.pair] * n_leaves + leaf[:-1][self.pair]
         cross = np.bincount(flat, self.weight[1:][self.pair], n_leaves**2).reshape(n_leaves, n_leaves)
-        return np.asarray((own - self.rho * (cross + cross.T)) / (1.0 - self.rho**2))
+        return np.asarray((diagonal - self.rho * (cross + cross.T)) / (1.0 - self.rho**2))

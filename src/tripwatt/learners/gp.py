@@ -347,8 +347,10 @@ class AdditiveGP:
     def _covariance(self, kernels: FloatArray, effects: FloatArray, scale: FloatArray) -> FloatArray:
         n = len(self.terms)
         K = np.tensordot(self.variances_[:n], kernels, 1)
-        own = self.variances_[n:] @ effects**2
-        K[np.diag_indices_from(K)] += own * scale + _JITTER * own.mean() + self._measured2
+        effect_variance = self.variances_[n:] @ effects**2
+        K[np.diag_indices_from(K)] += (
+            effect_variance * scale + _JITTER * effect_variance.mean() + self._measured2
+        )
         return np.asarray(K)
 
     def _latent_scale(
@@ -358,8 +360,8 @@ class AdditiveGP:
         assert self.df is not None
         inverse = np.linalg.inv(self._covariance(kernels, effects, scale))
         diagonal = np.diag(inverse)
-        own = self.variances_[len(self.terms) :] @ effects**2
-        variance = np.maximum(1.0 / diagonal + own * (1.0 - scale), 0.1 * own)
+        effect_variance = self.variances_[len(self.terms) :] @ effects**2
+        variance = np.maximum(1.0 / diagonal + effect_variance * (1.0 - scale), 0.1 * effect_variance)
         squared = (inverse @ target / diagonal) ** 2 / variance
         return np.asarray((self.df + squared) / (self.df + 1.0))
 

@@ -64,17 +64,17 @@ class OutsideRegressor:
 
         columns = _numbers(X)
         self.medians_ = {str(name): float(m) for name, m in columns.median().fillna(0.0).items()}
-        made = clone(self.regressor)
+        regressor = clone(self.regressor)
         open_seeds = [
-            k for k, v in made.get_params().items() if v is None and k.split("__")[-1] == "random_state"
+            k for k, v in regressor.get_params().items() if v is None and k.split("__")[-1] == "random_state"
         ]
-        made.set_params(**dict.fromkeys(open_seeds, self.seed))
+        regressor.set_params(**dict.fromkeys(open_seeds, self.seed))
         takes = (
-            isinstance(made, GridSearchCV | RandomizedSearchCV)
-            or "groups" in inspect.signature(made.fit).parameters
+            isinstance(regressor, GridSearchCV | RandomizedSearchCV)
+            or "groups" in inspect.signature(regressor.fit).parameters
         )
-        self.regressor_ = made
-        made.fit(self._input(columns), np.asarray(y), **({"groups": groups} if takes else {}))
+        self.regressor_ = regressor
+        regressor.fit(self._input(columns), np.asarray(y), **({"groups": groups} if takes else {}))
         return self
 
     def tuned(self) -> OutsideRegressor:

@@ -68,8 +68,8 @@ def boost(
     working = WorkingCorrelation(setting["correlation"], sample.codes, weight)
     if start == "mean":
         working.estimate(np.where(inside, y - np.average(y, weights=weight), 0.0))
-        one = np.zeros(y.size, dtype=np.int64)
-        path.start = float(working.solve(y).sum() / working.normal_matrix(one, 1)[0, 0])
+        single_leaf = np.zeros(y.size, dtype=np.int64)
+        path.start = float(working.solve(y).sum() / working.normal_matrix(single_leaf, 1)[0, 0])
     fitted = np.full(y.size, path.start)
     rng = np.random.default_rng([seed, 2])
     watched = [_Patience(groups, patience) for groups in scored]

@@ -103,9 +103,9 @@ class TreeTable:
                 yield Fault("not a finite number", f"trees, {name}", "nan or inf", "finite numbers")
             elif name in ("left", "right"):
                 # a child that is a split comes later than its parent, so that every path ends
-                own = np.arange(shape[1])
+                place = np.arange(shape[1])
                 outside = (values < -1 - shape[1]) | (values >= shape[1])
-                if (outside | ((values >= 0) & (values <= own))).any():
+                if (outside | ((values >= 0) & (values <= place))).any():
                     yield Fault("split leads back", f"trees, {name}", "a cycle", "a later split or a leaf")
             elif name == "split_feature" and (values < 0).any():
                 yield Fault("wrong column of a split", f"trees, {name}", f"{values.min()}", "0 or more")

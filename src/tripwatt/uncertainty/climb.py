@@ -61,9 +61,9 @@ class ClimbingEnergy:
 
     def _more_wh(self, climbs_m: FloatArray, from_m: float) -> FloatArray:
         """`more_wh` for several climbs [Wh], shape (climbs,)."""
-        even = self._from(self.even_wh, from_m)[:, -1:]
+        even = self._energy_from(self.even_wh, from_m)[:, -1:]
         grade = climbs_m[:, None] / (float(self.distance_m[-1]) - from_m)
-        return _between(self.grade, even, grade)[:, 0]
+        return _interpolated(self.grade, even, grade)[:, 0]
 
     def climb_for(self, energy_wh: float, from_m: float = 0.0) -> float:
         """Even climb from `from_m` to the end that adds an energy [m]: inverse of `more_wh`; infinite if no road climbs that much."""
@@ -78,16 +78,18 @@ class ClimbingEnergy:
         """Energies that the unknown climb from `from_m` on may add; 0 up to `from_m`."""
         distance = np.maximum(self.distance_m - from_m, 0.0)
         grade = self.net.net_m(distance) / np.maximum(distance, 1e-9)
-        more = _between(self.grade, self._from(self.even_wh, from_m), grade)
-        more += _between(self.hill, self._from(self.hill_wh, from_m), self.net.local_grade()[:, None])
-        return UnknownClimb(np.where(distance > 0.0, more, 0.0), self.net.weights)
+        added_wh = _interpolated(self.grade, self._energy_from(self.even_wh, from_m), grade)
+        added_wh += _interpolated(
+            self.hill, self._energy_from(self.hill_wh, from_m), self.net.local_grade()[:, None]
+        )
+        return UnknownClimb(np.where(distance > 0.0, added_wh, 0.0), self.net.weights)
 
-    def _from(self, energy_wh: FloatArray, from_m: float) -> FloatArray:
+    def _energy_from(self, energy_wh: FloatArray, from_m: float) -> FloatArray:
         start = [np.interp(from_m, self.distance_m, row) for row in energy_wh]
         return np.asarray(energy_wh - np.array(start)[:, None])
 
 
-def _between(nodes: FloatArray, rows: FloatArray, at: FloatArray) -> FloatArray:
+def _interpolated(nodes: FloatArray, rows: FloatArray, at: FloatArray) -> FloatArray:
     """Interpolate rows of values at nodes linearly, and extrapolate beyond; `at` has shape (scenarios, places or 1)."""
     slopes = np.diff(rows, axis=0) / np.diff(nodes)[:, None]
     start = min(int(np.searchsorted(nodes, 0.0)), len(nodes) - 2)  # from the flat road, where they are exact
@@ -129,7 +131,7 @@ class UnknownClimb:
     @cached_property
     def core_sd_wh(self) -> FloatArray:
         """Half the width of the central 68 % interval of the climb's energy at each place [Wh], shape (places,)."""
-        return np.asarray(0.5 * (self._at(0.84) - self._at(0.16)))
+        return np.asarray(0.5 * (self._climb_quantiles(0.84) - self._climb_quantiles(0.16)))
 
     def quantile(self, scores: ConformalScores, p: float, sd_wh: FloatArray) -> FloatArray:
         """Quantile of the sum of climb and error at each place [Wh], shape (places,). O(scenarios x `PLACES`).
@@ -157,13 +159,13 @@ class UnknownClimb:
         """
         # probabilities of 0 and 1 are moved inside by this much, as for the scores alone
         offsets, sd, p = self.offsets_wh, np.maximum(sd_wh, 1e-9), np.clip(p, 5e-10, 1.0 - 5e-10)
-        alone = alone_wh(scores, p, sd)
+        alone = error_quantiles_wh(scores, p, sd)
         least, most = self._ascending[0] + alone, self._ascending[-1] + alone + 1e-9
-        middle = self._at(0.5)
+        middle = self._climb_quantiles(0.5)
         slope = (
             1.6 * p * (1.0 - p) / np.hypot(self.core_sd_wh, sd)
         )  # that of a normal distribution in its middle
-        energy_wh = middle + np.sign(alone) * np.hypot(alone, self._at(p) - middle)
+        energy_wh = middle + np.sign(alone) * np.hypot(alone, self._climb_quantiles(p) - middle)
         energy_wh = np.minimum(np.maximum(energy_wh, least), most)
         miss = self.weights @ scores.probabilities((energy_wh - offsets) / sd) - p
         # bounds the time: the last 40 steps halve the bracket
@@ -190,7 +192,7 @@ class UnknownClimb:
         ways = (energy_wh - self.offsets_wh) / np.maximum(sd_wh, 1e-9)
         return np.asarray(self.weights @ scores.probabilities(ways))
 
-    def _at(self, p: FloatArray | float) -> FloatArray:
+    def _climb_quantiles(self, p: FloatArray | float) -> FloatArray:
         """Quantiles of the climb alone [Wh], in the broadcast shape of `p` and the places."""
         k = np.minimum(np.searchsorted(self._cumulated, p), len(self.weights) - 1)
         return np.asarray(self._ascending[k, np.arange(self.offsets_wh.shape[1])])
@@ -232,7 +234,7 @@ class Excess:
     def quantile(self, p: float, sd_wh: FloatArray) -> FloatArray:
         """Quantile of the excess at each place [Wh], shape (places,)."""
         if self.climb is None:
-            return alone_wh(self.scores, np.array([p]), sd_wh)
+            return error_quantiles_wh(self.scores, np.array([p]), sd_wh)
         return self.climb.quantile(self.scores, p, sd_wh) - self.expected_wh
 
     @cached_property
@@ -245,7 +247,7 @@ class Excess:
     def quantiles(self, p: FloatArray, sd_wh: FloatArray) -> FloatArray:
         """Quantiles at the end, if this is the distribution `end` [Wh]; `p`, `sd_wh` and result have shape (probabilities,)."""
         if self.climb is None:
-            return alone_wh(self.scores, p, sd_wh)
+            return error_quantiles_wh(self.scores, p, sd_wh)
         return self.climb.quantiles(self.scores, p, sd_wh) - self.expected_wh
 
     def probability_below(self, more_wh: FloatArray, sd_wh: FloatArray) -> FloatArray:
@@ -257,7 +259,7 @@ class Excess:
         return self.scores.probabilities(scaled)
 
 
-def alone_wh(scores: ConformalScores, p: FloatArray, sd_wh: FloatArray) -> FloatArray:
+def error_quantiles_wh(scores: ConformalScores, p: FloatArray, sd_wh: FloatArray) -> FloatArray:
     """Quantiles of the error alone [Wh]; `p` has shape (places,) or (1,)."""
     factors = [scores.factor(level) for level in np.abs(2.0 * p - 1.0).tolist()]
     return np.asarray(np.sign(p - 0.5) * factors * sd_wh)

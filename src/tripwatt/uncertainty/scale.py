@@ -59,8 +59,8 @@ class TimeCourse:
         The integral of a drift over a time ``t`` has the variance ``2 sd² T² (t / T - 1 + exp(-t / T))``, T its correlation time.
         """
         square = (self.constant_w * hours) ** 2 + self.drift_wh2(hours)
-        whole = self.constant_w**2 + sum(sd_w**2 for sd_w, _ in self.drifts)
-        return float(np.sqrt(square / whole)) if whole > 0.0 else hours
+        power_w2 = self.constant_w**2 + sum(sd_w**2 for sd_w, _ in self.drifts)
+        return float(np.sqrt(square / power_w2)) if power_w2 > 0.0 else hours
 
     def drift_wh2(self, hours: Any) -> Any:
         """Variance of the energy due to the drifts [Wh²], which two parts of a journey do not share; `hours` is a number or an array."""
@@ -236,5 +236,5 @@ class TotalScale:
 
 def _sizes(segments: Segments, course: TimeCourse) -> FloatArray:
     hours = segments.hours
-    whole = course.hours(float(hours.sum()))
-    return np.array([1.0, whole, segments.moved_w @ hours, segments.corrector_sd_wh])
+    total_hours = course.hours(float(hours.sum()))
+    return np.array([1.0, total_hours, segments.moved_w @ hours, segments.corrector_sd_wh])

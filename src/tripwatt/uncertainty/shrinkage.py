@@ -96,7 +96,7 @@ class UpdateShrinkage:
             none = shares[:, 0]
             return cls(none, none, none, sd_factors[:, 0], sd_factors[:, 1], none)
         split = np.array([process.split and trip.climate_w is not None for trip in trips])
-        own = np.array([process.sd_wh(trip.segments) for trip in trips])
+        process_sd_wh = np.array([process.sd_wh(trip.segments) for trip in trips])
         before = _point(np.array([trip.error_wh for trip in trips]) / scale_wh)
         widths = np.ones(2)
         rests = np.array([_rests(process, trip) for trip in trips]).transpose(1, 0, 2)
@@ -116,8 +116,8 @@ class UpdateShrinkage:
                 known = (sd > 0.0) & (split if column == 0 else True)
                 # a width from fewer trips would be chance; a choice
                 if known.sum() >= 5 and before > 0.0:
-                    factor = _point((left * own)[known] / (sd * scale_wh)[known]) / before
-                    unscaled = float(np.sum((sd * scale_wh / own)[known]) / np.sum(scale_wh[known]))
+                    factor = _point((left * process_sd_wh)[known] / (sd * scale_wh)[known]) / before
+                    unscaled = float(np.sum((sd * scale_wh / process_sd_wh)[known]) / np.sum(scale_wh[known]))
                     sd_factors[row, column] = min(factor, widths[column] / unscaled)
                     widths[column] = sd_factors[row, column] * unscaled
         split_sd, joint_sd = sd_factors.T
