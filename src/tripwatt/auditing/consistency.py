@@ -68,9 +68,8 @@ def charge_balance(samples: pd.DataFrame) -> Balance | None:
     time, soc, current = (array(samples, c) for c in ("time_s", "soc", "current_a"))
     known = np.flatnonzero(np.isfinite(soc))
     first, last = int(known[0]), int(known[-1])
-    use = np.isfinite(current)
-    use[:first] = False
-    use[last + 1 :] = False
+    number = np.arange(len(samples))
+    use = np.isfinite(current) & (number >= first) & (number <= last)
     if use.sum() < 2:
         return None
     charge = float(np.trapezoid(current[use], time[use])) / SECONDS_PER_HOUR

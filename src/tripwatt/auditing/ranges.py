@@ -27,16 +27,8 @@ STRAY_SHARE: Final = 0.01
 """Largest share of impossible values that counts as dropouts of a sensor; a larger one means that the column is something else."""
 
 
-_KELVIN: Final = (213.0, 343.0)
-
 HOTTEST_AIR_DEGC: Final = 57.0
 """The highest air temperature on record is 56.7 °C (WMO, Furnace Creek 1913)."""
-HOTTEST_AIR_DEGF: Final = 1.8 * HOTTEST_AIR_DEGC + 32.0
-
-WORTH_NOTING: Final = {
-    "elevation_m": "the road is treated as flat",
-    "ambient_temperature_degc": "climate and air density use default values",
-}
 
 
 def missing_columns(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
@@ -49,10 +41,10 @@ def missing_columns(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
         what = f"no values of {', '.join(map(signal_name, lost))}: the energy is not measured"
         yield whole(samples, trip_id, what, "set aside")
     if not has(samples, "elevation_m") and not has(samples, "grade"):
-        yield whole(samples, trip_id, f"no values of elevation: {WORTH_NOTING['elevation_m']}", "noted")
+        yield whole(samples, trip_id, "no values of elevation: the road is treated as flat", "noted")
     if not has(samples, "ambient_temperature_degc"):
-        text = WORTH_NOTING["ambient_temperature_degc"]
-        yield whole(samples, trip_id, f"no values of outside temperature: {text}", "noted")
+        what = "no values of outside temperature: climate and air density use default values"
+        yield whole(samples, trip_id, what, "noted")
 
 
 @blanking
@@ -92,7 +84,9 @@ def _blank_outside(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
             continue
         many = float(bad.mean()) > STRAY_SHARE
         guess = guessed_unit(name, values) if many else ""
-        what = f"{signal_name(name)} of {_extremes(values[bad])} {column.unit} in {int(bad.sum())} samples is impossible"
+        low, high = values[bad].min(), values[bad].max()
+        extremes = f"{low:g}" if low == high else f"{low:g} to {high:g}"
+        what = f"{signal_name(name)} of {extremes} {column.unit} in {int(bad.sum())} samples is impossible"
         what += f": {guess}" if guess else ""
         consequence: Consequence = "set aside" if many and name in MEASURED else "noted"
         kept = np.full(len(values), np.nan) if guess else np.where(bad, np.nan, values)
@@ -122,18 +116,13 @@ def speed_spikes(time: FloatArray, speed: FloatArray) -> BoolArray:
     return spikes
 
 
-def _extremes(values: FloatArray) -> str:
-    low, high = float(np.min(values)), float(np.max(values))
-    return f"{low:g}" if low == high else f"{low:g} to {high:g}"
-
-
 def guessed_unit(name: str, values: FloatArray) -> str:
     """Guess the actual unit of a column with impossible values; return a hint, or an empty text without a guess."""
     middle = float(np.nanmedian(values))
     largest = float(np.nanmax(np.abs(values)))
-    if name.endswith("_degc") and _KELVIN[0] <= middle <= _KELVIN[1]:
+    if name.endswith("_degc") and 213.0 <= middle <= 343.0:  # -60 to 70 °C
         return "the unit appears to be K; convert it to °C"
-    if name == "ambient_temperature_degc" and HOTTEST_AIR_DEGC < middle <= HOTTEST_AIR_DEGF:
+    if name == "ambient_temperature_degc" and HOTTEST_AIR_DEGC < middle <= 1.8 * HOTTEST_AIR_DEGC + 32.0:
         return "the unit appears to be °F; convert it to °C"
     if name.endswith("soc") and 1.0 < largest <= 100.0:
         return "the unit appears to be percent; convert it to a fraction"

@@ -40,14 +40,6 @@ CHARGING_A: Final = 1.0
 PULSE_W: Final = 3000.0
 
 
-def _steady(samples: pd.DataFrame) -> BoolArray:
-    """Mark the steps in which speed, voltage and current all stay constant, shape (samples - 1,)."""
-    same = np.ones(max(len(samples) - 1, 0), dtype=bool)
-    for name in MEASURED:
-        same &= resting_steps(array(samples, name))
-    return same
-
-
 def resting_steps(values: FloatArray) -> BoolArray:
     """Mark the steps in which a value stays constant, up to the rounding of means; shape (samples - 1,)."""
     with np.errstate(invalid="ignore"):
@@ -58,7 +50,8 @@ def resting_steps(values: FloatArray) -> BoolArray:
 def freeze_cuts(samples: pd.DataFrame) -> Iterator[Cut]:
     """Cut runs in which all measured signals are frozen while the car moves, or for long at an end of the log."""
     time, speed = array(samples, "time_s"), array(samples, "speed_m_s")
-    steady = _steady(samples)
+    # steps in which speed, voltage and current all stay constant
+    steady = np.logical_and.reduce([resting_steps(array(samples, name)) for name in MEASURED])
     # 10.0: duration for which speed, voltage and current of a moving car never all stay constant
     # 5.0: duration of a freeze over the usual rest of the log: with coarse steps, such as whole km/h and
     # whole kW, signals rest often
@@ -164,10 +157,8 @@ def are_lines(time: FloatArray, signals: list[FloatArray], tolerances: list[floa
 def sensor_stop_cuts(samples: pd.DataFrame) -> Iterator[Cut]:
     """Cut runs in which a measured signal is missing for too long to be bridged."""
     time = array(samples, "time_s")
-    missing = np.zeros(len(samples), dtype=bool)
-    measured = [n for n in MEASURED if has(samples, n)]
-    for name in measured:
-        missing |= ~np.isfinite(array(samples, name))
+    measured = [name for name in MEASURED if has(samples, name)]
+    missing = np.isnan(samples[measured].to_numpy(dtype=np.float64)).any(axis=1)
     for first, last in runs(missing):
         lasted = time[min(last, len(time) - 1)] - time[max(first - 1, 0)]
         # 10.0: longest time for which a missing signal is bridged by a straight line, as a gap in time is

@@ -13,7 +13,7 @@ from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, InvalidInput, and_more, raise_faults
 from tripwatt.sources.columnar import TableFile, csv_table, open_table
 from tripwatt.sources.delimited import open_delimited
-from tripwatt.trips import COLUMNS, REQUIRED_COLUMNS, is_sound, structure_faults, table_of, value_faults
+from tripwatt.trips import COLUMNS, REQUIRED_COLUMNS, structure_faults, table_of, value_faults
 from tripwatt.trips.headers import header_faults, same_quantity
 
 MIN_SAMPLES: Final = 3
@@ -156,12 +156,10 @@ def _sample_faults(samples: pd.DataFrame, where: str, least: int) -> Iterator[Fa
         return
     if "time_s" not in samples or len(samples) < 2:
         return
-    if not is_sound(samples):
-        structural = [f for f in structure_faults(samples, where) if "'speed_m_s'" not in f.allowed]
-        yield from structural
-        if structural:
-            return
-        yield from value_faults(samples, where)
+    structural = [f for f in structure_faults(samples, where) if "'speed_m_s'" not in f.allowed]
+    yield from structural or value_faults(samples, where)
+    if structural:
+        return
     time = samples["time_s"].to_numpy()
     negative = np.flatnonzero(time < 0)
     if len(negative):

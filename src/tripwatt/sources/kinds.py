@@ -13,7 +13,7 @@ import numpy as np
 from tripwatt.errors import Fault, InvalidInput, or_none
 from tripwatt.files import file_head, parse_toml
 from tripwatt.physics.battery import open_circuit_voltage, usable_energy_wh
-from tripwatt.sources.columnar import open_table, table_files
+from tripwatt.sources.columnar import PARQUET, open_table, table_files
 from tripwatt.sources.delimited import column_key, first_row, open_delimited
 from tripwatt.sources.mapping import POWER, ColumnMapping, load_mapping, mapping_from_tables
 from tripwatt.sources.raw_files import NEEDED
@@ -75,8 +75,8 @@ def given_kind(path: Path, mapping: Path | str | ColumnMapping) -> Kind:
     """All files of a folder as one kind with a given mapping."""
     checked = mapping if isinstance(mapping, ColumnMapping) else load_mapping(mapping)
     files = table_files(path)
-    headers, _ = _headers(files)
-    return Kind({file: headers[file][1] if file in headers else () for file in files}, (), mapping=checked)
+    _, bare, _ = _headers(files)
+    return Kind({file: bare.get(file, ()) for file in files}, (), mapping=checked)
 
 
 def proposed_kinds(
@@ -108,10 +108,10 @@ def proposed_kinds(
     InvalidInput
         When there is no table.
     """
-    headers, faults = _headers(table_files(path))
+    headers, bare, faults = _headers(table_files(path))
     groups: list[tuple[frozenset[str], list[Path]]] = []
     for file in sorted(headers, key=lambda file: -file.stat().st_size):
-        keys = frozenset(column_key(name) for name in headers[file][0])
+        keys = frozenset(column_key(name) for name in headers[file])
         for other, files in groups:
             # 0.7: least share of common columns of two files of one kind
             if len(keys & other) >= 0.7 * len(keys | other):
@@ -122,12 +122,12 @@ def proposed_kinds(
     kinds = []
     for number, (_, files) in enumerate(groups):
         kept = [file for file in files if file.name not in ignored]
-        kept.sort(key=lambda file: bool(headers[file][1]))  # those with a header of their own first
-        kind = Kind({file: headers[file][1] for file in sorted(kept)}, headers[(kept or files)[0]][0])
+        kept.sort(key=lambda file: file in bare)  # those with a header of their own first
+        kind = Kind({file: bare.get(file, ()) for file in sorted(kept)}, headers[(kept or files)[0]])
         change = (changes or {}).get(number, Changes())
         kinds.append(_with_mapping(kind, kept, vehicle, change) if kept else kind)
-    bare = {file: its for file, its in faults.items() if file.name not in ignored}
-    return [*kinds, *(Kind({file: ()}, (), faults=its) for file, its in bare.items())]
+    unread = {file: its_faults for file, its_faults in faults.items() if file.name not in ignored}
+    return [*kinds, *(Kind({file: ()}, (), faults=its_faults) for file, its_faults in unread.items())]
 
 
 def _with_mapping(kind: Kind, files: Sequence[Path], vehicle: Vehicle | None, changes: Changes) -> Kind:
@@ -155,10 +155,7 @@ def _changed(
         before = columns.pop(ours, {})
         if choice is not None:
             same = before if before.get("column") == choice["column"] else {}
-            given = {
-                **{k: same.get(k) for k in ("format", "date", "unit")},
-                **{k: v for k, v in choice.items() if v},
-            }
+            given = {"format": "", "date": "", "unit": "", **same, **{k: v for k, v in choice.items() if v}}
             columns[ours] = {key: text for key, text in given.items() if text}
     if changes.current_positive is not None:
         tables["current"] = {"positive": changes.current_positive}
@@ -180,35 +177,32 @@ def _changed(
 
 def _headers(
     files: Sequence[Path],
-) -> tuple[dict[Path, tuple[tuple[str, ...], tuple[str, ...]]], dict[Path, tuple[Fault, ...]]]:
-    """The columns of each file, and the faults of files without columns.
+) -> tuple[dict[Path, tuple[str, ...]], dict[Path, tuple[str, ...]], dict[Path, tuple[Fault, ...]]]:
+    """The columns of each file, the columns of files without a header again, and the faults of files without columns.
 
-    Each file has two tuples: its columns, and the header to use if it has none (the columns again), else an empty tuple. A file
-    without a header gets the columns of the nearest file before it, in the order of names, that has as many; else of the next one.
+    A file without a header gets the columns of the nearest file before it, in the order of names, that has as many; else of the
+    next one.
     """
-    found: dict[Path, tuple[tuple[str, ...], tuple[str, ...]]] = {}
+    headers: dict[Path, tuple[str, ...]] = {}
+    bare: dict[Path, tuple[str, ...]] = {}
     faults: dict[Path, tuple[Fault, ...]] = {}
-    bare: dict[Path, tuple[Fault, ...]] = {}
     ordered = sorted(files, key=natural)
     for file in ordered:
         try:
-            if file.suffix.lower() == ".parquet":
-                found[file] = tuple(open_table(file).names), ()
-            else:
-                found[file] = open_delimited(file, file_head(file, HEAD_BYTES)).names, ()
+            is_parquet = file.suffix.lower() == PARQUET
+            table = open_table(file) if is_parquet else open_delimited(file, file_head(file, HEAD_BYTES))
+            headers[file] = tuple(table.names)
         except InvalidInput as error:
-            (bare if error.faults[0].what == "no header" else faults)[file] = error.faults
-    for file, its in bare.items():
-        place = ordered.index(file)
-        near = [*reversed(ordered[:place]), *ordered[place + 1 :]]
-        names = next(
-            (found[f][0] for f in near if f in found and f not in bare and _fits(file, found[f][0])), None
-        )
-        if names is None:
-            faults[file] = its
-        else:
-            found[file] = names, names
-    return found, faults
+            faults[file] = error.faults
+    for place, file in enumerate(ordered):
+        if file in faults and faults[file][0].what == "no header":
+            near = [*reversed(ordered[:place]), *ordered[place + 1 :]]
+            own = [headers[other] for other in near if other in headers and other not in bare]
+            names = next((names for names in own if _fits(file, names)), None)
+            if names is not None:
+                headers[file] = bare[file] = names
+                del faults[file]
+    return headers, bare, faults
 
 
 def _fits(file: Path, names: tuple[str, ...]) -> bool:

@@ -7,16 +7,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
-from tripwatt.arrays import FloatArray
+from tripwatt.arrays import BoolArray, FloatArray
 from tripwatt.errors import or_none
 from tripwatt.sources.columnar import TableFile
 from tripwatt.sources.evidence import SPEED_UNITS
-from tripwatt.sources.naming import unit_in, words
+from tripwatt.sources.naming import words
+from tripwatt.units import M_PER_MILE
 
 PLACES: Final = (
     re.compile(r"^(gps |v p |position )?(lat|latitude)\b"),
@@ -29,8 +29,7 @@ NEAR: Final = 0.15
 """Tolerance of the logarithm of a ratio of distances: units of speed differ by a factor of 1.6 or more, distances by a few percent."""
 
 
-@dataclass(frozen=True, slots=True)
-class Ways:
+class Ways(NamedTuple):
     """Distances [m] of one file by its speed in the assumed unit, and over the same samples by positions and by the odometer."""
 
     speed_at_positions: float = 0.0
@@ -50,27 +49,27 @@ def ways_of(table: TableFile, time_s: FloatArray, speed_m_s: FloatArray) -> Ways
     """
     step = np.diff(time_s)
     mean = 0.5 * (speed_m_s[1:] + speed_m_s[:-1])
-    with np.errstate(invalid="ignore"):
-        # 30.0: over a longer step the mean of two speeds is no measurement
-        # 90.0: speeds above this, in the assumed unit, count as wrong cells and are not used
-        use = (step > 0.0) & (step <= 30.0) & (mean < 90.0)
+    # 30.0: over a longer step the mean of two speeds is no measurement
+    # 90.0: speeds above this, in the assumed unit, count as wrong cells and are not used
+    use = (step > 0.0) & (step <= 30.0) & (mean < 90.0)
+
+    def compare(moved: FloatArray, use: BoolArray) -> tuple[float, float]:
+        both = use & np.isfinite(moved) & (moved >= 0.0)
+        return float((mean * step)[both].sum()), float(moved[both].sum())
+
+    by_positions = by_odometer = (0.0, 0.0)
     place, counter = positions_of(table), _named(table, ODOMETER)
     odometer = None if counter is None else _degrees(table, counter)
-    driven, on_map, counted, by_odometer = 0.0, 0.0, 0.0, 0.0
     if place is not None:
         latitude, longitude = place
         north = np.diff(latitude) * M_PER_DEGREE
         east = np.diff(longitude) * M_PER_DEGREE * np.cos(np.radians(latitude[1:]))
-        with np.errstate(invalid="ignore"):
-            # 3.0: below this speed the changes of position are mostly errors and are not used
-            seen = use & (mean > 3.0) & np.isfinite(north) & np.isfinite(east)
-        driven, on_map = float((mean * step)[seen].sum()), float(np.hypot(north, east)[seen].sum())
-    if odometer is not None and use.any():
-        to_m = 1609.344 if "mi" in (counter or "").lower() else 1000.0
-        moved = np.diff(odometer)
-        both = use & np.isfinite(moved) & (moved >= 0.0)
-        counted, by_odometer = float((mean * step)[both].sum()), to_m * float(moved[both].sum())
-    return Ways(driven, on_map, counted, by_odometer)
+        # 3.0: below this speed the changes of position are mostly errors and are not used
+        by_positions = compare(np.hypot(north, east), use & (mean > 3.0))
+    if odometer is not None:
+        to_m = M_PER_MILE if "mi" in (counter or "").lower() else 1000.0
+        by_odometer = compare(to_m * np.diff(odometer), use)
+    return Ways(*by_positions, *by_odometer)
 
 
 def positions_of(table: TableFile) -> tuple[FloatArray, FloatArray] | None:
@@ -92,19 +91,20 @@ def speed_unit_of(assumed: str, ways: Iterable[Ways]) -> str:
     >>> speed_unit_of("km/h", [Ways(10_000.0, 16_200.0)]), speed_unit_of("km/h", [])
     ('mph', 'km/h')
     """
-    sums = np.array([(w.speed_at_positions, w.positions, w.speed_at_odometer, w.odometer) for w in ways])
-    now = SPEED_UNITS.get({"kmh": "km/h", "kph": "km/h"}.get(assumed, assumed))
-    if not len(sums) or now is None:
+    total = Ways(*np.sum([Ways(), *ways], axis=0))
+    # by positions, or else by the odometer, which counts whole kilometres
+    pairs = (
+        (total.positions, total.speed_at_positions, MIN_M),
+        (total.odometer, total.speed_at_odometer, 20_000.0),
+    )
+    ratio = next(
+        (moved / by_speed for moved, by_speed, least in pairs if by_speed > 0.0 and moved >= least), 1.0
+    )
+    factor = SPEED_UNITS.get({"kmh": "km/h", "kph": "km/h"}.get(assumed, assumed))
+    if factor is None or abs(np.log(ratio)) < NEAR:
         return assumed
-    total = sums.sum(axis=0)
-    for by_speed, other, least in ((total[0], total[1], MIN_M), (total[2], total[3], 20_000.0)):
-        if by_speed > 0.0 and other >= least:
-            ratio = other / by_speed
-            fitting = [u for u, factor in SPEED_UNITS.items() if abs(np.log(ratio * now / factor)) < NEAR]
-            if fitting and abs(np.log(ratio)) >= NEAR:
-                return fitting[0]
-            return assumed
-    return assumed
+    true = ratio * factor
+    return next((unit for unit, other in SPEED_UNITS.items() if abs(np.log(true / other)) < NEAR), assumed)
 
 
 def air_unit_of(assumed: str, air: Sequence[FloatArray], battery_degc: Sequence[FloatArray]) -> str:
@@ -121,30 +121,17 @@ def air_unit_of(assumed: str, air: Sequence[FloatArray], battery_degc: Sequence[
     known = np.isfinite(values)
     if assumed not in ("degc", "degf", "c", "f", "°c", "°f") or not known.any():
         return assumed
-    if len(battery_degc) == len(air):
-        battery = np.concatenate(battery_degc)
-        both = known & np.isfinite(battery) & (np.abs(values) < 150.0)
-        if both.any():
-            as_c = float(np.median(np.abs(values[both] - battery[both])))
-            as_f = float(np.median(np.abs((values[both] - 32.0) / 1.8 - battery[both])))
-            if min(as_c, as_f) < 0.7 * max(as_c, as_f):  # else neither is clearly nearer
-                now = "f" if as_f < as_c else "c"
-                return assumed if assumed.endswith(now) else f"deg{now}"
-            return assumed
+    battery = np.concatenate(battery_degc) if len(battery_degc) == len(air) else np.full(len(values), np.nan)
+    both = known & np.isfinite(battery) & (np.abs(values) < 150.0)
+    if both.any():
+        as_c = float(np.median(np.abs(values[both] - battery[both])))
+        as_f = float(np.median(np.abs((values[both] - 32.0) / 1.8 - battery[both])))
+        is_clear = min(as_c, as_f) < 0.7 * max(as_c, as_f)
+        unit = "f" if as_f < as_c else "c"
+        return f"deg{unit}" if is_clear and not assumed.endswith(unit) else assumed
     # 57.0: the highest air temperature on record is 56.7 °C (WMO, Furnace Creek 1913)
     hot = float(np.quantile(values[known], 0.98)) > 57.0
     return "degf" if hot and assumed.endswith("c") else assumed
-
-
-def is_stated(ours: str, column: str) -> bool:
-    """Whether the name of a column states its unit.
-
-    Examples
-    --------
-    >>> is_stated("speed_m_s", "Speed (OBD)(km/h)"), is_stated("speed_m_s", "Speed")
-    (True, False)
-    """
-    return unit_in(ours, column) is not None
 
 
 def _degrees(table: TableFile, name: str) -> FloatArray | None:

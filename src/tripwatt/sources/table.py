@@ -20,9 +20,10 @@ from tripwatt.sources.clocks import decided_format
 from tripwatt.sources.columnar import open_table, read_all, table_files
 from tripwatt.sources.kinds import Kind, given_kind, proposed_kinds
 from tripwatt.sources.mapping import POWER, ColumnMapping, MappedColumn
+from tripwatt.sources.naming import unit_in
 from tripwatt.sources.raw_drives import RawDrive, drives_of, joined, log_of, with_own_names, without_copies
 from tripwatt.sources.raw_files import NEEDED, RawFile, in_ours, opened, use_unit, with_seconds
-from tripwatt.sources.scales import Ways, air_unit_of, is_stated, positions_of, speed_unit_of, ways_of
+from tripwatt.sources.scales import Ways, air_unit_of, positions_of, speed_unit_of, ways_of
 from tripwatt.trips import COLUMNS, Flag, Log, TripSet
 from tripwatt.trips.inertia import WRONG_SIGN, apparent_mass
 from tripwatt.trips.reading import FileReading, ReadingReport
@@ -204,7 +205,7 @@ def _decide_together(files: Sequence[RawFile]) -> None:
 def _shared(files: Sequence[RawFile], ours: str) -> list[list[RawFile]]:
     """Files grouped by the column that they have for our column `ours`; columns whose name states a unit are left out, except time."""
     if ours != "time_s":
-        files = [f for f in files if ours in f.values and not is_stated(ours, f.entries[ours].column)]
+        files = [f for f in files if ours in f.values and unit_in(ours, f.entries[ours].column) is None]
     return [*by_key(files, lambda file: file.entries[ours]).values()]
 
 

@@ -86,9 +86,6 @@ from .samples import (
     table_of as table_of,
 )
 from .schema import (
-    is_sound as is_sound,
-)
-from .schema import (
     structure_faults as structure_faults,
 )
 from .schema import (
