@@ -257,7 +257,8 @@ def csv_table(source: Delimited, faults: list[Fault], decimal: str = ".") -> Csv
         lines.append(line_numbers)
         faults += uneven
     if not parts:
-        raise InvalidInput.of("no samples", f"{source.path}", "headers without rows below", "rows")
+        got = f"a header of {len(source.names)} columns without rows below"
+        raise InvalidInput.of("no samples", f"{source.path}", got, "rows")
     return CsvTable(source.path, tuple(parts), tuple(lines), faults, decimal)
 
 
