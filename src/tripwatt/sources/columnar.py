@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import io
-import itertools
 import os
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence, Sized
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -29,8 +28,6 @@ from tripwatt.sources.delimited import (
     sections,
 )
 from tripwatt.sources.parquet_heads import column_sizes
-from tripwatt.trips import raise_faults
-from tripwatt.trips.reading import FileReading
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -38,7 +35,6 @@ if TYPE_CHECKING:
 
 Item = TypeVar("Item")
 Read = TypeVar("Read")
-Rows = TypeVar("Rows", bound=Sized)
 
 PARQUET: Final = ".parquet"
 SUFFIXES: Final = (".csv", ".tsv", ".txt", PARQUET)
@@ -357,57 +353,3 @@ def read_all(read: Callable[[Item], Read], items: Iterable[Item]) -> list[Read]:
     """Apply `read` to items in several threads, and return the results in the order of the items."""
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
         return list(pool.map(read, items))
-
-
-def read_folder(
-    read: Callable[[str, Path, list[Fault]], Rows],
-    files: Mapping[str, Path],
-    *,
-    strict: bool,
-    faults: Iterable[Fault] = (),
-) -> tuple[dict[str, Rows], list[FileReading]]:
-    """Read files in several threads; return the result of each file that could be read, and a summary of every file.
-
-    Parameters
-    ----------
-    read : callable
-        Takes the name of a file, its path, and a list to which it appends faults.
-    files : mapping of str to path
-    strict : bool
-        Raise every fault of all files.
-    faults : iterable of Fault
-        Further faults to raise together with those of the files.
-
-    Raises
-    ------
-    InvalidInput
-        When no file can be read, or when there is a fault and `strict` is True.
-    """
-    by_file: dict[str, list[Fault]] = {name: [] for name in files}
-
-    def read_one(name: str) -> Rows | None:
-        try:
-            return read(name, files[name], by_file[name])
-        except InvalidInput as error:
-            by_file[name] += error.faults
-            return None
-
-    results = dict(zip(files, read_all(read_one, files), strict=True))
-    used = {name: rows for name, rows in results.items() if rows is not None}
-    if strict or not used:
-        raise_faults([*faults, *itertools.chain(*by_file.values())])
-    readings = [
-        FileReading(path.name, len(used[name]), len(used[name]), 1, tuple(by_file[name]))
-        if name in used
-        else FileReading(path.name, faults=tuple(by_file[name]))
-        for name, path in files.items()
-    ]
-    return used, readings
-
-
-def require_folder(folder: Path, allowed: str, fix: str) -> None:
-    """Raise `InvalidInput` if a path is not a folder; `allowed` and `fix` are texts of the fault."""
-    if not folder.exists():
-        raise InvalidInput.of("no such folder", f"{folder}", "", allowed, fix)
-    if not folder.is_dir():
-        raise InvalidInput.of("not a folder", f"{folder}", "a file", allowed, f"give {folder.parent}")

@@ -12,7 +12,6 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
@@ -21,7 +20,7 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.errors import Fault, InvalidInput, and_more, excerpt
-from tripwatt.files import read_file, shipped_toml
+from tripwatt.files import read_file
 from tripwatt.sources.mapping import UNITS
 from tripwatt.trips.headers import DELIMITERS
 
@@ -42,30 +41,6 @@ _DECIMAL_COMMA: Final = re.compile(r"[+-]?\d+,\d+")
 _UNITS: Final = frozenset().union(*UNITS.values())
 _VALUE: Final = re.compile(r"[-+]?[.,]?\d[-+\d.,:/ eETZ]*")
 """Form of a cell that is a value and not the name of a column: a number, a date, a time."""
-
-
-@dataclass(frozen=True, slots=True)
-class RawColumn:
-    """A column of a data set: its name in the files, our name, and the factor to our unit and sign."""
-
-    name: str
-    ours: str
-    factor: float
-
-
-@cache
-def raw_columns(dataset: str) -> tuple[RawColumn, ...]:
-    """Columns of a public data set that has its own reader, from `public.toml`.
-
-    Examples
-    --------
-    >>> raw_columns("ved")[3]
-    RawColumn(name='HV Battery Voltage[V]', ours='voltage_v', factor=1.0)
-    """
-    return tuple(
-        RawColumn(name, about["ours"], about.get("sign", 1.0) * UNITS[about["ours"]][about["unit"]][0])
-        for name, about in shipped_toml("sources/public.toml")[dataset]["columns"].items()
-    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,14 +17,14 @@ from tripwatt.arrays import FloatArray, by_key
 from tripwatt.errors import Fault, InvalidInput, raise_faults
 from tripwatt.sources.archives import unpacked
 from tripwatt.sources.clocks import decided_format
-from tripwatt.sources.columnar import open_table, read_all, table_files
+from tripwatt.sources.columnar import read_all
 from tripwatt.sources.kinds import Kind, given_kind, proposed_kinds
 from tripwatt.sources.mapping import POWER, ColumnMapping, MappedColumn
 from tripwatt.sources.naming import unit_in
 from tripwatt.sources.raw_drives import RawDrive, drives_of, joined, log_of, with_own_names, without_copies
-from tripwatt.sources.raw_files import NEEDED, RawFile, in_ours, opened, use_unit, with_seconds
+from tripwatt.sources.raw_files import RawFile, in_ours, opened, use_unit, with_seconds
 from tripwatt.sources.scales import Ways, air_unit_of, positions_of, speed_unit_of, ways_of
-from tripwatt.trips import COLUMNS, Flag, Log, TripSet
+from tripwatt.trips import Flag, Log, TripSet
 from tripwatt.trips.inertia import WRONG_SIGN, apparent_mass
 from tripwatt.trips.reading import FileReading, ReadingReport
 from tripwatt.vehicles import Vehicle
@@ -76,10 +76,9 @@ def read_table(
     """
     faults: list[Fault] = []
     with unpacked(path, faults) as place:
-        if mapping is not None or strict:
-            kinds = [given_kind(place, mapping) if mapping is not None else _canonical(place)]
-        else:
-            kinds = proposed_kinds(place, vehicle)
+        kinds = proposed_kinds(place, vehicle) if mapping is None else [given_kind(place, mapping)]
+        if strict:
+            raise_faults(_proposal_faults(kinds))
         return read_kinds(Path(path), kinds, strict=strict, progress=progress, faults=faults, heights=heights)
 
 
@@ -157,18 +156,16 @@ def _merge_alike(path: Path, faults: Sequence[Fault]) -> Iterator[Fault]:
             yield replace(group[0], where=place, got=f"{len(left)} more of this kind", count=count)
 
 
-def _canonical(path: Path) -> Kind:
-    """All files as one kind with canonical names of columns, for a strict reading without a mapping."""
-    first = table_files(path)[0]
-    names = open_table(first).names
-    own = [name for name in names if name in COLUMNS]
-    if not set(NEEDED) <= set(own):
-        got = f"columns {', '.join(map(repr, names[:8]))}"
-        allowed = "a mapping, or columns with canonical names such as time_s, speed_m_s, voltage_v, current_a"
-        fix = f"run `tripwatt mapping suggest {first}` to get a proposal"
-        raise InvalidInput.of("no mapping", "--mapping", got, allowed, fix)
-    columns = {name: MappedColumn(name, COLUMNS[name].unit.lower()) for name in own}
-    return given_kind(path, ColumnMapping(f"{first}", columns))
+def _proposal_faults(kinds: Sequence[Kind]) -> Iterator[Fault]:
+    """Yield a fault for each kind of files with a proposed mapping, which a strict reader does not use."""
+    for kind in kinds:
+        if kind.proposal is not None:
+            got = f"columns {', '.join(map(repr, kind.names[:8]))}"
+            allowed = (
+                "a mapping, or columns with canonical names such as time_s, speed_m_s, voltage_v, current_a"
+            )
+            fix = f"run `tripwatt mapping suggest {next(iter(kind.files))}` to get a proposal"
+            yield Fault("no mapping", "--mapping", got, allowed, fix)
 
 
 def _decide_together(files: Sequence[RawFile]) -> None:

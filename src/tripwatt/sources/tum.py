@@ -14,11 +14,10 @@ from typing import Final
 
 import pandas as pd
 
-from tripwatt.arrays import by_key
 from tripwatt.errors import Fault, InvalidInput, system_errors
 from tripwatt.files import file_head
-from tripwatt.sources.columnar import csv_table, read_folder, require_folder
-from tripwatt.sources.delimited import Delimited, RawColumn, column_key, open_delimited, raw_columns
+from tripwatt.sources.delimited import column_key
+from tripwatt.sources.public import read_folder, read_public, require_folder
 from tripwatt.sources.tum_overview import read_overview
 from tripwatt.trips import (
     COLUMNS,
@@ -39,9 +38,6 @@ CITATION: Final = (
 )
 OVERVIEW_NAME: Final = "Overview.xlsx"
 
-
-NEEDED_COLUMNS: Final = (*REQUIRED_COLUMNS, "voltage_v", "current_a")
-"""Columns that a file needs; without them there is no observed energy, and the file is refused."""
 
 _TRIP_FILE: Final = re.compile(r"trip([ab]\d{2,3})(?!\d).*\.csv", re.IGNORECASE)
 _PUBLISHED: Final = (*(f"A{i:02d}" for i in range(1, 33)), *(f"B{i:02d}" for i in range(1, 39)))
@@ -166,47 +162,16 @@ def read_tum_file(
     InvalidInput
         With every fault of the file.
     """
-    source = open_delimited(path)
-    chosen = _choose(source)
-    table = csv_table(source, [] if faults is None else faults)
-    columns = zip(chosen.values(), table.numbers([*chosen]), strict=True)
-    samples = pd.DataFrame(
-        {raw.ours: column if raw.factor == 1.0 else column * raw.factor for raw, column in columns},
-        copy=False,
-    )
-    raise_faults(table.faults if faults is None else ())
+    collected: list[Fault] = []
+    needed = (*REQUIRED_COLUMNS, "voltage_v", "current_a")  # without them there is no observed energy
+    _, columns = read_public(path, "tum", needed, collected)
+    samples = pd.DataFrame({ours: columns[ours] for ours in COLUMNS if ours in columns}, copy=False)
+    if faults is None:
+        raise_faults(collected)
+    else:
+        faults += collected
     raise_faults(structure_faults(samples, str(path)))
     if "elevation_m" in samples:
         time, speed, height = (samples[c].to_numpy() for c in ("time_s", "speed_m_s", "elevation_m"))
         samples["elevation_m"] = elevation_over_distance(time, speed, height)
     return Log.from_samples(trip_id, samples, context)
-
-
-def _choose(source: Delimited) -> dict[str, RawColumn]:
-    """Names in the header -> columns to read, in the order of `COLUMNS`."""
-    positions = by_key(range(len(source.names)), lambda position: column_key(source.names[position]))
-    chosen: dict[str, tuple[str, RawColumn]] = {}
-    faults: list[Fault] = []
-    for raw in raw_columns("tum"):
-        places = positions.get(column_key(raw.name), [])
-        if not places or raw.ours in chosen:
-            continue
-        chosen[raw.ours] = (source.names[places[0]], raw)
-        if len(places) > 1:
-            where, got = (
-                f"{source.path} row {source.header_line} column {raw.name!r}",
-                ", ".join(str(p + 1) for p in places),
-            )
-            faults.append(Fault("duplicate column", where, f"columns {got}", "one column of that name"))
-    faults += [_missing_column(source, ours) for ours in NEEDED_COLUMNS if ours not in chosen]
-    raise_faults(faults)
-    return dict(chosen[ours] for ours in COLUMNS if ours in chosen)
-
-
-def _missing_column(source: Delimited, ours: str) -> Fault:
-    names = " or ".join(repr(raw.name) for raw in raw_columns("tum") if raw.ours == ours)
-    shown = ", ".join(repr(name[:40]) for name in source.names[:6])
-    more = f" and {len(source.names) - 6} more" if len(source.names) > 6 else ""
-    got, where = f"{len(source.names)} columns: {shown}{more}", f"{source.path} row {source.header_line}"
-    fix = "give a file of the TUM set with ';' or ',' between columns" if len(source.names) < 4 else ""
-    return Fault("missing column", where, got, f"a column {names}", fix)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import datetime as dt
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -17,10 +18,10 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.arrays import BoolArray, FloatArray
 from tripwatt.errors import Fault, InvalidInput, and_more
-from tripwatt.sources.columnar import CsvTable, csv_table, read_folder, require_folder
-from tripwatt.sources.delimited import Delimited, column_key, open_delimited, raw_columns
+from tripwatt.sources.columnar import CsvTable
+from tripwatt.sources.public import raw_columns, read_folder, read_public, require_folder
 from tripwatt.trips import COLUMNS, Context, Flag, Log, TripSet, raise_faults
 from tripwatt.trips.reading import ReadingReport
 
@@ -105,40 +106,21 @@ def _week_files(folder: Path) -> list[Path]:
 
 
 def _read_week(file: str, path: Path, faults: list[Fault]) -> _Week:
-    source = open_delimited(path)
-    spelled = _spelled(source)
-    table = csv_table(source, faults)
-    values = dict(zip(spelled, table.numbers([*spelled.values()]), strict=True))
-    keys = _integer_keys(table, values)
-    has_battery = np.isfinite(values["HV Battery Voltage[V]"])
-    has_engine = np.zeros(len(has_battery), dtype=bool)
-    for name in _ENGINE:
-        if name in values:
-            has_engine |= np.isfinite(values[name])
-    columns = {
-        raw.ours: values[raw.name][has_battery] * raw.factor
-        for raw in raw_columns("ved")
-        if raw.name in values
-    }
-    columns["day"] = values["DayNum"][has_battery]
-    samples = pd.DataFrame({"car": keys[0][has_battery], "trip": keys[1][has_battery], **columns}, copy=False)
-    trips = frozenset(zip(*(k.tolist() for k in np.unique(np.stack(keys), axis=1)), strict=True))
-    return _Week(samples, trips, frozenset(np.unique(keys[0][has_engine]).tolist()), file)
+    ours = [raw.ours for raw in raw_columns("ved")]
+    table, values = read_public(path, "ved", (*_KEYS, *ours), faults, unscaled=(*_KEYS, *_ENGINE))
+    sound = _with_sound_keys(table, values)
+    values = {name: column[sound] for name, column in values.items()}
+    cars, numbers = values["VehId"].astype(np.int64), values["Trip"].astype(np.int64)
+    has_battery = np.isfinite(values["voltage_v"])
+    has_engine = np.isfinite([values[name] for name in _ENGINE if name in values]).any(axis=0)
+    columns = {"car": cars, "trip": numbers, "day": values["DayNum"], **{name: values[name] for name in ours}}
+    samples = pd.DataFrame({name: column[has_battery] for name, column in columns.items()}, copy=False)
+    trips = frozenset(zip(cars.tolist(), numbers.tolist(), strict=True))
+    return _Week(samples, trips, frozenset(cars[has_engine].tolist()), file)
 
 
-def _spelled(source: Delimited) -> dict[str, str]:
-    """Name of a column in the data set -> its name in the header of a file."""
-    names = {column_key(name): name for name in reversed(source.names)}
-    needed = (*_KEYS, *(raw.name for raw in raw_columns("ved")))
-    where = f"{source.path} row {source.header_line}"
-    got = f"{len(source.names)} columns: {', '.join(repr(n[:40]) for n in source.names[:6])} ..."
-    missing = [name for name in needed if column_key(name) not in names]
-    raise_faults(Fault("missing column", where, got, f"a column {name!r}") for name in missing)
-    return {name: names[column_key(name)] for name in (*needed, *_ENGINE) if column_key(name) in names}
-
-
-def _integer_keys(table: CsvTable, values: dict[str, FloatArray]) -> tuple[IntArray, ...]:
-    """Car and trip number of every row. Rows with a fault are removed from `values`."""
+def _with_sound_keys(table: CsvTable, values: Mapping[str, FloatArray]) -> BoolArray:
+    """Mark the rows with a car, a trip and a day; the others are faults of the table."""
     sound = np.ones(len(values["VehId"]), dtype=bool)
     for name in _KEYS:
         column = values[name]
@@ -150,9 +132,7 @@ def _integer_keys(table: CsvTable, values: dict[str, FloatArray]) -> tuple[IntAr
             where = f"{table.path} row {table.row(bad[0])} column {name!r}"
             got = f"{column[bad[0]]:g}{and_more(bad)}"
             table.faults.append(Fault("not a whole number", where, got, "a whole number", count=len(bad)))
-    if not sound.all():
-        values.update({name: column[sound] for name, column in values.items()})
-    return values["VehId"].astype(np.int64), values["Trip"].astype(np.int64)
+    return sound
 
 
 def _trips(weeks: list[_Week], with_engine: frozenset[int]) -> tuple[list[Log], list[Flag]]:

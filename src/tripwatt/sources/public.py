@@ -1,0 +1,160 @@
+"""Public sets of logs that have a reader of their own: columns of their files, from `public.toml`, and files of a folder."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence, Sized
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import TypeVar
+
+from tripwatt.arrays import FloatArray, by_key
+from tripwatt.errors import Fault, InvalidInput, raise_faults
+from tripwatt.files import shipped_toml
+from tripwatt.sources.columnar import CsvTable, csv_table, read_all
+from tripwatt.sources.delimited import Delimited, column_key, open_delimited
+from tripwatt.sources.mapping import UNITS
+from tripwatt.trips.reading import FileReading
+
+Rows = TypeVar("Rows", bound=Sized)
+
+
+@dataclass(frozen=True, slots=True)
+class RawColumn:
+    """A column of a data set: its name in the files, our name, and the factor to our unit and sign."""
+
+    name: str
+    ours: str
+    factor: float
+
+
+@cache
+def raw_columns(dataset: str) -> tuple[RawColumn, ...]:
+    """Columns of a public data set that has its own reader, from `public.toml`.
+
+    Examples
+    --------
+    >>> raw_columns("ved")[3]
+    RawColumn(name='HV Battery Voltage[V]', ours='voltage_v', factor=1.0)
+    """
+    return tuple(
+        RawColumn(name, about["ours"], about.get("sign", 1.0) * UNITS[about["ours"]][about["unit"]][0])
+        for name, about in shipped_toml("sources/public.toml")[dataset]["columns"].items()
+    )
+
+
+def read_public(
+    path: Path, dataset: str, needed: Collection[str], faults: list[Fault], unscaled: Sequence[str] = ()
+) -> tuple[CsvTable, dict[str, FloatArray]]:
+    """Read the columns of one file of a data set in our units; return the table as well, whose rows have lines in the file.
+
+    Parameters
+    ----------
+    path : Path
+    dataset : str
+    needed : collection of str
+        Names of ours, or of `unscaled`, without which a file is refused.
+    faults : list of Fault
+        Cells and rows that cannot be read are appended to this list.
+    unscaled : sequence of str
+        Columns that are none of ours, which keep their name and their numbers.
+
+    Raises
+    ------
+    InvalidInput
+        When the file cannot be read, or a column is missing or there twice.
+    """
+    source = open_delimited(path)
+    columns = _columns_of(
+        source, [*(RawColumn(name, name, 1.0) for name in unscaled), *raw_columns(dataset)], needed
+    )
+    table = csv_table(source, faults)
+    numbers = table.numbers([*columns])
+    return table, {
+        raw.ours: values if raw.factor == 1.0 else values * raw.factor
+        for raw, values in zip(columns.values(), numbers, strict=True)
+    }
+
+
+def _columns_of(
+    source: Delimited, columns: Sequence[RawColumn], needed: Collection[str]
+) -> dict[str, RawColumn]:
+    """Name in the header of a file -> column; for each of ours the first of `columns` that is in the header."""
+    positions = by_key(range(len(source.names)), lambda position: column_key(source.names[position]))
+    chosen: dict[str, RawColumn] = {}
+    faults: list[Fault] = []
+    place = f"{source.path} row {source.header_line}"
+    for raw in columns:
+        places = positions.get(column_key(raw.name), [])
+        if not places or raw.ours in {column.ours for column in chosen.values()}:
+            continue
+        chosen[source.names[places[0]]] = raw
+        if len(places) > 1:
+            got = f"columns {', '.join(str(position + 1) for position in places)}"
+            faults.append(
+                Fault("duplicate column", f"{place} column {raw.name!r}", got, "one column of that name")
+            )
+    shown = ", ".join(repr(name[:40]) for name in source.names[:6]) + " ..." * (len(source.names) > 6)
+    fix = "give a file with ';' or ',' between columns" if len(source.names) < 4 else ""
+    for ours in needed:
+        if ours not in {column.ours for column in chosen.values()}:
+            names = " or ".join(repr(raw.name) for raw in columns if raw.ours == ours)
+            got = f"{len(source.names)} columns: {shown}"
+            faults.append(Fault("missing column", place, got, f"a column {names}", fix))
+    raise_faults(faults)
+    return chosen
+
+
+def read_folder(
+    read: Callable[[str, Path, list[Fault]], Rows],
+    files: Mapping[str, Path],
+    *,
+    strict: bool,
+    faults: Iterable[Fault] = (),
+) -> tuple[dict[str, Rows], list[FileReading]]:
+    """Read files in several threads; return the result of each file that could be read, and a summary of every file.
+
+    Parameters
+    ----------
+    read : callable
+        Takes the name of a file, its path, and a list to which it appends faults.
+    files : mapping of str to path
+    strict : bool
+        Raise every fault of all files.
+    faults : iterable of Fault
+        Further faults to raise together with those of the files.
+
+    Raises
+    ------
+    InvalidInput
+        When no file can be read, or when there is a fault and `strict` is True.
+    """
+    by_file: dict[str, list[Fault]] = {name: [] for name in files}
+
+    def read_one(name: str) -> Rows | None:
+        try:
+            return read(name, files[name], by_file[name])
+        except InvalidInput as error:
+            by_file[name] += error.faults
+            return None
+
+    results = dict(zip(files, read_all(read_one, files), strict=True))
+    used = {name: rows for name, rows in results.items() if rows is not None}
+    if strict or not used:
+        raise_faults([*faults, *itertools.chain(*by_file.values())])
+    readings = [
+        FileReading(path.name, len(used[name]), len(used[name]), 1, tuple(by_file[name]))
+        if name in used
+        else FileReading(path.name, faults=tuple(by_file[name]))
+        for name, path in files.items()
+    ]
+    return used, readings
+
+
+def require_folder(folder: Path, allowed: str, fix: str) -> None:
+    """Raise `InvalidInput` if a path is not a folder; `allowed` and `fix` are texts of the fault."""
+    if not folder.exists():
+        raise InvalidInput.of("no such folder", f"{folder}", "", allowed, fix)
+    if not folder.is_dir():
+        raise InvalidInput.of("not a folder", f"{folder}", "a file", allowed, f"give {folder.parent}")
