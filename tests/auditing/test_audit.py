@@ -145,32 +145,6 @@ def test_a_freeze_in_the_middle_splits_and_energy_is_measured_anew():
     assert not one.context.follows_trip
 
 
-def test_a_frozen_end_at_standstill_is_trimmed_but_a_red_light_is_not():
-    samples = drive(4)
-    signals = ["speed_m_s", "voltage_v", "current_a"]
-    still = samples[samples.speed_m_s == 0].index
-    end = samples.loc[[still[-1]] * 1500].assign(
-        time_s=samples.time_s.iloc[-1] + 0.1 * np.arange(1, 1501), current_a=2.0, voltage_v=391.0
-    )
-    only(audit([log(pd.concat([samples, end]))]), "trimmed", "at standstill")
-    light = samples.copy()
-    light.loc[light.index < 300, signals] = [0.0, 391.0, 2.0]  # half a minute at the start
-    assert audit([log(light)]).findings == ()
-
-
-def test_a_filled_gap_sets_aside():
-    samples = drive(5)
-    lines = samples.copy()
-    signals = ["speed_m_s", "voltage_v", "current_a"]
-    for name in signals:
-        lines.loc[3000:3400, name] = np.linspace(samples[name][3000], samples[name][3400] + 1.0, 401)
-    result = audit([log(lines), *others(1)])
-    finding = only(result, "set aside", "a filled gap")
-    assert finding.from_s == pytest.approx(300.0, abs=0.5)
-    assert finding.to_s == pytest.approx(340.0, abs=0.5)
-    assert [t.trip_id for t in result.trips] == ["Sound1"]
-
-
 def charging(samples, after_s, seconds=900.0, ampere=100.0):
     at = int(np.flatnonzero((samples.time_s > after_s) & (samples.speed_m_s == 0))[0])
     n = int(seconds * 10)
@@ -185,17 +159,6 @@ def charging(samples, after_s, seconds=900.0, ampere=100.0):
     return joined
 
 
-def test_a_charging_stop_splits_into_drives():
-    samples = charging(drive(6, duration_s=1500, start_soc=0.5), 700)
-    result = audit([log(samples)])
-    finding = only(result, "split", "charged with 100.0 A")
-    assert finding.to_s - finding.from_s >= 899
-    assert [t.trip_id for t in result.trips] == ["Log-1", "Log-2"]
-    standing = [t.array("current_a")[t.array("speed_m_s") == 0] for t in result.trips]
-    assert all(np.median(current) > 0 for current in standing)
-    assert sum(len(t) for t in result.trips) < len(samples) - 8990
-
-
 def test_charging_at_the_end_trims_and_a_short_leg_is_set_aside():
     samples = drive(6, duration_s=900, start_soc=0.5)
     result = audit([log(charging(samples, 880))])
@@ -207,20 +170,6 @@ def test_charging_at_the_end_trims_and_a_short_leg_is_set_aside():
     assert early.set_aside.keys() == {"Log-1"}
     assert "shorter than" in early.set_aside["Log-1"]
     assert [t.trip_id for t in early.trips] == ["Log-2"]
-
-
-def test_energy_that_contradicts_soc_sets_aside_and_low_soc_does_not():
-    good = [log(drive(9, start_soc=0.2), "Low"), *others()]
-    assert audit(good).findings == ()
-    wrong = drive(9).assign(soc=lambda d: d.soc.iloc[0] + 0.6 * (d.soc - d.soc.iloc[0]))
-    only(audit([log(wrong, "Wrong"), *others()]), "set aside", "contradicts state of charge", "Wrong")
-
-
-def test_another_car_in_the_same_fleet_is_no_fault():
-    bigger = [log(drive(s).assign(soc=lambda d: 0.8 + 0.5 * (d.soc - 0.8)), f"Big{s}") for s in range(3)]
-    result = audit([*bigger, *others(8)])
-    assert result.set_aside == {}
-    assert all("another car" in f.what for f in result.findings)
 
 
 @pytest.mark.parametrize(
@@ -239,26 +188,6 @@ def test_wrong_units_of_measured_signals_set_aside_alone_and_in_a_fleet(damage, 
         result = audit([log(drive(10).assign(**damage)), *fleet])
         assert words in result.set_aside["Log"]
         assert len(result.trips) == len(fleet)
-
-
-def test_a_clock_that_is_set_back_splits():
-    joined = pd.concat([drive(13), drive(14)])
-    result = audit([log(joined)])
-    only(result, "split", "time decreases")
-    assert [t.trip_id for t in result.trips] == ["Log-1", "Log-2"]
-    assert result.trips[1].samples.equals(drive(14))
-
-
-def test_a_soc_that_stops_half_way_is_told_and_the_drive_is_kept():
-    samples = drive(18, duration_s=2400)
-    off = samples.assign(soc=np.where(samples.time_s > 1000, 0.0, samples.soc))
-    result = audit([log(off), *others()])
-    assert result.set_aside == {}
-    assert np.isnan(result.trips[0].array("soc")[-1])
-    assert result.trips[0].array("soc")[0] > 0.5
-    stuck = samples.assign(soc=np.where(samples.time_s > 1400, samples.soc[14000], samples.soc))
-    finding = only(audit([log(stuck), *others()]), "noted", "the sensor stopped")
-    assert 1300 < finding.from_s <= 1400.1
 
 
 def test_only_raw_logs_with_ids_of_their_own():

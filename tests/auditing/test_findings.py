@@ -1,15 +1,9 @@
 """Findings of an audit."""
 
-import numpy as np
 import pandas as pd
+from tests.auditing.findings import NO, told
 
 from tripwatt.auditing.findings import whole
-
-NO = np.nan
-
-
-def told(findings):
-    return [(f.from_s, f.to_s, f.consequence, f.what) for f in findings]
 
 
 def test_a_finding_on_a_whole_log_spans_its_known_stamps():

@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from tests.auditing.findings import NO, told
 
 from tripwatt.auditing.ranges import (
     blank_fahrenheit,
@@ -13,13 +14,6 @@ from tripwatt.auditing.ranges import (
     missing_columns,
     speed_spikes,
 )
-from tripwatt.auditing.stamps import mend_stamps
-
-NO = np.nan
-
-
-def told(findings):
-    return [(f.from_s, f.to_s, f.consequence, f.what) for f in findings]
 
 
 def samples_of(n=200, start_s=10.0, **columns):
@@ -169,9 +163,3 @@ def test_samples_without_a_speed_are_left_out():
     samples = samples_of(4, speed_m_s=[1.0, NO, 3.0, NO])
     assert drop_blank_speed(samples)["time_s"].tolist() == [10.0, 12.0]
     assert drop_blank_speed(samples_of(4))["time_s"].tolist() == [10.0, 11.0, 12.0, 13.0]
-
-
-def mended(stamps):
-    samples = pd.DataFrame({"time_s": np.array(stamps, dtype=float), "row": np.arange(len(stamps))})
-    kept, cuts, findings = mend_stamps(samples, "t")
-    return kept["row"].tolist(), cuts, told(findings)

@@ -3,15 +3,10 @@
 import numpy as np
 import pandas as pd
 import pytest
+from tests.auditing.findings import NO, told
 
 import tripwatt as tw
 from tripwatt.auditing.road import ambient_findings, coarse_findings, mend_heights
-
-NO = np.nan
-
-
-def told(findings):
-    return [(f.from_s, f.to_s, f.consequence, f.what) for f in findings]
 
 
 def road(height, speed=20.0, step_s=1.0):

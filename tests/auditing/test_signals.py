@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from tests.auditing.findings import told
 
 from tripwatt.auditing.findings import MEASURED, Cut
 from tripwatt.auditing.signals import (
@@ -142,7 +143,7 @@ def sensor(name, first, last, changes_m_s=3.1, at=None, **options):
     samples = lively(**{"n": 1001, "start_s": 500.0, **options})
     samples.loc[first:last, name] = samples.loc[first, name]
     samples.loc[last if at is None else at, "speed_m_s"] += changes_m_s
-    return [(f.from_s, f.to_s, f.consequence, f.what) for f in frozen_sensor_findings(samples, "t")]
+    return told(frozen_sensor_findings(samples, "t"))
 
 
 def test_a_frozen_sensor_lasts_a_minute_and_ten_steps():
@@ -173,7 +174,7 @@ def standing(count, step_s=1.0, speed_m_s=0.0, power_w=20_400.0, first=100):
     samples.loc[first : first + count - 1, "speed_m_s"] = speed_m_s
     samples.loc[first : first + count - 1, "voltage_v"] = 400.0
     samples.loc[first : first + count - 1, "current_a"] = power_w / 400.0
-    return [(f.from_s, f.to_s, f.consequence, f.what) for f in frozen_sensor_findings(samples, "t")]
+    return told(frozen_sensor_findings(samples, "t"))
 
 
 def test_twenty_kilowatts_at_standstill_are_a_frozen_speed():
@@ -205,7 +206,7 @@ def gap(first, last, step_s=1.0, n=200, voltage=(380.0, 384.0), start_s=7.0, une
 
 
 def gaps(samples):
-    return [(f.from_s, f.to_s, f.consequence, f.what) for f in filled_gaps(samples, "t")]
+    return told(filled_gaps(samples, "t"))
 
 
 def test_a_filled_gap_lasts_ten_seconds_and_ten_triples_of_samples():

@@ -2,15 +2,10 @@
 
 import numpy as np
 import pandas as pd
+from tests.auditing.findings import NO, told
 
 from tripwatt.auditing.findings import Cut
 from tripwatt.auditing.stamps import gap_cuts, gap_findings, longest_increasing, mend_stamps
-
-NO = np.nan
-
-
-def told(findings):
-    return [(f.from_s, f.to_s, f.consequence, f.what) for f in findings]
 
 
 def mended(stamps):

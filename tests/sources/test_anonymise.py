@@ -49,7 +49,7 @@ def read(folder: Path) -> tuple[list[float], list[tuple[str, str, int]]]:
     return energies, sorted((consequence, group.what, group.count) for consequence, group in judged.groups())
 
 
-@pytest.mark.parametrize("logger", ["plain", "leaf_spy", "ovms"])
+@pytest.mark.parametrize("logger", ["plain", "ovms"])
 def test_the_audit_reads_them_alike(tmp_path: Path, logger: str) -> None:
     folder, shared = tmp_path / "logs", tmp_path / "shared"
     write_dirty_folder(folder, logger, 2)

@@ -215,7 +215,7 @@ def test_all_faults_of_all_files_come_at_once(tmp_path, tum_bytes):
     at=st.integers(0, 3000),
     remove=st.integers(0, 60),
 )
-@settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_any_damage_ends_in_a_fleet_or_in_invalid_input(tmp_path, tum_bytes, cut, junk, at, remove):
     data = tum_bytes()
     data = data[:at] + junk + data[at + remove :]

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from benchmarks.coarse_speed import LOGGERS, errors, held, rounded
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import tripwatt as tw
@@ -35,6 +35,7 @@ def changes(values):
     return np.flatnonzero(np.append(True, np.diff(values) != 0.0))
 
 
+@settings(max_examples=30, deadline=None)
 @given(SEEDS, STEPS)
 def test_a_rounded_speed_stays_within_half_a_step_and_stands_where_it_stood(seed, step):
     time, true = drive(seed)
@@ -53,6 +54,7 @@ def test_a_rounded_speed_stays_within_half_a_step_and_stands_where_it_stood(seed
     assert jerk < jerk_before
 
 
+@settings(max_examples=30, deadline=None)
 @given(SEEDS, st.integers(2, 12), st.sampled_from([0.0, M_S_PER_KM_H]))
 def test_a_held_speed_goes_through_its_refreshed_values(seed, rows, step):
     time, true = drive(seed)
@@ -68,6 +70,7 @@ def test_a_held_speed_goes_through_its_refreshed_values(seed, rows, step):
     assert np.trapezoid(rebuilt.speed_m_s, time) == pytest.approx(np.trapezoid(true, time), rel=0.04, abs=100)
 
 
+@settings(max_examples=30, deadline=None)
 @given(SEEDS, st.sampled_from([0.0, 0.01, 0.1]), st.sampled_from([0.1, 1.0, 5.0]))
 def test_a_fine_speed_is_the_same_array(seed, step, step_s):
     time, speed = drive(seed, step_s=step_s)
@@ -106,6 +109,7 @@ def test_few_and_missing_values_stay_as_they_are(speed):
     assert np.array_equal(rebuilt.speed_m_s, speed, equal_nan=True)
 
 
+@settings(max_examples=30, deadline=None)
 @given(SEEDS)
 def test_missing_values_stay_missing_and_bad_times_keep_their_value(seed):
     rng = np.random.default_rng(seed)

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tripwatt.arrays import distance_driven
 from tripwatt.physics import simulate
 from tripwatt.trips.elevation import (
     MIN_BETWEEN_FIXES_S,
@@ -22,16 +23,12 @@ def stop_and_go(seconds: int = 1201, seed: int = 0):
     return time, speed
 
 
-def driven(time, speed):
-    return np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time))))
-
-
 def test_fixes_stay_and_heights_between_them_follow_the_distance():
     time, speed = stop_and_go()
     fixes, heights = np.array([0, 200, 420, 900, 1200]), np.array([500.0, 507.0, 501.5, 530.0, 530.0])
     logged = np.round(np.interp(time, time[fixes], heights), 2)
     found = elevation_over_distance(time, speed, logged)
-    place = driven(time, speed)
+    place = distance_driven(time, speed)
     np.testing.assert_allclose(found, np.interp(place, place[fixes], heights), atol=0.02)
     assert np.ptp(found[speed == 0.0][:40]) < np.ptp(logged[speed == 0.0][:40])
 
@@ -46,7 +43,11 @@ def test_nothing_climbs_at_a_standstill():
 
 def test_measured_heights_stay_as_they_are():
     time, speed = stop_and_go()
-    hills = 500.0 + 20.0 * np.sin(driven(time, speed) / 400.0) + np.random.default_rng(1).normal(0, 0.3, 1201)
+    hills = (
+        500.0
+        + 20.0 * np.sin(distance_driven(time, speed) / 400.0)
+        + np.random.default_rng(1).normal(0, 0.3, 1201)
+    )
     np.testing.assert_array_equal(elevation_over_distance(time, speed, hills), hills)
 
 
@@ -77,7 +78,7 @@ def sound_roads(draw):
     speed = np.clip(16.0 + 6.0 * np.sin(time / 40.0) + 4.0 * np.sin(time / 13.0), 3.0, None)
     stop = (time > 300.0) & (time < 340.0)
     speed[stop] = 0.0
-    way = driven(time, speed)
+    way = distance_driven(time, speed)
     pass_grade, hill = draw(st.sampled_from([0.0, 0.05, 0.18])), draw(st.sampled_from([0.0, 8.0, 20.0]))
     height = pass_grade * np.minimum(way, way[-1] - way) + hill * np.sin(way / 500.0)
     height += 20.0 * np.interp(time, [300.0, 340.0, 600.0], [0.0, draw(st.sampled_from([0.0, 0.4])), 0.0])
@@ -89,7 +90,7 @@ def climb_of(time, way, height):
     return float(np.diff(heights_of_a_road(time, way, height)).sum())
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(sound_roads())
 def test_a_sound_road_stays_as_it_is(road):
     time, _, way, height = road
@@ -98,7 +99,7 @@ def test_a_sound_road_stays_as_it_is(road):
     assert heights_of_a_road(time, way, with_gaps) is with_gaps
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(
     sound_roads(),
     st.lists(st.tuples(st.floats(30.0, 840.0), st.floats(1.0, 60.0)), min_size=1, max_size=4),
@@ -117,7 +118,7 @@ def test_voids_on_the_way_climb_nothing(road, voids, value):
     assert sound[~known] == pytest.approx(between[~known], abs=1.5)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(sound_roads(), st.floats(1.0, 60.0), st.booleans(), st.sampled_from([0.0, 6000.0, -450.0]))
 def test_a_void_at_an_end_is_level(road, seconds, at_start, value):
     time, _, way, height = road
@@ -127,7 +128,7 @@ def test_a_void_at_an_end_is_level(road, seconds, at_start, value):
     assert sound == pytest.approx(np.where(unknown, nearest, height), abs=1.5)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(sound_roads(), st.floats(1.0, 60.0), st.sampled_from([250.0, -1000.0, 6000.0]))
 def test_an_offset_at_the_end_keeps_the_slopes(road, seconds, offset):
     """The rise of one sample is unknown."""
