@@ -65,12 +65,12 @@ def eigen(symmetric: FloatArray) -> tuple[FloatArray, FloatArray]:
     return np.asarray(values), np.asarray(vectors)
 
 
-def held(time: FloatArray, values: FloatArray, hold_s: float) -> FloatArray:
+def hold_last(time: FloatArray, values: FloatArray, hold_s: float) -> FloatArray:
     """Values in which a missing value (NaN) is replaced by the last known one, if that is at most `hold_s` old.
 
     Examples
     --------
-    >>> held(np.array([0.0, 5.0, 20.0]), np.array([1.0, np.nan, np.nan]), 10.0)
+    >>> hold_last(np.array([0.0, 5.0, 20.0]), np.array([1.0, np.nan, np.nan]), 10.0)
     array([ 1.,  1., nan])
     """
     last = np.maximum.accumulate(np.where(np.isfinite(values), np.arange(len(values)), -1))

@@ -254,7 +254,7 @@ def grouped(faults: Iterable[Fault]) -> list[Fault]:
     kinds: dict[Fault, list[Fault]] = {}
     for fault in faults:
         kinds.setdefault(replace(fault, where="", count=1), []).append(fault)
-    return [replace(its[0], where=its[0].where + and_more(its, "places")) for its in kinds.values()]
+    return [replace(group[0], where=group[0].where + and_more(group, "places")) for group in kinds.values()]
 
 
 class InvalidInput(TripwattError):

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tripwatt.sources.clocks import decided_format, steady_clock
+from tripwatt.sources.clocks import decide_format, steady_clock
 
 START = 1.7e9
 FORMS = ("%m/%d/%Y %H:%M:%S", "%d/%m/%Y %H:%M:%S")
@@ -23,7 +23,7 @@ def test_files_of_successive_days_tell_day_and_month(first, written: str, assume
     days = [pd.Timestamp(first) + pd.Timedelta(days=k) for k in range(6)]
     files = [[day.strftime(written)] for day in days]
     alike = all(day.strftime(FORMS[0]) == day.strftime(FORMS[1]) for day in days)
-    assert alike or decided_format(files, assumed) == written
+    assert alike or decide_format(files, assumed) == written
 
 
 @pytest.mark.parametrize("at", [1, 40, 99])

@@ -21,7 +21,7 @@ from tripwatt.auditing import consistency, ranges, road, signals, stamps
 from tripwatt.auditing.findings import Consequence, Cut, Finding, array, between, whole
 from tripwatt.errors import Fault, raise_faults
 from tripwatt.trips import Recorded, Trip, TripSet, require_unique_ids, structure_faults, value_faults
-from tripwatt.trips.reading import Alike, alike
+from tripwatt.trips.reading import Group, group_by_kind
 
 __all__ = ["Audit", "Finding", "audit"]
 
@@ -70,14 +70,14 @@ class Audit:
         """Name of each drive that is not used -> the reasons."""
         aside = (finding for finding in self.findings if finding.consequence == "set aside")
         by_trip = by_key(aside, lambda finding: finding.trip)
-        return {trip: "; ".join(finding.what for finding in its) for trip, its in by_trip.items()}
+        return {trip: "; ".join(finding.what for finding in reasons) for trip, reasons in by_trip.items()}
 
-    def groups(self) -> tuple[tuple[Consequence, Alike], ...]:
+    def groups(self) -> tuple[tuple[Consequence, Group], ...]:
         """Group the findings by consequence and kind.
 
         Returns
         -------
-        tuple of (str, Alike)
+        tuple of (str, Group)
             Consequences in the order "set aside", "trimmed", "split", "noted"; for each, the most frequent kind first.
 
         Examples
@@ -89,7 +89,7 @@ class Audit:
         return tuple(
             (consequence, group)
             for consequence in ("set aside", "trimmed", "split", "noted")
-            for group in alike(
+            for group in group_by_kind(
                 (f.what, f.trip, 1, f"{f}") for f in self.findings if f.consequence == consequence
             )
         )
@@ -170,24 +170,24 @@ def audit(logs: TripSet | Iterable[Recorded]) -> Audit:
 def _audit_log(trip: Recorded) -> tuple[list[Recorded], list[Finding]]:
     """Return the drives of one log, each mended and judged separately, and the findings."""
     samples, findings = ranges.blank_infinite(trip.samples, trip.trip_id)
-    samples, cuts, more = stamps.mend_stamps(samples, trip.trip_id)
-    findings += [*more, *ranges.missing_columns(samples, trip.trip_id)]
+    samples, cuts, new_findings = stamps.mend_stamps(samples, trip.trip_id)
+    findings += [*new_findings, *ranges.missing_columns(samples, trip.trip_id)]
     if len(samples) < 2:
         findings.append(whole(samples, trip.trip_id, "fewer than two samples are left", "set aside"))
     if not _is_aside(findings):
-        samples, more = ranges.blank_impossible(samples, trip.trip_id)
-        findings += more
+        samples, new_findings = ranges.blank_impossible(samples, trip.trip_id)
+        findings += new_findings
     if _is_aside(findings):
         return [], findings
     for rule in (signals.sensor_stop_cuts, stamps.gap_cuts, signals.freeze_cuts, signals.charging_cuts):
         cuts += rule(samples)
-    legs, more = _legs(trip, samples, cuts)
-    findings += more
+    legs, new_findings = _legs(trip, samples, cuts)
+    findings += new_findings
     mended = []
     for leg in legs:
-        leg, more = _judge_leg(leg)
+        leg, new_findings = _judge_leg(leg)
         mended.append(leg)
-        findings += more
+        findings += new_findings
     return mended, findings
 
 
@@ -263,16 +263,16 @@ def _judge_leg(leg: Recorded) -> tuple[Recorded, list[Finding]]:
     ]
     soc_faults, heater = consistency.blank_soc_faults, signals.blank_stuck_heater
     for blank in (road.mend_heights, heater, soc_faults, ranges.blank_fahrenheit):
-        samples, more = blank(samples, name)
-        findings += more
+        samples, new_findings = blank(samples, name)
+        findings += new_findings
     mended = leg.with_samples(samples)
     for rule in (consistency.unit_findings, consistency.offset_findings, consistency.energy_error_findings):
         findings += rule(mended)
     short = [f"{SHORTEST_LEG_M:g} m"] * (mended.distance_m < SHORTEST_LEG_M)
     short += [f"{SHORTEST_LEG_S:g} s"] * (mended.duration_s < SHORTEST_LEG_S)
     if short:
-        least = ", ".join(short)
-        what = f"{mended.distance_m:.0f} m in {mended.duration_s:.0f} s: shorter than {least}"
+        bounds = ", ".join(short)
+        what = f"{mended.distance_m:.0f} m in {mended.duration_s:.0f} s: shorter than {bounds}"
         findings.append(whole(samples, name, what, "set aside"))
     faults = (*structure_faults(samples, name), *value_faults(samples, name))
     findings += [whole(samples, name, f"{f.what}: {f.got}", "set aside") for f in faults]

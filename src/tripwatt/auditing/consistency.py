@@ -136,12 +136,12 @@ def _soc_finding(
     stopped = stopped_soc(trip, median, std)
     if stopped is not None:
         return stopped
-    alike = sum(balance.fits(c, std) for other, c in capacities.items() if other != trip.trip_id)
+    agreeing = sum(balance.fits(c, std) for other, c in capacities.items() if other != trip.trip_id)
     what = f"energy contradicts state of charge: {change}; the battery of the other drives, {median:.1f} Ah, gives "
     what += f"{100 * balance.charge_ah / median:.1f} %"
-    if alike >= OF_ANOTHER_CAR:
-        what += f"; {alike} other drives agree with this one, so this may be another car"
-    return whole(trip.samples, trip.trip_id, what, "noted" if alike >= OF_ANOTHER_CAR else "set aside")
+    if agreeing >= OF_ANOTHER_CAR:
+        what += f"; {agreeing} other drives agree with this one, so this may be another car"
+    return whole(trip.samples, trip.trip_id, what, "noted" if agreeing >= OF_ANOTHER_CAR else "set aside")
 
 
 def stopped_soc(trip: Recorded, capacity_ah: float, std: float) -> Finding | None:

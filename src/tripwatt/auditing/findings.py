@@ -114,8 +114,8 @@ def blanking(rule: Rule) -> Callable[[pd.DataFrame, str], tuple[pd.DataFrame, li
     @wraps(rule)
     def applied(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame, list[Finding]]:
         changes = list(rule(samples, trip_id))
-        kept = {name: values for name, values, _ in changes if values is not None}
+        blanked = {name: values for name, values, _ in changes if values is not None}
         findings = [finding for _, _, finding in changes]
-        return (samples.assign(**kept) if kept else samples), findings
+        return (samples.assign(**blanked) if blanked else samples), findings
 
     return applied

@@ -89,8 +89,8 @@ def _blank_outside(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
         what = f"{signal_name(name)} of {extremes} {column.unit} in {int(bad.sum())} samples is impossible"
         what += f": {guess}" if guess else ""
         consequence: Consequence = "set aside" if many and name in MEASURED else "noted"
-        kept = np.full(len(values), np.nan) if guess else np.where(bad, np.nan, values)
-        yield name, kept, _span(samples, trip_id, bad, what, consequence)
+        blanked = np.full(len(values), np.nan) if guess else np.where(bad, np.nan, values)
+        yield name, blanked, _span(samples, trip_id, bad, what, consequence)
 
 
 @blanking

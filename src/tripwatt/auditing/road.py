@@ -40,11 +40,11 @@ def mend_heights(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
     sound = heights_of_a_road(time, driven, height)
     off = np.flatnonzero(sound != height)
     if len(off):
-        kept = logged.copy()
-        kept[known] = sound
+        mended = logged.copy()
+        mended[known] = sound
         name = signal_name("elevation_m")
         what = f"{name} of {height[off[0]]:g} in {len(off)} samples is a jump: these values are removed"
-        yield "elevation_m", kept, between(samples, trip_id, known[off[0]], known[off[-1]], what, "noted")
+        yield "elevation_m", mended, between(samples, trip_id, known[off[0]], known[off[-1]], what, "noted")
 
 
 def ambient_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:

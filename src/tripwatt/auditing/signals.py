@@ -201,9 +201,9 @@ def blank_stuck_heater(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
             what = f"{signal_name(name)} jumps up and back by more than {PULSE_W:g} W {len(pulses)} times: these values are removed"
             finding = between(samples, trip_id, pulses[0][0], pulses[-1][1] - 1, what, "noted")
             removed = np.concatenate([np.arange(first, last) for first, last in pulses])
-            kept = values.copy()
-            kept[removed] = np.nan
-            yield name, kept, finding
+            blanked = values.copy()
+            blanked[removed] = np.nan
+            yield name, blanked, finding
 
 
 def stuck_level(

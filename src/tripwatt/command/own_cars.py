@@ -187,14 +187,16 @@ def forget(car: CarArgument) -> Answer:
 
 
 def _done(car: Path, own: Car, done: Learned) -> Answer:
-    from tripwatt.trips.reading import alike  # pandas is slow to import
+    from tripwatt.trips.reading import group_by_kind  # pandas is slow to import
 
     about = own.about()
 
     def shown() -> None:
         typer.echo(f"{car}: {done.added} trips added, {done.known} were known, {done.entries} in the diary")
         reasons = (why.partition(": ") for why in done.left_out)
-        print_notes(f"left out: {group}" for group in alike((why, trip, 1, trip) for trip, _, why in reasons))
+        print_notes(
+            f"left out: {group}" for group in group_by_kind((why, trip, 1, trip) for trip, _, why in reasons)
+        )
         if done.flat:
             typer.echo(
                 f"{done.flat} of {done.entries} new trips have no heights. Heights narrow the forecasts most: switch on the altitude "

@@ -94,9 +94,9 @@ MAX_GROUPS: Final = 12
 
 def grouped(flags: Iterable[Flag]) -> list[str]:
     """Return one sentence for each kind of flag, with the number of further flags of that kind."""
-    from tripwatt.trips.reading import alike  # pandas is slow to import
+    from tripwatt.trips.reading import group_by_kind  # pandas is slow to import
 
-    kinds = alike((flag.code, flag.subject, 1, message(flag)) for flag in flags)
+    kinds = group_by_kind((flag.code, flag.subject, 1, message(flag)) for flag in flags)
     return [f"{k.example} (and {k.count - 1} more like it)" if k.count > 1 else k.example for k in kinds]
 
 

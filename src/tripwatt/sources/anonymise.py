@@ -117,12 +117,15 @@ def _hidden(file: Path, kind: Kind, names: tuple[str, ...], hiding: _Hiding) -> 
         source = open_delimited(file, names=names)
     hidden = _HiddenFile(kind.mapping, hiding)
     head = source.data[: source.body_offset].split(b"\n")[:-1]
-    own = {column_key(name) for name in source.names if name}
+    header_keys = {column_key(name) for name in source.names if name}
     current: Sequence[str] = source.names
     lines = []
     for number, raw in enumerate([*head, *source.data[source.body_offset :].split(b"\n")]):
         cells = cells_of(raw, source.delimiter)
-        if raw.strip() and 2 * len(own & {column_key(cell) for cell in cells}) >= len(own) > 0:
+        if (
+            raw.strip()
+            and 2 * len(header_keys & {column_key(cell) for cell in cells}) >= len(header_keys) > 0
+        ):
             current = cells
             cells = [name if hidden.role(name) else hiding.column(name) for name in cells]
         elif number < len(head):
@@ -193,13 +196,15 @@ def _role(name: str, mapping: ColumnMapping, *, positions: bool) -> str:
             return ours
         if entry.date and key == column_key(entry.date):
             return "date"
-    own = {
+    special_columns = {
         "trip": mapping.trip_column,
         "vehicle": mapping.vehicle_column,
         "signal": mapping.long_name,
         "value": mapping.long_value,
     }
-    role = next((role for role, column in own.items() if column and key == column_key(column)), "")
+    role = next(
+        (role for role, column in special_columns.items() if column and key == column_key(column)), ""
+    )
     if role or not name:
         return role
     if any(form.search(words(name)) for form in PLACES):

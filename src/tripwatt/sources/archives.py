@@ -83,8 +83,8 @@ def unpack(
     place = Path(path)
     data = read_file(place) if content is None else content
     budget = Budget(f"{place}", limits)
-    with tempfile.TemporaryDirectory(dir=folder, prefix=".") as made:
-        tables = list(_tables(place, data, Path(made), budget))
+    with tempfile.TemporaryDirectory(dir=folder, prefix=".") as unpacked_folder:
+        tables = list(_tables(place, data, Path(unpacked_folder), budget))
         if not tables:
             allowed = f"a file {', '.join((*SUFFIXES, WORKBOOK))}, or an archive {ARCHIVE} of them"
             raise InvalidInput.of("no trips", f"{place}", f"no table in {place.name}", allowed)
@@ -136,10 +136,10 @@ def _tables(place: Path, data: bytes, folder: Path, budget: Budget) -> Iterator[
     elif kind == WORKBOOK:
         yield from _from_workbook(place, data, folder, budget)
     elif kind in SUFFIXES:
-        made = _written(folder, place.name, io.BytesIO(data))
+        table = _written(folder, place.name, io.BytesIO(data))
         if kind == PARQUET:
-            require_small_columns(made)
-        yield made
+            require_small_columns(table)
+        yield table
 
 
 def safe_name(name: str, suffix: str) -> str:
@@ -167,8 +167,8 @@ def _written(folder: Path, name: str, data: IO[bytes]) -> Path:
     """Write a table into a folder under a free name, and return its path."""
     wanted = folder / safe_name(name, PurePosixPath(name).suffix.lower())
     place = next(place for place in _names(wanted) if not place.exists())
-    with place.open("wb") as made:
-        shutil.copyfileobj(data, made)
+    with place.open("wb") as file:
+        shutil.copyfileobj(data, file)
     return place
 
 
@@ -229,13 +229,13 @@ def _write_table(rows: Iterator[list[Any]], folder: Path, budget: Budget) -> tup
     """Write the rows of a sheet as CSV from the header on, cut to the width of the header; return the number of rows, and the file."""
     # 50: number of first rows of a sheet in which the header is searched
     head = list(itertools.islice(filter(_is_filled, rows), 50))
-    made, count = folder / f"{len(list(folder.iterdir()))}", 0
+    target, count = folder / f"{len(list(folder.iterdir()))}", 0
     for k, row in enumerate(head):
         names, below = _names_in(row), _names_in(head[k + 1]) if k + 1 < len(head) else 0
         # 2: least number of texts in the header row of a sheet
         if names >= 2 and below <= names:  # a title has fewer cells than the header below it
             width = min(max(i + 1 for i, cell in enumerate(row) if cell is not None), MAX_COLUMNS)
-            with made.open("w", encoding="utf-8", newline="") as text:
+            with target.open("w", encoding="utf-8", newline="") as text:
                 writer = csv.writer(text, lineterminator="\n")
                 for row in itertools.chain(head[k:], filter(_is_filled, rows)):
                     budget.take(CELLS, max(width - len(row), 0))
@@ -248,7 +248,7 @@ def _write_table(rows: Iterator[list[Any]], folder: Path, budget: Budget) -> tup
                         text.write(f"{line}\n")
                     count += 1
             break
-    return count, made
+    return count, target
 
 
 def _is_filled(row: Sequence[Any]) -> bool:

@@ -50,7 +50,7 @@ def seconds_of(texts: pd.Series, form: str) -> FloatArray:
     return values
 
 
-def decided_format(files: Sequence[Sequence[str]], form: str) -> str:
+def decide_format(files: Sequence[Sequence[str]], form: str) -> str:
     """The format of the time stamps of files, given an assumed format `form`; `files` has the texts of each file, in order.
 
     If most texts do not have the assumed format, the format is determined anew. If day and month may be in either order, a text
@@ -58,7 +58,7 @@ def decided_format(files: Sequence[Sequence[str]], form: str) -> str:
 
     Examples
     --------
-    >>> decided_format([["05/04/2024 08:00:00"], ["06/04/2024 08:00:00"], ["13/04/2024 08:00:00"]], "%m/%d/%Y %H:%M:%S")
+    >>> decide_format([["05/04/2024 08:00:00"], ["06/04/2024 08:00:00"], ["13/04/2024 08:00:00"]], "%m/%d/%Y %H:%M:%S")
     '%d/%m/%Y %H:%M:%S'
     """
     ends = [text for texts in files for text in (*texts[:3], *texts[-3:]) if text]
@@ -77,9 +77,9 @@ def decided_format(files: Sequence[Sequence[str]], form: str) -> str:
         forms.append(forms[0].replace("%d", "%_").replace("%m", "%d").replace("%_", "%m"))
     starts = [next((text for text in texts if text), "") for texts in files]
     fits, spans = [], []
-    for one in forms:
-        fits.append(float(np.isfinite(seconds_of(pd.Series(ends, dtype=object), one)).mean()))
-        at = seconds_of(pd.Series(starts, dtype=object), one)
+    for candidate in forms:
+        fits.append(float(np.isfinite(seconds_of(pd.Series(ends, dtype=object), candidate)).mean()))
+        at = seconds_of(pd.Series(starts, dtype=object), candidate)
         spans.append(float(np.abs(np.diff(at[np.isfinite(at)])).sum()))
     # 0.3: the order of day and month is changed if this shortens the total time between files to below
     # this share

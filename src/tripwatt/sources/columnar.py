@@ -283,10 +283,10 @@ def _open_parquet(path: Path, faults: list[Fault]) -> ParquetTable:
         raise InvalidInput(_unreadable(path, error)) from error
     rows, columns = file.metadata.num_rows, file.metadata.num_columns
     max_rows = max(MAX_ROWS, len(content) // MIN_ROW_BYTES)
-    size, most = sum(inflated.values()), MAX_CONTENT_BYTES * max(min(columns, len(content) >> 20), 1)
-    if rows > max_rows or columns > MAX_COLUMNS or size > most:
+    size, max_size = sum(inflated.values()), MAX_CONTENT_BYTES * max(min(columns, len(content) >> 20), 1)
+    if rows > max_rows or columns > MAX_COLUMNS or size > max_size:
         got = f"{rows} rows of {columns} columns in {len(content)} bytes, {size} when inflated"
-        allowed = f"at most {max_rows} rows of {MAX_COLUMNS} columns, {most} bytes when inflated"
+        allowed = f"at most {max_rows} rows of {MAX_COLUMNS} columns, {max_size} bytes when inflated"
         raise InvalidInput.of("Parquet file too large", f"{path}", got, allowed)
     return ParquetTable(path, file, values, inflated, faults)
 
@@ -303,13 +303,13 @@ def require_small_columns(path: Path) -> None:
             raise InvalidInput([replace(fault, where=fault.where.replace(f"{path}", path.name))]) from error
 
 
-def _is_plain(of: pa.DataType) -> bool:
+def _is_plain(data_type: pa.DataType) -> bool:
     import pyarrow as pa
 
-    of = of.value_type if pa.types.is_dictionary(of) else of
+    data_type = data_type.value_type if pa.types.is_dictionary(data_type) else data_type
     texts = (pa.types.is_string, pa.types.is_large_string, pa.types.is_binary, pa.types.is_large_binary)
     kinds = (pa.types.is_primitive, pa.types.is_decimal, pa.types.is_null, *texts)
-    return any(kind(of) for kind in kinds)
+    return any(kind(data_type) for kind in kinds)
 
 
 def _text_size(chunk: pa.Array) -> int:

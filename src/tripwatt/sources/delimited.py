@@ -106,8 +106,8 @@ def open_delimited(path: Path, content: bytes | None = None, names: Sequence[str
         When the file does not exist, is empty, is not text, or has no header or no rows below it.
     """
     data = _text_bytes(path, read_file(path) if content is None else content)
-    offset, line, delimiter, own = _header(path, data)
-    if own is None:
+    offset, line, delimiter, header_names = _header(path, data)
+    if header_names is None:
         if not names:
             got = f"a first line of values: {excerpt(decode(data[offset : offset + 40]))}"
             fix = "add the header of the other files"
@@ -120,14 +120,14 @@ def open_delimited(path: Path, content: bytes | None = None, names: Sequence[str
     ):  # loggers repeat it at each start; a blank line in its place keeps the numbers of the lines
         body = b"\n".join(b"" if line == header else line for line in body.split(b"\n"))
     if not body.strip():
-        got = f"a header of {len(own)} columns without rows below"
+        got = f"a header of {len(header_names)} columns without rows below"
         raise InvalidInput.of("no samples", f"{path}", got, "rows")
     data = data[:end] + body
     units = tuple(cells_of(body.partition(b"\n")[0], delimiter))
     stated = [unit for unit in units if unit.lower() in _UNITS]
-    if len(units) <= len(own) and len(stated) > 1 and not _has_values(units):
-        return Delimited(path, own, delimiter, data, data.find(b"\n", end) + 1, line + 1, units)
-    return Delimited(path, own, delimiter, data, end, line)
+    if len(units) <= len(header_names) and len(stated) > 1 and not _has_values(units):
+        return Delimited(path, header_names, delimiter, data, data.find(b"\n", end) + 1, line + 1, units)
+    return Delimited(path, header_names, delimiter, data, end, line)
 
 
 def _header(path: Path, data: bytes) -> tuple[int, int, str, tuple[str, ...] | None]:
@@ -442,9 +442,9 @@ def _row_faults(source: Delimited, rows: Sequence[tuple[int, int]], width: int) 
             "export with a decimal point, or with ';' between columns" if comma else "mend or delete the row"
         )
         yield Fault(what, f"{source.path} row {line}", f"{length}", f"{width}", fix)
-    more = len(rows) - SHOWN_ROWS
-    if more > 0:
-        yield Fault(what, f"{source.path}", f"{more} more rows", f"{width}", count=more)
+    unlisted = len(rows) - SHOWN_ROWS
+    if unlisted > 0:
+        yield Fault(what, f"{source.path}", f"{unlisted} more rows", f"{width}", count=unlisted)
 
 
 def _cell_faults(bad: Sequence[tuple[str, str]], decimal: str) -> Iterator[Fault]:

@@ -67,8 +67,8 @@ def stamp_format(texts: Sequence[str]) -> tuple[str, str] | None:
     >>> stamp_format(["31.05.2024 08:00:00"])[0], stamp_format(["Monday"])
     ('%d.%m.%Y %H:%M:%S', None)
     """
-    some = [text for text in texts if text]
-    probe = pd.Series(some[:200] + some[-50:], dtype=object)
+    filled = [text for text in texts if text]
+    probe = pd.Series(filled[:200] + filled[-50:], dtype=object)
     if not len(probe):
         return None
 
@@ -81,7 +81,7 @@ def stamp_format(texts: Sequence[str]) -> tuple[str, str] | None:
     if not fitting:
         return None
     unclear = "" if len(fitting) == 1 else f"; CHECK: may be {' or '.join(fitting[1:3])}"
-    return fitting[0], f"time stamps such as {some[0]}{unclear}"
+    return fitting[0], f"time stamps such as {filled[0]}{unclear}"
 
 
 def unit_of_values(ours: str, known: FloatArray) -> tuple[str, str]:
@@ -138,20 +138,24 @@ def speed_unit(assumed: str, mass_kg: float) -> tuple[str, str]:
     >>> speed_unit("m/s", 125.0)[0], speed_unit("m/s", 1650.0)[0]
     ('km/h', 'm/s')
     """
-    now = SPEED_UNITS.get(assumed)
-    masses = {unit: mass_kg * (now / factor) ** 2 for unit, factor in SPEED_UNITS.items() if now}
+    assumed_factor = SPEED_UNITS.get(assumed)
+    masses = {
+        unit: mass_kg * (assumed_factor / factor) ** 2
+        for unit, factor in SPEED_UNITS.items()
+        if assumed_factor
+    }
     fitting = {u: m for u, m in masses.items() if LIGHTEST_KG <= m <= HEAVIEST_KG}
     if not fitting:  # samples every few seconds hide part of the acceleration
         fitting = {u: m for u, m in masses.items() if FURTHEST_KG[0] <= m <= FURTHEST_KG[1]}
     if not fitting:
         return assumed, f"CHECK: in {assumed} the mass of the car is {mass_kg:.0f} kg"
     unit = min(fitting, key=lambda u: abs(np.log(fitting[u] / 1700.0)))  # 1700 kg: a usual car
-    others = ", ".join(f"{m:.0f} in {u}" for u, m in masses.items() if u != unit)
+    other_masses = ", ".join(f"{m:.0f} in {u}" for u, m in masses.items() if u != unit)
     check = "; CHECK: the masses are close" if len(fitting) > 1 else ""
-    return unit, f"in {unit} the apparent mass of the car is {fitting[unit]:.0f} kg ({others}){check}"
+    return unit, f"in {unit} the apparent mass of the car is {fitting[unit]:.0f} kg ({other_masses}){check}"
 
 
-def best_flow(time: FloatArray, known: Mapping[str, FloatArray], others: Mapping[str, FloatArray]) -> Flow:
+def best_flow(time: FloatArray, known: Mapping[str, FloatArray], unknown: Mapping[str, FloatArray]) -> Flow:
     """Recognise columns of one trip by their values alone, and find the sign of the current.
 
     Parameters
@@ -160,12 +164,12 @@ def best_flow(time: FloatArray, known: Mapping[str, FloatArray], others: Mapping
         Time [s].
     known : mapping of str to ndarray, shape (samples,)
         Our name -> values in our unit.
-    others : mapping of str to ndarray, shape (samples,)
+    unknown : mapping of str to ndarray, shape (samples,)
         Columns that no name has identified.
     """
     if not len(time):
         return Flow()
-    spare, guesses = dict(others), []
+    spare, guesses = dict(unknown), []
     volts = known.get("voltage_v", np.full(len(time), STAND_IN_V))
     name = next((n for n, values in spare.items() if _is_pack_voltage(values)), None)
     if "voltage_v" not in known and name is not None:

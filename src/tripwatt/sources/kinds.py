@@ -132,9 +132,9 @@ def proposed_kinds(
 
 def _with_mapping(kind: Kind, files: Sequence[Path], vehicle: Vehicle | None, changes: Changes) -> Kind:
     try:
-        own = [name for name in kind.names if name in COLUMNS]
-        proposal, tables = None, {"columns": {n: {"column": n} for n in own}}
-        if not set(NEEDED) <= set(own):
+        canonical = [name for name in kind.names if name in COLUMNS]
+        proposal, tables = None, {"columns": {n: {"column": n} for n in canonical}}
+        if not set(NEEDED) <= set(canonical):
             proposal = suggest_mapping(files[0], kind.files[files[0]], beside=files[1:])
             tables = parse_toml(proposal.toml, "mapping")
         trip = tables.pop("trip", {})  # files that are read by themselves are of one vehicle
@@ -154,9 +154,15 @@ def _changed(
     for ours, choice in changes.columns.items():
         before = columns.pop(ours, {})
         if choice is not None:
-            same = before if before.get("column") == choice["column"] else {}
-            given = {"format": "", "date": "", "unit": "", **same, **{k: v for k, v in choice.items() if v}}
-            columns[ours] = {key: text for key, text in given.items() if text}
+            unchanged = before if before.get("column") == choice["column"] else {}
+            chosen = {
+                "format": "",
+                "date": "",
+                "unit": "",
+                **unchanged,
+                **{k: v for k, v in choice.items() if v},
+            }
+            columns[ours] = {key: text for key, text in chosen.items() if text}
     if changes.current_positive is not None:
         tables["current"] = {"positive": changes.current_positive}
     battery, assumed = tables.setdefault("battery", {}), {}
@@ -197,8 +203,8 @@ def _headers(
     for place, file in enumerate(ordered):
         if file in faults and faults[file][0].what == "no header":
             near = [*reversed(ordered[:place]), *ordered[place + 1 :]]
-            own = [headers[other] for other in near if other in headers and other not in bare]
-            names = next((names for names in own if _fits(file, names)), None)
+            candidates = [headers[other] for other in near if other in headers and other not in bare]
+            names = next((names for names in candidates if _fits(file, names)), None)
             if names is not None:
                 headers[file] = bare[file] = names
                 del faults[file]

@@ -123,8 +123,8 @@ def candidates(ours: str, names: Sequence[str]) -> list[str]:
     """
     if ours in names:
         return [ours]
-    own = vocabulary()["columns"][ours].get("not")
-    forbidden = re.compile("|".join(filter(None, (vocabulary()["never"], own))))
+    excluded = vocabulary()["columns"][ours].get("not")
+    forbidden = re.compile("|".join(filter(None, (vocabulary()["never"], excluded))))
     likely: dict[str, None] = {}
     for pattern in column_names()[ours]:
         for name in names:

@@ -51,7 +51,7 @@ class Heads(io.BytesIO):
             return [self.value(max(head & 15, 3)) for _ in range(count)]  # a bool is a byte there
         if kind not in BITS:
             return self.read(self._whole() if kind == BINARY else SIZES[kind])
-        number = (whole := self._whole()) >> 1 ^ -(whole & 1)
+        number = (zigzag := self._whole()) >> 1 ^ -(zigzag & 1)
         if number >> BITS[kind] - 1 not in (0, -1):
             raise ValueError(f"a number out of range: {number}")
         return number

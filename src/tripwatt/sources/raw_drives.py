@@ -1,4 +1,4 @@
-"""Drives from the columns of files: split by trip id, joined over files, without copies; and the logs of these drives."""
+"""Drives from the columns of files: split by trip id, join_continued over files, without copies; and the logs of these drives."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.arrays import FloatArray, IntArray, held
+from tripwatt.arrays import FloatArray, IntArray, hold_last
 from tripwatt.errors import Fault, InvalidInput, and_more
 from tripwatt.sources.clocks import GAP_S, steady_clock
 from tripwatt.sources.mapping import POWER, UNITS, ColumnMapping
-from tripwatt.sources.raw_files import NEEDED, RawFile, in_ours
+from tripwatt.sources.raw_files import NEEDED, RawFile, in_our_unit
 from tripwatt.trips import COLUMNS, Context, Flag, Log
 from tripwatt.trips.coarse_speed import rebuild_speed
 from tripwatt.trips.energy import resolution
@@ -67,7 +67,9 @@ def drives_of(file: RawFile) -> list[RawDrive]:
     InvalidInput
         When nothing of the file can be used.
     """
-    ours = {name: file.values["time_s"] if name == "time_s" else in_ours(file, name) for name in file.values}
+    ours = {
+        name: file.values["time_s"] if name == "time_s" else in_our_unit(file, name) for name in file.values
+    }
     _blank_wrong(file, ours)
     frame = pd.DataFrame(ours)
     timeless = np.isnan(ours["time_s"])
@@ -177,7 +179,7 @@ def _blank_wrong(file: RawFile, ours: dict[str, FloatArray]) -> None:
 
 def _range_fault(file: RawFile, name: str, bad: IntArray, lowest: float) -> Fault:
     column, entry, raw = COLUMNS[name], file.entries[name], file.values[name]
-    values = in_ours(file, name)
+    values = in_our_unit(file, name)
     factor, offset = UNITS[name][entry.unit]
     low, high = sorted(((lowest - offset) / factor, (column.maximum - offset) / factor))
     worst = int(bad[np.argmax(np.abs(values[bad]))])
@@ -191,7 +193,7 @@ def _range_fault(file: RawFile, name: str, bad: IntArray, lowest: float) -> Faul
     return Fault("value out of range", where, got, f"{low:g} to {high:g} {entry.unit}", fix, count=len(bad))
 
 
-def with_own_names(drives: Sequence[RawDrive]) -> list[RawDrive]:
+def name_uniquely(drives: Sequence[RawDrive]) -> list[RawDrive]:
     """The drives with unique names: before a name that is taken its folder's name is put, and if that is taken too, a number added."""
     taken: dict[str, RawFile] = {}
     for drive in drives:
@@ -206,7 +208,7 @@ def with_own_names(drives: Sequence[RawDrive]) -> list[RawDrive]:
     return [*drives]
 
 
-def without_copies(drives: Sequence[RawDrive]) -> list[RawDrive]:
+def drop_copies(drives: Sequence[RawDrive]) -> list[RawDrive]:
     """The drives without copies: a drive with the same samples as an earlier one is left out, with a fault of its file."""
     seen: dict[bytes, RawDrive] = {}
     for drive in drives:
@@ -219,10 +221,10 @@ def without_copies(drives: Sequence[RawDrive]) -> list[RawDrive]:
     return [*seen.values()]
 
 
-def joined(drives: Sequence[RawDrive]) -> list[RawDrive]:
+def join_continued(drives: Sequence[RawDrive]) -> list[RawDrive]:
     """The drives in their order, in which a drive that goes on in another file without a break is one drive."""
-    whole = [d for d in drives if d.files[0].stamped and d.files[0].trips is None]
-    ahead = sorted(whole, key=lambda drive: drive.ends)
+    joinable = [d for d in drives if d.files[0].stamped and d.files[0].trips is None]
+    ahead = sorted(joinable, key=lambda drive: drive.ends)
     gone = set()
     for drive, after in itertools.pairwise(ahead):
         step = np.diff(np.asarray(drive.samples["time_s"]))
@@ -255,7 +257,9 @@ def log_of(drive: RawDrive) -> Log:
     if file.stamped:
         time = time - time[0]
     signals = {c: np.asarray(samples[c], dtype=np.float64) for c in samples.columns if c != "time_s"}
-    columns = {c: held(time, x, mapping.hold_s) if mapping.hold_s > 0.0 else x for c, x in signals.items()}
+    columns = {
+        c: hold_last(time, x, mapping.hold_s) if mapping.hold_s > 0.0 else x for c, x in signals.items()
+    }
     columns = {"time_s": time, **columns}
     rebuilt = rebuild_speed(time, signals["speed_m_s"], columns["speed_m_s"])
     columns["speed_m_s"] = rebuilt.speed_m_s

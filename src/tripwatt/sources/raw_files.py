@@ -41,7 +41,7 @@ class RawFile:
     entries : dict of str to MappedColumn
         Our columns -> entries of the mapping, with the names of columns as the file spells them.
     values : dict of str to ndarray, shape (rows,)
-        Our columns -> numbers in the units of the entries; the time is in seconds after `with_seconds`. Empty if the file is left out.
+        Our columns -> numbers in the units of the entries; the time is in seconds after `convert_times`. Empty if the file is left out.
     stamps : list of str
         Texts of the time stamps; empty if the time is a number.
     trips, vehicles, drivers : list of str or None
@@ -89,7 +89,7 @@ class RawFile:
         )
 
 
-def opened(path: Path, mapping: ColumnMapping, names: Sequence[str], kind: int) -> RawFile:
+def open_raw_file(path: Path, mapping: ColumnMapping, names: Sequence[str], kind: int) -> RawFile:
     """Read the columns of a file that a mapping names, without conversion.
 
     Parameters
@@ -235,7 +235,7 @@ def use_unit(files: Sequence[RawFile], ours: str, unit: str) -> None:
             file.entries[ours] = replace(entry, unit=unit)
 
 
-def in_ours(file: RawFile, ours: str) -> FloatArray:
+def in_our_unit(file: RawFile, ours: str) -> FloatArray:
     """The values of a column, converted to our unit."""
     column = file.values[ours]
     factor, offset = UNITS[ours][file.entries[ours].unit]
@@ -244,7 +244,7 @@ def in_ours(file: RawFile, ours: str) -> FloatArray:
     return np.where(converted == 0.0, np.nan, converted) if ours == "voltage_v" else converted
 
 
-def with_seconds(file: RawFile) -> None:
+def convert_times(file: RawFile) -> None:
     """Convert the time of a file to seconds, counted from 1970 if its time stamps have a day; invalid stamps are faults of the file."""
     entry = file.entries["time_s"]
     if entry.unit != "timestamp":
@@ -254,19 +254,19 @@ def with_seconds(file: RawFile) -> None:
     texts = pd.Series(file.stamps, dtype=object)
     time = file.values["time_s"] = seconds_of(texts, entry.format)
     file.stamped = not clock_only(entry.format)
-    given = (texts != "").to_numpy()
-    bad = np.flatnonzero(np.isnan(time) & given)
+    filled = (texts != "").to_numpy()
+    bad = np.flatnonzero(np.isnan(time) & filled)
     if len(bad):
         allowed = f"a time like {entry.format}" if entry.format else "a time such as 2024-05-31T08:15:00"
         allowed += f", from {EARLIEST_YEAR} to {LATEST_YEAR}" if file.stamped else ""
         fix = "" if entry.format else 'give the format in the mapping: format = "%d.%m.%Y %H:%M:%S"'
         _add_fault(file, "invalid time", bad, repr(texts[int(bad[0])][:40]), allowed, fix)
     zoned = texts.str.contains(_ZONE).to_numpy(dtype=bool)
-    if file.stamped and 0 < int((zoned & given).sum()) < int(given.sum()):
-        few = np.flatnonzero(given & (zoned == (2 * (zoned & given).sum() < given.sum())))
-        got = f"{texts[int(few[0])][:40]!r}, {'with' if zoned[few[0]] else 'without'} a time zone unlike most rows"
-        _add_fault(file, "times with and without time zone", few, got, "the same in every row")
-        time[few] = np.nan
+    if file.stamped and 0 < int((zoned & filled).sum()) < int(filled.sum()):
+        minority = np.flatnonzero(filled & (zoned == (2 * (zoned & filled).sum() < filled.sum())))
+        got = f"{texts[int(minority[0])][:40]!r}, {'with' if zoned[minority[0]] else 'without'} a time zone unlike most rows"
+        _add_fault(file, "times with and without time zone", minority, got, "the same in every row")
+        time[minority] = np.nan
 
 
 def _add_fault(file: RawFile, what: str, rows: IntArray, got: str, allowed: str, fix: str = "") -> None:

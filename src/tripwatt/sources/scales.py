@@ -29,7 +29,7 @@ NEAR: Final = 0.15
 """Tolerance of the logarithm of a ratio of distances: units of speed differ by a factor of 1.6 or more, distances by a few percent."""
 
 
-class Ways(NamedTuple):
+class Distances(NamedTuple):
     """Distances [m] of one file by its speed in the assumed unit, and over the same samples by positions and by the odometer."""
 
     speed_at_positions: float = 0.0
@@ -38,7 +38,7 @@ class Ways(NamedTuple):
     odometer: float = 0.0
 
 
-def ways_of(table: TableFile, time_s: FloatArray, speed_m_s: FloatArray) -> Ways:
+def distances_of(table: TableFile, time_s: FloatArray, speed_m_s: FloatArray) -> Distances:
     """Distances of a file by speed, positions and odometer. O(samples).
 
     Parameters
@@ -54,8 +54,8 @@ def ways_of(table: TableFile, time_s: FloatArray, speed_m_s: FloatArray) -> Ways
     use = (step > 0.0) & (step <= 30.0) & (mean < 90.0)
 
     def compare(moved: FloatArray, use: BoolArray) -> tuple[float, float]:
-        both = use & np.isfinite(moved) & (moved >= 0.0)
-        return float((mean * step)[both].sum()), float(moved[both].sum())
+        rows = use & np.isfinite(moved) & (moved >= 0.0)
+        return float((mean * step)[rows].sum()), float(moved[rows].sum())
 
     by_positions = by_odometer = (0.0, 0.0)
     place, counter = positions_of(table), _named(table, ODOMETER)
@@ -69,7 +69,7 @@ def ways_of(table: TableFile, time_s: FloatArray, speed_m_s: FloatArray) -> Ways
     if odometer is not None:
         to_m = M_PER_MILE if "mi" in (counter or "").lower() else 1000.0
         by_odometer = compare(to_m * np.diff(odometer), use)
-    return Ways(*by_positions, *by_odometer)
+    return Distances(*by_positions, *by_odometer)
 
 
 def positions_of(table: TableFile) -> tuple[FloatArray, FloatArray] | None:
@@ -83,22 +83,22 @@ def _named(table: TableFile, form: re.Pattern[str]) -> str | None:
     return next((name for name in table.names if form.search(words(name))), None)
 
 
-def speed_unit_of(assumed: str, ways: Iterable[Ways]) -> str:
+def speed_unit_of(assumed: str, distances: Iterable[Distances]) -> str:
     """Unit of the speed in files by their distances; the assumed unit if the distances do not show another one.
 
     Examples
     --------
-    >>> speed_unit_of("km/h", [Ways(10_000.0, 16_200.0)]), speed_unit_of("km/h", [])
+    >>> speed_unit_of("km/h", [Distances(10_000.0, 16_200.0)]), speed_unit_of("km/h", [])
     ('mph', 'km/h')
     """
-    total = Ways(*np.sum([Ways(), *ways], axis=0))
+    total = Distances(*np.sum([Distances(), *distances], axis=0))
     # by positions, or else by the odometer, which counts whole kilometres
     pairs = (
         (total.positions, total.speed_at_positions, MIN_M),
         (total.odometer, total.speed_at_odometer, 20_000.0),
     )
     ratio = next(
-        (moved / by_speed for moved, by_speed, least in pairs if by_speed > 0.0 and moved >= least), 1.0
+        (moved / by_speed for moved, by_speed, min_m in pairs if by_speed > 0.0 and moved >= min_m), 1.0
     )
     factor = SPEED_UNITS.get({"kmh": "km/h", "kph": "km/h"}.get(assumed, assumed))
     if factor is None or abs(np.log(ratio)) < NEAR:
@@ -122,10 +122,10 @@ def air_unit_of(assumed: str, air: Sequence[FloatArray], battery_degc: Sequence[
     if assumed not in ("degc", "degf", "c", "f", "°c", "°f") or not known.any():
         return assumed
     battery = np.concatenate(battery_degc) if len(battery_degc) == len(air) else np.full(len(values), np.nan)
-    both = known & np.isfinite(battery) & (np.abs(values) < 150.0)
-    if both.any():
-        as_c = float(np.median(np.abs(values[both] - battery[both])))
-        as_f = float(np.median(np.abs((values[both] - 32.0) / 1.8 - battery[both])))
+    comparable = known & np.isfinite(battery) & (np.abs(values) < 150.0)
+    if comparable.any():
+        as_c = float(np.median(np.abs(values[comparable] - battery[comparable])))
+        as_f = float(np.median(np.abs((values[comparable] - 32.0) / 1.8 - battery[comparable])))
         is_clear = min(as_c, as_f) < 0.7 * max(as_c, as_f)
         unit = "f" if as_f < as_c else "c"
         return f"deg{unit}" if is_clear and not assumed.endswith(unit) else assumed

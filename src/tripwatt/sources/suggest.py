@@ -18,7 +18,7 @@ import pandas as pd
 
 from tripwatt.arrays import BoolArray, FloatArray
 from tripwatt.errors import Fault, InvalidInput, or_none
-from tripwatt.sources.clocks import clock_only, decided_format
+from tripwatt.sources.clocks import clock_only, decide_format
 from tripwatt.sources.columnar import TableFile, open_table, stamp_texts, table_files
 from tripwatt.sources.delimited import column_key
 from tripwatt.sources.evidence import (
@@ -213,15 +213,15 @@ def _with_day(guess: Guess, table: TableFile, beside: Sequence[Path]) -> Guess:
     for file in beside[:60]:
         with contextlib.suppress(InvalidInput, ValueError):
             texts.append(stamp_texts(open_table(file), guess.column, guess.date))
-    decided = decided_format(texts, guess.format)
+    decided = decide_format(texts, guess.format)
     if decided == guess.format:
         return guess
     return replace(guess, format=decided, why=f"{guess.why.partition('; CHECK')[0]}; by all files {decided}")
 
 
 def _fits(texts: Sequence[str], form: str) -> bool:
-    some = pd.Series([text for text in (*texts[:50], *texts[-50:]) if text], dtype=object)
-    return len(some) > 0 and bool(pd.to_datetime(some, format=form, errors="coerce").notna().all())
+    sample = pd.Series([text for text in (*texts[:50], *texts[-50:]) if text], dtype=object)
+    return len(sample) > 0 and bool(pd.to_datetime(sample, format=form, errors="coerce").notna().all())
 
 
 def _trip_column(table: TableFile, columns: Mapping[str, FloatArray]) -> tuple[str | None, BoolArray]:
@@ -261,14 +261,14 @@ def _with_unit(ours: str, name: str, table: TableFile, values: FloatArray | None
     if not len(known):
         return None
     stated = table.units.get(name)
-    said = None if name == ours else unit_in(ours, f"{name} [{stated}]" if stated else name)
+    stated_unit = None if name == ours else unit_in(ours, f"{name} [{stated}]" if stated else name)
     if name == ours:
-        own = COLUMNS[ours].unit.lower() if ours in COLUMNS else "w"
+        our_unit = COLUMNS[ours].unit.lower() if ours in COLUMNS else "w"
         since_1970 = ours == "time_s" and known[0] > SINCE_1970
-        if not since_1970 and _possible(ours, own, known):
-            return Guess(ours, name, own, OWN_NAME)
-    if said is not None and not (ours == "time_s" and known[0] > SINCE_1970):
-        return Guess(ours, name, said, NAME_AND_UNIT) if _possible(ours, said, known) else None
+        if not since_1970 and _possible(ours, our_unit, known):
+            return Guess(ours, name, our_unit, OWN_NAME)
+    if stated_unit is not None and not (ours == "time_s" and known[0] > SINCE_1970):
+        return Guess(ours, name, stated_unit, NAME_AND_UNIT) if _possible(ours, stated_unit, known) else None
     unit, why = unit_of_values(ours, known)
     return Guess(ours, name, unit, f"{NAME_ONLY}; {why}") if _possible(ours, unit, known) else None
 
@@ -281,15 +281,15 @@ def _as_shipped(
     Names such as "date", "speed" and "power" are used by many loggers. So most of the optional columns have to be there as
     well, and the values have to be possible in the units of the mapping.
     """
-    there = {column_key(n): n for n in table.names}
+    spelled = {column_key(n): n for n in table.names}
     optional = [e.column for e in mapping.columns.values() if e.optional]
     # 0.6: least share of a shipped mapping's optional columns in a table that is taken to be of the same
     # logger
-    if sum(column_key(c) in there for c in optional) < 0.6 * len(optional):
+    if sum(column_key(c) in spelled for c in optional) < 0.6 * len(optional):
         return guesses
-    own: dict[str, Guess] = {}
+    replaced: dict[str, Guess] = {}
     for ours, entry in mapping.columns.items():
-        name = there.get(column_key(entry.column))
+        name = spelled.get(column_key(entry.column))
         if name is None:
             continue
         if entry.unit not in TIME_STAMPS:
@@ -303,9 +303,9 @@ def _as_shipped(
                 entry = replace(entry, unit=unit_of_values(ours, known)[0])  # the app shows °F
         elif ours in guesses and guesses[ours].column == name:
             entry = replace(entry, unit=guesses[ours].unit, format=guesses[ours].format)
-        own[ours] = Guess(ours, name, entry.unit, f"{AS_SHIPPED} {mapping.source!r}", entry.format)
-    taken = {g.column for g in own.values()}
-    return {ours: g for ours, g in guesses.items() if g.column not in taken} | own
+        replaced[ours] = Guess(ours, name, entry.unit, f"{AS_SHIPPED} {mapping.source!r}", entry.format)
+    taken = {g.column for g in replaced.values()}
+    return {ours: g for ours, g in guesses.items() if g.column not in taken} | replaced
 
 
 def _rising(table: TableFile, columns: Mapping[str, FloatArray], taken: set[str]) -> dict[str, Guess]:
@@ -381,10 +381,10 @@ def _with_american_check(guesses: dict[str, Guess]) -> dict[str, Guess]:
     units = {guesses[ours].unit for ours in ("speed_m_s", "elevation_m") if ours in guesses}
     if not units & {"mph", "ft"}:
         return guesses
-    others = {"ambient_temperature_degc": ("degc", "°F"), "elevation_m": ("m", "feet")}
+    doubts = {"ambient_temperature_degc": ("degc", "°F"), "elevation_m": ("m", "feet")}
     return guesses | {
         ours: replace(guess, why=f"{guess.why}; CHECK: may be {other}, because other units are miles or feet")
-        for ours, (unit, other) in others.items()
+        for ours, (unit, other) in doubts.items()
         if (guess := guesses.get(ours)) is not None
         and guess.unit == unit
         and guess.why.startswith((NAME_ONLY, AS_SHIPPED))

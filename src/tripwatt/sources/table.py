@@ -16,14 +16,21 @@ import numpy as np
 from tripwatt.arrays import FloatArray, by_key
 from tripwatt.errors import Fault, InvalidInput, raise_faults
 from tripwatt.sources.archives import unpacked
-from tripwatt.sources.clocks import decided_format
+from tripwatt.sources.clocks import decide_format
 from tripwatt.sources.columnar import read_all
 from tripwatt.sources.kinds import Kind, given_kind, proposed_kinds
 from tripwatt.sources.mapping import POWER, ColumnMapping, MappedColumn
 from tripwatt.sources.naming import unit_in
-from tripwatt.sources.raw_drives import RawDrive, drives_of, joined, log_of, with_own_names, without_copies
-from tripwatt.sources.raw_files import RawFile, in_ours, opened, use_unit, with_seconds
-from tripwatt.sources.scales import Ways, air_unit_of, positions_of, speed_unit_of, ways_of
+from tripwatt.sources.raw_drives import (
+    RawDrive,
+    drives_of,
+    drop_copies,
+    join_continued,
+    log_of,
+    name_uniquely,
+)
+from tripwatt.sources.raw_files import RawFile, convert_times, in_our_unit, open_raw_file, use_unit
+from tripwatt.sources.scales import Distances, air_unit_of, distances_of, positions_of, speed_unit_of
 from tripwatt.trips import Flag, Log, TripSet
 from tripwatt.trips.inertia import WRONG_SIGN, apparent_mass
 from tripwatt.trips.reading import FileReading, ReadingReport
@@ -100,7 +107,7 @@ def read_kinds(
         if kind.mapping is None:
             file = RawFile(path, number, ColumnMapping("", {}), faults=[*kind.faults])
         else:
-            file = opened(path, kind.mapping, names, number)
+            file = open_raw_file(path, kind.mapping, names, number)
             _add_heights(file, heights)
         done.append(path)
         if progress is not None:
@@ -115,7 +122,7 @@ def read_kinds(
             drives += drives_of(file) if file.values else []
         except InvalidInput as error:
             file.leave_out(error.faults)
-    drives = joined(with_own_names(without_copies(drives)))
+    drives = join_continued(name_uniquely(drop_copies(drives)))
     logs = _logs(drives)
     packed = [FileReading(Path(fault.where).name, faults=(fault,)) for fault in faults]
     report = ReadingReport((*packed, *(file.reading for file in sorted(files, key=lambda file: file.path))))
@@ -147,13 +154,13 @@ def _add_heights(file: RawFile, heights: Heights | None) -> None:
 def _merge_alike(path: Path, faults: Sequence[Fault]) -> Iterator[Fault]:
     """Yield all faults; of many faults of the same kind in the same column, only the first ones and one with the number of the others."""
     for group in by_key(faults, lambda f: (f.what, f.where.partition(" column ")[2], f.allowed)).values():
-        left = group[SHOWN_ALIKE:] if len(group) > SHOWN_ALIKE + 1 else []
-        yield from group[: len(group) - len(left)]
-        if left:
+        merged = group[SHOWN_ALIKE:] if len(group) > SHOWN_ALIKE + 1 else []
+        yield from group[: len(group) - len(merged)]
+        if merged:
             column = group[0].where.partition(" column ")[2]
             place = f"{path} column {column}" if column else f"{path}"
-            count = sum(fault.count for fault in left)
-            yield replace(group[0], where=place, got=f"{len(left)} more of this kind", count=count)
+            count = sum(fault.count for fault in merged)
+            yield replace(group[0], where=place, got=f"{len(merged)} more of this kind", count=count)
 
 
 def _proposal_faults(kinds: Sequence[Kind]) -> Iterator[Fault]:
@@ -173,29 +180,29 @@ def _decide_together(files: Sequence[RawFile]) -> None:
     for group in _shared(files, "time_s"):
         entry = group[0].entries["time_s"]
         if entry.unit == "timestamp":
-            form = decided_format([file.stamps for file in group], entry.format)
+            form = decide_format([file.stamps for file in group], entry.format)
             if form != entry.format:
                 group[0].notes.append(Flag("format_found", entry.column, form))
             for file in group:
                 file.entries["time_s"] = replace(entry, format=form)
     for file in files:
-        with_seconds(file)
-    wide = [file for file in files if file.mapping.long_name is None]
-    for group in _shared(wide, "speed_m_s"):
+        convert_times(file)
+    by_column = [file for file in files if file.mapping.long_name is None]
+    for group in _shared(by_column, "speed_m_s"):
         # 40: number of files, the largest ones, whose positions and odometer are used to find the unit of
         # speed
         largest = sorted(group, key=lambda file: -file.rows)[:40]
         mapped = group[0].entries["speed_m_s"].unit
-        unit = speed_unit_of(mapped, [_ways(file) for file in largest])
+        unit = speed_unit_of(mapped, [_distances_of_file(file) for file in largest])
         use_unit(group, "speed_m_s", unit)
         for high in _shared(group, "elevation_m") if mapped != unit == "mph" else ():
             use_unit(high, "elevation_m", "ft")
     name = "battery_temperature_degc"
-    for group in _shared(wide, "ambient_temperature_degc"):
+    for group in _shared(by_column, "ambient_temperature_degc"):
         beside = [file for file in group if name in file.values] or group
         air = [file.values["ambient_temperature_degc"] for file in beside]
         unit = group[0].entries["ambient_temperature_degc"].unit
-        battery = [in_ours(file, name) for file in beside if name in file.values]
+        battery = [in_our_unit(file, name) for file in beside if name in file.values]
         use_unit(group, "ambient_temperature_degc", air_unit_of(unit, air, battery))
 
 
@@ -206,31 +213,34 @@ def _shared(files: Sequence[RawFile], ours: str) -> list[list[RawFile]]:
     return [*by_key(files, lambda file: file.entries[ours]).values()]
 
 
-def _ways(file: RawFile) -> Ways:
+def _distances_of_file(file: RawFile) -> Distances:
     if file.table is None:
-        return Ways()
+        return Distances()
     before = len(file.faults)
-    ways = ways_of(file.table, file.values["time_s"], in_ours(file, "speed_m_s"))
+    distances = distances_of(file.table, file.values["time_s"], in_our_unit(file, "speed_m_s"))
     del file.faults[before:]  # positions are only used for this check, so their faults do not matter
-    return ways
+    return distances
 
 
 def _logs(drives: Sequence[RawDrive]) -> list[Log]:
-    """The logs of drives. If a current or power would charge the battery while the car accelerates, its sign is reversed."""
+    """The logs of drives. If a current or power would charge the battery while the car accelerates, members sign is reversed."""
     logs = [log_of(drive) for drive in drives]
     for kind in sorted({drive.files[0].kind for drive in drives}):
-        its = [k for k, drive in enumerate(drives) if drive.files[0].kind == kind]
-        mapping = drives[its[0]].files[0].mapping
-        correlations = [c for k in its if (c := _correlation(logs[k])) is not None]
+        members = [k for k, drive in enumerate(drives) if drive.files[0].kind == kind]
+        mapping = drives[members[0]].files[0].mapping
+        correlations = [c for k in members if (c := _correlation(logs[k])) is not None]
         if not correlations or float(np.median(correlations)) >= WRONG_SIGN:
             continue
         name = (mapping.columns.get("current_a") or mapping.columns[POWER]).column
-        now, right = ("discharge", "charge") if mapping.discharge_sign > 0 else ("charge", "discharge")
+        stated, right = ("discharge", "charge") if mapping.discharge_sign > 0 else ("charge", "discharge")
         got = f"the car would charge while it accelerates in most of {len(correlations)} trips"
-        allowed, fix = f'[current] positive = "{right}" in place of "{now}"', f"change it in {mapping.source}"
+        allowed, fix = (
+            f'[current] positive = "{right}" in place of "{stated}"',
+            f"change it in {mapping.source}",
+        )
         fault = Fault("current has the wrong sign", f"column {name!r}", got, allowed, fix)
-        drives[its[0]].files[0].faults.append(fault)
-        for k in its:
+        drives[members[0]].files[0].faults.append(fault)
+        for k in members:
             drives[k].files[0].mapping = replace(mapping, discharge_sign=-mapping.discharge_sign)
             logs[k] = log_of(drives[k])
     for drive in drives:

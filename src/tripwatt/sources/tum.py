@@ -92,8 +92,8 @@ def read_tum(folder: Path | str, *, strict: bool = False) -> TripSet:
     except InvalidInput as error:
         faults += error.faults
 
-    def read_one(trip_id: str, path: Path, kept: list[Fault]) -> Log:
-        return read_tum_file(path, trip_id, contexts.get(trip_id), kept)
+    def read_one(trip_id: str, path: Path, file_faults: list[Fault]) -> Log:
+        return read_tum_file(path, trip_id, contexts.get(trip_id), file_faults)
 
     logs, readings = read_folder(read_one, files, strict=strict, faults=faults)
     if faults:

@@ -142,8 +142,8 @@ def refresh_time(time_s: FloatArray, speed_m_s: FloatArray) -> float:
     """
     starts = np.flatnonzero(np.diff(speed_m_s, prepend=np.nan) != 0.0)
     value = speed_m_s[starts]
-    least = 1.01 * max(_rounding_step(speed_m_s), FINE_M_S)
-    moved_on = (np.abs(np.diff(value)) > least) & (value[:-1] > 0.0)
+    min_change = 1.01 * max(_rounding_step(speed_m_s), FINE_M_S)
+    moved_on = (np.abs(np.diff(value)) > min_change) & (value[:-1] > 0.0)
     stood = np.diff(time_s[starts])[moved_on]
     usual = float(np.median(stood)) if len(stood) >= FEWEST else 0.0
     # 0.5: shortest time between refreshes [s] that counts; a shorter one disappears in the means over a

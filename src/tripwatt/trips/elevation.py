@@ -140,7 +140,7 @@ def _chain(way: FloatArray, height: FloatArray, first: IntArray, last: IntArray)
     """Return the indices of the runs that cover most of the road, such that a road can join each with the next. O(runs)."""
     changes = running_sum(np.diff(height) != 0.0)
     # 0.1: weight of a run whose height never changes, such as 0 m before the first fix; other runs have 1
-    most = np.where(changes[last] > changes[first], 1.0, 0.1) * (way[last] - way[first])
+    covered = np.where(changes[last] > changes[first], 1.0, 0.1) * (way[last] - way[first])
     before = np.full(len(first), -1)
     for k in range(1, len(first)):
         # 500: largest number of successive runs that may be left out
@@ -150,24 +150,24 @@ def _chain(way: FloatArray, height: FloatArray, first: IntArray, last: IntArray)
         over -= 0.2 * (way[first[k]] - way[last[back]])
         # 25.0: length of road that each metre of a jump costs: a shorter run between two opposite jumps is
         # left out
-        joined = most[back] - 25.0 * np.maximum(over, 0.0)
+        joined = covered[back] - 25.0 * np.maximum(over, 0.0)
         joined[over > MIN_FAULT_M - HEIGHT_NOISE_M] = 0.0
         best = int(joined.argmax())
         if joined[best] > 0.0:
-            most[k] += joined[best]
+            covered[k] += joined[best]
             before[k] = back.start + best
-    chain = [int(most.argmax())]
+    chain = [int(covered.argmax())]
     while before[chain[0]] >= 0:
         chain.insert(0, int(before[chain[0]]))
     return chain
 
 
-def _fixes(time: FloatArray, height: FloatArray, most: int) -> IntArray | None:
-    """Find samples between which heights are straight lines over time (Douglas and Peucker 1973); None for more than `most` lines."""
+def _fixes(time: FloatArray, height: FloatArray, max_lines: int) -> IntArray | None:
+    """Find samples between which heights are straight lines over time (Douglas and Peucker 1973); None for more than `max_lines` lines."""
     kept = {0, len(time) - 1}
     spans = [(0, len(time) - 1)]
     while spans:
-        if len(kept) - 1 > most:
+        if len(kept) - 1 > max_lines:
             return None
         a, b = spans.pop()
         if b - a < 2:

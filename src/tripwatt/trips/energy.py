@@ -180,10 +180,10 @@ def _of_sampling(time: FloatArray, variance_w2: float) -> float:
     x = gap / t
     e, rest = np.exp(-x), -np.expm1(-x)
     # a series for small x, for which the difference of large terms would lose its digits
-    own = np.where(
+    variances = np.where(
         x > 0.01,
         2.0 * t**2 * (x - rest) - 2.0 * gap * t * rest + 0.5 * gap**2 * (1.0 + e),
         gap**2 * x / 6.0,
     )
     shared = np.where(x > 0.01, t * rest - 0.5 * gap * (1.0 + e), -gap * x**2 / 12.0)
-    return variance_w2 * max(float(own.sum() + 2.0 * np.sum(shared[1:] * shared[:-1])), 0.0)
+    return variance_w2 * max(float(variances.sum() + 2.0 * np.sum(shared[1:] * shared[:-1])), 0.0)

@@ -51,18 +51,18 @@ def time_faults(time_s: FloatArray, where: str) -> Iterator[Fault]:
         yield Fault("too many samples", where, f"{len(time_s)}", f"at most {MAX_SAMPLES}")
     step = np.diff(time_s)
     span = float(time_s[-1] - time_s[0]) if len(time_s) else 0.0
-    wide = np.flatnonzero(step > LONGEST_GAP_S)
+    gaps = np.flatnonzero(step > LONGEST_GAP_S)
     # 50.0: median step of the times from which they look like milliseconds: 50 ms at 20 Hz
     looks_ms = len(step) > 1 and float(np.median(step)) >= 50.0
     fix = "times look like milliseconds: give time_s in seconds" if looks_ms else ""
     if span > MAX_DURATION_S:
         place = f"{where}, column 'time_s'"
         yield Fault("duration out of range", place, f"{span:g} s", f"at most {MAX_DURATION_S:g} s", fix)
-    elif len(wide):
-        k = int(wide[0])
-        more = f" (and {len(wide) - 1} more gaps)" if len(wide) > 1 else ""
+    elif len(gaps):
+        k = int(gaps[0])
+        others = f" (and {len(gaps) - 1} more gaps)" if len(gaps) > 1 else ""
         place = f"{where}, column 'time_s', row {k + 2}"
-        got = f"no samples for {step[k]:g} s{more}"
+        got = f"no samples for {step[k]:g} s{others}"
         fix = fix or "give the whole trace, or the planned route as links"
         yield Fault("gap in the samples", place, got, f"at most {LONGEST_GAP_S:g} s", fix)
 

@@ -143,8 +143,8 @@ def leave_in_words(soc: float, reserve: float, probability: float) -> str:
     fraction = Fraction(probability).limit_denominator(20)
     if abs(float(fraction) - probability) > 1e-9:
         fraction = Fraction(probability).limit_denominator(1000)
-    left = f" with {100.0 * reserve:g} % left" if reserve > 0.0 else ""
-    aim = f"to arrive{left} in {fraction.numerator} of {fraction.denominator} trips"
+    reserve_text = f" with {100.0 * reserve:g} % left" if reserve > 0.0 else ""
+    aim = f"to arrive{reserve_text} in {fraction.numerator} of {fraction.denominator} trips"
     percent = math.ceil(100.0 * (soc - 1.0 if soc > 1.0 else soc) - 1e-6)
     if soc > 1.0:
         return f"A full battery is not enough {aim}: you need {percent} % more."

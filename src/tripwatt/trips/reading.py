@@ -14,7 +14,7 @@ _FIGURES: Final = re.compile(r"[-+]?\d[\d.,:]*")
 
 
 @dataclass(frozen=True, slots=True)
-class Alike:
+class Group:
     """Things of one kind that are told in one line.
 
     Attributes
@@ -30,7 +30,7 @@ class Alike:
 
     Examples
     --------
-    >>> print(Alike("not a number", 12, 3, "a.csv row 7 column 'Ambient': got 'ERR'"))
+    >>> print(Group("not a number", 12, 3, "a.csv row 7 column 'Ambient': got 'ERR'"))
     not a number: 12 in 3 places, for example a.csv row 7 column 'Ambient': got 'ERR'
     """
 
@@ -44,7 +44,7 @@ class Alike:
         return f"{self.what}: {number}, for example {self.example.removeprefix(f'{self.what}: ')}"
 
 
-def alike(things: Iterable[tuple[str, str, int, str]]) -> tuple[Alike, ...]:
+def group_by_kind(things: Iterable[tuple[str, str, int, str]]) -> tuple[Group, ...]:
     """Group things by kind, the most frequent kind first.
 
     Parameters
@@ -54,20 +54,25 @@ def alike(things: Iterable[tuple[str, str, int, str]]) -> tuple[Alike, ...]:
 
     Returns
     -------
-    tuple of Alike
+    tuple of Group
         One for each kind.
 
     Examples
     --------
-    >>> [(a.what, a.count) for a in alike([("3 gaps", "A", 1, "A: 3 gaps"), ("5 gaps", "B", 1, "B: 5 gaps")])]
+    >>> [(a.what, a.count) for a in group_by_kind([("3 gaps", "A", 1, "A: 3 gaps"), ("5 gaps", "B", 1, "B: 5 gaps")])]
     [('3 gaps', 2)]
     """
     groups = by_key(things, lambda thing: _FIGURES.sub("#", thing[0]))
-    made = [
-        Alike(its[0][0], sum(n for _, _, n, _ in its), len({place for _, place, _, _ in its}), its[0][3])
-        for its in groups.values()
+    kinds = [
+        Group(
+            members[0][0],
+            sum(n for _, _, n, _ in members),
+            len({place for _, place, _, _ in members}),
+            members[0][3],
+        )
+        for members in groups.values()
     ]
-    return tuple(sorted(made, key=lambda group: -group.count))
+    return tuple(sorted(kinds, key=lambda group: -group.count))
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,9 +134,9 @@ class ReadingReport:
 
     files: tuple[FileReading, ...]
 
-    def groups(self) -> tuple[Alike, ...]:
+    def groups(self) -> tuple[Group, ...]:
         """Group the faults of all files by kind."""
-        return alike((f.what, file.name, f.count, f"{f}") for file in self.files for f in file.faults)
+        return group_by_kind((f.what, file.name, f.count, f"{f}") for file in self.files for f in file.faults)
 
     @property
     def faults(self) -> Sequence[Fault]:
@@ -141,8 +146,8 @@ class ReadingReport:
     def __str__(self) -> str:
         out = sum(file.state == "left out" for file in self.files)
         rows, used = sum(file.rows for file in self.files), sum(file.rows_used for file in self.files)
-        left = f"{len(self.files) - out} read, {out} left out; " if out else ""
-        return f"{len(self.files)} files: {left}{used} of {rows} rows are used"
+        counts = f"{len(self.files) - out} read, {out} left out; " if out else ""
+        return f"{len(self.files)} files: {counts}{used} of {rows} rows are used"
 
     def __repr__(self) -> str:
         return f"<ReadingReport {self}>"

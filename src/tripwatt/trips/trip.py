@@ -165,8 +165,8 @@ class Recorded(Sampled):
         """
         from tripwatt.trips.plots import plot_drive  # matplotlib is slow to import
 
-        own = self.array("observed_energy_wh") if "observed_energy_wh" in self else None
-        energy = observed_cumulative_energy(self.samples) if own is None else own
+        logged = self.array("observed_energy_wh") if "observed_energy_wh" in self else None
+        energy = observed_cumulative_energy(self.samples) if logged is None else logged
         return plot_drive(self, self._title(), energy, ax)
 
     def _title(self) -> str:

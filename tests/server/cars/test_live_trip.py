@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from tripwatt.arrays import held
+from tripwatt.arrays import hold_last
 from tripwatt.server.cars import LiveTrip, Sample, TripFinder, live_trip
 from tripwatt.server.cars.live_trip import (
     BEFORE_S,
@@ -151,7 +151,7 @@ def test_what_waits_counts_up_to_charging() -> None:
 def test_a_speed_is_held_for_ten_seconds() -> None:
     trip = LiveTrip([at(0.0, 10.0), at(HOLD_S, soc=0.4), at(HOLD_S + 1.0, soc=0.4), at(HOLD_S + 2.0, 8.0)])
     assert trip.table()["speed_m_s"].tolist() == [10.0, 10.0, 8.0]
-    assert held(np.array([0.0]), np.array([math.nan]), HOLD_S).tolist() != [0.0]
+    assert hold_last(np.array([0.0]), np.array([math.nan]), HOLD_S).tolist() != [0.0]
     assert len(trip.table(since_s=T0 + 100.0)) == 0
 
 

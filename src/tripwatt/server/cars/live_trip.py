@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.arrays import held
+from tripwatt.arrays import hold_last
 from tripwatt.server.cars.telemetry import Sample, shifted
 from tripwatt.trips import MAX_DURATION_S, table_of
 
@@ -216,7 +216,7 @@ class LiveTrip:
         time = np.array([sample.time_s for sample in samples])
         names = dict.fromkeys(["speed_m_s", *(name for sample in samples for name in sample.values)])
         columns = {n: np.array([sample.values.get(n, math.nan) for sample in samples]) for n in names}
-        columns["speed_m_s"] = held(time, columns["speed_m_s"], HOLD_S)
+        columns["speed_m_s"] = hold_last(time, columns["speed_m_s"], HOLD_S)
         is_used = np.isfinite(columns["speed_m_s"]) & (time >= since_s) & (time <= until_s)
         used = {name: values[is_used] for name, values in columns.items()}
         return table_of({"time_s": time[is_used] - (since_s - start_s), **used})

@@ -32,7 +32,7 @@ from tripwatt.sources.kinds import Changes, Kind, proposed_kinds
 from tripwatt.sources.mapping import TIME_STAMPS, UNITS
 from tripwatt.sources.table import Heights, read_kinds
 from tripwatt.trips import TripSet
-from tripwatt.trips.reading import Alike, FileReading, ReadingReport
+from tripwatt.trips.reading import FileReading, Group, ReadingReport
 from tripwatt.vehicles import Vehicle
 
 PROGRESS: Final = "progress.json"
@@ -353,7 +353,7 @@ def _file_documents(
     return [*documents, *({"name": name, **nothing} for name in ignored)]
 
 
-def _group_document(group: Alike, tables: Path) -> dict[str, Any]:
+def _group_document(group: Group, tables: Path) -> dict[str, Any]:
     return {**asdict(group), "example": group.example.replace(f"{tables}{os.sep}", "")}
 
 

@@ -26,7 +26,7 @@ from tripwatt.study.report.html import page_text
 from tripwatt.study.report.panel import Panel
 from tripwatt.study.report.tables import Column, Table, in_kwh, in_percent, in_words, make_table, number
 from tripwatt.study.report.words import percent
-from tripwatt.trips.reading import alike
+from tripwatt.trips.reading import group_by_kind
 
 CLASSES: Final = {
     "car_model": "car model",
@@ -194,7 +194,7 @@ class ManagerReport:
             return []
         rows = zip(self.needs["vehicle_id"], self.needs["reasons"], strict=True)
         reasons = ((car, reason) for car, listed in rows for reason in listed.split("; ") if reason)
-        kinds = alike((reason, car, 1, f"{car}: {reason}") for car, reason in reasons)
+        kinds = group_by_kind((reason, car, 1, f"{car}: {reason}") for car, reason in reasons)
         notes = (f"{kind.example} (departures: {kind.count} of {len(self.needs)})" for kind in kinds)
         left_out = (f"left out: {fault}" for fault in self.refused)
         return [*left_out, *(re.sub(r"(?<!\S)-(?=\d)", "−", note) for note in notes)]
