@@ -19,7 +19,7 @@ import tripwatt as tw
 from benchmarks.cars import cars
 from tripwatt.population.adapting import in_order
 from tripwatt.study.evaluation import Execution
-from tripwatt.study.report.intervals import SIGNIFICANT_MARK
+from tripwatt.study.report.intervals import STAR
 from tripwatt.study.report.tables import Column, in_words, make_table, number
 from tripwatt.study.report.words import listed
 from tripwatt.trips import Trip
@@ -70,7 +70,7 @@ def shown(every: Sequence[dict[str, Any]], blocks: int) -> str:
     columns = (
         in_words("Car", "car"),
         in_words("Level", "level"),
-        Column("Inside", lambda row: row["inside"] + SIGNIFICANT_MARK * bool(row["off"])),
+        Column("Inside", lambda row: row["inside"] + STAR * bool(row["off"])),
         Column("Clopper-Pearson 95 % [%]", "ci95"),
         Column("Mean width [kWh]", "width"),
         Column("Width needed [kWh]", "needed"),

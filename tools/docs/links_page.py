@@ -7,13 +7,7 @@ from typing import Any, Final
 
 from tools.docs.tables import markdown
 from tripwatt.study.evaluation.forecast_scores import UPDATE_LEVEL
-from tripwatt.study.report.intervals import (
-    NEEDED_WIDTH_NOTE,
-    SIGNIFICANT_MARK,
-    charge_rows,
-    energy_rows,
-    intervals_table,
-)
+from tripwatt.study.report.intervals import STAR, WIDTH_NOTE, charge_rows, energy_rows, intervals_table
 from tripwatt.study.report.tables import DASH, Table, number, span
 
 NAMES: Final[Mapping[str, str]] = {
@@ -56,7 +50,7 @@ def render_links(results: Mapping[str, Any]) -> str:
         (
             markdown(Table(caption, columns, rows)),
             markdown(intervals_table(f"Intervals: {caption[0].lower()}{caption[1:]}", intervals)),
-            f"\\{SIGNIFICANT_MARK} differs significantly from the level. {NEEDED_WIDTH_NOTE}",
+            f"\\{STAR} differs significantly from the level. {WIDTH_NOTE}",
             "No row is a forecast before departure: each takes something from the drive that it forecasts. The driven trace "
             "is not known before; its row is the best case for the others. A link is known by its length, its mean speed on this "
             "drive with every standstill, and the elevation at its ends; where the car stops is not known. Free flow takes "

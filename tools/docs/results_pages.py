@@ -17,7 +17,7 @@ from tools.docs.tables import markdown, on_names
 from tripwatt.errors import InvalidInput
 from tripwatt.files import write_bytes
 from tripwatt.study.evaluation import DEFAULT_PROTOCOL
-from tripwatt.study.report.intervals import NEEDED_WIDTH_NOTE, SIGNIFICANT_MARK
+from tripwatt.study.report.intervals import STAR, WIDTH_NOTE
 from tripwatt.study.report.panels.paired import SIGNIFICANCE_NOTE, difference_column
 from tripwatt.study.report.panels.results_table import results_table, sets_table
 from tripwatt.study.report.panels.uncertainty import coverage_by_set, scored_sets, updates_table
@@ -76,7 +76,7 @@ def render_forecast(results: Mapping[str, Any]) -> str:
         markdown(results_table(view)),
         markdown(updates_table(view)),
         markdown(coverage_by_set(view)),
-        f"\\{SIGNIFICANT_MARK} differs significantly from the level. {NEEDED_WIDTH_NOTE}",
+        f"\\{STAR} differs significantly from the level. {WIDTH_NOTE}",
         markdown(sets_table(view)),
     ]
     return "\n\n".join([*parts, _origin(results)])

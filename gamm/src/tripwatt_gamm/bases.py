@@ -19,7 +19,7 @@ from scipy.sparse.linalg import eigsh
 from tripwatt_gamm.arrays import FloatArray
 
 MAX_KNOTS = 2000
-"""Largest number of distinct points from which a thin plate eigenbasis is built."""
+"""Largest number of distinct points from which a thin plate eigenbasis is built: that of mgcv."""
 
 
 class Basis(Protocol):
@@ -170,28 +170,28 @@ class ThinPlate:
     def matrix(self, x: FloatArray) -> FloatArray:
         """Evaluate the columns at `x` (n, d), as (n, k)."""
         centred = x - self.shift
-        out = np.empty((len(x), self.k))
+        columns = np.empty((len(x), self.k))
         radial_columns = self.loadings.shape[1]
         for start in range(0, len(x), 4096):
             rows = slice(start, start + 4096)
-            out[rows, :radial_columns] = _radial(centred[rows], self.knots, self.order) @ self.loadings
-        out[:, radial_columns:] = _polynomials(centred, self.order)
-        out /= self.scale
-        return out
+            columns[rows, :radial_columns] = _radial(centred[rows], self.knots, self.order) @ self.loadings
+        columns[:, radial_columns:] = _polynomials(centred, self.order)
+        columns /= self.scale
+        return columns
 
 
 def _exponents(d: int, order: int) -> list[tuple[int, ...]]:
     """Exponents of the monomials in `d` variables whose total degree is below `order`, lower degrees first."""
     if d == 1:
         return [(i,) for i in range(order)]
-    out = [
+    monomials = [
         (first, *rest)
         for total in range(order)
         for first in range(total, -1, -1)
         for rest in _exponents(d - 1, order)
         if first + sum(rest) == total
     ]
-    return out
+    return monomials
 
 
 def _polynomials(x: FloatArray, order: int) -> FloatArray:
@@ -263,11 +263,11 @@ def _basis_knots(points: FloatArray) -> tuple[FloatArray, FloatArray]:
     low, span = points.min(axis=0), np.ptp(points, axis=0)
     cells = MAX_KNOTS
     while True:
-        code = np.zeros(len(points), dtype=np.int64)
+        cell = np.zeros(len(points), dtype=np.int64)
         for j in range(d):
             place = np.minimum((points[:, j] - low[j]) / span[j] * cells, cells - 1)
-            code = code * cells + place.astype(np.int64)
-        _, index, counts = np.unique(code, return_inverse=True, return_counts=True)
+            cell = cell * cells + place.astype(np.int64)
+        _, index, counts = np.unique(cell, return_inverse=True, return_counts=True)
         if len(counts) <= MAX_KNOTS:
             break
         cells = cells * 9 // 10

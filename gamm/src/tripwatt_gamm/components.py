@@ -54,8 +54,8 @@ def _log_sd_errors(model: Estimator) -> FloatArray:
         spread = 2 / (model.n_ - free)
     if np.isnan(covariance).all():
         return np.full(size + 1, np.nan)
-    along = np.vstack([slopes - np.eye(size), slopes])
-    variances = np.einsum("ij,jk,ik->i", along, np.nan_to_num(covariance), along) + spread
+    directions = np.vstack([slopes - np.eye(size), slopes])
+    variances = np.einsum("ij,jk,ik->i", directions, np.nan_to_num(covariance), directions) + spread
     return np.asarray(np.sqrt(np.where(variances < 0, np.nan, variances)) / 2)
 
 
@@ -94,9 +94,9 @@ def variance_components(model: Estimator, level: float = 0.95) -> pd.DataFrame:
         covariance = random_covariance(model, fitted) if fitted.kind == "random" else np.zeros((0, 0))
         sds = np.sqrt(np.diag(covariance))
         for j, effect in enumerate(fitted.effects):
-            own = float(half[penalty]) if len(sds) == 1 else np.nan
+            half_width = float(half[penalty]) if len(sds) == 1 else np.nan
             correlation = covariance[j, 0] / (sds[j] * sds[0]) if j else np.nan
-            rows.append((fitted.label, ":".join(fitted.groups), effect, sds[j], own, correlation))
+            rows.append((fitted.label, ":".join(fitted.groups), effect, sds[j], half_width, correlation))
         penalty += len(fitted.penalties)
     gaussian = isinstance(model.family_, Gaussian)
     sd = np.sqrt(model.scale_) if gaussian else model.sigma_ * np.sqrt(model.nu_ / (model.nu_ - 2))

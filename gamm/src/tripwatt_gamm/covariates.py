@@ -19,16 +19,17 @@ from tripwatt_gamm.formula import nearest
 Index: TypeAlias = npt.NDArray[np.intp]
 
 MAX_VALUES = 1000
-"""Largest number of distinct values of a discretised covariate."""
+"""Largest number of distinct values of a discretised covariate: that of mgcv's `bam(discrete=TRUE)`."""
 
 MAX_JOINT = 10_000
-"""Largest number of distinct points of a discretised set of covariates."""
+"""Largest number of distinct points of a discretised set of covariates: a choice that bounds the length of a table."""
 
 EXACT_ROWS = 10_000
-"""Number of rows up to which `discretise=True` leaves covariates unchanged."""
+"""Number of rows up to which `discretise=True` leaves covariates unchanged: a choice, because exact fits of so few are fast."""
 
 REACH = 0.05
-"""Distance from the nearest training point, as a share of each range, beyond which a surface is held constant."""
+"""Distance from the nearest training point, as a share of each range, beyond which a surface is held constant: a choice, half of
+the distance up to which figures show a surface."""
 
 
 def is_factor(column: pd.Series[Any]) -> bool:
@@ -43,18 +44,18 @@ def is_ordered(column: pd.Series[Any]) -> bool:
 
 def crossed(frame: pd.DataFrame, names: tuple[str, ...]) -> pd.Series[Any]:
     """Column of one factor, or the combined levels of several factors, joined by colons."""
-    first, *rest = (frame[name] for name in names)
+    crossed_levels, *rest = (frame[name] for name in names)
     for column in rest:
-        first = first.astype(str) + ":" + column.astype(str)
-    return first
+        crossed_levels = crossed_levels.astype(str) + ":" + column.astype(str)
+    return crossed_levels
 
 
 def missing_columns(frame: pd.DataFrame, wanted: Iterable[str]) -> list[Fault]:
     """Return one fault for each wanted column that the frame does not have."""
     names = [str(name) for name in frame.columns]
-    have = ", ".join(names)
+    present = ", ".join(names)
     return [
-        Fault("unknown column", repr(name), "not in the frame", have, nearest(name, names))
+        Fault("unknown column", repr(name), "not in the frame", present, nearest(name, names))
         for name in wanted
         if name not in frame.columns
     ]
@@ -76,20 +77,20 @@ def numbers(frame: pd.DataFrame, name: str, label: str) -> tuple[FloatArray, lis
         fault = Fault("not numeric", f"column {name!r} of {label}", str(column.dtype), "numbers")
         return np.zeros(len(frame)), [fault]
     values = column.to_numpy(dtype=np.float64, na_value=np.nan)
-    bad = ~np.isfinite(values)
-    if bad.any():
-        row = int(np.argmax(bad))
-        got = f"{values[row]} in {int(bad.sum())} rows, first at row {row}"
+    invalid = ~np.isfinite(values)
+    if invalid.any():
+        row = int(np.argmax(invalid))
+        got = f"{values[row]} in {int(invalid.sum())} rows, first at row {row}"
         return values, [Fault("not finite", f"column {name!r} of {label}", got, "finite numbers")]
     return values, []
 
 
 def missing_levels(frame: pd.DataFrame, name: str, label: str) -> list[Fault]:
     """Return one fault if a factor has missing entries, otherwise none."""
-    bad = frame[name].isna().to_numpy()
-    if not bad.any():
+    missing = frame[name].isna().to_numpy()
+    if not missing.any():
         return []
-    got = f"{int(bad.sum())} missing, first at row {int(np.argmax(bad))}"
+    got = f"{int(missing.sum())} missing, first at row {int(np.argmax(missing))}"
     return [Fault("missing level", f"column {name!r} of {label}", got, "a level in every row")]
 
 
@@ -243,8 +244,8 @@ class Support:
         distance, nearest = self._tree.query(unit)
         far = distance > REACH
         if far.any():
-            home = (self.points[nearest[far]] - self.low) / self._span
-            unit[far] = home + (unit[far] - home) * (REACH / distance[far])[:, None]
+            nearest_point = (self.points[nearest[far]] - self.low) / self._span
+            unit[far] = nearest_point + (unit[far] - nearest_point) * (REACH / distance[far])[:, None]
             inside[far] = self.low + unit[far] * self._span
         return np.asarray(inside)
 
@@ -297,7 +298,7 @@ class Training:
         return cls(
             {names: support(names, rows) for names in joint},
             {name: Levels(codes[name][0], n / n.sum()) for name, n in counts.items()},
-            {part: support(part[0], rows & own) for part, own in members.items() if (rows & own).any()},
+            {part: support(part[0], rows & mask) for part, mask in members.items() if (rows & mask).any()},
         )
 
     def members(self, frame: pd.DataFrame, by: str, level: str | None) -> BoolArray:
@@ -319,10 +320,10 @@ class Training:
             columns = [moved.get(name, frame[name].to_numpy(dtype=np.float64)) for name in names]
             return np.stack(columns, axis=1)
 
-        known = [names for names in self.supports if all(name in frame.columns for name in names)]
-        for names in sorted(known, key=len):
-            for (own, by, level), support in self.within.items():
-                if own == names and len(names) == 1 and by in frame.columns:
+        in_frame = [names for names in self.supports if all(name in frame.columns for name in names)]
+        for names in sorted(in_frame, key=len):
+            for (covariates, by, level), support in self.within.items():
+                if covariates == names and len(names) == 1 and by in frame.columns:
                     x, rows = current(names), self.members(frame, by, level)
                     x[rows] = support.clamp(x[rows])
                     moved.update(zip(names, x.T, strict=True))

@@ -81,17 +81,17 @@ def column_concurvity(
     >>> column_concurvity(np.eye(2), np.ones(2), np.array([0]))
     (0.0, 0.0, 0.0)
     """
-    alive = np.flatnonzero((factor**2).sum(axis=0) > 0)
-    inside = np.intersect1d(inside, alive)
-    outside = np.setdiff1d(alive, inside)
+    nonzero = np.flatnonzero((factor**2).sum(axis=0) > 0)
+    inside = np.intersect1d(inside, nonzero)
+    outside = np.setdiff1d(nonzero, inside)
     if inside.size == 0 or outside.size == 0:
         return (0.0, 0.0, 0.0)
-    others, own = _orthonormal(factor[:, outside]), _orthonormal(factor[:, inside])
-    worst = float(np.linalg.svd(others.T @ own, compute_uv=False)[0] ** 2)
-    shadow = others.T @ factor[:, inside]
-    fit, part = factor[:, inside] @ coef[inside], shadow @ coef[inside]
-    observed = float(part @ part / (fit @ fit)) if fit @ fit > 0 else 0.0
-    estimate = float((shadow**2).sum() / (factor[:, inside] ** 2).sum())
+    other_space, own_space = _orthonormal(factor[:, outside]), _orthonormal(factor[:, inside])
+    worst = float(np.linalg.svd(other_space.T @ own_space, compute_uv=False)[0] ** 2)
+    projected = other_space.T @ factor[:, inside]
+    fit, projected_fit = factor[:, inside] @ coef[inside], projected @ coef[inside]
+    observed = float(projected_fit @ projected_fit / (fit @ fit)) if fit @ fit > 0 else 0.0
+    estimate = float((projected**2).sum() / (factor[:, inside] ** 2).sum())
     return min(worst, 1.0), min(observed, 1.0), min(estimate, 1.0)
 
 

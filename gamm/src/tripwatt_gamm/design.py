@@ -89,27 +89,27 @@ class Design:
 
     def active(self, gram_diagonal: FloatArray) -> Index:
         """Indices of the coefficients that data or penalties determine."""
-        alive = gram_diagonal > 0
-        alive[self.empty] = False
+        determined = gram_diagonal > 0
+        determined[self.empty] = False
         for fitted in self.terms:
-            if fitted.kind == "random" or (fitted.penalties and alive[fitted.slice].any()):
-                alive[fitted.slice] = True
-        return np.flatnonzero(alive).astype(np.intp)
+            if fitted.kind == "random" or (fitted.penalties and determined[fitted.slice].any()):
+                determined[fitted.slice] = True
+        return np.flatnonzero(determined).astype(np.intp)
 
     def penalty_stack(self, active: Index) -> tuple[PenaltyStack, list[int]]:
         """Return the penalties of the active coefficients, and the positions of their smoothing parameters in the model."""
         terms: Blocks = []
         scales: dict[int, FloatArray] = {}
         which: list[int] = []
-        j = 0
+        parameter = 0
         position = {int(column): i for i, column in enumerate(active)}
         for fitted in self.terms:
             if fitted.penalties and fitted.start in position:
                 terms.append((position[fitted.start], fitted.penalties))
                 if fitted.scales is not None:
                     scales[position[fitted.start]] = fitted.scales
-                which += range(j, j + len(fitted.penalties))
-            j += len(fitted.penalties)
+                which += range(parameter, parameter + len(fitted.penalties))
+            parameter += len(fitted.penalties)
         return PenaltyStack(len(active), terms, scales), which
 
     @property

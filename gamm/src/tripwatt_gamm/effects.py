@@ -471,9 +471,9 @@ def _curve(
     x = _grid(model, name, points)
     if fitted.by is not None:
         # range of the smooth's own rows: beyond it the model holds the curve constant
-        own = model.training_.within.get((fitted.term.names, fitted.by, fitted.level))
-        if own is not None:
-            x = np.linspace(float(own.low[0]), float(own.high[0]), points)
+        own_support = model.training_.within.get((fitted.term.names, fitted.by, fitted.level))
+        if own_support is not None:
+            x = np.linspace(float(own_support.low[0]), float(own_support.high[0]), points)
     effect, error = _evaluate(model, fitted, {name: x})
     rug = np.zeros(0) if frame is None else _rows(fitted, frame, (name,))[:, 0]
     return CurveEffect(
@@ -485,23 +485,23 @@ def _surface(model: Estimator, fitted: FittedTerm, frame: pd.DataFrame | None, p
     assert isinstance(fitted.term, Smooth | Tensor)
     first, second, *rest = fitted.term.names
     x, y = _grid(model, first, points), _grid(model, second, points)
-    at = {
+    fixed = {
         name: float(np.mean(model.ranges_[name]) if frame is None else frame[name].median()) for name in rest
     }
     across, along = np.meshgrid(x, y)
-    held = {name: np.full(across.size, value) for name, value in at.items()}
+    held = {name: np.full(across.size, value) for name, value in fixed.items()}
     effect, error = _evaluate(model, fitted, {first: across.ravel(), second: along.ravel(), **held})
-    cloud = np.zeros((0, 2)) if frame is None else _rows(fitted, frame, (first, second))
-    if len(cloud):
+    data = np.zeros((0, 2)) if frame is None else _rows(fitted, frame, (first, second))
+    if len(data):
         from scipy.spatial import cKDTree
 
         span = np.array([np.ptp(x), np.ptp(y)])
-        distance, _ = cKDTree(cloud / span).query(np.c_[across.ravel(), along.ravel()] / span)
+        distance, _ = cKDTree(data / span).query(np.c_[across.ravel(), along.ravel()] / span)
         effect, error = (np.where(distance > TOO_FAR, np.nan, v) for v in (effect, error))
     shape = across.shape
     edf = float(model.edf_[fitted.slice].sum())
     return SurfaceEffect(
-        fitted.label, (first, second), x, y, effect.reshape(shape), error.reshape(shape), edf, cloud, at
+        fitted.label, (first, second), x, y, effect.reshape(shape), error.reshape(shape), edf, data, fixed
     )
 
 
@@ -511,7 +511,7 @@ def _random(model: Estimator, fitted: FittedTerm) -> dict[str, Effect]:
 
     sds = np.sqrt(np.diag(random_covariance(model, fitted)))
     names = [str(name) for name in model.levels_[":".join(fitted.groups)]]
-    found: dict[str, Effect] = {}
+    effects: dict[str, Effect] = {}
     for j, (name, sd) in enumerate(zip(fitted.effects, sds, strict=True)):
         at = slice(fitted.start + j * len(names), fitted.start + (j + 1) * len(names))
         effect, error = model.coef_[at], np.sqrt(np.clip(np.diag(model.Vp_)[at], 0.0, None))
@@ -519,8 +519,8 @@ def _random(model: Estimator, fitted: FittedTerm) -> dict[str, Effect]:
         theoretical = float(sd) * stats.norm.ppf((np.arange(effect.size) + 0.5) / effect.size)
         label = fitted.label if len(sds) == 1 else f"{fitted.label} {name}"
         level, edf = tuple(names[i] for i in order), float(model.edf_[at].sum())
-        found[label] = RandomEffects(label, level, effect[order], error[order], theoretical, edf, float(sd))
-    return found
+        effects[label] = RandomEffects(label, level, effect[order], error[order], theoretical, edf, float(sd))
+    return effects
 
 
 def _factor(model: Estimator, fitted: FittedTerm, multiplier: float) -> FactorEffect:

@@ -27,7 +27,7 @@ from tripwatt_gamm.tables import previous_rows
 from tripwatt_gamm.terms import Formula, RandomEffect, Smooth, Tensor
 
 PREDICT_ROWS = 8192
-"""Rows whose model matrix is formed at a time; a choice, because it bounds the memory and more rows are no faster."""
+"""Rows whose model matrix is formed at a time; a choice that bounds the memory."""
 
 
 @dataclass(eq=False)

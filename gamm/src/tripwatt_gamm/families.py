@@ -17,7 +17,8 @@ from scipy.special import digamma, gammaln, polygamma
 from tripwatt_gamm.arrays import BoolArray, FloatArray
 
 LOG_EXCESS_DF = (math.log(1e-9), math.log(1e7))
-"""Bounds of log(nu - min_df): near the lower one nu counts as at its bound, at the upper one errors are gaussian."""
+"""Bounds of log(nu - min_df): near the lower one nu counts as at its bound, at the upper one errors are gaussian to
+working precision."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -99,14 +99,14 @@ class FittedTerm:
         -------
         ndarray (n, size)
         """
-        known = training if training is not None else self.training
+        ranges = training if training is not None else self.training
         if self.term is None:
             return np.ones((len(frame), 1))
         if isinstance(self.term, RandomEffect):
             return self._random(frame)
         if isinstance(self.term, Parametric):
-            return self._parametric(frame, self.term.name, known)
-        return self._smooth(frame, known)
+            return self._parametric(frame, self.term.name, ranges)
+        return self._smooth(frame, ranges)
 
     @property
     def needed(self) -> tuple[str, ...]:
@@ -137,33 +137,33 @@ class FittedTerm:
         indicator = np.eye(len(levels.names) + 1)[codes, :-1]
         numbers = [frame[name].to_numpy(dtype=np.float64) for name in self.needed]
         return np.hstack(
-            [indicator if m is None else indicator * m[:, None] for m in self.multipliers(numbers)]
+            [indicator if x is None else indicator * x[:, None] for x in self.multipliers(numbers)]
         )
 
-    def _parametric(self, frame: pd.DataFrame, name: str, known: Training) -> FloatArray:
+    def _parametric(self, frame: pd.DataFrame, name: str, ranges: Training) -> FloatArray:
         if self.contrast is None:
             values = frame[name].to_numpy(dtype=np.float64)[:, None]
-            return values if self.extrapolation == "linear" else known.supports[(name,)].clamp(values)
-        levels = known.levels[name]
+            return values if self.extrapolation == "linear" else ranges.supports[(name,)].clamp(values)
+        levels = ranges.levels[name]
         return np.asarray(levels.rows(levels.codes(frame[name])) @ self.contrast)
 
-    def _smooth(self, frame: pd.DataFrame, known: Training) -> FloatArray:
+    def _smooth(self, frame: pd.DataFrame, ranges: Training) -> FloatArray:
         assert isinstance(self.term, Smooth | Tensor)
         assert self.smoother is not None
-        weight = self._by_weight(frame, known)
-        out = np.zeros((len(frame), self.size))
-        used = np.flatnonzero(weight)
+        weight = self._by_weight(frame, ranges)
+        columns = np.zeros((len(frame), self.size))
+        affected = np.flatnonzero(weight)
         names = list(self.term.names)
-        x = frame[names].to_numpy(dtype=np.float64)[used]
+        x = frame[names].to_numpy(dtype=np.float64)[affected]
         if not len(x):
-            return out
+            return columns
         points = Points.from_values(x)
-        support = known.supports[self.term.names]
+        support = ranges.supports[self.term.names]
         table = self.smoother.matrix(support.clamp(points.values))
         if self.extrapolation == "linear" and points.values.shape[1] == 1:
             table = table + self._slope(points.values, support)
-        out[used] = table[points.index] * weight[used, None]
-        return out
+        columns[affected] = table[points.index] * weight[affected, None]
+        return columns
 
     def _slope(self, x: FloatArray, support: Support) -> FloatArray:
         """Return what a straight-line continuation beyond the range adds to the clamped columns."""
@@ -175,11 +175,11 @@ class FittedTerm:
         below, above = np.minimum(x - low, 0.0), np.maximum(x - high, 0.0)
         return np.asarray(below * (B[1] - B[0]) / h + above * (B[3] - B[2]) / h)
 
-    def _by_weight(self, frame: pd.DataFrame, known: Training) -> FloatArray:
+    def _by_weight(self, frame: pd.DataFrame, ranges: Training) -> FloatArray:
         if self.by is None:
             return np.ones(len(frame))
         if self.level is None:
             return frame[self.by].to_numpy(dtype=np.float64)
-        levels = known.levels[self.by]
+        levels = ranges.levels[self.by]
         column = levels.rows(levels.codes(frame[self.by]))
         return np.asarray(column[:, levels.names.index(self.level)])

@@ -16,14 +16,15 @@ from tripwatt_gamm.tables import IndexedColumns, TableRows
 from tripwatt_gamm.terms import Smooth, Tensor
 
 NULL_TOLERANCE = 1e-12
-"""Relative size of an eigenvalue of the scaled penalised crossproduct below which its direction is undetermined (nil)."""
+"""Relative size of an eigenvalue of the scaled penalised crossproduct below which its direction is undetermined: a choice, some
+thousand times the working precision, since the crossproduct of many rows carries that much rounding."""
 
-INVOLVED = 1e-4
-"""Norm of a term's part of the nil directions up to which the term is not involved in them."""
+MIN_PART = 1e-4
+"""Norm of a term's part of the undetermined directions up to which the term has no part in them: a choice, far above rounding."""
 
 
-def _nil_directions(design: Design, gram: FloatArray, active: Index) -> tuple[FloatArray, FloatArray]:
-    """Return the orthonormal nil directions (p, r) of the scaled penalised crossproduct, and the scale (p,)."""
+def _null_space(design: Design, gram: FloatArray, active: Index) -> tuple[FloatArray, FloatArray]:
+    """Return an orthonormal basis (p, r) of what the scaled penalised crossproduct leaves undetermined, and the scale (p,)."""
     total = gram.copy()
     for fitted in design.terms:
         where = fitted.slice
@@ -33,14 +34,14 @@ def _nil_directions(design: Design, gram: FloatArray, active: Index) -> tuple[Fl
     d = np.zeros(design.p)
     d[active] = 1 / np.sqrt(np.diag(total)[active])
     values, vectors = np.linalg.eigh((total * d * d[:, None])[np.ix_(active, active)])
-    nil = values < NULL_TOLERANCE * values[-1]
-    out = np.zeros((design.p, int(nil.sum())))
-    out[active] = vectors[:, nil]
-    return out, d
+    null = values < NULL_TOLERANCE * values[-1]
+    basis = np.zeros((design.p, int(null.sum())))
+    basis[active] = vectors[:, null]
+    return basis, d
 
 
 def _removal_rank(fitted: FittedTerm) -> int:
-    """Rank of a term among those that share a nil direction; the direction is removed from the term of highest rank.
+    """Rank of a term among those that share an undetermined direction; the direction is removed from the term of highest rank.
 
     The rank is 2 for surfaces, 1 for curves and random effects, 0 for parametric terms.
     """
@@ -69,19 +70,19 @@ def identify(design: Design, gram: FloatArray) -> Design:
     """
     for _ in range(20):  # each pass removes one term's part; far fewer are needed
         active = design.active(np.diag(gram))
-        nil, scale = _nil_directions(design, gram, active)
-        if not nil.shape[1]:
+        null, scale = _null_space(design, gram, active)
+        if not null.shape[1]:
             return design
-        involved = [b for b in design.terms if np.linalg.norm(nil[b.slice]) > INVOLVED]
+        involved = [b for b in design.terms if np.linalg.norm(null[b.slice]) > MIN_PART]
         fitted = max(involved, key=lambda b: (_removal_rank(b), b.start))
         others = ", ".join(b.label for b in involved if b is not fitted) or "itself"
         if fitted.kind == "parametric":
-            column = fitted.start + int(np.flatnonzero(np.abs(nil[fitted.slice]).max(axis=1) > INVOLVED)[-1])
+            column = fitted.start + int(np.flatnonzero(np.abs(null[fitted.slice]).max(axis=1) > MIN_PART)[-1])
             design.empty.append(column)
             name = fitted.names[column - fitted.start]
             design.notes.append(f"{name} is a linear combination of {others}: held at 0")
             continue
-        directions = nil[fitted.slice] * scale[fitted.slice, None]
+        directions = null[fitted.slice] * scale[fitted.slice, None]
         U, sizes, _ = np.linalg.svd(directions)
         rank = int((sizes > 1e-6 * sizes[0]).sum())
         design.notes.append(f"{fitted.label} repeats {others}: {rank} of its columns removed")

@@ -109,20 +109,20 @@ def smooth_test(
     signs = np.where(vectors[0] < 0, -1.0, 1.0)
     z = (vectors * signs).T[:rank] @ (root @ coef) / np.sqrt(values[:rank])
     r = float(min(max(ref_df, 1.0), rank))
-    whole = int(np.floor(r + WHOLE_DF))
-    part = r - whole
-    if part <= WHOLE_DF:
-        totals = [float(z[:whole] @ z[:whole])]
-        weights = np.ones(whole)
+    n_whole = int(np.floor(r + WHOLE_DF))
+    fraction = r - n_whole
+    if fraction <= WHOLE_DF:
+        totals = [float(z[:n_whole] @ z[:n_whole])]
+        weights = np.ones(n_whole)
     else:
-        rho = np.sqrt(part * (1 - part) / 2)
-        base = float(z[:whole] @ z[:whole] + part * z[whole] ** 2)
-        cross = float(2 * rho * z[whole - 1] * z[whole])
+        rho = np.sqrt(fraction * (1 - fraction) / 2)
+        base = float(z[:n_whole] @ z[:n_whole] + fraction * z[n_whole] ** 2)
+        cross = float(2 * rho * z[n_whole - 1] * z[n_whole])
         totals = [base + cross, max(base - cross, 0.0)]
-        root = np.sqrt(1 - part**2)
-        weights = np.append(np.ones(whole - 1), [(part + 1 + root) / 2, (part + 1 - root) / 2])
-    p = float(np.mean([_tail(total, weights, residual_df) for total in totals]))
-    return TermTest(float(ref_df), totals[0] if residual_df is None else totals[0] / r, p)
+        root = np.sqrt(1 - fraction**2)
+        weights = np.append(np.ones(n_whole - 1), [(fraction + 1 + root) / 2, (fraction + 1 - root) / 2])
+    p_value = float(np.mean([_tail(total, weights, residual_df) for total in totals]))
+    return TermTest(float(ref_df), totals[0] if residual_df is None else totals[0] / r, p_value)
 
 
 def random_effect_test(
@@ -177,10 +177,10 @@ def random_effect_test(
     index = np.arange(coef.size)[term]
     outside = [np.arange(coef.size)[other] for other in others]
     random = np.concatenate([np.arange(0), *outside]).astype(int)
-    alive = np.diag(gram) + np.diag(penalty) > 0
-    index = index[alive[index]]
-    fixed = np.setdiff1d(np.flatnonzero(alive), np.concatenate([index, random]))
-    covariance, weighted = _null_model(gram, penalty, np.flatnonzero(alive), index, random)
+    determined = np.diag(gram) + np.diag(penalty) > 0
+    index = index[determined[index]]
+    fixed = np.setdiff1d(np.flatnonzero(determined), np.concatenate([index, random]))
+    covariance, weighted = _null_model(gram, penalty, np.flatnonzero(determined), index, random)
     b = coef[index]
     explained = weighted[np.ix_(index, index)]  # M of the notes
     if fixed.size:
@@ -207,20 +207,20 @@ def _rank(a: FloatArray, size: FloatArray) -> int:
 def _null_model(
     gram: FloatArray,
     penalty: FloatArray,
-    alive: NDArray[np.intp],
+    determined: NDArray[np.intp],
     index: NDArray[np.intp],
     random: NDArray[np.intp],
 ) -> tuple[FloatArray, FloatArray]:
     """Return the covariance of b if its variance is zero (per unit scale), and X'W(I + Z_o Psi Z_o')WX."""
-    g = gram[np.ix_(alive, alive)]
-    at = np.searchsorted(alive, index)
-    rows = _solve(g + penalty[np.ix_(alive, alive)], np.eye(alive.size)[:, at]).T
+    g = gram[np.ix_(determined, determined)]
+    places = np.searchsorted(determined, index)
+    rows = _solve(g + penalty[np.ix_(determined, determined)], np.eye(determined.size)[:, places]).T
     covariance = rows @ g @ rows.T
     if random.size == 0:
         return covariance, gram
     psi_inverse = penalty[np.ix_(random, random)]
-    moved = (rows @ g)[:, np.searchsorted(alive, random)]
-    covariance = covariance + moved @ _solve(psi_inverse, moved.T)
+    random_part = (rows @ g)[:, np.searchsorted(determined, random)]
+    covariance = covariance + random_part @ _solve(psi_inverse, random_part.T)
     return covariance, gram + gram[:, random] @ _solve(psi_inverse, gram[random])
 
 

@@ -206,13 +206,13 @@ def fit_laplace(
     lower = np.concatenate([lower, [max(LOG_EXCESS_DF[0], math.log(1e-5)), x0[-1] - 50]])
     upper = np.concatenate([upper, [LOG_EXCESS_DF[1], x0[-1] + 50]])
 
-    def whole(x: FloatArray) -> tuple[FloatArray, Theta]:
+    def unpack(x: FloatArray) -> tuple[FloatArray, Theta]:
         full = x0.copy()
         full[free] = x
         return full[:M], Theta(float(full[M]), float(full[M + 1]), family.min_df)
 
     def score(x: FloatArray) -> Value | None:
-        scored = model.value(*whole(x))
+        scored = model.value(*unpack(x))
         return None if scored is None else (scored[0], scored[1][free], scored[2][np.ix_(free, free)])
 
     x, n_iter, converged, message = x0[free], 0, True, "all parameters were given"
@@ -222,7 +222,7 @@ def fit_laplace(
             score, x, lower[free], upper[free], tolerance, max_iter
         )
         _, gradient, hessian = last
-    best_rho, best = whole(x)
+    best_rho, best = unpack(x)
     scored = model.score(best_rho, best)
     if scored is None:
         return None

@@ -69,11 +69,11 @@ def _fold(
 ) -> tuple[FloatArray, dict[str, int | bool]]:
     """Fit without the rows held out; return predictions of these rows (or of `wanted`) and a report of the fit."""
     lagged = total.lagged
-    out, kept = np.flatnonzero(held).astype(np.intp), np.flatnonzero(~held).astype(np.intp)
+    held_rows, kept = np.flatnonzero(held).astype(np.intp), np.flatnonzero(~held).astype(np.intp)
     if len(y) <= EXACT_ROWS:  # in a difference the last digits would still depend on the held-out response
         sums = grouped_moments(design, y, groups, kept, lagged)
     else:
-        sums = total - grouped_moments(design, y, groups, out, lagged)
+        sums = total - grouped_moments(design, y, groups, held_rows, lagged)
     dead = np.diag(sums.gram[0]) <= DEAD * np.diag(total.gram[0])
     sums.gram[:, dead], sums.gram[:, :, dead], sums.cross[:, dead] = 0.0, 0.0, 0.0
     # the notes and empty columns of this fold are not those of the whole
@@ -81,7 +81,7 @@ def _fold(
     reduced, sums = identified_moments(copy, sums, y, groups, kept)
     active = reduced.active(np.diag(sums.gram[0]))
     stack, which = reduced.penalty_stack(active)
-    where = f"without fold of row {out[0]}"
+    where = f"without fold of row {held_rows[0]}"
     require_rows(len(kept), stack, where)
     if settings.rho is not None:
         settings = replace(settings, rho=settings.rho[which])
@@ -90,14 +90,14 @@ def _fold(
     solution = solve(Problem(rows, y[kept], sums, stack, active, settings, previous), where)
     beta = np.zeros(reduced.p)
     beta[active] = solution.beta
-    training, piece = reduced.training_of(~held), frame.iloc[out] if wanted is None else wanted
+    training, piece = reduced.training_of(~held), frame.iloc[held_rows] if wanted is None else wanted
     if reduced.terms[0].extrapolation == "clamp":
         piece = training.clamp_frame(piece)
     prediction = np.zeros(len(piece))
     for fitted in reduced.terms:
         if fitted.kind != "random" or beta[fitted.slice].any():
             prediction += fitted.matrix(piece, training) @ beta[fitted.slice]
-    return prediction, {"rows": len(out), "converged": solution.converged, "n_iter": solution.n_iter}
+    return prediction, {"rows": len(held_rows), "converged": solution.converged, "n_iter": solution.n_iter}
 
 
 def leave_out(

@@ -19,9 +19,11 @@ from scipy.linalg import eigh, qr, solve_triangular
 from tripwatt_gamm.arrays import FloatArray
 
 RANK_TOLERANCE = 1e-9
+"""Relative size of an eigenvalue of a penalty up to which its direction is unpenalised: a choice, far above rounding."""
 
 LOG_RATIO = (-25.0, 22.0)
-"""Bounds of log(smoothing parameter), relative to the value at which penalty and data have equal weight."""
+"""Bounds of log(smoothing parameter), relative to the value at which penalty and data have equal weight: beyond them, 1e-11 and
+1e10, one of the two is lost in rounding."""
 
 MAX_CORRELATED = 14.0
 """Upper bound for correlated effects, whose penalties overlap: beyond it the smaller penalty is lost in rounding."""
@@ -74,18 +76,18 @@ class PenaltyBlock:
         if len(matrices) == 1:
             diagonal = values[:rank] * np.linalg.norm(matrices[0])
             return cls(start, start + len(total), rank, vectors, [np.diag(diagonal)], diagonal[None], 0.0)
-        inner = [U.T @ S @ U for S in matrices]
-        inner = [(S + S.T) / 2 for S in inner]
-        both, volume = None, 0.0
+        in_range = [U.T @ S @ U for S in matrices]
+        in_range = [(S + S.T) / 2 for S in in_range]
+        simultaneous, volume = None, 0.0
         if len(matrices) == 2:
-            share, W = eigh(inner[0] / np.linalg.norm(matrices[0]), np.diag(values[:rank]))
+            share, W = eigh(in_range[0] / np.linalg.norm(matrices[0]), np.diag(values[:rank]))
             share = np.clip(share, 0.0, 1.0)
             share[share < RANK_TOLERANCE] = 0.0
             share[share > 1 - RANK_TOLERANCE] = 1.0
             norms = [float(np.linalg.norm(S)) for S in matrices]
-            both = np.array([share * norms[0], (1 - share) * norms[1]])
+            simultaneous = np.array([share * norms[0], (1 - share) * norms[1]])
             volume = 2 * float(np.linalg.slogdet(W)[1])
-        return cls(start, start + len(total), rank, vectors, inner, both, volume)
+        return cls(start, start + len(total), rank, vectors, in_range, simultaneous, volume)
 
     def log_determinant(self, rho: FloatArray) -> tuple[float, FloatArray, FloatArray]:
         """Return log|S|+, its gradient and its Hessian in the log smoothing parameters `rho` of the block."""
@@ -109,8 +111,8 @@ class PenaltyBlock:
         roots = []
         for j in order:
             values, vectors = eigh(self.matrices[j])
-            good = values > RANK_TOLERANCE * values[-1]
-            roots.append(np.exp(rho[j] / 2) * np.sqrt(values[good])[:, None] * vectors[:, good].T)
+            positive = values > RANK_TOLERANCE * values[-1]
+            roots.append(np.exp(rho[j] / 2) * np.sqrt(values[positive])[:, None] * vectors[:, positive].T)
         R, pivots = qr(np.vstack(roots), mode="r", pivoting=True)
         R = R[: self.rank]
         inverse = np.empty((self.rank, self.rank))
@@ -200,12 +202,12 @@ class PenaltyStack:
             first = len(self.penalties)
             sizes = self.scales.get(block.start)
             for j, S in enumerate(block.matrices):
-                alone = np.diag(S) if len(block.matrices) == 1 else None
+                diagonal = np.diag(S) if len(block.matrices) == 1 else None
                 if sizes is None:
-                    self.penalties.append(Penalty(block.range, S, alone, float(np.trace(S))))
+                    self.penalties.append(Penalty(block.range, S, diagonal, float(np.trace(S))))
                 else:
-                    own = block.rank / len(sizes) * float(sizes @ sizes) / sizes[j] ** 2
-                    self.penalties.append(Penalty(block.range, S, None, own, MAX_CORRELATED))
+                    scale = block.rank / len(sizes) * float(sizes @ sizes) / sizes[j] ** 2
+                    self.penalties.append(Penalty(block.range, S, None, scale, MAX_CORRELATED))
             self.members.append(np.arange(first, len(self.penalties)))
         self.size = len(self.penalties)
         self.rank = sum(block.rank for block in self.blocks)
@@ -224,24 +226,24 @@ class PenaltyStack:
         x : ndarray (n_loadings,)
             Loadings of all blocks, in units of the ratio of the sizes of the effects' columns.
         """
-        terms, rest = [], x
+        terms, remaining = [], x
         for start, matrices in self.terms:
             if start in self.scales:
                 size = self.scales[start]
                 low, high = np.tril_indices(len(size), -1)
-                own, rest = rest[: len(low)], rest[len(low) :]
+                own_loadings, remaining = remaining[: len(low)], remaining[len(low) :]
                 levels = len(matrices[0]) // len(size)
-                matrices = correlated_penalties(levels, own * size[high] / size[low])
+                matrices = correlated_penalties(levels, own_loadings * size[high] / size[low])
             terms.append((start, matrices))
         return PenaltyStack(self.p, terms, self.scales)
 
     def rotate(self, M: FloatArray) -> FloatArray:
         """Rotate a vector (p,) or the rows of a matrix (p, q)."""
-        out = M.copy()
+        rotated = M.copy()
         for block in self.blocks:
             where = slice(block.start, block.stop)
-            out[where] = block.rotation.T @ M[where]
-        return out
+            rotated[where] = block.rotation.T @ M[where]
+        return rotated
 
     def rotate_both(self, M: FloatArray) -> FloatArray:
         """Rotate the rows and columns of a crossproduct (p, p)."""
@@ -249,11 +251,11 @@ class PenaltyStack:
 
     def restore(self, M: FloatArray) -> FloatArray:
         """Return a rotated vector, or rotated rows of a matrix, to the coordinates of the model."""
-        out = M.copy()
+        restored = M.copy()
         for block in self.blocks:
             where = slice(block.start, block.stop)
-            out[where] = block.rotation @ M[where]
-        return out
+            restored[where] = block.rotation @ M[where]
+        return restored
 
     def restored_both(self, M: FloatArray) -> FloatArray:
         """Return the rows and columns of a covariance (p, p) to the coordinates of the model."""
@@ -261,14 +263,14 @@ class PenaltyStack:
 
     def add_to(self, M: FloatArray, rho: FloatArray) -> FloatArray:
         """Add the penalties with log smoothing parameters `rho` to M (p, p); return the sum."""
-        out = M.copy()
+        total = M.copy()
         for penalty, r in zip(self.penalties, rho, strict=True):
             if penalty.diagonal is not None:
                 index = np.arange(penalty.where.start, penalty.where.stop)
-                out[index, index] += np.exp(r) * penalty.diagonal
+                total[index, index] += np.exp(r) * penalty.diagonal
             else:
-                out[penalty.where, penalty.where] += np.exp(r) * penalty.matrix
-        return out
+                total[penalty.where, penalty.where] += np.exp(r) * penalty.matrix
+        return total
 
     def log_determinant(self, rho: FloatArray) -> tuple[float, FloatArray, FloatArray]:
         """Return log|S|+, its gradient (M,) and its Hessian (M, M) in `rho`."""
@@ -282,10 +284,10 @@ class PenaltyStack:
 
     def products(self, rho: FloatArray, beta: FloatArray) -> FloatArray:
         """Return lambda_j S_j beta for every penalty j, as the columns of (p, M)."""
-        out = np.zeros((self.p, self.size))
+        columns = np.zeros((self.p, self.size))
         for j, (penalty, r) in enumerate(zip(self.penalties, rho, strict=True)):
-            out[penalty.where, j] = np.exp(r) * penalty.times(beta[penalty.where])
-        return out
+            columns[penalty.where, j] = np.exp(r) * penalty.times(beta[penalty.where])
+        return columns
 
     def traces(self, rho: FloatArray, K: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return lambda_j tr(K S_j) as (M,) and lambda_i lambda_j tr(K S_i K S_j) as (M, M); K is symmetric (p, p)."""

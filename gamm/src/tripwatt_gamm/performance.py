@@ -26,10 +26,12 @@ from tripwatt_gamm.penalties import PenaltyStack
 from tripwatt_gamm.tables import TableRows
 
 SHORT = 0.5
-"""Largest step of the log smoothing parameters that, near the end, is taken without evaluating the score there."""
+"""Largest step of the log smoothing parameters that, near the end, is taken without evaluating the score there: a choice,
+because a Newton step near the minimum lowers the score."""
 
 CLOSE = 0.014
-"""Change of the predictor in one pass, in units of sigma, below which passes are mixed."""
+"""Change of the predictor in one pass, in units of sigma, below which passes are mixed: a choice, because further away
+mixing may lead to another mode than plain passes."""
 
 
 @dataclass(frozen=True)
@@ -109,8 +111,8 @@ class PerformanceIteration:
         sigma = self.family.sigma if self.family.sigma is not None else 0.8 * float(np.sqrt(first.scale))
         nu = self.family.nu if self.family.nu is not None else self.family.min_df + 2.0
         theta = Theta.from_estimates(nu, max(sigma, 1e-150), self.family.min_df)
-        moved = first.rho if self.fixed else first.rho - np.log(first.scale)
-        return State(self.stack.rotate(first.beta), moved, theta)
+        rho_of_t = first.rho if self.fixed else first.rho - np.log(first.scale)
+        return State(self.stack.rotate(first.beta), rho_of_t, theta)
 
     def residual(self, state: State) -> FloatArray:
         """Response minus the predictor of a state, (n,)."""
@@ -122,26 +124,26 @@ class PerformanceIteration:
         Returns None if the working model is not identifiable.
         """
         d = self.data
-        r = self.residual(state)
-        theta = fit_theta(r, state.theta, self.free, steps=3) if any(self.free) else state.theta
+        residual = self.residual(state)
+        theta = fit_theta(residual, state.theta, self.free, steps=3) if any(self.free) else state.theta
         c = self.family.expected_weight(theta.nu, theta.sigma)
-        g = self.family.score(r, theta.nu, theta.sigma)
+        g = self.family.score(residual, theta.nu, theta.sigma)
         gram = c * d.gram
         cross = gram @ state.beta + self.stack.rotate(d.rows.transpose(g))
-        z = g / c - r + d.y
+        z = g / c - residual + d.y
         normal = NormalEquations(gram, cross, c * float(z @ z), d.rows.n)
-        here = gaussian_score(normal, self.stack, state.rho, 1.0, derivatives=not self.fixed)
-        if here is None:
+        current = gaussian_score(normal, self.stack, state.rho, 1.0, derivatives=not self.fixed)
+        if current is None:
             return None
-        diagonal = 1 / np.sqrt(np.maximum(np.diag(here.factor.inverse), 1e-300))
+        diagonal = 1 / np.sqrt(np.maximum(np.diag(current.factor.inverse), 1e-300))
         ends = np.sqrt(d.rows.n) * np.array([1.0 if theta.nu < 50 else 0.1, 1.0])
         if theta.at_bound:
             ends[0] = 0.0
         if self.fixed or not self.stack.size:
             weights = np.concatenate([diagonal, np.zeros(self.stack.size), ends])
-            return Pass(State(here.beta, state.rho, theta), here, weights, normal)
-        working, rho = self._smooth(normal, here, state.rho, lower, upper, near)
-        curvature = np.sqrt(np.maximum(np.diag(here.hessian), 1e-8))
+            return Pass(State(current.beta, state.rho, theta), current, weights, normal)
+        working, rho = self._smooth(normal, current, state.rho, lower, upper, near)
+        curvature = np.sqrt(np.maximum(np.diag(current.hessian), 1e-8))
         return Pass(
             State(working.beta, rho, theta), working, np.concatenate([diagonal, curvature, ends]), normal
         )
@@ -149,22 +151,22 @@ class PerformanceIteration:
     def _smooth(
         self,
         normal: NormalEquations,
-        here: Evaluation,
+        current: Evaluation,
         rho: FloatArray,
         lower: FloatArray,
         upper: FloatArray,
         near: bool,
     ) -> tuple[Evaluation, FloatArray]:
         """Take one Newton step of the working model's score, halved until the score falls; a short step if `near` is taken as is."""
-        step = newton_step(here.gradient, here.hessian, rho, lower, upper)
+        step = newton_step(current.gradient, current.hessian, rho, lower, upper)
         if near and float(np.abs(step).max()) < SHORT:
-            return here, rho + step  # the coefficients follow in the next pass
+            return current, rho + step  # the coefficients follow in the next pass
         for _ in range(12):
             trial = gaussian_score(normal, self.stack, rho + step, 1.0, derivatives=False)
-            if trial is not None and trial.value <= here.value + 1e-9 * (1 + abs(here.value)):
+            if trial is not None and trial.value <= current.value + 1e-9 * (1 + abs(current.value)):
                 return trial, rho + step
             step = step / 2
-        return here, rho
+        return current, rho
 
     def run(self, start: State, tolerance: float = 1e-3, max_iter: int = 400) -> Solution | None:
         """Iterate to convergence.
@@ -185,18 +187,18 @@ class PerformanceIteration:
         c = self.family.expected_weight(start.theta.nu, start.theta.sigma)
         lower, upper = bounds(c * np.diag(self.data.gram), self.stack)
         mixing = Mixing(close=CLOSE * float(np.sqrt(self.data.rows.n / self.data.rows.p)))
-        state, done, count, largest = start, False, 0, np.inf
+        state, done, count, largest_change = start, False, 0, np.inf
         result: Pass | None = None
         while not done and count < max_iter:
             count += 1
-            trial = self.advance(state, lower, upper, largest <= 4 * mixing.close)
+            trial = self.advance(state, lower, upper, largest_change <= 4 * mixing.close)
             if trial is None:
                 return None
             result = trial
             x, fx = state.pack(), trial.state.pack()
             change = trial.weights * (fx - x)
-            largest = float(np.abs(change).max(initial=0.0))
-            done = largest <= tolerance
+            largest_change = float(np.abs(change).max(initial=0.0))
+            done = largest_change <= tolerance
             state = trial.state.unpack(mixing.next(x, fx, trial.weights), lower, upper)
         return self._solution(result, done, count, tolerance) if result is not None else None
 
@@ -253,19 +255,19 @@ class Mixing:
         size, largest = float(np.linalg.norm(change)), float(np.abs(change).max(initial=0.0))
         before, self.change = self.change, change
         if self.points and (size > 2 * self.best or largest > self.close):
-            back = self.best_image  # mixing made the change larger: plain passes from the best point
+            best_image = self.best_image  # mixing made the change larger: plain passes from the best point
             self._forget()
             self.plain = 2
-            return back
+            return best_image
         growing = before is not None and size > float(np.linalg.norm(before))
         if largest > self.close or self.plain > 0 or (not self.points and growing):
             self.plain -= 1
             # for small residuals the observed weight is (nu + 3) / nu times the expected one: at nu = 3 a pass goes
             # twice as far as it should, so half of it is taken
-            swings = before is not None and float(before @ change) < -0.5 * size * float(
+            overshoots = before is not None and float(before @ change) < -0.5 * size * float(
                 np.linalg.norm(before)
             )
-            return (x + fx) / 2 if swings else fx
+            return (x + fx) / 2 if overshoots else fx
         if size < self.best:
             self.best, self.best_image = size, fx
         self.points = [*self.points, x][-self.memory - 1 :]
@@ -283,10 +285,10 @@ class Mixing:
         P, F = np.array(self.points), np.array(self.images)
         R = (F - P) * weights
         dR, dF = np.diff(R, axis=0), np.diff(F, axis=0)
-        mix = np.linalg.lstsq(dR.T, R[-1], rcond=1e-8)[0]
-        moved = -mix @ dF
-        far = float(np.abs(weights * moved).max(initial=0.0))
-        return np.asarray(fx + moved * min(1.0, 20 * largest / max(far, 1e-300)))
+        coefficients = np.linalg.lstsq(dR.T, R[-1], rcond=1e-8)[0]
+        moved = -coefficients @ dF
+        longest = float(np.abs(weights * moved).max(initial=0.0))
+        return np.asarray(fx + moved * min(1.0, 20 * largest / max(longest, 1e-300)))
 
     def _forget(self) -> None:
         self.points, self.images, self.mixed = [], [], 0

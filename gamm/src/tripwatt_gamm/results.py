@@ -69,9 +69,9 @@ def results(
     Vp, F, Ve, R = np.zeros((p, p)), np.zeros((p, p)), np.zeros((p, p)), np.zeros((p, p))
     coef = np.zeros(p)
     coef[active] = solution.beta
-    inner = solution.covariance @ solution.information
-    Vp[square], F[square] = solution.covariance, inner
-    covariance = inner @ solution.covariance
+    hat = solution.covariance @ solution.information
+    Vp[square], F[square] = solution.covariance, hat
+    covariance = hat @ solution.covariance
     Ve[square] = (covariance + covariance.T) / 2
     R[square] = _square_root(solution.information)
     edf = np.diag(F).copy()
@@ -86,9 +86,9 @@ def results(
             + white.log_jacobian
         )
     if isinstance(family, Gaussian):
-        count, at_bound = 1, False
+        n_shape_parameters, at_bound = 1, False
     else:
-        count = (family.nu is None) + (family.sigma is None)
+        n_shape_parameters = (family.nu is None) + (family.sigma is None)
         at_bound = family.nu is None and solution.nu - family.min_df < 1e-3
     freedom = n - float(edf.sum())
     # adjusted R^2 as 1 - var(residual) / var(y) with unbiased denominators
@@ -108,7 +108,7 @@ def results(
         "ar1_rho": 0.0 if white is None else white.rho,
         "reml": solution.score,
         "loglik": loglik,
-        "aic": -2 * loglik + 2 * (float(edf.sum()) + count),
+        "aic": -2 * loglik + 2 * (float(edf.sum()) + n_shape_parameters),
         "deviance_explained": 1 - deviance / null,
         "r2": r2,
         "n": n,

@@ -51,10 +51,10 @@ class TensorProduct:
 
     def matrix(self, x: FloatArray) -> FloatArray:
         """Compute the columns at `x` (n, d), as (n, r)."""
-        out = self.margins[0].matrix(x[:, :1])
+        products = self.margins[0].matrix(x[:, :1])
         for j, margin in enumerate(self.margins[1:], start=1):
-            out = (out[:, :, None] * margin.matrix(x[:, j : j + 1])[:, None, :]).reshape(len(x), -1)
-        return np.asarray(out @ self.transform)
+            products = (products[:, :, None] * margin.matrix(x[:, j : j + 1])[:, None, :]).reshape(len(x), -1)
+        return np.asarray(products @ self.transform)
 
     def reduce(self, Z: FloatArray) -> TensorProduct:
         """Return the smooth with its columns multiplied by Z (r, s)."""
@@ -95,23 +95,23 @@ def _scale(S: FloatArray, table: FloatArray) -> FloatArray:
     return np.asarray(S * (size / float(np.abs(S).sum(axis=0).max())))
 
 
-def _usable(k: int, least: int, points: Points, label: str, what: str) -> tuple[int, list[str]]:
+def _usable(k: int, smallest: int, points: Points, label: str, what: str) -> tuple[int, list[str]]:
     """Return a basis dimension that the data allow, and a note if `k` was reduced; raise if it is too small."""
     distinct = len(points.values)
     if distinct < 2:
         raise InvalidInput.of(
             "constant covariate", f"{what} in {label}", "one distinct value", "at least two"
         )
-    if distinct < least:
+    if distinct < smallest:
         raise InvalidInput.of(
             "too few distinct values",
             f"{what} in {label}",
             str(distinct),
-            f"at least {least}",
+            f"at least {smallest}",
             "use a factor or a straight line",
         )
-    if k < least:
-        raise InvalidInput.of("k too small", label, f"k={k}", f"at least {least}")
+    if k < smallest:
+        raise InvalidInput.of("k too small", label, f"k={k}", f"at least {smallest}")
     if distinct < k:
         return distinct, [f"{label}: {what} has {distinct} distinct values, k reduced from {k} to {distinct}"]
     return k, []
@@ -175,11 +175,11 @@ def _margin(term: Tensor, points: Points, column: int, k: int) -> tuple[Margin, 
     """
     values, index = np.unique(points.values[:, column], return_inverse=True)
     counts: FloatArray = np.bincount(index, weights=points.counts).astype(np.float64)
-    own = Points(values[:, None], index.astype(np.intp), counts)
-    basis, notes = _basis(term.basis, own, k, term.label, term.names[column])
+    axis = Points(values[:, None], index.astype(np.intp), counts)
+    basis, notes = _basis(term.basis, axis, k, term.label, term.names[column])
     T = np.eye(basis.k)
     if term.kind == "ti":
-        T = sum_to_zero(np.average(basis.matrix(own.values), axis=0, weights=counts))
+        T = sum_to_zero(np.average(basis.matrix(axis.values), axis=0, weights=counts))
     even = np.linspace(values[0], values[-1], T.shape[1])[:, None]
     at_even = basis.matrix(even) @ T
     if np.linalg.cond(at_even) < 1e10:
@@ -203,12 +203,12 @@ def build_tensor(term: Tensor, points: Points, centred: bool) -> Built:
     -------
     Built
     """
-    ks = term.k if term.k is not None else (5,) * len(term.names)
-    if len(ks) != len(term.names) or len(ks) < 2:
+    dimensions = term.k if term.k is not None else (5,) * len(term.names)
+    if len(dimensions) != len(term.names) or len(dimensions) < 2:
         raise InvalidInput.of(
-            "wrong number of k", term.label, f"k={ks}", "one for each of two or more covariates"
+            "wrong number of k", term.label, f"k={dimensions}", "one for each of two or more covariates"
         )
-    parts = [_margin(term, points, j, k) for j, k in enumerate(ks)]
+    parts = [_margin(term, points, j, k) for j, k in enumerate(dimensions)]
     margins = tuple(part[0] for part in parts)
     sizes = [margin.transform.shape[1] for margin in margins]
     product = TensorProduct(margins, np.eye(int(np.prod(sizes))))

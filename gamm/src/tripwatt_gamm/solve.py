@@ -22,12 +22,15 @@ from tripwatt_gamm.tables import TableRows, Whitening
 
 Method = Literal["fREML", "REML"]
 THIN_ROWS = 10_000
-"""A scaled t with at least twice this many rows is started from a fit to about this many of them."""
+"""A scaled t with at least twice this many rows is started from a fit to about this many of them: a choice, enough rows that
+the start is close."""
 
 AR1_BOUNDS = (-0.95, 0.9999)
+"""Range in which an autocorrelation is searched: dense logs have values near 1, none has values near -1."""
 
 MAX_GRADIENT = 1e-2
-"""Gradient of the score in the loadings of correlated effects below which their search has converged."""
+"""Gradient of the score in the loadings of correlated effects below which their search has converged: a choice, because a
+likelihood that changes by less is flat."""
 
 LOADING_STEP = 1e-3
 """Step for numerical derivatives of the score in the loadings; the score is accurate to ten digits or more."""
@@ -114,8 +117,8 @@ def _gaussian(
         fit_gaussian(data, stack, None, False, scale, max_iter=settings.max_iter, shift=shift)
         for shift in (0.0, -8.0)
     ]
-    found = [fit for fit in fits if fit is not None]
-    return min(found, key=lambda fit: (not fit.converged, fit.score), default=None)
+    successful = [fit for fit in fits if fit is not None]
+    return min(successful, key=lambda fit: (not fit.converged, fit.score), default=None)
 
 
 def _subset_start(rows: TableRows, y: FloatArray, stack: PenaltyStack, settings: FitSettings) -> State | None:
@@ -123,11 +126,16 @@ def _subset_start(rows: TableRows, y: FloatArray, stack: PenaltyStack, settings:
     step = rows.n // THIN_ROWS
     if step < 2:
         return None
-    every = np.arange(0, rows.n, step, dtype=np.intp)
-    few, some = rows.subset(every), y[every]
+    chosen = np.arange(0, rows.n, step, dtype=np.intp)
+    chosen_rows, chosen_y = rows.subset(chosen), y[chosen]
     family = settings.family
     assert isinstance(family, ScaledT)
-    data = TData(few, some, stack.rotate_both(few.gram()), stack.rotate(few.transpose(some)))
+    data = TData(
+        chosen_rows,
+        chosen_y,
+        stack.rotate_both(chosen_rows.gram()),
+        stack.rotate(chosen_rows.transpose(chosen_y)),
+    )
     iteration = PerformanceIteration(data, stack, family, settings.rho is not None)
     start = iteration.start(settings.rho)
     iterated = None if start is None else iteration.run(start, 100 * settings.tolerance, settings.max_iter)
@@ -148,18 +156,18 @@ def _scaled_t(
     if start is None:
         return None
     exact = settings.method == "REML"
-    first = iteration.run(start, settings.tolerance * (100 if exact else 1), settings.max_iter)
-    if first is None or not exact:
-        return first
-    model = LaplaceModel(rows, y, stack, family, stack.rotate(first.beta))
-    theta = Theta.from_estimates(first.nu, first.sigma, family.min_df)
-    return fit_laplace(model, first.rho, theta, data.gram, fixed, max_iter=settings.max_iter)
+    iterated = iteration.run(start, settings.tolerance * (100 if exact else 1), settings.max_iter)
+    if iterated is None or not exact:
+        return iterated
+    model = LaplaceModel(rows, y, stack, family, stack.rotate(iterated.beta))
+    theta = Theta.from_estimates(iterated.nu, iterated.sigma, family.min_df)
+    return fit_laplace(model, iterated.rho, theta, data.gram, fixed, max_iter=settings.max_iter)
 
 
-def _at(problem: Problem, rho: float) -> Solution | None:
+def _fit_at(problem: Problem, rho: float) -> Solution | None:
     """Fit at a given autocorrelation; if the fit fails, again with a ridge."""
-    settings, stack, plain = problem.settings, problem.stack, problem.normal(rho)
-    for data in (plain, _with_ridge(plain)):
+    settings, stack, normal = problem.settings, problem.stack, problem.normal(rho)
+    for data in (normal, _with_ridge(normal)):
         if isinstance(settings.family, Gaussian):
             fitted = _gaussian(data, stack, settings, settings.family.scale)
         elif fitted := _scaled_t(*problem.whitened(rho), data, stack, settings):
@@ -174,7 +182,7 @@ def _solve(problem: Problem) -> Solution | None:
     """Fit with the loadings of the stack; an autocorrelation to estimate is found by a search on the score."""
     settings, stack, family = problem.settings, problem.stack, problem.settings.family
     if not isinstance(settings.ar1_rho, str):
-        return _at(problem, float(settings.ar1_rho or 0.0))
+        return _fit_at(problem, float(settings.ar1_rho or 0.0))
     start = settings.rho
 
     def score(z: float) -> float:
@@ -184,7 +192,7 @@ def _solve(problem: Problem) -> Solution | None:
             fixed = settings.rho is not None
             fitted = fit_gaussian(problem.normal(rho), stack, start, fixed, family.scale)
         else:
-            fitted = _at(problem, rho)
+            fitted = _fit_at(problem, rho)
         start = start if fitted is None else fitted.rho
         return math.inf if fitted is None else fitted.score
 
@@ -192,7 +200,7 @@ def _solve(problem: Problem) -> Solution | None:
     # the outer search over loadings needs a smooth score; for this reason warm starts are not used there either
     xatol = 1e-8 if stack.n_loadings else 1e-4
     best = minimize_scalar(score, bounds=(low, high), method="bounded", options={"xatol": xatol})
-    return _at(problem, float(np.tanh(best.x)))
+    return _fit_at(problem, float(np.tanh(best.x)))
 
 
 def solve(problem: Problem, where: str) -> Solution:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from tripwatt_gamm.estimator import Estimator
 
-_LEVELS: Final = ((0.001, "***"), (0.01, "**"), (0.05, "*"))
+_LEVELS: Final = ((0.001, "***"), (0.01, "**"), (0.05, "*"))  # the usual ones, as R prints them
 _LEGEND: Final = "*** p < 0.001, ** p < 0.01, * p < 0.05"
 _EDF: Final = "EDF: "
 _FITTED: Final = (

@@ -15,7 +15,7 @@ from tripwatt_gamm.arrays import FloatArray
 from tripwatt_gamm.covariates import Index
 
 CHUNK = 4096
-"""Number of rows of X that are formed at a time."""
+"""Number of rows of X that are formed at a time: a choice that bounds the memory."""
 
 
 @dataclass(frozen=True)
@@ -66,9 +66,9 @@ class Whitening:
         """Whiten the rows of a model matrix."""
         parts = []
         for weight, at in zip(self.weights, (np.arange(rows.n), self.previous), strict=True):
-            for q in rows.parts:
-                scale = weight if q.scale is None else weight * q.scale[at]
-                parts.append(IndexedColumns(q.columns, q.table, q.index[at], scale))
+            for part in rows.parts:
+                scale = weight if part.scale is None else weight * part.scale[at]
+                parts.append(IndexedColumns(part.columns, part.table, part.index[at], scale))
         return TableRows(parts, rows.n, rows.p)
 
 
@@ -100,53 +100,64 @@ class TableRows:
         parts = self.parts
         if rows is not None:
             parts = [
-                IndexedColumns(q.columns, q.table, q.index[rows], None if q.scale is None else q.scale[rows])
-                for q in parts
+                IndexedColumns(
+                    part.columns,
+                    part.table,
+                    part.index[rows],
+                    None if part.scale is None else part.scale[rows],
+                )
+                for part in parts
             ]
         p = self.p
         if columns is not None:
             position = np.full(self.p, -1)
             position[columns] = np.arange(len(columns))
             kept = []
-            for q in parts:
-                good = position[q.columns] >= 0
-                if good.any():
-                    kept.append(IndexedColumns(position[q.columns[good]], q.table[:, good], q.index, q.scale))
+            for part in parts:
+                wanted = position[part.columns] >= 0
+                if wanted.any():
+                    kept.append(
+                        IndexedColumns(
+                            position[part.columns[wanted]], part.table[:, wanted], part.index, part.scale
+                        )
+                    )
             parts, p = kept, len(columns)
         return TableRows(parts, self.n if rows is None else len(rows), p)
 
     def predictor(self, beta: FloatArray) -> FloatArray:
-        """X beta for beta (p,) or (p, q)."""
-        out = np.zeros((self.n, *beta.shape[1:]))
-        for q in self.parts:
-            piece = np.take(q.table @ beta[q.columns], q.index, axis=0)
-            if q.scale is not None:
-                piece *= q.scale if beta.ndim == 1 else q.scale[:, None]
-            out += piece
-        return out
+        """X beta for beta (p,) or (p, part)."""
+        total = np.zeros((self.n, *beta.shape[1:]))
+        for part in self.parts:
+            piece = np.take(part.table @ beta[part.columns], part.index, axis=0)
+            if part.scale is not None:
+                piece *= part.scale if beta.ndim == 1 else part.scale[:, None]
+            total += piece
+        return total
 
     def transpose(self, v: FloatArray) -> FloatArray:
-        """X' v for v (n,) or (n, q)."""
+        """X' v for v (n,) or (n, part)."""
         if v.ndim == 2:
             return np.stack([self.transpose(np.ascontiguousarray(column)) for column in v.T], axis=1)
-        out = np.zeros(self.p)
-        for q in self.parts:
-            weights = v if q.scale is None else v * q.scale
-            out[q.columns] += q.table.T @ np.bincount(q.index, weights=weights, minlength=len(q.table))
-        return out
+        total = np.zeros(self.p)
+        for part in self.parts:
+            weights = v if part.scale is None else v * part.scale
+            total[part.columns] += part.table.T @ np.bincount(
+                part.index, weights=weights, minlength=len(part.table)
+            )
+        return total
 
     def dense(self, rows: slice | Index) -> FloatArray:
         """Return rows of X as an array."""
         first = self.parts[0].index[rows]
-        out = np.zeros((len(first), self.p))
-        for q in self.parts:
-            piece = np.take(q.table, q.index[rows], axis=0)
-            if q.scale is not None:
-                piece *= q.scale[rows][:, None]
-            dense = len(q.columns) and q.columns[-1] - q.columns[0] + 1 == len(q.columns)
-            at = slice(q.columns[0], q.columns[-1] + 1) if dense else q.columns
-            out[:, at] = out[:, at] + piece if self.overlaps else piece
-        return out
+        X = np.zeros((len(first), self.p))
+        for part in self.parts:
+            piece = np.take(part.table, part.index[rows], axis=0)
+            if part.scale is not None:
+                piece *= part.scale[rows][:, None]
+            contiguous = len(part.columns) and part.columns[-1] - part.columns[0] + 1 == len(part.columns)
+            at = slice(part.columns[0], part.columns[-1] + 1) if contiguous else part.columns
+            X[:, at] = X[:, at] + piece if self.overlaps else piece
+        return X
 
     def _chunks(self) -> list[slice]:
         return [slice(start, min(start + CHUNK, self.n)) for start in range(0, self.n, CHUNK)]

@@ -31,7 +31,7 @@ class Folded:
     def __init__(self, name):
         self.name, self.digest = name, ""
 
-    def tasks(self, comparison, hold_out, splits, seed, *, compare_settings):
+    def tasks(self, comparison, hold_out, splits, seed, *, inner_errors):
         return [Part(comparison, self, None, (split,), seed) for split in splits]
 
 

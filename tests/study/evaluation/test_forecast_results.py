@@ -22,7 +22,7 @@ from tripwatt.study.evaluation.forecast_scores import (
     FORECAST,
     WITHOUT_PHYSICS,
 )
-from tripwatt.study.evaluation.held_out_forecasts import HeldOutForecast, stack_attribute
+from tripwatt.study.evaluation.held_out_forecasts import HeldOutForecast, stack
 from tripwatt.study.evaluation.tasks import FoldResult
 from tripwatt.trips import Context, Departure, Plan
 
@@ -133,7 +133,7 @@ class TestResults:
             for name, given in seen.items()
         }
         rows = {
-            name: stack_attribute(own, name).tolist()
+            name: stack(own, name).tolist()
             for name in ("shown", "arrival", "arrival_chance", "sd_wh", "factors", "updates_wh")
         }
         low, high = ([[c + k for c in range(first, first + 4)] for k in (0, 1)] for first in (1, 5))

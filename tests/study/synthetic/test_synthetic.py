@@ -20,7 +20,7 @@ from tripwatt.study.synthetic import (
     synthetic_world,
 )
 from tripwatt.study.synthetic import scenario as scenario_module
-from tripwatt.study.synthetic.world import NOISE_STANDING_W, age_battery, heavy_tailed_noise
+from tripwatt.study.synthetic.world import age_battery, heavy_tailed_noise
 from tripwatt.trips import COLUMNS, Trip
 from tripwatt.trips.messages import message
 from tripwatt.vehicles import load_vehicle
@@ -251,7 +251,7 @@ def test_finer_steps_tell_the_same_trip():
 
 def test_noise_has_heavy_tails_and_its_size():
     time = np.arange(200_000.0)
-    noise = heavy_tailed_noise(time, 0 * time, 0 * time, np.random.default_rng(0)) / NOISE_STANDING_W
+    noise = heavy_tailed_noise(time, 0 * time, 0 * time, np.random.default_rng(0)) / 60.0  # W at standstill
     assert noise.std() == pytest.approx(1.0, abs=0.1)
     assert ((noise - noise.mean()) ** 4).mean() / noise.var() ** 2 > 4.0  # a normal law has 3
     memory = np.corrcoef(noise[1:], noise[:-1])[0, 1]

@@ -40,15 +40,20 @@ from tripwatt.uncertainty.coverage import power
 from tripwatt.vehicles import Vehicle, load_vehicle, without_data
 
 TRIPS: Final = (0, 1, 2, 5, 10, 20)
+"""Numbers of own trips with which a car is scored: a choice, about even steps of the logarithm."""
 DRAWS: Final = 100
+"""Random draws of own trips: a choice, because the mean error then has a tenth of the spread of single draws."""
 FEW: Final = 40
-"""Number of trips below which all trips that were not drawn are scored, instead of the second half."""
+"""Number of trips below which all trips that were not drawn are scored, instead of the second half: a choice, half of them are
+too few to score."""
 MIN_SCORED: Final = 5
+"""Smallest number of trips that are scored: a choice, because the mean of fewer says nothing."""
 LEVEL: Final = 0.9
+"""Level of the scored intervals: that of the forecast."""
 TOO_LOW: Final = 0.75
-"""True coverage for which the power of the coverage check is reported."""
+"""True coverage for which the power of the coverage check is reported: a choice, an error that a driver would notice."""
 FROM: Final = (0, 5, 20)
-"""Numbers of earlier trips after which the scores in order of time begin."""
+"""Numbers of earlier trips after which the scores in order of time begin: a choice, new, soon and settled."""
 
 Learner = Callable[[TripEvidence, TripEvidence], FloatArray]
 """Function (known trips, other trips) -> residual energy of the other trips [Wh]."""
@@ -146,8 +151,8 @@ def evaluate_cars(
     given = {car.dataset for car in cars}
     described, rows = [], []
     for number, car in enumerate(cars):
-        population_of_others = population_without(cars, car, population().without(given))
-        about, table = _score(car, population_of_others, sorted({*trips}), draws, seed, own_model)
+        population_rest = population_without(cars, car, population().without(given))
+        about, table = _score(car, population_rest, sorted({*trips}), draws, seed, own_model)
         described.append(about)
         rows.append(table)
         if progress is not None:
@@ -236,10 +241,10 @@ def population_without(cars: Sequence[CarTrips], scored: CarTrips, rest: Populat
         for car in cars
         if car.dataset != scored.dataset and car.vehicle.name != scored.vehicle.name
     ]
-    population_of_cars = Population.from_evidence(evidence)
+    measured = Population.from_evidence(evidence)
     kept = [i for i, (model, _) in enumerate(rest.sums.groups) if model != scored.vehicle.name]
     sources = tuple(source for source in rest.sources if source.car_model != scored.vehicle.name)
-    return Population(population_of_cars.sums + rest.sums.take(kept), (*population_of_cars.sources, *sources))
+    return Population(measured.sums + rest.sums.take(kept), (*measured.sources, *sources))
 
 
 def _score(
@@ -324,11 +329,11 @@ def _curve(
         def fit(known: IntArray) -> Callable[[IntArray], dict[str, float]]:
             return lambda scored: _draw_error(learner, evidence.take(known), evidence.take(scored))
 
-        scored_draws = [score for _, score in held_out(splits, fit)]
+        draw_scores = [score for _, score in held_out(splits, fit)]
         return {
             "k": k,
-            "draws": len(scored_draws),
-            **(_mean_over_draws(scored_draws) if k < half else scored_draws[0]),
+            "draws": len(draw_scores),
+            **(_mean_over_draws(draw_scores) if k < half else draw_scores[0]),
         }
 
     rows = [
@@ -405,12 +410,12 @@ def _in_time(
     """Return two tables of forecasts in order of time: without own trips, and with a model fitted to all earlier own trips."""
     adaptation = Adaptation.before_trips(base, vehicle, others)
     without_trips = model = adaptation.model
-    forecasts_without_trips: list[tuple[object, ...]] = []
-    forecasts_in_time: list[tuple[object, ...]] = []
+    rows_without: list[tuple[object, ...]] = []
+    rows_in_time: list[tuple[object, ...]] = []
     for trip in in_order(car.trips):
         for rows, forecast in (
-            (forecasts_without_trips, without_trips.forecast(trip)),
-            (forecasts_in_time, model.forecast(trip)),
+            (rows_without, without_trips.forecast(trip)),
+            (rows_in_time, model.forecast(trip)),
         ):
             low, high = forecast.interval(LEVEL)
             rows.append((trip.trip_id, trip.observed_energy_wh, forecast.energy_wh, low, high))
@@ -420,9 +425,9 @@ def _in_time(
     weights = pd.DataFrame(
         adaptation.innovations.weights, columns=[f"weight_{kind.replace(' ', '_')}" for kind in KINDS]
     )
-    return pd.DataFrame(forecasts_without_trips, columns=columns), pd.DataFrame(
-        forecasts_in_time, columns=columns
-    ).join(weights)
+    return pd.DataFrame(rows_without, columns=columns), pd.DataFrame(rows_in_time, columns=columns).join(
+        weights
+    )
 
 
 def _scores(table: pd.DataFrame) -> dict[str, Any]:

@@ -47,7 +47,7 @@ class Execution:
 
 
 def run_folds(
-    comparisons: Sequence[Comparison], seed: int, execution: Execution, *, compare_settings: bool = False
+    comparisons: Sequence[Comparison], seed: int, execution: Execution, *, inner_errors: bool = False
 ) -> list[Comparison]:
     """Run the comparisons and return them with their results; equal models, trips and splits run once.
 
@@ -56,7 +56,7 @@ def run_folds(
     comparisons : sequence of Comparison
     seed : int
     execution : Execution
-    compare_settings : bool
+    inner_errors : bool
         Whether to compare settings inside the folds of the reference trips.
     """
     keys = [_key(comparison) for comparison in comparisons]
@@ -70,7 +70,7 @@ def run_folds(
             results_of_index += [result for result in kept if result is not None]
             missing = [split for split, result in zip(hold_out.splits, kept, strict=True) if result is None]
             tasks += spec.tasks(
-                index, hold_out, missing, seed, compare_settings=compare_settings and hold_out.is_reference
+                index, hold_out, missing, seed, inner_errors=inner_errors and hold_out.is_reference
             )
     tasks.sort(key=lambda task: task.rank)
     finished = sum(map(len, results.values()))

@@ -55,18 +55,14 @@ class PowerMethod(Method[ForecastData]):
             return False
         return isinstance(power_corrector(self.corrector, seed), LearnerCorrector)
 
-    def fit_all_folds(
-        self, data: ForecastData, folds: IntArray, seed: int, *, compare_settings: bool
-    ) -> Fitted:
+    def fit_all_folds(self, data: ForecastData, folds: IntArray, seed: int, *, inner_errors: bool) -> Fitted:
         """Correct the power of each trip by its familiarity with trips of the other folds."""
         learner, segments = held_out_learner(self.corrector or "", seed), data.segments
         correction = _left_out(learner, learner.columns(segments), segments.residual_w, data, folds)
         share, features, row_folds = np.ones(len(correction)), segments.features, folds[segments.groups]
         for fold in np.unique(folds):
-            in_fold = row_folds == fold
-            share[in_fold] = Familiarity.from_features(features[~in_fold], learner.features).share(
-                features[in_fold]
-            )
+            rows = row_folds == fold
+            share[rows] = Familiarity.from_features(features[~rows], learner.features).share(features[rows])
         return Fitted(segments.totals_wh(segments.simulated_w + correction * share).__getitem__)
 
     def required_data(self, hold_out: HoldOut[ForecastData], scored: IntArray) -> ForecastData:
@@ -103,9 +99,7 @@ class DataMethod(Method[ForecastData]):
         """Return True: every learner can leave groups out."""
         return True
 
-    def fit_all_folds(
-        self, data: ForecastData, folds: IntArray, seed: int, *, compare_settings: bool
-    ) -> Fitted:
+    def fit_all_folds(self, data: ForecastData, folds: IntArray, seed: int, *, inner_errors: bool) -> Fitted:
         """Predict the power of each trip."""
         learner, segments = held_out_learner(self.corrector, seed), data.segments
         power = _left_out(learner, data.data_features, segments.observed_power_w, data, folds)

@@ -56,13 +56,13 @@ from tripwatt.trips.messages import message
 from tripwatt.vehicles import Vehicle
 
 SPLIT: Final = 2.0 / 3.0
-"""Share of the trips that models are fitted on to forecast a regime or a later time."""
+"""Share of the trips that models are fitted on to forecast a regime or a later time: a choice."""
 MIN_SCORED: Final = 3
-"""Smallest number of trips of a regime that is scored."""
+"""Smallest number of trips of a regime that is scored: a choice, because the mean of fewer says nothing."""
 CURVE_SIZES: Final = (5, 10, 20, 40)
-"""Numbers of training trips of the learning curve."""
+"""Numbers of training trips of the learning curve: a choice, even steps of the logarithm."""
 CURVE_MIN_TEST: Final = 8
-"""Smallest number of trips left to score for a training size of the curve."""
+"""Smallest number of trips left to score for a training size of the curve: a choice, a seventh of the reference trips."""
 PHYSICS_IDENTIFIED: Final = "physics-identified"
 PUBLISHED_ONLY: Final = "hybrid-published"
 
@@ -205,11 +205,11 @@ def _held_out(
     Leave-one-trip-out of the reference and of the audited trips; leave-one-day-out and regimes of the first of
     these sets.
     """
-    sets_by_name = {"reference": fleet.reference_trips(), "audited": audited.trips}
+    candidates = {"reference": fleet.reference_trips(), "audited": audited.trips}
     notes = [
-        f"no {name} trips in the data set {fleet.name!r}" for name, trips in sets_by_name.items() if not trips
+        f"no {name} trips in the data set {fleet.name!r}" for name, trips in candidates.items() if not trips
     ]
-    sets = {name: trips for name, trips in sets_by_name.items() if trips}
+    sets = {name: trips for name, trips in candidates.items() if trips}
     _require_training_trips(min(map(len, sets.values()), default=1) - 1, fleet)
     main = next(iter(sets.values()))
     by_day = number_days(main)

@@ -27,12 +27,12 @@ from tripwatt.study.evaluation.forecast_scores import (
     symmetric_quantiles,
     update_scores,
 )
-from tripwatt.study.evaluation.held_out_forecasts import HeldOutForecast, stack_attribute
+from tripwatt.study.evaluation.held_out_forecasts import HeldOutForecast, stack
 from tripwatt.study.evaluation.hold_outs import HoldOut
 from tripwatt.study.evaluation.metrics import absolute_percentage_error, bootstrap_interval
 
 CURVE_DRAWS: Final = 6
-"""Number of random draws of training trips for each size of the learning curve."""
+"""Number of random draws of training trips for each size of the learning curve: a choice, because each draw is a fit."""
 
 
 def add_crps_of_points(models: dict[str, Any], frame: pd.DataFrame) -> None:
@@ -47,15 +47,13 @@ def forecast_scores(
 ) -> dict[str, Any]:
     """Score arrival, coverage, CRPS and updates of the forecasts of a hold-out; `part` has their rows of the folds, `days` their days."""
     observed, centre = part["observed_energy_wh"].to_numpy(), part["predicted_energy_wh"].to_numpy()
-    bounds, factors = stack_attribute(forecasts, "bounds_wh"), stack_attribute(forecasts, "factors")
-    shown, arrival, chance = (
-        stack_attribute(forecasts, name) for name in ("shown", "arrival", "arrival_chance")
-    )
+    bounds, factors = stack(forecasts, "bounds_wh"), stack(forecasts, "factors")
+    shown, arrival, chance = (stack(forecasts, name) for name in ("shown", "arrival", "arrival_chance"))
     return {
         "arrival": arrival_scores(shown, arrival, chance, seed),
         **coverage_scores(observed, bounds[:, :, 0], bounds[:, :, 1], seed),
-        **crps_scores(observed, centre, stack_attribute(forecasts, "sd_wh"), factors),
-        "update": update_scores(observed, stack_attribute(forecasts, "updates_wh"), seed, days),
+        **crps_scores(observed, centre, stack(forecasts, "sd_wh"), factors),
+        "update": update_scores(observed, stack(forecasts, "updates_wh"), seed, days),
     }
 
 
@@ -69,27 +67,27 @@ def forecast_frame(
     [Wh]; and the columns of `departure_table`.
     """
     observed, centre = part["observed_energy_wh"].to_numpy(), part["predicted_energy_wh"].to_numpy()
-    sd_wh, bounds = stack_attribute(forecasts, "sd_wh"), stack_attribute(forecasts, "bounds_wh")
-    half_wh = stack_attribute(forecasts, "factors") * sd_wh[:, None]
+    sd_wh, bounds = stack(forecasts, "sd_wh"), stack(forecasts, "bounds_wh")
+    half_wh = stack(forecasts, "factors") * sd_wh[:, None]
     columns: dict[str, Any] = {
         "trip": part["trip"].to_numpy(),
         "observed_energy_wh": observed,
         "energy_wh": centre,
         "sd_wh": sd_wh,
-        "pit": stack_attribute(forecasts, "pit"),
+        "pit": stack(forecasts, "pit"),
         "crps_wh": crps(observed, symmetric_quantiles(centre, half_wh)),
-        "flags": stack_attribute(forecasts, "flags"),
+        "flags": stack(forecasts, "flags"),
     }
     for j, level in enumerate(LEVELS):
         columns[f"low_{100 * level:g}"], columns[f"high_{100 * level:g}"] = bounds[:, j].T
-    updates = stack_attribute(forecasts, "updates_wh")
+    updates = stack(forecasts, "updates_wh")
     for (j, fraction), (k, name) in itertools.product(enumerate(FRACTIONS), enumerate(UPDATES)):
         columns[f"{name}_{100 * fraction:g}"] = updates[:, j, k]
     about = departure_table(hold_out.data, hold_out.tested).drop(columns="trip")
     return pd.concat([pd.DataFrame(columns), about], axis=1)
 
 
-def _nan_if_none(value: float | None) -> float:
+def _or_nan(value: float | None) -> float:
     return float("nan") if value is None else value
 
 
@@ -103,12 +101,8 @@ def departure_table(data: ForecastData, members: IntArray) -> pd.DataFrame:
             "duration_s": [plan.duration_s for plan in plans],
             "distance_m": [plan.distance_m for plan in plans],
             "net_climb_m": [float(height[-1] - height[0]) for height in heights],
-            "ambient_temperature_degc": [
-                _nan_if_none(plan.departure.ambient_temperature_degc) for plan in plans
-            ],
-            "battery_temperature_degc": [
-                _nan_if_none(plan.departure.battery_temperature_degc) for plan in plans
-            ],
+            "ambient_temperature_degc": [_or_nan(plan.departure.ambient_temperature_degc) for plan in plans],
+            "battery_temperature_degc": [_or_nan(plan.departure.battery_temperature_degc) for plan in plans],
             "driver": [data.table.trips[i].context.driver for i in members],
         }
     )

@@ -22,15 +22,19 @@ FORECAST: Final = "hybrid"
 WITHOUT_PHYSICS: Final = "boosting-only"
 """Name of the data-only model in the files of the protocol."""
 LEVELS: Final = (0.5, 0.8, 0.9, 0.95)
+"""Levels of the scored intervals: a choice, the usual ones."""
 FRACTIONS: Final = (0.1, 0.25, 0.5, 0.75)
+"""Fractions of the time of a trip after which it is forecast again: a choice."""
 TOTALS: Final = ("update", "soc_only", "no_update", "naive_gauge")
 """Forecasts of the total energy made under way: re-forecast, re-forecast from the state of charge alone, two baselines."""
 UPDATE_LEVEL: Final = 0.9
+"""Level of the intervals of the re-forecast and of the charge at arrival: that of the forecast."""
 ARRIVAL_STARTS: Final = ("soc", "bms_soc")
 """Fields of a departure from which the charge at arrival is forecast: `soc` (display), `bms_soc` (battery management)."""
 RESERVE_OFFSETS: Final = tuple(round(0.01 * k, 2) for k in range(-6, 7))
 """Reserves, relative to the forecast charge at arrival, for which the probability to arrive is scored."""
 DECILES: Final = 10
+"""Classes of the stated probability in a reliability diagram: tenths, as usual."""
 UPDATES: Final = (*TOTALS, "update_low", "update_high")
 """`TOTALS`, and the bounds of the re-forecast at `UPDATE_LEVEL`."""
 

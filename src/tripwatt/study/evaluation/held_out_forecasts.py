@@ -26,6 +26,7 @@ from tripwatt.study.evaluation.forecast_scores import (
 from tripwatt.trips import Plan
 
 CRPS_LEVELS: Final = 100
+"""Levels of which the CRPS is averaged: a choice, one for each percent."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -93,7 +94,7 @@ class HeldOutForecast:
         )
 
 
-def stack_attribute(forecasts: Sequence[HeldOutForecast], name: str) -> FloatArray:
+def stack(forecasts: Sequence[HeldOutForecast], name: str) -> FloatArray:
     """Stack the attribute `name` of all forecasts."""
     return np.array([getattr(forecast, name) for forecast in forecasts])
 

@@ -29,10 +29,10 @@ TIME_SPLIT: Final = "time_split"
 RANDOM_DRAWS: Final = "random_draws"
 
 REFERENCE: Final = "reference"
-"""Name of the set of trips on which a protocol compare_settings settings inside the folds."""
+"""Name of the set of trips on which a protocol compares settings inside the folds."""
 
 MIN_DAYS: Final = 3
-"""Smallest number of days for which one day is left out at a time."""
+"""Smallest number of days for which one day is left out at a time: a choice, at least two days to fit on."""
 
 WITHOUT_DAYS: Final = "leave-one-day-out left out: the dates of the trips are unknown or fewer than three"
 WITHOUT_GROUPS: Final = "fewer than three dates of trips are known: each trip is a group of its own"
@@ -475,21 +475,14 @@ def build_hold_outs(
         available.insert(len(sets), (LEAVE_ONE_DAY_OUT, main))
     prepared = cache(lambda name: prepare(sets[name]))
     hold_outs: list[HoldOut[D]] = []
-    for scheme, trips_or_splitter in wanted.select(available):
-        name, data = (
-            trips_or_splitter,
-            prepared(
-                trips_or_splitter
-                if isinstance(trips_or_splitter, str) and trips_or_splitter in sets
-                else main
-            ),
-        )
+    for scheme, chosen in wanted.select(available):
+        name, data = (chosen, prepared(chosen if isinstance(chosen, str) and chosen in sets else main))
         table = table_of(data)
-        if not isinstance(trips_or_splitter, str):
+        if not isinstance(chosen, str):
             name = main
-            splits = split_trips(scheme, trips_or_splitter, sets[main], table.observed_wh[table.last_rows])
-        elif (scheme, trips_or_splitter) in regimes:
-            members, folds = regimes[scheme, trips_or_splitter]
+            splits = split_trips(scheme, chosen, sets[main], table.observed_wh[table.last_rows])
+        elif (scheme, chosen) in regimes:
+            members, folds = regimes[scheme, chosen]
             data = data.take(members)
             splits = leave_one_out(folds)
         else:

@@ -12,9 +12,11 @@ from scipy import stats
 from tripwatt.arrays import FloatArray
 
 BOOTSTRAP_DRAWS: Final = 10_000
+"""Draws of the bootstrap: a choice, because the ends then move by about a hundredth of the width with the seed."""
 CONFIDENCE: Final = 0.95
+"""Level of the bootstrap intervals: the usual one."""
 SIGNIFICANCE_SEEDS: Final = 40
-"""Number of bootstrap seeds; a difference is significant if the interval of each of these seeds excludes 0."""
+"""Number of bootstrap seeds: a choice. A difference is significant if the interval of each of these seeds excludes 0."""
 NEAR: Final = 0.1
 """Share of an interval's width; an interval that ends farther than this from 0 excludes 0 for any seed, since seeds
 move its ends by about a hundredth of its width."""

@@ -48,6 +48,7 @@ from tripwatt.trips.messages import message
 from tripwatt.vehicles import Vehicle
 
 MIN_FOLDS: Final = 3
+"""Smallest number of trips that are left out in turn: a choice, two trips to fit on."""
 
 PRESETS: Final[Mapping[str, str]] = {"physics-paper": "paper", "physics": "default"}
 """Name of the simulated energy -> preset of the vehicle."""
@@ -162,8 +163,8 @@ def _hold_outs(
     fleet: TripSet, audited: Audit, cars: Mapping[str, Vehicle], wanted: HoldOutChoice
 ) -> tuple[list[HoldOut[TripTable]], list[str]]:
     usable, notes = _usable(fleet.trips)
-    sets_by_name = {"reference": fleet.reference_trips(), "audited": audited.trips, "all": usable}
-    sets = {name: trips for name, trips in sets_by_name.items() if trips}
+    candidates = {"reference": fleet.reference_trips(), "audited": audited.trips, "all": usable}
+    sets = {name: trips for name, trips in candidates.items() if trips}
     if fleet.reference is not None and "reference" not in sets:
         notes.append(f"none of the reference trips of the data set {fleet.name!r} is here")
     if not sets or max(map(len, sets.values())) < MIN_FOLDS:

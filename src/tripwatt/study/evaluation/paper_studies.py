@@ -128,9 +128,9 @@ CHOSEN_TITLES: Final[Mapping[str, str]] = {
 }
 
 SIZES: Final = (3, 6, 12, 24, 48)
-"""Numbers of training trips of the learning curve."""
+"""Numbers of training trips of the learning curve: a choice, even steps of the logarithm."""
 DRAWS: Final = 4
-"""Number of random draws for each number of training trips."""
+"""Number of random draws for each number of training trips: a choice, because each draw is a fit."""
 CURVE_MODELS: Final = ("boosting", "boosting-only")
 CURVE: Final = (
     table_model("boosting", "", correctors.boosting, correctors.SIMULATION),
@@ -138,8 +138,9 @@ CURVE: Final = (
 )
 """Hybrid and data-driven boosting, whose errors are compared by the number of training trips."""
 CURVE_BOOTSTRAP: Final = 2000
+"""Draws of the bootstrap of the crossing: a choice, because the ends are whole steps between sizes."""
 MIN_SCORED: Final = 5
-"""Smallest number of trips left to score."""
+"""Smallest number of trips left to score: a choice, because the mean of fewer says nothing."""
 
 
 def study_models(names: Sequence[str]) -> tuple[ModelSpec, ...]:

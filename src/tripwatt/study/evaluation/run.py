@@ -121,7 +121,7 @@ def evaluate(
     prepared = chosen.prepare(_fleet(trips), test_fleet, car, wanted)
     main = [Comparison(hold_out, specs) for hold_out in prepared.hold_outs]
     further = chosen.further_comparisons(prepared, specs, seed) if wanted.chosen is None else []
-    done = run_folds([*main, *further], seed, execution or Execution(), compare_settings=bool(further))
+    done = run_folds([*main, *further], seed, execution or Execution(), inner_errors=bool(further))
     return chosen.assemble(prepared, done[: len(main)], done[len(main) :], seed)
 
 

@@ -44,12 +44,12 @@ class TableMethod(Method[TripTable]):
         model = self.make(seed)
         return isinstance(model, HybridModel) and model.shares_folds
 
-    def fit_all_folds(self, data: TripTable, folds: IntArray, seed: int, *, compare_settings: bool) -> Fitted:
+    def fit_all_folds(self, data: TripTable, folds: IntArray, seed: int, *, inner_errors: bool) -> Fitted:
         """Predict each trip without its fold."""
         model = self.make(seed)
         assert isinstance(model, HybridModel)
         predicted = model.predict_held_out(data, folds)
-        inner = model.inner_errors(data, folds, seed) if compare_settings else None
+        inner = model.inner_errors(data, folds, seed) if inner_errors else None
         return Fitted(lambda test: predicted[data.last_rows[test]], inner_errors=inner)
 
     def required_data(self, hold_out: HoldOut[Any], scored: IntArray) -> TripTable:

@@ -18,7 +18,7 @@ D = TypeVar("D")
 """Data of a hold-out that a method needs."""
 
 TIMED_TRIPS: Final = 8
-"""Number of trips over which the time of a prediction is averaged, if all folds are predicted at once."""
+"""Number of trips over which the time of a prediction is averaged, if all folds are predicted at once: a choice."""
 
 Predict = Callable[[IntArray], FloatArray]
 """Function from numbers of trips, ascending, to the energy of each trip [Wh]."""
@@ -85,8 +85,8 @@ class Method(Generic[D]):
         """Whether `fit_all_folds` predicts all folds at once, each held out."""
         return False
 
-    def fit_all_folds(self, data: D, folds: IntArray, seed: int, *, compare_settings: bool) -> Fitted:
-        """Predict each trip by a model fitted without its fold; with `compare_settings` also the errors inside the folds."""
+    def fit_all_folds(self, data: D, folds: IntArray, seed: int, *, inner_errors: bool) -> Fitted:
+        """Predict each trip by a model fitted without its fold; with `inner_errors` also the errors inside the folds."""
         raise NotImplementedError
 
     def required_data(self, hold_out: HoldOut[Any], scored: IntArray) -> D:
@@ -124,7 +124,7 @@ class ModelSpec:
         splits: Sequence[Split],
         seed: int,
         *,
-        compare_settings: bool = False,
+        inner_errors: bool = False,
     ) -> Iterator[Task]:
         """Yield the tasks for some splits of a hold-out.
 
@@ -135,7 +135,7 @@ class ModelSpec:
         for start in range(0, len(splits), size):
             part = tuple(splits[start : start + size])
             data = self.method.required_data(hold_out, np.concatenate([split.test for split in part]))
-            yield Task(comparison, self, data, part, seed, folds, compare_settings)
+            yield Task(comparison, self, data, part, seed, folds, inner_errors)
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +153,7 @@ class Task:
     seed : int
     folds : ndarray of int or None, shape (trips,)
         Fold of each trip if all folds are predicted at once; otherwise None.
-    compare_settings : bool
+    inner_errors : bool
         Whether to compute the errors inside the folds, by which settings are compared.
     """
 
@@ -163,7 +163,7 @@ class Task:
     splits: tuple[Split, ...]
     seed: int
     folds: IntArray | None = None
-    compare_settings: bool = False
+    inner_errors: bool = False
 
     @property
     def rank(self) -> tuple[int, int]:
@@ -179,9 +179,7 @@ class Task:
 
     def _run_together(self, folds: IntArray) -> list[FoldResult]:
         """Predict all folds at once; the times of fit and prediction are those of one ordinary fit."""
-        fitted = self.spec.method.fit_all_folds(
-            self.data, folds, self.seed, compare_settings=self.compare_settings
-        )
+        fitted = self.spec.method.fit_all_folds(self.data, folds, self.seed, inner_errors=self.inner_errors)
         trips, fold_numbers = np.arange(len(folds)), np.unique(folds)
         ordinary_fit = self._fit(trips)(trips[:TIMED_TRIPS])
         inner = np.full(len(fold_numbers), np.nan) if fitted.inner_errors is None else fitted.inner_errors

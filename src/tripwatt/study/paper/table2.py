@@ -34,7 +34,7 @@ SEASONS: Final = ("summer", "winter")
 Errors = Literal["t", "normal", "ar1"]
 
 INNER_BLOCKS: Final = 5
-"""Blocks of folds that `Table2Corrector.inner_errors` leaves out in pairs."""
+"""Blocks of folds that `Table2Corrector.inner_errors` leaves out in pairs: a choice, ten fits."""
 
 
 @dataclass
@@ -205,18 +205,18 @@ class Table2Corrector:
         for first, second in itertools.combinations(range(blocks), 2):
             kept = (row_block != first) & (row_block != second)
             model = replace(self).fit(X[kept], y[kept], groups[kept])
-            for own, other in ((first, second), (second, first)):
-                rows = np.flatnonzero(ends & (row_block == other))
-                total[own] += np.abs(y[rows] - model.predict(X.iloc[rows])).sum()
-                count[own] += len(rows)
+            for fold_block, scored_block in ((first, second), (second, first)):
+                rows = np.flatnonzero(ends & (row_block == scored_block))
+                total[fold_block] += np.abs(y[rows] - model.predict(X.iloc[rows])).sum()
+                count[fold_block] += len(rows)
         return np.asarray((total / count)[block])
 
     def _training(self, X: pd.DataFrame, groups: IntArray) -> tuple[pd.DataFrame, IntArray]:
         """Return the rows of the fit and their numbers; set the medians and the terms that are left out."""
         self.medians_ = X.select_dtypes("number").median()
         frame, rows = self.training_frame(X, groups)
-        varied = {name for name in map(str, frame) if len(frame[name].unique()) > 1}
-        self.left_out_ = tuple(term for term in self.terms if not varied.issuperset(_names_in(term)))
+        varying = {name for name in map(str, frame) if len(frame[name].unique()) > 1}
+        self.left_out_ = tuple(term for term in self.terms if not varying.issuperset(_names_in(term)))
         return frame, rows
 
     def training_frame(self, X: pd.DataFrame, groups: IntArray) -> tuple[pd.DataFrame, IntArray]:

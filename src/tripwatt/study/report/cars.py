@@ -32,7 +32,7 @@ SHOWN_WHOLE: Final = ("population", "one factor", "by cause")
 """Learners whose curves fit into the figure; the curve of a constant may leave it at the top."""
 
 MAX_LETTERS: Final = 32
-"""Largest number of characters in the title of a small figure."""
+"""Largest number of characters in the title of a small figure: what fits above half a page."""
 
 
 def write_cars(run: CarsRun, out: Path) -> None:
@@ -44,8 +44,8 @@ def write_cars(run: CarsRun, out: Path) -> None:
         ("Draws, seed", f"{results['draws']}, {results['seed']}"),
     ]
     versions = ", ".join(f"{name} {version}" for name, version in results["versions"].items())
-    title, panels = "cars that nobody has seen, each from all others", cars_panels(results)
-    write_page(out, "cars.html.jinja", {"": panels}, title=title, facts=facts, versions=versions)
+    page_title, panels = "cars that nobody has seen, each from all others", cars_panels(results)
+    write_page(out, "cars.html.jinja", {"": panels}, title=page_title, facts=facts, versions=versions)
     run.trips.to_csv(out / "trips.csv", index=False, lineterminator="\n")
     write_text(out / "results.json", json.dumps(results, indent=1, allow_nan=False))
 
@@ -154,15 +154,15 @@ def plot_curves(results: Record) -> Figure:
     cars = [car for car in results["cars"] if _has_curve(car)]
     rows = max(1, (len(cars) + 1) // 2)
     figure = new_figure(2.6 * rows, "Error by own trips", "given the driven speed trace", False)
-    for place, car in enumerate(cars):
-        axes = figure.add_subplot(rows, 2, place + 1)
+    for number, car in enumerate(cars):
+        axes = figure.add_subplot(rows, 2, number + 1)
         for name, points in _points(car):
             label, colour, line, width = LEARNERS[name]
-            look: dict[str, Any] = {"color": colour, "ls": line, "lw": width, "marker": "o", "ms": 4}
-            axes.plot(*points, label=label, gid=f"{car['car']}-{name}", **look)
+            style: dict[str, Any] = {"color": colour, "ls": line, "lw": width, "marker": "o", "ms": 4}
+            axes.plot(*points, label=label, gid=f"{car['car']}-{name}", **style)
         if car.get("own_model"):
-            own = 100.0 * car["own_model"]["error"]
-            axes.axhline(own, color="#7c7c7c", lw=1.0, label="Own model, all trips of the first half")
+            own_error = 100.0 * car["own_model"]["error"]
+            axes.axhline(own_error, color="#7c7c7c", lw=1.0, label="Own model, all trips of the first half")
         axes.set_title(f"{car['car']}: {car['vehicle_title']}"[:MAX_LETTERS], fontsize=8.0)
         counts = [row["k"] for row in car["curves"]["population"]]
         axes.set_xticks(range(len(counts)), [f"{k}" for k in counts])
@@ -170,9 +170,9 @@ def plot_curves(results: Record) -> Figure:
         ends = {"xlim": (-0.3, len(counts) - 0.7), "ylim": (0.0, 115.0 * float(largest))}
         axes.set(xlabel="own trips", ylabel="error [%]", **ends)
         axes.grid(axis="y")
-    named = (zip(*axes.get_legend_handles_labels(), strict=True) for axes in figure.axes)
-    every = {text: line for pairs in named for line, text in pairs}
-    return legend_below(figure, 2, handles=list(every.values()), labels=list(every))
+    labelled = (zip(*axes.get_legend_handles_labels(), strict=True) for axes in figure.axes)
+    lines = {text: line for pairs in labelled for line, text in pairs}
+    return legend_below(figure, 2, handles=list(lines.values()), labels=list(lines))
 
 
 def _has_curve(car: Record) -> bool:

@@ -19,11 +19,11 @@ COLUMNS: Final = (
     "Mean width",
     "Width that was needed",
 )
-NEEDED_WIDTH_NOTE: Final = (
+WIDTH_NOTE: Final = (
     "The width that was needed is that with which the intervals, all scaled by one factor, would have held exactly their share of these "
     "trips. It is known in hindsight alone. Widths of energy in kWh, of charge in points."
 )
-SIGNIFICANT_MARK: Final = "*"
+STAR: Final = "*"
 """Mark of a share whose Clopper-Pearson interval excludes the level."""
 
 
@@ -76,5 +76,5 @@ def _row(
 ) -> tuple[str, ...]:
     inside = round(share * trips)
     shown = number(inside / trips, 100, 0) if trips else DASH
-    mark = SIGNIFICANT_MARK if ci95 and not ci95[0] <= level <= ci95[1] else ""
+    mark = STAR if ci95 and not ci95[0] <= level <= ci95[1] else ""
     return (*names, f"{inside} of {trips}", f"{shown}{mark}", span(ci95, 0), *widths)

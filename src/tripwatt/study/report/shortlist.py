@@ -11,8 +11,7 @@ from tripwatt.study.report.view import Record, View, describe_evaluation, is_fin
 from tripwatt.study.report.words import model_label
 
 SHORT_ROWS: Final = 5
-"""Number of models up to which the short table shows all of them."""
-
+"""Number of models up to which the short table shows all of them: as many as it has kinds."""
 
 _INSIDE: Final = "Inside the 90 % interval [% of trips]"
 _KINDS: Final = ("constant", "baseline", "physics", "data", "hybrid")

@@ -137,8 +137,8 @@ class View:
             return self.protocol.focus
         errors = {m: float(v["mape"]) for m, v in self.scores.items() if is_finite_number(v.get("mape"))}
         hybrids = {m: e for m, e in errors.items() if model_style(m).kind == "hybrid"}
-        pool = hybrids or errors
-        return min(in_table_order(pool), key=lambda m: pool[m]) if pool else None
+        candidates = hybrids or errors
+        return min(in_table_order(candidates), key=lambda m: candidates[m]) if candidates else None
 
     @property
     def focus(self) -> Record:

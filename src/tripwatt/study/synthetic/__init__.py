@@ -43,18 +43,19 @@ VEHICLE: Final = "bmw_i3_60ah"
 """Car whose physics the fleet is based on."""
 
 FOLLOWS_WITHIN_S: Final = 300.0
-"""Longest time [s] after the end of the last trip within which a trip is said to follow it."""
+"""Longest time [s] after the end of the last trip within which a trip follows it: a choice, the cabin is still warm."""
 
 NOTES: Final = (Flag("synthetic", "synthetic"),)
 
 
 MAX_TRIPS: Final = 1_000_000
+"""Largest number of trips of a fleet: a choice, days of work beyond it."""
 MAX_SEED: Final = 2**63 - 1
-"""Largest number of trips of a fleet, and largest seed."""
+"""Largest seed, a signed number of 64 bits."""
 
 CAR_MODELS: Final = ("bmw_i3_60ah", "nissan_leaf_24")
 VEHICLES, TRIPS_EACH = 8, 48
-"""Number of vehicles of `example_fleet`, and of trips of each vehicle."""
+"""Number of vehicles of `example_fleet`, and of trips of each vehicle: a choice, enough to detect the changed vehicle."""
 
 CHANGED: Final = ("V1", dt.datetime(2023, 12, 20))
 """Vehicle of `example_fleet` that changes, and the day from which it has a roof box and 70 % of its tyre pressure."""
@@ -183,14 +184,14 @@ def synthetic_world(
     """
     _require_sound(n_trips, seed, step_s, hours)
     vehicle = vehicle or load_vehicle(VEHICLE)
-    trips, rows = [], []
+    trips, effects = [], []
     for scenario in draw_scenarios(n_trips, seed):
         if hours is not None:
             scenario = long_drive(scenario, seed, hours)
         trip, row = _trip(scenario, vehicle, seed, step_s)
         trips.append(trip)
-        rows.append(row)
-    truth = pd.DataFrame(rows).set_index("trip")
+        effects.append(row)
+    truth = pd.DataFrame(effects).set_index("trip")
     return TripSet("synthetic", tuple(trips), notes=NOTES), truth
 
 
@@ -233,12 +234,12 @@ def example_fleet() -> Iterator[tuple[str, TripSet]]:
         name, vehicle_id = CAR_MODELS[number % len(CAR_MODELS)], f"V{number + 1}"
         car = load_vehicle(name)
         fleet = synthetic_fleet(TRIPS_EACH, number, vehicle=car)
-        after = fleet
+        changed_fleet = fleet
         if vehicle_id == CHANGED[0]:
             changed = with_extras(car, ["roof_box"], tyre_pressure=0.7)
-            after = synthetic_fleet(TRIPS_EACH, number, vehicle=changed)
+            changed_fleet = synthetic_fleet(TRIPS_EACH, number, vehicle=changed)
         logs = []
-        for before, later in zip(fleet.logs, after.logs, strict=True):
+        for before, later in zip(fleet.logs, changed_fleet.logs, strict=True):
             assert before.context.started_at is not None
             log = before if before.context.started_at < CHANGED[1] else later
             driver = f"{vehicle_id} {log.context.driver}"

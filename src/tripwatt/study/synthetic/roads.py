@@ -46,6 +46,7 @@ def _to_m_s(*speeds_km_h: float) -> tuple[float, ...]:
     return tuple(v * M_S_PER_KM_H for v in speeds_km_h)
 
 
+# the kinds of road define the synthetic world and describe no real one
 CITY: Final = RoadKind(_to_m_s(30, 50, 50, 60), (90, 500), (0.7, 1.0), 0.28, 0.25, (4.0, 8.0))
 RURAL: Final = RoadKind(_to_m_s(50, 70, 80, 100), (300, 1800), (0.75, 1.0), 0.15, 0.45, (9.0, 17.0))
 HIGHWAY: Final = RoadKind(_to_m_s(80, 100, 120, 130), (500, 2500), (0.75, 1.0), 0.0, 0.1, (16.0, 22.0))
@@ -57,12 +58,6 @@ PHASES: Final = {
     "mixed": ((CITY, 0.3), (RURAL, 0.25), (HIGHWAY, 0.2), (CITY, 0.25)),
 }
 """Route -> its kinds of road in order, each with its share of the driving time."""
-
-BEND_LENGTH_M: Final = 25.0
-PARKED_S: Final = (3.0, 15.0)
-"""Shortest and longest time [s] from arrival to the end of the log."""
-
-STEEPEST_GRADE: Final = 0.09
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -101,10 +96,10 @@ def draw_links(scenario: Scenario, rng: np.random.Generator) -> tuple[FloatArray
         rows = np.arange(n_used).repeat(1 + bend[:n_used])
         last = np.append(np.diff(rows) > 0, True)
         is_bend = last & bend[rows]
-        lengths.append(np.where(is_bend, BEND_LENGTH_M, length[rows]))
+        lengths.append(np.where(is_bend, 25.0, length[rows]))
         speeds.append(np.where(is_bend, bend_speed[rows], speed[rows]))
         dwells.append(np.where(last, dwell[rows], 0.0))
-    dwells[-1][-1] = rng.uniform(*PARKED_S)
+    dwells[-1][-1] = rng.uniform(3.0, 15.0)  # from arrival to the end of the log
     return np.concatenate(lengths), np.concatenate(speeds), np.concatenate(dwells)
 
 
@@ -114,7 +109,7 @@ def draw_elevation(distance_m: float, rng: np.random.Generator) -> tuple[FloatAr
     hills = rng.uniform(3.0, 12.0) * smooth_noise(position, 600.0, rng)
     valleys = rng.uniform(8.0, 25.0) * smooth_noise(position, 4000.0, rng)
     slope = np.diff(hills + valleys) / 25.0
-    climbs = 25.0 * np.cumsum(np.clip(slope, -STEEPEST_GRADE, STEEPEST_GRADE))
+    climbs = 25.0 * np.cumsum(np.clip(slope, -0.09, 0.09))  # about the steepest grade of public roads
     return position, rng.uniform(450.0, 620.0) + np.concatenate(([0.0], climbs))
 
 

@@ -13,7 +13,9 @@ import numpy as np
 from tripwatt.routes.driver import DriverStyle
 
 N_DRIVERS: Final = 6
+"""Number of people who share the car: a choice, as every other number of the synthetic world."""
 DAYS_PER_SEASON: Final = 90
+"""Number of summer or winter days of a year."""
 
 # purposes of random streams; the key of a stream is made of the seed, a purpose, the day and the trip
 DRIVERS, DAYS, TRIPS, ROADS, WHEEL, WORLD, AIR, NOISE, SENSORS = range(9)
@@ -129,8 +131,6 @@ class Scenario:
         return "dark" if self.day.dark_at(self.hour) and self.day.sky != "rainy" else self.day.sky
 
 
-LAST_DEPARTURE_S: Final = 21.0 * 3600.0
-
 EXPECTED_SPEED_M_S: Final = {"city": 6.5, "rural": 14.0, "highway": 23.0, "mixed": 13.0}
 """Mean speed [m/s] that a scenario assumes, standstill included."""
 
@@ -159,10 +159,10 @@ def draw_day(seed: int, number: int) -> Day:
     """Draw one day; the two seasons alternate and dates do not repeat."""
     rng = stream(seed, DAYS, number)
     summer = number % 2 == 0
-    turn = number // 2
+    year_and_place = number // 2
     # 37 and 90 have no common factor: every date of a season occurs once, spread out from the first day on
-    into_season = (turn * 37 + 5) % DAYS_PER_SEASON
-    first = dt.date(2023 + turn // DAYS_PER_SEASON, 6 if summer else 12, 1)
+    into_season = (year_and_place * 37 + 5) % DAYS_PER_SEASON
+    first = dt.date(2023 + year_and_place // DAYS_PER_SEASON, 6 if summer else 12, 1)
     skies = ["sunny", "slightly cloudy", "cloudy", "rainy"]
     sky = str(rng.choice(skies, p=[0.4, 0.25, 0.2, 0.15] if summer else [0.2, 0.25, 0.35, 0.2]))
     clear = {"sunny": 1.0, "slightly cloudy": 0.5}.get(sky, 0.0)
@@ -179,9 +179,6 @@ def draw_day(seed: int, number: int) -> Day:
     )
 
 
-LONG_DRIVE_SOC: Final = 0.9
-
-
 def long_drive(scenario: Scenario, seed: int, hours: tuple[float, float]) -> Scenario:
     """Change a scenario to a long drive on the motorway, the only trip of its day, with a uniformly drawn duration."""
     duration_s = 3600.0 * float(stream(seed, TRIPS, *scenario.key, 0).uniform(*hours))
@@ -191,23 +188,23 @@ def long_drive(scenario: Scenario, seed: int, hours: tuple[float, float]) -> Sce
         duration_s=duration_s,
         parked_s=None,
         trips_before=0,
-        soc=LONG_DRIVE_SOC,
+        soc=0.9,
     )
 
 
 def draw_scenarios(n_trips: int, seed: int) -> Iterator[Scenario]:
     """Draw the trips, day by day, one to four per day. O(trips)."""
     drivers = [draw_driver(seed, d) for d in range(N_DRIVERS)]
-    made = number = 0
-    while made < n_trips:
-        day = draw_day(seed, number)
-        of_day = stream(seed, TRIPS, number)
-        hour_s = 3600.0 * float(of_day.uniform(6.25, 17.0))
-        driver = drivers[int(of_day.integers(N_DRIVERS))]
-        soc = float(of_day.uniform(0.6, 0.88))
+    n_drawn = day_number = 0
+    while n_drawn < n_trips:
+        day = draw_day(seed, day_number)
+        day_stream = stream(seed, TRIPS, day_number)
+        hour_s = 3600.0 * float(day_stream.uniform(6.25, 17.0))
+        driver = drivers[int(day_stream.integers(N_DRIVERS))]
+        soc = float(day_stream.uniform(0.6, 0.88))
         parked_s: float | None = None
-        for place in range(min(int(of_day.integers(1, 5)), n_trips - made)):
-            rng = stream(seed, TRIPS, number, place)
+        for place_in_day in range(min(int(day_stream.integers(1, 5)), n_trips - n_drawn)):
+            rng = stream(seed, TRIPS, day_number, place_in_day)
             route = str(rng.choice(["city", "rural", "highway", "mixed"], p=[0.25, 0.3, 0.15, 0.3]))
             longest_s = 1700.0 if route == "highway" else 2500.0
             duration_s = float(np.clip(1250.0 * math.exp(0.4 * rng.normal()), 820.0, longest_s))
@@ -216,23 +213,23 @@ def draw_scenarios(n_trips: int, seed: int) -> Iterator[Scenario]:
                 soc = float(rng.uniform(0.75, 0.88))  # charged while parked
             payload = float(rng.choice([0.0, 70.0, 80.0, 150.0], p=[0.6, 0.2, 0.1, 0.1]))
             yield Scenario(
-                trip_id=f"S{made + 1:03d}",
-                key=(number, place),
+                trip_id=f"S{n_drawn + 1:03d}",
+                key=(day_number, place_in_day),
                 day=day,
                 driver=driver,
                 started_at=dt.datetime.combine(day.date, dt.time()) + dt.timedelta(seconds=round(hour_s)),
                 route=route,
                 duration_s=duration_s,
                 parked_s=parked_s,
-                trips_before=place,
+                trips_before=place_in_day,
                 soc=round(soc, 3),
                 setpoint_degc=driver.setpoint_degc if day.season == "winter" else driver.setpoint_degc + 1.0,
                 payload_mass_kg=payload,
             )
-            made += 1
+            n_drawn += 1
             soc -= use
             parked_s = float(rng.choice([120.0, 900.0, 5400.0]) * rng.uniform(0.7, 1.3))
             hour_s += 1.3 * duration_s + parked_s
-            if hour_s > LAST_DEPARTURE_S:
+            if hour_s > 21.0 * 3600.0:  # nobody departs after nine in the evening
                 break
-        number += 1
+        day_number += 1

@@ -29,16 +29,6 @@ from tripwatt.vehicles import Battery, Vehicle
 
 
 @dataclass(frozen=True, slots=True)
-class HiddenCar:
-    """Differences of the true car from its data sheet."""
-
-    drag_share: float = 0.04
-    extra_load_w: float = 40.0
-    resistance_share: float = 0.15
-    capacity_share: float = -0.04
-
-
-@dataclass(frozen=True, slots=True)
 class HiddenCabin:
     """The true cabin: one heat capacity, losses that grow with speed, a slow heater and an air conditioner."""
 
@@ -55,30 +45,10 @@ class HiddenCabin:
     cools_down_s: float = 2400.0
 
 
-CAR: Final = HiddenCar()
 CABIN: Final = HiddenCabin()
 
 SUN_W: Final = {"sunny": 480.0, "slightly cloudy": 280.0, "cloudy": 120.0, "rainy": 60.0, "dark": 0.0}
-"""Solar heat [W] in the cabin on a summer day; in winter `WINTER_SUN_SHARE` of it."""
-
-WINTER_SUN_SHARE: Final = 0.5
-WIND_AT_CAR_SHARE: Final = 0.6
-WET_ROAD_SHARE: Final = 0.12
-WINTER_TYRE_SHARE: Final = 0.04
-COLD_TYRE_SHARE_PER_K: Final = 0.002
-WARM_TYRE_DEGC: Final = 20.0
-SURFACE_SHARE_SD: Final = 0.05
-HUNTING_SHARE: Final = 0.1
-HUNTING_TIME_S: Final = 20.0
-LAMPS_W: Final = 110.0
-WIPERS_W: Final = 90.0
-TRIP_SHARE_SCALE: Final = 0.015
-TRIP_SHARE_DF: Final = 4.0
-NOISE_DF: Final = 3.0
-NOISE_STANDING_W: Final = 60.0
-NOISE_MOVING_W: Final = 450.0
-NOISE_SHARE: Final = 0.02
-NOISE_TIME_S: Final = 6.0
+"""Solar heat [W] in the cabin on a summer day; half of it in winter."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -139,7 +109,7 @@ def simulate_truth(scenario: Scenario, drive: RoadDrive, vehicle: Vehicle, seed:
         climate_power_w=0.0,
         conditions=conditions,
     )
-    trip_share = TRIP_SHARE_SCALE * float(rng.standard_t(TRIP_SHARE_DF))
+    trip_share = 0.015 * float(rng.standard_t(4.0))  # heavier tails than any model assumes
     noise = stream(seed, NOISE, *scenario.key)
     loads = battery_loads(scenario, drive, climate, at_samples(driven.battery_power_w), trip_share, noise)
     total_w, step_s = np.sum(list(loads.values()), axis=0), np.diff(time, prepend=time[0])
@@ -172,7 +142,7 @@ def battery_loads(
     time, speed = drive.profile.time_s, drive.profile.speed_m_s
     propelling = np.maximum(driving_w, 0.0)
     wet, unlit = scenario.day.sky == "rainy", scenario.day.dark_at(scenario.hour)
-    lamps = CAR.extra_load_w + LAMPS_W * (wet or unlit) + WIPERS_W * wet
+    lamps = 40.0 + 110.0 * (wet or unlit) + 90.0 * wet  # control units beyond the data sheet, lamps, wipers
     return {
         "driving": driving_w,
         "heating": climate.heating_power_w,
@@ -197,11 +167,11 @@ def at_samples(of_intervals: FloatArray) -> FloatArray:
 
 
 def age_battery(battery: Battery) -> Battery:
-    """Return the battery as it really is in the car, with less capacity and more resistance."""
+    """Return the battery as it is in the true car: 4 % less capacity and 15 % more resistance than in the data sheet."""
     return replace(
         battery,
-        capacity_ah=battery.capacity_ah * (1.0 + CAR.capacity_share),
-        resistance_ohm=tuple(r * (1.0 + CAR.resistance_share) for r in battery.resistance_ohm),
+        capacity_ah=battery.capacity_ah * (1.0 - 0.04),
+        resistance_ohm=tuple(r * (1.0 + 0.15) for r in battery.resistance_ohm),
     )
 
 
@@ -219,9 +189,8 @@ def draw_ambient(scenario: Scenario, time_s: FloatArray, rng: np.random.Generato
 
 
 def compressor_hunting(time_s: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """Draw a factor around 1 by which a compressor's power differs from what the cooling needs."""
-    wave = smooth_noise(time_s, HUNTING_TIME_S, rng)
-    return np.maximum(1.0 + HUNTING_SHARE * wave, 0.5)
+    """Draw a factor around 1 by which a compressor's power differs from what the cooling needs: 10 % in waves of 20 s."""
+    return np.maximum(1.0 + 0.1 * smooth_noise(time_s, 20.0, rng), 0.5)
 
 
 def heat_balance(
@@ -232,10 +201,10 @@ def heat_balance(
     rng: np.random.Generator,
 ) -> CabinClimate:
     """Simulate the true cabin in steps of 1 s: `C dT/dt = loss (T_out - T) + sun + heater - cooling`. O(seconds)."""
-    sun_w = SUN_W[scenario.weather] * (WINTER_SUN_SHARE if scenario.day.season == "winter" else 1.0)
+    sun_w = SUN_W[scenario.weather] * (0.5 if scenario.day.season == "winter" else 1.0)
     soaked = ambient_degc[0] + sun_w / CABIN.loss_w_k * rng.uniform(0.3, 1.0) + rng.uniform(0.0, 1.5)
-    left = 0.0 if scenario.parked_s is None else math.exp(-scenario.parked_s / CABIN.cools_down_s)
-    cabin = soaked + left * (scenario.setpoint_degc - soaked)
+    warmth_left = 0.0 if scenario.parked_s is None else math.exp(-scenario.parked_s / CABIN.cools_down_s)
+    cabin = soaked + warmth_left * (scenario.setpoint_degc - soaked)
 
     seconds = np.arange(math.ceil(time_s[-1]) + 1, dtype=np.float64)
     outside = np.interp(seconds, time_s, ambient_degc)
@@ -243,7 +212,7 @@ def heat_balance(
     steady_w = loss * (scenario.setpoint_degc - outside) - sun_w
     rows = np.empty((len(seconds), 4))
     heater = 0.0
-    for i, (k, out, steady) in enumerate(
+    for i, (loss_w_k, outside_degc, steady) in enumerate(
         zip(loss.tolist(), outside.tolist(), steady_w.tolist(), strict=True)
     ):
         needed = steady + CABIN.gain_w_k * (scenario.setpoint_degc - cabin)
@@ -255,7 +224,7 @@ def heat_balance(
         aircon = cooling + CABIN.aircon_idle_w if cooling > 0.0 else 0.0
         rows[i] = cabin, request, heater, aircon
         heat = CABIN.heater_efficiency * heater - CABIN.aircon_performance * cooling
-        cabin += (k * (out - cabin) + sun_w + heat) / CABIN.heat_capacity_j_k
+        cabin += (loss_w_k * (outside_degc - cabin) + sun_w + heat) / CABIN.heat_capacity_j_k
     return CabinClimate(*(np.interp(time_s, seconds, column) for column in rows.T))
 
 
@@ -267,18 +236,19 @@ def hidden_forces(
     warm_k = ambient_degc + ZERO_CELSIUS_K
     height = GRAVITY_M_S2 * drive.elevation_m / (DRY_AIR_GAS_CONSTANT_J_KG_K * warm_k)
     density = SEA_LEVEL_PRESSURE_PA * np.exp(-height) / (DRY_AIR_GAS_CONSTANT_J_KG_K * warm_k)
-    headwind = (
-        scenario.day.wind_m_s * WIND_AT_CAR_SHARE * np.cos(drive.heading_rad - scenario.day.wind_from_rad)
-    )
+    # at the height of a car the wind has 60 % of its speed at the weather station
+    headwind = scenario.day.wind_m_s * 0.6 * np.cos(drive.heading_rad - scenario.day.wind_from_rad)
     flow = speed + headwind
     area = vehicle.road_load.drag_area_m2
-    wind_n = 0.5 * density * area * ((1.0 + CAR.drag_share) * flow * np.abs(flow) - speed**2)
-    cold_k = max(WARM_TYRE_DEGC - float(ambient_degc.mean()), 0.0)
+    # the true car has 4 % more drag than its data sheet
+    wind_n = 0.5 * density * area * ((1.0 + 0.04) * flow * np.abs(flow) - speed**2)
+    below_20_k = max(20.0 - float(ambient_degc.mean()), 0.0)
+    # a wet road, winter tyres, cold tyres, and the surface of the roads of this trip
     share = float(
-        WET_ROAD_SHARE * (scenario.day.sky == "rainy")
-        + WINTER_TYRE_SHARE * (scenario.day.season == "winter")
-        + COLD_TYRE_SHARE_PER_K * cold_k
-        + SURFACE_SHARE_SD * rng.standard_normal()
+        0.12 * (scenario.day.sky == "rainy")
+        + 0.04 * (scenario.day.season == "winter")
+        + 0.002 * below_20_k
+        + 0.05 * rng.standard_normal()
     )
     constant, per_speed = vehicle.road_load.rolling_coefficients
     weight_n = (vehicle.body.test_mass_kg + scenario.payload_mass_kg) * GRAVITY_M_S2
@@ -290,9 +260,10 @@ def heavy_tailed_noise(
     time_s: FloatArray, speed_m_s: FloatArray, power_w: FloatArray, rng: np.random.Generator
 ) -> FloatArray:
     """Draw unexplained power [W]: Student's t shocks, half of their variance autocorrelated, larger while moving."""
-    memory = math.exp(-float(time_s[1] - time_s[0]) / NOISE_TIME_S)
-    shocks = rng.standard_t(NOISE_DF, (2, len(time_s))) * math.sqrt((NOISE_DF - 2.0) / NOISE_DF)
+    memory = math.exp(-float(time_s[1] - time_s[0]) / 6.0)
+    df = 3.0
+    shocks = rng.standard_t(df, (2, len(time_s))) * math.sqrt((df - 2.0) / df)  # of unit variance
     remembered = math.sqrt(1.0 - memory**2) * autoregression(shocks[0], memory)
     unit = math.sqrt(0.5) * (remembered + shocks[1])
-    size = np.where(speed_m_s > 0.0, NOISE_MOVING_W, NOISE_STANDING_W) + NOISE_SHARE * np.abs(power_w)
+    size = np.where(speed_m_s > 0.0, 450.0, 60.0) + 0.02 * np.abs(power_w)
     return np.asarray(size * unit, dtype=np.float64)

@@ -22,21 +22,21 @@ EDGE: Final = f"errors beyond {100 * CUT:.0f} % are drawn at the edge"
 
 def panels(view: View) -> list[Panel]:
     """Return the panels with the distribution of the errors and the box plots."""
-    present = in_table_order(map(str, view.main_folds["model"].unique()))
-    alone = ((m, model_style(m).without_physics) for m in present)
-    pairs = [(model_style(m).stands_on, m, other) for m, other in alone if other in present]
+    models = in_table_order(map(str, view.main_folds["model"].unique()))
+    without_physics = ((m, model_style(m).without_physics) for m in models)
+    pairs = [(model_style(m).stands_on, m, other) for m, other in without_physics if other in models]
     shown = []
-    if present:
+    if models:
         caption = "Signed error of every held-out trip, by model."
-        drawn = plot_error_distribution(view, present)
-        shown.append(Panel("error-distribution", "Error distribution", caption, drawn))
+        figure = plot_error_distribution(view, models)
+        shown.append(Panel("error-distribution", "Error distribution", caption, figure))
         caption = "Absolute error of every held-out trip, by model."
-        drawn = plot_error_boxes(view, present, "Errors of all models")
-        shown.append(Panel("error-boxes", "Box plot of all models", caption, drawn))
-    for trio in pairs[:1]:
+        figure = plot_error_boxes(view, models, "Errors of all models")
+        shown.append(Panel("error-boxes", "Box plot of all models", caption, figure))
+    for triple in pairs[:1]:
         caption = "A hybrid beside its simulation alone and beside the same learner without simulation."
-        drawn = plot_error_boxes(view, [m for m in trio if m in present], "Physics, hybrid, learner alone")
-        shown.append(Panel("benchmark-boxes", "Physics alone, hybrid, and learner alone", caption, drawn))
+        figure = plot_error_boxes(view, [m for m in triple if m in models], "Physics, hybrid, learner alone")
+        shown.append(Panel("benchmark-boxes", "Physics alone, hybrid, and learner alone", caption, figure))
     return shown
 
 
@@ -80,12 +80,14 @@ def plot_error_boxes(view: View, models: Sequence[str], title: str) -> Figure:
         showmeans=True, patch_artist=True, medianprops={"color": style.INK, "lw": 1.8},
         meanprops={"marker": "D", "mfc": "white", "mec": style.INK, "ms": 4.5},
     )  # fmt: skip
-    for row, (model, own) in enumerate(zip(models, errors, strict=True)):
+    for row, (model, model_errors) in enumerate(zip(models, errors, strict=True)):
         colour = model_style(model).colour
         boxes["boxes"][row].set(facecolor=colour, edgecolor=colour, alpha=0.35)
         # a fixed low-discrepancy jitter: points of one row stay apart without a random state
-        shift = 0.3 * (((np.arange(len(own)) * 0.618034) % 1.0) - 0.5)
-        axes.scatter(own, row + shift, s=7, color=colour, alpha=0.7, lw=0, zorder=3, gid=f"trips-{row}")
+        shift = 0.3 * (((np.arange(len(model_errors)) * 0.618034) % 1.0) - 0.5)
+        axes.scatter(
+            model_errors, row + shift, s=7, color=colour, alpha=0.7, lw=0, zorder=3, gid=f"trips-{row}"
+        )
     paper = {view.published[m]: row for row, m in enumerate(models) if m in view.published}
     crosses = axes.plot([*paper], [row - 0.38 for row in paper.values()], "x", color=style.INK, ms=5)
     axes.legend(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from tripwatt.study.report.intervals import SIGNIFICANT_MARK
+from tripwatt.study.report.intervals import STAR
 from tripwatt.study.report.tables import Column, number, span
 from tripwatt.study.report.view import Record, View
 from tripwatt.study.report.words import model_label
@@ -20,14 +20,14 @@ def paired_with(pairs: Sequence[Record], best: str | None) -> list[Record]:
     >>> paired_with([{"a": "boosting", "b": "forest", "diff": -0.01, "ci95": [-0.02, 0.005]}], "boosting")
     [{'a': 'forest', 'b': 'boosting', 'diff': 0.01, 'ci95': [-0.005, 0.02]}]
     """
-    turned: list[Record] = []
+    selected: list[Record] = []
     for pair in pairs:
         if pair["b"] == best:
-            turned.append(pair)
+            selected.append(pair)
         elif pair["a"] == best:
             low, high = pair["ci95"]
-            turned.append({**pair, "a": pair["b"], "b": best, "diff": -pair["diff"], "ci95": [-high, -low]})
-    return turned
+            selected.append({**pair, "a": pair["b"], "b": best, "diff": -pair["diff"], "ci95": [-high, -low]})
+    return selected
 
 
 def difference_column(view: View) -> Column:
@@ -38,7 +38,7 @@ def difference_column(view: View) -> Column:
         pair = pairs.get(row["name"])
         if pair is None:
             return None
-        star = SIGNIFICANT_MARK if pair["significant"] else ""
+        star = STAR if pair["significant"] else ""
         return f"{number(pair['diff'], 100, 1)} ({span(pair['ci95'])}){star}"
 
     return Column(f"Above {model_label(str(view.best))} [points]", cell)

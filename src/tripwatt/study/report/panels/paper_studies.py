@@ -28,8 +28,8 @@ def panels(view: View) -> list[Panel]:
     shown = [Panel("paper-studies", "Variants of the paper's models", tables=tables)]
     if view.results["studies"].get("trips_needed"):
         caption = "Means over random draws of training trips, scored on all other trips."
-        drawn = plot_trips_needed(view)
-        shown.append(Panel("trips-needed", "How many trips the hybrid needs", caption, drawn))
+        figure = plot_trips_needed(view)
+        shown.append(Panel("trips-needed", "How many trips the hybrid needs", caption, figure))
     return shown
 
 
@@ -111,10 +111,9 @@ def plot_trips_needed(view: View) -> Figure:
     hybrid, alone = CURVE_MODELS
     sizes = [row["n_trips"] for row in needed["curve"]]
     for name, marker in ((alone, "s"), (hybrid, "o")):
-        means, look = [100.0 * row[name] for row in needed["curve"]], model_style(name)
-        axes.plot(
-            sizes, means, marker, ls="-", lw=2, ms=6, color=look.colour, label=look.label, gid=f"curve-{name}"
-        )
+        means, style = [100.0 * row[name] for row in needed["curve"]], model_style(name)
+        (line,) = axes.plot(sizes, means, f"{marker}-", lw=2, ms=6, color=style.colour)
+        line.set(label=style.label, gid=f"curve-{name}")
     axes.set_xscale("log")
     axes.set_xticks(sizes, map(str, sizes))
     axes.minorticks_off()

@@ -6,13 +6,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from tripwatt.study.evaluation.forecast_scores import UPDATE_LEVEL
-from tripwatt.study.report.intervals import (
-    NEEDED_WIDTH_NOTE,
-    SIGNIFICANT_MARK,
-    charge_rows,
-    energy_rows,
-    intervals_table,
-)
+from tripwatt.study.report.intervals import STAR, WIDTH_NOTE, charge_rows, energy_rows, intervals_table
 from tripwatt.study.report.panel import Panel
 from tripwatt.study.report.tables import Column, Table, in_kwh, in_percent, make_table
 from tripwatt.study.report.view import Record, View, describe_evaluation
@@ -29,7 +23,7 @@ def panels(view: View) -> list[Panel]:
     if "coverage" not in view.focus:
         return []
     arrival = arrival_table(view)
-    note = f"{SIGNIFICANT_MARK} differs significantly from the level. {NEEDED_WIDTH_NOTE}"
+    note = f"{STAR} differs significantly from the level. {WIDTH_NOTE}"
     return [
         Panel("coverage", "Coverage of the intervals", note, tables=(coverage_by_set(view),)),
         *([Panel("arrival", "State of charge at arrival", tables=(arrival,))] if arrival.rows else ()),
