@@ -4,12 +4,12 @@ import dataclasses
 
 import numpy as np
 import pytest
-from tests.support.held_out import EXACT, NO, Told, data, driven_log
+from tests.support.held_out import EXACT, data
 
 from tripwatt.learners.folds import leave_one_out
-from tripwatt.study.evaluation import forecast_models, held_out_forecasts
+from tripwatt.study.evaluation import forecast_models
 from tripwatt.study.evaluation.forecast_data import ForecastData
-from tripwatt.study.evaluation.forecast_models import DataMethod, ForecastMethod, PowerMethod
+from tripwatt.study.evaluation.forecast_models import DataMethod, PowerMethod
 from tripwatt.study.evaluation.hold_outs import HoldOut
 from tripwatt.study.evaluation.tasks import ModelSpec
 
@@ -134,47 +134,3 @@ class TestPowerModels:
         assert (first.split.number, second.split.number) == (0, 1)
         assert 0.0 <= first.fit_s < 10.0
         assert 0.0 <= first.predict_ms < 10_000.0
-
-
-def test_the_fold_of_a_forecast_is_held_out(monkeypatch) -> None:
-    seen = {}
-
-    class Model:
-        def __init__(self, vehicle, corrector, seed) -> None:
-            seen.update(vehicle=vehicle, corrector=corrector, seed=seed)
-
-        def fit_segments(self, own, *, again) -> None:
-            seen["trained"] = own.trip_ids
-            seen["again"] = again([np.array([0])])[0].trip_ids
-
-        def forecast(self, plan):
-            return Told(100.0 + len(plan))
-
-    nothing = np.full((2, 3), NO), np.full((2, 13), NO)
-    monkeypatch.setattr(forecast_models, "ForecastModel", Model)
-    monkeypatch.setattr(held_out_forecasts, "forecast_arrivals", lambda model, plan: nothing)
-    monkeypatch.setattr(
-        ForecastData,
-        "identified",
-        lambda own, trains: [(f"car of {t.tolist()}", own.segments) for t in trains],
-    )
-    own = dataclasses.replace(data(1, 1, 1), logs=(driven_log(),) * 3)
-    hold_out = held_out(own, [5, 6, 5])
-    tasks = list(
-        ModelSpec("f", "", ForecastMethod("split"), "physics").tasks(3, hold_out, hold_out.splits, 9)
-    )
-    assert [[len(log) > 0 for log in t.data.logs] for t in tasks] == [
-        [True, False, True],
-        [False, True, False],
-    ]
-    assert [[split.number for split in t.splits] for t in tasks] == [[5], [6]]
-    assert tasks[0].rank[0] == 1
-    assert tasks[0].comparison == 3
-    (result,) = tasks[0].run()
-    assert seen.pop("again") == ("t1",), "the inner folds have no other trips"
-    assert seen == {"vehicle": "car of [1]", "corrector": "split", "seed": 9, "trained": ("t1",)}
-    assert result.predicted_wh.tolist() == [106.0, 106.0]
-    assert (result.model, result.split.number) == ("f", 5)
-    assert [forecast.pit for forecast in result.forecasts] == [0.22, 0.22]
-    assert 0.0 <= result.fit_s < 10.0
-    assert 0.0 <= result.predict_ms < 10_000.0

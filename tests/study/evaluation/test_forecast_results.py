@@ -8,21 +8,17 @@ import pytest
 from tests.support.held_out import NO, Trips
 
 from tripwatt.learners.folds import Split
-from tripwatt.study.evaluation import forecast_results
 from tripwatt.study.evaluation.comparison import Comparison
 from tripwatt.study.evaluation.forecast_results import (
     add_crps_of_points,
     departure_table,
     forecast_frame,
-    forecast_scores,
     learning_curve,
-    strata,
 )
 from tripwatt.study.evaluation.forecast_scores import (
     FORECAST,
-    WITHOUT_PHYSICS,
 )
-from tripwatt.study.evaluation.held_out_forecasts import HeldOutForecast, stack
+from tripwatt.study.evaluation.held_out_forecasts import HeldOutForecast
 from tripwatt.study.evaluation.tasks import FoldResult
 from tripwatt.trips import Context, Departure, Plan
 
@@ -116,50 +112,6 @@ class TestResults:
         assert rows["ambient_temperature_degc"].isna().all()
         assert rows["distance_m"].tolist() == [plans[1].distance_m, plans[0].distance_m]
         assert rows["duration_s"].tolist() == [plans[1].duration_s, plans[0].duration_s]
-
-    def test_scores_belong_to_the_forecast(self, monkeypatch) -> None:
-        part = pd.DataFrame({"observed_energy_wh": [10.0, 20.0], "predicted_energy_wh": [11.0, 22.0]})
-        seen = {}
-        for name in ("arrival_scores", "coverage_scores", "crps_scores", "update_scores"):
-            monkeypatch.setattr(
-                forecast_results,
-                name,
-                lambda *given, name=name: seen.setdefault(name, given) and {name: 1},
-            )
-        own = [kept(0.0), kept(1.0)]
-        found = forecast_scores(own, part, 7, [1, 2])
-        plain = {
-            name: [v if isinstance(v, int | list) else v.tolist() for v in given]
-            for name, given in seen.items()
-        }
-        rows = {
-            name: stack(own, name).tolist()
-            for name in ("shown", "arrival", "arrival_chance", "sd_wh", "factors", "updates_wh")
-        }
-        low, high = ([[c + k for c in range(first, first + 4)] for k in (0, 1)] for first in (1, 5))
-        assert plain["arrival_scores"] == [rows["shown"], rows["arrival"], rows["arrival_chance"], 7]
-        assert plain["coverage_scores"] == [[10.0, 20.0], low, high, 7]
-        assert plain["crps_scores"] == [[10.0, 20.0], [11.0, 22.0], rows["sd_wh"], rows["factors"]]
-        assert plain["update_scores"] == [[10.0, 20.0], rows["updates_wh"], 7, [1, 2]]
-        assert set(found) == {"arrival", "coverage_scores", "crps_scores", "update"}
-
-    def test_strata_compare_with_the_model_without_physics(self, monkeypatch) -> None:
-        errors = {FORECAST: np.array([0.1, 0.2]), WITHOUT_PHYSICS: np.array([0.3, 0.4])}
-        monkeypatch.setattr(forecast_results, "strata_of", lambda about: "kinds")
-        monkeypatch.setattr(forecast_results, "strata_scores", lambda *given: [given])
-        monkeypatch.setattr(forecast_results, "departure_table", lambda data, members: None)
-
-        def strata_with(*names):
-            specs = [SimpleNamespace(name=name) for name in names]
-            table = SimpleNamespace(days=["mon", "tue", "wed"])
-            hold_out = SimpleNamespace(data=None, scored=[0, 2], table=table)
-            return strata(SimpleNamespace(specs=specs, ape=errors.__getitem__, hold_out=hold_out), 5)
-
-        ((kinds, own, other, seed, days),) = strata_with(FORECAST, WITHOUT_PHYSICS)
-        assert (kinds, own.tolist(), other.tolist(), seed) == ("kinds", [0.1, 0.2], [0.3, 0.4], 5)
-        assert days == ["mon", "wed"]
-        assert strata_with(WITHOUT_PHYSICS) == []
-        assert strata_with(FORECAST)[0][2] is None
 
 
 def test_the_crps_of_a_number_is_its_absolute_error():

@@ -10,15 +10,12 @@ from tools.docs.paper_page import (
     FIGURES,
     PAPER_TABLE2,
     SCHEMATICS,
-    on_cars,
     on_trip_df,
     render_paper_page,
     table2_row,
 )
-from tools.docs.schematics import plot_hybrid, plot_simulation
 
 from tripwatt.study.report.view import View
-from tripwatt.vehicles import load_vehicle
 
 PAGE = ROOT / "docs" / "explanation" / "paper.md"
 
@@ -96,37 +93,3 @@ def test_reference_df_give_the_number_of_trips_of_the_papers_fit(results: dict) 
     assert rows["s(trip)"]["ref_df"] == pytest.approx(58 - 1 - known, abs=0.01)
     assert rows["s(ambient temperature):winter"]["ref_df"] == pytest.approx(1.0, abs=0.01)
     assert rows["s(ambient temperature, elevation difference)"]["ref_df"] == pytest.approx(27.0, abs=0.01)
-
-
-def scored(car: str, after: float, own: float | None) -> dict:
-    curve = [{"k": 0, "error": 0.2}, {"k": 20, "error": after}]
-    return {
-        "vehicle_title": car,
-        "physics": {"error": 0.3},
-        "curves": {"population": curve},
-        "own_model": None if own is None else {"error": own},
-    }
-
-
-def test_other_cars_are_judged_by_their_own_model() -> None:
-    cars = {"cars": [scored("Leaf", 0.10, 0.15), scored("i3", 0.07, 0.05), scored("few trips", 0.1, None)]}
-    assert on_cars(cars) == (
-        "For Leaf what other cars show, with the same trips, is no worse than the car's own model; "
-        "for i3 the own model has a lower error."
-    )
-    assert on_cars({}) == "No other car was measured."
-
-
-def test_the_schematics_show_what_the_code_does() -> None:
-    car = load_vehicle("bmw_i3_60ah", "paper")
-    words = " ".join(text.get_text() for text in plot_simulation(car).axes[0].texts)
-    assert "50 % of" in words
-    assert "base load 300 W" in words
-    assert "climate: none" in words
-    whole = load_vehicle("bmw_i3_60ah")
-    words = " ".join(text.get_text() for text in plot_simulation(whole).axes[0].texts)
-    assert "95 % of" in words
-    assert "climate: simulated" in words
-    words = " ".join(text.get_text() for text in plot_hybrid().axes[0].texts).replace("\n", " ")
-    for name in ("time", "speed", "ambient temperature", "elevation difference", "season", "weather"):
-        assert name in words

@@ -2,15 +2,12 @@
 
 import datetime as dt
 
-import numpy as np
 import pytest
 from benchmarks.many_vehicles import (
-    BLOCK,
     CAR_MODELS,
     FleetPlan,
     block_of_logs,
     many_vehicles,
-    vehicle_truth,
 )
 
 from tripwatt.auditing import audit
@@ -35,21 +32,6 @@ def test_a_longer_fleet_begins_with_the_shorter_one_and_any_block_can_be_made_al
     assert not other.samples.equals(short["V00000-00000"].samples)
 
 
-def test_trips_are_spread_over_vehicles_and_models():
-    plan = FleetPlan(100, vehicles=7, car_models=CAR_MODELS[:3])
-    assert [list(plan.vehicles_of(m)) for m in range(3)] == [[0, 3, 6], [1, 4], [2, 5]]
-    assert [plan.trips_of(m) for m in range(3)] == [
-        14 * 3 + 1,
-        14 * 2 + 1,
-        14 * 2,
-    ]  # 2 trips are left for 0 and 1
-    assert plan.blocks() == [(0, 0), (1, 0), (2, 0)]
-    assert FleetPlan(BLOCK + 1, vehicles=1, car_models=CAR_MODELS[:1]).blocks() == [(0, 0), (0, 1)]
-    assert FleetPlan(BLOCK, vehicles=1, car_models=CAR_MODELS[:1]).blocks() == [(0, 0)]
-    counts = np.unique([log.context.car for log in many_vehicles(PLAN)], return_counts=True)[1]
-    assert counts.tolist() == [13] * 6 + [12] * 6
-
-
 def test_logs_are_sound_and_their_energy_is_that_of_voltage_and_current():
     logs = list(many_vehicles(FleetPlan(24, vehicles=8)))
     found = audit(logs)
@@ -61,17 +43,6 @@ def test_logs_are_sound_and_their_energy_is_that_of_voltage_and_current():
         assert log.array("speed_m_s").max() < 45.0
         assert log.context.driver.startswith(log.context.car)
         assert log.context.started_at >= dt.datetime(2023, 1, 1)
-
-
-def test_the_truth_differs_by_model_and_vehicle():
-    truths = [vehicle_truth(FleetPlan(1, vehicles=400, car_models=CAR_MODELS[:2]), n) for n in range(400)]
-    assert truths[2].car_model == CAR_MODELS[0]
-    common = np.array([t.shares for t in truths]) - np.array([t.own for t in truths])
-    assert np.ptp(common[::2], axis=0).max() < 1e-12
-    assert np.abs(common[0] - common[1]).min() > 0.0
-    own = np.array([t.own for t in truths])
-    assert own.std(axis=0) == pytest.approx([0.08, 0.05, 0.15, 0.25], rel=0.2)
-    assert {len(t.drivers) for t in truths} == {1, 2, 3}
 
 
 def test_every_fault_of_a_plan_is_named():

@@ -22,8 +22,7 @@ class ModelStyle:
     label : str
         Name for tables and axes.
     colour : str
-        sRGB hex, with a contrast of at least 3:1 on the light and on the dark page. A label or a marker always
-        accompanies it, so that nothing depends on colour alone.
+        sRGB hex. A label or a marker always accompanies it, so that nothing depends on colour alone.
     kind : {"constant", "baseline", "physics", "data", "hybrid"}
         `hybrid` = simulation + correction, `data` = fitted without simulation.
     meaning : str

@@ -14,7 +14,6 @@ from tripwatt.study.evaluation import Execution, choose_models, evaluate, find_p
 from tripwatt.study.evaluation.comparison import FOLD_COLUMNS
 from tripwatt.study.evaluation.hold_outs import HoldOut
 from tripwatt.study.evaluation.paper_protocol import PRESETS
-from tripwatt.study.evaluation.results import EvaluationRun
 from tripwatt.study.evaluation.table_models import TableMethod
 from tripwatt.study.paper import HybridModel
 from tripwatt.study.synthetic import synthetic_fleet
@@ -57,12 +56,6 @@ def chosen(name):
         return model
 
     return dataclasses.replace(spec, method=TableMethod(make))
-
-
-def test_a_run_is_shown_in_a_line():
-    about = {"protocol": "paper", "models": {"a": "A", "b": "B"}, "trips_read": ["x"] * 900}
-    run = EvaluationRun(about, pd.DataFrame(), {"x": pd.DataFrame({"v": range(99)})}, pd.DataFrame())
-    assert repr(run) == "<EvaluationRun protocol paper, 2 models, 900 trips read>"
 
 
 @pytest.mark.parametrize("name", ["linear4", "physics4", "gamm", "forest", "boosting", "boosting-only"])
@@ -183,13 +176,6 @@ def test_too_few_trips_are_refused(fleet):
             models=("constant",),
             execution=Execution(n_jobs=1),
         )
-
-
-def test_unknown_names_are_refused(fleet):
-    with pytest.raises(InvalidInput, match="nonsense"):
-        evaluate(fleet, models=("nonsense",))
-    with pytest.raises(InvalidInput, match="unknown protocol"):
-        evaluate(fleet, protocol="nonsense")
 
 
 def test_the_times_of_a_fold_are_of_its_fit_and_of_one_predicted_trip(coarse, monkeypatch):

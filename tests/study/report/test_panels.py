@@ -146,13 +146,6 @@ def test_a_page_holds_the_results_and_keeps_the_rest(
     assert all(f"{100 * view.main['models'][m]['mape']:.1f}" in once for m in shown)
 
 
-def test_the_readme_shows_the_forecast_alone(run: SimpleNamespace, tmp_path) -> None:
-    readme = tmp_path / "README.md"
-    readme.write_text("no markers", encoding="utf-8")
-    update_readme(run.results, readme)
-    assert readme.read_text(encoding="utf-8") == "no markers"
-
-
 @pytest.mark.parametrize("text", ["", "<!-- results:begin -->", "<!-- results:end --><!-- results:begin -->"])
 def test_readme_without_its_markers_is_refused_and_left_alone(
     text: str, run: SimpleNamespace, tmp_path
