@@ -16,7 +16,7 @@ from tripwatt.trips import Trip
 from tripwatt.uncertainty import Coverage
 
 LEVEL: Final = 0.9
-"""Level of the interval that a diary keeps."""
+"""Level of the interval that a diary keeps: that of the intervals on the page."""
 
 TEXTS: Final = ("trip_id", "started_at")
 FORECAST: Final = ("forecast_wh", "low_wh", "high_wh")

@@ -26,16 +26,16 @@ PORTS: Final = {"mqtt": 1883, "mqtts": 8883}
 """Scheme of a URL -> usual port; `mqtts` is encrypted."""
 
 AGAIN_S: Final = (1.0, 60.0)
-"""First and longest wait before connecting to a lost broker again [s]."""
+"""First and longest wait before connecting to a lost broker again [s]; doubled each time. A choice."""
 
 FLUSH_S: Final = 2.0
-"""A sample is complete if nothing arrives for this long [s]."""
+"""A sample is complete if nothing arrives for this long [s]. A choice."""
 
 AGE_S: Final = 30.0
-"""A car without news is published again after this time [s], because the time since its last message grows."""
+"""A car without news is published again after this time [s], because the time since its last message grows. A choice."""
 
 KEEP_ALIVE_S: Final = 30
-"""A broker that receives nothing for one and a half times this publishes the will [s]."""
+"""A broker that receives nothing for one and a half times this publishes the will [s]. A choice."""
 
 
 @dataclass(frozen=True, slots=True)

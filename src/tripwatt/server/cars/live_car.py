@@ -38,18 +38,16 @@ if TYPE_CHECKING:
     import sqlite3
 
 FAR_S: Final = 366.0 * SECONDS_PER_DAY
-"""Most that our clock may be slow [s]; before the sender's clock is known, samples further ahead are refused."""
+"""Most that our clock may be slow [s]; before the sender's clock is known, samples further ahead are refused. A choice."""
 
 MIN_ROWS: Final = 3
-"""Fewest samples from which a log is made."""
-
-ERASE_EVERY_S: Final = 3600.0
+"""Fewest samples from which a log is made: a speed trace needs as many."""
 
 SLACK_MESSAGES: Final = 1000
-"""Samples of a standing car that may stay in the file beyond twice those that are still needed."""
+"""Samples of a standing car that may stay in the file beyond twice those that are still needed. A choice."""
 
 EVERY_S: Final = 120.0
-"""Shortest time between two stored forecasts of a trip [s]."""
+"""Shortest time between two stored forecasts of a trip [s]. A choice."""
 
 MAX_FORECASTS: Final = 400
 """Most stored forecasts of a trip: enough for 13 h, longer than the longest trip."""
@@ -182,7 +180,7 @@ class LiveCar(Recorder):
         OSError
             As in `finish_trip`.
         """
-        if now_s - self._erased_s > ERASE_EVERY_S:
+        if now_s - self._erased_s > 3600.0:
             self._erased_s = now_s
             self.erase_old(now_s)
         if self.received_s is None or now_s - max(self.received_s, self._listening_s) < SILENCE_S:

@@ -28,24 +28,25 @@ STANDING_S: Final = 300.0
 """A standstill of this length ends a trip [s]: longer than a traffic light, a barrier or a short jam."""
 
 PARKED_S: Final = 60.0
-"""A standstill of this length ends a trip if the gear is in park [s]."""
+"""A standstill of this length ends a trip if the gear is in park [s]. A choice."""
 
 SILENCE_S: Final = 600.0
 """A trip ends if the car sends nothing for this long [s]: a tunnel or a dead spot is shorter."""
 
 MIN_M: Final = 200.0
-"""A shorter drive is no trip [m]: the car was moved, or the positioning was wrong."""
+"""A shorter drive is no trip [m]: the car was moved, or the positioning was wrong. A choice."""
 
 HOLD_S: Final = 10.0
-"""A speed is held for up to this long if later messages have none [s]."""
+"""A speed is held for up to this long if later messages have none [s]. A choice."""
 
 MAX_SAMPLES: Final = 40_000
 """Most stored samples of a trip: 11 h at 1 Hz. At this number every other sample is dropped, and later ones are thinned alike."""
 
 GAP_STEPS: Final = 1.5
-"""A late sample is used if its neighbours are at least this many median time steps of the trip apart; others are doubles or strays."""
+"""A late sample is used if its neighbours are at least this many median time steps of the trip apart; others are doubles or strays. A choice."""
 
 _MAX_BEFORE: Final = 2000
+"""Most samples of a standing car that are kept: 10 Hz for `BEFORE_S`."""
 
 _time = attrgetter("time_s")
 

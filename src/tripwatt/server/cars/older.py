@@ -48,6 +48,8 @@ NAMES: Final = ("trips", "learned", ".learned.older", LIVE, "car.toml", "left-ou
 
 MAX_TEXT_BYTES: Final = 1 << 24
 MAX_LINE_BYTES: Final = 4096
+"""Largest text file and line that are read [bytes]; a choice."""
+
 OLD_CAUSES: Final = {
     "cause_hvac_wh": "cause_climate_wh",
     "cause_learned_correction_wh": "cause_correction_wh",

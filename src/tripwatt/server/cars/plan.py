@@ -17,16 +17,13 @@ from tripwatt.routes.link_objects import fields_of_route, route_with_elevation
 from tripwatt.server.cars.car_file import CarFile
 from tripwatt.sources.canonical import canonical_samples
 from tripwatt.trips import ASKED, Departure, Plan, Recorded, TripSet
-from tripwatt.units import SECONDS_PER_HOUR
+from tripwatt.units import SECONDS_PER_DAY, SECONDS_PER_HOUR
 
 NEAR_S: Final = 1.5 * SECONDS_PER_HOUR
-"""Largest difference by time of day between a departure and that of its usual trip [s]."""
+"""Largest difference by time of day between a departure and that of its usual trip [s]. A choice."""
 
 LONGER: Final = 1.1
-"""A trip that is longer than the usual one by this factor goes elsewhere."""
-
-_DAY_S: Final = 24.0 * SECONDS_PER_HOUR
-_SATURDAY: Final = 5
+"""A trip that is longer than the usual one by this factor goes elsewhere. A choice: detours are shorter."""
 
 
 class HasTrips(Protocol):
@@ -97,7 +94,7 @@ def usual_plan(car: HasTrips, trip_id: str) -> Plan:
 def _difference_s(one_s: float, other_s: float) -> float:
     """Return the difference between two times of day [s], over midnight if that is shorter."""
     apart = abs(_time_of_day_s(one_s) - _time_of_day_s(other_s))
-    return min(apart, _DAY_S - apart)
+    return min(apart, SECONDS_PER_DAY - apart)
 
 
 def _time_of_day_s(time_s: float) -> float:
@@ -106,7 +103,7 @@ def _time_of_day_s(time_s: float) -> float:
 
 
 def _is_weekend(time_s: float) -> bool:
-    return dt.datetime.fromtimestamp(time_s).weekday() >= _SATURDAY
+    return dt.datetime.fromtimestamp(time_s).weekday() >= 5  # Saturday or Sunday
 
 
 @dataclass(frozen=True)

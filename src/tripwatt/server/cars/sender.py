@@ -19,7 +19,7 @@ from tripwatt.server.cars.live_trip import HOLD_S
 from tripwatt.server.cars.telemetry import Sample, shifted
 
 LATE_S: Final = 30.0
-"""A sample is still used if its time is at most this much before the latest time that arrived [s]."""
+"""A sample is still used if its time is at most this much before the latest time that arrived [s]. A choice."""
 
 MAX_WAITING: Final = 600
 """Most samples that wait for late ones: 20 Hz for `LATE_S`. If there are more, the oldest are released."""
@@ -98,25 +98,25 @@ class OrderedSamples:
 
 
 FUTURE_S: Final = 120.0
-"""A stamp may be this much ahead of the sender's known clock [s]; a sample that is further ahead is held."""
+"""A stamp may be this much ahead of the sender's known clock [s]; a sample that is further ahead is held. A choice."""
 
 STEADY: Final = (3, 5.0, 10.0)
-"""Messages that show a clock: fewest of them, shortest time from first to last arrival [s], largest spread of their offsets [s]."""
+"""Messages that show a clock: fewest of them, shortest time from first to last arrival [s], largest spread of their offsets [s]. Choices; `python -m benchmarks.clocks` tries them."""
 
 RECENT: Final = 15
-"""Number of latest messages from which the clock is estimated."""
+"""Number of latest messages from which the clock is estimated. A choice."""
 
 MAX_HELD: Final = 600
-"""Most samples that are held."""
+"""Most samples that are held: as many as wait, `MAX_WAITING`."""
 
 MIN_ACCEPTED: Final = 3
-"""Number of messages by the earlier clock that show that it was not set."""
+"""Number of messages by the earlier clock that show that it was not set. A choice: two may come by chance."""
 
 POSSIBLE: Final = {"speed_m_s": (5.0, 6.0), "displayed_soc": (0.02, 1e-3), "soc": (0.02, 1e-3)}
 """Column -> largest difference between two samples of one car: at the same time, and for each second between them."""
 
 APART: Final = (1.0, -0.1, 10.0)
-"""Score of a sample that cannot come from the same car as the one before, score of any other sample, and sum that shows two cars."""
+"""Score of a sample that cannot come from the same car as the one before, score of any other sample, and sum that shows two cars. Choices."""
 
 
 def steady_clock() -> Callable[[], float]:

@@ -34,7 +34,7 @@ LAST_TIME_S: Final = 4_102_444_800.0
 """Bounds of a time stamp: the years 2000 and 2100. Milliseconds since 1970 are far outside."""
 
 OWN_HOLD_S: Final = 10.0
-"""How long values that change quickly are held if a sender has our columns [s]."""
+"""How long values that change quickly are held if a sender has our columns [s]. A choice, as `HOLD_S` of trips."""
 
 OWN_VOLTAGE_V: Final = 370.0
 """Assumed voltage if a sender has our columns and sends power without voltage [V]: only its product with the current counts."""

@@ -12,19 +12,20 @@ from tripwatt.server.cars.telemetry import Sample, format_of, is_set, is_sound, 
 from tripwatt.sources.mapping import POWER
 
 JOIN_S: Final = 1.0
-"""Values that arrive within this time form one sample if the sender sends no time [s]."""
+"""Values that arrive within this time form one sample if the sender sends no time [s]. A choice: the simulation has steps of one second."""
 
 TIME_WAIT_S: Final = 30.0
-"""How long to wait for the time of a sender that may send one [s]; after that, the time of arrival is used."""
+"""How long to wait for the time of a sender that may send one [s]; after that, the time of arrival is used. A choice."""
 
 SLOW_HOLD_S: Final = 600.0
-"""How long a state of charge or a temperature is held [s], because senders repeat only what changes."""
+"""How long a state of charge or a temperature is held [s], because senders repeat only what changes. A choice."""
 
 FAST: Final = frozenset({"speed_m_s", "voltage_v", "current_a", POWER})
 """Columns that are held as long as in the sender's mapping; their values that the broker kept from before are ignored."""
 
 MAX_TEXT_BYTES: Final = 64
 MAX_MESSAGE_BYTES: Final = 65_536
+"""Largest value and largest whole message [bytes]; choices."""
 
 
 class TopicJoiner:

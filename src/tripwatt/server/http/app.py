@@ -36,12 +36,6 @@ PAGE: Final = Path(__file__).with_name("page")
 PROBLEM_KINDS: Final = {400: "bad-request", 404: "not-found", 405: "method-not-allowed"}
 """HTTP status of an error of the framework -> kind of problem."""
 
-MIN_GZIP_BYTES: Final = 1000
-"""Smaller bodies fit into one packet without compression."""
-
-GZIP_LEVEL: Final = 4
-"""Higher levels take longer and hardly shrink series of numbers further."""
-
 CORS_METHODS: Final = ("GET", "POST", "PUT", "DELETE")
 CORS_HEADERS: Final = ("Authorization", "Content-Type", "If-None-Match", "X-Request-ID")
 """Methods and headers that a page of another origin may use in requests, beside those that a browser always allows."""
@@ -81,7 +75,8 @@ def create_app(settings: Settings | None = None, log: Log = lambda **record: Non
     """
     settings = settings or Settings()
     service = Service(settings, log)
-    packed = GZipMiddleware(make_api(service), minimum_size=MIN_GZIP_BYTES, compresslevel=GZIP_LEVEL)
+    # smaller bodies fit into one packet; higher levels take longer and hardly shrink series of numbers further
+    packed = GZipMiddleware(make_api(service), minimum_size=1000, compresslevel=4)
     app = ServiceMiddleware(packed, settings, service.metrics, log)
     if not settings.cors_origins:
         return app

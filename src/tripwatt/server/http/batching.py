@@ -16,7 +16,7 @@ from tripwatt.server.http.pool import WorkerPool, cancel_all
 from tripwatt.server.http.problems import Problem, invalid_input
 
 QUEUED_JOBS: Final = 1
-"""Jobs of a batch that wait while every worker runs one: a single request waits for at most these."""
+"""Jobs of a batch that wait while every worker runs one: a single request waits for at most these. A choice."""
 
 
 def parse_lines(body: bytes, max_lines: int) -> list[bytes]:

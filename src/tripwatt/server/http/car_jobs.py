@@ -40,18 +40,13 @@ PROGRESS: Final = "progress.json"
 
 TABLES: Final = "tables"
 MAX_FILES: Final = 4000
-"""Most tables of an upload."""
+"""Most tables of an upload. A choice: ten drives a day for a year."""
 
 EXPIRES_AFTER_S: Final = 3600.0
-"""An upload that did not change for this time [s] is erased when the car gets its next file."""
+"""An upload that did not change for this time [s] is erased when the car gets its next file. A choice: a person looks at the preview for minutes."""
 
-CARS_ARE_LISTED: Final = "GET /v1/cars lists the cars"
-SHOWN_FINDINGS: Final = 40
-SHOWN_FAULTS: Final = 5
-SHOWN_TRIPS: Final = 200
-SHOWN_REASONS: Final = 20
 MAX_KEPT_MODELS: Final = 16
-"""Most models of cars that a worker keeps in memory; the least recently used is dropped first."""
+"""Most models of cars that a worker keeps in memory; the least recently used is dropped first. A choice."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +101,7 @@ class CarJobs:
         car = self.car(name)
         diary = car.diary
         description = car.about(diary)
-        rows = diary.table.tail(SHOWN_TRIPS).iloc[::-1].to_dict("records")
+        rows = diary.table.tail(200).iloc[::-1].to_dict("records")  # a page shows no more
         return {**_summary(car, description, CarResponse), "diary": [_diary_entry(row, car) for row in rows]}
 
     def create(self, name: str, vehicle: Vehicle | str) -> dict[str, Any]:
@@ -219,7 +214,7 @@ def car_folder(folder: Path | None, name: str) -> Path:
     """
     path = require_folder(folder) / name
     if VALID_NAME.fullmatch(name) is None or not live.is_car(path):
-        raise Problem("no-such-car", CARS_ARE_LISTED)
+        raise Problem("no-such-car", "GET /v1/cars lists the cars")
     return path
 
 
@@ -281,7 +276,7 @@ def preview_logs(fleet: TripSet) -> dict[str, Any]:
         "lost_duration_s": audited.lost_duration_s,
         "findings": [
             {**asdict(group), "consequence": consequence}
-            for consequence, group in audited.groups()[:SHOWN_FINDINGS]
+            for consequence, group in audited.groups()[:40]  # those that cost most come before
         ],
     }
 
@@ -343,9 +338,7 @@ def _file_documents(
         {
             **{name: getattr(file, name) for name in names},
             "kind": file.kind if kinds[file.kind].tables else None,
-            "faults": [
-                *map(fault_document, _without_folder(InvalidInput(file.faults), tables).faults[:SHOWN_FAULTS])
-            ],
+            "faults": [*map(fault_document, _without_folder(InvalidInput(file.faults), tables).faults[:5])],
         }
         for file in (unread if report is None else report.files)
     ]
@@ -373,7 +366,7 @@ def _diary_entry(row: Mapping[Hashable, Any], car: live.Car) -> dict[str, Any]:
 
 
 def _learned_document(learned: live.Learned) -> dict[str, Any]:
-    return {**asdict(learned), "left_out": list(learned.left_out[:SHOWN_REASONS])}
+    return {**asdict(learned), "left_out": list(learned.left_out[:20])}
 
 
 def _summary(car: live.Car, description: Mapping[str, Any], model: type[BaseModel]) -> dict[str, Any]:

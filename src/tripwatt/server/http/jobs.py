@@ -64,7 +64,7 @@ from tripwatt.trips.messages import flag_to_dict, leave_in_words
 from tripwatt.vehicles import Vehicle, find_vehicles, require_vehicle, vehicle_names
 
 MAX_TRANSFERRED: Final = 64
-"""Most models on other cars that a worker keeps; the least recently used is dropped first."""
+"""Most models on other cars that a worker keeps; the least recently used is dropped first. A choice."""
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,6 @@ from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips.samples import columns_of
 from tripwatt.vehicles import Vehicle, load_vehicle, vehicle_names
 
-EXAMPLE_COUNT: Final = 6
 EXAMPLE_CAR: Final = "bmw_i3_60ah"
 
 
@@ -55,7 +54,7 @@ def examples() -> dict[str, dict[str, Any]]:
     charge = load_model().fitted_parts("examples")[1].charge
     battery = load_vehicle(EXAMPLE_CAR).battery
     by_trip = {}
-    for trip in synthetic_fleet(EXAMPLE_COUNT).trips:
+    for trip in synthetic_fleet(6).trips:
         departure = trip.departure.to_dict()
         at_departure: dict[str, Any] = {
             name: departure[name] for name in ForecastRequest.model_fields if name in departure

@@ -35,13 +35,10 @@ from tripwatt.server.http.settings import Settings
 from tripwatt.trips.messages import flag_to_dict
 
 SILENCE_CHECK_S: Final = 30.0
-"""Time between two checks for cars that became silent [s]."""
+"""Time between two checks for cars that became silent [s]. A choice: a trip ends after 10 min of silence."""
 
 KEEP_ALIVE_S: Final = 15.0
-"""A stream without events sends a comment after this time [s], so that no proxy closes the stream."""
-
-STREAM_END_S: Final = 5.0
-"""Time that streams have to end with the service [s]."""
+"""A stream without events sends a comment after this time [s], so that no proxy closes the stream: nginx does so after 60 s."""
 
 NEED_S: Final = 600.0
 """Need and range are computed again after this time [s], because usual trips depend on the time of day. A choice."""
@@ -368,7 +365,7 @@ class LiveCars:
             ping=KEEP_ALIVE_S,
             ping_message_factory=lambda: ServerSentEvent(comment="no news", sep="\n"),
             shutdown_event=ending,
-            shutdown_grace_period=STREAM_END_S,
+            shutdown_grace_period=5.0,
         )
 
     async def events(self, car: Car, ending: anyio.Event) -> AsyncIterator[ServerSentEvent]:

@@ -7,10 +7,7 @@ import json
 import logging
 import sys
 import time
-from typing import Any, Final
-
-MAX_MESSAGE_LENGTH: Final = 4000
-"""Most characters of a message of the HTTP server in the log."""
+from typing import Any
 
 
 def log_json(**record: Any) -> None:
@@ -33,4 +30,4 @@ class JsonHandler(logging.Handler):
         """Write one record."""
         if record.levelno >= logging.WARNING:
             text = self.format(record)
-            log_json(event="server", level=record.levelname.lower(), message=text[:MAX_MESSAGE_LENGTH])
+            log_json(event="server", level=record.levelname.lower(), message=text[:4000])

@@ -26,10 +26,7 @@ MAX_ATTEMPTS: Final = 3
 
 CHECK_S: Final = 1.0
 CHECK_TIMEOUT_S: Final = 60.0
-"""Time between two checks of idle workers, and longest wait for the answer of one, which a busy machine may delay [s]."""
-
-RESTART_DELAY_S: Final = 5.0
-"""Delay after a failed start of a worker, before the next start [s]."""
+"""Time between two checks of idle workers, and longest wait for the answer of one, which a busy machine may delay [s]. Choices."""
 
 KILL: Final = getattr(signal, "SIGKILL", signal.SIGTERM)  # Windows has only SIGTERM, which kills
 
@@ -217,7 +214,7 @@ class WorkerPool:
                 await self._start_worker()
             except (OSError, BrokenProcessPool) as error:
                 self.log(event="worker did not start", error=repr(error))
-                await asyncio.sleep(RESTART_DELAY_S)
+                await asyncio.sleep(5.0)  # so that a lasting cause does not fill the log
             else:
                 self.log(event="worker started", ready=self.ready)
                 return

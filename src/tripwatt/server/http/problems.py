@@ -14,10 +14,10 @@ from tripwatt.errors import Fault
 
 MEDIA_TYPE: Final = "application/problem+json"
 MAX_FAULTS: Final = 50
-"""Faults that one document lists; the others are counted."""
+"""Faults that one document lists; the others are counted. A choice: nobody mends more at once."""
 
 MAX_TEXT_LENGTH: Final = 300
-"""Most characters of a text of a fault, so that a document does not repeat a large input."""
+"""Most characters of a text of a fault, so that a document does not repeat a large input. A choice."""
 
 LINK: Final = re.compile(r"(?:(.+)\.)?link (\d+)(?:, (\w+))?")
 IN_BODY: Final = re.compile(r"\w+(\.\w+|\[\d+\])*")

@@ -15,13 +15,13 @@ if sys.platform != "win32":
     import resource
 
 MAX_HEAD_BYTES: Final = 32_768
-"""Most bytes that a connection may send without completing a head or a part of a body."""
+"""Most bytes that a connection may send without completing a head or a part of a body. A choice."""
 
 SLICE_BYTES: Final = 16_384
-"""Bytes that the parser takes at a time; the bound of the head is checked in between."""
+"""Bytes that the parser takes at a time; the bound of the head is checked in between. A choice: half of `MAX_HEAD_BYTES`."""
 
 SEND_TIMEOUT_S: Final = 20.0
-"""Longest time that a client may leave a full send buffer unread."""
+"""Longest time that a client may leave a full send buffer unread. A choice, as `Limits.body_timeout_s`."""
 
 
 def max_connections() -> int:

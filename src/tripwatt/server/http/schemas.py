@@ -41,7 +41,7 @@ from tripwatt.trips import ASKED, COLUMNS, LINK_COLUMNS, QUANTITIES, Column, Dep
 from tripwatt.trips import Field as DepartureField
 
 MIN_OBSERVED: Final = 2
-"""Fewest measured samples of an update."""
+"""Fewest measured samples of an update: one interval."""
 
 MIN_DURATION_S: Final = 1.0
 """Shortest trip: the simulation has steps of one second."""

@@ -17,12 +17,6 @@ from tripwatt.server.http.settings import MIN_TOKEN_LENGTH, TOKEN_VARIABLE, Sett
 KEEP_ALIVE_S: Final = 75
 """Time that an idle connection stays open; longer than in common proxies, so that the proxy closes it."""
 
-BACKLOG: Final = 512
-"""Most connections that wait to be accepted."""
-
-SHUTDOWN_MARGIN_S: Final = 5
-"""Time for running requests at shutdown, beyond `Limits.timeout_s`."""
-
 
 def require_safe(settings: Settings) -> None:
     """Check the settings: addresses other than loopback need a token.
@@ -74,7 +68,7 @@ def open_socket(settings: Settings) -> socket.socket:
         (family, _, _, _, address), *_ = socket.getaddrinfo(
             settings.host, settings.port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
         )
-        return socket.create_server(address[:2], family=family, backlog=BACKLOG)
+        return socket.create_server(address[:2], family=family, backlog=512)
 
 
 def url_of(listener: socket.socket) -> str:
@@ -123,7 +117,7 @@ def serve(settings: Settings, on_start: Callable[[str], None] = lambda url: None
             access_log=False,
             server_header=False,
             timeout_keep_alive=KEEP_ALIVE_S,
-            timeout_graceful_shutdown=int(settings.limits.timeout_s) + SHUTDOWN_MARGIN_S,
+            timeout_graceful_shutdown=int(settings.limits.timeout_s) + 5,  # seconds to send what is done
             lifespan="on",
         )
         logging.getLogger("uvicorn").addHandler(JsonHandler())

@@ -26,6 +26,7 @@ TILE: Final = "N44W034.hgt"
 
 TRIPS: Final = 14
 SEED: Final = 8
+"""Trips of the diary, and seed of the drawing; choices: enough for a page, quick to learn."""
 EVERY_S: Final = 5.0
 """Time between two messages of the car on the road [s]."""
 
