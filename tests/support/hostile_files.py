@@ -187,7 +187,7 @@ def _job(kind: str) -> Read:
     def run(content: bytes, folder: Path) -> Any:
         del folder
         jobs = Jobs({"model": _model()}, Limits())
-        orjson.dumps(jobs.run({"kind": kind, "speed_m_s": 14.0}, content))
+        orjson.dumps(jobs.run(kind, content, speed_m_s=14.0))
 
     return run
 
