@@ -17,22 +17,8 @@ from tripwatt.errors import Fault, excerpt
 from tripwatt.server.cars import sample_from_abrp
 from tripwatt.server.cars.documents import LiveResponse
 from tripwatt.server.cars.live_car import VALID_NAME
+from tripwatt.server.http import car_schemas as schemas
 from tripwatt.server.http.car_jobs import car_folder
-from tripwatt.server.http.car_schemas import (
-    CarResponse,
-    CarsResponse,
-    Forgotten,
-    LiveCarsResponse,
-    LiveDeparture,
-    LivePlanRequest,
-    LogsRequest,
-    LogsResponse,
-    NewCarRequest,
-    TelemetryRequest,
-    TelemetryResponse,
-    TokenResponse,
-    UploadResponse,
-)
 from tripwatt.server.http.learning import Learning
 from tripwatt.server.http.openapi import (
     BINARY,
@@ -70,26 +56,26 @@ CarToken = Annotated[str | None, Query(description="token of the car")]
 cars, live = new_router("cars"), new_router("live")
 
 
-@cars.get("/v1/cars", response_model=CarsResponse)
+@cars.get("/v1/cars", response_model=schemas.CarsResponse)
 async def list_cars(call: Called) -> Response:
     """List the cars."""
     return await call.job("cars.list")
 
 
-@cars.post("/v1/cars", response_model=CarResponse, **request_body(NewCarRequest))
+@cars.post("/v1/cars", response_model=schemas.CarResponse, **request_body(schemas.NewCarRequest))
 async def new_car(call: Called) -> Response:
     """Make a car."""
     return _with_learning(await call.body_job("new_car"), None)
 
 
-@cars.get("/v1/cars/{car}", response_model=CarResponse)
+@cars.get("/v1/cars/{car}", response_model=schemas.CarResponse)
 async def get_car(call: Called, car: CarName) -> Response:
     """Return a car, what it learned, and its diary."""
     learning = call.service.learning.document(car)  # before: what is done by then is shown
     return _with_learning(await call.job("cars.show", name=car), learning)
 
 
-@cars.delete("/v1/cars/{car}", response_model=Forgotten)
+@cars.delete("/v1/cars/{car}", response_model=schemas.Forgotten)
 async def forget_car(call: Called, car: CarName) -> Response:
     """Erase a car: its trips, its model, its diary, and what it sent."""
     call.service.learning.require_idle(car)
@@ -100,7 +86,7 @@ async def forget_car(call: Called, car: CarName) -> Response:
     return response
 
 
-@cars.post("/v1/cars/{car}/token", response_model=TokenResponse)
+@cars.post("/v1/cars/{car}/token", response_model=schemas.TokenResponse)
 async def new_token(call: Called, car: CarName) -> Response:
     """Make a token with which a car sends its messages; an earlier one is no longer accepted."""
     response = await call.job("cars.token", name=car)
@@ -109,7 +95,7 @@ async def new_token(call: Called, car: CarName) -> Response:
     return response
 
 
-@cars.put(f"{UPLOAD}/{{file}}", response_model=UploadResponse, **request_content({BYTES: BINARY}))
+@cars.put(f"{UPLOAD}/{{file}}", response_model=schemas.UploadResponse, **request_content({BYTES: BINARY}))
 async def put_file(call: Called, car: CarName, upload: UploadName, file: FileName) -> Response:
     """Add a file of logs to an upload: a table, a workbook, or an archive of them."""
     service, limits = call.service, call.service.settings.limits
@@ -123,13 +109,13 @@ async def put_file(call: Called, car: CarName, upload: UploadName, file: FileNam
             return await call.job("cars.store", content, **target, max_bytes=limits.car_bytes)
 
 
-@cars.post(UPLOAD, response_model=LogsResponse, **request_body(LogsRequest))
+@cars.post(UPLOAD, response_model=schemas.LogsResponse, **request_body(schemas.LogsRequest))
 async def read_logs(call: Called, car: CarName, upload: UploadName) -> Response:
     """Return how the tables of an upload are read, and what the audit says of them; nothing is learned."""
     return await call.body_job("cars.logs", name=car, upload=upload)
 
 
-@cars.post(f"{UPLOAD}/learn", response_model=CarResponse, **request_body(LogsRequest))
+@cars.post(f"{UPLOAD}/learn", response_model=schemas.CarResponse, **request_body(schemas.LogsRequest))
 async def learn(call: Called, car: CarName, upload: UploadName) -> Response:
     """Learn the trips of an upload: the response comes at once, and the car shows the progress."""
     body, job = await call.read(), {"name": car, "upload": upload}
@@ -155,9 +141,9 @@ def _with_learning(response: Response, learning: Mapping[str, Any] | None) -> Re
 
 @live.post(
     "/v1/telemetry",
-    response_model=TelemetryResponse,
+    response_model=schemas.TelemetryResponse,
     # a message that has the token needs no other security
-    **request_body(TelemetryRequest, JSON, FORM, security=[{"car": []}, {}]),
+    **request_body(schemas.TelemetryRequest, JSON, FORM, security=[{"car": []}, {}]),
 )
 async def telemetry(call: Called, token: CarToken = None) -> Response:
     """Take a message of a car in the format of A Better Routeplanner's live data."""
@@ -168,7 +154,7 @@ async def telemetry(call: Called, token: CarToken = None) -> Response:
     return json_response(await cars_on_road.take(car, sample_from_abrp(telemetry_of(message))))
 
 
-@live.get("/v1/live", response_model=LiveCarsResponse)
+@live.get("/v1/live", response_model=schemas.LiveCarsResponse)
 async def list_live(call: Called) -> Response:
     """List the cars on the road: those with a token."""
     return json_response(call.service.live.summary())
@@ -180,12 +166,12 @@ async def get_live(call: Called, car: CarName) -> Response:
     return json_response(await call.service.live.document(call.service.live.by_name(car)))
 
 
-@live.put("/v1/live/{car}/plan", response_model=LiveResponse, **request_body(LivePlanRequest))
+@live.put("/v1/live/{car}/plan", response_model=LiveResponse, **request_body(schemas.LivePlanRequest))
 async def put_plan(call: Called, car: CarName) -> Response:
     """Give the plan of the trip that a car is on, or of its next one; it is kept until that trip has ended."""
     followed = call.service.live.by_name(car)
     plan = _json_object(await call.read())
-    departure = check_request({"departs_at": plan.pop("departs_at", None)}, LiveDeparture)
+    departure = check_request({"departs_at": plan.pop("departs_at", None)}, schemas.LiveDeparture)
     result = await call.service.live.set_plan(followed, plan, departure.departure_s)
     if result.status != 200:
         return call.answer(result)

@@ -24,6 +24,7 @@ from tripwatt.roads.advice import advise
 from tripwatt.roads.advice.preheating import before_departure, need_before_departure
 from tripwatt.roads.journey import range_km
 from tripwatt.server.cars.plan import usual_plan
+from tripwatt.server.http import journey_schemas as journey
 from tripwatt.server.http.car_jobs import CarJobs
 from tripwatt.server.http.car_schemas import NewCarRequest
 from tripwatt.server.http.fleets import (
@@ -33,14 +34,6 @@ from tripwatt.server.http.fleets import (
     model_summary,
     night,
     vehicle_model,
-)
-from tripwatt.server.http.journey_schemas import (
-    JourneyAdviceRequest,
-    JourneyDifferenceRequest,
-    NeedQuery,
-    PlanRequest,
-    RangeQuery,
-    ReachRequest,
 )
 from tripwatt.server.http.journeys import JourneyJobs
 from tripwatt.server.http.library import describe_vehicle, example, example_summaries, vehicles
@@ -191,11 +184,11 @@ class Jobs:
         """Return the response to a `DifferenceRequest`: the first trip less the other one."""
         return self._make_forecast(request.one).difference(self._make_forecast(request.other)).to_dict()
 
-    def journey_difference(self, request: JourneyDifferenceRequest) -> dict[str, Any]:
+    def journey_difference(self, request: journey.JourneyDifferenceRequest) -> dict[str, Any]:
         """Return the response to a `JourneyDifferenceRequest`: the road of the first journey less that of the other one."""
         one, other = (
-            self.journeys.road(journey, self.model_of(journey), request.road)
-            for journey in (request.one, request.other)
+            self.journeys.road(plan, self.model_of(plan), request.road)
+            for plan in (request.one, request.other)
         )
         return one.difference(other).to_dict()
 
@@ -224,22 +217,24 @@ class Jobs:
         flags = [flag_to_dict(flag) for flag in forecast.flags]
         return {"reserve": request.reserve, **needed, "message": message, **until, "flags": flags}
 
-    def plan(self, request: PlanRequest) -> dict[str, Any]:
+    def plan(self, request: journey.PlanRequest) -> dict[str, Any]:
         """Return the response to a `PlanRequest`."""
-        journey = self.journeys.plan(request, self.model_of(request))
-        for road in journey["roads"]:
+        document = self.journeys.plan(request, self.model_of(request))
+        for road in document["roads"]:
             require_finite(road["forecast"])
-        return journey
+        return document
 
-    def journey_advice(self, request: JourneyAdviceRequest) -> dict[str, Any]:
+    def journey_advice(self, request: journey.JourneyAdviceRequest) -> dict[str, Any]:
         """Return the response to a `JourneyAdviceRequest`."""
         return self.journeys.advice(request, self.model_of(request))
 
-    def reach(self, request: ReachRequest) -> dict[str, Any]:
+    def reach(self, request: journey.ReachRequest) -> dict[str, Any]:
         """Return the response to a `ReachRequest`."""
         return self.journeys.reach(request, self.model_of(request))
 
-    def distance(self, request: NeedQuery, last_message: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    def distance(
+        self, request: journey.NeedQuery, last_message: Mapping[str, Any] | None = None
+    ) -> dict[str, Any]:
         """Return the response to a `NeedQuery`."""
         if (request.distance_km is None) == (request.trip is None):
             got = "neither" if request.trip is None else "both a distance and a usual trip"
@@ -265,14 +260,16 @@ class Jobs:
         )
         return replace(needed, flags=(*flags, *needed.flags)).to_dict() | until
 
-    def range(self, request: RangeQuery, last_message: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    def range(
+        self, request: journey.RangeQuery, last_message: Mapping[str, Any] | None = None
+    ) -> dict[str, Any]:
         """Return the response to a `RangeQuery`."""
         model = self._model_of_query(request)
         departure, flags = with_last_message(departure_of(request), last_message, model.vehicle)
         range_ = range_km(None, request.kind, departure, reserve=request.reserve or 0.0, model=model)
         return replace(range_, flags=(*flags, *range_.flags)).to_dict()
 
-    def _model_of_query(self, request: RangeQuery) -> ForecastModel:
+    def _model_of_query(self, request: journey.RangeQuery) -> ForecastModel:
         text = request.vehicle_figures
         if request.car is not None and (request.model, request.vehicle, text) != (None, None, None):
             raise InvalidInput.of("two cars", "car", "a model or vehicle too", "one of them")
