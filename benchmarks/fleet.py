@@ -43,7 +43,7 @@ from benchmarks.many_vehicles import CAR_MODELS, FleetPlan, block_of_logs, many_
 from benchmarks.measure import Row, not_measured, report
 from tripwatt.fleet.executors import InProcess
 from tripwatt.fleet.features import FEATURES, SCALES, START
-from tripwatt.fleet.mapping import map_store, read_rows, row_of, segments_of, tasks_of
+from tripwatt.fleet.mapping import drive_row, drive_segments, file_tasks, map_store, read_rows
 from tripwatt.fleet.model import fit_fleet, predict_rows, update_fleet
 from tripwatt.fleet.registry import Registry
 from tripwatt.fleet.statistics import ROWS, TripRows
@@ -110,7 +110,7 @@ def scale_once(trips: int, workers: int) -> dict[str, float]:
             added = time.time()
             cpu_added = sum(c for c, _ in client.run(worker_figures).values())
             store = open_store(f"{folder}/s")
-            tasks = tasks_of(store, store.trip_rows(), f"{folder}/mapped")
+            tasks = file_tasks(store, store.trip_rows(), f"{folder}/mapped")
             list(map_store(tasks, executor, workers))
             cpu_mapped = sum(c for c, _ in client.run(worker_figures).values())
             again = time.time()
@@ -158,7 +158,7 @@ def fitted(trips: int, vehicles: int, models: int = 4, days: float = 3.65) -> tu
 
 
 def rows_of(store: Any, folder: str) -> Any:
-    return read_rows(map_store(tasks_of(store, store.trip_rows(), f"{folder}/rows"), InProcess(), 1))
+    return read_rows(map_store(file_tasks(store, store.trip_rows(), f"{folder}/rows"), InProcess(), 1))
 
 
 def truth(trips: int = 1200, vehicles: int = 60) -> Iterator[Row]:
@@ -415,7 +415,7 @@ def synthetic_rows(trips: int, vehicles: int) -> Any:
     rows = []
     for log in many_vehicles(plan):
         car_model = plan.car_models[int(str(log.context.car)[1:]) % len(plan.car_models)]
-        table = segments_of(Trip.from_log(log), car_model)
+        table = drive_segments(Trip.from_log(log), car_model)
         about = {
             "car_model": car_model,
             "vehicle_id": log.context.car,
@@ -423,7 +423,7 @@ def synthetic_rows(trips: int, vehicles: int) -> Any:
             "digest": log.trip_id,
         }
         if table is not None:
-            rows.append(row_of(Trip.from_log(log), table, about))
+            rows.append(drive_row(Trip.from_log(log), table, about))
     return TripRows.join([pa.Table.from_pylist(rows, schema=ROWS)])
 
 

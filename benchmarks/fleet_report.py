@@ -33,7 +33,7 @@ from benchmarks.many_vehicles import (
 )
 from benchmarks.measure import Row, report
 from tripwatt.fleet.features import START
-from tripwatt.fleet.mapping import row_of, segments_of
+from tripwatt.fleet.mapping import drive_row, drive_segments
 from tripwatt.fleet.nights import needs_by_hour, read_planned
 from tripwatt.fleet.statistics import ROWS, TripRows
 from tripwatt.hybrid.groups import fit_scales, group_posterior
@@ -79,10 +79,10 @@ def rows_of_plan(plan: FleetPlan) -> TripRows:
     for log in many_vehicles(plan):
         car_model = plan.car_models[int(str(log.context.car)[1:]) % len(plan.car_models)]
         trip = Trip.from_log(log)
-        table = segments_of(trip, car_model)
+        table = drive_segments(trip, car_model)
         about = {"car_model": car_model, "vehicle_id": log.context.car, "driver": log.context.driver}
         if table is not None:
-            rows.append(row_of(trip, table, about | {"digest": log.trip_id}))
+            rows.append(drive_row(trip, table, about | {"digest": log.trip_id}))
     return TripRows.join([pa.Table.from_pylist(rows, schema=ROWS)])
 
 

@@ -15,7 +15,7 @@ from tools import DOCS
 from tripwatt.command import app
 from tripwatt.command.stores import store_options
 from tripwatt.errors import InvalidInput
-from tripwatt.fleet.mapping import car_of
+from tripwatt.fleet.mapping import load_car
 from tripwatt.study.synthetic import CHANGED, TRIPS_EACH, VEHICLES, example_fleet, synthetic_fleet
 from tripwatt.vehicles import load_vehicle
 
@@ -109,7 +109,7 @@ def test_a_car_of_a_file_is_kept_by_its_whole_path(tmp_path, monkeypatch):
     few = CliRunner().invoke(app, ["fleet", "fit", f"{store}", "m"])
     assert [fault.got for fault in few.exception.faults] == ["1"]
     car.unlink()
-    car_of.cache_clear()
+    load_car.cache_clear()
     gone = CliRunner().invoke(app, ["fleet", "fit", f"{store}", "n"])
     assert str(gone.exception).startswith(f"the file of a car model is missing: {car}: got no such file")
 

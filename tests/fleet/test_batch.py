@@ -6,7 +6,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from tripwatt.errors import InvalidInput
-from tripwatt.fleet.batch import _batches, _opened, forecast_batch, quantile_column, schema_of
+from tripwatt.fleet.batch import _open_parquet, _read_batches, forecast_batch, output_schema, quantile_column
 from tripwatt.fleet.executors import InProcess
 from tripwatt.fleet.storage import save_fleet
 from tripwatt.trips import Departure
@@ -47,7 +47,7 @@ def test_a_batch_is_the_forecasts_of_its_trips(fleet, tmp_path):
     )
     assert count == 6
     found = pq.read_table(tmp_path / "out.parquet")
-    assert found.schema.names == schema_of((0.1, 0.975)).names
+    assert found.schema.names == output_schema((0.1, 0.975)).names
     out = {row["trip"]: row for row in found.to_pylist()}
     assert list(out) == ["b", "a", "c", "d", "e", "f"]  # as in the input
     plan = tw.read_route([{"length_m": 1500.0, "speed_m_s": v} for v in (12.0, 20.0, 15.0)], trip_id="a")
@@ -96,8 +96,8 @@ class Stopping(InProcess):
 def test_a_batch_that_was_stopped_goes_on_and_ends_in_the_same_file(fleet, tmp_path, monkeypatch):
     *_, model, _ = fleet
     save_fleet(model, tmp_path / "m")
-    monkeypatch.setattr("tripwatt.fleet.batch.TRIPS_AT_ONCE", 2)
-    monkeypatch.setattr("tripwatt.fleet.executors.AHEAD", 1)
+    monkeypatch.setattr("tripwatt.fleet.batch.TRIPS_PER_PART", 2)
+    monkeypatch.setattr("tripwatt.fleet.executors._TASKS_PER_WORKER", 1)
     trips = [links(f"t{k}", f"V{k % 8:05d}", soc=0.5 + 0.05 * k if k else float("nan")) for k in range(9)]
     table = pa.Table.from_pylist([row for trip in trips for row in trip])
     pq.write_table(table, tmp_path / "in.parquet", row_group_size=7)  # trips go on in the next group
@@ -130,7 +130,7 @@ def test_a_batch_without_trips_is_a_file_without_rows(fleet, tmp_path):
     save_fleet(model, tmp_path / "m")
     pq.write_table(pa.Table.from_pylist(links("a", "b"))[:0], tmp_path / "in.parquet")
     assert forecast_batch(tmp_path / "m", tmp_path / "in.parquet", tmp_path / "out", InProcess()) == 0
-    assert pq.read_table(tmp_path / "out").schema.names == schema_of((0.05, 0.5, 0.95)).names
+    assert pq.read_table(tmp_path / "out").schema.names == output_schema((0.05, 0.5, 0.95)).names
 
 
 def test_a_batch_that_cannot_be_read_is_one_error(fleet, tmp_path):
@@ -160,9 +160,9 @@ def test_a_column_whose_name_is_no_text_is_a_fault(tmp_path):
     (tmp_path / "in.parquet").write_bytes(broken)
     with (
         pytest.raises(InvalidInput, match="unreadable Parquet file"),
-        _opened(tmp_path / "in.parquet") as file,
+        _open_parquet(tmp_path / "in.parquet") as file,
     ):
-        list(_batches(file, "in.parquet"))
+        list(_read_batches(file, "in.parquet"))
 
 
 def test_what_was_read_of_the_input_is_not_kept(tmp_path):
@@ -179,6 +179,6 @@ def test_what_was_read_of_the_input_is_not_kept(tmp_path):
         row_group_size=4000,
     )
     before = pa.total_allocated_bytes()
-    with _opened(tmp_path / "in.parquet") as file:
-        assert sum(len(batch) for batch in _batches(file, "in.parquet")) == rows
+    with _open_parquet(tmp_path / "in.parquet") as file:
+        assert sum(len(batch) for batch in _read_batches(file, "in.parquet")) == rows
         assert pa.total_allocated_bytes() - before < (tmp_path / "in.parquet").stat().st_size / 4

@@ -15,16 +15,16 @@ from tripwatt.fleet.changes import (
     MIN_CHANGE,
     MIN_TRIPS,
     USUAL_CHANGE,
-    Scan,
-    Series,
-    _weights,
-    after_changes,
+    ChangeScan,
+    VehicleSeries,
+    _trip_weights,
     changes,
-    common_of_month,
-    said_of_need,
-    series_of,
+    common_monthly_deviation,
+    need_notes,
+    vehicle_series,
+    without_trips_before_changes,
 )
-from tripwatt.fleet.changes import changes_of as one_by_one
+from tripwatt.fleet.changes import series_changes as one_by_one
 from tripwatt.fleet.features import START, WARM_DEGC
 from tripwatt.fleet.model import predict_rows
 from tripwatt.hybrid.groups import fit_scales, group_posterior
@@ -105,7 +105,7 @@ def test_what_sisters_share_in_a_month_is_a_median_of_medians():
     model, vehicle = np.repeat(["a", "b"], [10, 4]), np.array([f"v{k}" for k in range(14)])
     day = np.full(14, np.datetime64("2025-11-03"))
     relative = np.r_[np.full(9, 0.1), 5.0, np.full(4, 0.3)]
-    common = common_of_month(model, vehicle, day, relative)
+    common = common_monthly_deviation(model, vehicle, day, relative)
     assert common == pytest.approx(np.r_[np.full(10, 0.1), np.zeros(4)])
     assert pd.notna(common).all()
 
@@ -118,15 +118,15 @@ def drives(n=40, seed=3):
     y = X @ [0.05, -0.08] + np.sqrt(variance) * rng.normal(size=n)
     day = np.datetime64("2025-01-20") + np.sort(rng.integers(0, 90, n))
     causes = {"a": np.array([1.0, 0.0]), "both": np.array([0.4, 1.0])}
-    return Series("v1", "m", day, y, variance, X, np.array([0.01, 0.04]), causes, 9000.0)
+    return VehicleSeries("v1", "m", day, y, variance, X, np.array([0.01, 0.04]), causes, 9000.0)
 
 
 def test_every_change_is_that_of_least_squares_beside_the_deviations():
     series, n = drives(), 40
     w = 1.0 / series.variance
     free = np.arange(n) != 20
-    scan = Scan._weighted(series, series.X, series.prior, free, w)
-    assert (scan.first, scan.names) == (MIN_TRIPS, ("a", "both"))
+    scan = ChangeScan._weighted(series, series.X, series.prior, free, w)
+    assert (scan.first_trip, scan.names) == (MIN_TRIPS, ("a", "both"))
     assert scan.share.shape == (2, n - 2 * MIN_TRIPS + 1)
     for c, weights in enumerate(series.causes.values()):
         rise = series.X @ weights
@@ -150,9 +150,9 @@ def test_the_weight_of_a_trip_falls_beyond_two_deviations():
     n, sd = 21, 5.0
     y = np.linspace(-10.0, 10.0, n)
     y[-1] = 100.0
-    series = Series("v", "m", None, y, np.full(n, sd**2), np.zeros((n, 2)), np.ones(2), {}, 1.0)
+    series = VehicleSeries("v", "m", None, y, np.full(n, sd**2), np.zeros((n, 2)), np.ones(2), {}, 1.0)
     level = 1.4826 * np.median(np.abs(y)) / sd * np.sqrt(21.0 / 20.0)
-    w = _weights(series, series.X, series.prior)
+    w = _trip_weights(series, series.X, series.prior)
     usual = 1.0 / (level * sd) ** 2
     assert w[:-1] == pytest.approx(np.full(n - 1, usual), rel=1e-6)
     assert w[-1] == pytest.approx(usual * 2.0 * level * sd / 100.0, rel=1e-6)
@@ -167,13 +167,13 @@ def test_weights_are_those_of_two_passes_beside_the_terms():
         z = np.abs(series.y - series.X @ weights) / np.sqrt(series.variance)
         level = 1.4826 * np.median(z) * np.sqrt(n / (n - 1.0))
         w = np.where(z > 2.0 * level, 2.0 * level / z, 1.0) / level**2 / series.variance
-    assert _weights(series, series.X, series.prior) == pytest.approx(w, rel=1e-6)
+    assert _trip_weights(series, series.X, series.prior) == pytest.approx(w, rel=1e-6)
 
 
 def test_the_beginning_is_the_likeliest_day_of_the_likeliest_month():
     """By loops over days: one between two trips has the evidence of the later one, shared by all days between them."""
     evidence = np.array([[0.0, 1.0, 3.0, 2.5, 0.0], [1.0, 0.0, 0.5, 0.0, 0.0]])
-    scan = Scan(("a", "b"), 2, np.zeros((2, 5)), np.ones((2, 5)), evidence)
+    scan = ChangeScan(("a", "b"), 2, np.zeros((2, 5)), np.ones((2, 5)), evidence)
     day = np.datetime64("2025-01-01") + np.array([0, 9, 21, 29, 35, 37, 58, 60])
     odds = {}
     for place in range(5):
@@ -199,7 +199,7 @@ def stepped(*steps, n=120):
     y = sum((share * 100.0 * (at >= k) for k, share in steps), np.zeros(n)) + np.where(at % 4 < 2, 0.3, -0.3)
     day = np.datetime64("2025-01-01") + at // 2
     X = np.full((n, 1), 100.0)
-    return Series("v", "m", day, y, np.full(n, 1.0), X, np.array([0.01]), {"a": np.ones(1)}, 100.0 * n)
+    return VehicleSeries("v", "m", day, y, np.full(n, 1.0), X, np.array([0.01]), {"a": np.ones(1)}, 100.0 * n)
 
 
 def test_changes_are_listed_one_beside_the_other_and_three_at_most():
@@ -231,7 +231,7 @@ def test_the_display_of_a_vehicle_is_a_series_of_its_own():
     """Terms of its charge by loops: level, cold, years and the middle of the charge, as shares of what its energy takes."""
     rows = year_of_rows(SEED, vehicles=3, trips=30)
     sums = rows.sums
-    series = list(series_of(group_posterior(sums, fit_scales(sums, START)), rows))
+    series = list(vehicle_series(group_posterior(sums, fit_scales(sums, START)), rows))
     assert [one.vehicle_id for one in series] == ["v00", "v01", "v02"] * 2
     frame = rows.table.to_pandas()
     frame["day"] = pd.to_datetime(frame["started_at"]).dt.normalize()
@@ -270,7 +270,7 @@ def after(rows, vehicle, day="2025-07-10"):
 
 def test_what_a_changed_vehicle_takes_is_that_of_its_trips_since_then(jumped):
     model, rows, changed = jumped
-    since = after_changes(model, rows, changed)
+    since = without_trips_before_changes(model, rows, changed)
     trips = after(rows, "v02")
     observed = trips.numbers("observed_wh").sum()
     average, own = (predict_rows(m.posterior, trips)[0].sum() / observed for m in (model, since))
@@ -292,14 +292,16 @@ def test_trips_that_the_model_has_not_seen_are_not_taken_out_of_it(jumped):
         d for d, day in zip(rows.texts("digest"), rows.texts("started_at"), strict=True) if day < "2025-02"
     }
     before = replace(model, digests=model.digests - early)
-    taken = after_changes(before, rows, changed).trips
+    taken = without_trips_before_changes(before, rows, changed).trips
     its = rows.where(rows.texts("vehicle_id") == "v02")
-    assert taken == after_changes(model, rows, changed).trips + sum(d in early for d in its.texts("digest"))
-    assert after_changes(model, rows, changed[:0]) is model
+    assert taken == without_trips_before_changes(model, rows, changed).trips + sum(
+        d in early for d in its.texts("digest")
+    )
+    assert without_trips_before_changes(model, rows, changed[:0]) is model
 
 
 def test_a_change_in_words(jumped):
-    of = said_of_need(jumped[2])
+    of = need_notes(jumped[2])
     road, battery = of["v02"], of["v07"]
     assert road.startswith("the need is that of its trips after its change of +1")
     assert " % (road load, since 2025-07-" in road

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from tripwatt.errors import InvalidInput
-from tripwatt.fleet.executors import AHEAD, InProcess, executor_for, map_bounded
+from tripwatt.fleet.executors import _TASKS_PER_WORKER, InProcess, executor_for, map_bounded
 from tripwatt.fleet.mapping import (
+    file_tasks,
     map_store,
     read_rows,
-    tasks_of,
 )
 
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
@@ -29,7 +29,7 @@ def test_processes_of_this_machine_are_an_executor():
 def test_dask_with_a_killed_worker_gives_the_same_rows(fleet):
     distributed = pytest.importorskip("distributed", reason="needs the extra tripwatt[fleet]")
     _, store, model, folder = fleet
-    tasks = tasks_of(store, store.trip_rows(), folder / "dask")
+    tasks = file_tasks(store, store.trip_rows(), folder / "dask")
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
     ) as cluster:
@@ -71,7 +71,7 @@ def test_executors_keep_few_tasks_waiting_and_pass_errors_on():
 
     results = map_bounded(Counting(), 1, abs, range(50))
     next(results)
-    assert len(submitted) == AHEAD
+    assert len(submitted) == _TASKS_PER_WORKER
     with pytest.raises(ZeroDivisionError):
         list(map_bounded(InProcess(), 1, lambda x: 1 / x, [1, 0]))
     assert list(map_bounded(InProcess(), 1, abs, [])) == []

@@ -14,14 +14,14 @@ from benchmarks.many_vehicles import many_vehicles
 from tripwatt.fleet.executors import InProcess
 from tripwatt.fleet.features import FEATURES, trip_features
 from tripwatt.fleet.mapping import (
-    drives_of,
+    drive_row,
+    drive_segments,
+    file_tasks,
     map_store,
     read_rows,
-    row_of,
-    rows_of_file,
-    sample_of,
-    segments_of,
-    tasks_of,
+    run_task,
+    sample_digests,
+    sound_drives,
 )
 from tripwatt.fleet.statistics import ROWS, TripRows
 from tripwatt.hybrid import segment_trips
@@ -33,7 +33,7 @@ pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
 
 def test_the_map_sums_every_sound_drive_up_once(fleet):
     plan, store, model, folder = fleet
-    tasks = tasks_of(store, store.trip_rows(), folder / "rows")
+    tasks = file_tasks(store, store.trip_rows(), folder / "rows")
     results = list(map_store(tasks, InProcess(), 1))
     rows = read_rows(results)
     assert len(rows) == sum(r.trips for r in results) == sum(r.drives for r in results) == model.trips
@@ -61,10 +61,10 @@ DRIVER = """
 import sys
 sys.path[:0] = sys.argv[3:]
 from tripwatt.fleet.executors import InProcess
-from tripwatt.fleet.mapping import map_store, tasks_of
+from tripwatt.fleet.mapping import map_store, file_tasks
 from tripwatt.fleet.store import open_store
 store = open_store(sys.argv[1])
-for result in map_store(tasks_of(store, store.trip_rows(), sys.argv[2]), InProcess(), 1):
+for result in map_store(file_tasks(store, store.trip_rows(), sys.argv[2]), InProcess(), 1):
     print(result.rows, flush=True)
 """
 
@@ -80,7 +80,7 @@ def test_a_killed_driver_goes_on_where_it_was(fleet):
     driver.wait(timeout=60)
     driver.stdout.close()
     before = {path: Path(path).stat().st_mtime_ns for path in first}
-    tasks = tasks_of(store, store.trip_rows(), out)
+    tasks = file_tasks(store, store.trip_rows(), out)
     seen = []
     rows = read_rows(map_store(tasks, InProcess(), 1, lambda done, total: seen.append(done)))
     assert {path: Path(path).stat().st_mtime_ns for path in first} == before
@@ -94,7 +94,7 @@ def test_a_killed_driver_goes_on_where_it_was(fleet):
 def test_a_task_is_named_by_all_that_its_result_depends_on(fleet):
     _, store, _, folder = fleet
     rows = store.trip_rows()
-    task = tasks_of(store, rows, folder / "names")[0]
+    task = file_tasks(store, rows, folder / "names")[0]
     digest = task.rows[0]["digest"]
     names = {
         task.name,
@@ -109,10 +109,10 @@ def test_a_task_is_named_by_all_that_its_result_depends_on(fleet):
         == task.name
     )
     unusable = [{**rows[0], "drives": 0}, {**rows[1], "energy_wh": None}]
-    assert tasks_of(store, unusable, folder) == []
-    result = rows_of_file(replace(task, sampled=frozenset({digest})))
+    assert file_tasks(store, unusable, folder) == []
+    result = run_task(replace(task, sampled=frozenset({digest})))
     assert pq.read_table(result.segments)["digest"].unique().to_pylist() == [digest]
-    assert result == rows_of_file(replace(task, sampled=frozenset({digest})))
+    assert result == run_task(replace(task, sampled=frozenset({digest})))
 
 
 def test_the_sample_depends_on_names_and_digests_alone():
@@ -121,24 +121,24 @@ def test_the_sample_depends_on_names_and_digests_alone():
         for v in range(6)
         for k in range(5)
     ]
-    chosen = sample_of(rows, 2, 2)
+    chosen = sample_digests(rows, 2, 2)
     assert len(chosen) == 8
-    assert sample_of(rows[::-1], 2, 2) == chosen
-    assert sample_of(rows, 2, 2, seed=1) != chosen
+    assert sample_digests(rows[::-1], 2, 2) == chosen
+    assert sample_digests(rows, 2, 2, seed=1) != chosen
     by_vehicle = [d.split("-")[0] for d in chosen]
     assert {by_vehicle.count(v) for v in set(by_vehicle)} == {2}
-    assert chosen <= sample_of(rows, 3, 3)
-    assert sample_of([{**rows[0], "drives": 0}, {**rows[1], "energy_wh": None}], 9, 9) == frozenset()
+    assert chosen <= sample_digests(rows, 3, 3)
+    assert sample_digests([{**rows[0], "drives": 0}, {**rows[1], "energy_wh": None}], 9, 9) == frozenset()
 
 
 def test_drives_that_cannot_be_used_give_no_row(fleet):
     plan, store, *_ = fleet
     log = next(many_vehicles(plan))
     row = next(r for r in store.trip_rows() if r["trip_id"] == log.trip_id)
-    assert [d.trip_id for d in drives_of(log, row)] == [log.trip_id]
+    assert [d.trip_id for d in sound_drives(log, row)] == [log.trip_id]
     short = log.between(0.0, 60.0)
-    assert list(drives_of(short, {**row, "as_logged": False})) == []
-    assert segments_of(replace(Trip.from_log(log), observed_energy_wh=None), "vw_id3") is None
+    assert list(sound_drives(short, {**row, "as_logged": False})) == []
+    assert drive_segments(replace(Trip.from_log(log), observed_energy_wh=None), "vw_id3") is None
 
 
 def test_a_row_has_the_displayed_charge_or_else_that_of_the_battery(fleet):
@@ -147,12 +147,14 @@ def test_a_row_has_the_displayed_charge_or_else_that_of_the_battery(fleet):
     for names, column in ((("displayed_soc",), "displayed_soc"), ((), "soc")):
         kept = log.samples.drop(columns=[n for n in ("displayed_soc", "soc") if n != column])
         trip = Trip.from_log(replace(log, samples=kept))
-        table = segments_of(trip, "vw_id3")
-        row = row_of(trip, table, {"car_model": "vw_id3", "vehicle_id": "V", "driver": None, "digest": "d"})
+        table = drive_segments(trip, "vw_id3")
+        row = drive_row(
+            trip, table, {"car_model": "vw_id3", "vehicle_id": "V", "driver": None, "digest": "d"}
+        )
         ends = kept[column].to_numpy()[[0, -1]]
         assert [row["displayed_start"], row["displayed_end"]] == pytest.approx(ends, abs=0.006), names
     bare = Trip.from_log(replace(log, samples=log.samples.drop(columns=["soc", "displayed_soc"])))
-    row = row_of(
-        bare, segments_of(bare, "vw_id3"), {"car_model": "", "vehicle_id": "", "driver": "", "digest": ""}
+    row = drive_row(
+        bare, drive_segments(bare, "vw_id3"), {"car_model": "", "vehicle_id": "", "driver": "", "digest": ""}
     )
     assert np.isnan([row["displayed_start"], row["displayed_end"]]).all()

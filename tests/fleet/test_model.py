@@ -13,13 +13,13 @@ from tripwatt.fleet.executors import InProcess
 from tripwatt.fleet.features import segment_features
 from tripwatt.fleet.mapping import (
     SampledTrips,
+    file_tasks,
     map_store,
     read_rows,
-    sample_of,
-    tasks_of,
+    sample_digests,
 )
 from tripwatt.fleet.model import (
-    MIN_TRIPS,
+    _MIN_TRIPS,
     fit_fleet,
     held_out_correctors,
     predict_rows,
@@ -59,7 +59,7 @@ def test_an_update_is_the_fit_of_all_trips(fleet, tmp_path):
     assert updated.digests > model.digests
     assert updated.trees is model.trees
     assert updated.uncertainty is model.uncertainty
-    everything = read_rows(map_store(tasks_of(copy, copy.trip_rows(), tmp_path / "all"), InProcess(), 1))
+    everything = read_rows(map_store(file_tasks(copy, copy.trip_rows(), tmp_path / "all"), InProcess(), 1))
     full = group_posterior(everything.sums, model.posterior.scales)
     assert np.abs(full.mean - updated.posterior.mean).max() < 1e-10 * np.abs(full.mean).max()
     assert (
@@ -105,8 +105,8 @@ def test_each_vehicle_has_its_own_forecast(fleet):
 def test_held_out_trips_are_out_of_the_whole_posterior(fleet):
     _, store, model, folder = fleet
     rows = store.trip_rows()
-    chosen = sample_of(rows, 3, 3)
-    results = list(map_store(tasks_of(store, rows, folder / "sample", chosen), InProcess(), 1))
+    chosen = sample_digests(rows, 3, 3)
+    results = list(map_store(file_tasks(store, rows, folder / "sample", chosen), InProcess(), 1))
     sample = SampledTrips.read([r.segments for r in results if r.segments])
     assert len(sample) == len(chosen) == 18
     assert set(sample.digests) == chosen
@@ -137,7 +137,7 @@ def test_held_out_trips_are_out_of_the_whole_posterior(fleet):
 
 def test_too_few_trips_are_an_error(fleet, tmp_path):
     _, store, *_ = fleet
-    with pytest.raises(InvalidInput, match=f"at least {MIN_TRIPS}"):
+    with pytest.raises(InvalidInput, match=f"at least {_MIN_TRIPS}"):
         fit_fleet(store, tmp_path, InProcess(), which={"vehicle_id": "nobody"})
 
 

@@ -9,7 +9,14 @@ import numpy as np
 import pytest
 
 from tripwatt.errors import InvalidInput
-from tripwatt.fleet.registry import Comparison, FollowedModel, Registry, compare, predict_sample, unseen
+from tripwatt.fleet.registry import (
+    Comparison,
+    FollowedModel,
+    Registry,
+    compare,
+    predict_sample,
+    without_sampled,
+)
 
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
 
@@ -76,9 +83,9 @@ def test_promote_refuses_what_is_worse(fleet, tmp_path):
 
 def test_models_are_compared_on_trips_that_neither_has_seen(fleet, sample):
     *_, model, _ = fleet
-    left = unseen(model, sample)
+    left = without_sampled(model, sample)
     assert left.trips == model.trips - len(sample)
-    assert unseen(left, replace(sample, digests=("x",) * len(sample))) is left
+    assert without_sampled(left, replace(sample, digests=("x",) * len(sample))) is left
     own = predict_sample(model, sample)
     observed = sample.table.totals_wh(sample.table.observed_power_w)
     assert np.mean(np.abs(own - observed)) < np.mean(np.abs(predict_sample(left, sample) - observed))
@@ -143,7 +150,7 @@ def test_a_follower_changes_versions_without_losing_a_request(fleet, tmp_path):
     assert "other" in followed.get().about  # a thread may have been reading the version before
     assert followed.version == "0002"
     (registry.path("0001") / "metadata.json").write_text("{}")
-    registry._point("0001")
+    registry._move_pointer("0001")
     assert "other" in followed.get().about  # a damaged version is not taken
     (tmp_path / "current").unlink()
     assert "other" in followed.get().about

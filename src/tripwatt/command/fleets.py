@@ -323,11 +323,11 @@ def _show_report(result: ManagerReport, folder: Path) -> None:
 
 def _rows(store: Store, work: Path, on: Workers) -> TripRows:
     """Read the rows of the trips of a store."""
-    from tripwatt.fleet.mapping import map_store, read_rows, tasks_of
+    from tripwatt.fleet.mapping import file_tasks, map_store, read_rows
 
     source = store.opened()
     with progress(console()) as advance, on.running() as (executor, workers):
-        tasks = tasks_of(source, source.trip_rows(), work)
+        tasks = file_tasks(source, source.trip_rows(), work)
         return read_rows(map_store(tasks, executor, workers, advance))
 
 

@@ -41,20 +41,22 @@ VERSION: Final = 1
 """Number to raise whenever the forecasts of the same trips by the same model change."""
 
 QUANTILES: Final = (0.05, 0.5, 0.95)
-TRIPS_AT_ONCE: Final = 50
-PARTS_AT_ONCE: Final = 100
-"""Number of finished parts in one row group of the output."""
+TRIPS_PER_PART: Final = 50
+"""A choice, because a part takes a worker some seconds: long against sending it, short against repeating it after a crash."""
+_PARTS_PER_ROW_GROUP: Final = 100
+"""Number of finished parts in one row group of the output: a choice, because 5,000 rows compress well and need little memory."""
 
-WRITE_IT: Final = "pandas writes one: pandas.read_csv('links.csv').to_parquet('links.parquet')"
-ASSUMED: Final = frozenset({"usual_value_assumed", "soc_assumed"})
+_HOW_TO_WRITE: Final = "pandas writes one: pandas.read_csv('links.csv').to_parquet('links.parquet')"
+_ASSUMED_CODES: Final = frozenset({"usual_value_assumed", "soc_assumed"})
 """Codes of flags about a value of the departure that was not given."""
 
-NAMES: Final = ("trip", "vehicle_id", "car_model", "driver")
-KNOWN: Final = ("soc", *TEMPERATURES, "payload_mass_kg")
+_NAME_COLUMNS: Final = ("trip", "vehicle_id", "car_model", "driver")
+DEPARTURE_COLUMNS: Final = ("soc", *TEMPERATURES, "payload_mass_kg")
+"""Columns of a table of planned trips with what is known at departure."""
 
 
 @dataclass(frozen=True, slots=True)
-class BatchPart:
+class _BatchPart:
     """Some trips of a batch.
 
     Attributes
@@ -126,35 +128,35 @@ def forecast_batch(
     or limits the forecast, and `reasons` the same as sentences. `assumed` names the values that were not known at departure, for
     which the usual value was taken.
     """
-    _check(quantiles, reserve)
-    with _opened(source) as file:
-        _columns(file, source)  # what is missing is one fault before any work
+    _check_settings(quantiles, reserve)
+    with _open_parquet(source) as file:
+        _used_columns(file, source)  # what is missing is one fault before any work
         folder, unfinished = Path(model).absolute(), Path(f"{out}.unfinished")
         load_fleet(folder)  # a model that cannot be read is one fault, not one for each trip
         digest = hashlib.sha256((folder / METADATA).read_bytes()).hexdigest()
-        asked = BatchPart(str(folder), digest, tuple(quantiles), reserve)
+        empty_part = _BatchPart(str(folder), digest, tuple(quantiles), reserve)
         unfinished.mkdir(exist_ok=True)
         names: list[str] = []
 
-        def open_parts() -> Iterator[BatchPart]:
-            for table in _parts(_batches(file, source)):
-                part = replace(asked, rows=_stream(table))
+        def unfinished_parts() -> Iterator[_BatchPart]:
+            for table in _split_into_parts(_read_batches(file, source)):
+                part = replace(empty_part, rows=_to_arrow_stream(table))
                 names.append(part.name)
                 if not (unfinished / part.name).is_file():
                     yield part
 
-        for name, forecasts in map_bounded(executor, workers, forecast_part, open_parts()):
-            write_file(unfinished / name, _writer([forecasts], forecasts.schema))
-    groups = (names[k : k + PARTS_AT_ONCE] for k in range(0, len(names), PARTS_AT_ONCE))
+        for name, forecasts in map_bounded(executor, workers, _forecast_part, unfinished_parts()):
+            write_file(unfinished / name, _parquet_writer([forecasts], forecasts.schema))
+    groups = (names[k : k + _PARTS_PER_ROW_GROUP] for k in range(0, len(names), _PARTS_PER_ROW_GROUP))
     tables = (pa.concat_tables([pq.read_table(unfinished / name) for name in group]) for group in groups)
-    write_file(Path(out), _writer(tables, schema_of(quantiles)))
+    write_file(Path(out), _parquet_writer(tables, output_schema(quantiles)))
     shutil.rmtree(unfinished)
     return int(pq.read_metadata(out).num_rows)
 
 
-def _check(quantiles: Sequence[float], reserve: float) -> None:
-    inside = Column("1", 0.0, 1.0, "")
-    faults = [fault for q in quantiles for fault in number_faults("quantiles", q, inside)]
+def _check_settings(quantiles: Sequence[float], reserve: float) -> None:
+    between_0_and_1 = Column("1", 0.0, 1.0, "")
+    faults = [fault for q in quantiles for fault in number_faults("quantiles", q, between_0_and_1)]
     faults += [
         Fault("value out of range", "quantiles", f"{q:g}", "more than 0 and less than 1")
         for q in quantiles
@@ -166,42 +168,42 @@ def _check(quantiles: Sequence[float], reserve: float) -> None:
     raise_faults(faults)
 
 
-def _opened(source: Path | str) -> pq.ParquetFile:
-    with _damage_told(f"{source}"):
+def _open_parquet(source: Path | str) -> pq.ParquetFile:
+    with _parquet_errors(f"{source}"):
         open_regular(Path(source)).close()
-        return pq.ParquetFile(source, pre_buffer=False)  # the buffer keeps what was read of the whole file
+        return pq.ParquetFile(source, pre_buffer=False)  # a buffer would keep every byte that was read
 
 
 @contextmanager
-def _damage_told(where: str) -> Iterator[None]:
-    """Raise errors of the Parquet reader as `InvalidInput`."""
+def _parquet_errors(where: str) -> Iterator[None]:
+    """Turn errors of the Parquet reader into `InvalidInput`."""
     try:
         yield
     except (OSError, UnicodeDecodeError, pa.ArrowException) as error:
         got = (str(error).splitlines() or [type(error).__name__])[0][:160]
         raise InvalidInput.of(
-            "unreadable Parquet file", where, got, "a Parquet file of links", WRITE_IT
+            "unreadable Parquet file", where, got, "a Parquet file of links", _HOW_TO_WRITE
         ) from error
 
 
-def _batches(file: pq.ParquetFile, source: Path | str) -> Iterator[pa.RecordBatch]:
+def _read_batches(file: pq.ParquetFile, source: Path | str) -> Iterator[pa.RecordBatch]:
     """Read the columns of the input that are used, some rows at a time."""
-    with _damage_told(f"{source}"):
-        yield from file.iter_batches(columns=_columns(file, source))
+    with _parquet_errors(f"{source}"):
+        yield from file.iter_batches(columns=_used_columns(file, source))
 
 
-def _columns(file: pq.ParquetFile, source: Path | str) -> list[str]:
+def _used_columns(file: pq.ParquetFile, source: Path | str) -> list[str]:
     """Return the columns of the input that are used; raise `InvalidInput` if a required column is missing."""
-    there = set(file.schema_arrow.names)
+    names = set(file.schema_arrow.names)
     raise_faults(
-        Fault("missing column", f"{source}", ", ".join(sorted(there))[:200], f"a column {name!r}")
+        Fault("missing column", f"{source}", ", ".join(sorted(names))[:200], f"a column {name!r}")
         for name in ("trip", "vehicle_id", "length_m")
-        if name not in there
+        if name not in names
     )
-    return [name for name in (*NAMES, *KNOWN, *LINK_COLUMNS) if name in there]
+    return [name for name in (*_NAME_COLUMNS, *DEPARTURE_COLUMNS, *LINK_COLUMNS) if name in names]
 
 
-def _writer(tables: Iterable[pa.Table], schema: pa.Schema) -> Callable[[Path], None]:
+def _parquet_writer(tables: Iterable[pa.Table], schema: pa.Schema) -> Callable[[Path], None]:
     """Return a function that writes tables to a Parquet file, each as one row group."""
 
     def write(path: Path) -> None:
@@ -212,14 +214,14 @@ def _writer(tables: Iterable[pa.Table], schema: pa.Schema) -> Callable[[Path], N
     return write
 
 
-def _stream(table: pa.Table) -> bytes:
+def _to_arrow_stream(table: pa.Table) -> bytes:
     sink = pa.BufferOutputStream()
     with pa.ipc.new_stream(sink, table.schema) as writer:
         writer.write_table(table)
     return bytes(sink.getvalue())
 
 
-def schema_of(quantiles: Sequence[float]) -> pa.Schema:
+def output_schema(quantiles: Sequence[float]) -> pa.Schema:
     """Return the schema of the output."""
     texts = ("assumed", "reasons", "error")
     numbers = [
@@ -239,7 +241,7 @@ def schema_of(quantiles: Sequence[float]) -> pa.Schema:
     )
 
 
-def quantile_column(quantile: float, of: str = "energy_wh") -> str:
+def quantile_column(quantile: float, quantity: str = "energy_wh") -> str:
     """Return the name of the column of a quantile.
 
     Examples
@@ -248,66 +250,66 @@ def quantile_column(quantile: float, of: str = "energy_wh") -> str:
     ('energy_wh_q05', 'soc_arrival_q97_5')
     """
     percent = f"{100.0 * quantile:g}"
-    whole, _, rest = percent.partition(".")
-    return f"{of}_q{whole.zfill(2)}" + (f"_{rest}" if rest else "")
+    integer, _, decimals = percent.partition(".")
+    return f"{quantity}_q{integer.zfill(2)}" + (f"_{decimals}" if decimals else "")
 
 
-def _parts(batches: Iterator[pa.RecordBatch]) -> Iterator[pa.Table]:
-    """Cut batches into tables of whole trips, `TRIPS_AT_ONCE` trips each; the rows of a trip have to follow each other."""
-    held: list[pa.RecordBatch] = []
+def _split_into_parts(batches: Iterator[pa.RecordBatch]) -> Iterator[pa.Table]:
+    """Yield tables of `TRIPS_PER_PART` whole trips from batches of rows; the rows of a trip have to follow each other."""
+    remaining: list[pa.RecordBatch] = []
     for batch in batches:
-        table = pa.Table.from_batches([*held, batch])
+        table = pa.Table.from_batches([*remaining, batch])
         # the trips from the last cut on may go on in the next rows
-        *cuts, last = _starts(table)[::TRIPS_AT_ONCE]
+        *cuts, last = _trip_starts(table)[::TRIPS_PER_PART]
         yield from (table.slice(a, b - a).combine_chunks() for a, b in pairwise([*cuts, last]))
-        held = table.slice(last).to_batches()
-    if held:
-        yield pa.Table.from_batches(held).combine_chunks()
+        remaining = table.slice(last).to_batches()
+    if remaining:
+        yield pa.Table.from_batches(remaining).combine_chunks()
 
 
-def _starts(table: pa.Table) -> list[int]:
+def _trip_starts(table: pa.Table) -> list[int]:
     """Return the numbers of the rows at which a trip begins."""
     keys = [table[name].to_numpy() for name in ("vehicle_id", "trip")]
-    other = np.logical_or.reduce([key[1:] != key[:-1] for key in keys])
-    return [0, *(np.flatnonzero(other) + 1).tolist()] if len(table) else []
+    differs = np.logical_or.reduce([key[1:] != key[:-1] for key in keys])
+    return [0, *(np.flatnonzero(differs) + 1).tolist()] if len(table) else []
 
 
 @lru_cache(maxsize=2)
-def _model(folder: str, digest: str) -> FleetModel:
+def _load_model(folder: str, digest: str) -> FleetModel:
     return load_fleet(folder)
 
 
-def forecast_part(part: BatchPart) -> tuple[str, pa.Table]:
+def _forecast_part(part: _BatchPart) -> tuple[str, pa.Table]:
     """Forecast the trips of a part, and return its name and the rows of the output."""
-    model = _model(part.model, part.digest)
+    model = _load_model(part.model, part.digest)
     table = pa.ipc.open_stream(part.rows).read_all()
     for i, field in enumerate(table.schema):
         if pa.types.is_floating(field.type):  # NaN, as pandas writes it, is a value that is not known
             table = table.set_column(i, field, pc.if_else(pc.is_nan(table[i]), None, table[i]))
-    rows, starts = table.to_pylist(), _starts(table)
-    forecasts = [_row(model, rows[a:b], part) for a, b in pairwise([*starts, len(rows)])]
-    return part.name, pa.Table.from_pylist(forecasts, schema=schema_of(part.quantiles))
+    rows, starts = table.to_pylist(), _trip_starts(table)
+    forecasts = [_forecast_row(model, rows[a:b], part) for a, b in pairwise([*starts, len(rows)])]
+    return part.name, pa.Table.from_pylist(forecasts, schema=output_schema(part.quantiles))
 
 
-def _row(model: FleetModel, links: Sequence[Mapping[str, Any]], part: BatchPart) -> dict[str, Any]:
+def _forecast_row(model: FleetModel, links: Sequence[Mapping[str, Any]], part: _BatchPart) -> dict[str, Any]:
     first = links[0]
-    name, vehicle = f"{first['trip']}", f"{first['vehicle_id']}"
+    trip_id, vehicle = f"{first['trip']}", f"{first['vehicle_id']}"
     try:
         fields = [{n: v for n, v in link.items() if n in LINK_COLUMNS and v is not None} for link in links]
-        plan = route_from_links(fields).plan(trip_id=name)
+        plan = route_from_links(fields).plan(trip_id=trip_id)
         forecast = model.forecast(
             plan,
-            Departure(**{n: first[n] for n in KNOWN if first.get(n) is not None}),
+            Departure(**{n: first[n] for n in DEPARTURE_COLUMNS if first.get(n) is not None}),
             vehicle_id=vehicle,
             car_model=first.get("car_model"),
             driver=first.get("driver"),
         )
     except InvalidInput as error:
-        return {"vehicle_id": vehicle, "trip": name, "error": f"{error}"}
-    columns = [quantile_column(q, of) for of in ("energy_wh", "soc_arrival") for q in part.quantiles]
+        return {"vehicle_id": vehicle, "trip": trip_id, "error": f"{error}"}
+    columns = [quantile_column(q, name) for name in ("energy_wh", "soc_arrival") for q in part.quantiles]
     return {
         "vehicle_id": vehicle,
-        "trip": name,
+        "trip": trip_id,
         "distance_m": plan.distance_m,
         "duration_s": plan.duration_s,
         "energy_wh": forecast.energy_wh,
@@ -315,21 +317,22 @@ def _row(model: FleetModel, links: Sequence[Mapping[str, Any]], part: BatchPart)
         **dict(zip(columns, np.concatenate(forecast.along.quantiles(part.quantiles)), strict=True)),
         "soc_arrival": forecast.soc_arrival,
         "p_arrive": forecast.p_arrive(part.reserve),
-        **told(forecast.flags),
+        **flag_columns(forecast.flags),
     }
 
 
-def told(flags: Iterable[Flag]) -> dict[str, Any]:
+def flag_columns(flags: Iterable[Flag]) -> dict[str, Any]:
     """Return flags as columns: their codes in `flags`, their sentences in `reasons`, the departure fields not given in `assumed`.
 
     Examples
     --------
-    >>> told([Flag("soc_assumed", "soc", 0.8, "1")])["assumed"]
+    >>> flag_columns([Flag("soc_assumed", "soc", 0.8, "1")])["assumed"]
     'soc'
     """
-    once = list(dict.fromkeys(flags))
+    unique = list(dict.fromkeys(flags))
     return {
-        "flags": list(dict.fromkeys(flag.code for flag in once)),
-        "assumed": ", ".join(dict.fromkeys(flag.subject for flag in once if flag.code in ASSUMED)) or None,
-        "reasons": "; ".join(dict.fromkeys(message(flag).replace("; ", ", ") for flag in once)) or None,
+        "flags": list(dict.fromkeys(flag.code for flag in unique)),
+        "assumed": ", ".join(dict.fromkeys(flag.subject for flag in unique if flag.code in _ASSUMED_CODES))
+        or None,
+        "reasons": "; ".join(dict.fromkeys(message(flag).replace("; ", ", ") for flag in unique)) or None,
     }

@@ -35,31 +35,35 @@ FALSE_CHANGES: Final = 0.05
 """Probability that a change is listed for a fleet without any, for normal errors; shared by all vehicles, days and causes (Bonferroni)."""
 
 MIN_CHANGE: Final = 0.02
-"""Smaller changes are not listed, however certain they are."""
+"""Smaller changes are not listed, however certain they are: a choice, because nobody would act on less."""
 
 MIN_TRIPS: Final = 8
-"""Smallest number of trips before and after a change."""
+"""Smallest number of trips before and after a change: a choice, because fewer do not show their own spread."""
 
-MAX_CHANGES: Final = 3
-"""Largest number of changes of one vehicle and quantity."""
+_MAX_CHANGES: Final = 3
+"""Largest number of changes of one vehicle and quantity: a choice, because a table of more is not read."""
 
 USUAL_CHANGE: Final = 0.08
-"""Prior standard deviation of a change, as a share of the consumption; it makes causes and days comparable."""
+"""Prior standard deviation of a change, as a share of the consumption; it makes causes and days comparable. A choice, because tyres, loads and
+ageing change the consumption by some percent."""
 
-HUBER: Final = 2.0
-READING: Final = 0.003
-"""Usual standard deviation of the difference of two readings of a display [1]; the level is estimated."""
+_HUBER_BOUND: Final = 2.0
+"""Standardised error from which the weight of a trip falls: a choice, because normal errors lose little by it (Huber 1964 gives 1 to 2)."""
+_READING_SD: Final = 0.003
+"""Usual standard deviation of the difference of two readings of a display that shows whole percent [1]: sqrt(2 / 12) of a percent is 0.004.
+The level is estimated."""
 
-DISPLAY: Final = Scales(((0.05, 0.03), (0.05, 0.01)), 1.0, (0, 1, 1, 1), 0.3)
+_DISPLAY_SCALES: Final = Scales(((0.05, 0.03), (0.05, 0.01)), 1.0, (0, 1, 1, 1), 0.3)
 """Usual scales of the displayed charge that an energy takes, of car models and vehicles: of its level, and of the effects of cold, years
-and the level of the charge on it."""
+and the level of the charge on it. Choices that only begin the search for the estimated scales."""
 
-SISTERS: Final = 5
-"""Number of vehicles of a car model from which on their common deviation in a month is not taken for a change of each of them."""
+_MIN_VEHICLES: Final = 5
+"""Vehicles of a car model that are needed to tell their common deviation in a month from a change of each: a choice, because the median
+of five ignores two that changed."""
 
 
 @dataclass(frozen=True, eq=False)
-class Series:
+class VehicleSeries:
     """Trips of one vehicle in the order of time: measured minus expected values, and the terms that may explain them.
 
     Attributes
@@ -69,11 +73,11 @@ class Series:
     y, variance : ndarray, shape (trips,)
         Measured minus expected value, and its usual variance.
     X : ndarray, shape (trips, terms)
-        Terms of the vehicle's own deviations.
+        Terms that explain the deviations of the vehicle.
     prior : ndarray, shape (terms,)
         Prior variances of the weights of these terms.
     causes : mapping of str to ndarray, shape (terms,)
-        Weights of the terms that add a cause once more, which doubles it.
+        Weights of the terms whose sum is the contribution of a cause to the expected value.
     total : float
         Sum of the expected values of all trips; changes are shares of this sum.
     """
@@ -107,16 +111,16 @@ def changes(posterior: GroupPosterior, rows: TripRows) -> pd.DataFrame:
         a share of the consumption, or of the energy per displayed percent, its standard deviation `sd`, and `z` = change / sd; numbers
         of trips `before` and `after`.
     """
-    series = list(series_of(posterior, rows))
+    series = list(vehicle_series(posterior, rows))
     tests = sum(max(len(s.y) - 2 * MIN_TRIPS, 0) * len(s.causes) for s in series)
-    listed = [row for s in series for row in changes_of(s, FALSE_CHANGES / max(tests, 1))]
+    listed = [row for s in series for row in series_changes(s, FALSE_CHANGES / max(tests, 1))]
     columns = ["vehicle_id", "car_model", "cause", "probability", "since", "from_day", "to_day", "change", "sd", "z",
                "before", "after"]  # fmt: skip
     table = pd.DataFrame(listed, columns=columns)
     return table.sort_values("change", key=np.abs, ascending=False, ignore_index=True)
 
 
-def after_changes(model: FleetModel, rows: TripRows, changed: pd.DataFrame) -> FleetModel:
+def without_trips_before_changes(model: FleetModel, rows: TripRows, changed: pd.DataFrame) -> FleetModel:
     """Return the model without the trips that changed vehicles made before their last change of the consumption.
 
     A change of the battery is left out of account, since it does not change the energy of a trip.
@@ -131,25 +135,28 @@ def after_changes(model: FleetModel, rows: TripRows, changed: pd.DataFrame) -> F
     """
     last = changed[changed["cause"] != BATTERY].groupby("vehicle_id")["since"].max()
     since = pd.to_datetime(pd.Series(rows.texts("vehicle_id")).map(last)).to_numpy()
-    seen = np.isin(rows.texts("digest"), list(model.digests))
-    before = rows.where(seen & (rows.in_time[1] < since))  # no time is before one that is not known
+    fitted = np.isin(rows.texts("digest"), list(model.digests))
+    before = rows.where(
+        fitted & (rows.chronological[1] < since)
+    )  # a comparison with an unknown time is false
     return model.with_sums(model.sums - before.sums) if len(before) else model
 
 
-def said_of_need(changed: pd.DataFrame) -> dict[str, str]:
+def need_notes(changed: pd.DataFrame) -> dict[str, str]:
     """Say for each changed vehicle whether its need contains its last change of the consumption, and of the battery."""
-    said: dict[tuple[str, bool], str] = {}
+    notes: dict[tuple[str, bool], str] = {}
     for row in changed.sort_values("since", kind="stable").to_dict("records"):
         battery, share = row["cause"] == BATTERY, f"{100.0 * row['change']:+.0f} %".replace("-", "−")
         how = "does not contain its change" if battery else "is that of its trips after its change"
-        what = f"the need {how} of {share} ({row['cause']}, since {row['since']})"
-        said[row["vehicle_id"], battery] = what
-    return {v: "; ".join(said[key] for key in said if key[0] == v) for v, _ in said}
+        notes[row["vehicle_id"], battery] = (
+            f"the need {how} of {share} ({row['cause']}, since {row['since']})"
+        )
+    return {v: "; ".join(notes[key] for key in notes if key[0] == v) for v, _ in notes}
 
 
-def series_of(posterior: GroupPosterior, rows: TripRows) -> Iterator[Series]:
+def vehicle_series(posterior: GroupPosterior, rows: TripRows) -> Iterator[VehicleSeries]:
     """Yield a series of the energy of each vehicle, and one of the displayed charge if it was logged."""
-    order, day = rows.in_time
+    order, day = rows.chronological
     if not len(order):
         return
     rows, day = rows.take(order, sort=False), day[order]
@@ -157,7 +164,7 @@ def series_of(posterior: GroupPosterior, rows: TripRows) -> Iterator[Series]:
     causes = {name: np.isin(FEATURES, parts) / SCALES for name, parts in CAUSES.items()}
     amounts = rows.numbers("simulated_wh"), rows.residual_wh, rows.numbers("variance_wh2")
     trips = rows.groups
-    yield from _by_vehicle(posterior, trips, day, X, *amounts, causes)
+    yield from _series_by_vehicle(posterior, trips, day, X, *amounts, causes)
 
     start, end = rows.numbers("displayed_start"), rows.numbers("displayed_end")
     read = np.flatnonzero((start - end > 0.0) & (observed > 0.0))
@@ -171,35 +178,37 @@ def series_of(posterior: GroupPosterior, rows: TripRows) -> Iterator[Series]:
     )
     years = (day[read] - day[0]) / np.timedelta64(365, "D")
     terms = np.column_stack([np.ones(len(read)), cold / WARM_DEGC, years, 0.5 * (start + end)[read] - 0.5])
-    X, y, n = share[:, None] * terms, (start - end)[read] - share, READING**2 + (0.01 * share) ** 2
+    X, y, n = share[:, None] * terms, (start - end)[read] - share, _READING_SD**2 + (0.01 * share) ** 2
     by_group = sorted(range(len(read)), key=lambda i: groups[i])
     sums = Sums.from_trips([groups[i] for i in by_group], X[by_group], y[by_group], n[by_group])
-    display = group_posterior(sums, fit_scales(sums, DISPLAY))
-    yield from _by_vehicle(display, groups, day[read], X, share, y, n, {BATTERY: np.eye(terms.shape[1])[0]})
+    display = group_posterior(sums, fit_scales(sums, _DISPLAY_SCALES))
+    yield from _series_by_vehicle(
+        display, groups, day[read], X, share, y, n, {BATTERY: np.eye(terms.shape[1])[0]}
+    )
 
 
-def _by_vehicle(
+def _series_by_vehicle(
     posterior: GroupPosterior, groups: Sequence[tuple[str, ...]], day: Any, X: FloatArray, expected: FloatArray, residual: FloatArray,
     variance: FloatArray, causes: Mapping[str, FloatArray],
-) -> list[Series]:  # fmt: skip
+) -> list[VehicleSeries]:  # fmt: skip
     """Make a series of each vehicle from trips in the order of time.
 
-    The residuals are those after the car model and the drivers, minus the common deviation of the month (`common_of_month`).
+    The residuals are those after the car model and the drivers, minus the common deviation of the month (`common_monthly_deviation`).
     """
     names = sorted(set(groups))
     place = {name: k for k, name in enumerate(names)}
     code = np.array([place[group] for group in groups])
     base = np.array([posterior.weights(name[0])[0] for name in names])
-    own = np.array([posterior.weights(*name[:2])[0] for name in names])
-    driver = np.array([posterior.weights(*name)[0] for name in names]) - own
-    known = (X * (base + driver)[code]).sum(axis=1)
-    expected, y = expected + known, residual - known
+    of_vehicle = np.array([posterior.weights(*name[:2])[0] for name in names])
+    driver = np.array([posterior.weights(*name)[0] for name in names]) - of_vehicle
+    correction = (X * (base + driver)[code]).sum(axis=1)
+    expected, y = expected + correction, residual - correction
     model, vehicle = (np.array([group[k] for group in groups]) for k in (0, 1))
-    relative = (y - (X * (own - base)[code]).sum(axis=1)) / np.maximum(np.abs(expected), 1e-9)
-    y = y - expected * common_of_month(model, vehicle, day, relative)
+    relative = (y - (X * (of_vehicle - base)[code]).sum(axis=1)) / np.maximum(np.abs(expected), 1e-9)
+    y = y - expected * common_monthly_deviation(model, vehicle, day, relative)
     prior = posterior.scales.variances(2)
     return [
-        Series(
+        VehicleSeries(
             str(name),
             str(model[i[0]]),
             day[i],
@@ -214,34 +223,34 @@ def _by_vehicle(
     ]
 
 
-def common_of_month(model: Any, vehicle: Any, day: Any, relative: FloatArray) -> FloatArray:
+def common_monthly_deviation(model: Any, vehicle: Any, day: Any, relative: FloatArray) -> FloatArray:
     """Return the common relative deviation of the vehicles of a car model in the month of each trip, shape (trips,).
 
-    It is the median of the medians of the vehicles, and 0 if there are fewer than `SISTERS` vehicles.
+    It is the median of the medians of the vehicles, and 0 if there are fewer than `_MIN_VEHICLES` vehicles.
     """
     frame = pd.DataFrame(
         {"model": model, "month": day.astype("datetime64[M]"), "vehicle": vehicle, "r": relative}
     )
     medians = frame.groupby(["model", "month", "vehicle"])["r"].median().groupby(["model", "month"])
-    common = medians.median().where(medians.size() >= SISTERS, 0.0).rename("common")
+    common = medians.median().where(medians.size() >= _MIN_VEHICLES, 0.0).rename("common")
     return np.asarray(frame.join(common, on=["model", "month"])["common"], dtype=np.float64)
 
 
-def changes_of(series: Series, chance: float) -> Iterator[dict[str, object]]:
-    """Yield the changes of one series, the most certain first, each estimated together with those before.
+def series_changes(series: VehicleSeries, chance: float) -> Iterator[dict[str, object]]:
+    """Yield the changes of one series, the most certain first; each change is estimated together with those before it.
 
     Parameters
     ----------
-    series : Series
+    series : VehicleSeries
     chance : float
         Largest p-value of a test with which a change is listed.
     """
     from scipy.stats import t as student
 
     X, prior = series.X, series.prior
-    free = np.append(True, series.day[1:] != series.day[:-1])  # a day's trips stay together
-    for _ in range(MAX_CHANGES):
-        scan = Scan.of(series, X, prior, free)
+    may_begin = np.append(True, series.day[1:] != series.day[:-1])  # a change begins on a day, not within one
+    for _ in range(_MAX_CHANGES):
+        scan = ChangeScan.from_series(series, X, prior, may_begin)
         if scan is None:
             return
         cause, k, share, sd = scan.best()
@@ -265,18 +274,18 @@ def changes_of(series: Series, chance: float) -> Iterator[dict[str, object]]:
         }
         step = (series.X @ series.causes[cause]) * (np.arange(len(series.y)) >= k)
         X, prior = np.column_stack([X, step]), np.append(prior, 1e2)
-        free &= np.abs(np.arange(len(free)) - k) >= MIN_TRIPS
+        may_begin &= np.abs(np.arange(len(may_begin)) - k) >= MIN_TRIPS
 
 
 @dataclass(frozen=True, eq=False)
-class Scan:
-    """Estimates of a change by each cause from each trip on, made together with the vehicle's own deviations.
+class ChangeScan:
+    """Estimates of a change by each cause from each trip on, made together with the deviations of the vehicle.
 
     Attributes
     ----------
     names : tuple of str
         Names of the causes.
-    first : int
+    first_trip : int
         Number of the trip of the first column.
     share, sd : ndarray, shape (causes, places)
         Estimated change of the total and its standard deviation [1].
@@ -285,33 +294,35 @@ class Scan:
     """
 
     names: tuple[str, ...]
-    first: int
+    first_trip: int
     share: FloatArray
     sd: FloatArray
     evidence: FloatArray
 
     @classmethod
-    def of(cls, series: Series, X: FloatArray, prior: FloatArray, free: BoolArray) -> Scan | None:
-        """Scan all causes and the `free` trips of a series; returns None if it has fewer than 2 x `MIN_TRIPS` trips.
+    def from_series(
+        cls, series: VehicleSeries, X: FloatArray, prior: FloatArray, may_begin: BoolArray
+    ) -> ChangeScan | None:
+        """Estimate a change by each cause from each trip at which a change may begin.
 
-        The scan is done twice: the level of the errors and the weights of outlying trips are those with the likeliest change of the
-        first scan.
+        The first scan weighs trips by their errors without a change, the second by their errors with the likeliest change of the first.
+        Returns None if the series has fewer than 2 x `MIN_TRIPS` trips.
         """
         n = len(series.y)
         if n < 2 * MIN_TRIPS:
             return None
-        scan, terms, own = None, X, prior
+        scan, terms, variances = None, X, prior
         for _ in range(2):
-            scan = cls._weighted(series, X, prior, free, _weights(series, terms, own))
+            scan = cls._weighted(series, X, prior, may_begin, _trip_weights(series, terms, variances))
             cause, k, *_ = scan.best()
             step = (series.X @ series.causes[cause]) * (np.arange(n) >= k)
-            terms, own = np.column_stack([X, step]), np.append(prior, 1e2)
+            terms, variances = np.column_stack([X, step]), np.append(prior, 1e2)
         return scan
 
     @classmethod
     def _weighted(
-        cls, series: Series, X: FloatArray, prior: FloatArray, free: BoolArray, w: FloatArray
-    ) -> Scan:
+        cls, series: VehicleSeries, X: FloatArray, prior: FloatArray, may_begin: BoolArray, w: FloatArray
+    ) -> ChangeScan:
         inverse = np.linalg.inv((X.T * w) @ X + np.diag(1.0 / prior))
         fit = series.y - X @ (inverse @ (X.T @ (w * series.y)))
         places = slice(MIN_TRIPS, len(w) - MIN_TRIPS + 1)
@@ -323,12 +334,14 @@ class Scan:
                 for values in (X * (w * z)[:, None], w * z * z, w * z * fit)
             )
             information = square - np.einsum("kp,pq,kq->k", both, inverse, both)
-            known = free[places] & (information > 1e-9 * np.maximum(square, 1e-30))
-            sds.append(np.where(known, 1.0 / np.sqrt(np.where(known, information, 1.0)), np.inf))
-            shares.append(np.where(known, error / np.where(known, information, 1.0), 0.0))
-        # a rise of a cause by all of itself, as a share of the total
-        unit = np.array([[(series.X @ weights).sum() / series.total] for weights in series.causes.values()])
-        share, sd = np.array(shares) * unit, np.maximum(np.array(sds) * unit, 1e-12)
+            estimable = may_begin[places] & (information > 1e-9 * np.maximum(square, 1e-30))
+            sds.append(np.where(estimable, 1.0 / np.sqrt(np.where(estimable, information, 1.0)), np.inf))
+            shares.append(np.where(estimable, error / np.where(estimable, information, 1.0), 0.0))
+        # doubling a cause raises the total by this share
+        doubling = np.array(
+            [[(series.X @ weights).sum() / series.total] for weights in series.causes.values()]
+        )
+        share, sd = np.array(shares) * doubling, np.maximum(np.array(sds) * doubling, 1e-12)
         ratio = USUAL_CHANGE**2 / sd**2
         evidence = 0.5 * (share / sd) ** 2 * ratio / (1.0 + ratio) - 0.5 * np.log1p(ratio)
         return cls(tuple(series.causes), MIN_TRIPS, share, sd, evidence)
@@ -336,7 +349,7 @@ class Scan:
     def best(self) -> tuple[str, int, float, float]:
         """Return the likeliest cause and first trip, with the change and its standard deviation."""
         c, k = np.unravel_index(int(np.argmax(self.evidence)), self.evidence.shape)
-        return self.names[c], self.first + int(k), float(self.share[c, k]), float(self.sd[c, k])
+        return self.names[c], self.first_trip + int(k), float(self.share[c, k]), float(self.sd[c, k])
 
     def certainty(self, cause: str, day: Any) -> tuple[float, Any, Any, Any]:
         """Return the probability of a cause, the likeliest first day in the likeliest month, and the 95 % interval of the first day.
@@ -344,24 +357,24 @@ class Scan:
         A change may have begun on any day after the last trip without it, up to the day of the first trip with it.
         """
         probability = np.exp(self.evidence - self.evidence.max())
-        mine = probability[self.names.index(cause)]
-        places = np.arange(self.first, self.first + len(mine))
+        of_cause = probability[self.names.index(cause)]
+        places = np.arange(self.first_trip, self.first_trip + len(of_cause))
         days = np.arange(day[places[0] - 1] + 1, day[places[-1]] + 1)
         k = np.searchsorted(day, days)
-        density = mine[k - self.first] / (day[k] - day[k - 1]).astype(np.float64)
+        density = of_cause[k - self.first_trip] / (day[k] - day[k - 1]).astype(np.float64)
         month = days.astype("datetime64[M]").astype(np.int64)
-        of_month = np.bincount(month - month[0], density)
-        since = days[np.argmax(density * (month == month[0] + np.argmax(of_month)))]
+        monthly = np.bincount(month - month[0], density)
+        since = days[np.argmax(density * (month == month[0] + np.argmax(monthly)))]
         ends = np.searchsorted(np.cumsum(density) / density.sum(), (0.025, 0.975))
-        return float(mine.sum() / probability.sum()), since, *days[ends]
+        return float(of_cause.sum() / probability.sum()), since, *days[ends]
 
 
-def _weights(series: Series, X: FloatArray, prior: FloatArray) -> FloatArray:
-    """Return the weights of trips: inverse variances scaled by the median error, reduced beyond `HUBER` standard deviations."""
+def _trip_weights(series: VehicleSeries, X: FloatArray, prior: FloatArray) -> FloatArray:
+    """Return the weights of trips: inverse variances scaled by the median error, reduced beyond `_HUBER_BOUND` standard deviations."""
     w = 1.0 / series.variance
     for _ in range(2):
         inverse = np.linalg.inv((X.T * w) @ X + np.diag(1.0 / prior))
         z = np.abs(series.y - X @ (inverse @ (X.T @ (w * series.y)))) / np.sqrt(series.variance)
         level = 1.4826 * float(np.median(z)) * np.sqrt(len(z) / max(len(z) - len(prior) / 2.0, 1.0)) + 1e-9
-        w = np.minimum(1.0, HUBER / np.maximum(z / level, 1e-9)) / (level**2 * series.variance)
+        w = np.minimum(1.0, _HUBER_BOUND / np.maximum(z / level, 1e-9)) / (level**2 * series.variance)
     return np.asarray(w)

@@ -14,13 +14,14 @@ from tripwatt.fleet.features import segment_features
 from tripwatt.hybrid import SegmentTable
 from tripwatt.hybrid.power import TREE_FEATURES, PowerCorrector
 
-TREE_SETTINGS: Final = shipped_toml("fleet/trees.toml")
-MAX_ROUNDS: Final = 120
-MIN_GAIN: Final = 0.01
-"""Trees are used only if they lower the held-out error of trips by at least this share."""
+_TREE_SETTINGS: Final = shipped_toml("fleet/trees.toml")
+_MAX_ROUNDS: Final = 120
+"""A choice, because more rounds did not lower the held-out error of the benchmark fleets and take longer."""
+_MIN_GAIN: Final = 0.01
+"""Trees are used only if they lower the held-out error of trips by at least this share: a choice, because less is within chance."""
 
 
-def tree_columns(table: SegmentTable) -> FloatArray:
+def _tree_columns(table: SegmentTable) -> FloatArray:
     """Return the features of the trees from a table, shape (segments, columns); NaN if unknown."""
     return np.asarray(table.features[list(TREE_FEATURES)].to_numpy(dtype=np.float64))
 
@@ -41,7 +42,7 @@ class FleetTrees:
         """Predict the residual power [W], shape (segments,)."""
         if not self.text:
             return np.zeros(len(table.hours))
-        return np.asarray(_booster(self.text).predict(tree_columns(table), num_threads=1), dtype=np.float64)
+        return np.asarray(_booster(self.text).predict(_tree_columns(table), num_threads=1), dtype=np.float64)
 
     @classmethod
     def fit(cls, table: SegmentTable, residual_w: FloatArray, rounds: int, seed: int) -> FleetTrees:
@@ -61,9 +62,9 @@ class FleetTrees:
 
         weight = 1.0 / np.diff(table.offsets)[table.groups]
         data = lightgbm.Dataset(
-            tree_columns(table), residual_w, weight=weight / weight.mean(), free_raw_data=True
+            _tree_columns(table), residual_w, weight=weight / weight.mean(), free_raw_data=True
         )
-        booster = lightgbm.train({**TREE_SETTINGS, "seed": seed}, data, num_boost_round=rounds)
+        booster = lightgbm.train({**_TREE_SETTINGS, "seed": seed}, data, num_boost_round=rounds)
         return cls(booster.model_to_string())
 
 
@@ -78,7 +79,7 @@ def _booster(text: str) -> Any:
 def choose_rounds(
     table: SegmentTable, residual_w: FloatArray, folds: IntArray, seed: int, step: int = 20
 ) -> tuple[int, FloatArray]:
-    """Choose the number of boosting rounds with the smallest energy error of held-out trips; return it and the held-out prediction [W].
+    """Return the number of boosting rounds with the smallest energy error of held-out trips, and its held-out prediction [W].
 
     Parameters
     ----------
@@ -87,27 +88,27 @@ def choose_rounds(
     folds : ndarray of int, shape (trips,)
     seed : int
     step : int
-        Numbers of rounds tried are multiples of this step. The result is 0 if trees lower the error by less than `MIN_GAIN`.
+        Numbers of rounds tried are multiples of this step. The result is 0 if trees lower the error by less than `_MIN_GAIN`.
     """
     import lightgbm
 
-    counts = list(range(step, MAX_ROUNDS + 1, step))
+    counts = list(range(step, _MAX_ROUNDS + 1, step))
     predictions = np.zeros((len(counts), len(residual_w)))
-    of_row = folds[table.groups]
-    X = tree_columns(table)
+    row_folds = folds[table.groups]
+    X = _tree_columns(table)
     weight = 1.0 / np.diff(table.offsets)[table.groups]
     for fold in np.unique(folds):
-        train, held = of_row != fold, of_row == fold
+        train, held_out = row_folds != fold, row_folds == fold
         if not train.any():
             continue
         data = lightgbm.Dataset(X[train], residual_w[train], weight=weight[train] / weight[train].mean())
-        booster = lightgbm.train({**TREE_SETTINGS, "seed": seed}, data, num_boost_round=MAX_ROUNDS)
+        booster = lightgbm.train({**_TREE_SETTINGS, "seed": seed}, data, num_boost_round=_MAX_ROUNDS)
         for i, count in enumerate(counts):
-            predictions[i, held] = booster.predict(X[held], num_iteration=count, num_threads=1)
+            predictions[i, held_out] = booster.predict(X[held_out], num_iteration=count, num_threads=1)
     before = float(np.mean(np.abs(table.totals_wh(residual_w))))
     errors = [float(np.mean(np.abs(table.totals_wh(residual_w - prediction)))) for prediction in predictions]
     best = int(np.argmin(errors))
-    if errors[best] > (1.0 - MIN_GAIN) * before:
+    if errors[best] > (1.0 - _MIN_GAIN) * before:
         return 0, np.zeros(len(residual_w))
     return counts[best], predictions[best]
 

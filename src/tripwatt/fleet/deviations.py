@@ -1,4 +1,4 @@
-"""How far vehicles and drivers deviate from others, and trips from their forecasts, by the linear part of a fleet's model."""
+"""Deviations of vehicles and drivers from others, and of trips from their forecasts, by the linear part of a fleet's model."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ PARTS: Final = {"driving": ~(_BASE | _CLIMATE), "climate": _CLIMATE, "base_load"
 """Masks of the features that belong to each part of a deviation."""
 
 
-def with_errors(posterior: GroupPosterior, rows: TripRows) -> tuple[FloatArray, FloatArray]:
+def predict_with_error(posterior: GroupPosterior, rows: TripRows) -> tuple[FloatArray, FloatArray]:
     """Predict the energy of trips [Wh], and its standard deviation including the trip's own error [Wh]."""
     energy, sd = predict_rows(posterior, rows)
     return energy, np.hypot(sd, np.sqrt(posterior.scales.noise * rows.numbers("variance_wh2")))
@@ -49,17 +49,17 @@ def deviations(posterior: GroupPosterior, rows: TripRows, *, drivers: bool = Fal
         `base_load` [1].
     """
     depth = 3 if drivers else 2
-    trips = Counter(group[:depth] for group in rows.groups if all(group[:depth]))
+    trip_counts = Counter(group[:depth] for group in rows.groups if all(group[:depth]))
     models, X = rows.texts("car_model"), rows.X
     base_wh = pd.Series(rows.numbers("simulated_wh")).groupby(models).mean()
     usual = pd.DataFrame(X).groupby(models).mean()
     table = []
-    for group, number in trips.items():
+    for group, number in trip_counts.items():
         x = usual.loc[group[0]].to_numpy()
-        of_group, covariance = posterior.weights(*group)
-        around = posterior.weights(*group[:-1])[0]
-        mean_wh = float(base_wh[group[0]] + x @ around)
-        parts = [float(x[its] @ (of_group - around)[its]) / mean_wh for its in PARTS.values()]
+        weights, covariance = posterior.weights(*group)
+        parent_weights = posterior.weights(*group[:-1])[0]
+        mean_wh = float(base_wh[group[0]] + x @ parent_weights)
+        parts = [float(x[part] @ (weights - parent_weights)[part]) / mean_wh for part in PARTS.values()]
         table.append((*group, number, sum(parts), float(np.sqrt(x @ covariance @ x)) / mean_wh, *parts))
     columns = [*KEYS[:depth], "trips", "share", "sd", *PARTS]
     return pd.DataFrame(table, columns=columns).sort_values("share", ascending=False, ignore_index=True)
@@ -84,17 +84,17 @@ def drift(posterior: GroupPosterior, rows: TripRows, level: float = LEVEL) -> di
     """
     from scipy.special import ndtri
 
-    energy, sd = with_errors(posterior, rows)
+    energy, sd = predict_with_error(posterior, rows)
     observed = rows.numbers("observed_wh")
     z = (observed - energy) / sd
     relative = (observed - energy) / np.maximum(np.abs(energy), 1.0)
     ids = rows.texts("vehicle_id")
     vehicles = {}
     for vehicle in sorted(set(ids.tolist())):
-        its = ids == vehicle
-        score = float(z[its].mean() * np.sqrt(its.sum()))
+        mask = ids == vehicle
+        score = float(z[mask].mean() * np.sqrt(mask.sum()))
         if abs(score) > 3.0:
-            vehicles[vehicle] = {"trips": int(its.sum()), "bias": float(relative[its].mean()), "z": score}
+            vehicles[vehicle] = {"trips": int(mask.sum()), "bias": float(relative[mask].mean()), "z": score}
     return {
         "trips": len(rows),
         "bias": float(relative.mean()),

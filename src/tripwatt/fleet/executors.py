@@ -1,4 +1,4 @@
-"""Executors for the map over a store: in this process, on the cores of this machine, or on a cluster."""
+"""Executors for the work on a store: in this process, on the cores of this machine, or on a cluster."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from tripwatt.errors import InvalidInput
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 
-AHEAD: Final = 4
-"""Tasks per worker that are submitted at once, so that memory does not grow with the number of tasks."""
+_TASKS_PER_WORKER: Final = 4
+"""Tasks per worker that are submitted at once: a choice, because it keeps workers busy and bounds the memory."""
 
 CLUSTER_WAIT_S: Final = 30.0
-"""Time [s] within which a cluster has to answer."""
+"""Time [s] within which a cluster has to answer: a choice, because workers of a cluster may take some seconds to start."""
 
 
 class InProcess(Executor):
@@ -64,34 +64,34 @@ def executor_for(n_jobs: int = 1, cluster: str | None = None) -> Iterator[tuple[
     (1, 2)
     """
     if cluster is not None:
-        with _dask(cluster) as workers:
+        with _dask_executor(cluster) as workers:
             yield workers
     elif n_jobs == 1:
         yield InProcess(), 1
     elif n_jobs < 1:
         raise InvalidInput.of("value out of range", "n_jobs", f"{n_jobs}", "at least 1")
     else:
-        with ProcessPoolExecutor(n_jobs, mp_context=_processes()) as pool:
+        with ProcessPoolExecutor(n_jobs, mp_context=_process_context()) as pool:
             yield pool, n_jobs
 
 
-def _processes() -> BaseContext:
-    """Return the way to start processes: forks of a server process that has imported their modules, or spawn if there are no forks."""
+def _process_context() -> BaseContext:
+    """Return the start method of processes: forks of a server that has import_extra their modules, or spawn where that is missing."""
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")
     from multiprocessing import forkserver
 
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(["tripwatt.fleet.batch"])
-    forkserver.ensure_running()  # it imports while this process does
+    forkserver.ensure_running()  # the server imports its modules while this process goes on
     return context
 
 
 @contextmanager
-def _dask(cluster: str) -> Iterator[tuple[Executor, int]]:
-    from tripwatt.fleet.store.delta import imported  # slow to import
+def _dask_executor(cluster: str) -> Iterator[tuple[Executor, int]]:
+    from tripwatt.fleet.store.delta import import_extra  # slow to import
 
-    distributed = imported("distributed", "for clusters", "fleet")
+    distributed = import_extra("distributed", "for clusters", "fleet")
     try:
         client = distributed.Client(cluster, timeout=CLUSTER_WAIT_S, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:
@@ -101,7 +101,7 @@ def _dask(cluster: str) -> Iterator[tuple[Executor, int]]:
     try:
         client.wait_for_workers(1, timeout=CLUSTER_WAIT_S)
         workers = sum(client.nthreads().values())
-        # a task is a pure function of immutable files, so a lost worker's tasks run again elsewhere
+        # tasks can be repeated on another worker, since they are pure functions of immutable files
         yield client.get_executor(pure=False, retries=3), max(workers, 1)
     except TimeoutError as error:
         raise InvalidInput.of("cluster has no workers", cluster, "", "at least one worker") from error
@@ -112,12 +112,12 @@ def _dask(cluster: str) -> Iterator[tuple[Executor, int]]:
 def map_bounded(
     executor: Executor, workers: int, function: Callable[[Task], Result], tasks: Iterable[Task]
 ) -> Iterator[Result]:
-    """Map a function over tasks, and yield results as they finish; at most `AHEAD` tasks per worker are submitted at once."""
+    """Map a function over tasks, and yield results as they finish; at most `_TASKS_PER_WORKER` tasks per worker are submitted at once."""
     waiting: set[Future[Result]] = set()
     remaining = iter(tasks)
     try:
         while True:
-            for task in islice(remaining, AHEAD * workers - len(waiting)):
+            for task in islice(remaining, _TASKS_PER_WORKER * workers - len(waiting)):
                 waiting.add(executor.submit(function, task))
             if not waiting:
                 return

@@ -12,19 +12,20 @@ from tripwatt.hybrid.groups import Scales
 from tripwatt.hybrid.segments import LINE_CAUSES
 
 WARM_DEGC: Final = 20.0
-"""Outside air [°C] at which neither heating nor cooling is expected."""
+"""Outside air [°C] at which neither heating nor cooling is expected: a choice near the usual set-points of cabins."""
 
-SETTLING_S: Final = 900.0
-"""Time constant [s] with which cabin and driveline settle after departure."""
+_SETTLING_S: Final = 900.0
+"""Time constant [s] with which cabin and driveline settle after departure: a choice, because
+both take 10 to 30 minutes."""
 
 CLIMATE: Final = ("cold", "hot", "cold_start", "start")
 
 FEATURES: Final = (*LINE_CAUSES, *CLIMATE)
 """Names of the features: simulated power of each cause [W]; kelvin below (`cold`) and above (`hot`) `WARM_DEGC` [K]; with the factor
-exp(-time since departure / `SETTLING_S`), `cold` again (`cold_start`) [K], and the factor itself (`start`) [1]."""
+exp(-time since departure / `_SETTLING_S`), `cold` again (`cold_start`) [K], and the factor itself (`start`) [1]."""
 
 SCALES: Final = np.array([0.1] * len(LINE_CAUSES) + [10.0, 10.0, 20.0, 150.0])
-"""Usual size of each weight: a tenth of a cause [1]; W/K of `cold`, `hot` and `cold_start`; W of `start`."""
+"""Usual size of each weight, a choice that only brings the features to one scale: a tenth of a cause [1]; W/K of `cold`, `hot` and `cold_start`; W of `start`."""
 
 START: Final = Scales(
     ((0.5, 0.5), (0.5, 0.5), (0.3, 0.3)), 1.0, (*[0] * len(LINE_CAUSES), *[1] * len(CLIMATE))
@@ -40,7 +41,7 @@ def segment_features(table: SegmentTable) -> FloatArray:
     features = table.features
     ambient = features["ambient_temperature_degc"].to_numpy(dtype=np.float64)
     below = np.where(np.isfinite(ambient), WARM_DEGC - ambient, 0.0)
-    fading = np.exp(-features["time_s"].to_numpy(dtype=np.float64) / SETTLING_S)
+    fading = np.exp(-features["time_s"].to_numpy(dtype=np.float64) / _SETTLING_S)
     cold, hot = np.maximum(below, 0.0), np.maximum(-below, 0.0)
     causes = [features[f"{cause}_w"].to_numpy(dtype=np.float64) for cause in LINE_CAUSES]
     return np.asarray(np.column_stack([*causes, cold, hot, cold * fading, fading]) * SCALES, dtype=np.float64)
@@ -56,8 +57,8 @@ def trip_features(table: SegmentTable) -> FloatArray:
 def trip_variance_wh2(table: SegmentTable) -> FloatArray:
     """Return the usual variance of the error of each trip [Wh²], shape (trips,).
 
-    The standard deviation is 40 Wh, and 5 % of the energy moved at the wheels (root of the sum of squares). Only the ratios between
-    trips count; the level is estimated.
+    The variance is (40 Wh)² + (5 % of the energy moved at the wheels)². Only the ratios between trips count, since the level is
+    estimated.
     """
     moved = table.totals_wh(table.features["moved_w"].to_numpy(dtype=np.float64))
     return np.asarray(40.0**2 + (0.05 * moved) ** 2)

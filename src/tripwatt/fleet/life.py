@@ -8,7 +8,7 @@ from concurrent.futures import Executor
 from pathlib import Path
 
 from tripwatt.errors import InvalidInput
-from tripwatt.fleet.mapping import SampledTrips, map_store, tasks_of
+from tripwatt.fleet.mapping import SampledTrips, file_tasks, map_store
 from tripwatt.fleet.model import Sampling, fit_fleet, update_fleet
 from tripwatt.fleet.registry import Comparison, Registry, compare
 from tripwatt.fleet.store import TripStore
@@ -50,23 +50,23 @@ def refit_fleet(
     InvalidInput
         If the store has no times of departure, or no trip with measured energy in the newest weeks.
     """
-    last = store.about()["last"]
-    if last is None:
+    last_departure = store.about()["last"]
+    if last_departure is None:
         raise InvalidInput.of("times of departure are missing", store.place, "", "trips with a departure")
-    cut = (dt.datetime.fromisoformat(last) - dt.timedelta(weeks=weeks)).isoformat()
+    cut = (dt.datetime.fromisoformat(last_departure) - dt.timedelta(weeks=weeks)).isoformat()
     champion = registry.load()
     challenger = fit_fleet(
         store, work, executor, workers, which={"until": cut}, sampling=sampling, progress=progress
     )
     newest = store.trip_rows(since=cut)
-    wanted = frozenset(row["digest"] for row in newest)
-    results = map_store(tasks_of(store, newest, work, wanted), executor, workers)
+    digests = frozenset(row["digest"] for row in newest)
+    results = map_store(file_tasks(store, newest, work, digests), executor, workers)
     sample = SampledTrips.read([r.segments for r in results if r.segments])
     comparison = compare(champion, challenger, sample)
     if comparison.worse:
         version = registry.add(challenger, f"refit until {cut}, worse than the version in use")
         return version, comparison, False
-    complete, _ = update_fleet(challenger, store, work, executor, workers)
-    version = registry.add(complete, f"refit until {cut}, then updated")
+    updated, _ = update_fleet(challenger, store, work, executor, workers)
+    version = registry.add(updated, f"refit until {cut}, then updated")
     registry.promote(version, comparison)
     return version, comparison, True

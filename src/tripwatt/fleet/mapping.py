@@ -1,6 +1,6 @@
-"""One map over a store: from every data file to the rows of its trips, and to the segments of a sample of them.
+"""Compute the rows of all trips of a store and the segments of a sample of them, data file by data file.
 
-`rows_of_file` is a pure function of one immutable data file and of the trips wanted from it. Its result gets its final name
+`run_task` is a pure function of one immutable data file and of the trips wanted from it. Its result gets its final name
 only when it is complete, and the name is a digest of everything that the result depends on. A run that was killed and started
 again therefore finds its finished results, and computes nothing twice.
 """
@@ -40,16 +40,23 @@ from tripwatt.vehicles import Vehicle, load_vehicle
 VERSION: Final = 2
 """Number to raise whenever the rows of the same trips change."""
 
-_MEASURED: Final = (*REQUIRED_COLUMNS, "voltage_v", "current_a", "observed_energy_wh", "soc", "displayed_soc")
+_MEASURED_COLUMNS: Final = (
+    *REQUIRED_COLUMNS,
+    "voltage_v",
+    "current_a",
+    "observed_energy_wh",
+    "soc",
+    "displayed_soc",
+)
 """Columns of a drive from which its measured power and its charge are computed."""
 
-_ROW: Final = ("digest", "batch", "vehicle_id", "trip_id", "car_model", "driver", "started_at", "as_logged", "drives",
+_TASK_COLUMNS: Final = ("digest", "batch", "vehicle_id", "trip_id", "car_model", "driver", "started_at", "as_logged", "drives",
                "context", "columns", "samples")  # fmt: skip
 """Columns of `trips` that a task carries."""
 
 
 @dataclass(frozen=True, slots=True)
-class FileTask:
+class _FileTask:
     """The trips to read from one data file.
 
     Attributes
@@ -84,7 +91,7 @@ class FileTask:
 
 
 @dataclass(frozen=True, slots=True)
-class FileResult:
+class _FileResult:
     """The files that a task wrote.
 
     Attributes
@@ -103,9 +110,9 @@ class FileResult:
     drives: int
 
 
-def tasks_of(
+def file_tasks(
     store: TripStore, rows: Iterable[Mapping[str, Any]], out: Path | str, sampled: Iterable[str] = ()
-) -> list[FileTask]:
+) -> list[_FileTask]:
     """Make the tasks for some trips of a store; trips without a sound drive or measured energy are left out.
 
     Parameters
@@ -119,16 +126,16 @@ def tasks_of(
         Digests of the trips whose segments are written as well.
     """
     usable = [row for row in rows if row["drives"] and row["energy_wh"] is not None]
-    chosen = frozenset(sampled)
+    sampled = frozenset(sampled)
     folder = str(Path(out).absolute())
     place = store.samples.place
     return [
-        FileTask(
+        _FileTask(
             place if "://" in place else str(Path(place).absolute()),
             dict(store.options),
             part.file.path,
-            tuple({name: row[name] for name in _ROW} for row in part.rows),
-            chosen & {row["digest"] for row in part.rows},
+            tuple({name: row[name] for name in _TASK_COLUMNS} for row in part.rows),
+            sampled & {row["digest"] for row in part.rows},
             folder,
         )
         for part in store.file_trips(usable)
@@ -136,37 +143,37 @@ def tasks_of(
 
 
 def map_store(
-    tasks: Sequence[FileTask],
+    tasks: Sequence[_FileTask],
     executor: Executor,
     workers: int,
     progress: Callable[[int, int], None] | None = None,
-) -> Iterator[FileResult]:
-    """Yield the results of all tasks, first of those that are finished already.
+) -> Iterator[_FileResult]:
+    """Yield the results of all tasks, those of finished tasks first.
 
     Parameters
     ----------
-    tasks : sequence of FileTask
+    tasks : sequence of _FileTask
     executor : Executor
     workers : int
     progress : callable, optional
         Called with (finished tasks, all tasks).
     """
-    there = [_finished(task) for task in tasks]
-    yield from (result for result in there if result is not None)
-    open_tasks = [task for task, result in zip(tasks, there, strict=True) if result is None]
-    made = map_bounded(executor, workers, rows_of_file, open_tasks)
-    for number, result in enumerate(made, len(tasks) - len(open_tasks) + 1):
+    finished = [_read_finished(task) for task in tasks]
+    yield from (result for result in finished if result is not None)
+    open_tasks = [task for task, result in zip(tasks, finished, strict=True) if result is None]
+    new_results = map_bounded(executor, workers, run_task, open_tasks)
+    for number, result in enumerate(new_results, len(tasks) - len(open_tasks) + 1):
         if progress is not None:
             progress(number, len(tasks))
         yield result
 
 
-def rows_of_file(task: FileTask) -> FileResult:
+def run_task(task: _FileTask) -> _FileResult:
     """Audit, simulate, cut and sum up the wanted trips of one data file, and write their rows. A pure function of the file.
 
     Drives that cannot be simulated with their car model, or have no measured energy, are left out.
     """
-    result = _finished(task)
+    result = _read_finished(task)
     if result is not None:
         return result
     files = DeltaFolder(task.place, task.options).filesystem()
@@ -175,34 +182,34 @@ def rows_of_file(task: FileTask) -> FileResult:
     trips = 0
     for row, log in read_file(files, task.path, task.rows):
         trips += 1
-        for drive in drives_of(log, row):
-            table = segments_of(drive, row["car_model"])
+        for drive in sound_drives(log, row):
+            table = drive_segments(drive, row["car_model"])
             if table is None:
                 continue
-            rows.append(row_of(drive, table, row))
+            rows.append(drive_row(drive, table, row))
             if row["digest"] in task.sampled:
-                segments.append(table_of_segments(table, row))
+                segments.append(_segment_rows(table, row))
     out = Path(task.out)
     out.mkdir(parents=True, exist_ok=True)
     if segments:
-        write_whole(pa.concat_tables(segments), _segments_path(task))
+        _write_parquet(pa.concat_tables(segments), _segments_path(task))
     about = {"trips": f"{trips}", "segments": "yes" if segments else ""}
     # rows are written last: if their file exists, the task is finished
-    write_whole(pa.Table.from_pylist(rows, schema=ROWS).replace_schema_metadata(about), _rows_path(task))
-    return FileResult(
+    _write_parquet(pa.Table.from_pylist(rows, schema=ROWS).replace_schema_metadata(about), _rows_path(task))
+    return _FileResult(
         str(_rows_path(task)), str(_segments_path(task)) if segments else None, trips, len(rows)
     )
 
 
-def _rows_path(task: FileTask) -> Path:
+def _rows_path(task: _FileTask) -> Path:
     return Path(task.out) / f"{task.name}.rows.parquet"
 
 
-def _segments_path(task: FileTask) -> Path:
+def _segments_path(task: _FileTask) -> Path:
     return Path(task.out) / f"{task.name}.segments.parquet"
 
 
-def _finished(task: FileTask) -> FileResult | None:
+def _read_finished(task: _FileTask) -> _FileResult | None:
     """Return the result of a task if it is finished, else None."""
     path = _rows_path(task)
     if not path.is_file():
@@ -210,11 +217,11 @@ def _finished(task: FileTask) -> FileResult | None:
     file = pq.ParquetFile(path)
     about = file.schema_arrow.metadata or {}
     segments = str(_segments_path(task)) if about.get(b"segments") else None
-    return FileResult(str(path), segments, int(about[b"trips"]), file.metadata.num_rows)
+    return _FileResult(str(path), segments, int(about[b"trips"]), file.metadata.num_rows)
 
 
-def write_whole(table: pa.Table, path: Path) -> None:
-    """Write a Parquet file that gets its name only when complete; another process may write the same file at the same time."""
+def _write_parquet(table: pa.Table, path: Path) -> None:
+    """Write a Parquet file under a temporary name and rename it when it is complete, since another process may write the same file."""
     partial = path.with_name(f".{path.name}.{uuid.uuid4().hex}")
     try:
         pq.write_table(table, partial, compression="zstd")
@@ -223,12 +230,12 @@ def write_whole(table: pa.Table, path: Path) -> None:
         partial.unlink(missing_ok=True)
 
 
-def drives_of(log: Log, row: Mapping[str, Any]) -> Sequence[Trip]:
-    """Return the sound drives of a stored log: the log itself if its audit changed nothing, else those of a new audit."""
+def sound_drives(log: Log, row: Mapping[str, Any]) -> Sequence[Trip]:
+    """Return the sound drives of a stored log: the log as it is if its audit changed nothing, else the drives of a new audit."""
     return (Trip.from_log(log),) if row["as_logged"] else audit([log]).trips
 
 
-def segments_of(drive: Trip, car_model: str) -> SegmentTable | None:
+def drive_segments(drive: Trip, car_model: str) -> SegmentTable | None:
     """Cut a drive into segments; returns None if it has no measured energy or cannot be simulated.
 
     Parameters
@@ -239,9 +246,9 @@ def segments_of(drive: Trip, car_model: str) -> SegmentTable | None:
     if drive.observed_energy_wh is None:
         return None
     measured = replace(
-        drive, samples=table_of({name: drive.array(name) for name in _MEASURED if name in drive})
+        drive, samples=table_of({name: drive.array(name) for name in _MEASURED_COLUMNS if name in drive})
     )
-    car = car_of(car_model)
+    car = load_car(car_model)
     try:
         plan = Plan.from_trip(drive)
         return segment_table(plan, simulate_trip(car, plan), measured, climb_wh=unknown_climb_wh(plan, car))
@@ -250,7 +257,7 @@ def segments_of(drive: Trip, car_model: str) -> SegmentTable | None:
 
 
 @lru_cache(maxsize=256)
-def car_of(name: str) -> Vehicle:
+def load_car(name: str) -> Vehicle:
     """Load a car of the library or of a TOML file, once in each process.
 
     Raises
@@ -264,7 +271,7 @@ def car_of(name: str) -> Vehicle:
     return load_vehicle(name)
 
 
-def row_of(drive: Trip, table: SegmentTable, row: Mapping[str, Any]) -> dict[str, Any]:
+def drive_row(drive: Trip, table: SegmentTable, row: Mapping[str, Any]) -> dict[str, Any]:
     """Return the row of one drive, with the columns of `ROWS`.
 
     Parameters
@@ -281,7 +288,7 @@ def row_of(drive: Trip, table: SegmentTable, row: Mapping[str, Any]) -> dict[str
     assert table.charge is not None
     readings = table.charge[0, 2:] if np.isfinite(table.charge[0, 2:]).all() else table.charge[0, :2]
     return {
-        **_keys(row, drive.trip_id),
+        **_key_values(row, drive.trip_id),
         "started_at": None if started is None else started.isoformat(),
         "distance_m": drive.distance_m,
         "hours": float(table.hours.sum()),
@@ -295,12 +302,12 @@ def row_of(drive: Trip, table: SegmentTable, row: Mapping[str, Any]) -> dict[str
     }
 
 
-def _keys(row: Mapping[str, Any], drive: str) -> dict[str, str]:
-    known = {**row, "driver": row["driver"] or NO_DRIVER, "drive": drive}
-    return {name: known[name] for name in KEYS}
+def _key_values(row: Mapping[str, Any], drive: str) -> dict[str, str]:
+    values = {**row, "driver": row["driver"] or NO_DRIVER, "drive": drive}
+    return {name: values[name] for name in KEYS}
 
 
-def table_of_segments(table: SegmentTable, row: Mapping[str, Any]) -> pa.Table:
+def _segment_rows(table: SegmentTable, row: Mapping[str, Any]) -> pa.Table:
     """Return the segments of one drive as rows: keys, features, hours, powers and readings of the charge."""
     n = len(table.hours)
     charge = np.full((1, 4), np.nan) if table.charge is None else table.charge
@@ -309,7 +316,7 @@ def table_of_segments(table: SegmentTable, row: Mapping[str, Any]) -> pa.Table:
         {
             **{
                 name: pa.array([text] * n, pa.string())
-                for name, text in _keys(row, table.trip_ids[0]).items()
+                for name, text in _key_values(row, table.trip_ids[0]).items()
             },
             **{f"feature_{name}": v for name, v in values.items()},
             "hours": table.hours,
@@ -360,7 +367,7 @@ class SampledTrips:
         offsets = np.append(drives.index.to_numpy(), len(frame)).astype(np.int64)
         names = [name for name in frame.columns if name.startswith("feature_")]
         features = frame[names].rename(columns=lambda name: name.removeprefix("feature_"))
-        first = frame.iloc[offsets[:-1]]
+        first_segments = frame.iloc[offsets[:-1]]
         table = SegmentTable(
             tuple(f"{d}/{name}" for d, name in zip(drives["digest"], drives["drive"], strict=True)),
             offsets,
@@ -369,18 +376,18 @@ class SampledTrips:
             frame["base_w"].to_numpy(),
             frame["observed_w"].to_numpy(),
             None,
-            first[[f"charge_{k}" for k in range(4)]].to_numpy(dtype=np.float64),
+            first_segments[[f"charge_{k}" for k in range(4)]].to_numpy(dtype=np.float64),
         )
         groups = tuple(drives[keys[:3]].itertuples(index=False, name=None))
         return cls(table, groups, tuple(drives["digest"]))
 
 
-def read_rows(results: Iterable[FileResult]) -> TripRows:
+def read_rows(results: Iterable[_FileResult]) -> TripRows:
     """Read the rows of all results, sorted."""
     return TripRows.join([pq.read_table(result.rows).cast(ROWS) for result in results])
 
 
-def sample_of(
+def sample_digests(
     rows: Sequence[Mapping[str, Any]], per_vehicle: int, vehicles: int, seed: int = 0
 ) -> frozenset[str]:
     """Draw a seeded sample of trips, and return their digests.

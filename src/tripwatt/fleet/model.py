@@ -20,7 +20,7 @@ from tripwatt.arrays import FloatArray, IntArray, by_key
 from tripwatt.errors import InvalidInput
 from tripwatt.fleet.corrector import FleetCorrector, FleetTrees, choose_rounds
 from tripwatt.fleet.features import FEATURES, START
-from tripwatt.fleet.mapping import SampledTrips, car_of, map_store, read_rows, sample_of, tasks_of
+from tripwatt.fleet.mapping import SampledTrips, file_tasks, load_car, map_store, read_rows, sample_digests
 from tripwatt.fleet.statistics import TripRows
 from tripwatt.fleet.store import TripStore
 from tripwatt.forecasting.forecast import Forecast
@@ -34,16 +34,18 @@ from tripwatt.uncertainty import ChargeScale, ConformalScores, UncertaintyModel
 from tripwatt.uncertainty.model import scale_wh
 from tripwatt.uncertainty.process import HeldOutResidual, held_out_residual
 
-FOLDS: Final = 5
-MIN_TRIPS: Final = 8
-PROCESS_TRIPS: Final = 200
-"""Trips on which the residual process is estimated."""
+_FOLDS: Final = 5
+_MIN_TRIPS: Final = 8
+"""A choice, because fewer trips do not show their own spread."""
+_PROCESS_TRIPS: Final = 200
+"""Trips on which the residual process is estimated: a choice, because its few parameters do not gain by more, and each trip is slow."""
 
-MODEL_SCORES: Final = 60
-"""Sampled trips from which on a car model, or a temperature class of all models, has conformal scores of its own."""
+_MIN_SCORES: Final = 60
+"""Sampled trips from which on a car model, or a temperature class of all models, has conformal scores of its own: a choice, because the
+95 % quantile of 60 scores has three above it."""
 
 COLD_DEGC: Final = 8.0
-"""Bound [°C] of the two temperature classes."""
+"""Bound [°C] of the two temperature classes: a choice, because cabin and battery take much heat below it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +79,7 @@ class FleetModel:
     uncertainty : UncertaintyModel
         Uncertainty of the whole fleet.
     scores : mapping of str to ConformalScores
-        Scores of each car model and temperature class ("cold", "mild") with at least `MODEL_SCORES` sampled trips.
+        Scores of each car model and temperature class ("cold", "mild") with at least `_MIN_SCORES` sampled trips.
     charges : mapping of str to ChargeScale
         By car model.
     ranges : mapping of str to Range
@@ -116,12 +118,12 @@ class FleetModel:
         return counts
 
     @cached_property
-    def _models(self) -> dict[str, str]:
+    def _models_by_vehicle(self) -> dict[str, str]:
         return {vehicle: name for name, vehicle in self._counts}
 
     def vehicles(self) -> Mapping[str, str]:
         """Return the car model of each vehicle."""
-        return self._models
+        return self._models_by_vehicle
 
     def of_vehicle(
         self,
@@ -148,21 +150,21 @@ class FleetModel:
         InvalidInput
             If the vehicle is new and no car model is given, or if its trips are of another car model.
         """
-        known = self.vehicles().get(vehicle_id or "")
-        if known is None and car_model is None:
+        fitted_model = self.vehicles().get(vehicle_id or "")
+        if fitted_model is None and car_model is None:
             got, fix = repr(vehicle_id), "give the car model of a new vehicle"
             allowed = f"a vehicle with trips, such as {next(iter(self.vehicles()), '')!r}"
             raise InvalidInput.of("unknown vehicle", "vehicle_id", got, allowed, fix)
-        if known is not None and car_model not in (None, known):
-            raise InvalidInput.of("another car model", "car_model", f"{car_model}", known)
-        name = known or car_model or ""
+        if fitted_model is not None and car_model not in (None, fitted_model):
+            raise InvalidInput.of("another car model", "car_model", f"{car_model}", fitted_model)
+        name = fitted_model or car_model or ""
         mean, covariance = self.posterior.weights(name, vehicle_id, driver)
-        made = ForecastModel(car_of(name), "fleet")
-        made.corrector_ = FleetCorrector.from_weights(mean, covariance, self.trees)
-        made.uncertainty_ = self.uncertainty_of(name, cold)
-        made.ranges_ = self.ranges
-        made.trip_ids_ = ("",) * round(self._counts.get((name, vehicle_id or ""), 0.0))
-        return made
+        model = ForecastModel(load_car(name), "fleet")
+        model.corrector_ = FleetCorrector.from_weights(mean, covariance, self.trees)
+        model.uncertainty_ = self.uncertainty_of(name, cold)
+        model.ranges_ = self.ranges
+        model.trip_ids_ = ("",) * round(self._counts.get((name, vehicle_id or ""), 0.0))
+        return model
 
     def uncertainty_of(self, car_model: str, cold: bool | None = None) -> UncertaintyModel:
         """Return the fleet's uncertainty with the charge scale and the scores of a car model.
@@ -170,10 +172,10 @@ class FleetModel:
         If the car model has no scores, those of the temperature class are used, and else those of the whole fleet.
         """
         temperature = None if cold is None else ("cold" if cold else "mild")
-        own = self.scores.get(car_model)
-        if own is None:
-            own = self.scores.get(temperature or "", self.uncertainty.scores)
-        return replace(self.uncertainty, scores=own, charge=self.charges.get(car_model))
+        scores = self.scores.get(car_model)
+        if scores is None:
+            scores = self.scores.get(temperature or "", self.uncertainty.scores)
+        return replace(self.uncertainty, scores=scores, charge=self.charges.get(car_model))
 
     def forecast(
         self,
@@ -196,8 +198,8 @@ class FleetModel:
         plan = trip.departure.merge(departure)
         ambient = plan.ambient_temperature_degc
         cold = None if ambient is None else ambient < COLD_DEGC
-        own = self.of_vehicle(vehicle_id, car_model=car_model, driver=driver, cold=cold)
-        return own.forecast(trip, departure)
+        vehicle_model = self.of_vehicle(vehicle_id, car_model=car_model, driver=driver, cold=cold)
+        return vehicle_model.forecast(trip, departure)
 
     def with_sums(self, sums: Sums) -> FleetModel:
         """Return the model with other trips in its linear part and the same trees, scales and uncertainty."""
@@ -249,22 +251,22 @@ def fit_fleet(
     Raises
     ------
     InvalidInput
-        If there are fewer than `MIN_TRIPS` sound trips with measured energy.
+        If there are fewer than `_MIN_TRIPS` sound trips with measured energy.
     """
     sampling = sampling or Sampling()
     wanted = store.trip_rows(**(which or {}))
-    chosen = sample_of(wanted, sampling.per_vehicle, sampling.vehicles, sampling.seed)
-    results = list(map_store(tasks_of(store, wanted, work, chosen), executor, workers, progress))
+    chosen = sample_digests(wanted, sampling.per_vehicle, sampling.vehicles, sampling.seed)
+    results = list(map_store(file_tasks(store, wanted, work, chosen), executor, workers, progress))
     rows = read_rows(results)
-    if len(rows) < MIN_TRIPS:
+    if len(rows) < _MIN_TRIPS:
         raise InvalidInput.of(
-            "too few trips", "fleet", f"{len(rows)}", f"at least {MIN_TRIPS} with measured energy"
+            "too few trips", "fleet", f"{len(rows)}", f"at least {_MIN_TRIPS} with measured energy"
         )
     sample = SampledTrips.read([r.segments for r in results if r.segments])
-    return fit_rows(rows, sample, sampling.seed)
+    return _fit_rows(rows, sample, sampling.seed)
 
 
-def fit_rows(rows: TripRows, sample: SampledTrips, seed: int = 0) -> FleetModel:
+def _fit_rows(rows: TripRows, sample: SampledTrips, seed: int = 0) -> FleetModel:
     """Fit a model on rows of trips and the segments of a sample of them.
 
     For trees and uncertainty, the folds of the sampled trips are held out in turn: the sums of a fold are subtracted, and the
@@ -272,15 +274,15 @@ def fit_rows(rows: TripRows, sample: SampledTrips, seed: int = 0) -> FleetModel:
     """
     sums = rows.sums
     scales = fit_scales(sums, START)
-    folds = np.array([int(hashlib.sha256(d.encode()).hexdigest()[:8], 16) % FOLDS for d in sample.digests])
+    folds = np.array([int(hashlib.sha256(d.encode()).hexdigest()[:8], 16) % _FOLDS for d in sample.digests])
     correctors = held_out_correctors(sums, scales, sample, folds)
     linear = np.concatenate([c.predict(sample.table.take([i])) for i, c in enumerate(correctors)])
     rounds, held_out = choose_rounds(sample.table, sample.table.residual_w - linear, folds, seed)
     trees = FleetTrees.fit(sample.table, sample.table.residual_w - linear, rounds, seed)
-    residuals = _residuals(sample.table, correctors, held_out)
+    residuals = _held_out_residuals(sample.table, correctors, held_out)
     # the residual process costs far more per trip than scale and scores
-    some = np.sort(np.random.default_rng(seed).permutation(len(sample))[:PROCESS_TRIPS])
-    uncertainty = UncertaintyModel.from_held_out([residuals[i] for i in some])
+    process_trips = np.sort(np.random.default_rng(seed).permutation(len(sample))[:_PROCESS_TRIPS])
+    uncertainty = UncertaintyModel.from_held_out([residuals[i] for i in process_trips])
     standardised = np.array([r.error_wh for r in residuals]) / scale_wh(uncertainty.scale, residuals)
     uncertainty = replace(uncertainty, scores=ConformalScores.from_errors(standardised.tolist()))
     model = FleetModel(
@@ -288,8 +290,8 @@ def fit_rows(rows: TripRows, sample: SampledTrips, seed: int = 0) -> FleetModel:
         group_posterior(sums, scales),
         trees,
         uncertainty,
-        _scores(sample, standardised),
-        _charges(sample),
+        _scores_by_class(sample, standardised),
+        _charge_scales(sample),
         training_ranges(sample.table),
         frozenset(rows.texts("digest").tolist()),
         len(sample),
@@ -302,26 +304,28 @@ def held_out_correctors(
     sums: Sums, scales: Scales, sample: SampledTrips, folds: IntArray
 ) -> list[FleetCorrector]:
     """Return the linear part for each sampled trip, fitted without the fold of this trip."""
-    made: dict[int, FleetCorrector] = {}
+    correctors: dict[int, FleetCorrector] = {}
     for fold in np.unique(folds):
-        held = np.flatnonzero(folds == fold)
-        left = group_posterior(sums - sample.sums(held), scales)
-        made |= {int(i): FleetCorrector.from_weights(*left.weights(*sample.groups[i])) for i in held}
-    return [made[i] for i in range(len(sample))]
+        held_out = np.flatnonzero(folds == fold)
+        posterior = group_posterior(sums - sample.sums(held_out), scales)
+        correctors |= {
+            int(i): FleetCorrector.from_weights(*posterior.weights(*sample.groups[i])) for i in held_out
+        }
+    return [correctors[i] for i in range(len(sample))]
 
 
-def _residuals(
+def _held_out_residuals(
     table: SegmentTable, correctors: Sequence[FleetCorrector], held_out_w: FloatArray
 ) -> list[HeldOutResidual]:
     residuals = []
     for i, corrector in enumerate(correctors):
-        part = held_out_residual(corrector, table.take([i]))
+        residual = held_out_residual(corrector, table.take([i]))
         rows = slice(int(table.offsets[i]), int(table.offsets[i + 1]))
-        residuals.append(replace(part, residual_w=part.residual_w - held_out_w[rows]))
+        residuals.append(replace(residual, residual_w=residual.residual_w - held_out_w[rows]))
     return residuals
 
 
-def _scores(sample: SampledTrips, standardised: FloatArray) -> dict[str, ConformalScores]:
+def _scores_by_class(sample: SampledTrips, standardised: FloatArray) -> dict[str, ConformalScores]:
     ambient = sample.table.features["ambient_temperature_degc"].to_numpy()[sample.table.offsets[:-1]]
     models = np.array([group[0] for group in sample.groups])
     masks = {name: models == name for name in sorted(set(models.tolist()))}
@@ -329,17 +333,18 @@ def _scores(sample: SampledTrips, standardised: FloatArray) -> dict[str, Conform
     return {
         name: ConformalScores.from_errors(standardised[mask].tolist())
         for name, mask in masks.items()
-        if mask.sum() >= MODEL_SCORES
+        if mask.sum() >= _MIN_SCORES
     }
 
 
-def _charges(sample: SampledTrips) -> dict[str, ChargeScale]:
+def _charge_scales(sample: SampledTrips) -> dict[str, ChargeScale]:
     assert sample.table.charge is not None
     observed = sample.table.totals_wh(sample.table.observed_power_w)
     models = np.array([group[0] for group in sample.groups])
-    rows = {name: models == name for name in sorted(set(models.tolist()))}
+    masks = {name: models == name for name in sorted(set(models.tolist()))}
     scales = {
-        n: ChargeScale.from_readings(sample.table.charge[its], observed[its]) for n, its in rows.items()
+        name: ChargeScale.from_readings(sample.table.charge[mask], observed[mask])
+        for name, mask in masks.items()
     }
     return {name: scale for name, scale in scales.items() if scale is not None}
 
@@ -363,7 +368,7 @@ def update_fleet(
         Rows of the new trips.
     """
     wanted = [row for row in store.trip_rows() if row["digest"] not in model.digests]
-    results = list(map_store(tasks_of(store, wanted, work), executor, workers))
+    results = list(map_store(file_tasks(store, wanted, work), executor, workers))
     rows = read_rows(results)
     if not len(rows):
         return model, rows

@@ -19,7 +19,7 @@ from urllib.parse import quote
 import pandas as pd
 
 from tripwatt.errors import Check, Fault, InvalidInput, places_within
-from tripwatt.fleet.batch import KNOWN, told
+from tripwatt.fleet.batch import DEPARTURE_COLUMNS, flag_columns
 from tripwatt.fleet.model import COLD_DEGC, FleetModel
 from tripwatt.fleet.statistics import TripRows
 from tripwatt.forecasting import Forecast, ForecastModel
@@ -35,16 +35,16 @@ from tripwatt.vehicles import Vehicle
 
 QUANTILE: Final = 0.95
 EFFICIENCY: Final = 0.9
-"""Share of a charger's energy that reaches the battery."""
+"""Share of the energy from an alternating-current charger that reaches the battery: a choice within the usual 0.85 to 0.93."""
 
-MIN_TRIPS: Final = 10
-"""Smallest number of trips with which the mean temperature of a week counts."""
+_MIN_TRIPS: Final = 10
+"""Smallest number of trips with which the mean temperature of a week counts: a choice, because a few trips may be on its coldest day."""
 
-AMBIENT: Final = "ambient_temperature_degc"
-TEXTS: Final = ("vehicle_id", "trip", "departs_at", "car_model", "driver", "kind")
-TRUTHS: Final = {"True": True, "False": False}
-TAKEN: Final = ("distance_m", "energy_wh", "energy_quantile_wh", "soc_taken")
-NEEDS: Final = ("vehicle_id", "car_model", "departs_at", "arrives_at", "trips", *TAKEN[:3], "soc_needed", "soc",
+_AMBIENT: Final = "ambient_temperature_degc"
+_TEXT_COLUMNS: Final = ("vehicle_id", "trip", "departs_at", "car_model", "driver", "kind")
+_TRUTH_VALUES: Final = {"True": True, "False": False}
+_TAKEN_COLUMNS: Final = ("distance_m", "energy_wh", "energy_quantile_wh", "soc_taken")
+_NEED_COLUMNS: Final = ("vehicle_id", "car_model", "departs_at", "arrives_at", "trips", *_TAKEN_COLUMNS[:3], "soc_needed", "soc",
                 "charge_wh", "assumed", "reasons")  # fmt: skip
 
 
@@ -81,19 +81,19 @@ class PlannedTrip:
     driver: str | None
     where: str = ""
 
-    def forecast(self, own: ForecastModel, departure: Departure) -> Forecast:
+    def forecast(self, model: ForecastModel, departure: Departure) -> Forecast:
         """Forecast the trip by the model of a car."""
         if isinstance(self.road, Plan):
-            return own.forecast(self.road, departure)
-        return KindForecaster.from_kind(own, departure, self.kind).forecast(1000.0 * self.road)
+            return model.forecast(self.road, departure)
+        return KindForecaster.from_kind(model, departure, self.kind).forecast(1000.0 * self.road)
 
     def forecast_by(self, fleet: FleetModel) -> tuple[Vehicle, Forecast]:
         """Return the car and its forecast of the trip by the model of a fleet."""
         ambient = self.departure.ambient_temperature_degc
         cold = None if ambient is None else ambient < COLD_DEGC
         with places_within(self.where):
-            own = fleet.of_vehicle(self.vehicle_id, car_model=self.car_model, driver=self.driver, cold=cold)
-            return own.vehicle, self.forecast(own, self.departure)
+            model = fleet.of_vehicle(self.vehicle_id, car_model=self.car_model, driver=self.driver, cold=cold)
+            return model.vehicle, self.forecast(model, self.departure)
 
 
 def read_planned(file: Path | str, ambient_degc: float | None = None) -> list[PlannedTrip]:
@@ -111,31 +111,31 @@ def read_planned(file: Path | str, ambient_degc: float | None = None) -> list[Pl
         If the file cannot be read, if columns are missing or unknown, or if trips cannot be planned.
     """
     read = open_table(Path(file))
-    table = pd.DataFrame({name: _typed(name, read.texts(name)) for name in read.names})
+    table = pd.DataFrame({name: _typed_column(name, read.texts(name)) for name in read.names})
     raise_faults(read.faults)
-    missing = [name for name in TEXTS[:3] if name not in table]
+    missing = [name for name in _TEXT_COLUMNS[:3] if name not in table]
     missing += [] if {"distance_km", "length_m"} & set(table) else ["distance_km or length_m"]
     names = ", ".join(map(str, table))[:200]
     faults = [Fault("missing column", f"{file}", names, f"a column {name}") for name in missing]
-    known = (*TEXTS, "distance_km", *KNOWN, *LINK_COLUMNS)
-    unknown = (name for name in table if name not in known)
-    raise_faults(faults + [Fault.unknown("unknown column", f"{file}", name, known) for name in unknown])
+    allowed = (*_TEXT_COLUMNS, "distance_km", *DEPARTURE_COLUMNS, *LINK_COLUMNS)
+    unknown = (name for name in table if name not in allowed)
+    raise_faults(faults + [Fault.unknown("unknown column", f"{file}", name, allowed) for name in unknown])
     if ambient_degc is not None:
-        table[AMBIENT] = table[AMBIENT].fillna(ambient_degc) if AMBIENT in table else ambient_degc
+        table[_AMBIENT] = table[_AMBIENT].fillna(ambient_degc) if _AMBIENT in table else ambient_degc
     with Check() as check:
-        trips = [check(_planned, its) for _, its in table.groupby([*TEXTS[:3]], sort=False)]
+        trips = [check(_trip_from_rows, rows) for _, rows in table.groupby([*_TEXT_COLUMNS[:3]], sort=False)]
     return trips
 
 
-def _typed(name: str, cells: list[str]) -> pd.Series:
-    """Return a column as numbers if all its cells are numbers, else as texts and truth values; empty cells are missing."""
+def _typed_column(name: str, cells: list[str]) -> pd.Series:
+    """Return a column as numbers if all cells are numbers, else as texts and truth values; empty cells are missing."""
     texts = pd.Series(cells, dtype=object).where(lambda cell: cell != "")
     numbers = pd.to_numeric(texts, errors="coerce")
-    is_number = name not in TEXTS and numbers.notna().equals(texts.notna())
-    return numbers if is_number else texts.map(lambda cell: TRUTHS.get(cell, cell))
+    is_number = name not in _TEXT_COLUMNS and numbers.notna().equals(texts.notna())
+    return numbers if is_number else texts.map(lambda cell: _TRUTH_VALUES.get(cell, cell))
 
 
-def _planned(rows: pd.DataFrame) -> PlannedTrip:
+def _trip_from_rows(rows: pd.DataFrame) -> PlannedTrip:
     """Make a planned trip from its rows."""
     links = [{str(k): v for k, v in row.items() if pd.notna(v)} for row in rows.to_dict("records")]
     first, where = links[0], f"trip {links[0]['trip']} of {links[0]['vehicle_id']}: "
@@ -144,11 +144,11 @@ def _planned(rows: pd.DataFrame) -> PlannedTrip:
         road: Plan | float = route_from_links(fields).plan(trip_id=str(first["trip"]))
     else:
         road = require_number(f"{where}distance_km", first.get("distance_km"), *DISTANCES_KM)
-    known = {name: first[name] for name in KNOWN if name in first and name != "soc"}
+    known = {name: first[name] for name in DEPARTURE_COLUMNS if name in first and name != "soc"}
     return PlannedTrip(
         str(first["trip"]),
         str(first["vehicle_id"]),
-        _time(str(first["departs_at"]), f"{where}departs_at"),
+        _parse_time(str(first["departs_at"]), f"{where}departs_at"),
         road,
         str(first.get("kind", UNKNOWN)),
         Departure(**known),
@@ -159,7 +159,7 @@ def _planned(rows: pd.DataFrame) -> PlannedTrip:
     )
 
 
-def _time(text: str, where: str) -> dt.datetime:
+def _parse_time(text: str, where: str) -> dt.datetime:
     """Read a time from its text; a text without a time zone is in the zone of this machine."""
     try:
         return dt.datetime.fromisoformat(text).astimezone()
@@ -210,35 +210,35 @@ def needs_by_hour(
     forecasts = [(trip, check(trip.forecast_by, model)) for trip in trips]
     (raise_faults if refused is None else refused.extend)(check.faults)
     rows = []
-    for trip, (car, forecast) in (made for made in forecasts if made[1] is not None):
-        (middle, most), (_, soc), duration_s = taken_by(forecast, (0.5, quantile))
-        at = trip.departs_at, trip.departs_at + dt.timedelta(seconds=duration_s)
-        taken = forecast.plan.distance_m, middle, most, max(soc, 1e-6)
+    for trip, (car, forecast) in (pair for pair in forecasts if pair[1] is not None):
+        (median_wh, quantile_wh), (_, soc_taken), duration_s = taken_by(forecast, (0.5, quantile))
+        times = trip.departs_at, trip.departs_at + dt.timedelta(seconds=duration_s)
+        taken = forecast.plan.distance_m, median_wh, quantile_wh, max(soc_taken, 1e-6)
         hour = trip.departs_at.replace(minute=0, second=0, microsecond=0)
         flags = [flag for flag in forecast.flags if flag.code not in OF_CHARGE]
-        rows.append((trip.vehicle_id, car.name, hour, *at, trip.soc, *taken, flags))
-    named = ["vehicle_id", "car_model", "hour", "departs_at", "arrives_at", "soc", *TAKEN, "flags"]
-    table = pd.DataFrame(rows, columns=named).astype(dict.fromkeys((*TAKEN, "soc"), float))
+        rows.append((trip.vehicle_id, car.name, hour, *times, trip.soc, *taken, flags))
+    columns = ["vehicle_id", "car_model", "hour", "departs_at", "arrives_at", "soc", *_TAKEN_COLUMNS, "flags"]
+    table = pd.DataFrame(rows, columns=columns).astype(dict.fromkeys((*_TAKEN_COLUMNS, "soc"), float))
     grouped = table.groupby(["vehicle_id", "hour"])
-    needs = grouped[list(TAKEN)].sum()
+    needs = grouped[list(_TAKEN_COLUMNS)].sum()
     needs["trips"] = grouped.size()
     needs[["car_model", "departs_at"]] = grouped[["car_model", "departs_at"]].min()
     needs["arrives_at"] = grouped["arrives_at"].max()
-    of_hour = [told(chain.from_iterable(its)) for _, its in grouped["flags"]]
-    needs = needs.join(pd.DataFrame(of_hour, needs.index, ["assumed", "reasons"]))
+    hourly_flags = [flag_columns(chain.from_iterable(flags)) for _, flags in grouped["flags"]]
+    needs = needs.join(pd.DataFrame(hourly_flags, needs.index, ["assumed", "reasons"]))
     needs = needs.reset_index()
-    of_vehicle = needs.groupby("vehicle_id")
+    soc_taken = needs.groupby("vehicle_id")["soc_taken"]
     needs["soc"] = needs["vehicle_id"].map(table.groupby("vehicle_id")["soc"].first())
-    so_far = of_vehicle["soc_taken"].cumsum()
-    needs["soc_needed"] = of_vehicle["soc_taken"].transform("sum") - so_far + needs["soc_taken"] + reserve
-    missing = (so_far + reserve - needs["soc"]).clip(lower=0.0)
+    taken_so_far = soc_taken.cumsum()
+    needs["soc_needed"] = soc_taken.transform("sum") - taken_so_far + needs["soc_taken"] + reserve
+    missing = (taken_so_far + reserve - needs["soc"]).clip(lower=0.0)
     before = missing.groupby(needs["vehicle_id"]).shift(fill_value=0.0)
     needs["charge_wh"] = (missing - before) * needs["energy_quantile_wh"] / needs["soc_taken"]
-    return needs[list(NEEDS)]
+    return needs[list(_NEED_COLUMNS)]
 
 
 class Cold(NamedTuple):
-    """An outside temperature for which the cars of routes are chosen.
+    """The cold weather for which the cars of routes are chosen.
 
     Attributes
     ----------
@@ -254,28 +254,28 @@ class Cold(NamedTuple):
 
     ambient_temperature_degc: float
     monday: str | None = None
-    min_trips: int = MIN_TRIPS
+    min_trips: int = _MIN_TRIPS
     colder: Sequence[tuple[str, float, int]] = ()
 
 
 def coldest_week(rows: TripRows) -> Cold | None:
     """Find the week of a fleet's trips with the lowest mean outside temperature.
 
-    Only weeks with at least `MIN_TRIPS` trips count. If there is no such week, only those with the largest number of trips count.
+    Only weeks with at least `_MIN_TRIPS` trips count. If there is no such week, only those with the largest number of trips count.
     Returns None if no trip has a time and a temperature.
     """
-    order, day = rows.in_time
+    order, day = rows.chronological
     ambient = pd.Series(
         rows.numbers("ambient_temperature_degc")[order], pd.DatetimeIndex(day[order])
     ).dropna()
     weeks = ambient.groupby(pd.Grouper(freq="W-MON", label="left", closed="left")).agg(["mean", "size"])
     if weeks.empty:
         return None
-    least = min(MIN_TRIPS, int(weeks["size"].max()))
-    enough = weeks.loc[weeks["size"] >= least, "mean"]
+    min_trips = min(_MIN_TRIPS, int(weeks["size"].max()))
+    enough = weeks.loc[weeks["size"] >= min_trips, "mean"]
     colder = weeks[weeks["mean"] < enough.min()].sort_values("mean")
     skipped = colder.index.strftime("%Y-%m-%d"), colder["mean"].tolist(), colder["size"].tolist()
-    return Cold(float(enough.min()), str(enough.idxmin())[:10], least, list(zip(*skipped, strict=True)))
+    return Cold(float(enough.min()), str(enough.idxmin())[:10], min_trips, list(zip(*skipped, strict=True)))
 
 
 def needs_by_car(
@@ -304,15 +304,18 @@ def needs_by_car(
         Displayed charge to leave with: one row per route, named in the column `trip`, and one column per car model.
     """
     cold = ambient_degc < COLD_DEGC
-    cars = {n: model.of_vehicle(None, car_model=n, cold=cold) for n in sorted(set(model.vehicles().values()))}
+    names = sorted(set(model.vehicles().values()))
+    car_models = {name: model.of_vehicle(None, car_model=name, cold=cold) for name in names}
     needs = {}
     for name, trip in {trip.name: trip for trip in trips}.items():
         weather = replace(
             trip.departure, ambient_temperature_degc=ambient_degc, battery_temperature_degc=None
         )
-        takes = {car: taken_by(trip.forecast(own, weather), (quantile,))[1] for car, own in cars.items()}
-        needs[name] = {car: reserve + float(charge[0]) for car, charge in takes.items()}
-    return pd.DataFrame.from_dict(needs, orient="index", columns=list(cars)).rename_axis("trip").reset_index()
+        needs[name] = {
+            car: reserve + float(taken_by(trip.forecast(car_model, weather), (quantile,))[1][0])
+            for car, car_model in car_models.items()
+        }
+    return pd.DataFrame.from_dict(needs, orient="index", columns=names).rename_axis("trip").reset_index()
 
 
 def emhass(needs: pd.DataFrame, at: dt.datetime, charger_w: float, step_s: float = 1800.0) -> dict[str, Any]:
@@ -356,13 +359,13 @@ def emhass(needs: pd.DataFrame, at: dt.datetime, charger_w: float, step_s: float
     steps = [[(row[name] - at).total_seconds() / step_s for name in ("after", "departs_at")] for row in rows]
     last = [int(end) for _, end in steps]
     step_h = step_s / SECONDS_PER_HOUR
-    whole = loads["charge_wh"] / (EFFICIENCY * charger_w * step_h)
+    steps_needed = loads["charge_wh"] / (EFFICIENCY * charger_w * step_h)
     return {
         "begins_at": at.isoformat(timespec="seconds"),
         "prediction_horizon": max([*last, 1]),
         "number_of_deferrable_loads": len(loads),
         "nominal_power_of_deferrable_loads": [charger_w] * len(loads),
-        "operating_hours_of_each_deferrable_load": [math.ceil(n - 1e-9) * step_h for n in whole],
+        "operating_hours_of_each_deferrable_load": [math.ceil(n - 1e-9) * step_h for n in steps_needed],
         "start_timesteps_of_each_deferrable_load": [math.ceil(max(begin, 0.0)) for begin, _ in steps],
         "end_timesteps_of_each_deferrable_load": last,
         "vehicles": loads["vehicle_id"].tolist(),

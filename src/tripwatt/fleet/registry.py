@@ -32,7 +32,8 @@ from tripwatt.fleet.mapping import SampledTrips
 from tripwatt.fleet.model import FleetModel
 from tripwatt.fleet.storage import load_fleet, save_fleet
 
-BOOTSTRAP: Final = 2000
+_BOOTSTRAP_DRAWS: Final = 2000
+"""A choice, because the bounds of a 95 % interval then vary by less than a twentieth of its width."""
 REPORT_TABLES: Final = ("changes", "vehicles", "drivers", "needs", "routes")
 REPORT_FILES: Final = (
     "report.html", "report.json", *(f"{name}.csv" for name in REPORT_TABLES), "emhass.json", "evcc.txt",
@@ -92,12 +93,12 @@ def predict_sample(model: FleetModel, sample: SampledTrips) -> FloatArray:
     return energy
 
 
-def unseen(model: FleetModel, sample: SampledTrips) -> FleetModel:
+def without_sampled(model: FleetModel, sample: SampledTrips) -> FleetModel:
     """Return the model without the sampled trips: those on which it was fitted are subtracted from its sums."""
-    seen = np.array([i for i, d in enumerate(sample.digests) if d in model.digests], dtype=np.int64)
-    if not len(seen):
+    fitted = np.array([i for i, d in enumerate(sample.digests) if d in model.digests], dtype=np.int64)
+    if not len(fitted):
         return model
-    return model.with_sums(model.sums - sample.sums(seen))
+    return model.with_sums(model.sums - sample.sums(fitted))
 
 
 def compare(champion: FleetModel, challenger: FleetModel, sample: SampledTrips, seed: int = 0) -> Comparison:
@@ -112,17 +113,17 @@ def compare(champion: FleetModel, challenger: FleetModel, sample: SampledTrips, 
     """
     observed = sample.table.totals_wh(sample.table.observed_power_w)
     errors = [
-        np.abs(predict_sample(unseen(model, sample), sample) - observed) / np.abs(observed)
+        np.abs(predict_sample(without_sampled(model, sample), sample) - observed) / np.abs(observed)
         for model in (champion, challenger)
     ]
     names, code = np.unique([group[1] for group in sample.groups], return_inverse=True)
     count = np.bincount(code)
-    own, new = (np.bincount(code, error) / count for error in errors)
-    difference = new - own
+    old, new = (np.bincount(code, error) / count for error in errors)
+    difference = new - old
     rng = np.random.default_rng(seed)
-    draws = difference[rng.integers(len(names), size=(BOOTSTRAP, len(names)))].mean(axis=1)
+    draws = difference[rng.integers(len(names), size=(_BOOTSTRAP_DRAWS, len(names)))].mean(axis=1)
     low, high = np.quantile(draws, (0.025, 0.975))
-    figures = own.mean(), new.mean(), difference.mean(), low, high
+    figures = old.mean(), new.mean(), difference.mean(), low, high
     return Comparison(len(sample), len(names), *map(float, figures))
 
 
@@ -152,13 +153,13 @@ class Registry:
         versions = self.folder / "versions"
         with system_errors("registry cannot be written", f"{self.folder}", "a writable folder"):
             versions.mkdir(parents=True, exist_ok=True)
-        made = versions / f".{uuid.uuid4().hex}"
-        save_fleet(model, made)
+        unnamed = versions / f".{uuid.uuid4().hex}"
+        save_fleet(model, unnamed)
         number = int(self.versions()[-1]) + 1 if self.versions() else 1
         while True:
             name = f"{number:04d}"
             try:
-                made.rename(versions / name)  # a folder that is not empty is never replaced
+                unnamed.rename(versions / name)  # a folder that is not empty is never replaced
                 break
             except OSError:
                 if not (versions / name).is_dir():
@@ -219,7 +220,7 @@ class Registry:
         if comparison is not None and comparison.worse:
             fix = "promote it without a comparison if you want it all the same"
             raise InvalidInput.of("challenger is worse", version, f"{comparison}", "not worse", fix)
-        self._point(version)
+        self._move_pointer(version)
         self._record("promote", version, note, None if comparison is None else asdict(comparison))
 
     def history(self) -> list[dict[str, Any]]:
@@ -231,7 +232,7 @@ class Registry:
                     entries.append(json.loads(line))
         return entries
 
-    def _point(self, version: str) -> None:
+    def _move_pointer(self, version: str) -> None:
         partial = self.folder / f".current.{uuid.uuid4().hex}"
         with partial.open("w", encoding="utf-8") as file:
             file.write(version + "\n")
@@ -267,13 +268,13 @@ class FollowedModel:
         self._registry, self._on_change = registry, on_change
         self._lock = threading.Lock()
         version = registry.current()
-        self._held = (version, registry.load(version))
-        self._last = version
+        self._in_use = (version, registry.load(version))
+        self._last_tried = version
 
     @property
     def version(self) -> str:
         """Name of the version whose model `get` returns."""
-        return self._held[0]
+        return self._in_use[0]
 
     @property
     def folder(self) -> Path:
@@ -282,22 +283,22 @@ class FollowedModel:
 
     def get(self) -> FleetModel:
         """Return the model. At most one caller at a time reads a new version; the others get the old model meanwhile."""
-        with suppress(InvalidInput):  # without a pointer, the version before stays in use
-            if self._registry.current() != self._last and self._lock.acquire(blocking=False):
+        with suppress(InvalidInput):  # if there is no pointer, the version in use stays
+            if self._registry.current() != self._last_tried and self._lock.acquire(blocking=False):
                 try:
                     self._read()
                 finally:
                     self._lock.release()
-        return self._held[1]
+        return self._in_use[1]
 
     def _read(self) -> None:
         wanted = self._registry.current()  # the pointer may have moved since the caller looked
-        if wanted == self._last:
+        if wanted == self._last_tried:
             return
-        self._last, error = wanted, None
+        self._last_tried, error = wanted, None
         try:
-            if wanted != self._held[0]:
-                self._held = (wanted, self._registry.load(wanted))
+            if wanted != self._in_use[0]:
+                self._in_use = (wanted, self._registry.load(wanted))
         except InvalidInput as refused:
             error = refused
         self._on_change(wanted, error)

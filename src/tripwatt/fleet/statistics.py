@@ -62,8 +62,8 @@ class TripRows:
         table = table.sort_by([(name, "ascending") for name in KEYS])
         if table.num_rows > 1:
             digest, drive = (table[name].to_numpy(zero_copy_only=False) for name in ("digest", "drive"))
-            again = (digest[1:] == digest[:-1]) & (drive[1:] == drive[:-1])
-            table = table.filter(pa.array(np.concatenate(([True], ~again))))
+            repeated = (digest[1:] == digest[:-1]) & (drive[1:] == drive[:-1])
+            table = table.filter(pa.array(np.concatenate(([True], ~repeated))))
         return cls(table.combine_chunks())
 
     def __len__(self) -> int:
@@ -106,8 +106,8 @@ class TripRows:
         return TripRows(self.table.take(pa.array(np.sort(index) if sort else index)))
 
     @property
-    def in_time(self) -> tuple[IntArray, Any]:
-        """Numbers of the rows with a time of departure, in the order of time, and the day of departure of every row."""
+    def chronological(self) -> tuple[IntArray, Any]:
+        """Numbers of the rows with a time of departure in the order of that time, and the day of departure of every row (NaT if unknown)."""
         texts = pd.Series(self.texts("started_at"))
         started = pd.to_datetime(texts, errors="coerce", format="ISO8601").to_numpy()
         order = np.argsort(started, kind="stable")[: int((~np.isnat(started)).sum())]

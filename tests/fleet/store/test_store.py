@@ -28,7 +28,7 @@ from tripwatt.trips import Context, Log
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
 
 from tripwatt.fleet.store import Added, add_files, create_store, open_store
-from tripwatt.fleet.store.delta import is_url, joined
+from tripwatt.fleet.store.delta import is_url, join_place
 
 CAR = "nissan_leaf_24"
 
@@ -342,7 +342,7 @@ def test_places_that_are_no_store(tmp_path):
     )
     with pytest.raises(InvalidInput, match="newer format"):
         open_store(tmp_path / "v")
-    assert joined("s3://b/x/", "trips") == "s3://b/x/trips"
+    assert join_place("s3://b/x/", "trips") == "s3://b/x/trips"
     assert is_url("gs://b")
     assert not is_url(str(tmp_path))
 

@@ -11,8 +11,8 @@ from tripwatt.fleet.store.store import Added, TripStore
 from tripwatt.sources import read_logs
 from tripwatt.sources.columnar import table_files
 
-FILES_AT_ONCE: Final = 64
-"""Number of tables of a folder whose logs are read and then committed together."""
+_FILES_AT_ONCE: Final = 64
+"""Number of tables of a folder whose logs are committed together: a choice, because commits are slow and logs take memory."""
 
 
 def add_files(
@@ -72,16 +72,16 @@ def add_files(
         return store.add(logs, car_model=car_model, vehicle_id=vehicle_id, progress=progress)
     total = Added()
 
-    def report(now: Added) -> None:
+    def report(added: Added) -> None:
         if progress is not None:
-            progress(total + now)
+            progress(total + added)
 
     files = table_files(Path(path))
     with Check() as check:
-        for first in range(0, len(files), FILES_AT_ONCE):
-            some = files[first : first + FILES_AT_ONCE]
-            fleets = [check(read_logs, file, "table", mapping, strict=True) for file in some]
-            found = [log for fleet in fleets if fleet is not None for log in fleet.logs]
-            done = check(store.add, found, car_model=car_model, vehicle_id=vehicle_id, progress=report)
-            total += done or Added()
+        for first in range(0, len(files), _FILES_AT_ONCE):
+            batch = files[first : first + _FILES_AT_ONCE]
+            trip_sets = [check(read_logs, file, "table", mapping, strict=True) for file in batch]
+            batch_logs = [log for trips in trip_sets if trips is not None for log in trips.logs]
+            added = check(store.add, batch_logs, car_model=car_model, vehicle_id=vehicle_id, progress=report)
+            total += added or Added()
     return total

@@ -19,17 +19,18 @@ from tripwatt.errors import Fault, InvalidInput, install
 
 Result = TypeVar("Result")
 
-MAX_TRIES: Final = 200
-"""Largest number of tries of one commit; each failure means that another writer succeeded."""
+_MAX_TRIES: Final = 200
+"""Largest number of tries of one commit; each failure means that another writer succeeded. A choice, because more
+writers than this at once are not expected."""
 
-ONE_FILE: Final = 1 << 40
+_TARGET_FILE_BYTES: Final = 1 << 40
 """Target size of a data file [bytes], larger than any partition, so that the samples of a log stay in one file."""
 
-ROW_GROUP: Final = 65_536
+_ROW_GROUP_ROWS: Final = 65_536
 """Number of rows in a row group of a data file: some fifty drives at 1 Hz."""
 
 
-def imported(module: str, what: str, extra: str) -> Any:
+def import_extra(module: str, what: str, extra: str) -> Any:
     """Import a module of an extra; raise `InvalidInput` with the command that installs the extra if the module is missing."""
     try:
         return import_module(module)
@@ -45,7 +46,7 @@ def require_deltalake() -> Any:
     InvalidInput
         If the package is not installed.
     """
-    return imported("deltalake", "for trip stores", "fleet")
+    return import_extra("deltalake", "for trip stores", "fleet")
 
 
 def is_url(place: str) -> bool:
@@ -59,7 +60,7 @@ def is_url(place: str) -> bool:
     return "://" in place
 
 
-def joined(place: str, name: str) -> str:
+def join_place(place: str, name: str) -> str:
     """Return the path or URL of a name inside a place."""
     return f"{place.rstrip('/')}/{name}" if is_url(place) else str(Path(place) / name)
 
@@ -107,7 +108,7 @@ class DeltaFolder:
     def create(self, schema: pa.Schema, partition_by: list[str], name: str, about: Mapping[str, Any]) -> None:
         """Create the table if there is none."""
         try:
-            with _usable(self.place) as deltalake:
+            with _delta_errors(self.place) as deltalake:
                 deltalake.DeltaTable.create(
                     self.place,
                     schema,
@@ -120,7 +121,7 @@ class DeltaFolder:
                     storage_options=dict(self.options),
                 )
         except InvalidInput:
-            if not self.exists():  # else another process made it meanwhile
+            if not self.exists():  # another process may have made the table meanwhile
                 raise
 
     def exists(self) -> bool:
@@ -135,7 +136,7 @@ class DeltaFolder:
         InvalidInput
             If there is no table, or it cannot be read.
         """
-        with _usable(self.place) as deltalake:
+        with _delta_errors(self.place) as deltalake:
             try:
                 return deltalake.DeltaTable(self.place, storage_options=dict(self.options))
             except deltalake.exceptions.TableNotFoundError as error:
@@ -156,7 +157,7 @@ class DeltaFolder:
 
     def append(self, rows: pa.Table) -> None:
         """Append rows in one commit; the commit is tried again if another writer was first."""
-        self._repeated(lambda table: self._write(table, rows, tries=MAX_TRIES))
+        self._retry(lambda table: self._write(table, rows, tries=_MAX_TRIES))
 
     def append_checked(self, rows_for: Callable[[Any], pa.Table | None]) -> int:
         """Append rows that depend on the rows of the table; the commit succeeds only on the version that was read.
@@ -173,7 +174,7 @@ class DeltaFolder:
             Number of rows that were appended.
         """
         deltalake = require_deltalake()
-        for _ in range(MAX_TRIES):
+        for _ in range(_MAX_TRIES):
             table = self.open()
             rows = rows_for(table)
             if rows is None or not rows.num_rows:
@@ -183,16 +184,16 @@ class DeltaFolder:
             except deltalake.exceptions.CommitFailedError:
                 continue
             return int(rows.num_rows)
-        raise InvalidInput(_busy(self.place))
+        raise InvalidInput(_busy_fault(self.place))
 
     def _write(self, table: Any, rows: pa.Table, *, tries: int) -> None:
-        with _usable(self.place) as deltalake:
+        with _delta_errors(self.place) as deltalake:
             deltalake.write_deltalake(
                 table,
                 rows,
                 mode="append",
-                target_file_size=ONE_FILE,
-                writer_properties=_writing(),
+                target_file_size=_TARGET_FILE_BYTES,
+                writer_properties=_writer_properties(),
                 commit_properties=deltalake.CommitProperties(max_commit_retries=tries),
             )
 
@@ -204,13 +205,15 @@ class DeltaFolder:
         int
             Number of rows that were deleted.
         """
-        done = self._repeated(lambda table: table.delete(predicate, writer_properties=_writing()))
-        return int(done.get("num_deleted_rows") or 0)
+        metrics = self._retry(lambda table: table.delete(predicate, writer_properties=_writer_properties()))
+        return int(metrics.get("num_deleted_rows") or 0)
 
     def compact(self, target_size: int) -> dict[str, Any]:
         """Merge small data files of each partition up to a size [bytes]; return the numbers of files added and removed."""
-        metrics = self._repeated(
-            lambda table: table.optimize.compact(target_size=target_size, writer_properties=_writing())
+        metrics = self._retry(
+            lambda table: table.optimize.compact(
+                target_size=target_size, writer_properties=_writer_properties()
+            )
         )
         return {name: metrics[name] for name in ("numFilesAdded", "numFilesRemoved")}
 
@@ -223,20 +226,20 @@ class DeltaFolder:
             Whether the files were merged.
         """
         try:
-            self.open().optimize.compact(target_size=target_size, writer_properties=_writing())
+            self.open().optimize.compact(target_size=target_size, writer_properties=_writer_properties())
         except (require_deltalake().exceptions.DeltaError, OSError):
             return False
         return True
 
-    def _repeated(self, action: Callable[[Any], Result]) -> Result:
-        failed = require_deltalake().exceptions.CommitFailedError
-        for _ in range(MAX_TRIES):
+    def _retry(self, action: Callable[[Any], Result]) -> Result:
+        conflict = require_deltalake().exceptions.CommitFailedError
+        for _ in range(_MAX_TRIES):
             try:
-                with _usable(self.place):
+                with _delta_errors(self.place):
                     return action(self.open())
-            except failed:
+            except conflict:
                 continue
-        raise InvalidInput(_busy(self.place))
+        raise InvalidInput(_busy_fault(self.place))
 
     def drop_old_files(self, hours: int) -> int:
         """Remove data files that no version of the last `hours` uses; files of writers at work are never removed.
@@ -246,7 +249,7 @@ class DeltaFolder:
         int
             Number of files that were removed.
         """
-        with _usable(self.place):
+        with _delta_errors(self.place):
             removed = self.open().vacuum(
                 retention_hours=hours, dry_run=False, enforce_retention_duration=False, full=False
             )
@@ -287,16 +290,16 @@ class DeltaFolder:
         return fs.PyFileSystem(DeltaStorageHandler(self.place, dict(self.options)))
 
 
-def _writing() -> Any:
+def _writer_properties() -> Any:
     """Return the settings with which data files are written; they keep merged files no larger than their parts."""
-    return require_deltalake().WriterProperties(compression="ZSTD", max_row_group_size=ROW_GROUP)
+    return require_deltalake().WriterProperties(compression="ZSTD", max_row_group_size=_ROW_GROUP_ROWS)
 
 
 @contextmanager
-def _usable(place: str) -> Iterator[Any]:
+def _delta_errors(place: str) -> Iterator[Any]:
     """Yield the package `deltalake`, and raise `InvalidInput` if the table cannot be used, such as on a full disk.
 
-    The error that another writer was first is passed on.
+    `CommitFailedError` is passed on: it means that another writer was first, so the caller tries again.
     """
     deltalake = require_deltalake()
     try:
@@ -309,6 +312,6 @@ def _usable(place: str) -> Iterator[Any]:
         raise InvalidInput.of("trip store cannot be used", place, got, allowed) from error
 
 
-def _busy(place: str) -> Fault:
-    got = f"{MAX_TRIES} commits of other writers came first"
+def _busy_fault(place: str) -> Fault:
+    got = f"{_MAX_TRIES} commits of other writers came first"
     return Fault("trip store is busy", place, got, "fewer writers at once, or larger batches")

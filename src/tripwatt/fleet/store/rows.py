@@ -17,25 +17,27 @@ from tripwatt.arrays import FloatArray
 from tripwatt.auditing import Finding, audit, driven_m
 from tripwatt.trips import COLUMNS, Context, Log, Recorded, observed_energy, table_of
 
-COUNTED: Final = "observed_energy_wh"
+_COUNTED: Final = "observed_energy_wh"
 """Cumulative energy of a log that has neither voltage nor current."""
 
-SIGNALS: Final = (*COLUMNS, COUNTED)
+SIGNALS: Final = (*COLUMNS, _COUNTED)
 """Columns of the samples of a log that a store keeps."""
 
-UNKNOWN_MONTH: Final = "unknown"
+_UNKNOWN_MONTH: Final = "unknown"
 """Month of a log without a time of departure."""
 
-_KEYS: Final = (
+_KEY_FIELDS: Final = (
     ("bucket", pa.int32()),
     *((name, pa.string()) for name in ("month", "batch", "digest", "vehicle_id")),
 )
-SAMPLES: Final = pa.schema([*_KEYS, ("sample", pa.int32()), *((name, pa.float64()) for name in SIGNALS)])
+SAMPLES: Final = pa.schema(
+    [*_KEY_FIELDS, ("sample", pa.int32()), *((name, pa.float64()) for name in SIGNALS)]
+)
 """One row per sample; `sample` counts from 0 within a log."""
 
 TRIPS: Final = pa.schema(
     [
-        *_KEYS,
+        *_KEY_FIELDS,
         *((name, pa.string()) for name in ("trip_id", "car_model", "driver", "started_at")),
         *((name, pa.float64()) for name in ("distance_m", "duration_s", "energy_wh", "energy_std_wh")),
         ("energy_from", pa.string()),
@@ -85,7 +87,7 @@ def month_of(started_at: dt.datetime | None) -> str:
     >>> month_of(dt.datetime(2024, 5, 31, 8)), month_of(None)
     ('2024-05', 'unknown')
     """
-    return UNKNOWN_MONTH if started_at is None else f"{started_at:%Y-%m}"
+    return _UNKNOWN_MONTH if started_at is None else f"{started_at:%Y-%m}"
 
 
 def digest_of(vehicle_id: str, log: Recorded) -> str:
@@ -105,7 +107,7 @@ def digest_of(vehicle_id: str, log: Recorded) -> str:
     for name in kept_columns(log):
         sha.update(name.encode() + b"\0")
         values = log.array(name)
-        # every missing value is the same missing value, and so is a zero of either sign
+        # all NaN get the same bytes, and so do zeros of both signs
         sha.update(np.where(np.isnan(values), np.nan, values + 0.0).astype("<f8").tobytes())
     return sha.hexdigest()
 
@@ -127,10 +129,10 @@ def stored_log(log: Recorded, vehicle_id: str, car_model: str, buckets: int) -> 
     buckets : int
         Number of hash buckets of the store.
     """
-    judged = audit([log])
+    audited = audit([log])
     started = log.context.started_at
-    drives = judged.trips or (log,)
-    energy, std, source = _energy(judged.trips)
+    drives = audited.trips or (log,)
+    energy, std, source = _measured_energy(audited.trips)
     row = {
         "bucket": bucket_of(vehicle_id, buckets),
         "month": month_of(started),
@@ -145,10 +147,10 @@ def stored_log(log: Recorded, vehicle_id: str, car_model: str, buckets: int) -> 
         "energy_wh": energy,
         "energy_std_wh": std,
         "energy_from": source,
-        "drives": len(judged.trips),
-        "as_logged": _unchanged(log, judged.trips),
-        "ambient_temperature_degc": _ambient(drives[0]),
-        "findings": findings_text(judged.findings),
+        "drives": len(audited.trips),
+        "as_logged": _unchanged(log, audited.trips),
+        "ambient_temperature_degc": _mean_ambient(drives[0]),
+        "findings": _findings_json(audited.findings),
         "context": json.dumps(context_values(log), ensure_ascii=False),
         "columns": json.dumps(kept_columns(log)),
         "samples": len(log),
@@ -167,13 +169,13 @@ def _unchanged(log: Recorded, drives: Sequence[Recorded]) -> bool:
     return all(same) and drive.samples.equals(log.samples)
 
 
-def _ambient(drive: Recorded) -> float | None:
+def _mean_ambient(drive: Recorded) -> float | None:
     if not drive.has("ambient_temperature_degc"):
         return None
     return float(np.nanmean(drive.array("ambient_temperature_degc")))
 
 
-def _energy(drives: Sequence[Recorded]) -> tuple[float | None, float | None, str]:
+def _measured_energy(drives: Sequence[Recorded]) -> tuple[float | None, float | None, str]:
     """Sum up the measured energy of sound drives.
 
     Returns
@@ -185,17 +187,18 @@ def _energy(drives: Sequence[Recorded]) -> tuple[float | None, float | None, str
     source : {"voltage and current", "state of charge", "unknown"}
         Signals from which the energy was measured.
     """
-    known = [drive for drive in drives if drive.observed_energy_wh is not None]
-    if not known or len(known) < len(drives):
+    if not drives or any(drive.observed_energy_wh is None for drive in drives):
         return None, None, "unknown"
-    energy = math.fsum(drive.observed_energy_wh or 0.0 for drive in known)
-    errors = [drive.observed_energy_std_wh for drive in known]
+    energy = math.fsum(drive.observed_energy_wh or 0.0 for drive in drives)
+    errors = [drive.observed_energy_std_wh for drive in drives]
     std = None if all(e is None for e in errors) else math.hypot(*(e or 0.0 for e in errors))
-    measured = std is None or all({"voltage_v", "current_a"} <= set(drive.samples.columns) for drive in known)
+    measured = std is None or all(
+        {"voltage_v", "current_a"} <= set(drive.samples.columns) for drive in drives
+    )
     return energy, std, "voltage and current" if measured else "state of charge"
 
 
-def findings_text(findings: Sequence[Finding]) -> str:
+def _findings_json(findings: Sequence[Finding]) -> str:
     """Return findings of an audit as JSON: `drive`, `from_s`, `to_s`, `what` and `consequence` of each."""
     values = [
         {"drive": f.trip, "from_s": f.from_s, "to_s": f.to_s, "what": f.what, "consequence": f.consequence}
@@ -207,8 +210,8 @@ def findings_text(findings: Sequence[Finding]) -> str:
 def context_values(log: Recorded) -> dict[str, Any]:
     """Return the known context of a log and its energy errors, for `log_from_rows`; departure and driver have their own columns."""
     values = {field: getattr(log.context, field.name) for field in fields(Context)}
-    of_columns = ("started_at", "driver")
-    known = {f.name: value for f, value in values.items() if f.name not in of_columns and value != f.default}
+    in_columns = ("started_at", "driver")
+    known = {f.name: value for f, value in values.items() if f.name not in in_columns and value != f.default}
     if log.observed_energy_std_wh is not None:
         known["energy_std_wh"] = log.observed_energy_std_wh
     if log.observed_energy_common_std:

@@ -11,7 +11,9 @@ import time
 import uuid
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import reduce
 from itertools import groupby, islice, pairwise
+from operator import and_
 from pathlib import Path
 from typing import Any, Final
 
@@ -23,7 +25,7 @@ import pyarrow.compute as pc
 from tripwatt.arrays import IntArray, by_key
 from tripwatt.auditing import Finding, audit
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.fleet.store.delta import DataFile, DeltaFolder, joined, require_deltalake
+from tripwatt.fleet.store.delta import DataFile, DeltaFolder, join_place, require_deltalake
 from tripwatt.fleet.store.rows import (
     SAMPLES,
     SIGNALS,
@@ -38,24 +40,27 @@ from tripwatt.fleet.store.rows import (
 from tripwatt.trips import Log, Recorded, TripSet, raise_faults
 
 FORMAT: Final = 1
-BUCKETS: Final = 16
-"""Default number of hash buckets of vehicles."""
-MAX_BUCKETS: Final = 1024
+_BUCKETS: Final = 16
+"""Default number of hash buckets of vehicles: a choice, because it suits some thousand vehicles."""
+
+_MAX_BUCKETS: Final = 1024
+"""A choice, because each bucket is a folder with files of its own."""
 
 BATCH: Final = 500
-"""Number of logs in one commit."""
+"""Number of logs in one commit: a choice, because commits are slow and logs take memory."""
 
-FILE_BYTES: Final = 16 << 20
+_FILE_BYTES: Final = 16 << 20
 """Size up to which `compact` merges data files [bytes]: a worker that reads one file needs far less than 1 GB of memory."""
 
 FILES_A_BUCKET: Final = 16
 """Mean number of data files of `trips` per bucket above which `add` merges them, since each commit reads all of them."""
 
-ORPHANS_AFTER_S: Final = 86_400.0
-"""Age [s] from which samples without a row of `trips` are dropped; younger ones may be of a writer at work."""
+_ORPHANS_AFTER_S: Final = 86_400.0
+"""Age [s] from which samples without a row of `trips` are dropped; younger ones may be of a writer at work. A choice, because no
+commit takes a day."""
 
-KEPT_HOURS: Final = 168
-"""Time for which old versions are kept for readers at work [h]."""
+_KEPT_HOURS: Final = 168
+"""Time for which old versions are kept for readers at work [h]: the default of Delta Lake."""
 
 LISTED: Final = (
     "vehicle_id",
@@ -75,7 +80,7 @@ LISTED: Final = (
 """Columns of `TripStore.trips`, in this order."""
 
 LONGEST_NAME: Final = 200
-"""Largest number of characters of a vehicle's or a car model's name."""
+"""Largest number of characters of a vehicle's or a car model's name: a choice that bounds the memory of a hostile table."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,17 +174,17 @@ class TripStore:
 
     place: str
     options: Mapping[str, str] = field(default_factory=dict)
-    buckets: int = BUCKETS
+    buckets: int = _BUCKETS
 
     @property
     def samples(self) -> DeltaFolder:
         """The table `samples`, with one row per sample."""
-        return DeltaFolder(joined(self.place, "samples"), self.options)
+        return DeltaFolder(join_place(self.place, "samples"), self.options)
 
     @property
     def rows(self) -> DeltaFolder:
         """The table `trips`, with one row per log."""
-        return DeltaFolder(joined(self.place, "trips"), self.options)
+        return DeltaFolder(join_place(self.place, "trips"), self.options)
 
     def add(
         self,
@@ -223,8 +228,8 @@ class TripStore:
         if batch < 1:
             raise InvalidInput.of("value out of range", "batch", f"{batch}", "at least 1")
         total = Added()
-        waiting = iter(logs.logs if isinstance(logs, TripSet) else logs)
-        while chunk := list(islice(waiting, batch)):
+        remaining = iter(logs.logs if isinstance(logs, TripSet) else logs)
+        while chunk := list(islice(remaining, batch)):
             raise_faults(_log_faults(chunk, vehicle_id))
             stored = [
                 stored_log(log, log.context.car or vehicle_id or "", car_model, self.buckets) for log in chunk
@@ -235,9 +240,9 @@ class TripStore:
         return total
 
     def _add_batch(self, stored: Sequence[StoredLog]) -> Added:
-        once = list({s.row["digest"]: s for s in stored}.values())
+        unique = list({s.row["digest"]: s for s in stored}.values())
         before = self.rows.open()
-        new = self._unknown(once, before)
+        new = self._unknown(unique, before)
         if not new:
             return Added(known=len(stored))
         batch = f"{time.time_ns():020d}-{uuid.uuid4().hex[:12]}"
@@ -256,7 +261,7 @@ class TripStore:
                 lost = [s.row["digest"] for s in new if s.row["digest"] not in kept]
                 self.samples.delete(f"batch = '{batch}' AND digest IN ({_sql_texts(lost)})")
         if len(before.file_uris()) > FILES_A_BUCKET * self.buckets:
-            self.rows.try_to_compact(FILE_BYTES)
+            self.rows.try_to_compact(_FILE_BYTES)
         unusable = sum(s.row["drives"] == 0 for s in committed)
         return Added(len(committed), len(stored) - len(committed), unusable)
 
@@ -328,7 +333,7 @@ class TripStore:
         unknown = [c for c in columns if c not in TRIPS.names]
         raise_faults(Fault.unknown("unknown column", "columns", c, TRIPS.names) for c in unknown)
         order = [c for c in ("vehicle_id", "started_at", "trip_id") if c not in columns]
-        where = _where(self.buckets, vehicle_id, car_model, since, until)
+        where = _trip_filter(self.buckets, vehicle_id, car_model, since, until)
         table = self.rows.read([*columns, *order], where)
         by = [("vehicle_id", "ascending"), ("started_at", "ascending"), ("trip_id", "ascending")]
         table = table.take(pc.sort_indices(table, sort_keys=by)[:limit])
@@ -415,12 +420,12 @@ class TripStore:
             Findings, vehicle by vehicle.
         """
         findings: list[Finding] = []
-        for _, its_rows in groupby(self.trip_rows(**which), key=lambda row: row["vehicle_id"]):
-            logs = sorted(self.logs([*its_rows]), key=lambda log: (str(log.context.started_at), log.trip_id))
+        for _, rows in groupby(self.trip_rows(**which), key=lambda row: row["vehicle_id"]):
+            logs = sorted(self.logs([*rows]), key=lambda log: (str(log.context.started_at), log.trip_id))
             findings += audit(logs).findings
         return tuple(findings)
 
-    def compact(self, *, file_bytes: int = FILE_BYTES, keep_hours: int = KEPT_HOURS) -> dict[str, int]:
+    def compact(self, *, file_bytes: int = _FILE_BYTES, keep_hours: int = _KEPT_HOURS) -> dict[str, int]:
         """Merge small data files, and remove samples without a trip and files of old versions.
 
         Parameters
@@ -445,7 +450,7 @@ class TripStore:
             "removed": removed,
         }
 
-    def _drop_orphans(self, older_s: float = ORPHANS_AFTER_S) -> int:
+    def _drop_orphans(self, older_s: float = _ORPHANS_AFTER_S) -> int:
         """Drop samples of batches that are in no row of `trips`, if they are old enough that no writer is at work on them."""
         before = f"{time.time_ns() - int(older_s * 1e9):020d}"
         batches = self.samples.read(["batch"], pc.field("batch") < before)["batch"].unique().to_pylist()
@@ -475,10 +480,10 @@ class TripStore:
             If the store has nothing of this vehicle.
         """
         bucket = bucket_of(vehicle_id, self.buckets)
-        its = (pc.field("bucket") == bucket) & (pc.field("vehicle_id") == vehicle_id)
+        of_vehicle = (pc.field("bucket") == bucket) & (pc.field("vehicle_id") == vehicle_id)
         erased = []
         for folder in (self.rows, self.samples):
-            digests = sorted(set(folder.read(["digest"], its)["digest"].to_pylist()))
+            digests = sorted(set(folder.read(["digest"], of_vehicle)["digest"].to_pylist()))
             # a predicate stays in the table's log, so it must not name the vehicle
             where = f"bucket = {bucket} AND digest IN ({_sql_texts(digests)})"
             erased.append(folder.delete(where) if digests else 0)
@@ -521,7 +526,7 @@ class TripStore:
 
 
 def create_store(
-    place: Path | str, *, buckets: int = BUCKETS, options: Mapping[str, str] | None = None
+    place: Path | str, *, buckets: int = _BUCKETS, options: Mapping[str, str] | None = None
 ) -> TripStore:
     """Make an empty trip store.
 
@@ -549,8 +554,8 @@ def create_store(
     >>> import tripwatt as tw
     >>> store = tw.create_store("trips")  # doctest: +SKIP
     """
-    if not 1 <= buckets <= MAX_BUCKETS:
-        raise InvalidInput.of("value out of range", "buckets", f"{buckets}", f"1 to {MAX_BUCKETS}")
+    if not 1 <= buckets <= _MAX_BUCKETS:
+        raise InvalidInput.of("value out of range", "buckets", f"{buckets}", f"1 to {_MAX_BUCKETS}")
     store = TripStore(f"{place}", dict(options or {}), buckets)
     if store.rows.exists():
         raise InvalidInput.of("trip store exists", store.place, "", "a new or empty folder")
@@ -670,30 +675,27 @@ def _chosen_rows(keys: pa.Table, wanted: Iterable[tuple[str, str]]) -> IntArray:
     return np.asarray(rows[order], dtype=np.int64)
 
 
-def _where(
+def _trip_filter(
     buckets: int,
     vehicle_id: str | None,
     car_model: str | None,
     since: dt.date | str | None,
     until: dt.date | str | None,
 ) -> Any:
-    parts = []
+    conditions = []
     if vehicle_id is not None:
-        parts.append(pc.field("bucket") == bucket_of(vehicle_id, buckets))
-        parts.append(pc.field("vehicle_id") == vehicle_id)
+        conditions.append(pc.field("bucket") == bucket_of(vehicle_id, buckets))
+        conditions.append(pc.field("vehicle_id") == vehicle_id)
     if car_model is not None:
-        parts.append(pc.field("car_model") == car_model)
+        conditions.append(pc.field("car_model") == car_model)
     if since is not None:
-        parts.append(pc.field("started_at") >= _iso(since, "since"))
+        conditions.append(pc.field("started_at") >= _to_iso(since, "since"))
     if until is not None:
-        parts.append(pc.field("started_at") < _iso(until, "until"))
-    where = None
-    for part in parts:
-        where = part if where is None else where & part
-    return where
+        conditions.append(pc.field("started_at") < _to_iso(until, "until"))
+    return reduce(and_, conditions) if conditions else None
 
 
-def _iso(time: dt.date | str, where: str) -> str:
+def _to_iso(time: dt.date | str, where: str) -> str:
     if isinstance(time, dt.date):
         return time.isoformat()
     try:

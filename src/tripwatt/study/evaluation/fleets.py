@@ -14,7 +14,7 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.errors import InvalidInput
-from tripwatt.fleet.deviations import LEVEL, with_errors
+from tripwatt.fleet.deviations import LEVEL, predict_with_error
 from tripwatt.fleet.features import START
 from tripwatt.fleet.model import predict_rows
 from tripwatt.fleet.statistics import TripRows
@@ -116,7 +116,7 @@ def _later(rows: TripRows, fold: IntArray) -> pd.DataFrame | None:
     train = rows.where(~late).sums
     test = rows.where(late)
     posterior = group_posterior(train, fit_scales(train, START))
-    energy, sd = with_errors(posterior, test)
+    energy, sd = predict_with_error(posterior, test)
     return _frame(test, energy, sd, fold[late], "later trips")
 
 
@@ -128,7 +128,7 @@ def _left_out(
     for split in leave_one_out(part):
         test = rows.take(split.test)
         posterior = group_posterior(_nonempty(all_trips - test.sums), scales)
-        energy[split.test], sd[split.test] = with_errors(posterior, test)
+        energy[split.test], sd[split.test] = predict_with_error(posterior, test)
     return _frame(rows, energy, sd, fold, protocol)
 
 

@@ -16,7 +16,13 @@ import pandas as pd
 from tripwatt.errors import Fault
 from tripwatt.files import write_text
 from tripwatt.fleet import nights
-from tripwatt.fleet.changes import FALSE_CHANGES, MIN_CHANGE, after_changes, changes, said_of_need
+from tripwatt.fleet.changes import (
+    FALSE_CHANGES,
+    MIN_CHANGE,
+    changes,
+    need_notes,
+    without_trips_before_changes,
+)
 from tripwatt.fleet.deviations import PARTS, deviations
 from tripwatt.fleet.model import FleetModel
 from tripwatt.fleet.registry import REPORT_FILES, REPORT_TABLES
@@ -162,9 +168,9 @@ class ManagerReport:
         needs, routes = None, None
         refused: list[Fault] = []
         if planned:
-            since_changes = after_changes(model, rows, changed)
+            since_changes = without_trips_before_changes(model, rows, changed)
             needs = nights.needs_by_hour(since_changes, planned, **settings, refused=refused)
-            reasons = said_of_need(changed)
+            reasons = need_notes(changed)
             of_changes = needs["vehicle_id"].map(lambda car: reasons.get(car, ""))
             needs["reasons"] = (needs["reasons"].fillna("") + "; " + of_changes).str.strip("; ")
         if planned and cold is not None:
