@@ -1,24 +1,31 @@
 """Rows and a sample of the small synthetic fleet."""
 
 import pytest
+from tests.fleet.rows import mapped
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def sample(fleet):
-    from tripwatt.fleet.executors import InProcess
-    from tripwatt.fleet.mapping import SampledTrips, file_tasks, map_store, sample_digests
+    from tripwatt.fleet.mapping import SampledTrips, sample_digests
 
     _, store, _, folder = fleet
-    rows = store.trip_rows()
-    chosen = sample_digests(rows, 2, 9, seed=7)
-    results = map_store(file_tasks(store, rows, folder / "life", chosen), InProcess(), 1)
-    return SampledTrips.read([r.segments for r in results if r.segments])
+    chosen = sample_digests(store.trip_rows(), 3, 3)
+    return SampledTrips.read([r.segments for r in mapped(store, folder / "sample", chosen) if r.segments])
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def rows(fleet):
-    from tripwatt.fleet.executors import InProcess
-    from tripwatt.fleet.mapping import file_tasks, map_store, read_rows
+    from tripwatt.fleet.mapping import read_rows
 
     _, store, _, folder = fleet
-    return read_rows(map_store(file_tasks(store, store.trip_rows(), folder / "rows"), InProcess(), 1))
+    return read_rows(mapped(store, folder / "rows"))
+
+
+@pytest.fixture(scope="session")
+def saved(fleet, tmp_path_factory):
+    """The folder of the model of the small synthetic fleet."""
+    from tripwatt.fleet.storage import save_fleet
+
+    folder = tmp_path_factory.mktemp("saved") / "model"
+    save_fleet(fleet[2], folder)
+    return folder

@@ -7,6 +7,20 @@ import pyarrow as pa
 from tripwatt.fleet.features import SCALES
 from tripwatt.fleet.statistics import NUMBERS, ROWS, TripRows
 
+
+def mapped(store, folder, chosen=()):
+    """Results of all trips of a store, with the segments of the chosen ones."""
+    from tripwatt.fleet.executors import InProcess
+    from tripwatt.fleet.mapping import file_tasks, map_store
+
+    return list(map_store(file_tasks(store, store.trip_rows(), folder, chosen), InProcess(), 1))
+
+
+def table_rows(frame):
+    """Rows of trips from a data frame."""
+    return TripRows.join([pa.Table.from_pandas(frame, schema=ROWS, preserve_index=False)])
+
+
 CAUSES = {"road load": ("rolling", "air"), "climate": ("climate",), "base load": ("base_load",)}
 
 
@@ -101,4 +115,4 @@ def year_of_rows(seed, vehicles=24, trips=140, changes=(), ageing=0.0, winter=0.
             f"{pd.Timestamp(2025, 1, 1, 8) + pd.Timedelta(days=int(d)):%Y-%m-%dT%H:%M:%S}" for d in day
         ],
     }
-    return TripRows.join([pa.Table.from_pandas(pd.DataFrame(texts | numbers | made), schema=ROWS)])
+    return table_rows(pd.DataFrame(texts | numbers | made))

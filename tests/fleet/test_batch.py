@@ -8,7 +8,6 @@ import pytest
 from tripwatt.errors import InvalidInput
 from tripwatt.fleet.batch import _open_parquet, _read_batches, forecast_batch, output_schema, quantile_column
 from tripwatt.fleet.executors import InProcess
-from tripwatt.fleet.storage import save_fleet
 from tripwatt.trips import Departure
 from tripwatt.trips.messages import message
 
@@ -22,11 +21,10 @@ def links(trip, vehicle, **more):
     ]
 
 
-def test_a_batch_is_the_forecasts_of_its_trips(fleet, tmp_path):
+def test_a_batch_is_the_forecasts_of_its_trips(fleet, saved, tmp_path):
     import tripwatt as tw
 
     *_, model, _ = fleet
-    save_fleet(model, tmp_path / "m")
     known = {"soc": 0.8, "ambient_temperature_degc": 4.0, "car_model": None}
     table = [
         *links("b", "V00001", **known),
@@ -37,15 +35,8 @@ def test_a_batch_is_the_forecasts_of_its_trips(fleet, tmp_path):
         *links("f", "V00000", soc=None, ambient_temperature_degc=None, car_model=None),
     ]
     pq.write_table(pa.Table.from_pylist(table), tmp_path / "in.parquet")
-    count = forecast_batch(
-        tmp_path / "m",
-        tmp_path / "in.parquet",
-        tmp_path / "out.parquet",
-        InProcess(),
-        quantiles=(0.1, 0.975),
-        reserve=0.1,
-    )
-    assert count == 6
+    files = tmp_path / "in.parquet", tmp_path / "out.parquet"
+    assert forecast_batch(saved, *files, InProcess(), quantiles=(0.1, 0.975), reserve=0.1) == 6
     found = pq.read_table(tmp_path / "out.parquet")
     assert found.schema.names == output_schema((0.1, 0.975)).names
     out = {row["trip"]: row for row in found.to_pylist()}
@@ -93,9 +84,7 @@ class Stopping(InProcess):
         return super().submit(fn, *args, **kwargs)
 
 
-def test_a_batch_that_was_stopped_goes_on_and_ends_in_the_same_file(fleet, tmp_path, monkeypatch):
-    *_, model, _ = fleet
-    save_fleet(model, tmp_path / "m")
+def test_a_batch_that_was_stopped_goes_on_and_ends_in_the_same_file(saved, tmp_path, monkeypatch):
     monkeypatch.setattr("tripwatt.fleet.batch.TRIPS_PER_PART", 2)
     monkeypatch.setattr("tripwatt.fleet.executors._TASKS_PER_WORKER", 1)
     trips = [links(f"t{k}", f"V{k % 8:05d}", soc=0.5 + 0.05 * k if k else float("nan")) for k in range(9)]
@@ -103,7 +92,7 @@ def test_a_batch_that_was_stopped_goes_on_and_ends_in_the_same_file(fleet, tmp_p
     pq.write_table(table, tmp_path / "in.parquet", row_group_size=7)  # trips go on in the next group
 
     def run(executor, out, reserve=0.0):
-        given = (tmp_path / "m", tmp_path / "in.parquet", tmp_path / out, executor)
+        given = (saved, tmp_path / "in.parquet", tmp_path / out, executor)
         return forecast_batch(*given, reserve=reserve)
 
     assert run(InProcess(), "whole") == 9
@@ -125,15 +114,13 @@ def test_a_batch_that_was_stopped_goes_on_and_ends_in_the_same_file(fleet, tmp_p
     assert len(list((tmp_path / "out.unfinished").iterdir())) == 7
 
 
-def test_a_batch_without_trips_is_a_file_without_rows(fleet, tmp_path):
-    *_, model, _ = fleet
-    save_fleet(model, tmp_path / "m")
+def test_a_batch_without_trips_is_a_file_without_rows(saved, tmp_path):
     pq.write_table(pa.Table.from_pylist(links("a", "b"))[:0], tmp_path / "in.parquet")
-    assert forecast_batch(tmp_path / "m", tmp_path / "in.parquet", tmp_path / "out", InProcess()) == 0
+    assert forecast_batch(saved, tmp_path / "in.parquet", tmp_path / "out", InProcess()) == 0
     assert pq.read_table(tmp_path / "out").schema.names == output_schema((0.05, 0.5, 0.95)).names
 
 
-def test_a_batch_that_cannot_be_read_is_one_error(fleet, tmp_path):
+def test_a_batch_that_cannot_be_read_is_one_error(tmp_path):
     pq.write_table(pa.table({"trip": ["a"]}), tmp_path / "in.parquet")
     with pytest.raises(InvalidInput) as error:
         forecast_batch(tmp_path, tmp_path / "in.parquet", tmp_path / "o", InProcess())
@@ -146,11 +133,7 @@ def test_a_batch_that_cannot_be_read_is_one_error(fleet, tmp_path):
     for bad in (-0.1, 1.0):
         with pytest.raises(InvalidInput, match="reserve"):
             forecast_batch(tmp_path, tmp_path / "in.parquet", tmp_path / "o", InProcess(), reserve=bad)
-    assert [quantile_column(q) for q in (0.05, 0.5, 0.999)] == [
-        "energy_wh_q05",
-        "energy_wh_q50",
-        "energy_wh_q99_9",
-    ]
+    assert [quantile_column(q) for q in (0.5, 0.999)] == ["energy_wh_q50", "energy_wh_q99_9"]
 
 
 def test_a_column_whose_name_is_no_text_is_a_fault(tmp_path):
@@ -167,17 +150,9 @@ def test_a_column_whose_name_is_no_text_is_a_fault(tmp_path):
 
 def test_what_was_read_of_the_input_is_not_kept(tmp_path):
     rows = 200_000
-    pq.write_table(
-        pa.table(
-            {
-                "trip": ["t"] * rows,
-                "vehicle_id": ["v"] * rows,
-                "length_m": np.random.default_rng(1).uniform(size=rows),
-            }
-        ),
-        tmp_path / "in.parquet",
-        row_group_size=4000,
-    )
+    lengths = np.random.default_rng(1).uniform(size=rows)
+    table = pa.table({"trip": ["t"] * rows, "vehicle_id": ["v"] * rows, "length_m": lengths})
+    pq.write_table(table, tmp_path / "in.parquet", row_group_size=4000)
     before = pa.total_allocated_bytes()
     with _open_parquet(tmp_path / "in.parquet") as file:
         assert sum(len(batch) for batch in _read_batches(file, "in.parquet")) == rows

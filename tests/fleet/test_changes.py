@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from scipy.stats import norm
 from scipy.stats import t as student
-from tests.fleet.rows import year_of_rows
+from tests.fleet.rows import table_rows, year_of_rows
 
 from tripwatt.fleet.changes import (
     BATTERY,
@@ -95,10 +95,7 @@ def test_few_trips_and_trips_without_a_time_have_no_change():
     rows = year_of_rows(SEED, vehicles=6, trips=15, changes=[(2, "road load", 180, 0.5)])
     assert len(changes_of(rows)) == 0
     frame = year_of_rows(SEED, changes=PLANTED).table.to_pandas().assign(started_at=None)
-    from tripwatt.fleet.statistics import ROWS, TripRows, pa
-
-    timeless = TripRows.join([pa.Table.from_pandas(frame, schema=ROWS, preserve_index=False)])
-    assert len(changes_of(timeless)) == 0
+    assert len(changes_of(table_rows(frame))) == 0
 
 
 def test_what_sisters_share_in_a_month_is_a_median_of_medians():

@@ -2,24 +2,17 @@
 
 import numpy as np
 import pytest
+from tests.fleet.rows import mapped
 
 from tripwatt.fleet.corrector import FleetCorrector, FleetTrees, choose_rounds
-from tripwatt.fleet.executors import InProcess
-from tripwatt.fleet.mapping import (
-    SampledTrips,
-    file_tasks,
-    map_store,
-    sample_digests,
-)
+from tripwatt.fleet.mapping import SampledTrips, sample_digests
 
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
 
 
 def test_trees_are_used_where_they_help(fleet):
     _, store, _, folder = fleet
-    rows = store.trip_rows()
-    chosen = sample_digests(rows, 9, 9)
-    results = map_store(file_tasks(store, rows, folder / "trees", chosen), InProcess(), 1)
+    results = mapped(store, folder / "trees", sample_digests(store.trip_rows(), 9, 9))
     table = SampledTrips.read([r.segments for r in results if r.segments]).table
     folds = np.arange(len(table)) % 4
     speed = table.features["speed_m_s"].to_numpy()

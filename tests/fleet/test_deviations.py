@@ -1,12 +1,10 @@
 """Vehicles and drivers that take more than others, and trips that take more than their forecasts."""
 
-import pyarrow as pa
 import pytest
-from tests.fleet.rows import made_rows
+from tests.fleet.rows import made_rows, table_rows
 
 from tripwatt.fleet.deviations import PARTS, deviations, drift
 from tripwatt.fleet.features import START
-from tripwatt.fleet.statistics import ROWS, TripRows
 from tripwatt.hybrid.groups import fit_scales, group_posterior
 
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
@@ -19,7 +17,7 @@ def test_vehicles_and_drivers_stand_beside_others():
     frame.loc[thirsty, "observed_wh"] += 0.1 * frame.loc[thirsty, "simulated_wh"]
     frame["driver"] = [f"{vehicle}/{'AB'[k % 2]}" for k, vehicle in enumerate(frame["vehicle_id"])]
     frame.loc[frame["driver"] == "v02/B", "observed_wh"] *= 1.08
-    rows = TripRows.join([pa.Table.from_pandas(frame, schema=ROWS, preserve_index=False)])
+    rows = table_rows(frame)
     sums = rows.sums
     posterior = group_posterior(sums, fit_scales(sums, START))
     vehicles, drivers = deviations(posterior, rows), deviations(posterior, rows, drivers=True)
@@ -42,7 +40,7 @@ def test_drift_names_the_vehicles_that_take_more(rows, fleet):
     frame = rows.table.to_pandas()
     its = frame["vehicle_id"] == "V00003"
     frame.loc[its, "observed_wh"] *= 1.3
-    changed = TripRows.join([pa.Table.from_pandas(frame, schema=ROWS, preserve_index=False)])
+    changed = table_rows(frame)
     found = drift(model.posterior, changed)
     assert list(found["vehicles"]) == ["V00003"]
     assert found["vehicles"]["V00003"]["trips"] == its.sum()

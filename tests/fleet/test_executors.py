@@ -10,11 +10,7 @@ import pytest
 
 from tripwatt.errors import InvalidInput
 from tripwatt.fleet.executors import _TASKS_PER_WORKER, InProcess, executor_for, map_bounded
-from tripwatt.fleet.mapping import (
-    file_tasks,
-    map_store,
-    read_rows,
-)
+from tripwatt.fleet.mapping import file_tasks, map_store, read_rows
 
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
 

@@ -10,6 +10,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from benchmarks.many_vehicles import many_vehicles
+from tests.fleet.rows import mapped
 
 from tripwatt.fleet.executors import InProcess
 from tripwatt.fleet.features import FEATURES, trip_features
@@ -31,11 +32,9 @@ from tripwatt.vehicles import load_vehicle
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
 
 
-def test_the_map_sums_every_sound_drive_up_once(fleet):
+def test_the_map_sums_every_sound_drive_up_once(fleet, rows):
     plan, store, model, folder = fleet
-    tasks = file_tasks(store, store.trip_rows(), folder / "rows")
-    results = list(map_store(tasks, InProcess(), 1))
-    rows = read_rows(results)
+    results = mapped(store, folder / "rows")
     assert len(rows) == sum(r.trips for r in results) == sum(r.drives for r in results) == model.trips
     assert model.trips == sum(row["drives"] for row in store.trip_rows())
     logs = {log.trip_id: log for log in many_vehicles(plan)}
@@ -51,8 +50,7 @@ def test_the_map_sums_every_sound_drive_up_once(fleet):
     assert first["hours"] == pytest.approx(table.hours.sum())
     assert (first["vehicle_id"], first["driver"]) == (log.context.car, log.context.driver)
     assert first["started_at"] == log.context.started_at.isoformat()
-    again = list(map_store(tasks, InProcess(), 1))
-    assert sorted(r.rows for r in again) == sorted(r.rows for r in results)
+    assert sorted(r.rows for r in mapped(store, folder / "rows")) == sorted(r.rows for r in results)
     assert TripRows.join([rows.table, rows.table]).table.equals(rows.table)  # a drive counts once
     assert TripRows.join([]).table.schema.equals(ROWS)
 

@@ -7,17 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from benchmarks.many_vehicles import FleetPlan, many_vehicles
+from tests.fleet.rows import mapped
 
 from tripwatt.errors import InvalidInput
 from tripwatt.fleet.executors import InProcess
 from tripwatt.fleet.features import segment_features
-from tripwatt.fleet.mapping import (
-    SampledTrips,
-    file_tasks,
-    map_store,
-    read_rows,
-    sample_digests,
-)
+from tripwatt.fleet.mapping import SampledTrips, read_rows, sample_digests
 from tripwatt.fleet.model import (
     _MIN_TRIPS,
     fit_fleet,
@@ -59,7 +54,7 @@ def test_an_update_is_the_fit_of_all_trips(fleet, tmp_path):
     assert updated.digests > model.digests
     assert updated.trees is model.trees
     assert updated.uncertainty is model.uncertainty
-    everything = read_rows(map_store(file_tasks(copy, copy.trip_rows(), tmp_path / "all"), InProcess(), 1))
+    everything = read_rows(mapped(copy, tmp_path / "all"))
     full = group_posterior(everything.sums, model.posterior.scales)
     assert np.abs(full.mean - updated.posterior.mean).max() < 1e-10 * np.abs(full.mean).max()
     assert (
@@ -102,34 +97,27 @@ def test_each_vehicle_has_its_own_forecast(fleet):
         linear.clone_tuned()
 
 
-def test_held_out_trips_are_out_of_the_whole_posterior(fleet):
-    _, store, model, folder = fleet
-    rows = store.trip_rows()
-    chosen = sample_digests(rows, 3, 3)
-    results = list(map_store(file_tasks(store, rows, folder / "sample", chosen), InProcess(), 1))
-    sample = SampledTrips.read([r.segments for r in results if r.segments])
+def test_held_out_trips_are_out_of_the_whole_posterior(fleet, rows, sample):
+    _, store, model, _ = fleet
+    chosen = sample_digests(store.trip_rows(), 3, 3)
     assert len(sample) == len(chosen) == 18
     assert set(sample.digests) == chosen
     folds = np.arange(18) % 3
     found = held_out_correctors(model.sums, model.posterior.scales, sample, folds)
-    everything = read_rows(results)
-    kept = everything.where(
-        [d not in np.array(sample.digests)[folds == 0] for d in everything.texts("digest")]
-    )
+    kept = rows.where([d not in np.array(sample.digests)[folds == 0] for d in rows.texts("digest")])
     left = group_posterior(kept.sums, model.posterior.scales)
     car_model, vehicle, driver = sample.groups[0]
     mean, _ = left.weights(car_model, vehicle, driver)
     assert found[0].mean == pytest.approx(mean, rel=1e-7, abs=1e-9)
     sums = sample.sums(np.arange(18))
-    picked = everything.where([d in chosen for d in everything.texts("digest")])
+    picked = rows.where([d in chosen for d in rows.texts("digest")])
     assert sums.xx == pytest.approx(picked.sums.xx, rel=1e-9)
     assert sums.log_variance == pytest.approx(picked.sums.log_variance, rel=1e-9)
-    energy, sd = predict_rows(model.posterior, everything)
+    energy, sd = predict_rows(model.posterior, rows)
     i = 5
-    key = [everything.texts(name)[i] for name in ("car_model", "vehicle_id", "driver")]
-    mean, covariance = model.posterior.weights(*key)
-    x = everything.X[i]
-    assert energy[i] == pytest.approx(everything.numbers("simulated_wh")[i] + x @ mean)
+    mean, covariance = model.posterior.weights(*rows.groups[i])
+    x = rows.X[i]
+    assert energy[i] == pytest.approx(rows.numbers("simulated_wh")[i] + x @ mean)
     assert sd[i] == pytest.approx(np.sqrt(x @ covariance @ x))
     with pytest.raises(InvalidInput, match="no trips"):
         SampledTrips.read([])

@@ -6,9 +6,8 @@ import math
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
 import pytest
-from tests.fleet.rows import year_of_rows
+from tests.fleet.rows import table_rows, year_of_rows
 
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
@@ -23,7 +22,6 @@ from tripwatt.fleet.nights import (
     night_document,
     read_planned,
 )
-from tripwatt.fleet.statistics import ROWS, TripRows
 from tripwatt.roads.journey import need
 
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
@@ -231,7 +229,7 @@ def test_the_coldest_week_has_at_least_ten_trips_where_any_has():
     degc = np.concatenate([*temperatures.values()])
     rows = year_of_rows(5, vehicles=1, trips=len(days))
     frame = rows.table.to_pandas().assign(started_at=[f"{day}T08:00:00" for day in days])
-    few = TripRows.join([pa.Table.from_pandas(frame.assign(ambient_temperature_degc=degc), schema=ROWS)])
+    few = table_rows(frame.assign(ambient_temperature_degc=degc))
     cold = Cold(-3.0, "2025-01-06", 10, [("2025-01-13", -9.0, 9)])
     assert coldest_week(few) == (pytest.approx(-3.0), *cold[1:])
     nine = few.where(few.texts("started_at") == "2025-01-13T08:00:00")

@@ -3,19 +3,11 @@
 import numpy as np
 import pytest
 
-from tripwatt.fleet.executors import InProcess
-from tripwatt.fleet.mapping import (
-    file_tasks,
-    map_store,
-    read_rows,
-)
-
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
 
 
-def test_sums_do_not_depend_on_the_parts(fleet):
-    _, store, model, folder = fleet
-    rows = read_rows(map_store(file_tasks(store, store.trip_rows(), folder / "rows"), InProcess(), 1))
+def test_sums_do_not_depend_on_the_parts(fleet, rows):
+    model = fleet[2]
     whole = rows.sums
     X, y, w = rows.X, rows.residual_wh, 1.0 / rows.numbers("variance_wh2")
     assert whole.xx.sum(axis=0) == pytest.approx(X.T @ (X * w[:, None]), rel=1e-10)

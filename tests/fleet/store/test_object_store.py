@@ -10,11 +10,11 @@ import pytest
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
 pytest.importorskip("moto.server", reason="needs moto")
 
+from tests.fleet.rows import mapped
 from tests.fleet.store.test_store import CAR, drive, same
 from tests.support.service_process import free_port
 
-from tripwatt.fleet.executors import InProcess
-from tripwatt.fleet.mapping import file_tasks, map_store, read_rows
+from tripwatt.fleet.mapping import read_rows
 from tripwatt.fleet.store import Added, create_store, open_store
 
 
@@ -69,7 +69,7 @@ def test_a_store_by_url(bucket, tmp_path):
     again = open_store(place, options=options)
     found = {log.trip_id: log for log in again.logs()}
     assert all(same(log, found[log.trip_id]) for log in logs)
-    rows = read_rows(map_store(file_tasks(again, again.trip_rows(), tmp_path), InProcess(), 1))
+    rows = read_rows(mapped(again, tmp_path))
     assert sorted(rows.texts("drive").tolist()) == ["A", "B"]
     assert again.forget("V2") == 1
     assert [log.trip_id for log in again.logs()] == ["A"]
