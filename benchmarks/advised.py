@@ -305,7 +305,7 @@ def followed(names: Sequence[str], seed: int, base: ForecastModel) -> dict[str, 
     def taken_wh(truth: Truth, chosen: tuple[Action, ...], *, before: bool = False) -> float:
         other = driven
         for action in chosen:
-            other = other.with_departure(as_it_may_be(action, luck)) if before else action.applied(other)
+            other = other.with_departure(as_it_may_be(action, luck)) if before else action.apply_to(other)
         key = (truth.vehicle is car.vehicle, truth.weather, before, *(id(action) for action in chosen))
         if not key[0] or key not in made:
             made[key] = Taken.of(truth.vehicle, other, *truth.weather)

@@ -46,7 +46,7 @@ def followed(model: ForecastModel, trip: Trip, chance: float) -> tuple[list[Mess
     start = float(samples["time_s"].iloc[0])
     for until in np.arange(SECONDS_PER_MINUTE, trip.duration_s, SECONDS_PER_MINUTE):
         seen: pd.DataFrame = samples[samples["time_s"] <= start + until]
-        message = companion.hear(seen)
+        message = companion.update(seen)
         if message is not None:
             told.append(message)
     left = soc - float(trip.observed_energy_wh or np.nan) / departure.charge.wh_per_display

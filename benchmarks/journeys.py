@@ -53,7 +53,7 @@ def cutting() -> Iterator[Row]:
     )
     plans = []
     for answer in _osrm_answers():
-        parts = OsrmRouter.parts(Node(answer, "benchmark"))
+        parts = OsrmRouter.read_parts(Node(answer, "benchmark"))
         stops = (Place(47.0, 9.0), Place(47.0, 9.3))
         plans.append(model.forecast(parts.road(stops).plan(), departure).energy_wh)
     yield Row(

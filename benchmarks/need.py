@@ -28,7 +28,7 @@ from tripwatt.auditing import audit
 from tripwatt.forecasting import ForecastModel
 from tripwatt.physics import simulate_trip
 from tripwatt.population.adapting import Adaptation, population_of
-from tripwatt.roads.journey.distances import BAND, KindForecaster, own_roads
+from tripwatt.roads.journey.distances import BAND, KindForecaster, roads_of_model
 from tripwatt.roads.journey.kinds import (
     STUDIES,
     USUAL_KM_H,
@@ -36,7 +36,7 @@ from tripwatt.roads.journey.kinds import (
     RoadPrior,
     RoadStudy,
     road_prior,
-    rounded_shares,
+    round_shares,
 )
 from tripwatt.routes.free_flow import driven_by_kind
 from tripwatt.sources import read_logs
@@ -67,14 +67,13 @@ def study(trips: Sequence[Trip], car: Vehicle) -> RoadStudy:
     classes = [driven_by_kind(trip).reshape(2, 3) for trip in trips]
     length, time = (np.sum([c[i] for c in classes], axis=0) for i in (0, 1))
     own = RoadPrior(tuple(M_S_PER_KM_H * speed for speed in USUAL_KM_H), USUAL_SHARES, (), ())
+    driven_wh = [simulate_trip(car, _flat(Plan.from_trip(trip))).simulated_energy_wh for trip in trips]
     parts = []
     for known in (True, False):
         errors = []
-        for trip, (metres, _) in zip(trips, classes, strict=True):
-            plan = own.plan(trip.distance_m, rounded_shares(metres) if known else own.usual)
-            flat = _flat(Plan.from_trip(trip))
+        for trip, driven, (metres, _) in zip(trips, driven_wh, classes, strict=True):
+            plan = own.plan(trip.distance_m, round_shares(metres) if known else own.usual)
             kind = simulate_trip(car, plan.with_departure(trip.departure)).simulated_energy_wh
-            driven = simulate_trip(car, flat).simulated_energy_wh
             errors.append(driven / kind - 1.0)
         design = np.column_stack((np.ones(len(trips)), [1.0 / t.distance_m for t in trips]))
         parts.append(tuple(nnls(design, np.array(errors) ** 2)[0].tolist()))
@@ -109,13 +108,13 @@ def outcomes(name: str, trips: Sequence[Trip], car: Vehicle) -> dict[tuple[str, 
     most 1."""
     prior, found = road_prior(without=name), dict[tuple[str, str], list[Outcome]]()
     for known, members, model in models(name, trips, car):
-        own = own_roads(model, prior)
+        own = roads_of_model(model, prior)
         for k, road in itertools.product(members, ("kind", "mixed")):
             trip, of_kind = trips[k], road == "kind"
             departure = Departure(ambient_temperature_degc=trip.departure.ambient_temperature_degc)
-            shares = rounded_shares(driven_by_kind(trip)[:3]) if of_kind else prior.usual
+            shares = round_shares(driven_by_kind(trip)[:3]) if of_kind else prior.usual
             asked = KindForecaster(model, departure, shares, of_kind, prior, not of_kind, own)
-            energy, _, _ = asked.at(trip.distance_m, (BAND[0], 0.5, QUANTILE, BAND[1]))
+            energy, _, _ = asked.quantiles(trip.distance_m, (BAND[0], 0.5, QUANTILE, BAND[1]))
             observed = float(trip.observed_energy_wh or np.nan)
             shown = trip.array("displayed_soc") if "displayed_soc" in trip else np.empty(0)
             shown = shown[np.isfinite(shown)]

@@ -34,7 +34,7 @@ from tripwatt.forecasting.difference import MIN_SHARE, OTHER_SPEEDS
 from tripwatt.physics import DriveConditions, simulate, simulate_trip
 from tripwatt.population import for_car
 from tripwatt.population.adapting import Adaptation, population_of
-from tripwatt.roads.advice.actions import GENTLE_M_S2, SPEEDS_KM_H, calmer, capped
+from tripwatt.roads.advice.actions import GENTLE_M_S2, SPEEDS_KM_H, cap_speed, limit_acceleration
 from tripwatt.routes.links import links_of_trip
 from tripwatt.trips import Plan
 from tripwatt.uncertainty.route import LENGTHS_M
@@ -166,7 +166,7 @@ def link_rows(data: Path) -> Iterator[Row]:
 
 def slower(plan: Plan, km_h: float | None) -> Plan:
     """A plan driven no faster than a speed, or calmly without one."""
-    return calmer(plan, GENTLE_M_S2) if km_h is None else capped(plan, km_h * M_S_PER_KM_H)
+    return limit_acceleration(plan, GENTLE_M_S2) if km_h is None else cap_speed(plan, km_h * M_S_PER_KM_H)
 
 
 def main(

@@ -83,7 +83,7 @@ def rows() -> Iterator[Row]:
     forecast = tw.forecast(made_trip(0, {}))
     again = forecasts_like(forecast)
     slower = [action for action in actions(forecast) if action.code == "slower"]
-    took = seconds(lambda: [again(action.applied(forecast.plan)) for action in slower])
+    took = seconds(lambda: [again(action.apply_to(forecast.plan)) for action in slower])
     yield Row(
         f"forecasts of {len(slower)} highest speeds, {forecast.plan.distance_m / 1000.0:.0f} km",
         took,

@@ -68,10 +68,6 @@ def test_a_mutated_answer_is_places_or_one_clear_error(kind, document):
     assert outcomes == {True, ""}
 
 
-def test_coordinates_need_no_search():
-    assert find_place("47.1, 9.5", None, "stops[0]") == Place(47.1, 9.5)
-
-
 @pytest.mark.parametrize(
     ("text", "search", "message"),
     [
@@ -121,15 +117,15 @@ def test_a_search_that_fails_for_the_suggestion_leaves_the_fault():
     assert caught.value.faults[0].fix == ""
 
 
-def test_the_best_match_is_taken():
-    assert find_place("Vaduz", PhotonSearch(client(PHOTON)), "x").name == "Vaduz, Liechtenstein"
-
-
 def test_a_search_is_named_by_kind_and_url():
     assert isinstance(open_search("nominatim=https://h"), NominatimSearch)
     assert isinstance(open_search("https://h"), PhotonSearch)
     with pytest.raises(InvalidInput, match="unknown kind of server: --places"):
         open_search("x=https://h")
+    with pytest.raises(InvalidInput, match="unknown kind of server") as caught:
+        open_search("k" * 50 + "=https://h")
+    assert caught.value.faults[0].got == "k" * 40
+    assert find_place("47.1, 9.5", None, "stops[0]") == Place(47.1, 9.5)
 
 
 def photon(*properties):
@@ -192,12 +188,6 @@ def test_ten_places_are_asked_for_a_name_and_long_names_are_cut_in_messages():
     with pytest.raises(InvalidInput, match="names of places are not known") as caught:
         find_place("z" * 99, None, "x")
     assert caught.value.faults[0].got == "z" * 60
-
-
-def test_the_kind_of_a_server_is_cut_in_messages():
-    with pytest.raises(InvalidInput, match="unknown kind of server") as caught:
-        open_search("k" * 50 + "=https://h")
-    assert caught.value.faults[0].got == "k" * 40
 
 
 @pytest.mark.parametrize(

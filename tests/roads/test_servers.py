@@ -19,7 +19,7 @@ from tests.support.roads import (
 )
 
 from tripwatt.errors import InvalidInput, RemoteError
-from tripwatt.roads.routers.road import no_road
+from tripwatt.roads.routers.road import no_road_error
 from tripwatt.roads.routers.servers import GraphHopperRouter, OpenRouteServiceRouter, OsrmRouter
 from tripwatt.roads.routers.valhalla import ValhallaRouter
 from tripwatt.routes.documents import Node
@@ -162,15 +162,15 @@ A, MIDDLE, B = Place(47.0, 9.0), Place(47.0, 9.05), Place(47.0, 9.1)
 
 
 def osrm_leg(route):
-    return OsrmRouter.parts(Node(route, "x"))
+    return OsrmRouter.read_parts(Node(route, "x"))
 
 
 def graphhopper_path(path):
-    return GraphHopperRouter.parts(Node(path, "x"))
+    return GraphHopperRouter.read_parts(Node(path, "x"))
 
 
 def openrouteservice_feature(feature):
-    return OpenRouteServiceRouter.parts(Node(feature, "x"))
+    return OpenRouteServiceRouter.read_parts(Node(feature, "x"))
 
 
 def asked(kind, document, stops=(A, B), **more):
@@ -250,8 +250,8 @@ def test_four_roads_of_an_answer_are_read(kind, document, key):
 
 
 def test_words_of_a_server_are_cut():
-    assert no_road([A, B], "x" * 121).faults[0].got == "x" * 120
-    assert no_road([A, MIDDLE, B], "x").faults[0].where == " to ".join(p.title for p in (A, MIDDLE, B))
+    assert no_road_error([A, B], "x" * 121).faults[0].got == "x" * 120
+    assert no_road_error([A, MIDDLE, B], "x").faults[0].where == " to ".join(p.title for p in (A, MIDDLE, B))
     with pytest.raises(RemoteError, match="the router failed") as caught:
         OsrmRouter(client({"code": "y" * 100})).roads([A, B])
     assert caught.value.faults[0].got == "'" + "y" * 59

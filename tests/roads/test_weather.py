@@ -11,7 +11,7 @@ from tripwatt.errors import InvalidInput, RemoteError
 from tripwatt.physics import DriveConditions, simulate, simulate_trip
 from tripwatt.physics.road_load import WET_ROAD
 from tripwatt.roads import weather as weather_module
-from tripwatt.roads.routers import Edges, Road, pooled
+from tripwatt.roads.routers import Edges, Road, join_edges
 from tripwatt.roads.weather import (
     WIND_AT_CAR,
     Weather,
@@ -31,7 +31,7 @@ CAR = load_vehicle("bmw_i3_60ah")
 
 def road(latitude, longitude, length_m=10_000.0, speed_m_s=25.0):
     n = len(latitude) - 1
-    links, kinds = pooled(
+    links, kinds = join_edges(
         Edges.from_speeds(np.full(n, length_m / n), np.full(n, length_m / n / speed_m_s), np.full(n, np.nan))
     )
     return Road(links, kinds, np.array(latitude), np.array(longitude), np.linspace(0.0, length_m, n + 1))
@@ -145,15 +145,6 @@ def test_every_value_out_of_bounds_is_named():
     ]
 
 
-def test_a_forecast_of_tomorrow_is_less_certain_and_a_value_by_hand_is_certain():
-    assert (Weather(hours_ahead=0.0).temperature_sd_k, Weather(hours_ahead=60.0).temperature_sd_k) == (
-        1.0,
-        2.0,
-    )
-    assert (Weather(hours_ahead=0.0).wind_sd_m_s, Weather(hours_ahead=60.0).wind_sd_m_s) == (1.0, 2.0)
-    assert (Weather().temperature_sd_k, Weather().wind_sd_m_s) == (0.0, 0.0)
-
-
 def answers(request):
     number = len(request.url.params["latitude"].split(","))
     tables = [
@@ -240,7 +231,8 @@ def test_the_url_is_checked():
     assert WeatherServer.from_url("https://h/").client.base_url == "https://h"
 
 
-def test_the_standard_deviation_grows_with_each_day_ahead():
+def test_the_standard_deviation_grows_with_each_day_ahead_and_a_value_by_hand_is_certain():
+    assert (Weather().temperature_sd_k, Weather().wind_sd_m_s) == (0.0, 0.0)
     for hours, sd in ((-5.0, 1.0), (0.0, 1.0), (0.6, 1.01), (24.0, 1.4)):
         ahead = Weather(hours_ahead=hours)
         assert (ahead.temperature_sd_k, ahead.wind_sd_m_s) == pytest.approx((sd, sd))
@@ -296,8 +288,8 @@ def test_an_answer_is_kept_for_an_hour(monkeypatch):
 
 def test_so_many_answers_are_kept(monkeypatch):
     """A third place makes room for itself; what is asked with it is asked again."""
-    assert weather_module.MAX_KEPT == 5000
-    monkeypatch.setattr(weather_module, "MAX_KEPT", 2)
+    assert weather_module.MAX_CACHED == 5000
+    monkeypatch.setattr(weather_module, "MAX_CACHED", 2)
     first, second, third = Place(47.0, 9.0), Place(47.1, 9.0), Place(47.2, 9.0)
     seen = []
     source = server(seen)

@@ -18,7 +18,7 @@ from tripwatt.roads.routers import (
     Road,
     RoadParts,
     ValhallaRouter,
-    pooled,
+    join_edges,
     road,
 )
 from tripwatt.roads.routers.servers import GraphHopperRouter, OpenRouteServiceRouter, OsrmRouter
@@ -41,12 +41,12 @@ def edges(length, time, speed=None, limit=None, kinds=None, signal=None):
 
 
 def lengths(*columns, **more):
-    return pooled(edges(*columns, **more))[0].length_m.tolist()
+    return join_edges(edges(*columns, **more))[0].length_m.tolist()
 
 
 def test_a_standstill_at_a_signal_has_two_seconds():
     for seconds, stop in ((12.0, 2.0), (11.99, NO)):
-        links, _ = pooled(edges([100.0], [seconds], [10.0], signal=[True]))
+        links, _ = join_edges(edges([100.0], [seconds], [10.0], signal=[True]))
         np.testing.assert_array_equal(links.stop_s, [stop])
 
 
@@ -72,7 +72,7 @@ def test_pieces_without_length_or_time_join_what_follows():
     assert lengths([5.0, 100.0], [0.5, 10.0], kinds=["a", "b"]) == [5.0, 100.0]
     assert lengths([100.0, 0.01], [10.0, 1.0]) == [100.0, 0.01]
     assert lengths([100.0, 0.009], [10.0, 1.0], kinds=["a", "b"]) == [100.009]
-    links, kinds = pooled(edges([100.0, 0.005, 100.0], [10.0, 1.0, 10.0], kinds=["a", "b", "c"]))
+    links, kinds = join_edges(edges([100.0, 0.005, 100.0], [10.0, 1.0, 10.0], kinds=["a", "b", "c"]))
     assert (links.length_m.tolist(), kinds) == ([100.0, 100.005], ("a", "b"))
     assert lengths([0.005, 0.005, 100.0], [1.0, 1.0, 10.0], kinds=["a", "b", "c"]) == [0.01, 100.0]
 
@@ -80,8 +80,8 @@ def test_pieces_without_length_or_time_join_what_follows():
 def test_a_limit_that_is_unknown_is_no_limit():
     for pair, number in (([NO, 1.0], 2), ([NO, NO], 1), ([1.0, NO], 2), ([1.0, 1.0], 1)):
         assert len(lengths([5.0, 5.0], [9.0, 9.0], limit=pair)) == number
-    assert pooled(edges([5.0], [9.0]))[0].speed_limit_m_s is None
-    assert pooled(edges([5.0], [9.0], limit=[1.0]))[0].speed_limit_m_s.tolist() == [1.0]
+    assert join_edges(edges([5.0], [9.0]))[0].speed_limit_m_s is None
+    assert join_edges(edges([5.0], [9.0], limit=[1.0]))[0].speed_limit_m_s.tolist() == [1.0]
 
 
 def test_lists_of_routes_end_at_four():
@@ -103,7 +103,7 @@ def made(*legs, stops=None):
 
 def test_the_way_that_a_car_looks():
     corner = Road(
-        pooled(edges([200.0], [20.0]))[0],
+        join_edges(edges([200.0], [20.0]))[0],
         ("",),
         np.array([0.0, 0.0, 0.001]),
         np.array([0.0, 0.001, 0.001]),
@@ -255,7 +255,7 @@ def edges_of(length, time, speed=None, limit=None, kinds=None, signal=None):
 
 
 def test_edges_of_one_speed_are_one_link_with_the_delays_in_its_time():
-    links, kinds = pooled(edges_of([100.0, 300.0, 200.0], [7.0, 15.0, 10.0], [20.0, 20.0, 20.0]))
+    links, kinds = join_edges(edges_of([100.0, 300.0, 200.0], [7.0, 15.0, 10.0], [20.0, 20.0, 20.0]))
     assert links.length_m.tolist() == [600.0]
     assert links.travel_time_s.tolist() == [32.0]
     assert links.moving_speed_m_s.tolist() == [20.0]
@@ -277,13 +277,13 @@ def test_edges_of_one_speed_are_one_link_with_the_delays_in_its_time():
     ],
 )
 def test_links_end_where_class_limit_or_a_signal_changes(more, lengths):
-    links, kinds = pooled(edges_of([100.0, 100.0], [10.0, 10.0], **more))
+    links, kinds = join_edges(edges_of([100.0, 100.0], [10.0, 10.0], **more))
     assert links.length_m.tolist() == lengths
     assert len(kinds) == len(lengths)
 
 
 def test_a_time_shorter_than_the_free_one_becomes_the_free_one():
-    found, _ = pooled(edges_of([100.0], [9.0], [10.0]))
+    found, _ = join_edges(edges_of([100.0], [9.0], [10.0]))
     assert found.travel_time_s.tolist() == [10.0]
 
 

@@ -42,7 +42,7 @@ VERSION: Final = 1
 
 QUANTILES: Final = (0.05, 0.5, 0.95)
 TRIPS_PER_PART: Final = 50
-"""A choice, because a part takes a worker some seconds: long against sending it, short against repeating it after a crash."""
+"""A choice, because the forecasts of a part take long compared with sending it, and are quickly repeated after a crash."""
 _PARTS_PER_ROW_GROUP: Final = 100
 """Number of finished parts in one row group of the output: a choice, because 5,000 rows compress well and need little memory."""
 

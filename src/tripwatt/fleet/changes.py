@@ -50,8 +50,8 @@ ageing change the consumption by some percent."""
 _HUBER_BOUND: Final = 2.0
 """Standardised error from which the weight of a trip falls: a choice, because normal errors lose little by it (Huber 1964 gives 1 to 2)."""
 _READING_SD: Final = 0.003
-"""Usual standard deviation of the difference of two readings of a display that shows whole percent [1]: sqrt(2 / 12) of a percent is 0.004.
-The level is estimated."""
+"""Usual standard deviation of the difference of two readings of a display [1], of the order of the rounding to whole percents; the level is
+estimated."""
 
 _DISPLAY_SCALES: Final = Scales(((0.05, 0.03), (0.05, 0.01)), 1.0, (0, 1, 1, 1), 0.3)
 """Usual scales of the displayed charge that an energy takes, of car models and vehicles: of its level, and of the effects of cold, years

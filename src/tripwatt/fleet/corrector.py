@@ -16,7 +16,7 @@ from tripwatt.hybrid.power import TREE_FEATURES, PowerCorrector
 
 _TREE_SETTINGS: Final = shipped_toml("fleet/trees.toml")
 _MAX_ROUNDS: Final = 120
-"""A choice, because more rounds did not lower the held-out error of the benchmark fleets and take longer."""
+"""A choice that bounds the time of a fit."""
 _MIN_GAIN: Final = 0.01
 """Trees are used only if they lower the held-out error of trips by at least this share: a choice, because less is within chance."""
 

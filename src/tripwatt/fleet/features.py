@@ -15,8 +15,8 @@ WARM_DEGC: Final = 20.0
 """Outside air [°C] at which neither heating nor cooling is expected: a choice near the usual set-points of cabins."""
 
 _SETTLING_S: Final = 900.0
-"""Time constant [s] with which cabin and driveline settle after departure: a choice, because
-both take 10 to 30 minutes."""
+"""Time constant [s] with which cabin and driveline settle after departure: a choice of
+the order in which both warm up."""
 
 CLIMATE: Final = ("cold", "hot", "cold_start", "start")
 

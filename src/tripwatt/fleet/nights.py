@@ -24,7 +24,7 @@ from tripwatt.fleet.model import COLD_DEGC, FleetModel
 from tripwatt.fleet.statistics import TripRows
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.forecasting.leaving import OF_CHARGE
-from tripwatt.roads.journey.distances import DISTANCES_KM, KindForecaster, taken_by
+from tripwatt.roads.journey.distances import DISTANCES_KM, KindForecaster, trip_quantiles
 from tripwatt.roads.journey.kinds import UNKNOWN
 from tripwatt.routes import route_from_links
 from tripwatt.sources.columnar import open_table
@@ -35,7 +35,7 @@ from tripwatt.vehicles import Vehicle
 
 QUANTILE: Final = 0.95
 EFFICIENCY: Final = 0.9
-"""Share of the energy from an alternating-current charger that reaches the battery: a choice within the usual 0.85 to 0.93."""
+"""Share of the energy from an alternating-current charger that reaches the battery: a choice, because chargers lose about a tenth."""
 
 _MIN_TRIPS: Final = 10
 """Smallest number of trips with which the mean temperature of a week counts: a choice, because a few trips may be on its coldest day."""
@@ -211,7 +211,7 @@ def needs_by_hour(
     (raise_faults if refused is None else refused.extend)(check.faults)
     rows = []
     for trip, (car, forecast) in (pair for pair in forecasts if pair[1] is not None):
-        (median_wh, quantile_wh), (_, soc_taken), duration_s = taken_by(forecast, (0.5, quantile))
+        (median_wh, quantile_wh), (_, soc_taken), duration_s = trip_quantiles(forecast, (0.5, quantile))
         times = trip.departs_at, trip.departs_at + dt.timedelta(seconds=duration_s)
         taken = forecast.plan.distance_m, median_wh, quantile_wh, max(soc_taken, 1e-6)
         hour = trip.departs_at.replace(minute=0, second=0, microsecond=0)
@@ -312,7 +312,7 @@ def needs_by_car(
             trip.departure, ambient_temperature_degc=ambient_degc, battery_temperature_degc=None
         )
         needs[name] = {
-            car: reserve + float(taken_by(trip.forecast(car_model, weather), (quantile,))[1][0])
+            car: reserve + float(trip_quantiles(trip.forecast(car_model, weather), (quantile,))[1][0])
             for car, car_model in car_models.items()
         }
     return pd.DataFrame.from_dict(needs, orient="index", columns=names).rename_axis("trip").reset_index()

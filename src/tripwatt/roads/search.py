@@ -14,18 +14,19 @@ from tripwatt.routes.documents import Node
 from tripwatt.routes.places import TWIN_M, Place, read_coordinates, without_twins
 from tripwatt.routes.web import WebClient, as_remote
 
-KEY: Final = "TRIPWATT_PLACES_KEY"
-LONGEST_TEXT: Final = 200
+_KEY_VARIABLE: Final = "TRIPWATT_PLACES_KEY"
+_LONGEST_TEXT: Final = 200
 MAX_FOUND: Final = 50
-LONGEST_NAME: Final = 60
-"""Largest number of characters of a name that are shown in a message or compared."""
+"""Bounds of a text and of the places in an answer: choices, since no name is longer and no list is read further."""
+_LONGEST_NAME: Final = 60
+"""Largest number of characters of a name that are shown in a message or compared: a choice that keeps messages readable."""
 
-MAX_ASKED: Final = 10
-MAX_NAMED: Final = 5
-"""Largest numbers of places that are searched for a name, and that are named in a message."""
+_MAX_CANDIDATES: Final = 10
+_MAX_NAMED: Final = 5
+"""Largest numbers of places that are searched for a name, and that are named in a message: choices, since nobody reads longer lists."""
 
-SAME_LETTERS: Final = 3
-"""Number of first letters that a similar name has to have in common with an unknown name."""
+_PREFIX_LETTERS: Final = 3
+"""Number of first letters that a similar name has to share with an unknown name: a choice, because servers find nothing for fewer."""
 
 
 class PlaceSearch(Protocol):
@@ -37,20 +38,20 @@ class PlaceSearch(Protocol):
 
 
 @dataclass(frozen=True)
-class ServerSearch:
+class _ServerSearch:
     """A search for places by a server."""
 
     client: WebClient
 
     key_place: ClassVar[str]
     path: ClassVar[str]
-    more: ClassVar[Mapping[str, str]] = MappingProxyType({})
+    extra_parameters: ClassVar[Mapping[str, str]] = MappingProxyType({})
     """Parameters of the request besides the text and the number of places."""
 
     @classmethod
     def from_url(cls, url: str) -> Self:
         """Make a search from the URL of its server."""
-        return cls(WebClient(url, "the search for places", KEY, cls.key_place))
+        return cls(WebClient(url, "the search for places", _KEY_VARIABLE, cls.key_place))
 
     def search(self, text: str, *, limit: int = 10) -> tuple[Place, ...]:
         """See `PlaceSearch.search`.
@@ -60,60 +61,62 @@ class ServerSearch:
         RemoteError
             If the server does not answer, or its answer has no places.
         """
-        query = {"q": text[:LONGEST_TEXT], "limit": str(limit), **self.more}
+        query = {"q": text[:_LONGEST_TEXT], "limit": str(limit), **self.extra_parameters}
         answer = self.client.get_json(self.path, query)
         with as_remote():
-            return without_twins(self.places(Node(answer, self.client.host)))[: min(limit, MAX_FOUND)]
+            return without_twins(self.read_places(Node(answer, self.client.host)))[: min(limit, MAX_FOUND)]
 
     @staticmethod
-    def places(answer: Node) -> list[Place]:
+    def read_places(answer: Node) -> list[Place]:
         """Read the places of an answer, the best first."""
         raise NotImplementedError
 
 
-class PhotonSearch(ServerSearch):
+class PhotonSearch(_ServerSearch):
     """Places of a Photon server."""
 
     key_place = "query:api_key"
     path = "/api"
 
     @staticmethod
-    def places(answer: Node) -> list[Place]:
-        """See `ServerSearch.places`."""
+    def read_places(answer: Node) -> list[Place]:
+        """See `_ServerSearch.read_places`."""
         places = []
         for feature in answer["features"].entries():
-            about = feature["properties"].members()
-            pair = feature["geometry"]["coordinates"].entries(least=2)
-            street = " ".join(str(about[key]) for key in ("street", "housenumber") if about.get(key))
-            parts = [about.get("name") or street, about.get("city"), about.get("country")]
+            properties = feature["properties"].members()
+            coordinates = feature["geometry"]["coordinates"].entries(least=2)
+            street = " ".join(
+                str(properties[key]) for key in ("street", "housenumber") if properties.get(key)
+            )
+            parts = [properties.get("name") or street, properties.get("city"), properties.get("country")]
             name = ", ".join(dict.fromkeys(str(part) for part in parts if part))
-            longitude, latitude = (degrees.number() for degrees in pair[:2])
-            kind = str(about.get("osm_value", ""))[:40]
-            places.append(Place(latitude, longitude, name[:LONGEST_TEXT], kind))
+            longitude, latitude = (degrees.number() for degrees in coordinates[:2])
+            kind = str(properties.get("osm_value", ""))[:40]
+            places.append(Place(latitude, longitude, name[:_LONGEST_TEXT], kind))
         return places
 
 
-class NominatimSearch(ServerSearch):
+class NominatimSearch(_ServerSearch):
     """Places of a Nominatim server."""
 
     key_place = "query:key"
     path = "/search"
-    more = MappingProxyType({"format": "jsonv2"})
+    extra_parameters = MappingProxyType({"format": "jsonv2"})
 
     @staticmethod
-    def places(answer: Node) -> list[Place]:
-        """See `ServerSearch.places`."""
+    def read_places(answer: Node) -> list[Place]:
+        """See `_ServerSearch.read_places`."""
         places = []
         for entry in answer.entries():
-            latitude, longitude = (_text_number(entry[key]) for key in ("lat", "lon"))
-            about = entry.members()
-            name = str(about.get("display_name", ""))[:LONGEST_TEXT]
-            kind = str(about.get("addresstype") or about.get("type") or "")[:40]
+            latitude, longitude = (_number_from_text(entry[key]) for key in ("lat", "lon"))
+            values = entry.members()
+            name = str(values.get("display_name", ""))[:_LONGEST_TEXT]
+            kind = str(values.get("addresstype") or values.get("type") or "")[:40]
             places.append(Place(latitude, longitude, name, kind))
         return places
 
 
-def _text_number(text: Node) -> float:
+def _number_from_text(text: Node) -> float:
     """Read a number that Nominatim writes as text."""
     try:
         return Node(float(text.value), text.where).number()
@@ -121,7 +124,7 @@ def _text_number(text: Node) -> float:
         raise InvalidInput.of("not a number", text.where, repr(text.value)[:40], "a number") from error
 
 
-SEARCH_KINDS: Final[Mapping[str, Callable[[str], PlaceSearch]]] = {
+_SEARCH_KINDS: Final[Mapping[str, Callable[[str], PlaceSearch]]] = {
     "photon": PhotonSearch.from_url,
     "nominatim": NominatimSearch.from_url,
 }
@@ -136,8 +139,8 @@ def open_search(text: str, where: str = "--places") -> PlaceSearch:
     InvalidInput
         If the kind is unknown, or the URL is not valid.
     """
-    kind, url = split_kind(text, SEARCH_KINDS, where)
-    return SEARCH_KINDS[kind](url)
+    kind, url = split_kind(text, _SEARCH_KINDS, where)
+    return _SEARCH_KINDS[kind](url)
 
 
 def find_place(text: str, search: PlaceSearch | None, where: str, covers: str = "") -> Place:
@@ -169,13 +172,15 @@ def find_place(text: str, search: PlaceSearch | None, where: str, covers: str = 
     if search is None:
         fix = "give latitude and longitude, build a map, or name a search for places by its URL"
         raise InvalidInput.of("names of places are not known", where, text[:60], "47.141, 9.521", fix)
-    matches = search.search(text, limit=MAX_ASKED)
-    whole = [place for place in matches if place.is_called(text)]
-    others = [place for place in whole if place.kind == whole[0].kind and place.distance_m(whole[0]) > TWIN_M]
-    if whole and not others:
-        return whole[0]
-    what = "several places have this name" if whole else "unknown place"
-    candidates = [whole[0], *others] if whole else [*matches] or _similar(text, search)
+    matches = search.search(text, limit=_MAX_CANDIDATES)
+    exact = [place for place in matches if place.is_called(text)]
+    elsewhere = [
+        place for place in exact if place.kind == exact[0].kind and place.distance_m(exact[0]) > TWIN_M
+    ]
+    if exact and not elsewhere:
+        return exact[0]
+    what = "several places have this name" if exact else "unknown place"
+    candidates = [exact[0], *elsewhere] if exact else [*matches] or _most_similar(text, search)
     allowed = "the whole name of a place, street or house of the map, or latitude and longitude"
     fix = "; ".join(part for part in (did_you_mean(candidates), covers) if part)
     raise InvalidInput.of(what, where, text[:60], allowed, fix)
@@ -190,19 +195,19 @@ def did_you_mean(places: Sequence[Place]) -> str:
     "did you mean 'Ruggell' (village) or 'Ruggeller Strasse' (street)?"
     """
     names = [
-        f"{place.name[:LONGEST_NAME]!r}" + (f" ({place.kind.replace('_', ' ')})" if place.kind else "")
+        f"{place.name[:_LONGEST_NAME]!r}" + (f" ({place.kind.replace('_', ' ')})" if place.kind else "")
         for place in places
     ]
-    return f"did you mean {' or '.join(list(dict.fromkeys(names))[:MAX_NAMED])}?" if names else ""
+    return f"did you mean {' or '.join(list(dict.fromkeys(names))[:_MAX_NAMED])}?" if names else ""
 
 
-def _similar(text: str, search: PlaceSearch) -> list[Place]:
-    """Search for places that begin with the same letters, and return the one with the most similar name, if any."""
-    typed = " ".join(text.split())[:LONGEST_NAME]
+def _most_similar(text: str, search: PlaceSearch) -> list[Place]:
+    """Return the place with the most similar name among those with the same first letters, or no place if none is similar."""
+    typed = " ".join(text.split())[:_LONGEST_NAME]
     try:
-        alike = search.search(typed[:SAME_LETTERS])
+        candidates = search.search(typed[:_PREFIX_LETTERS])
     except RemoteError:
         return []
-    named = {place.name.partition(",")[0].casefold(): place for place in reversed(alike)}
-    near = difflib.get_close_matches(typed.casefold(), [*named], n=1)
-    return [named[near[0]]] if near else []
+    by_name = {place.name.partition(",")[0].casefold(): place for place in reversed(candidates)}
+    similar = difflib.get_close_matches(typed.casefold(), [*by_name], n=1)
+    return [by_name[similar[0]]] if similar else []

@@ -23,22 +23,24 @@ from tripwatt.trips.weather import WIND_AT_CAR, air_density_at
 from tripwatt.units import SECONDS_PER_HOUR
 
 POINT_EVERY_M: Final = 30_000.0
-"""Distance between the points of a road for which the weather is requested [m]: a few cells of a weather model."""
+"""Distance between the points of a road for which the weather is requested [m]: a few cells of a weather model. A choice."""
 
 MAX_POINTS: Final = 20
-KEPT_S: Final = 3600.0
-"""Time for which an answer is used again [s]; weather models run every few hours."""
+"""A choice that bounds the request: the URL holds the coordinates of all points."""
+_CACHE_S: Final = 3600.0
+"""Time for which an answer is used again [s]: a choice, because weather models run every few hours."""
 
-MAX_KEPT: Final = 5000
-CELL_DEG: Final = 0.05
-"""Size of a cell [°]; places in the same cell share an answer."""
+MAX_CACHED: Final = 5000
+"""Largest number of answers that are kept: a choice that bounds the memory."""
+_CELL_DEG: Final = 0.05
+"""Size of a cell [°]: a choice, because places in a cell of 5 km have the same weather. They share an answer."""
 
 TEMPERATURE_SD_K: Final = (1.0, 0.4)
 WIND_SD_M_S: Final = (1.0, 0.4)
 """Standard deviation of a forecast of temperature and wind: now, and its growth per day ahead. A choice, of the
 order of the errors that weather services publish for the temperature at 2 m and the wind at 10 m."""
 
-HOURLY: Final = (
+_HOURLY_VARIABLES: Final = (
     "temperature_2m",
     "precipitation",
     "surface_pressure",
@@ -77,27 +79,27 @@ class Weather:
     hours_ahead: float | None = None
 
     def __post_init__(self) -> None:
-        own = ("wind_speed_m_s", "wind_from_deg", "rain_mm_h", "pressure_pa")
-        values = {name: getattr(self, name) for name in own}
+        names = ("wind_speed_m_s", "wind_from_deg", "rain_mm_h", "pressure_pa")
+        values = {name: getattr(self, name) for name in names}
         raise_faults(scalar_faults({"ambient_temperature_degc": self.temperature_degc, **values}))
 
     @property
     def temperature_sd_k(self) -> float:
         """Standard deviation of the temperature [K]."""
-        return _sd(TEMPERATURE_SD_K, self.hours_ahead)
+        return _forecast_sd(TEMPERATURE_SD_K, self.hours_ahead)
 
     @property
     def wind_sd_m_s(self) -> float:
         """Standard deviation of the wind against the car, 10 m above the ground [m/s]."""
-        return _sd(WIND_SD_M_S, self.hours_ahead)
+        return _forecast_sd(WIND_SD_M_S, self.hours_ahead)
 
 
-def _sd(now_and_per_day: tuple[float, float], hours_ahead: float | None) -> float:
+def _forecast_sd(now_and_per_day: tuple[float, float], hours_ahead: float | None) -> float:
     """Return the standard deviation of a forecast some hours ahead, or 0 if `hours_ahead` is None.
 
     Examples
     --------
-    >>> _sd((1.0, 0.5), 48.0), _sd((1.0, 0.5), None)
+    >>> _forecast_sd((1.0, 0.5), 48.0), _forecast_sd((1.0, 0.5), None)
     (2.0, 0.0)
     """
     now, per_day = now_and_per_day
@@ -122,7 +124,9 @@ class WeatherServer:
     """
 
     client: WebClient
-    _kept: dict[tuple[int, int, dt.datetime], tuple[float, Weather]] = field(default_factory=dict, repr=False)
+    _cache: dict[tuple[int, int, dt.datetime], tuple[float, Weather]] = field(
+        default_factory=dict, repr=False
+    )
 
     @classmethod
     def from_url(cls, url: str, where: str = "--weather") -> WeatherServer:
@@ -144,23 +148,25 @@ class WeatherServer:
         RemoteError
             If the server does not answer, or its answer does not have these hours.
         """
-        keys = [_cell(place, hour) for place, hour in zip(places, when, strict=True)]
+        keys = [_cell_and_hour(place, hour) for place, hour in zip(places, when, strict=True)]
         now = time.monotonic()
-        missing = [key for key in dict.fromkeys(keys) if self._kept.get(key, (-math.inf,))[0] < now - KEPT_S]
-        if len(self._kept) + len(missing) > MAX_KEPT:
-            self._kept.clear()
+        missing = [
+            key for key in dict.fromkeys(keys) if self._cache.get(key, (-math.inf,))[0] < now - _CACHE_S
+        ]
+        if len(self._cache) + len(missing) > MAX_CACHED:
+            self._cache.clear()
             missing = list(dict.fromkeys(keys))
         if missing:
-            asked = zip(missing, self._ask(missing), strict=True)
-            self._kept.update({key: (now, weather) for key, weather in asked})
-        return tuple(self._kept[key][1] for key in keys)
+            answers = zip(missing, self._request(missing), strict=True)
+            self._cache.update({key: (now, weather) for key, weather in answers})
+        return tuple(self._cache[key][1] for key in keys)
 
-    def _ask(self, keys: Sequence[tuple[int, int, dt.datetime]]) -> list[Weather]:
+    def _request(self, keys: Sequence[tuple[int, int, dt.datetime]]) -> list[Weather]:
         first, last = min(key[2] for key in keys), max(key[2] for key in keys)
         query = {
-            "latitude": ",".join(f"{key[0] * CELL_DEG:.2f}" for key in keys),
-            "longitude": ",".join(f"{key[1] * CELL_DEG:.2f}" for key in keys),
-            "hourly": ",".join(HOURLY),
+            "latitude": ",".join(f"{key[0] * _CELL_DEG:.2f}" for key in keys),
+            "longitude": ",".join(f"{key[1] * _CELL_DEG:.2f}" for key in keys),
+            "hourly": ",".join(_HOURLY_VARIABLES),
             "wind_speed_unit": "ms",
             "timezone": "UTC",
             "start_hour": f"{first:%Y-%m-%dT%H:%M}",
@@ -174,25 +180,25 @@ class WeatherServer:
             tables = answer if isinstance(answer, list) else [answer]
             if len(tables) != len(keys):
                 raise InvalidInput.of("weather of other places", host, f"{len(tables)}", f"{len(keys)}")
-            return [_weather(Node(table, host), key[2]) for table, key in zip(tables, keys, strict=True)]
+            return [_weather_at(Node(table, host), key[2]) for table, key in zip(tables, keys, strict=True)]
 
 
-def _cell(place: Place, when: dt.datetime) -> tuple[int, int, dt.datetime]:
+def _cell_and_hour(place: Place, when: dt.datetime) -> tuple[int, int, dt.datetime]:
     """Return the cell of a place and the nearest hour of a time; a time without a zone is local time of this machine."""
     utc = when.astimezone(dt.UTC)
     hour = (utc + dt.timedelta(minutes=30)).replace(minute=0, second=0, microsecond=0)
-    return round(place.latitude_deg / CELL_DEG), round(place.longitude_deg / CELL_DEG), hour
+    return round(place.latitude_deg / _CELL_DEG), round(place.longitude_deg / _CELL_DEG), hour
 
 
-def _weather(table: Node, hour: dt.datetime) -> Weather:
-    hourly, wanted = table["hourly"], f"{hour:%Y-%m-%dT%H:%M}"
+def _weather_at(table: Node, hour: dt.datetime) -> Weather:
+    hourly, time_text = table["hourly"], f"{hour:%Y-%m-%dT%H:%M}"
     times = [time.value for time in hourly["time"].entries(least=1)]
-    if wanted not in times:
+    if time_text not in times:
         allowed = f"{times[0]} to {times[-1]}"
-        raise InvalidInput.of("no weather for this hour", table.where, wanted, allowed)
-    k = times.index(wanted)
+        raise InvalidInput.of("no weather for this hour", table.where, time_text, allowed)
+    k = times.index(time_text)
     temperature, rain, pressure, wind, wind_from = (
-        hourly[name].entries(least=k + 1)[k].number() for name in HOURLY
+        hourly[name].entries(least=k + 1)[k].number() for name in _HOURLY_VARIABLES
     )
     ahead = (hour - dt.datetime.now(dt.UTC)).total_seconds() / SECONDS_PER_HOUR
     return Weather(temperature, wind, wind_from % 360.0, rain, 100.0 * pressure, max(ahead, 0.0))
@@ -201,7 +207,7 @@ def _weather(table: Node, hour: dt.datetime) -> Weather:
 def weather_along(
     road: Road, source: WeatherSource, departs_at: dt.datetime
 ) -> tuple[FloatArray, tuple[Weather, ...]]:
-    """Return positions along a road [m], and the weather at each of them when the car comes by.
+    """Return positions along a road [m], and the weather at each position at the time when the car passes it.
 
     Parameters
     ----------
@@ -217,9 +223,9 @@ def weather_along(
     """
     number = min(max(round(road.distance_m / POINT_EVERY_M), 1), MAX_POINTS)
     position = (np.arange(number) + 0.5) / number * road.distance_m
-    border = running_sum(road.links.length_m)
-    passed = np.interp(position, border, running_sum(road.links.travel_time_s))
-    when = [departs_at + dt.timedelta(seconds=float(seconds)) for seconds in passed]
+    link_start_m = running_sum(road.links.length_m)
+    passed_s = np.interp(position, link_start_m, running_sum(road.links.travel_time_s))
+    when = [departs_at + dt.timedelta(seconds=float(seconds)) for seconds in passed_s]
     return position, source.at([road.place_at(float(at)) for at in position], when)
 
 
@@ -234,23 +240,23 @@ def plan_with_weather(plan: Plan, road: Road, position_m: FloatArray, weather: S
     >>> plan_with_weather(plan, road, np.array([0.0]), (Weather(10.0, rain_mm_h=0.5),)).weather.rain_mm_h  # doctest: +SKIP
     0.5
     """
-    driven = driven_m(plan, road.distance_m)
+    distance = driven_m(plan, road.distance_m)
     angle = np.radians([w.wind_from_deg for w in weather])
     speed = np.array([w.wind_speed_m_s for w in weather])
-    east = np.interp(driven, position_m, speed * np.sin(angle))
-    north = np.interp(driven, position_m, speed * np.cos(angle))
-    heading = np.radians(road.heading_at(driven))
+    east = np.interp(distance, position_m, speed * np.sin(angle))
+    north = np.interp(distance, position_m, speed * np.cos(angle))
+    heading = np.radians(road.heading_at(distance))
     headwind = WIND_AT_CAR * (east * np.sin(heading) + north * np.cos(heading))
-    pressure = _mean([w.pressure_pa for w in weather])
+    pressure = _mean_if_known([w.pressure_pa for w in weather])
     ambient = plan.departure.ambient_temperature_degc
     if ambient is None:
-        ambient = _mean([w.temperature_degc for w in weather])
+        ambient = _mean_if_known([w.temperature_degc for w in weather])
     departure = replace(plan.departure, ambient_temperature_degc=ambient)
     density = air_density_at(replace(departure, pressure_pa=pressure))
     rain = float(np.mean([w.rain_mm_h for w in weather]))
     return replace(plan, departure=departure, weather=PlanWeather(headwind, density, rain))
 
 
-def _mean(values: Sequence[float | None]) -> float | None:
+def _mean_if_known(values: Sequence[float | None]) -> float | None:
     known = [value for value in values if value is not None]
     return float(np.mean(known)) if len(known) == len(values) and known else None

@@ -17,11 +17,6 @@ from tripwatt.trips import Departure
 RESERVE = 0.1
 
 
-@pytest.fixture(scope="module")
-def model() -> tw.ForecastModel:
-    return tw.load_model()
-
-
 def told(model: tw.ForecastModel, power_factor: float, chance: float) -> tuple[list[Message], Companion]:
     """Messages of an hour on a fast road whose energy is a factor of the expected one."""
     plan = tw.read_route([{"length_m": 60_000.0, "speed_m_s": 29.0, "grade": 0.0}])
@@ -36,7 +31,7 @@ def told(model: tw.ForecastModel, power_factor: float, chance: float) -> tuple[l
     for until in range(60, int(plan.duration_s) - 30, 60):
         seen = time <= until
         samples = {"time_s": time[seen], "speed_m_s": 29.0, "observed_energy_wh": energy[seen]}
-        message = companion.hear(pd.DataFrame(samples))
+        message = companion.update(pd.DataFrame(samples))
         if message is not None:
             heard.append(message)
     return heard, companion

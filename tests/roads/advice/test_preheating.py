@@ -14,7 +14,6 @@ from tests.support.cars import some_cars
 import tripwatt as tw
 from tripwatt.physics import DriveConditions, simulate, simulate_trip
 from tripwatt.physics.cabin import CabinStart, CabinTask, condition_cabins
-from tripwatt.roads.advice import preheating as preheating_of
 from tripwatt.roads.advice.preheating import (
     BATTERY_HEATER_W,
     BATTERY_STEPS,
@@ -127,9 +126,9 @@ def test_the_optimum_is_that_of_plain_loops(degc: float, plug_w: float, worth: f
     assert chosen == (None, 0, 0) or costs[chosen] < nothing
 
 
-@pytest.mark.parametrize("name", some_cars(6))
-@pytest.mark.parametrize("degc", [-20.0, -5.0, 8.0, 30.0])
-@pytest.mark.parametrize("plug_w", [0.0, 1500.0, PLUG_W])
+@pytest.mark.parametrize("name", some_cars(5))
+@pytest.mark.parametrize("degc", [-20.0, 8.0, 30.0])
+@pytest.mark.parametrize("plug_w", [0.0, 1500.0])
 def test_no_answer_costs_the_battery_anything(name: str, degc: float, plug_w: float) -> None:
     heat = preheating(tw.load_vehicle(name), road(ambient_temperature_degc=degc), plug_w=plug_w)
     if heat is not None:
@@ -145,17 +144,6 @@ def test_colder_air_means_no_later_start(name: str) -> None:
     assert all(colder >= warmer - STEP_S for colder, warmer in itertools.pairwise(before))  # within a step
     assert found[-1] is None  # nothing to do at 20 °C
     assert before[2] > 0.0  # at -5 °C there is
-
-
-def test_the_choices_are_those_that_are_described() -> None:
-    """One phase of 32 A; twice for energy of the battery; 10 K for six minutes for 1 kWh; an hour in steps of a minute."""
-    assert pytest.approx(32.0 * 230.0, rel=0.01) == PLUG_W
-    assert (WORTH, SCARCE, CHARGER) == (2.0, 10.0, 0.9)
-    assert COMFORT_W_K * 10.0 * 0.1 == 1000.0
-    assert (STEPS * STEP_S, STEP_S) == (3600.0, 60.0)
-    assert TRIED_K == (0.0, -2.0, 2.0, 4.0)
-    plan, car = road(ambient_temperature_degc=-5.0), tw.load_vehicle(CAR)
-    assert preheating(car, plan) == preheating(car, plan, plug_w=7400.0, worth=2.0)
 
 
 def test_only_the_part_that_may_be_warmed_is() -> None:
@@ -253,7 +241,3 @@ def test_what_is_unknown_is_not_handed_over() -> None:
         "preheat": None,
     }
     assert before_departure(forecast, 0.4, 0.0, 0.6, None)["charge_wh"] == 0.0
-
-
-def test_the_door_of_advice_has_it() -> None:
-    assert preheating_of is preheating

@@ -14,8 +14,8 @@ from tests.roads.journey.test_stops import FAR, row
 import tripwatt as tw
 from tripwatt.forecasting.leaving import forecasts_like
 from tripwatt.roads.advice import leaving_later
-from tripwatt.roads.advice.actions import ALONE, Action, actions, with_action
-from tripwatt.roads.advice.advise import _advised
+from tripwatt.roads.advice.actions import ALONE, Action, actions, plan_with_action
+from tripwatt.roads.advice.advise import _with_actions
 from tripwatt.roads.journey import Place, RoadForecaster
 from tripwatt.roads.weather import Weather
 
@@ -27,11 +27,6 @@ class Warming:
 
     def at(self, places: Sequence[Place], when: Sequence[dt.datetime]) -> tuple[Weather, ...]:
         return tuple(Weather(-5.0 + 3.0 * (time - NOON).total_seconds() / 3600.0) for time in when)
-
-
-@pytest.fixture(scope="module")
-def model() -> tw.ForecastModel:
-    return tw.load_model()
 
 
 def test_the_slower_road_of_a_journey_is_a_way_to_arrive(model: tw.ForecastModel) -> None:
@@ -96,8 +91,8 @@ def test_what_is_warmed_on_the_plug_is_warm_on_the_first_leg_alone(model: tw.For
     found = journey(model, cold, (A, FAR), replace(MADE, stations=row(14)))
     assert found.corridor is not None
     warm = next(action for action in actions(found.forecast) if action.code == "preheat_cabin")
-    forecast = forecasts_like(found.forecast)(warm.applied(found.forecast.plan))
-    plan = with_action(found.corridor, warm, forecast, found.corridor.road)
+    forecast = forecasts_like(found.forecast)(warm.apply_to(found.forecast.plan))
+    plan = plan_with_action(found.corridor, warm, forecast, found.corridor.road)
     assert plan is not None
     degc = [leg.forecast.plan.departure.cabin_temperature_degc for leg in plan.legs]
     assert degc[0] == pytest.approx(warm.changed["cabin_temperature_degc"])
@@ -161,14 +156,14 @@ def test_extras_that_several_actions_change_are_all_changed(model: tw.ForecastMo
         Action("seats", "climate", "some", {}, fitted="heated_seats"),
         Action("summer_tyres", "tyres", "much", {}, removed="winter_tyres"),
     ):
-        plan = action.applied(plan)
+        plan = action.apply_to(plan)
     assert plan.departure.extras == ("headlights", "heated_seats")
 
 
 def test_heated_seats_are_part_of_the_energy_and_of_the_charge(model: tw.ForecastModel) -> None:
     base = RoadForecaster(model, replace(COLD, ambient_temperature_degc=-10.0)).forecast(straight(A, B, 80.0))
     seats = next(action for action in actions(base) if action.code == "seats")
-    one = _advised(base, forecasts_like(base), (seats,), 0.1)
+    one = _with_actions(base, forecasts_like(base), (seats,), 0.1)
     assert one.difference.energy_wh == pytest.approx(sum(one.difference.by_cause_wh.values()))
     hours = base.plan.duration_s / 3600.0
     warm_air = replace(base.plan, departure=replace(base.plan.departure, cabin_setpoint_degc=16.0))

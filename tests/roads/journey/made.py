@@ -14,7 +14,7 @@ from tripwatt.roads.journey import (
     plan_journey,
 )
 from tripwatt.roads.maps import Station
-from tripwatt.roads.routers import Edges, Road, pooled
+from tripwatt.roads.routers import Edges, Road, join_edges
 
 A, B = Place(47.0, 9.0, "A"), Place(47.0, 9.8, "B")
 
@@ -34,7 +34,7 @@ def straight(start, end, speed_km_h=100.0, kind="primary", factor=1.0, level=Fal
         (kind,) * n,
         np.zeros(n, dtype=bool),
     )
-    links, kinds = pooled(edges)
+    links, kinds = join_edges(edges)
     if level:
         links = replace(
             links, elevation_position_m=np.array([0.0, length]), elevation_m=np.zeros(2), flags=()

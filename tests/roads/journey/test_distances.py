@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from benchmarks.need import set_rows, study, trips_and_car
+from benchmarks.need import driven_by_kind, set_rows, study, trips_and_car
 from tools import DATA
 
 import tripwatt as tw
@@ -17,7 +17,7 @@ from tripwatt.forecasting.ranges import UNKNOWN_AIR_SD_K
 from tripwatt.hybrid.factors import NAMES, FactorCorrector
 from tripwatt.physics.conditions import UNKNOWN_AMBIENT_DEGC
 from tripwatt.population.adapting import adaptation
-from tripwatt.roads.journey.distances import NODES_M, KindForecaster, node_values, own_roads
+from tripwatt.roads.journey.distances import NODES_M, KindForecaster, _node_values, roads_of_model
 from tripwatt.roads.journey.kinds import (
     KINDS,
     PRIOR_TRIPS,
@@ -28,7 +28,7 @@ from tripwatt.roads.journey.kinds import (
     USUAL_M,
     OwnRoads,
     road_prior,
-    rounded_shares,
+    round_shares,
     shares_of,
     shares_over,
 )
@@ -37,11 +37,6 @@ from tripwatt.uncertainty.conformal import ConformalScores
 
 TYPICAL = 0.1 * np.outer(TYPICAL_M, np.ones(3))
 COLD, MILD = Departure(ambient_temperature_degc=-5.0), Departure(ambient_temperature_degc=20.0)
-
-
-@pytest.fixture(scope="module")
-def model() -> ForecastModel:
-    return tw.load_model()
 
 
 def test_the_need_grows_with_distance_cold_and_certainty(model: ForecastModel) -> None:
@@ -72,15 +67,15 @@ def test_an_unknown_road_is_less_certain_than_a_known_one(model: ForecastModel) 
     widths = []
     for known in (True, False):
         asked = KindForecaster(model, MILD, KINDS["country"], known, road_prior())
-        low, high = asked.at(40_000.0, (0.05, 0.95))[0]
+        low, high = asked.quantiles(40_000.0, (0.05, 0.95))[0]
         widths.append(high - low)
     assert widths[0] < widths[1]
 
 
 def test_between_two_lengths_the_need_is_their_line(model: ForecastModel) -> None:
     asked = KindForecaster(model, MILD, KINDS["city"], True, road_prior())
-    ends = [node_values(asked, k, (0.9,))[0][0] for k in (1, 2)]
-    middle = asked.at(0.5 * (NODES_M[1] + NODES_M[2]), (0.9,))[0][0]
+    ends = [_node_values(asked, k, (0.9,))[0][0] for k in (1, 2)]
+    middle = asked.quantiles(0.5 * (NODES_M[1] + NODES_M[2]), (0.9,))[0][0]
     assert middle == pytest.approx(np.mean(ends), rel=1e-12)
 
 
@@ -104,23 +99,21 @@ def test_errors_of_several_trips_are_shared(model: ForecastModel) -> None:
     assert nine.interval_wh == pytest.approx([9.0 * wh for wh in one.interval_wh])
 
 
-def test_what_is_missing_narrows_the_interval_and_what_is_given_does_not() -> None:
+def test_what_is_missing_narrows_the_interval_and_what_is_given_does_not(model: ForecastModel) -> None:
     """A car without trips, a road of no kind, no temperature: each is named where it counts most."""
-    for vehicle in ("vw_id3", None):
-        vague = tw.range_km(0.8, "city", vehicle=vehicle).doubt
-        known = tw.range_km(0.8, "city", MILD, vehicle=vehicle)
-        assert vague.weather > known.doubt.weather
+    for car in (tw.for_car(model, "vw_id3"), model):
+        vague, known = (tw.need(50, "city", departure, model=car).doubt for departure in (None, MILD))
+        assert vague.weather > known.weather
         assert vague.car + vague.road + vague.weather + vague.day == pytest.approx(1.0)
     assert vague.narrows == "ambient_temperature_degc"
-    assert known.doubt.narrows is None
-    assert known.doubt.narrower == 0.0
+    assert (known.narrows, known.narrower) == (None, 0.0)
     # narrower, by as much as it says at most
-    wide = tw.need(50, "city", replace(MILD, ambient_temperature_degc=None))
-    narrow = tw.need(50, "city", replace(MILD, ambient_temperature_degc=10.0))
+    wide = tw.need(50, "city", model=model)
+    narrow = tw.need(50, "city", replace(MILD, ambient_temperature_degc=10.0), model=model)
     width = [(one.interval_wh[1] - one.interval_wh[0]) / one.energy_wh for one in (wide, narrow)]
     assert 0.98 * (1.0 - wide.doubt.narrower) * width[0] < width[1] < 0.9 * width[0]
-    assert tw.need(50, departure=MILD, vehicle="vw_id3").doubt.narrows == "own trips"
-    assert tw.need(50, departure=MILD).doubt.narrows == "kind"
+    assert tw.need(50, departure=MILD, model=model, vehicle="vw_id3").doubt.narrows == "own trips"
+    assert tw.need(50, departure=MILD, model=model).doubt.narrows == "kind"
 
 
 def test_a_usual_trip_is_the_forecast_of_its_plan(model: ForecastModel) -> None:
@@ -135,11 +128,13 @@ def test_what_a_data_set_shows_of_roads_is_that_of_its_logs(name: str) -> None:
     if not (DATA / name).is_dir():
         pytest.skip(f"no trips of {name} at TRIPWATT_DATA")
     pytest.importorskip("openpyxl", reason="needs the extra tripwatt[workbooks]")
-    kept, found = STUDIES[name], study(*trips_and_car(name, DATA))
-    assert found.length_m == pytest.approx(kept.length_m, abs=1.0)
-    assert found.time_s == pytest.approx(kept.time_s, abs=1.0)
-    assert found.known == pytest.approx(kept.known, rel=1e-2, abs=1e-5)
-    assert found.unknown == pytest.approx(kept.unknown, rel=1e-2, abs=1e-5)
+    kept, (trips, car) = STUDIES[name], trips_and_car(name, DATA)
+    driven = np.sum([driven_by_kind(trip) for trip in trips], axis=0)
+    assert driven == pytest.approx([*kept.length_m, *kept.time_s], abs=1.0)
+    if name == "tum":  # the errors of both sets are of the same simulations, which take long
+        found = study(trips, car)
+        assert found.known == pytest.approx(kept.known, rel=1e-2, abs=1e-5)
+        assert found.unknown == pytest.approx(kept.unknown, rel=1e-2, abs=1e-5)
 
 
 def test_a_data_set_is_left_out_of_its_own_prior() -> None:
@@ -159,8 +154,8 @@ def test_what_is_out_of_bounds_is_refused(model: ForecastModel, asked: dict[str,
 
 
 def test_shares_are_rounded_to_quarters() -> None:
-    assert rounded_shares(np.array([3.0, 4.0, 1.0])) == (0.5, 0.5, 0.0)
-    assert sum(shares_of(rounded_shares(np.ones(3)))) == 1.0
+    assert round_shares(np.array([3.0, 4.0, 1.0])) == (0.5, 0.5, 0.0)
+    assert sum(shares_of(round_shares(np.ones(3)))) == 1.0
 
 
 def test_what_a_distance_takes_does_not_depend_on_the_charge(model: ForecastModel) -> None:
@@ -182,9 +177,9 @@ def test_a_data_set_counts_as_one_region() -> None:
 def test_need_and_range_hold_on_a_sample_of_trips() -> None:
     if not (DATA / "sedan").is_dir():
         pytest.skip("no trips of the sedan at TRIPWATT_DATA")
-    rows = [row for row in set_rows("sedan", DATA, most=60) if "own trips" in row.name and row.least > 0.0]
+    rows = [row for row in set_rows("sedan", DATA, most=24) if "own trips" in row.name and row.least > 0.0]
     assert len(rows) == 6
-    assert all(0.8 <= row.value < 1.0 for row in rows), [row.value for row in rows]
+    assert all(0.8 <= row.value <= 1.0 for row in rows), [row.value for row in rows]
 
 
 def _drives(km: float, km_h: float, number: int) -> list[Trip]:
@@ -210,7 +205,7 @@ def commuter() -> ForecastModel:
 
 
 def test_own_trips_teach_which_roads_a_distance_has(commuter: ForecastModel) -> None:
-    own = own_roads(commuter, road_prior())
+    own = roads_of_model(commuter, road_prior())
     assert own is not None
     near, far = own.at(8_000.0), own.at(60_000.0)
     assert near.usual[0] > 0.75 > road_prior().usual[0]
@@ -221,7 +216,7 @@ def test_own_trips_teach_which_roads_a_distance_has(commuter: ForecastModel) -> 
     assert own.at(far_m).usual == pytest.approx(shares_over(road_prior().usual, far_m), abs=0.02)
     # equal trips leave less open than strangers' roads
     for known in (True, False):
-        assert near.share(8_000.0, known) < road_prior().share(8_000.0, known)
+        assert near.relative_sd(8_000.0, known) < road_prior().relative_sd(8_000.0, known)
 
 
 def test_need_and_range_use_the_own_roads(commuter: ForecastModel) -> None:
@@ -245,14 +240,14 @@ def test_what_own_trips_take_more_than_typical_roads_is_learned() -> None:
     prior, length = road_prior(), np.array([[0.0, 10_000.0, 0.0]] * 20)
     plain = OwnRoads(prior, length, np.full(20, 1000.0), TYPICAL, np.full((20, 2), np.nan))
     double = replace(plain, driving_wh=np.full(20, 2000.0))
-    assert plain.at(10_000.0).more == pytest.approx((0.0, 0.0))
+    assert plain.at(10_000.0).extra == pytest.approx((0.0, 0.0))
     weight = 20.0 / (PRIOR_TRIPS + 20.0)
-    assert double.at(10_000.0).more == pytest.approx((weight, weight))
+    assert double.at(10_000.0).extra == pytest.approx((weight, weight))
     roads = double.at(10_000.0)
-    left = (PRIOR_TRIPS * prior.share(10_000.0, True) ** 2 + 20.0 * (1.0 - weight) ** 2) / (
+    left = (PRIOR_TRIPS * prior.relative_sd(10_000.0, True) ** 2 + 20.0 * (1.0 - weight) ** 2) / (
         PRIOR_TRIPS + 20.0
     )
-    assert roads.share(10_000.0, True) == pytest.approx(left**0.5)
+    assert roads.relative_sd(10_000.0, True) == pytest.approx(left**0.5)
 
 
 def test_own_roads_are_compared_as_they_are_corrected(commuter: ForecastModel) -> None:
@@ -272,9 +267,8 @@ def test_own_roads_are_compared_as_they_are_corrected(commuter: ForecastModel) -
     assert own == pytest.approx(typical, rel=0.1)
 
 
-def test_scores_of_held_out_trips_do_not_widen_what_a_road_leaves_open() -> None:
+def test_scores_of_held_out_trips_do_not_widen_what_a_road_leaves_open(model: ForecastModel) -> None:
     """Errors of known speeds with far tails: the interval of an open road is that of its own spread."""
-    model = tw.load_model()
     far = ConformalScores.from_errors(np.full(30, 3.0))
     wild = replace(model, uncertainty_=replace(model.fitted_parts("test")[1], scores=far))
     widths = []
@@ -288,7 +282,9 @@ def test_an_hour_of_standstill_does_not_widen_the_way_to_work() -> None:
     prior, length = road_prior(), np.array([[0.0, 10_000.0, 0.0]] * 10 + [[3_000.0, 0.0, 0.0]])
     usual = OwnRoads(prior, length[:10], np.full(10, 1000.0), TYPICAL, np.full((10, 2), np.nan))
     stood = replace(usual, length_m=length, driving_wh=np.append(usual.driving_wh, 30_000.0))
-    assert stood.at(10_000.0).share(10_000.0, True) < usual.at(10_000.0).share(10_000.0, True) + 0.04
+    assert (
+        stood.at(10_000.0).relative_sd(10_000.0, True) < usual.at(10_000.0).relative_sd(10_000.0, True) + 0.04
+    )
 
 
 def test_the_air_of_a_day_is_that_of_own_trips_around_it() -> None:
@@ -325,7 +321,7 @@ def test_the_season_of_own_trips_takes_the_place_of_an_unknown_temperature(commu
 
 def test_a_car_whose_trips_have_no_road_has_the_roads_of_all_logs(commuter: ForecastModel) -> None:
     nothing = replace(commuter, roads_=np.full((30, 9), np.nan))
-    assert own_roads(nothing, road_prior()) is None
+    assert roads_of_model(nothing, road_prior()) is None
     found, usual = (
         tw.need(20, departure=MILD, model=car) for car in (nothing, replace(commuter, roads_=None))
     )

@@ -12,7 +12,7 @@ from tripwatt.roads.journey import (
     Place,
     RoadForecaster,
 )
-from tripwatt.roads.journey.forecasting import capped, on_motorway
+from tripwatt.roads.journey.forecasting import cap_motorway_speed, is_motorway
 from tripwatt.roads.weather import Weather
 
 
@@ -29,16 +29,16 @@ def test_what_climate_wind_and_speed_cost(model):
 
 def test_a_cap_slows_motorways_alone():
     road = joined([straight(A, Place(47.0, 9.1), 130.0, "motorway"), straight(Place(47.0, 9.1), B, 90.0)])
-    slow = capped(road, 100.0 * KM_H)
-    assert on_motorway(road).tolist() == [True, False]
+    slow = cap_motorway_speed(road, 100.0 * KM_H)
+    assert is_motorway(road).tolist() == [True, False]
     assert slow.links.travel_time_s[0] == pytest.approx(road.links.length_m[0] / (100.0 * KM_H))
     assert slow.links.travel_time_s[1] == road.links.travel_time_s[1]
     assert slow.links.moving_speed_m_s == pytest.approx([130.0 * KM_H, 90.0 * KM_H])
     assert slow.links.speed_limit_m_s == pytest.approx([100.0 * KM_H, np.nan], nan_ok=True)
-    assert capped(slow, 110.0 * KM_H).links.speed_limit_m_s == pytest.approx(
+    assert cap_motorway_speed(slow, 110.0 * KM_H).links.speed_limit_m_s == pytest.approx(
         [100.0 * KM_H, np.nan], nan_ok=True
     )
-    assert capped(road, 131.0 * KM_H).duration_s == pytest.approx(road.duration_s)
+    assert cap_motorway_speed(road, 131.0 * KM_H).duration_s == pytest.approx(road.duration_s)
 
 
 def test_the_error_of_the_weather_widens_the_interval(model):

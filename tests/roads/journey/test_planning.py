@@ -16,7 +16,7 @@ from tripwatt.roads.journey import (
     RoadForecaster,
     plan_journey,
 )
-from tripwatt.roads.journey.forecasting import capped
+from tripwatt.roads.journey.forecasting import cap_motorway_speed
 
 
 def test_the_charge_to_leave_with_arrives_in_19_of_20_trips(model):
@@ -70,8 +70,8 @@ def test_the_speed_with_which_the_journey_arrives_is_the_highest_one(model):
     assert advice in [pytest.approx(v * KM_H) for v in (120.0, 110.0, 100.0, 90.0, 80.0)]
     drive = RoadForecaster(model, tw.Departure(soc=0.88, ambient_temperature_degc=10.0))
     road = found.roads[0].road
-    assert drive.forecast(capped(road, advice)).p_arrive(0.1) >= 0.95
-    assert drive.forecast(capped(road, advice + 10.0 * KM_H)).p_arrive(0.1) < 0.95
+    assert drive.forecast(cap_motorway_speed(road, advice)).p_arrive(0.1) >= 0.95
+    assert drive.forecast(cap_motorway_speed(road, advice + 10.0 * KM_H)).p_arrive(0.1) < 0.95
     assert found.speed.duration_s > found.forecast.plan.duration_s
 
 
@@ -83,7 +83,9 @@ def test_every_speed_in_tens_is_advised_where_it_is_the_highest_that_arrives(mod
     assert [one.speed.speed_m_s / KM_H for one in found] == pytest.approx(speeds)
     for departure, one, km_h in zip(known, found, speeds, strict=True):
         chances = [
-            RoadForecaster(model, departure).forecast(capped(one.roads[0].road, v * KM_H)).p_arrive(0.1)
+            RoadForecaster(model, departure)
+            .forecast(cap_motorway_speed(one.roads[0].road, v * KM_H))
+            .p_arrive(0.1)
             for v in (km_h, km_h + 10.0)
         ]
         assert chances[1] < 0.95 <= chances[0]

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.roads.journey.stop_problems import exhaustive, made_problem
 
-from tripwatt.roads.journey.solver import _charged, joint_chance, least_time
+from tripwatt.roads.journey.solver import _best_charging, joint_chance, least_time
 
-SAMPLE = range(40)
+SAMPLE = range(24)
 """Seeds of the gate; `python -m benchmarks.stops` tries 500."""
 
 
@@ -23,17 +23,13 @@ def test_the_sample_has_roads_with_and_without_a_plan_and_with_several_stops():
     plans = [least_time(made_problem(seed)) for seed in SAMPLE]
     stops = [len(plan.nodes) - 2 for plan in plans if plan is not None]
     assert sum(plan is None for plan in plans) >= 1
-    assert sum(count >= 2 for count in stops) >= 8
+    assert sum(count >= 2 for count in stops) >= 5
 
 
 @pytest.mark.parametrize("seed", SAMPLE)
-def test_no_plan_that_is_tried_takes_less_time(seed):
-    assert best_s(made_problem(seed)) == pytest.approx(exhaustive(made_problem(seed)), rel=1e-12)
-
-
-@pytest.mark.parametrize("seed", SAMPLE)
-def test_a_plan_keeps_the_needs_of_its_legs(seed):
+def test_no_plan_that_is_tried_takes_less_time_and_the_plan_keeps_the_needs_of_its_legs(seed):
     problem = made_problem(seed)
+    assert best_s(problem) == pytest.approx(exhaustive(problem), rel=1e-12)
     plan = least_time(problem)
     if plan is None:
         return
@@ -58,15 +54,7 @@ def test_all_stations_are_at_least_as_good_as_some_of_them(seed):
     keep = np.unique(
         [0, *np.random.default_rng(seed).integers(0, len(problem.taken), 8), len(problem.taken) - 1]
     )
-    square = np.ix_(keep, keep)
-    some = replace(
-        problem,
-        taken=problem.taken[square],
-        need=problem.need[square],
-        time_s=problem.time_s[square],
-        charging_s=problem.charging_s[keep],
-    )
-    assert best_s(some) >= best_s(problem) - 1e-6
+    assert best_s(problem.among(keep)) >= best_s(problem) - 1e-6
 
 
 def test_faster_stations_and_shorter_stops_are_never_slower():
@@ -94,6 +82,6 @@ def test_a_level_at_a_station_takes_the_least_time_of_all_ways_to_it(ways):
     levels, charging_s = np.linspace(0.0, 1.0, 11), 1000.0 * np.linspace(0.0, 1.0, 11) ** 2
     arrival, total = np.array(ways).T
     charging = np.maximum(charging_s - np.interp(arrival, levels, charging_s)[:, None], 0.0)
-    least, chosen = _charged(arrival, total, levels, charging_s)
+    least, chosen = _best_charging(arrival, total, levels, charging_s)
     assert least == pytest.approx((total[:, None] + charging).min(axis=0), abs=1e-9)
     assert (total + charging.T)[range(11), chosen] == pytest.approx(least, abs=1e-9)

@@ -60,11 +60,6 @@ def atlas(request: pytest.FixtureRequest, built: MapFolder) -> Iterator[Atlas]:
         yield open_atlas(address)
 
 
-@pytest.fixture(scope="module")
-def model() -> tw.ForecastModel:
-    return tw.load_model()
-
-
 def test_the_map_holds_roads_places_and_elevation(built: MapFolder) -> None:
     assert built.info["places"] > 2000
     assert built.info["terrain"]["tiles"] == 1

@@ -26,26 +26,28 @@ Effort = Literal["none", "little", "some", "much"]
 EFFORTS: Final[tuple[Effort, ...]] = ("none", "little", "some", "much")
 
 SPEEDS_KM_H: Final = (130.0, 120.0, 110.0, 100.0, 90.0, 80.0)
-"""Highest speeds that are advised; slower cars hinder others on a motorway."""
+"""Highest speeds that are advised: a choice, because slower cars hinder others on a motorway."""
 FAST_KM_H: Final = 90.0
 """Trips that are nowhere faster than this are not slowed down: on a road with one lane, the speed is that of the other cars."""
 GENTLE_M_S2: Final = 0.9
-"""Acceleration and braking of a calm driver; a usual value of eco-driving courses."""
-WARMER_K: Final = (2.0, 4.0)
-"""Steps by which the set-point is moved towards the outside temperature. A cabin of 22 °C stays at 18 °C or more."""
-SEATS_SETPOINT_DEGC: Final = 16.0
-"""Set-point of the cabin with heated seats in place of warm air."""
-SEATS_FROM_K: Final = 8.0
-"""Heated seats are advised only if the outside air is more than this below the set-point."""
+"""Acceleration and braking of a calm driver: a choice of the order that eco-driving courses teach."""
+_SETPOINT_STEPS_K: Final = (2.0, 4.0)
+"""Steps by which the set-point is moved towards the outside temperature. A choice: a cabin of 22 °C stays at 18 °C or more."""
+_SEATS_SETPOINT_DEGC: Final = 16.0
+"""Set-point of the cabin with heated seats in place of warm air: a choice, because seats warm the body, not the air."""
+_SEATS_FROM_K: Final = 8.0
+"""Heated seats are advised only if the outside air is more than this below the set-point: a choice, because a smaller difference
+saves little."""
 MILD_DEGC: Final = (8.0, 30.0)
-"""Outside temperatures at which a car can be driven without climate control: below, windows mist; above, drivers tire."""
-LUGGAGE_KG: Final = 50.0
+"""Outside temperatures at which a car can be driven without climate control: below, windows mist; above, drivers tire. A choice."""
+_LUGGAGE_KG: Final = 50.0
+"""Luggage that is advised to be left at home: a choice, because less saves nothing that a driver would see."""
 ALONE: Final = ("road", "departure")
 """Groups of actions that change the whole trip, and are not combined with others."""
-LATER_H: Final = (-1, 1, 2, 3)
-"""Hours by which a car may leave earlier or later."""
-SUMMER_DEGC: Final = 7.0
-"""Winter tyres are kept at or below this outside temperature."""
+_DEPARTURE_SHIFTS_H: Final = (-1, 1, 2, 3)
+"""Hours by which a car may leave earlier or later: a choice."""
+_MAX_WINTER_TYRES_DEGC: Final = 7.0
+"""Winter tyres are kept at or below this outside temperature: the usual rule of 7 °C."""
 UNCHECKED: Final = 0.9
 """Tyre pressure over the recommended one after two months without a check: tyres lose 1 to 2 psi a month (GAO-07-246R, 2007), of about
 32 psi."""
@@ -87,7 +89,7 @@ class Action:
     >>> import tripwatt as tw
     >>> plan = tw.read_route([{"length_m": 40_000.0, "speed_m_s": 36.0}])
     >>> slow = Action("slower", "speed", "little", {}, 30.0, speed_m_s=30.0)
-    >>> slow.applied(plan).duration_s > plan.duration_s
+    >>> slow.apply_to(plan).duration_s > plan.duration_s
     True
     """
 
@@ -105,7 +107,7 @@ class Action:
     assumed: Mapping[str, Any] = field(default_factory=dict)
     spread: float = 0.0
 
-    def applied(self, plan: Plan) -> Plan:
+    def apply_to(self, plan: Plan) -> Plan:
         """Change a plan. O(samples).
 
         Parameters
@@ -122,37 +124,37 @@ class Action:
         --------
         >>> import tripwatt as tw
         >>> plan = tw.read_route([{"length_m": 40_000.0, "speed_m_s": 36.0}])
-        >>> Action("climate_off", "climate", "much", {"climate": "off"}).applied(plan).departure.climate
+        >>> Action("climate_off", "climate", "much", {"climate": "off"}).apply_to(plan).departure.climate
         'off'
         """
         if self.speed_m_s is not None:
-            plan = capped(plan, self.speed_m_s)
+            plan = cap_speed(plan, self.speed_m_s)
         if self.acceleration_m_s2 is not None:
-            plan = calmer(plan, self.acceleration_m_s2)
+            plan = limit_acceleration(plan, self.acceleration_m_s2)
         changed = dict(self.changed)
         if self.fitted or self.removed:
-            others = (extra for extra in plan.departure.extras or () if extra != self.removed)
-            changed["extras"] = (*others, *((self.fitted,) if self.fitted else ()))
+            kept = (extra for extra in plan.departure.extras or () if extra != self.removed)
+            changed["extras"] = (*kept, *((self.fitted,) if self.fitted else ()))
         return replace(plan, departure=replace(plan.departure, **changed)) if changed else plan
 
 
-def capped(plan: Plan, speed_m_s: float, after_s: float = -np.inf) -> Plan:
+def cap_speed(plan: Plan, speed_m_s: float, after_s: float = -np.inf) -> Plan:
     """Return a plan driven no faster than a speed from `after_s` after departure on; the length of the road stays. O(samples).
 
     Examples
     --------
     >>> import tripwatt as tw
     >>> plan = tw.read_route([{"length_m": 40_000.0, "speed_m_s": 36.0}])
-    >>> slow = capped(plan, 25.0)
+    >>> slow = cap_speed(plan, 25.0)
     >>> bool(slow.duration_s > 1.3 * plan.duration_s), round(slow.distance_m / plan.distance_m, 3)
     (True, 1.0)
     """
     speed, time = plan.array("speed_m_s"), plan.array("time_s")
     is_ahead = time - time[0] > after_s
-    return _at_speed(plan, np.where(is_ahead, np.minimum(speed, speed_m_s), speed))
+    return _with_speeds(plan, np.where(is_ahead, np.minimum(speed, speed_m_s), speed))
 
 
-def calmer(plan: Plan, acceleration_m_s2: float) -> Plan:
+def limit_acceleration(plan: Plan, acceleration_m_s2: float) -> Plan:
     """Return a plan that accelerates and brakes no harder than a value; the length of the road stays. O(samples).
 
     Over a distance s, the square of the speed rises by at most 2 x acceleration x s: one pass forwards limits the acceleration, and
@@ -163,117 +165,119 @@ def calmer(plan: Plan, acceleration_m_s2: float) -> Plan:
     >>> import tripwatt as tw
     >>> plan = tw.read_route([{"length_m": 400.0, "speed_m_s": 12.0, "stop_s": 10.0}] * 20)
     >>> hard = np.abs(np.diff(plan.array("speed_m_s")) / np.diff(plan.array("time_s"))).max()
-    >>> soft = calmer(plan, 0.5)
+    >>> soft = limit_acceleration(plan, 0.5)
     >>> bool(np.abs(np.diff(soft.array("speed_m_s")) / np.diff(soft.array("time_s"))).max() < hard)
     True
     """
     speed = plan.array("speed_m_s")
-    most = 2.0 * acceleration_m_s2 * np.diff(distance_driven(plan.array("time_s"), speed))
+    max_rise = 2.0 * acceleration_m_s2 * np.diff(distance_driven(plan.array("time_s"), speed))
     square = speed**2
     for order in (slice(None), slice(None, None, -1)):
-        rises = running_sum(most[order])
-        square[order] = rises + np.minimum.accumulate(square[order] - rises)
-    return _at_speed(plan, np.sqrt(np.maximum(square, 0.0)))
+        limit = running_sum(max_rise[order])
+        square[order] = limit + np.minimum.accumulate(square[order] - limit)
+    return _with_speeds(plan, np.sqrt(np.maximum(square, 0.0)))
 
 
-def _at_speed(plan: Plan, speed_m_s: FloatArray) -> Plan:
+def _with_speeds(plan: Plan, speed_m_s: FloatArray) -> Plan:
     """Return a plan with lower speeds at the same places; standstills take as long as before."""
-    time, before = plan.array("time_s"), plan.array("speed_m_s")
-    mean, was = (0.5 * (v[1:] + v[:-1]) for v in (speed_m_s, before))
-    slower = np.divide(was, mean, out=np.ones_like(was), where=mean > 1e-6)
-    steps = np.diff(time) * np.maximum(slower, 1.0)
-    later = np.concatenate((time[:1], time[0] + np.cumsum(steps)))
-    samples = plan.samples.assign(time_s=later, speed_m_s=speed_m_s)
-    even = plan.step_s if np.array_equal(steps, np.diff(time)) else None
-    return replace(plan, samples=samples, step_s=even)
+    time = plan.array("time_s")
+    mean, mean_before = (0.5 * (v[1:] + v[:-1]) for v in (speed_m_s, plan.array("speed_m_s")))
+    stretch = np.divide(mean_before, mean, out=np.ones_like(mean), where=mean > 1e-6)
+    steps = np.diff(time) * np.maximum(stretch, 1.0)
+    new_time = np.concatenate((time[:1], time[0] + np.cumsum(steps)))
+    samples = plan.samples.assign(time_s=new_time, speed_m_s=speed_m_s)
+    step_s = plan.step_s if np.array_equal(steps, np.diff(time)) else None
+    return replace(plan, samples=samples, step_s=step_s)
 
 
 def actions(forecast: Forecast) -> Iterator[Action]:
     """Yield all actions that are possible for a trip, whether they help or not; in each group, the mildest comes first."""
     plan, vehicle = forecast.plan, forecast.vehicle
-    yield from _of_driving(plan)
-    yield from _of_climate(vehicle, plan)
-    yield from _of_plug(vehicle, plan)
-    yield from _of_load(plan.departure)
+    yield from _driving_actions(plan)
+    yield from _climate_actions(vehicle, plan)
+    yield from _plug_actions(vehicle, plan)
+    yield from _load_actions(plan.departure)
 
 
 def limits_below(fastest_m_s: float) -> list[float]:
-    """Return the speeds [m/s] to advise that are below a fastest speed, the highest first; returns none if it is not above `FAST_KM_H`."""
+    """Return the advised speeds [m/s] below the fastest speed of a trip, the highest first; none if that is not above `FAST_KM_H`."""
     fast = FAST_KM_H * M_S_PER_KM_H
     limits = [speed * M_S_PER_KM_H for speed in SPEEDS_KM_H]
     return [limit for limit in limits if fastest_m_s > max(limit + 1.0, fast)]
 
 
-def _of_driving(plan: Plan) -> Iterator[Action]:
+def _driving_actions(plan: Plan) -> Iterator[Action]:
     for limit in limits_below(float(plan.array("speed_m_s").max())):
         yield Action("slower", "speed", "little", {}, limit, speed_m_s=limit)
     yield Action("calmer", "driving", "little", {}, acceleration_m_s2=GENTLE_M_S2)
 
 
-def _of_climate(vehicle: Vehicle, plan: Plan) -> Iterator[Action]:
-    known = plan.departure
-    if vehicle.climate is None or known.climate == "off":
+def _climate_actions(vehicle: Vehicle, plan: Plan) -> Iterator[Action]:
+    departure = plan.departure
+    if vehicle.climate is None or departure.climate == "off":
         return
-    conditions = conditions_at_departure(vehicle, plan.departure)
+    conditions = conditions_at_departure(vehicle, departure)
     outside, setpoint = conditions.ambient_temperature_degc, conditions.cabin_start(vehicle).setpoint_degc
     cold = outside < setpoint
-    for k in WARMER_K:
-        other = setpoint - k if cold else setpoint + k
-        if min(abs(outside - setpoint), 26.0 - other, other - 17.0) >= 1.0:
-            yield Action("setpoint", "climate", "some", {"cabin_setpoint_degc": other}, other)
-    if cold and setpoint - outside > SEATS_FROM_K and "heated_seats" not in (known.extras or ()):
-        seats = {"cabin_setpoint_degc": SEATS_SETPOINT_DEGC}
+    for k in _SETPOINT_STEPS_K:
+        moved = setpoint - k if cold else setpoint + k
+        if min(abs(outside - setpoint), 26.0 - moved, moved - 17.0) >= 1.0:
+            yield Action("setpoint", "climate", "some", {"cabin_setpoint_degc": moved}, moved)
+    if cold and setpoint - outside > _SEATS_FROM_K and "heated_seats" not in (departure.extras or ()):
+        seats = {"cabin_setpoint_degc": _SEATS_SETPOINT_DEGC}
         yield Action("seats", "climate", "some", seats, fitted="heated_seats")
     if MILD_DEGC[0] <= outside <= MILD_DEGC[1]:
         yield Action("climate_off", "climate", "much", {"climate": "off"})
 
 
-def _of_plug(vehicle: Vehicle, plan: Plan) -> Iterator[Action]:
-    """Yield the preheating of cabin and battery on the plug: first if worth it on any day, then if the charge does not suffice."""
+def _plug_actions(vehicle: Vehicle, plan: Plan) -> Iterator[Action]:
+    """Yield the preheating of cabin and battery on the plug: first what pays on any day, then what pays if the charge does not suffice."""
     for part, worth in itertools.product(("cabin", "battery"), (WORTH, SCARCE)):
-        warmed = preheating(vehicle, plan, worth=worth, only=part)
-        if warmed is not None:
-            action = Action(
-                f"preheat_{part}", part, "little", warmed.changed, getattr(warmed, f"{part}_degc")
-            )
-            yield replace(action, wall_wh=warmed.wall_wh, before_s=warmed.before_s)
+        heat = preheating(vehicle, plan, worth=worth, only=part)
+        if heat is not None:
+            action = Action(f"preheat_{part}", part, "little", heat.changed, getattr(heat, f"{part}_degc"))
+            yield replace(action, wall_wh=heat.wall_wh, before_s=heat.before_s)
 
 
-def _of_load(known: Departure) -> Iterator[Action]:
-    fitted = known.extras or ()
-    ambient = known.ambient_temperature_degc
-    if "roof_box" in fitted:
+def _load_actions(departure: Departure) -> Iterator[Action]:
+    extras = departure.extras or ()
+    ambient = departure.ambient_temperature_degc
+    if "roof_box" in extras:
         yield Action("no_roof_box", "roof", "some", {}, removed="roof_box")
-    if "winter_tyres" in fitted and ambient is not None and ambient > SUMMER_DEGC:
+    if "winter_tyres" in extras and ambient is not None and ambient > _MAX_WINTER_TYRES_DEGC:
         yield Action("summer_tyres", "tyres", "much", {}, removed="winter_tyres")
-    right = {"tyre_pressure": 1.0}
-    if known.tyre_pressure is None:
+    recommended = {"tyre_pressure": 1.0}
+    if departure.tyre_pressure is None:
         low = {"tyre_pressure": UNCHECKED}
         yield Action(
-            "check_tyres", "pressure", "some", right, UNCHECKED, assumed=low, spread=UNCHECKED_SPREAD
+            "check_tyres", "pressure", "some", recommended, UNCHECKED, assumed=low, spread=UNCHECKED_SPREAD
         )
-    elif known.tyre_pressure < 1.0:
-        yield Action("pump_up", "pressure", "some", right, known.tyre_pressure)
-    if (known.payload_mass_kg or 0.0) > LUGGAGE_KG:
-        lighter = {"payload_mass_kg": (known.payload_mass_kg or 0.0) - LUGGAGE_KG}
-        yield Action("less_luggage", "load", "some", lighter, LUGGAGE_KG)
+    elif departure.tyre_pressure < 1.0:
+        yield Action("pump_up", "pressure", "some", recommended, departure.tyre_pressure)
+    if (departure.payload_mass_kg or 0.0) > _LUGGAGE_KG:
+        lighter = {"payload_mass_kg": (departure.payload_mass_kg or 0.0) - _LUGGAGE_KG}
+        yield Action("less_luggage", "load", "some", lighter, _LUGGAGE_KG)
 
 
-def with_action(corridor: Corridor, action: Action, forecast: Forecast, road: Road) -> ChargingPlan | None:
+def plan_with_action(
+    corridor: Corridor, action: Action, forecast: Forecast, road: Road
+) -> ChargingPlan | None:
     """Plan the stops of a journey again with an action, given its forecast and road; returns None if no plan is certain enough.
 
     An action on the plug is applied to the first leg only.
     """
 
     def change(plan: Plan) -> Plan:
-        return plan if action.wall_wh and plan.departure.follows_trip else action.applied(plan)
+        return plan if action.wall_wh and plan.departure.follows_trip else action.apply_to(plan)
 
     before = corridor.forecaster
     departure = before.departure
     if action.group == "departure":
         departs_at = before.departs_at + dt.timedelta(seconds=action.value or 0.0)
         departure = replace(departure, departs_at=departs_at)
-    return fastest_plan(corridor.of(replace(before, departure=departure, change=change), road, forecast))
+    return fastest_plan(
+        corridor.with_forecast(replace(before, departure=departure, change=change), road, forecast)
+    )
 
 
 def leaving_later(forecaster: RoadForecaster, road: Road, now: dt.datetime) -> list[tuple[Action, Forecast]]:
@@ -304,11 +308,13 @@ def leaving_later(forecaster: RoadForecaster, road: Road, now: dt.datetime) -> l
     """
     if forecaster.weather is None or forecaster.departure.has_weather:
         return []
-    ways = []
-    for hours in LATER_H:
+    shifted = []
+    for hours in _DEPARTURE_SHIFTS_H:
         leaves = forecaster.departs_at + dt.timedelta(hours=hours)
         if leaves >= now:
             later = Action("leave_later", "departure", "some", {}, SECONDS_PER_HOUR * hours)
-            other = replace(forecaster, departure=replace(forecaster.departure, departs_at=leaves))
-            ways.append((later, other.forecast(road)))
-    return ways
+            shifted_forecaster = replace(
+                forecaster, departure=replace(forecaster.departure, departs_at=leaves)
+            )
+            shifted.append((later, shifted_forecaster.forecast(road)))
+    return shifted

@@ -15,7 +15,7 @@ from tripwatt.forecasting import Difference, Forecast, ForecastModel
 from tripwatt.forecasting.difference import MIN_SHARE
 from tripwatt.forecasting.leaving import forecasts_like, soc_needed
 from tripwatt.population import for_car
-from tripwatt.roads.advice.actions import ALONE, EFFORTS, Action, actions, with_action
+from tripwatt.roads.advice.actions import ALONE, EFFORTS, Action, actions, plan_with_action
 from tripwatt.roads.advice.preheating import MIN_WH
 from tripwatt.roads.journey import ChargingPlan, Journey
 from tripwatt.trips import Departure, Plan, Trip
@@ -26,20 +26,21 @@ from tripwatt.vehicles import Vehicle
 
 CHANCE: Final = 0.95
 """Default of the required chance to arrive: 19 of 20 trips."""
-MAX_TOGETHER: Final = 3
-"""Largest number of actions that are advised together."""
-MIN_SURE: Final = 0.95
-"""Smallest chance that an action saves energy at all with which it is advised."""
-MAX_SETS: Final = 3
-MAX_TRIED: Final = 12
-HOPEFUL: Final = 0.8
+_MAX_TOGETHER: Final = 3
+"""Largest number of actions that are advised together: a choice, because drivers do not do more at once."""
+_MIN_P_LESS: Final = 0.95
+"""Smallest chance that an action saves energy at all with which it is advised: a choice, 19 of 20 trips."""
+_MAX_SETS: Final = 3
+_MAX_TRIED: Final = 12
+"""Largest numbers of sets that are advised, and that are forecast for each size: choices that bound the list and the time."""
+_MIN_SUM_SHARE: Final = 0.8
 """A set of actions is forecast only if the sum of its savings is at least this share of the missing energy: actions help or hinder each
-other, so the sum is not exact."""
-A_MINUTE_OF: Final = {"none": 0.0, "little": 1.0, "some": 4.0, "much": 15.0}
+other, so the sum is not exact. A choice."""
+_EFFORT_MIN: Final = {"none": 0.0, "little": 1.0, "some": 4.0, "much": 15.0}
 """Minutes for which each effort counts when sets of actions are ordered; a choice."""
 
-SHOWN_OF_ACTION: Final = ("code", "value", "effort", "wall_wh", "before_s")
-SHOWN: Final = ("soc_arrival", "p_arrive", "effort", "wall_wh", "interaction_wh")
+_ACTION_FIELDS: Final = ("code", "value", "effort", "wall_wh", "before_s")
+_ADVISED_FIELDS: Final = ("soc_arrival", "p_arrive", "effort", "wall_wh", "interaction_wh")
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -93,7 +94,7 @@ class Advised:
     @property
     def cost_min(self) -> float:
         """Minutes that the trip takes longer, plus the minutes for which the efforts count [min]."""
-        effort = sum(A_MINUTE_OF[action.effort] for action in self.actions)
+        effort = sum(_EFFORT_MIN[action.effort] for action in self.actions)
         return max(self.difference.duration_s, 0.0) / SECONDS_PER_MINUTE + effort
 
     def to_dict(self) -> dict[str, Any]:
@@ -113,10 +114,10 @@ class Advised:
         'slower'
         """
         return {
-            "actions": [{name: getattr(action, name) for name in SHOWN_OF_ACTION} for action in self.actions],
+            "actions": [{name: getattr(action, name) for name in _ACTION_FIELDS} for action in self.actions],
             "difference": self.difference.to_dict(),
-            **{name: getattr(self, name) for name in SHOWN},
-            "whole": _in_short(self.whole),
+            **{name: getattr(self, name) for name in _ADVISED_FIELDS},
+            "whole": _plan_summary(self.whole),
         }
 
 
@@ -234,13 +235,13 @@ class Advice:
             "charge_to": self.charge_to,
             "least": [advised.to_dict() for advised in self.least],
             "singly": [advised.to_dict() for advised in self.singly],
-            "whole": _in_short(self.whole),
+            "whole": _plan_summary(self.whole),
             "speeds": [cap.to_dict() for cap in self.speeds],
             "flags": [flag_to_dict(flag) for flag in self.forecast.flags],
         }
 
 
-def _in_short(plan: ChargingPlan | None) -> dict[str, Any] | None:
+def _plan_summary(plan: ChargingPlan | None) -> dict[str, Any] | None:
     if plan is None:
         return None
     return {"duration_s": plan.duration_s, "charges": len(plan.stops), "p_reserve": plan.p_reserve}
@@ -297,41 +298,46 @@ def advise(
     if isinstance(trip, Plan | Trip):
         forecast = for_car(model, car).forecast(trip, departure)
     else:
-        forecast = _made(trip, departure, car, model)
-    now = forecast.p_arrive(reserve)
+        forecast = _forecast_before_departure(trip, departure, car, model)
+    p_arrive = forecast.p_arrive(reserve)
     roads = trip.roads[1:] if isinstance(trip, Journey) else ()
-    other = (Action("other_road", "road", "none", {}, float(k)) for k in range(1, len(roads) + 1))
-    ways = [*zip(other, (road.forecast for road in roads), strict=True), *others]
-    again = forecasts_like(forecast)
-    every = [_advised(forecast, again, (action,), reserve) for action in actions(forecast)]
-    every += [
-        Advised((action,), other, other.difference(forecast), other.soc_arrival, other.p_arrive(reserve))
-        for action, other in ways
+    road_actions = (Action("other_road", "road", "none", {}, float(k)) for k in range(1, len(roads) + 1))
+    ways = [*zip(road_actions, (road.forecast for road in roads), strict=True), *others]
+    forecast_again = forecasts_like(forecast)
+    candidates = [_with_actions(forecast, forecast_again, (action,), reserve) for action in actions(forecast)]
+    candidates += [
+        Advised((action,), way, way.difference(forecast), way.soc_arrival, way.p_arrive(reserve))
+        for action, way in ways
     ]
-    sure = [one for one in every if one.difference.p_less >= MIN_SURE and one.difference.energy_wh <= -MIN_WH]
-    mildest = {one.actions[0].group: one for one in reversed(sure)}
-    singly = sorted(mildest.values(), key=lambda one: one.difference.energy_wh)
+    saving = [
+        advised
+        for advised in candidates
+        if advised.difference.p_less >= _MIN_P_LESS and advised.difference.energy_wh <= -MIN_WH
+    ]
+    mildest = {advised.actions[0].group: advised for advised in reversed(saving)}
+    singly = sorted(mildest.values(), key=lambda advised: advised.difference.energy_wh)
     speeds = [
-        SpeedCap(cap, one.difference.duration_s, -one.difference.energy_wh)
-        for one in sure
-        if (cap := one.actions[0].speed_m_s) is not None
+        SpeedCap(cap, advised.difference.duration_s, -advised.difference.energy_wh)
+        for advised in saving
+        if (cap := advised.actions[0].speed_m_s) is not None
     ]
     charge_to = soc_needed(forecast, reserve, chance)
     lacking_wh = (charge_to - float(forecast.along.expected_soc[0])) * forecast.charge.wh_per_display
-    known = [one for one in sure if not one.actions[0].assumed]
+    without_assumptions = [advised for advised in saving if not advised.actions[0].assumed]
     least, whole = list[Advised](), None
-    if now < chance:
-        least = _least(partial(_together, forecast, again, reserve), known, chance, lacking_wh)
+    if p_arrive < chance:
+        combine = partial(_combine, forecast, forecast_again, reserve)
+        least = _smallest_sets(combine, without_assumptions, chance, lacking_wh)
         if isinstance(trip, Journey) and (whole := trip.charging) is not None:
-            least = sorted((*least, *_stops(trip, whole, chance)), key=lambda one: one.cost_min)
-            singly = [_on_the_whole(trip, one) for one in singly]
+            least = sorted((*least, *_stop_advice(trip, whole, chance)), key=lambda advised: advised.cost_min)
+            singly = [_with_charging_plan(trip, advised) for advised in singly]
     return Advice(
-        forecast, reserve, chance, now, charge_to, tuple(least), tuple(singly), tuple(speeds), whole
+        forecast, reserve, chance, p_arrive, charge_to, tuple(least), tuple(singly), tuple(speeds), whole
     )
 
 
-def _stops(journey: Journey, plan: ChargingPlan, chance: float) -> Iterator[Advised]:
-    """Yield the action to stop and charge if it reaches the required chance; its energy and time are those of the whole journey."""
+def _stop_advice(journey: Journey, plan: ChargingPlan, chance: float) -> Iterator[Advised]:
+    """Yield the action to stop and charge if the whole journey with its stops reaches the required chance."""
     if plan.p_reserve < chance:
         return
     base = journey.forecast
@@ -348,19 +354,19 @@ def _stops(journey: Journey, plan: ChargingPlan, chance: float) -> Iterator[Advi
     yield Advised((stop,), plan.legs[-1].forecast, difference, plan.soc_arrival, plan.p_reserve, whole=plan)
 
 
-def _on_the_whole(journey: Journey, one: Advised) -> Advised:
-    """Return an action with the stops to charge that the journey has with this action."""
-    (action,), corridor = one.actions, journey.corridor
+def _with_charging_plan(journey: Journey, advised: Advised) -> Advised:
+    """Add the stops to charge that the journey has with an action."""
+    (action,), corridor = advised.actions, journey.corridor
     if corridor is None or action.assumed:
-        return one
+        return advised
     road = journey.roads[int(action.value or 0)].road if action.group == "road" else corridor.road
-    return replace(one, whole=with_action(corridor, action, one.forecast, road))
+    return replace(advised, whole=plan_with_action(corridor, action, advised.forecast, road))
 
 
-def _made(trip: Journey | Forecast, *beside: object) -> Forecast:
+def _forecast_before_departure(trip: Journey | Forecast, *other_arguments: object) -> Forecast:
     """Return the forecast of a journey or a given forecast; raise `InvalidInput` if it cannot be used, or other arguments are given."""
     forecast = trip.forecast if isinstance(trip, Journey) else trip
-    if any(value is not None for value in beside):
+    if any(value is not None for value in other_arguments):
         allowed = "only with a plan or a trip"
         raise InvalidInput.of("given twice", "departure, car, model", "beside a forecast", allowed)
     if forecast.model is None or forecast.measured_until_s:
@@ -369,56 +375,67 @@ def _made(trip: Journey | Forecast, *beside: object) -> Forecast:
     return forecast
 
 
-def _advised(
-    forecast: Forecast, again: Callable[[Plan], Forecast], chosen: tuple[Action, ...], reserve: float
+def _with_actions(
+    forecast: Forecast,
+    forecast_again: Callable[[Plan], Forecast],
+    chosen: tuple[Action, ...],
+    reserve: float,
 ) -> Advised:
     plan = forecast.plan
     for action in chosen:
-        plan = action.applied(plan)
-    changed = again(plan)
+        plan = action.apply_to(plan)
+    changed = forecast_again(plan)
     assumed = {name: value for action in chosen for name, value in action.assumed.items()}
-    before = again(forecast.plan.with_departure(Departure(**assumed))) if assumed else forecast
+    before = forecast_again(forecast.plan.with_departure(Departure(**assumed))) if assumed else forecast
     difference = changed.difference(before)
     spread_wh = difference.energy_wh * max(action.spread for action in chosen)
     difference = replace(difference, sd_wh=math.hypot(difference.sd_wh, spread_wh))
     return Advised(chosen, changed, difference, changed.soc_arrival, changed.p_arrive(reserve))
 
 
-def _least(
-    join: Callable[[Sequence[Advised]], Advised], sure: Sequence[Advised], chance: float, lacking_wh: float
+def _smallest_sets(
+    combine: Callable[[Sequence[Advised]], Advised],
+    singly: Sequence[Advised],
+    chance: float,
+    lacking_wh: float,
 ) -> list[Advised]:
     """Find sets of actions that reach the required chance: the smallest sets, and larger ones that cost less.
 
-    Of sets with the same codes, only the cheapest values are kept. Sets are tried in the order of the sum of their costs, if the sum of
-    their savings is at least `HOPEFUL` times the missing energy `lacking_wh`.
+    Sets are forecast in the order of the sum of their costs, if the sum of their savings is at least `_MIN_SUM_SHARE` times the missing
+    energy `lacking_wh`. From sets with the same codes, only the cheapest is kept.
     """
-    found: dict[tuple[str, ...], Advised] = {}
-    for size in range(1, MAX_TOGETHER + 1):
-        most = min((one.cost_min for one in found.values()), default=math.inf)
-        sets = [chosen for chosen in itertools.combinations(sure, size) if _one_of_each(chosen)]
-        hopeful = [
+    sufficient: dict[tuple[str, ...], Advised] = {}
+    for size in range(1, _MAX_TOGETHER + 1):
+        max_cost = min((advised.cost_min for advised in sufficient.values()), default=math.inf)
+        sets = [chosen for chosen in itertools.combinations(singly, size) if _can_be_combined(chosen)]
+        promising = [
             (cost, chosen)
             for chosen in sets
-            if (cost := sum(one.cost_min for one in chosen)) < most
-            and -sum(one.difference.energy_wh for one in chosen) >= HOPEFUL * lacking_wh
+            if (cost := sum(advised.cost_min for advised in chosen)) < max_cost
+            and -sum(advised.difference.energy_wh for advised in chosen) >= _MIN_SUM_SHARE * lacking_wh
         ]
-        for _, chosen in sorted(hopeful, key=lambda pair: pair[0])[:MAX_TRIED]:
-            codes = tuple(one.actions[0].code for one in chosen)
-            if codes not in found and len(found) < MAX_SETS:
-                together = chosen[0] if size == 1 else join(chosen)
+        for _, chosen in sorted(promising, key=lambda pair: pair[0])[:_MAX_TRIED]:
+            codes = tuple(advised.actions[0].code for advised in chosen)
+            if codes not in sufficient and len(sufficient) < _MAX_SETS:
+                together = chosen[0] if size == 1 else combine(chosen)
                 if together.p_arrive >= chance:
-                    found[codes] = together
-    return sorted(found.values(), key=lambda one: one.cost_min)
+                    sufficient[codes] = together
+    return sorted(sufficient.values(), key=lambda advised: advised.cost_min)
 
 
-def _together(
-    forecast: Forecast, again: Callable[[Plan], Forecast], reserve: float, chosen: Sequence[Advised]
+def _combine(
+    forecast: Forecast,
+    forecast_again: Callable[[Plan], Forecast],
+    reserve: float,
+    chosen: Sequence[Advised],
 ) -> Advised:
-    all_of_them = _advised(forecast, again, tuple(one.actions[0] for one in chosen), reserve)
-    alone_wh = sum(one.difference.energy_wh for one in chosen)
-    return replace(all_of_them, interaction_wh=all_of_them.difference.energy_wh - alone_wh)
+    together = _with_actions(
+        forecast, forecast_again, tuple(advised.actions[0] for advised in chosen), reserve
+    )
+    alone_wh = sum(advised.difference.energy_wh for advised in chosen)
+    return replace(together, interaction_wh=together.difference.energy_wh - alone_wh)
 
 
-def _one_of_each(chosen: Sequence[Advised]) -> bool:
-    groups = [one.actions[0].group for one in chosen]
+def _can_be_combined(chosen: Sequence[Advised]) -> bool:
+    groups = [advised.actions[0].group for advised in chosen]
     return len({*groups}) == len(groups) and (len(groups) == 1 or not {*groups} & {*ALONE})

@@ -10,7 +10,7 @@ import pandas as pd
 
 from tripwatt.forecasting import Forecast
 from tripwatt.forecasting.leaving import forecasts_like
-from tripwatt.roads.advice.actions import capped, limits_below
+from tripwatt.roads.advice.actions import cap_speed, limits_below
 from tripwatt.roads.advice.advise import CHANCE
 from tripwatt.trips.columns import require_fraction
 from tripwatt.units import SECONDS_PER_MINUTE
@@ -18,9 +18,9 @@ from tripwatt.units import SECONDS_PER_MINUTE
 Verdict = Literal["arrives", "open", "does_not_arrive"]
 
 EVERY_S: Final = SECONDS_PER_MINUTE
-"""Shortest time between two evaluations of a trip [s]."""
+"""Shortest time between two evaluations of a trip [s]: a choice, because the chance changes little in a minute."""
 QUIET_S: Final = 5.0 * SECONDS_PER_MINUTE
-"""Shortest time between two messages [s]."""
+"""Shortest time between two messages [s]: a choice that spares the driver."""
 MARGIN: Final = 0.03
 """Margin by which a chance has to pass the limit of a verdict to end it, so that small fluctuations give no messages. A choice."""
 
@@ -34,7 +34,8 @@ class Message:
     time_s : float
         Time since departure [s].
     verdict : {"arrives", "open", "does_not_arrive"}
-        Whether the car arrives with the reserve: with the required chance, or fails with this chance; else "open".
+        Whether the car arrives with the reserve: "arrives" with the required chance, "does_not_arrive" with the same
+        chance, or else "open".
     soc_arrival, p_arrive : float
         Expected displayed charge at arrival, and the chance to arrive with the reserve.
     speed_m_s : float or None
@@ -94,7 +95,7 @@ class Companion:
     >>> trip = tw.synthetic_fleet(1).trips[0]
     >>> companion = Companion(tw.load_model().forecast(trip))
     >>> samples = trip.samples[trip.samples["time_s"] <= 600.0]
-    >>> companion.hear(samples) is None
+    >>> companion.update(samples) is None
     True
     """
 
@@ -103,11 +104,11 @@ class Companion:
         self.reserve = require_fraction("reserve", reserve)
         self.chance = require_fraction("chance", chance, 0.5)
         self.last: Message | None = None
-        self._heard_s = self._told_s = -np.inf
+        self._evaluated_s = self._message_s = -np.inf
         self._verdict: Verdict | None = None
-        self._verdict = self._judged(departure.p_arrive(reserve))
+        self._verdict = self._verdict_of(departure.p_arrive(reserve))
 
-    def hear(self, observed: pd.DataFrame, updated: Forecast | None = None) -> Message | None:
+    def update(self, observed: pd.DataFrame, updated: Forecast | None = None) -> Message | None:
         """Evaluate the trip with the samples measured so far.
 
         Parameters
@@ -129,34 +130,38 @@ class Companion:
             As in `Forecast.update`.
         """
         at_s = float(observed["time_s"].iloc[-1]) - self.departure.plan.start_s
-        if at_s - self._heard_s < EVERY_S or at_s - self._told_s < QUIET_S:
+        if at_s - self._evaluated_s < EVERY_S or at_s - self._message_s < QUIET_S:
             return None
-        self._heard_s = at_s
-        now = updated or self.departure.update(observed)
-        chance = now.p_arrive(self.reserve)
-        verdict = self._judged(chance)
+        self._evaluated_s = at_s
+        forecast = updated or self.departure.update(observed)
+        chance = forecast.p_arrive(self.reserve)
+        verdict = self._verdict_of(chance)
         if verdict == self._verdict:
             return None
-        self._told_s, self._verdict = at_s, verdict
-        speed = (None, None) if verdict == "arrives" else self._speed(observed, now.measured_until_s)
-        self.last = Message(at_s, verdict, now.soc_arrival, chance, *speed)
+        self._message_s, self._verdict = at_s, verdict
+        speed = (
+            (None, None)
+            if verdict == "arrives"
+            else self._restoring_speed(observed, forecast.measured_until_s)
+        )
+        self.last = Message(at_s, verdict, forecast.soc_arrival, chance, *speed)
         return self.last
 
-    def _judged(self, chance: float) -> Verdict:
+    def _verdict_of(self, chance: float) -> Verdict:
         """Return the verdict of a chance; the limits of the last verdict are wider by `MARGIN`."""
-        more = {v: MARGIN if self._verdict == v else 0.0 for v in ("arrives", "does_not_arrive")}
-        if chance >= self.chance - more["arrives"]:
+        margin = {v: MARGIN if self._verdict == v else 0.0 for v in ("arrives", "does_not_arrive")}
+        if chance >= self.chance - margin["arrives"]:
             return "arrives"
-        return "does_not_arrive" if chance <= 1.0 - self.chance + more["does_not_arrive"] else "open"
+        return "does_not_arrive" if chance <= 1.0 - self.chance + margin["does_not_arrive"] else "open"
 
-    def _speed(self, observed: pd.DataFrame, at_s: float) -> tuple[float | None, float | None]:
+    def _restoring_speed(self, observed: pd.DataFrame, at_s: float) -> tuple[float | None, float | None]:
         """Return the highest speed that restores the required chance and the chance with this speed, or None for both."""
         if self.departure.model is None:
             return None, None
-        plan, again = self.departure.plan, forecasts_like(self.departure)
+        plan, forecast_again = self.departure.plan, forecasts_like(self.departure)
         ahead = plan.array("speed_m_s")[plan.array("time_s") - plan.array("time_s")[0] > at_s]
         for limit in limits_below(float(ahead.max(initial=0.0))):
-            chance = again(capped(plan, limit, at_s)).update(observed).p_arrive(self.reserve)
+            chance = forecast_again(cap_speed(plan, limit, at_s)).update(observed).p_arrive(self.reserve)
             if chance >= self.chance:
                 return limit, chance
         return None, None

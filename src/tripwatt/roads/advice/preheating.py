@@ -34,15 +34,18 @@ COMFORT_W_K: Final = 1000.0
 """Cost of a kelvin off the set-point on the way, as power of the wall: six minutes that are 10 K too cold count for 1 kWh. A choice.
 The temperature that counts is the operative one, the mean of air and surfaces (ISO 7726)."""
 STEP_S: Final = 60.0
+"""A choice, because a preheating is set by the minute."""
 STEPS: Final = 60
-"""Longest time of preheating, in steps of `STEP_S`; earlier heat is lost by the departure."""
+"""Longest time of preheating, in steps of `STEP_S`; earlier heat is lost by the departure. A choice."""
 BATTERY_STEPS: Final = 5
 TRIED_K: Final = (0.0, -2.0, 2.0, 4.0)
 """Set-points that are tried: by how much they are nearer to the outside air than the driver's."""
 BATTERY_HEATER_W: Final = 5000.0
-"""Usual power of battery heaters [W]."""
+"""Usual power of battery heaters [W]. A choice."""
 WARM_BATTERY_DEGC: Final = 20.0
-DIGITS: Final = 6
+"""A battery above this temperature is not heated: a choice, because its resistance falls little further."""
+_DIGITS: Final = 6
+"""Rounding of savings, so that equal options stay equal on every machine."""
 MIN_WH: Final = 20.0
 """Smaller savings are not advised, since nobody sees them on a display [Wh]."""
 
@@ -111,7 +114,7 @@ class Preheating:
         return {"starts_at": starts_at and starts_at.isoformat(), **values}
 
 
-class _Way(NamedTuple):
+class _PreheatingOption(NamedTuple):
     """A way to preheat one part of the car, with its power in each step, and the energy and discomfort of the trip after it."""
 
     degc: float | None
@@ -122,13 +125,13 @@ class _Way(NamedTuple):
     discomfort_wh: float = 0.0
 
 
-LEFT: Final = _Way(None, 0.0, {}, np.zeros(STEPS))
+_NO_PREHEATING: Final = _PreheatingOption(None, 0.0, {}, np.zeros(STEPS))
 
 
 def preheating(
     vehicle: Vehicle, plan: Plan, *, plug_w: float = PLUG_W, worth: float = WORTH, only: str | None = None
 ) -> Preheating | None:
-    """Find the start and temperature of preheating cabin and battery with the least cost. O(ways of the cabin x samples).
+    """Find the start and temperature of preheating cabin and battery with the least cost. O(options of the cabin x samples).
 
     The cost is the wall energy, plus `worth` times the energy of the battery, plus the discomfort on the way. All combinations of start
     and set-point of the cabin and heating time of the battery are tried. Power beyond that of the plug comes from the battery and
@@ -162,67 +165,68 @@ def preheating(
     True
     """
     conditions = conditions_at_departure(vehicle, plan.departure, plan.air)
-    cabins = [LEFT] if only == "battery" else _of_cabin(vehicle, plan, conditions)
-    batteries = [LEFT] if only == "cabin" else _of_battery(vehicle, plan, conditions)
-    ways = [(cabin, battery) for cabin in cabins for battery in batteries]
-    power = np.array([cabin.power_w + battery.power_w for cabin, battery in ways])
+    cabins = [_NO_PREHEATING] if only == "battery" else _cabin_options(vehicle, plan, conditions)
+    batteries = [_NO_PREHEATING] if only == "cabin" else _battery_options(vehicle, plan, conditions)
+    pairs = [(cabin, battery) for cabin in cabins for battery in batteries]
+    power = np.array([cabin.power_w + battery.power_w for cabin, battery in pairs])
     plugged = np.minimum(power, plug_w * CHARGER).sum(axis=1) * STEP_S * WH_PER_J
-    taken = power.sum(axis=1) * STEP_S * WH_PER_J - plugged + [c.trip_wh + b.trip_wh for c, b in ways]
-    saved, wall = np.round(taken[0] - taken, DIGITS), plugged / CHARGER
-    cost = wall - worth * saved + [cabin.discomfort_wh for cabin, _ in ways]
+    taken = power.sum(axis=1) * STEP_S * WH_PER_J - plugged + [c.trip_wh + b.trip_wh for c, b in pairs]
+    saved, wall = np.round(taken[0] - taken, _DIGITS), plugged / CHARGER
+    cost = wall - worth * saved + [cabin.discomfort_wh for cabin, _ in pairs]
     cost[saved < 0.0] = np.inf
     cost[0] -= worth * MIN_WH
     best = int(np.argmin(cost))
     if best == 0:
         return None
-    (cabin, battery), gain = ways[best], float(saved[best])
-    known = {**cabin.changed, **battery.changed}
-    return Preheating(*cabin[:2], *battery[:2], float(wall[best]), gain, known)
+    cabin, battery = pairs[best]
+    changed = {**cabin.changed, **battery.changed}
+    return Preheating(*cabin[:2], *battery[:2], float(wall[best]), float(saved[best]), changed)
 
 
-def _of_cabin(vehicle: Vehicle, plan: Plan, conditions: DriveConditions) -> list[_Way]:
-    """Simulate every set-point and start of the cabin, without people and sun; then the trip with the cabin preheated in this way."""
+def _cabin_options(vehicle: Vehicle, plan: Plan, conditions: DriveConditions) -> list[_PreheatingOption]:
+    """Simulate every set-point and start of heating the parked cabin without people and sun, and then the trip with this cabin."""
     climate, start = vehicle.climate, conditions.cabin_start(vehicle)
     if climate is None or start.mode == "off":
-        return [LEFT]
+        return [_NO_PREHEATING]
     ambient, setpoint = conditions.ambient_temperature_degc, start.setpoint_degc
     road = CabinTask(climate, plan.array("time_s"), plan.array("speed_m_s"), ambient, start)
     empty, hour, still = replace(climate, occupant_heat_w=0.0), STEP_S * np.array([0.0, STEPS]), np.zeros(2)
     aims = [setpoint + kelvin * math.copysign(1.0, ambient - setpoint) for kelvin in TRIED_K]
     starts = [replace(start, setpoint_degc=aim, solar_irradiance_w_m2=0.0) for aim in aims]
     parked = condition_cabins([CabinTask(empty, hour, still, ambient, begun) for begun in starts])
-    ways, trips, each = [LEFT], [road], round(STEP_S / CONTROL_STEP_S)
+    options, trips, per_step = [_NO_PREHEATING], [road], round(STEP_S / CONTROL_STEP_S)
     light, heavy = climate.air_heat_capacity_j_k, climate.interior_heat_capacity_j_k
     for aim, run in zip(aims, parked, strict=True):
-        power = (run.heat_w + run.fan_w).reshape(STEPS, each).mean(axis=1)
-        states = np.stack((run.air_degc, run.interior_degc), axis=1)[each::each].tolist()
+        power = (run.heat_w + run.fan_w).reshape(STEPS, per_step).mean(axis=1)
+        states = np.stack((run.air_degc, run.interior_degc), axis=1)[per_step::per_step].tolist()
         for number, (air, interior) in enumerate(states, 1):
             mixed = (light * air + heavy * interior) / (light + heavy)
-            known = {"cabin_temperature_degc": mixed, "cabin_logged": None, "warmth": start.warmth}
-            last = np.append(np.zeros(STEPS - number), power[:number])
-            ways.append(_Way(aim, STEP_S * number, known, last))
+            changed = {"cabin_temperature_degc": mixed, "cabin_logged": None, "warmth": start.warmth}
+            power_w = np.append(np.zeros(STEPS - number), power[:number])
+            options.append(_PreheatingOption(aim, STEP_S * number, changed, power_w))
             trips.append(replace(road, start=replace(start, temperature_degc=air, interior_degc=interior)))
     hours, driven = CONTROL_STEP_S / SECONDS_PER_HOUR, condition_cabins(trips)
     energy = [float((run.heat_w + run.fan_w).sum()) * hours for run in driven]
-    felt = [0.5 * (run.air_degc + run.interior_degc)[1:] for run in driven]
-    away = [float(np.abs(degc - setpoint).sum()) * hours * COMFORT_W_K for degc in felt]
-    return [_Way(*way[:4], *costs) for way, *costs in zip(ways, energy, away, strict=True)]
+    operative = [0.5 * (run.air_degc + run.interior_degc)[1:] for run in driven]
+    discomfort = [float(np.abs(degc - setpoint).sum()) * hours * COMFORT_W_K for degc in operative]
+    costs = zip(energy, discomfort, strict=True)
+    return [_PreheatingOption(*option[:4], *cost) for option, cost in zip(options, costs, strict=True)]
 
 
-def _of_battery(vehicle: Vehicle, plan: Plan, conditions: DriveConditions) -> list[_Way]:
+def _battery_options(vehicle: Vehicle, plan: Plan, conditions: DriveConditions) -> list[_PreheatingOption]:
     """Simulate the battery heater for every heating time; then the trip from the battery temperature reached."""
-    pack, degc, ways = vehicle.battery, conditions.battery_start_degc, list[_Way]()
+    pack, degc, options = vehicle.battery, conditions.battery_start_degc, list[_PreheatingOption]()
     for number in range(STEPS + 1):
         if number % BATTERY_STEPS == 0 and (degc <= WARM_BATTERY_DEGC or not number):
-            known = replace(plan.departure, battery_temperature_degc=degc)
-            run = simulate_trip(vehicle, replace(plan, departure=known))
-            given_wh = float(np.diff(run.time_s) @ (run.battery_power_w + run.battery_loss_w)[1:]) * WH_PER_J
+            departure = replace(plan.departure, battery_temperature_degc=degc)
+            run = simulate_trip(vehicle, replace(plan, departure=departure))
+            trip_wh = float(np.diff(run.time_s) @ (run.battery_power_w + run.battery_loss_w)[1:]) * WH_PER_J
             power = np.where(np.arange(STEPS, 0, -1) <= number, BATTERY_HEATER_W, 0.0)
-            warmed = (degc, STEP_S * number, {"battery_temperature_degc": degc}) if number else LEFT[:3]
-            ways.append(_Way(*warmed, power, given_wh))
+            preheated = (degc, STEP_S * number, {"battery_temperature_degc": degc})
+            options.append(_PreheatingOption(*(preheated if number else _NO_PREHEATING[:3]), power, trip_wh))
         lost_w = pack.heat_loss_w_k * (degc - conditions.ambient_temperature_degc)
         degc += STEP_S * (BATTERY_HEATER_W - lost_w) / pack.heat_capacity_j_k
-    return ways
+    return options
 
 
 def before_departure(
@@ -260,7 +264,7 @@ def before_departure(
     target = min(soc_needed, 1.0)
     missing_wh = None if soc is None else max(target - soc, 0.0) * forecast.charge.wh_per_display
     wall_wh = None if missing_wh is None else missing_wh / CHARGER
-    warmed = preheating(forecast.vehicle, forecast.plan, plug_w=plug_w)
+    heat = preheating(forecast.vehicle, forecast.plan, plug_w=plug_w)
     return {
         "target_soc": target,
         "departs_at": leaves and leaves.isoformat(),
@@ -268,14 +272,14 @@ def before_departure(
         "charge_wh": missing_wh,
         "wall_wh": wall_wh,
         "charging_s": wall_wh / plug_w * SECONDS_PER_HOUR if wall_wh is not None and plug_w else None,
-        "preheat": warmed and warmed.to_dict(leaves),
+        "preheat": heat and heat.to_dict(leaves),
     }
 
 
 def need_before_departure(
-    ahead: float | Plan | Trip, kind: str, departure: Departure, plug_w: float, **asked: Any
+    distance_km: float | Plan | Trip, kind: str, departure: Departure, plug_w: float, **options: Any
 ) -> tuple[Need, dict[str, Any]]:
-    """Return the results of `need` and `before_departure`, for `GET /v1/need` and `tripwatt need --json`; `asked` goes to `need`.
+    """Return the results of `need` and `before_departure`, for `GET /v1/need` and `tripwatt need --json`; `options` go to `need`.
 
     Examples
     --------
@@ -284,9 +288,12 @@ def need_before_departure(
     >>> need_before_departure(50.0, "mixed", cold, 7400.0)[1]["preheat"]["before_s"] > 0.0
     True
     """
-    own = for_car(asked.pop("model", None), asked.pop("vehicle", None))
-    needed = need(ahead, kind, departure, model=own, **asked)
-    trip = ahead if isinstance(ahead, Plan | Trip) else typical_road(1000.0 * ahead, kind)
-    forecast, known = own.forecast(trip, departure), (departure.soc, departure.departs_at)
+    model = for_car(options.pop("model", None), options.pop("vehicle", None))
+    needed = need(distance_km, kind, departure, model=model, **options)
+    if isinstance(distance_km, Plan | Trip):
+        trip: Plan | Trip = distance_km
+    else:
+        trip = typical_road(1000.0 * distance_km, kind)
+    forecast, at_departure = model.forecast(trip, departure), (departure.soc, departure.departs_at)
     words = leave_in_words(needed.soc_needed, needed.reserve, needed.quantile)
-    return needed, {"message": words, **before_departure(forecast, needed.soc_needed, plug_w, *known)}
+    return needed, {"message": words, **before_departure(forecast, needed.soc_needed, plug_w, *at_departure)}

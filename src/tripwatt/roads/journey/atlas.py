@@ -16,14 +16,14 @@ from tripwatt.roads.weather import WeatherServer, WeatherSource
 from tripwatt.routes.places import Place
 from tripwatt.sources.table import Heights
 
-MAP_VARIABLE: Final = "TRIPWATT_MAP"
+_MAP_VARIABLE: Final = "TRIPWATT_MAP"
 """Environment variable of the map or router that is used if none is named."""
 
 Bounds = tuple[float, float, float, float]
 """South, west, north and east [°]."""
 
-NO_MAP: Final = "build a map with tripwatt map build, or name a router by its URL"
-LARGER: Final = "build a map of a larger region for places outside of it"
+_HOW_TO_GET_A_MAP: Final = "build a map with tripwatt map build, or name a router by its URL"
+_HOW_TO_COVER_MORE: Final = "build a map of a larger region for places outside of it"
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ class Atlas:
     def covers(self) -> str:
         """The region of the map in words, and what to do about places outside of the region; empty without a map folder."""
         covered = "" if self.folder is None else self.folder.covers
-        return f"this map covers {covered}; {LARGER}" if covered else ""
+        return f"this map covers {covered}; {_HOW_TO_COVER_MORE}" if covered else ""
 
     def find(self, stop: Place | str, where: str) -> Place:
         """Find a place on the map.
@@ -228,9 +228,9 @@ def open_atlas(settings: AtlasSettings | Path | str | None = None) -> Atlas:
     """
     if not isinstance(settings, AtlasSettings):
         settings = AtlasSettings("" if settings is None else str(settings))
-    named = settings.map or os.environ.get(MAP_VARIABLE, "")
+    name = settings.map or os.environ.get(_MAP_VARIABLE, "")
     with Check() as check:
-        router, folder = check(_roads, named) or (None, None)
+        router, folder = check(_open_roads, name) or (None, None)
         places: PlaceSearch | None = None if folder is None else folder.index
         if settings.places:
             places = check(open_search, settings.places)
@@ -238,7 +238,7 @@ def open_atlas(settings: AtlasSettings | Path | str | None = None) -> Atlas:
         stations = () if folder is None or settings.stations else check(folder.index.stations)
         if settings.stations:
             stations = check(read_stations, settings.stations)
-    assert router is not None  # else its fault was raised
+    assert router is not None  # `check` has raised its fault otherwise
     bounds = None if folder is None else folder.info.get("bounds_deg")
     return Atlas(
         router,
@@ -248,20 +248,20 @@ def open_atlas(settings: AtlasSettings | Path | str | None = None) -> Atlas:
         attribution=ATTRIBUTION if folder is None else folder.info.get("attribution", ATTRIBUTION),
         bounds_deg=None if bounds is None else (bounds[0], bounds[1], bounds[2], bounds[3]),
         folder=folder,
-        is_local=folder is not None and not is_server(named),
+        is_local=folder is not None and not is_server(name),
     )
 
 
-def _roads(named: str) -> tuple[Router, MapFolder | None]:
+def _open_roads(name: str) -> tuple[Router, MapFolder | None]:
     """Open the router and the map folder, if any. `FOLDER@URL` means the places of a map folder with the roads of a server."""
-    if not named:
+    if not name:
         raise InvalidInput.of(
-            "no map", "--map", "none", "a folder with a map, or the URL of a router", NO_MAP
+            "no map", "--map", "none", "a folder with a map, or the URL of a router", _HOW_TO_GET_A_MAP
         )
-    if not is_server(named):
-        folder = open_map(named)
+    if not is_server(name):
+        folder = open_map(name)
         return folder.router, folder
-    before, mark, url = named.partition("@")
-    if mark and "://" not in before:
-        return open_server(url, "--map"), open_map(before)
-    return open_server(named, "--map"), None
+    folder_name, separator, url = name.partition("@")
+    if separator and "://" not in folder_name:
+        return open_server(url, "--map"), open_map(folder_name)
+    return open_server(name, "--map"), None

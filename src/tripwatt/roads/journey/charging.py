@@ -14,33 +14,33 @@ from tripwatt.routes.places import Place
 from tripwatt.units import SECONDS_PER_HOUR
 from tripwatt.vehicles import Vehicle
 
-CLASS_SOC: Final = (0.0, 0.1, 0.5, 0.8, 0.9, 1.0)
-CLASS_RATE_1_H: Final = (1.2, 1.6, 1.4, 0.8, 0.4, 0.1)
+_CLASS_SOC: Final = (0.0, 0.1, 0.5, 0.8, 0.9, 1.0)
+_CLASS_RATE_1_H: Final = (1.2, 1.6, 1.4, 0.8, 0.4, 0.1)
 """Power over the energy of a full display of a middle-class car with direct current [1/h], at displayed charges. A
 choice: such cars take 10 to 80 % in about half an hour."""
 
-ALTERNATING_W: Final = 11_000.0
+_ALTERNATING_W: Final = 11_000.0
 """Highest power of the on-board charger if that of the car is not known: three phases with 16 A."""
 
 EFFICIENCY: Final = 0.92
 """Energy that reaches the battery over the energy of the station, with direct current; a choice."""
 
 OVERHEAD_S: Final = 300.0
-"""Time for parking, plugging in and paying at a stop [s]."""
+"""Time for parking, plugging in and paying at a stop [s]. A choice."""
 
 EUROPEAN: Final = frozenset({"type2", "type2_cable", "schuko", "tesla_destination", "type2_combo"})
 AMERICAN: Final = frozenset({"type1", "tesla_destination", "type1_combo"})
 """Plugs of cars that are sold in Europe and in North America, by their names on OpenStreetMap."""
-REGIONS: Final = ((34.0, -50.0, 84.0, 45.0, EUROPEAN), (7.0, -170.0, 84.0, -50.0, AMERICAN))
+_REGIONS: Final = ((34.0, -50.0, 84.0, 45.0, EUROPEAN), (7.0, -170.0, 84.0, -50.0, AMERICAN))
 """South, west, north and east of Europe and of North America [°], and their plugs; elsewhere, plugs differ from country to country."""
-CHADEMO_CAR: Final = "nissan_leaf"
+_CHADEMO_CAR: Final = "nissan_leaf"
 """Beginning of the names of the library's cars that charge with CHAdeMO."""
 
 WARM_DEGC: Final = 25.0
-COLD_LOSS_1_K: Final = 0.36 / 25.0
+_COLD_LOSS_1_K: Final = 0.36 / 25.0
 """Share of the power with direct current that cells lose for each kelvin below `WARM_DEGC`. Motoaki, Yi and Salisbury (2018), Energy Policy 122:
 after half an hour at 0 °C a car has 36 % less charge than at 25 °C. A sample of one model of car, whose air temperature stands for that of its cells."""
-MIN_COLD_FACTOR: Final = 0.2
+_MIN_COLD_FACTOR: Final = 0.2
 """Smallest factor of the power of cold cells. The line is not followed to 0: the coldest charges of the study took about three times as
 long, and colder ones are not known."""
 
@@ -78,12 +78,12 @@ class ChargingCurve:
 
     soc: tuple[float, ...]
     power_w: tuple[float, ...]
-    alternating_w: float = ALTERNATING_W
+    alternating_w: float = _ALTERNATING_W
     is_class: bool = False
 
     def __post_init__(self) -> None:
-        sound = len(self.soc) == len(self.power_w) >= 2 and bool((np.diff(self.soc) > 0).all())
-        if not (sound and self.soc[0] == 0.0 and self.soc[-1] == 1.0 and min(self.power_w) > 0.0):
+        is_ascending = len(self.soc) == len(self.power_w) >= 2 and bool((np.diff(self.soc) > 0).all())
+        if not (is_ascending and self.soc[0] == 0.0 and self.soc[-1] == 1.0 and min(self.power_w) > 0.0):
             got = f"{len(self.soc)} charges and {len(self.power_w)} powers"
             allowed = "as many powers above 0 as charges that rise from 0 to 1"
             raise InvalidInput.of("no charging curve", "charging_curve", got, allowed)
@@ -110,10 +110,10 @@ class ChargingCurve:
         >>> ChargingCurve.from_vehicle(load_vehicle("nissan_leaf_40"), 37_600.0).power_w
         (41000.0, 45000.0, 36000.0, 15000.0)
         """
-        own = vehicle.charging
-        if own is None:
+        curve = vehicle.charging
+        if curve is None:
             return cls.from_class(display_wh)
-        return cls(own.displayed_soc, own.power_w, own.alternating_power_w)
+        return cls(curve.displayed_soc, curve.power_w, curve.alternating_power_w)
 
     @classmethod
     def from_class(cls, display_wh: float) -> ChargingCurve:
@@ -129,7 +129,7 @@ class ChargingCurve:
         ChargingCurve
             The scaled curve, with `is_class` true.
         """
-        return cls(CLASS_SOC, tuple(rate * display_wh for rate in CLASS_RATE_1_H), is_class=True)
+        return cls(_CLASS_SOC, tuple(rate * display_wh for rate in _CLASS_RATE_1_H), is_class=True)
 
     def power_at(self, soc: FloatArray, station: Station, cell_degc: float = WARM_DEGC) -> FloatArray:
         """Compute the power into the battery.
@@ -150,8 +150,8 @@ class ChargingCurve:
         """
         if not station.direct_current:
             return np.full_like(soc, EFFICIENCY * min(station.power_w, self.alternating_w))
-        taken_w = cold_factor(cell_degc) * np.interp(soc, self.soc, self.power_w)
-        return np.asarray(EFFICIENCY * np.minimum(taken_w, station.power_w))
+        accepted_w = cold_factor(cell_degc) * np.interp(soc, self.soc, self.power_w)
+        return np.asarray(EFFICIENCY * np.minimum(accepted_w, station.power_w))
 
     def seconds(
         self, levels: FloatArray, station: Station, display_wh: float, cell_degc: float = WARM_DEGC
@@ -197,11 +197,11 @@ def plugs_of(car: str, place: Place) -> frozenset[str]:
     ['chademo']
     """
     tesla = {"tesla_supercharger", "nacs"} if car.startswith("tesla") else set[str]()
-    for south, west, north, east, usual in REGIONS:
+    for south, west, north, east, plugs in _REGIONS:
         if south <= place.latitude_deg < north and west <= place.longitude_deg < east:
-            if car.startswith(CHADEMO_CAR):
-                return usual - {"type1_combo", "type2_combo"} | {"chademo"}
-            return usual | tesla | {"tesla_supercharger_ccs"}
+            if car.startswith(_CHADEMO_CAR):
+                return plugs - {"type1_combo", "type2_combo"} | {"chademo"}
+            return plugs | tesla | {"tesla_supercharger_ccs"}
     return frozenset()
 
 
@@ -213,4 +213,4 @@ def cold_factor(cell_degc: float) -> float:
     >>> cold_factor(30.0), round(cold_factor(0.0), 2), cold_factor(-40.0)
     (1.0, 0.64, 0.2)
     """
-    return float(np.clip(1.0 - COLD_LOSS_1_K * (WARM_DEGC - cell_degc), MIN_COLD_FACTOR, 1.0))
+    return float(np.clip(1.0 - _COLD_LOSS_1_K * (WARM_DEGC - cell_degc), _MIN_COLD_FACTOR, 1.0))

@@ -33,19 +33,21 @@ from tripwatt.trips.messages import flag_to_dict
 from tripwatt.vehicles import Vehicle
 
 NODES_M: Final = (2_000.0, 5_000.0, 15_000.0, 40_000.0, 100_000.0)
-"""Lengths of the roads that are forecast; between and beyond these lengths, energy and charge are linear in the distance."""
+"""Lengths of the roads that are forecast; between and beyond these lengths, energy and charge are linear in the distance.
+Choices: closer together where starting and arriving count."""
 DISTANCES_KM: Final = (0.5, 2000.0)
-MAX_TRIPS: Final = 100
+_MAX_TRIPS: Final = 100
+"""Bounds of distances and of equal trips: choices, beyond what a driver plans."""
 BAND: Final = (0.05, 0.95)
-HALF: Final = (0.25, 0.75)
-CAUTIOUS: Final = 0.95
+_HALF: Final = (0.25, 0.75)
+_CAUTIOUS: Final = 0.95
 """19 of 20 trips."""
-ASSUMED: Final = "usual_value_assumed"
-OF_CHARGE: Final = frozenset({"battery_empty", "battery_full", "no_elevation", "soc_assumed"})
+_ASSUMED: Final = "usual_value_assumed"
+_CHARGE_FLAGS: Final = frozenset({"battery_empty", "battery_full", "no_elevation", "soc_assumed"})
 """Flags that are left out, since they are about the roads of `NODES_M` and the charge at their start, not about the given distance."""
 
 
-def _plain(values: dict[str, Any]) -> dict[str, Any]:
+def _tuples_to_lists(values: dict[str, Any]) -> dict[str, Any]:
     """Replace tuples by lists."""
     return {name: list(v) if isinstance(v, tuple) else v for name, v in values.items()}
 
@@ -117,7 +119,7 @@ class Need:
         >>> tw.need(50).to_dict()["kind"]
         'mixed'
         """
-        return _plain(asdict(self)) | {"flags": [flag_to_dict(flag) for flag in self.flags]}
+        return _tuples_to_lists(asdict(self)) | {"flags": [flag_to_dict(flag) for flag in self.flags]}
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,9 +183,12 @@ class Range(KindRange):
         >>> [row["kind"] for row in tw.range_km(soc=0.5).to_dict()["by_kind"]]
         ['city', 'country', 'motorway', 'mixed']
         """
-        rows = [{"kind": kind, **_plain(asdict(far))} for kind, far in self.by_kind.items()]
+        rows = [
+            {"kind": kind, **_tuples_to_lists(asdict(kind_range))}
+            for kind, kind_range in self.by_kind.items()
+        ]
         flags = [flag_to_dict(flag) for flag in self.flags]
-        return _plain(asdict(self)) | {"by_kind": rows, "flags": flags}
+        return _tuples_to_lists(asdict(self)) | {"by_kind": rows, "flags": flags}
 
 
 @dataclass(frozen=True, slots=True)
@@ -221,8 +226,8 @@ class Doubt:
     narrower: float
 
     @classmethod
-    def of(cls, forecast: Forecast, by_kind: float = 0.0) -> Doubt:
-        """Make the doubt of a forecast; `by_kind` is the share of the variance of the road that knowing its kind would remove."""
+    def from_forecast(cls, forecast: Forecast, by_kind: float = 0.0) -> Doubt:
+        """Split the variance of a forecast; `by_kind` is the share of the variance of the road that its kind would remove."""
         segments, scale = forecast.drive.segments, forecast.uncertainty.scale
         climb = forecast.sd_wh**2 - float(forecast.along.energy_sd_wh[-1]) ** 2
         car = (scale.values[3] * segments.corrector_sd_wh) ** 2
@@ -239,11 +244,11 @@ class Doubt:
             "own trips": shares["car"] * any(flag.code == "no_trips_of_car" for flag in forecast.flags),
             "kind": shares["road"] * by_kind,
             "ambient_temperature_degc": shares["weather"]
-            * any(f.subject == "ambient_temperature_degc" and f.code == ASSUMED for f in forecast.flags),
+            * any(f.subject == "ambient_temperature_degc" and f.code == _ASSUMED for f in forecast.flags),
         }
-        most = max(missing, key=lambda name: missing[name])
-        narrower = 1.0 - math.sqrt(1.0 - missing[most])
-        return cls(**shares, narrows=most if narrower > 0.0 else None, narrower=narrower)
+        largest = max(missing, key=lambda name: missing[name])
+        narrower = 1.0 - math.sqrt(1.0 - missing[largest])
+        return cls(**shares, narrows=largest if narrower > 0.0 else None, narrower=narrower)
 
 
 @dataclass(frozen=True, slots=True)
@@ -256,36 +261,37 @@ class KindForecaster:
     departure : Departure
     shares : tuple of float
         Shares of the distance in city, country and motorway.
-    known : bool
+    is_known : bool
         Whether the shares are known; else they are those of an unknown road.
     prior : RoadPrior
-    named : bool
+    is_named : bool
         Whether the shares are those of a named kind, whose town does not grow with the distance.
-    own : OwnRoads or None
+    own_roads : OwnRoads or None
         Roads of the car's own trips.
     """
 
     model: ForecastModel
     departure: Departure
     shares: Shares
-    known: bool
+    is_known: bool
     prior: RoadPrior
-    named: bool = False
-    own: OwnRoads | None = None
+    is_named: bool = False
+    own_roads: OwnRoads | None = None
 
     @classmethod
     def from_kind(
         cls, model: ForecastModel, departure: Departure, kind: str | Sequence[float]
     ) -> KindForecaster:
         """Make the forecaster of a kind of road. The displayed charge of the departure is left out, since it does not change the need."""
-        known, named, prior = replace(departure, soc=None), isinstance(kind, str), road_prior()
-        own = own_roads(model, prior)
-        return cls(model, known, shares_of(kind), kind != UNKNOWN, prior, named, own)
+        departure, prior = replace(departure, soc=None), road_prior()
+        own_roads = roads_of_model(model, prior)
+        is_known, is_named = kind != UNKNOWN, isinstance(kind, str)
+        return cls(model, departure, shares_of(kind), is_known, prior, is_named, own_roads)
 
-    def at(self, distance_m: float, levels: Sequence[float]) -> tuple[FloatArray, FloatArray, float]:
+    def quantiles(self, distance_m: float, levels: Sequence[float]) -> tuple[FloatArray, FloatArray, float]:
         """Return quantiles of energy [Wh] and displayed charge [1], shape (levels,), and the duration [s]. At most two forecasts."""
-        k = self._before(distance_m)
-        low, high = (node_values(self, k + i, tuple(levels)) for i in (0, 1))
+        k = self._node_below(distance_m)
+        low, high = (_node_values(self, k + i, tuple(levels)) for i in (0, 1))
         part = (distance_m - NODES_M[k]) / (NODES_M[k + 1] - NODES_M[k])
         energy = low[0] + part * (high[0] - low[0])
         charge = low[1] + part * (high[1] - low[1])
@@ -295,46 +301,50 @@ class KindForecaster:
         """Return the distance [m] over which the quantile `level` of the displayed charge taken is `charge`."""
         return self.inverse(charge, level, 1)
 
-    def inverse(self, amount: float, level: float, of: Literal[0, 1]) -> float:
-        """Return the distance [m] whose quantile `level` of energy [Wh] (`of` 0) or displayed charge (`of` 1) is an amount."""
+    def inverse(self, amount: float, level: float, quantity: Literal[0, 1]) -> float:
+        """Return the distance [m] whose quantile `level` of energy [Wh] (`quantity` 0) or displayed charge (`quantity` 1) is an amount."""
         k = len(NODES_M) - 2
-        while k > 0 and node_values(self, k, (level,))[of][0] > amount:
+        while k > 0 and _node_values(self, k, (level,))[quantity][0] > amount:
             k -= 1
-        low, high = (float(node_values(self, k + i, (level,))[of][0]) for i in (0, 1))
+        low, high = (float(_node_values(self, k + i, (level,))[quantity][0]) for i in (0, 1))
         part = (amount - low) / max(high - low, 1e-9)
         return max(NODES_M[k] + part * (NODES_M[k + 1] - NODES_M[k]), 0.0)
 
-    def nearest(self, distance_m: float) -> tuple[tuple[Flag, ...], Doubt]:
+    def flags_and_doubt(self, distance_m: float) -> tuple[tuple[Flag, ...], Doubt]:
         """Return the flags and the doubt of the road of `NODES_M` whose length is nearest to a distance [m]."""
-        k = self._before(distance_m)
-        forecast = node_forecast(self, k + (2.0 * distance_m > NODES_M[k] + NODES_M[k + 1]))
-        flags = tuple(flag for flag in forecast.flags if flag.code not in OF_CHARGE)
-        known, unknown = (self._roads(NODES_M[k]).share(NODES_M[k], is_known) for is_known in (True, False))
-        return flags, Doubt.of(forecast, 0.0 if self.known else 1.0 - min(known / unknown, 1.0) ** 2)
+        k = self._node_below(distance_m)
+        forecast = _node_forecast(self, k + (2.0 * distance_m > NODES_M[k] + NODES_M[k + 1]))
+        flags = tuple(flag for flag in forecast.flags if flag.code not in _CHARGE_FLAGS)
+        known_sd, unknown_sd = (
+            self._roads(NODES_M[k]).relative_sd(NODES_M[k], known) for known in (True, False)
+        )
+        by_kind = 0.0 if self.is_known else 1.0 - min(known_sd / unknown_sd, 1.0) ** 2
+        return flags, Doubt.from_forecast(forecast, by_kind)
 
     def forecast(self, length_m: float) -> Forecast:
         """Forecast a typical road of a length [m], with the variance that remains if only its kind is known."""
         roads = self._roads(length_m)
-        shares = self.shares if self.known else roads.usual
-        if self.named and (self.known or self.own is None):
+        shares = self.shares if self.is_known else roads.usual
+        if self.is_named and (self.is_known or self.own_roads is None):
             shares = shares_over(shares, length_m)
-        plan, share = replace(roads.plan(length_m, shares), link_m=None), roads.share(length_m, self.known)
-        if self.own is None:
+        plan = replace(roads.plan(length_m, shares), link_m=None)
+        relative_sd = roads.relative_sd(length_m, self.is_known)
+        if self.own_roads is None:
             forecast = self.model.forecast(plan, self.departure)
-            return _on_a_road(forecast, share * abs(forecast.energy_wh))
-        forecast = self._in_usual_air(plan, self.own)
-        drive = forecast.drive.with_more_driving(roads.more[not self.known])
-        return _on_a_road(replace(forecast, drive=drive), share * drive.driving_wh)
+            return _with_road_variance(forecast, relative_sd * abs(forecast.energy_wh))
+        forecast = self._forecast_in_usual_air(plan, self.own_roads)
+        drive = forecast.drive.with_more_driving(roads.extra[not self.is_known])
+        return _with_road_variance(replace(forecast, drive=drive), relative_sd * drive.driving_wh)
 
-    def _in_usual_air(self, plan: Plan, own: OwnRoads) -> Forecast:
+    def _forecast_in_usual_air(self, plan: Plan, own_roads: OwnRoads) -> Forecast:
         """Forecast a plan; if no outside temperature is given, with that of the car's own trips around the day of the year."""
         if self.departure.ambient_temperature_degc is not None:
             return self.model.forecast(plan, self.departure)
-        degc, sd_k = own.usual_air(day_of(self.departure.departs_at))
+        degc, sd_k = own_roads.usual_air(day_of(self.departure.departs_at))
         forecast = self.model.forecast(plan, replace(self.departure, ambient_temperature_degc=degc))
         usual_wh = forecast.drive.simulation.simulated_energy_wh
         air_wh = unknown_air_sd_wh(self.model.vehicle, plan, usual_wh, degc, sd_k)
-        assumed = Flag(ASSUMED, "ambient_temperature_degc", degc, "degc")
+        assumed = Flag(_ASSUMED, "ambient_temperature_degc", degc, "degc")
         return replace(
             forecast,
             state_sd_wh=math.hypot(forecast.state_sd_wh, air_wh),
@@ -342,25 +352,26 @@ class KindForecaster:
         )
 
     def _roads(self, length_m: float) -> RoadPrior:
-        return self.prior if self.own is None else self.own.at(length_m)
+        return self.prior if self.own_roads is None else self.own_roads.at(length_m)
 
-    def _before(self, distance_m: float) -> int:
+    def _node_below(self, distance_m: float) -> int:
         return int(np.clip(np.searchsorted(NODES_M, distance_m) - 1, 0, len(NODES_M) - 2))
 
 
-def _on_a_road(forecast: Forecast, sd_wh: float) -> Forecast:
+def _with_road_variance(forecast: Forecast, sd_wh: float) -> Forecast:
     """Add the standard deviation of an unknown road to a forecast.
 
     The scores are from held-out trips with known speeds, so they hold only for the rest of the variance.
     """
     wider = replace(forecast, route_sd_wh=sd_wh)
-    known, usual = float(wider.along.energy_sd_wh[-1]) ** 2, forecast.uncertainty
-    open_share = (wider.route_sd_wh**2 + wider.state_sd_wh**2) / known
-    return replace(wider, uncertainty=replace(usual, scores=usual.scores.with_other_causes(open_share)))
+    variance_wh2, uncertainty = float(wider.along.energy_sd_wh[-1]) ** 2, forecast.uncertainty
+    other_share = (wider.route_sd_wh**2 + wider.state_sd_wh**2) / variance_wh2
+    scores = uncertainty.scores.with_other_causes(other_share)
+    return replace(wider, uncertainty=replace(uncertainty, scores=scores))
 
 
 @lru_cache(maxsize=64)
-def own_roads(model: ForecastModel, prior: RoadPrior) -> OwnRoads | None:
+def roads_of_model(model: ForecastModel, prior: RoadPrior) -> OwnRoads | None:
     """Return the roads of the trips on which a model was fitted, combined with a prior; returns None if there are no such trips."""
     if model.roads_ is None or model.evidence_ is None:
         return None
@@ -374,20 +385,20 @@ def own_roads(model: ForecastModel, prior: RoadPrior) -> OwnRoads | None:
 
 
 @lru_cache(maxsize=256)
-def node_forecast(asked: KindForecaster, node: int) -> Forecast:
+def _node_forecast(forecaster: KindForecaster, node: int) -> Forecast:
     """Forecast a typical road of the length number `node` of `NODES_M`."""
-    return asked.forecast(NODES_M[node])
+    return forecaster.forecast(NODES_M[node])
 
 
 @lru_cache(maxsize=1024)
-def node_values(
-    asked: KindForecaster, node: int, levels: tuple[float, ...]
+def _node_values(
+    forecaster: KindForecaster, node: int, levels: tuple[float, ...]
 ) -> tuple[FloatArray, FloatArray, float]:
-    """Return quantiles of the energy [Wh] and displayed charge taken, and the duration [s], of `node_forecast`."""
-    return taken_by(node_forecast(asked, node), levels)
+    """Return quantiles of the energy [Wh] and displayed charge taken, and the duration [s], of `_node_forecast`."""
+    return trip_quantiles(_node_forecast(forecaster, node), levels)
 
 
-def taken_by(forecast: Forecast, levels: Sequence[float]) -> tuple[FloatArray, FloatArray, float]:
+def trip_quantiles(forecast: Forecast, levels: Sequence[float]) -> tuple[FloatArray, FloatArray, float]:
     """Return quantiles of the energy [Wh] and displayed charge that a trip takes, shape (levels,), and its duration [s]."""
     energy = np.array([forecast.quantile(level) for level in levels])
     charge = np.array([soc[0] - soc[-1] for soc in map(forecast.along.soc, levels)])
@@ -401,7 +412,7 @@ def need(
     *,
     model: ForecastModel | Path | str | None = None,
     vehicle: Vehicle | str | None = None,
-    quantile: float = CAUTIOUS,
+    quantile: float = _CAUTIOUS,
     trips: int = 1,
     reserve: float = 0.0,
 ) -> Need:
@@ -448,35 +459,35 @@ def need(
     5.0
     """
     quantile = require_fraction("quantile", quantile, 0.5)
-    number = int(require_number("trips", trips, 1, MAX_TRIPS))
-    own, known = for_car(model, vehicle), departure or Departure()
-    levels = (BAND[0], HALF[0], 0.5, HALF[1], BAND[1], quantile)
+    number = int(require_number("trips", trips, 1, _MAX_TRIPS))
+    own_model, departure = for_car(model, vehicle), departure or Departure()
+    levels = (BAND[0], _HALF[0], 0.5, _HALF[1], BAND[1], quantile)
     if isinstance(distance_km, Plan | Trip):
-        forecast = own.forecast(distance_km, known)
-        energy, charge, duration_s = taken_by(forecast, levels)
-        distance_m, named, flags = forecast.plan.distance_m, "trip", forecast.flags
-        doubt = Doubt.of(forecast)
+        forecast = own_model.forecast(distance_km, departure)
+        energy, charge, duration_s = trip_quantiles(forecast, levels)
+        distance_m, kind_name, flags = forecast.plan.distance_m, "trip", forecast.flags
+        doubt = Doubt.from_forecast(forecast)
     else:
         distance_m = 1000.0 * require_number("distance_km", distance_km, *DISTANCES_KM)
-        asked = KindForecaster.from_kind(own, known, kind)
-        named = kind if isinstance(kind, str) else "shares"
-        energy, charge, duration_s = asked.at(distance_m, levels)
-        flags, doubt = asked.nearest(distance_m)
-    low, less, middle, more, high, most = (number * energy).tolist()
+        forecaster = KindForecaster.from_kind(own_model, departure, kind)
+        kind_name = kind if isinstance(kind, str) else "shares"
+        energy, charge, duration_s = forecaster.quantiles(distance_m, levels)
+        flags, doubt = forecaster.flags_and_doubt(distance_m)
+    low, lower, median, upper, high, quantile_wh = (number * energy).tolist()
     needed = require_fraction("reserve", reserve) + number * max(float(charge[-1]), 0.0)
     return Need(
         number * distance_m,
-        named,
-        middle,
-        most,
+        kind_name,
+        median,
+        quantile_wh,
         quantile,
-        (less, more),
+        (lower, upper),
         (low, high),
         needed,
         reserve,
         number * duration_s,
         flags,
-        own.vehicle.title,
+        own_model.vehicle.title,
         doubt,
     )
 
@@ -523,22 +534,24 @@ def range_km(
     >>> tw.range_km(0.8).range_m > tw.range_km(0.8, reserve=0.2).range_m
     True
     """
-    known = departure or Departure()
-    start = require_fraction("soc", soc if soc is not None else 1.0 if known.soc is None else known.soc)
+    departure = departure or Departure()
+    if soc is None:
+        soc = 1.0 if departure.soc is None else departure.soc
+    start = require_fraction("soc", soc)
     spare = max(start - require_fraction("reserve", reserve), 0.0)
-    own = for_car(model, vehicle)
+    own_model = for_car(model, vehicle)
 
-    def far(asked: KindForecaster) -> KindRange:
-        least, less, middle, more, most = (
-            asked.distance_m(spare, level) if spare else 0.0
-            for level in (BAND[1], HALF[1], 0.5, HALF[0], BAND[0])
+    def range_by(forecaster: KindForecaster) -> KindRange:
+        low, lower, median, upper, high = (
+            forecaster.distance_m(spare, level) if spare else 0.0
+            for level in (BAND[1], _HALF[1], 0.5, _HALF[0], BAND[0])
         )
-        return KindRange(middle, (less, more), (least, most))
+        return KindRange(median, (lower, upper), (low, high))
 
-    def asker(kind: str | Sequence[float]) -> KindForecaster:
-        return KindForecaster.from_kind(own, known, kind)
+    def forecaster_of(kind: str | Sequence[float]) -> KindForecaster:
+        return KindForecaster.from_kind(own_model, departure, kind)
 
-    whole = far(asker(kind))
-    by_kind = {name: far(asker(name)) for name in (*KINDS, UNKNOWN)}
-    flags, doubt = asker(kind).nearest(max(whole.range_m, NODES_M[0]))
-    return Range(**asdict(whole), by_kind=by_kind, flags=flags, soc=start, reserve=reserve, doubt=doubt)
+    of_kind = range_by(forecaster_of(kind))
+    by_kind = {name: range_by(forecaster_of(name)) for name in (*KINDS, UNKNOWN)}
+    flags, doubt = forecaster_of(kind).flags_and_doubt(max(of_kind.range_m, NODES_M[0]))
+    return Range(**asdict(of_kind), by_kind=by_kind, flags=flags, soc=start, reserve=reserve, doubt=doubt)

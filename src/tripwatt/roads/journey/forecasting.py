@@ -17,7 +17,7 @@ from tripwatt.roads.weather import Weather, WeatherSource, plan_with_weather, we
 from tripwatt.trips import Departure, Plan
 from tripwatt.trips.weather import WIND_AT_CAR
 
-MOTORWAYS: Final = frozenset({"motorway", "motorway_link", "trunk"})
+_MOTORWAY_CLASSES: Final = frozenset({"motorway", "motorway_link", "trunk"})
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +43,7 @@ class RoadForecaster:
     >>> line = np.array([0.0, 3000.0])
     >>> road = Road(links, ("primary",), np.array([47.0, 47.027]), np.array([9.0, 9.0]), line)
     >>> forecaster = RoadForecaster(tw.load_model("bmw_i3_tum"), Departure(soc=0.8))
-    >>> forecaster.expected(road).distance_m
+    >>> forecaster.with_expected_times(road).distance_m
     3000.0
     >>> plan, weather = forecaster.plan(road, "there")
     >>> plan.trip_id, weather, forecaster.forecast_plan(plan).energy_wh == forecaster.forecast(road).energy_wh
@@ -111,7 +111,7 @@ class RoadForecaster:
         InvalidInput
             As in the source of weather.
         """
-        road = self.expected(road)
+        road = self.with_expected_times(road)
         departure = replace(self.departure, **changed)
         plan = road.plan(trip_id).with_departure(departure)
         if self.weather is None or departure.has_weather:
@@ -119,7 +119,7 @@ class RoadForecaster:
         position, weather = weather_along(road, self.weather, self.departs_at)
         return self.change(plan_with_weather(plan, road, position, weather)), weather
 
-    def expected(self, road: Road) -> Road:
+    def with_expected_times(self, road: Road) -> Road:
         """Replace free-flow travel times by expected ones, if the model has factors for them.
 
         Parameters
@@ -157,7 +157,7 @@ class RoadForecaster:
         return replace(forecast, state_sd_wh=float(np.hypot(forecast.state_sd_wh, sd_wh)))
 
     def _weather_sd_wh(self, forecast: Forecast, weather: tuple[Weather, ...]) -> float:
-        """Return the standard deviation of the energy by errors of temperature and wind [Wh], from one more simulation for each."""
+        """Return the standard deviation of the energy by errors of temperature and wind [Wh]; each takes one more simulation."""
         plan = forecast.plan
         if not weather or plan.weather is None or weather[0].hours_ahead is None:
             return 0.0
@@ -178,7 +178,7 @@ class RoadForecaster:
         return simulate_trip(self.model.vehicle, plan).simulated_energy_wh
 
 
-def capped(road: Road, speed_m_s: float) -> Road:
+def cap_motorway_speed(road: Road, speed_m_s: float) -> Road:
     """Return a road driven no faster than a speed on motorways. O(links).
 
     The speed becomes a limit of the links. Their free speed stays, so that the traffic expected on them is still that of a motorway.
@@ -186,22 +186,22 @@ def capped(road: Road, speed_m_s: float) -> Road:
     Examples
     --------
     >>> import numpy as np
-    >>> from tripwatt.roads.routers import Edges, pooled
-    >>> links, _ = pooled(Edges.from_speeds(np.array([3600.0]), np.array([100.0]), np.array([36.0])))
+    >>> from tripwatt.roads.routers import Edges, join_edges
+    >>> links, _ = join_edges(Edges.from_speeds(np.array([3600.0]), np.array([100.0]), np.array([36.0])))
     >>> road = Road(links, ("motorway",), np.zeros(2), np.array([0.0, 0.03]), np.array([0.0, 3600.0]))
-    >>> capped(road, 30.0).duration_s, capped(road, 40.0).duration_s
+    >>> cap_motorway_speed(road, 30.0).duration_s, cap_motorway_speed(road, 40.0).duration_s
     (120.0, 100.0)
     """
     links = road.links
     moving = np.where(np.isnan(links.moving_speed_m_s), links.speed_m_s, links.moving_speed_m_s)
-    slower = on_motorway(road) & (moving > speed_m_s)
-    longer_s = np.where(slower, links.length_m * (1.0 / speed_m_s - 1.0 / moving), 0.0)
+    is_slower = is_motorway(road) & (moving > speed_m_s)
+    longer_s = np.where(is_slower, links.length_m * (1.0 / speed_m_s - 1.0 / moving), 0.0)
     limit = np.full(len(links), np.nan) if links.speed_limit_m_s is None else links.speed_limit_m_s
-    limit = np.where(slower, np.fmin(limit, speed_m_s), limit)
-    slow = replace(links, travel_time_s=links.travel_time_s + longer_s, speed_limit_m_s=limit)
-    return road.with_links(slow)
+    limit = np.where(is_slower, np.fmin(limit, speed_m_s), limit)
+    slowed = replace(links, travel_time_s=links.travel_time_s + longer_s, speed_limit_m_s=limit)
+    return road.with_links(slowed)
 
 
-def on_motorway(road: Road) -> BoolArray:
+def is_motorway(road: Road) -> BoolArray:
     """Return which links are motorways, shape (links,)."""
-    return np.array([kind in MOTORWAYS for kind in road.road_class], dtype=bool)
+    return np.array([kind in _MOTORWAY_CLASSES for kind in road.road_class], dtype=bool)

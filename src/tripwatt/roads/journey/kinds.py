@@ -46,15 +46,16 @@ USUAL_SHARES: Final[Shares] = (1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0)
 USUAL_M: Final = 20_000.0
 """Length of road of a class with which a data set has half the weight of the prior for this class; its weight never exceeds that of the
 prior, since a data set is of one region."""
-QUARTERS: Final = 4
+_SHARE_PARTS: Final = 4
+"""Shares are rounded to quarters: a choice, because drivers do not name finer shares."""
 TOWN_M: Final = 15_000.0
 """A named kind has its share of town up to this distance, and no more town beyond: the logs of the TUM show 3 to 5 km of town on
 trips of any length. A trip between two places does not pass more towns because it is longer."""
 TYPICAL_M: Final = (5_000.0, 40_000.0)
-"""Lengths of the typical roads with which own trips are compared; their energy is linear in the length."""
-PATTERN_M: Final = 10_000.0
-"""Length over which the classes of a road repeat."""
-END_S_PER_M_S: Final = 0.7
+"""Lengths of the typical roads with which own trips are compared; their energy is linear in the length. Choices."""
+_PATTERN_M: Final = 10_000.0
+"""Length over which the classes of a road repeat: a choice, because towns in densely settled country lie so far apart."""
+_END_S_PER_M_S: Final = 0.7
 """Additional time to start or to arrive compared with driving through, for each m/s of the speed: the driver model's ramps (`LinkStyle`)
 with 0.8 m/s² at standstill. The mean speeds of the classes are those of roads that are driven through."""
 
@@ -104,13 +105,13 @@ class RoadPrior:
         Shares of a road of which nothing is known.
     known, unknown : tuple of float
         As in `RoadStudy`.
-    more : tuple of float
+    extra : tuple of float
         Share by which driving takes more than on typical roads, for a known and for an unknown kind.
 
     Examples
     --------
     >>> prior = road_prior()
-    >>> prior.share(20_000.0, known=True) < prior.share(20_000.0, known=False)
+    >>> prior.relative_sd(20_000.0, known=True) < prior.relative_sd(20_000.0, known=False)
     True
     """
 
@@ -118,12 +119,12 @@ class RoadPrior:
     usual: Shares
     known: tuple[float, ...]
     unknown: tuple[float, ...]
-    more: tuple[float, float] = (0.0, 0.0)
+    extra: tuple[float, float] = (0.0, 0.0)
 
-    def share(self, distance_m: float, known: bool) -> float:
-        """Return the standard deviation over the energy [1] of a road of which only the kind is known, or (not `known`) nothing."""
-        whole, local_m = self.known if known else self.unknown
-        return math.sqrt(whole + local_m / distance_m)
+    def relative_sd(self, distance_m: float, known: bool) -> float:
+        """Return the relative standard deviation of the energy of a road of which only the kind is known, or nothing if not `known`."""
+        common, local_m = self.known if known else self.unknown
+        return math.sqrt(common + local_m / distance_m)
 
     def plan(self, distance_m: float, shares: Shares) -> Plan:
         """Make the plan of a typical drive with some shares. O(distance).
@@ -145,27 +146,27 @@ class RoadPrior:
         >>> round(road_prior().plan(20_000.0, KINDS["motorway"]).distance_m)
         20000
         """
-        turns = max(round(distance_m / PATTERN_M), 1)
+        turns = max(round(distance_m / _PATTERN_M), 1)
         halves = ((0, 0.5), (1, 0.5), (2, 1.0), (1, 0.5), (0, 0.5))
         pieces = [(distance_m / turns * part * shares[k], self.speed_m_s[k]) for k, part in halves]
         length, speed = (
             np.array(column) for column in zip(*[p for p in pieces if p[0] > 0.0] * turns, strict=True)
         )
         time, unknown = length / speed, np.full(len(length), np.nan)
-        np.add.at(time, [0, -1], END_S_PER_M_S * speed[[0, -1]])
+        np.add.at(time, [0, -1], _END_S_PER_M_S * speed[[0, -1]])
         return LinkRoute(length, time, unknown, unknown).plan(trip_id="distance")
 
 
-NEAR: Final = 0.5
-"""Standard deviation of the logarithm of the distance, by which own trips are weighted for a distance."""
-SEASON_DAYS: Final = 20.0
-"""Standard deviation of the day of the year, by which own trips are weighted for the outside temperature of a day."""
-DAYS_OF_YEAR: Final = 365.25
-MAX_ERROR: Final = 1.0
+_DISTANCE_LOG_SD: Final = 0.5
+"""Standard deviation of the logarithm of the distance, by which own trips are weighted for a distance. A choice."""
+_SEASON_DAYS: Final = 20.0
+"""Standard deviation of the day of the year, by which own trips are weighted for the outside temperature of a day. A choice."""
+_DAYS_OF_YEAR: Final = 365.25
+_MAX_ERROR: Final = 1.0
 """Relative errors are clipped to this: trips that take twice as much as typical roads, or nothing, are standstill with the car switched on,
-or a few metres."""
+or a few metres. A choice."""
 PRIOR_TRIPS: Final = 5.0
-"""Weight of the roads of all logs compared with own trips, as a number of trips near a distance."""
+"""Weight of the roads of all logs compared with own trips, as a number of trips near a distance. A choice."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,60 +202,61 @@ class OwnRoads:
         s_m = USUAL_M / np.array(prior.speed_m_s) + time_s.sum(axis=0)
         own = replace(prior, speed_m_s=tuple(((USUAL_M + length_m.sum(axis=0)) / s_m).tolist()))
         kinds: list[Shares] = [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)]
-        typical = [[driving_wh(own.plan(far, kind)) for kind in kinds] for far in TYPICAL_M]
+        typical = [[driving_wh(own.plan(length, kind)) for kind in kinds] for length in TYPICAL_M]
         return cls(own, length_m, driven[:, 6], np.array(typical), driven[:, 7:])
 
     def at(self, distance_m: float) -> RoadPrior:
         """Return the prior for a distance [m], in which own trips are weighted by how near their distance is. O(trips)."""
         driven_m = self.length_m.sum(axis=1)
-        near = np.exp(-0.5 * (np.log(driven_m / distance_m) / NEAR) ** 2)
-        trips, own = PRIOR_TRIPS + near.sum(), self.length_m / driven_m[:, None]
+        weight = np.exp(-0.5 * (np.log(driven_m / distance_m) / _DISTANCE_LOG_SD) ** 2)
+        trips, own_shares = PRIOR_TRIPS + weight.sum(), self.length_m / driven_m[:, None]
         all_logs = np.array(shares_over(self.prior.usual, distance_m))
         short, long = TYPICAL_M
         by_kind = self.typical_wh[0] + np.outer(
             (driven_m - short) / (long - short), self.typical_wh[1] - self.typical_wh[0]
         )
-        city, country, motorway = ((PRIOR_TRIPS * all_logs + near @ own) / trips).tolist()
+        city, country, motorway = ((PRIOR_TRIPS * all_logs + weight @ own_shares) / trips).tolist()
 
-        def errors(shares: FloatArray, is_known: bool) -> tuple[float, tuple[float, ...]]:
+        def mean_and_variance(shares: FloatArray, is_known: bool) -> tuple[float, tuple[float, ...]]:
             typical = np.maximum((shares * by_kind).sum(axis=1), 1.0)
-            error = np.clip(self.driving_wh / typical - 1.0, -MAX_ERROR, MAX_ERROR)
-            more = float(near @ error / trips)
-            square = PRIOR_TRIPS * self.prior.share(distance_m, is_known) ** 2 + near @ (error - more) ** 2
-            return more, (float(square / trips), 0.0)
+            error = np.clip(self.driving_wh / typical - 1.0, -_MAX_ERROR, _MAX_ERROR)
+            mean = float(weight @ error / trips)
+            square = PRIOR_TRIPS * self.prior.relative_sd(distance_m, is_known) ** 2
+            square += weight @ (error - mean) ** 2
+            return mean, (float(square / trips), 0.0)
 
-        more, known = errors(np.array([rounded_shares(row) for row in own]), True)
+        known_extra, known = mean_and_variance(np.array([round_shares(row) for row in own_shares]), True)
         usual = (city, country, motorway)
-        all_more, unknown = errors(np.array(usual), False)
-        return RoadPrior(self.prior.speed_m_s, usual, known, unknown, (more, all_more))
+        unknown_extra, unknown = mean_and_variance(np.array(usual), False)
+        return RoadPrior(self.prior.speed_m_s, usual, known, unknown, (known_extra, unknown_extra))
 
     def usual_air(self, day: float) -> tuple[float, float]:
         """Return the outside temperature [°C] around a day of the year where the car drives, and its standard deviation [K].
 
         If the day is NaN, both are of all the year.
         """
-        degc, its_day = self.air[np.isfinite(self.air[:, 0])].T
-        apart = np.abs(its_day - day) % DAYS_OF_YEAR
-        near = np.exp(-0.5 * (np.minimum(apart, DAYS_OF_YEAR - apart) / SEASON_DAYS) ** 2)
-        near = np.where(np.isfinite(near), near, float(not np.isfinite(day)))
-        trips = PRIOR_TRIPS + near.sum()
-        mean = float((PRIOR_TRIPS * UNKNOWN_AMBIENT_DEGC + near @ degc) / trips)
-        usual = PRIOR_TRIPS * (UNKNOWN_AIR_SD_K**2 + (UNKNOWN_AMBIENT_DEGC - mean) ** 2)
-        return mean, float(np.sqrt((usual + near @ (degc - mean) ** 2) / trips))
+        degc, trip_day = self.air[np.isfinite(self.air[:, 0])].T
+        apart = np.abs(trip_day - day) % _DAYS_OF_YEAR
+        weight = np.exp(-0.5 * (np.minimum(apart, _DAYS_OF_YEAR - apart) / _SEASON_DAYS) ** 2)
+        weight = np.where(np.isfinite(weight), weight, float(not np.isfinite(day)))
+        trips = PRIOR_TRIPS + weight.sum()
+        mean = float((PRIOR_TRIPS * UNKNOWN_AMBIENT_DEGC + weight @ degc) / trips)
+        prior = PRIOR_TRIPS * (UNKNOWN_AIR_SD_K**2 + (UNKNOWN_AMBIENT_DEGC - mean) ** 2)
+        return mean, float(np.sqrt((prior + weight @ (degc - mean) ** 2) / trips))
 
 
-def rounded_shares(length_m: FloatArray) -> Shares:
+def round_shares(length_m: FloatArray) -> Shares:
     """Return the shares of city, country and motorway in quarters, as a driver names them; the largest remainders are rounded up.
 
     Examples
     --------
-    >>> rounded_shares(np.array([3000.0, 8000.0, 3000.0]))
+    >>> round_shares(np.array([3000.0, 8000.0, 3000.0]))
     (0.25, 0.5, 0.25)
     """
-    exact = QUARTERS * length_m / length_m.sum()
-    whole = np.floor(exact)
-    whole[np.argsort(whole - exact)[: QUARTERS - int(whole.sum())]] += 1.0
-    city, country, motorway = (whole / QUARTERS).tolist()
+    exact = _SHARE_PARTS * length_m / length_m.sum()
+    rounded = np.floor(exact)
+    rounded[np.argsort(rounded - exact)[: _SHARE_PARTS - int(rounded.sum())]] += 1.0
+    city, country, motorway = (rounded / _SHARE_PARTS).tolist()
     return city, country, motorway
 
 

@@ -16,8 +16,8 @@ from tripwatt.forecasting.leaving import soc_needed
 from tripwatt.population import for_car
 from tripwatt.roads.journey.atlas import Atlas, AtlasSettings, open_atlas
 from tripwatt.roads.journey.charging import OVERHEAD_S, WARM_DEGC, ChargingCurve, plugs_of
-from tripwatt.roads.journey.corridor import CERTAIN, OF_LEG, Corridor, StopRules
-from tripwatt.roads.journey.forecasting import RoadForecaster, capped, on_motorway
+from tripwatt.roads.journey.corridor import CERTAIN, LEG_FIELDS, Corridor, StopRules
+from tripwatt.roads.journey.forecasting import RoadForecaster, cap_motorway_speed, is_motorway
 from tripwatt.roads.journey.plans import BEST_EFFORT, find_plans
 from tripwatt.roads.journey.stops import ENERGY_BAND, LINE_DIGITS, ChargingPlan, Leg
 from tripwatt.roads.journey.verdict import Verdict
@@ -32,14 +32,18 @@ from tripwatt.vehicles import Vehicle
 
 if TYPE_CHECKING:
     from tripwatt.figures import Axes, Figure
-MAX_STOPS: Final = 20
-MAX_ALTERNATIVES: Final = 3
-MAX_OVERHEAD_S: Final = 7200.0
-MOTORWAY_SPEEDS_KM_H: Final = (130.0, 120.0, 110.0, 100.0, 90.0, 80.0)
-CHEAPER_KM_H: Final = 100.0
-"""The cost of speed is the energy taken by driving faster than this on motorways."""
 
-MIN_MOTORWAY_M: Final = 1000.0
+_MAX_STOPS: Final = 20
+_MAX_ALTERNATIVES: Final = 3
+_MAX_OVERHEAD_S: Final = 7200.0
+"""Bounds of a request: choices, since the work grows with the places and roads."""
+
+_MOTORWAY_SPEEDS_KM_H: Final = (130.0, 120.0, 110.0, 100.0, 90.0, 80.0)
+_CHEAPER_KM_H: Final = 100.0
+"""The cost of speed is the energy taken by driving faster than this on motorways. A choice."""
+
+_MIN_MOTORWAY_M: Final = 1000.0
+"""Journeys with less motorway get no advice on speed: a choice, because it would change nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,9 +87,9 @@ class JourneyOptions:
     def __post_init__(self) -> None:
         faults = list(scalar_faults({"reserve": self.reserve}))
         faults += number_faults(
-            "alternatives", self.alternatives, Column("", 0, MAX_ALTERNATIVES, ""), whole=True
+            "alternatives", self.alternatives, Column("", 0, _MAX_ALTERNATIVES, ""), whole=True
         )
-        faults += number_faults("stop_overhead_s", self.stop_overhead_s, Column("s", 0, MAX_OVERHEAD_S, ""))
+        faults += number_faults("stop_overhead_s", self.stop_overhead_s, Column("s", 0, _MAX_OVERHEAD_S, ""))
         raise_faults(faults)
 
 
@@ -270,8 +274,8 @@ class Journey:
     def verdict(self) -> Verdict:
         """Verdict on the whole journey, with its stops to charge if they are needed and help."""
         slower = "none" if self.speed is None or self.speed.speed_m_s is None else "slower"
-        else_ = "charge_before" if self.soc_needed <= 1.0 else slower
-        return Verdict.from_plan(self.charging or self.roads[0].without_stops(self.reserve), else_)
+        advice_else = "charge_before" if self.soc_needed <= 1.0 else slower
+        return Verdict.from_plan(self.charging or self.roads[0].without_stops(self.reserve), advice_else)
 
     @property
     def arrives(self) -> bool:
@@ -375,7 +379,7 @@ class Journey:
         from tripwatt.forecasting.plots import plot_forecast  # matplotlib is slow to import
 
         plan = self.charging
-        return plot_forecast(plan.series(), plan.by_cause_wh, f"{self._title()}: {self._in_short}", ax=ax)
+        return plot_forecast(plan.series(), plan.by_cause_wh, f"{self._title()}: {self._summary}", ax=ax)
 
     @property
     def charging_plans(self) -> tuple[ChargingPlan, ...]:
@@ -383,7 +387,7 @@ class Journey:
         return () if self.charging is None else (self.charging, *self.charging_alternatives)
 
     @property
-    def _in_short(self) -> str:
+    def _summary(self) -> str:
         charges, low_high = self.verdict.charges, self.verdict.soc_interval
         stops = "" if not charges else f"{charges} {'stop' if charges == 1 else 'stops'} to charge, "
         return f"{stops}arrival with {self.verdict.soc_arrival:.0%}, 90 % interval {low_high[0]:.0%} to {low_high[1]:.0%}"
@@ -392,7 +396,7 @@ class Journey:
         return " to ".join(place.title for place in self.stops)
 
     def __repr__(self) -> str:
-        return f"<Journey {self._title()}: {self.roads[0].road.distance_m / 1000.0:.1f} km, {self._in_short}>"
+        return f"<Journey {self._title()}: {self.roads[0].road.distance_m / 1000.0:.1f} km, {self._summary}>"
 
     def _repr_html_(self) -> str:
         rows = [
@@ -406,7 +410,7 @@ class Journey:
         ]
         return html_table(
             f"Journey {self._title()}",
-            [("whole journey", self._in_short), *rows, ("leave with", self.leave), ("", self.attribution)],
+            [("whole journey", self._summary), *rows, ("leave with", self.leave), ("", self.attribution)],
         )
 
 
@@ -492,8 +496,8 @@ def find_stops(stops: Sequence[Place | str], atlas: Atlas, *, round_trip: bool =
     >>> len(find_stops(["47.14, 9.52", "47.16, 9.50"], atlas, round_trip=True))
     3
     """
-    if not 2 <= len(stops) <= MAX_STOPS:
-        raise InvalidInput.of("number of places out of range", "stops", f"{len(stops)}", f"2 to {MAX_STOPS}")
+    if not 2 <= len(stops) <= _MAX_STOPS:
+        raise InvalidInput.of("number of places out of range", "stops", f"{len(stops)}", f"2 to {_MAX_STOPS}")
     with Check() as check:
         places = [check(atlas.find, stop, f"stops[{k}]") for k, stop in enumerate(stops)]
     return (*places, places[0]) if round_trip else tuple(places)
@@ -531,19 +535,19 @@ def journey_with(
     """
     title = " to ".join(place.title for place in stops)[:100]
     roads = atlas.router.roads(stops, alternatives=options.alternatives)
-    forecasts = _labelled([RoadForecast(road, forecaster.forecast(road, title)) for road in roads])
+    forecasts = _label_roads([RoadForecast(road, forecaster.forecast(road, title)) for road in roads])
     first = forecasts[0]
     needed = soc_needed(first.forecast, options.reserve, CERTAIN)
     journey = Journey(stops, forecasts, options.reserve, needed, attribution=atlas.attribution)
     if not options.answers:
         return journey
-    journey = replace(journey, speed=_speed(forecaster, first, options.reserve))
+    journey = replace(journey, speed=_speed_advice(forecaster, first, options.reserve))
     if options.charge and not journey.arrives:
-        journey = _with_stops(journey, forecaster, atlas, options)
-    return replace(journey, costs_wh=_costs(journey, forecaster))
+        journey = _add_stops(journey, forecaster, atlas, options)
+    return replace(journey, costs_wh=_journey_costs(journey, forecaster))
 
 
-def _with_stops(
+def _add_stops(
     journey: Journey, forecaster: RoadForecaster, atlas: Atlas, options: JourneyOptions
 ) -> Journey:
     """Add stops to charge to a journey, or the flag of why there are none."""
@@ -564,40 +568,45 @@ def _with_stops(
         return replace(journey, flags=tuple(flags))
     if curve.is_class:
         flags.append(Flag("class_charging_curve", "charging"))
-    known = {bool(plugs and stop.station.plugs) for stop in plans[0].stops}
+    plugs_known = {bool(plugs and stop.station.plugs) for stop in plans[0].stops}
     codes = {True: "plugs_assumed", False: "plugs_unknown"}
-    flags += [Flag(code, "charging") for is_known, code in codes.items() if is_known in known]
+    flags += [Flag(code, "charging") for is_known, code in codes.items() if is_known in plugs_known]
     if float(corridor.cell_degc.min()) < WARM_DEGC and any(s.station.direct_current for s in plans[0].stops):
         flags.append(Flag("cold_charging_assumed", "charging"))
-    found = replace(journey, corridor=corridor, charging=plans[0], charging_alternatives=plans[1:])
-    return replace(found, flags=tuple(flags))
+    return replace(
+        journey,
+        corridor=corridor,
+        charging=plans[0],
+        charging_alternatives=plans[1:],
+        flags=tuple(flags),
+    )
 
 
-def _labelled(roads: list[RoadForecast]) -> tuple[RoadForecast, ...]:
+def _label_roads(roads: list[RoadForecast]) -> tuple[RoadForecast, ...]:
     """Sort roads by duration and label the fastest, the shortest, and the one with the least energy."""
     roads = sorted(roads, key=lambda road: road.road.duration_s)
-    best = {
+    index_by_label = {
         "fastest": 0,
         "shortest": int(np.argmin([road.road.distance_m for road in roads])),
         "least energy": int(np.argmin([road.forecast.energy_wh for road in roads])),
     }
     return tuple(
-        replace(road, labels=tuple(label for label, index in best.items() if index == k))
+        replace(road, labels=tuple(label for label, index in index_by_label.items() if index == k))
         for k, road in enumerate(roads)
     )
 
 
-def _costs(journey: Journey, forecaster: RoadForecaster) -> dict[str, float]:
+def _journey_costs(journey: Journey, forecaster: RoadForecaster) -> dict[str, float]:
     """Return the energy that climate control, wind and speed cost on the whole journey [Wh]."""
-    whole = journey.charging or journey.roads[0].without_stops(journey.reserve)
-    parts = [_leg_costs(leg, forecaster) for leg in whole.legs]
-    return {cause: sum(part[cause] for part in parts) for cause in parts[0]}
+    plan = journey.charging or journey.roads[0].without_stops(journey.reserve)
+    costs = [_leg_costs(leg, forecaster) for leg in plan.legs]
+    return {cause: sum(leg_costs[cause] for leg_costs in costs) for cause in costs[0]}
 
 
 def _leg_costs(leg: Leg, forecaster: RoadForecaster) -> dict[str, float]:
     forecast, plan = leg.forecast, leg.forecast.plan
-    own = {name: getattr(plan.departure, name) for name in OF_LEG}
-    forecaster = replace(forecaster, departure=replace(forecaster.departure, **own))
+    at_start = {name: getattr(plan.departure, name) for name in LEG_FIELDS}
+    forecaster = replace(forecaster, departure=replace(forecaster.departure, **at_start))
     off = replace(plan, departure=replace(plan.departure, climate="off"))
     costs = {
         "climate": forecast.energy_wh - forecaster.forecast_plan(off).energy_wh,
@@ -607,20 +616,20 @@ def _leg_costs(leg: Leg, forecaster: RoadForecaster) -> dict[str, float]:
     if plan.air is not None and bool(plan.air.headwind_m_s.any()):
         calm = plan.with_weather(plan.air.calm())
         costs["wind"] = forecast.energy_wh - forecaster.forecast_plan(calm).energy_wh
-    slower = capped(leg.road, CHEAPER_KM_H * M_S_PER_KM_H)
+    slower = cap_motorway_speed(leg.road, _CHEAPER_KM_H * M_S_PER_KM_H)
     if slower.duration_s > leg.road.duration_s:
         costs["speed"] = forecast.energy_wh - forecaster.forecast(slower).energy_wh
     return costs
 
 
-def _speed(forecaster: RoadForecaster, first: RoadForecast, reserve: float) -> SpeedAdvice | None:
+def _speed_advice(forecaster: RoadForecaster, first: RoadForecast, reserve: float) -> SpeedAdvice | None:
     if first.forecast.p_arrive(reserve) >= CERTAIN:
         return None
     road = first.road
-    if float(road.links.length_m[on_motorway(road)].sum()) < MIN_MOTORWAY_M:
+    if float(road.links.length_m[is_motorway(road)].sum()) < _MIN_MOTORWAY_M:
         return None
-    for speed in MOTORWAY_SPEEDS_KM_H:
-        slower = capped(road, speed * M_S_PER_KM_H)
+    for speed in _MOTORWAY_SPEEDS_KM_H:
+        slower = cap_motorway_speed(road, speed * M_S_PER_KM_H)
         if slower.duration_s <= road.duration_s:
             continue
         forecast = forecaster.forecast(slower)

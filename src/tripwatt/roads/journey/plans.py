@@ -18,23 +18,26 @@ from tripwatt.roads.journey.corridor import CERTAIN, Corridor
 from tripwatt.roads.journey.solver import STEP, StopPlan, StopProblem, least_time
 from tripwatt.roads.journey.stops import ChargingPlan, ChargingStop, Leg, NextStation
 
-RISKS: Final = (5e-4, 1.0 - CERTAIN)
-"""Smallest and largest risk of a leg."""
-CLOSE: Final = 0.005
-"""The search ends if the chance of the whole journey is at most this much over `CERTAIN`."""
-NARROW: Final = 1.1
-MAX_TRIALS: Final = 8
-"""The search for the risk of a leg ends if the risk is known to the factor `NARROW`, or after `MAX_TRIALS` trials."""
-SAFEST: Final = ((0.9995, 0.9995), (0.998, 0.998), (0.99, 0.99), (CERTAIN, 0.9995))
-"""Chances of the first leg and of every other leg of the safest plan; the first possible pair is used."""
-SAFEST_TIME: Final = 1.25
-"""Longest time of the safest plan over that of the fastest."""
-IF_FULL: Final = (CERTAIN, 0.9, 0.8)
-"""Chances to reach another station if a station is occupied, tried in this order."""
+_LEG_RISKS: Final = (5e-4, 1.0 - CERTAIN)
+"""Smallest and largest risk of a leg; the smallest is a choice, a failure in 2,000 legs."""
+_CHANCE_TOLERANCE: Final = 0.005
+"""The search ends if the chance of the whole journey is at most this much over `CERTAIN`: a choice, far below what a forecast
+can tell."""
+_RISK_FACTOR: Final = 1.1
+_MAX_TRIALS: Final = 8
+"""The search for the risk of a leg ends if the risk is known to the factor `_RISK_FACTOR`, or after `_MAX_TRIALS` trials. Choices
+that bound the time."""
+_SAFEST_CHANCES: Final = ((0.9995, 0.9995), (0.998, 0.998), (0.99, 0.99), (CERTAIN, 0.9995))
+"""Chances of the first leg and of every other leg of the safest plan; the first possible pair is used. Choices."""
+_SAFEST_TIME: Final = 1.25
+"""Longest time of the safest plan over that of the fastest. A choice."""
+_NEXT_STATION_CHANCES: Final = (CERTAIN, 0.9, 0.8)
+"""Chances to reach another station if a station is occupied, tried in this order. Choices."""
 BEST_EFFORT: Final = "best effort"
-EVEN: Final = 0.5
+_MIN_P_ARRIVE: Final = 0.5
+"""A plan of best effort is shown only if the battery is less likely to run empty than not."""
 
-GAINS: Final[Mapping[str, Callable[[ChargingPlan], float]]] = MappingProxyType(
+_GAINS: Final[Mapping[str, Callable[[ChargingPlan], float]]] = MappingProxyType(
     {
         "fewest stops": lambda plan: -len(plan.stops),
         "safest": lambda plan: 100.0 * plan.p_reserve,
@@ -50,17 +53,17 @@ def find_plans(corridor: Corridor) -> tuple[ChargingPlan, ...]:
     If no plan has the required chance, the result is only the plan with the highest chance to reach a first station. It is empty if no
     station helps.
     """
-    first, risk = _certain(corridor, "fastest", RISKS[1])
+    first, risk = _best_certain_plan(corridor, "fastest", _LEG_RISKS[1])
     if first is None:
-        return _best_effort(corridor)
-    fewest, _ = _certain(corridor, "fewest stops", risk)
-    cheapest, _ = _certain(corridor, "cheapest", risk)
-    found = (fewest, _safest(corridor, SAFEST_TIME * first.duration_s), cheapest)
-    others = [plan for plan in found if plan is not None]
+        return _best_effort_plans(corridor)
+    fewest, _ = _best_certain_plan(corridor, "fewest stops", risk)
+    cheapest, _ = _best_certain_plan(corridor, "cheapest", risk)
+    candidates = (fewest, _safest_plan(corridor, _SAFEST_TIME * first.duration_s), cheapest)
+    others = [plan for plan in candidates if plan is not None]
     # another plan may be faster than the first, because its legs were estimated as slower before they were routed
     plans = [replace(min((first, *others), key=lambda plan: plan.duration_s), label="fastest")]
     for plan in others:
-        gain = GAINS[plan.label]
+        gain = _GAINS[plan.label]
         if gain(plan) - max(map(gain, plans)) >= 1.0:
             plans.append(plan)
     return tuple(plans)
@@ -68,90 +71,92 @@ def find_plans(corridor: Corridor) -> tuple[ChargingPlan, ...]:
 
 def fastest_plan(corridor: Corridor) -> ChargingPlan | None:
     """Find the fastest plan with stops, by the first search alone; returns None if no plan has the required chance."""
-    return _certain(corridor, "fastest", RISKS[1])[0]
+    return _best_certain_plan(corridor, "fastest", _LEG_RISKS[1])[0]
 
 
-def _certain(corridor: Corridor, label: str, risk: float) -> tuple[ChargingPlan | None, float]:
-    """Find the plan that is best by its label and has the whole chance `CERTAIN`, or None; return it and the risk of its legs.
+def _best_certain_plan(corridor: Corridor, label: str, risk: float) -> tuple[ChargingPlan | None, float]:
+    """Return the plan that is best by its label and has the whole chance `CERTAIN`, or None, and the risk of its legs.
 
     `risk` is the first guess of the risk of each leg. Only the first leg has a given charge. If this charge is too small for a higher
     chance than `CERTAIN` on the first leg, the search is repeated with this chance there, and the other legs make up for it.
     """
-    for first in (0.0, RISKS[1]):
-        (low, high), best = RISKS, None
-        for _ in range(MAX_TRIALS):
-            chances, whole = (1.0 - max(first, risk), 1.0 - risk), 1.0
-            found = corridor.optimum(chances, label)
-            if found is not None:
-                plan = ChargingPlan(label, (), corridor.driven(found), corridor.rules.reserve)
-                whole = plan.p_reserve
-            if whole < CERTAIN:
+    for first_risk in (0.0, _LEG_RISKS[1]):
+        (low, high), best = _LEG_RISKS, None
+        for _ in range(_MAX_TRIALS):
+            chances, p_whole = (1.0 - max(first_risk, risk), 1.0 - risk), 1.0
+            optimum = corridor.optimum(chances, label)
+            if optimum is not None:
+                plan = ChargingPlan(label, (), corridor.legs_of(optimum), corridor.rules.reserve)
+                p_whole = plan.p_reserve
+            if p_whole < CERTAIN:
                 high = risk
             else:
-                low, best = risk, best if found is None else (plan, found, chances)
-            if low * NARROW >= high or CERTAIN <= whole <= CERTAIN + CLOSE:
+                low, best = risk, best if optimum is None else (plan, optimum, chances)
+            if low * _RISK_FACTOR >= high or CERTAIN <= p_whole <= CERTAIN + _CHANCE_TOLERANCE:
                 break
             # the risk of the whole journey is nearly proportional to that of a leg
-            risk *= (1.0 - CERTAIN - 0.5 * CLOSE) / max(1.0 - whole, 1e-9)
+            risk *= (1.0 - CERTAIN - 0.5 * _CHANCE_TOLERANCE) / max(1.0 - p_whole, 1e-9)
             if not low < risk < high:
                 risk = math.sqrt(low * high)
         if best is not None:
-            return _with_stops(corridor, *_trimmed(corridor, *best)), low
-    return None, RISKS[1]
+            return _with_stops(corridor, *_trim_levels(corridor, *best)), low
+    return None, _LEG_RISKS[1]
 
 
-def _trimmed(
-    corridor: Corridor, plan: ChargingPlan, found: StopPlan, chances: tuple[float, float]
+def _trim_levels(
+    corridor: Corridor, plan: ChargingPlan, optimum: StopPlan, chances: tuple[float, float]
 ) -> tuple[ChargingPlan, StopPlan, tuple[float, float]]:
     """Lower the charge to leave each station with by one step, if that is faster and the whole chance still suffices."""
     problem = corridor.problem(*chances)
-    for k in range(1, len(found.levels)):
-        levels = (*found.levels[:k], found.levels[k] - STEP, *found.levels[k + 1 :])
-        legs = (*plan.legs[:k], plan.legs[k].shifted(levels[k]), *plan.legs[k + 1 :])
-        less = StopPlan(found.nodes, levels, problem.duration_s(found.nodes, levels))
+    for k in range(1, len(optimum.levels)):
+        levels = (*optimum.levels[:k], optimum.levels[k] - STEP, *optimum.levels[k + 1 :])
+        legs = (*plan.legs[:k], plan.legs[k].starting_with(levels[k]), *plan.legs[k + 1 :])
+        lower = StopPlan(optimum.nodes, levels, problem.duration_s(optimum.nodes, levels))
         trimmed = replace(plan, legs=legs)
-        if less.duration_s < found.duration_s and trimmed.p_reserve >= CERTAIN:
-            plan, found = trimmed, less
-    return plan, found, chances
+        if lower.duration_s < optimum.duration_s and trimmed.p_reserve >= CERTAIN:
+            plan, optimum = trimmed, lower
+    return plan, optimum, chances
 
 
-def _safest(corridor: Corridor, max_s: float) -> ChargingPlan | None:
-    for chances in SAFEST:
-        found = corridor.optimum(chances, "safest")
-        if found is not None and found.duration_s <= max_s:
-            plan = ChargingPlan("safest", (), corridor.driven(found), corridor.rules.reserve)
-            return _with_stops(corridor, plan, found, chances)
+def _safest_plan(corridor: Corridor, max_s: float) -> ChargingPlan | None:
+    for chances in _SAFEST_CHANCES:
+        optimum = corridor.optimum(chances, "safest")
+        if optimum is not None and optimum.duration_s <= max_s:
+            plan = ChargingPlan("safest", (), corridor.legs_of(optimum), corridor.rules.reserve)
+            return _with_stops(corridor, plan, optimum, chances)
     return None
 
 
-def _best_effort(corridor: Corridor) -> tuple[ChargingPlan, ...]:
+def _best_effort_plans(corridor: Corridor) -> tuple[ChargingPlan, ...]:
     """Return the plan with the highest chance to reach its first station, in a tuple.
 
     Returns an empty tuple if the plan is not better than driving without a stop, or if the battery is more likely to run empty than not.
     """
-    reserve, chances = corridor.rules.reserve, SAFEST[-2]
-    found = corridor.optimum(chances, BEST_EFFORT)
-    if found is None or len(found.nodes) < 3:
+    reserve, chances = corridor.rules.reserve, _SAFEST_CHANCES[-2]
+    optimum = corridor.optimum(chances, BEST_EFFORT)
+    if optimum is None or len(optimum.nodes) < 3:
         return ()
-    plan = ChargingPlan(BEST_EFFORT, (), corridor.driven(found), reserve)
-    if plan.p_reserve <= corridor.forecast.p_arrive(reserve) or plan.p_arrive < EVEN:
+    plan = ChargingPlan(BEST_EFFORT, (), corridor.legs_of(optimum), reserve)
+    if plan.p_reserve <= corridor.forecast.p_arrive(reserve) or plan.p_arrive < _MIN_P_ARRIVE:
         return ()
-    return (_with_stops(corridor, plan, found, chances),)
+    return (_with_stops(corridor, plan, optimum, chances),)
 
 
 def _with_stops(
-    corridor: Corridor, plan: ChargingPlan, found: StopPlan, chances: tuple[float, float]
+    corridor: Corridor, plan: ChargingPlan, optimum: StopPlan, chances: tuple[float, float]
 ) -> ChargingPlan:
-    return replace(plan, stops=tuple(_stops(corridor, plan.legs, found, corridor.problem(*chances))))
+    return replace(
+        plan, stops=tuple(_charging_stops(corridor, plan.legs, optimum, corridor.problem(*chances)))
+    )
 
 
-def _stops(
-    corridor: Corridor, legs: tuple[Leg, ...], found: StopPlan, problem: StopProblem
+def _charging_stops(
+    corridor: Corridor, legs: tuple[Leg, ...], optimum: StopPlan, problem: StopProblem
 ) -> Iterator[ChargingStop]:
     elapsed = position = 0.0
     wh, overhead = corridor.forecast.charge.wh_per_display, corridor.rules.overhead_s
-    for k, node in enumerate(found.nodes[1:-1]):
-        leg, leave = legs[k], found.levels[k + 1]
+    for k, node in enumerate(optimum.nodes[1:-1]):
+        leg, leave = legs[k], optimum.levels[k + 1]
         elapsed += leg.forecast.plan.duration_s
         position += leg.road.distance_m
         arrival = leg.soc_arrival
@@ -168,37 +173,41 @@ def _stops(
             elapsed,
             leg.chance(corridor.rules.reserve),
             bool(leg.preheat_soc > 0.0),
-            _if_full(corridor, found, problem, k),
+            _next_station(corridor, optimum, problem, k),
         )
         elapsed += charging_s + overhead
 
 
-def _if_full(corridor: Corridor, found: StopPlan, problem: StopProblem, k: int) -> NextStation | None:
-    """Find the station to go to if stop `k` is occupied, with the highest possible chance of `IF_FULL`; the reserve may be used.
+def _next_station(corridor: Corridor, optimum: StopPlan, problem: StopProblem, k: int) -> NextStation | None:
+    """Find the station to go to if stop `k` is occupied, with the highest possible chance of `_NEXT_STATION_CHANCES`; the reserve may be used.
 
     From there, the journey goes on with its planned stops, or with other stations in reach. Returns None if no other station helps.
     """
-    here, level, node, end = found.nodes[k], found.levels[k], found.nodes[k + 1], found.nodes[-1]
-    detour, detour_s = corridor.detour(here, node)
-    reached = np.arange(node + 1, end)[problem.taken[here, node + 1 : end] + detour <= level]
-    nodes = np.union1d([here, *found.nodes[k + 2 :]], reached)
-    rest = replace(problem.among(nodes), start_soc=level)
-    rest.taken[0] += detour
-    rest.time_s[0] += detour_s
-    for chance in IF_FULL:
-        rest.need[0] = rest.taken[0] + corridor.width(chance)[here, nodes]
-        again = least_time(rest)
-        if again is not None:
+    start, level, node, end = optimum.nodes[k], optimum.levels[k], optimum.nodes[k + 1], optimum.nodes[-1]
+    detour, detour_s = corridor.detour(start, node)
+    reached = np.arange(node + 1, end)[problem.taken[start, node + 1 : end] + detour <= level]
+    nodes = np.union1d([start, *optimum.nodes[k + 2 :]], reached)
+    remaining = replace(problem.among(nodes), start_soc=level)
+    remaining.taken[0] += detour
+    remaining.time_s[0] += detour_s
+    for chance in _NEXT_STATION_CHANCES:
+        remaining.need[0] = remaining.taken[0] + corridor.width(chance)[start, nodes]
+        detour_plan = least_time(remaining)
+        if detour_plan is not None:
             break
-    if again is None or len(again.nodes) < 3:
+    if detour_plan is None or len(detour_plan.nodes) < 3:
         return None
-    other = again.nodes[1]
-    arrival = level - float(rest.taken[0, other])
-    spare = arrival / max(float(rest.need[0, other] - rest.taken[0, other]), 1e-9) * corridor.factor(chance)
-    original = problem.duration_s(found.nodes[k:], found.levels[k:])
+    next_node = detour_plan.nodes[1]
+    arrival = level - float(remaining.taken[0, next_node])
+    spare = (
+        arrival
+        / max(float(remaining.need[0, next_node] - remaining.taken[0, next_node]), 1e-9)
+        * corridor.factor(chance)
+    )
+    planned_s = problem.duration_s(optimum.nodes[k:], optimum.levels[k:])
     return NextStation(
-        corridor.stations[nodes[other] - 1],
+        corridor.stations[nodes[next_node] - 1],
         arrival,
         corridor.forecast.uncertainty.scores.probability(spare),
-        max(again.duration_s - original, 0.0),
+        max(detour_plan.duration_s - planned_s, 0.0),
     )

@@ -20,15 +20,16 @@ from tripwatt.trips.columns import require_fraction
 from tripwatt.trips.messages import flag_to_dict
 
 LEVELS: Final = (0.95, 0.5)
-DIRECTIONS: Final = 24
-FRUGAL_WH_KM: Final = 80.0
-"""No car takes less over a long distance on the flat, so the places to which roads are routed lie beyond every reach."""
+_DIRECTIONS: Final = 24
+"""A choice: a road and a forecast in each direction take the time, and an outline of 15° steps looks smooth on a map."""
+_FRUGAL_WH_KM: Final = 80.0
+"""A choice: no car takes less over a long distance on the flat, so the places to which roads are routed lie beyond every reach."""
 
 LONGEST_CONTOUR_MIN: Final = 120.0
 """Longest isochrone that is requested: servers allow two hours."""
 
-SLOW_ROAD_M_S: Final = 8.0
-"""No way to the end of a reach has a lower mean speed, so the isochrone lies beyond the reach."""
+_SLOW_ROAD_M_S: Final = 8.0
+"""A choice: no way to the end of a reach has a lower mean speed, so the isochrone lies beyond the reach."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -72,7 +73,7 @@ class Reach:
         return {
             "start": self.start.to_dict(),
             "areas": [
-                {"probability": level, "polygon": {"type": "Polygon", "coordinates": [_ring(corners)]}}
+                {"probability": level, "polygon": {"type": "Polygon", "coordinates": [_closed_ring(corners)]}}
                 for level, corners in self.outlines.items()
             ],
             "map_ends": self.map_ends,
@@ -82,7 +83,7 @@ class Reach:
 
 
 def find_reach(forecaster: RoadForecaster, start: Place, atlas: Atlas, *, reserve: float = 0.0) -> Reach:
-    """Find the area of reach, with one road and one forecast for each of `DIRECTIONS` directions.
+    """Find the area of reach, with one road and one forecast for each of `_DIRECTIONS` directions.
 
     Roads lead to places beyond the reach of the car: at the edge of an isochrone, or of a circle if the router has no isochrones.
     Along each road, the forecast gives the distance that the charge reaches with each probability before it falls to the reserve.
@@ -113,16 +114,16 @@ def find_reach(forecaster: RoadForecaster, start: Place, atlas: Atlas, *, reserv
     >>> find_reach(forecaster, Place(47.14, 9.52), open_atlas("map"), reserve=0.1)  # doctest: +SKIP
     """
     reserve = require_fraction("reserve", reserve)
-    roads, last = [], None
-    for place in _targets(forecaster, start, atlas):
+    roads, last_error = [], None
+    for place in _choose_targets(forecaster, start, atlas):
         try:
             roads.append(atlas.router.roads((start, place))[0])
         except RemoteError:
             raise
         except InvalidInput as error:
-            last = error
+            last_error = error
     if not roads:
-        raise last or InvalidInput([])
+        raise last_error or InvalidInput([])
     return reach_along(
         roads, [forecaster.forecast(road, "reach") for road in roads], start, reserve, atlas.attribution
     )
@@ -139,11 +140,11 @@ def reach_along(
             share = reached_share(forecast, level, reserve)
             ends = ends or share >= 1.0
             corners.append(road.place_at(share * road.distance_m))
-        outlines[level] = _around(start, corners)
+        outlines[level] = _farthest_in_each_direction(start, corners)
     return Reach(start, outlines, ends, attribution)
 
 
-def _ring(corners: tuple[Place, ...]) -> list[list[float]]:
+def _closed_ring(corners: tuple[Place, ...]) -> list[list[float]]:
     """Return the corners as a closed ring of GeoJSON."""
     return [[round(p.longitude_deg, 6), round(p.latitude_deg, 6)] for p in (*corners, *corners[:1])]
 
@@ -155,44 +156,43 @@ def reached_share(forecast: Forecast, level: float, reserve: float) -> float:
     return 1.0 if reached_m is None else reached_m / float(distance[-1])
 
 
-def _targets(forecaster: RoadForecaster, start: Place, atlas: Atlas) -> list[Place]:
+def _choose_targets(forecaster: RoadForecaster, start: Place, atlas: Atlas) -> list[Place]:
     """Choose a place in each direction, farther than the charge carries or at the end of the map."""
     soc = forecaster.departure.soc if forecaster.departure.soc is not None else 0.8
     battery = forecaster.model.vehicle.battery
     energy_wh = soc * battery.capacity_ah * battery.cells_in_series * float(np.max(battery.ocv_v))
-    farthest_m = energy_wh / FRUGAL_WH_KM * 1000.0
+    farthest_m = energy_wh / _FRUGAL_WH_KM * 1000.0
     if atlas.bounds_deg is not None:
         south, west, north, east = atlas.bounds_deg
         corners = [Place(lat, lon) for lat in (south, north) for lon in (west, east)]
         farthest_m = min(farthest_m, max(start.distance_m(corner) for corner in corners))
-    minutes = farthest_m / SLOW_ROAD_M_S / 60.0
+    minutes = farthest_m / _SLOW_ROAD_M_S / 60.0
     outline = atlas.router.outline(start, min(minutes, LONGEST_CONTOUR_MIN))
-    bearings = np.arange(DIRECTIONS) * 360.0 / DIRECTIONS
+    bearings = np.arange(_DIRECTIONS) * 360.0 / _DIRECTIONS
     if not outline:
         return [start.moved(float(bearing), farthest_m) for bearing in bearings]
-    where, off = _seen_from(start, outline)
-    chosen: list[Place] = []
+    bearing_deg, distance_m = _bearings_and_distances(start, outline)
+    targets: list[Place] = []
     for bearing in bearings:
-        near = np.flatnonzero(np.abs((where - bearing + 180.0) % 360.0 - 180.0) <= 180.0 / DIRECTIONS)
+        near = np.flatnonzero(np.abs((bearing_deg - bearing + 180.0) % 360.0 - 180.0) <= 180.0 / _DIRECTIONS)
         if len(near):
-            chosen.append(outline[int(near[np.argmax(off[near])])])
-    return chosen
+            targets.append(outline[int(near[np.argmax(distance_m[near])])])
+    return targets
 
 
-def _seen_from(start: Place, places: tuple[Place, ...]) -> tuple[FloatArray, FloatArray]:
+def _bearings_and_distances(start: Place, places: tuple[Place, ...]) -> tuple[FloatArray, FloatArray]:
     """Return the direction [°] and distance [m] of places from a start."""
     ways = [np.array([(p.latitude_deg, p.longitude_deg) for p in (start, place)]).T for place in places]
     bearings = np.array([bearings_deg(*way)[0] for way in ways])
     return bearings, np.array([start.distance_m(place) for place in places])
 
 
-def _around(start: Place, corners: list[Place]) -> tuple[Place, ...]:
+def _farthest_in_each_direction(start: Place, corners: list[Place]) -> tuple[Place, ...]:
     """Return the farthest corner in each direction, in the order of the directions."""
-    where, off = _seen_from(start, tuple(corners))
-    best: dict[int, int] = {}
+    bearing_deg, distance_m = _bearings_and_distances(start, tuple(corners))
+    farthest: dict[int, int] = {}
     for k in range(len(corners)):
-        sector = round(where[k] / 360.0 * DIRECTIONS) % DIRECTIONS
-        if sector not in best or off[k] > off[best[sector]]:
-            best[sector] = k
-    chosen = sorted(best.values(), key=lambda k: where[k])
-    return tuple(corners[k] for k in chosen)
+        sector = round(bearing_deg[k] / 360.0 * _DIRECTIONS) % _DIRECTIONS
+        if sector not in farthest or distance_m[k] > distance_m[farthest[sector]]:
+            farthest[sector] = k
+    return tuple(corners[k] for k in sorted(farthest.values(), key=lambda k: bearing_deg[k]))

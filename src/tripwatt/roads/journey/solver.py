@@ -22,6 +22,7 @@ LEVELS: Final = np.arange(round(1.0 / STEP) + 1) / round(1.0 / STEP)
 LEVELS.flags.writeable = False
 
 _Z: Final = np.linspace(-6.0, 6.0, 241)
+"""Values of the common error in standard deviations, over which it is integrated; a choice."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,15 +134,15 @@ def least_time(problem: StopProblem) -> StopPlan | None:
             continue
         total, way = reached.ravel()[ways], count * near[ways // count] + ways % count
         if node == n - 1:
-            return _traced(problem, before, int(way[np.argmin(total)]))
+            return _trace_plan(problem, before, int(way[np.argmin(total)]))
         arrival = np.clip((soc[near] - problem.taken[near, node, None]).ravel()[ways], 0.0, 1.0)
-        cost[node], chosen = _charged(arrival, total, levels, problem.charging_s[node])
+        cost[node], chosen = _best_charging(arrival, total, levels, problem.charging_s[node])
         cost[node] += problem.overhead_s
         before[node] = way[chosen]
     return None
 
 
-def _charged(
+def _best_charging(
     arrival: FloatArray, total: FloatArray, levels: FloatArray, charging_s: FloatArray
 ) -> tuple[FloatArray, IntArray]:
     """Return the least time to leave a station with each level, and the index of the way that gives it.
@@ -155,8 +156,8 @@ def _charged(
     count = np.searchsorted(arrival, levels, side="right")
     low, high = below[np.maximum(count - 1, 0)], above[np.minimum(count, len(total) - 1)]
     charged = np.where(count > 0, base[low] + charging_s, np.inf)
-    as_it_is = np.where(count < len(total), total[high], np.inf)
-    return np.minimum(charged, as_it_is), order[np.where(charged <= as_it_is, low, high)]
+    uncharged = np.where(count < len(total), total[high], np.inf)
+    return np.minimum(charged, uncharged), order[np.where(charged <= uncharged, low, high)]
 
 
 def _running_best(values: FloatArray) -> IntArray:
@@ -165,7 +166,7 @@ def _running_best(values: FloatArray) -> IntArray:
     return np.asarray(np.maximum.accumulate(np.where(values <= lowest, np.arange(len(values)), 0)))
 
 
-def _traced(problem: StopProblem, before: IntArray, way: int) -> StopPlan:
+def _trace_plan(problem: StopProblem, before: IntArray, way: int) -> StopPlan:
     nodes, levels = [len(before) - 1], []
     while True:
         node, level = divmod(way, before.shape[1])

@@ -16,17 +16,18 @@ from tripwatt.roads.maps import Station
 from tripwatt.roads.routers import Road
 from tripwatt.trips import Departure
 
-BAND: Final = 0.9
-CLOSE_SOC: Final = 0.05
-"""A leg is not forecast again if its charge at departure changes by this or less."""
+_BAND: Final = 0.9
+_CLOSE_SOC: Final = 0.05
+"""A leg is not forecast again if its charge at departure changes by this or less: a choice, because the energy then changes by a
+thousandth."""
 ENERGY_BAND: Final = ("energy_low_wh", "energy_high_wh")
-BELOW_ABOVE: Final = np.array([-1.0, 1.0])
-SHOWN: Final = ("displayed_soc", "displayed_soc_low", "displayed_soc_high")
+_BELOW_ABOVE: Final = np.array([-1.0, 1.0])
+_SOC_COLUMNS: Final = ("displayed_soc", "displayed_soc_low", "displayed_soc_high")
 
-COURSE: Final = dict(
+_COURSE: Final = dict(
     zip(
         ("position_m", "time_s", "displayed_soc", "low", "high"),
-        ("distance_m", "time_s", *SHOWN),
+        ("distance_m", "time_s", *_SOC_COLUMNS),
         strict=True,
     )
 )
@@ -35,7 +36,7 @@ COURSE: Final = dict(
 LINE_DIGITS: Final = {"latitude_deg": 6, "longitude_deg": 6, "position_m": 1}
 """Columns of a line on the map, and the number of digits to which each is rounded."""
 
-WHOLE: Final = (
+JOURNEY_FIELDS: Final = (
     *("p_arrive", "p_reserve", "soc_arrival", "soc_interval"),
     *("driving_s", "charging_s", "duration_s", "energy_wh"),
 )
@@ -151,7 +152,7 @@ class Leg:
     @property
     def soc_interval(self) -> tuple[float, float]:
         """90 % interval of the charge at the end of the leg."""
-        low, high = self.forecast.arrival.interval(BAND)
+        low, high = self.forecast.arrival.interval(_BAND)
         return max(low - self.preheat_soc, 0.0), max(high - self.preheat_soc, 0.0)
 
     @property
@@ -160,25 +161,25 @@ class Leg:
         return self.forecast.energy_wh + self.preheat_soc * self.forecast.charge.wh_per_display
 
     @property
-    def shared(self) -> float:
+    def common_share(self) -> float:
         """Share of the errors common to all legs of a journey in the standard deviation of the charge at the end of the leg.
 
         The errors by the drift of the power, local travel times, an unknown climb and the reading of the display are new on each leg.
         The errors of car, driver and weather are common.
         """
-        common, own = (float(part[-1]) for part in variance_along(self.forecast))
+        common, independent = (float(part[-1]) for part in variance_along(self.forecast))
         climb = self.forecast.sd_wh**2 - float(self.forecast.along.energy_sd_wh[-1]) ** 2
-        return float(np.sqrt(common / (common + own + climb)))
+        return float(np.sqrt(common / (common + independent + climb)))
 
-    def shifted(self, soc: float) -> Leg:
+    def starting_with(self, soc: float) -> Leg:
         """Return the leg from another charge with the same energy, which changes by only a thousandth in 5 percentage points."""
         drive = replace(self.forecast.drive, plan=self.forecast.plan.with_departure(Departure(soc=soc)))
         return replace(self, forecast=replace(self.forecast, drive=drive))
 
     def leaving_with(self, soc: float) -> Leg:
-        """Return the leg from another charge, forecast again if the charges differ by more than `CLOSE_SOC`."""
-        if abs(soc - (self.forecast.plan.departure.soc or 0.0)) <= CLOSE_SOC:
-            return self.shifted(soc)
+        """Return the leg from another charge, forecast again if the charges differ by more than `_CLOSE_SOC`."""
+        if abs(soc - (self.forecast.plan.departure.soc or 0.0)) <= _CLOSE_SOC:
+            return self.starting_with(soc)
         return replace(self, forecast=leaving_with(self.forecast, soc))
 
 
@@ -189,23 +190,23 @@ def variance_along(forecast: Forecast) -> tuple[FloatArray, FloatArray]:
     -------
     common : ndarray
         Variance by errors that all parts of a journey share: car, driver, weather, capacity. It grows with the square of the distance.
-    own : ndarray
+    independent : ndarray
         Variance by errors that are new on each part: the drift of the power, local travel times, the reading of the display. It grows
         with the distance. An unknown climb is in neither.
     """
     uncertainty, charge = forecast.uncertainty, forecast.charge
     hours = running_sum(forecast.drive.table.hours)
-    own = forecast.sd_factor**2 * uncertainty.scale.course.drift_wh2(hours)
+    independent = forecast.sd_factor**2 * uncertainty.scale.course.drift_wh2(hours)
     if forecast.plan.free_flow and uncertainty.free_flow is not None:
         local = uncertainty.free_flow.local_variance_m / forecast.plan.distance_m * forecast.energy_wh**2
-        own = own + local * hours / hours[-1]
+        independent = independent + local * hours / hours[-1]
     reading = (charge.displayed_sd * charge.wh_per_display) ** 2
-    whole = (
+    total = (
         forecast.along.energy_sd_wh**2
         + (charge.sd(forecast.along.energy_wh, True) * charge.wh_per_display) ** 2
         - reading
     )
-    return np.maximum(whole - own, 0.0), own + reading
+    return np.maximum(total - independent, 0.0), independent + reading
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -249,7 +250,7 @@ class ChargingPlan:
 
     def _chance(self, reserve: float) -> float:
         chances = np.array([leg.chance(reserve) for leg in self.legs])
-        return joint_chance(chances, np.array([leg.shared for leg in self.legs]))
+        return joint_chance(chances, np.array([leg.common_share for leg in self.legs]))
 
     @property
     def soc_arrival(self) -> float:
@@ -322,21 +323,23 @@ class ChargingPlan:
         0.14
         """
         tables, time_s, distance_m, energy_wh = [], 0.0, 0.0, 0.0
-        shared_wh, own_wh2 = np.zeros((1, 2)), np.zeros((1, 2))
+        common_wh, independent_wh2 = np.zeros((1, 2)), np.zeros((1, 2))
         for k, leg in enumerate(self.legs):
             table = leg.forecast.to_frame()
             table["distance_m"] *= leg.road.distance_m / float(table["distance_m"].iloc[-1])
             table["distance_m"] += distance_m
             table["time_s"] += time_s
             half_wh = np.abs(table[list(ENERGY_BAND)].to_numpy() - table[["energy_wh"]].to_numpy())
-            shared_wh = shared_wh[-1] + leg.shared * half_wh
-            own_wh2 = own_wh2[-1] + (1.0 - leg.shared**2) * half_wh**2
+            common_wh = common_wh[-1] + leg.common_share * half_wh
+            independent_wh2 = independent_wh2[-1] + (1.0 - leg.common_share**2) * half_wh**2
             table["energy_wh"] += energy_wh
-            table[list(ENERGY_BAND)] = table[["energy_wh"]].to_numpy() + BELOW_ABOVE * np.sqrt(
-                shared_wh**2 + own_wh2
+            table[list(ENERGY_BAND)] = table[["energy_wh"]].to_numpy() + _BELOW_ABOVE * np.sqrt(
+                common_wh**2 + independent_wh2
             )
             last = table.index[-1]
-            table.loc[last, list(SHOWN)] = (table.loc[last, list(SHOWN)] - leg.preheat_soc).clip(lower=0.0)
+            table.loc[last, list(_SOC_COLUMNS)] = (
+                table.loc[last, list(_SOC_COLUMNS)] - leg.preheat_soc
+            ).clip(lower=0.0)
             tables.append(table)
             distance_m += leg.road.distance_m
             energy_wh += leg.energy_wh
@@ -371,11 +374,11 @@ class ChargingPlan:
         return {
             "label": self.label,
             "stops": [stop.to_dict() for stop in self.stops],
-            **{name: getattr(self, name) for name in WHOLE},
+            **{name: getattr(self, name) for name in JOURNEY_FIELDS},
             "soc_interval": list(self.soc_interval),
             "energy_interval_wh": series[list(ENERGY_BAND)].iloc[-1].tolist(),
             "by_cause_wh": self.by_cause_wh,
             "battery_loss_wh": self.battery_loss_wh,
-            "course": {name: series[column].tolist() for name, column in COURSE.items()},
+            "course": {name: series[column].tolist() for name, column in _COURSE.items()},
             "line": {name: np.round(self.line[name], k).tolist() for name, k in LINE_DIGITS.items()},
         }

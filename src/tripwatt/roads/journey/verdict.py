@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from tripwatt.roads.journey.corridor import CERTAIN
-from tripwatt.roads.journey.stops import WHOLE, ChargingPlan
+from tripwatt.roads.journey.stops import JOURNEY_FIELDS, ChargingPlan
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,17 +58,17 @@ class Verdict:
     advice: str
 
     @classmethod
-    def from_plan(cls, plan: ChargingPlan, else_: str) -> Verdict:
-        """Make the verdict on the plan of a whole journey; `else_` is the advice if the journey does not arrive."""
+    def from_plan(cls, plan: ChargingPlan, advice_else: str) -> Verdict:
+        """Make the verdict on the plan of a whole journey; `advice_else` is the advice if the journey does not arrive."""
         leaves, arrives = plan.legs[0].forecast.plan.departure.departs_at, plan.p_reserve >= CERTAIN
-        advice = else_ if not arrives else "stop" if plan.stops else "go"
+        advice = advice_else if not arrives else "stop" if plan.stops else "go"
         return cls(
             arrives=arrives,
             departs_at=leaves,
             arrives_at=None if leaves is None else leaves + dt.timedelta(seconds=plan.duration_s),
             charges=len(plan.stops),
             advice=advice,
-            **{name: getattr(plan, name) for name in WHOLE},
+            **{name: getattr(plan, name) for name in JOURNEY_FIELDS},
         )
 
     def to_dict(self) -> dict[str, Any]:

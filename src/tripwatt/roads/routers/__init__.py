@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from tripwatt.errors import InvalidInput
-from tripwatt.roads.routers.road import Edges, Road, RoadParts, Router, pooled
+from tripwatt.roads.routers.road import Edges, Road, RoadParts, Router, join_edges
 from tripwatt.roads.routers.servers import GraphHopperRouter, OpenRouteServiceRouter, OsrmRouter
 from tripwatt.roads.routers.valhalla import ValhallaRouter
 from tripwatt.routes.web import require_url
@@ -20,8 +20,8 @@ __all__ = [
     "Router",
     "ValhallaRouter",
     "is_server",
+    "join_edges",
     "open_server",
-    "pooled",
     "split_kind",
 ]
 

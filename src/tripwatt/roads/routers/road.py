@@ -17,19 +17,19 @@ from tripwatt.routes.web import as_remote
 from tripwatt.trips import Plan
 
 FARTHEST_START_M: Final = 1500.0
-"""Largest distance from a place to the end of its road [m]; if the road ends farther away, the place is outside of the map."""
+"""Largest distance from a place to the end of its road [m]; if the road ends farther away, the place is outside of the map. A choice."""
 
 SAME_SPEED: Final = 0.03
 SAME_TIME_S: Final = 0.06
 """Edges have the same speed if their times differ by less than these [1, s]: routers round times to 0.1 s and speeds to 1 km/h."""
 
-MIN_SIGNAL_STOP_S: Final = 2.0
-"""Shorter delays at a signal are not counted as standstill."""
+_MIN_SIGNAL_STOP_S: Final = 2.0
+"""Shorter delays at a signal are not counted as standstill: a choice, because a car still rolls."""
 
 MAX_ROUTES: Final = 4
-"""Largest number of roads in one answer."""
+"""Largest number of roads in one answer: a choice, because nobody compares more, and each is forecast."""
 
-KEY: Final = "TRIPWATT_ROUTER_KEY"
+KEY_VARIABLE: Final = "TRIPWATT_ROUTER_KEY"
 """Environment variable with the key that a router's server expects."""
 
 
@@ -60,7 +60,7 @@ class Edges:
 
     @classmethod
     def from_speeds(cls, length_m: FloatArray, time_s: FloatArray, speed_m_s: FloatArray) -> Edges:
-        """Make edges of which only length, time and speed are known."""
+        """Make edges without limits, classes and signals."""
         n = len(length_m)
         return cls(length_m, time_s, speed_m_s, np.full(n, np.nan), ("",) * n, np.zeros(n, dtype=bool))
 
@@ -151,7 +151,7 @@ class Router(Protocol):
         ...
 
 
-def pooled(edges: Edges) -> tuple[LinkRoute, tuple[str, ...]]:
+def join_edges(edges: Edges) -> tuple[LinkRoute, tuple[str, ...]]:
     """Join edges into links, and return the links and their road classes. O(edges).
 
     Neighbouring edges of the same speed, class and limit become one link, up to a signal. The travel time of a link includes its
@@ -159,45 +159,47 @@ def pooled(edges: Edges) -> tuple[LinkRoute, tuple[str, ...]]:
 
     Examples
     --------
-    >>> links, kinds = pooled(Edges.from_speeds(np.array([100.0, 50.0, 300.0]), np.array([10.0, 5.0, 15.0]), np.full(3, np.nan)))
+    >>> links, kinds = join_edges(Edges.from_speeds(np.array([100.0, 50.0, 300.0]), np.array([10.0, 5.0, 15.0]), np.full(3, np.nan)))
     >>> links.length_m.tolist(), links.moving_speed_m_s.tolist(), kinds
     ([150.0, 300.0], [10.0, 20.0], ('', ''))
     """
     length, time = edges.length_m, edges.time_s
     with np.errstate(all="ignore"):
         moving_s = np.where(np.isnan(edges.speed_m_s), time, length / edges.speed_m_s)
-    first = _runs(edges, moving_s)
-    total_m, total_s, driving_s = (np.add.reduceat(values, first) for values in (length, time, moving_s))
+    starts = _link_starts(edges, moving_s)
+    total_m, total_s, driving_s = (np.add.reduceat(values, starts) for values in (length, time, moving_s))
     total_s = np.maximum(total_s, driving_s)
-    last = np.append(first[1:], len(length)) - 1
-    spare = total_s - driving_s
-    stop = np.where(edges.signal[last] & (spare >= MIN_SIGNAL_STOP_S), spare, np.nan)
-    limit = edges.limit_m_s[first]
-    with np.errstate(all="ignore"):  # a link without time is named below
+    ends = np.append(starts[1:], len(length)) - 1
+    delay_s = total_s - driving_s
+    stop = np.where(edges.signal[ends] & (delay_s >= _MIN_SIGNAL_STOP_S), delay_s, np.nan)
+    limit = edges.limit_m_s[starts]
+    with np.errstate(all="ignore"):  # `LinkRoute` names a link without time
         moving = total_m / driving_s
     limits = limit if np.isfinite(limit).any() else None
     links = LinkRoute(total_m, total_s, stop, moving, None, None, (FLAT_ROAD,), limits, free_flow=True)
-    return links, tuple(edges.road_class[int(k)] for k in first)
+    return links, tuple(edges.road_class[int(k)] for k in starts)
 
 
-def _runs(edges: Edges, moving_s: FloatArray) -> IntArray:
+def _link_starts(edges: Edges, moving_s: FloatArray) -> IntArray:
     """Return the index of the first edge of each link."""
     length, limit = edges.length_m.tolist(), np.nan_to_num(edges.limit_m_s, nan=-1.0).tolist()
     seconds, signal, kind = moving_s.tolist(), edges.signal.tolist(), edges.road_class
-    first, run_m, run_s = [0], length[0], seconds[0]
+    starts, link_m, link_s = [0], length[0], seconds[0]
     for k in range(1, len(length)):
-        wanted_s = run_s / run_m * length[k] if run_m > 0 else seconds[k]
-        alike = abs(seconds[k] - wanted_s) <= SAME_TIME_S + SAME_SPEED * seconds[k]
+        expected_s = link_s / link_m * length[k] if link_m > 0 else seconds[k]
+        same_speed = abs(seconds[k] - expected_s) <= SAME_TIME_S + SAME_SPEED * seconds[k]
         short = (
-            run_m < SHORTEST_LINK_M or run_s <= 0.0 or (k == len(length) - 1 and length[k] < SHORTEST_LINK_M)
+            link_m < SHORTEST_LINK_M
+            or link_s <= 0.0
+            or (k == len(length) - 1 and length[k] < SHORTEST_LINK_M)
         )
-        same = kind[k] == kind[k - 1] and limit[k] == limit[k - 1]
-        if short or (alike and same and not signal[k - 1]):
-            run_m, run_s = run_m + length[k], run_s + seconds[k]
+        same_class = kind[k] == kind[k - 1] and limit[k] == limit[k - 1]
+        if short or (same_speed and same_class and not signal[k - 1]):
+            link_m, link_s = link_m + length[k], link_s + seconds[k]
         else:
-            first.append(k)
-            run_m, run_s = length[k], seconds[k]
-    return np.array(first, dtype=np.int64)
+            starts.append(k)
+            link_m, link_s = length[k], seconds[k]
+    return np.array(starts, dtype=np.int64)
 
 
 @dataclass(slots=True)
@@ -209,14 +211,15 @@ class RoadParts:
     heights: list[tuple[FloatArray, FloatArray] | None] = field(default_factory=list)
 
     @classmethod
-    def of_one_leg(cls, edges: Edges, points: FloatArray, position_m: FloatArray) -> Self:
+    def from_leg(cls, edges: Edges, points: FloatArray, position_m: FloatArray) -> Self:
         """Make the parts of a road with one leg.
 
         `points` have columns latitude, longitude and, if known, height; `position_m` are their distances from the start.
         """
         parts = cls()
-        known = np.isfinite(points[:, 2]) if points.shape[1] > 2 else np.zeros(len(points), dtype=bool)
-        parts.add(edges, points[:, :2], (position_m[known], points[known, 2]) if known.any() else None)
+        has_height = np.isfinite(points[:, 2]) if points.shape[1] > 2 else np.zeros(len(points), dtype=bool)
+        heights = (position_m[has_height], points[has_height, 2]) if has_height.any() else None
+        parts.add(edges, points[:, :2], heights)
         return parts
 
     def add(self, edges: Edges, points: FloatArray, heights: tuple[FloatArray, FloatArray] | None) -> None:
@@ -237,16 +240,16 @@ class RoadParts:
         """
         legs_m = [float(edges.length_m.sum()) for edges in self.edges]
         points = np.concatenate(self.points)
-        _require_near(points, stops)
+        _require_near_stops(points, stops)
         with as_remote():
-            links, kinds = pooled(_joined(self.edges))
+            links, kinds = join_edges(_concatenate_edges(self.edges))
             links = _with_heights(links, self.heights, legs_m)
         position = distances_m(points, links.distance_m)
         ends = np.cumsum(legs_m)[:-1].tolist()
         return Road(links, kinds, points[:, 0], points[:, 1], position, tuple(ends))
 
 
-def _joined(parts: Sequence[Edges]) -> Edges:
+def _concatenate_edges(parts: Sequence[Edges]) -> Edges:
     edges = Edges(
         np.concatenate([part.length_m for part in parts]),
         np.concatenate([part.time_s for part in parts]),
@@ -255,12 +258,12 @@ def _joined(parts: Sequence[Edges]) -> Edges:
         tuple(kind for part in parts for kind in part.road_class),
         np.concatenate([part.signal for part in parts]),
     )
-    sound = ~(edges.speed_m_s <= 0.0)
+    valid = ~(edges.speed_m_s <= 0.0)
     for values in (edges.length_m, edges.time_s):
-        sound &= np.isfinite(values) & (values >= 0)
-    if not sound.all() or not len(sound) or not edges.length_m.sum() > 0 or not edges.time_s.sum() > 0:
-        bad = np.flatnonzero(~sound)
-        where = f"edge {bad[0] + 1}" if len(bad) else "edges"
+        valid &= np.isfinite(values) & (values >= 0)
+    if not valid.all() or not len(valid) or not edges.length_m.sum() > 0 or not edges.time_s.sum() > 0:
+        invalid = np.flatnonzero(~valid)
+        where = f"edge {invalid[0] + 1}" if len(invalid) else "edges"
         raise InvalidInput.of("impossible edge of the road", where, "", "length and time above 0")
     return edges
 
@@ -269,21 +272,21 @@ def _with_heights(
     links: LinkRoute, heights: Sequence[tuple[FloatArray, FloatArray] | None], legs_m: Sequence[float]
 ) -> LinkRoute:
     """Return links with the heights of all legs, or unchanged if a leg has no heights."""
-    known = [leg for leg in heights if leg is not None]
-    if not known or len(known) < len(heights):
+    known_heights = [leg for leg in heights if leg is not None]
+    if not known_heights or len(known_heights) < len(heights):
         return links
     starts = np.cumsum([0.0, *legs_m[:-1]])
-    position = np.concatenate([start + leg[0] for start, leg in zip(starts, known, strict=True)])
-    height = np.concatenate([leg[1] for leg in known])
+    position = np.concatenate([start + leg[0] for start, leg in zip(starts, known_heights, strict=True)])
+    height = np.concatenate([leg[1] for leg in known_heights])
     return replace(links, elevation_position_m=position, elevation_m=height, flags=())
 
 
-def _require_near(points: FloatArray, stops: Sequence[Place]) -> None:
+def _require_near_stops(points: FloatArray, stops: Sequence[Place]) -> None:
     faults = []
     for place, (latitude, longitude) in ((stops[0], points[0]), (stops[-1], points[-1])):
-        off = place.distance_m(Place(float(latitude), float(longitude)))
-        if off > FARTHEST_START_M:
-            got = f"{off / 1000.0:.1f} km from the nearest road of the map"
+        distance_m = place.distance_m(Place(float(latitude), float(longitude)))
+        if distance_m > FARTHEST_START_M:
+            got = f"{distance_m / 1000.0:.1f} km from the nearest road of the map"
             allowed = f"at most {FARTHEST_START_M / 1000.0:g} km"
             faults.append(Fault("place outside of the map", place.title, got, allowed))
     raise_faults(faults)
@@ -297,7 +300,7 @@ def require_stops(stops: Sequence[Place]) -> None:
         raise InvalidInput.of("no way to drive", "stops", f"{stops[0].title} only", "two different places")
 
 
-def no_road(stops: Sequence[Place], got: str) -> InvalidInput:
+def no_road_error(stops: Sequence[Place], got: str) -> InvalidInput:
     """Return the error for places that no road connects."""
     title = " to ".join(place.title for place in stops)
     return InvalidInput.of("no road found", title, got[:120], "places that a road connects")

@@ -13,19 +13,27 @@ from typing import Any, ClassVar, Final, Self
 import numpy as np
 
 from tripwatt.errors import InvalidInput, RemoteError
-from tripwatt.roads.routers.road import KEY, MAX_ROUTES, Edges, Road, RoadParts, no_road, require_stops
+from tripwatt.roads.routers.road import (
+    KEY_VARIABLE,
+    MAX_ROUTES,
+    Edges,
+    Road,
+    RoadParts,
+    no_road_error,
+    require_stops,
+)
 from tripwatt.routes.answers import annotated, intervals, lengths_and_times, speeds_at_points, steps_of
 from tripwatt.routes.documents import Node
 from tripwatt.routes.places import Place
 from tripwatt.routes.points import distances_m
 from tripwatt.routes.web import WebClient, an_answer, as_remote
 
-NO_ROUTE: Final = frozenset({"NoRoute", "NoSegment", "InvalidValue", "InvalidQuery", "TooBig"})
+_NO_ROUTE_CODES: Final = frozenset({"NoRoute", "NoSegment", "InvalidValue", "InvalidQuery", "TooBig"})
 """Codes of OSRM for places that no road connects, and for places that are not valid."""
 
 
 @dataclass(frozen=True)
-class ServerRouter:
+class _ServerRouter:
     """A router by a server, without isochrones, and without alternatives for roads through intermediate stops."""
 
     client: WebClient
@@ -38,7 +46,7 @@ class ServerRouter:
     @classmethod
     def from_url(cls, url: str) -> Self:
         """Make a router from the URL of its server."""
-        client = WebClient(url, "the router", KEY, cls.key_place)
+        client = WebClient(url, "the router", KEY_VARIABLE, cls.key_place)
         return cls(client, f"{cls.kind} at {client.host}")
 
     def outline(self, start: Place, minutes: float) -> tuple[Place, ...]:
@@ -48,32 +56,32 @@ class ServerRouter:
     def roads(self, stops: Sequence[Place], *, alternatives: int = 0) -> tuple[Road, ...]:
         """See `Router.roads`."""
         require_stops(stops)
-        answer = self.ask(stops, min(alternatives, MAX_ROUTES - 1) if len(stops) == 2 else 0)
+        answer = self.request_routes(stops, min(alternatives, MAX_ROUTES - 1) if len(stops) == 2 else 0)
         with as_remote():
-            parts = [self.parts(route) for route in answer.entries(least=1)[:MAX_ROUTES]]
+            parts = [self.read_parts(route) for route in answer.entries(least=1)[:MAX_ROUTES]]
         return tuple(part.road(stops) for part in parts)
 
-    def ask(self, stops: Sequence[Place], others: int) -> Node:
-        """Ask the server for the fastest route and `others` more, and return the routes of its answer."""
+    def request_routes(self, stops: Sequence[Place], alternatives: int) -> Node:
+        """Request the fastest route and other routes, and return the routes of the answer."""
         raise NotImplementedError
 
     @staticmethod
-    def parts(route: Node) -> RoadParts:
+    def read_parts(route: Node) -> RoadParts:
         """Return the parts of a route; all its legs together are one part with the whole line."""
         raise NotImplementedError
 
 
-class OsrmRouter(ServerRouter):
+class OsrmRouter(_ServerRouter):
     """Roads by an OSRM server, from the annotations of its routes, or from their steps if there are no annotations."""
 
     kind = "osrm"
     key_place = "query:api_key"
 
-    def ask(self, stops: Sequence[Place], others: int) -> Node:
-        """See `ServerRouter.ask`."""
+    def request_routes(self, stops: Sequence[Place], alternatives: int) -> Node:
+        """See `_ServerRouter.request_routes`."""
         line = ";".join(f"{p.longitude_deg:.6f},{p.latitude_deg:.6f}" for p in stops)
         query = {
-            "alternatives": str(others) if others else "false",
+            "alternatives": str(alternatives) if alternatives else "false",
             "geometries": "geojson",
             "overview": "full",
             "steps": "true",
@@ -81,30 +89,32 @@ class OsrmRouter(ServerRouter):
         }
         answer = an_answer(self.client.get_json(f"/route/v1/driving/{line}", query), "route")
         code = answer["code"].value
-        if isinstance(code, str) and code in NO_ROUTE:
-            raise no_road(stops, str(answer["message"].value or code))
+        if isinstance(code, str) and code in _NO_ROUTE_CODES:
+            raise no_road_error(stops, str(answer["message"].value or code))
         if code != "Ok":
             raise RemoteError.of("the router failed", self.client.host, repr(code)[:60], "code Ok")
         return answer["routes"]
 
     @staticmethod
-    def parts(route: Node) -> RoadParts:
-        """See `ServerRouter.parts`."""
+    def read_parts(route: Node) -> RoadParts:
+        """See `_ServerRouter.read_parts`."""
         tables = []
         for leg in route["legs"].entries(least=1):
-            known = isinstance(leg["annotation"].value, dict)
-            tables.append(annotated(leg, own_speed=True) if known else _without_speed(steps_of(leg)))
-        return _parts(np.concatenate(tables), route["geometry"]["coordinates"].coordinates()[:, :2])
+            has_annotations = isinstance(leg["annotation"].value, dict)
+            tables.append(
+                annotated(leg, own_speed=True) if has_annotations else _without_speed(steps_of(leg))
+            )
+        return _leg_from_table(np.concatenate(tables), route["geometry"]["coordinates"].coordinates()[:, :2])
 
 
-class GraphHopperRouter(ServerRouter):
+class GraphHopperRouter(_ServerRouter):
     """Roads by a GraphHopper server, with its path details and heights."""
 
     kind = "graphhopper"
     key_place = "query:key"
 
-    def ask(self, stops: Sequence[Place], others: int) -> Node:
-        """See `ServerRouter.ask`."""
+    def request_routes(self, stops: Sequence[Place], alternatives: int) -> Node:
+        """See `_ServerRouter.request_routes`."""
         body: dict[str, Any] = {
             "points": [[p.longitude_deg, p.latitude_deg] for p in stops],
             "profile": "car",
@@ -113,19 +123,19 @@ class GraphHopperRouter(ServerRouter):
             "instructions": False,
             "details": ["time", "distance", "average_speed", "max_speed", "road_class"],
         }
-        if others:
-            body |= {"algorithm": "alternative_route", "alternative_route.max_paths": others + 1}
+        if alternatives:
+            body |= {"algorithm": "alternative_route", "alternative_route.max_paths": alternatives + 1}
         answer = an_answer(self.client.post_json("/route", body), "route")
         if "paths" not in answer.members():
-            raise no_road(stops, str(answer["message"].value or "no paths"))
+            raise no_road_error(stops, str(answer["message"].value or "no paths"))
         return answer["paths"]
 
     @staticmethod
-    def parts(route: Node) -> RoadParts:
-        """See `ServerRouter.parts`."""
+    def read_parts(route: Node) -> RoadParts:
+        """See `_ServerRouter.read_parts`."""
         points, details = route["points"]["coordinates"].coordinates(), route["details"]
         n = len(points)
-        driven = distances_m(points, route["distance"].number(least=0.0))
+        position = distances_m(points, route["distance"].number(least=0.0))
         time = [(start, end, value.number(least=0.0)) for start, end, value in intervals(details["time"], n)]
         if not time or any(a[1] != b[0] for a, b in itertools.pairwise(time)):
             where, got = details["time"].where, f"{len(time)}"
@@ -134,54 +144,54 @@ class GraphHopperRouter(ServerRouter):
         kinds = {start: str(kind.value or "") for start, _, kind in intervals(details["road_class"], n)}
         starts = sorted(kinds)
         begin = np.array([start for start, _, _ in time])
-        before = np.searchsorted(starts, begin, side="right") - 1
+        kind_index = np.searchsorted(starts, begin, side="right") - 1
         edges = Edges(
-            np.diff(driven[np.append(begin, time[-1][1])]),
+            np.diff(position[np.append(begin, time[-1][1])]),
             np.array([milliseconds / 1000.0 for _, _, milliseconds in time]),
             speed[begin],
             limit[begin],
-            tuple(kinds[starts[k]] if k >= 0 else "" for k in before),
+            tuple(kinds[starts[k]] if k >= 0 else "" for k in kind_index),
             np.zeros(len(begin), dtype=bool),
         )
-        return RoadParts.of_one_leg(edges, points, driven)
+        return RoadParts.from_leg(edges, points, position)
 
 
-class OpenRouteServiceRouter(ServerRouter):
+class OpenRouteServiceRouter(_ServerRouter):
     """Roads by an openrouteservice server, from the steps of its routes, with heights."""
 
     kind = "openrouteservice"
     key_place = "header:Authorization"
 
-    def ask(self, stops: Sequence[Place], others: int) -> Node:
-        """See `ServerRouter.ask`."""
+    def request_routes(self, stops: Sequence[Place], alternatives: int) -> Node:
+        """See `_ServerRouter.request_routes`."""
         body: dict[str, Any] = {
             "coordinates": [[p.longitude_deg, p.latitude_deg] for p in stops],
             "elevation": True,
             "units": "m",
             "instructions": True,
         }
-        if others:
-            body["alternative_routes"] = {"target_count": min(others + 1, 3)}
+        if alternatives:
+            body["alternative_routes"] = {"target_count": min(alternatives + 1, 3)}
         answer = an_answer(self.client.post_json("/v2/directions/driving-car/geojson", body), "directions")
         if "error" in answer.members():
-            raise no_road(stops, str(answer["error"].value))
+            raise no_road_error(stops, str(answer["error"].value))
         return answer["features"]
 
     @staticmethod
-    def parts(route: Node) -> RoadParts:
-        """See `ServerRouter.parts`."""
+    def read_parts(route: Node) -> RoadParts:
+        """See `_ServerRouter.read_parts`."""
         segments = route["properties"]["segments"].entries(least=1)
         steps = [step for segment in segments for step in steps_of(segment)]
-        return _parts(_without_speed(steps), route["geometry"]["coordinates"].coordinates())
+        return _leg_from_table(_without_speed(steps), route["geometry"]["coordinates"].coordinates())
 
 
 def _without_speed(steps: Sequence[Node]) -> np.ndarray:
     return np.pad(lengths_and_times(steps), ((0, 0), (0, 1)), constant_values=np.nan)
 
 
-def _parts(table: np.ndarray, points: np.ndarray) -> RoadParts:
+def _leg_from_table(table: np.ndarray, points: np.ndarray) -> RoadParts:
     """Make one leg from a table of lengths, times and speeds of edges, shape (edges, 3); points may have heights."""
     table[~(table[:, 2] > 0.0), 2] = np.nan
-    return RoadParts.of_one_leg(
+    return RoadParts.from_leg(
         Edges.from_speeds(*table.T), points, distances_m(points, float(table[:, 0].sum()))
     )

@@ -18,7 +18,15 @@ import numpy as np
 
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.errors import InvalidInput
-from tripwatt.roads.routers.road import KEY, MAX_ROUTES, Edges, Road, RoadParts, no_road, require_stops
+from tripwatt.roads.routers.road import (
+    KEY_VARIABLE,
+    MAX_ROUTES,
+    Edges,
+    Road,
+    RoadParts,
+    no_road_error,
+    require_stops,
+)
 from tripwatt.routes.documents import Node
 from tripwatt.routes.places import Place
 from tripwatt.routes.points import distances_m
@@ -28,29 +36,31 @@ from tripwatt.units import M_S_PER_KM_H
 
 T = TypeVar("T")
 
-Ask = Callable[[str, dict[str, Any]], Any]
+AskAction = Callable[[str, dict[str, Any]], Any]
 """Function from an action of Valhalla and its request to the answer as a document."""
 
-HTTP_OK: Final = 200
+_HTTP_OK: Final = 200
 MAX_EDGES: Final = 200_000
-HEIGHT_EVERY_M: Final = 30.0
+"""A choice that bounds the memory, far above the edges of any road to drive."""
+_HEIGHT_EVERY_M: Final = 30.0
 """Distance between the heights along the road [m], as fine as the usual elevation model."""
 
-LONGEST_VOID_M: Final = 3000.0
-LONGEST_UNKNOWN_END_M: Final = 300.0
+_LONGEST_VOID_M: Final = 3000.0
+_LONGEST_UNKNOWN_END_M: Final = 300.0
 """Longest part of a road without heights, between known heights and at an end [m]. If a part is longer, all heights of the road count as
-unknown, and its climb is a variance."""
+unknown, and its climb is a variance. Choices."""
 
-SLOWEST_ALTERNATIVE: Final = 1.6
-"""Alternatives that take longer than this many times the fastest road are left out, since they lead over tracks."""
+_SLOWEST_ALTERNATIVE: Final = 1.6
+"""Alternatives that take longer than this many times the fastest road are left out, since they lead over tracks.
+A choice."""
 
 AskTile = Callable[[dict[str, Any]], bytes]
 """Function from a request of the action `tile` to the bytes of the answer."""
 
-NOT_ON_MAP: Final = frozenset({170, 171})
+_NOT_ON_MAP: Final = frozenset({170, 171})
 """Valhalla's error codes for places without a road near them."""
 
-EDGE_VALUES: Final = (
+_EDGE_ATTRIBUTES: Final = (
     "shape",
     "edge.length",
     "edge.speed",
@@ -72,7 +82,7 @@ class ValhallaRouter:
     Attributes
     ----------
     ask : callable
-        See `Ask`.
+        See `AskAction`.
     name : str
         Name of the router in messages.
     ask_tile : callable, optional
@@ -81,7 +91,7 @@ class ValhallaRouter:
         Whether `ask` may be called from several threads.
     """
 
-    ask: Ask
+    ask: AskAction
     name: str = "valhalla"
     ask_tile: AskTile | None = None
     at_once: bool = False
@@ -89,7 +99,7 @@ class ValhallaRouter:
     @classmethod
     def from_url(cls, url: str) -> ValhallaRouter:
         """Make a router from the URL of a Valhalla server."""
-        return cls.from_client(WebClient(url, "the router", KEY, "query:api_key"))
+        return cls.from_client(WebClient(url, "the router", KEY_VARIABLE, "query:api_key"))
 
     @classmethod
     def from_client(cls, client: WebClient) -> ValhallaRouter:
@@ -97,7 +107,7 @@ class ValhallaRouter:
 
         def tile(request: dict[str, Any]) -> bytes:
             answer = client.request("POST", "/tile", body=request)
-            return answer.body if answer.status == HTTP_OK else b""  # 400 if the map has no roads there
+            return answer.body if answer.status == _HTTP_OK else b""  # 400 if the map has no roads there
 
         def ask(action: str, request: dict[str, Any]) -> Any:
             return client.post_json(f"/{action}", request)
@@ -107,17 +117,17 @@ class ValhallaRouter:
     def roads(self, stops: Sequence[Place], *, alternatives: int = 0) -> tuple[Road, ...]:
         """See `Router.roads`. If alternatives are wanted, the shortest road is one of them if it differs from the fastest."""
         require_stops(stops)
-        asked: list[dict[str, Any]] = [{}]
+        variants: list[dict[str, Any]] = [{}]
         if alternatives:
-            asked = [
+            variants = [
                 {"alternates": min(alternatives, MAX_ROUTES - 2)},
                 {"costing_options": {"auto": {"shortest": True}}},
             ]
-        trips = self._together([partial(self._trips, stops, more) for more in asked])
-        roads = self._together(
-            [partial(self._road, trip, stops) for trip in _different([*chain.from_iterable(trips)])]
+        trips = self._call_all([partial(self._request_trips, stops, options) for options in variants])
+        roads = self._call_all(
+            [partial(self._trip_road, trip, stops) for trip in _distinct_trips([*chain.from_iterable(trips)])]
         )
-        longest_s = SLOWEST_ALTERNATIVE * roads[0].duration_s
+        longest_s = _SLOWEST_ALTERNATIVE * roads[0].duration_s
         return tuple(road for k, road in enumerate(roads) if k == 0 or road.duration_s <= longest_s)
 
     def outline(self, start: Place, minutes: float) -> tuple[Place, ...]:
@@ -129,13 +139,13 @@ class ValhallaRouter:
             "polygons": True,
             "generalize": 100.0,
         }
-        answer = self._answer("isochrone", request, (start,))
+        answer = self._request("isochrone", request, (start,))
         places = []
         for feature in answer["features"].entries():
             geometry = feature["geometry"]
             rings = geometry["coordinates"].entries(least=1)
-            several = geometry["type"].value == "MultiPolygon"
-            outer = [polygon.entries(least=1)[0] for polygon in rings] if several else rings[:1]
+            is_multiple = geometry["type"].value == "MultiPolygon"
+            outer = [polygon.entries(least=1)[0] for polygon in rings] if is_multiple else rings[:1]
             for corner in (corner for ring in outer for corner in ring.entries()):
                 longitude, latitude = (degrees.number() for degrees in corner.entries(least=2)[:2])
                 places.append(Place(latitude, longitude))
@@ -155,22 +165,22 @@ class ValhallaRouter:
             return b""
         return self.ask_tile({"tile": {"z": zoom, "x": column, "y": row}})
 
-    def _trips(self, stops: Sequence[Place], more: dict[str, Any]) -> list[Node]:
+    def _request_trips(self, stops: Sequence[Place], options: dict[str, Any]) -> list[Node]:
         request = {
             "locations": [_location(place) for place in stops],
             "costing": "auto",
             "directions_type": "none",
-            **more,
+            **options,
         }
-        answer = self._answer("route", request, stops)
-        others = answer["alternates"]
-        entries = answer, *(others.entries() if others.value else ())[:MAX_ROUTES]
+        answer = self._request("route", request, stops)
+        alternates = answer["alternates"]
+        entries = answer, *(alternates.entries() if alternates.value else ())[:MAX_ROUTES]
         trips = [entry["trip"] for entry in entries]
         for trip in trips:
             trip.members()
         return trips
 
-    def _road(self, trip: Node, stops: Sequence[Place]) -> Road:
+    def _trip_road(self, trip: Node, stops: Sequence[Place]) -> Road:
         parts = RoadParts()
         with as_remote():
             for leg in trip["legs"].entries(least=1):
@@ -178,39 +188,39 @@ class ValhallaRouter:
                 if not isinstance(shape, str):
                     raise InvalidInput.of("no line", leg.where, repr(shape)[:40], "an encoded line")
                 points = decode_polyline(shape, leg["shape"].where, precision=1e6)
-                asked = [partial(self._edge_document, shape, stops), partial(self._height_document, shape)]
-                edge_document, heights = self._together(asked)
+                calls = [partial(self._edge_document, shape, stops), partial(self._height_document, shape)]
+                edge_document, heights = self._call_all(calls)
                 edges, covered = _edges(edge_document, shape, points)
                 parts.add(edges, points, _heights(heights, covered))
         return parts.road(stops)
 
-    def _together(self, calls: Sequence[Callable[[], T]]) -> list[T]:
-        """Make calls and return their results; calls to a server run at the same time."""
+    def _call_all(self, calls: Sequence[Callable[[], T]]) -> list[T]:
+        """Call functions and return their results; requests to a server run at the same time."""
         if not self.at_once or len(calls) == 1:
             return [call() for call in calls]
         with ThreadPoolExecutor(len(calls)) as threads:
-            return [asked.result() for asked in [threads.submit(call) for call in calls]]
+            return [future.result() for future in [threads.submit(call) for call in calls]]
 
     def _edge_document(self, shape: str, stops: Sequence[Place]) -> Node:
         request = {
             "encoded_polyline": shape,
             "shape_match": "edge_walk",
             "costing": "auto",
-            "filters": {"attributes": list(EDGE_VALUES), "action": "include"},
+            "filters": {"attributes": list(_EDGE_ATTRIBUTES), "action": "include"},
         }
-        return self._answer("trace_attributes", request, stops)
+        return self._request("trace_attributes", request, stops)
 
     def _height_document(self, shape: str) -> Node:
         request = {
             "encoded_polyline": shape,
             "shape_format": "polyline6",
             "range": True,
-            "resample_distance": HEIGHT_EVERY_M,
+            "resample_distance": _HEIGHT_EVERY_M,
         }
         return Node(self.ask("height", request), "height")
 
-    def _answer(self, action: str, request: dict[str, Any], stops: Sequence[Place]) -> Node:
-        """Ask for an action and return the answer.
+    def _request(self, action: str, request: dict[str, Any], stops: Sequence[Place]) -> Node:
+        """Request an action and return the answer.
 
         Raises
         ------
@@ -224,10 +234,10 @@ class ValhallaRouter:
         if not {"error", "error_code"} & answer.members().keys():
             return answer
         code, got = answer["error_code"].value, str(answer["error"].value)[:120]
-        if isinstance(code, int) and code in NOT_ON_MAP:
+        if isinstance(code, int) and code in _NOT_ON_MAP:
             title = " to ".join(place.title for place in stops)
             raise InvalidInput.of("place outside of the map", title, got, "places near a road of the map")
-        raise no_road(stops, got)
+        raise no_road_error(stops, got)
 
 
 def _edges(answer: Node, shape: str, points: FloatArray) -> tuple[Edges, FloatArray]:
@@ -235,15 +245,15 @@ def _edges(answer: Node, shape: str, points: FloatArray) -> tuple[Edges, FloatAr
     entries = answer["edges"].entries(least=1)
     if len(entries) > MAX_EDGES:
         raise InvalidInput.of("too many edges", "trace_attributes", f"{len(entries)}", f"at most {MAX_EDGES}")
-    own = answer["shape"].value
+    returned_shape = answer["shape"].value
     # for a short leg on one edge, Valhalla may return no part of the edge
-    within = entries[-1]["end_shape_index"].value == 0
+    within_edge = entries[-1]["end_shape_index"].value == 0
     # the line of the answer may have a point more than that of the route
-    if isinstance(own, str) and own != shape and not within:
-        points = decode_polyline(own, answer["shape"].where, precision=1e6)
-    begin = _indices([entry["begin_shape_index"] for entry in entries], len(points))
-    end = _indices([entry["end_shape_index"] for entry in entries], len(points))
-    if within:
+    if isinstance(returned_shape, str) and returned_shape != shape and not within_edge:
+        points = decode_polyline(returned_shape, answer["shape"].where, precision=1e6)
+    begin = _point_indices([entry["begin_shape_index"] for entry in entries], len(points))
+    end = _point_indices([entry["end_shape_index"] for entry in entries], len(points))
+    if within_edge:
         end = np.array([len(points) - 1])
     if (np.diff(begin) < 0).any() or (end < begin).any() or (begin[1:] != end[:-1]).any():
         raise InvalidInput.of("edges out of order", answer["edges"].where, "", "indices that rise")
@@ -251,20 +261,20 @@ def _edges(answer: Node, shape: str, points: FloatArray) -> tuple[Edges, FloatAr
     elapsed = np.array([node["elapsed_time"].number(least=0.0) for node in nodes])
     if (np.diff(elapsed) < 0).any():
         raise InvalidInput.of("time decreases", "trace_attributes, elapsed_time", "", "times that rise")
-    border = distances_m(points)[np.append(begin, end[-1])]
+    boundary_m = distances_m(points)[np.append(begin, end[-1])]
     speed = np.array([M_S_PER_KM_H * entry["speed"].number(least=1.0) for entry in entries])
-    if within:
-        elapsed = np.diff(border) / speed
-    off = [entry["tunnel"].value is True or entry["bridge"].value is True for entry in entries]
+    if within_edge:
+        elapsed = np.diff(boundary_m) / speed
+    off_ground = [entry["tunnel"].value is True or entry["bridge"].value is True for entry in entries]
     edges = Edges(
-        np.diff(border),
+        np.diff(boundary_m),
         np.diff(elapsed, prepend=0.0),
         speed,
-        np.array([_limit(entry["speed_limit"]) for entry in entries]),
+        np.array([_speed_limit(entry["speed_limit"]) for entry in entries]),
         tuple(str(entry.members().get("road_class", "")) for entry in entries),
         np.array([node["traffic_signal"].value is True for node in nodes]),
     )
-    return edges, np.column_stack((border[:-1], border[1:]))[off]
+    return edges, np.column_stack((boundary_m[:-1], boundary_m[1:]))[off_ground]
 
 
 def _heights(answer: Node, covered: FloatArray) -> tuple[FloatArray, FloatArray] | None:
@@ -273,16 +283,16 @@ def _heights(answer: Node, covered: FloatArray) -> tuple[FloatArray, FloatArray]
     Heights inside the ranges `covered` (tunnels and bridges) are left out, so that the road is straight there.
     """
     pairs = answer["range_height"]
-    given = pairs.value if isinstance(pairs.value, list) else []
-    whole = _height_table([pair for pair in given if isinstance(pair, list) and len(pair) == 2], pairs.where)
-    position, known = whole[:, 0], np.flatnonzero(np.isfinite(whole[:, 1]))
+    values = pairs.value if isinstance(pairs.value, list) else []
+    table = _height_table([pair for pair in values if isinstance(pair, list) and len(pair) == 2], pairs.where)
+    position, known = table[:, 0], np.flatnonzero(np.isfinite(table[:, 1]))
     if len(known) < 2:
         return None
     unknown_ends = max(position[known[0]] - position[0], position[-1] - position[known[-1]])
     voids = np.diff(position[known])[np.diff(known) > 1]
-    if unknown_ends > LONGEST_UNKNOWN_END_M or voids.max(initial=0.0) > LONGEST_VOID_M:
+    if unknown_ends > _LONGEST_UNKNOWN_END_M or voids.max(initial=0.0) > _LONGEST_VOID_M:
         return None
-    table = whole[known]
+    table = table[known]
     on_ground = np.ones(len(table), dtype=bool)
     for start, end in covered:
         on_ground &= ~((table[:, 0] > start) & (table[:, 0] < end))
@@ -292,24 +302,24 @@ def _heights(answer: Node, covered: FloatArray) -> tuple[FloatArray, FloatArray]
 
 def _height_table(pairs: Sequence[list[Any]], where: str) -> FloatArray:
     """Return distance and height of each pair, shape (pairs, 2); an unknown height is NaN."""
-    given = Node([value for pair in pairs for value in pair if value is not None], where)
-    plain = {type(value) for value in given.value} <= {int, float}
+    values = Node([value for pair in pairs for value in pair if value is not None], where)
+    only_numbers = {type(value) for value in values.value} <= {int, float}
     with as_remote():
-        if not plain or not all(-1e12 < value < 1e12 for value in given.value):
-            given.numbers()  # raises the fault
+        if not only_numbers or not all(-1e12 < value < 1e12 for value in values.value):
+            values.numbers()  # raises the fault
         rows = [(at, math.nan if height is None else height) for at, height in pairs]
         return np.array(rows, dtype=np.float64).reshape(-1, 2)
 
 
-def _limit(limit: Node) -> float:
+def _speed_limit(limit: Node) -> float:
     """Return a speed limit [m/s], or NaN if there is none; Valhalla then writes "unlimited", or nothing."""
     if limit.value is None or isinstance(limit.value, str):
         return math.nan
     speed = M_S_PER_KM_H * limit.number(least=0.0)
-    return speed if 0.0 < speed < 60.0 else math.nan
+    return speed if 0.0 < speed < 60.0 else math.nan  # faster limits are errors of the map
 
 
-def _indices(nodes: Sequence[Node], n_points: int) -> IntArray:
+def _point_indices(nodes: Sequence[Node], n_points: int) -> IntArray:
     values = np.array([node.number(least=0.0) for node in nodes])
     if (values != np.floor(values)).any() or values.max() >= n_points:
         where, got = nodes[0].where, f"{values.max():g}"
@@ -321,12 +331,12 @@ def _location(place: Place) -> dict[str, Any]:
     return {"lat": place.latitude_deg, "lon": place.longitude_deg}
 
 
-def _different(trips: Sequence[Node]) -> list[Node]:
+def _distinct_trips(trips: Sequence[Node]) -> list[Node]:
     """Return the trips whose lines differ, in their order."""
-    kept: dict[str, Node] = {}
+    by_line: dict[str, Node] = {}
     for trip in trips:
         legs = trip["legs"].value
-        whole = isinstance(legs, list)
-        shapes = [leg.get("shape") for leg in legs if isinstance(leg, dict)] if whole else legs
-        kept.setdefault(str(shapes), trip)
-    return list(kept.values())
+        is_list = isinstance(legs, list)
+        shapes = [leg.get("shape") for leg in legs if isinstance(leg, dict)] if is_list else legs
+        by_line.setdefault(str(shapes), trip)
+    return list(by_line.values())

@@ -252,7 +252,7 @@ class LiveCars:
             self._companions[car.name] = companion = Companion(departing, car.reserve_asked)
         observed = car.observed(departing.plan.start_s)
         if len(observed) > 1:
-            companion.hear(observed, car.updated)
+            companion.update(observed, car.updated)
         return companion.last
 
     def _with_own_model(self, car: Car, request: Mapping[str, Any]) -> dict[str, Any]:

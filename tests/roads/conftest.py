@@ -6,5 +6,5 @@ import tripwatt as tw
 
 
 @pytest.fixture(scope="session")
-def model():
+def model() -> tw.ForecastModel:
     return tw.load_model()
