@@ -19,7 +19,7 @@ from tests.support.roads import (
 )
 
 from tripwatt.errors import InvalidInput, RemoteError
-from tripwatt.roads.routers.road import no_road_error
+from tripwatt.roads.routers.road import no_road
 from tripwatt.roads.routers.servers import GraphHopperRouter, OpenRouteServiceRouter, OsrmRouter
 from tripwatt.roads.routers.valhalla import ValhallaRouter
 from tripwatt.routes.documents import Node
@@ -250,8 +250,8 @@ def test_four_roads_of_an_answer_are_read(kind, document, key):
 
 
 def test_words_of_a_server_are_cut():
-    assert no_road_error([A, B], "x" * 121).faults[0].got == "x" * 120
-    assert no_road_error([A, MIDDLE, B], "x").faults[0].where == " to ".join(p.title for p in (A, MIDDLE, B))
+    assert no_road([A, B], "x" * 121).faults[0].got == "x" * 120
+    assert no_road([A, MIDDLE, B], "x").faults[0].where == " to ".join(p.title for p in (A, MIDDLE, B))
     with pytest.raises(RemoteError, match="the router failed") as caught:
         OsrmRouter(client({"code": "y" * 100})).roads([A, B])
     assert caught.value.faults[0].got == "'" + "y" * 59

@@ -47,7 +47,7 @@ _PARTS_PER_ROW_GROUP: Final = 100
 """Number of finished parts in one row group of the output: a choice, because 5,000 rows compress well and need little memory."""
 
 _HOW_TO_WRITE: Final = "pandas writes one: pandas.read_csv('links.csv').to_parquet('links.parquet')"
-_ASSUMED_CODES: Final = frozenset({"usual_value_assumed", "soc_assumed"})
+_ASSUMED: Final = frozenset({"usual_value_assumed", "soc_assumed"})
 """Codes of flags about a value of the departure that was not given."""
 
 _NAME_COLUMNS: Final = ("trip", "vehicle_id", "car_model", "driver")
@@ -332,7 +332,6 @@ def flag_columns(flags: Iterable[Flag]) -> dict[str, Any]:
     unique = list(dict.fromkeys(flags))
     return {
         "flags": list(dict.fromkeys(flag.code for flag in unique)),
-        "assumed": ", ".join(dict.fromkeys(flag.subject for flag in unique if flag.code in _ASSUMED_CODES))
-        or None,
+        "assumed": ", ".join(dict.fromkeys(flag.subject for flag in unique if flag.code in _ASSUMED)) or None,
         "reasons": "; ".join(dict.fromkeys(message(flag).replace("; ", ", ") for flag in unique)) or None,
     }

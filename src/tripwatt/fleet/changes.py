@@ -136,9 +136,8 @@ def without_trips_before_changes(model: FleetModel, rows: TripRows, changed: pd.
     last = changed[changed["cause"] != BATTERY].groupby("vehicle_id")["since"].max()
     since = pd.to_datetime(pd.Series(rows.texts("vehicle_id")).map(last)).to_numpy()
     fitted = np.isin(rows.texts("digest"), list(model.digests))
-    before = rows.where(
-        fitted & (rows.chronological[1] < since)
-    )  # a comparison with an unknown time is false
+    # a comparison with an unknown time is false
+    before = rows.where(fitted & (rows.chronological[1] < since))
     return model.with_sums(model.sums - before.sums) if len(before) else model
 
 
@@ -148,9 +147,8 @@ def need_notes(changed: pd.DataFrame) -> dict[str, str]:
     for row in changed.sort_values("since", kind="stable").to_dict("records"):
         battery, share = row["cause"] == BATTERY, f"{100.0 * row['change']:+.0f} %".replace("-", "−")
         how = "does not contain its change" if battery else "is that of its trips after its change"
-        notes[row["vehicle_id"], battery] = (
-            f"the need {how} of {share} ({row['cause']}, since {row['since']})"
-        )
+        note = f"the need {how} of {share} ({row['cause']}, since {row['since']})"
+        notes[row["vehicle_id"], battery] = note
     return {v: "; ".join(notes[key] for key in notes if key[0] == v) for v, _ in notes}
 
 
@@ -182,9 +180,8 @@ def vehicle_series(posterior: GroupPosterior, rows: TripRows) -> Iterator[Vehicl
     by_group = sorted(range(len(read)), key=lambda i: groups[i])
     sums = Sums.from_trips([groups[i] for i in by_group], X[by_group], y[by_group], n[by_group])
     display = group_posterior(sums, fit_scales(sums, _DISPLAY_SCALES))
-    yield from _series_by_vehicle(
-        display, groups, day[read], X, share, y, n, {BATTERY: np.eye(terms.shape[1])[0]}
-    )
+    causes = {BATTERY: np.eye(terms.shape[1])[0]}
+    yield from _series_by_vehicle(display, groups, day[read], X, share, y, n, causes)
 
 
 def _series_by_vehicle(
@@ -338,10 +335,8 @@ class ChangeScan:
             sds.append(np.where(estimable, 1.0 / np.sqrt(np.where(estimable, information, 1.0)), np.inf))
             shares.append(np.where(estimable, error / np.where(estimable, information, 1.0), 0.0))
         # doubling a cause raises the total by this share
-        doubling = np.array(
-            [[(series.X @ weights).sum() / series.total] for weights in series.causes.values()]
-        )
-        share, sd = np.array(shares) * doubling, np.maximum(np.array(sds) * doubling, 1e-12)
+        rise = np.array([[(series.X @ weights).sum() / series.total] for weights in series.causes.values()])
+        share, sd = np.array(shares) * rise, np.maximum(np.array(sds) * rise, 1e-12)
         ratio = USUAL_CHANGE**2 / sd**2
         evidence = 0.5 * (share / sd) ** 2 * ratio / (1.0 + ratio) - 0.5 * np.log1p(ratio)
         return cls(tuple(series.causes), MIN_TRIPS, share, sd, evidence)

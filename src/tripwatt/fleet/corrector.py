@@ -17,6 +17,8 @@ from tripwatt.hybrid.power import TREE_FEATURES, PowerCorrector
 _TREE_SETTINGS: Final = shipped_toml("fleet/trees.toml")
 _MAX_ROUNDS: Final = 120
 """A choice that bounds the time of a fit."""
+_ROUND_STEP: Final = 20
+"""A choice: the held-out error changes slowly with the number of rounds."""
 _MIN_GAIN: Final = 0.01
 """Trees are used only if they lower the held-out error of trips by at least this share: a choice, because less is within chance."""
 
@@ -77,9 +79,11 @@ def _booster(text: str) -> Any:
 
 
 def choose_rounds(
-    table: SegmentTable, residual_w: FloatArray, folds: IntArray, seed: int, step: int = 20
+    table: SegmentTable, residual_w: FloatArray, folds: IntArray, seed: int
 ) -> tuple[int, FloatArray]:
     """Return the number of boosting rounds with the smallest energy error of held-out trips, and its held-out prediction [W].
+
+    Numbers of rounds are tried in steps of `_ROUND_STEP`. The result is 0 if trees lower the error by less than `_MIN_GAIN`.
 
     Parameters
     ----------
@@ -87,12 +91,10 @@ def choose_rounds(
     residual_w : ndarray, shape (segments,)
     folds : ndarray of int, shape (trips,)
     seed : int
-    step : int
-        Numbers of rounds tried are multiples of this step. The result is 0 if trees lower the error by less than `_MIN_GAIN`.
     """
     import lightgbm
 
-    counts = list(range(step, _MAX_ROUNDS + 1, step))
+    counts = list(range(_ROUND_STEP, _MAX_ROUNDS + 1, _ROUND_STEP))
     predictions = np.zeros((len(counts), len(residual_w)))
     row_folds = folds[table.groups]
     X = _tree_columns(table)

@@ -15,7 +15,7 @@ from tripwatt.fleet.statistics import KEYS, TripRows
 from tripwatt.hybrid.groups import GroupPosterior
 
 LEVEL: Final = 0.9
-"""Coverage of the intervals."""
+"""Level of the intervals."""
 
 _BASE: Final = np.isin(FEATURES, "base_load")
 _CLIMATE: Final = np.isin(FEATURES, ("climate", *CLIMATE))
@@ -65,7 +65,7 @@ def deviations(posterior: GroupPosterior, rows: TripRows, *, drivers: bool = Fal
     return pd.DataFrame(table, columns=columns).sort_values("share", ascending=False, ignore_index=True)
 
 
-def drift(posterior: GroupPosterior, rows: TripRows, level: float = LEVEL) -> dict[str, Any]:
+def drift(posterior: GroupPosterior, rows: TripRows) -> dict[str, Any]:
     """Compare new trips with their forecasts by the linear part, for the fleet and for each vehicle.
 
     Parameters
@@ -73,14 +73,12 @@ def drift(posterior: GroupPosterior, rows: TripRows, level: float = LEVEL) -> di
     posterior : GroupPosterior
         Posterior of the model before it was updated with the trips.
     rows : TripRows
-    level : float
-        Level of the intervals whose coverage is computed, for normal errors.
 
     Returns
     -------
     dict
-        `trips`, mean relative error `bias` [1], `coverage` [1], and `vehicles`: the vehicles whose mean standardised error is more
-        than 3 standard errors from 0, with `trips`, `bias` and `z`.
+        `trips`, mean relative error `bias` [1], `coverage` of the intervals of the level `LEVEL` for normal errors [1], and `vehicles`:
+        the vehicles whose mean standardised error is more than 3 standard errors from 0, with `trips`, `bias` and `z`.
     """
     from scipy.special import ndtri
 
@@ -98,6 +96,6 @@ def drift(posterior: GroupPosterior, rows: TripRows, level: float = LEVEL) -> di
     return {
         "trips": len(rows),
         "bias": float(relative.mean()),
-        "coverage": float(np.mean(np.abs(z) <= ndtri(0.5 + 0.5 * level))),
+        "coverage": float(np.mean(np.abs(z) <= ndtri(0.5 + 0.5 * LEVEL))),
         "vehicles": vehicles,
     }

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from tripwatt.errors import InvalidInput
 from tripwatt.fleet.mapping import SampledTrips, file_tasks, map_store
-from tripwatt.fleet.model import Sampling, fit_fleet, update_fleet
+from tripwatt.fleet.model import fit_fleet, update_fleet
 from tripwatt.fleet.registry import Comparison, Registry, compare
 from tripwatt.fleet.store import TripStore
 
@@ -22,7 +22,6 @@ def refit_fleet(
     workers: int = 1,
     *,
     weeks: float = 4.0,
-    sampling: Sampling | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[str, Comparison, bool]:
     """Fit on all but the newest weeks, compare with the version in use on these weeks, and promote the new model if it is not worse.
@@ -36,7 +35,6 @@ def refit_fleet(
         As in `fit_fleet`.
     weeks : float
         Number of newest weeks, counted back from the newest departure of the store.
-    sampling : Sampling, optional
 
     Returns
     -------
@@ -55,9 +53,7 @@ def refit_fleet(
         raise InvalidInput.of("times of departure are missing", store.place, "", "trips with a departure")
     cut = (dt.datetime.fromisoformat(last_departure) - dt.timedelta(weeks=weeks)).isoformat()
     champion = registry.load()
-    challenger = fit_fleet(
-        store, work, executor, workers, which={"until": cut}, sampling=sampling, progress=progress
-    )
+    challenger = fit_fleet(store, work, executor, workers, which={"until": cut}, progress=progress)
     newest = store.trip_rows(since=cut)
     digests = frozenset(row["digest"] for row in newest)
     results = map_store(file_tasks(store, newest, work, digests), executor, workers)

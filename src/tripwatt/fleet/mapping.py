@@ -40,14 +40,7 @@ from tripwatt.vehicles import Vehicle, load_vehicle
 VERSION: Final = 2
 """Number to raise whenever the rows of the same trips change."""
 
-_MEASURED_COLUMNS: Final = (
-    *REQUIRED_COLUMNS,
-    "voltage_v",
-    "current_a",
-    "observed_energy_wh",
-    "soc",
-    "displayed_soc",
-)
+_MEASURED: Final = (*REQUIRED_COLUMNS, "voltage_v", "current_a", "observed_energy_wh", "soc", "displayed_soc")
 """Columns of a drive from which its measured power and its charge are computed."""
 
 _TASK_COLUMNS: Final = ("digest", "batch", "vehicle_id", "trip_id", "car_model", "driver", "started_at", "as_logged", "drives",
@@ -246,7 +239,7 @@ def drive_segments(drive: Trip, car_model: str) -> SegmentTable | None:
     if drive.observed_energy_wh is None:
         return None
     measured = replace(
-        drive, samples=table_of({name: drive.array(name) for name in _MEASURED_COLUMNS if name in drive})
+        drive, samples=table_of({name: drive.array(name) for name in _MEASURED if name in drive})
     )
     car = load_car(car_model)
     try:

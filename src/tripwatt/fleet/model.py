@@ -308,9 +308,8 @@ def held_out_correctors(
     for fold in np.unique(folds):
         held_out = np.flatnonzero(folds == fold)
         posterior = group_posterior(sums - sample.sums(held_out), scales)
-        correctors |= {
-            int(i): FleetCorrector.from_weights(*posterior.weights(*sample.groups[i])) for i in held_out
-        }
+        for i in held_out.tolist():
+            correctors[i] = FleetCorrector.from_weights(*posterior.weights(*sample.groups[i]))
     return [correctors[i] for i in range(len(sample))]
 
 

@@ -305,16 +305,14 @@ def needs_by_car(
     """
     cold = ambient_degc < COLD_DEGC
     names = sorted(set(model.vehicles().values()))
-    car_models = {name: model.of_vehicle(None, car_model=name, cold=cold) for name in names}
+    models = {name: model.of_vehicle(None, car_model=name, cold=cold) for name in names}
     needs = {}
     for name, trip in {trip.name: trip for trip in trips}.items():
         weather = replace(
             trip.departure, ambient_temperature_degc=ambient_degc, battery_temperature_degc=None
         )
-        needs[name] = {
-            car: reserve + float(trip_quantiles(trip.forecast(car_model, weather), (quantile,))[1][0])
-            for car, car_model in car_models.items()
-        }
+        charge = {car: trip_quantiles(trip.forecast(m, weather), (quantile,))[1] for car, m in models.items()}
+        needs[name] = {car: reserve + float(quantiles[0]) for car, quantiles in charge.items()}
     return pd.DataFrame.from_dict(needs, orient="index", columns=names).rename_axis("trip").reset_index()
 
 

@@ -77,8 +77,7 @@ def _converter() -> Converter:
         converter.register_unstructure_hook(kind, kind.to_arrays)
         converter.register_structure_hook(kind, from_arrays)
     digests = override(
-        unstruct_hook=_digests_to_bytes,
-        struct_hook=lambda rows, _: frozenset(row.tobytes().hex() for row in rows),
+        unstruct_hook=_bytes_of, struct_hook=lambda rows, _: frozenset(row.tobytes().hex() for row in rows)
     )
     unstructure = make_dict_unstructure_fn(FleetModel, converter, digests=digests)
     converter.register_unstructure_hook(FleetModel, unstructure)
@@ -87,6 +86,6 @@ def _converter() -> Converter:
     return converter
 
 
-def _digests_to_bytes(digests: Collection[str]) -> npt.NDArray[np.uint8]:
+def _bytes_of(digests: Collection[str]) -> npt.NDArray[np.uint8]:
     """Return the digests as bytes, sorted, shape (digests, 32)."""
     return np.frombuffer(bytes.fromhex("".join(sorted(digests))), dtype=np.uint8).reshape(-1, 32)

@@ -83,15 +83,13 @@ class PhotonSearch(_ServerSearch):
         """See `_ServerSearch.read_places`."""
         places = []
         for feature in answer["features"].entries():
-            properties = feature["properties"].members()
+            tags = feature["properties"].members()
             coordinates = feature["geometry"]["coordinates"].entries(least=2)
-            street = " ".join(
-                str(properties[key]) for key in ("street", "housenumber") if properties.get(key)
-            )
-            parts = [properties.get("name") or street, properties.get("city"), properties.get("country")]
+            street = " ".join(str(tags[key]) for key in ("street", "housenumber") if tags.get(key))
+            parts = [tags.get("name") or street, tags.get("city"), tags.get("country")]
             name = ", ".join(dict.fromkeys(str(part) for part in parts if part))
             longitude, latitude = (degrees.number() for degrees in coordinates[:2])
-            kind = str(properties.get("osm_value", ""))[:40]
+            kind = str(tags.get("osm_value", ""))[:40]
             places.append(Place(latitude, longitude, name[:_LONGEST_TEXT], kind))
         return places
 
@@ -174,9 +172,7 @@ def find_place(text: str, search: PlaceSearch | None, where: str, covers: str = 
         raise InvalidInput.of("names of places are not known", where, text[:60], "47.141, 9.521", fix)
     matches = search.search(text, limit=_MAX_CANDIDATES)
     exact = [place for place in matches if place.is_called(text)]
-    elsewhere = [
-        place for place in exact if place.kind == exact[0].kind and place.distance_m(exact[0]) > TWIN_M
-    ]
+    elsewhere = [p for p in exact if p.kind == exact[0].kind and p.distance_m(exact[0]) > TWIN_M]
     if exact and not elsewhere:
         return exact[0]
     what = "several places have this name" if exact else "unknown place"

@@ -48,6 +48,9 @@ _HOURLY_VARIABLES: Final = (
     "wind_direction_10m",
 )
 
+_CellAndHour = tuple[int, int, dt.datetime]
+"""Row and column of a cell, and an hour."""
+
 
 @dataclass(frozen=True, slots=True)
 class Weather:
@@ -124,9 +127,7 @@ class WeatherServer:
     """
 
     client: WebClient
-    _cache: dict[tuple[int, int, dt.datetime], tuple[float, Weather]] = field(
-        default_factory=dict, repr=False
-    )
+    _cache: dict[_CellAndHour, tuple[float, Weather]] = field(default_factory=dict, repr=False)
 
     @classmethod
     def from_url(cls, url: str, where: str = "--weather") -> WeatherServer:
@@ -150,9 +151,8 @@ class WeatherServer:
         """
         keys = [_cell_and_hour(place, hour) for place, hour in zip(places, when, strict=True)]
         now = time.monotonic()
-        missing = [
-            key for key in dict.fromkeys(keys) if self._cache.get(key, (-math.inf,))[0] < now - _CACHE_S
-        ]
+        oldest = now - _CACHE_S
+        missing = [key for key in dict.fromkeys(keys) if self._cache.get(key, (-math.inf,))[0] < oldest]
         if len(self._cache) + len(missing) > MAX_CACHED:
             self._cache.clear()
             missing = list(dict.fromkeys(keys))
@@ -161,7 +161,7 @@ class WeatherServer:
             self._cache.update({key: (now, weather) for key, weather in answers})
         return tuple(self._cache[key][1] for key in keys)
 
-    def _request(self, keys: Sequence[tuple[int, int, dt.datetime]]) -> list[Weather]:
+    def _request(self, keys: Sequence[_CellAndHour]) -> list[Weather]:
         first, last = min(key[2] for key in keys), max(key[2] for key in keys)
         query = {
             "latitude": ",".join(f"{key[0] * _CELL_DEG:.2f}" for key in keys),
@@ -183,7 +183,7 @@ class WeatherServer:
             return [_weather_at(Node(table, host), key[2]) for table, key in zip(tables, keys, strict=True)]
 
 
-def _cell_and_hour(place: Place, when: dt.datetime) -> tuple[int, int, dt.datetime]:
+def _cell_and_hour(place: Place, when: dt.datetime) -> _CellAndHour:
     """Return the cell of a place and the nearest hour of a time; a time without a zone is local time of this machine."""
     utc = when.astimezone(dt.UTC)
     hour = (utc + dt.timedelta(minutes=30)).replace(minute=0, second=0, microsecond=0)

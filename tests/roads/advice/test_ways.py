@@ -14,8 +14,8 @@ from tests.roads.journey.test_stops import FAR, row
 import tripwatt as tw
 from tripwatt.forecasting.leaving import forecasts_like
 from tripwatt.roads.advice import leaving_later
-from tripwatt.roads.advice.actions import ALONE, Action, actions, plan_with_action
-from tripwatt.roads.advice.advise import _with_actions
+from tripwatt.roads.advice.actions import ALONE, Action, actions, replan_with
+from tripwatt.roads.advice.advise import _Trials
 from tripwatt.roads.journey import Place, RoadForecaster
 from tripwatt.roads.weather import Weather
 
@@ -92,7 +92,7 @@ def test_what_is_warmed_on_the_plug_is_warm_on_the_first_leg_alone(model: tw.For
     assert found.corridor is not None
     warm = next(action for action in actions(found.forecast) if action.code == "preheat_cabin")
     forecast = forecasts_like(found.forecast)(warm.apply_to(found.forecast.plan))
-    plan = plan_with_action(found.corridor, warm, forecast, found.corridor.road)
+    plan = replan_with(found.corridor, warm, forecast, found.corridor.road)
     assert plan is not None
     degc = [leg.forecast.plan.departure.cabin_temperature_degc for leg in plan.legs]
     assert degc[0] == pytest.approx(warm.changed["cabin_temperature_degc"])
@@ -163,7 +163,7 @@ def test_extras_that_several_actions_change_are_all_changed(model: tw.ForecastMo
 def test_heated_seats_are_part_of_the_energy_and_of_the_charge(model: tw.ForecastModel) -> None:
     base = RoadForecaster(model, replace(COLD, ambient_temperature_degc=-10.0)).forecast(straight(A, B, 80.0))
     seats = next(action for action in actions(base) if action.code == "seats")
-    one = _with_actions(base, forecasts_like(base), (seats,), 0.1)
+    one = _Trials(base, 0.1).with_actions(seats)
     assert one.difference.energy_wh == pytest.approx(sum(one.difference.by_cause_wh.values()))
     hours = base.plan.duration_s / 3600.0
     warm_air = replace(base.plan, departure=replace(base.plan.departure, cabin_setpoint_degc=16.0))

@@ -210,11 +210,8 @@ class DeltaFolder:
 
     def compact(self, target_size: int) -> dict[str, Any]:
         """Merge small data files of each partition up to a size [bytes]; return the numbers of files added and removed."""
-        metrics = self._retry(
-            lambda table: table.optimize.compact(
-                target_size=target_size, writer_properties=_writer_properties()
-            )
-        )
+        options = {"target_size": target_size, "writer_properties": _writer_properties()}
+        metrics = self._retry(lambda table: table.optimize.compact(**options))
         return {name: metrics[name] for name in ("numFilesAdded", "numFilesRemoved")}
 
     def try_to_compact(self, target_size: int) -> bool:

@@ -26,18 +26,16 @@ SIGNALS: Final = (*COLUMNS, _COUNTED)
 _UNKNOWN_MONTH: Final = "unknown"
 """Month of a log without a time of departure."""
 
-_KEY_FIELDS: Final = (
+_KEYS: Final = (
     ("bucket", pa.int32()),
     *((name, pa.string()) for name in ("month", "batch", "digest", "vehicle_id")),
 )
-SAMPLES: Final = pa.schema(
-    [*_KEY_FIELDS, ("sample", pa.int32()), *((name, pa.float64()) for name in SIGNALS)]
-)
+SAMPLES: Final = pa.schema([*_KEYS, ("sample", pa.int32()), *((name, pa.float64()) for name in SIGNALS)])
 """One row per sample; `sample` counts from 0 within a log."""
 
 TRIPS: Final = pa.schema(
     [
-        *_KEY_FIELDS,
+        *_KEYS,
         *((name, pa.string()) for name in ("trip_id", "car_model", "driver", "started_at")),
         *((name, pa.float64()) for name in ("distance_m", "duration_s", "energy_wh", "energy_std_wh")),
         ("energy_from", pa.string()),
@@ -192,9 +190,8 @@ def _measured_energy(drives: Sequence[Recorded]) -> tuple[float | None, float | 
     energy = math.fsum(drive.observed_energy_wh or 0.0 for drive in drives)
     errors = [drive.observed_energy_std_wh for drive in drives]
     std = None if all(e is None for e in errors) else math.hypot(*(e or 0.0 for e in errors))
-    measured = std is None or all(
-        {"voltage_v", "current_a"} <= set(drive.samples.columns) for drive in drives
-    )
+    signals = {"voltage_v", "current_a"}
+    measured = std is None or all(signals <= set(drive.samples.columns) for drive in drives)
     return energy, std, "voltage and current" if measured else "state of charge"
 
 

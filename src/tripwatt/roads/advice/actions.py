@@ -259,9 +259,7 @@ def _load_actions(departure: Departure) -> Iterator[Action]:
         yield Action("less_luggage", "load", "some", lighter, _LUGGAGE_KG)
 
 
-def plan_with_action(
-    corridor: Corridor, action: Action, forecast: Forecast, road: Road
-) -> ChargingPlan | None:
+def replan_with(corridor: Corridor, action: Action, forecast: Forecast, road: Road) -> ChargingPlan | None:
     """Plan the stops of a journey again with an action, given its forecast and road; returns None if no plan is certain enough.
 
     An action on the plug is applied to the first leg only.
@@ -275,9 +273,8 @@ def plan_with_action(
     if action.group == "departure":
         departs_at = before.departs_at + dt.timedelta(seconds=action.value or 0.0)
         departure = replace(departure, departs_at=departs_at)
-    return fastest_plan(
-        corridor.with_forecast(replace(before, departure=departure, change=change), road, forecast)
-    )
+    forecaster = replace(before, departure=departure, change=change)
+    return fastest_plan(corridor.with_forecast(forecaster, road, forecast))
 
 
 def leaving_later(forecaster: RoadForecaster, road: Road, now: dt.datetime) -> list[tuple[Action, Forecast]]:
@@ -313,8 +310,6 @@ def leaving_later(forecaster: RoadForecaster, road: Road, now: dt.datetime) -> l
         leaves = forecaster.departs_at + dt.timedelta(hours=hours)
         if leaves >= now:
             later = Action("leave_later", "departure", "some", {}, SECONDS_PER_HOUR * hours)
-            shifted_forecaster = replace(
-                forecaster, departure=replace(forecaster.departure, departs_at=leaves)
-            )
-            shifted.append((later, shifted_forecaster.forecast(road)))
+            departure = replace(forecaster.departure, departs_at=leaves)
+            shifted.append((later, replace(forecaster, departure=departure).forecast(road)))
     return shifted

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,7 +15,7 @@ from tripwatt.forecasting import Difference, Forecast, ForecastModel
 from tripwatt.forecasting.difference import MIN_SHARE
 from tripwatt.forecasting.leaving import forecasts_like, soc_needed
 from tripwatt.population import for_car
-from tripwatt.roads.advice.actions import ALONE, EFFORTS, Action, actions, plan_with_action
+from tripwatt.roads.advice.actions import ALONE, EFFORTS, Action, actions, replan_with
 from tripwatt.roads.advice.preheating import MIN_WH
 from tripwatt.roads.journey import ChargingPlan, Journey
 from tripwatt.trips import Departure, Plan, Trip
@@ -241,6 +241,9 @@ class Advice:
         }
 
 
+_COST: Final = attrgetter("cost_min")
+
+
 def _plan_summary(plan: ChargingPlan | None) -> dict[str, Any] | None:
     if plan is None:
         return None
@@ -303,17 +306,10 @@ def advise(
     roads = trip.roads[1:] if isinstance(trip, Journey) else ()
     road_actions = (Action("other_road", "road", "none", {}, float(k)) for k in range(1, len(roads) + 1))
     ways = [*zip(road_actions, (road.forecast for road in roads), strict=True), *others]
-    forecast_again = forecasts_like(forecast)
-    candidates = [_with_actions(forecast, forecast_again, (action,), reserve) for action in actions(forecast)]
-    candidates += [
-        Advised((action,), way, way.difference(forecast), way.soc_arrival, way.p_arrive(reserve))
-        for action, way in ways
-    ]
-    saving = [
-        advised
-        for advised in candidates
-        if advised.difference.p_less >= _MIN_P_LESS and advised.difference.energy_wh <= -MIN_WH
-    ]
+    trials = _Trials(forecast, reserve)
+    candidates = [trials.with_actions(action) for action in actions(forecast)]
+    candidates += [trials.compared((action,), way, forecast) for action, way in ways]
+    saving = [advised for advised in candidates if _saves_energy(advised.difference)]
     mildest = {advised.actions[0].group: advised for advised in reversed(saving)}
     singly = sorted(mildest.values(), key=lambda advised: advised.difference.energy_wh)
     speeds = [
@@ -326,14 +322,17 @@ def advise(
     without_assumptions = [advised for advised in saving if not advised.actions[0].assumed]
     least, whole = list[Advised](), None
     if p_arrive < chance:
-        combine = partial(_combine, forecast, forecast_again, reserve)
-        least = _smallest_sets(combine, without_assumptions, chance, lacking_wh)
+        least = _smallest_sets(trials, without_assumptions, chance, lacking_wh)
         if isinstance(trip, Journey) and (whole := trip.charging) is not None:
-            least = sorted((*least, *_stop_advice(trip, whole, chance)), key=lambda advised: advised.cost_min)
+            least = sorted((*least, *_stop_advice(trip, whole, chance)), key=_COST)
             singly = [_with_charging_plan(trip, advised) for advised in singly]
     return Advice(
         forecast, reserve, chance, p_arrive, charge_to, tuple(least), tuple(singly), tuple(speeds), whole
     )
+
+
+def _saves_energy(difference: Difference) -> bool:
+    return difference.p_less >= _MIN_P_LESS and difference.energy_wh <= -MIN_WH
 
 
 def _stop_advice(journey: Journey, plan: ChargingPlan, chance: float) -> Iterator[Advised]:
@@ -360,7 +359,7 @@ def _with_charging_plan(journey: Journey, advised: Advised) -> Advised:
     if corridor is None or action.assumed:
         return advised
     road = journey.roads[int(action.value or 0)].road if action.group == "road" else corridor.road
-    return replace(advised, whole=plan_with_action(corridor, action, advised.forecast, road))
+    return replace(advised, whole=replan_with(corridor, action, advised.forecast, road))
 
 
 def _forecast_before_departure(trip: Journey | Forecast, *other_arguments: object) -> Forecast:
@@ -375,29 +374,40 @@ def _forecast_before_departure(trip: Journey | Forecast, *other_arguments: objec
     return forecast
 
 
-def _with_actions(
-    forecast: Forecast,
-    forecast_again: Callable[[Plan], Forecast],
-    chosen: tuple[Action, ...],
-    reserve: float,
-) -> Advised:
-    plan = forecast.plan
-    for action in chosen:
-        plan = action.apply_to(plan)
-    changed = forecast_again(plan)
-    assumed = {name: value for action in chosen for name, value in action.assumed.items()}
-    before = forecast_again(forecast.plan.with_departure(Departure(**assumed))) if assumed else forecast
-    difference = changed.difference(before)
-    spread_wh = difference.energy_wh * max(action.spread for action in chosen)
-    difference = replace(difference, sd_wh=math.hypot(difference.sd_wh, spread_wh))
-    return Advised(chosen, changed, difference, changed.soc_arrival, changed.p_arrive(reserve))
+class _Trials:
+    """Forecasts of a trip with actions, compared with the trip as it is."""
+
+    def __init__(self, forecast: Forecast, reserve: float) -> None:
+        self.forecast, self.reserve = forecast, reserve
+        self._forecast_again = forecasts_like(forecast)
+
+    def with_actions(self, *chosen: Action) -> Advised:
+        """Forecast the trip with some actions."""
+        plan = self.forecast.plan
+        for action in chosen:
+            plan = action.apply_to(plan)
+        assumed = Departure(**{name: v for action in chosen for name, v in action.assumed.items()})
+        before = self.forecast
+        if assumed != Departure():
+            before = self._forecast_again(before.plan.with_departure(assumed))
+        return self.compared(chosen, self._forecast_again(plan), before)
+
+    def compared(self, chosen: tuple[Action, ...], changed: Forecast, before: Forecast) -> Advised:
+        """Compare the forecast of the trip with some actions with a forecast without them."""
+        difference = changed.difference(before)
+        spread_wh = difference.energy_wh * max(action.spread for action in chosen)
+        difference = replace(difference, sd_wh=math.hypot(difference.sd_wh, spread_wh))
+        return Advised(chosen, changed, difference, changed.soc_arrival, changed.p_arrive(self.reserve))
+
+    def combined(self, singly: Sequence[Advised]) -> Advised:
+        """Forecast the trip with several actions together."""
+        together = self.with_actions(*(advised.actions[0] for advised in singly))
+        alone_wh = sum(advised.difference.energy_wh for advised in singly)
+        return replace(together, interaction_wh=together.difference.energy_wh - alone_wh)
 
 
 def _smallest_sets(
-    combine: Callable[[Sequence[Advised]], Advised],
-    singly: Sequence[Advised],
-    chance: float,
-    lacking_wh: float,
+    trials: _Trials, singly: Sequence[Advised], chance: float, lacking_wh: float
 ) -> list[Advised]:
     """Find sets of actions that reach the required chance: the smallest sets, and larger ones that cost less.
 
@@ -417,23 +427,10 @@ def _smallest_sets(
         for _, chosen in sorted(promising, key=lambda pair: pair[0])[:_MAX_TRIED]:
             codes = tuple(advised.actions[0].code for advised in chosen)
             if codes not in sufficient and len(sufficient) < _MAX_SETS:
-                together = chosen[0] if size == 1 else combine(chosen)
+                together = chosen[0] if size == 1 else trials.combined(chosen)
                 if together.p_arrive >= chance:
                     sufficient[codes] = together
-    return sorted(sufficient.values(), key=lambda advised: advised.cost_min)
-
-
-def _combine(
-    forecast: Forecast,
-    forecast_again: Callable[[Plan], Forecast],
-    reserve: float,
-    chosen: Sequence[Advised],
-) -> Advised:
-    together = _with_actions(
-        forecast, forecast_again, tuple(advised.actions[0] for advised in chosen), reserve
-    )
-    alone_wh = sum(advised.difference.energy_wh for advised in chosen)
-    return replace(together, interaction_wh=together.difference.energy_wh - alone_wh)
+    return sorted(sufficient.values(), key=_COST)
 
 
 def _can_be_combined(chosen: Sequence[Advised]) -> bool:

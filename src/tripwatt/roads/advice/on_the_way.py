@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -139,12 +139,10 @@ class Companion:
         if verdict == self._verdict:
             return None
         self._message_s, self._verdict = at_s, verdict
-        speed = (
-            (None, None)
-            if verdict == "arrives"
-            else self._restoring_speed(observed, forecast.measured_until_s)
-        )
-        self.last = Message(at_s, verdict, forecast.soc_arrival, chance, *speed)
+        self.last = Message(at_s, verdict, forecast.soc_arrival, chance)
+        if verdict != "arrives":
+            speed_m_s, p_at_speed = self._restoring_speed(observed, forecast.measured_until_s)
+            self.last = replace(self.last, speed_m_s=speed_m_s, p_at_speed=p_at_speed)
         return self.last
 
     def _verdict_of(self, chance: float) -> Verdict:

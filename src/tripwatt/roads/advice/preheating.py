@@ -290,10 +290,7 @@ def need_before_departure(
     """
     model = for_car(options.pop("model", None), options.pop("vehicle", None))
     needed = need(distance_km, kind, departure, model=model, **options)
-    if isinstance(distance_km, Plan | Trip):
-        trip: Plan | Trip = distance_km
-    else:
-        trip = typical_road(1000.0 * distance_km, kind)
+    trip = distance_km if isinstance(distance_km, Plan | Trip) else typical_road(1000.0 * distance_km, kind)
     forecast, at_departure = model.forecast(trip, departure), (departure.soc, departure.departs_at)
     words = leave_in_words(needed.soc_needed, needed.reserve, needed.quantile)
     return needed, {"message": words, **before_departure(forecast, needed.soc_needed, plug_w, *at_departure)}

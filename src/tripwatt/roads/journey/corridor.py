@@ -133,9 +133,8 @@ class Corridor:
         by_stretch: dict[int, list[tuple[float, Station]]] = {}
         for at, station in sorted(pairs, key=lambda pair: -pair[1].power_w):
             by_stretch.setdefault(int(at / stretch_m), []).append((at, station))
-        return sorted(
-            (pair for strongest in by_stretch.values() for pair in strongest[:2]), key=lambda pair: pair[0]
-        )
+        strongest = (pair for stretch in by_stretch.values() for pair in stretch[:2])
+        return sorted(strongest, key=lambda pair: pair[0])
 
     @property
     def stations(self) -> list[Station]:
@@ -198,17 +197,12 @@ class Corridor:
     @cached_property
     def _estimates(self) -> tuple[FloatArray, FloatArray]:
         """Displayed charge that each leg takes, and its driving time [s], with the ways to and from the stations."""
-        taken, time = (
-            -self._at_nodes(self.forecast.along.expected_soc),
-            self._at_nodes(self._series["time_s"]),
-        )
+        forecast = self.forecast
+        taken = -self._at_nodes(forecast.along.expected_soc)
+        time = self._at_nodes(self._series["time_s"])
         detour_s = self._detour_m / _DETOUR_M_S
-        detour_soc = (
-            self._detour_m
-            * self.forecast.energy_wh
-            / self.road.distance_m
-            / self.forecast.charge.wh_per_display
-        )
+        soc_per_m = forecast.energy_wh / forecast.charge.wh_per_display / self.road.distance_m
+        detour_soc = self._detour_m * soc_per_m
         leg = taken - taken[:, None] + detour_soc + detour_soc[:, None] + self.preheat_soc
         leg_s = time - time[:, None] + detour_s + detour_s[:, None]
         leg_s[np.tril_indices(len(leg_s))] = np.inf
@@ -249,10 +243,8 @@ class Corridor:
             low_soc = leg.forecast.along.soc(chance)
             spare = min(float(low_soc[-1]) - self.rules.reserve - leg.preheat_soc, float(low_soc.min()))
             along = leg.forecast.along.expected_soc
-            self._leg_needs[leg, chance] = (
-                float(along[0] - along[-1]) + leg.preheat_soc,
-                float(along[0]) - spare,
-            )
+            taken = float(along[0] - along[-1]) + leg.preheat_soc
+            self._leg_needs[leg, chance] = taken, float(along[0]) - spare
         return self._leg_needs[leg, chance]
 
     def width(self, chance: float) -> FloatArray:
@@ -292,10 +284,8 @@ class Corridor:
             if estimated is None:
                 return None
             cost_s = math.inf if routed is None else routed.duration_s
-            if (
-                cost_s <= (1.0 + _TOLERANCES.get(label, _TOLERANCE)) * estimated.duration_s
-                or k == _MAX_ROUNDS
-            ):
+            max_s = (1.0 + _TOLERANCES.get(label, _TOLERANCE)) * estimated.duration_s
+            if cost_s <= max_s or k == _MAX_ROUNDS:
                 break
             self._route_legs(problem, estimated)
         return routed and replace(routed, duration_s=problem.duration_s(routed.nodes, routed.levels))

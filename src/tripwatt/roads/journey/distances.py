@@ -183,10 +183,7 @@ class Range(KindRange):
         >>> [row["kind"] for row in tw.range_km(soc=0.5).to_dict()["by_kind"]]
         ['city', 'country', 'motorway', 'mixed']
         """
-        rows = [
-            {"kind": kind, **_tuples_to_lists(asdict(kind_range))}
-            for kind, kind_range in self.by_kind.items()
-        ]
+        rows = [{"kind": kind, **_tuples_to_lists(asdict(row))} for kind, row in self.by_kind.items()]
         flags = [flag_to_dict(flag) for flag in self.flags]
         return _tuples_to_lists(asdict(self)) | {"by_kind": rows, "flags": flags}
 
@@ -231,14 +228,8 @@ class Doubt:
         segments, scale = forecast.drive.segments, forecast.uncertainty.scale
         climb = forecast.sd_wh**2 - float(forecast.along.energy_sd_wh[-1]) ** 2
         car = (scale.values[3] * segments.corrector_sd_wh) ** 2
-        parts = np.array(
-            [
-                car,
-                forecast.route_sd_wh**2 + climb,
-                forecast.state_sd_wh**2,
-                scale.sd_wh(segments) ** 2 - car,
-            ]
-        )
+        day = scale.sd_wh(segments) ** 2 - car
+        parts = np.array([car, forecast.route_sd_wh**2 + climb, forecast.state_sd_wh**2, day])
         shares = dict(zip(("car", "road", "weather", "day"), (parts / parts.sum()).tolist(), strict=True))
         missing = {
             "own trips": shares["car"] * any(flag.code == "no_trips_of_car" for flag in forecast.flags),
@@ -283,10 +274,9 @@ class KindForecaster:
         cls, model: ForecastModel, departure: Departure, kind: str | Sequence[float]
     ) -> KindForecaster:
         """Make the forecaster of a kind of road. The displayed charge of the departure is left out, since it does not change the need."""
-        departure, prior = replace(departure, soc=None), road_prior()
+        departure, prior, is_named = replace(departure, soc=None), road_prior(), isinstance(kind, str)
         own_roads = roads_of_model(model, prior)
-        is_known, is_named = kind != UNKNOWN, isinstance(kind, str)
-        return cls(model, departure, shares_of(kind), is_known, prior, is_named, own_roads)
+        return cls(model, departure, shares_of(kind), kind != UNKNOWN, prior, is_named, own_roads)
 
     def quantiles(self, distance_m: float, levels: Sequence[float]) -> tuple[FloatArray, FloatArray, float]:
         """Return quantiles of energy [Wh] and displayed charge [1], shape (levels,), and the duration [s]. At most two forecasts."""
@@ -296,10 +286,6 @@ class KindForecaster:
         energy = low[0] + part * (high[0] - low[0])
         charge = low[1] + part * (high[1] - low[1])
         return energy, charge, low[2] + part * (high[2] - low[2])
-
-    def distance_m(self, charge: float, level: float) -> float:
-        """Return the distance [m] over which the quantile `level` of the displayed charge taken is `charge`."""
-        return self.inverse(charge, level, 1)
 
     def inverse(self, amount: float, level: float, quantity: Literal[0, 1]) -> float:
         """Return the distance [m] whose quantile `level` of energy [Wh] (`quantity` 0) or displayed charge (`quantity` 1) is an amount."""
@@ -315,9 +301,8 @@ class KindForecaster:
         k = self._node_below(distance_m)
         forecast = _node_forecast(self, k + (2.0 * distance_m > NODES_M[k] + NODES_M[k + 1]))
         flags = tuple(flag for flag in forecast.flags if flag.code not in _CHARGE_FLAGS)
-        known_sd, unknown_sd = (
-            self._roads(NODES_M[k]).relative_sd(NODES_M[k], known) for known in (True, False)
-        )
+        roads = self._roads(NODES_M[k])
+        known_sd, unknown_sd = (roads.relative_sd(NODES_M[k], known) for known in (True, False))
         by_kind = 0.0 if self.is_known else 1.0 - min(known_sd / unknown_sd, 1.0) ** 2
         return flags, Doubt.from_forecast(forecast, by_kind)
 
@@ -345,11 +330,8 @@ class KindForecaster:
         usual_wh = forecast.drive.simulation.simulated_energy_wh
         air_wh = unknown_air_sd_wh(self.model.vehicle, plan, usual_wh, degc, sd_k)
         assumed = Flag(_ASSUMED, "ambient_temperature_degc", degc, "degc")
-        return replace(
-            forecast,
-            state_sd_wh=math.hypot(forecast.state_sd_wh, air_wh),
-            flags=(*forecast.flags, assumed),
-        )
+        state_sd_wh = math.hypot(forecast.state_sd_wh, air_wh)
+        return replace(forecast, state_sd_wh=state_sd_wh, flags=(*forecast.flags, assumed))
 
     def _roads(self, length_m: float) -> RoadPrior:
         return self.prior if self.own_roads is None else self.own_roads.at(length_m)
@@ -543,7 +525,7 @@ def range_km(
 
     def range_by(forecaster: KindForecaster) -> KindRange:
         low, lower, median, upper, high = (
-            forecaster.distance_m(spare, level) if spare else 0.0
+            forecaster.inverse(spare, level, 1) if spare else 0.0
             for level in (BAND[1], _HALF[1], 0.5, _HALF[0], BAND[0])
         )
         return KindRange(median, (lower, upper), (low, high))

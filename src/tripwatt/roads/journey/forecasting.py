@@ -163,19 +163,14 @@ class RoadForecaster:
             return 0.0
         kelvin = float(np.mean([w.temperature_sd_k for w in weather]))
         wind = WIND_AT_CAR * float(np.mean([w.wind_sd_m_s for w in weather]))
-        parts = []
+        changed = [replace(plan, weather=plan.weather.with_more_wind(wind))]
         ambient = plan.departure.ambient_temperature_degc
         if ambient is not None and self.departure.ambient_temperature_degc is None:
-            colder = replace(
-                plan, departure=replace(plan.departure, ambient_temperature_degc=ambient - kelvin)
-            )
-            parts.append(self._simulated_wh(colder))
-        parts.append(self._simulated_wh(replace(plan, weather=plan.weather.with_more_wind(wind))))
-        base = forecast.drive.simulation.simulated_energy_wh
-        return float(np.linalg.norm([part - base for part in parts]))
-
-    def _simulated_wh(self, plan: Plan) -> float:
-        return simulate_trip(self.model.vehicle, plan).simulated_energy_wh
+            colder = replace(plan.departure, ambient_temperature_degc=ambient - kelvin)
+            changed.append(replace(plan, departure=colder))
+        base_wh = forecast.drive.simulation.simulated_energy_wh
+        changed_wh = [simulate_trip(self.model.vehicle, other).simulated_energy_wh for other in changed]
+        return float(np.linalg.norm([wh - base_wh for wh in changed_wh]))
 
 
 def cap_motorway_speed(road: Road, speed_m_s: float) -> Road:

@@ -573,13 +573,8 @@ def _add_stops(
     flags += [Flag(code, "charging") for is_known, code in codes.items() if is_known in plugs_known]
     if float(corridor.cell_degc.min()) < WARM_DEGC and any(s.station.direct_current for s in plans[0].stops):
         flags.append(Flag("cold_charging_assumed", "charging"))
-    return replace(
-        journey,
-        corridor=corridor,
-        charging=plans[0],
-        charging_alternatives=plans[1:],
-        flags=tuple(flags),
-    )
+    journey = replace(journey, corridor=corridor, flags=tuple(flags))
+    return replace(journey, charging=plans[0], charging_alternatives=plans[1:])
 
 
 def _label_roads(roads: list[RoadForecast]) -> tuple[RoadForecast, ...]:

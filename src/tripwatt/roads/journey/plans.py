@@ -145,9 +145,8 @@ def _best_effort_plans(corridor: Corridor) -> tuple[ChargingPlan, ...]:
 def _with_stops(
     corridor: Corridor, plan: ChargingPlan, optimum: StopPlan, chances: tuple[float, float]
 ) -> ChargingPlan:
-    return replace(
-        plan, stops=tuple(_charging_stops(corridor, plan.legs, optimum, corridor.problem(*chances)))
-    )
+    stops = _charging_stops(corridor, plan.legs, optimum, corridor.problem(*chances))
+    return replace(plan, stops=tuple(stops))
 
 
 def _charging_stops(
@@ -199,11 +198,8 @@ def _next_station(corridor: Corridor, optimum: StopPlan, problem: StopProblem, k
         return None
     next_node = detour_plan.nodes[1]
     arrival = level - float(remaining.taken[0, next_node])
-    spare = (
-        arrival
-        / max(float(remaining.need[0, next_node] - remaining.taken[0, next_node]), 1e-9)
-        * corridor.factor(chance)
-    )
+    width = max(float(remaining.need[0, next_node] - remaining.taken[0, next_node]), 1e-9)
+    spare = arrival / width * corridor.factor(chance)
     planned_s = problem.duration_s(optimum.nodes[k:], optimum.levels[k:])
     return NextStation(
         corridor.stations[nodes[next_node] - 1],

@@ -336,10 +336,8 @@ class ChargingPlan:
             table[list(ENERGY_BAND)] = table[["energy_wh"]].to_numpy() + _BELOW_ABOVE * np.sqrt(
                 common_wh**2 + independent_wh2
             )
-            last = table.index[-1]
-            table.loc[last, list(_SOC_COLUMNS)] = (
-                table.loc[last, list(_SOC_COLUMNS)] - leg.preheat_soc
-            ).clip(lower=0.0)
+            end = table.index[-1], list(_SOC_COLUMNS)
+            table.loc[end] = (table.loc[end] - leg.preheat_soc).clip(lower=0.0)
             tables.append(table)
             distance_m += leg.road.distance_m
             energy_wh += leg.energy_wh

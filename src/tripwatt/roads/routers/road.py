@@ -29,7 +29,7 @@ _MIN_SIGNAL_STOP_S: Final = 2.0
 MAX_ROUTES: Final = 4
 """Largest number of roads in one answer: a choice, because nobody compares more, and each is forecast."""
 
-KEY_VARIABLE: Final = "TRIPWATT_ROUTER_KEY"
+KEY_NAME: Final = "TRIPWATT_ROUTER_KEY"
 """Environment variable with the key that a router's server expects."""
 
 
@@ -188,11 +188,8 @@ def _link_starts(edges: Edges, moving_s: FloatArray) -> IntArray:
     for k in range(1, len(length)):
         expected_s = link_s / link_m * length[k] if link_m > 0 else seconds[k]
         same_speed = abs(seconds[k] - expected_s) <= SAME_TIME_S + SAME_SPEED * seconds[k]
-        short = (
-            link_m < SHORTEST_LINK_M
-            or link_s <= 0.0
-            or (k == len(length) - 1 and length[k] < SHORTEST_LINK_M)
-        )
+        is_short_end = k == len(length) - 1 and length[k] < SHORTEST_LINK_M
+        short = link_m < SHORTEST_LINK_M or link_s <= 0.0 or is_short_end
         same_class = kind[k] == kind[k - 1] and limit[k] == limit[k - 1]
         if short or (same_speed and same_class and not signal[k - 1]):
             link_m, link_s = link_m + length[k], link_s + seconds[k]
@@ -217,8 +214,9 @@ class RoadParts:
         `points` have columns latitude, longitude and, if known, height; `position_m` are their distances from the start.
         """
         parts = cls()
-        has_height = np.isfinite(points[:, 2]) if points.shape[1] > 2 else np.zeros(len(points), dtype=bool)
-        heights = (position_m[has_height], points[has_height, 2]) if has_height.any() else None
+        heights = None
+        if points.shape[1] > 2 and (has_height := np.isfinite(points[:, 2])).any():
+            heights = position_m[has_height], points[has_height, 2]
         parts.add(edges, points[:, :2], heights)
         return parts
 
@@ -250,14 +248,9 @@ class RoadParts:
 
 
 def _concatenate_edges(parts: Sequence[Edges]) -> Edges:
-    edges = Edges(
-        np.concatenate([part.length_m for part in parts]),
-        np.concatenate([part.time_s for part in parts]),
-        np.concatenate([part.speed_m_s for part in parts]),
-        np.concatenate([part.limit_m_s for part in parts]),
-        tuple(kind for part in parts for kind in part.road_class),
-        np.concatenate([part.signal for part in parts]),
-    )
+    names = ("length_m", "time_s", "speed_m_s", "limit_m_s", "signal")
+    columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+    edges = Edges(**columns, road_class=tuple(kind for part in parts for kind in part.road_class))
     valid = ~(edges.speed_m_s <= 0.0)
     for values in (edges.length_m, edges.time_s):
         valid &= np.isfinite(values) & (values >= 0)
@@ -300,7 +293,7 @@ def require_stops(stops: Sequence[Place]) -> None:
         raise InvalidInput.of("no way to drive", "stops", f"{stops[0].title} only", "two different places")
 
 
-def no_road_error(stops: Sequence[Place], got: str) -> InvalidInput:
+def no_road(stops: Sequence[Place], got: str) -> InvalidInput:
     """Return the error for places that no road connects."""
     title = " to ".join(place.title for place in stops)
     return InvalidInput.of("no road found", title, got[:120], "places that a road connects")

@@ -13,15 +13,7 @@ from typing import Any, ClassVar, Final, Self
 import numpy as np
 
 from tripwatt.errors import InvalidInput, RemoteError
-from tripwatt.roads.routers.road import (
-    KEY_VARIABLE,
-    MAX_ROUTES,
-    Edges,
-    Road,
-    RoadParts,
-    no_road_error,
-    require_stops,
-)
+from tripwatt.roads.routers.road import KEY_NAME, MAX_ROUTES, Edges, Road, RoadParts, no_road, require_stops
 from tripwatt.routes.answers import annotated, intervals, lengths_and_times, speeds_at_points, steps_of
 from tripwatt.routes.documents import Node
 from tripwatt.routes.places import Place
@@ -46,7 +38,7 @@ class _ServerRouter:
     @classmethod
     def from_url(cls, url: str) -> Self:
         """Make a router from the URL of its server."""
-        client = WebClient(url, "the router", KEY_VARIABLE, cls.key_place)
+        client = WebClient(url, "the router", KEY_NAME, cls.key_place)
         return cls(client, f"{cls.kind} at {client.host}")
 
     def outline(self, start: Place, minutes: float) -> tuple[Place, ...]:
@@ -90,7 +82,7 @@ class OsrmRouter(_ServerRouter):
         answer = an_answer(self.client.get_json(f"/route/v1/driving/{line}", query), "route")
         code = answer["code"].value
         if isinstance(code, str) and code in _NO_ROUTE_CODES:
-            raise no_road_error(stops, str(answer["message"].value or code))
+            raise no_road(stops, str(answer["message"].value or code))
         if code != "Ok":
             raise RemoteError.of("the router failed", self.client.host, repr(code)[:60], "code Ok")
         return answer["routes"]
@@ -100,10 +92,8 @@ class OsrmRouter(_ServerRouter):
         """See `_ServerRouter.read_parts`."""
         tables = []
         for leg in route["legs"].entries(least=1):
-            has_annotations = isinstance(leg["annotation"].value, dict)
-            tables.append(
-                annotated(leg, own_speed=True) if has_annotations else _without_speed(steps_of(leg))
-            )
+            is_annotated = isinstance(leg["annotation"].value, dict)
+            tables.append(annotated(leg, own_speed=True) if is_annotated else _without_speed(steps_of(leg)))
         return _leg_from_table(np.concatenate(tables), route["geometry"]["coordinates"].coordinates()[:, :2])
 
 
@@ -127,7 +117,7 @@ class GraphHopperRouter(_ServerRouter):
             body |= {"algorithm": "alternative_route", "alternative_route.max_paths": alternatives + 1}
         answer = an_answer(self.client.post_json("/route", body), "route")
         if "paths" not in answer.members():
-            raise no_road_error(stops, str(answer["message"].value or "no paths"))
+            raise no_road(stops, str(answer["message"].value or "no paths"))
         return answer["paths"]
 
     @staticmethod
@@ -174,7 +164,7 @@ class OpenRouteServiceRouter(_ServerRouter):
             body["alternative_routes"] = {"target_count": min(alternatives + 1, 3)}
         answer = an_answer(self.client.post_json("/v2/directions/driving-car/geojson", body), "directions")
         if "error" in answer.members():
-            raise no_road_error(stops, str(answer["error"].value))
+            raise no_road(stops, str(answer["error"].value))
         return answer["features"]
 
     @staticmethod

@@ -18,15 +18,7 @@ import numpy as np
 
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.errors import InvalidInput
-from tripwatt.roads.routers.road import (
-    KEY_VARIABLE,
-    MAX_ROUTES,
-    Edges,
-    Road,
-    RoadParts,
-    no_road_error,
-    require_stops,
-)
+from tripwatt.roads.routers.road import KEY_NAME, MAX_ROUTES, Edges, Road, RoadParts, no_road, require_stops
 from tripwatt.routes.documents import Node
 from tripwatt.routes.places import Place
 from tripwatt.routes.points import distances_m
@@ -99,7 +91,7 @@ class ValhallaRouter:
     @classmethod
     def from_url(cls, url: str) -> ValhallaRouter:
         """Make a router from the URL of a Valhalla server."""
-        return cls.from_client(WebClient(url, "the router", KEY_VARIABLE, "query:api_key"))
+        return cls.from_client(WebClient(url, "the router", KEY_NAME, "query:api_key"))
 
     @classmethod
     def from_client(cls, client: WebClient) -> ValhallaRouter:
@@ -237,7 +229,7 @@ class ValhallaRouter:
         if isinstance(code, int) and code in _NOT_ON_MAP:
             title = " to ".join(place.title for place in stops)
             raise InvalidInput.of("place outside of the map", title, got, "places near a road of the map")
-        raise no_road_error(stops, got)
+        raise no_road(stops, got)
 
 
 def _edges(answer: Node, shape: str, points: FloatArray) -> tuple[Edges, FloatArray]:
