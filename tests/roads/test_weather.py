@@ -12,13 +12,7 @@ from tripwatt.physics import DriveConditions, simulate, simulate_trip
 from tripwatt.physics.road_load import WET_ROAD
 from tripwatt.roads import weather as weather_module
 from tripwatt.roads.routers import Edges, Road, join_edges
-from tripwatt.roads.weather import (
-    WIND_AT_CAR,
-    Weather,
-    WeatherServer,
-    plan_with_weather,
-    weather_along,
-)
+from tripwatt.roads.weather import WIND_AT_CAR, Weather, WeatherServer, plan_with_weather, weather_along
 from tripwatt.routes.places import Place
 from tripwatt.trips import Departure, Plan, table_of
 from tripwatt.vehicles import load_vehicle

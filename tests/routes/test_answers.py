@@ -2,15 +2,11 @@
 
 import numpy as np
 import pytest
+from tests.routes.made import NO, TO_ROUNDING
 
 from tripwatt.errors import InvalidInput
 from tripwatt.routes.answers import intervals, speeds_at_points
 from tripwatt.routes.documents import Node
-
-NO = np.nan
-
-
-TO_ROUNDING = {"rtol": 1e-12, "atol": 1e-9}
 
 
 def test_intervals_of_points():
@@ -18,10 +14,10 @@ def test_intervals_of_points():
     assert [(start, end, value.value) for start, end, value in found] == [(0, 2, 5.0), (2, 2, None)]
     for wrong in ([0, 3, 5.0], [2, 1, 5.0], [0.5, 1, 5.0], [0, 1.5, 5.0]):
         with pytest.raises(InvalidInput, match="point index out of range"):
-            [v.number(least=0.0) for _, _, v in intervals(Node([wrong], "t"), 3)]
+            [v.number(minimum=0.0) for _, _, v in intervals(Node([wrong], "t"), 3)]
     for wrong in ([0, 1], [-1, 1, 5.0], [0, 1, -5.0]):
         with pytest.raises(InvalidInput):
-            [v.number(least=0.0) for _, _, v in intervals(Node([wrong], "t"), 3)]
+            [v.number(minimum=0.0) for _, _, v in intervals(Node([wrong], "t"), 3)]
 
 
 def test_speeds_of_intervals():

@@ -5,7 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-from benchmarks.link_style import LINK_LENGTHS_M, calibrate_style, road_work
+from benchmarks.link_style import calibrate_style, road_work
+from tests.routes.made import NO
 
 from tripwatt.errors import InvalidInput
 from tripwatt.routes import LinkStyle, links_of_trip, route_from_links
@@ -30,9 +31,6 @@ def test_calibration_finds_the_style_that_made_the_trips():
         calibrate_style([])
 
 
-NO = np.nan
-
-
 def test_the_work_of_a_compact_car_by_hand():
     """Rolling 0.01 g, drag 2.6e-4 v², inertia 1.05; 85 % of it on the way out, 70 % on the way back."""
     trip = Trip.from_samples(
@@ -53,7 +51,6 @@ def test_slow_driving_takes_work_and_slow_braking_gives_some_back():
     slower = Trip.from_samples("t", pd.DataFrame({"time_s": [0.0, 5.0], "speed_m_s": [1.5, 0.5]}))
     power = 0.0980665 + 2.6e-4 - 1.05 * 0.2
     assert road_work(slower) == pytest.approx(0.7 * power * 5.0, rel=1e-12)
-    assert LINK_LENGTHS_M == (250.0, 1000.0)
 
 
 def cruise(name, n=101):

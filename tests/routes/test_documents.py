@@ -2,103 +2,67 @@
 
 import numpy as np
 import pytest
+from tests.routes.made import NO, faults_of
 
 from tripwatt.errors import InvalidInput
-from tripwatt.routes import (
-    documents,
-    parse_route,
-    points,
-)
-from tripwatt.routes.documents import Node, content, parse_json
-
-
-def test_missing_and_too_large_files(tmp_path, monkeypatch):
-    with pytest.raises(InvalidInput, match="cannot read"):
-        parse_route(tmp_path / "none.gpx")
-    monkeypatch.setattr("tripwatt.routes.documents.MAX_BYTES", 10)
-    with pytest.raises(InvalidInput, match="too large"):
-        parse_route(b"[" + b" " * 20)
-
-
-NO = np.nan
+from tripwatt.routes import documents, points
+from tripwatt.routes.documents import Node, parse_json, read_content
 
 
 def test_the_most_bytes_and_points_of_a_route(monkeypatch, tmp_path):
-    assert documents.MAX_BYTES == 64 * 2**20
-    assert points.MAX_POINTS == 500_000
+    with pytest.raises(InvalidInput, match="cannot read"):
+        read_content(tmp_path / "none.gpx")
     monkeypatch.setattr(documents, "MAX_BYTES", 4)
     (tmp_path / "four").write_bytes(b"1234")
     (tmp_path / "five").write_bytes(b"12345")
-    assert content(b"1234") == (b"1234", "route")
-    assert content(tmp_path / "four") == (b"1234", "four")
+    assert read_content(b"1234") == (b"1234", "route")
+    assert read_content(tmp_path / "four") == (b"1234", "four")
     for source in (b"12345", tmp_path / "five"):
         with pytest.raises(InvalidInput, match="too large"):
-            content(source)
+            read_content(source)
 
 
 def test_numbers_and_lists_of_json():
-    assert Node(2, "t").number(least=2.0) == 2.0
+    assert Node(2, "t").number(minimum=2.0) == 2.0
     for value in (1.9, True, "2", None, float("inf"), 10**400):
         with pytest.raises(InvalidInput, match="2 or more"):
-            Node(value, "t").number(least=2.0)
+            Node(value, "t").number(minimum=2.0)
     with pytest.raises(InvalidInput, match="a number without end"):
         Node(10**18 + 1, "t").entries()
     with pytest.raises(InvalidInput, match=f"got {10**18};"):
         Node(10**18, "t").entries()
-    assert [entry.value for entry in Node([1], "t").entries(least=1)] == [1]
+    assert [entry.value for entry in Node([1], "t").entries(min_count=1)] == [1]
     with pytest.raises(InvalidInput, match="too few entries"):
-        Node([], "t").entries(least=1)
+        Node([], "t").entries(min_count=1)
     assert Node({}, "t").members() == {}
 
 
 def test_positions_of_geojson():
     found = Node([[11.0, 48.0], [12.0, 49.0, None], [13.0, 50.0, 500.0]], "t").coordinates()
     np.testing.assert_array_equal(found, [[48.0, 11.0, NO], [49.0, 12.0, NO], [50.0, 13.0, 500.0]])
+    np.testing.assert_array_equal(Node([[1, 2, 3, 4], [1, 2]], "t").coordinates()[0], [2.0, 1.0, 3.0])
     for wrong in ([[11.0, 48.0]], [[11.0], [12.0, 49.0]]):
         with pytest.raises(InvalidInput, match="at least 2"):
             Node(wrong, "t").coordinates()
-
-
-def faults_of(read, *args, **more):
-    with pytest.raises(InvalidInput) as caught:
-        read(*args, **more)
-    return caught.value.faults
-
-
-def coordinates(value, where):
-    return Node(value, where).coordinates()
-
-
-def numbers(value, where, **more):
-    return Node(value, where).numbers(**more)
-
-
-def a_number(value, where, **more):
-    return Node(value, where).number(**more)
-
-
-def test_positions_have_a_height_or_more():
-    found = coordinates([[1, 2, 3, 4], [1, 2]], "t")
-    np.testing.assert_array_equal(found, [[2.0, 1.0, 3.0], [2.0, 1.0, NO]])
     for wrong, where in (([[1, 2], [1, "x"]], "t[1][1]"), ([[1, 2], [1, 2, "x"]], "t[1][2]")):
-        assert faults_of(coordinates, wrong, "t")[0].where == where
+        assert faults_of(Node(wrong, "t").coordinates)[0].where == where
 
 
 def test_the_most_positions(monkeypatch):
     monkeypatch.setattr(points, "MAX_POINTS", 2)
-    assert len(coordinates([[1, 2]] * 2, "t")) == 2
-    assert faults_of(coordinates, [[1, 2]] * 3, "t")[0].what == "too many points"
+    assert len(Node([[1, 2]] * 2, "t").coordinates()) == 2
+    assert faults_of(Node([[1, 2]] * 3, "t").coordinates)[0].what == "too many points"
     assert points.require_on_earth(np.zeros(2), np.zeros(2), "t") is None
     assert faults_of(points.require_on_earth, np.zeros(3), np.zeros(3), "t")[0].got == "3"
 
 
 def test_lists_of_numbers():
-    assert numbers([1, 2.5], "t", least=1.0).tolist() == [1.0, 2.5]
-    assert faults_of(numbers, [1, 0.9], "t", least=1.0)[0].where == "t[1]"
-    assert a_number(-5, "t") == -5.0
-    assert faults_of(a_number, NO, "t")[0].allowed == "a finite number"
-    assert faults_of(a_number, -(10**19), "t", least=0)[0].got == "a number without end"
-    assert faults_of(a_number, "x", "t", least=0)[0].allowed == "a finite number, 0 or more"
+    assert Node([1, 2.5], "t").numbers(minimum=1.0).tolist() == [1.0, 2.5]
+    assert faults_of(Node([1, 0.9], "t").numbers, minimum=1.0)[0].where == "t[1]"
+    assert Node(-5, "t").number() == -5.0
+    assert faults_of(Node(NO, "t").number)[0].allowed == "a finite number"
+    assert faults_of(Node(-(10**19), "t").number, minimum=0)[0].got == "a number without end"
+    assert faults_of(Node("x", "t").number, minimum=0)[0].allowed == "a finite number, 0 or more"
     assert faults_of(Node([1, 2, 3], "t").members)[0].got == "a list of 3"
     assert faults_of(Node({"a": 1, "b": 2}, "t").entries)[0].got == "an object of 2"
     assert faults_of(Node(True, "t").entries)[0].got == "True"

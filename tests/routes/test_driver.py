@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.routes.made import NO
 
 from tripwatt.errors import InvalidInput
 from tripwatt.routes import driver, profile
@@ -86,16 +87,6 @@ def test_driver_uses_the_road_that_is_free():
     assert abs(p.time_s[-1] - 115.0) <= 1.0
 
 
-def test_the_usual_driver_is_a_calm_one():
-    usual = DriverStyle()
-    # EPA's urban schedule speeds up and brakes with at most 1.48 m/s²
-    for at_most in (usual.acceleration_m_s2, usual.deceleration_m_s2):
-        assert at_most == pytest.approx(1.48, rel=0.1)
-    assert usual.half_acceleration_speed_m_s == 20.0  # half is left at 72 km/h
-    assert (usual.speed_share, usual.fluctuation, usual.fluctuation_time_s) == (0.97, 0.06, 10.0)
-    assert usual.dwell_mean_s == 20.0
-
-
 def test_reachable_speed_follows_the_equation_of_motion():
     """Second opinion: the differential equation dv/ds = a(v) / v in small steps."""
     style = DriverStyle(acceleration_m_s2=1.8, half_acceleration_speed_m_s=15.0)
@@ -140,14 +131,12 @@ def test_dwell_has_the_style_s_mean_and_the_given_frequency():
     assert abs((dwell > 0).mean() - 0.3) < 0.01
     assert abs(dwell[dwell > 0].mean() - 20.0) < 1.0
     assert dwell[dwell > 0].min() >= 2.0
+    assert draw_dwell([1.0], DriverStyle(dwell_mean_s=1.0), np.random.default_rng(9)).tolist() == [2.0]
 
 
 def test_all_faults_of_a_style_at_once():
     with pytest.raises(InvalidInput, match=r"deceleration_m_s2[\s\S]*speed_share"):
         DriverStyle(deceleration_m_s2=-1.0, speed_share=1.2)
-
-
-NO = np.nan
 
 
 EXACT = {"rtol": 1e-12, "atol": 1e-12}
@@ -186,41 +175,6 @@ def aims(monkeypatch):
     return seen
 
 
-def test_smooth_noise_is_an_autoregression_of_order_two():
-    """Ten points to a length, eighty of them to forget the start."""
-    position, value = smooth_field(25.0, 5.0, np.random.default_rng(7))
-    assert len(position) == 25 / 5 * 10 + 2
-    np.testing.assert_allclose(position, 0.5 * np.arange(52), **EXACT)
-    pole = np.exp(-0.1)
-    state, found = [0.0, 0.0], []
-    for drawn in np.random.default_rng(7).standard_normal(52 + 80):
-        state = [drawn + 2.0 * pole * state[0] - pole**2 * state[1], state[0]]
-        found.append(state[0])
-    variance = (1.0 + pole**2) / (1.0 - pole**2) ** 3
-    np.testing.assert_allclose(value, np.array(found[80:]) / np.sqrt(variance), rtol=1e-9)
-
-
-@pytest.mark.parametrize("fluctuation", [0.06, 0.4])
-def test_an_unsteady_foot_aims_beside_the_limit_and_varies_its_pressure(aims, fluctuation):
-    """Links of 40 and 6 m at 10 and 5 m/s have ten cells of 0.4 s and two of 0.6 s."""
-    style = DriverStyle(fluctuation=fluctuation)
-    speed_profile([40.0, 6.0, 2.0], [10.0, 5.0, 8.0], style=style, rng=np.random.default_rng(5))
-    ((aim, effort),) = aims
-    at_s = np.concatenate((np.arange(11) * 0.4, [4.6, 5.2, 5.325, 5.45]))
-    twin = np.random.default_rng(5)
-    steady = np.interp(at_s, *smooth_field(5.45, 10.0, twin))
-    press = np.interp(at_s, *smooth_field(5.45, 1.5, twin))
-    share = 0.97 * np.exp(fluctuation * steady)
-    share = np.maximum(np.where(share > 1.0, 2.0 - share, share), 0.4 * 0.97)
-    allowed = np.array([10.0] * 10 + [5.0] * 3 + [8.0] * 2)
-    expected = allowed * share
-    expected[[0, -1]] = 0.0
-    np.testing.assert_allclose(aim, expected, rtol=1e-9)
-    np.testing.assert_allclose(
-        effort, np.clip(1.0 - 2.0 * fluctuation * (1.0 + press), 0.3, 1.0)[1:], rtol=1e-9
-    )
-
-
 def test_a_steady_foot_aims_at_its_share_and_stops_where_it_has_to(aims):
     speed_profile([40.0, 40.0, 40.0], [10.0, 20.0, 20.0], dwell_s=[0.0, 3.0, 0.0])
     ((aim, effort),) = aims
@@ -228,15 +182,6 @@ def test_a_steady_foot_aims_at_its_share_and_stops_where_it_has_to(aims):
     expected = 0.97 * np.array([10.0] * 11 + [20.0] * 20)
     expected[[0, 20, 30]] = 0.0
     np.testing.assert_allclose(aim, expected, **EXACT)
-
-
-def test_a_stop_lasts_two_seconds_and_an_exponential():
-    found = draw_dwell([0.0, 1.0, 0.5, 1.0], DriverStyle(dwell_mean_s=12.0), np.random.default_rng(9))
-    twin = np.random.default_rng(9)
-    stops = twin.random(4) < np.array([0.0, 1.0, 0.5, 1.0])
-    np.testing.assert_allclose(found, np.where(stops, 2.0 + 10.0 * twin.exponential(1.0, 4), 0.0), **EXACT)
-    short = draw_dwell([1.0], DriverStyle(dwell_mean_s=1.0), np.random.default_rng(9))
-    assert short.tolist() == [2.0]
 
 
 def test_distance_becomes_time():

@@ -2,63 +2,14 @@
 
 import copy
 import json
-import math
 
 import numpy as np
 import pytest
+from tests.routes.made import NO, SPEED, drive, faults_of, gpx
 
 from tripwatt.errors import InvalidInput
-from tripwatt.routes import (
-    ROAD_SPEED_M_S,
-    Track,
-    parse_route,
-    points,
-    read_geojson,
-    read_gpx,
-)
-from tripwatt.routes.points import haversine_m
+from tripwatt.routes import ROAD_SPEED_M_S, Track, parse_route, points, read_geojson, read_gpx
 from tripwatt.trips import Flag
-
-M_PER_DEGREE = float(haversine_m([48.0, 49.0], [11.0, 11.0])[0])
-
-
-def gpx(points, tag="trkpt", head="<?xml version='1.0' encoding='UTF-8'?>\n"):
-    """A GPX text of (latitude, longitude, elevation or None, time or None)."""
-    body = "".join(
-        f'<{tag} lat="{lat:.9f}" lon="{lon:.9f}">'
-        + ("" if ele is None else f"<ele>{ele}</ele>")
-        + ("" if time is None else f"<time>{time}</time>")
-        + f"</{tag}>"
-        for lat, lon, ele, time in points
-    )
-    inner = f"<trk><trkseg>{body}</trkseg></trk>" if tag == "trkpt" else f"<rte>{body}</rte>"
-    return f'{head}<gpx version="1.1" xmlns="http://www.topografix.com/GPX/1/1">{inner}</gpx>'.encode()
-
-
-def drive(speed, elevation=None, every_s=1):
-    """GPX points of a drive due north, one every so many seconds."""
-    position = np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]))))
-    return [
-        (
-            48.0 + position[k] / M_PER_DEGREE,
-            11.0,
-            None if elevation is None else elevation[k],
-            f"2026-05-01T{8 + k // 3600:02d}:{k // 60 % 60:02d}:{k % 60:02d}Z",
-        )
-        for k in range(0, len(speed), every_s)
-    ]
-
-
-SPEED = np.concatenate(
-    (
-        np.linspace(0, 15, 20),
-        np.full(100, 15.0),
-        np.linspace(15, 0, 12),
-        np.zeros(20),
-        np.linspace(0, 12, 15),
-        np.full(90, 12.0),
-    )
-)
 
 
 def test_geojson_lines_properties_and_heights():
@@ -95,12 +46,6 @@ def test_geojson_times_are_a_log():
     )
 
 
-def faults_of(read, *args, **more):
-    with pytest.raises(InvalidInput) as caught:
-        read(*args, **more)
-    return caught.value.faults
-
-
 def feature(properties, positions=((1.0, 2.0), (1.0, 3.0))):
     geometry = {"type": "LineString", "coordinates": positions}
     return json.dumps({"type": "Feature", "geometry": geometry, "properties": properties}).encode()
@@ -117,17 +62,6 @@ def test_the_points_of_all_lines_are_counted(monkeypatch):
             assert (fault.what, fault.where, fault.got) == ("too many points", "route", "6")
         else:
             assert len(read_geojson(text)) == 4
-
-
-def test_lines_keep_their_own_times():
-    lines = [[[1.0, 2.0], [1.0, 2.1], [1.0, 2.2]], [[1.0, 2.3], [1.0, 2.4]]]
-    times = [f"2026-05-01T08:00:{k:02d}Z" for k in (0, 1, 3, 6, 10)]
-    geometry = {"type": "MultiLineString", "coordinates": lines}
-    text = {"type": "Feature", "geometry": geometry, "properties": {"coordTimes": times}}
-    assert read_geojson(json.dumps(text).encode()).time_s.tolist() == [0.0, 1.0, 3.0, 6.0, 10.0]
-
-
-NO = math.nan
 
 
 EXACT = {"rel": 1e-9, "abs": 1e-9}
@@ -160,26 +94,6 @@ class TestGeojson:
         assert made.piece_speed_m_s == pytest.approx(
             [10.0, 25.0, 25.0, NO, NO, NO, NO, 5.0, 5.0], nan_ok=True, **EXACT
         )
-
-    def test_speeds_of_roads_are_those_of_osrm(self) -> None:
-        """Kilometres per hour of `profiles/car.lua`."""
-        given = {road: round(speed * 3.6, 9) for road, speed in ROAD_SPEED_M_S.items()}
-        assert given == {
-            "motorway": 90,
-            "motorway_link": 45,
-            "trunk": 85,
-            "trunk_link": 40,
-            "primary": 65,
-            "primary_link": 30,
-            "secondary": 55,
-            "secondary_link": 25,
-            "tertiary": 40,
-            "tertiary_link": 20,
-            "unclassified": 25,
-            "residential": 25,
-            "living_street": 10,
-            "service": 15,
-        }
 
     def test_what_is_no_line_is_counted(self) -> None:
         found = read_geojson(

@@ -2,51 +2,10 @@
 
 import numpy as np
 import pytest
+from tests.routes.made import NO, SPEED, drive, faults_of, gpx
 
 from tripwatt.errors import InvalidInput
 from tripwatt.routes import read_gpx, xml_events
-from tripwatt.routes.points import haversine_m
-
-M_PER_DEGREE = float(haversine_m([48.0, 49.0], [11.0, 11.0])[0])
-
-
-def gpx(points, tag="trkpt", head="<?xml version='1.0' encoding='UTF-8'?>\n"):
-    """A GPX text of (latitude, longitude, elevation or None, time or None)."""
-    body = "".join(
-        f'<{tag} lat="{lat:.9f}" lon="{lon:.9f}">'
-        + ("" if ele is None else f"<ele>{ele}</ele>")
-        + ("" if time is None else f"<time>{time}</time>")
-        + f"</{tag}>"
-        for lat, lon, ele, time in points
-    )
-    inner = f"<trk><trkseg>{body}</trkseg></trk>" if tag == "trkpt" else f"<rte>{body}</rte>"
-    return f'{head}<gpx version="1.1" xmlns="http://www.topografix.com/GPX/1/1">{inner}</gpx>'.encode()
-
-
-def drive(speed, elevation=None, every_s=1):
-    """GPX points of a drive due north, one every so many seconds."""
-    position = np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]))))
-    return [
-        (
-            48.0 + position[k] / M_PER_DEGREE,
-            11.0,
-            None if elevation is None else elevation[k],
-            f"2026-05-01T{8 + k // 3600:02d}:{k // 60 % 60:02d}:{k % 60:02d}Z",
-        )
-        for k in range(0, len(speed), every_s)
-    ]
-
-
-SPEED = np.concatenate(
-    (
-        np.linspace(0, 15, 20),
-        np.full(100, 15.0),
-        np.linspace(15, 0, 12),
-        np.zeros(20),
-        np.linspace(0, 12, 15),
-        np.full(90, 12.0),
-    )
-)
 
 
 def test_a_logged_drive_comes_back_from_gpx():
@@ -58,15 +17,6 @@ def test_a_logged_drive_comes_back_from_gpx():
     assert np.abs(trip.array("speed_m_s") - SPEED).max() < 1.0
     assert np.all(trip.array("speed_m_s")[138:146] == 0.0)
     assert trip.array("elevation_m")[[0, -1]].tolist() == pytest.approx([500.0, 530.0], abs=0.1)
-
-
-NO = np.nan
-
-
-def faults_of(read, *args, **more):
-    with pytest.raises(InvalidInput) as caught:
-        read(*args, **more)
-    return caught.value.faults
 
 
 def gpx_text(first, last='<rtept lat="2" lon="1"/>'):
@@ -85,6 +35,7 @@ def test_a_hundred_characters_of_an_element_are_read():
 def test_numbers_of_gpx_are_cut_in_messages():
     (fault,) = faults_of(read_gpx, gpx_text(f'<rtept lat="{"x" * 50}" lon="1"/>'))
     assert (fault.where, fault.got) == ("route, point 1, lat", repr("x" * 40))
+    assert faults_of(read_gpx, gpx_text('<rtept lat="inf" lon="1"/>'))[0].got == "'inf'"
     (fault,) = faults_of(read_gpx, gpx_text('<rtept lat="1"/>'), where="mine")
     assert (fault.where, fault.got) == ("mine, point 1, lon", "''")
     (fault,) = faults_of(read_gpx, gpx_text('<rtept lat="1" lon="1"><ele>high</ele></rtept>'))
@@ -165,20 +116,6 @@ class TestGpx:
         assert len(read_gpx(xml(f"<rte>{points('rtept', (1, 1), (2, 2))}</rte>"))) == 2
         with pytest.raises(InvalidInput, match="more than 2"):
             read_gpx(xml(f"<rte>{points('rtept', (1, 1), (2, 2), (3, 3))}</rte>"))
-
-    @pytest.mark.parametrize(("lat", "named"), [("north", "'north'"), ("inf", "'inf'"), ("", "''")])
-    def test_numbers(self, lat: str, named: str) -> None:
-        bad = f'<rte><rtept lat="1" lon="1"/><rtept lat="{lat}" lon="1"/></rte>'
-        with pytest.raises(InvalidInput, match=f"point 2, lat: got {named}"):
-            read_gpx(xml(bad))
-
-    def test_roots_and_document_types(self) -> None:
-        with pytest.raises(InvalidInput, match=f"not GPX.*<{'k' * 40}>"):
-            read_gpx(b"<" + b"k" * 50 + b"/>")
-        with pytest.raises(InvalidInput, match="document type"):
-            read_gpx(b"<!DOCTYPE gpx><gpx/>")
-        with pytest.raises(InvalidInput, match="not well-formed XML"):
-            read_gpx(b"<gpx>")
 
 
 @pytest.mark.parametrize("void", ["NaN", "nan", "-32768", "-9999", "32767", ""])

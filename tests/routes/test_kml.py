@@ -4,14 +4,10 @@ import datetime as dt
 
 import numpy as np
 import pytest
+from tests.routes.made import faults_of
 
 from tripwatt.errors import InvalidInput
-from tripwatt.routes import (
-    parse_route,
-    read_kml,
-    xml_events,
-)
-from tripwatt.routes.points import MAX_POINTS
+from tripwatt.routes import parse_route, read_kml, xml_events
 from tripwatt.routes.xml_events import root_of
 
 HEAD = '<?xml version="1.0" encoding="UTF-8"?>\n<kml xmlns="http://www.opengis.net/kml/2.2" xmlns:gx="http://www.google.com/kml/ext/2.2">'
@@ -80,14 +76,8 @@ def test_points_of_interest_and_lines_of_one_point_are_left_out():
 def test_the_format_is_recognised_by_the_root():
     bare = kml(line("11.5,48.1 11.5,48.2"), head="<kml>")
     assert len(parse_route(bare).latitude_deg) == 2
-    assert (
-        len(
-            parse_route(
-                kml(line("11.5,48.1 11.5,48.2")).decode().replace("UTF-8", "UTF-16").encode("utf-16")
-            ).latitude_deg
-        )
-        == 2
-    )
+    wide = kml(line("11.5,48.1 11.5,48.2")).decode().replace("UTF-8", "UTF-16").encode("utf-16")
+    assert len(parse_route(wide).latitude_deg) == 2
     prefixed = bare.replace(b"<kml>", b'<k:kml xmlns:k="x">').replace(b"</kml>", b"</k:kml>")
     assert len(parse_route(prefixed).latitude_deg) == 2
     assert [root_of(text) for text in (b"<gpx/>", b"<!-- kml --><gpx>", b"", b"text", b"<")] == [
@@ -108,26 +98,14 @@ def test_the_format_is_recognised_by_the_root():
         (kml(line("11.5,48.1")), "got 1 points"),
         (kml(line("11.5,48.1 11.5"))[:-4], "not coordinates: route, point 2"),
         (kml(line("11.5,48.1 11.5,48.2"))[:-4], "not well-formed"),
-        (kml(line("11.5,48.1 a,b")), "point 2: got 'a,b'"),
-        (kml(line("11.5,48.1 1,2,3,4")), "point 2: got '1,2,3,4'"),
         (kml(line("11.5,48.1 nan,48")), "not coordinates"),
         (kml(line("11.5,48.1 11.5,91")), "latitude"),
         (kml(recording([("yesterday", 1, 2, 3), ("2026-05-01T08:00:00Z", 1, 3, 3)])), "invalid time"),
-        (kml(recording([("2026-05-01T08:00:00Z", 1, 2, 3)] * 2, "<when>2026-05-01T08:00:09Z</when>")), "3 times, 2 points"),
-        (b"<kml>" + b"<Folder>" * 64, "got 65 levels"),
-        (kml(line("1,2 " * (MAX_POINTS + 1))), "too many points"),
     ],
 )  # fmt: skip
 def test_what_is_wrong_with_a_file_is_said(text, what):
     with pytest.raises(InvalidInput, match=what):
         read_kml(text)
-
-
-def test_nesting_and_points_up_to_the_bound_are_read():
-    deep = b"<kml>" + b"<Folder>" * 61
-    inner = line("11.5,48.1 11.5,48.2").encode()
-    text = deep + inner + b"</Folder>" * 61 + b"</kml>"
-    assert len(read_kml(text).latitude_deg) == 2  # coordinates are level 64
 
 
 def test_a_packed_file_is_named(tmp_path):
@@ -137,17 +115,11 @@ def test_a_packed_file_is_named(tmp_path):
         parse_route(path)
 
 
-def faults_of(read, *args, **more):
-    with pytest.raises(InvalidInput) as caught:
-        read(*args, **more)
-    return caught.value.faults
-
-
 def kml_text(text, tag="LineString"):
     return f"<kml><{tag}><coordinates>{text}</coordinates></{tag}></kml>".encode()
 
 
-@pytest.mark.parametrize("text", ["1", "1,2,3,4", "1,,3", "1;2"])
+@pytest.mark.parametrize("text", ["1", "1,2,3,4", "1,,3", "1;2", "a,b"])
 def test_a_point_of_kml_has_two_or_three_numbers(text):
     (fault,) = faults_of(read_kml, kml_text(f"1,2 {text}"))
     assert (fault.where, fault.got) == ("route, point 2", repr(text))

@@ -9,15 +9,11 @@ import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.routes.made import TO_ROUNDING
 
 from tripwatt.errors import InvalidInput
 from tripwatt.physics import simulate_trip
-from tripwatt.routes import (
-    LinkRoute,
-    link_objects,
-    parse_route,
-    route_from_links,
-)
+from tripwatt.routes import LinkRoute, link_objects, parse_route, route_from_links
 from tripwatt.routes.link_objects import LINK_KEYS, columns_of_links, fields_of_route, route_with_elevation
 from tripwatt.trips import Flag
 from tripwatt.units import GRAVITY_M_S2, WH_PER_J
@@ -141,9 +137,6 @@ def test_columns_of_links_are_those_of_the_links_one_by_one(links: list[dict[str
     assert bool(faults) == any(its_faults for _, its_faults in alone)
     for name, values in columns.items():
         assert values.tobytes() == np.concatenate([its_columns[name] for its_columns, _ in alone]).tobytes()
-
-
-TO_ROUNDING = {"rtol": 1e-12, "atol": 1e-9}
 
 
 LINK = {"length_m": 100.0, "speed_m_s": 10.0}

@@ -4,12 +4,7 @@ import numpy as np
 import pytest
 
 from tripwatt.errors import InvalidInput
-from tripwatt.routes import (
-    link_objects,
-    link_table,
-    parse_route,
-    route_from_links,
-)
+from tripwatt.routes import link_objects, link_table, parse_route, route_from_links
 from tripwatt.routes.link_table import is_links_table, route_from_table
 
 TABLE = "length_m;speed_m_s;grade;stop_s\n500;10,5;0,01;\n\n250;5;;20\n"

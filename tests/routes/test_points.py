@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
+from tests.routes.made import TO_ROUNDING
 
 from tripwatt.errors import InvalidInput
 from tripwatt.routes.points import haversine_m, require_on_earth
-
-TO_ROUNDING = {"rtol": 1e-12, "atol": 1e-9}
 
 
 def test_distances_on_the_sphere():

@@ -4,27 +4,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.routes.made import TO_ROUNDING, encode_polyline
 
 from tripwatt.errors import InvalidInput
-from tripwatt.routes import (
-    points,
-    polyline,
-)
+from tripwatt.routes import points, polyline
 from tripwatt.routes.polyline import decode_polyline
-
-
-def encode(points, scales):
-    """An encoded polyline, written the other way round than the reader."""
-    text, before = "", np.zeros(len(scales), dtype=np.int64)
-    for point in np.rint(np.asarray(points) * scales).astype(np.int64):
-        for delta in (point - before).tolist():
-            value = ~(delta << 1) if delta < 0 else delta << 1
-            while value >= 0x20:
-                text += chr((0x20 | (value & 0x1F)) + 63)
-                value >>= 5
-            text += chr(value + 63)
-        before = point
-    return text
 
 
 @settings(max_examples=100)
@@ -35,13 +19,12 @@ def encode(points, scales):
 )
 def test_polylines_round_trip(points):
     flat = [p[:2] for p in points]
-    np.testing.assert_allclose(decode_polyline(encode(flat, [1e6, 1e6]), "t", precision=1e6), flat, atol=1e-6)
     np.testing.assert_allclose(
-        decode_polyline(encode(points, [1e5, 1e5, 100]), "t", dimensions=3), points, atol=0.006
+        decode_polyline(encode_polyline(flat, [1e6, 1e6]), "t", precision=1e6), flat, atol=1e-6
     )
-
-
-TO_ROUNDING = {"rtol": 1e-12, "atol": 1e-9}
+    np.testing.assert_allclose(
+        decode_polyline(encode_polyline(points, [1e5, 1e5, 100]), "t", dimensions=3), points, atol=0.006
+    )
 
 
 def test_polylines_by_hand():

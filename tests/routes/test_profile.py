@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from tests.routes.made import NO
 
 from tripwatt.certification.schedules import schedule
 from tripwatt.errors import InvalidInput
@@ -151,8 +152,8 @@ def even_drive(distance_m, time_s, pace_m_s2=0.8):
     return time, np.clip(np.minimum(time, time_s - time) * pace_m_s2, 0.0, speed)
 
 
-@pytest.mark.parametrize("speed", [25.0, 30.0, 120.0 / 3.6, 36.0])
-@pytest.mark.parametrize("links", [10, 100, 400])
+@pytest.mark.parametrize("speed", [25.0, 120.0 / 3.6, 36.0])
+@pytest.mark.parametrize("links", [10, 400])
 def test_a_fast_road_is_driven_alike_however_it_is_cut(speed, links):
     whole, cut = planned(speed), planned(speed, links)
     energy = [electric_energy(p.time_s, p.speed_m_s) for p in (whole, cut)]
@@ -165,7 +166,7 @@ def test_a_fast_road_is_driven_alike_however_it_is_cut(speed, links):
 
 
 @pytest.mark.parametrize("kilometres", [25.0, 100.0])
-@pytest.mark.parametrize("km_h", [90.0, 110.0, 120.0, 130.0])
+@pytest.mark.parametrize("km_h", [90.0, 130.0])
 def test_a_motorway_takes_the_energy_of_an_even_drive(kilometres, km_h):
     distance_m, time_s = 1000.0 * kilometres, 3600.0 * kilometres / km_h
     profile = planned(km_h / 3.6, distance_m=distance_m)
@@ -244,9 +245,6 @@ def test_seeds_draw_different_drives_of_the_same_links():
     assert one.time_s[-1] == pytest.approx(time.sum(), rel=0.01)
     again = link_profile(length, time)
     np.testing.assert_array_equal(again.speed_m_s, link_profile(length, time).speed_m_s)
-
-
-NO = np.nan
 
 
 EXACT = {"rtol": 1e-12, "atol": 1e-12}

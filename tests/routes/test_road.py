@@ -4,23 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from tests.support.roads import (
-    client,
-    graphhopper,
-    openrouteservice,
-    osrm,
-    valhalla,
-)
+from tests.support.roads import client, graphhopper, openrouteservice, osrm, valhalla
 
 from tripwatt.errors import InvalidInput, RemoteError
-from tripwatt.roads.routers import (
-    Edges,
-    Road,
-    RoadParts,
-    ValhallaRouter,
-    join_edges,
-    road,
-)
+from tripwatt.roads.routers import Edges, Road, RoadParts, ValhallaRouter, join_edges, road
 from tripwatt.roads.routers.servers import GraphHopperRouter, OpenRouteServiceRouter, OsrmRouter
 from tripwatt.routes.places import Place
 

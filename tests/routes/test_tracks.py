@@ -5,56 +5,12 @@ import math
 
 import numpy as np
 import pytest
+from tests.routes.made import M_PER_DEGREE, NO, SPEED, drive, gpx
 
 from tripwatt.errors import InvalidInput
-from tripwatt.routes import (
-    Track,
-    read_gpx,
-)
-from tripwatt.routes.points import haversine_m
+from tripwatt.routes import Track, read_gpx
 from tripwatt.routes.tracks import times_of
 from tripwatt.trips import Flag
-
-M_PER_DEGREE = float(haversine_m([48.0, 49.0], [11.0, 11.0])[0])
-
-
-def gpx(points, tag="trkpt", head="<?xml version='1.0' encoding='UTF-8'?>\n"):
-    """A GPX text of (latitude, longitude, elevation or None, time or None)."""
-    body = "".join(
-        f'<{tag} lat="{lat:.9f}" lon="{lon:.9f}">'
-        + ("" if ele is None else f"<ele>{ele}</ele>")
-        + ("" if time is None else f"<time>{time}</time>")
-        + f"</{tag}>"
-        for lat, lon, ele, time in points
-    )
-    inner = f"<trk><trkseg>{body}</trkseg></trk>" if tag == "trkpt" else f"<rte>{body}</rte>"
-    return f'{head}<gpx version="1.1" xmlns="http://www.topografix.com/GPX/1/1">{inner}</gpx>'.encode()
-
-
-def drive(speed, elevation=None, every_s=1):
-    """GPX points of a drive due north, one every so many seconds."""
-    position = np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]))))
-    return [
-        (
-            48.0 + position[k] / M_PER_DEGREE,
-            11.0,
-            None if elevation is None else elevation[k],
-            f"2026-05-01T{8 + k // 3600:02d}:{k // 60 % 60:02d}:{k % 60:02d}Z",
-        )
-        for k in range(0, len(speed), every_s)
-    ]
-
-
-SPEED = np.concatenate(
-    (
-        np.linspace(0, 15, 20),
-        np.full(100, 15.0),
-        np.linspace(15, 0, 12),
-        np.zeros(20),
-        np.linspace(0, 12, 15),
-        np.full(90, 12.0),
-    )
-)
 
 
 def test_jitter_of_positions_is_no_driving():
@@ -84,9 +40,6 @@ def test_a_route_without_times_needs_a_speed():
     assert trip.duration_s == pytest.approx(0.02 * M_PER_DEGREE / 16.0, abs=1.5)
     assert Flag("speed_assumed", "track", 16.0, "m_s") in trip.flags
     assert Flag("no_elevation", "road") in trip.flags
-
-
-NO = math.nan
 
 
 DEGREE_M = 6_371_008.8 * math.pi / 180.0

@@ -6,13 +6,7 @@ import threading
 import httpx
 import numpy as np
 import pytest
-from tests.support.roads import (
-    VALHALLA_EDGES,
-    body_of,
-    client,
-    encoded,
-    valhalla,
-)
+from tests.support.roads import VALHALLA_EDGES, body_of, client, encoded, valhalla
 
 from tripwatt.errors import InvalidInput, RemoteError
 from tripwatt.roads.routers.valhalla import ValhallaRouter

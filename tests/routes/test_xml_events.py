@@ -1,16 +1,9 @@
 """XML texts: their root, their depth, their bounds."""
 
-import pytest
+from tests.routes.made import faults_of
 
-from tripwatt.errors import InvalidInput
 from tripwatt.routes import read_gpx, read_kml, xml_events
 from tripwatt.routes.xml_events import root_of
-
-
-def faults_of(read, *args, **more):
-    with pytest.raises(InvalidInput) as caught:
-        read(*args, **more)
-    return caught.value.faults
 
 
 def test_the_root_begins_within_its_first_bytes():

@@ -84,7 +84,7 @@ class PhotonSearch(_ServerSearch):
         places = []
         for feature in answer["features"].entries():
             tags = feature["properties"].members()
-            coordinates = feature["geometry"]["coordinates"].entries(least=2)
+            coordinates = feature["geometry"]["coordinates"].entries(min_count=2)
             street = " ".join(str(tags[key]) for key in ("street", "housenumber") if tags.get(key))
             parts = [tags.get("name") or street, tags.get("city"), tags.get("country")]
             name = ", ".join(dict.fromkeys(str(part) for part in parts if part))

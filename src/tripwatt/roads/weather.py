@@ -192,13 +192,13 @@ def _cell_and_hour(place: Place, when: dt.datetime) -> _CellAndHour:
 
 def _weather_at(table: Node, hour: dt.datetime) -> Weather:
     hourly, time_text = table["hourly"], f"{hour:%Y-%m-%dT%H:%M}"
-    times = [time.value for time in hourly["time"].entries(least=1)]
+    times = [time.value for time in hourly["time"].entries(min_count=1)]
     if time_text not in times:
         allowed = f"{times[0]} to {times[-1]}"
         raise InvalidInput.of("no weather for this hour", table.where, time_text, allowed)
     k = times.index(time_text)
     temperature, rain, pressure, wind, wind_from = (
-        hourly[name].entries(least=k + 1)[k].number() for name in _HOURLY_VARIABLES
+        hourly[name].entries(min_count=k + 1)[k].number() for name in _HOURLY_VARIABLES
     )
     ahead = (hour - dt.datetime.now(dt.UTC)).total_seconds() / SECONDS_PER_HOUR
     return Weather(temperature, wind, wind_from % 360.0, rain, 100.0 * pressure, max(ahead, 0.0))

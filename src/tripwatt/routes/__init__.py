@@ -7,7 +7,7 @@ from tripwatt.routes.link_objects import route_from_links
 from tripwatt.routes.link_table import is_links_table
 from tripwatt.routes.links import LinkRoute, links_of_trip, plan_on_links
 from tripwatt.routes.profile import LinkStyle, link_profile
-from tripwatt.routes.responses import is_route, parse_route, read_response
+from tripwatt.routes.responses import is_route, parse_route
 from tripwatt.routes.tracks import Track
 
 __all__ = [
@@ -24,6 +24,5 @@ __all__ = [
     "read_geojson",
     "read_gpx",
     "read_kml",
-    "read_response",
     "route_from_links",
 ]

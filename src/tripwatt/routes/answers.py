@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -23,46 +24,52 @@ def steps_of(part: Node, key: str = "steps") -> Sequence[Node]:
     return part[key].entries() if part[key].value else (part,)
 
 
-def lengths_and_times(steps: Sequence[Node], time: str = "duration") -> FloatArray:
-    """Length and time of each step in the units of the answer, shape (steps, 2).
+def step_pieces(
+    steps: Sequence[Node], length_key: str = "distance", time_key: str = "duration"
+) -> FloatArray:
+    """Length and time of each step in the units of the answer, and NaN for its unknown speed, shape (steps, 3).
 
     Examples
     --------
-    >>> lengths_and_times([Node({"distance": 900, "duration": 60.5}, "step")]).tolist()
-    [[900.0, 60.5]]
+    >>> step_pieces([Node({"distance": 900, "duration": 60.5}, "step")]).tolist()
+    [[900.0, 60.5, nan]]
     """
-    rows = [(step["distance"].number(least=0.0), step[time].number(least=0.0)) for step in steps]
-    return np.array(rows).reshape(-1, 2)
+    rows = [
+        (step[length_key].number(minimum=0.0), step[time_key].number(minimum=0.0), math.nan) for step in steps
+    ]
+    return np.array(rows).reshape(-1, 3)
 
 
-def annotated(leg: Node, *, own_speed: bool = False) -> FloatArray:
+def edge_pieces(leg: Node, *, annotated_speed: bool = False) -> FloatArray:
     """Length, time and speed of each edge from the annotation of an OSRM leg, shape (edges, 3).
 
-    The times of an annotation leave out turns and lights. If the leg takes longer than their sum, all are scaled to its duration.
+    The times of an annotation leave out turns and lights. If the leg takes longer than the sum of these times, they are scaled
+    to the duration of the leg.
 
     Parameters
     ----------
     leg : Node
-    own_speed : bool
-        Take the annotated speed if there is one. Otherwise the speed is the annotated length over time, NaN if either is 0.
+    annotated_speed : bool
+        Whether to take the annotated speed if there is one. Otherwise the speed is the annotated length over time, NaN if either
+        is 0.
 
     Raises
     ------
     InvalidInput
         When the annotation does not have a length and a time for each edge.
     """
-    length = leg["annotation"]["distance"].numbers(least=0.0)
-    time = leg["annotation"]["duration"].numbers(least=0.0)
-    given = leg["annotation"]["speed"]
-    speed = given.numbers(least=0.0) if own_speed and given.value is not None else None
+    length = leg["annotation"]["distance"].numbers(minimum=0.0)
+    time = leg["annotation"]["duration"].numbers(minimum=0.0)
+    node = leg["annotation"]["speed"]
+    speed = node.numbers(minimum=0.0) if annotated_speed and node.value is not None else None
     if not 0 < len(time) == len(length) == len(time if speed is None else speed):
         got = f"{len(length)} and {len(time)}"
         raise InvalidInput.of("annotations of different lengths", leg.where, got, "one for each edge")
     if speed is None:
         speed = np.divide(length, time, out=np.full(len(time), np.nan), where=(time > 0) & (length > 0))
     total = float(time.sum())
-    longer = max(leg["duration"].number(least=0.0) / total, 1.0) if total > 0 else 1.0
-    return np.column_stack((length, time * longer, speed))
+    scale = max(leg["duration"].number(minimum=0.0) / total, 1.0) if total > 0 else 1.0
+    return np.column_stack((length, time * scale, speed))
 
 
 def intervals(detail: Node, points: int) -> list[tuple[int, int, Node]]:
@@ -80,8 +87,8 @@ def intervals(detail: Node, points: int) -> list[tuple[int, int, Node]]:
     """
     rows = []
     for entry in detail.entries() if detail.value else ():
-        start, end, value = entry.entries(least=3)[:3]
-        first, last = start.number(least=0.0), end.number(least=0.0)
+        start, end, value = entry.entries(min_count=3)[:3]
+        first, last = start.number(minimum=0.0), end.number(minimum=0.0)
         if first % 1 or last % 1 or not first <= last < points:
             got, allowed = f"{first:g} to {last:g}", f"0 to {points - 1}, ascending"
             raise InvalidInput.of("point index out of range", entry.where, got, allowed)
@@ -100,5 +107,5 @@ def speeds_at_points(detail: Node, points: int) -> FloatArray:
     speed = np.full(points, np.nan)
     for start, end, value in intervals(detail, points):
         if value.value is not None:
-            speed[start : max(end, start + 1)] = M_S_PER_KM_H * value.number(least=0.0)
+            speed[start : max(end, start + 1)] = M_S_PER_KM_H * value.number(minimum=0.0)
     return np.where(speed > 0.0, speed, np.nan)

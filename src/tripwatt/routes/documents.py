@@ -18,7 +18,7 @@ MAX_BYTES: Final = 64 * 1024 * 1024
 """Largest size of one file [bytes]: a GPX point takes about 100."""
 
 
-def content(source: bytes | str | Path, where: str | None = None) -> tuple[bytes, str]:
+def read_content(source: bytes | str | Path, where: str | None = None) -> tuple[bytes, str]:
     """The bytes of a source and its name for messages. A source of type bytes is the content itself, any other is a path.
 
     Raises
@@ -64,7 +64,7 @@ class Node:
 
     Examples
     --------
-    >>> leg = Node({"legs": [{"time": 60}]}, "answer")["legs"].entries(least=1)[0]
+    >>> leg = Node({"legs": [{"time": 60}]}, "answer")["legs"].entries(min_count=1)[0]
     >>> leg["time"].number(), leg["time"].where, leg["name"].value
     (60.0, 'answer, legs[0], time', None)
     """
@@ -78,40 +78,41 @@ class Node:
     def members(self) -> dict[str, Any]:
         """The value as the members of a JSON object."""
         if not isinstance(self.value, dict):
-            raise InvalidInput.of("not an object", self.where, _excerpt(self.value), "a JSON object")
+            raise InvalidInput.of("not an object", self.where, _json_excerpt(self.value), "a JSON object")
         return self.value
 
-    def entries(self, *, least: int = 0) -> list[Node]:
-        """The entries of a JSON array that has at least `least` of them."""
+    def entries(self, *, min_count: int = 0) -> list[Node]:
+        """The entries of a JSON array that has at least `min_count` entries."""
         if not isinstance(self.value, list):
-            raise InvalidInput.of("not a list", self.where, _excerpt(self.value), "a JSON array")
-        if len(self.value) < least:
-            raise InvalidInput.of("too few entries", self.where, f"{len(self.value)}", f"at least {least}")
+            raise InvalidInput.of("not a list", self.where, _json_excerpt(self.value), "a JSON array")
+        if len(self.value) < min_count:
+            got, allowed = f"{len(self.value)}", f"at least {min_count}"
+            raise InvalidInput.of("too few entries", self.where, got, allowed)
         return [Node(entry, f"{self.where}[{k}]") for k, entry in enumerate(self.value)]
 
-    def number(self, *, least: float = -math.inf) -> float:
-        """The value as a float; it has to be a finite JSON number of at least `least`."""
+    def number(self, *, minimum: float = -math.inf) -> float:
+        """The value as a float; it has to be a finite JSON number of at least `minimum`."""
         is_number = isinstance(self.value, int | float) and not isinstance(self.value, bool)
         try:
             number = float(self.value) if is_number else math.nan
         except OverflowError:
             number = math.inf
-        if not (math.isfinite(number) and number >= least):
-            allowed = "a finite number" if least == -math.inf else f"a finite number, {least:g} or more"
-            raise InvalidInput.of("not a number", self.where, _excerpt(self.value), allowed)
+        if not (math.isfinite(number) and number >= minimum):
+            allowed = "a finite number" if minimum == -math.inf else f"a finite number, {minimum:g} or more"
+            raise InvalidInput.of("not a number", self.where, _json_excerpt(self.value), allowed)
         return number
 
-    def numbers(self, *, least: float = -math.inf) -> FloatArray:
+    def numbers(self, *, minimum: float = -math.inf) -> FloatArray:
         """The numbers of a JSON array, shape (entries,)."""
-        return np.array([entry.number(least=least) for entry in self.entries()], dtype=np.float64)
+        return np.array([entry.number(minimum=minimum) for entry in self.entries()], dtype=np.float64)
 
     def coordinates(self) -> FloatArray:
         """GeoJSON positions as latitude [°], longitude [°] and height [m] (NaN = missing), shape (points, 3)."""
         require_few_points(len(self.value) if isinstance(self.value, list) else 0, self.where)
-        positions = self.entries(least=2)
+        positions = self.entries(min_count=2)
         points = np.full((len(positions), 3), np.nan)
         for k, position in enumerate(positions):
-            parts = position.entries(least=2)
+            parts = position.entries(min_count=2)
             points[k, 1], points[k, 0] = parts[0].number(), parts[1].number()
             if len(parts) > 2 and parts[2].value is not None:
                 points[k, 2] = parts[2].number()
@@ -119,7 +120,7 @@ class Node:
         return points
 
 
-def _excerpt(value: Any) -> str:
+def _json_excerpt(value: Any) -> str:
     if isinstance(value, dict | list):
         return f"{'an object' if isinstance(value, dict) else 'a list'} of {len(value)}"
     if isinstance(value, int) and not isinstance(value, bool) and abs(value) > 10**18:

@@ -93,9 +93,7 @@ class SpeedProfile:
     link: IntArray
 
 
-def draw_dwell(
-    stop_probability: npt.ArrayLike, style: DriverStyle, rng: np.random.Generator, *, minimum_s: float = 2.0
-) -> FloatArray:
+def draw_dwell(stop_probability: npt.ArrayLike, style: DriverStyle, rng: np.random.Generator) -> FloatArray:
     """Draw at random whether the car stops at the end of each link, and for how long. O(links).
 
     Parameters
@@ -103,10 +101,8 @@ def draw_dwell(
     stop_probability : array_like, shape (links,)
         Chance in [0, 1] that the car has to stop at the end of the link.
     style : DriverStyle
-        Its `dwell_mean_s` is the mean standstill; the time above `minimum_s` is exponentially distributed.
+        Its `dwell_mean_s` is the mean standstill; the time above the shortest standstill of 2 s is exponentially distributed.
     rng : numpy.random.Generator
-    minimum_s : float
-        Shortest standstill [s].
 
     Returns
     -------
@@ -120,8 +116,9 @@ def draw_dwell(
     """
     probability = np.asarray(stop_probability, dtype=np.float64)
     stops = rng.random(probability.shape) < probability
-    extra_s = rng.exponential(1.0, probability.shape) * max(style.dwell_mean_s - minimum_s, 0.0)
-    return np.where(stops, minimum_s + extra_s, 0.0)
+    shortest_s = 2.0  # a choice: a car that stops stands for a moment
+    extra_s = rng.exponential(1.0, probability.shape) * max(style.dwell_mean_s - shortest_s, 0.0)
+    return np.where(stops, shortest_s + extra_s, 0.0)
 
 
 def speed_profile(
@@ -366,10 +363,10 @@ def profile_over_time(
     # a sample between the arrival at the next node and the departure from it is at that node
     into_s = np.minimum(np.maximum(time - departure[cell], 0.0), driving_s[cell])
     slope = (node_speed[cell + 1] - node_speed[cell]) / driving_s[cell]
-    there = into_s >= driving_s[cell]
-    there[-1] = True  # the last sample has arrived, whatever the rounding of its time
-    speed = np.where(there, node_speed[cell + 1], node_speed[cell] + slope * into_s)
+    is_at_node = into_s >= driving_s[cell]
+    is_at_node[-1] = True  # the last sample has arrived, whatever the rounding of its time
+    speed = np.where(is_at_node, node_speed[cell + 1], node_speed[cell] + slope * into_s)
     driven = position[cell] + into_s * (node_speed[cell] + 0.5 * slope * into_s)
-    driven = np.where(there, position[cell + 1], driven)
+    driven = np.where(is_at_node, position[cell + 1], driven)
     link = np.searchsorted(ends, cell, side="right")
     return SpeedProfile(time, speed, driven, np.asarray(link, dtype=np.int64))

@@ -1,7 +1,7 @@
 """Expected travel times from those of an empty road: how much longer drives take, by the free speed of a link.
 
 A router without traffic gives the time on an empty road. If a log has the speed limit of the road, the free speed is the limit.
-For other logs it is the speed class of the link: the smallest of `CLASSES_KM_H` that is not below the 90th percentile of the
+For other logs it is the speed class of the link: the smallest of `_CLASSES_KM_H` that is not below the 90th percentile of the
 car's moving speed on the link. This proxy uses the drive itself, so it is better than a map.
 """
 
@@ -18,11 +18,10 @@ from tripwatt.routes.links import SAME_SPEED, SHORTEST_STRETCH_M, LinkRoute, lin
 from tripwatt.trips import Plan, Recorded
 from tripwatt.units import M_S_PER_KM_H
 
-CLASSES_KM_H: Final = (30.0, 50.0, 70.0, 100.0, 120.0, 130.0)
+_CLASSES_KM_H: Final = (30.0, 50.0, 70.0, 100.0, 120.0, 130.0)
 """Free speeds of the classes of roads [km/h]; a choice, usual limits in Europe."""
 LINK_M: Final = 250.0
 """Length of the links into which a drive is cut [m]; a choice."""
-
 
 SHARES: Final = (0.6, 0.7, 0.8, 0.9, 1.0)
 """Candidates for the speed between two stops as a share of the free speed."""
@@ -65,18 +64,20 @@ class TravelTimeFactors:
         length = np.concatenate([route.length_m for route in routes])
         speed = np.concatenate([route.moving_speed_m_s for route in routes])
         seconds = np.concatenate(driven_s)
-        classes = np.array(CLASSES_KM_H) * M_S_PER_KM_H
+        classes = np.array(_CLASSES_KM_H) * M_S_PER_KM_H
         free_s = length / speed
         overall = float(seconds.sum() / free_s.sum())
-        which = np.argmin(np.abs(speed[:, None] - classes[None, :]), axis=1)
+        nearest_class = np.argmin(np.abs(speed[:, None] - classes[None, :]), axis=1)
         # 20 km of a class weigh as much as the factor assumed from the other classes; a choice
         prior_s = 20_000.0 / classes
-        total_s, known_s = (np.bincount(which, values, len(classes)) for values in (seconds, free_s))
-        near_s, near_known_s = (np.convolve(values, np.ones(3), "same") for values in (total_s, known_s))
-        near = (near_s + overall * prior_s) / (near_known_s + prior_s)
-        factor = (total_s + near * prior_s) / (known_s + prior_s)
-        driven = known_s > 0.0
-        classes[driven] = np.bincount(which, length, len(classes))[driven] / known_s[driven]
+        class_s, class_free_s = (
+            np.bincount(nearest_class, values, len(classes)) for values in (seconds, free_s)
+        )
+        near_s, near_free_s = (np.convolve(values, np.ones(3), "same") for values in (class_s, class_free_s))
+        near = (near_s + overall * prior_s) / (near_free_s + prior_s)
+        factor = (class_s + near * prior_s) / (class_free_s + prior_s)
+        driven = class_free_s > 0.0
+        classes[driven] = np.bincount(nearest_class, length, len(classes))[driven] / class_free_s[driven]
         # no class takes more than three times its free time, or less than a third; a choice
         return cls(classes, np.clip(factor, 1.0 / 3.0, 3.0), moving_share)
 
@@ -192,7 +193,7 @@ def driven_by_kind(trip: Recorded) -> FloatArray:
 
 
 def _limit_links(
-    even: LinkRoute, time_s: FloatArray, position_m: FloatArray, limit_m_s: FloatArray
+    even_links: LinkRoute, time_s: FloatArray, position_m: FloatArray, limit_m_s: FloatArray
 ) -> tuple[LinkRoute, FloatArray]:
     """Links cut where the speed limit changes, with the heights of the even links, and the time in which each was driven.
 
@@ -206,7 +207,7 @@ def _limit_links(
     length_m, limit = np.diff(position_m[border]), limit_m_s[kept]
     unknown = np.full(len(kept), np.nan)
     route = replace(
-        even,
+        even_links,
         length_m=length_m,
         travel_time_s=length_m / limit,
         stop_s=unknown,
@@ -221,7 +222,7 @@ def _class_speed(speed_m_s: FloatArray) -> float:
     # below 0.5 m/s the car stands
     moving = speed_m_s[speed_m_s > 0.5]
     if not len(moving):
-        return CLASSES_KM_H[0] * M_S_PER_KM_H
+        return _CLASSES_KM_H[0] * M_S_PER_KM_H
     # the free speed: the car is faster for a tenth of the moving time; a choice
     high = float(np.percentile(moving, 90.0)) / M_S_PER_KM_H
-    return next((v for v in CLASSES_KM_H if v >= high - 1e-9), CLASSES_KM_H[-1]) * M_S_PER_KM_H
+    return next((v for v in _CLASSES_KM_H if v >= high - 1e-9), _CLASSES_KM_H[-1]) * M_S_PER_KM_H

@@ -12,7 +12,7 @@ import numpy as np
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import InvalidInput, excerpt
 from tripwatt.files import shipped_toml
-from tripwatt.routes.documents import Node, content, parse_json
+from tripwatt.routes.documents import Node, parse_json, read_content
 from tripwatt.routes.links import FASTEST_LINK_M_S
 from tripwatt.routes.points import require_on_earth
 from tripwatt.routes.tracks import TIME_ALLOWED, Track, times_of
@@ -24,7 +24,7 @@ ROAD_SPEED_M_S: Final[Mapping[str, float]] = {
 }
 """Mean speed [m/s] by OpenStreetMap's class of road if nothing better is known: the values of OSRM's car profile."""
 
-DEEPEST: Final = 64
+_MAX_DEPTH: Final = 64
 """Largest depth of nested geometries; a choice, far below the limit of recursion."""
 _Line = tuple[FloatArray, float, list[str]]  # points, speed [m/s], times
 
@@ -58,14 +58,14 @@ def read_geojson(source: bytes | str | Path, *, where: str | None = None) -> Tra
     >>> len(read_geojson(b'{"type": "LineString", "coordinates": [[11.5, 48.1], [11.6, 48.1], [11.7, 48.2]]}'))
     3
     """
-    data, name = content(source, where)
+    data, name = read_content(source, where)
     return track_from_geojson(Node(parse_json(data, name), name))
 
 
 def track_from_geojson(document: Node) -> Track:
     """The track of a parsed GeoJSON document, see `read_geojson`."""
     lines: list[_Line] = []
-    skipped = _collect(document, Node({}, document.where), lines, 0)
+    skipped = _collect_lines(document, Node({}, document.where), lines, 0)
     if not lines:
         allowed = "a GeoJSON document with a LineString"
         raise InvalidInput.of("no line", document.where, "no LineString", allowed)
@@ -79,34 +79,34 @@ def track_from_geojson(document: Node) -> Track:
     return Track(points[:, 0], points[:, 1], points[:, 2], time, speed, started_at, flags)
 
 
-def _collect(node: Node, properties: Node, lines: list[_Line], depth: int) -> int:
+def _collect_lines(node: Node, properties: Node, lines: list[_Line], depth: int) -> int:
     """Append all lines within a GeoJSON object to `lines`, and return the number of other geometries."""
-    if depth > DEEPEST:
-        raise InvalidInput.of("nested too deeply", node.where, f"{depth} levels", f"at most {DEEPEST}")
+    if depth > _MAX_DEPTH:
+        raise InvalidInput.of("nested too deeply", node.where, f"{depth} levels", f"at most {_MAX_DEPTH}")
     kind = node["type"].value
     if kind in ("FeatureCollection", "GeometryCollection"):
         members = node["features" if kind == "FeatureCollection" else "geometries"].entries()
-        return sum(_collect(member, properties, lines, depth + 1) for member in members)
+        return sum(_collect_lines(member, properties, lines, depth + 1) for member in members)
     if kind == "Feature":
         if node["geometry"].value is None:
             return 0
-        own = Node(node["properties"].value or {}, node["properties"].where)
-        return _collect(node["geometry"], own, lines, depth + 1)
+        feature_properties = Node(node["properties"].value or {}, node["properties"].where)
+        return _collect_lines(node["geometry"], feature_properties, lines, depth + 1)
     if kind in ("Point", "MultiPoint", "Polygon", "MultiPolygon"):
         return 1
     if kind not in ("LineString", "MultiLineString"):
         raise InvalidInput.of("not GeoJSON", node["type"].where, excerpt(kind), "a GeoJSON type")
     parts = [node["coordinates"]] if kind == "LineString" else node["coordinates"].entries()
     coordinates = [part.coordinates() for part in parts]
-    texts = _texts(properties, sum(map(len, coordinates)))
-    speed = _speed(properties)
+    texts = _time_texts(properties, sum(map(len, coordinates)))
+    speed = _mean_speed(properties)
     for points in coordinates:
         lines.append((points, speed, texts[: len(points)]))
         texts = texts[len(points) :]
     return 0
 
 
-def _texts(properties: Node, number: int) -> list[str]:
+def _time_texts(properties: Node, number: int) -> list[str]:
     """The time of each point as text, empty if the point has none."""
     times = properties["coordTimes"]
     if times.value is None and isinstance(properties["coordinateProperties"].value, dict):
@@ -124,7 +124,7 @@ def _texts(properties: Node, number: int) -> list[str]:
     return [text or "" for text in flat]
 
 
-def _speed(properties: Node) -> float:
+def _mean_speed(properties: Node) -> float:
     """Mean speed of a line [m/s], given or by its class of road; NaN if neither is known."""
     speed, road = properties["speed_m_s"], properties["highway"].value
     if speed.value is None:

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Final
 
 from tripwatt.errors import InvalidInput
-from tripwatt.routes.documents import content
+from tripwatt.routes.documents import read_content
 from tripwatt.routes.tracks import Track
 from tripwatt.routes.xml_events import Line, XmlTracks
 
-POINTS: Final = ("trkpt", "rtept")
+_POINT_TAGS: Final = ("trkpt", "rtept")
 
 
 def read_gpx(source: bytes | str | Path, *, where: str | None = None) -> Track:
@@ -44,7 +44,7 @@ def read_gpx(source: bytes | str | Path, *, where: str | None = None) -> Track:
     >>> round(read_gpx(text).position_m[-1])
     11120
     """
-    data, name = content(source, where)
+    data, name = read_content(source, where)
     return _Gpx(name).track(data)
 
 
@@ -58,26 +58,26 @@ class _Gpx(XmlTracks):
     place = ""
     latitude = longitude = elevation = time = ""
 
-    def started(self, tag: str, attributes: Mapping[str, str]) -> None:
+    def handle_start(self, tag: str, attributes: Mapping[str, str]) -> None:
         if tag in self.kinds and len(self.path) == 2:
             self.lines[tag].append(Line())
-        elif tag in POINTS:
+        elif tag in _POINT_TAGS:
             self.place = self.count_point()
             self.latitude, self.longitude = attributes.get("lat", ""), attributes.get("lon", "")
             self.elevation = self.time = ""
 
-    def ended(self, tag: str, text: str) -> None:
-        if tag in POINTS and len(self.path) > 1 and self.path[1] in self.kinds:
+    def handle_end(self, tag: str, text: str) -> None:
+        if tag in _POINT_TAGS and len(self.path) > 1 and self.path[1] in self.kinds:
             latitude = _number(self.latitude, f"{self.place}, lat")
             longitude = _number(self.longitude, f"{self.place}, lon")
-            known = self.elevation.lower() not in ("", "nan")
-            height = _number(self.elevation, f"{self.place}, ele") if known else math.nan
+            has_height = self.elevation.lower() not in ("", "nan")
+            height = _number(self.elevation, f"{self.place}, ele") if has_height else math.nan
             line = self.lines[self.path[1]][-1]
             line.points.append((latitude, longitude, height))
             line.times.append(self.time)
-        elif tag == "ele" and self.path[-1] in POINTS:
+        elif tag == "ele" and self.path[-1] in _POINT_TAGS:
             self.elevation = text.strip()
-        elif tag == "time" and self.path[-1] in POINTS:
+        elif tag == "time" and self.path[-1] in _POINT_TAGS:
             self.time = text.strip()
 
 

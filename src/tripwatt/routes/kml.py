@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from tripwatt.errors import InvalidInput
-from tripwatt.routes.documents import content
+from tripwatt.routes.documents import read_content
 from tripwatt.routes.tracks import Track
 from tripwatt.routes.xml_events import Line, Point, XmlTracks
 
@@ -44,7 +44,7 @@ def read_kml(source: bytes | str | Path, *, where: str | None = None) -> Track:
     >>> round(read_kml(text).position_m[-1])
     11120
     """
-    data, name = content(source, where)
+    data, name = read_content(source, where)
     track = _Kml(name).track(data)
     if (track.elevation_m != 0.0).any():
         return track
@@ -57,11 +57,11 @@ class _Kml(XmlTracks):
     texts = ("coordinates", "coord", "when")
     allowed = "a LineString or a gx:Track of two points"
 
-    def started(self, tag: str, _: Mapping[str, str]) -> None:
+    def handle_start(self, tag: str, _: Mapping[str, str]) -> None:
         if tag in self.kinds:
             self.lines[tag].append(Line())
 
-    def ended(self, tag: str, text: str) -> None:
+    def handle_end(self, tag: str, text: str) -> None:
         parent, words = self.path[-1] if self.path else "", text.split()
         if (tag, parent) == ("coordinates", "LineString"):
             self.lines[parent][-1].points += [self.point(word.split(",")) for word in words]

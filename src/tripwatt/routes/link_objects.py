@@ -29,12 +29,11 @@ from tripwatt.trips import LINK_COLUMNS, STEEPEST_GRADE, Flag
 from tripwatt.trips.elevation import HEIGHT_NOISE_M
 from tripwatt.trips.headers import header_faults, same_quantity
 
-RELATIVE_ELEVATION: Final = Flag("elevation_relative", "road")
+_RELATIVE_ELEVATION: Final = Flag("elevation_relative", "road")
 
 LINK_KEYS: Final = tuple(sorted(LINK_COLUMNS))
 """Keys of a link, see `route_from_links`."""
 
-_KNOWN: Final = frozenset(LINK_KEYS)
 _HARMLESS: Final = {key: 0.0 if key in ("grade", "stop_s") else 1.0 for key in LINK_KEYS}
 """Replacement of a value that is not a finite number, so that only one fault is reported for it."""
 
@@ -143,12 +142,10 @@ class _Faults:
         """
         bad = wrong if isinstance(wrong, list) else np.flatnonzero(wrong).tolist()
         # up to three faults are listed one by one; of more, only the first is listed and the others are counted
-        alike = len(bad) <= 3
-        for k in bad if alike else bad[:1]:
+        listed, count = (bad, "") if len(bad) <= 3 else (bad[:1], and_more(bad, "links"))
+        for k in listed:
             place = f"{self.where}link {k + 1}{key and ', ' + key}"
-            self.faults.append(
-                Fault(what, place, got(k) + ("" if alike else and_more(bad, "links")), allowed, fix)
-            )
+            self.faults.append(Fault(what, place, got(k) + count, allowed, fix))
 
 
 def columns_of_links(links: Sequence[object], where: str = "") -> tuple[dict[str, FloatArray], list[Fault]]:
@@ -178,30 +175,31 @@ def columns_of_links(links: Sequence[object], where: str = "") -> tuple[dict[str
     wrong.add("not a link", no_link, "", lambda k: excerpt(links[k]), allowed)
     rows: list[Mapping[str, Any]] = [link if isinstance(link, Mapping) else {} for link in links]
     _unknown_keys(rows, wrong)
-    columns = {key: _numbers([row.get(key) for row in rows], key, wrong) for key in LINK_KEYS}
+    columns = {key: _column_values([row.get(key) for row in rows], key, wrong) for key in LINK_KEYS}
     _missing_keys(columns, ~no_link, wrong)
     for key in ("length_m", "speed_m_s", "travel_time_s"):
         low = columns[key] <= 0.0
-        wrong.add("link out of range", low, key, _shown(columns[key]), "more than 0")
+        wrong.add("link out of range", low, key, _formatter(columns[key]), "more than 0")
     with np.errstate(all="ignore"):  # a length of 0 is named above
         rise = columns["end_elevation_m"] - columns["start_elevation_m"]
         slope, noise = rise / columns["length_m"], HEIGHT_NOISE_M / columns["length_m"]
     allowed = f"-{STEEPEST_GRADE} to {STEEPEST_GRADE}"
-    for key, grade, more in (("grade", columns["grade"], 0.0), ("end_elevation_m", slope, noise)):
-        wrong.add("grade out of range", np.abs(grade) > STEEPEST_GRADE + more, key, _shown(grade), allowed)
+    for key, grade, margin in (("grade", columns["grade"], 0.0), ("end_elevation_m", slope, noise)):
+        too_steep = np.abs(grade) > STEEPEST_GRADE + margin
+        wrong.add("grade out of range", too_steep, key, _formatter(grade), allowed)
     return columns, first_faults(wrong.faults, "links", MAX_FAULTS + 1)
 
 
-def _shown(values: FloatArray) -> Callable[[int], str]:
+def _formatter(values: FloatArray) -> Callable[[int], str]:
     return lambda k: f"{values[k]:g}"
 
 
-def key_hint(key: object) -> str:
+def _key_hint(key: object) -> str:
     """A question with the link key of the same quantity; an empty text if there is no such key.
 
     Examples
     --------
-    >>> key_hint("speed_km_h"), key_hint("colour")
+    >>> _key_hint("speed_km_h"), _key_hint("colour")
     ('did you mean speed_m_s?', '')
     """
     near = same_quantity(key, LINK_KEYS, cutoff=0.8)
@@ -217,7 +215,7 @@ def link_header_faults(names: Sequence[str], where: str) -> list[Fault]:
     ['missing column: links: got length_m; allowed: speed_m_s or travel_time_s']
     """
     return [
-        *header_faults(names, LINK_KEYS, where, "unknown column", key_hint),
+        *header_faults(names, LINK_KEYS, where, "unknown column", _key_hint),
         *(
             Fault("missing column", where, ", ".join(names)[:120], " or ".join(needed))
             for needed in (("length_m",), ("speed_m_s", "travel_time_s"))
@@ -229,33 +227,32 @@ def link_header_faults(names: Sequence[str], where: str) -> list[Fault]:
 def _unknown_keys(rows: Sequence[Mapping[str, Any]], wrong: _Faults) -> None:
     unknown: dict[object, list[int]] = {}
     for k, row in enumerate(rows):
-        if not row.keys() <= _KNOWN:
-            for key in row:
-                if key not in _KNOWN:
-                    unknown.setdefault(key, []).append(k)
+        for key in row:
+            if key not in LINK_COLUMNS:
+                unknown.setdefault(key, []).append(k)
     allowed = ", ".join(LINK_KEYS)
     for number, (name, where) in enumerate(itertools.islice(unknown.items(), MAX_FAULTS)):
-        hint, got = key_hint(name) if number < MAX_HINTS else "", dict.fromkeys(where, excerpt(name))
+        hint, got = _key_hint(name) if number < MAX_HINTS else "", dict.fromkeys(where, excerpt(name))
         wrong.add("unknown key", where, "", got.__getitem__, allowed, hint)
     if len(unknown) > MAX_FAULTS:
         wrong.faults.append(Fault("unknown key", "links", f"{len(unknown) - MAX_FAULTS} more", allowed))
 
 
-def _numbers(values: Sequence[object], key: str, wrong: _Faults) -> FloatArray:
+def _column_values(values: Sequence[object], key: str, wrong: _Faults) -> FloatArray:
     """Values of one key, NaN if not given; `_HARMLESS` replaces a value that is not a finite number, which is a fault."""
-    given: list[Any] = list(values)
-    if not set(map(type, given)) <= {float, int, NoneType}:
-        no_number = np.array([isinstance(v, bool) or not isinstance(v, int | float | None) for v in given])
+    cells: list[Any] = list(values)
+    if not set(map(type, cells)) <= {float, int, NoneType}:
+        no_number = np.array([isinstance(v, bool) or not isinstance(v, int | float | None) for v in cells])
         wrong.add("not a number", no_number, key, lambda k: excerpt(values[k]), "a number")
-        given = [_HARMLESS[key] if bad else value for value, bad in zip(given, no_number, strict=True)]
+        cells = [_HARMLESS[key] if bad else value for value, bad in zip(cells, no_number, strict=True)]
     try:
-        numbers = np.array(given, dtype=np.float64)
+        numbers = np.array(cells, dtype=np.float64)
     except OverflowError:
         largest = sys.float_info.max
-        numbers = np.array([np.nan if v is None else np.inf if abs(v) > largest else v for v in given])
+        numbers = np.array([np.nan if v is None else np.inf if abs(v) > largest else v for v in cells])
     endless = ~np.isfinite(numbers)
     if endless.any():
-        endless &= np.array([value is not None for value in given])
+        endless &= np.array([value is not None for value in cells])
         wrong.add("not a finite number", endless, key, lambda k: excerpt(values[k]), "a finite number")
         numbers[endless] = _HARMLESS[key]
     return numbers
@@ -263,20 +260,20 @@ def _numbers(values: Sequence[object], key: str, wrong: _Faults) -> FloatArray:
 
 def _missing_keys(columns: Mapping[str, FloatArray], is_link: BoolArray, wrong: _Faults) -> None:
     """Add the faults of missing keys, and of keys of which only one may be given."""
-    there = {key: ~np.isnan(values) for key, values in columns.items()}
+    is_given = {key: ~np.isnan(values) for key, values in columns.items()}
 
-    def given(k: int) -> str:
-        return f"{[key for key in LINK_KEYS if there[key][k]]}"
+    def given_keys(k: int) -> str:
+        return f"{[key for key in LINK_KEYS if is_given[key][k]]}"
 
-    wrong.add("missing key", is_link & ~there["length_m"], "", given, "length_m")
-    speed, time = there["speed_m_s"], there["travel_time_s"]
+    wrong.add("missing key", is_link & ~is_given["length_m"], "", given_keys, "length_m")
+    speed, time = is_given["speed_m_s"], is_given["travel_time_s"]
     allowed = "either speed_m_s or travel_time_s"
-    wrong.add("speed and travel time mixed", speed & time, "", given, allowed)
-    wrong.add("speed is missing", is_link & ~speed & ~time, "", given, allowed)
-    start, end, grade = there["start_elevation_m"], there["end_elevation_m"], there["grade"]
+    wrong.add("speed and travel time mixed", speed & time, "", given_keys, allowed)
+    wrong.add("speed is missing", is_link & ~speed & ~time, "", given_keys, allowed)
+    start, end, grade = is_given["start_elevation_m"], is_given["end_elevation_m"], is_given["grade"]
     allowed = "either grade or start_elevation_m and end_elevation_m"
-    wrong.add("grade and elevation mixed", grade & (start | end), "", given, allowed)
-    wrong.add("elevation at one end only", (start != end) & ~grade, "", given, allowed)
+    wrong.add("grade and elevation mixed", grade & (start | end), "", given_keys, allowed)
+    wrong.add("elevation at one end only", (start != end) & ~grade, "", given_keys, allowed)
 
 
 def _elevation(
@@ -289,8 +286,7 @@ def _elevation(
     """
     border = running_sum(columns["length_m"])
     start, end, grade = columns["start_elevation_m"], columns["end_elevation_m"], columns["grade"]
-    known = np.isfinite(start)
-    if known.any():
+    if np.isfinite(start).any():
         # two links may have different heights where they meet, so each link keeps its own two heights
         position = np.column_stack((border[:-1], border[1:])).ravel()
         height = np.column_stack((start, end)).ravel()
@@ -298,11 +294,11 @@ def _elevation(
             got = "grade on some links and elevation on others"
             allowed = "the same one of the two on all links"
             raise InvalidInput.of("grade and elevation mixed", "links", got, allowed)
-        there = np.isfinite(height)
-        flags = () if there.all() else (Flag("elevation_interpolated", "links"),)
-        return position[there], height[there], flags
+        known = np.isfinite(height)
+        flags = () if known.all() else (Flag("elevation_interpolated", "links"),)
+        return position[known], height[known], flags
     if np.isfinite(grade).any():
         rise = np.nan_to_num(grade, nan=0.0) * columns["length_m"]
         height = running_sum(rise)
-        return border, height - height.min(), (RELATIVE_ELEVATION,)
+        return border, height - height.min(), (_RELATIVE_ELEVATION,)
     return None, None, (FLAT_ROAD,)

@@ -30,7 +30,7 @@ def is_links_table(data: bytes) -> bool:
     >>> is_links_table(b"length_m,speed_m_s\n"), is_links_table(b"time_s,speed_m_s\n"), is_links_table(b"<gpx/>")
     (True, False, False)
     """
-    names = _cells(data.partition(b"\n")[0][:4000].decode("utf-8-sig", "replace"))[0]
+    names = _header_cells(data.partition(b"\n")[0][:4000].decode("utf-8-sig", "replace"))[0]
     return any(n.startswith("length") for n in names) and not any(n.startswith("time") for n in names)
 
 
@@ -64,7 +64,7 @@ def route_from_table(data: bytes, where: str = "links") -> LinkRoute:
     """
     try:
         text = data.decode("utf-8-sig")
-        names, delimiter = _cells(text.partition("\n")[0])
+        names, delimiter = _header_cells(text.partition("\n")[0])
         reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter)
         filled = (row for row in itertools.islice(reader, 1, None) if any(cell.strip() for cell in row))
         rows = list(itertools.islice(filled, MAX_LINKS + 1))
@@ -77,19 +77,19 @@ def route_from_table(data: bytes, where: str = "links") -> LinkRoute:
         if len(row) > len(names)
     ]
     comma = delimiter != ","
-    links = [{n: _number(c, comma) for n, c in zip(names, row, strict=False)} for row in rows]
-    columns, more = columns_of_links(links, f"{where}, ")
-    raise_faults([*more, *first_faults(faults, where)])
+    links = [{name: _cell_value(cell, comma) for name, cell in zip(names, row, strict=False)} for row in rows]
+    columns, link_faults = columns_of_links(links, f"{where}, ")
+    raise_faults([*link_faults, *first_faults(faults, where)])
     return route_of_columns(columns)
 
 
-def _cells(header: str) -> tuple[list[str], str]:
+def _header_cells(header: str) -> tuple[list[str], str]:
     """The names of the columns, and the delimiter between them."""
     delimiter = max(DELIMITERS, key=header.count)
     return [name.strip().strip('"').strip().lower() for name in header.split(delimiter)], delimiter
 
 
-def _number(cell: str, decimal_comma: bool) -> float | str | None:
+def _cell_value(cell: str, decimal_comma: bool) -> float | str | None:
     """The number in a cell; None if the cell is empty, its text if it is not a number."""
     text = cell.strip()
     try:

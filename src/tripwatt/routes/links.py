@@ -22,7 +22,7 @@ MAX_TRAVEL_TIME_S: Final = LINK_COLUMNS["travel_time_s"].maximum
 """Longest travel time [s]: no battery lasts longer without a charge."""
 
 MAX_SAMPLES: Final = 2_000_000
-"""Largest number of samples in one planned trip."""
+"""Largest number of samples in one planned trip; a choice, which bounds the memory."""
 
 FASTEST_LINK_M_S: Final = LINK_COLUMNS["speed_m_s"].maximum
 """Highest mean speed of a link [m/s]."""
@@ -33,7 +33,7 @@ SHORTEST_LINK_M: Final = LINK_COLUMNS["length_m"].minimum
 LONGEST_LINK_M: Final = LINK_COLUMNS["length_m"].maximum
 
 SHORTEST_STRETCH_M: Final = 60.0
-"""Shorter links are joined with the next ones before they are driven: a mean speed over a few metres means nothing."""
+"""Shorter links are joined with the next ones before they are driven: a mean speed over a few metres means nothing. A choice."""
 
 SAME_SPEED: Final = 1e-6
 """Largest relative difference, from rounding, of two speeds that count as equal."""
@@ -41,9 +41,9 @@ SAME_SPEED: Final = 1e-6
 FLAT_ROAD: Final = Flag("no_elevation", "road")
 
 
-def first_of(what: str, number: int) -> Flag:
-    """The flag that the first of several routes in a file is used."""
-    return Flag("first_of_several", what, float(number), "1")
+def first_of_several(what: str, number: int) -> tuple[Flag, ...]:
+    """The flag that the first of several routes in a file is used; empty if the file has only one."""
+    return (Flag("first_of_several", what, float(number), "1"),) if number > 1 else ()
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -179,9 +179,8 @@ class LinkRoute:
         finest = max(self.duration_s / MAX_SAMPLES, 1e-3)
         if not (math.isfinite(step_s) and step_s >= finest):
             raise InvalidInput.of("step out of range", "step_s", f"{step_s}", f"{finest:g} s or more")
-        route = _uncut(self)
-        first = first_of_stretches(route)
-        stretches = joined_links(route, first)
+        route = _merge_equal_links(self)
+        stretches = join_links(route, stretch_starts(route))
         profile = link_profile(**stretches, style=style, rng=rng, step_s=step_s)
         columns = {"time_s": profile.time_s, "speed_m_s": profile.speed_m_s}
         height = route.elevation_at(profile.position_m)
@@ -214,8 +213,8 @@ def _route_faults(route: LinkRoute) -> Iterator[Fault]:
         column = COLUMNS["elevation_m"]
         wrong = ~((route.elevation_m >= column.minimum) & (route.elevation_m <= column.maximum))
         if wrong.any():
-            first = int(np.flatnonzero(wrong)[0])
-            where, got = f"elevation {first + 1}", f"{route.elevation_m[first]:g} m"
+            index = int(np.flatnonzero(wrong)[0])
+            where, got = f"elevation {index + 1}", f"{route.elevation_m[index]:g} m"
             yield Fault("elevation out of range", where, got, f"{column.minimum:g} to {column.maximum:g} m")
 
 
@@ -282,9 +281,9 @@ def links_of_trip(trip: Recorded, length_m: float = 250.0) -> LinkRoute:
     position, height = None, None
     if trip.has("elevation_m"):
         logged = trip.array("elevation_m")
-        there = moves & np.isfinite(logged)
-        if there.any():
-            position, height = border, np.interp(border, driven[there], logged[there])
+        known = moves & np.isfinite(logged)
+        if known.any():
+            position, height = border, np.interp(border, driven[known], logged[known])
     unknown = np.full(number, np.nan)
     flags = () if height is not None else (FLAT_ROAD,)
     return LinkRoute(np.diff(border), np.diff(passed), unknown, unknown, position, height, flags)
@@ -324,52 +323,65 @@ def plan_on_links(trip: Recorded, length_m: float) -> Plan:
     return replace(plan.with_departure(trip.departure), start_s=float(trip.array("time_s")[0]))
 
 
-def _uncut(route: LinkRoute) -> LinkRoute:
+def _merge_equal_links(route: LinkRoute) -> LinkRoute:
     """The route in which neighbours of equal speed, limit and moving speed are one link, unless a stop lies between them."""
     speed, stop = route.speed_m_s, route.stop_s
-    alike = np.abs(np.diff(speed)) <= SAME_SPEED * speed[1:]
-    alike &= (np.isnan(stop[1:]) & np.isnan(stop[:-1])) | ((stop[1:] == 0.0) & (stop[:-1] == 0.0))
-    if not alike.any():
+    equal = np.abs(np.diff(speed)) <= SAME_SPEED * speed[1:]
+    equal &= (np.isnan(stop[1:]) & np.isnan(stop[:-1])) | ((stop[1:] == 0.0) & (stop[:-1] == 0.0))
+    if not equal.any():
         return route
     for values in (route.moving_speed_m_s, route.speed_limit_m_s):
         if values is not None:
-            alike &= np.isclose(values[:-1], values[1:], SAME_SPEED, 0.0, equal_nan=True)
-    first = np.flatnonzero(np.concatenate(([True], ~alike)))
+            equal &= np.isclose(values[:-1], values[1:], SAME_SPEED, 0.0, equal_nan=True)
+    starts = np.flatnonzero(np.concatenate(([True], ~equal)))
     # equal moving speeds are kept to the last bit: a change by rounding could alter where the iteration of a drive ends
-    one = joined_links(route, first) | {"moving_speed_m_s": route.moving_speed_m_s[first]}
-    return route if float(one["length_m"].max()) > LONGEST_LINK_M else replace(route, **one)
+    merged = join_links(route, starts) | {"moving_speed_m_s": route.moving_speed_m_s[starts]}
+    return route if float(merged["length_m"].max()) > LONGEST_LINK_M else replace(route, **merged)
 
 
-def first_of_stretches(route: LinkRoute) -> IntArray:
-    """Index of the first link of each stretch: a short link joins the links after it, a short last stretch the one before."""
-    if float(route.length_m.min()) >= SHORTEST_STRETCH_M:
-        return np.arange(len(route), dtype=np.int64)
-    first, driven = [0], 0.0
-    lengths, stops = route.length_m.tolist(), (route.stop_s > 0).tolist()
-    for k in range(len(lengths) - 1):
-        driven += lengths[k]
-        if driven >= SHORTEST_STRETCH_M or stops[k]:
-            first.append(k + 1)
-            driven = 0.0
-    if len(first) > 1 and sum(lengths[first[-1] :]) < SHORTEST_STRETCH_M and not stops[first[-1] - 1]:
-        first.pop()
-    return np.array(first, dtype=np.int64)
+def link_ends(length_m: FloatArray, time_s: FloatArray, target_m: float, may_end: BoolArray) -> IntArray:
+    """Index of the last piece of each link if pieces are joined in their order into links. O(pieces).
+
+    A link takes time and has the length `target_m`, or at least `SHORTEST_LINK_M` if it ends at a piece that `may_end` marks.
+    The pieces after the last end are too short for a link.
+    """
+    ends, driven_m, spent_s = [], 0.0, 0.0
+    pieces = zip(length_m.tolist(), time_s.tolist(), may_end.tolist(), strict=True)
+    for k, (piece_m, piece_s, is_end) in enumerate(pieces):
+        driven_m += piece_m
+        spent_s += piece_s
+        if driven_m >= SHORTEST_LINK_M and spent_s > 0 and (is_end or driven_m >= target_m):
+            ends.append(k)
+            driven_m = spent_s = 0.0
+    return np.array(ends, dtype=np.int64)
 
 
-def joined_links(route: LinkRoute, first: IntArray) -> dict[str, Any]:
-    """Columns of a route whose links are joined: each joined link begins at an index in `first`.
+def stretch_starts(route: LinkRoute) -> IntArray:
+    """Index of the first link of each stretch: a short link joins the links after it, a short last stretch the one before.
+
+    No link joins across a stop.
+    """
+    stops = route.stop_s > 0
+    stops[-1] = False
+    ends = link_ends(route.length_m, route.travel_time_s, SHORTEST_STRETCH_M, stops)
+    # the last start is the end of the route, or begins a short stretch, which is kept only after a stop
+    return np.append(0, ends + 1 if len(ends) and stops[ends[-1]] else ends[:-1] + 1)
+
+
+def join_links(route: LinkRoute, starts: IntArray) -> dict[str, Any]:
+    """Columns of a route whose links are joined: each joined link begins at an index in `starts`.
 
     The standstill of a joined link is the one at its end. The moving speed is the length over the sum of the moving times, the
     limit the highest one. A value is unknown if it is unknown on one of the links; a standstill only if its end has no known stop.
     """
-    length = np.add.reduceat(route.length_m, first)
-    end = route.stop_s[np.append(first[1:], len(route)) - 1]
-    unknown = np.logical_or.reduceat(np.isnan(route.stop_s), first) & ~(end > 0)
+    length = np.add.reduceat(route.length_m, starts)
+    end = route.stop_s[np.append(starts[1:], len(route)) - 1]
+    unknown = np.logical_or.reduceat(np.isnan(route.stop_s), starts) & ~(end > 0)
     limit = route.speed_limit_m_s
     return {
         "length_m": length,
-        "travel_time_s": np.add.reduceat(route.travel_time_s, first),
+        "travel_time_s": np.add.reduceat(route.travel_time_s, starts),
         "stop_s": np.where(unknown, np.nan, np.nan_to_num(end, nan=0.0)),
-        "moving_speed_m_s": length / np.add.reduceat(route.length_m / route.moving_speed_m_s, first),
-        "speed_limit_m_s": None if limit is None else np.maximum.reduceat(limit, first),
+        "moving_speed_m_s": length / np.add.reduceat(route.length_m / route.moving_speed_m_s, starts),
+        "speed_limit_m_s": None if limit is None else np.maximum.reduceat(limit, starts),
     }

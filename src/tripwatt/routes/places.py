@@ -17,7 +17,7 @@ from tripwatt.errors import Fault, raise_faults
 from tripwatt.routes.points import EARTH_RADIUS_M, haversine_m
 from tripwatt.trips import Plan
 
-COORDINATES: Final = re.compile(r"^\s*(?:geo:)?(-?\d{1,3}(?:\.\d+)?)\s*[,; ]\s*(-?\d{1,3}(?:\.\d+)?)\s*$")
+_COORDINATES: Final = re.compile(r"^\s*(?:geo:)?(-?\d{1,3}(?:\.\d+)?)\s*[,; ]\s*(-?\d{1,3}(?:\.\d+)?)\s*$")
 """Form of a latitude and longitude that a person writes or pastes."""
 
 TWIN_M: Final = 5000.0
@@ -35,14 +35,14 @@ SETTLEMENTS: Final = (
 )
 """Kinds of places that people live in, the most important first: values of `place` of OpenStreetMap."""
 
-WORD: Final = re.compile(r"\w+")
+_WORD: Final = re.compile(r"\w+")
 
 SPELLINGS: Final = str.maketrans(
     {"ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss", "æ": "ae", "ø": "oe", "å": "aa"}
 )
 """How letters are typed on keyboards that lack them."""
 
-PLAIN: Final = str.maketrans(
+_PLAIN: Final = str.maketrans(
     {"ß": "ss", "æ": "ae", "œ": "oe", "ø": "o", "ł": "l", "đ": "d", "ð": "d", "þ": "th", "ı": "i"}
 )
 """Replacements of letters from which Unicode decomposition removes no accent."""
@@ -85,9 +85,9 @@ class Place:
     def __post_init__(self) -> None:
         bounds = {"latitude": (self.latitude_deg, 90.0), "longitude": (self.longitude_deg, 180.0)}
         raise_faults(
-            Fault("coordinate out of range", name, f"{value:g}°", f"-{most:g}° to {most:g}°")
-            for name, (value, most) in bounds.items()
-            if not abs(value) <= most
+            Fault("coordinate out of range", name, f"{value:g}°", f"-{limit:g}° to {limit:g}°")
+            for name, (value, limit) in bounds.items()
+            if not abs(value) <= limit
         )
 
     @property
@@ -144,9 +144,11 @@ class Place:
         """
         first = self.name.partition(",")[0]
         return any(
-            set(part) <= set(typed) <= set(whole)
-            for typed, part, whole in itertools.product(*map(_spelled, (text, first, self.name)))
-            if part
+            set(first_words) <= set(typed) <= set(all_words)
+            for typed, first_words, all_words in itertools.product(
+                *map(_words_in_two_spellings, (text, first, self.name))
+            )
+            if first_words
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -216,18 +218,18 @@ class Place:
         angle, bearing = distance_m / EARTH_RADIUS_M, math.radians(bearing_deg)
         lat, lon = math.radians(self.latitude_deg), math.radians(self.longitude_deg)
         sine = math.sin(lat) * math.cos(angle) + math.cos(lat) * math.sin(angle) * math.cos(bearing)
-        there = math.asin(max(-1.0, min(1.0, sine)))
-        along = math.atan2(
+        latitude = math.asin(max(-1.0, min(1.0, sine)))
+        turn = math.atan2(
             math.sin(bearing) * math.sin(angle) * math.cos(lat),
-            math.cos(angle) - math.sin(lat) * math.sin(there),
+            math.cos(angle) - math.sin(lat) * math.sin(latitude),
         )
-        longitude = (math.degrees(lon + along) + 540.0) % 360.0 - 180.0
-        return Place(math.degrees(there), longitude)
+        longitude = (math.degrees(lon + turn) + 540.0) % 360.0 - 180.0
+        return Place(math.degrees(latitude), longitude)
 
 
-def _spelled(text: str) -> tuple[list[str], list[str]]:
+def _words_in_two_spellings(text: str) -> tuple[list[str], list[str]]:
     """The words of a text in lower case in two spellings: without accents, and with accented letters typed as two."""
-    return plain_words(text), WORD.findall(text.lower().translate(SPELLINGS))
+    return plain_words(text), _WORD.findall(text.lower().translate(SPELLINGS))
 
 
 def plain_words(text: str) -> list[str]:
@@ -239,13 +241,13 @@ def plain_words(text: str) -> list[str]:
     ['angsgatan', 'lodz']
     """
     if text.isascii():
-        return WORD.findall(text.lower())
-    letters = unicodedata.normalize("NFKD", text.lower().translate(PLAIN))
-    return WORD.findall("".join(letter for letter in letters if not unicodedata.combining(letter)))
+        return _WORD.findall(text.lower())
+    letters = unicodedata.normalize("NFKD", text.lower().translate(_PLAIN))
+    return _WORD.findall("".join(letter for letter in letters if not unicodedata.combining(letter)))
 
 
-def without_twins(places: Iterable[Place], most: int | None = None) -> tuple[Place, ...]:
-    """The places without repetitions, at most `most` of them. O(places²) for places of the same name.
+def without_twins(places: Iterable[Place], limit: int | None = None) -> tuple[Place, ...]:
+    """The places without repetitions, at most `limit` of them. O(places²) for places of the same name.
 
     A place is left out if, within `TWIN_M`, an earlier place has the same name or is a settlement with the same first part of its
     name. A village, its boundary and its post office are one place; streets of the same name in two villages are two.
@@ -257,16 +259,16 @@ def without_twins(places: Iterable[Place], most: int | None = None) -> tuple[Pla
     True
     """
     kept: dict[str, list[Place]] = {}
-    single = []
+    distinct = []
     for place in places:
         same = kept.setdefault(place.name.partition(", ")[0], [])
-        alike = [other for other in same if other.name == place.name or other.kind in SETTLEMENTS]
-        if all(other.distance_m(place) > TWIN_M for other in alike):
+        twins = [other for other in same if other.name == place.name or other.kind in SETTLEMENTS]
+        if all(other.distance_m(place) > TWIN_M for other in twins):
             same.append(place)
-            single.append(place)
-            if len(single) == most:
+            distinct.append(place)
+            if len(distinct) == limit:
                 break
-    return tuple(single)
+    return tuple(distinct)
 
 
 def read_coordinates(text: str) -> Place | None:
@@ -282,7 +284,7 @@ def read_coordinates(text: str) -> Place | None:
     >>> read_coordinates("47.141, 9.5209"), read_coordinates("Vaduz")
     (Place(latitude_deg=47.141, longitude_deg=9.5209, name='', kind=''), None)
     """
-    match = COORDINATES.match(text)
+    match = _COORDINATES.match(text)
     return None if match is None else Place(float(match[1]), float(match[2]))
 
 
@@ -338,5 +340,5 @@ def with_heading(
     plan: Plan, latitude_deg: FloatArray, longitude_deg: FloatArray, position_m: FloatArray, distance_m: float
 ) -> Plan:
     """A copy of a plan with its direction of travel, from the points of a line, their positions and the length of the line."""
-    along = heading_along(latitude_deg, longitude_deg, position_m, driven_m(plan, distance_m))
-    return replace(plan, heading_deg=along)
+    heading = heading_along(latitude_deg, longitude_deg, position_m, driven_m(plan, distance_m))
+    return replace(plan, heading_deg=heading)

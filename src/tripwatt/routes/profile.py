@@ -25,31 +25,30 @@ from tripwatt.routes.driver import (
     reachable_speed,
 )
 
-LONGEST_STREET_M: Final = 2000.0
+_LONGEST_STREET_M: Final = 2000.0
 """Link length [m] above which the street speed no longer grows: twice the longest links of its fit. A longer link has at least
 one disturbance per such length, as several links of this length would have."""
 
-MAX_OVER_MEAN_M_S: Final = 8.0
+_MAX_OVER_MEAN_M_S: Final = 8.0
 """Largest difference between free speed and mean speed [m/s]. This and the next two constants come from the driving schedules that
 were made of recorded driving (`docs/decisions/forecast-11-even-links.md`)."""
 
 
-CRUISE_M_S: Final = 25.0
+_CRUISE_M_S: Final = 25.0
 """From this mean speed [m/s] on, nothing slows the car down: it cruises at the mean speed."""
 
+_FIRMER: Final = 3.0
+"""A driver who exceeds the free speed by a share s accelerates and brakes more firmly by the share `_FIRMER` times s."""
 
-FIRMER: Final = 3.0
-"""A driver who exceeds the free speed by a share s accelerates and brakes more firmly by the share `FIRMER` times s."""
+_TIME_TOLERANCE: Final = 0.005
+"""The iteration ends when every link's travel time is right to this share or to `_TIME_TOLERANCE_S`, whichever is larger; a
+choice."""
 
-
-TIME_TOLERANCE: Final = 0.005
-"""The iteration ends when every link's travel time is right to this share or to `TIME_TOLERANCE_S`, whichever is larger."""
-
-TIME_TOLERANCE_S: Final = 0.2
+_TIME_TOLERANCE_S: Final = 0.2
 """Tolerance of a link's travel time [s]; a choice, a fifth of the usual step between two samples."""
 
-HURRY: Final = 1.6
-"""A car that has to make up time drives at most this many times the link's mean speed, plus 2 m/s."""
+_HURRY: Final = 1.6
+"""A car that has to make up time drives at most this many times the link's mean speed, plus 2 m/s; a choice."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,12 +110,12 @@ class LinkStyle:
         """Speed between two disturbances [m/s] on each link, shape of `length_m`.
 
         This is the power mean of the mean speed and a street speed that grows with the length, but at most
-        `MAX_OVER_MEAN_M_S` above the mean speed, and nearer to the mean speed on fast roads (`undisturbed_speed`).
+        `_MAX_OVER_MEAN_M_S` above the mean speed, and nearer to the mean speed on fast roads (`undisturbed_speed`).
 
         Parameters
         ----------
         length_m : ndarray, shape (links,)
-            Length of each link [m]; above `LONGEST_STREET_M` the speed no longer grows with the length.
+            Length of each link [m]; above `_LONGEST_STREET_M` the speed no longer grows with the length.
         speed_m_s : ndarray, shape (links,)
             Mean speed on each link [m/s].
 
@@ -131,10 +130,10 @@ class LinkStyle:
         array([14.14])
         """
         # `street_speed_m_s` is that of a link of 250 m
-        reach = np.minimum(length_m, LONGEST_STREET_M) / 250.0
+        reach = np.minimum(length_m, _LONGEST_STREET_M) / 250.0
         street = self.street_speed_m_s * reach**self.length_exponent
         free = (street**self.sharpness + speed_m_s**self.sharpness) ** (1.0 / self.sharpness)
-        return undisturbed_speed(speed_m_s, np.minimum(free, speed_m_s + MAX_OVER_MEAN_M_S))
+        return undisturbed_speed(speed_m_s, np.minimum(free, speed_m_s + _MAX_OVER_MEAN_M_S))
 
 
 def undisturbed_speed(mean_m_s: FloatArray, free_m_s: FloatArray) -> FloatArray:
@@ -155,7 +154,7 @@ def undisturbed_speed(mean_m_s: FloatArray, free_m_s: FloatArray) -> FloatArray:
     >>> undisturbed_speed(np.array([10.0, 19.5, 25.0]), np.array([18.0, 30.0, 36.0])).tolist()
     [18.0, 24.75, 25.0]
     """
-    share = np.clip((CRUISE_M_S - mean_m_s) / (CRUISE_M_S - 14.0), 0.0, 1.0)
+    share = np.clip((_CRUISE_M_S - mean_m_s) / (_CRUISE_M_S - 14.0), 0.0, 1.0)
     return np.asarray(mean_m_s + share * np.maximum(free_m_s - mean_m_s, 0.0), dtype=np.float64)
 
 
@@ -259,19 +258,19 @@ class Course:
         self.position = running_sum((length / cells)[self.link])
         self.position[self.ends] = np.cumsum(length)
         self.dip_link = np.repeat(np.arange(n), dips)
-        order = np.arange(len(self.dip_link)) - np.repeat(np.cumsum(dips) - dips, dips)
+        index = np.arange(len(self.dip_link)) - np.repeat(np.cumsum(dips) - dips, dips)
         drawn = None if rng is None else rng.uniform(0.2, 0.8, len(self.dip_link))
         place = style.stop_place if drawn is None else drawn
-        around = cells[self.dip_link]
-        within = np.rint((order + place) / dips[self.dip_link] * around).astype(np.int64)
-        self.dip_node = (self.ends - cells)[self.dip_link] + np.clip(within, 2, around - 2)
+        cells_of_link = cells[self.dip_link]
+        within = np.rint((index + place) / dips[self.dip_link] * cells_of_link).astype(np.int64)
+        self.dip_node = (self.ends - cells)[self.dip_link] + np.clip(within, 2, cells_of_link - 2)
         # without a place to stop, the speed is lowered to no less than a twentieth of the free speed
-        most = np.where(dips > 0, 1.0, 0.95)
+        max_delay = np.where(dips > 0, 1.0, 0.95)
         # at both ends of the route the car stands anyway: the time left over is spent there
         at_rest = np.zeros(n, dtype=bool)
         at_rest[[0, -1]] = np.isnan(stop[[0, -1]])
-        self.max_delay = np.where(at_rest & (dips == 0), 0.0, most)
-        self.ramp = ramp_speeds(self.position, self.ends, np.minimum(self.free, HURRY * mean + 2.0), style)
+        self.max_delay = np.where(at_rest & (dips == 0), 0.0, max_delay)
+        self.ramp = ramp_speeds(self.position, self.ends, np.minimum(self.free, _HURRY * mean + 2.0), style)
         for side in (self.ramp[1:], self.ramp[:-1]):
             np.minimum(side, self.limit[self.link], out=side)
 
@@ -284,7 +283,7 @@ class Course:
         has_dip = self.max_delay == 1.0
         share = np.where(has_dip, 1.0 - np.minimum(delay, 0.0), 1.0 - delay)
         cruise = np.minimum(self.free * share, self.fastest)
-        effort = np.minimum(self.style.comfort * (1.0 + FIRMER * np.maximum(-delay, 0.0)), 1.0)
+        effort = np.minimum(self.style.comfort * (1.0 + _FIRMER * np.maximum(-delay, 0.0)), 1.0)
         cell = cruise[self.link]
         aim = np.zeros(len(self.position))
         np.minimum(cell[1:], cell[:-1], out=aim[1:-1])
@@ -303,32 +302,32 @@ class Course:
         a step, which grows while the sign of the link's error is the same and is halved when the sign changes.
         """
         delay = np.where(self.max_delay == 1.0, 0.4, 0.0)
-        least = np.minimum(1.0 - self.fastest / self.free, (1.0 - 1.0 / self.style.comfort) / FIRMER)
+        min_delay = np.minimum(1.0 - self.fastest / self.free, (1.0 - 1.0 / self.style.comfort) / _FIRMER)
         # a choice: links of 250 m and of 1 km then take the fewest passes
         step = np.full(delay.shape, 0.12)
-        before, slope = np.zeros(delay.shape), np.zeros(delay.shape)
-        tolerance = np.maximum(TIME_TOLERANCE * self.time, TIME_TOLERANCE_S)
+        previous_late_s, slope = np.zeros(delay.shape), np.zeros(delay.shape)
+        tolerance = np.maximum(_TIME_TOLERANCE * self.time, _TIME_TOLERANCE_S)
         change = np.zeros(delay.shape)
         # a bound of the time; a choice
         for _ in range(30):
             speed, driving_s = self.drive(delay)
-            late = np.bincount(self.link, driving_s, len(delay)) - self.time
+            late_s = np.bincount(self.link, driving_s, len(delay)) - self.time
             with np.errstate(divide="ignore", invalid="ignore"):
-                slope = np.where(change != 0.0, (late - before) / change, slope)
+                slope = np.where(change != 0.0, (late_s - previous_late_s) / change, slope)
             # settled: in tolerance, or early with a stop in which the car can wait, or late and as fast as possible
             settled = (
-                (np.abs(late) <= tolerance)
-                | ((late < 0) & (delay >= self.max_delay) & self.can_wait)
-                | ((late > 0) & (delay <= least))
+                (np.abs(late_s) <= tolerance)
+                | ((late_s < 0) & (delay >= self.max_delay) & self.can_wait)
+                | ((late_s > 0) & (delay <= min_delay))
             )
             if settled.all():
                 break
-            step = np.where(late * before < 0, 0.5 * step, np.minimum(1.5 * step, 0.5))
+            step = np.where(late_s * previous_late_s < 0, 0.5 * step, np.minimum(1.5 * step, 0.5))
             with np.errstate(divide="ignore", invalid="ignore"):
-                wanted = np.where(slope > 0, np.abs(late) / slope, step)
-            wanted = np.where(settled, 0.0, -np.sign(late) * np.minimum(wanted, step))
-            new = np.clip(delay + wanted, least, self.max_delay)
-            change, before, delay = new - delay, late, new
+                correction = np.where(slope > 0, np.abs(late_s) / slope, step)
+            correction = np.where(settled, 0.0, -np.sign(late_s) * np.minimum(correction, step))
+            new_delay = np.clip(delay + correction, min_delay, self.max_delay)
+            change, previous_late_s, delay = new_delay - delay, late_s, new_delay
         return speed, driving_s
 
     @property
@@ -341,24 +340,24 @@ class Course:
     @property
     def fastest(self) -> FloatArray:
         """Highest speed that is tried on each link [m/s]."""
-        return np.minimum(np.maximum(self.free, HURRY * self.length / self.time + 2.0), self.limit)
+        return np.minimum(np.maximum(self.free, _HURRY * self.length / self.time + 2.0), self.limit)
 
     def waiting(
         self, speed: FloatArray, driving_s: FloatArray, rng: np.random.Generator | None
     ) -> FloatArray:
         """Standstill at each node [s]: the given stops, and the time that driving leaves over."""
         n = len(self.length)
-        left = np.maximum(self.time - np.bincount(self.link, driving_s, n), 0.0)
+        spare_s = np.maximum(self.time - np.bincount(self.link, driving_s, n), 0.0)
         # a car that has slowed down to half a metre per second counts as stopped; a choice
         stands = speed[self.dip_node] < 0.5
         # start and end of the route count as stops of the first and the last link
         nodes = np.concatenate((self.dip_node[stands], [0, self.ends[-1]]))
-        owner = np.concatenate((self.dip_link[stands], [0, n - 1]))
+        link = np.concatenate((self.dip_link[stands], [0, n - 1]))
         share = np.ones(len(nodes))
         if rng is not None:
             share = draw_dwell(share, self.style.driver, rng)
         wait = np.zeros(len(self.position))
-        wait[nodes] = left[owner] * share / np.bincount(owner, share, n)[owner]
+        wait[nodes] = spare_s[link] * share / np.bincount(link, share, n)[link]
         wait[self.ends] += self.stop
         return wait
 
@@ -377,10 +376,10 @@ def ramp_speeds(position: FloatArray, ends: IntArray, free: FloatArray, style: L
     ramp = np.zeros_like(position)
     for neighbour in (link - 1, link):  # the border before the node and the one behind it
         near = np.clip(neighbour, 0, max(len(border) - 1, 0))
-        known = (neighbour >= 0) & (neighbour < len(border))
-        if known.any():
+        exists = (neighbour >= 0) & (neighbour < len(border))
+        if exists.any():
             squared = speed[near] ** 2 - 2.0 * pace[near] * np.abs(position - border[near])
-            ramp = np.maximum(ramp, np.where(known, np.sqrt(np.maximum(squared, 0.0)), 0.0))
+            ramp = np.maximum(ramp, np.where(exists, np.sqrt(np.maximum(squared, 0.0)), 0.0))
     return ramp
 
 
@@ -399,8 +398,8 @@ def number_of_dips(
     stop_s = free / (2.0 * down) + free / (2.0 * up) * (1.0 + free**2 / (6.0 * half_squared))
     spare = time - length / free
     ends = np.bincount([0, len(length) - 1], minlength=len(length))
-    fitting = np.maximum(spare / (stop_s + style.driver.dwell_mean_s), length / LONGEST_STREET_M)
-    number = np.rint(fitting - 0.5 * ends)
+    number_wanted = np.maximum(spare / (stop_s + style.driver.dwell_mean_s), length / _LONGEST_STREET_M)
+    number = np.rint(number_wanted - 0.5 * ends)
     # 25 m are about four cars in a queue; a choice
     number = np.clip(number, np.where(ends > 0, 0, 1), np.maximum(length // 25.0, 1))
-    return np.asarray(np.where(unknown & (spare > TIME_TOLERANCE * time), number, 0), dtype=np.int64)
+    return np.asarray(np.where(unknown & (spare > _TIME_TOLERANCE * time), number, 0), dtype=np.int64)

@@ -7,9 +7,7 @@ with standstill.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
@@ -18,14 +16,14 @@ import numpy as np
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, InvalidInput, excerpt, raise_faults
 from tripwatt.files import file_head
-from tripwatt.routes.answers import annotated, intervals, lengths_and_times, speeds_at_points, steps_of
-from tripwatt.routes.documents import Node, content, parse_json
+from tripwatt.routes.answers import edge_pieces, intervals, speeds_at_points, step_pieces, steps_of
+from tripwatt.routes.documents import Node, parse_json, read_content
 from tripwatt.routes.geojson import track_from_geojson
 from tripwatt.routes.gpx import read_gpx
 from tripwatt.routes.kml import read_kml
 from tripwatt.routes.link_objects import LINK_KEYS, route_from_links
 from tripwatt.routes.link_table import is_links_table, route_from_table
-from tripwatt.routes.links import FLAT_ROAD, SHORTEST_LINK_M, LinkRoute, first_of
+from tripwatt.routes.links import FLAT_ROAD, SHORTEST_LINK_M, LinkRoute, first_of_several, link_ends
 from tripwatt.routes.points import distances_m, haversine_m
 from tripwatt.routes.polyline import decode_polyline
 from tripwatt.routes.tracks import Track
@@ -33,55 +31,50 @@ from tripwatt.routes.xml_events import root_of
 from tripwatt.trips import Flag
 from tripwatt.units import M_PER_FOOT, M_PER_MILE
 
-ORS_UNITS_M: Final[Mapping[str, float]] = {"m": 1.0, "km": 1000.0, "mi": M_PER_MILE}
+_ORS_UNITS_M: Final[Mapping[str, float]] = {"m": 1.0, "km": 1000.0, "mi": M_PER_MILE}
 """Units of length in which openrouteservice answers."""
-ZIP: Final = b"PK\x03\x04"
+_ZIP: Final = b"PK\x03\x04"
 """First bytes of a ZIP archive."""
 
-ROUTE_SUFFIXES: Final = (".gpx", ".kml", ".kmz", ".json", ".geojson")
+_SUFFIXES: Final = (".gpx", ".kml", ".kmz", ".json", ".geojson")
+"""Suffixes of files that are routes whatever they begin with."""
 
 
-@dataclass(slots=True)
-class Pieces:
-    """Collector of the pieces of a route; a piece without a length or a time is added to the next one."""
+def route_from_pieces(
+    pieces: FloatArray, where: str, heights: tuple[FloatArray, FloatArray] | None, *flags: Flag
+) -> LinkRoute:
+    """Links of the pieces of a route. A piece without a length or a time is joined with the next pieces.
 
-    length_m: list[float] = field(default_factory=list)
-    time_s: list[float] = field(default_factory=list)
-    moving_m_s: list[float] = field(default_factory=list)
-    left_m: float = 0.0
-    left_s: float = 0.0
+    Parameters
+    ----------
+    pieces : ndarray, shape (pieces, 3)
+        Length [m], time [s], and speed while nothing stands in the way [m/s], NaN = not known. A link has the speed of its last piece.
+    where : str
+        Name of the response for messages.
+    heights : tuple of ndarray, optional
+        Distances from the start, which are scaled to the length of the links, and the heights there [m].
+    *flags : Flag
+        What is assumed of the route.
 
-    def add(self, length_m: float, time_s: float, moving_m_s: float = math.nan) -> None:
-        """Add a piece; `moving_m_s` is the speed on it while nothing stands in the way, NaN = not known."""
-        length, time = length_m + self.left_m, time_s + self.left_s
-        if length >= SHORTEST_LINK_M and time > 0:
-            self.length_m.append(length)
-            self.time_s.append(time)
-            self.moving_m_s.append(moving_m_s)
-            length = time = 0.0
-        self.left_m, self.left_s = length, time
-
-    def route(self, where: str, heights: tuple[FloatArray, FloatArray] | None, *flags: Flag) -> LinkRoute:
-        """The pieces as links. `heights` are distances and heights; the distances are scaled to the length of the links.
-
-        Raises
-        ------
-        InvalidInput
-            When no piece has a length and a time.
-        """
-        if not self.length_m:
-            got, allowed = "no step with a length and a duration", "a route with steps"
-            raise InvalidInput.of("no route", where, got, allowed)
-        self.length_m[-1] += self.left_m
-        self.time_s[-1] += self.left_s
-        length = np.array(self.length_m)
-        position, height = heights if heights is not None else (None, None)
-        if position is not None and position[-1] > 0:
-            position = position * (float(length.sum()) / position[-1])
-        assumed = flags if heights is not None else (*flags, FLAT_ROAD)
-        unknown = np.full(len(length), np.nan)
-        moving = np.array(self.moving_m_s)
-        return LinkRoute(length, np.array(self.time_s), unknown, moving, position, height, assumed)
+    Raises
+    ------
+    InvalidInput
+        When no piece has a length and a time.
+    """
+    length, time, moving = pieces.T
+    ends = link_ends(length, time, SHORTEST_LINK_M, np.zeros(len(length), dtype=bool))
+    if not len(ends):
+        got, allowed = "no step with a length and a duration", "a route with steps"
+        raise InvalidInput.of("no route", where, got, allowed)
+    starts = np.append(0, ends[:-1] + 1)
+    length, time = np.add.reduceat(length, starts), np.add.reduceat(time, starts)
+    unknown = np.full(len(length), np.nan)
+    if heights is None:
+        return LinkRoute(length, time, unknown, moving[ends], flags=(*flags, FLAT_ROAD))
+    position, height = heights
+    if position[-1] > 0:
+        position = position * (float(length.sum()) / position[-1])
+    return LinkRoute(length, time, unknown, moving[ends], position, height, flags)
 
 
 def heights_of(points: FloatArray) -> tuple[FloatArray, FloatArray] | None:
@@ -101,9 +94,10 @@ def heights_of(points: FloatArray) -> tuple[FloatArray, FloatArray] | None:
     return position, np.interp(position, position[known], points[known, 2])
 
 
-def _first(routes: Node) -> tuple[Node, tuple[Flag, ...]]:
-    entries = routes.entries(least=1)
-    return entries[0], () if len(entries) == 1 else (first_of("routes", len(entries)),)
+def _first_route(routes: Node) -> tuple[Node, tuple[Flag, ...]]:
+    """The first route of a response, and a flag if there are others."""
+    entries = routes.entries(min_count=1)
+    return entries[0], first_of_several("routes", len(entries))
 
 
 def _no_route(where: str, got: str, allowed: str) -> InvalidInput:
@@ -123,15 +117,14 @@ def route_from_osrm(response: Mapping[str, Any], where: str = "OSRM response") -
     """
     if response.get("code", "Ok") != "Ok":
         raise _no_route(where, excerpt(response.get("code")), "code Ok")
-    route, flags = _first(Node(response, where)["routes"])
-    pieces = Pieces()
-    for leg in route["legs"].entries(least=1):
-        leg["duration"].number(least=0.0)
+    route, flags = _first_route(Node(response, where)["routes"])
+    pieces = []
+    for leg in route["legs"].entries(min_count=1):
+        leg["duration"].number(minimum=0.0)
         annotation = leg["annotation"].value
-        known = isinstance(annotation, dict) and annotation.get("duration") and annotation.get("distance")
-        for piece in annotated(leg) if known else lengths_and_times(steps_of(leg)):
-            pieces.add(*piece.tolist())
-    return pieces.route(where, None, *flags)
+        has_edges = isinstance(annotation, dict) and annotation.get("duration") and annotation.get("distance")
+        pieces.append(edge_pieces(leg) if has_edges else step_pieces(steps_of(leg)))
+    return route_from_pieces(np.concatenate(pieces), where, None, *flags)
 
 
 def route_from_valhalla(response: Mapping[str, Any], where: str = "Valhalla response") -> LinkRoute:
@@ -149,23 +142,21 @@ def route_from_valhalla(response: Mapping[str, Any], where: str = "Valhalla resp
     if units not in ("kilometers", "miles"):
         raise InvalidInput.of("unknown unit", f"{where}, units", excerpt(units, 40), "kilometers or miles")
     metres, height_unit = (1000.0, 1.0) if units == "kilometers" else (M_PER_MILE, M_PER_FOOT)
-    pieces, places, heights, driven, complete = Pieces(), [], [], 0.0, True
-    for leg in trip["legs"].entries(least=1):
-        length = 0.0
-        for manoeuvre in leg["maneuvers"].entries(least=1):
-            piece = metres * manoeuvre["length"].number(least=0.0)
-            pieces.add(piece, manoeuvre["time"].number(least=0.0))
-            length += piece
+    legs = trip["legs"].entries(min_count=1)
+    pieces, positions, heights, driven_m = [], [], [], 0.0
+    for leg in legs:
+        manoeuvres = leg["maneuvers"].entries(min_count=1)
+        pieces.append(step_pieces(manoeuvres, "length", "time") * (metres, 1.0, 1.0))
+        length_m = float(pieces[-1][:, 0].sum())
         if leg["elevation"].value:
             height = height_unit * leg["elevation"].numbers()
             # the last interval differs a little from the others: the heights are spread evenly over the leg
-            places.append(driven + np.linspace(0.0, length, len(height)))
+            positions.append(driven_m + np.linspace(0.0, length_m, len(height)))
             heights.append(height)
-        else:
-            complete = False
-        driven += length
-    known = (np.concatenate(places), np.concatenate(heights)) if complete and places else None
-    return pieces.route(where, known)
+        driven_m += length_m
+    is_complete = len(heights) == len(legs)
+    elevation = (np.concatenate(positions), np.concatenate(heights)) if is_complete else None
+    return route_from_pieces(np.concatenate(pieces), where, elevation)
 
 
 def route_from_openrouteservice(
@@ -184,20 +175,17 @@ def route_from_openrouteservice(
     answer = Node(response, where)
     metres = _openrouteservice_unit(response, where)
     if "features" in response:
-        feature, flags = _first(answer["features"])
+        feature, flags = _first_route(answer["features"])
         route = feature["properties"]
         heights = heights_of(feature["geometry"]["coordinates"].coordinates())
     else:
-        route, flags = _first(answer["routes"])
+        route, flags = _first_route(answer["routes"])
         summary, line = route["summary"].value, route["geometry"]
-        three = isinstance(summary, dict) and ("ascent" in summary or "descent" in summary)
-        if three and isinstance(line.value, str):
+        has_heights = isinstance(summary, dict) and ("ascent" in summary or "descent" in summary)
+        if has_heights and isinstance(line.value, str):
             heights = heights_of(decode_polyline(line.value, line.where, dimensions=3))
-    pieces = Pieces()
-    for segment in route["segments"].entries(least=1):
-        for length, time in lengths_and_times(steps_of(segment)).tolist():
-            pieces.add(metres * length, time)
-    return pieces.route(where, heights, *flags)
+    steps = [step for segment in route["segments"].entries(min_count=1) for step in steps_of(segment)]
+    return route_from_pieces(step_pieces(steps) * (metres, 1.0, 1.0), where, heights, *flags)
 
 
 def _openrouteservice_unit(response: Mapping[str, Any], where: str) -> float:
@@ -205,10 +193,10 @@ def _openrouteservice_unit(response: Mapping[str, Any], where: str) -> float:
     metadata = response.get("metadata")
     query = metadata.get("query") if isinstance(metadata, dict) else None
     units = query.get("units", "m") if isinstance(query, dict) else "m"
-    if not isinstance(units, str) or units.lower() not in ORS_UNITS_M:
+    if not isinstance(units, str) or units.lower() not in _ORS_UNITS_M:
         place = f"{where}, metadata, query, units"
-        raise InvalidInput.of("unknown unit", place, excerpt(units, 40), ", ".join(ORS_UNITS_M))
-    return ORS_UNITS_M[units.lower()]
+        raise InvalidInput.of("unknown unit", place, excerpt(units, 40), ", ".join(_ORS_UNITS_M))
+    return _ORS_UNITS_M[units.lower()]
 
 
 def route_from_graphhopper(response: Mapping[str, Any], where: str = "GraphHopper response") -> LinkRoute:
@@ -223,21 +211,27 @@ def route_from_graphhopper(response: Mapping[str, Any], where: str = "GraphHoppe
     """
     if "paths" not in response and "message" in response:
         raise _no_route(where, excerpt(response["message"], 120), "paths")
-    path, flags = _first(Node(response, where)["paths"])
+    path, flags = _first_route(Node(response, where)["paths"])
     points = _graphhopper_points(path)
     details = path["details"] if isinstance(path["details"].value, dict) else Node({}, where)
-    pieces = Pieces()
     if points is not None and details["time"].value:
         length = path["distance"]
-        position = distances_m(points, None if length.value is None else length.number(least=0.0))
+        position = distances_m(points, None if length.value is None else length.number(minimum=0.0))
         moving = speeds_at_points(details["average_speed"], len(points))
-        for start, end, milliseconds in intervals(details["time"], len(points)):
-            seconds = 0.0 if milliseconds.value is None else milliseconds.number(least=0.0) / 1000.0
-            pieces.add(float(position[end] - position[start]), seconds, float(moving[start]))
+        pieces = np.array(
+            [
+                (position[end] - position[start], _number_or_zero(milliseconds), moving[start])
+                for start, end, milliseconds in intervals(details["time"], len(points))
+            ]
+        )
     else:
-        for metres, time in lengths_and_times(steps_of(path, "instructions"), "time").tolist():
-            pieces.add(metres, 1e-3 * time)
-    return pieces.route(where, None if points is None else heights_of(points), *flags)
+        pieces = step_pieces(steps_of(path, "instructions"), time_key="time")
+    heights = None if points is None else heights_of(points)
+    return route_from_pieces(pieces * (1.0, 1e-3, 1.0), where, heights, *flags)
+
+
+def _number_or_zero(node: Node) -> float:
+    return 0.0 if node.value is None else node.number(minimum=0.0)
 
 
 def _graphhopper_points(path: Node) -> FloatArray | None:
@@ -247,30 +241,25 @@ def _graphhopper_points(path: Node) -> FloatArray | None:
     if not isinstance(points.value, str):
         return points["coordinates"].coordinates()
     multiplier = path["points_encoded_multiplier"]
-    precision = 1e5 if multiplier.value is None else multiplier.number(least=1.0)
+    precision = 1e5 if multiplier.value is None else multiplier.number(minimum=1.0)
     return _graphhopper_polyline(points.value, path, precision, points.where)
 
 
 def _graphhopper_polyline(text: str, path: Node, precision: float, where: str) -> FloatArray:
     """Points of an encoded polyline with or without heights; the decoding that fits the length of the path is returned."""
-    lines: dict[int, FloatArray] = {}
+    lines: list[FloatArray] = []
     faults: tuple[Fault, ...] = ()
     for dimensions in (2, 3):
         try:
-            lines[dimensions] = decode_polyline(text, where, precision=precision, dimensions=dimensions)
+            lines.append(decode_polyline(text, where, precision=precision, dimensions=dimensions))
         except InvalidInput as error:
             faults = faults or error.faults
-    if len(lines) < 2:
-        raise_faults(() if lines else faults)
-        return next(iter(lines.values()))
-    if path["distance"].value is None:
-        # older versions give six numbers with elevation, newer ones always four
-        box = path["bbox"].value
-        return lines[3 if isinstance(box, list) and len(box) == 6 else 2]
-    driven = path["distance"].number(least=0.0)
-    return min(
-        lines.values(), key=lambda line: abs(float(haversine_m(line[:, 0], line[:, 1]).sum()) - driven)
-    )
+    if not lines:
+        raise_faults(faults)
+    if len(lines) == 1:
+        return lines[0]
+    length_m = path["distance"].number(minimum=0.0)
+    return min(lines, key=lambda line: abs(float(haversine_m(line[:, 0], line[:, 1]).sum()) - length_m))
 
 
 ROUTERS: Final[Mapping[str, Callable[[Mapping[str, Any], str], LinkRoute]]] = {
@@ -306,51 +295,10 @@ def router_of(response: Mapping[str, Any]) -> str | None:
     return "openrouteservice" if "error" in response else None
 
 
-def read_response(
-    source: bytes | str | Path, router: str | None = None, *, where: str | None = None
-) -> LinkRoute:
-    """Read the links of a router's saved response. O(bytes).
-
-    Parameters
-    ----------
-    source : bytes, str or path
-        The JSON text itself as bytes, or the path of a file.
-    router : str, optional
-        One of `ROUTERS`; recognised from the response when not given.
-    where : str, optional
-        Name for messages.
-
-    Returns
-    -------
-    LinkRoute
-        The first route of the response.
-
-    Raises
-    ------
-    InvalidInput
-        When the file is not a router's response or holds no route that can be driven.
-
-    Examples
-    --------
-    >>> read_response(b'{"code": "Ok", "routes": [{"legs": [{"distance": 900.0, "duration": 60.0}]}]}').speed_m_s
-    array([15.])
-    """
-    data, name = content(source, where)
-    return _route_from(Node(parse_json(data, name), name).members(), router, name)
-
-
-def _route_from(response: dict[str, Any], router: str | None, name: str) -> LinkRoute:
-    kind = router or router_of(response)
-    if kind is None or kind not in ROUTERS:
-        got = repr(router) if router else f"an object with {sorted(response)[:6]}"
-        raise InvalidInput.of("unknown router", name, got[:120], ", ".join(ROUTERS))
-    return ROUTERS[kind](response, f"{name} ({kind})")
-
-
 def is_route(path: Path | str) -> bool:
     r"""Whether a file is to be read as a route, by its suffix or its beginning.
 
-    True for a file with a suffix of `ROUTE_SUFFIXES`, for a text that begins like XML or JSON, and for a table of links.
+    True for a file with the suffix gpx, kml, kmz, json or geojson, for a text that begins like XML or JSON, and for a table of links.
 
     Parameters
     ----------
@@ -372,7 +320,7 @@ def is_route(path: Path | str) -> bool:
     (True, False)
     """
     path = Path(path)
-    if path.suffix.lower() in ROUTE_SUFFIXES:
+    if path.suffix.lower() in _SUFFIXES:
         return path.is_file()
     if not path.is_file():
         return False
@@ -408,11 +356,11 @@ def parse_route(source: bytes | str | Path, *, where: str | None = None) -> Link
     >>> parse_route(b'[{"length_m": 500, "speed_m_s": 10}]').duration_s
     50.0
     """
-    data, name = content(source, where)
+    data, name = read_content(source, where)
     head = data[:200].lstrip(b"\xef\xbb\xbf \t\r\n")
     if head.startswith((b"<", b"\xff\xfe", b"\xfe\xff")):
         return read_kml(data, where=name) if root_of(data) == "kml" else read_gpx(data, where=name)
-    if head.startswith(ZIP):
+    if head.startswith(_ZIP):
         fix = "unpack it, for example with unzip, and give the file doc.kml"
         raise InvalidInput.of("packed file", name, "a ZIP archive, such as KMZ", "KML", fix)
     if is_links_table(data):
@@ -423,10 +371,13 @@ def parse_route(source: bytes | str | Path, *, where: str | None = None) -> Link
     response = Node(document, name).members()
     if "links" in response:
         return route_from_links([link.value for link in Node(document, name)["links"].entries()])
-    if router_of(response) is None and "type" in response:
+    router = router_of(response)
+    if router is not None:
+        return ROUTERS[router](response, f"{name} ({router})")
+    if "type" in response:
         return track_from_geojson(Node(response, name))
-    if router_of(response) is None:
-        got = f"an object with {sorted(response)[:6]}"
-        allowed = f"GPX, KML, GeoJSON, a response of {', '.join(ROUTERS)}, or links with {', '.join(sorted(LINK_KEYS))}"
-        raise InvalidInput.of("unknown format", name, got[:120], allowed)
-    return _route_from(response, None, name)
+    got = f"an object with {sorted(response)[:6]}"
+    allowed = (
+        f"GPX, KML, GeoJSON, a response of {', '.join(ROUTERS)}, or links with {', '.join(sorted(LINK_KEYS))}"
+    )
+    raise InvalidInput.of("unknown format", name, got[:120], allowed)

@@ -23,15 +23,15 @@ REFERENCE_M: Final = 10_000.0
 GROWTH: Final = 0.6
 """Exponent of the net climb over distance. In logs it falls from 0.8 over some km to 0.4 over tens of km (`python -m benchmarks.climb`)."""
 STEEPEST: Final = 0.2
-"""Largest mean grade of a road over its length: the steepest streets have up to 0.35, but only over some hundred metres."""
+"""Largest mean grade of a road over its length, a choice: the steepest streets have up to 0.35, but only over some hundred metres."""
 LOCAL_M: Final = 500.0
-"""Length of the hills that a road goes up and down between its ends [m]."""
+"""Length of the hills that a road goes up and down between its ends [m]; a choice."""
 REGION_SCALE_M: Final[Mapping[str, float]] = {"tum": 22.0, "twizy": 82.4}
 """Scale of the net climb over 10 km of logs with heights [m]: around Munich (TUM data set) and around Rabat (RSK Twizy data set), from
 ``python -m benchmarks.unknown_climb``."""
-USUAL_SCALE_M: Final = 20.0
-REGION_SPREAD: Final = 0.9
-"""`USUAL_SCALE_M` is the prior median scale [m] of a region that is neither flat nor mountains; `REGION_SPREAD` is the standard
+_USUAL_SCALE_M: Final = 20.0
+_REGION_SPREAD: Final = 0.9
+"""`_USUAL_SCALE_M` is the prior median scale [m] of a region that is neither flat nor mountains; `_REGION_SPREAD` is the standard
 deviation of the logarithm of the scale between regions. Choices; two regions with logs are too few to replace them."""
 
 
@@ -94,8 +94,8 @@ class NetClimbs:
         """Net climb of each scenario up to each distance [m], shape (scenarios, distances)."""
         distance = np.asarray(distance_m, dtype=np.float64)
         limit = self.limit(distance)
-        grown = self.over_10_km_m[:, None] * (distance / REFERENCE_M) ** GROWTH
-        return np.asarray(np.clip(grown, -limit, limit))
+        climb = self.over_10_km_m[:, None] * (distance / REFERENCE_M) ** GROWTH
+        return np.asarray(np.clip(climb, -limit, limit))
 
     def local_grade(self) -> FloatArray:
         """Typical grade of the hills along the road in each scenario [1], shape (scenarios,)."""
@@ -106,29 +106,29 @@ class NetClimbs:
     def quantile(self, p: float, distance_m: float) -> FloatArray:
         """Quantile `p` of the net climb over a distance [m]."""
         middle = np.cumsum(self.weights) - 0.5 * self.weights
-        grown = np.interp(p, middle, self.over_10_km_m) * (distance_m / REFERENCE_M) ** GROWTH
+        climb = np.interp(p, middle, self.over_10_km_m) * (distance_m / REFERENCE_M) ** GROWTH
         limit = self.limit(distance_m)
-        return np.asarray(np.clip(grown, -limit, limit))
+        return np.asarray(np.clip(climb, -limit, limit))
 
     def typical_m(self, distance_m: float) -> float:
         """Half the width of the central 68 % of the net climb [m]: the standard deviation of its core, without the far tails."""
         return 0.5 * float(self.quantile(0.84, distance_m) - self.quantile(0.16, distance_m))
 
 
-def region_scale_m(regions: Sequence[float]) -> float:
+def _region_scale_m(regions: Sequence[float]) -> float:
     """Scale of an unseen region that is neither flat nor mountains [m], given the scales of regions with logs.
 
-    The mean of the logarithms, shrunk to that of `USUAL_SCALE_M`: the posterior mean under a normal prior.
+    The mean of the logarithms, shrunk to that of `_USUAL_SCALE_M`: the posterior mean under a normal prior.
 
     Examples
     --------
-    >>> region_scale_m([]), round(region_scale_m([20.0]), 6), 25.0 < region_scale_m([100.0]) < 40.0
+    >>> _region_scale_m([]), round(_region_scale_m([20.0]), 6), 25.0 < _region_scale_m([100.0]) < 40.0
     (20.0, 20.0, True)
     """
     # the usual scale is known within a factor of e^0.5; a choice
-    usual, known = 0.5**-2, REGION_SPREAD**-2
-    logs = [math.log(scale / USUAL_SCALE_M) for scale in regions]
-    return USUAL_SCALE_M * math.exp(known * sum(logs) / (usual + known * len(logs)))
+    prior_weight, region_weight = 0.5**-2, _REGION_SPREAD**-2
+    logs = [math.log(scale / _USUAL_SCALE_M) for scale in regions]
+    return _USUAL_SCALE_M * math.exp(region_weight * sum(logs) / (prior_weight + region_weight * len(logs)))
 
 
 @lru_cache(maxsize=32)
@@ -162,7 +162,7 @@ def net_climbs(terrain: str = "unknown", without: str | None = None) -> NetClimb
     regions = [scale for name, scale in REGION_SCALE_M.items() if name != without]
     kinds = {
         "flat": Terrain(5.0, 0.5, 100.0, 0.5),
-        "hilly": Terrain(region_scale_m(regions), 0.5, 800.0, 0.44),
+        "hilly": Terrain(_region_scale_m(regions), 0.5, 800.0, 0.44),
         "mountains": Terrain(250.0, 0.6, 3000.0, 0.06),
     }
     chosen = list(kinds.values()) if terrain == "unknown" else [kinds[terrain]]
@@ -178,5 +178,7 @@ def net_climbs(terrain: str = "unknown", without: str | None = None) -> NetClimb
     middle = 0.5 * (edges[1:] + edges[:-1])
     size = np.interp(np.abs(2.0 * middle - 1.0), normal @ shares, grid)
     density = shares / scales * np.exp(-0.5 * (size[:, None] / scales) ** 2)
-    rough = (density @ scales) / density.sum(axis=1)
-    return NetClimbs(np.sign(middle - 0.5) * size, rough, np.diff(edges), max(kind.max_m for kind in chosen))
+    mean_scale = (density @ scales) / density.sum(axis=1)
+    return NetClimbs(
+        np.sign(middle - 0.5) * size, mean_scale, np.diff(edges), max(kind.max_m for kind in chosen)
+    )

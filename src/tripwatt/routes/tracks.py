@@ -10,15 +10,15 @@ from typing import Final
 
 import numpy as np
 
-from tripwatt.arrays import FloatArray, IntArray, running_sum
+from tripwatt.arrays import FloatArray, running_sum
 from tripwatt.errors import Fault, InvalidInput, and_more, excerpt, raise_faults
 from tripwatt.routes.links import (
     FASTEST_LINK_M_S,
     FLAT_ROAD,
     MAX_SAMPLES,
     MAX_TRAVEL_TIME_S,
-    SHORTEST_LINK_M,
     LinkRoute,
+    link_ends,
 )
 from tripwatt.routes.places import heading_along, with_heading
 from tripwatt.routes.points import haversine_m, require_on_earth
@@ -28,20 +28,20 @@ from tripwatt.trips.columns import is_number
 from tripwatt.trips.gaps import SHORTEST_GAP_S
 from tripwatt.units import M_S_PER_KM_H
 
-WINDOW_S: Final = 2.0
-"""Half of the time [s] over which the speed of a logged track is averaged, against the jitter of positions."""
+_WINDOW_S: Final = 2.0
+"""Half of the time [s] over which the speed of a logged track is averaged, against the jitter of positions; a choice."""
 
-STANDING_M_S: Final = 0.5
-"""Below this speed the positions of a logged track only jitter: the car stands."""
+_STANDING_M_S: Final = 0.5
+"""Below this speed the positions of a logged track only jitter: the car stands. A choice, a slow walk."""
 
-TRACK_LINK_M: Final = 100.0
-"""Points of a sparse or timeless track are joined until a link has this length."""
+_TRACK_LINK_M: Final = 100.0
+"""Points of a sparse or timeless track are joined until a link has this length [m]; a choice."""
 
-MAX_IN_GAPS: Final = 0.25
-"""Largest share of the length of a logged track that may lie in gaps between its points."""
+_MAX_IN_GAPS: Final = 0.25
+"""Largest share of the length of a logged track that may lie in gaps between its points; a choice."""
 
 EARLIEST_YEAR, LATEST_YEAR = 1970, 2199
-"""First and last year allowed for a time of a track."""
+"""First and last year allowed for a time of a track: others come from a wrong clock."""
 
 TIME_ALLOWED: Final = "ISO 8601, such as 2026-05-01T08:00:00Z"
 
@@ -98,10 +98,10 @@ class Track:
     def _faults(self) -> Iterator[Fault]:
         if self.time_s is not None:
             step = np.diff(self.time_s)
-            back = np.flatnonzero(step < 0)
-            if len(back):
-                got = f"{-step[back[0]]:g} s back{and_more(back, 'points')}"
-                where = f"track, point {back[0] + 2}"
+            decreases = np.flatnonzero(step < 0)
+            if len(decreases):
+                got = f"{-step[decreases[0]]:g} s back{and_more(decreases, 'points')}"
+                where = f"track, point {decreases[0] + 2}"
                 yield Fault("time decreases", where, got, "times that never decrease")
             span = float(self.time_s[-1] - self.time_s[0])
             if not 0 < span <= MAX_TRAVEL_TIME_S:
@@ -202,7 +202,7 @@ class Track:
     def links(self, speed_m_s: float | None = None) -> LinkRoute:
         """Convert a track into links, with its times, else the speeds of its pieces, else a given speed. O(points).
 
-        Points are joined until a link has the length `TRACK_LINK_M`.
+        Points are joined until a link has the length `_TRACK_LINK_M`.
 
         Parameters
         ----------
@@ -234,26 +234,28 @@ class Track:
             if speed_m_s is not None and not (is_number(speed_m_s) and 0 < speed_m_s <= FASTEST_LINK_M_S):
                 allowed = f"more than 0, at most {FASTEST_LINK_M_S:g} m/s"
                 raise InvalidInput.of("speed out of range", "speed_m_s", excerpt(speed_m_s), allowed)
-            unknown = np.isnan(self.piece_speed_m_s)
-            if unknown.any() and speed_m_s is None:
+            no_speed = np.isnan(self.piece_speed_m_s)
+            if no_speed.any() and speed_m_s is None:
                 got, allowed = (
-                    f"{int(unknown.sum())} pieces without time and speed",
+                    f"{int(no_speed.sum())} pieces without time and speed",
                     "a mean speed for the track",
                 )
                 raise InvalidInput.of("speed is missing", "track", got, allowed, "give speed_m_s")
-            if speed_m_s is not None and unknown.any():
+            if speed_m_s is not None and no_speed.any():
                 flags = (*flags, Flag("speed_assumed", "track", speed_m_s, "m_s"))
-            time = step / np.where(unknown, speed_m_s or np.nan, self.piece_speed_m_s)
-        first = _join(step, time, self.piece_speed_m_s if self.time_s is None else np.zeros_like(step))
-        length, seconds = np.add.reduceat(step, first), np.add.reduceat(time, first)
-        position, height, more = self.elevation()
-        none = np.full(len(length), np.nan)
-        return LinkRoute(length, seconds, none, none, position, height, (*flags, *more))
+            time = step / np.where(no_speed, speed_m_s or np.nan, self.piece_speed_m_s)
+        speed = np.nan_to_num(self.piece_speed_m_s, nan=-1.0)
+        changes = np.append((self.time_s is None) & (np.diff(speed) != 0.0), True)
+        starts = np.append(0, link_ends(step, time, _TRACK_LINK_M, changes)[:-1] + 1)
+        length, seconds = np.add.reduceat(step, starts), np.add.reduceat(time, starts)
+        position, height, height_flags = self.elevation()
+        unknown = np.full(len(length), np.nan)
+        return LinkRoute(length, seconds, unknown, unknown, position, height, (*flags, *height_flags))
 
     def driven_plan(self, *, trip_id: str = "track", step_s: float = 1.0) -> Plan:
         """A plan with the speed over time of a logged track. O(points).
 
-        The speed is the mean over `WINDOW_S` before and after each sample; below `STANDING_M_S` it is 0.
+        The speed is the mean over `_WINDOW_S` before and after each sample; below `_STANDING_M_S` it is 0.
 
         Parameters
         ----------
@@ -282,20 +284,20 @@ class Track:
         """
         if self.time_s is None:
             raise InvalidInput.of("no times", "track", "points without time", "a track with times")
-        keep = np.concatenate(([True], np.diff(self.time_s) > 0))
+        advances = np.concatenate(([True], np.diff(self.time_s) > 0))
         # if several points have the same time, the last position counts
-        last = np.append(np.flatnonzero(keep)[1:], len(self)) - 1
-        known_s, driven = self.time_s[keep], self.position_m[last]
+        last = np.append(np.flatnonzero(advances)[1:], len(self)) - 1
+        known_s, driven = self.time_s[advances], self.position_m[last]
         span = float(known_s[-1])
         finest = max(span / MAX_SAMPLES, 1e-3)
         if not finest <= step_s <= MAX_TRAVEL_TIME_S:
             allowed = f"{finest:g} to {MAX_TRAVEL_TIME_S:g} s"
             raise InvalidInput.of("step out of range", "step_s", f"{step_s}", allowed)
         time = np.arange(max(math.ceil(span / step_s - 1e-9), 1) + 1, dtype=np.float64) * step_s
-        before, after = np.maximum(time - WINDOW_S, 0.0), np.minimum(time + WINDOW_S, span)
+        before, after = np.maximum(time - _WINDOW_S, 0.0), np.minimum(time + _WINDOW_S, span)
         after = np.maximum(after, before + 1e-9)
         speed = (np.interp(after, known_s, driven) - np.interp(before, known_s, driven)) / (after - before)
-        speed = np.where(speed < STANDING_M_S, 0.0, speed)
+        speed = np.where(speed < _STANDING_M_S, 0.0, speed)
         fast = np.flatnonzero(speed > FASTEST_LINK_M_S)
         if len(fast):
             got = f"{speed[fast[0]] / M_S_PER_KM_H:.0f} km/h at {time[fast[0]]:g} s"
@@ -325,17 +327,17 @@ def times_of(texts: list[str], where: str) -> tuple[FloatArray | None, dt.dateti
         return None, None, ()
     if not (texts[0] and texts[-1]):
         return None, None, (Flag("times_ignored", "track"),)
-    moments = [
-        _moment(text, f"{where}, point {k}") if text else None for k, text in enumerate(texts, start=1)
+    times = [
+        _parse_time(text, f"{where}, point {k}") if text else None for k, text in enumerate(texts, start=1)
     ]
-    values = np.array([math.nan if moment is None else moment.timestamp() for moment in moments])
+    values = np.array([math.nan if moment is None else moment.timestamp() for moment in times])
     known = np.flatnonzero(np.isfinite(values))
     flags = () if len(known) == len(values) else (Flag("times_interpolated", "track"),)
     values = np.interp(np.arange(len(values)), known, values[known])
-    return values - values[0], moments[0], flags
+    return values - values[0], times[0], flags
 
 
-def _moment(text: str, where: str) -> dt.datetime:
+def _parse_time(text: str, where: str) -> dt.datetime:
     try:
         moment = dt.datetime.fromisoformat(text)
     except ValueError as error:
@@ -352,31 +354,15 @@ def _moving_gaps(time_s: FloatArray, driven_m: FloatArray) -> tuple[Flag, ...]:
     Raises
     ------
     InvalidInput
-        When more than the share `MAX_IN_GAPS` of the distance lies in gaps.
+        When more than the share `_MAX_IN_GAPS` of the distance lies in gaps.
     """
-    step, way = np.diff(time_s), np.diff(driven_m)
-    gaps = (step > SHORTEST_GAP_S) & (way >= STANDING_M_S * step)
+    step, driven = np.diff(time_s), np.diff(driven_m)
+    gaps = (step > SHORTEST_GAP_S) & (driven >= _STANDING_M_S * step)
     if not gaps.any():
         return ()
-    share = float(way[gaps].sum() / driven_m[-1])
-    if share > MAX_IN_GAPS:
+    share = float(driven[gaps].sum() / driven_m[-1])
+    if share > _MAX_IN_GAPS:
         got = f"{share:.0%} of the way in gaps of up to {step[gaps].max():g} s"
-        allowed = f"at most {MAX_IN_GAPS:.0%} in gaps over {SHORTEST_GAP_S:g} s"
+        allowed = f"at most {_MAX_IN_GAPS:.0%} in gaps over {SHORTEST_GAP_S:g} s"
         raise InvalidInput.of("gaps in the track", "track", got, allowed, "give the whole track")
     return (Flag("gap_bridged", "speed_m_s", float(step[gaps].sum()), "s"),)
-
-
-def _join(step: FloatArray, time: FloatArray, kind: FloatArray) -> IntArray:
-    """Index of the first piece of each link. A link ends if it is long enough, or where `kind`, the speed of the pieces, changes."""
-    first, driven, spent = [0], 0.0, 0.0
-    steps, times, kinds = step.tolist(), time.tolist(), np.nan_to_num(kind, nan=-1.0).tolist()
-    for k in range(1, len(steps)):
-        driven += steps[k - 1]
-        spent += times[k - 1]
-        if driven >= SHORTEST_LINK_M and spent > 0 and (driven >= TRACK_LINK_M or kinds[k] != kinds[k - 1]):
-            first.append(k)
-            driven = spent = 0.0
-    # the last link must be long enough as well
-    while len(first) > 1 and not (sum(steps[first[-1] :]) >= SHORTEST_LINK_M and sum(times[first[-1] :]) > 0):
-        first.pop()
-    return np.array(first, dtype=np.int64)

@@ -22,19 +22,19 @@ from tripwatt.routes.documents import Node, parse_json
 if TYPE_CHECKING:
     import httpx
 
-TOTAL_TIMEOUT_S: Final = 15.0
-"""Longest time [s] of one request with its retries and its answer."""
+_TOTAL_TIMEOUT_S: Final = 15.0
+"""Longest time [s] of one request with its retries and its answer; a choice, because a person waits for the answer."""
 
 MAX_ANSWER_BYTES: Final = 32 * 1024 * 1024
 """Largest answer [bytes]: a route of 10,000 km with all its points has less."""
 
-ATTEMPTS: Final = 3
+_ATTEMPTS: Final = 3
 """Attempts of one request. A choice: the pauses between three attempts take 0.6 s in all."""
-FIRST_PAUSE_S: Final = 0.2
-"""Pause [s] before the second attempt; each further pause is twice as long."""
-
+_FIRST_PAUSE_S: Final = 0.2
+"""Pause [s] before the second attempt, a choice; each further pause is twice as long."""
 
 EXTRA: Final = install("routing")
+"""Command that installs the packages for servers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +56,7 @@ def as_remote() -> Iterator[None]:
         raise RemoteError(error.faults) from error
 
 
-def an_answer(value: Any, where: str) -> Node:
+def require_object(value: Any, where: str) -> Node:
     """The value of a server's answer as a `Node`, after a check that it is a JSON object.
 
     Raises
@@ -86,10 +86,10 @@ def require_url(url: str, where: str) -> str:
     try:
         parts = urlsplit(url)
         host, _ = parts.hostname, parts.port  # `port` raises ValueError if it is invalid
-        sound = parts.scheme in ("http", "https") and bool(host)
+        is_http = parts.scheme in ("http", "https") and bool(host)
     except ValueError:
-        sound = False
-    if not sound or parts.username or parts.password or parts.query or parts.fragment:
+        is_http = False
+    if not is_http or parts.username or parts.password or parts.query or parts.fragment:
         got = url.rpartition("@")[2][:60]  # no password in a message
         allowed = "http://HOST[:PORT][/PATH] or https://..., without user name and query"
         raise InvalidInput.of("not the URL of a server", where, got, allowed)
@@ -121,7 +121,7 @@ class WebClient:
     what: str = "the server"
     key_variable: str = ""
     key_place: str = "header:Authorization"
-    timeout_s: float = TOTAL_TIMEOUT_S
+    timeout_s: float = _TOTAL_TIMEOUT_S
     pause: Callable[[float], object] = time.sleep
     transport: httpx.BaseTransport | None = field(default=None, repr=False, compare=False)
 
@@ -134,7 +134,7 @@ class WebClient:
         """The JSON document of the answer to a GET request. See `post_json`."""
         return self._document(self.request("GET", path, query=query))
 
-    def post_json(self, path: str, body: Any, query: Mapping[str, Any] | None = None) -> Any:
+    def post_json(self, path: str, body: Any) -> Any:
         """The JSON document of the answer to a POST request with a JSON body.
 
         The status may be any but 401, 403, 429, 502, 503 and 504; another one of 500 or above only if the body is a JSON object.
@@ -144,7 +144,7 @@ class WebClient:
         RemoteError
             When the server does not answer in time, refuses the key, fails, or the answer is too large or not JSON.
         """
-        return self._document(self.request("POST", path, body=body, query=query))
+        return self._document(self.request("POST", path, body=body))
 
     def request(
         self, method: str, path: str, *, body: Any = None, query: Mapping[str, Any] | None = None
@@ -157,20 +157,20 @@ class WebClient:
             As `post_json`, except that any body is accepted.
         """
         deadline = time.monotonic() + self.timeout_s
-        for attempt in range(1, ATTEMPTS + 1):
+        for attempt in range(1, _ATTEMPTS + 1):
             answer = self._attempt(method, path, body, query, deadline)
             # after these statuses another attempt may succeed
             if isinstance(answer, Answer) and answer.status not in (429, 502, 503, 504):
-                return self._accepted(answer)
-            wait_s = FIRST_PAUSE_S * 2.0 ** (attempt - 1)
-            if attempt == ATTEMPTS or time.monotonic() + wait_s >= deadline:
+                return self._check_status(answer)
+            wait_s = _FIRST_PAUSE_S * 2.0 ** (attempt - 1)
+            if attempt == _ATTEMPTS or time.monotonic() + wait_s >= deadline:
                 break
             self.pause(wait_s)
         got = f"status {answer.status}" if isinstance(answer, Answer) else answer
         fix = "check the URL, or try again later"
         raise RemoteError.of(f"{self.what} does not respond", self.host, got, fix=fix)
 
-    def _accepted(self, answer: Answer) -> Answer:
+    def _check_status(self, answer: Answer) -> Answer:
         if answer.status in (401, 403):
             fix = f"set {self.key_variable} to a valid key" if self.key_variable else "use another server"
             raise RemoteError.of(f"{self.what} refuses access", self.host, f"status {answer.status}", "", fix)
@@ -183,9 +183,9 @@ class WebClient:
     ) -> Answer | str:
         """The answer, or a text that says why there is none."""
         httpx = _httpx()
-        left_s = max(deadline - time.monotonic(), 0.05)
+        remaining_s = max(deadline - time.monotonic(), 0.05)
         # a reachable server accepts a connection within 3 s
-        timeout = httpx.Timeout(left_s, connect=min(3.0, left_s))
+        timeout = httpx.Timeout(remaining_s, connect=min(3.0, remaining_s))
         try:
             request = httpx.Request(
                 method,

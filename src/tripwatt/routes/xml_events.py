@@ -12,11 +12,11 @@ from xml.parsers import expat
 import numpy as np
 
 from tripwatt.errors import InvalidInput
-from tripwatt.routes.links import first_of
+from tripwatt.routes.links import first_of_several
 from tripwatt.routes.points import MAX_POINTS
 from tripwatt.routes.tracks import Track, times_of
 
-DEEPEST_XML: Final = 64
+_MAX_DEPTH: Final = 64
 """Largest depth of elements; a choice, which bounds the memory."""
 ROOT_BYTES: Final = 65_536
 """Number of first bytes in which the root of a text has to begin."""
@@ -29,12 +29,12 @@ class _RootRead(Exception):
     """Ends the parsing as soon as the root is read."""
 
 
-def local_name(tag: str) -> str:
+def _local_name(tag: str) -> str:
     """The name of an element without its prefix.
 
     Examples
     --------
-    >>> local_name("gx:Track"), local_name("kml")
+    >>> _local_name("gx:Track"), _local_name("kml")
     ('Track', 'kml')
     """
     return tag.rpartition(":")[2]
@@ -80,10 +80,10 @@ class XmlTracks:
         self._text: list[str] = []
         self._characters = 0
 
-    def started(self, tag: str, attributes: Mapping[str, str]) -> None:
+    def handle_start(self, tag: str, attributes: Mapping[str, str]) -> None:
         """Handle the start of an element; the last entry of `path` is the element."""
 
-    def ended(self, tag: str, text: str) -> None:
+    def handle_end(self, tag: str, text: str) -> None:
         """Handle the end of an element with its text; the last entry of `path` is its parent."""
 
     def count_point(self) -> str:
@@ -112,16 +112,16 @@ class XmlTracks:
         lines = [line for kind in self.kinds for line in self.lines[kind] if len(line.points) >= 2]
         if not lines:
             raise InvalidInput.of("no track in the file", self.name, f"{self.number} points", self.allowed)
-        first, flags = lines[0], (() if len(lines) == 1 else (first_of("tracks and routes", len(lines)),))
+        first, flags = lines[0], first_of_several("tracks and routes", len(lines))
         if first.times and len(first.times) != len(first.points):
             got = f"{len(first.times)} times, {len(first.points)} points"
             raise InvalidInput.of(
                 "times and points differ in number", self.name, got, "a time for each point"
             )
         latitude, longitude, height = np.array(first.points, dtype=np.float64).T
-        time, started_at, more = times_of(first.times, self.name)
+        time, started_at, time_flags = times_of(first.times, self.name)
         unknown = np.full(len(height) - 1, np.nan)
-        return Track(latitude, longitude, height, time, unknown, started_at, (*flags, *more))
+        return Track(latitude, longitude, height, time, unknown, started_at, (*flags, *time_flags))
 
     def _parse(self, data: bytes) -> None:
         format_name = self.root.upper()
@@ -145,15 +145,15 @@ class XmlTracks:
             raise InvalidInput.of("not well-formed XML", self.name, str(error)[:120], allowed) from error
 
     def _start(self, tag: str, attributes: Mapping[str, str]) -> None:
-        tag = local_name(tag)
+        tag = _local_name(tag)
         if not self.path and tag != self.root:
             raise InvalidInput.of(f"not {self.root.upper()}", self.name, f"<{tag[:40]}>", f"<{self.root}>")
         self.path.append(tag)
-        if len(self.path) > DEEPEST_XML:
-            got, allowed = f"{len(self.path)} levels", f"at most {DEEPEST_XML}"
+        if len(self.path) > _MAX_DEPTH:
+            got, allowed = f"{len(self.path)} levels", f"at most {_MAX_DEPTH}"
             raise InvalidInput.of("XML nested too deeply", self.name, got, allowed)
         self._text, self._characters = [], 0
-        self.started(tag, attributes)
+        self.handle_start(tag, attributes)
 
     def _add_text(self, text: str) -> None:
         if self.path[-1] in self.texts and self._characters < self.max_text:
@@ -162,7 +162,7 @@ class XmlTracks:
 
     def _end(self, _: str) -> None:
         tag = self.path.pop()
-        self.ended(tag, "".join(self._text))
+        self.handle_end(tag, "".join(self._text))
         self._text, self._characters = [], 0
 
 
@@ -177,7 +177,7 @@ def root_of(data: bytes) -> str:
     roots: list[str] = []
 
     def start(tag: str, _: Mapping[str, str]) -> None:
-        roots.append(local_name(tag))
+        roots.append(_local_name(tag))
         raise _RootRead
 
     parser = expat.ParserCreate()

@@ -7,12 +7,7 @@ import numpy as np
 
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
-from tripwatt.roads.journey import (
-    Atlas,
-    JourneyOptions,
-    Place,
-    plan_journey,
-)
+from tripwatt.roads.journey import Atlas, JourneyOptions, Place, plan_journey
 from tripwatt.roads.maps import Station
 from tripwatt.roads.routers import Edges, Road, join_edges
 

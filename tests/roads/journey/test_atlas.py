@@ -8,11 +8,7 @@ from tests.roads.journey.made import MADE
 from tests.support.router_server import write_map
 
 from tripwatt.errors import InvalidInput
-from tripwatt.roads.journey import (
-    AtlasSettings,
-    Place,
-    open_atlas,
-)
+from tripwatt.roads.journey import AtlasSettings, Place, open_atlas
 from tripwatt.roads.maps.elevation import MARGIN_DEG
 
 

@@ -7,10 +7,7 @@ import pytest
 from tests.roads.journey.made import COLD, journey
 
 from tripwatt.errors import InvalidInput
-from tripwatt.roads.journey import (
-    ChargingCurve,
-    Place,
-)
+from tripwatt.roads.journey import ChargingCurve, Place
 from tripwatt.roads.journey.charging import AMERICAN, EFFICIENCY, EUROPEAN, cold_factor, plugs_of
 from tripwatt.roads.maps import Station
 from tripwatt.vehicles import load_vehicle

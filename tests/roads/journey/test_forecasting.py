@@ -8,10 +8,7 @@ import pytest
 from tests.roads.journey.made import COLD, KM_H, A, B, joined, journey, straight
 
 import tripwatt as tw
-from tripwatt.roads.journey import (
-    Place,
-    RoadForecaster,
-)
+from tripwatt.roads.journey import Place, RoadForecaster
 from tripwatt.roads.journey.forecasting import cap_motorway_speed, is_motorway
 from tripwatt.roads.weather import Weather
 

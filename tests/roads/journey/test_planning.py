@@ -10,12 +10,7 @@ from tests.roads.journey.made import COLD, KM_H, MADE, A, journey
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting.leaving import leaving_with, soc_needed
-from tripwatt.roads.journey import (
-    JourneyOptions,
-    Place,
-    RoadForecaster,
-    plan_journey,
-)
+from tripwatt.roads.journey import JourneyOptions, Place, RoadForecaster, plan_journey
 from tripwatt.roads.journey.forecasting import cap_motorway_speed
 
 

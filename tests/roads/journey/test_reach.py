@@ -7,11 +7,7 @@ from tests.roads.journey.made import COLD, MADE, A, MadeRouter, journey, straigh
 
 import tripwatt as tw
 from tripwatt.errors import InvalidInput, RemoteError
-from tripwatt.roads.journey import (
-    Place,
-    RoadForecaster,
-    find_reach,
-)
+from tripwatt.roads.journey import Place, RoadForecaster, find_reach
 from tripwatt.roads.journey.reach import reach_along, reached_share
 
 

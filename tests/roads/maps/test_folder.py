@@ -8,10 +8,7 @@ import pytest
 from tests.support.router_server import write_map
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.roads.maps import (
-    build_map,
-    open_map,
-)
+from tripwatt.roads.maps import build_map, open_map
 
 
 def osm(*objects):

@@ -9,10 +9,7 @@ import pytest
 from tests.support.router_server import OBJECTS, SETTLEMENTS
 
 from tripwatt.errors import InvalidInput
-from tripwatt.roads.maps import (
-    PlaceIndex,
-    Station,
-)
+from tripwatt.roads.maps import PlaceIndex, Station
 from tripwatt.roads.maps.extract import Named
 from tripwatt.roads.maps.index import write_index
 from tripwatt.roads.maps.near_words import mistakes, near_words

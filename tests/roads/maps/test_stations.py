@@ -6,13 +6,7 @@ from dataclasses import replace
 import pytest
 
 from tripwatt.errors import InvalidInput
-from tripwatt.roads.maps import (
-    Station,
-    near,
-    read_stations,
-    stations,
-    within,
-)
+from tripwatt.roads.maps import Station, near, read_stations, stations, within
 from tripwatt.routes.places import Place
 
 DEGREE_M = 111_195.0797343687

@@ -14,11 +14,11 @@ import numpy as np
 
 from tripwatt.errors import InvalidInput, RemoteError
 from tripwatt.roads.routers.road import KEY_NAME, MAX_ROUTES, Edges, Road, RoadParts, no_road, require_stops
-from tripwatt.routes.answers import annotated, intervals, lengths_and_times, speeds_at_points, steps_of
+from tripwatt.routes.answers import edge_pieces, intervals, speeds_at_points, step_pieces, steps_of
 from tripwatt.routes.documents import Node
 from tripwatt.routes.places import Place
 from tripwatt.routes.points import distances_m
-from tripwatt.routes.web import WebClient, an_answer, as_remote
+from tripwatt.routes.web import WebClient, as_remote, require_object
 
 _NO_ROUTE_CODES: Final = frozenset({"NoRoute", "NoSegment", "InvalidValue", "InvalidQuery", "TooBig"})
 """Codes of OSRM for places that no road connects, and for places that are not valid."""
@@ -50,7 +50,7 @@ class _ServerRouter:
         require_stops(stops)
         answer = self.request_routes(stops, min(alternatives, MAX_ROUTES - 1) if len(stops) == 2 else 0)
         with as_remote():
-            parts = [self.read_parts(route) for route in answer.entries(least=1)[:MAX_ROUTES]]
+            parts = [self.read_parts(route) for route in answer.entries(min_count=1)[:MAX_ROUTES]]
         return tuple(part.road(stops) for part in parts)
 
     def request_routes(self, stops: Sequence[Place], alternatives: int) -> Node:
@@ -79,7 +79,7 @@ class OsrmRouter(_ServerRouter):
             "steps": "true",
             "annotations": "duration,distance,speed",
         }
-        answer = an_answer(self.client.get_json(f"/route/v1/driving/{line}", query), "route")
+        answer = require_object(self.client.get_json(f"/route/v1/driving/{line}", query), "route")
         code = answer["code"].value
         if isinstance(code, str) and code in _NO_ROUTE_CODES:
             raise no_road(stops, str(answer["message"].value or code))
@@ -91,9 +91,11 @@ class OsrmRouter(_ServerRouter):
     def read_parts(route: Node) -> RoadParts:
         """See `_ServerRouter.read_parts`."""
         tables = []
-        for leg in route["legs"].entries(least=1):
+        for leg in route["legs"].entries(min_count=1):
             is_annotated = isinstance(leg["annotation"].value, dict)
-            tables.append(annotated(leg, own_speed=True) if is_annotated else _without_speed(steps_of(leg)))
+            tables.append(
+                edge_pieces(leg, annotated_speed=True) if is_annotated else step_pieces(steps_of(leg))
+            )
         return _leg_from_table(np.concatenate(tables), route["geometry"]["coordinates"].coordinates()[:, :2])
 
 
@@ -115,7 +117,7 @@ class GraphHopperRouter(_ServerRouter):
         }
         if alternatives:
             body |= {"algorithm": "alternative_route", "alternative_route.max_paths": alternatives + 1}
-        answer = an_answer(self.client.post_json("/route", body), "route")
+        answer = require_object(self.client.post_json("/route", body), "route")
         if "paths" not in answer.members():
             raise no_road(stops, str(answer["message"].value or "no paths"))
         return answer["paths"]
@@ -125,8 +127,10 @@ class GraphHopperRouter(_ServerRouter):
         """See `_ServerRouter.read_parts`."""
         points, details = route["points"]["coordinates"].coordinates(), route["details"]
         n = len(points)
-        position = distances_m(points, route["distance"].number(least=0.0))
-        time = [(start, end, value.number(least=0.0)) for start, end, value in intervals(details["time"], n)]
+        position = distances_m(points, route["distance"].number(minimum=0.0))
+        time = [
+            (start, end, value.number(minimum=0.0)) for start, end, value in intervals(details["time"], n)
+        ]
         if not time or any(a[1] != b[0] for a, b in itertools.pairwise(time)):
             where, got = details["time"].where, f"{len(time)}"
             raise InvalidInput.of("incomplete path details", where, got, "one for each edge")
@@ -162,7 +166,9 @@ class OpenRouteServiceRouter(_ServerRouter):
         }
         if alternatives:
             body["alternative_routes"] = {"target_count": min(alternatives + 1, 3)}
-        answer = an_answer(self.client.post_json("/v2/directions/driving-car/geojson", body), "directions")
+        answer = require_object(
+            self.client.post_json("/v2/directions/driving-car/geojson", body), "directions"
+        )
         if "error" in answer.members():
             raise no_road(stops, str(answer["error"].value))
         return answer["features"]
@@ -170,13 +176,9 @@ class OpenRouteServiceRouter(_ServerRouter):
     @staticmethod
     def read_parts(route: Node) -> RoadParts:
         """See `_ServerRouter.read_parts`."""
-        segments = route["properties"]["segments"].entries(least=1)
+        segments = route["properties"]["segments"].entries(min_count=1)
         steps = [step for segment in segments for step in steps_of(segment)]
-        return _leg_from_table(_without_speed(steps), route["geometry"]["coordinates"].coordinates())
-
-
-def _without_speed(steps: Sequence[Node]) -> np.ndarray:
-    return np.pad(lengths_and_times(steps), ((0, 0), (0, 1)), constant_values=np.nan)
+        return _leg_from_table(step_pieces(steps), route["geometry"]["coordinates"].coordinates())
 
 
 def _leg_from_table(table: np.ndarray, points: np.ndarray) -> RoadParts:

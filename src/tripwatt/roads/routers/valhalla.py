@@ -23,7 +23,7 @@ from tripwatt.routes.documents import Node
 from tripwatt.routes.places import Place
 from tripwatt.routes.points import distances_m
 from tripwatt.routes.polyline import decode_polyline
-from tripwatt.routes.web import WebClient, an_answer, as_remote
+from tripwatt.routes.web import WebClient, as_remote, require_object
 from tripwatt.units import M_S_PER_KM_H
 
 T = TypeVar("T")
@@ -135,11 +135,11 @@ class ValhallaRouter:
         places = []
         for feature in answer["features"].entries():
             geometry = feature["geometry"]
-            rings = geometry["coordinates"].entries(least=1)
+            rings = geometry["coordinates"].entries(min_count=1)
             is_multiple = geometry["type"].value == "MultiPolygon"
-            outer = [polygon.entries(least=1)[0] for polygon in rings] if is_multiple else rings[:1]
+            outer = [polygon.entries(min_count=1)[0] for polygon in rings] if is_multiple else rings[:1]
             for corner in (corner for ring in outer for corner in ring.entries()):
-                longitude, latitude = (degrees.number() for degrees in corner.entries(least=2)[:2])
+                longitude, latitude = (degrees.number() for degrees in corner.entries(min_count=2)[:2])
                 places.append(Place(latitude, longitude))
         return tuple(places)
 
@@ -175,7 +175,7 @@ class ValhallaRouter:
     def _trip_road(self, trip: Node, stops: Sequence[Place]) -> Road:
         parts = RoadParts()
         with as_remote():
-            for leg in trip["legs"].entries(least=1):
+            for leg in trip["legs"].entries(min_count=1):
                 shape = leg["shape"].value
                 if not isinstance(shape, str):
                     raise InvalidInput.of("no line", leg.where, repr(shape)[:40], "an encoded line")
@@ -222,7 +222,7 @@ class ValhallaRouter:
             If the answer is not valid.
         """
         with as_remote():
-            answer = an_answer(self.ask(action, request), action)
+            answer = require_object(self.ask(action, request), action)
         if not {"error", "error_code"} & answer.members().keys():
             return answer
         code, got = answer["error_code"].value, str(answer["error"].value)[:120]
@@ -234,7 +234,7 @@ class ValhallaRouter:
 
 def _edges(answer: Node, shape: str, points: FloatArray) -> tuple[Edges, FloatArray]:
     """Return the edges of a line, and the ranges of distance [m] in tunnels or on bridges, shape (ranges, 2)."""
-    entries = answer["edges"].entries(least=1)
+    entries = answer["edges"].entries(min_count=1)
     if len(entries) > MAX_EDGES:
         raise InvalidInput.of("too many edges", "trace_attributes", f"{len(entries)}", f"at most {MAX_EDGES}")
     returned_shape = answer["shape"].value
@@ -250,11 +250,11 @@ def _edges(answer: Node, shape: str, points: FloatArray) -> tuple[Edges, FloatAr
     if (np.diff(begin) < 0).any() or (end < begin).any() or (begin[1:] != end[:-1]).any():
         raise InvalidInput.of("edges out of order", answer["edges"].where, "", "indices that rise")
     nodes = [Node(entry.members().get("end_node", {}), f"{entry.where}, end_node") for entry in entries]
-    elapsed = np.array([node["elapsed_time"].number(least=0.0) for node in nodes])
+    elapsed = np.array([node["elapsed_time"].number(minimum=0.0) for node in nodes])
     if (np.diff(elapsed) < 0).any():
         raise InvalidInput.of("time decreases", "trace_attributes, elapsed_time", "", "times that rise")
     boundary_m = distances_m(points)[np.append(begin, end[-1])]
-    speed = np.array([M_S_PER_KM_H * entry["speed"].number(least=1.0) for entry in entries])
+    speed = np.array([M_S_PER_KM_H * entry["speed"].number(minimum=1.0) for entry in entries])
     if within_edge:
         elapsed = np.diff(boundary_m) / speed
     off_ground = [entry["tunnel"].value is True or entry["bridge"].value is True for entry in entries]
@@ -307,12 +307,12 @@ def _speed_limit(limit: Node) -> float:
     """Return a speed limit [m/s], or NaN if there is none; Valhalla then writes "unlimited", or nothing."""
     if limit.value is None or isinstance(limit.value, str):
         return math.nan
-    speed = M_S_PER_KM_H * limit.number(least=0.0)
+    speed = M_S_PER_KM_H * limit.number(minimum=0.0)
     return speed if 0.0 < speed < 60.0 else math.nan  # faster limits are errors of the map
 
 
 def _point_indices(nodes: Sequence[Node], n_points: int) -> IntArray:
-    values = np.array([node.number(least=0.0) for node in nodes])
+    values = np.array([node.number(minimum=0.0) for node in nodes])
     if (values != np.floor(values)).any() or values.max() >= n_points:
         where, got = nodes[0].where, f"{values.max():g}"
         raise InvalidInput.of("point index out of range", where, got, f"0 to {n_points - 1}")
