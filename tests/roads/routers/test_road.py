@@ -4,18 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from tests.support.roads import client, graphhopper, openrouteservice, osrm, valhalla
+from tests.roads.routers.made import EXACT, HALF_M, NO, A, B, valhalla_router
 
 from tripwatt.errors import InvalidInput, RemoteError
-from tripwatt.roads.routers import Edges, Road, RoadParts, ValhallaRouter, join_edges, road
-from tripwatt.roads.routers.servers import GraphHopperRouter, OpenRouteServiceRouter, OsrmRouter
+from tripwatt.roads.routers import Edges, Road, RoadParts, join_edges, road
 from tripwatt.routes.places import Place
-
-NO = math.nan
-
-
-EXACT = {"rtol": 1e-9, "atol": 1e-9}
-
 
 DEGREE_M = 6_371_008.8 * math.pi / 180.0
 
@@ -69,10 +62,6 @@ def test_a_limit_that_is_unknown_is_no_limit():
         assert len(lengths([5.0, 5.0], [9.0, 9.0], limit=pair)) == number
     assert join_edges(edges([5.0], [9.0]))[0].speed_limit_m_s is None
     assert join_edges(edges([5.0], [9.0], limit=[1.0]))[0].speed_limit_m_s.tolist() == [1.0]
-
-
-def test_lists_of_routes_end_at_four():
-    assert road.MAX_ROUTES == 4
 
 
 def line(*longitudes, latitude=0.0):
@@ -188,16 +177,6 @@ def test_a_road_ends_within_1500_metres_of_its_places():
     assert len(caught.value.faults) == 2
 
 
-def test_a_place_may_be_as_far_as_its_bound(monkeypatch):
-    leg, off = (edges([100.0], [10.0]), line(0.0, 0.001), None), Place(0.01, 0.0)
-    far = off.distance_m(Place(0.0, 0.0))
-    monkeypatch.setattr(road, "FARTHEST_START_M", far)
-    assert made(leg, stops=(off, Place(0.0, 0.001))).distance_m == 100.0
-    monkeypatch.setattr(road, "FARTHEST_START_M", far - 1e-6)
-    with pytest.raises(InvalidInput, match="place outside of the map"):
-        made(leg, stops=(off, Place(0.0, 0.001)))
-
-
 def test_a_journey_has_two_places_a_metre_apart():
     near, far = Place(0.9 / DEGREE_M, 0.0), Place(1.1 / DEGREE_M, 0.0)
     start = Place(0.0, 0.0)
@@ -211,38 +190,8 @@ def test_a_journey_has_two_places_a_metre_apart():
         road.require_stops([start])
 
 
-A, B = Place(47.0, 9.0), Place(47.0, 9.1)
-
-
-NAN = float("nan")
-
-
-HALF_M = 6371008.8 * math.radians(0.05) * math.cos(math.radians(47.0))
-"""Length of half of the straight road; a parallel, which the great circle undercuts by less than a metre."""
-
-
-def valhalla_router(**changed):
-    server = client(valhalla(**changed))
-    return ValhallaRouter(lambda action, request: server.post_json(f"/{action}", request))
-
-
-ROUTERS = {
-    "osrm": (OsrmRouter, lambda: osrm(annotated=True)),
-    "steps": (OsrmRouter, lambda: osrm(annotated=False)),
-    "graphhopper": (GraphHopperRouter, graphhopper),
-    "openrouteservice": (OpenRouteServiceRouter, openrouteservice),
-}
-
-
-def edges_of(length, time, speed=None, limit=None, kinds=None, signal=None):
-    n = len(length)
-    full = lambda values: np.full(n, NAN) if values is None else np.array(values, dtype=float)  # noqa: E731
-    signals = np.zeros(n, dtype=bool) if signal is None else np.array(signal)
-    return Edges(full(length), full(time), full(speed), full(limit), tuple(kinds or [""] * n), signals)
-
-
 def test_edges_of_one_speed_are_one_link_with_the_delays_in_its_time():
-    links, kinds = join_edges(edges_of([100.0, 300.0, 200.0], [7.0, 15.0, 10.0], [20.0, 20.0, 20.0]))
+    links, kinds = join_edges(edges([100.0, 300.0, 200.0], [7.0, 15.0, 10.0], [20.0, 20.0, 20.0]))
     assert links.length_m.tolist() == [600.0]
     assert links.travel_time_s.tolist() == [32.0]
     assert links.moving_speed_m_s.tolist() == [20.0]
@@ -257,28 +206,21 @@ def test_edges_of_one_speed_are_one_link_with_the_delays_in_its_time():
         ({}, [200.0]),
         ({"kinds": ["primary", "secondary"]}, [100.0, 100.0]),
         ({"limit": [14.0, 20.0]}, [100.0, 100.0]),
-        ({"limit": [14.0, NAN]}, [100.0, 100.0]),
+        ({"limit": [14.0, NO]}, [100.0, 100.0]),
         ({"limit": [14.0, 14.0]}, [200.0]),
         ({"signal": [True, False]}, [100.0, 100.0]),
         ({"signal": [False, True]}, [200.0]),
     ],
 )
 def test_links_end_where_class_limit_or_a_signal_changes(more, lengths):
-    links, kinds = join_edges(edges_of([100.0, 100.0], [10.0, 10.0], **more))
+    links, kinds = join_edges(edges([100.0, 100.0], [10.0, 10.0], **more))
     assert links.length_m.tolist() == lengths
     assert len(kinds) == len(lengths)
 
 
 def test_a_time_shorter_than_the_free_one_becomes_the_free_one():
-    found, _ = join_edges(edges_of([100.0], [9.0], [10.0]))
+    found, _ = join_edges(edges([100.0], [9.0], [10.0]))
     assert found.travel_time_s.tolist() == [10.0]
-
-
-def router_of(name, document=None):
-    if name == "valhalla":
-        return valhalla_router()
-    kind, make = ROUTERS[name]
-    return kind(client(make() if document is None else document))
 
 
 def test_a_road_becomes_a_plan_with_its_times():
@@ -288,4 +230,4 @@ def test_a_road_becomes_a_plan_with_its_times():
     assert plan.free_flow
     assert plan.duration_s == pytest.approx(420.0, rel=0.02)
     assert plan.distance_m == pytest.approx(2 * HALF_M, rel=2e-3)
-    assert not road.links.__class__(*(np.array([v]) for v in (500.0, 50.0, NAN, NAN))).plan().free_flow
+    assert not road.links.__class__(*(np.array([v]) for v in (500.0, 50.0, NO, NO))).plan().free_flow

@@ -1,11 +1,10 @@
 """Questions to OSRM, GraphHopper and openrouteservice, and their answers."""
 
-import math
-
 import httpx
 import numpy as np
 import pytest
 from benchmarks.link_style import road_work
+from tests.roads.routers.made import EXACT, MIDDLE, NO, A, B, valhalla_router
 from tests.support.roads import (
     VALHALLA_EDGES,
     body_of,
@@ -15,26 +14,13 @@ from tests.support.roads import (
     mutated,
     openrouteservice,
     osrm,
-    valhalla,
 )
 
 from tripwatt.errors import InvalidInput, RemoteError
 from tripwatt.roads.routers.road import no_road
 from tripwatt.roads.routers.servers import GraphHopperRouter, OpenRouteServiceRouter, OsrmRouter
-from tripwatt.roads.routers.valhalla import ValhallaRouter
 from tripwatt.routes.documents import Node
 from tripwatt.routes.places import Place
-
-A, B = Place(47.0, 9.0), Place(47.0, 9.1)
-
-
-NAN = float("nan")
-
-
-def valhalla_router(**changed):
-    server = client(valhalla(**changed))
-    return ValhallaRouter(lambda action, request: server.post_json(f"/{action}", request))
-
 
 ROUTERS = {
     "osrm": (OsrmRouter, lambda: osrm(annotated=True)),
@@ -45,8 +31,6 @@ ROUTERS = {
 
 
 def router_of(name, document=None):
-    if name == "valhalla":
-        return valhalla_router()
     kind, make = ROUTERS[name]
     return kind(client(make() if document is None else document))
 
@@ -63,6 +47,10 @@ def test_osrm_gives_a_link_for_each_speed_whatever_its_edges():
     assert road.links.travel_time_s[0] == pytest.approx(273.6 + 4.0)
 
 
+def test_a_server_without_outlines_gives_none():
+    assert router_of("osrm").outline(A, 10.0) == ()
+
+
 def test_the_energy_of_osrm_by_annotation_is_that_by_steps():
     work = [road_work(router_of(name).roads([A, B])[0].plan()) for name in ("osrm", "steps")]
     assert work[0] == pytest.approx(work[1], rel=0.02)
@@ -73,7 +61,7 @@ def test_graphhopper_gives_limits_classes_and_heights():
     assert road.links.length_m == pytest.approx([3792.0, 3792.0], abs=1.0)
     assert road.links.travel_time_s == pytest.approx([283.0, 137.0])
     assert road.links.moving_speed_m_s == pytest.approx([50.0 / 3.6, 100.0 / 3.6], rel=1e-3)
-    assert road.links.speed_limit_m_s == pytest.approx([50.0 / 3.6, NAN], nan_ok=True)
+    assert road.links.speed_limit_m_s == pytest.approx([50.0 / 3.6, NO], nan_ok=True)
     assert road.road_class == ("secondary", "motorway")
     assert road.links.elevation_m.tolist() == [500.0, 520.0, 510.0]
 
@@ -99,26 +87,6 @@ def test_each_router_may_find_no_road(name, document):
     ) as caught:
         router_of(name, document).roads([A, B])
     assert not isinstance(caught.value, RemoteError)
-
-
-@pytest.mark.parametrize("name", ROUTERS)
-def test_each_router_is_asked_in_its_own_way(name):
-    seen = []
-    kind, make = ROUTERS[name]
-    router = kind(client(lambda r: seen.append(r) or httpx.Response(200, json=make())))
-    router.roads([A, B], alternatives=1)
-    url = str(seen[0].url)
-    if kind is OsrmRouter:
-        assert "/base/route/v1/driving/9.000000,47.000000;9.100000,47.000000?alternatives=1&" in url
-        assert seen[0].url.params["annotations"] == "duration,distance,speed"
-    else:
-        body = body_of(seen[0])
-        key = "points" if kind is GraphHopperRouter else "coordinates"
-        assert body[key] == [[9.0, 47.0], [9.1, 47.0]]
-        assert body["elevation"] is True
-        more = body.get("alternative_route.max_paths") or body["alternative_routes"]["target_count"]
-        assert more == 2
-    assert router.outline(A, 10.0) == ()
 
 
 @pytest.mark.parametrize("name", ["valhalla", *ROUTERS])
@@ -150,15 +118,6 @@ def outcome(router):
         assert np.isfinite(road.links.travel_time_s).all()
         assert road.distance_m > 0.0
     return "road"
-
-
-NO = math.nan
-
-
-EXACT = {"rtol": 1e-9, "atol": 1e-9}
-
-
-A, MIDDLE, B = Place(47.0, 9.0), Place(47.0, 9.05), Place(47.0, 9.1)
 
 
 def osrm_leg(route):

@@ -6,19 +6,12 @@ import threading
 import httpx
 import numpy as np
 import pytest
+from tests.roads.routers.made import EXACT, HALF_M, MIDDLE, NO, A, B, valhalla_at, valhalla_router
 from tests.support.roads import VALHALLA_EDGES, body_of, client, encoded, valhalla
 
 from tripwatt.errors import InvalidInput, RemoteError
 from tripwatt.roads.routers.valhalla import ValhallaRouter
 from tripwatt.routes.places import Place
-
-NO = math.nan
-
-
-EXACT = {"rtol": 1e-9, "atol": 1e-9}
-
-
-A, B = Place(47.0, 9.0), Place(47.0, 9.1)
 
 
 def asked(stops=(A, B), answers=None, **more):
@@ -29,14 +22,7 @@ def asked(stops=(A, B), answers=None, **more):
         seen.append((request.url.path.rpartition("/")[2], body_of(request)))
         return valhalla(**(answers or {}))(request)
 
-    server = client(answer)
-    router = ValhallaRouter(lambda action, document: server.post_json(f"/{action}", document))
-    return router.roads(list(stops), **more), seen
-
-
-def router_of(**answers):
-    server = client(valhalla(**answers))
-    return ValhallaRouter(lambda action, document: server.post_json(f"/{action}", document))
+    return valhalla_at(client(answer)).roads(list(stops), **more), seen
 
 
 SHAPE = encoded([(47.0, 9.0), (47.0, 9.05), (47.0, 9.1)])
@@ -107,7 +93,7 @@ def trip(middle):
 
 def test_four_alternates_are_read():
     many = {**trip(47.0), "alternates": [trip(47.0 + k / 1000.0) for k in range(1, 8)]}
-    found = router_of(route=many).roads([A, B])
+    found = valhalla_router(route=many).roads([A, B])
     assert [round(float(r.latitude_deg[1]), 3) for r in found] == [47.0, 47.001, 47.002, 47.003, 47.004]
 
 
@@ -123,14 +109,12 @@ def test_a_road_takes_at_most_1_6_times_as_long_as_the_fastest(seconds, kept):
             return httpx.Response(200, json={"edges": VALHALLA_EDGES if straight else late})
         return valhalla(route={**trip(47.0), "alternates": [trip(47.0), trip(47.001)]})(request)
 
-    server = client(answer)
-    router = ValhallaRouter(lambda action, document: server.post_json(f"/{action}", document))
-    assert len(router.roads([A, B])) == kept
+    assert len(valhalla_at(client(answer)).roads([A, B])) == kept
 
 
 def outline(*geometries):
     features = [{"geometry": geometry} for geometry in geometries]
-    return router_of(isochrone={"features": features}).outline(A, 10.0)
+    return valhalla_router(isochrone={"features": features}).outline(A, 10.0)
 
 
 def test_an_outline_has_the_outer_rings():
@@ -175,15 +159,15 @@ def test_what_an_outline_is_asked_with():
 
 def test_words_of_valhalla_are_cut():
     with pytest.raises(InvalidInput, match="no road found") as caught:
-        router_of(route={"error_code": 442, "error": "x" * 200}).roads([A, B])
+        valhalla_router(route={"error_code": 442, "error": "x" * 200}).roads([A, B])
     assert caught.value.faults[0].got == "x" * 120
     with pytest.raises(InvalidInput, match="no road found"):
-        router_of(route={"error_code": "171", "error": "as a text"}).roads([A, B])
+        valhalla_router(route={"error_code": "171", "error": "as a text"}).roads([A, B])
     for half in ({"error": "x"}, {"error_code": 442}):
         with pytest.raises(InvalidInput, match="no road found"):
-            router_of(route={**half, **trip(47.0)}).roads([A, B])
+            valhalla_router(route={**half, **trip(47.0)}).roads([A, B])
     with pytest.raises(RemoteError, match="no line") as caught:
-        router_of(route={"trip": {"legs": [{"shape": ["y" * 99]}]}}).roads([A, B])
+        valhalla_router(route={"trip": {"legs": [{"shape": ["y" * 99]}]}}).roads([A, B])
     assert caught.value.faults[0].got == "['" + "y" * 38
 
 
@@ -221,7 +205,7 @@ def walked(*entries, heights=None, **more):
     answers = {"trace_attributes": {"edges": list(entries), **more}}
     if heights is not None:
         answers["height"] = {"range_height": heights}
-    return router_of(**answers).roads([A, B])[0]
+    return valhalla_router(**answers).roads([A, B])[0]
 
 
 @pytest.mark.parametrize(
@@ -255,10 +239,7 @@ def test_edges_of_valhalla_follow_each_other(entries, what):
 
 
 def test_edges_may_be_as_many_as_their_bound(monkeypatch):
-    from tripwatt.roads.routers import valhalla as module
-
-    assert module.MAX_EDGES == 200_000
-    monkeypatch.setattr(module, "MAX_EDGES", 2)
+    monkeypatch.setattr("tripwatt.roads.routers.valhalla.MAX_EDGES", 2)
     assert len(walked(edge(0, 1, 200.0), edge(1, 2, 400.0)).links) == 1
     with pytest.raises(RemoteError, match="got 3; allowed: at most 2"):
         walked(edge(0, 1, 200.0), edge(1, 1, 200.0), edge(1, 2, 400.0))
@@ -292,7 +273,9 @@ def test_a_leg_within_one_edge_has_its_own_length_and_the_speed_of_the_edge():
     trip = {"trip": {"status": 0, "legs": [{"shape": encoded(line)}]}}
     walk = {"edges": [edge(0, 0, 0.0)], "shape": encoded(line[:1])}
     heights = {"range_height": [[0, 500.0], [60, 500.0]]}
-    road = router_of(route=trip, trace_attributes=walk, height=heights).roads([A, Place(47.0, 9.001)])[0]
+    road = valhalla_router(route=trip, trace_attributes=walk, height=heights).roads([A, Place(47.0, 9.001)])[
+        0
+    ]
     metres = 0.001 * 111_195.0 * math.cos(math.radians(47.0))
     assert road.distance_m == pytest.approx(metres, rel=1e-3)
     assert road.duration_s == pytest.approx(metres / (50.0 / 3.6), rel=1e-3)
@@ -370,25 +353,13 @@ def test_two_heights_are_known_heights(heights, known):
     assert (found if found is None else found.tolist()) == known
 
 
-NAN = float("nan")
-
-
-HALF_M = 6371008.8 * math.radians(0.05) * math.cos(math.radians(47.0))
-"""Length of half of the straight road; a parallel, which the great circle undercuts by less than a metre."""
-
-
-def valhalla_router(**changed):
-    server = client(valhalla(**changed))
-    return ValhallaRouter(lambda action, request: server.post_json(f"/{action}", request))
-
-
 def test_the_links_of_valhalla_come_from_its_edges():
     (road,) = valhalla_router().roads([A, B])
     assert road.links.length_m == pytest.approx([HALF_M, HALF_M], abs=1.0)
     assert road.links.moving_speed_m_s == pytest.approx([50.0 / 3.6, 100.0 / 3.6])
     assert road.links.travel_time_s == pytest.approx([283.0, 137.0])
     assert road.links.stop_s[0] == pytest.approx(283.0 - HALF_M * 3.6 / 50.0, abs=0.1)  # the signal
-    assert road.links.speed_limit_m_s == pytest.approx([50.0 / 3.6, NAN], nan_ok=True)
+    assert road.links.speed_limit_m_s == pytest.approx([50.0 / 3.6, NO], nan_ok=True)
     assert road.road_class == ("secondary", "motorway")
     assert road.distance_m == pytest.approx(2 * HALF_M, abs=1.0)
     assert road.duration_s == pytest.approx(420.0)
@@ -397,39 +368,7 @@ def test_the_links_of_valhalla_come_from_its_edges():
     assert road.heading_at(np.array([0.0, 5000.0, 9e9])) == pytest.approx([90.0, 90.0, 90.0], abs=0.1)
 
 
-def test_a_tunnel_is_straight_between_the_heights_at_its_ends():
-    (road,) = valhalla_router().roads([A, B])
-    assert road.links.elevation_m.tolist() == [500.0, 537.0, 575.8]  # 900 m lies on the mountain above it
-    assert "no_elevation" not in {flag.code for flag in road.links.flags}
-    assert road.plan().flags == ()
-
-
-def test_alternatives_differ_and_tracks_are_left_out():
-    def trip(middle):
-        return {"trip": {"legs": [{"shape": encoded([(47.0, 9.0), (middle, 9.05), (47.0, 9.1)])}]}}
-
-    slow = [{**edge, "end_node": {"elapsed_time": 700.0 * (k + 1)}} for k, edge in enumerate(VALHALLA_EDGES)]
-
-    def answer(request):
-        if request.url.path.endswith("trace_attributes"):
-            line = body_of(request)["encoded_polyline"]
-            late = line == encoded([(47.0, 9.0), (47.02, 9.05), (47.0, 9.1)])
-            return httpx.Response(200, json={"edges": slow if late else VALHALLA_EDGES})
-        if request.url.path.endswith("route"):
-            shortest = "costing_options" in body_of(request)
-            more = {} if shortest else {"alternates": [trip(47.01), trip(47.0)]}
-            return httpx.Response(200, json={**trip(47.02 if shortest else 47.0), **more})
-        return valhalla()(request)
-
-    server = client(answer)
-    roads = ValhallaRouter(lambda action, request: server.post_json(f"/{action}", request)).roads(
-        [A, B], alternatives=2
-    )
-    assert [round(float(road.latitude_deg[1]), 3) for road in roads] == [47.0, 47.01]
-
-
 def test_legs_follow_each_other():
-    middle = Place(47.0, 9.05)
     legs = [{"shape": encoded([(47.0, 9.0), (47.0, 9.05)])}, {"shape": encoded([(47.0, 9.05), (47.0, 9.1)])}]
     edge = {**VALHALLA_EDGES[0], "end_node": {"elapsed_time": 283.0, "traffic_signal": False}}
     changed = {
@@ -437,7 +376,7 @@ def test_legs_follow_each_other():
         "trace_attributes": {"edges": [edge]},
         "height": {"range_height": [[0, 500.0], [3790, 540.0]]},
     }
-    (road,) = valhalla_router(**changed).roads([A, middle, B])
+    (road,) = valhalla_router(**changed).roads([A, MIDDLE, B])
     assert road.stop_position_m == pytest.approx((HALF_M,), abs=1.0)
     assert road.links.length_m == pytest.approx([2 * HALF_M], abs=1.0)
     assert road.links.elevation_position_m == pytest.approx([0.0, 3790.0, HALF_M, HALF_M + 3790.0], abs=1.0)
