@@ -155,18 +155,6 @@ def test_the_weight_of_a_trip_falls_beyond_two_deviations():
     assert w[-1] == pytest.approx(usual * 2.0 * level * sd / 100.0, rel=1e-6)
 
 
-def test_weights_are_those_of_two_passes_beside_the_terms():
-    series, n = drives(), 40
-    w = 1.0 / series.variance
-    for _ in range(2):
-        A = np.vstack([series.X * np.sqrt(w)[:, None], np.diag(1.0 / np.sqrt(series.prior))])
-        weights = np.linalg.lstsq(A, np.append(np.sqrt(w) * series.y, np.zeros(2)), rcond=None)[0]
-        z = np.abs(series.y - series.X @ weights) / np.sqrt(series.variance)
-        level = 1.4826 * np.median(z) * np.sqrt(n / (n - 1.0))
-        w = np.where(z > 2.0 * level, 2.0 * level / z, 1.0) / level**2 / series.variance
-    assert _trip_weights(series, series.X, series.prior) == pytest.approx(w, rel=1e-6)
-
-
 def test_the_beginning_is_the_likeliest_day_of_the_likeliest_month():
     """By loops over days: one between two trips has the evidence of the later one, shared by all days between them."""
     evidence = np.array([[0.0, 1.0, 3.0, 2.5, 0.0], [1.0, 0.0, 0.5, 0.0, 0.0]])

@@ -78,8 +78,5 @@ def test_executors_keep_few_tasks_waiting_and_pass_errors_on():
 def test_a_cluster_that_is_not_there_is_one_error(monkeypatch):
     pytest.importorskip("distributed", reason="needs the extra tripwatt[fleet]")
     monkeypatch.setattr("tripwatt.fleet.executors.CLUSTER_WAIT_S", 1.0)
-    with (
-        pytest.raises(InvalidInput, match="no cluster"),
-        executor_for(cluster="tcp://127.0.0.1:9"),
-    ):
+    with pytest.raises(InvalidInput, match="no cluster"), executor_for(cluster="tcp://127.0.0.1:9"):
         pass

@@ -13,13 +13,7 @@ from tripwatt.errors import InvalidInput
 from tripwatt.fleet.executors import InProcess
 from tripwatt.fleet.features import segment_features
 from tripwatt.fleet.mapping import SampledTrips, read_rows, sample_digests
-from tripwatt.fleet.model import (
-    _MIN_TRIPS,
-    fit_fleet,
-    held_out_correctors,
-    predict_rows,
-    update_fleet,
-)
+from tripwatt.fleet.model import _MIN_TRIPS, fit_fleet, held_out_correctors, predict_rows, update_fleet
 from tripwatt.hybrid import segment_trips
 from tripwatt.hybrid.groups import group_posterior
 from tripwatt.trips import Departure, Plan, Trip

@@ -87,7 +87,10 @@ def test_temperature_counts_where_the_departure_has_none():
     assert plan.weather.air_density_kg_m3 == pytest.approx(91_000.0 / (287.05287 * 263.15))
     unknown = plan_with_weather(NORTH.plan(), NORTH, np.array([0.0, 1.0]), (Weather(2.0), Weather(None)))
     assert unknown.departure.ambient_temperature_degc is None
-    assert unknown.weather.air_density_kg_m3 is None
+    partly = (weather[0], Weather(6.0))
+    assert (
+        plan_with_weather(NORTH.plan(), NORTH, np.array([0.0, 1.0]), partly).weather.air_density_kg_m3 is None
+    )
 
 
 def test_calm_and_dry_changes_nothing():
@@ -205,7 +208,6 @@ def test_weather_of_another_hour_or_place_is_an_error_of_the_server(answer):
 
 
 def test_a_mutated_answer_is_weather_or_one_clear_error():
-    found = WeatherServer(client({}))
     table = answers(httpx.Request("GET", "http://h", params={"latitude": "1"}))
     outcomes = set()
     for answer in mutated(table, 150, seed=4):
@@ -216,7 +218,6 @@ def test_a_mutated_answer_is_weather_or_one_clear_error():
         except RemoteError as error:
             outcomes.add(str(error)[:0])
     assert outcomes == {True, ""}
-    assert found.client.host == "router.test"
 
 
 def test_the_url_is_checked():
@@ -282,7 +283,6 @@ def test_an_answer_is_kept_for_an_hour(monkeypatch):
 
 def test_so_many_answers_are_kept(monkeypatch):
     """A third place makes room for itself; what is asked with it is asked again."""
-    assert weather_module.MAX_CACHED == 5000
     monkeypatch.setattr(weather_module, "MAX_CACHED", 2)
     first, second, third = Place(47.0, 9.0), Place(47.1, 9.0), Place(47.2, 9.0)
     seen = []
@@ -327,12 +327,6 @@ def test_an_hour_that_has_passed_is_known_as_of_now():
     assert left() <= ahead.hours_ahead <= before
 
 
-def test_the_reason_of_a_server_is_cut():
-    with pytest.raises(RemoteError, match="no weather") as caught:
-        WeatherServer(client({"error": True, "reason": "r" * 200})).at((Place(47.0, 9.0),), (NOON,))
-    assert caught.value.faults[0].got == "r" * 120
-
-
 @pytest.mark.parametrize(
     ("kilometres", "number"), [(0.1, 1), (44.9, 1), (45.1, 2), (75.1, 3), (599.0, 20), (900.0, 20)]
 )
@@ -362,11 +356,3 @@ def test_a_plan_is_laid_along_the_whole_road():
     assert wind_of(made([7.0, 10.0, 10.0, 10.0], 50.0)) == pytest.approx([4.0, 8.0 / 3.0, 4.0 / 3.0, 0.0])
     assert wind_of(made([0.0, 0.25, 0.25])) == pytest.approx([4.0, 2.0, 0.0])
     assert wind_of(made([0.0, 0.0, 0.0])) == pytest.approx([4.0, 4.0, 4.0])
-
-
-def test_means_of_the_weather_need_all_of_its_points():
-    points = (Weather(2.0, pressure_pa=90_000.0), Weather(5.0))
-    found = plan_with_weather(NORTH.plan(), NORTH, np.array([0.0, 10_000.0]), points)
-    assert found.departure.ambient_temperature_degc == 3.5
-    assert found.weather.air_density_kg_m3 is None
-    assert found.weather.rain_mm_h == 0.0

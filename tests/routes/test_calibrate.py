@@ -79,22 +79,6 @@ def calibrated(monkeypatch, answer, tried=(), **options):
     return style, seen, dict.fromkeys(used)
 
 
-def test_the_search_starts_at_the_style_and_a_quarter_more(monkeypatch):
-    style, seen, _ = calibrated(monkeypatch, [9.0, 0.4, 0.3])
-    np.testing.assert_allclose(seen["first"], [8.2, 0.53, 0.32])
-    np.testing.assert_allclose(
-        seen["options"]["initial_simplex"],
-        [[8.2, 0.53, 0.32], [8.2 * 1.25, 0.53, 0.32], [8.2, 0.53 * 1.25, 0.32], [8.2, 0.53, 0.32 * 1.25]],
-    )
-    assert (seen["options"]["maxfev"], seen["options"]["xatol"], seen["options"]["fatol"]) == (
-        120,
-        5e-3,
-        2e-5,
-    )
-    assert (style.street_speed_m_s, style.length_exponent, style.comfort) == (9.0, 0.4, 0.3)
-    assert (style.sharpness, style.stop_place) == (3.5, 0.5)
-
-
 def test_one_length_of_links_leaves_the_growth_alone(monkeypatch):
     start = LinkStyle(length_exponent=0.7)
     style, seen, _ = calibrated(monkeypatch, [9.0, 0.3], length_m=(250.0,), style=start)
@@ -113,23 +97,7 @@ def test_the_found_style_keeps_to_its_bounds(monkeypatch):
     assert (high.street_speed_m_s, high.length_exponent, high.comfort) == (30.0, 0.8, 0.8)
 
 
-def test_of_many_trips_every_nth_is_used(monkeypatch):
-    trips = [cruise(f"T{k}") for k in range(5)]
-    answer = [9.0, 0.4, 0.3]
-    assert list(calibrated(monkeypatch, answer, trips=trips, max_trips=2)[2]) == ["T0", "T3"]
-    assert list(calibrated(monkeypatch, answer, trips=trips, max_trips=5)[2]) == [f"T{k}" for k in range(5)]
-    many = [cruise(f"T{k}", 11) for k in range(41)]
-    assert len(calibrated(monkeypatch, answer, trips=many[:40])[2]) == 40
-    assert len(calibrated(monkeypatch, answer, trips=many)[2]) == 21
-
-
 def test_trips_without_positive_energy_are_refused():
     for energy in (0.0, -1.0, NO):
         with pytest.raises(InvalidInput, match="no positive energy"):
             calibrate_style([cruise("A")], energy=lambda trip, found=energy: found)
-
-
-def test_little_energy_is_energy(monkeypatch):
-    found = SimpleNamespace(x=np.array([9.0, 0.4, 0.3]))
-    monkeypatch.setattr("scipy.optimize.minimize", lambda *args, **more: found)
-    assert calibrate_style([cruise("A")], energy=lambda trip: 0.5).comfort == 0.3

@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 from tests.routes.made import NO
 
 from tripwatt.errors import InvalidInput
-from tripwatt.routes import driver, profile
 from tripwatt.routes.driver import (
     DriverStyle,
     draw_dwell,
@@ -18,11 +17,7 @@ from tripwatt.routes.driver import (
 )
 
 links = st.lists(
-    st.tuples(
-        st.floats(0.5, 3000.0),
-        st.floats(1.0, 40.0),
-        st.one_of(st.just(0.0), st.floats(1.0, 90.0)),
-    ),
+    st.tuples(st.floats(0.5, 3000.0), st.floats(1.0, 40.0), st.one_of(st.just(0.0), st.floats(1.0, 90.0))),
     min_size=1,
     max_size=12,
 )
@@ -159,29 +154,6 @@ def test_a_steady_foot_and_short_stops_are_allowed():
         DriverStyle(speed_share=1.01)
     with pytest.raises(InvalidInput, match="fluctuation"):
         DriverStyle(fluctuation=-0.1)
-
-
-@pytest.fixture
-def aims(monkeypatch):
-    """What is aimed at, in place of what can be reached."""
-    seen = []
-
-    def remember(position, aim, style, effort=None):
-        seen.append((aim.copy(), None if effort is None else effort.copy()))
-        return np.maximum(aim, 1.0)
-
-    for module in (profile, driver):
-        monkeypatch.setattr(module, "reachable_speed", remember)
-    return seen
-
-
-def test_a_steady_foot_aims_at_its_share_and_stops_where_it_has_to(aims):
-    speed_profile([40.0, 40.0, 40.0], [10.0, 20.0, 20.0], dwell_s=[0.0, 3.0, 0.0])
-    ((aim, effort),) = aims
-    assert effort is None
-    expected = 0.97 * np.array([10.0] * 11 + [20.0] * 20)
-    expected[[0, 20, 30]] = 0.0
-    np.testing.assert_allclose(aim, expected, **EXACT)
 
 
 def test_distance_becomes_time():

@@ -105,20 +105,6 @@ def test_factors_lie_between_a_third_and_three(times, factor):
     assert found.factor == pytest.approx([factor] * 6)
 
 
-def test_a_link_counts_for_the_nearest_class():
-    """Of links at 39, 41, 84 and 86 km/h the second is alone with its class, which is 50 km/h."""
-    route = links([39.0, 41.0, 84.0, 86.0], [20_000.0] * 4)
-    factors = TravelTimeFactors.from_links([route], [np.array([1.0, 2.0, 1.0, 1.0]) * route.travel_time_s])
-    free = 72_000.0 / np.array([39.0, 41.0, 84.0, 86.0])
-    overall = (free.sum() + free[1]) / free.sum()
-    prior = 72_000.0 / np.array([30.0, 50.0, 70.0, 100.0, 120.0, 130.0])
-    own = np.array([free[0], free[1], free[2], free[3], 0.0, 0.0])
-    driven = own * np.array([1.0, 2.0, 1.0, 1.0, 1.0, 1.0])
-    near, near_driven = (np.convolve(values, [1.0, 1.0, 1.0], "same") for values in (own, driven))
-    assumed = (near_driven + overall * prior) / (near + prior)
-    assert factors.factor == pytest.approx((driven + assumed * prior) / (own + prior))
-
-
 def test_expected_times_never_fall_below_those_of_the_router():
     factors = TravelTimeFactors(np.array([10.0, 30.0]), np.array([1.5, 1.1]))
     route = LinkRoute(

@@ -9,7 +9,7 @@ from tests.routes.made import NO
 from tripwatt.certification.schedules import schedule
 from tripwatt.errors import InvalidInput
 from tripwatt.physics import DriveConditions, simulate
-from tripwatt.routes import LinkStyle, driver, link_profile, profile
+from tripwatt.routes import LinkStyle, link_profile
 from tripwatt.routes.driver import DriverStyle, draw_dwell
 from tripwatt.routes.profile import Course, number_of_dips, ramp_speeds, undisturbed_speed
 from tripwatt.vehicles import load_vehicle
@@ -388,52 +388,6 @@ def test_dips_lie_in_their_shares_of_the_link():
     assert course([240.0, 40.0, 240.0], [20.0, 4.0, 20.0], moving=15.0, style=early).dip_node.tolist() == [62]
     late = LinkStyle(driver=SOFT.driver, comfort=0.4, stop_place=0.9)
     assert course([240.0, 40.0, 240.0], [20.0, 4.0, 20.0], moving=15.0, style=late).dip_node.tolist() == [70]
-
-
-@pytest.fixture
-def aims(monkeypatch):
-    """What is aimed at, in place of what can be reached."""
-    seen = []
-
-    def remember(position, aim, style, effort=None):
-        seen.append((aim.copy(), None if effort is None else effort.copy()))
-        return np.maximum(aim, 1.0)
-
-    for module in (profile, driver):
-        monkeypatch.setattr(module, "reachable_speed", remember)
-    return seen
-
-
-def test_a_delay_slows_down_at_the_dip_and_a_lead_uses_the_pedals(aims):
-    """240 m in 17.2 s at 15 m/s, with a dip in the middle of each but the first and the last."""
-    grid = course([240.0] * 5, [17.2] * 5, stop=[NO, NO, NO, 0.0, NO], moving=15.0)
-    assert grid.dip_link.tolist() == [1, 2]
-    speed, driving_s = grid.drive(np.array([-0.1, 0.4, -0.2, 0.3, -1.5]))
-    ((aim, effort),) = aims
-    first, second, third, fourth, last = (slice(60 * k + 20, 60 * k + 40) for k in range(5))
-    np.testing.assert_allclose(aim[first], 15.0 * 1.1, **EXACT)  # without a dip one minus the delay
-    np.testing.assert_allclose(np.delete(aim[second], 10), 15.0, **EXACT)
-    assert aim[90] == pytest.approx(15.0 * 0.6)
-    np.testing.assert_allclose(np.delete(aim[third], 10), 15.0 * 1.2, **EXACT)
-    assert aim[150] == pytest.approx(15.0)
-    np.testing.assert_allclose(aim[fourth], np.maximum(15.0 * 0.7, 0.7 * grid.ramp[fourth]), **EXACT)
-    np.testing.assert_allclose(aim[last], 1.6 * 240.0 / 17.2 + 2.0, **EXACT)
-    assert aim[0] == aim[-1] == 0.0
-    np.testing.assert_allclose(
-        effort[::60], [0.4 * 1.3, 0.4, 0.4 * 1.6, 0.4, 1.0], **EXACT
-    )  # comfort, and three times the lead
-    np.testing.assert_allclose(driving_s, 8.0 / (speed[1:] + speed[:-1]), **EXACT)
-
-
-def test_the_slower_link_rules_where_two_meet_and_a_given_stop_is_a_standstill(aims):
-    grid = course([240.0] * 3, [26.0, 16.0, 16.0], stop=[10.0, 0.0, 0.0], limit=[NO, NO, 15.0])
-    grid.drive(np.array([-0.4, 0.0, -0.4]))
-    ((aim, _),) = aims
-    assert aim[60] == 0.0
-    assert aim[59] == pytest.approx(21.0)
-    assert aim[61] == pytest.approx(15.0)
-    assert aim[120] == 15.0
-    np.testing.assert_allclose(aim[121:180], 15.0, **EXACT)
 
 
 def test_time_that_is_left_is_spent_at_stops():

@@ -55,11 +55,7 @@ def test_responses_of_routers(router, length, time):
 
 
 def test_heights_of_responses():
-    assert parse_route(RESPONSES / "valhalla.json").elevation_at([0, 1000, 2000]).tolist() == [
-        500,
-        520,
-        510,
-    ]
+    assert parse_route(RESPONSES / "valhalla.json").elevation_at([0, 1000, 2000]).tolist() == [500, 520, 510]
     assert parse_route(RESPONSES / "graphhopper.json").elevation_at(
         [0, 1000, 2000]
     ).tolist() == pytest.approx([500, 504, 510])

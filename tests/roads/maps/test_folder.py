@@ -5,19 +5,11 @@ import platform
 
 import numpy as np
 import pytest
+from tests.roads.maps.made import node, osm
 from tests.support.router_server import write_map
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.roads.maps import build_map, open_map
-
-
-def osm(*objects):
-    return f'<?xml version="1.0"?><osm version="0.6">{"".join(objects)}</osm>'
-
-
-def node(number, latitude, longitude, **tags):
-    inside = "".join(f'<tag k="{k.replace("__", ":")}" v="{v}"/>' for k, v in tags.items())
-    return f'<node id="{number}" lat="{latitude}" lon="{longitude}">{inside}</node>'
 
 
 def names(found):

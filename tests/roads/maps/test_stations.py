@@ -38,7 +38,6 @@ def test_direct_current_begins_at_43_001_watts(tmp_path):
 
 
 def test_the_most_stations_of_a_file(tmp_path, monkeypatch):
-    assert stations.MAX_STATIONS == 1_000_000
     monkeypatch.setattr(stations, "MAX_STATIONS", 2)
     path = table(tmp_path / "s.csv", "0,0,50", "0,0,50")
     assert len(read_stations(path)) == 2
