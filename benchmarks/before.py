@@ -167,7 +167,7 @@ class _Car:
         for name, model in ((ELSEWHERE, elsewhere), (PLANNED, own)):
             _, uncertainty = model.fitted_parts("model")
             assert uncertainty.free_flow is not None
-            expected = uncertainty.free_flow.factors.expected(links)
+            expected = uncertainty.free_flow.factors.with_expected_times(links)
             made[name] = model.forecast(_plan(trip, expected))
         made[TIMES] = own.forecast(_plan(trip, replace(expected, travel_time_s=driven_s)))
         return made
@@ -269,7 +269,7 @@ def transfer(sets: Mapping[str, Sequence[Trip]]) -> list[dict[str, Any]]:
                 used = (
                     factors if learned != scored else TravelTimeFactors.from_links(*zip(*rest, strict=True))
                 )
-                errors.append(used.expected(links).duration_s / driven_s.sum() - 1.0)
+                errors.append(used.with_expected_times(links).duration_s / driven_s.sum() - 1.0)
             rows.append(
                 {
                     "learned": learned,

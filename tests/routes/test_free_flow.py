@@ -8,7 +8,7 @@ from benchmarks.link_style import road_work
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
 from tripwatt.routes import LinkRoute, route_from_links
-from tripwatt.routes.free_flow import TravelTimeFactors, free_flow_links, moving_share, share_energy
+from tripwatt.routes.free_flow import TravelTimeFactors, free_flow_links, log_energy_ratios, moving_share
 from tripwatt.trips import Trip
 
 NAN = float("nan")
@@ -113,7 +113,7 @@ def test_expected_times_never_fall_below_those_of_the_router():
         np.full(3, NAN),
         np.array([10.0, 10.0, NAN]),
     )
-    found = factors.expected(route)
+    found = factors.with_expected_times(route)
     assert found.travel_time_s == pytest.approx([150.0, 200.0, 33.0])
     assert found.moving_speed_m_s == pytest.approx([10.0, 10.0, 30.0])
 
@@ -128,7 +128,7 @@ def test_a_limit_slows_down_and_leaves_the_factor_to_the_free_speed():
         np.array([30.0, 30.0, NAN]),
         speed_limit_m_s=np.array([10.0, NAN, 40.0]),
     )
-    found = factors.expected(road)
+    found = factors.with_expected_times(road)
     assert found.travel_time_s == pytest.approx([110.0, 1100.0 / 30.0, 1100.0 / 30.0])
     assert found.moving_speed_m_s == pytest.approx([9.0, 27.0, 27.0])
 
@@ -210,7 +210,7 @@ def test_a_class_stands_at_the_mean_free_speed_of_its_links():
 
 def test_the_speed_between_stops_is_a_share_of_the_free_speed():
     factors = TravelTimeFactors(np.array([10.0, 30.0]), np.array([1.5, 1.5]), moving_share=0.8)
-    found = factors.expected(links([36.0], [1000.0]))
+    found = factors.with_expected_times(links([36.0], [1000.0]))
     assert found.moving_speed_m_s == pytest.approx([8.0])
     assert found.travel_time_s == pytest.approx([150.0])
 
@@ -222,5 +222,5 @@ def test_the_share_of_drives_that_were_made_with_it_is_found(share):
     seconds = np.array([1.9, 1.5, 2.1]) * road.travel_time_s
     made = LinkRoute(road.length_m, seconds, road.stop_s, share * road.moving_speed_m_s).plan(trip_id="made")
     drive = Trip.from_samples("made", made.samples)
-    found = share_energy(drive, road, seconds, road_work)
+    found = log_energy_ratios(drive, road, seconds, road_work)
     assert moving_share([found, found]) == pytest.approx(share, abs=0.02)

@@ -8,7 +8,7 @@ from tests.routes.made import faults_of
 
 from tripwatt.errors import InvalidInput
 from tripwatt.routes import parse_route, read_kml, xml_events
-from tripwatt.routes.xml_events import root_of
+from tripwatt.routes.xml_events import root_name
 
 HEAD = '<?xml version="1.0" encoding="UTF-8"?>\n<kml xmlns="http://www.opengis.net/kml/2.2" xmlns:gx="http://www.google.com/kml/ext/2.2">'
 
@@ -80,7 +80,7 @@ def test_the_format_is_recognised_by_the_root():
     assert len(parse_route(wide).latitude_deg) == 2
     prefixed = bare.replace(b"<kml>", b'<k:kml xmlns:k="x">').replace(b"</kml>", b"</k:kml>")
     assert len(parse_route(prefixed).latitude_deg) == 2
-    assert [root_of(text) for text in (b"<gpx/>", b"<!-- kml --><gpx>", b"", b"text", b"<")] == [
+    assert [root_name(text) for text in (b"<gpx/>", b"<!-- kml --><gpx>", b"", b"text", b"<")] == [
         "gpx",
         "gpx",
         "",

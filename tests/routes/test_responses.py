@@ -15,14 +15,14 @@ from tripwatt.routes import LinkRoute, Track, parse_route
 from tripwatt.routes.points import haversine_m
 from tripwatt.routes.responses import (
     ROUTERS,
-    heights_of,
+    heights_along,
     is_route,
+    recognise_router,
     route_from_graphhopper,
     route_from_openrouteservice,
     route_from_osrm,
     route_from_pieces,
     route_from_valhalla,
-    router_of,
 )
 from tripwatt.trips import Flag
 
@@ -586,7 +586,7 @@ def test_keys_of_an_unknown_document_are_cut():
     ],
 )
 def test_the_first_sign_of_a_router_counts(response, router):
-    assert router_of(response) == router
+    assert recognise_router(response) == router
 
 
 def test_pieces_without_length_or_time_go_to_the_next():
@@ -613,13 +613,13 @@ def test_pieces_without_length_or_time_go_to_the_next():
 
 def test_heights_of_points():
     at = np.array([[0.0, 0.0, 500.0], [0.0, 1.0, NO], [0.0, 3.0, 530.0], [0.0, 4.0, NO]])
-    position, height = heights_of(at)
+    position, height = heights_along(at)
     degree = np.pi / 180.0 * 6_371_008.8
     np.testing.assert_allclose(position, degree * np.array([0.0, 1.0, 3.0, 4.0]), rtol=1e-9)
     np.testing.assert_allclose(height, [500.0, 510.0, 530.0, 530.0], rtol=1e-9)
-    assert heights_of(at[:, :2]) is None
-    assert heights_of(np.full((2, 3), NO)) is None
-    assert heights_of(np.array([[0.0, 0.0, 5.0], [0.0, 0.0, 6.0]])) is None
+    assert heights_along(at[:, :2]) is None
+    assert heights_along(np.full((2, 3), NO)) is None
+    assert heights_along(np.array([[0.0, 0.0, 5.0], [0.0, 0.0, 6.0]])) is None
 
 
 def test_what_a_leg_takes_longer_is_shared_out():

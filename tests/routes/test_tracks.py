@@ -9,7 +9,7 @@ from tests.routes.made import M_PER_DEGREE, NO, SPEED, drive, gpx
 
 from tripwatt.errors import InvalidInput
 from tripwatt.routes import Track, read_gpx
-from tripwatt.routes.tracks import times_of
+from tripwatt.routes.tracks import parse_times
 from tripwatt.trips import Flag
 
 
@@ -117,23 +117,23 @@ class TestTrack:
 class TestTimes:
     def test_seconds_from_the_first(self) -> None:
         texts = ["2026-05-01T08:00:00Z", "", "2026-05-01T10:00:30+02:00", "2026-05-01T08:01:00"]
-        values, first, flags = times_of(texts, "x")
+        values, first, flags = parse_times(texts, "x")
         assert values.tolist() == [0.0, 15.0, 30.0, 60.0]
         assert first == dt.datetime(2026, 5, 1, 8, tzinfo=dt.UTC)
         assert flags == (Flag("times_interpolated", "track"),)
-        assert times_of([texts[0], texts[3]], "x")[2] == ()
+        assert parse_times([texts[0], texts[3]], "x")[2] == ()
 
     def test_both_ends_need_one(self) -> None:
         one = "2026-05-01T08:00:00Z"
-        assert times_of(["", ""], "x") == (None, None, ())
-        assert times_of([one, ""], "x") == (None, None, (Flag("times_ignored", "track"),))
-        assert times_of(["", one], "x") == (None, None, (Flag("times_ignored", "track"),))
+        assert parse_times(["", ""], "x") == (None, None, ())
+        assert parse_times([one, ""], "x") == (None, None, (Flag("times_ignored", "track"),))
+        assert parse_times(["", one], "x") == (None, None, (Flag("times_ignored", "track"),))
 
     def test_wrong(self) -> None:
         with pytest.raises(InvalidInput, match=r"x, point 2: got 'noon'"):
-            times_of(["2026-05-01T08:00:00Z", "noon", "2026-05-01T08:00:01Z"], "x")
+            parse_times(["2026-05-01T08:00:00Z", "noon", "2026-05-01T08:00:01Z"], "x")
         with pytest.raises(InvalidInput, match=f"got '{'n' * 38}"):
-            times_of(["2026-05-01T08:00:00Z", "n" * 60, "2026-05-01T08:00:01Z"], "x")
+            parse_times(["2026-05-01T08:00:00Z", "n" * 60, "2026-05-01T08:00:01Z"], "x")
 
 
 class TestLinks:

@@ -3,14 +3,14 @@
 from tests.routes.made import faults_of
 
 from tripwatt.routes import read_gpx, read_kml, xml_events
-from tripwatt.routes.xml_events import root_of
+from tripwatt.routes.xml_events import root_name
 
 
 def test_the_root_begins_within_its_first_bytes():
     assert xml_events.ROOT_BYTES == 65_536
     for spaces, root in ((65_536 - 5, "gpx"), (65_536 - 4, "")):
-        assert root_of(b"<!--" + b" " * (spaces - 7) + b"-->" + b"<gpx>") == root
-    assert root_of(b"<a:b:kml/>") == "kml"
+        assert root_name(b"<!--" + b" " * (spaces - 7) + b"-->" + b"<gpx>") == root
+    assert root_name(b"<a:b:kml/>") == "kml"
 
 
 def test_a_level_of_xml_ends_with_its_element():

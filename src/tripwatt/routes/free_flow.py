@@ -85,7 +85,7 @@ class TravelTimeFactors:
         """Factors at given free speeds, linear between the classes, shape of `speed_m_s`."""
         return np.asarray(np.interp(speed_m_s, self.speed_m_s, self.factor), dtype=np.float64)
 
-    def expected(self, route: LinkRoute) -> LinkRoute:
+    def with_expected_times(self, route: LinkRoute) -> LinkRoute:
         """Free-flow links with their expected travel times, never shorter than those of the router. O(links).
 
         If the speed limit of a link is below its free speed, the car drives at the limit, but the factor is that of the free speed.
@@ -96,7 +96,7 @@ class TravelTimeFactors:
         return replace(route, travel_time_s=travel_time_s, moving_speed_m_s=self.moving_share * moving)
 
 
-def share_energy(
+def log_energy_ratios(
     trip: Recorded, route: LinkRoute, driven_s: FloatArray, energy: Callable[[Plan], float]
 ) -> FloatArray:
     """Logarithm of the ratio of planned to driven energy for each of `SHARES`. O(samples).
@@ -128,7 +128,7 @@ def share_energy(
 def moving_share(energies: Sequence[FloatArray]) -> float:
     """Share of the free speed at which the planned energies of trips agree with the driven ones on average.
 
-    `energies` has the result of `share_energy` for each trip; their mean is interpolated to 0.
+    `energies` has the result of `log_energy_ratios` for each trip; their mean is interpolated to 0.
 
     Examples
     --------

@@ -15,7 +15,7 @@ from tripwatt.files import shipped_toml
 from tripwatt.routes.documents import Node, parse_json, read_content
 from tripwatt.routes.links import FASTEST_LINK_M_S
 from tripwatt.routes.points import require_on_earth
-from tripwatt.routes.tracks import TIME_ALLOWED, Track, times_of
+from tripwatt.routes.tracks import TIME_ALLOWED, Track, parse_times
 from tripwatt.trips import Flag
 from tripwatt.units import M_S_PER_KM_H
 
@@ -73,7 +73,7 @@ def track_from_geojson(document: Node) -> Track:
     require_on_earth(points[:, 0], points[:, 1], document.where)
     # the piece that joins two lines has the speed of the second one
     speed = np.concatenate([np.full(len(line), speed_m_s) for line, speed_m_s, _ in lines])[1:]
-    time, started_at, flags = times_of([text for _, _, texts in lines for text in texts], document.where)
+    time, started_at, flags = parse_times([text for _, _, texts in lines for text in texts], document.where)
     if skipped:
         flags = (*flags, Flag("geometries_skipped", "geometries", float(skipped), "1"))
     return Track(points[:, 0], points[:, 1], points[:, 2], time, speed, started_at, flags)

@@ -73,10 +73,10 @@ def route_from_links(links: Iterable[Mapping[str, float | None]] | pd.DataFrame)
         rows = links.astype(object).where(links.notna(), None).to_dict("records")
     columns, faults = columns_of_links(list(itertools.islice(rows, MAX_LINKS + 1)))
     raise_faults(faults)
-    return route_of_columns(columns)
+    return route_from_columns(columns)
 
 
-def route_of_columns(columns: Mapping[str, FloatArray]) -> LinkRoute:
+def route_from_columns(columns: Mapping[str, FloatArray]) -> LinkRoute:
     """A route from columns of `columns_of_links` that have no faults."""
     length, time, limit = (columns[key] for key in ("length_m", "travel_time_s", "speed_limit_m_s"))
     with np.errstate(over="ignore"):  # `LinkRoute` reports values out of bounds

@@ -7,7 +7,7 @@ import io
 import itertools
 
 from tripwatt.errors import Fault, InvalidInput, first_faults, raise_faults
-from tripwatt.routes.link_objects import columns_of_links, link_header_faults, route_of_columns
+from tripwatt.routes.link_objects import columns_of_links, link_header_faults, route_from_columns
 from tripwatt.routes.links import MAX_LINKS, LinkRoute
 from tripwatt.trips.headers import DELIMITERS
 
@@ -80,7 +80,7 @@ def route_from_table(data: bytes, where: str = "links") -> LinkRoute:
     links = [{name: _cell_value(cell, comma) for name, cell in zip(names, row, strict=False)} for row in rows]
     columns, link_faults = columns_of_links(links, f"{where}, ")
     raise_faults([*link_faults, *first_faults(faults, where)])
-    return route_of_columns(columns)
+    return route_from_columns(columns)
 
 
 def _header_cells(header: str) -> tuple[list[str], str]:

@@ -27,7 +27,7 @@ from tripwatt.routes.links import FLAT_ROAD, SHORTEST_LINK_M, LinkRoute, first_o
 from tripwatt.routes.points import distances_m, haversine_m
 from tripwatt.routes.polyline import decode_polyline
 from tripwatt.routes.tracks import Track
-from tripwatt.routes.xml_events import root_of
+from tripwatt.routes.xml_events import root_name
 from tripwatt.trips import Flag
 from tripwatt.units import M_PER_FOOT, M_PER_MILE
 
@@ -77,12 +77,12 @@ def route_from_pieces(
     return LinkRoute(length, time, unknown, moving[ends], position, height, flags)
 
 
-def heights_of(points: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+def heights_along(points: FloatArray) -> tuple[FloatArray, FloatArray] | None:
     """Distances and heights of points (latitude, longitude, height); None if no point has a height or the line has no length.
 
     Examples
     --------
-    >>> heights_of(np.array([[0.0, 0.0, 5.0], [0.0, 1.0, np.nan]]))[1]
+    >>> heights_along(np.array([[0.0, 0.0, 5.0], [0.0, 1.0, np.nan]]))[1]
     array([5., 5.])
     """
     if points.shape[1] < 3 or not np.isfinite(points[:, 2]).any():
@@ -177,13 +177,13 @@ def route_from_openrouteservice(
     if "features" in response:
         feature, flags = _first_route(answer["features"])
         route = feature["properties"]
-        heights = heights_of(feature["geometry"]["coordinates"].coordinates())
+        heights = heights_along(feature["geometry"]["coordinates"].coordinates())
     else:
         route, flags = _first_route(answer["routes"])
         summary, line = route["summary"].value, route["geometry"]
         has_heights = isinstance(summary, dict) and ("ascent" in summary or "descent" in summary)
         if has_heights and isinstance(line.value, str):
-            heights = heights_of(decode_polyline(line.value, line.where, dimensions=3))
+            heights = heights_along(decode_polyline(line.value, line.where, dimensions=3))
     steps = [step for segment in route["segments"].entries(min_count=1) for step in steps_of(segment)]
     return route_from_pieces(step_pieces(steps) * (metres, 1.0, 1.0), where, heights, *flags)
 
@@ -226,7 +226,7 @@ def route_from_graphhopper(response: Mapping[str, Any], where: str = "GraphHoppe
         )
     else:
         pieces = step_pieces(steps_of(path, "instructions"), time_key="time")
-    heights = None if points is None else heights_of(points)
+    heights = None if points is None else heights_along(points)
     return route_from_pieces(pieces * (1.0, 1e-3, 1.0), where, heights, *flags)
 
 
@@ -271,12 +271,12 @@ ROUTERS: Final[Mapping[str, Callable[[Mapping[str, Any], str], LinkRoute]]] = {
 """Reader of each router's response."""
 
 
-def router_of(response: Mapping[str, Any]) -> str | None:
+def recognise_router(response: Mapping[str, Any]) -> str | None:
     """The name in `ROUTERS` of the router whose response this looks like; None if it looks like none.
 
     Examples
     --------
-    >>> router_of({"code": "Ok", "routes": []}), router_of({"paths": []}), router_of({"type": "LineString"})
+    >>> recognise_router({"code": "Ok", "routes": []}), recognise_router({"paths": []}), recognise_router({"type": "LineString"})
     ('osrm', 'graphhopper', None)
     """
     if "trip" in response:
@@ -359,7 +359,7 @@ def parse_route(source: bytes | str | Path, *, where: str | None = None) -> Link
     data, name = read_content(source, where)
     head = data[:200].lstrip(b"\xef\xbb\xbf \t\r\n")
     if head.startswith((b"<", b"\xff\xfe", b"\xfe\xff")):
-        return read_kml(data, where=name) if root_of(data) == "kml" else read_gpx(data, where=name)
+        return read_kml(data, where=name) if root_name(data) == "kml" else read_gpx(data, where=name)
     if head.startswith(_ZIP):
         fix = "unpack it, for example with unzip, and give the file doc.kml"
         raise InvalidInput.of("packed file", name, "a ZIP archive, such as KMZ", "KML", fix)
@@ -371,7 +371,7 @@ def parse_route(source: bytes | str | Path, *, where: str | None = None) -> Link
     response = Node(document, name).members()
     if "links" in response:
         return route_from_links([link.value for link in Node(document, name)["links"].entries()])
-    router = router_of(response)
+    router = recognise_router(response)
     if router is not None:
         return ROUTERS[router](response, f"{name} ({router})")
     if "type" in response:

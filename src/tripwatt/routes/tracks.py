@@ -318,7 +318,9 @@ class Track:
         return replace(plan, step_s=step_s, heading_deg=heading)
 
 
-def times_of(texts: list[str], where: str) -> tuple[FloatArray | None, dt.datetime | None, tuple[Flag, ...]]:
+def parse_times(
+    texts: list[str], where: str
+) -> tuple[FloatArray | None, dt.datetime | None, tuple[Flag, ...]]:
     """Times of points as seconds from the first point, the time of the first point, and flags.
 
     A missing time is interpolated between its neighbours. Returns None for both times if the first or the last point has none.

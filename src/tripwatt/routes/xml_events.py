@@ -14,7 +14,7 @@ import numpy as np
 from tripwatt.errors import InvalidInput
 from tripwatt.routes.links import first_of_several
 from tripwatt.routes.points import MAX_POINTS
-from tripwatt.routes.tracks import Track, times_of
+from tripwatt.routes.tracks import Track, parse_times
 
 _MAX_DEPTH: Final = 64
 """Largest depth of elements; a choice, which bounds the memory."""
@@ -119,7 +119,7 @@ class XmlTracks:
                 "times and points differ in number", self.name, got, "a time for each point"
             )
         latitude, longitude, height = np.array(first.points, dtype=np.float64).T
-        time, started_at, time_flags = times_of(first.times, self.name)
+        time, started_at, time_flags = parse_times(first.times, self.name)
         unknown = np.full(len(height) - 1, np.nan)
         return Track(latitude, longitude, height, time, unknown, started_at, (*flags, *time_flags))
 
@@ -166,12 +166,12 @@ class XmlTracks:
         self._text, self._characters = [], 0
 
 
-def root_of(data: bytes) -> str:
+def root_name(data: bytes) -> str:
     """Name of the outermost element of an XML text, without its prefix; empty if it cannot be read.
 
     Examples
     --------
-    >>> root_of(b'<?xml version="1.0"?><kml xmlns="http://www.opengis.net/kml/2.2"><Document/></kml>')
+    >>> root_name(b'<?xml version="1.0"?><kml xmlns="http://www.opengis.net/kml/2.2"><Document/></kml>')
     'kml'
     """
     roots: list[str] = []

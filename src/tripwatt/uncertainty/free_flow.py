@@ -18,7 +18,7 @@ from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.errors import or_none
 from tripwatt.hybrid import PowerCorrector, SegmentTable, segment_table
 from tripwatt.physics import simulate_trip
-from tripwatt.routes.free_flow import TravelTimeFactors, free_flow_links, moving_share, share_energy
+from tripwatt.routes.free_flow import TravelTimeFactors, free_flow_links, log_energy_ratios, moving_share
 from tripwatt.routes.links import LinkRoute
 from tripwatt.trips import Plan, Trip
 from tripwatt.uncertainty.route import energies
@@ -90,7 +90,7 @@ class FreeFlowTrips:
     links : tuple of (LinkRoute, ndarray) or None
         Free-flow links of each trip and the times that were driven on them; None if the trip could not be cut.
     shares : tuple of ndarray or None
-        For each trip the result of `share_energy` with the car's simulated energy; None if its log carries no speed limits.
+        For each trip the result of `log_energy_ratios` with the car's simulated energy; None if its log carries no speed limits.
     """
 
     trips: tuple[Trip, ...]
@@ -108,7 +108,7 @@ class FreeFlowTrips:
             return float(table.totals_wh(table.simulated_w)[0])
 
         shares = tuple(
-            share_energy(trip, *cut, energy) if cut is not None and trip.has("speed_limit_m_s") else None
+            log_energy_ratios(trip, *cut, energy) if cut is not None and trip.has("speed_limit_m_s") else None
             for trip, cut in zip(trips, links, strict=True)
         )
         return cls(tuple(trips), vehicle, links, shares)
@@ -135,7 +135,7 @@ class FreeFlowTrips:
         links, trip = self.links[k], self.trips[k]
         if links is None:
             return None
-        plan = factors.expected(links[0]).plan(trip_id=trip.trip_id)
+        plan = factors.with_expected_times(links[0]).plan(trip_id=trip.trip_id)
         return replace(plan.with_departure(trip.departure), start_s=float(trip.array("time_s")[0]))
 
     def differences(self, corrector: PowerCorrector, driven: SegmentTable, members: IntArray) -> FloatArray:

@@ -135,7 +135,7 @@ class RoadForecaster:
         uncertainty = self.model.uncertainty_
         if not road.links.free_flow or uncertainty is None or uncertainty.free_flow is None:
             return road
-        return road.with_links(uncertainty.free_flow.factors.expected(road.links))
+        return road.with_links(uncertainty.free_flow.factors.with_expected_times(road.links))
 
     def forecast_plan(self, plan: Plan, weather: tuple[Weather, ...] = ()) -> Forecast:
         """Forecast the energy of a plan; the error of the weather is part of the standard deviation.
