@@ -190,9 +190,12 @@ def newton_step(
     x: FloatArray,
     lower: FloatArray,
     upper: FloatArray,
-    longest: float = 5.0,
+    max_change: float = 5.0,
 ) -> FloatArray:
-    """Newton descent step within bounds; negative eigenvalues of the Hessian are replaced by their absolute values."""
+    """Newton descent step within bounds, of at most `max_change` in each component.
+
+    The eigenvalues of the scaled Hessian are replaced by their absolute values, at least 1e-4.
+    """
     free = ~(((x <= lower) & (gradient > 0)) | ((x >= upper) & (gradient < 0)))
     step = np.zeros_like(x)
     if not free.any():
@@ -202,7 +205,7 @@ def newton_step(
     values, vectors = np.linalg.eigh(H / np.outer(d, d))
     values = np.maximum(np.abs(values), 1e-4)
     move = -(vectors @ ((vectors.T @ (g / d)) / values)) / d
-    step[free] = np.clip(move, -longest, longest)
+    step[free] = np.clip(move, -max_change, max_change)
     return np.clip(x + step, lower, upper) - x
 
 

@@ -145,7 +145,10 @@ def _soc_finding(
 
 
 def stopped_soc(trip: Recorded, capacity_ah: float, std: float) -> Finding | None:
-    """Find a state of charge that fits until it stops changing: its sensor stopped, the energy is sound. None if there is none."""
+    """Say that the sensor of the charge stopped, for a trip whose charge balance as a whole does not fit. None if it did not stop.
+
+    The sensor stopped at the last change of the state of charge if the balance up to there fits; then the energy is sound.
+    """
     soc = array(trip.samples, "soc")
     known = np.flatnonzero(np.isfinite(soc))
     moved = np.flatnonzero(np.diff(soc[known]) != 0)

@@ -59,7 +59,7 @@ class _ServerSearch:
         Raises
         ------
         RemoteError
-            If the server does not answer, or its answer has no places.
+            If the server does not answer, or its answer is no list of places. Without a match the result is empty.
         """
         query = {"q": text[:_LONGEST_TEXT], "limit": str(limit), **self.extra_parameters}
         answer = self.client.get_json(self.path, query)

@@ -30,10 +30,12 @@ def haversine_m(latitude_deg: npt.ArrayLike, longitude_deg: npt.ArrayLike) -> Fl
     array([111195.1, 111195.1])
     """
     lat, lon = np.radians(np.asarray(latitude_deg)), np.radians(np.asarray(longitude_deg))
-    chord = (
+    haversine = (
         np.sin(np.diff(lat) / 2.0) ** 2 + np.cos(lat[1:]) * np.cos(lat[:-1]) * np.sin(np.diff(lon) / 2.0) ** 2
     )
-    return np.asarray(2.0 * EARTH_RADIUS_M * np.arcsin(np.sqrt(np.clip(chord, 0.0, 1.0))), dtype=np.float64)
+    return np.asarray(
+        2.0 * EARTH_RADIUS_M * np.arcsin(np.sqrt(np.clip(haversine, 0.0, 1.0))), dtype=np.float64
+    )
 
 
 def distances_m(points: FloatArray, total_m: float | None = None) -> FloatArray:

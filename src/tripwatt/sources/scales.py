@@ -57,25 +57,25 @@ def distances_of(table: TableFile, time_s: FloatArray, speed_m_s: FloatArray) ->
         rows = use & np.isfinite(moved) & (moved >= 0.0)
         return float((mean * step)[rows].sum()), float(moved[rows].sum())
 
-    by_positions = by_odometer = (0.0, 0.0)
+    speed_and_positions = speed_and_odometer = (0.0, 0.0)
     place, counter = positions_of(table), _named(table, ODOMETER)
-    odometer = None if counter is None else _degrees(table, counter)
+    odometer = None if counter is None else _numbers_of(table, counter)
     if place is not None:
         latitude, longitude = place
         north = np.diff(latitude) * M_PER_DEGREE
         east = np.diff(longitude) * M_PER_DEGREE * np.cos(np.radians(latitude[1:]))
         # 3.0: below this speed the changes of position are mostly errors and are not used
-        by_positions = compare(np.hypot(north, east), use & (mean > 3.0))
+        speed_and_positions = compare(np.hypot(north, east), use & (mean > 3.0))
     if odometer is not None:
         to_m = M_PER_MILE if "mi" in (counter or "").lower() else 1000.0
-        by_odometer = compare(to_m * np.diff(odometer), use)
-    return Distances(*by_positions, *by_odometer)
+        speed_and_odometer = compare(to_m * np.diff(odometer), use)
+    return Distances(*speed_and_positions, *speed_and_odometer)
 
 
 def positions_of(table: TableFile) -> tuple[FloatArray, FloatArray] | None:
     """Latitude and longitude of each row [°], NaN if missing; None if the file has no such columns."""
     names = [_named(table, form) for form in PLACES]
-    latitude, longitude = (None if name is None else _degrees(table, name) for name in names)
+    latitude, longitude = (None if name is None else _numbers_of(table, name) for name in names)
     return None if latitude is None or longitude is None else (latitude, longitude)
 
 
@@ -134,7 +134,7 @@ def air_unit_of(assumed: str, air: Sequence[FloatArray], battery_degc: Sequence[
     return "degf" if hot and assumed.endswith("c") else assumed
 
 
-def _degrees(table: TableFile, name: str) -> FloatArray | None:
+def _numbers_of(table: TableFile, name: str) -> FloatArray | None:
     """A column of numbers, which may be written as degrees and minutes as in "48 12.345"; None if it cannot be read."""
     texts = or_none(table.texts, name)
     if texts is None:

@@ -46,9 +46,9 @@ def _document(vehicle: Vehicle, entries: Mapping[str, Entry]) -> dict[str, Any]:
         section, _, name = key.partition(".")
         if getattr(vehicle, section) is not None:
             document.setdefault(section, {})[name] = {
-                key: list(value) if isinstance(value, tuple) else value
-                for key, value in dataclasses.asdict(entry).items()
-                if value not in ("", None) or key == "unit"
+                field: list(value) if isinstance(value, tuple) else value
+                for field, value in dataclasses.asdict(entry).items()
+                if value not in ("", None) or field == "unit"
             }
     return document
 

@@ -124,8 +124,8 @@ def _rows(named: Sequence[Named], nearest: _Nearest) -> Iterator[tuple[Any, ...]
 def _merged(rows: Iterable[tuple[Any, ...]], nearest: _Nearest) -> Iterator[tuple[Any, ...]]:
     """Merge pieces of a street that lie together into one row, at the middle piece, with the names of all pieces.
 
-    If pieces of the same name lie apart in one settlement, the quarters around them are added to their names. Houses get the other
-    names of their street.
+    If pieces of the same name lie apart in one settlement, the quarter of each is put in front of its context. Houses get the other
+    names of their street, so the rows have to be in the order of kind, name and context, streets before houses.
     """
     streets: dict[tuple[str, str], str] = {}
     for (kind, name, context), pieces in itertools.groupby(rows, key=lambda row: row[:3]):

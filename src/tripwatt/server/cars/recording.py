@@ -85,7 +85,7 @@ class Recorder:
         late = arrival == "late"
         if late and self.trip is not None and self.trip.has(sample):
             return "doubled"
-        return arrival if arrival == "doubled" or self._sender.fits(sample, late=late) else "held"
+        return arrival if arrival == "doubled" or self._sender.fits(sample, is_late=late) else "held"
 
     def _process(self, sample: Sample, arrival: Arrival) -> None:
         sender = self._sender

@@ -161,12 +161,15 @@ class Sender:
         self._accepted_since = 0
         self._apart_score = 0.0
 
-    def fits(self, sample: Sample, *, late: bool = False) -> bool:
-        """Whether a sample fits the known clock: neither far ahead of it nor late. True while no clock is known."""
+    def fits(self, sample: Sample, *, is_late: bool = False) -> bool:
+        """Whether a sample fits the known clock; true while no clock is known.
+
+        A sample fits if the caller does not say that it is late, and if it is not far ahead of the clock or follows the last sample.
+        """
         if self.offset_s is None or sample.received_s is None:
             return True
         ahead = self.offset_s - _offset_s(sample) > FUTURE_S and not self._follows(self._last, sample)
-        return not (late or ahead)
+        return not (is_late or ahead)
 
     def _follows(self, last: Sample | None, sample: Sample) -> bool:
         """Whether the stamp of a sample is later than that of `last` by no more than its arrival, within tolerances."""
