@@ -116,8 +116,8 @@ class LinkedTrips:
     >>> from tripwatt.vehicles import load_vehicle
     >>> trips, car = synthetic_fleet(4).trips, load_vehicle(VEHICLE)
     >>> linked, driven = linked_trips(trips, car), segment_trips(trips, car)
-    >>> len(linked.tables[0]) == len(LENGTHS_M), len(linked.take([0, 0]).tables)
-    (True, 2)
+    >>> len(linked.tables), len(linked.tables[0]) == len(LENGTHS_M)
+    (4, True)
     >>> corrector = power_corrector("linear").fit(driven.take([0, 1, 2]))
     >>> linked.differences(corrector, driven, np.array([3])).shape
     (1, 3)
