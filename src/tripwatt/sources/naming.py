@@ -55,20 +55,12 @@ def words(name: str) -> str:
     return " ".join(re.sub(r"[^a-z0-9]+", " ", split.casefold()).split())
 
 
-def units_in(name: str) -> tuple[str, ...]:
-    """Units that a column's name may state: the texts in brackets, the last one first; without brackets, the last word.
-
-    Examples
-    --------
-    >>> units_in("v [km/h]"), units_in("speed_kmh"), units_in("power_kW"), units_in("Speed (OBD)(km/h)")
-    (('km/h',), ('km/h',), ('kw', 'w'), ('km/h', 'obd'))
-    """
+def _units_in(name: str) -> list[str]:
+    """Units that a column's name may state: the texts in brackets, the last one first; without brackets, the last word."""
     bracketed = [text.strip() for text in re.findall(r"[\[({]([^\])}]*)[\])}]*", name)]
-    if bracketed:
-        return tuple(dict.fromkeys(_unit(text) for text in reversed(bracketed) if text))
     last = re.split(r"[\s_.:/-]+", name.strip())[-1]
     camel = re.sub(r"^.*[a-z0-9](?=[A-Z])", "", last)
-    return tuple(dict.fromkeys(_unit(text) for text in (last, camel) if text))
+    return [_unit(text) for text in (bracketed[::-1] or (last, camel)) if text]
 
 
 def _unit(text: str) -> str:
@@ -83,10 +75,10 @@ def unit_in(ours: str, name: str) -> str | None:
     --------
     >>> unit_in("speed_m_s", "Spd (mph)"), unit_in("voltage_v", "HV Volts"), unit_in("speed_m_s", "speed")
     ('mph', 'v', None)
+    >>> unit_in("speed_m_s", "speed_kmh"), unit_in("battery_power_w", "power_kW"), unit_in("speed_m_s", "Speed (OBD)(km/h)")
+    ('km/h', 'kw', 'km/h')
     """
-    units = units_in(name)
-    if ours == "speed_m_s":
-        units = tuple("m/s" if unit == "ms" else unit for unit in units)
+    units = ["m/s" if (ours, unit) == ("speed_m_s", "ms") else unit for unit in _units_in(name)]
     return next((unit for unit in units if unit in UNITS[ours]), None)
 
 

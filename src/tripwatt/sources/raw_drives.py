@@ -270,17 +270,19 @@ def log_of(drive: RawDrive) -> Log:
     if nominal is not None and (POWER in columns or "current_a" in columns):
         voltage = columns.get("voltage_v", np.full(len(time), np.nan))
         columns["voltage_v"] = np.where(np.isnan(voltage), nominal, voltage)
-    energy: dict[str, float] = {}
+    energy_std: float | None = None
     if POWER in columns:
         columns["current_a"] = columns.pop(POWER) * mapping.discharge_sign / columns["voltage_v"]
     elif "current_a" in columns:
         columns["current_a"] = columns["current_a"] * mapping.discharge_sign
     elif mapping.usable_capacity_kwh is not None:
-        columns["observed_energy_wh"], energy["observed_energy_std_wh"] = _energy_from_soc(columns, mapping)
-        energy["observed_energy_common_std"] = mapping.usable_capacity_uncertainty
+        columns["observed_energy_wh"], energy_std = _energy_from_soc(columns, mapping)
     order = [*(c for c in COLUMNS if c in columns), *(c for c in columns if c not in COLUMNS)]
     log = Log.from_samples(drive.name, pd.DataFrame({c: columns[c] for c in order}), context)
-    return replace(log, **energy)  # type: ignore[arg-type] # the fields of the energy are numbers
+    if energy_std is None:
+        return log
+    common_std = mapping.usable_capacity_uncertainty
+    return replace(log, observed_energy_std_wh=energy_std, observed_energy_common_std=common_std)
 
 
 def _energy_from_soc(columns: Mapping[str, FloatArray], mapping: ColumnMapping) -> tuple[FloatArray, float]:

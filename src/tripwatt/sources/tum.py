@@ -51,9 +51,6 @@ REFERENCE_TRIPS: Final[Mapping[str, float | None]] = {
 """The 58 trips on which tripwatt is compared with other systems: id -> time [s] at which the trip ends, None for its own
 end. arXiv:2405.10984 scores 72 trips of the set, which it does not name."""
 
-ALL_TRIP_IDS: Final = tuple(f"Trip{short}" for short in _PUBLISHED)
-"""The 70 trips that were published."""
-
 
 def read_tum(folder: Path | str, *, strict: bool = False) -> TripSet:
     """Read a folder of `TripA*.csv` and `TripB*.csv`, with `Overview.xlsx` for their context.
@@ -83,7 +80,7 @@ def read_tum(folder: Path | str, *, strict: bool = False) -> TripSet:
     tripwatt.errors.InvalidInput: no such folder: no/such/folder: allowed: a folder with TripA*.csv and TripB*.csv; ...
     """
     folder = Path(folder)
-    files, notes = trip_files(folder)
+    files, notes = _trip_files(folder)
     faults: list[Fault] = []
     contexts: Mapping[str, Context] = {}
     try:
@@ -102,7 +99,7 @@ def read_tum(folder: Path | str, *, strict: bool = False) -> TripSet:
     return TripSet("tum", tuple(logs.values()), tuple(notes), REFERENCE_TRIPS, CITATION, report)
 
 
-def trip_files(folder: Path) -> tuple[dict[str, Path], list[Flag]]:
+def _trip_files(folder: Path) -> tuple[dict[str, Path], list[Flag]]:
     """The trip files of a folder by trip id, and a note on the number of its other CSV files.
 
     Raises

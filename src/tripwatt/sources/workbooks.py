@@ -66,7 +66,9 @@ def _sheets(archive: ZipFile, budget: Budget) -> Iterator[tuple[str, Iterator[li
     is_1904 = any(a.get("date1904") in ("1", "true") for _, tag, a, _ in elements if tag == "workbookPr")
     epoch = dt.datetime(1904, 1, 1) if is_1904 else dt.datetime(1899, 12, 30)
     times = _times(archive, parts["styles"], epoch, budget) if "styles" in parts else []
-    sheets = [(a["name"], *links[_link(a)]) for _, tag, a, _ in elements if tag == "sheet"]
+    # the id of a sheet's link has the prefix of its namespace, such as "r:id"
+    ids = [(a, next(key for key in a if key.endswith(":id"))) for _, tag, a, _ in elements if tag == "sheet"]
+    sheets = [(a["name"], *links[a[key]]) for a, key in ids]
     for title, path in [(title, path) for title, kind, path in sheets if kind == "worksheet"][:MAX_SHEETS]:
         yield title, _rows(_elements(archive, path, budget), texts, times, budget)
 
@@ -115,10 +117,6 @@ def _links(archive: ZipFile, part: str, budget: Budget) -> dict[str, tuple[str, 
         for _, tag, a, _ in elements
         if tag == "Relationship"
     }
-
-
-def _link(attributes: dict[str, str]) -> str:
-    return next(value for name, value in attributes.items() if name.rpartition(":")[2] == "id")
 
 
 def _texts(archive: ZipFile, name: str, budget: Budget) -> Iterator[str]:
