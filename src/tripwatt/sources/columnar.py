@@ -42,8 +42,6 @@ MAX_ROWS: Final = 500_000
 """Largest number of rows in a Parquet file with less than `MIN_ROW_BYTES` a row; equal values take almost no space there."""
 MIN_ROW_BYTES: Final = 4
 """Least number of bytes that a row of measurements takes in a Parquet file."""
-INDEX: Final = re.compile(r"__index_level_\d+__")
-"""Names of the columns in which pandas keeps the index of a table."""
 
 UNFOLLOWED: Final = (ValueError, LookupError, TypeError, ArithmeticError, RecursionError)
 """Errors that damaged or contradictory heads of a Parquet file raise."""
@@ -134,7 +132,8 @@ class ParquetTable:
     @property
     def names(self) -> Sequence[str]:
         """Names of the columns of the schema, without the index that pandas writes."""
-        return [str(name) for name in self.file.schema_arrow.names if not INDEX.fullmatch(str(name))]
+        names = map(str, self.file.schema_arrow.names)
+        return [name for name in names if not re.fullmatch(r"__index_level_\d+__", name)]
 
     @property
     def units(self) -> Mapping[str, str]:

@@ -44,7 +44,6 @@ def _units(spellings: str, factor: float, offset: float = 0.0) -> dict[str, tupl
 
 
 _SPEED: Final = _units("m/s", 1.0) | _units("km/h kmh kph", M_S_PER_KM_H) | _units("mph", M_S_PER_MPH)
-_LENGTH: Final = _units("m", 1.0) | _units("km", 1000.0) | _units("ft", M_PER_FOOT)
 _TEMPERATURE: Final = (
     _units("degc °c c", 1.0)
     | _units("k", 1.0, -ZERO_CELSIUS_K)
@@ -55,15 +54,14 @@ _WATT: Final = {"w": (1.0, 0.0), "kw": (1000.0, 0.0), "hp": (745.699872, 0.0), "
     f"{step}w": (float(step), 0.0)
     for step in (50, 100, 250)  # some loggers write power as a number of steps of this many watts
 }
-_SECOND: Final = {"s": (1.0, 0.0), "ms": (1e-3, 0.0), "min": (60.0, 0.0), "h": (SECONDS_PER_HOUR, 0.0)}
 
 TIME_STAMPS: Final = {"timestamp": math.nan, "epoch_s": 1.0, "epoch_ms": 1e-3}
 """Units of a time that include the day: text, or seconds or milliseconds since 1970."""
 
 UNITS: Final[Mapping[str, Mapping[str, tuple[float, float]]]] = {
-    "time_s": _SECOND,
+    "time_s": {"s": (1.0, 0.0), "ms": (1e-3, 0.0), "min": (60.0, 0.0), "h": (SECONDS_PER_HOUR, 0.0)},
     "speed_m_s": _SPEED,
-    "elevation_m": _LENGTH,
+    "elevation_m": _units("m", 1.0) | _units("km", 1000.0) | _units("ft", M_PER_FOOT),
     "grade": _FRACTION,
     "speed_limit_m_s": _SPEED,
     "ambient_temperature_degc": _TEMPERATURE,

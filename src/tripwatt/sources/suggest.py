@@ -37,7 +37,6 @@ from tripwatt.sources.naming import candidates, column_names, is_something_else,
 from tripwatt.trips import COLUMNS
 
 DAY_FORMATS: Final = ("%Y-%m-%d", "%Y/%m/%d", "%d.%m.%Y", "%m/%d/%Y", "%d/%m/%Y", "%d-%m-%Y", "%m-%d-%Y", "%d.%m.%y", "%m/%d/%y", "%d/%m/%y", "%Y%m%d", "%d-%b-%Y")  # fmt: skip
-_DAY_NAME: Final = re.compile(r"\b(date|day|datum|tag|fecha|jour)\b")
 
 HOLD_S: Final = 10
 
@@ -202,7 +201,8 @@ def _readable(path: Path, names: Sequence[str]) -> tuple[TableFile, dict[str, Fl
 def _with_day(guess: Guess, table: TableFile, beside: Sequence[Path]) -> Guess:
     """The guess of a time stamp, completed with the column of the day and with the order of day and month from all files."""
     if clock_only(guess.format):
-        for name in (n for n in table.names if n != guess.column and _DAY_NAME.search(words(n))):
+        day_name = re.compile(r"\b(date|day|datum|tag|fecha|jour)\b")
+        for name in (n for n in table.names if n != guess.column and day_name.search(words(n))):
             form = next((f for f in DAY_FORMATS if _fits(table.texts(name), f)), None)
             if form is not None:
                 why = f"{guess.why}; the day is in {_quote(name)}"

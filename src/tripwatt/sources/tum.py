@@ -39,7 +39,6 @@ CITATION: Final = (
 OVERVIEW_NAME: Final = "Overview.xlsx"
 
 
-_TRIP_FILE: Final = re.compile(r"trip([ab]\d{2,3})(?!\d).*\.csv", re.IGNORECASE)
 _PUBLISHED: Final = (*(f"A{i:02d}" for i in range(1, 33)), *(f"B{i:02d}" for i in range(1, 39)))
 _ABSENT_FROM_REFERENCE: Final = tuple(f"B{i:02d}" for i in (1, 2, 4, 7, 8, 9, 10, 12, 14, 15, 34, 36))
 
@@ -115,7 +114,7 @@ def _trip_files(folder: Path) -> tuple[dict[str, Path], list[Flag]]:
     files: dict[str, Path] = {}
     faults: list[Fault] = []
     for path in csv_files:
-        match = _TRIP_FILE.fullmatch(path.name)
+        match = re.fullmatch(r"trip([ab]\d{2,3})(?!\d).*\.csv", path.name, re.IGNORECASE)
         if match is None:
             continue
         trip_id = f"Trip{match[1].upper()}"

@@ -30,15 +30,11 @@ CITATION: Final = (
     'Consumption Research", IEEE Transactions on Intelligent Transportation Systems, 2022, '
     "https://doi.org/10.1109/TITS.2020.3035596, licensed under Apache-2.0"
 )
-FIRST_DAY: Final = dt.datetime(2017, 11, 1)
-"""Midnight of `DayNum` 1."""
 
 
 _KEYS: Final = ("DayNum", "VehId", "Trip")
 _ENGINE: Final = ("Engine RPM[RPM]", "MAF[g/sec]", "Fuel Rate[L/hr]")
 """Signals of a combustion engine: a car with any value of one of these, even 0, is not electric."""
-
-_WEEK_FILE: Final = re.compile(r"VED_\d{6}_week.*\.csv", re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +95,8 @@ def _week_files(folder: Path) -> list[Path]:
     allowed = "a folder with VED_*_week.csv"
     fix = "download the data from https://github.com/gsoh/VED and unpack them"
     require_folder(folder, allowed, fix)
-    files = sorted(p for p in folder.iterdir() if _WEEK_FILE.fullmatch(p.name))
+    form = re.compile(r"VED_\d{6}_week.*\.csv", re.IGNORECASE)
+    files = sorted(path for path in folder.iterdir() if form.fullmatch(path.name))
     if not files:
         raise InvalidInput.of("no trips", f"{folder}", "no weekly file", allowed, fix)
     return files
@@ -151,9 +148,9 @@ def _trips(weeks: list[_Week], with_engine: frozenset[int]) -> tuple[list[Log], 
             if len(samples) < 2:
                 continue
             day = float(samples["day"].iloc[0])
-            context = Context(
-                started_at=FIRST_DAY + dt.timedelta(days=day - 1.0), route="Ann Arbor", car=f"{car}"
-            )
+            # DayNum 1 is 1 November 2017
+            started_at = dt.datetime(2017, 11, 1) + dt.timedelta(days=day - 1.0)
+            context = Context(started_at=started_at, route="Ann Arbor", car=f"{car}")
             ours = samples[[c for c in COLUMNS if c in samples.columns]].reset_index(drop=True)
             trips.append((day, Log.from_samples(f"VED{car}-{number}", ours, context)))
     raise_faults(faults)

@@ -23,7 +23,6 @@ MAX_COLUMNS: Final = 16_384
 """Largest number of columns in a sheet, as in Excel."""
 
 MAX_DEPTH: Final = 100
-_PIECE_BYTES: Final = 1 << 16
 
 
 def read_workbook(
@@ -97,7 +96,7 @@ def _elements(archive: ZipFile, name: str, budget: Budget) -> Iterator[Element]:
     parser.StartElementHandler, parser.EndElementHandler = start, end
     parser.CharacterDataHandler, parser.StartDoctypeDeclHandler = text.append, refuse
     with archive.open(name) as part:
-        while piece := part.read(_PIECE_BYTES):
+        while piece := part.read(1 << 16):
             parser.Parse(piece)
             budget.take(ELEMENTS, len(ended))
             yield from ended
