@@ -297,10 +297,8 @@ def _certified(car: Vehicle, wh_per_km: float, procedure: str) -> list[Certified
     driven = {cycle: driven_wh_per_km(car, schedule(cycle), mass) for cycle in LABEL_SHARES}
     combined = sum(share * driven[cycle] for cycle, share in LABEL_SHARES.items())
     return [
-        CertifiedFigure(
-            cycle, LABEL_FACTOR * wh_per_km * driven[cycle] / combined, True, mass, "given by the caller"
-        )
-        for cycle in LABEL_SHARES
+        CertifiedFigure(cycle, LABEL_FACTOR * wh_per_km * wh / combined, True, mass, "given by the caller")
+        for cycle, wh in driven.items()
     ]
 
 
@@ -401,9 +399,8 @@ def _relative_sd(car: Vehicle, cycle: str, mass_kg: float) -> float:
     if car.road_load.drag_area_m2 == classes.drag_area_m2["van"]:
         air_sd = math.hypot(air_sd, VAN_SD)
     for name, sd in (("rolling", classes.rolling_sd), ("air", air_sd)):
-        parts.append(
-            sd * (driven_wh_per_km(_with_more(car, name), schedule(cycle), mass_kg) / base - 1.0) / _STEP
-        )
+        more = driven_wh_per_km(_with_more(car, name), schedule(cycle), mass_kg)
+        parts.append(sd * (more / base - 1.0) / _STEP)
     entry = car.entries["body.curb_mass_kg"]
     if entry.licence != "user":
         heavier = driven_wh_per_km(car, schedule(cycle), mass_kg * (1.0 + _STEP))

@@ -458,8 +458,7 @@ def _base_value(standing: Sequence[float], vehicle: Vehicle) -> _Values:
 
 def _rest_rows(samples: pd.DataFrame, vehicle: Vehicle) -> FloatArray:
     """Open-circuit voltage of a cell at rest minus the published curve, by bins of charge; see `StageRecord.rest`."""
-    names = ("voltage_v", "current_a", "soc")
-    voltage, current, soc = (_column(samples, name) for name in names)
+    voltage, current, soc = (_column(samples, name) for name in ("voltage_v", "current_a", "soc"))
     if voltage is None or current is None or soc is None:
         return np.empty((0, 2))
     calm = pd.Series(np.abs(current) < RESTING_A, dtype=float).rolling(int(RESTING_S)).min().to_numpy() == 1.0
@@ -472,8 +471,7 @@ def _rest_rows(samples: pd.DataFrame, vehicle: Vehicle) -> FloatArray:
     place = np.minimum((soc * REST_BINS).astype(np.int64), REST_BINS - 1)
     count = np.bincount(place, minlength=REST_BINS)
     seen = count > 0
-    means = (np.bincount(place, v, REST_BINS)[seen] / count[seen] for v in (soc, above))
-    charge, change = means
+    charge, change = (np.bincount(place, v, REST_BINS)[seen] / count[seen] for v in (soc, above))
     return np.column_stack((charge, change / battery.cells_in_series))
 
 

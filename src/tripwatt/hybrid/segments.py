@@ -261,8 +261,12 @@ def segment_table(
         "winter": {"winter": 1.0, "summer": 0.0}.get(departure.season or "", np.nan),
     }
     simulated = np.asarray(features["simulated_w"])
-    observed = None if measured is None else _measured_power(measured, segment, plan, seconds)
-    errors = None if measured is None else EnergyErrors.from_trip(measured, climb_wh)
+    observed = climate = charge = errors = None
+    if measured is not None:
+        observed, charge = _measured_power(measured, segment, plan, seconds), _charge_readings(measured)
+        errors = EnergyErrors.from_trip(measured, climb_wh)
+        edges_s = float(measured.array("time_s")[0]) + np.concatenate(([0.0], np.cumsum(seconds)))
+        climate = logged_climate(measured.samples, edges_s)
     if observed is not None and errors is not None and not errors.along[0]:
         observed = simulated + float(seconds @ (observed - simulated)) / float(seconds.sum())
     return SegmentTable(
@@ -272,8 +276,8 @@ def segment_table(
         hours=seconds / SECONDS_PER_HOUR,
         simulated_w=simulated,
         observed_w=observed,
-        observed_climate_w=None if measured is None else _measured_climate(measured, seconds),
-        charge=None if measured is None else _charge_readings(measured),
+        observed_climate_w=climate,
+        charge=charge,
         errors=errors,
     )
 
@@ -429,9 +433,3 @@ def _charge_readings(measured: Trip) -> FloatArray:
         known = values[np.isfinite(values)]
         readings += [known[0], known[-1]] if len(known) else [np.nan, np.nan]
     return np.array([readings], dtype=np.float64)
-
-
-def _measured_climate(measured: Trip, seconds: FloatArray) -> FloatArray | None:
-    """Mean measured power of climate control in each segment [W]; None if it was not logged."""
-    start = float(measured.array("time_s")[0])
-    return logged_climate(measured.samples, start + np.concatenate(([0.0], np.cumsum(seconds))))

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any, Final
 
+from tripwatt.arrays import by_key
 from tripwatt.vehicles.catalogue import records
 
 CLASS: Final = "*"
@@ -56,14 +57,11 @@ def anchors() -> Mapping[str, Anchor]:
     >>> anchors()["vw_id4_pro"].level
     'road_load'
     """
-    by_car: dict[str, Anchor] = {}
-    for row in records("anchors.csv"):
-        old = by_car.get(row["car"])
-        entries = {} if old is None else dict(old.entries)
-        entries[row["entry"]] = (float(row["value"]), row["unit"])
-        by_car[row["car"]] = Anchor(
-            row["level"], row["loss"], types.MappingProxyType(entries), float(row["before"])
-        )
+    by_car = {}
+    for car, rows in by_key(records("anchors.csv"), lambda row: row["car"]).items():
+        entries = {row["entry"]: (float(row["value"]), row["unit"]) for row in rows}
+        about = rows[0]
+        by_car[car] = Anchor(about["level"], about["loss"], entries, float(about["before"]))
     return types.MappingProxyType(by_car)
 
 
