@@ -28,7 +28,8 @@ LONGEST = (
     "hostile/test_bounds.py",
     "roads/journey/test_distances.py",
     "server/http/test_clients.py",
-    "server/http/test_nulls.py",
+    "server/http/test_contract.py",
+    "server/http/test_live.py",
     "project/test_gallery.py",
     "project/test_types.py",
 )
