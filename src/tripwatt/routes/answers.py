@@ -43,7 +43,7 @@ def step_pieces(
 def edge_pieces(leg: Node, *, annotated_speed: bool = False) -> FloatArray:
     """Length, time and speed of each edge from the annotation of an OSRM leg, shape (edges, 3).
 
-    The times of an annotation leave out turns and lights. If the leg takes longer than the sum of these times, they are scaled
+    The times of an annotation leave out turns and lights. If the leg takes longer than their sum, these times are scaled
     to the duration of the leg.
 
     Parameters
@@ -72,7 +72,7 @@ def edge_pieces(leg: Node, *, annotated_speed: bool = False) -> FloatArray:
     return np.column_stack((length, time * scale, speed))
 
 
-def intervals(detail: Node, points: int) -> list[tuple[int, int, Node]]:
+def intervals(detail: Node, n_points: int) -> list[tuple[int, int, Node]]:
     """First point, last point and value of each entry of a path detail of GraphHopper; empty if the detail is not given.
 
     Raises
@@ -89,14 +89,14 @@ def intervals(detail: Node, points: int) -> list[tuple[int, int, Node]]:
     for entry in detail.entries() if detail.value else ():
         start, end, value = entry.entries(min_count=3)[:3]
         first, last = start.number(minimum=0.0), end.number(minimum=0.0)
-        if first % 1 or last % 1 or not first <= last < points:
-            got, allowed = f"{first:g} to {last:g}", f"0 to {points - 1}, ascending"
+        if first % 1 or last % 1 or not first <= last < n_points:
+            got, allowed = f"{first:g} to {last:g}", f"0 to {n_points - 1}, ascending"
             raise InvalidInput.of("point index out of range", entry.where, got, allowed)
         rows.append((int(first), int(last), value))
     return rows
 
 
-def speeds_at_points(detail: Node, points: int) -> FloatArray:
+def speeds_at_points(detail: Node, n_points: int) -> FloatArray:
     """Speed after each point [m/s] from a path detail in km/h; NaN where it is unknown or 0.
 
     Examples
@@ -104,8 +104,8 @@ def speeds_at_points(detail: Node, points: int) -> FloatArray:
     >>> speeds_at_points(Node([[0, 2, 36.0], [2, 3, None]], "max_speed"), 4)
     array([10., 10., nan, nan])
     """
-    speed = np.full(points, np.nan)
-    for start, end, value in intervals(detail, points):
+    speed = np.full(n_points, np.nan)
+    for start, end, value in intervals(detail, n_points):
         if value.value is not None:
             speed[start : max(end, start + 1)] = M_S_PER_KM_H * value.number(minimum=0.0)
     return np.where(speed > 0.0, speed, np.nan)

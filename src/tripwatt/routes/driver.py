@@ -228,21 +228,21 @@ def reachable_speed(
     array([0.        , 2.82842712, 0.        ])
     """
     # a(v) = a0 / (1 + v²/h²) gives a0 u = v²/2 + v⁴/(4 h²), which inverts in closed form
-    room = position_m
+    weighted_m = position_m
     if effort is not None:
-        room = np.zeros(len(position_m))
-        np.cumsum(effort * (position_m[1:] - position_m[:-1]), out=room[1:])
+        weighted_m = np.zeros(len(position_m))
+        np.cumsum(effort * (position_m[1:] - position_m[:-1]), out=weighted_m[1:])
     half_squared = style.half_acceleration_speed_m_s**2
     squared = aimed_m_s**2
-    uphill = squared**2
-    uphill /= 4.0 * half_squared
-    uphill += squared / 2.0
-    uphill /= style.acceleration_m_s2
-    uphill -= room
-    np.minimum.accumulate(uphill, out=uphill)
-    uphill += room
+    forward = squared**2
+    forward /= 4.0 * half_squared
+    forward += squared / 2.0
+    forward /= style.acceleration_m_s2
+    forward -= weighted_m
+    np.minimum.accumulate(forward, out=forward)
+    forward += weighted_m
     # the rationalised root of the quadratic, exact also where v << h
-    scaled = np.maximum(uphill, 0.0, out=uphill)
+    scaled = np.maximum(forward, 0.0, out=forward)
     scaled *= 2.0 * style.acceleration_m_s2
     divisor = 2.0 * scaled
     divisor /= half_squared
@@ -252,13 +252,13 @@ def reachable_speed(
     scaled *= 2.0
     scaled /= divisor
     np.minimum(squared, scaled, out=squared)
-    downhill = squared / (2.0 * style.deceleration_m_s2)
-    downhill += room
-    downhill = np.minimum.accumulate(downhill[::-1])[::-1]
-    downhill -= room
-    np.maximum(downhill, 0.0, out=downhill)
-    downhill *= 2.0 * style.deceleration_m_s2
-    np.minimum(squared, downhill, out=squared)
+    backward = squared / (2.0 * style.deceleration_m_s2)
+    backward += weighted_m
+    backward = np.minimum.accumulate(backward[::-1])[::-1]
+    backward -= weighted_m
+    np.maximum(backward, 0.0, out=backward)
+    backward *= 2.0 * style.deceleration_m_s2
+    np.minimum(squared, backward, out=squared)
     return np.sqrt(squared, out=squared)
 
 
@@ -271,12 +271,12 @@ def smooth_field(extent: float, memory: float, rng: np.random.Generator) -> tupl
     """A smooth random function of distance or time, mean 0 and variance 1, on a regular grid. O(extent / memory).
 
     A stationary Gaussian process with the once differentiable covariance `(1 + d/l) exp(-d/l)` (Matérn 3/2), as an
-    autoregression of order two on ten points per length.
+    autoregression of order two on ten points per correlation length.
 
     Parameters
     ----------
     extent : float
-        End of the grid, at least.
+        The grid reaches at least this far.
     memory : float
         Correlation length `l`, in the unit of `extent`.
     rng : numpy.random.Generator

@@ -86,7 +86,7 @@ class TravelTimeFactors:
         return np.asarray(np.interp(speed_m_s, self.speed_m_s, self.factor), dtype=np.float64)
 
     def with_expected_times(self, route: LinkRoute) -> LinkRoute:
-        """Free-flow links with their expected travel times, never shorter than those of the router. O(links).
+        """Free-flow links with expected moving speeds and travel times, the latter never shorter than those of the router. O(links).
 
         If the speed limit of a link is below its free speed, the car drives at the limit, but the factor is that of the free speed.
         """
@@ -99,7 +99,7 @@ class TravelTimeFactors:
 def log_energy_ratios(
     trip: Recorded, route: LinkRoute, driven_s: FloatArray, energy: Callable[[Plan], float]
 ) -> FloatArray:
-    """Logarithm of the ratio of planned to driven energy for each of `SHARES`. O(samples).
+    """Logarithm of the ratio of planned to driven energy, both by `energy`, for each of `SHARES`. O(samples).
 
     The plan takes the free-flow links in the times in which they were driven, at a share of the free speed between stops.
 
@@ -125,17 +125,17 @@ def log_energy_ratios(
     return np.asarray(np.log(np.array(planned) / energy(Plan.from_trip(trip))))
 
 
-def moving_share(energies: Sequence[FloatArray]) -> float:
+def moving_share(log_ratios: Sequence[FloatArray]) -> float:
     """Share of the free speed at which the planned energies of trips agree with the driven ones on average.
 
-    `energies` has the result of `log_energy_ratios` for each trip; their mean is interpolated to 0.
+    `log_ratios` has the result of `log_energy_ratios` for each trip; their mean is interpolated to 0.
 
     Examples
     --------
     >>> round(moving_share([np.linspace(-0.1, 0.3, 5), np.linspace(-0.3, 0.1, 5)]), 3)
     0.8
     """
-    return float(np.interp(0.0, np.maximum.accumulate(np.mean(energies, axis=0)), SHARES))
+    return float(np.interp(0.0, np.maximum.accumulate(np.mean(log_ratios, axis=0)), SHARES))
 
 
 def free_flow_links(trip: Recorded, length_m: float = LINK_M) -> tuple[LinkRoute, FloatArray]:
@@ -197,7 +197,7 @@ def _limit_links(
 ) -> tuple[LinkRoute, FloatArray]:
     """Links cut where the speed limit changes, with the heights of the even links, and the time in which each was driven.
 
-    A piece that is short or has no limit is joined to the link before it.
+    A piece that is short or has no limit is joined to the link before it, at the start of the drive to the first link.
     """
     start = np.flatnonzero(np.append(True, np.diff(limit_m_s) != 0.0))
     piece_m = np.diff(np.append(position_m[start], position_m[-1]))
@@ -218,7 +218,7 @@ def _limit_links(
 
 
 def _class_speed(speed_m_s: FloatArray) -> float:
-    """Speed class of a link [m/s] from the speeds driven on it; the lowest class if the car never moves."""
+    """Speed class of a link [m/s] from its driven speeds: lowest if the car never moves, highest if it is faster than all classes."""
     # below 0.5 m/s the car stands
     moving = speed_m_s[speed_m_s > 0.5]
     if not len(moving):

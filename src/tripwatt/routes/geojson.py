@@ -106,17 +106,17 @@ def _collect_lines(node: Node, properties: Node, lines: list[_Line], depth: int)
     return 0
 
 
-def _time_texts(properties: Node, number: int) -> list[str]:
+def _time_texts(properties: Node, n_points: int) -> list[str]:
     """The time of each point as text, empty if the point has none."""
     times = properties["coordTimes"]
     if times.value is None and isinstance(properties["coordinateProperties"].value, dict):
         times = properties["coordinateProperties"]["times"]
     if times.value is None:
-        return [""] * number
+        return [""] * n_points
     nested = [entry.value if isinstance(entry.value, list) else [entry.value] for entry in times.entries()]
     flat = [text for part in nested for text in part]
-    if len(flat) != number:
-        got, allowed = f"{len(flat)} times", f"{number}, one for each point"
+    if len(flat) != n_points:
+        got, allowed = f"{len(flat)} times", f"{n_points}, one for each point"
         raise InvalidInput.of("times and points differ in number", times.where, got, allowed)
     wrong = next((text for text in flat if not isinstance(text, str | None)), None)
     if wrong is not None:

@@ -324,7 +324,10 @@ def plan_on_links(trip: Recorded, length_m: float) -> Plan:
 
 
 def _merge_equal_links(route: LinkRoute) -> LinkRoute:
-    """The route in which neighbours of equal speed, limit and moving speed are one link, unless a stop lies between them."""
+    """The route in which neighbours of equal speed, limit and moving speed are one link if the stops of both are unknown or 0.
+
+    The route itself is returned if a merged link would be longer than a link may be.
+    """
     speed, stop = route.speed_m_s, route.stop_s
     equal = np.abs(np.diff(speed)) <= SAME_SPEED * speed[1:]
     equal &= (np.isnan(stop[1:]) & np.isnan(stop[:-1])) | ((stop[1:] == 0.0) & (stop[:-1] == 0.0))
@@ -342,8 +345,8 @@ def _merge_equal_links(route: LinkRoute) -> LinkRoute:
 def link_ends(length_m: FloatArray, time_s: FloatArray, target_m: float, may_end: BoolArray) -> IntArray:
     """Index of the last piece of each link if pieces are joined in their order into links. O(pieces).
 
-    A link takes time and has the length `target_m`, or at least `SHORTEST_LINK_M` if it ends at a piece that `may_end` marks.
-    The pieces after the last end are too short for a link.
+    A link takes time and is at least `target_m` long; `SHORTEST_LINK_M` is enough if the link ends at a piece that `may_end` marks.
+    The pieces after the last end are too short for a link or take no time.
     """
     ends, driven_m, spent_s = [], 0.0, 0.0
     pieces = zip(length_m.tolist(), time_s.tolist(), may_end.tolist(), strict=True)

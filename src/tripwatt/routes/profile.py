@@ -363,7 +363,7 @@ class Course:
 
 
 def ramp_speeds(position: FloatArray, ends: IntArray, free: FloatArray, style: LinkStyle) -> FloatArray:
-    """Speed that is allowed at each node [m/s] because a faster link is near; 0 if there is none.
+    """Speed that is allowed at each node [m/s] because a border of two links is near; 0 far from all borders.
 
     A change of speed lies on both sides of the point at which two links meet. The car passes this point at the mean of the two
     speeds; on the slower link it accelerates to this mean, or slows down from it, at a comfortable rate.
@@ -388,7 +388,7 @@ def number_of_dips(
 ) -> IntArray:
     """Number of places on each link at which the car slows down or stops.
 
-    There is none if no time is left over or the stops of the link are known. Otherwise there is at least one, except on the first
+    There is none if hardly any time is left over or the stops of the link are known. Otherwise there is at least one, except on the first
     and the last link, and more on a long link or with much time left over. Standing at an end of the route counts as half a stop.
     """
     up = style.comfort * style.driver.acceleration_m_s2

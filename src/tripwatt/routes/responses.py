@@ -43,7 +43,7 @@ _SUFFIXES: Final = (".gpx", ".kml", ".kmz", ".json", ".geojson")
 def route_from_pieces(
     pieces: FloatArray, where: str, heights: tuple[FloatArray, FloatArray] | None, *flags: Flag
 ) -> LinkRoute:
-    """Links of the pieces of a route. A piece without a length or a time is joined with the next pieces.
+    """Links of the pieces of a route. A piece that is too short or takes no time joins the next ones, at the end the last link.
 
     Parameters
     ----------
@@ -308,7 +308,7 @@ def is_route(path: Path | str) -> bool:
     Returns
     -------
     bool
-        False if the file cannot be read.
+        False if there is no such file.
 
     Examples
     --------

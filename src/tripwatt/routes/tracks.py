@@ -202,7 +202,7 @@ class Track:
     def links(self, speed_m_s: float | None = None) -> LinkRoute:
         """Convert a track into links, with its times, else the speeds of its pieces, else a given speed. O(points).
 
-        Points are joined until a link has the length `_TRACK_LINK_M`.
+        Points are joined until a link has the length `_TRACK_LINK_M`, or a given speed changes.
 
         Parameters
         ----------
