@@ -255,7 +255,7 @@ def quantile_column(quantile: float, quantity: str = "energy_wh") -> str:
 
 
 def _split_into_parts(batches: Iterator[pa.RecordBatch]) -> Iterator[pa.Table]:
-    """Yield tables of `TRIPS_PER_PART` whole trips from batches of rows; the rows of a trip have to follow each other."""
+    """Yield tables of `TRIPS_PER_PART` whole trips, at the end the rest, from batches in which the rows of a trip follow each other."""
     remaining: list[pa.RecordBatch] = []
     for batch in batches:
         table = pa.Table.from_batches([*remaining, batch])

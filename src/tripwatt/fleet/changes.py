@@ -153,7 +153,7 @@ def need_notes(changed: pd.DataFrame) -> dict[str, str]:
 
 
 def vehicle_series(posterior: GroupPosterior, rows: TripRows) -> Iterator[VehicleSeries]:
-    """Yield a series of the energy of each vehicle, and one of the displayed charge if it was logged."""
+    """Yield a series of the energy of each vehicle, and one of the displayed charge from the trips with logged charge that took some."""
     order, day = rows.chronological
     if not len(order):
         return
@@ -170,18 +170,22 @@ def vehicle_series(posterior: GroupPosterior, rows: TripRows) -> Iterator[Vehicl
         return
     groups = [trips[i][:2] for i in read]
     ratio = pd.Series(observed[read] / (start - end)[read])
-    share = observed[read] / ratio.groupby([group[0] for group in groups]).transform("median").to_numpy()
+    expected = observed[read] / ratio.groupby([group[0] for group in groups]).transform("median").to_numpy()
     cold = np.maximum(
         WARM_DEGC - np.nan_to_num(rows.numbers("ambient_temperature_degc")[read], nan=WARM_DEGC), 0.0
     )
     years = (day[read] - day[0]) / np.timedelta64(365, "D")
     terms = np.column_stack([np.ones(len(read)), cold / WARM_DEGC, years, 0.5 * (start + end)[read] - 0.5])
-    X, y, n = share[:, None] * terms, (start - end)[read] - share, _READING_SD**2 + (0.01 * share) ** 2
+    X, y, variance = (
+        expected[:, None] * terms,
+        (start - end)[read] - expected,
+        _READING_SD**2 + (0.01 * expected) ** 2,
+    )
     by_group = sorted(range(len(read)), key=lambda i: groups[i])
-    sums = Sums.from_trips([groups[i] for i in by_group], X[by_group], y[by_group], n[by_group])
+    sums = Sums.from_trips([groups[i] for i in by_group], X[by_group], y[by_group], variance[by_group])
     display = group_posterior(sums, fit_scales(sums, _DISPLAY_SCALES))
     causes = {BATTERY: np.eye(terms.shape[1])[0]}
-    yield from _series_by_vehicle(display, groups, day[read], X, share, y, n, causes)
+    yield from _series_by_vehicle(display, groups, day[read], X, expected, y, variance, causes)
 
 
 def _series_by_vehicle(
@@ -192,12 +196,12 @@ def _series_by_vehicle(
 
     The residuals are those after the car model and the drivers, minus the common deviation of the month (`common_monthly_deviation`).
     """
-    names = sorted(set(groups))
-    place = {name: k for k, name in enumerate(names)}
+    distinct = sorted(set(groups))
+    place = {group: k for k, group in enumerate(distinct)}
     code = np.array([place[group] for group in groups])
-    base = np.array([posterior.weights(name[0])[0] for name in names])
-    of_vehicle = np.array([posterior.weights(*name[:2])[0] for name in names])
-    driver = np.array([posterior.weights(*name)[0] for name in names]) - of_vehicle
+    base = np.array([posterior.weights(group[0])[0] for group in distinct])
+    of_vehicle = np.array([posterior.weights(*group[:2])[0] for group in distinct])
+    driver = np.array([posterior.weights(*group)[0] for group in distinct]) - of_vehicle
     correction = (X * (base + driver)[code]).sum(axis=1)
     expected, y = expected + correction, residual - correction
     model, vehicle = (np.array([group[k] for group in groups]) for k in (0, 1))
@@ -223,7 +227,7 @@ def _series_by_vehicle(
 def common_monthly_deviation(model: Any, vehicle: Any, day: Any, relative: FloatArray) -> FloatArray:
     """Return the common relative deviation of the vehicles of a car model in the month of each trip, shape (trips,).
 
-    It is the median of the medians of the vehicles, and 0 if there are fewer than `_MIN_VEHICLES` vehicles.
+    It is the median of the medians of the vehicles, and 0 if fewer than `_MIN_VEHICLES` vehicles drove in the month.
     """
     frame = pd.DataFrame(
         {"model": model, "month": day.astype("datetime64[M]"), "vehicle": vehicle, "r": relative}
@@ -234,7 +238,7 @@ def common_monthly_deviation(model: Any, vehicle: Any, day: Any, relative: Float
 
 
 def series_changes(series: VehicleSeries, chance: float) -> Iterator[dict[str, object]]:
-    """Yield the changes of one series, the most certain first; each change is estimated together with those before it.
+    """Yield the changes of one series, at most `_MAX_CHANGES`, the most certain first; each is estimated together with those found already.
 
     Parameters
     ----------
@@ -320,20 +324,21 @@ class ChangeScan:
     def _weighted(
         cls, series: VehicleSeries, X: FloatArray, prior: FloatArray, may_begin: BoolArray, w: FloatArray
     ) -> ChangeScan:
+        """Estimate a change by each cause from each trip at which it may begin, with weights `w` of the trips."""
         inverse = np.linalg.inv((X.T * w) @ X + np.diag(1.0 / prior))
         fit = series.y - X @ (inverse @ (X.T @ (w * series.y)))
         places = slice(MIN_TRIPS, len(w) - MIN_TRIPS + 1)
         shares, sds = [], []
         for weights in series.causes.values():
             z = series.X @ weights
-            both, square, error = (
+            cross, square, gradient = (
                 np.cumsum(values[::-1], axis=0)[::-1][places]
                 for values in (X * (w * z)[:, None], w * z * z, w * z * fit)
             )
-            information = square - np.einsum("kp,pq,kq->k", both, inverse, both)
+            information = square - np.einsum("kp,pq,kq->k", cross, inverse, cross)
             estimable = may_begin[places] & (information > 1e-9 * np.maximum(square, 1e-30))
             sds.append(np.where(estimable, 1.0 / np.sqrt(np.where(estimable, information, 1.0)), np.inf))
-            shares.append(np.where(estimable, error / np.where(estimable, information, 1.0), 0.0))
+            shares.append(np.where(estimable, gradient / np.where(estimable, information, 1.0), 0.0))
         # doubling a cause raises the total by this share
         rise = np.array([[(series.X @ weights).sum() / series.total] for weights in series.causes.values()])
         share, sd = np.array(shares) * rise, np.maximum(np.array(sds) * rise, 1e-12)

@@ -54,13 +54,13 @@ def deviations(posterior: GroupPosterior, rows: TripRows, *, drivers: bool = Fal
     base_wh = pd.Series(rows.numbers("simulated_wh")).groupby(models).mean()
     usual = pd.DataFrame(X).groupby(models).mean()
     table = []
-    for group, number in trip_counts.items():
+    for group, n_trips in trip_counts.items():
         x = usual.loc[group[0]].to_numpy()
         weights, covariance = posterior.weights(*group)
         parent_weights = posterior.weights(*group[:-1])[0]
         mean_wh = float(base_wh[group[0]] + x @ parent_weights)
         parts = [float(x[part] @ (weights - parent_weights)[part]) / mean_wh for part in PARTS.values()]
-        table.append((*group, number, sum(parts), float(np.sqrt(x @ covariance @ x)) / mean_wh, *parts))
+        table.append((*group, n_trips, sum(parts), float(np.sqrt(x @ covariance @ x)) / mean_wh, *parts))
     columns = [*KEYS[:depth], "trips", "share", "sd", *PARTS]
     return pd.DataFrame(table, columns=columns).sort_values("share", ascending=False, ignore_index=True)
 

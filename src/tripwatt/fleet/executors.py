@@ -76,7 +76,7 @@ def executor_for(n_jobs: int = 1, cluster: str | None = None) -> Iterator[tuple[
 
 
 def _process_context() -> BaseContext:
-    """Return the start method of processes: forks of a server that has import_extra their modules, or spawn where that is missing."""
+    """Return the start method of processes: forks of a server that has imported the modules, or spawn where that is missing."""
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")
     from multiprocessing import forkserver

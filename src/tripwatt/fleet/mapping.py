@@ -149,7 +149,7 @@ def map_store(
     executor : Executor
     workers : int
     progress : callable, optional
-        Called with (finished tasks, all tasks).
+        Called with (finished tasks, all tasks) after each task that is run.
     """
     finished = [_read_finished(task) for task in tasks]
     yield from (result for result in finished if result is not None)
@@ -348,7 +348,7 @@ class SampledTrips:
 
     @classmethod
     def read(cls, paths: Iterable[str]) -> SampledTrips:
-        """Read files of segments. O(rows log rows)."""
+        """Read files of segments, and keep repeated segments once; raise `InvalidInput` if there is no file. O(rows log rows)."""
         tables = [pq.read_table(path) for path in sorted(paths)]
         if not tables:
             raise InvalidInput.of("no trips", "sample", "0", "at least one trip with measured energy")

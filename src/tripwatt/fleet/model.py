@@ -277,9 +277,9 @@ def _fit_rows(rows: TripRows, sample: SampledTrips, seed: int = 0) -> FleetModel
     folds = np.array([int(hashlib.sha256(d.encode()).hexdigest()[:8], 16) % _FOLDS for d in sample.digests])
     correctors = held_out_correctors(sums, scales, sample, folds)
     linear = np.concatenate([c.predict(sample.table.take([i])) for i, c in enumerate(correctors)])
-    rounds, held_out = choose_rounds(sample.table, sample.table.residual_w - linear, folds, seed)
+    rounds, trees_w = choose_rounds(sample.table, sample.table.residual_w - linear, folds, seed)
     trees = FleetTrees.fit(sample.table, sample.table.residual_w - linear, rounds, seed)
-    residuals = _held_out_residuals(sample.table, correctors, held_out)
+    residuals = _held_out_residuals(sample.table, correctors, trees_w)
     # the residual process costs far more per trip than scale and scores
     process_trips = np.sort(np.random.default_rng(seed).permutation(len(sample))[:_PROCESS_TRIPS])
     uncertainty = UncertaintyModel.from_held_out([residuals[i] for i in process_trips])
@@ -314,13 +314,13 @@ def held_out_correctors(
 
 
 def _held_out_residuals(
-    table: SegmentTable, correctors: Sequence[FleetCorrector], held_out_w: FloatArray
+    table: SegmentTable, correctors: Sequence[FleetCorrector], trees_w: FloatArray
 ) -> list[HeldOutResidual]:
     residuals = []
     for i, corrector in enumerate(correctors):
         residual = held_out_residual(corrector, table.take([i]))
         rows = slice(int(table.offsets[i]), int(table.offsets[i + 1]))
-        residuals.append(replace(residual, residual_w=residual.residual_w - held_out_w[rows]))
+        residuals.append(replace(residual, residual_w=residual.residual_w - trees_w[rows]))
     return residuals
 
 

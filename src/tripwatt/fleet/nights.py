@@ -350,10 +350,10 @@ def emhass(needs: pd.DataFrame, at: dt.datetime, charger_w: float, step_s: float
     needs = needs.assign(after=needs.groupby("vehicle_id")["arrives_at"].shift(fill_value=at))
     loads = needs[needs["charge_wh"] > 0.0]
     rows = loads.to_dict("records")
-    late = ((row["vehicle_id"], f"{row['departs_at']}") for row in rows if row["departs_at"] < at)
+    departed = ((row["vehicle_id"], f"{row['departs_at']}") for row in rows if row["departs_at"] < at)
     what = "departs before the charging begins"
     fix = "let the charging begin earlier, or leave out what is driven already"
-    raise_faults(Fault(what, *row, f"later than {at}", fix) for row in late)
+    raise_faults(Fault(what, *row, f"later than {at}", fix) for row in departed)
     steps = [[(row[name] - at).total_seconds() / step_s for name in ("after", "departs_at")] for row in rows]
     last = [int(end) for _, end in steps]
     step_h = step_s / SECONDS_PER_HOUR

@@ -287,8 +287,8 @@ class TripStore:
             key = (s.row["vehicle_id"], s.row["trip_id"])
             if key in taken:
                 got, fix = "another log of this vehicle has it", "give the log an id of its own"
-                where = f"vehicle {key[0]}, trip {key[1]}"
-                faults.append(Fault("duplicate trip id", where, got, "one id per trip of a vehicle", fix))
+                place = f"vehicle {key[0]}, trip {key[1]}"
+                faults.append(Fault("duplicate trip id", place, got, "one id per trip of a vehicle", fix))
             taken.add(key)
         raise_faults(faults)
         return unknown
@@ -665,12 +665,12 @@ def _chosen_rows(keys: pa.Table, wanted: Iterable[tuple[str, str]]) -> IntArray:
     batches = sorted({batch for batch, _ in wanted})
     by_digest = pc.index_in(keys["digest"].cast(pa.string()), pa.array(digests, pa.string()))
     by_batch = pc.index_in(keys["batch"].cast(pa.string()), pa.array(batches, pa.string()))
-    wanted_rows = pc.and_(pc.is_valid(by_digest), pc.is_valid(by_batch)).to_numpy()
+    may_be_wanted = pc.and_(pc.is_valid(by_digest), pc.is_valid(by_batch)).to_numpy()
     code = pc.fill_null(by_digest, 0).to_numpy().astype(np.int64) * len(batches)
     code += pc.fill_null(by_batch, 0).to_numpy()
     place = {digest: i for i, digest in enumerate(digests)}, {batch: i for i, batch in enumerate(batches)}
     codes = np.array([place[0][digest] * len(batches) + place[1][batch] for batch, digest in wanted])
-    rows = np.flatnonzero(wanted_rows & np.isin(code, codes))
+    rows = np.flatnonzero(may_be_wanted & np.isin(code, codes))
     order = np.lexsort((keys["sample"].to_numpy()[rows], code[rows]))
     return np.asarray(rows[order], dtype=np.int64)
 
@@ -724,7 +724,7 @@ def _log_faults(logs: Sequence[Recorded], vehicle_id: str | None) -> list[Fault]
 
 
 def _sql_texts(texts: Sequence[str]) -> str:
-    """Return texts as SQL literals.
+    """Return texts as SQL literals with commas in between.
 
     Examples
     --------
