@@ -198,7 +198,7 @@ def did_you_mean(places: Sequence[Place]) -> str:
 
 
 def _most_similar(text: str, search: PlaceSearch) -> list[Place]:
-    """Return the place with the most similar name among those with the same first letters, or no place if none is similar."""
+    """Return the place with the most similar name among those with the same first letters; none if no name is similar or a server fails."""
     typed = " ".join(text.split())[:_LONGEST_NAME]
     try:
         candidates = search.search(typed[:_PREFIX_LETTERS])

@@ -192,7 +192,7 @@ def _cell_and_hour(place: Place, when: dt.datetime) -> _CellAndHour:
 
 def _weather_at(table: Node, hour: dt.datetime) -> Weather:
     hourly, time_text = table["hourly"], f"{hour:%Y-%m-%dT%H:%M}"
-    times = [time.value for time in hourly["time"].entries(min_count=1)]
+    times = [entry.value for entry in hourly["time"].entries(min_count=1)]
     if time_text not in times:
         allowed = f"{times[0]} to {times[-1]}"
         raise InvalidInput.of("no weather for this hour", table.where, time_text, allowed)
@@ -221,8 +221,8 @@ def weather_along(
     RemoteError
         As in `source.at`.
     """
-    number = min(max(round(road.distance_m / POINT_EVERY_M), 1), MAX_POINTS)
-    position = (np.arange(number) + 0.5) / number * road.distance_m
+    n_points = min(max(round(road.distance_m / POINT_EVERY_M), 1), MAX_POINTS)
+    position = (np.arange(n_points) + 0.5) / n_points * road.distance_m
     link_start_m = running_sum(road.links.length_m)
     passed_s = np.interp(position, link_start_m, running_sum(road.links.travel_time_s))
     when = [departs_at + dt.timedelta(seconds=float(seconds)) for seconds in passed_s]
@@ -233,7 +233,8 @@ def plan_with_weather(plan: Plan, road: Road, position_m: FloatArray, weather: S
     """Return a plan with the weather along its road. O(samples).
 
     Wind is interpolated between the positions, as a vector. Temperature, pressure and rain are means over the positions, since a
-    simulation uses one value of each. The temperature is used only if the departure of the plan has none.
+    simulation uses one value of each; temperature and pressure are unknown if they are at one position. The temperature is used only if
+    the departure of the plan has none.
 
     Examples
     --------

@@ -200,7 +200,7 @@ def actions(forecast: Forecast) -> Iterator[Action]:
 
 
 def limits_below(fastest_m_s: float) -> list[float]:
-    """Return the advised speeds [m/s] below the fastest speed of a trip, the highest first; none if that is not above `FAST_KM_H`."""
+    """Return the advised speeds more than 1 m/s below the fastest of a trip [m/s], highest first; none if that is at most `FAST_KM_H`."""
     fast = FAST_KM_H * M_S_PER_KM_H
     limits = [speed * M_S_PER_KM_H for speed in SPEEDS_KM_H]
     return [limit for limit in limits if fastest_m_s > max(limit + 1.0, fast)]

@@ -354,7 +354,7 @@ def _stop_advice(journey: Journey, plan: ChargingPlan, chance: float) -> Iterato
 
 
 def _with_charging_plan(journey: Journey, advised: Advised) -> Advised:
-    """Add the stops to charge that the journey has with an action."""
+    """Add the stops to charge that the journey has with an action; none without a corridor or for an action that assumes values."""
     (action,), corridor = advised.actions, journey.corridor
     if corridor is None or action.assumed:
         return advised
@@ -409,7 +409,7 @@ class _Trials:
 def _smallest_sets(
     trials: _Trials, singly: Sequence[Advised], chance: float, lacking_wh: float
 ) -> list[Advised]:
-    """Find sets of actions that reach the required chance: the smallest sets, and larger ones that cost less.
+    """Find up to `_MAX_SETS` sets of actions that reach the required chance: the smallest sets, and larger ones that cost less.
 
     Sets are forecast in the order of the sum of their costs, if the sum of their savings is at least `_MIN_SUM_SHARE` times the missing
     energy `lacking_wh`. From sets with the same codes, only the cheapest is kept.

@@ -214,7 +214,7 @@ def _cabin_options(vehicle: Vehicle, plan: Plan, conditions: DriveConditions) ->
 
 
 def _battery_options(vehicle: Vehicle, plan: Plan, conditions: DriveConditions) -> list[_PreheatingOption]:
-    """Simulate the battery heater for every heating time; then the trip from the battery temperature reached."""
+    """Simulate the trip after each heating time, a multiple of `BATTERY_STEPS` steps that reaches at most `WARM_BATTERY_DEGC`."""
     pack, degc, options = vehicle.battery, conditions.battery_start_degc, list[_PreheatingOption]()
     for number in range(STEPS + 1):
         if number % BATTERY_STEPS == 0 and (degc <= WARM_BATTERY_DEGC or not number):

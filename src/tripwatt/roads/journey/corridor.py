@@ -118,7 +118,7 @@ class Corridor:
 
     @cached_property
     def _stations_along(self) -> list[tuple[float, Station]]:
-        """Stations with their position on the road, on the way out and on the way back; if too many, the strongest of each stretch."""
+        """Stations with their position on the road, on the way out and on the way back; if too many, the two strongest of each stretch."""
         stations, pairs = self.atlas.stations, list[tuple[float, Station]]()
         for start, end in pairwise((0.0, *self.road.stop_position_m, self.road.distance_m)):
             position = np.append(np.arange(start, end, _POINT_EVERY_M), end)
@@ -161,7 +161,7 @@ class Corridor:
 
     @cached_property
     def preheat_soc(self) -> FloatArray:
-        """Displayed charge to heat the battery for each station; 0 if heating is not worth its energy."""
+        """Displayed charge to heat the battery for each node; 0 if the rules forbid heating or it is not worth its energy."""
         wh = self.forecast.charge.wh_per_display
         lacking_k = np.maximum(WARM_DEGC - self.cell_degc, 0.0)
         soc = self.forecast.vehicle.battery.heat_capacity_j_k * lacking_k / SECONDS_PER_HOUR / wh
@@ -196,7 +196,7 @@ class Corridor:
 
     @cached_property
     def _estimates(self) -> tuple[FloatArray, FloatArray]:
-        """Displayed charge that each leg takes, and its driving time [s], with the ways to and from the stations."""
+        """Displayed charge that each leg takes, and its time [s], with the ways to and from stations; infinite if it does not lead forwards."""
         forecast = self.forecast
         taken = -self._at_nodes(forecast.along.expected_soc)
         time = self._at_nodes(self._series["time_s"])
@@ -209,7 +209,7 @@ class Corridor:
         return leg, leg_s
 
     def problem(self, first_chance: float, chance: float) -> StopProblem:
-        """Return the problem of stops in which each leg arrives with the reserve with a chance, the first leg with a chance of its own."""
+        """Return the problem of stops in which the first leg has the reserve with `first_chance`, and every other leg with `chance`."""
         extra_soc, extra_s = self._standing_start_cost
         taken, time = self._estimates[0] + extra_soc, self._estimates[1] + extra_s
         need = taken + self.rules.reserve + self.width(chance)
@@ -337,7 +337,7 @@ class Corridor:
         return self.road.place_at(float(self._position_m[node]))
 
     def legs_of(self, plan: StopPlan) -> tuple[Leg, ...]:
-        """Return the legs of a plan of routed legs, forecast from the charges with which they begin."""
+        """Return the legs of a plan of routed legs, forecast from the charges with which they begin; they replace those in `routed`."""
         legs = []
         for pair, level in zip(pairwise(plan.nodes), plan.levels, strict=True):
             leg = self.routed[pair]
@@ -348,7 +348,7 @@ class Corridor:
 
 
 def _problem_for_label(problem: StopProblem, label: str) -> StopProblem:
-    """Return the problem with the costs of a label added to the time."""
+    """Return the problem with the costs of a label added to the time; best effort may begin the first leg with less than its need."""
     if label == "fewest stops":
         return replace(problem, overhead_s=problem.overhead_s + _STOP_COST_S)
     if label == "cheapest":

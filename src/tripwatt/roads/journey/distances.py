@@ -441,7 +441,7 @@ def need(
     5.0
     """
     quantile = require_fraction("quantile", quantile, 0.5)
-    number = int(require_number("trips", trips, 1, _MAX_TRIPS))
+    n_trips = int(require_number("trips", trips, 1, _MAX_TRIPS))
     own_model, departure = for_car(model, vehicle), departure or Departure()
     levels = (BAND[0], _HALF[0], 0.5, _HALF[1], BAND[1], quantile)
     if isinstance(distance_km, Plan | Trip):
@@ -455,10 +455,10 @@ def need(
         kind_name = kind if isinstance(kind, str) else "shares"
         energy, charge, duration_s = forecaster.quantiles(distance_m, levels)
         flags, doubt = forecaster.flags_and_doubt(distance_m)
-    low, lower, median, upper, high, quantile_wh = (number * energy).tolist()
-    needed = require_fraction("reserve", reserve) + number * max(float(charge[-1]), 0.0)
+    low, lower, median, upper, high, quantile_wh = (n_trips * energy).tolist()
+    needed = require_fraction("reserve", reserve) + n_trips * max(float(charge[-1]), 0.0)
     return Need(
-        number * distance_m,
+        n_trips * distance_m,
         kind_name,
         median,
         quantile_wh,
@@ -467,7 +467,7 @@ def need(
         (low, high),
         needed,
         reserve,
-        number * duration_s,
+        n_trips * duration_s,
         flags,
         own_model.vehicle.title,
         doubt,

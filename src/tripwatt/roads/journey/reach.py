@@ -150,14 +150,14 @@ def _closed_ring(corners: tuple[Place, ...]) -> list[list[float]]:
 
 
 def reached_share(forecast: Forecast, level: float, reserve: float) -> float:
-    """Return the share of the road after which the charge is at the reserve with a probability of `1 - level`, or 1 if it lasts."""
+    """Return the share of the road that the charge reaches with the probability `level` before it falls to the reserve, 1 for all of it."""
     distance = forecast.drive.distance_m
     reached_m = first_empty(forecast.along.soc(level) - reserve, distance)
     return 1.0 if reached_m is None else reached_m / float(distance[-1])
 
 
 def _choose_targets(forecaster: RoadForecaster, start: Place, atlas: Atlas) -> list[Place]:
-    """Choose a place in each direction, farther than the charge carries or at the end of the map."""
+    """Choose a place in each direction that the isochrone has, farther than the charge carries or at the end of the map."""
     soc = forecaster.departure.soc if forecaster.departure.soc is not None else 0.8
     battery = forecaster.model.vehicle.battery
     energy_wh = soc * battery.capacity_ah * battery.cells_in_series * float(np.max(battery.ocv_v))

@@ -67,8 +67,8 @@ class StopProblem:
 
     def charge_s(self, node: int, arrival: float, leave: float) -> float:
         """Return the time to charge at a station from one charge to another [s], or 0 if there is nothing to charge."""
-        empty, full = np.interp([arrival, leave], self.levels, self.charging_s[node])
-        return float(max(full - empty, 0.0))
+        to_arrival_s, to_leave_s = np.interp([arrival, leave], self.levels, self.charging_s[node])
+        return float(max(to_leave_s - to_arrival_s, 0.0))
 
     def duration_s(self, nodes: tuple[int, ...], levels: tuple[float, ...]) -> float:
         """Return the time of driving, charging and overheads of a plan [s], without checking the need of its legs."""
@@ -126,16 +126,16 @@ def least_time(problem: StopProblem) -> StopPlan | None:
     before = np.zeros((n, count), dtype=np.int64)
     top = max(problem.start_soc, 1.0)
     for node in range(1, n):
-        near = np.flatnonzero((problem.need[:node, node] <= top) & (problem.time_s[:node, node] < np.inf))
-        reached = cost[near] + problem.time_s[near, node, None]
-        reached[soc[near] < problem.need[near, node, None]] = np.inf
+        origins = np.flatnonzero((problem.need[:node, node] <= top) & (problem.time_s[:node, node] < np.inf))
+        reached = cost[origins] + problem.time_s[origins, node, None]
+        reached[soc[origins] < problem.need[origins, node, None]] = np.inf
         ways = np.flatnonzero(np.isfinite(reached))
         if not len(ways):
             continue
-        total, way = reached.ravel()[ways], count * near[ways // count] + ways % count
+        total, way = reached.ravel()[ways], count * origins[ways // count] + ways % count
         if node == n - 1:
             return _trace_plan(problem, before, int(way[np.argmin(total)]))
-        arrival = np.clip((soc[near] - problem.taken[near, node, None]).ravel()[ways], 0.0, 1.0)
+        arrival = np.clip((soc[origins] - problem.taken[origins, node, None]).ravel()[ways], 0.0, 1.0)
         cost[node], chosen = _best_charging(arrival, total, levels, problem.charging_s[node])
         cost[node] += problem.overhead_s
         before[node] = way[chosen]

@@ -152,7 +152,7 @@ class Elevation:
         Returns
         -------
         ndarray, shape (places,)
-            Heights above sea level [m]; NaN if no tile has the height.
+            Heights above sea level [m]; NaN if no tile has the height, or the places lie in more than `MAX_CELLS` cells.
 
         Raises
         ------
@@ -164,11 +164,11 @@ class Elevation:
         heights = np.full(len(latitude_deg), np.nan)
         known = (np.abs(latitude_deg) < 90.0) & (np.abs(longitude_deg) < 180.0)
         corners = np.floor(np.column_stack([latitude_deg, longitude_deg])[known]).astype(int)
-        cells, its = np.unique(corners, axis=0, return_inverse=True)
+        cells, cell_of_place = np.unique(corners, axis=0, return_inverse=True)
         for number, (south, west) in enumerate(cells.tolist() if len(cells) <= MAX_CELLS else ()):
             tile = self._kept((south, west))
             if tile is not None:
-                here = np.flatnonzero(known)[its.ravel() == number]
+                here = np.flatnonzero(known)[cell_of_place.ravel() == number]
                 rows, columns = south + 1.0 - latitude_deg[here], longitude_deg[here] - west
                 heights[here] = map_coordinates(tile, (ROWS - 1) * np.array([rows, columns]), order=1)
         return heights
@@ -229,17 +229,19 @@ def _cell(name: re.Match[str]) -> Cell:
 
 def _read(path: Path) -> Heights:
     """Read the heights of a file in the format of SRTM."""
-    most = 2 * ROWS**2 + 1
+    max_bytes = 2 * ROWS**2 + 1
     try:
-        content = read_file(path, 2 * most, what="cannot read the elevation tile", allowed="a tile of SRTM")
+        content = read_file(
+            path, 2 * max_bytes, what="cannot read the elevation tile", allowed="a tile of SRTM"
+        )
         if path.name.lower().endswith(".zip"):
             archive = open_archive(
-                content, Budget(path.name), max_ratio=most
+                content, Budget(path.name), max_ratio=max_bytes
             )  # a tile of the sea is nothing but zeros
             inside = [name for name in archive.namelist() if name.lower().endswith(".hgt")]
-            content = archive.open(inside[0] if inside else "*.hgt").read(most)
+            content = archive.open(inside[0] if inside else "*.hgt").read(max_bytes)
         elif path.name.lower().endswith(".gz"):
-            content = gzip.GzipFile(fileobj=io.BytesIO(content)).read(most)
+            content = gzip.GzipFile(fileobj=io.BytesIO(content)).read(max_bytes)
     except (OSError, EOFError, KeyError, zipfile.BadZipFile, zlib.error) as error:
         got = str(error)[:80]
         raise InvalidInput.of("cannot read the elevation tile", path.name, got, "a tile of SRTM") from error

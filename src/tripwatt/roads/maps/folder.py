@@ -88,7 +88,7 @@ def open_map(folder: Path | str) -> MapFolder:
         raise InvalidInput.of("map of another release", str(folder), got[:60], f"format {FORMAT}", fix)
     bounds, limits = info.get("bounds_deg"), (90.0, 180.0, 90.0, 180.0)
     try:
-        sound = bounds is None or all(abs(at) <= most for at, most in zip(bounds, limits, strict=True))
+        sound = bounds is None or all(abs(at) <= limit for at, limit in zip(bounds, limits, strict=True))
     except (TypeError, ValueError):
         sound = False
     if not (sound and isinstance(info.get("extract"), str) and isinstance(info.get("terrain"), dict)):

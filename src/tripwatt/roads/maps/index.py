@@ -202,7 +202,7 @@ class _Nearest:
         return [near[0] if near else "" for near in self.large.near(objects, 1)]
 
     def quarter(self, item: Named) -> str:
-        """Return the name of the nearest settlement of any kind."""
+        """Return the name of the nearest settlement of any kind; empty if none is near."""
         return next(iter(self.any.near([item], 1)[0]), "")
 
     def beside(self, item: Named) -> str:
@@ -297,9 +297,14 @@ class PlaceIndex:
             near: list[_Match] = []
             if not (found and found[0].is_whole):
                 near = self._similar(words)
-                room = [match for match in near if match.row[0] < SETTLEMENT] if len(found) >= limit else near
+                inserted = (
+                    [match for match in near if match.row[0] < SETTLEMENT] if len(found) >= limit else near
+                )
                 found = (
-                    found[: limit - NEAR_PLACES] + room[:NEAR_PLACES] + found[limit - NEAR_PLACES :] + near
+                    found[: limit - NEAR_PLACES]
+                    + inserted[:NEAR_PLACES]
+                    + found[limit - NEAR_PLACES :]
+                    + near
                 )
             return without_twins((match.place for match in found), limit)
 

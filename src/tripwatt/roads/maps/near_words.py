@@ -49,10 +49,10 @@ def write_words(database: sqlite3.Connection, words: Iterable[tuple[str, int]]) 
 
 
 def near_words(database: sqlite3.Connection, typed: str) -> dict[str, int]:
-    """Return the words that may begin with a typed word, with the number of mistakes of each, the nearest first."""
+    """Return the words of which a typed word may be a mistyped beginning, with the number of mistakes of each, the nearest first."""
     if not _has_mistakes(typed):
         return {}
-    most = 1 if len(typed) < TWO_MISTAKES_FROM else MAX_MISTAKES
+    max_mistakes = 1 if len(typed) < TWO_MISTAKES_FROM else MAX_MISTAKES
     rows = {
         word: rank
         for key in keys(typed)
@@ -60,9 +60,9 @@ def near_words(database: sqlite3.Connection, typed: str) -> dict[str, int]:
             "SELECT rank, word FROM words WHERE key = ? ORDER BY rank LIMIT ?", (key, MAX_COMPARED)
         )
     }
-    long = len(typed) + most
-    measured = ((*mistakes(typed, word[:long]), rank, word) for word, rank in rows.items())
-    nearest = sorted(entry for entry in measured if 0 < entry[0] <= most)
+    max_letters = len(typed) + max_mistakes
+    measured = ((*mistakes(typed, word[:max_letters]), rank, word) for word, rank in rows.items())
+    nearest = sorted(entry for entry in measured if 0 < entry[0] <= max_mistakes)
     return {word: begins for begins, _, _, word in nearest[:MAX_NEAR]}
 
 

@@ -154,8 +154,9 @@ class Router(Protocol):
 def join_edges(edges: Edges) -> tuple[LinkRoute, tuple[str, ...]]:
     """Join edges into links, and return the links and their road classes. O(edges).
 
-    Neighbouring edges of the same speed, class and limit become one link, up to a signal. The travel time of a link includes its
-    delays. The delay of a link that ends at a signal becomes a standstill at its end.
+    Neighbouring edges of the same speed, class and limit become one link, up to a signal. A link shorter than
+    `SHORTEST_LINK_M` is joined with the next edge in any case. The travel time of a link includes its delays. The delay of a link that ends
+    at a signal becomes a standstill at its end.
 
     Examples
     --------

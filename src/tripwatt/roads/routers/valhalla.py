@@ -107,7 +107,7 @@ class ValhallaRouter:
         return cls(ask, f"valhalla at {client.host}", tile, at_once=True)
 
     def roads(self, stops: Sequence[Place], *, alternatives: int = 0) -> tuple[Road, ...]:
-        """See `Router.roads`. If alternatives are wanted, the shortest road is one of them if it differs from the fastest."""
+        """See `Router.roads`. If alternatives are wanted, the shortest is one of them, unless it is the fastest or far slower."""
         require_stops(stops)
         variants: list[dict[str, Any]] = [{}]
         if alternatives:
