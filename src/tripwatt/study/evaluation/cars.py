@@ -137,9 +137,9 @@ def evaluate_cars(
     InvalidInput
         If an argument cannot be used.
     """
-    counts = bool(trips) and all(isinstance(k, int) and k >= 0 for k in trips)
+    are_counts = bool(trips) and all(isinstance(k, int) and k >= 0 for k in trips)
     checks = (
-        ("trips", list(trips), "whole numbers of 0 or more", counts),
+        ("trips", list(trips), "whole numbers of 0 or more", are_counts),
         ("draws", draws, "a whole number of 1 or more", isinstance(draws, int) and draws >= 1),
         ("cars", len(cars), "at least 1", len(cars) >= 1),
     )

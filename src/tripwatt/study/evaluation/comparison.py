@@ -60,13 +60,13 @@ class Comparison:
         return [result for result in self.results if result.model == model]
 
     def energies_wh(self, model: str) -> FloatArray:
-        """Return the predicted energy of each scored trip, in the order of the trips."""
+        """Return the predicted energy of each scored trip, in the order of the trips; a trip counts once for each split that scores it."""
         return np.array(
             self._ordered(model, [result.predicted_wh.tolist() for result in self.results_of(model)])
         )
 
     def forecasts(self, model: str) -> list[HeldOutForecast]:
-        """Return the forecasts of the scored trips, in the order of the trips; empty if the model makes none or did not run."""
+        """Return the forecasts in the order of `energies_wh`; empty if the model makes none or did not run."""
         parts = [result.forecasts for result in self.results_of(model) if result.forecasts is not None]
         return self._ordered(model, parts) if parts else []
 

@@ -110,14 +110,14 @@ def _later(rows: TripRows, fold: IntArray) -> pd.DataFrame | None:
     if dated.sum() < 10:  # fewer trips have no fifth worth a score
         return None
     cut = np.sort(started[dated])[int((1.0 - NEWEST_SHARE) * dated.sum())]
-    late = dated & (started >= cut)
-    if not late.any() or late.all():
+    newest = dated & (started >= cut)
+    if not newest.any() or newest.all():
         return None
-    train = rows.where(~late).sums
-    test = rows.where(late)
+    train = rows.where(~newest).sums
+    test = rows.where(newest)
     posterior = group_posterior(train, fit_scales(train, START))
     energy, sd = predict_with_error(posterior, test)
-    return _frame(test, energy, sd, fold[late], "later trips")
+    return _frame(test, energy, sd, fold[newest], "later trips")
 
 
 def _left_out(
@@ -161,7 +161,7 @@ def _frame(rows: TripRows, energy: FloatArray, sd: FloatArray, fold: IntArray, p
 def own_trips(rows: TripRows, all_trips: Sums, scales: Scales, max_vehicles: int = 60) -> pd.DataFrame:
     """Tabulate errors by the number of own trips, for models of the fleet with them, of the own trips alone, and of the fleet without them.
 
-    The earliest trips of each vehicle are its known own trips; up to 10 trips after the largest number of them are
+    The earliest trips of each vehicle are its known own trips; up to 10 trips after the largest possible number of them are
     forecast.
 
     Parameters

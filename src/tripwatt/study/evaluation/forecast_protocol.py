@@ -136,7 +136,7 @@ class ForecastProtocol:
     def further_comparisons(
         self, prepared: Prepared[ForecastData], specs: Sequence[ModelSpec], seed: int
     ) -> list[Comparison]:
-        """Return the learning curve; empty if its two models were not both chosen or trips are too few."""
+        """Return the learning curve; empty if trips are too few, not left out one by one, or one of its two models was not chosen."""
         main, curves = prepared.hold_outs[0], (self.centre, _DATA_ONLY)
         if main.scheme != LEAVE_ONE_TRIP_OUT or not {m.name for m in curves} <= {s.name for s in specs}:
             return []
@@ -280,5 +280,5 @@ def _other_trips(
 def _require_training_trips(training: int, fleet: TripSet) -> None:
     if training < MIN_TRIPS:
         found = f"{training} to train on, of {len(fleet.trips)}"
-        least = f"at least {MIN_TRIPS} to train on"
-        raise InvalidInput.of("too few trips after the audit", fleet.name, found, least)
+        allowed = f"at least {MIN_TRIPS} to train on"
+        raise InvalidInput.of("too few trips after the audit", fleet.name, found, allowed)

@@ -325,7 +325,7 @@ def strata_scores(
 ) -> list[dict[str, Any]]:
     """Return the mean APE of hybrid and data-only model by stratum, and their paired difference.
 
-    The difference has an interval if there are several trips.
+    The difference has an interval if the stratum has several trips.
     """
     rows = []
     for (by, name), members in strata.items():

@@ -360,7 +360,7 @@ class HoldOutChoice:
         Returns
         -------
         list of (str, str or Splitter)
-            In the order of the choice: scheme and set of trips of a hold-out of the protocol, or label of a
+            All that are available if none was chosen. Else in the order of the choice: scheme and set of trips of a hold-out of the protocol, or label of a
             splitter and the splitter.
 
         Raises

@@ -207,4 +207,4 @@ def leaves_out_zero(interval: tuple[float, float], again: Callable[[int], tuple[
         return False
     if min(abs(low), abs(high)) > NEAR * (high - low):
         return True
-    return not any(low <= 0.0 <= high for low, high in map(again, range(1, SIGNIFICANCE_SEEDS)))
+    return not any(a <= 0.0 <= b for a, b in map(again, range(1, SIGNIFICANCE_SEEDS)))

@@ -229,7 +229,8 @@ def chosen_folds(
 ) -> tuple[dict[int, FoldResult], dict[str, int]]:
     """Return for each fold the result of the candidate with the smallest inner error, and how often each was chosen.
 
-    The time of a fit is the sum over all candidates, because all are fitted for the choice.
+    The first candidate is chosen if no inner error is known. The time of a fit is the sum over all candidates, because all are
+    fitted for the choice.
     """
     chosen, count = {}, {next(iter(c.values())).model: 0 for c in candidates}
     for fold in candidates[0]:

@@ -65,12 +65,12 @@ def table_model(
 
 
 def regression(seed: int, *, sums: tuple[str, ...], simulation: str | None = None) -> EnergyModel:
-    """Make a regression on sums along the trip; it draws no random numbers."""
+    """Make a regression on sums along the trip; `seed` is not used, since the fit draws no random numbers."""
     return EnergyRegression(sums, simulation=simulation)
 
 
 def physics(seed: int, *, simulation: str) -> EnergyModel:
-    """Make a model that is a simulation alone; it draws no random numbers."""
+    """Make a model that is a simulation alone; `seed` is not used, since nothing is fitted."""
     return PhysicsOnly(simulation)
 
 

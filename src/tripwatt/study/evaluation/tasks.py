@@ -178,7 +178,7 @@ class Task:
         return self._run_together(self.folds)
 
     def _run_together(self, folds: IntArray) -> list[FoldResult]:
-        """Predict all folds at once; the times of fit and prediction are those of one ordinary fit."""
+        """Predict all folds at once; the times of fit and prediction are those of one ordinary fit to all trips."""
         fitted = self.spec.method.fit_all_folds(self.data, folds, self.seed, inner_errors=self.inner_errors)
         trips, fold_numbers = np.arange(len(folds)), np.unique(folds)
         ordinary_fit = self._fit(trips)(trips[:TIMED_TRIPS])

@@ -171,7 +171,7 @@ def plot_curves(results: Record) -> Figure:
         axes.set(xlabel="own trips", ylabel="error [%]", **ends)
         axes.grid(axis="y")
     labelled = (zip(*axes.get_legend_handles_labels(), strict=True) for axes in figure.axes)
-    lines = {text: line for pairs in labelled for line, text in pairs}
+    lines = {text: handle for pairs in labelled for handle, text in pairs}
     return legend_below(figure, 2, handles=list(lines.values()), labels=list(lines))
 
 

@@ -67,7 +67,7 @@ def charge_rows(name: str, arrival: Mapping[str, Any], level: float) -> Iterable
 def intervals_table(caption: str, rows: Iterable[tuple[str, ...]]) -> Table:
     """Make a table of the rows; a set of trips is named only in its first row."""
     sets = (enumerate(of_set) for _, of_set in groupby(rows, key=itemgetter(0)))
-    shown = (("" if number else row[0], *row[1:]) for of_set in sets for number, row in of_set)
+    shown = (("" if k else row[0], *row[1:]) for of_set in sets for k, row in of_set)
     return Table(caption, COLUMNS, tuple(shown), text_columns=frozenset({0, 1}))
 
 

@@ -101,7 +101,7 @@ def make_table(
 
 
 def number(value: object, factor: float = 1.0, digits: int = 2) -> str:
-    """Format a number times a factor; returns a dash if it is missing.
+    """Format a number times a factor; returns a dash for anything but a finite number.
 
     Examples
     --------

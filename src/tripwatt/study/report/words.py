@@ -22,7 +22,7 @@ def percent(fraction: float | None, digits: int = 1) -> str:
 
 
 def points(difference: float) -> str:
-    """Format a difference of two fractions as signed percentage points.
+    """Format a difference of two fractions as percentage points, with a sign unless it rounds to 0.
 
     Examples
     --------
@@ -41,7 +41,7 @@ def model_label(model: str) -> str:
 
 
 def listed(items: Sequence[str]) -> str:
-    """Join items with commas and a final `and`.
+    """Join items with commas and a final `and`; returns "none" if there are no items.
 
     Examples
     --------

@@ -122,10 +122,10 @@ def drive_route(scenario: Scenario, seed: int, step_s: float) -> RoadDrive:
         length, speed, dwell_s=dwell, style=scenario.driver.style, rng=wheel, step_s=step_s
     )
     position, height = draw_elevation(float(profile.position_m[-1]), rng)
-    turns = rng.uniform(0.0, 2.0 * math.pi) + 1.2 * smooth_noise(profile.position_m, 2000.0, rng)
+    heading = rng.uniform(0.0, 2.0 * math.pi) + 1.2 * smooth_noise(profile.position_m, 2000.0, rng)
     return RoadDrive(
         profile=profile,
         elevation_m=np.interp(profile.position_m, position, height),
         grade=np.interp(profile.position_m, position, np.gradient(height, position)),
-        heading_rad=turns,
+        heading_rad=heading,
     )

@@ -180,7 +180,7 @@ def draw_day(seed: int, number: int) -> Day:
 
 
 def long_drive(scenario: Scenario, seed: int, hours: tuple[float, float]) -> Scenario:
-    """Change a scenario to a long drive on the motorway, the only trip of its day, with a uniformly drawn duration."""
+    """Change a scenario to a long drive on the motorway, as if it were the first trip of its day, with a uniformly drawn duration."""
     duration_s = 3600.0 * float(stream(seed, TRIPS, *scenario.key, 0).uniform(*hours))
     return replace(
         scenario,

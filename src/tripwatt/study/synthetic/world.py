@@ -233,9 +233,9 @@ def hidden_forces(
 ) -> tuple[FloatArray, float, FloatArray, float]:
     """Return extra force of wind and drag [N], mean headwind [m/s], extra rolling force [N] and its share of the car's own."""
     speed = drive.profile.speed_m_s
-    warm_k = ambient_degc + ZERO_CELSIUS_K
-    height = GRAVITY_M_S2 * drive.elevation_m / (DRY_AIR_GAS_CONSTANT_J_KG_K * warm_k)
-    density = SEA_LEVEL_PRESSURE_PA * np.exp(-height) / (DRY_AIR_GAS_CONSTANT_J_KG_K * warm_k)
+    ambient_k = ambient_degc + ZERO_CELSIUS_K
+    scale_heights = GRAVITY_M_S2 * drive.elevation_m / (DRY_AIR_GAS_CONSTANT_J_KG_K * ambient_k)
+    density = SEA_LEVEL_PRESSURE_PA * np.exp(-scale_heights) / (DRY_AIR_GAS_CONSTANT_J_KG_K * ambient_k)
     # at the height of a car the wind has 60 % of its speed at the weather station
     headwind = scenario.day.wind_m_s * 0.6 * np.cos(drive.heading_rad - scenario.day.wind_from_rad)
     flow = speed + headwind
