@@ -124,13 +124,14 @@ class CubicRegression:
         v = np.clip(x[:, 0], self.knots[0], self.knots[-1])
         j = np.clip(np.searchsorted(self.knots, v, side="right") - 1, 0, self.k - 2)
         left, right = self.knots[j], self.knots[j + 1]
-        h, up, down = right - left, right - v, v - left
+        h, rest, past = right - left, right - v, v - left
         values = (
-            F[j] * ((up**3 / h - h * up) / 6)[:, None] + F[j + 1] * ((down**3 / h - h * down) / 6)[:, None]
+            F[j] * ((rest**3 / h - h * rest) / 6)[:, None]
+            + F[j + 1] * ((past**3 / h - h * past) / 6)[:, None]
         )
         rows = np.arange(len(v))
-        values[rows, j] += up / h
-        values[rows, j + 1] += down / h
+        values[rows, j] += rest / h
+        values[rows, j + 1] += past / h
         return np.asarray(values)
 
 
@@ -238,7 +239,7 @@ def _trailing_null_space(C: FloatArray) -> FloatArray:
 
 
 def _largest_eigenpairs(E: FloatArray, k: int) -> tuple[FloatArray, FloatArray]:
-    """Return the `k` eigenvalues of largest modulus, in descending order, and their eigenvectors."""
+    """Return the `k` eigenvalues of largest modulus, in descending order of the values themselves, and their eigenvectors."""
     n = len(E)
     if n <= 400 or k > n // 4:
         values, vectors = eigh(E)

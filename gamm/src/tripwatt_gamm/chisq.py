@@ -27,12 +27,12 @@ def weighted_chi2_sf(q: float, weights: ArrayLike, df: ArrayLike | None = None) 
     weights : array_like, shape (m,)
         Weights of either sign; zeros are dropped.
     df : array_like, shape (m,), optional
-        Degrees of freedom, positive. Default 1 each.
+        Degrees of freedom; terms without positive ones are dropped. Default 1 each.
 
     Returns
     -------
     float
-        A probability in [0, 1].
+        A probability in [0, 1]; NaN if the threshold is NaN or a weight is not finite.
 
     Notes
     -----

@@ -390,7 +390,7 @@ class _Builder:
 
 
 def _value_limit(discretise: bool | int, n: int) -> int | None:
-    """Largest number of distinct values of a covariate for `n` rows; returns None if all are kept."""
+    """Largest number of distinct values of a covariate for `n` rows; None if all are kept. Raises for a number below 20."""
     if discretise is True:
         return MAX_VALUES if n > EXACT_ROWS else None
     if discretise is False:

@@ -438,7 +438,7 @@ def term_effects(
 def _evaluate(
     model: Estimator, fitted: FittedTerm, columns: Mapping[str, FloatArray]
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the effect of a fitted term and its standard error at these values of its covariates."""
+    """Return the effect of a fitted term and its standard error at these values of its covariates; a numeric by-variable is 1."""
     import pandas as pd
 
     grid = pd.DataFrame(dict(columns))

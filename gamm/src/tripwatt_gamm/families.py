@@ -184,7 +184,7 @@ class Theta:
 
     @property
     def at_bound(self) -> bool:
-        """Whether nu is at its lower bound."""
+        """Whether nu is less than 1e-3 above its lower bound."""
         return self.nu - self.min_df < 1e-3
 
     def jacobian(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -317,12 +317,12 @@ def fit_theta(residual: FloatArray, theta: Theta, free: tuple[bool, bool], steps
     -------
     Theta
     """
-    free_now = np.array(free)
+    is_free = np.array(free)
     low, high = LOG_EXCESS_DF
     value, gradient, hessian = theta_objective(residual, theta)
     for _ in range(steps):
         stuck = (theta.excess <= low and gradient[0] <= 0) or (theta.excess >= high and gradient[0] >= 0)
-        active = free_now & np.array([not stuck, True])
+        active = is_free & np.array([not stuck, True])
         if not active.any() or np.abs(gradient[active]).max() <= 1e-9 * (1 + abs(value)):
             break
         step = _ascent(gradient, hessian, active)

@@ -217,7 +217,7 @@ def minimise(
     tolerance: float,
     max_iter: int,
 ) -> tuple[FloatArray, Value, int, bool, str]:
-    """Minimise a score by Newton's method with step halving and bounds.
+    """Minimise a score by Newton's method with step halving and bounds; from their middle if the start cannot be evaluated.
 
     Parameters
     ----------

@@ -84,7 +84,7 @@ class _Reader:
         return None
 
     def vector(self, node: ast.expr) -> tuple[ast.expr, ...]:
-        """Elements of c(...), or the value itself."""
+        """Elements of c(...), a tuple or a list; else the value itself."""
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "c":
             return tuple(node.args)
         return tuple(node.elts) if isinstance(node, ast.Tuple | ast.List) else (node,)

@@ -119,8 +119,8 @@ def smooth_test(
         base = float(z[:n_whole] @ z[:n_whole] + fraction * z[n_whole] ** 2)
         cross = float(2 * rho * z[n_whole - 1] * z[n_whole])
         totals = [base + cross, max(base - cross, 0.0)]
-        root = np.sqrt(1 - fraction**2)
-        weights = np.append(np.ones(n_whole - 1), [(fraction + 1 + root) / 2, (fraction + 1 - root) / 2])
+        gap = np.sqrt(1 - fraction**2)
+        weights = np.append(np.ones(n_whole - 1), [(fraction + 1 + gap) / 2, (fraction + 1 - gap) / 2])
     p_value = float(np.mean([_tail(total, weights, residual_df) for total in totals]))
     return TermTest(float(ref_df), totals[0] if residual_df is None else totals[0] / r, p_value)
 

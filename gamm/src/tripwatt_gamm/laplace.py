@@ -55,9 +55,9 @@ class LaplaceModel:
         return penalty - self.family.loglik(r, theta.nu, theta.sigma), r
 
     def mode(self, rho: FloatArray, theta: Theta, max_iter: int = 200) -> Mode | None:
-        """Find the coefficients by Newton's method; return None if it fails.
+        """Find the coefficients by Newton's method; return None if it fails or ends where the observed information is indefinite.
 
-        If the observed information is indefinite, its weights are raised to at least 5 % of the expected weight.
+        On the way, weights of an indefinite observed information are raised to at least 5 % of the expected weight.
         """
         beta = self.beta
         value, r = self._objective(beta, rho, theta)
@@ -105,6 +105,7 @@ class LaplaceModel:
         return value, *self._derivatives(rho, mode)
 
     def _derivatives(self, rho: FloatArray, mode: Mode) -> tuple[FloatArray, FloatArray]:
+        """Gradient and Hessian of the score at a mode, in (rho, log(nu - min_df), log sigma)."""
         stack, d, K, M = self.stack, mode.derivatives, mode.factor.inverse, self.stack.size
         restored = stack.restore(K)
         leverage = self.rows.leverage(stack.restore(restored.T))
@@ -145,27 +146,27 @@ class LaplaceModel:
             for j in range(i + 1):
                 # total derivative of the partial derivative of the penalised likelihood
                 if i < M:
-                    outer = float(V[:, i] @ beta1[:, j])
+                    likelihood_part = float(V[:, i] @ beta1[:, j])
                 else:
-                    outer = -float(d.eta_theta[1, i - M] @ eta1[:, j])
-                    outer -= float(d.eta_theta2[0, i - M, j - M].sum()) if j >= M else 0.0
-                right = -(A1[i] @ beta1[:, j])  # equals A beta_ij
+                    likelihood_part = -float(d.eta_theta[1, i - M] @ eta1[:, j])
+                    likelihood_part -= float(d.eta_theta2[0, i - M, j - M].sum()) if j >= M else 0.0
+                right_side = -(A1[i] @ beta1[:, j])  # equals A beta_ij
                 w = -(d.eta[4] * eta1[:, i] * eta1[:, j])
                 if j < M:
                     S = stack.penalties[j]
-                    right[S.where] -= np.exp(rho[j]) * S.times(beta1[S.where, i])
-                    right -= V[:, j] if i == j else 0.0
+                    right_side[S.where] -= np.exp(rho[j]) * S.times(beta1[S.where, i])
+                    right_side -= V[:, j] if i == j else 0.0
                 else:
                     w -= d.eta_theta[3, j - M] * eta1[:, i]
                     pull = d.eta_theta[2, j - M] * eta1[:, i] + d.eta_theta2[1, i - M, j - M]
                     w -= d.eta_theta2[2, i - M, j - M]
-                    right += stack.rotate(self.rows.transpose(pull))
+                    right_side += stack.rotate(self.rows.transpose(pull))
                 if i >= M:
                     w -= d.eta_theta[3, i - M] * eta1[:, j]
-                trace = float(leverage @ w) - float(adjoint @ right)
+                trace = float(leverage @ w) - float(adjoint @ right_side)
                 trace += single[i] if i == j and i < M else 0.0
                 trace -= float(np.einsum("ab,ba->", products[i], products[j]))
-                hessian[i, j] = hessian[j, i] = outer + trace / 2
+                hessian[i, j] = hessian[j, i] = likelihood_part + trace / 2
         return hessian
 
 

@@ -121,7 +121,8 @@ class PerformanceIteration:
     def advance(self, state: State, lower: FloatArray, upper: FloatArray, near: bool = False) -> Pass | None:
         """Run one pass: shape and scale, working response, smoothing parameters, coefficients.
 
-        Returns None if the working model is not identifiable.
+        With `near`, a short step of the smoothing parameters is taken without evaluating the score. Returns None if the working model is
+        not identifiable.
         """
         d = self.data
         residual = self.residual(state)

@@ -96,7 +96,7 @@ def _scale(S: FloatArray, table: FloatArray) -> FloatArray:
 
 
 def _usable(k: int, smallest: int, points: Points, label: str, what: str) -> tuple[int, list[str]]:
-    """Return a basis dimension that the data allow, and a note if `k` was reduced; raise if it is too small."""
+    """Return a basis dimension that the data allow, and a note if `k` was reduced; raise if `k` or the number of points is too small."""
     distinct = len(points.values)
     if distinct < 2:
         raise InvalidInput.of(
@@ -169,7 +169,7 @@ def build_smooth(term: Smooth, points: Points, centred: bool) -> Built:
 
 
 def _margin(term: Tensor, points: Points, column: int, k: int) -> tuple[Margin, FloatArray, list[str]]:
-    """Build a margin, parametrised by its values at even points (Wood 2006); return it with its penalty and notes.
+    """Build a margin, parametrised by its values at even points if they determine it (Wood 2006), with its penalty and notes.
 
     The margin is centred for a pure interaction ("ti").
     """

@@ -210,13 +210,13 @@ class Summary:
 
 def _align(table: pd.DataFrame, heads: tuple[str, str, str], style: str) -> list[str]:
     """Return the lines of a table of tests; both tables have value, error or df, statistic and p-value as columns."""
-    wide = max(len(str(name)) for name in table.index)
-    lines = [f"{'':<{wide}} " + " ".join(f"{head:>12}" for head in heads) + f" {'p':>10}"]
+    width = max(len(str(name)) for name in table.index)
+    lines = [f"{'':<{width}} " + " ".join(f"{head:>12}" for head in heads) + f" {'p':>10}"]
     for name, first, second, statistic, p in table.itertuples(name=None):
         tested = np.isfinite(p)
         numbers = (style % first, style % second, f"{statistic:.3f}" if tested else "")
         cells = " ".join(f"{number:>12}" for number in numbers)
-        lines.append(f"{name:<{wide}} {cells} {_p_value(p) if tested else '':>10} {stars(p)}".rstrip())
+        lines.append(f"{name:<{width}} {cells} {_p_value(p) if tested else '':>10} {stars(p)}".rstrip())
     return lines
 
 
