@@ -170,22 +170,18 @@ def vehicle_series(posterior: GroupPosterior, rows: TripRows) -> Iterator[Vehicl
         return
     groups = [trips[i][:2] for i in read]
     ratio = pd.Series(observed[read] / (start - end)[read])
-    expected = observed[read] / ratio.groupby([group[0] for group in groups]).transform("median").to_numpy()
+    usual = observed[read] / ratio.groupby([group[0] for group in groups]).transform("median").to_numpy()
     cold = np.maximum(
         WARM_DEGC - np.nan_to_num(rows.numbers("ambient_temperature_degc")[read], nan=WARM_DEGC), 0.0
     )
     years = (day[read] - day[0]) / np.timedelta64(365, "D")
     terms = np.column_stack([np.ones(len(read)), cold / WARM_DEGC, years, 0.5 * (start + end)[read] - 0.5])
-    X, y, variance = (
-        expected[:, None] * terms,
-        (start - end)[read] - expected,
-        _READING_SD**2 + (0.01 * expected) ** 2,
-    )
+    X, y, variance = usual[:, None] * terms, (start - end)[read] - usual, _READING_SD**2 + (0.01 * usual) ** 2
     by_group = sorted(range(len(read)), key=lambda i: groups[i])
     sums = Sums.from_trips([groups[i] for i in by_group], X[by_group], y[by_group], variance[by_group])
     display = group_posterior(sums, fit_scales(sums, _DISPLAY_SCALES))
     causes = {BATTERY: np.eye(terms.shape[1])[0]}
-    yield from _series_by_vehicle(display, groups, day[read], X, expected, y, variance, causes)
+    yield from _series_by_vehicle(display, groups, day[read], X, usual, y, variance, causes)
 
 
 def _series_by_vehicle(

@@ -196,7 +196,7 @@ class Corridor:
 
     @cached_property
     def _estimates(self) -> tuple[FloatArray, FloatArray]:
-        """Displayed charge that each leg takes, and its time [s], with the ways to and from stations; infinite if it does not lead forwards."""
+        """Displayed charge that each leg takes, and its time [s], with the ways to and from stations; infinite if it leads back."""
         forecast = self.forecast
         taken = -self._at_nodes(forecast.along.expected_soc)
         time = self._at_nodes(self._series["time_s"])

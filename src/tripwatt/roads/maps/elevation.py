@@ -229,19 +229,17 @@ def _cell(name: re.Match[str]) -> Cell:
 
 def _read(path: Path) -> Heights:
     """Read the heights of a file in the format of SRTM."""
-    max_bytes = 2 * ROWS**2 + 1
+    limit = 2 * ROWS**2 + 1
     try:
-        content = read_file(
-            path, 2 * max_bytes, what="cannot read the elevation tile", allowed="a tile of SRTM"
-        )
+        content = read_file(path, 2 * limit, what="cannot read the elevation tile", allowed="a tile of SRTM")
         if path.name.lower().endswith(".zip"):
             archive = open_archive(
-                content, Budget(path.name), max_ratio=max_bytes
+                content, Budget(path.name), max_ratio=limit
             )  # a tile of the sea is nothing but zeros
             inside = [name for name in archive.namelist() if name.lower().endswith(".hgt")]
-            content = archive.open(inside[0] if inside else "*.hgt").read(max_bytes)
+            content = archive.open(inside[0] if inside else "*.hgt").read(limit)
         elif path.name.lower().endswith(".gz"):
-            content = gzip.GzipFile(fileobj=io.BytesIO(content)).read(max_bytes)
+            content = gzip.GzipFile(fileobj=io.BytesIO(content)).read(limit)
     except (OSError, EOFError, KeyError, zipfile.BadZipFile, zlib.error) as error:
         got = str(error)[:80]
         raise InvalidInput.of("cannot read the elevation tile", path.name, got, "a tile of SRTM") from error

@@ -297,14 +297,11 @@ class PlaceIndex:
             near: list[_Match] = []
             if not (found and found[0].is_whole):
                 near = self._similar(words)
-                inserted = (
+                early = (
                     [match for match in near if match.row[0] < SETTLEMENT] if len(found) >= limit else near
                 )
                 found = (
-                    found[: limit - NEAR_PLACES]
-                    + inserted[:NEAR_PLACES]
-                    + found[limit - NEAR_PLACES :]
-                    + near
+                    found[: limit - NEAR_PLACES] + early[:NEAR_PLACES] + found[limit - NEAR_PLACES :] + near
                 )
             return without_twins((match.place for match in found), limit)
 

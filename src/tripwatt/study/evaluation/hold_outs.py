@@ -360,8 +360,8 @@ class HoldOutChoice:
         Returns
         -------
         list of (str, str or Splitter)
-            All that are available if none was chosen. Else in the order of the choice: scheme and set of trips of a hold-out of the protocol, or label of a
-            splitter and the splitter.
+            All that are available if none was chosen. Else in the order of the choice: scheme and set of trips of a hold-out of the
+            protocol, or label of a splitter and the splitter.
 
         Raises
         ------
