@@ -124,14 +124,13 @@ class CubicRegression:
         v = np.clip(x[:, 0], self.knots[0], self.knots[-1])
         j = np.clip(np.searchsorted(self.knots, v, side="right") - 1, 0, self.k - 2)
         left, right = self.knots[j], self.knots[j + 1]
-        h, rest, past = right - left, right - v, v - left
+        h, up, down = right - left, right - v, v - left  # the way up to the next knot, and down to the last
         values = (
-            F[j] * ((rest**3 / h - h * rest) / 6)[:, None]
-            + F[j + 1] * ((past**3 / h - h * past) / 6)[:, None]
+            F[j] * ((up**3 / h - h * up) / 6)[:, None] + F[j + 1] * ((down**3 / h - h * down) / 6)[:, None]
         )
         rows = np.arange(len(v))
-        values[rows, j] += rest / h
-        values[rows, j + 1] += past / h
+        values[rows, j] += up / h
+        values[rows, j + 1] += down / h
         return np.asarray(values)
 
 

@@ -297,11 +297,9 @@ class PlaceIndex:
             near: list[_Match] = []
             if not (found and found[0].is_whole):
                 near = self._similar(words)
-                early = (
-                    [match for match in near if match.row[0] < SETTLEMENT] if len(found) >= limit else near
-                )
+                lead = [match for match in near if match.row[0] < SETTLEMENT] if len(found) >= limit else near
                 found = (
-                    found[: limit - NEAR_PLACES] + early[:NEAR_PLACES] + found[limit - NEAR_PLACES :] + near
+                    found[: limit - NEAR_PLACES] + lead[:NEAR_PLACES] + found[limit - NEAR_PLACES :] + near
                 )
             return without_twins((match.place for match in found), limit)
 
