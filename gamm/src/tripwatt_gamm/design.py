@@ -222,6 +222,7 @@ class _Builder:
         return self.levels[name], self.codes[name][1]
 
     def parametric(self, term: Parametric) -> None:
+        """Add a numeric column, or the indicators of a factor's levels; with an intercept, without the first level that has rows."""
         if not is_factor(self.frame[term.name]):
             points = self.points((term.name,))
             if len(points.values) < 2 and self.formula.intercept:
@@ -247,6 +248,7 @@ class _Builder:
         self.pieces.append(_Piece([fitted], fitted.contrast, codes))
 
     def random(self, term: RandomEffect) -> None:
+        """Add a random effect: the indicators of its levels, times each of its effects."""
         groups = (term.name, *(name for name in term.others if is_factor(self.frame[name])))
         if len(groups) > 1 and not is_factor(self.frame[term.name]):
             allowed, fix = "a factor first", "put it last to multiply, make it text for levels"
@@ -281,6 +283,7 @@ class _Builder:
         fitted.penalties = correlated_penalties(levels, np.zeros(len(sizes) * (len(sizes) - 1) // 2))
 
     def smooth(self, term: Smooth | Tensor) -> None:
+        """Add a smooth, or one for each level of a by-factor; the reference level of an ordered factor has none."""
         points = self.points(term.names)
         by_factor = term.by is not None and is_factor(self.frame[term.by])
         by = None if term.by is None or by_factor else self.frame[term.by].to_numpy(dtype=np.float64)
@@ -332,6 +335,7 @@ class _Builder:
         )
 
     def design(self) -> Design:
+        """Order the terms, parametric ones first, number their coefficients, and build the model matrix."""
         order = {"parametric": 0, "smooth": 1, "tensor": 1, "random": 1}
         if self.formula.intercept:
             fitted = FittedTerm("(Intercept)", None, "parametric", ["(Intercept)"], [])

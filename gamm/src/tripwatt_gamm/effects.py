@@ -466,6 +466,7 @@ def _grid(model: Estimator, name: str, points: int) -> FloatArray:
 def _curve(
     model: Estimator, fitted: FittedTerm, frame: pd.DataFrame | None, multiplier: float, points: int
 ) -> CurveEffect:
+    """Curve over the range of its covariate or, for a by-smooth, over that of its own rows."""
     assert isinstance(fitted.term, Smooth | Tensor)
     name = fitted.term.names[0]
     x = _grid(model, name, points)
@@ -482,6 +483,7 @@ def _curve(
 
 
 def _surface(model: Estimator, fitted: FittedTerm, frame: pd.DataFrame | None, points: int) -> SurfaceEffect:
+    """Surface over the ranges of two covariates; others are held at their median or, without data, at the middle of their range."""
     assert isinstance(fitted.term, Smooth | Tensor)
     first, second, *rest = fitted.term.names
     x, y = _grid(model, first, points), _grid(model, second, points)
@@ -524,6 +526,7 @@ def _random(model: Estimator, fitted: FittedTerm) -> dict[str, Effect]:
 
 
 def _factor(model: Estimator, fitted: FittedTerm, multiplier: float) -> FactorEffect:
+    """Coefficients of a parametric term; those of a factor are named by its levels."""
     at = fitted.slice
     error = np.sqrt(np.clip(np.diag(model.Vp_)[at], 0.0, None))
     levels = [str(name) for name in model.levels_.get(fitted.label, ())]

@@ -256,6 +256,7 @@ class Estimator:
         return parse_formula(self.formula)
 
     def _family(self) -> Family:
+        """The given family, or that of a given name; raise if the name or, beside a name, `method` is unknown."""
         if isinstance(self.family, Gaussian | ScaledT):
             return self.family
         known: dict[str, Family] = {"gaussian": Gaussian(), "scat": ScaledT()}
@@ -271,6 +272,7 @@ class Estimator:
         return known[self.family]
 
     def _settings(self, family: Family, rho: FloatArray | None) -> FitSettings:
+        """Settings of a fit with log smoothing parameters `rho`; raise if `extrapolation`, `method` or `ar1_rho` cannot be used."""
         correlated = any(isinstance(term, RandomEffect) and term.correlated for term in self._formula().terms)
         searched = correlated or self.ar1_rho == "estimate"
         faults = []

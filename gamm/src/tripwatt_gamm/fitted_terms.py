@@ -130,6 +130,7 @@ class FittedTerm:
         return [None, *numbers] if correlated else [np.prod(numbers, axis=0) if numbers else None]
 
     def _random(self, frame: pd.DataFrame) -> FloatArray:
+        """Columns of a random effect; 0 for an unknown level, and for all rows if the frame has no levels."""
         if any(name not in frame.columns for name in self.groups):
             return np.zeros((len(frame), self.size))
         levels = self.training.levels[":".join(self.groups)]
@@ -148,6 +149,7 @@ class FittedTerm:
         return np.asarray(levels.rows(levels.codes(frame[name])) @ self.contrast)
 
     def _smooth(self, frame: pd.DataFrame, ranges: Training) -> FloatArray:
+        """Columns of a smooth, times its by-variable or the indicator of its level; outside its range by `extrapolation`."""
         assert isinstance(self.term, Smooth | Tensor)
         assert self.smoother is not None
         weight = self._by_weight(frame, ranges)
@@ -176,6 +178,7 @@ class FittedTerm:
         return np.asarray(below * (B[1] - B[0]) / h + above * (B[3] - B[2]) / h)
 
     def _by_weight(self, frame: pd.DataFrame, ranges: Training) -> FloatArray:
+        """Multiplier (n,) of a smooth: 1, the numeric by-variable, or the indicator of its level (for an unknown level, its share)."""
         if self.by is None:
             return np.ones(len(frame))
         if self.level is None:

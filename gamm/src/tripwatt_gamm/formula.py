@@ -301,6 +301,7 @@ def parse_formula(text: str) -> Formula:
 
 
 def _response(reader: _Reader, left: str) -> str | None:
+    """Name of the response, None without one; note a fault if the left side is not one column."""
     name = left.strip()
     quoted = _QUOTED.fullmatch(name)
     if quoted:
@@ -314,6 +315,7 @@ def _response(reader: _Reader, left: str) -> str | None:
 
 
 def _syntax_fault(error: SyntaxError | ValueError, text: str, offset: int) -> Fault:
+    """Fault of a text that Python cannot read, with its place in the text of the user."""
     position = getattr(error, "offset", None)
     at = min(offset + position, len(text)) if isinstance(position, int) else len(text)
     around = text[max(0, at - 12) : at + 12].strip()
@@ -334,6 +336,7 @@ def _name(name: str) -> str:
 
 
 def _render_term(term: Term) -> str:
+    """Write a term as `parse_formula` reads it, without the arguments that have their default."""
     if isinstance(term, Parametric):
         return _name(term.name)
     if isinstance(term, RandomEffect):

@@ -120,6 +120,7 @@ def _reduce(design: Design, gram: FloatArray, fitted: FittedTerm, Z: FloatArray)
 
 
 def _reduced_part(part: IndexedColumns, first: int, last: int, gone: int, Z: FloatArray) -> IndexedColumns:
+    """Replace the columns from `first` to before `last` by their products with Z, and move later ones down by `gone`."""
     inside = (part.columns >= first) & (part.columns < last)
     outside = part.columns[~inside]
     moved = outside - np.where(outside >= last, gone, 0)

@@ -204,6 +204,7 @@ class PerformanceIteration:
         return self._solution(result, done, count, tolerance) if result is not None else None
 
     def _solution(self, last: Pass, done: bool, iterations: int, tolerance: float) -> Solution:
+        """Solution at the last pass, with the score and its derivatives computed once more if they can be."""
         message = (
             f"the last pass moved nothing by more than {tolerance:g} standard errors"
             if done
@@ -283,6 +284,7 @@ class Mixing:
         return self._mixture(fx, weights, largest) if len(self.points) > 1 else fx
 
     def _mixture(self, fx: FloatArray, weights: FloatArray, largest: float) -> FloatArray:
+        """Anderson's combination of the stored passes, which moves `fx` by at most 20 times the largest change of the last pass."""
         P, F = np.array(self.points), np.array(self.images)
         R = (F - P) * weights
         dR, dF = np.diff(R, axis=0), np.diff(F, axis=0)

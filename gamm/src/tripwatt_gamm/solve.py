@@ -110,6 +110,7 @@ def _with_ridge(data: NormalEquations) -> NormalEquations:
 def _gaussian(
     data: NormalEquations, stack: PenaltyStack, settings: FitSettings, scale: float | None
 ) -> Solution | None:
+    """Fit with given smoothing parameters, or from two starts and keep the better fit, converged ones first; None if no fit succeeds."""
     if settings.rho is not None:
         return fit_gaussian(data, stack, settings.rho, True, scale)
     # the score may have two optima; the lower one counts
@@ -148,6 +149,7 @@ def _subset_start(rows: TableRows, y: FloatArray, stack: PenaltyStack, settings:
 def _scaled_t(
     rows: TableRows, y: FloatArray, data: NormalEquations, stack: PenaltyStack, settings: FitSettings
 ) -> Solution | None:
+    """Fit by performance iteration and, if `method` is "REML", from there by exact Laplace REML; None if a fit fails."""
     family = settings.family
     assert isinstance(family, ScaledT)
     fixed = settings.rho is not None
