@@ -162,6 +162,7 @@ class WeatherServer:
         return tuple(self._cache[key][1] for key in keys)
 
     def _request(self, keys: Sequence[_CellAndHour]) -> list[Weather]:
+        """Request the weather of all cells from the first to the last hour; return that of each key."""
         first, last = min(key[2] for key in keys), max(key[2] for key in keys)
         query = {
             "latitude": ",".join(f"{key[0] * _CELL_DEG:.2f}" for key in keys),
@@ -191,6 +192,7 @@ def _cell_and_hour(place: Place, when: dt.datetime) -> _CellAndHour:
 
 
 def _weather_at(table: Node, hour: dt.datetime) -> Weather:
+    """Return the weather of an hour from the table of one cell."""
     hourly, time_text = table["hourly"], f"{hour:%Y-%m-%dT%H:%M}"
     times = [entry.value for entry in hourly["time"].entries(min_count=1)]
     if time_text not in times:

@@ -213,6 +213,7 @@ def _driving_actions(plan: Plan) -> Iterator[Action]:
 
 
 def _climate_actions(vehicle: Vehicle, plan: Plan) -> Iterator[Action]:
+    """Yield a set-point nearer to the outside air, heated seats and no climate control, as far as the weather allows."""
     departure = plan.departure
     if vehicle.climate is None or departure.climate == "off":
         return
@@ -240,6 +241,7 @@ def _plug_actions(vehicle: Vehicle, plan: Plan) -> Iterator[Action]:
 
 
 def _load_actions(departure: Departure) -> Iterator[Action]:
+    """Yield actions on the roof box, the tyres and the luggage."""
     extras = departure.extras or ()
     ambient = departure.ambient_temperature_degc
     if "roof_box" in extras:

@@ -308,6 +308,7 @@ class Corridor:
             elapsed += float(problem.time_s[i, j]) + problem.overhead_s
 
     def _route_leg(self, i: int, j: int, level: float, elapsed_s: float) -> Leg | None:
+        """Route and forecast a leg; all but the first begin with `level`, `elapsed_s` after departure. None if there is no road."""
         low, high = self._position_m[[i, j]]
         via = [p for p, at in zip(self.via, self.road.stop_position_m, strict=True) if low < at < high]
         try:

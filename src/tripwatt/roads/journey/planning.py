@@ -599,6 +599,7 @@ def _journey_costs(journey: Journey, forecaster: RoadForecaster) -> dict[str, fl
 
 
 def _leg_costs(leg: Leg, forecaster: RoadForecaster) -> dict[str, float]:
+    """Return the energy that climate control, wind and speed cost on one leg [Wh]."""
     forecast, plan = leg.forecast, leg.forecast.plan
     at_start = {name: getattr(plan.departure, name) for name in LEG_FIELDS}
     forecaster = replace(forecaster, departure=replace(forecaster.departure, **at_start))
@@ -618,6 +619,7 @@ def _leg_costs(leg: Leg, forecaster: RoadForecaster) -> dict[str, float]:
 
 
 def _speed_advice(forecaster: RoadForecaster, first: RoadForecast, reserve: float) -> SpeedAdvice | None:
+    """Return the highest motorway speed that suffices; None if the road is certain enough as it is, or has hardly any motorway."""
     if first.forecast.p_arrive(reserve) >= CERTAIN:
         return None
     road = first.road

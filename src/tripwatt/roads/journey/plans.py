@@ -152,6 +152,7 @@ def _with_stops(
 def _charging_stops(
     corridor: Corridor, legs: tuple[Leg, ...], optimum: StopPlan, problem: StopProblem
 ) -> Iterator[ChargingStop]:
+    """Yield the stops of a plan in driving order, each with the station to go to if it is occupied."""
     elapsed = position = 0.0
     wh, overhead = corridor.forecast.charge.wh_per_display, corridor.rules.overhead_s
     for k, node in enumerate(optimum.nodes[1:-1]):

@@ -167,6 +167,7 @@ def _running_best(values: FloatArray) -> IntArray:
 
 
 def _trace_plan(problem: StopProblem, before: IntArray, way: int) -> StopPlan:
+    """Follow the ways back to the start; a way is the number of a node and a level, and `before` has the way before each."""
     nodes, levels = [len(before) - 1], []
     while True:
         node, level = divmod(way, before.shape[1])

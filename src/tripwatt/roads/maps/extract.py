@@ -80,6 +80,7 @@ def read_objects(path: Path, *, settlements_only: bool = False) -> Iterator[Name
 
 
 def _read(element: Any) -> Iterator[Named | Station]:
+    """Yield the charging station, the named object and the house that an element is; nothing if its place is unknown."""
     tags = {tag.k: tag.v for tag in element.tags}
     where = _centre(element)
     if where is None:

@@ -103,6 +103,7 @@ def write_index(
 
 
 def _rows(named: Sequence[Named], nearest: _Nearest) -> Iterator[tuple[Any, ...]]:
+    """Yield rows of the table `read`; the context is the settlement of the address or nearby, or the town beside a settlement."""
     for item, settlement in zip(named, nearest.names(named), strict=True):
         name, context = item.name, item.city or settlement
         if item.kind == "house":

@@ -249,6 +249,7 @@ class RoadParts:
 
 
 def _concatenate_edges(parts: Sequence[Edges]) -> Edges:
+    """Join the edges of all legs; raise `InvalidInput` if a length, a time or a speed is impossible."""
     names = ("length_m", "time_s", "speed_m_s", "limit_m_s", "signal")
     columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
     edges = Edges(**columns, road_class=tuple(kind for part in parts for kind in part.road_class))
@@ -276,6 +277,7 @@ def _with_heights(
 
 
 def _require_near_stops(points: FloatArray, stops: Sequence[Place]) -> None:
+    """Raise `InvalidInput` if an end of the line is farther than `FARTHEST_START_M` from its place."""
     faults = []
     for place, (latitude, longitude) in ((stops[0], points[0]), (stops[-1], points[-1])):
         distance_m = place.distance_m(Place(float(latitude), float(longitude)))

@@ -158,6 +158,7 @@ class ValhallaRouter:
         return self.ask_tile({"tile": {"z": zoom, "x": column, "y": row}})
 
     def _request_trips(self, stops: Sequence[Place], options: dict[str, Any]) -> list[Node]:
+        """Request a route with options; return its trip and those of at most `MAX_ROUTES` alternatives."""
         request = {
             "locations": [_location(place) for place in stops],
             "costing": "auto",
@@ -173,6 +174,7 @@ class ValhallaRouter:
         return trips
 
     def _trip_road(self, trip: Node, stops: Sequence[Place]) -> Road:
+        """Return the road of a trip, after requests for the edges and heights of each leg."""
         parts = RoadParts()
         with as_remote():
             for leg in trip["legs"].entries(min_count=1):
@@ -194,6 +196,7 @@ class ValhallaRouter:
             return [future.result() for future in [threads.submit(call) for call in calls]]
 
     def _edge_document(self, shape: str, stops: Sequence[Place]) -> Node:
+        """Request the edges of an encoded line."""
         request = {
             "encoded_polyline": shape,
             "shape_match": "edge_walk",
@@ -203,6 +206,7 @@ class ValhallaRouter:
         return self._request("trace_attributes", request, stops)
 
     def _height_document(self, shape: str) -> Node:
+        """Request the heights along an encoded line, one every `_HEIGHT_EVERY_M`."""
         request = {
             "encoded_polyline": shape,
             "shape_format": "polyline6",

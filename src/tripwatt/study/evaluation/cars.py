@@ -188,6 +188,7 @@ def read_cars(path: Path) -> list[CarTrips]:
 
 
 def _cars_of(name: str, about: Mapping[str, str], folder: Path) -> Iterator[CarTrips]:
+    """Yield a car for each vehicle in the logs of one table of the file, with its sound trips that have measured energy."""
     mapping: Path | str | None = about.get("mapping")
     if mapping is not None and (folder / mapping).is_file():
         mapping = folder / mapping
@@ -206,6 +207,7 @@ def _cars_of(name: str, about: Mapping[str, str], folder: Path) -> Iterator[CarT
 
 
 def _file_faults(document: Mapping[str, Any], where: str) -> Iterator[Fault]:
+    """Yield the faults of a file of cars: no table, or entries that are missing, unknown or no text."""
     if not document:
         yield Fault("no cars", where, "an empty file", "a table [NAME] for each data set")
     for name, about in document.items():
@@ -250,6 +252,7 @@ def population_without(cars: Sequence[CarTrips], scored: CarTrips, rest: Populat
 def _score(
     car: CarTrips, others: Population, trips: Sequence[int], draws: int, seed: int, own_model: bool
 ) -> tuple[dict[str, Any], pd.DataFrame]:
+    """Score one car by the population of the others; return its entry in the results and the table of its trips."""
     vehicle, evidence, table = evidence_of(car, car.dataset)
     base = load_model()
     observed = evidence.observed_wh

@@ -105,6 +105,7 @@ def coverage_by_level(observed_wh: FloatArray, low_wh: FloatArray, high_wh: Floa
 
 
 def _interval_scores(intervals: Coverage, unit: str) -> dict[str, Any]:
+    """Return the coverage and the widths of intervals; `unit` ends the names of the widths."""
     return {
         "coverage": intervals.share,
         "coverage_ci95": intervals.ci95,

@@ -162,6 +162,7 @@ def _table2(gamm: GammInsight | None) -> list[dict[str, Any]]:
 def _hold_outs(
     fleet: TripSet, audited: Audit, cars: Mapping[str, Vehicle], wanted: HoldOutChoice
 ) -> tuple[list[HoldOut[TripTable]], list[str]]:
+    """Return the hold-outs of the reference, the audited and all usable trips, as far as there are any, and notes."""
     usable, notes = _usable(fleet.trips)
     candidates = {"reference": fleet.reference_trips(), "audited": audited.trips, "all": usable}
     sets = {name: trips for name, trips in candidates.items() if trips}

@@ -246,6 +246,7 @@ def chosen_folds(
 def _scores(
     table: TripTable, folds: Mapping[int, FoldResult], simulation: str | None, seed: int
 ) -> dict[str, Any]:
+    """Score one model from its folds; the share of improved trips is None for a simulation alone or without one."""
     last = table.last_rows
     observed, simulated, predicted = (
         table.observed_wh[last],

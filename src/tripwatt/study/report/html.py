@@ -113,6 +113,7 @@ def png_bytes(figure: Figure) -> bytes:
 
 
 def _saved(figure: Figure, **settings: Any) -> bytes:
+    """Save a figure in the style of the reports; its layout is fixed from then on."""
     buffer = io.BytesIO()
     with style_context(), warnings.catch_warnings():
         # a trip's name may hold any character; the page shows it, but a figure may show a box instead

@@ -248,6 +248,7 @@ def example_fleet() -> Iterator[tuple[str, TripSet]]:
 
 
 def _require_sound(n_trips: int, seed: int, step_s: float, hours: tuple[float, float] | None) -> None:
+    """Raise `InvalidInput` with every argument that is out of range."""
     faults = [
         *number_faults("n_trips", n_trips, Column("", 1, MAX_TRIPS, ""), whole=True),
         *number_faults("seed", seed, Column("", 0, MAX_SEED, ""), whole=True),
@@ -261,6 +262,7 @@ def _require_sound(n_trips: int, seed: int, step_s: float, hours: tuple[float, f
 
 
 def _trip(scenario: Scenario, vehicle: Vehicle, seed: int, step_s: float) -> tuple[Trip, dict[str, object]]:
+    """Drive, simulate and log one scenario; return the trip and its row of the truth."""
     drive = drive_route(scenario, seed, step_s)
     truth = simulate_truth(scenario, drive, vehicle, seed)
     follows = scenario.parked_s is not None and scenario.parked_s <= FOLLOWS_WITHIN_S

@@ -83,6 +83,7 @@ def gamm_errors_table(view: View) -> Table:
 
 
 def _options(view: View, names: Sequence[str], caption: str) -> Table:
+    """Tabulate variants of a model, the last of which is chosen inside the fold, and the paper's error of the first."""
     scores, trips = study_scores(view), int(view.results["studies"]["n_trips"])
     chosen = view.results["studies"]["choices"].get(names[-1], {})
     rows = [{**scores[name], "chosen": chosen.get(name)} for name in names if name in scores]
