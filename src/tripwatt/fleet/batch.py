@@ -155,6 +155,7 @@ def forecast_batch(
 
 
 def _check_settings(quantiles: Sequence[float], reserve: float) -> None:
+    """Raise `InvalidInput` unless all quantiles are above 0 and below 1, and the reserve is 0 or more and below 1."""
     between_0_and_1 = Column("1", 0.0, 1.0, "")
     faults = [fault for q in quantiles for fault in number_faults("quantiles", q, between_0_and_1)]
     faults += [
@@ -292,6 +293,7 @@ def _forecast_part(part: _BatchPart) -> tuple[str, pa.Table]:
 
 
 def _forecast_row(model: FleetModel, links: Sequence[Mapping[str, Any]], part: _BatchPart) -> dict[str, Any]:
+    """Forecast one trip from its links; return its row of the output, or a row with the reason in `error`."""
     first = links[0]
     trip_id, vehicle = f"{first['trip']}", f"{first['vehicle_id']}"
     try:

@@ -89,6 +89,7 @@ def _process_context() -> BaseContext:
 
 @contextmanager
 def _dask_executor(cluster: str) -> Iterator[tuple[Executor, int]]:
+    """Yield an executor on a Dask cluster and the number of its threads, once it has a worker."""
     from tripwatt.fleet.store.delta import import_extra  # slow to import
 
     distributed = import_extra("distributed", "for clusters", "fleet")

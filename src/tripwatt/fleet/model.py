@@ -316,6 +316,7 @@ def held_out_correctors(
 def _held_out_residuals(
     table: SegmentTable, correctors: Sequence[FleetCorrector], trees_w: FloatArray
 ) -> list[HeldOutResidual]:
+    """Return what the held-out linear part and the held-out trees leave of each sampled trip."""
     residuals = []
     for i, corrector in enumerate(correctors):
         residual = held_out_residual(corrector, table.take([i]))
@@ -325,6 +326,7 @@ def _held_out_residuals(
 
 
 def _scores_by_class(sample: SampledTrips, standardised: FloatArray) -> dict[str, ConformalScores]:
+    """Return the scores of each car model and temperature class with at least `_MIN_SCORES` sampled trips."""
     ambient = sample.table.features["ambient_temperature_degc"].to_numpy()[sample.table.offsets[:-1]]
     models = np.array([group[0] for group in sample.groups])
     masks = {name: models == name for name in sorted(set(models.tolist()))}
@@ -337,6 +339,7 @@ def _scores_by_class(sample: SampledTrips, standardised: FloatArray) -> dict[str
 
 
 def _charge_scales(sample: SampledTrips) -> dict[str, ChargeScale]:
+    """Return the charge scale of each car model whose sampled trips have readings enough for one."""
     assert sample.table.charge is not None
     observed = sample.table.totals_wh(sample.table.observed_power_w)
     models = np.array([group[0] for group in sample.groups])

@@ -292,6 +292,7 @@ class FollowedModel:
         return self._in_use[1]
 
     def _read(self) -> None:
+        """Read the version that the pointer names now, unless it was tried last, and report it to `on_change`."""
         wanted = self._registry.current()  # the pointer may have moved since the caller looked
         if wanted == self._last_tried:
             return

@@ -66,6 +66,7 @@ def load_fleet(folder: Path | str) -> FleetModel:
 
 @cache
 def _converter() -> Converter:
+    """Return the converter between a model and plain arrays; digests are kept as rows of bytes."""
     from cattrs.gen import make_dict_structure_fn, make_dict_unstructure_fn, override
 
     converter = new_converter()

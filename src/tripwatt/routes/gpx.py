@@ -82,6 +82,7 @@ class _Gpx(XmlTracks):
 
 
 def _number(text: str, where: str) -> float:
+    """The finite number that a text writes; anything else raises `InvalidInput`."""
     try:
         value = float(text)
     except ValueError:

@@ -225,6 +225,7 @@ def link_header_faults(names: Sequence[str], where: str) -> list[Fault]:
 
 
 def _unknown_keys(rows: Sequence[Mapping[str, Any]], wrong: _Faults) -> None:
+    """Add the faults of unknown keys, each with its links; of more than `MAX_FAULTS` keys, the rest is counted."""
     unknown: dict[object, list[int]] = {}
     for k, row in enumerate(rows):
         for key in row:

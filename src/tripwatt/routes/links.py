@@ -193,6 +193,7 @@ class LinkRoute:
 
 
 def _route_faults(route: LinkRoute) -> Iterator[Fault]:
+    """The faults of a route: its number of links, their values, the travel time and the heights."""
     n_links = len(route.length_m)
     if not 1 <= n_links <= MAX_LINKS:
         yield Fault("number of links out of range", "links", f"{n_links}", f"1 to {MAX_LINKS}")

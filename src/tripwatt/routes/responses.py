@@ -235,6 +235,7 @@ def _number_or_zero(node: Node) -> float:
 
 
 def _graphhopper_points(path: Node) -> FloatArray | None:
+    """The points of a path, shape (points, 2 or 3); None if the path has no points."""
     points = path["points"]
     if points.value is None:
         return None

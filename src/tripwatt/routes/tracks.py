@@ -340,6 +340,7 @@ def parse_times(
 
 
 def _parse_time(text: str, where: str) -> dt.datetime:
+    """The time that a text writes, in UTC if the text has no zone."""
     try:
         moment = dt.datetime.fromisoformat(text)
     except ValueError as error:

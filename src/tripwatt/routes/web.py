@@ -207,6 +207,7 @@ class WebClient:
             return type(error).__name__.removesuffix("Error").lower() + " failed"
 
     def _body(self, response: httpx.Response, request: httpx.Request, deadline: float) -> bytes:
+        """The body of an answer, unless the answer is too large or comes after the deadline."""
         httpx = _httpx()
         response.request = request
         parts, size = [], 0

@@ -124,6 +124,7 @@ class XmlTracks:
         return Track(latitude, longitude, height, time, unknown, started_at, (*flags, *time_flags))
 
     def _parse(self, data: bytes) -> None:
+        """Parse a text with the handlers of this object; anything but well-formed XML without a document type raises `InvalidInput`."""
         format_name = self.root.upper()
 
         def refuse(*_: object) -> None:
@@ -145,6 +146,7 @@ class XmlTracks:
             raise InvalidInput.of("not well-formed XML", self.name, str(error)[:120], allowed) from error
 
     def _start(self, tag: str, attributes: Mapping[str, str]) -> None:
+        """Enter an element; another root and too many levels raise `InvalidInput`."""
         tag = _local_name(tag)
         if not self.path and tag != self.root:
             raise InvalidInput.of(f"not {self.root.upper()}", self.name, f"<{tag[:40]}>", f"<{self.root}>")

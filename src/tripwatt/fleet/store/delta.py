@@ -187,6 +187,7 @@ class DeltaFolder:
         raise InvalidInput(_busy_fault(self.place))
 
     def _write(self, table: Any, rows: pa.Table, *, tries: int) -> None:
+        """Append rows in one commit, which `deltalake` repeats up to `tries` times."""
         with _delta_errors(self.place) as deltalake:
             deltalake.write_deltalake(
                 table,
@@ -229,6 +230,7 @@ class DeltaFolder:
         return True
 
     def _retry(self, action: Callable[[Any], Result]) -> Result:
+        """Call an action on the newest version, again while other writers are first, at most `_MAX_TRIES` times."""
         conflict = require_deltalake().exceptions.CommitFailedError
         for _ in range(_MAX_TRIES):
             try:

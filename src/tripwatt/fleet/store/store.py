@@ -240,6 +240,7 @@ class TripStore:
         return total
 
     def _add_batch(self, stored: Sequence[StoredLog]) -> Added:
+        """Commit the logs that are new; their samples are written first, and dropped again if another writer commits the logs first."""
         unique = list({s.row["digest"]: s for s in stored}.values())
         before = self.rows.open()
         new = self._unknown(unique, before)
@@ -682,6 +683,7 @@ def _trip_filter(
     since: dt.date | str | None,
     until: dt.date | str | None,
 ) -> Any:
+    """Return the condition on the rows of `trips`, or None for all rows."""
     conditions = []
     if vehicle_id is not None:
         conditions.append(pc.field("bucket") == bucket_of(vehicle_id, buckets))
@@ -712,6 +714,7 @@ def _name_faults(what: str, name: str | None) -> list[Fault]:
 
 
 def _log_faults(logs: Sequence[Recorded], vehicle_id: str | None) -> list[Fault]:
+    """Return the faults of logs: no vehicle, an invalid name of a vehicle, means instead of raw samples."""
     faults = []
     for log in logs:
         if log.context.car is None and vehicle_id is None:
