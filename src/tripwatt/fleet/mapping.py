@@ -383,7 +383,7 @@ def read_rows(results: Iterable[_FileResult]) -> TripRows:
 def sample_digests(
     rows: Sequence[Mapping[str, Any]], per_vehicle: int, vehicles: int, seed: int = 0
 ) -> frozenset[str]:
-    """Draw a seeded sample of trips, and return their digests.
+    """Draw a seeded sample of the trips with a sound drive and measured energy, and return their digests.
 
     The choice depends only on the seed, the vehicles' names and the digests, not on the order of the trips.
 

@@ -101,7 +101,7 @@ def draw_dwell(stop_probability: npt.ArrayLike, style: DriverStyle, rng: np.rand
     stop_probability : array_like, shape (links,)
         Chance in [0, 1] that the car has to stop at the end of the link.
     style : DriverStyle
-        Its `dwell_mean_s` is the mean standstill; the time above the shortest standstill of 2 s is exponentially distributed.
+        Its `dwell_mean_s` is the mean standstill if it is above the shortest one of 2 s; the rest is exponentially distributed.
     rng : numpy.random.Generator
 
     Returns

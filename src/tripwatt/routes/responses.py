@@ -202,7 +202,7 @@ def _openrouteservice_unit(response: Mapping[str, Any], where: str) -> float:
 def route_from_graphhopper(response: Mapping[str, Any], where: str = "GraphHopper response") -> LinkRoute:
     """Links of a GraphHopper response: one for each entry of the path detail `time`, else for each instruction.
 
-    They have the elevation if the response has it.
+    The links have the elevation if the response has it.
 
     Raises
     ------

@@ -101,7 +101,7 @@ class XmlTracks:
         return f"{self.name}, point {self.number}"
 
     def track(self, data: bytes) -> Track:
-        """Parse a text and return its first line with at least two points. O(bytes).
+        """Parse a text and return its first line with at least two points, of the first of `kinds` that has one. O(bytes).
 
         Raises
         ------

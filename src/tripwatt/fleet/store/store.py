@@ -380,7 +380,7 @@ class TripStore:
         return rows
 
     def file_trips(self, rows: Iterable[Mapping[str, Any]]) -> list[FileTrips]:
-        """Find the data files that may have samples of some logs. O(files + logs).
+        """Find the data files that may have samples of some logs. O(files x logs of a partition).
 
         Parameters
         ----------
@@ -392,12 +392,12 @@ class TripStore:
         list of FileTrips
             Each data file with the logs that may be in it; data files without a wanted log are left out.
         """
-        by_place = by_key(rows, lambda row: (row["bucket"], row["month"]))
+        by_partition = by_key(rows, lambda row: (row["bucket"], row["month"]))
         files = []
         for file in self.samples.data_files():
             wanted = tuple(
                 row
-                for row in by_place.get((file.bucket, file.month), ())
+                for row in by_partition.get((file.bucket, file.month), ())
                 if file.first_batch <= row["batch"] <= file.last_batch
             )
             if wanted:

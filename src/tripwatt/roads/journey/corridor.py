@@ -225,7 +225,7 @@ class Corridor:
 
     @property
     def _standing_start_cost(self) -> tuple[float, float]:
-        """Mean additional charge and time [s] of routed legs compared with their estimates, since they start and end at rest."""
+        """Mean additional charge and time [s] of routed legs, which start and end at rest, over their estimates; 0 if none is routed."""
         differences = [
             (
                 self._leg_need(leg, 0.5)[0] - self._estimates[0][pair],
@@ -259,10 +259,10 @@ class Corridor:
         width2 = self._at_nodes(self.forecast.along.expected_soc - self.forecast.along.soc(chance)) ** 2
         common2, drift2 = (scale * self._at_nodes(part) for part in variance_along(self.forecast))
         drift2 = np.maximum.accumulate(np.maximum(width2 - common2, drift2))
-        reading = scale * (self.forecast.charge.displayed_sd * wh) ** 2
+        reading2 = scale * (self.forecast.charge.displayed_sd * wh) ** 2
         common = np.maximum.accumulate(np.sqrt(common2))
-        drift = np.maximum(drift2 - drift2[:, None], 0.0)
-        self._widths[chance] = np.sqrt((common - common[:, None]) ** 2 + drift + reading)
+        leg_drift2 = np.maximum(drift2 - drift2[:, None], 0.0)
+        self._widths[chance] = np.sqrt((common - common[:, None]) ** 2 + leg_drift2 + reading2)
         return self._widths[chance]
 
     def factor(self, chance: float) -> float:

@@ -350,7 +350,7 @@ def _curve(
 
 
 def _draws(n: int, half: int, k: int, draws: int, seed: int) -> Iterator[Split]:
-    """Draw k of the first `half` trips at random; the later trips are scored or, if there are none, all that were not drawn."""
+    """Draw k of the first `half` trips `draws` times; the later trips are scored or, if there are none, all that were not drawn."""
     rng = np.random.default_rng((seed, k))
     for draw in range(draws):
         known = np.sort(rng.permutation(half)[:k])
