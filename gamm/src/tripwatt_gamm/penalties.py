@@ -230,10 +230,10 @@ class PenaltyStack:
         for start, matrices in self.terms:
             if start in self.scales:
                 size = self.scales[start]
-                low, high = np.tril_indices(len(size), -1)
-                own_loadings, remaining = remaining[: len(low)], remaining[len(low) :]
+                row, column = np.tril_indices(len(size), -1)
+                own_loadings, remaining = remaining[: len(row)], remaining[len(row) :]
                 levels = len(matrices[0]) // len(size)
-                matrices = correlated_penalties(levels, own_loadings * size[high] / size[low])
+                matrices = correlated_penalties(levels, own_loadings * size[column] / size[row])
             terms.append((start, matrices))
         return PenaltyStack(self.p, terms, self.scales)
 

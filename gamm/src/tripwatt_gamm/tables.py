@@ -163,7 +163,7 @@ class TableRows:
         return [slice(start, min(start + CHUNK, self.n)) for start in range(0, self.n, CHUNK)]
 
     def gram(self, weights: FloatArray | None = None) -> FloatArray:
-        """X' W X, (p, p)."""
+        """X' W X, (p, p), with the diagonal `weights` of W, by default 1."""
         out = np.zeros((self.p, self.p))
         for rows in self._chunks():
             X = self.dense(rows)

@@ -94,7 +94,7 @@ class VehicleSeries:
 
 
 def changes(posterior: GroupPosterior, rows: TripRows) -> pd.DataFrame:
-    """Find every change of every vehicle that is beyond chance and at least `MIN_CHANGE`. O(trips).
+    """Find the changes of each vehicle beyond chance and of at least `MIN_CHANGE`, up to `_MAX_CHANGES` of a quantity. O(trips).
 
     Parameters
     ----------

@@ -548,7 +548,7 @@ def create_store(
     Raises
     ------
     InvalidInput
-        If there is a store already, or the place cannot be written.
+        If `buckets` is out of range, there is a store already, or the place cannot be written.
 
     Examples
     --------

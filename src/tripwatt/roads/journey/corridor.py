@@ -177,7 +177,7 @@ class Corridor:
 
     @cached_property
     def charging_s(self) -> FloatArray:
-        """Time to charge from empty to each of `LEVELS` at each node [s]."""
+        """Time to charge from empty to each of `LEVELS` at each node [s]; 0 at the first and the last node, which have no station."""
         wh, table = self.forecast.charge.wh_per_display, np.zeros((len(self._position_m), len(LEVELS)))
         for node, station in enumerate(self.stations, 1):
             degc = WARM_DEGC if self.preheat_soc[node] > 0.0 else float(self.cell_degc[node])

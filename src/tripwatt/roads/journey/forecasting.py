@@ -157,7 +157,7 @@ class RoadForecaster:
         return replace(forecast, state_sd_wh=float(np.hypot(forecast.state_sd_wh, sd_wh)))
 
     def _weather_sd_wh(self, forecast: Forecast, weather: tuple[Weather, ...]) -> float:
-        """Return the standard deviation of the energy by errors of temperature and wind [Wh]; each takes one more simulation."""
+        """Return the standard deviation of the energy by errors of forecast temperature and wind [Wh]; each takes one more simulation."""
         plan = forecast.plan
         if not weather or plan.weather is None or weather[0].hours_ahead is None:
             return 0.0

@@ -119,7 +119,7 @@ def build_tiles(folder: Path, extract: Path) -> None:
     Raises
     ------
     InvalidInput
-        If Valhalla is not installed, or cannot read the extract.
+        If Valhalla is not installed, cannot be run, or cannot read the extract.
     """
     program = require_valhalla() / "bin" / "valhalla_build_tiles"
     for name in ("tiles", "elevation"):

@@ -123,7 +123,7 @@ def _rows(named: Sequence[Named], nearest: _Nearest) -> Iterator[tuple[Any, ...]
 
 
 def _merged(rows: Iterable[tuple[Any, ...]], nearest: _Nearest) -> Iterator[tuple[Any, ...]]:
-    """Merge pieces of a street that lie together into one row, at the middle piece, with the names of all pieces.
+    """Merge rows of one kind, name and context that lie together, such as pieces of a street, into one at the middle, with all names.
 
     If pieces of the same name lie apart in one settlement, the quarter of each is put in front of its context. Houses get the other
     names of their street, so the rows have to be in the order of kind, name and context, streets before houses.

@@ -324,7 +324,7 @@ def strata_scores(
     seed: int,
     days: Sequence[str] | None = None,
 ) -> list[dict[str, Any]]:
-    """Return the mean APE of hybrid and data-only model by stratum, and their paired difference.
+    """Return the mean APE of the hybrid by stratum and, with `ape_data`, that of the data-only model and their paired difference.
 
     The difference has an interval if the stratum has several trips.
     """

@@ -67,8 +67,8 @@ class EvaluationRun:
         Returns
         -------
         DataFrame
-            `scheme, trips, model, n_trips, mape, mape_low, mape_high` (95 % bootstrap interval over trips)`, median_ape, max_ape,
-            bias, rmse_wh`; errors as fractions.
+            `scheme, trips, model, n_trips, mape, mape_low, mape_high` (95 % bootstrap interval over trips), `median_ape,
+            max_ape, bias, rmse_wh`; errors as fractions.
 
         Examples
         --------
@@ -208,7 +208,7 @@ def write_results(run: EvaluationRun, out: Path) -> None:
     run : EvaluationRun
         Result of `evaluate`.
     out : Path
-        Folder, created if missing; files of an earlier run are replaced.
+        Folder, created if missing; files of the same names are replaced.
 
     Examples
     --------
