@@ -431,7 +431,7 @@ def build_design(
     Raises
     ------
     InvalidInput
-        Names the term that cannot be built, or all faulty columns.
+        Names the term that cannot be built, all faulty columns, or a grid that is too coarse.
     """
     _check_columns(formula, frame)
     builder = _Builder(formula, frame, _value_limit(discretise, len(frame)), extrapolation)

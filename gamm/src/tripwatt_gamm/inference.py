@@ -211,7 +211,10 @@ def _null_model(
     index: NDArray[np.intp],
     random: NDArray[np.intp],
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the covariance of b if its variance is zero (per unit scale), and X'W(I + Z_o Psi Z_o')WX."""
+    """Return the covariance of the effects `index` if they have no variance (per unit scale), and X'W(I + Z_o Psi Z_o')WX.
+
+    Z_o are the columns `random` of the other random effects, Psi is their variance.
+    """
     g = gram[np.ix_(determined, determined)]
     places = np.searchsorted(determined, index)
     rows = _solve(g + penalty[np.ix_(determined, determined)], np.eye(determined.size)[:, places]).T

@@ -78,7 +78,8 @@ def drift(posterior: GroupPosterior, rows: TripRows) -> dict[str, Any]:
     -------
     dict
         `trips`, `bias` (mean of measured minus forecast over forecast energy) [1], `coverage` of the intervals of the level `LEVEL`
-        for normal errors [1], and `vehicles`: those whose mean standardised error is more than 3 standard errors from 0, with `trips`, `bias` and `z`.
+        for normal errors [1], and `vehicles`: those whose mean standardised error is more than 3 standard errors
+        from 0, with `trips`, `bias` and `z`.
     """
     from scipy.special import ndtri
 

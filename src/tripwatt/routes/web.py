@@ -154,7 +154,7 @@ class WebClient:
         Raises
         ------
         RemoteError
-            As `post_json`, except that any body is accepted.
+            As `post_json`, except that the body of a status below 500 need not be JSON.
         """
         deadline = time.monotonic() + self.timeout_s
         for attempt in range(1, _ATTEMPTS + 1):

@@ -232,7 +232,7 @@ def _climate_actions(vehicle: Vehicle, plan: Plan) -> Iterator[Action]:
 
 
 def _plug_actions(vehicle: Vehicle, plan: Plan) -> Iterator[Action]:
-    """Yield the preheating of the cabin and of the battery on the plug: of each what pays on any day, then what pays if charge is scarce."""
+    """Yield the preheating of cabin and battery on the plug: of each what pays on any day, then what pays if charge is scarce."""
     for part, worth in itertools.product(("cabin", "battery"), (WORTH, SCARCE)):
         heat = preheating(vehicle, plan, worth=worth, only=part)
         if heat is not None:

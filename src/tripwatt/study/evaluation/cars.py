@@ -410,7 +410,7 @@ def _own_model(vehicle: Vehicle, table: SegmentTable) -> dict[str, float] | None
 def _in_time(
     car: CarTrips, base: ForecastModel, vehicle: Vehicle, others: Population
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return two tables of forecasts in order of time: without own trips, and with a model fitted to all earlier own trips."""
+    """Return tables of forecasts in order of time: without own trips, and fitted to all earlier ones, with the weights of each kind."""
     adaptation = Adaptation.before_trips(base, vehicle, others)
     without_trips = model = adaptation.model
     rows_without: list[tuple[object, ...]] = []
