@@ -142,6 +142,7 @@ class FittedTerm:
         )
 
     def _parametric(self, frame: pd.DataFrame, name: str, ranges: Training) -> FloatArray:
+        """Columns of a parametric term; outside its range a numeric one is held or continued by `extrapolation`."""
         if self.contrast is None:
             values = frame[name].to_numpy(dtype=np.float64)[:, None]
             return values if self.extrapolation == "linear" else ranges.supports[(name,)].clamp(values)

@@ -108,7 +108,7 @@ def route_from_osrm(response: Mapping[str, Any], where: str = "OSRM response") -
     """Links of an OSRM route response: one for each annotated edge, else for each step, else for each leg.
 
     An annotation gives the speed between two nodes of the map without turns and lights. If the leg takes longer than all its
-    edges, their times are scaled to its duration, and the annotated speed is the moving speed.
+    edges, their times are scaled to its duration; the moving speed stays that of the annotation, length over time.
 
     Raises
     ------

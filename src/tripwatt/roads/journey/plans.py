@@ -50,7 +50,7 @@ _GAINS: Final[Mapping[str, Callable[[ChargingPlan], float]]] = MappingProxyType(
 def find_plans(corridor: Corridor) -> tuple[ChargingPlan, ...]:
     """Find the fastest plan, and plans that are better in another respect: fewest stops, safest, cheapest by energy.
 
-    If no plan has the required chance, the result is only the plan with the highest chance to reach a first station. The result is empty if no
+    If no plan has the required chance, the result is only the plan with the highest chance to reach a first station, or empty if no
     station helps.
     """
     first, risk = _best_certain_plan(corridor, "fastest", _LEG_RISKS[1])
