@@ -174,7 +174,7 @@ class Points:
 def grid_limit(x: FloatArray, limit: int) -> int:
     """Lower `limit`, the values per covariate, until rows `x` (n, d) have at most `MAX_JOINT` distinct points.
 
-    It is not lowered once it is 20 or less.
+    A limit of 20 or less is not lowered.
     """
     while limit > 20 and len(Points.from_values(x, (limit,) * x.shape[1]).values) > MAX_JOINT:
         limit = limit * 3 // 4

@@ -265,7 +265,7 @@ def load_car(name: str) -> Vehicle:
 
 
 def drive_row(drive: Trip, table: SegmentTable, row: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the row of one drive, with the columns of `ROWS`; for a display that was not logged, with the charge of the battery management.
+    """Return the row of one drive, with the columns of `ROWS`; its charge is that of the battery management if the display was not logged.
 
     Parameters
     ----------

@@ -94,7 +94,7 @@ def predict_sample(model: FleetModel, sample: SampledTrips) -> FloatArray:
 
 
 def without_sampled(model: FleetModel, sample: SampledTrips) -> FleetModel:
-    """Return the model without the sampled trips: those on which it was fitted are subtracted from its sums."""
+    """Return the model without the sampled trips: those on which the model was fitted are subtracted from its sums."""
     fitted = np.array([i for i, d in enumerate(sample.digests) if d in model.digests], dtype=np.int64)
     if not len(fitted):
         return model

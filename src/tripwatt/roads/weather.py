@@ -235,7 +235,7 @@ def plan_with_weather(plan: Plan, road: Road, position_m: FloatArray, weather: S
     """Return a plan with the weather along its road. O(samples).
 
     Wind is interpolated between the positions, as a vector. Temperature, pressure and rain are means over the positions, since a
-    simulation uses one value of each; temperature and pressure are unknown if they are at one position. The temperature is used only if
+    simulation uses one value of each; a value that is unknown at one position is unknown. The temperature is used only if
     the departure of the plan has none.
 
     Examples

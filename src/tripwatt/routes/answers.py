@@ -97,7 +97,7 @@ def intervals(detail: Node, n_points: int) -> list[tuple[int, int, Node]]:
 
 
 def speeds_at_points(detail: Node, n_points: int) -> FloatArray:
-    """Speed after each point [m/s] from a path detail in km/h; NaN where it is unknown or 0.
+    """Speed after each point [m/s] from a path detail in km/h; NaN where the speed is unknown or 0.
 
     Examples
     --------

@@ -382,7 +382,7 @@ class _Trials:
         self._forecast_again = forecasts_like(forecast)
 
     def with_actions(self, *chosen: Action) -> Advised:
-        """Forecast the trip with some actions, compared with the trip as it is and with the values that the actions assume of it."""
+        """Forecast the trip with some actions, compared with the trip without them but with the values that they assume."""
         plan = self.forecast.plan
         for action in chosen:
             plan = action.apply_to(plan)

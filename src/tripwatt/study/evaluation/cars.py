@@ -236,7 +236,7 @@ def evidence_of(car: CarTrips, dataset: str) -> tuple[Vehicle, TripEvidence, Seg
 def population_without(cars: Sequence[CarTrips], scored: CarTrips, rest: Population) -> Population:
     """Build the population of all cars whose model and data set differ from the scored one's.
 
-    They are simulated without values from the scored car's data set; `rest` is the population to add.
+    These cars are simulated without values from the scored car's data set; `rest` is the population to add.
     """
     evidence = [
         (car.source(), evidence_of(car, scored.dataset)[1])

@@ -175,7 +175,7 @@ def study_comparisons(hold_out: HoldOut[TripTable], names: Sequence[str], seed: 
 
 
 def simulation_forms(car: CarChoice) -> dict[str, Vehicle]:
-    """Return the car under each form of the simulation, by name; empty unless it is the paper's car."""
+    """Return the car under each form of the simulation, by name; empty for any other car than the paper's."""
     if car.name != PAPER_CAR:
         return {}
     return {form.name: car.load("paper", form.overrides) for form in FORMS}
