@@ -241,10 +241,10 @@ class Support:
         if x.shape[1] == 1:
             return inside
         unit = (inside - self.low) / self._span
-        distance, nearest = self._tree.query(unit)
+        distance, closest = self._tree.query(unit)
         far = distance > REACH
         if far.any():
-            nearest_point = (self.points[nearest[far]] - self.low) / self._span
+            nearest_point = (self.points[closest[far]] - self.low) / self._span
             unit[far] = nearest_point + (unit[far] - nearest_point) * (REACH / distance[far])[:, None]
             inside[far] = self.low + unit[far] * self._span
         return np.asarray(inside)

@@ -512,7 +512,7 @@ def _random(model: Estimator, fitted: FittedTerm) -> dict[str, Effect]:
     from scipy import stats
 
     sds = np.sqrt(np.diag(random_covariance(model, fitted)))
-    names = [str(name) for name in model.levels_[":".join(fitted.groups)]]
+    names = [str(text) for text in model.levels_[":".join(fitted.groups)]]
     effects: dict[str, Effect] = {}
     for j, (name, sd) in enumerate(zip(fitted.effects, sds, strict=True)):
         at = slice(fitted.start + j * len(names), fitted.start + (j + 1) * len(names))

@@ -697,13 +697,13 @@ def _trip_filter(
     return reduce(and_, conditions) if conditions else None
 
 
-def _to_iso(time: dt.date | str, where: str) -> str:
-    if isinstance(time, dt.date):
-        return time.isoformat()
+def _to_iso(moment: dt.date | str, where: str) -> str:
+    if isinstance(moment, dt.date):
+        return moment.isoformat()
     try:
-        return dt.datetime.fromisoformat(time).isoformat()
+        return dt.datetime.fromisoformat(moment).isoformat()
     except ValueError as error:
-        raise InvalidInput.of("invalid time", where, repr(time), "a date such as 2024-05-31") from error
+        raise InvalidInput.of("invalid time", where, repr(moment), "a date such as 2024-05-31") from error
 
 
 def _name_faults(what: str, name: str | None) -> list[Fault]:

@@ -338,7 +338,7 @@ class Corridor:
         return self.road.place_at(float(self._position_m[node]))
 
     def legs_of(self, plan: StopPlan) -> tuple[Leg, ...]:
-        """Return the legs of a plan of routed legs, forecast from the charges with which they begin; these legs replace those in `routed`."""
+        """Return the legs of a plan of routed legs, forecast from the charges at their start; these legs replace those in `routed`."""
         legs = []
         for pair, level in zip(pairwise(plan.nodes), plan.levels, strict=True):
             leg = self.routed[pair]

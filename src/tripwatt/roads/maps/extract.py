@@ -139,9 +139,9 @@ def station_of_tags(tags: Mapping[str, str], latitude_deg: float, longitude_deg:
     """
     if tags.get("access") in ("private", "no") or tags.get("motorcar") == "no":
         return None
-    sockets = [name for name in (*DC_SOCKETS, *AC_SOCKETS) if tags.get(f"socket:{name}", "no") != "no"]
-    direct = any(name in DC_SOCKETS for name in sockets)
-    outputs = [_power_w(tags.get(f"socket:{name}:output", "")) for name in sockets]
+    sockets = [plug for plug in (*DC_SOCKETS, *AC_SOCKETS) if tags.get(f"socket:{plug}", "no") != "no"]
+    direct = any(plug in DC_SOCKETS for plug in sockets)
+    outputs = [_power_w(tags.get(f"socket:{plug}:output", "")) for plug in sockets]
     outputs += [_power_w(tags.get(key, "")) for key in ("charging_station:output", "maxpower")]
     power = max(outputs)
     name = next((tags[key] for key in ("name", "operator", "brand", "network") if tags.get(key)), "")
