@@ -125,7 +125,7 @@ def smooth_test(
     return TermTest(float(ref_df), totals[0] if residual_df is None else totals[0] / r, p_value)
 
 
-def random_effect_test(
+def _random_effect_test(
     coef: FloatArray,
     gram: FloatArray,
     penalty: FloatArray,
@@ -170,7 +170,7 @@ def random_effect_test(
     Examples
     --------
     >>> b = np.array([2.0, -2.0])
-    >>> test = random_effect_test(b, np.eye(2), np.eye(2), slice(0, 2))
+    >>> test = _random_effect_test(b, np.eye(2), np.eye(2), slice(0, 2))
     >>> test.ref_df, test.statistic
     (2.0, 16.0)
     """
@@ -354,7 +354,7 @@ def term_table(model: Estimator) -> pd.DataFrame:
         at = fitted.slice
         if fitted.null_dim == 0:
             others = [other.slice for other in random if other is not fitted]
-            test = random_effect_test(model.coef_, gram, penalty, at, others, float(model.scale_), df)
+            test = _random_effect_test(model.coef_, gram, penalty, at, others, float(model.scale_), df)
         else:
             ref_df = float(model.edf1_[at].sum())
             test = smooth_test(model.coef_[at], model.Vp_[at, at], model.R_[:, at], ref_df, df)

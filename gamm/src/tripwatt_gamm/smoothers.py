@@ -83,7 +83,7 @@ class Built:
     notes: list[str]
 
 
-def sum_to_zero(means: FloatArray) -> FloatArray:
+def _sum_to_zero(means: FloatArray) -> FloatArray:
     """Return an orthonormal Z (k, k - 1) with means' Z = 0, by one Householder reflection."""
     Q, _ = np.linalg.qr(means[:, None], mode="complete")
     return np.asarray(Q[:, 1:])
@@ -164,7 +164,7 @@ def build_smooth(term: Smooth, points: Points, centred: bool) -> Built:
     basis, notes = _basis(term.basis, points, k, term.label, ", ".join(term.names))
     table = basis.matrix(points.values)
     S = _scale(basis.penalty, table)
-    Z = sum_to_zero(np.average(table, axis=0, weights=points.counts)) if centred else np.eye(basis.k)
+    Z = _sum_to_zero(np.average(table, axis=0, weights=points.counts)) if centred else np.eye(basis.k)
     return Built(Margin(basis, Z), table @ Z, [Z.T @ S @ Z], notes)
 
 
@@ -179,7 +179,7 @@ def _margin(term: Tensor, points: Points, column: int, k: int) -> tuple[Margin, 
     basis, notes = _basis(term.basis, axis, k, term.label, term.names[column])
     T = np.eye(basis.k)
     if term.kind == "ti":
-        T = sum_to_zero(np.average(basis.matrix(axis.values), axis=0, weights=counts))
+        T = _sum_to_zero(np.average(basis.matrix(axis.values), axis=0, weights=counts))
     even = np.linspace(values[0], values[-1], T.shape[1])[:, None]
     at_even = basis.matrix(even) @ T
     if np.linalg.cond(at_even) < 1e10:
@@ -221,6 +221,6 @@ def build_tensor(term: Tensor, points: Points, centred: bool) -> Built:
         penalties.append(_scale(S, table))
     notes = [note for part in parts for note in part[2]]
     if term.kind == "te" and centred:
-        Z = sum_to_zero(np.average(table, axis=0, weights=points.counts))
+        Z = _sum_to_zero(np.average(table, axis=0, weights=points.counts))
         return Built(product.reduce(Z), table @ Z, [Z.T @ S @ Z for S in penalties], notes)
     return Built(product, table, penalties, notes)

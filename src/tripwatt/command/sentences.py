@@ -90,11 +90,11 @@ def journey_in_words(journey: tw.Journey) -> list[str]:
         speed = round(advice.speed_m_s / M_S_PER_KM_H)
         sentences.append(f"Drive at most {speed} km/h on motorways to arrive with {reserve} %.")
     if journey.charging is not None:
-        sentences += plan_in_words(journey.charging, title, journey.verdict.departs_at)
+        sentences += _plan_in_words(journey.charging, title, journey.verdict.departs_at)
     return sentences
 
 
-def plan_in_words(plan: ChargingPlan, title: str, leaves: dt.datetime | None = None) -> list[str]:
+def _plan_in_words(plan: ChargingPlan, title: str, leaves: dt.datetime | None = None) -> list[str]:
     """Describe a journey with its stops to charge: a sentence on the whole, then one for each stop."""
     low, high = plan.soc_interval
     count = len(plan.stops)

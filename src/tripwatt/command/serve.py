@@ -101,7 +101,7 @@ def serve(
     with Check() as check:
         folders = check(models_of, model or [])
         limits = check(parse_limits, limit or [])
-        over_mqtt = check(mqtt_of, mqtt, follow or [], publish, discovery, cars)
+        over_mqtt = check(_mqtt_of, mqtt, follow or [], publish, discovery, cars)
         check(make_cars_folder, cars)
     token, prefix, origins = os.environ.get(TOKEN_VARIABLE, ""), prefix.rstrip("/"), tuple(cors_origin or ())
     listens = (folders, host, port, workers, token, limits)
@@ -110,7 +110,7 @@ def serve(
     run(settings, lambda address: typer.echo(f"tripwatt: {address}"))
 
 
-def mqtt_of(
+def _mqtt_of(
     url: str, follow: list[str], publish: str, discovery: str, cars: Path | None
 ) -> MqttSettings | None:
     """Build the settings of MQTT; returns None if no broker is given.
@@ -118,13 +118,13 @@ def mqtt_of(
     Raises
     ------
     InvalidInput
-        If the URL is invalid, `car_and_topic` raises, a car is given twice, or an option has no effect.
+        If the URL is invalid, `_car_and_topic` raises, a car is given twice, or an option has no effect.
     """
     from tripwatt.server.cars import Broker, MqttSettings
 
     with Check() as check:
         broker = check(Broker.from_url, url, os.environ.get(PASSWORD_VARIABLE)) if url else None
-        pairs = [check(car_and_topic, given) for given in follow]
+        pairs = [check(_car_and_topic, given) for given in follow]
         if not url:
             check(require_effect, {"--follow": ", ".join(follow) or None}, "only together with --mqtt")
         elif cars is None:
@@ -141,7 +141,7 @@ def _twice(what: str, where: str, names: list[str]) -> Iterator[Fault]:
         yield Fault(what, where, ", ".join(twice), "each name once")
 
 
-def car_and_topic(given: str) -> tuple[str, tuple[str, str]]:
+def _car_and_topic(given: str) -> tuple[str, tuple[str, str]]:
     """Parse `CAR=SOURCE:TOPIC` into the name of the car and a pair of the source of its messages and their topic.
 
     Raises
@@ -151,7 +151,7 @@ def car_and_topic(given: str) -> tuple[str, tuple[str, str]]:
 
     Examples
     --------
-    >>> car_and_topic("my-3=teslamate:teslamate/cars/1")
+    >>> _car_and_topic("my-3=teslamate:teslamate/cars/1")
     ('my-3', ('teslamate', 'teslamate/cars/1'))
     """
     from tripwatt.server.cars import TopicJoiner

@@ -175,7 +175,7 @@ class Forecast:
         hours = self.open_hours
         time_s = running_sum(drive.table.hours) * SECONDS_PER_HOUR
         own_sd = self.sd_factor * self.rest_sd_factor * self.posterior.sd_wh(hours)
-        sd_wh = np.concatenate(([0.0], np.hypot(own_sd, remaining_sd_wh(self))))
+        sd_wh = np.concatenate(([0.0], np.hypot(own_sd, _remaining_sd_wh(self))))
         climb = None if self.climbing is None else self.climbing.ahead(self._climbs_from_m)
         excess = Excess.from_climb(self.uncertainty.scores, climb, sd_wh)
         energy, least = self.power_w * hours, drive.min_w * hours
@@ -185,7 +185,7 @@ class Forecast:
         min_wh = running_sum(least)
         if climb is not None:
             min_wh = min_wh + climb.offsets_wh.min(axis=0)
-        start = charge_start(self, energy_wh)
+        start = _charge_start(self, energy_wh)
         taken_wh = energy_wh - np.interp(start.time_s, time_s, energy_wh)
         error = scale.sd(energy_wh if start.by_change else taken_wh, start.displayed or start.by_change)
         own_sd = np.where((time_s > start.time_s) | (not start.displayed), error, 0.0)
@@ -530,7 +530,7 @@ class Forecast:
         >>> forecast.to_dict()["energy_wh"] == forecast.energy_wh
         True
         """
-        return forecast_document(self, reserve, leave_with)
+        return _forecast_document(self, reserve, leave_with)
 
     @one_blas_thread
     def to_frame(self) -> pd.DataFrame:
@@ -628,7 +628,7 @@ class ChargeStart:
     by_change: bool = False
 
 
-def charge_start(forecast: Forecast, energy_wh: FloatArray) -> ChargeStart:
+def _charge_start(forecast: Forecast, energy_wh: FloatArray) -> ChargeStart:
     """Starting point of a forecast's displayed charge; `energy_wh` is the energy at the edges of the segments, shape (edges,)."""
     anchor, departure, scale = forecast.measured.anchor, forecast.plan.departure, forecast.charge
     read = anchor is not None and anchor.displayed and not anchor.charged
@@ -637,7 +637,7 @@ def charge_start(forecast: Forecast, energy_wh: FloatArray) -> ChargeStart:
     if anchor is not None and anchor.displayed:
         return ChargeStart(anchor.time_s, anchor.value, displayed=True)
     if anchor is not None:
-        offset = display_offset(forecast, anchor.first, energy_wh)
+        offset = _display_offset(forecast, anchor.first, energy_wh)
         converted = float(scale.displayed(anchor.value)) + (offset or 0.0)
         return ChargeStart(anchor.time_s, converted, displayed=False, by_change=offset is not None)
     if departure.soc is not None:
@@ -648,7 +648,7 @@ def charge_start(forecast: Forecast, energy_wh: FloatArray) -> ChargeStart:
     return ChargeStart(0.0, start, displayed=True)
 
 
-def display_offset(forecast: Forecast, first: ChargeReading | None, energy_wh: FloatArray) -> float | None:
+def _display_offset(forecast: Forecast, first: ChargeReading | None, energy_wh: FloatArray) -> float | None:
     """Displayed charge at departure minus the converted charge of the battery management; None if unknown.
 
     The offset is kept on the way, because the conversion has a larger error in its level than in its change.
@@ -700,7 +700,7 @@ def _shared(forecast: Forecast, climate_wh: float) -> Shared:
     )
 
 
-def remaining_sd_wh(forecast: Forecast) -> FloatArray:
+def _remaining_sd_wh(forecast: Forecast) -> FloatArray:
     """Standard deviation due to route and unknown state up to each segment's end [Wh], shape (segments,).
 
     It grows with the time that was not measured; the errors of the segments are fully correlated.
@@ -713,7 +713,7 @@ def remaining_sd_wh(forecast: Forecast) -> FloatArray:
     return np.asarray(trip_sd_wh * np.cumsum(ahead) / forecast.drive.table.hours.sum())
 
 
-def forecast_document(
+def _forecast_document(
     forecast: Forecast, reserve: float | None, leave_with: LeaveWith | None
 ) -> ForecastResponse:
     """Return a forecast as plain values: see `Forecast.to_dict`."""
@@ -733,7 +733,7 @@ def forecast_document(
         "empty_at_m": {"early": early, "expected": expected, "late": late},
         "missing_wh": {"least": least, "expected": middle, "most": most},
         "p_arrive_by_soc": {f"{level:g}": forecast.p_arrive(level) for level in levels},
-        "climb": climb_document(forecast, levels),
+        "climb": _climb_document(forecast, levels),
         "leave_with": leave_with,
         "series": Series(**{name: values.tolist() for name, values in along.columns().items()}),  # type: ignore[typeddict-item]
         "by_cause_wh": forecast.by_cause_wh,
@@ -743,7 +743,7 @@ def forecast_document(
     }
 
 
-def climb_document(forecast: Forecast, levels: tuple[float, ...]) -> UnknownClimbDocument | None:
+def _climb_document(forecast: Forecast, levels: tuple[float, ...]) -> UnknownClimbDocument | None:
     """Effect of the climb of a road of unknown heights, as plain values; None if the heights are known."""
     soc_per_m = forecast.soc_per_climb_m
     if soc_per_m is None:

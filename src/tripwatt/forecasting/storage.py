@@ -58,7 +58,7 @@ DEFAULT_MODEL: Final = "bmw_i3_tum"
 """The model that comes with the package."""
 
 
-def model_parts(model: ForecastModel) -> dict[str, Part]:
+def _model_parts(model: ForecastModel) -> dict[str, Part]:
     """Parts of a fitted model, by name: everything that its forecasts depend on.
 
     Raises
@@ -69,12 +69,12 @@ def model_parts(model: ForecastModel) -> dict[str, Part]:
     corrector, _ = model.fitted_parts("store")
     tree = {"segment_s": SEGMENT_S, **_converter().unstructure(model)}
     if fitted_outside(corrector) is not None:
-        tree[TRIAL] = trial_w(model)
+        tree[TRIAL] = _trial_w(model)
     return tree_parts(tree)
 
 
 def model_of_parts(parts: Mapping[str, Part], outside: Corrector | None = None) -> ForecastModel:
-    """Reverse of `model_parts`; `outside` is the fitted object from outside.
+    """Reverse of `_model_parts`; `outside` is the fitted object from outside.
 
     Raises
     ------
@@ -97,7 +97,7 @@ def model_of_parts(parts: Mapping[str, Part], outside: Corrector | None = None) 
     if outside is not None:
         model.corrector = outside
         try:
-            same = np.allclose(trial_w(model), before_w, rtol=1e-6, atol=1e-6)
+            same = np.allclose(_trial_w(model), before_w, rtol=1e-6, atol=1e-6)
         except UNUSABLE:  # the object is not fitted, or was fitted to another input
             same = False
         if not same:
@@ -106,7 +106,7 @@ def model_of_parts(parts: Mapping[str, Part], outside: Corrector | None = None) 
     return model
 
 
-def trial_w(model: ForecastModel) -> FloatArray:
+def _trial_w(model: ForecastModel) -> FloatArray:
     """Correction on a trial trip in the cold and in the warm [W]; it identifies an object from outside."""
     corrector, _ = model.fitted_parts("a trial")
     plan = Plan.from_samples(_trial_drive(), "trial")
@@ -194,7 +194,7 @@ def save_model(
     """
     from importlib.metadata import version  # reads files of the installation
 
-    parts, about = model_parts(model), model.to_dict()
+    parts, about = _model_parts(model), model.to_dict()
     del about["training"]  # the contract has it
     metadata = {
         "tripwatt": version("tripwatt"),

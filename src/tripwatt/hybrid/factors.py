@@ -176,7 +176,7 @@ def factor_power(table: SegmentTable, mass_kg: float) -> FloatArray:
     return np.asarray(np.column_stack([*powers, seasons]) * SDS)
 
 
-def shortfall_power(table: SegmentTable) -> FloatArray:
+def _shortfall_power(table: SegmentTable) -> FloatArray:
     """Power in each segment that the simulated car lacks to follow the speed [W], shape (segments,).
 
     It comes from logs that hold a speed between two samples, so that the speed changes in steps. The error due to the steps is as large
@@ -248,7 +248,7 @@ class TripEvidence:
             np.add.reduceat(rows * table.hours[:, None], table.offsets[:-1], axis=0),
             np.full(len(table), np.nan) if table.observed_w is None else table.totals_wh(table.residual_w),
             usual_variance_wh2(table.totals_wh(table.simulated_w), moved, km),
-            table.energy_errors.own_wh**2 + table.totals_wh(shortfall_power(table)) ** 2,
+            table.energy_errors.own_wh**2 + table.totals_wh(_shortfall_power(table)) ** 2,
             table.features["day"].to_numpy(dtype=np.float64)[table.offsets[:-1]],
             np.full((len(table), 4), np.nan) if table.charge is None else table.charge,
         )
@@ -372,7 +372,7 @@ class FactorCorrector(PowerCorrector):
         kept = drift_kept(table.features["day"].to_numpy(dtype=np.float64), self.day)
         rows = np.column_stack([rows, rows[:, 0] * kept])
         forgotten = rows[:, 0] * self.drift_sd * np.sqrt(1.0 - kept**2)
-        return rows @ self.mean, np.column_stack([rows @ self.factor, forgotten, shortfall_power(table)])
+        return rows @ self.mean, np.column_stack([rows @ self.factor, forgotten, _shortfall_power(table)])
 
     def predict_climate(self, table: SegmentTable) -> FloatArray:
         """The part of the correction by heating and cooling [W]."""

@@ -215,7 +215,7 @@ class GPCorrector(PowerCorrector):
         self._set_terms(
             tuple(term for term in self.terms if known.issuperset(term.columns)), self.share_column
         )
-        self.familiarity = Familiarity.from_features(table.features, fading_columns(self.terms))
+        self.familiarity = Familiarity.from_features(table.features, _fading_columns(self.terms))
         errors = table.energy_errors
         self.model.fit(table.features, table.residual_w, table.groups, table.hours, errors.own_wh)
         features, prior = self.model.features(table.features)
@@ -263,7 +263,7 @@ class GPCorrector(PowerCorrector):
         return self.model.mean(features) * share + shape
 
 
-def fading_columns(terms: Iterable[KernelTerm]) -> tuple[str, ...]:
+def _fading_columns(terms: Iterable[KernelTerm]) -> tuple[str, ...]:
     """Covariates of the smooth terms; all of `FADING` if there are only lines."""
     smooth = dict.fromkeys(c for term in terms if term.kind == "smooth" for c in term.columns)
     return tuple(smooth) or FADING

@@ -212,7 +212,7 @@ class ClusteredTrees(RegressorMixin, BaseEstimator):
 
     def _rows(self, X: Any) -> FloatArray:
         check_is_fitted(self, "position_")
-        return validate_rows(self, X, None, reset=False)[0]
+        return _validate_rows(self, X, None, reset=False)[0]
 
     def _raw(self, rows: FloatArray) -> FloatArray:
         """Prediction of encoded rows."""
@@ -223,8 +223,8 @@ class ClusteredTrees(RegressorMixin, BaseEstimator):
 
         Returns the sample, the groups of all rows, all rows encoded, and a seed.
         """
-        check_parameters(self, {**_ALLOWED, **self.allowed})
-        rows, target = validate_rows(self, X, y, reset=True)
+        _check_parameters(self, {**_ALLOWED, **self.allowed})
+        rows, target = _validate_rows(self, X, y, reset=True)
         assert target is not None
         clusters = Clusters.from_groups(groups, len(rows))
         kept = thinned_rows(clusters.codes, self.max_rows_per_group)
@@ -247,7 +247,7 @@ class ClusteredTrees(RegressorMixin, BaseEstimator):
 
     def _settings(self) -> list[dict[str, Any]]:
         grid = self.default_grid if isinstance(self.param_grid, str) else self.param_grid
-        return settings_of(self._base(), grid)
+        return _settings_of(self._base(), grid)
 
 
 def keep_arguments(estimator: Any, arguments: Mapping[str, Any]) -> None:
@@ -265,7 +265,7 @@ def sum_of_trees(booster: Any, X: FloatArray, position: IntArray) -> FloatArray:
     return np.asarray(booster.predict(X, num_iteration=n_trees, raw_score=True, num_threads=1), dtype=float)
 
 
-def validate_rows(estimator: Any, X: Any, y: Any, *, reset: bool) -> tuple[FloatArray, FloatArray | None]:
+def _validate_rows(estimator: Any, X: Any, y: Any, *, reset: bool) -> tuple[FloatArray, FloatArray | None]:
     """Encode and check a table, and a target if there is one, in scikit-learn's manner.
 
     Errors
@@ -282,7 +282,7 @@ def validate_rows(estimator: Any, X: Any, y: Any, *, reset: bool) -> tuple[Float
     return encoded, np.asarray(target, dtype=float)
 
 
-def settings_of(base: Mapping[str, Any], grid: Mapping[str, Sequence[Any]] | None) -> list[dict[str, Any]]:
+def _settings_of(base: Mapping[str, Any], grid: Mapping[str, Sequence[Any]] | None) -> list[dict[str, Any]]:
     """All combinations of a grid of settings; raises InvalidInput with every name that is not in the base settings."""
     from itertools import product
 
@@ -293,7 +293,7 @@ def settings_of(base: Mapping[str, Any], grid: Mapping[str, Sequence[Any]] | Non
     return [dict(zip(grid, values, strict=True)) for values in product(*grid.values())]
 
 
-def check_parameters(estimator: Any, allowed: Mapping[str, Allowed]) -> None:
+def _check_parameters(estimator: Any, allowed: Mapping[str, Allowed]) -> None:
     """Raise InvalidInput with every setting that is out of range; `allowed` maps a name to (description, test)."""
     faults = []
     for name, (text, test) in allowed.items():

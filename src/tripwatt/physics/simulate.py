@@ -216,7 +216,7 @@ def simulate(
     300.0
     """
     given = grade, elevation_m, climate_power_w, headwind_m_s
-    return _simulated(drive_of(vehicle, time_s, speed_m_s, *given, conditions=conditions))
+    return _simulated(_drive_of(vehicle, time_s, speed_m_s, *given, conditions=conditions))
 
 
 def simulate_trip(vehicle: Vehicle, trip: Recorded | Plan) -> Simulation:
@@ -339,7 +339,7 @@ class Drive:
         return power, np.zeros_like(self.time_s), np.full_like(self.time_s, np.nan)
 
 
-def drive_of(
+def _drive_of(
     vehicle: Vehicle,
     time_s: npt.ArrayLike,
     speed_m_s: npt.ArrayLike,
@@ -383,7 +383,7 @@ def drive_of(
 def drive_of_trip(vehicle: Vehicle, trip: Recorded | Plan, road: FloatArray | None = None) -> Drive:
     """Make the `Drive` of a car, with the extras of the departure, on a trip or a plan. O(samples)."""
     weather = trip.air if isinstance(trip, Plan) else None
-    return drive_of(
+    return _drive_of(
         with_extras(vehicle, trip.departure.extras or (), trip.departure.tyre_pressure),
         trip.array("time_s"),
         trip.array("speed_m_s"),

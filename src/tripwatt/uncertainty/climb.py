@@ -159,7 +159,7 @@ class UnknownClimb:
         """
         # probabilities of 0 and 1 are moved inside by this much, as for the scores alone
         offsets, sd, p = self.offsets_wh, np.maximum(sd_wh, 1e-9), np.clip(p, 5e-10, 1.0 - 5e-10)
-        alone = error_quantiles_wh(scores, p, sd)
+        alone = _error_quantiles_wh(scores, p, sd)
         least, most = self._ascending[0] + alone, self._ascending[-1] + alone + 1e-9
         middle = self._climb_quantiles(0.5)
         slope = (
@@ -234,7 +234,7 @@ class Excess:
     def quantile(self, p: float, sd_wh: FloatArray) -> FloatArray:
         """Quantile of the excess at each place [Wh], shape (places,)."""
         if self.climb is None:
-            return error_quantiles_wh(self.scores, np.array([p]), sd_wh)
+            return _error_quantiles_wh(self.scores, np.array([p]), sd_wh)
         return self.climb.quantile(self.scores, p, sd_wh) - self.expected_wh
 
     @cached_property
@@ -247,7 +247,7 @@ class Excess:
     def quantiles(self, p: FloatArray, sd_wh: FloatArray) -> FloatArray:
         """Quantiles at the end, if this is the distribution `end` [Wh]; `p`, `sd_wh` and result have shape (probabilities,)."""
         if self.climb is None:
-            return error_quantiles_wh(self.scores, p, sd_wh)
+            return _error_quantiles_wh(self.scores, p, sd_wh)
         return self.climb.quantiles(self.scores, p, sd_wh) - self.expected_wh
 
     def probability_below(self, more_wh: FloatArray, sd_wh: FloatArray) -> FloatArray:
@@ -259,7 +259,7 @@ class Excess:
         return self.scores.probabilities(scaled)
 
 
-def error_quantiles_wh(scores: ConformalScores, p: FloatArray, sd_wh: FloatArray) -> FloatArray:
+def _error_quantiles_wh(scores: ConformalScores, p: FloatArray, sd_wh: FloatArray) -> FloatArray:
     """Quantiles of the error alone [Wh]; `p` has shape (places,) or (1,)."""
     factors = [scores.factor(level) for level in np.abs(2.0 * p - 1.0).tolist()]
     return np.asarray(np.sign(p - 0.5) * factors * sd_wh)

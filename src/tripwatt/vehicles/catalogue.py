@@ -209,7 +209,7 @@ class Coastdown:
         run = cls.from_row(row)
         if "drag_coefficient" in row:
             return run.with_drag_area(row["drag_coefficient"][0].number * row["frontal_area"][0].number)
-        return run.with_linear_part(usual_linear_part_s_m() * run.weight_n)
+        return run.with_linear_part(_usual_linear_part_s_m() * run.weight_n)
 
     def with_drag_area(self, drag_area_m2: float) -> Coastdown:
         """Split the force anew: C follows from a drag area, A and B take the rest.
@@ -257,12 +257,12 @@ class Coastdown:
 
 
 @cache
-def usual_linear_part_s_m() -> float:
+def _usual_linear_part_s_m() -> float:
     """Return a usual part B over weight [s/m]: the median of the coast-downs that are split by a published drag area.
 
     Examples
     --------
-    >>> 0.5e-4 < usual_linear_part_s_m() < 2e-4
+    >>> 0.5e-4 < _usual_linear_part_s_m() < 2e-4
     True
     """
     rows = [row for row in catalogue().values() if "coastdown_a" in row and "drag_coefficient" in row]

@@ -76,14 +76,14 @@ def create_app(settings: Settings | None = None, log: Log = lambda **record: Non
     settings = settings or Settings()
     service = Service(settings, log)
     # smaller bodies fit into one packet; higher levels take longer and hardly shrink series of numbers further
-    packed = GZipMiddleware(make_api(service), minimum_size=1000, compresslevel=4)
+    packed = GZipMiddleware(_make_api(service), minimum_size=1000, compresslevel=4)
     app = ServiceMiddleware(packed, settings, service.metrics, log)
     if not settings.cors_origins:
         return app
     return CORSMiddleware(app, settings.cors_origins, CORS_METHODS, CORS_HEADERS, expose_headers=CORS_EXPOSED)
 
 
-def make_api(service: Service) -> FastAPI:
+def _make_api(service: Service) -> FastAPI:
     """Make the application of a service, without the checks before it."""
     settings = service.settings
     routers = (forecasts, routes, journeys, library, monitoring, fleet, live, cars)
@@ -99,18 +99,18 @@ def make_api(service: Service) -> FastAPI:
         routes=[route for router in routers for route in router.routes],
     )
     app.state.service = service
-    add_handlers(app)
+    _add_handlers(app)
     describe_requests(app, with_token=bool(settings.token))
-    add_page(app)
+    _add_page(app)
     return app
 
 
 def openapi_document() -> dict[str, Any]:
     """Return the OpenAPI document of a service with the model of the package."""
-    return make_api(Service(Settings(), lambda **record: None)).openapi()
+    return _make_api(Service(Settings(), lambda **record: None)).openapi()
 
 
-def add_page(app: FastAPI) -> None:
+def _add_page(app: FastAPI) -> None:
     """Add a route per file of the page; a mount at `/` would turn status 405 of other paths into 404."""
     if not PAGE.is_dir():
         return
@@ -126,7 +126,7 @@ def add_page(app: FastAPI) -> None:
     app.mount("/assets", PageFiles(directory=PAGE / "assets"), name="assets")
 
 
-def add_handlers(app: FastAPI) -> None:
+def _add_handlers(app: FastAPI) -> None:
     """Answer every error with a problem document."""
 
     @app.exception_handler(Problem)

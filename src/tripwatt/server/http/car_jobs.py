@@ -152,7 +152,7 @@ class CarJobs:
         """Return how the files of an upload are read, and what they hold then, as `LogsResponse`."""
         car = self.car(name)
         tables = upload_tables(car.folder, upload)
-        kinds = kinds_of_upload(tables, request, car.vehicle)
+        kinds = _kinds_of_upload(tables, request, car.vehicle)
         preview, faults, report = None, [], None
         try:
             fleet = read_kinds(tables, kinds, heights=self.heights)
@@ -160,7 +160,7 @@ class CarJobs:
         except InvalidInput as error:
             faults = [fault_document(fault) for fault in _without_folder(error, tables).faults[:MAX_FAULTS]]
         return {
-            "fields": [{"ours": ours, "units": units_of(ours)} for ours in UNITS],
+            "fields": [{"ours": ours, "units": _units_of(ours)} for ours in UNITS],
             "kinds": [_kind_document(n, kind) for n, kind in enumerate(kinds) if kind.tables],
             "files": _file_documents(kinds, report, request.ignored, tables),
             "report": [_group_document(group, tables) for group in report.groups()] if report else [],
@@ -174,7 +174,7 @@ class CarJobs:
         tables = upload_tables(car.folder, upload)
         file = tables.parent / PROGRESS
         try:
-            kinds = kinds_of_upload(tables, request, car.vehicle)
+            kinds = _kinds_of_upload(tables, request, car.vehicle)
             fleet = read_kinds(tables, kinds, heights=self.heights)
         except InvalidInput as error:
             raise _without_folder(error, tables) from error
@@ -232,18 +232,18 @@ def upload_tables(car: Path, upload: str) -> Path:
     return tables
 
 
-def units_of(ours: str) -> list[str]:
+def _units_of(ours: str) -> list[str]:
     """Return the units that a table's column may have for one of our columns.
 
     Examples
     --------
-    >>> units_of("speed_m_s")[:2]
+    >>> _units_of("speed_m_s")[:2]
     ['m/s', 'km/h']
     """
     return [*UNITS[ours], *(TIME_STAMPS if ours == "time_s" else ())]
 
 
-def kinds_of_upload(tables: Path, request: LogsRequest, vehicle: Vehicle) -> list[Kind]:
+def _kinds_of_upload(tables: Path, request: LogsRequest, vehicle: Vehicle) -> list[Kind]:
     """Return the kinds of files of an upload, with the changes of a request."""
     changes = {
         int(number): Changes(
@@ -307,7 +307,7 @@ def _kind_document(number: int, kind: Kind) -> dict[str, Any]:
         {
             "ours": ours,
             "column": str(entry.get("column", "")),
-            "unit": str(entry.get("unit") or units_of(ours)[0]).lower(),
+            "unit": str(entry.get("unit") or _units_of(ours)[0]).lower(),
             "why": why.get((ours, str(entry.get("column", ""))), ""),
         }
         for ours, entry in kind.tables.get("columns", {}).items()

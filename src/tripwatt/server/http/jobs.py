@@ -247,7 +247,7 @@ class Jobs:
                 raise InvalidInput.of("car is missing", "car", got, allowed)
             ahead = usual_plan(self.cars.car(request.car), request.trip)
         model = self._model_of_query(request)
-        departure, flags = with_last_message(departure_of(request), last_message, model.vehicle)
+        departure, flags = _with_last_message(departure_of(request), last_message, model.vehicle)
         needed, until = need_before_departure(
             ahead,
             request.kind,
@@ -265,7 +265,7 @@ class Jobs:
     ) -> dict[str, Any]:
         """Return the response to a `RangeQuery`."""
         model = self._model_of_query(request)
-        departure, flags = with_last_message(departure_of(request), last_message, model.vehicle)
+        departure, flags = _with_last_message(departure_of(request), last_message, model.vehicle)
         range_ = range_km(None, request.kind, departure, reserve=request.reserve or 0.0, model=model)
         return replace(range_, flags=(*flags, *range_.flags)).to_dict()
 
@@ -287,7 +287,7 @@ class Jobs:
     ) -> Forecast:
         """Return the forecast of a request, updated with the observed samples of an `UpdateRequest`."""
         plan, model = self._plan(request), self.model_of(request)
-        departure, flags = with_last_message(
+        departure, flags = _with_last_message(
             plan.departure.merge(departure_of(request)), last_message, model.vehicle
         )
         forecast = model.forecast(replace(plan, trip_id=request.trip), departure)
@@ -441,7 +441,7 @@ def _implausible_results() -> InvalidInput:
     return InvalidInput.of("no forecast", "trip", "implausible results", "a trip that a car can drive")
 
 
-def with_last_message(
+def _with_last_message(
     given: Departure, last_message: Mapping[str, Any] | None, vehicle: Vehicle
 ) -> tuple[Departure, tuple[Flag, ...]]:
     """Fill temperature and charge that a departure leaves out from the car's last messages; return the departure and flags.

@@ -79,7 +79,7 @@ def _columns_schema(required: list[str], min_items: int, meaning: str) -> dict[s
     }
 
 
-def checked_by(check: Callable[[Any, Limits], Any]) -> AfterValidator:
+def _checked_by(check: Callable[[Any, Limits], Any]) -> AfterValidator:
     """Return a validator that replaces a value by the result of `check`; its faults are collected with those of pydantic.
 
     The context of the validation is a `Jobs`, which has the limits.
@@ -87,14 +87,14 @@ def checked_by(check: Callable[[Any, Limits], Any]) -> AfterValidator:
 
     def validate(value: Any, info: ValidationInfo) -> Any:
         jobs: Any = info.context
-        with collect_faults():
+        with _collect_faults():
             return check(value, jobs.limits)
 
     return AfterValidator(validate)
 
 
 @contextmanager
-def collect_faults() -> Iterator[None]:
+def _collect_faults() -> Iterator[None]:
     """Raise faults as an error of pydantic, which collects them with its own for `faults_of`."""
     try:
         yield
@@ -190,7 +190,7 @@ def _columns(value: Any, where: str, limits: Limits) -> dict[str, FloatArray]:
 
 Samples = Annotated[
     Any,
-    checked_by(parse_samples),
+    _checked_by(parse_samples),
     WithJsonSchema(
         _columns_schema(
             ["time_s", "speed_m_s"],
@@ -201,7 +201,7 @@ Samples = Annotated[
 ]
 Observed = Annotated[
     Any,
-    checked_by(parse_observed),
+    _checked_by(parse_observed),
     WithJsonSchema(
         _columns_schema(
             ["time_s"],
@@ -213,13 +213,13 @@ Observed = Annotated[
 ]
 Links = Annotated[
     Any,
-    checked_by(parse_links),
+    _checked_by(parse_links),
     WithJsonSchema({"type": "array", "items": {"$ref": "#/components/schemas/Link"}, "minItems": 1}),
 ]
 """Fields whose values are checked as whole tables, not one object at a time; a checked request has a table and a `LinkRoute`."""
 
 
-def number_field(
+def _number_field(
     columns: Mapping[str, Column], name: str, default: Any = None, *, positive: bool = False, **more: Any
 ) -> Any:
     """Return the field of a number, with the bounds and the description of its column."""
@@ -239,15 +239,15 @@ class Link(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    length_m: float = number_field(LINK_COLUMNS, "length_m", ..., positive=True)
-    speed_m_s: float | None = number_field(LINK_COLUMNS, "speed_m_s", positive=True)
-    travel_time_s: float | None = number_field(LINK_COLUMNS, "travel_time_s", positive=True)
-    stop_s: float | None = number_field(LINK_COLUMNS, "stop_s")
-    moving_speed_m_s: float | None = number_field(LINK_COLUMNS, "moving_speed_m_s", positive=True)
-    speed_limit_m_s: float | None = number_field(LINK_COLUMNS, "speed_limit_m_s", positive=True)
-    grade: float | None = number_field(LINK_COLUMNS, "grade")
-    start_elevation_m: float | None = number_field(LINK_COLUMNS, "start_elevation_m")
-    end_elevation_m: float | None = number_field(LINK_COLUMNS, "end_elevation_m")
+    length_m: float = _number_field(LINK_COLUMNS, "length_m", ..., positive=True)
+    speed_m_s: float | None = _number_field(LINK_COLUMNS, "speed_m_s", positive=True)
+    travel_time_s: float | None = _number_field(LINK_COLUMNS, "travel_time_s", positive=True)
+    stop_s: float | None = _number_field(LINK_COLUMNS, "stop_s")
+    moving_speed_m_s: float | None = _number_field(LINK_COLUMNS, "moving_speed_m_s", positive=True)
+    speed_limit_m_s: float | None = _number_field(LINK_COLUMNS, "speed_limit_m_s", positive=True)
+    grade: float | None = _number_field(LINK_COLUMNS, "grade")
+    start_elevation_m: float | None = _number_field(LINK_COLUMNS, "start_elevation_m")
+    end_elevation_m: float | None = _number_field(LINK_COLUMNS, "end_elevation_m")
 
 
 def reserve_field(default: float) -> Any:
@@ -257,7 +257,7 @@ def reserve_field(default: float) -> Any:
         number = {name: schema.pop(name) for name in ("type", "minimum", "maximum")}
         schema["anyOf"] = [number, {"type": "null"}]
 
-    return number_field(QUANTITIES, "reserve", default, json_schema_extra=or_null)
+    return _number_field(QUANTITIES, "reserve", default, json_schema_extra=or_null)
 
 
 class StrictModel(BaseModel):
@@ -321,7 +321,7 @@ class CarRequest(StrictModel):
     @classmethod
     def _is_known(cls, name: str | None, info: ValidationInfo) -> str | None:
         if name is not None and info.context is not None:
-            with collect_faults():
+            with _collect_faults():
                 info.context.require_known(f"{info.field_name}", name, info.data.get("model"))
         return name
 

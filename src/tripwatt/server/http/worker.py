@@ -59,7 +59,7 @@ def prepare(models: Mapping[str, Path], limits: Limits, atlas: AtlasSettings, ca
     gc.collect()
     gc.freeze()
     gc.set_threshold(50_000)  # jobs create few reference cycles
-    bound_memory(limits.memory_bytes)
+    _bound_memory(limits.memory_bytes)
     PREPARED.append(jobs)
 
 
@@ -119,7 +119,7 @@ def run_job(jobs: Jobs, job: dict[str, Any], body: bytes) -> tuple[int, bytes]:
     return problem.status, orjson.dumps(problem.document())
 
 
-def bound_memory(more_bytes: int) -> None:
+def _bound_memory(more_bytes: int) -> None:
     """Bound the memory of this process: more than `more_bytes` beyond its present size raises `MemoryError`. Linux only."""
     if sys.platform == "linux":
         pages = int(Path("/proc/self/statm").read_text().split()[5])

@@ -57,7 +57,7 @@ class PowerMethod(Method[ForecastData]):
 
     def fit_all_folds(self, data: ForecastData, folds: IntArray, seed: int, *, inner_errors: bool) -> Fitted:
         """Correct the power of each trip by its familiarity with trips of the other folds."""
-        learner, segments = held_out_learner(self.corrector or "", seed), data.segments
+        learner, segments = _held_out_learner(self.corrector or "", seed), data.segments
         correction = _left_out(learner, learner.columns(segments), segments.residual_w, data, folds)
         share, features, row_folds = np.ones(len(correction)), segments.features, folds[segments.groups]
         for fold in np.unique(folds):
@@ -84,7 +84,11 @@ class DataMethod(Method[ForecastData]):
 
     def fit(self, data: ForecastData, train: IntArray, seed: int) -> Fitted:
         """Fit the learner."""
-        segments, columns, learner = data.segments, data.data_features, held_out_learner(self.corrector, seed)
+        segments, columns, learner = (
+            data.segments,
+            data.data_features,
+            _held_out_learner(self.corrector, seed),
+        )
         rows = np.isin(segments.groups, train)
         power_w = segments.take(np.sort(train)).observed_power_w
         learner.model.fit(columns[rows], power_w, groups=segments.groups[rows])
@@ -101,7 +105,7 @@ class DataMethod(Method[ForecastData]):
 
     def fit_all_folds(self, data: ForecastData, folds: IntArray, seed: int, *, inner_errors: bool) -> Fitted:
         """Predict the power of each trip."""
-        learner, segments = held_out_learner(self.corrector, seed), data.segments
+        learner, segments = _held_out_learner(self.corrector, seed), data.segments
         power = _left_out(learner, data.data_features, segments.observed_power_w, data, folds)
         return Fitted(segments.totals_wh(power).__getitem__)
 
@@ -110,7 +114,7 @@ class DataMethod(Method[ForecastData]):
         return hold_out.data.slim()
 
 
-def held_out_learner(corrector: str, seed: int) -> LearnerCorrector:
+def _held_out_learner(corrector: str, seed: int) -> LearnerCorrector:
     """Make a corrector whose learner predicts all folds, each held out, at once."""
     built = power_corrector(corrector, seed)
     assert isinstance(built, LearnerCorrector)

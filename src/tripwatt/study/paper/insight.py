@@ -60,7 +60,7 @@ def insight(
     """
     for model in models.values():
         if isinstance(model, HybridModel) and isinstance(model.corrector, Table2Corrector):
-            return gamm_insight(model, _with_levels(table, weathers))
+            return _gamm_insight(model, _with_levels(table, weathers))
     return None
 
 
@@ -73,7 +73,7 @@ def _with_levels(table: TripTable, weathers: Sequence[str]) -> TripTable:
     return replace(table, covariates=table.covariates.assign(weather=weather.cat.set_categories(levels)))
 
 
-def gamm_insight(model: HybridModel, table: TripTable) -> GammInsight:
+def _gamm_insight(model: HybridModel, table: TripTable) -> GammInsight:
     """Fit a hybrid with the GAMM on a table, and keep its tables, residuals and effects.
 
     Parameters

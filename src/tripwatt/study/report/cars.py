@@ -53,7 +53,7 @@ def write_cars(run: CarsRun, out: Path) -> None:
 def cars_panels(results: Record) -> list[Panel]:
     """Return the panels of the page."""
     with style_context():
-        drawn = plot_curves(results) if any(map(_has_curve, results["cars"])) else None
+        drawn = _plot_curves(results) if any(map(_has_curve, results["cars"])) else None
     curves, *in_time = cars_tables(results)
     factors = (factors_table(results),)
     return [
@@ -149,7 +149,7 @@ def factors_table(results: Record) -> Table:
     )
 
 
-def plot_curves(results: Record) -> Figure:
+def _plot_curves(results: Record) -> Figure:
     """Draw the error by the number of own trips, one panel for each car."""
     cars = [car for car in results["cars"] if _has_curve(car)]
     rows = max(1, (len(cars) + 1) // 2)

@@ -77,7 +77,7 @@ class RoadDrive:
     heading_rad: FloatArray
 
 
-def draw_links(scenario: Scenario, rng: np.random.Generator) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _draw_links(scenario: Scenario, rng: np.random.Generator) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Draw length [m], speed [m/s] and standstill at the end [s] of each link of a planned trip. O(links)."""
     lengths, speeds, dwells = [], [], []
     for kind, share in PHASES[scenario.route]:
@@ -103,7 +103,7 @@ def draw_links(scenario: Scenario, rng: np.random.Generator) -> tuple[FloatArray
     return np.concatenate(lengths), np.concatenate(speeds), np.concatenate(dwells)
 
 
-def draw_elevation(distance_m: float, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+def _draw_elevation(distance_m: float, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
     """Draw position and height [m] every 25 m: hills on two scales around a height above sea level."""
     position = np.arange(0.0, distance_m + 25.0, 25.0)
     hills = rng.uniform(3.0, 12.0) * smooth_noise(position, 600.0, rng)
@@ -116,12 +116,12 @@ def draw_elevation(distance_m: float, rng: np.random.Generator) -> tuple[FloatAr
 def drive_route(scenario: Scenario, seed: int, step_s: float) -> RoadDrive:
     """Draw a road for a scenario and drive it. O(samples)."""
     rng = stream(seed, ROADS, *scenario.key)
-    length, speed, dwell = draw_links(scenario, rng)
+    length, speed, dwell = _draw_links(scenario, rng)
     wheel = stream(seed, WHEEL, *scenario.key)
     profile = speed_profile(
         length, speed, dwell_s=dwell, style=scenario.driver.style, rng=wheel, step_s=step_s
     )
-    position, height = draw_elevation(float(profile.position_m[-1]), rng)
+    position, height = _draw_elevation(float(profile.position_m[-1]), rng)
     heading = rng.uniform(0.0, 2.0 * math.pi) + 1.2 * smooth_noise(profile.position_m, 2000.0, rng)
     return RoadDrive(
         profile=profile,

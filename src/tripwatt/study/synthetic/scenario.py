@@ -138,7 +138,7 @@ EXPECTED_USE: Final = 0.011
 """Share of the charge per kilometre that a scenario assumes: 200 Wh/km of about 19 kWh."""
 
 
-def draw_driver(seed: int, number: int) -> Driver:
+def _draw_driver(seed: int, number: int) -> Driver:
     """Draw one driver, who is the same for every fleet of that seed."""
     rng = stream(seed, DRIVERS, number)
     vigour = float(np.clip(rng.normal(), -1.5, 1.5))
@@ -155,7 +155,7 @@ def draw_driver(seed: int, number: int) -> Driver:
     return Driver(f"driver {number + 1}", style, setpoint, float(rng.normal(0.05, 0.03)))
 
 
-def draw_day(seed: int, number: int) -> Day:
+def _draw_day(seed: int, number: int) -> Day:
     """Draw one day; the two seasons alternate and dates do not repeat."""
     rng = stream(seed, DAYS, number)
     summer = number % 2 == 0
@@ -194,10 +194,10 @@ def long_drive(scenario: Scenario, seed: int, hours: tuple[float, float]) -> Sce
 
 def draw_scenarios(n_trips: int, seed: int) -> Iterator[Scenario]:
     """Draw the trips, day by day, one to four per day. O(trips)."""
-    drivers = [draw_driver(seed, d) for d in range(N_DRIVERS)]
+    drivers = [_draw_driver(seed, d) for d in range(N_DRIVERS)]
     n_drawn = day_number = 0
     while n_drawn < n_trips:
-        day = draw_day(seed, day_number)
+        day = _draw_day(seed, day_number)
         day_stream = stream(seed, TRIPS, day_number)
         hour_s = 3600.0 * float(day_stream.uniform(6.25, 17.0))
         driver = drivers[int(day_stream.integers(N_DRIVERS))]

@@ -87,9 +87,9 @@ def simulate_truth(scenario: Scenario, drive: RoadDrive, vehicle: Vehicle, seed:
     time, speed = drive.profile.time_s, drive.profile.speed_m_s
     # values per sample have their own random streams: the number of samples does not change effects of the trip
     air = stream(seed, AIR, *scenario.key)
-    ambient = draw_ambient(scenario, time, air)
-    climate = heat_balance(scenario, time, speed, ambient, rng)
-    climate = replace(climate, aircon_power_w=climate.aircon_power_w * compressor_hunting(time, air))
+    ambient = _draw_ambient(scenario, time, air)
+    climate = _heat_balance(scenario, time, speed, ambient, rng)
+    climate = replace(climate, aircon_power_w=climate.aircon_power_w * _compressor_hunting(time, air))
     wind_n, headwind, rolling_n, rolling_share = hidden_forces(scenario, drive, ambient, vehicle, rng)
     weight_n = (vehicle.body.test_mass_kg + scenario.payload_mass_kg) * GRAVITY_M_S2
     rested_degc = 0.5 * (float(ambient[0]) + scenario.day.mean_temperature_degc) + rng.uniform(0.0, 3.0)
@@ -111,7 +111,7 @@ def simulate_truth(scenario: Scenario, drive: RoadDrive, vehicle: Vehicle, seed:
     )
     trip_share = 0.015 * float(rng.standard_t(4.0))  # heavier tails than any model assumes
     noise = stream(seed, NOISE, *scenario.key)
-    loads = battery_loads(scenario, drive, climate, at_samples(driven.battery_power_w), trip_share, noise)
+    loads = _battery_loads(scenario, drive, climate, _at_samples(driven.battery_power_w), trip_share, noise)
     total_w, step_s = np.sum(list(loads.values()), axis=0), np.diff(time, prepend=time[0])
     start = conditions.ambient_temperature_degc, scenario.soc, conditions.battery_start_degc
     battery = discharge(age_battery(vehicle.battery), total_w, step_s, *start)
@@ -130,7 +130,7 @@ def simulate_truth(scenario: Scenario, drive: RoadDrive, vehicle: Vehicle, seed:
     return Truth(ambient, climate, battery, effects)
 
 
-def battery_loads(
+def _battery_loads(
     scenario: Scenario,
     drive: RoadDrive,
     climate: CabinClimate,
@@ -150,16 +150,16 @@ def battery_loads(
         "lamps": np.full_like(time, lamps),
         "driver": scenario.driver.power_share * propelling,
         "trip": trip_share * propelling,
-        "noise": heavy_tailed_noise(time, speed, driving_w, rng),
+        "noise": _heavy_tailed_noise(time, speed, driving_w, rng),
     }
 
 
-def at_samples(of_intervals: FloatArray) -> FloatArray:
+def _at_samples(of_intervals: FloatArray) -> FloatArray:
     """Convert means over the intervals that end at each sample to values at the samples: the mean of both neighbours.
 
     Examples
     --------
-    >>> at_samples(np.array([0.0, 2.0, 4.0]))
+    >>> _at_samples(np.array([0.0, 2.0, 4.0]))
     array([2., 3., 4.])
     """
     inner = 0.5 * (of_intervals[1:-1] + of_intervals[2:])
@@ -179,7 +179,7 @@ def _energy_wh(power_w: FloatArray, time_s: FloatArray) -> float:
     return float(np.trapezoid(power_w, time_s)) * WH_PER_J
 
 
-def draw_ambient(scenario: Scenario, time_s: FloatArray, rng: np.random.Generator) -> FloatArray:
+def _draw_ambient(scenario: Scenario, time_s: FloatArray, rng: np.random.Generator) -> FloatArray:
     """Draw the outside temperature along the trip [°C]: the day's course and differences from street to street."""
     course = scenario.day.temperature_at(scenario.hour) + (
         scenario.day.temperature_at(scenario.hour + 1.0) - scenario.day.temperature_at(scenario.hour)
@@ -188,12 +188,12 @@ def draw_ambient(scenario: Scenario, time_s: FloatArray, rng: np.random.Generato
     return np.asarray(course + 0.5 * local, dtype=np.float64)
 
 
-def compressor_hunting(time_s: FloatArray, rng: np.random.Generator) -> FloatArray:
+def _compressor_hunting(time_s: FloatArray, rng: np.random.Generator) -> FloatArray:
     """Draw a factor around 1 by which a compressor's power differs from what the cooling needs: 10 % in waves of 20 s."""
     return np.maximum(1.0 + 0.1 * smooth_noise(time_s, 20.0, rng), 0.5)
 
 
-def heat_balance(
+def _heat_balance(
     scenario: Scenario,
     time_s: FloatArray,
     speed_m_s: FloatArray,
@@ -256,7 +256,7 @@ def hidden_forces(
     return wind_n, float(headwind.mean()), rolling_n, share
 
 
-def heavy_tailed_noise(
+def _heavy_tailed_noise(
     time_s: FloatArray, speed_m_s: FloatArray, power_w: FloatArray, rng: np.random.Generator
 ) -> FloatArray:
     """Draw unexplained power [W]: Student's t shocks, half of their variance autocorrelated, larger while moving."""

@@ -40,7 +40,7 @@ def panels(view: View) -> list[Panel]:
     return shown
 
 
-def signed_errors(view: View, model: str) -> FloatArray:
+def _signed_errors(view: View, model: str) -> FloatArray:
     """Return (predicted - observed) / observed of a model, one finite value per trip of the main evaluation."""
     rows = view.main_folds[view.main_folds["model"] == model]
     errors = (rows["predicted_energy_wh"] / rows["observed_energy_wh"] - 1.0).to_numpy(dtype=np.float64)
@@ -49,7 +49,7 @@ def signed_errors(view: View, model: str) -> FloatArray:
 
 def plot_error_distribution(view: View, models: Sequence[str]) -> Figure:
     """Draw histogram and rug of the signed errors of every model over the folds, on one common axis."""
-    errors = {m: signed_errors(view, m) for m in models}
+    errors = {m: _signed_errors(view, m) for m in models}
     largest = np.abs(np.concatenate(list(errors.values()))).max(initial=0.2)
     limit = min(np.ceil(10 * largest) / 10, CUT)
     head = "Error of every trip, by model", f"{view.note}\nevery row to its own scale; {EDGE}"
@@ -74,7 +74,7 @@ def plot_error_distribution(view: View, models: Sequence[str]) -> Figure:
 def plot_error_boxes(view: View, models: Sequence[str], title: str) -> Figure:
     """Draw a box plot of each model's absolute errors, with every trip as a point and the paper's means as crosses."""
     figure, axes = style.new_axes(view, 1.7 + 0.52 * len(models), title, f"{view.note}\n{EDGE}")
-    errors = [np.minimum(np.abs(signed_errors(view, m)), CUT) for m in models]
+    errors = [np.minimum(np.abs(_signed_errors(view, m)), CUT) for m in models]
     boxes = axes.boxplot(
         errors, positions=range(len(models)), orientation="horizontal", widths=0.48, showfliers=False,
         showmeans=True, patch_artist=True, medianprops={"color": style.INK, "lw": 1.8},

@@ -22,7 +22,7 @@ def panels(view: View) -> list[Panel]:
     """Return the panels of coverage and of errors at arrival and during the trip; none without a forecast."""
     if "coverage" not in view.focus:
         return []
-    arrival = arrival_table(view)
+    arrival = _arrival_table(view)
     note = f"{STAR} differs significantly from the level. {WIDTH_NOTE}"
     return [
         Panel("coverage", "Coverage of the intervals", note, tables=(coverage_by_set(view),)),
@@ -46,7 +46,7 @@ def coverage_by_set(view: View) -> Table:
     return intervals_table(view.captioned(f"Intervals of held-out trips by kind, {view.given}"), rows)
 
 
-def arrival_table(view: View) -> Table:
+def _arrival_table(view: View) -> Table:
     """Tabulate error and interval of the displayed charge at arrival, a row for each charge known at departure."""
     scores = view.focus.get("arrival") or {}
     return make_table(
