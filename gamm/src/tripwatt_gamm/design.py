@@ -342,8 +342,8 @@ class _Builder:
             self.terms.insert(0, fitted)
             self.pieces.insert(0, _Piece([fitted], np.ones((1, 1)), np.zeros(len(self.frame), dtype=np.intp)))
         self.terms.sort(key=lambda fitted: order[fitted.kind])
-        every = np.ones(len(self.frame), dtype=bool)
-        training = Training.of_rows(every, self.joint, self.codes, self.members)
+        all_rows = np.ones(len(self.frame), dtype=bool)
+        training = Training.of_rows(all_rows, self.joint, self.codes, self.members)
         start = 0
         for fitted in self.terms:
             fitted.start, fitted.training, fitted.extrapolation = start, training, self.extrapolation

@@ -76,9 +76,9 @@ class Estimator:
         codes = self._groups(frame, groups)
         previous = None if self.ar1_rho is None else previous_rows(codes)
         design = build_design(formula, frame, self.discretise, self.extrapolation)
-        every = np.arange(len(values), dtype=np.intp)
-        sums = grouped_moments(design, values, codes, every, self.ar1_rho is not None)
-        design, sums = identified_moments(design, sums, values, codes, every)
+        all_rows = np.arange(len(values), dtype=np.intp)
+        sums = grouped_moments(design, values, codes, all_rows, self.ar1_rho is not None)
+        design, sums = identified_moments(design, sums, values, codes, all_rows)
         active = design.active(np.diag(sums.gram[0]))
         stack, which = design.penalty_stack(active)
         require_rows(len(frame), stack, "frame")
@@ -239,15 +239,15 @@ class Estimator:
             raise InvalidInput.of("no groups", "leave_groups_out", "groups is None", "a group for each row")
         group_codes = self._groups(frame, groups)
         design = build_design(formula, frame, self.discretise, self.extrapolation)
-        given = _given_logs(self.smoothing_parameters, design)
-        settings = self._settings(family, given)
+        given_logs = _given_logs(self.smoothing_parameters, design)
+        settings = self._settings(family, given_logs)
         units = group_codes if folds is None else self._groups(frame, folds)
-        wanted = None
+        at_rows = None
         if at is not None:
             labels = _labels(frame, groups if folds is None else folds)
             raise_faults(_column_faults(at, design.terms, design.training.levels))
-            wanted = at, _units_at(at, at_folds, labels)
-        predictions, self.folds_ = leave_out(design, frame, values, group_codes, units, settings, wanted)
+            at_rows = at, _units_at(at, at_folds, labels)
+        predictions, self.folds_ = leave_out(design, frame, values, group_codes, units, settings, at_rows)
         return predictions
 
     def _formula(self) -> Formula:

@@ -75,17 +75,17 @@ def identify(design: Design, gram: FloatArray) -> Design:
             return design
         involved = [b for b in design.terms if np.linalg.norm(null[b.slice]) > MIN_PART]
         fitted = max(involved, key=lambda b: (_removal_rank(b), b.start))
-        others = ", ".join(b.label for b in involved if b is not fitted) or "itself"
+        other_labels = ", ".join(b.label for b in involved if b is not fitted) or "itself"
         if fitted.kind == "parametric":
             column = fitted.start + int(np.flatnonzero(np.abs(null[fitted.slice]).max(axis=1) > MIN_PART)[-1])
             design.empty.append(column)
             name = fitted.names[column - fitted.start]
-            design.notes.append(f"{name} is a linear combination of {others}: held at 0")
+            design.notes.append(f"{name} is a linear combination of {other_labels}: held at 0")
             continue
         directions = null[fitted.slice] * scale[fitted.slice, None]
         U, sizes, _ = np.linalg.svd(directions)
         rank = int((sizes > 1e-6 * sizes[0]).sum())
-        design.notes.append(f"{fitted.label} repeats {others}: {rank} of its columns removed")
+        design.notes.append(f"{fitted.label} repeats {other_labels}: {rank} of its columns removed")
         design, gram = _reduce(design, gram, fitted, U[:, rank:])
     return design
 

@@ -137,9 +137,9 @@ def leave_out(
     count = int(folds.max()) + 1
     if count < 2:
         raise InvalidInput.of("only one group", "leave_groups_out", "1 fold", "two or more")
-    every = np.arange(len(y), dtype=np.intp)
-    total = grouped_moments(design, y, groups, every, settings.ar1_rho is not None)
-    design, total = identified_moments(design, total, y, groups, every)
+    all_rows = np.arange(len(y), dtype=np.intp)
+    total = grouped_moments(design, y, groups, all_rows, settings.ar1_rho is not None)
+    design, total = identified_moments(design, total, y, groups, all_rows)
     wanted_folds = folds if at is None else at[1]
     predictions, reports = np.empty(len(wanted_folds)), []
     for fold in range(count):

@@ -164,16 +164,16 @@ class TableRows:
 
     def gram(self, weights: FloatArray | None = None) -> FloatArray:
         """X' W X, (p, p), with the diagonal `weights` of W, by default 1."""
-        out = np.zeros((self.p, self.p))
+        gram = np.zeros((self.p, self.p))
         for rows in self._chunks():
             X = self.dense(rows)
-            out += X.T @ X if weights is None else (weights[rows, None] * X).T @ X
-        return out
+            gram += X.T @ X if weights is None else (weights[rows, None] * X).T @ X
+        return gram
 
     def leverage(self, K: FloatArray) -> FloatArray:
         """Diagonal (n,) of X K X'."""
-        out = np.empty(self.n)
+        leverages = np.empty(self.n)
         for rows in self._chunks():
             X = self.dense(rows)
-            out[rows] = np.einsum("ij,ij->i", X @ K, X)
-        return out
+            leverages[rows] = np.einsum("ij,ij->i", X @ K, X)
+        return leverages

@@ -329,8 +329,8 @@ def _curve(
     half = n // 2 if n >= FEW else n
 
     def scores(k: int, splits: Iterable[Split]) -> dict[str, Any]:
-        def fit(known: IntArray) -> Callable[[IntArray], dict[str, float]]:
-            return lambda scored: _draw_error(learner, evidence.take(known), evidence.take(scored))
+        def fit(train: IntArray) -> Callable[[IntArray], dict[str, float]]:
+            return lambda scored: _draw_error(learner, evidence.take(train), evidence.take(scored))
 
         draw_scores = [score for _, score in held_out(splits, fit)]
         return {
@@ -353,8 +353,8 @@ def _draws(n: int, half: int, k: int, draws: int, seed: int) -> Iterator[Split]:
     """Draw k of the first `half` trips `draws` times; the later trips are scored or, if there are none, all that were not drawn."""
     rng = np.random.default_rng((seed, k))
     for draw in range(draws):
-        known = np.sort(rng.permutation(half)[:k])
-        yield Split(draw, known, np.arange(half, n) if half < n else np.delete(np.arange(n), known), draw)
+        train = np.sort(rng.permutation(half)[:k])
+        yield Split(draw, train, np.arange(half, n) if half < n else np.delete(np.arange(n), train), draw)
 
 
 def _draw_error(learner: Learner, train: TripEvidence, test: TripEvidence) -> dict[str, float]:

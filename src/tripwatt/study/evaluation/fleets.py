@@ -68,8 +68,8 @@ class FleetEvaluation:
         frame = trips.assign(error=error, inside=observed.between(trips["low_wh"], trips["high_wh"]))
         if by in CLASSES:
             column, edges, names = CLASSES[by]
-            found = pd.cut(frame[column], edges, right=False, labels=names)
-            frame[by] = found.astype(object).fillna("unknown")
+            of_trips = pd.cut(frame[column], edges, right=False, labels=names)
+            frame[by] = of_trips.astype(object).fillna("unknown")
         grouped = frame.groupby(["protocol", by], sort=True)
         means = {name: (name, "mean") for name in ("error", "inside")}
         return grouped.agg(trips=("error", "size"), **means).reset_index()
@@ -184,11 +184,13 @@ def own_trips(rows: TripRows, all_trips: Sums, scales: Scales, max_vehicles: int
         if not fitting:
             continue
         test = rows.take(index[max(fitting) : max(fitting) + 10])
-        others = _nonempty(all_trips - rows.take(index).sums)
+        fleet_sums = _nonempty(all_trips - rows.take(index).sums)
         for k in fitting:
-            known = rows.take(index[:k]).sums
+            own_sums = rows.take(index[:k]).sums
             errors[k].append(
-                tuple(mean_error(sums, scales, test) for sums in (others + known, known, others))
+                tuple(
+                    mean_error(sums, scales, test) for sums in (fleet_sums + own_sums, own_sums, fleet_sums)
+                )
             )
     table = [(k, len(e), *np.mean(e, axis=0)) for k, e in errors.items() if e]
     return pd.DataFrame(table, columns=["own_trips", "vehicles", "pooled", "own_only", "fleet_only"])

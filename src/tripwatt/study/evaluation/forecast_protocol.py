@@ -144,16 +144,16 @@ class ForecastProtocol:
         return [Comparison(draws, curves)] if draws.splits else []
 
     def prepare(
-        self, fleet: TripSet, test_fleet: TripSet | None, car: CarChoice, wanted: HoldOutChoice
+        self, fleet: TripSet, test_fleet: TripSet | None, car: CarChoice, choice: HoldOutChoice
     ) -> Prepared[ForecastData]:
         """Prepare to leave one trip, one day and regimes out or, with `test_fleet`, to fit on one fleet and score another."""
         vehicle = car.load()
         scored = audited = audit(fleet)
         notes = [*map(message, fleet.notes)]
         if test_fleet is None:
-            hold_outs, further_notes = _held_out(fleet, audited, vehicle, wanted)
+            hold_outs, further_notes = _held_out(fleet, audited, vehicle, choice)
         else:
-            if wanted.chosen is not None:
+            if choice.chosen is not None:
                 raise InvalidInput.of(
                     "option has no effect", "hold_outs", "hold-outs with test trips", "one of the two"
                 )
@@ -198,7 +198,7 @@ class ForecastProtocol:
 
 
 def _held_out(
-    fleet: TripSet, audited: Audit, vehicle: Vehicle, wanted: HoldOutChoice
+    fleet: TripSet, audited: Audit, vehicle: Vehicle, choice: HoldOutChoice
 ) -> tuple[list[HoldOut[ForecastData]], list[str]]:
     """Return the hold-outs and notes of one fleet.
 
@@ -220,11 +220,11 @@ def _held_out(
         by_day = None
     regimes, regime_notes = _regimes(main)
     prepare = partial(ForecastData.from_trips, vehicle=vehicle)
-    hold_outs = build_hold_outs(sets, by_day, wanted, prepare, attrgetter("table"), regimes)
+    hold_outs = build_hold_outs(sets, by_day, choice, prepare, attrgetter("table"), regimes)
     _require_training_trips(
         min(len(split.train) for hold_out in hold_outs for split in hold_out.splits), fleet
     )
-    return hold_outs, [*notes, *regime_notes] if wanted.chosen is None else wanted.notes(main)
+    return hold_outs, [*notes, *regime_notes] if choice.chosen is None else choice.notes(main)
 
 
 def _regimes(trips: Sequence[Trip]) -> tuple[dict[tuple[str, str], tuple[IntArray, IntArray]], list[str]]:
@@ -279,6 +279,6 @@ def _other_trips(
 
 def _require_training_trips(training: int, fleet: TripSet) -> None:
     if training < MIN_TRIPS:
-        found = f"{training} to train on, of {len(fleet.trips)}"
+        got = f"{training} to train on, of {len(fleet.trips)}"
         allowed = f"at least {MIN_TRIPS} to train on"
-        raise InvalidInput.of("too few trips after the audit", fleet.name, found, allowed)
+        raise InvalidInput.of("too few trips after the audit", fleet.name, got, allowed)

@@ -446,7 +446,7 @@ Regimes = Mapping[tuple[str, str], tuple[IntArray, IntArray]]
 def build_hold_outs(
     sets: Mapping[str, Sequence[Trip]],
     by_day: IntArray | None,
-    wanted: HoldOutChoice,
+    choice: HoldOutChoice,
     prepare: Callable[[Sequence[Trip]], D],
     table_of: Callable[[D], TripTable],
     regimes: Regimes | None = None,
@@ -461,7 +461,7 @@ def build_hold_outs(
         The main set first.
     by_day : ndarray of int or None, shape (trips of the main set,)
         Number of the day of each trip, for leave-one-day-out; None without it.
-    wanted : HoldOutChoice
+    choice : HoldOutChoice
     prepare : callable
         Function from trips to the form that the models need; called only for sets with a chosen hold-out.
     table_of : callable
@@ -475,7 +475,7 @@ def build_hold_outs(
         available.insert(len(sets), (LEAVE_ONE_DAY_OUT, main))
     prepared = cache(lambda name: prepare(sets[name]))
     hold_outs: list[HoldOut[D]] = []
-    for scheme, chosen in wanted.select(available):
+    for scheme, chosen in choice.select(available):
         name, data = (chosen, prepared(chosen if isinstance(chosen, str) and chosen in sets else main))
         table = table_of(data)
         if not isinstance(chosen, str):

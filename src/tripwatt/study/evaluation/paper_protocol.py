@@ -102,7 +102,7 @@ class PaperProtocol:
         return study_comparisons(prepared.hold_outs[0], [spec.name for spec in specs], seed)
 
     def prepare(
-        self, fleet: TripSet, test_fleet: TripSet | None, car: CarChoice, wanted: HoldOutChoice
+        self, fleet: TripSet, test_fleet: TripSet | None, car: CarChoice, choice: HoldOutChoice
     ) -> Prepared[TripTable]:
         """Prepare each set of trips for leave-one-trip-out, and the main set also for leave-one-day-out."""
         if test_fleet is not None:
@@ -113,8 +113,8 @@ class PaperProtocol:
             f"{cars['physics'].name} with {key} = {value}" for key, value in (car.overrides or {}).items()
         ]
         audited = audit(fleet)
-        forms = simulation_forms(car) if fleet.reference is not None and wanted.chosen is None else {}
-        hold_outs, notes = _hold_outs(fleet, audited, cars | forms, wanted)
+        forms = simulation_forms(car) if fleet.reference is not None and choice.chosen is None else {}
+        hold_outs, notes = _hold_outs(fleet, audited, cars | forms, choice)
         return Prepared(
             hold_outs, fleet, None, audited, cars, (*map(message, fleet.notes), *override_notes, *notes)
         )
@@ -160,7 +160,7 @@ def _table2(gamm: GammInsight | None) -> list[dict[str, Any]]:
 
 
 def _hold_outs(
-    fleet: TripSet, audited: Audit, cars: Mapping[str, Vehicle], wanted: HoldOutChoice
+    fleet: TripSet, audited: Audit, cars: Mapping[str, Vehicle], choice: HoldOutChoice
 ) -> tuple[list[HoldOut[TripTable]], list[str]]:
     """Return the hold-outs of the reference, the audited and all usable trips, as far as there are any, and notes."""
     usable, notes = _usable(fleet.trips)
@@ -175,8 +175,8 @@ def _hold_outs(
     main = next(iter(sets.values()))
     days = number_days(main)
     notes += [WITHOUT_DAYS] if days is None else []
-    hold_outs = build_hold_outs(sets, days, wanted, partial(build_table, physics=cars), lambda table: table)
-    return hold_outs, [*notes, *hold_outs[0].table.notes, *wanted.notes(main)]
+    hold_outs = build_hold_outs(sets, days, choice, partial(build_table, physics=cars), lambda table: table)
+    return hold_outs, [*notes, *hold_outs[0].table.notes, *choice.notes(main)]
 
 
 def _usable(trips: Sequence[Trip]) -> tuple[list[Trip], list[str]]:

@@ -102,7 +102,7 @@ class EvaluationProtocol(Protocol):
         ...
 
     def prepare(
-        self, fleet: TripSet, test_fleet: TripSet | None, car: CarChoice, wanted: HoldOutChoice
+        self, fleet: TripSet, test_fleet: TripSet | None, car: CarChoice, choice: HoldOutChoice
     ) -> Prepared[Any]:
         """Audit the trips, simulate them and set the folds.
 
@@ -114,7 +114,7 @@ class EvaluationProtocol(Protocol):
             Logs to test on instead of held-out trips, if the protocol has such a test.
         car : CarChoice
             The car that is simulated.
-        wanted : HoldOutChoice
+        choice : HoldOutChoice
             The hold-outs that run.
 
         Returns

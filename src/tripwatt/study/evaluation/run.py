@@ -116,11 +116,11 @@ def evaluate(
     <EvaluationRun protocol paper, 2 models, 6 trips read>
     """
     chosen = find_protocol(protocol) if isinstance(protocol, str) else protocol
-    specs, wanted = choose_models(chosen, models, seed), HoldOutChoice.from_argument(hold_outs)
+    specs, choice = choose_models(chosen, models, seed), HoldOutChoice.from_argument(hold_outs)
     car = vehicle if isinstance(vehicle, CarChoice) else CarChoice(vehicle)
-    prepared = chosen.prepare(_fleet(trips), test_fleet, car, wanted)
+    prepared = chosen.prepare(_fleet(trips), test_fleet, car, choice)
     main = [Comparison(hold_out, specs) for hold_out in prepared.hold_outs]
-    further = chosen.further_comparisons(prepared, specs, seed) if wanted.chosen is None else []
+    further = chosen.further_comparisons(prepared, specs, seed) if choice.chosen is None else []
     done = run_folds([*main, *further], seed, execution or Execution(), inner_errors=bool(further))
     return chosen.assemble(prepared, done[: len(main)], done[len(main) :], seed)
 
