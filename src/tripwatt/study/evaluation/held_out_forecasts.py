@@ -115,7 +115,7 @@ def forecast_arrivals(model: ForecastModel, plan: Plan) -> tuple[FloatArray, Flo
     Returns
     -------
     bounds : ndarray, shape (len(ARRIVAL_STARTS), 3)
-        Median and bounds of the interval of `UPDATE_LEVEL`; NaN if the start is not known.
+        Median and bounds of the interval of `UPDATE_LEVEL`; NaN, as in `chance`, if the start is not known.
     chance : ndarray, shape (len(ARRIVAL_STARTS), len(RESERVE_OFFSETS))
         Probability to arrive with the median plus each of `RESERVE_OFFSETS`.
     """

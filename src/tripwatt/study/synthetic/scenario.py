@@ -159,10 +159,10 @@ def _draw_day(seed: int, number: int) -> Day:
     """Draw one day; the two seasons alternate and dates do not repeat."""
     rng = stream(seed, DAYS, number)
     summer = number % 2 == 0
-    year_and_place = number // 2
+    season_day = number // 2
     # 37 and 90 have no common factor: every date of a season occurs once, spread out from the first day on
-    into_season = (year_and_place * 37 + 5) % DAYS_PER_SEASON
-    first = dt.date(2023 + year_and_place // DAYS_PER_SEASON, 6 if summer else 12, 1)
+    into_season = (season_day * 37 + 5) % DAYS_PER_SEASON
+    first = dt.date(2023 + season_day // DAYS_PER_SEASON, 6 if summer else 12, 1)
     skies = ["sunny", "slightly cloudy", "cloudy", "rainy"]
     sky = str(rng.choice(skies, p=[0.4, 0.25, 0.2, 0.15] if summer else [0.2, 0.25, 0.35, 0.2]))
     clear = {"sunny": 1.0, "slightly cloudy": 0.5}.get(sky, 0.0)
