@@ -223,7 +223,7 @@ class _Tree:
         self.tree = cKDTree(_plane(settlements)) if settlements else None
 
     def near(self, objects: Sequence[Named], number: int) -> list[list[str]]:
-        """Return the names of the nearest settlements of each object, without those farther than `FAR_FROM_SETTLEMENT_DEG`."""
+        """Return the names of the `number` nearest settlements of each object, without those farther than `FAR_FROM_SETTLEMENT_DEG`."""
         if self.tree is None or not objects:
             return [[] for _ in objects]
         distance, index = self.tree.query(_plane(objects), range(1, number + 1))
