@@ -195,8 +195,8 @@ class FleetModel:
         vehicle_id, car_model, driver
             As in `of_vehicle`.
         """
-        plan = trip.departure.merge(departure)
-        ambient = plan.ambient_temperature_degc
+        known = trip.departure.merge(departure)
+        ambient = known.ambient_temperature_degc
         cold = None if ambient is None else ambient < COLD_DEGC
         vehicle_model = self.of_vehicle(vehicle_id, car_model=car_model, driver=driver, cold=cold)
         return vehicle_model.forecast(trip, departure)
