@@ -178,8 +178,8 @@ def columns_of_links(links: Sequence[object], where: str = "") -> tuple[dict[str
     columns = {key: _column_values([row.get(key) for row in rows], key, wrong) for key in LINK_KEYS}
     _missing_keys(columns, ~no_link, wrong)
     for key in ("length_m", "speed_m_s", "travel_time_s"):
-        low = columns[key] <= 0.0
-        wrong.add("link out of range", low, key, _formatter(columns[key]), "more than 0")
+        not_positive = columns[key] <= 0.0
+        wrong.add("link out of range", not_positive, key, _formatter(columns[key]), "more than 0")
     with np.errstate(all="ignore"):  # a length of 0 is named above
         rise = columns["end_elevation_m"] - columns["start_elevation_m"]
         slope, noise = rise / columns["length_m"], HEIGHT_NOISE_M / columns["length_m"]

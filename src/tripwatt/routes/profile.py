@@ -375,10 +375,10 @@ def ramp_speeds(position: FloatArray, ends: IntArray, free: FloatArray, style: L
     link = np.searchsorted(position[ends], position, side="left")
     ramp = np.zeros_like(position)
     for neighbour in (link - 1, link):  # the border before the node and the one behind it
-        near = np.clip(neighbour, 0, max(len(border) - 1, 0))
+        index = np.clip(neighbour, 0, max(len(border) - 1, 0))
         exists = (neighbour >= 0) & (neighbour < len(border))
         if exists.any():
-            squared = speed[near] ** 2 - 2.0 * pace[near] * np.abs(position - border[near])
+            squared = speed[index] ** 2 - 2.0 * pace[index] * np.abs(position - border[index])
             ramp = np.maximum(ramp, np.where(exists, np.sqrt(np.maximum(squared, 0.0)), 0.0))
     return ramp
 
