@@ -373,9 +373,9 @@ def _links_of_a_fleet() -> list[bytes]:
 
 def _fleet_links(path: Path) -> None:
     """As a batch reads its input, up to the rows of each trip."""
-    with batch._opened(path) as file:
-        for part in batch._parts(batch._batches(file, path)):
-            batch._stream(part)
+    with batch._open_parquet(path) as file:
+        for part in batch._split_into_parts(batch._read_batches(file, path)):
+            batch._to_arrow_stream(part)
 
 
 def _planned_trips() -> list[bytes]:
