@@ -23,12 +23,12 @@ from tools.command import run
 PARTS: Final = ("roads", "server", "fleet", "study", "gamm")
 """Rooms that are a part; all others together are the core. `gamm` is a distribution of its own."""
 BUDGETS: Final[Mapping[str, int]] = {
-    "core": 21_805,
-    "roads": 4_208,
-    "server": 6_182,
-    "fleet": 2_355,
-    "study": 4_726,
-    "gamm": 4_062,
+    "core": 20_824,
+    "roads": 4_203,
+    "server": 6_014,
+    "fleet": 2_353,
+    "study": 4_694,
+    "gamm": 3_949,
 }
 """Most code lines of each part. They only fall: whoever needs lines finds them first."""
 TABLE_ROWS: Final = 4

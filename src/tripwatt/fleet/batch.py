@@ -158,11 +158,8 @@ def _check_settings(quantiles: Sequence[float], reserve: float) -> None:
     """Raise `InvalidInput` unless all quantiles are above 0 and below 1, and the reserve is 0 or more and below 1."""
     between_0_and_1 = Column("1", 0.0, 1.0, "")
     faults = [fault for q in quantiles for fault in number_faults("quantiles", q, between_0_and_1)]
-    faults += [
-        Fault("value out of range", "quantiles", f"{q:g}", "more than 0 and less than 1")
-        for q in quantiles
-        if q in (0.0, 1.0)
-    ]
+    inside = "more than 0 and less than 1"
+    faults += [Fault("value out of range", "quantiles", f"{q:g}", inside) for q in quantiles if q in (0, 1)]
     faults += scalar_faults({"reserve": reserve})
     if reserve == 1.0:
         faults.append(Fault("value out of range", "reserve", "1", "0 or more and less than 1"))

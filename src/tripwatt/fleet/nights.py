@@ -40,7 +40,6 @@ EFFICIENCY: Final = 0.9
 _MIN_TRIPS: Final = 10
 """Smallest number of trips with which the mean temperature of a week counts: a choice, because a few trips may be on its coldest day."""
 
-_AMBIENT: Final = "ambient_temperature_degc"
 _TEXT_COLUMNS: Final = ("vehicle_id", "trip", "departs_at", "car_model", "driver", "kind")
 _TRUTH_VALUES: Final = {"True": True, "False": False}
 _TAKEN_COLUMNS: Final = ("distance_m", "energy_wh", "energy_quantile_wh", "soc_taken")
@@ -121,7 +120,7 @@ def read_planned(file: Path | str, ambient_degc: float | None = None) -> list[Pl
     unknown = (name for name in table if name not in allowed)
     raise_faults(faults + [Fault.unknown("unknown column", f"{file}", name, allowed) for name in unknown])
     if ambient_degc is not None:
-        table[_AMBIENT] = table[_AMBIENT].fillna(ambient_degc) if _AMBIENT in table else ambient_degc
+        table = table.combine_first(pd.DataFrame({"ambient_temperature_degc": ambient_degc}, table.index))
     with Check() as check:
         trips = [check(_trip_from_rows, rows) for _, rows in table.groupby([*_TEXT_COLUMNS[:3]], sort=False)]
     return trips
