@@ -62,15 +62,13 @@ hass: .venv-hass/.ready .venv-emhass/.ready  ## Home Assistant and EMHASS for th
 	.venv-tools/bin/python $(PIP_INSTALL) uv
 	touch $@
 
-# The checks of a virtual environment. Types are checked beside the tests, many of which wait for other processes; the summary of pytest
-# stays the last line, and the gate fails where any part fails.
+# The checks of a virtual environment. Types come first: a test checks the types of a script with the same cache.
 define gate
 $(1)/bin/ruff format --check .
 $(1)/bin/ruff check .
 $(1)/bin/lint-imports
-@nice $(1)/bin/mypy & types=$$!; \
-$(1)/bin/python -m pytest -n $(TEST_WORKERS) --dist loadscope --no-loadscope-reorder; tests=$$?; \
-wait $$types || { echo "mypy found faults, which stand above" >&2; exit 1; }; exit $$tests
+$(1)/bin/mypy
+$(1)/bin/python -m pytest -n $(TEST_WORKERS) --dist loadscope --no-loadscope-reorder
 endef
 
 run: .venv/.ready  ## the main job: on DATA, or on the built-in synthetic fleet

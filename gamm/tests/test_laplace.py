@@ -44,7 +44,7 @@ def test_scores_have_exact_gradients_and_hessians(seed):
     active = np.arange(design.p)
     stack, _ = design.penalty_stack(active)
     rng = np.random.default_rng(seed)
-    gram, cross = stack.rotate_both(rows.gram()), stack.rotate(rows.transpose(y))
+    gram, cross = stack.rotate_both(rows.gram()), stack.rotate(rows.rmatvec(y))
     normal = NormalEquations(gram, cross, float(y @ y), len(y))
     rho = rng.uniform(-3, 4, stack.size)
     for scale in (None, 0.3):

@@ -170,7 +170,7 @@ def _update(path: Path) -> Any:
     return (
         _model()
         .forecast(plan, tw.Departure(soc=0.8))
-        .update(read_canonical(path, required=("time_s",), least=2))
+        .update(read_canonical(path, required=("time_s",), minimum=2))
     )
 
 

@@ -75,9 +75,8 @@ def _inversion(q: float, lam: FloatArray, h: FloatArray) -> float:
     def integrand(x: FloatArray) -> FloatArray:
         s = c + width * (1j * np.sinh(x) + bend * (np.cosh(x) - 1))
         slope = width * (1j * np.cosh(x) + bend * np.sinh(x))
-        logs = (h[:, None] * np.log(1 - 2 * lam[:, None] * s)).sum(
-            axis=0
-        )  # a sum: the product is too small for BLAS and its threads
+        # not a matrix product: one this small does not repay BLAS and its threads
+        logs = (h[:, None] * np.log(1 - 2 * lam[:, None] * s)).sum(axis=0)
         phi = -0.5 * logs - q * s - np.log(s)
         return np.asarray((np.exp(phi - top) * slope).imag / np.pi, dtype=float)
 

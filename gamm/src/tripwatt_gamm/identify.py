@@ -51,7 +51,7 @@ def _removal_rank(fitted: FittedTerm) -> int:
 
 
 def identify(design: Design, gram: FloatArray) -> Design:
-    """Remove the directions that nothing determines from a design.
+    """Remove from a design the directions that neither data nor penalty determine.
 
     A direction that several terms share is removed from a surface rather than a curve, from a curve rather than a
     parametric term, and then from the later term. If only parametric terms share it, their last column is held at zero.
@@ -66,7 +66,7 @@ def identify(design: Design, gram: FloatArray) -> Design:
     Returns
     -------
     Design
-        The design itself if nothing was removed from its terms.
+        A reduced copy; the given design if no term was reduced. Its `notes` and `empty` may be extended.
     """
     for _ in range(20):  # each pass removes one term's part; far fewer are needed
         active = design.active(np.diag(gram))
@@ -74,19 +74,21 @@ def identify(design: Design, gram: FloatArray) -> Design:
         if not null.shape[1]:
             return design
         involved = [b for b in design.terms if np.linalg.norm(null[b.slice]) > MIN_PART]
-        fitted = max(involved, key=lambda b: (_removal_rank(b), b.start))
-        other_labels = ", ".join(b.label for b in involved if b is not fitted) or "itself"
-        if fitted.kind == "parametric":
-            column = fitted.start + int(np.flatnonzero(np.abs(null[fitted.slice]).max(axis=1) > MIN_PART)[-1])
+        reduced = max(involved, key=lambda b: (_removal_rank(b), b.start))
+        other_labels = ", ".join(b.label for b in involved if b is not reduced) or "itself"
+        if reduced.kind == "parametric":
+            column = reduced.start + int(
+                np.flatnonzero(np.abs(null[reduced.slice]).max(axis=1) > MIN_PART)[-1]
+            )
             design.empty.append(column)
-            name = fitted.names[column - fitted.start]
+            name = reduced.names[column - reduced.start]
             design.notes.append(f"{name} is a linear combination of {other_labels}: held at 0")
             continue
-        directions = null[fitted.slice] * scale[fitted.slice, None]
+        directions = null[reduced.slice] * scale[reduced.slice, None]
         U, sizes, _ = np.linalg.svd(directions)
         rank = int((sizes > 1e-6 * sizes[0]).sum())
-        design.notes.append(f"{fitted.label} repeats {other_labels}: {rank} of its columns removed")
-        design, gram = _reduce(design, gram, fitted, U[:, rank:])
+        design.notes.append(f"{reduced.label} repeats {other_labels}: {rank} of its columns removed")
+        design, gram = _reduce(design, gram, reduced, U[:, rank:])
     return design
 
 

@@ -63,7 +63,7 @@ class LaplaceModel:
         value, r = self._objective(beta, rho, theta)
         for _ in range(max_iter):
             d = t_derivatives(r, theta)
-            g = self.stack.rotate(self.rows.transpose(d.eta[1])) - self.stack.products(rho, beta).sum(axis=1)
+            g = self.stack.rotate(self.rows.rmatvec(d.eta[1])) - self.stack.products(rho, beta).sum(axis=1)
             observed = Factor.from_matrix(self._information(-d.eta[2], rho))
             factor = observed
             if factor is None:
@@ -110,7 +110,7 @@ class LaplaceModel:
         restored = stack.restore(K)
         leverage = self.rows.leverage(stack.restore(restored.T))
         V = stack.products(rho, mode.beta)
-        mixed = stack.rotate(self.rows.transpose(np.ascontiguousarray(d.eta_theta[1].T)))
+        mixed = stack.rotate(self.rows.rmatvec(np.ascontiguousarray(d.eta_theta[1].T)))
         beta1 = K @ np.hstack([-V, mixed])
         eta1 = self.rows.predictor(stack.restore(beta1))
         w1 = -(d.eta[3][:, None] * eta1)
@@ -140,7 +140,7 @@ class LaplaceModel:
         stack, d, M = self.stack, mode.derivatives, self.stack.size
         size = M + 2
         single = stack.traces(rho, mode.factor.inverse)[0]
-        adjoint = mode.factor.inverse @ stack.rotate(self.rows.transpose(leverage * d.eta[3]))
+        adjoint = mode.factor.inverse @ stack.rotate(self.rows.rmatvec(leverage * d.eta[3]))
         hessian = np.zeros((size, size))
         for i in range(size):
             for j in range(i + 1):
@@ -160,7 +160,7 @@ class LaplaceModel:
                     w -= d.eta_theta[3, j - M] * eta1[:, i]
                     pull = d.eta_theta[2, j - M] * eta1[:, i] + d.eta_theta2[1, i - M, j - M]
                     w -= d.eta_theta2[2, i - M, j - M]
-                    right_side += stack.rotate(self.rows.transpose(pull))
+                    right_side += stack.rotate(self.rows.rmatvec(pull))
                 if i >= M:
                     w -= d.eta_theta[3, i - M] * eta1[:, j]
                 trace = float(leverage @ w) - float(adjoint @ right_side)

@@ -130,7 +130,7 @@ class PerformanceIteration:
         c = self.family.expected_weight(theta.nu, theta.sigma)
         g = self.family.score(residual, theta.nu, theta.sigma)
         gram = c * d.gram
-        cross = gram @ state.beta + self.stack.rotate(d.rows.transpose(g))
+        cross = gram @ state.beta + self.stack.rotate(d.rows.rmatvec(g))
         z = g / c - residual + d.y
         normal = NormalEquations(gram, cross, c * float(z @ z), d.rows.n)
         current = gaussian_score(normal, self.stack, state.rho, 1.0, derivatives=not self.fixed)

@@ -135,7 +135,7 @@ def _subset_start(rows: TableRows, y: FloatArray, stack: PenaltyStack, settings:
         chosen_rows,
         chosen_y,
         stack.rotate_both(chosen_rows.gram()),
-        stack.rotate(chosen_rows.transpose(chosen_y)),
+        stack.rotate(chosen_rows.rmatvec(chosen_y)),
     )
     iteration = PerformanceIteration(data, stack, family, settings.rho is not None)
     start = iteration.start(settings.rho)

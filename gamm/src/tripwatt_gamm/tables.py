@@ -134,10 +134,10 @@ class TableRows:
             total += piece
         return total
 
-    def transpose(self, v: FloatArray) -> FloatArray:
-        """X' v for v (n,) or (n, part)."""
+    def rmatvec(self, v: FloatArray) -> FloatArray:
+        """X' v for v (n,) or (n, k)."""
         if v.ndim == 2:
-            return np.stack([self.transpose(np.ascontiguousarray(column)) for column in v.T], axis=1)
+            return np.stack([self.rmatvec(np.ascontiguousarray(column)) for column in v.T], axis=1)
         total = np.zeros(self.p)
         for part in self.parts:
             weights = v if part.scale is None else v * part.scale

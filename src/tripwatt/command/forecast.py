@@ -85,7 +85,7 @@ def forecast(
             fitted = check(shared.model_of, model)
             plan = check(tw.read_route, trip, speed_m_s=speed_m_s)
             measured = (
-                None if observed is None else check(read_canonical, observed, required=("time_s",), least=2)
+                None if observed is None else check(read_canonical, observed, required=("time_s",), minimum=2)
             )
             car = vehicle and check(tw.load_vehicle, vehicle)
             known = check(departure)

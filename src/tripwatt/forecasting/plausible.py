@@ -156,9 +156,10 @@ def _motion_faults(samples: Columns, cumulative: FloatArray, drive: ExpectedTrip
     first, last = (int(known[i]) for i in (0, -1))
     taken = float(cumulative[last] - cumulative[first])
     length = float(driven[last] - driven[first])
-    low, high = np.quantile(speed[first : last + 1], (0.1, 0.9))  # without the start
-    held = float(high - low) <= STEADY_M_S and time[last] - time[first] >= STEADY_S
-    fall_m = min((STEADY_DESCENT if held else STEEPEST_DESCENT) * length, LONGEST_DESCENT_M)
+    # quantiles: starting and stopping do not hide a steady speed
+    low, high = np.quantile(speed[first : last + 1], (0.1, 0.9))
+    is_steady = float(high - low) <= STEADY_M_S and time[last] - time[first] >= STEADY_S
+    fall_m = min((STEADY_DESCENT if is_steady else STEEPEST_DESCENT) * length, LONGEST_DESCENT_M)
     if drive.plan.has_road:
         fall_m = ELEVATION_ERROR_M
     ends = (float(driven[first]), float(driven[last])), (float(speed[first]), float(speed[last]))

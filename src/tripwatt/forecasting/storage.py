@@ -69,7 +69,7 @@ def _model_parts(model: ForecastModel) -> dict[str, Part]:
     corrector, _ = model.fitted_parts("store")
     tree = {"segment_s": SEGMENT_S, **_converter().unstructure(model)}
     if fitted_outside(corrector) is not None:
-        tree[TRIAL] = _trial_w(model)
+        tree[TRIAL] = _trial_correction_w(model)
     return tree_parts(tree)
 
 
@@ -97,7 +97,7 @@ def model_of_parts(parts: Mapping[str, Part], outside: Corrector | None = None) 
     if outside is not None:
         model.corrector = outside
         try:
-            same = np.allclose(_trial_w(model), before_w, rtol=1e-6, atol=1e-6)
+            same = np.allclose(_trial_correction_w(model), before_w, rtol=1e-6, atol=1e-6)
         except UNUSABLE:  # the object is not fitted, or was fitted to another input
             same = False
         if not same:
@@ -106,8 +106,8 @@ def model_of_parts(parts: Mapping[str, Part], outside: Corrector | None = None) 
     return model
 
 
-def _trial_w(model: ForecastModel) -> FloatArray:
-    """Correction on a trial trip in the cold and in the warm [W]; it identifies an object from outside."""
+def _trial_correction_w(model: ForecastModel) -> FloatArray:
+    """Correction on a trial trip at -5 °C and at 25 °C [W], by which a stored corrector from outside the package is recognised."""
     corrector, _ = model.fitted_parts("a trial")
     plan = Plan.from_samples(_trial_drive(), "trial")
     added = []

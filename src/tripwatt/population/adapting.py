@@ -266,19 +266,19 @@ def with_travel_times(
     Returns
     -------
     ForecastModel
-        The base with the new travel times. The base itself if fewer than `tripwatt.uncertainty.free_flow.MIN_TRIPS` trips have a
-        speed limit.
+        The base with the new travel times and their uncertainty. The base itself if fewer than
+        `tripwatt.uncertainty.free_flow.MIN_TRIPS` trips have a speed limit, or if they do not show the uncertainty.
     """
     known = [trip for trip in trips if trip.has("speed_limit_m_s")]
     if len(known) < MIN_TRIPS:
         return base
-    _, usual = base.fitted_parts("base")
-    new = without_trips(base, vehicle, cars)
-    corrector, _ = new.fitted_parts("base")
-    free, table = FreeFlowTrips.from_trips(known, new.vehicle), segment_trips(known, new.vehicle)
+    _, uncertainty = base.fitted_parts("base")
+    tripless = without_trips(base, vehicle, cars)
+    corrector, _ = tripless.fitted_parts("base")
+    free, table = FreeFlowTrips.from_trips(known, tripless.vehicle), segment_trips(known, tripless.vehicle)
     each = [free.differences(corrector, table, np.array([k])) for k in range(len(known))]
     measured = free.uncertainty(np.concatenate(each))
-    return base if measured is None else replace(base, uncertainty_=replace(usual, free_flow=measured))
+    return base if measured is None else replace(base, uncertainty_=replace(uncertainty, free_flow=measured))
 
 
 @one_blas_thread

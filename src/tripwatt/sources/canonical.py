@@ -21,7 +21,7 @@ MIN_SAMPLES: Final = 3
 
 
 def read_canonical(
-    path: Path | str, *, required: Sequence[str] = REQUIRED_COLUMNS, least: int = MIN_SAMPLES
+    path: Path | str, *, required: Sequence[str] = REQUIRED_COLUMNS, minimum: int = MIN_SAMPLES
 ) -> pd.DataFrame:
     """Read the samples of one trip from a CSV or Parquet file with the columns of `tripwatt.trips.COLUMNS`.
 
@@ -30,8 +30,8 @@ def read_canonical(
     path : path
     required : sequence of str
         Columns that have to be there.
-    least : int
-        Least number of samples.
+    minimum : int
+        Smallest number of samples.
 
     Returns
     -------
@@ -55,7 +55,7 @@ def read_canonical(
     if not path.is_file():
         got = "a folder" if path.is_dir() else "no such file"
         raise InvalidInput.of("cannot read the file", f"{path}", got, "a CSV or Parquet file of samples")
-    return _samples_of(open_table(path), f"{path}", required, least)
+    return _samples_of(open_table(path), f"{path}", required, minimum)
 
 
 def canonical_of_text(content: bytes, where: str = "table") -> pd.DataFrame:
@@ -75,7 +75,7 @@ def canonical_samples(
     where: str = "samples",
     *,
     required: Sequence[str] = REQUIRED_COLUMNS,
-    least: int = MIN_SAMPLES,
+    minimum: int = MIN_SAMPLES,
 ) -> pd.DataFrame:
     """Check columns in memory by the rules of `read_canonical`, and return them as samples of a trip. O(samples x columns).
 
@@ -87,8 +87,8 @@ def canonical_samples(
         Name for messages.
     required : sequence of str
         Columns that have to be there.
-    least : int
-        Least number of samples.
+    minimum : int
+        Smallest number of samples.
 
     Raises
     ------
@@ -112,24 +112,24 @@ def canonical_samples(
         got = ", ".join(f"{name} has {n}" for name, n in lengths.items())
         different = Fault("columns of different lengths", where, got[:300], "one value per sample in each")
         raise InvalidInput([*_name_faults(names, where), *_missing(names, required, where), different])
-    return _checked(known, names, where, required, least)
+    return _checked(known, names, where, required, minimum)
 
 
-def _samples_of(table: TableFile, where: str, required: Sequence[str], least: int) -> pd.DataFrame:
+def _samples_of(table: TableFile, where: str, required: Sequence[str], minimum: int) -> pd.DataFrame:
     names = [name for name in table.names if name]
     known = [name for name in dict.fromkeys(names) if name in COLUMNS]
     columns = dict(zip(known, table.numbers(known), strict=True))
     if table.faults:
         raise InvalidInput([*_name_faults(names, where), *_missing(names, required, where), *table.faults])
-    return _checked(columns, names, where, required, least)
+    return _checked(columns, names, where, required, minimum)
 
 
 def _checked(
-    columns: Mapping[str, FloatArray], names: Sequence[str], where: str, required: Sequence[str], least: int
+    columns: Mapping[str, FloatArray], names: Sequence[str], where: str, required: Sequence[str], minimum: int
 ) -> pd.DataFrame:
     samples = table_of(columns)
     faults = [*_name_faults(names, where), *_missing(names, required, where)]
-    raise_faults([*faults, *_sample_faults(samples, where, least)])
+    raise_faults([*faults, *_sample_faults(samples, where, minimum)])
     return samples
 
 
@@ -150,9 +150,9 @@ def _hint(name: str) -> str:
     return f"did you mean {near} in {COLUMNS[near].unit}?" if near else "rename the column or leave it out"
 
 
-def _sample_faults(samples: pd.DataFrame, where: str, least: int) -> Iterator[Fault]:
-    if len(samples) < least:
-        yield Fault("too few samples", where, f"{len(samples)}", f"at least {least}")
+def _sample_faults(samples: pd.DataFrame, where: str, minimum: int) -> Iterator[Fault]:
+    if len(samples) < minimum:
+        yield Fault("too few samples", where, f"{len(samples)}", f"at least {minimum}")
         return
     if "time_s" not in samples or len(samples) < 2:
         return

@@ -236,7 +236,7 @@ def even_rows(source: Delimited) -> tuple[Delimited, IntArray, list[Fault]]:
     """
     width, delimiter = _body_width(source), source.delimiter
     body = source.data[source.body_offset :].rstrip(b"\n")
-    if _is_even(body, delimiter, width):
+    if _is_plain_grid(body, delimiter, width):
         rows = np.arange(body.count(b"\n") + 1)
         return replace(source, data=body, body_offset=0), source.header_line + 1 + rows, []
     lines = source.data[source.body_offset :].split(b"\n")
@@ -266,8 +266,8 @@ def even_rows(source: Delimited) -> tuple[Delimited, IntArray, list[Fault]]:
     return replace(source, data=body, body_offset=0), source.header_line + 1 + np.array(filled), faults
 
 
-def _is_even(body: bytes, delimiter: str, width: int) -> bool:
-    """Whether every row has `width` cells, and no cell is in quotes."""
+def _is_plain_grid(body: bytes, delimiter: str, width: int) -> bool:
+    """Whether every row has `width` cells, and no quote character occurs."""
     codes = np.frombuffer(body, np.uint8)
     ends = np.append(np.flatnonzero(codes == ord("\n")), len(codes))
     delimiters = np.searchsorted(np.flatnonzero(codes == ord(delimiter)), ends)

@@ -184,7 +184,7 @@ def _changed(
 def _headers(
     files: Sequence[Path],
 ) -> tuple[dict[Path, tuple[str, ...]], dict[Path, tuple[str, ...]], dict[Path, tuple[Fault, ...]]]:
-    """The columns of each file, the columns of files without a header again, and the faults of files without columns.
+    """Return the columns of each file, of these the columns given to files without a header, and the faults of files without columns.
 
     A file without a header gets the columns of the nearest file before it, in the order of names, that has as many; else of the
     next one.

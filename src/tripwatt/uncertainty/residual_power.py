@@ -70,7 +70,7 @@ class ResidualPower(Protocol):
         Parameters
         ----------
         hours : ndarray, shape (segments,)
-            Part of each segment that counts [h].
+            Duration over which the power of each segment is added up [h].
 
         Returns
         -------
@@ -176,7 +176,7 @@ class PowerPrior:
         Parameters
         ----------
         hours : ndarray, shape (segments,)
-            Part of each segment that counts [h].
+            Duration over which the power of each segment is added up [h].
 
         Returns
         -------
@@ -191,7 +191,7 @@ class PowerPrior:
         Parameters
         ----------
         hours : ndarray, shape (segments,)
-            Part of each segment that counts [h].
+            Duration over which the power of each segment is added up [h].
 
         Returns
         -------
@@ -246,11 +246,11 @@ class PowerPrior:
         n, J, last = len(self.time_s), len(self.drifts), int(seen[-1])
         is_seen = np.zeros(n, dtype=bool)
         is_seen[seen] = True
-        error = np.zeros(n)
-        error[seen] = variance_w2
+        error_w2 = np.zeros(n)
+        error_w2[seen] = variance_w2
         observed = np.zeros(n)
         observed[seen] = power_w
-        weight = np.where(is_seen, 1.0 / np.where(is_seen, self.new_w2 + error, 1.0), 0.0)[: last + 1]
+        weight = np.where(is_seen, 1.0 / np.where(is_seen, self.new_w2 + error_w2, 1.0), 0.0)[: last + 1]
         S = self.constant_w[: last + 1]
         sizes = np.array([drift.size_w[: last + 1] for drift in self.drifts]).reshape(J, last + 1).T
         solve = _band_solver(self, sizes, weight)
@@ -258,17 +258,17 @@ class PowerPrior:
         X = solve(border)
         corner = np.eye(S.shape[1]) + S.T @ (weight[:, None] * S) - border.T @ X
         covariance = np.asarray(np.linalg.inv(corner))
-        seen_w = weight * observed[: last + 1]
-        b = (sizes * seen_w[:, None]).reshape(-1)
-        constants = covariance @ (S.T @ seen_w - X.T @ b)
-        drifts = (solve(b[:, None])[:, 0] - X @ constants).reshape(last + 1, J)
+        weighted = weight * observed[: last + 1]
+        b = (sizes * weighted[:, None]).reshape(-1)
+        constants = covariance @ (S.T @ weighted - X.T @ b)
+        drift_values = (solve(b[:, None])[:, 0] - X @ constants).reshape(last + 1, J)
         mean = self.constant_w @ constants
-        mean[: last + 1] += np.sum(sizes * drifts, axis=1)
+        mean[: last + 1] += np.sum(sizes * drift_values, axis=1)
         mean[: last + 1] += self.new_w2[: last + 1] * weight * (observed - mean)[: last + 1]
         ahead = np.arange(last + 1, n)
         for j, drift in enumerate(self.drifts):
-            mean[ahead] += _carried(self, drift, last)[ahead] * drifts[last, j]
-        return MeasuredPower(self, is_seen, error, mean, solve, X, covariance)
+            mean[ahead] += _carried(self, drift, last)[ahead] * drift_values[last, j]
+        return MeasuredPower(self, is_seen, error_w2, mean, solve, X, covariance)
 
     def averaged(self, weights: FloatArray, power_w: FloatArray, variance_w2: FloatArray) -> AveragedPower:
         """Condition the distribution on measured means over segments. O(segments x readings²).

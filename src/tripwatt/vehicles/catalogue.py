@@ -231,9 +231,9 @@ class Coastdown:
         """
         low, high = SPLIT_SPEEDS_M_S
         c = 0.5 * ROAD_LOAD_DENSITY_KG_M3 * drag_area_m2
-        change = self.c_n_s2_m2 - c
+        removed = self.c_n_s2_m2 - c
         return Coastdown(
-            self.a_n - change * low * high, self.b_n_s_m + change * (low + high), c, self.mass_kg
+            self.a_n - removed * low * high, self.b_n_s_m + removed * (low + high), c, self.mass_kg
         )
 
     def with_linear_part(self, b_n_s_m: float) -> Coastdown:

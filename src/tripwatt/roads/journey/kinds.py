@@ -209,26 +209,26 @@ class OwnRoads:
         """Return the prior for a distance [m], in which own trips are weighted by how near their distance is. O(trips)."""
         driven_m = self.length_m.sum(axis=1)
         weight = np.exp(-0.5 * (np.log(driven_m / distance_m) / _DISTANCE_LOG_SD) ** 2)
-        trips, own_shares = PRIOR_TRIPS + weight.sum(), self.length_m / driven_m[:, None]
-        all_logs = np.array(shares_over(self.prior.usual, distance_m))
+        total_weight, own_shares = PRIOR_TRIPS + weight.sum(), self.length_m / driven_m[:, None]
+        usual_shares = np.array(shares_over(self.prior.usual, distance_m))
         short, long = TYPICAL_M
         by_kind = self.typical_wh[0] + np.outer(
             (driven_m - short) / (long - short), self.typical_wh[1] - self.typical_wh[0]
         )
-        city, country, motorway = ((PRIOR_TRIPS * all_logs + weight @ own_shares) / trips).tolist()
+        city, country, motorway = ((PRIOR_TRIPS * usual_shares + weight @ own_shares) / total_weight).tolist()
 
         def mean_and_variance(shares: FloatArray, is_known: bool) -> tuple[float, tuple[float, ...]]:
             typical = np.maximum((shares * by_kind).sum(axis=1), 1.0)
             error = np.clip(self.driving_wh / typical - 1.0, -_MAX_ERROR, _MAX_ERROR)
-            mean = float(weight @ error / trips)
+            mean = float(weight @ error / total_weight)
             square = PRIOR_TRIPS * self.prior.relative_sd(distance_m, is_known) ** 2
             square += weight @ (error - mean) ** 2
-            return mean, (float(square / trips), 0.0)
+            return mean, (float(square / total_weight), 0.0)  # common variance, local length
 
-        known_extra, known = mean_and_variance(np.array([round_shares(row) for row in own_shares]), True)
+        known_mean, known_var = mean_and_variance(np.array([round_shares(row) for row in own_shares]), True)
         usual = (city, country, motorway)
-        unknown_extra, unknown = mean_and_variance(np.array(usual), False)
-        return RoadPrior(self.prior.speed_m_s, usual, known, unknown, (known_extra, unknown_extra))
+        unknown_mean, unknown_var = mean_and_variance(np.array(usual), False)
+        return RoadPrior(self.prior.speed_m_s, usual, known_var, unknown_var, (known_mean, unknown_mean))
 
     def usual_air(self, day: float) -> tuple[float, float]:
         """Return the outside temperature [°C] around a day of the year where the car drives, and its standard deviation [K].

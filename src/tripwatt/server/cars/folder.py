@@ -179,7 +179,7 @@ def forget_car(folder: Path | str) -> None:
     if not (path / FILE).is_file() and not (path / older.LIVE).is_dir():
         path = open_car(folder).folder
     with folder_lock(path):
-        older.remove(path)
+        older.remove_older_files(path)
         shutil.rmtree(path / UPLOADS, ignore_errors=True)
         for suffix in ("-wal", "-shm", ""):  # a car is there until the last of them is gone
             (path / f"{FILE}{suffix}").unlink(missing_ok=True)

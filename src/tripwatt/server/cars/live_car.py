@@ -84,7 +84,7 @@ class LiveCar(Recorder):
         self.file = CarFile(self.folder)
         with system_errors("cannot write the folder", f"{self.folder}", "a writable folder"):
             self.file.prepare(partial(older.read_into, self.folder))
-        older.remove(self.folder)
+        older.remove_older_files(self.folder)
         super().__init__(self.folder.name)
         self.keep_days = math.inf
         self.now_s = steady_clock()

@@ -85,8 +85,8 @@ def read_into(folder: Path, db: sqlite3.Connection) -> None:
             _read_trips(folder.name, live, db)
 
 
-def remove(folder: Path) -> None:
-    """Remove what an older version wrote."""
+def remove_older_files(folder: Path) -> None:
+    """Remove the files of an older version from its folder; any other folder stays as it is."""
     if not is_older_folder(folder):
         return
     for path in (*folder.glob(".learned.*.writing"), *(folder / name for name in NAMES)):

@@ -120,7 +120,7 @@ class Recorder:
         """Shift all samples so far to the new clock of the sender."""
         self._ordered.shift_times(by_s)
         self._finder.shift_times(by_s)
-        self._soc, self._parked = (soc and (soc[0] + by_s, *soc[1:]) for soc in (self._soc, self._parked))
+        self._soc, self._parked = (old and (old[0] + by_s, *old[1:]) for old in (self._soc, self._parked))
         self._air = self._air[0] + by_s, self._air[1]
         self._departure_of_trip = None
 

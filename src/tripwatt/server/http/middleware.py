@@ -128,7 +128,10 @@ class ServiceMiddleware:
 
 
 def _check_site(headers: Headers, allowed: Sequence[str]) -> None:
-    """Refuse a request that a browser sends for a page of another site, unless its origin is allowed. Programs send neither header."""
+    """Refuse a request that a browser sends for a page of another site, unless its origin is allowed.
+
+    A program other than a browser sends neither `Sec-Fetch-Site` nor `Origin`, and passes.
+    """
     site, origin = headers.get("sec-fetch-site"), headers.get("origin")
     host = headers.get("x-forwarded-host", headers.get("host", "")).partition(",")[0].strip()
     is_same = origin is None or origin.lower().partition(":")[2] == f"//{host.lower()}"

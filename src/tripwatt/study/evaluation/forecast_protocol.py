@@ -137,11 +137,11 @@ class ForecastProtocol:
         self, prepared: Prepared[ForecastData], specs: Sequence[ModelSpec], seed: int
     ) -> list[Comparison]:
         """Return the learning curve; empty if trips are too few, not left out one by one, or one of its two models was not chosen."""
-        main, curves = prepared.hold_outs[0], (self.centre, _DATA_ONLY)
-        if main.scheme != LEAVE_ONE_TRIP_OUT or not {m.name for m in curves} <= {s.name for s in specs}:
+        main, models = prepared.hold_outs[0], (self.centre, _DATA_ONLY)
+        if main.scheme != LEAVE_ONE_TRIP_OUT or not {m.name for m in models} <= {s.name for s in specs}:
             return []
         draws = random_draws(main, CURVE_SIZES, CURVE_DRAWS, CURVE_MIN_TEST, seed)
-        return [Comparison(draws, curves)] if draws.splits else []
+        return [Comparison(draws, models)] if draws.splits else []
 
     def prepare(
         self, fleet: TripSet, test_fleet: TripSet | None, car: CarChoice, choice: HoldOutChoice

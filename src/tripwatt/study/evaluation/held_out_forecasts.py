@@ -51,7 +51,7 @@ class HeldOutForecast:
     arrival : ndarray, shape (len(ARRIVAL_STARTS), 3)
         Forecast median of that charge and the bounds of its interval of `UPDATE_LEVEL`; NaN if the start was not known.
     arrival_chance : ndarray, shape (len(ARRIVAL_STARTS), len(RESERVE_OFFSETS))
-        Probability to arrive with the median plus each of `RESERVE_OFFSETS`.
+        Probability to arrive with more than the median plus each of `RESERVE_OFFSETS`.
     """
 
     sd_wh: float
@@ -105,7 +105,7 @@ def _displayed_charge_at_arrival(log: pd.DataFrame) -> float:
 
 
 def forecast_arrivals(model: ForecastModel, plan: Plan) -> tuple[FloatArray, FloatArray]:
-    """Forecast the displayed charge at arrival of a trip, from each start of `ARRIVAL_STARTS` alone.
+    """Forecast the displayed charge at arrival of a trip, with only one of the fields `ARRIVAL_STARTS` of the departure at a time.
 
     Parameters
     ----------
@@ -114,20 +114,20 @@ def forecast_arrivals(model: ForecastModel, plan: Plan) -> tuple[FloatArray, Flo
 
     Returns
     -------
-    bounds : ndarray, shape (len(ARRIVAL_STARTS), 3)
-        Median and bounds of the interval of `UPDATE_LEVEL`; NaN, as in `chance`, if the start is not known.
+    soc : ndarray, shape (len(ARRIVAL_STARTS), 3)
+        Median and bounds of the interval of `UPDATE_LEVEL`; NaN, as in `chance`, if the field is not known.
     chance : ndarray, shape (len(ARRIVAL_STARTS), len(RESERVE_OFFSETS))
-        Probability to arrive with the median plus each of `RESERVE_OFFSETS`.
+        Probability to arrive with more than the median plus each of `RESERVE_OFFSETS`.
     """
-    bounds = np.full((len(ARRIVAL_STARTS), 3), np.nan)
+    soc = np.full((len(ARRIVAL_STARTS), 3), np.nan)
     chance = np.full((len(ARRIVAL_STARTS), len(RESERVE_OFFSETS)), np.nan)
     for row, start in enumerate(ARRIVAL_STARTS):
         if getattr(plan.departure, start) is not None:
             others = {other: None for other in ARRIVAL_STARTS if other != start}
             forecast = model.forecast(replace(plan, departure=replace(plan.departure, **others)))
-            bounds[row] = forecast.soc_arrival, *forecast.arrival.interval(UPDATE_LEVEL)
-            chance[row] = [forecast.arrival.p_above(bounds[row, 0] + offset) for offset in RESERVE_OFFSETS]
-    return bounds, chance
+            soc[row] = forecast.soc_arrival, *forecast.arrival.interval(UPDATE_LEVEL)
+            chance[row] = [forecast.arrival.p_above(soc[row, 0] + offset) for offset in RESERVE_OFFSETS]
+    return soc, chance
 
 
 def reforecast(forecast: Forecast, log: pd.DataFrame, fraction: float) -> list[float]:

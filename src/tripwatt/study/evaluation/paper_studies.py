@@ -144,7 +144,7 @@ MIN_SCORED: Final = 5
 
 
 def study_models(names: Sequence[str]) -> tuple[ModelSpec, ...]:
-    """Return the models beside the table: variants of models that are in the table."""
+    """Return the models that are evaluated besides those of the table: variants of the chosen models `names`."""
     models: list[ModelSpec] = []
     if correctors.SIMULATION in names:
         models += SIMULATIONS

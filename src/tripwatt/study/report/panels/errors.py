@@ -23,8 +23,8 @@ EDGE: Final = f"errors beyond {100 * CUT:.0f} % are drawn at the edge"
 def panels(view: View) -> list[Panel]:
     """Return the panels with the distribution of the errors and the box plots."""
     models = in_table_order(map(str, view.main_folds["model"].unique()))
-    without_physics = ((m, model_style(m).without_physics) for m in models)
-    pairs = [(model_style(m).stands_on, m, other) for m, other in without_physics if other in models]
+    counterparts = ((m, model_style(m).without_physics) for m in models)
+    triples = [(model_style(m).stands_on, m, other) for m, other in counterparts if other in models]
     shown = []
     if models:
         caption = "Signed error of every held-out trip, by model."
@@ -33,7 +33,7 @@ def panels(view: View) -> list[Panel]:
         caption = "Absolute error of every held-out trip, by model."
         figure = plot_error_boxes(view, models, "Errors of all models")
         shown.append(Panel("error-boxes", "Box plot of all models", caption, figure))
-    for triple in pairs[:1]:
+    for triple in triples[:1]:
         caption = "A hybrid beside its simulation alone and beside the same learner without simulation."
         figure = plot_error_boxes(view, [m for m in triple if m in models], "Physics, hybrid, learner alone")
         shown.append(Panel("benchmark-boxes", "Physics alone, hybrid, and learner alone", caption, figure))
