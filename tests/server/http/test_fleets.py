@@ -109,7 +109,7 @@ def test_the_version_in_use_is_followed_and_a_damaged_one_refused(fleet: Any, re
     assert (refused["event"], refused["version"]) == ("model refused", "0003")
     assert "no model" in refused["reason"]
     assert [m["model"]["version"] for m in jobs.run("summaries")["models"]] == ["0002"]  # type: ignore[index]
-    registry._point("0001")
+    registry._move_pointer("0001")
     assert answer() == before
 
 
