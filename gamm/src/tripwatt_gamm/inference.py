@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve, pinvh
+from scipy.linalg import cho_factor, cho_solve
 
 from tripwatt_gamm.arrays import FloatArray
 from tripwatt_gamm.chisq import weighted_chi2_sf
@@ -235,7 +235,9 @@ def _solve(a: FloatArray, b: FloatArray) -> FloatArray:
     try:
         solution = cho_solve(cho_factor(scaled, lower=True), b / d[:, None])
     except np.linalg.LinAlgError:
-        solution = pinvh(scaled, rtol=1e-14) @ (b / d[:, None])
+        values, vectors = np.linalg.eigh(scaled)
+        kept = values > 1e-14 * values[-1]  # the matrix has no negative eigenvalue: those are rounding as well
+        solution = (vectors[:, kept] / values[kept]) @ (vectors[:, kept].T @ (b / d[:, None]))
     return np.asarray(solution / d[:, None], dtype=float)
 
 
