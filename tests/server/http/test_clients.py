@@ -119,6 +119,7 @@ def test_a_python_client_has_every_operation(
     names: dict[str, Any] = {}
     for example in examples:
         exec(example.replace(ADDRESS, complete.url), names)
+    clients = [client, names["client"]]
     assert capsys.readouterr().out.splitlines()[-1] == f"{names['answer'].energy_wh}"
     with pytest.raises(TypeError, match="amient_temperature_degc"):
         models.ForecastRequest(amient_temperature_degc=-5.0)
@@ -132,6 +133,8 @@ def test_a_python_client_has_every_operation(
         told = orjson.loads((tmp_path / "openapi.json").read_bytes())
         assert told["paths"].keys() == orjson.loads(document.read_bytes())["paths"].keys()
         exec(with_token.replace(SITE, private.url), names)
+    for opened in (*clients, names["client"]):
+        opened.get_httpx_client().close()
     assert "ForecastResponse(" in capsys.readouterr().out
 
 
