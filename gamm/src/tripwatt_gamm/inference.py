@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_solve
 
 from tripwatt_gamm.arrays import FloatArray
 from tripwatt_gamm.chisq import weighted_chi2_sf
@@ -233,7 +233,7 @@ def _solve(a: FloatArray, b: FloatArray) -> FloatArray:
     d = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
     scaled = a / np.outer(d, d)
     try:
-        solution = cho_solve(cho_factor(scaled, lower=True), b / d[:, None])
+        solution = cho_solve((np.linalg.cholesky(scaled), True), b / d[:, None])
     except np.linalg.LinAlgError:
         values, vectors = np.linalg.eigh(scaled)
         kept = values > 1e-14 * values[-1]  # the matrix has no negative eigenvalue: those are rounding as well
