@@ -284,3 +284,12 @@ def test_a_file_of_the_tum_set_is_a_speed_trace(data_dir):
     assert plan.distance_m == pytest.approx(trip.distance_m, rel=1e-3)
     assert plan.departure.soc == trip.departure.soc
     assert plan.departure.ambient_temperature_degc == trip.departure.ambient_temperature_degc
+
+
+def test_a_speed_has_no_effect_on_a_track_with_times():
+    points = "".join(
+        f'<trkpt lat="{48 + k / 1000:.3f}" lon="11"><time>2026-05-01T08:0{k}:00Z</time></trkpt>'
+        for k in range(5)
+    )
+    with pytest.raises(tw.InvalidInput, match="speed has no effect"):
+        tw.read_route(f"<gpx><trk><trkseg>{points}</trkseg></trk></gpx>".encode(), speed_m_s=14.0)

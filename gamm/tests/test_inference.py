@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from gamm_samples import mgcv_fit
+from tripwatt_gamm import inference
 from tripwatt_gamm.inference import coefficient_table, smooth_test, term_table
 
 
@@ -41,3 +42,10 @@ def test_p_values_of_a_pure_noise_term_are_uniform():
 def test_term_without_data_explains_nothing():
     test = smooth_test(np.zeros(3), np.zeros((3, 3)), np.zeros((5, 3)), 0.0)
     assert (test.statistic, test.p_value) == (0.0, 1.0)
+
+
+def test_a_singular_system_is_solved_without_what_is_rounding():
+    """Two equal columns, and an eigenvalue that rounding made negative."""
+    a = np.array([[1.0, 1.0 + 1e-13], [1.0 + 1e-13, 1.0]])
+    b = np.array([[2.0], [2.0 + 1e-6]])
+    np.testing.assert_allclose(inference._solve(a, b), [[1.0], [1.0]], rtol=1e-6)

@@ -236,9 +236,8 @@ def _solve(a: FloatArray, b: FloatArray) -> FloatArray:
         solution = cho_solve((np.linalg.cholesky(scaled), True), b / d[:, None])
     except np.linalg.LinAlgError:
         values, vectors = np.linalg.eigh(scaled)
-        kept = (
-            values > 1e-14 * values[-1]
-        )  # the matrix has no negative eigenvalue: those are rounding as well
+        # the matrix has no negative eigenvalue: those are rounding as well
+        kept = values > 1e-14 * values[-1]
         solution = (vectors[:, kept] / values[kept]) @ (vectors[:, kept].T @ (b / d[:, None]))
     return np.asarray(solution / d[:, None], dtype=float)
 
