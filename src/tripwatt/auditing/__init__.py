@@ -200,8 +200,8 @@ def _legs(trip: Recorded, samples: pd.DataFrame, cuts: Sequence[Cut]) -> tuple[l
     keep = np.ones(len(samples), dtype=bool)
     edges = {0, len(samples)}
     for cut in cuts:
-        keep[cut.first : cut.last] = False
-        edges |= {cut.first, cut.last}
+        keep[cut.first : cut.stop] = False
+        edges |= {cut.first, cut.stop}
     pieces = [
         (first, samples.iloc[first:last].reset_index(drop=True))
         for first, last in pairwise(sorted(edges))
@@ -236,8 +236,8 @@ def finding_of_cut(
 ) -> Finding:
     """Make the finding of a cut: "split" if there are drives on both sides of the cut, else "trimmed"."""
     before = any(first < cut.first for first, _ in driven)
-    after = any(first >= cut.last for first, _ in driven)
-    first, last = max(cut.first - 1, 0), min(cut.last, len(samples) - 1)
+    after = any(first >= cut.stop for first, _ in driven)
+    first, last = max(cut.first - 1, 0), min(cut.stop, len(samples) - 1)
     return between(samples, trip_id, first, last, cut.what, "split" if before and after else "trimmed")
 
 

@@ -52,10 +52,10 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class Cut:
-    """Samples from `first` to before `last` that cannot be used; if `first == last`, a cut between two samples."""
+    """Samples `first` to `stop - 1` that cannot be used; if `first == stop`, a cut between two samples."""
 
     first: int
-    last: int
+    stop: int
     what: str
 
 
