@@ -252,3 +252,31 @@ class TestLoggedPlan:
         assert plan.departure.departs_at == start
         assert plan.flags[0] == known[0]
         assert len(plan.flags) == 2  # and a flat road
+
+
+def drive_of(seconds, zone="Z"):
+    """A GPX of points every 100 m whose times are those of `seconds` after a start."""
+    points = "".join(
+        f'<trkpt lat="{47.0 + k / 1112.0:.6f}" lon="9"><time>{(start + dt.timedelta(seconds=s)).isoformat()}{zone}</time></trkpt>'
+        for k, s in enumerate(seconds)
+        for start in [dt.datetime(2026, 3, 29, 1, 55)]
+    )
+    return read_gpx(f"<gpx><trk><trkseg>{points}</trkseg></trk></gpx>".encode())
+
+
+@pytest.mark.parametrize("pause_s", [2700.0, 36_000.0])
+def test_a_pause_between_points_takes_no_energy_and_keeps_the_way(pause_s):
+    seconds = 5.0 * np.arange(201)
+    straight = drive_of(seconds).driven_plan()
+    paused = drive_of(np.where(np.arange(201) > 100, seconds + pause_s, seconds)).driven_plan()
+    assert paused.distance_m == pytest.approx(straight.distance_m, rel=1e-3)
+    assert paused.duration_s == pytest.approx(straight.duration_s, rel=1e-2)
+    assert paused.elapsed_s == pytest.approx(straight.elapsed_s + pause_s)
+    assert [flag.code for flag in paused.flags][-1] == "pause"
+
+
+@pytest.mark.parametrize("hour_s", [3600.0, -3600.0])
+def test_the_hour_of_summer_time_is_no_time(hour_s):
+    seconds = 5.0 * np.arange(201)
+    changed = np.where(np.arange(201) > 60, seconds + hour_s, seconds)
+    assert drive_of(changed, zone="").driven_plan().elapsed_s == pytest.approx(seconds[-1])

@@ -12,8 +12,9 @@ import numpy.typing as npt
 
 from tripwatt.arrays import BoolArray, FloatArray, IntArray, distance_driven
 from tripwatt.errors import Fault, InvalidInput, and_more
+from tripwatt.routes.carried import pause_flags
 from tripwatt.routes.profile import LinkStyle, link_profile
-from tripwatt.trips import COLUMNS, LINK_COLUMNS, Flag, Plan, Recorded, raise_faults, table_of
+from tripwatt.trips import COLUMNS, LINK_COLUMNS, Flag, Pause, Plan, Recorded, raise_faults, table_of
 
 MAX_LINKS: Final = 200_000
 """Largest number of links in one route; a router response may have one for each piece between two nodes of the map."""
@@ -68,6 +69,8 @@ class LinkRoute:
         Highest allowed speed, NaN = not known; None = not known for any link.
     free_flow : bool
         Whether the travel times are those of an empty road.
+    pauses : tuple of Pause
+        Ferries and trains that carry the car; they are no part of the links.
 
     Raises
     ------
@@ -93,6 +96,7 @@ class LinkRoute:
     flags: tuple[Flag, ...] = ()
     speed_limit_m_s: FloatArray | None = None
     free_flow: bool = False
+    pauses: tuple[Pause, ...] = ()
 
     def __post_init__(self) -> None:
         raise_faults(_route_faults(self))
@@ -109,6 +113,11 @@ class LinkRoute:
     def duration_s(self) -> float:
         """Travel time of the route [s]."""
         return float(self.travel_time_s.sum())
+
+    @property
+    def elapsed_s(self) -> float:
+        """Time from departure to arrival [s]: the links and the pauses."""
+        return self.duration_s + sum(pause.duration_s for pause in self.pauses)
 
     @property
     def speed_m_s(self) -> FloatArray:
@@ -188,8 +197,9 @@ class LinkRoute:
             columns["elevation_m"] = height
         length = stretches["length_m"]
         link_m = float(length @ length / length.sum())
-        plan = Plan.from_trace(trip_id, table_of(columns), link_m=link_m, flags=route.flags)
-        return replace(plan, step_s=step_s, free_flow=route.free_flow)
+        flags = (*route.flags, *pause_flags(route.pauses))
+        plan = Plan.from_trace(trip_id, table_of(columns), link_m=link_m, flags=flags)
+        return replace(plan, step_s=step_s, free_flow=route.free_flow, pauses=route.pauses)
 
 
 def _route_faults(route: LinkRoute) -> Iterator[Fault]:

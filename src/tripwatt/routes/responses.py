@@ -13,10 +13,18 @@ from typing import Any, Final
 
 import numpy as np
 
-from tripwatt.arrays import FloatArray
+from tripwatt.arrays import BoolArray, FloatArray
 from tripwatt.errors import Fault, InvalidInput, excerpt, raise_faults
 from tripwatt.files import file_head
 from tripwatt.routes.answers import edge_pieces, intervals, speeds_at_points, step_pieces, steps_of
+from tripwatt.routes.carried import (
+    carried_pieces,
+    carried_points,
+    carried_steps,
+    driven_positions,
+    ferry_steps,
+    pauses_of,
+)
 from tripwatt.routes.documents import Node, parse_json, read_content
 from tripwatt.routes.geojson import track_from_geojson
 from tripwatt.routes.gpx import read_gpx
@@ -28,7 +36,7 @@ from tripwatt.routes.points import distances_m, haversine_m
 from tripwatt.routes.polyline import decode_polyline
 from tripwatt.routes.tracks import Track
 from tripwatt.routes.xml_events import root_name
-from tripwatt.trips import Flag
+from tripwatt.trips import Flag, Pause
 from tripwatt.units import M_PER_FOOT, M_PER_MILE
 
 _ORS_UNITS_M: Final[Mapping[str, float]] = {"m": 1.0, "km": 1000.0, "mi": M_PER_MILE}
@@ -41,7 +49,11 @@ _SUFFIXES: Final = (".gpx", ".kml", ".kmz", ".json", ".geojson")
 
 
 def route_from_pieces(
-    pieces: FloatArray, where: str, heights: tuple[FloatArray, FloatArray] | None, *flags: Flag
+    pieces: FloatArray,
+    where: str,
+    heights: tuple[FloatArray, FloatArray] | None,
+    *flags: Flag,
+    carried: BoolArray | None = None,
 ) -> LinkRoute:
     """Links of the pieces of a route. A piece that is too short or takes no time joins the next ones, at the end the last link.
 
@@ -55,12 +67,22 @@ def route_from_pieces(
         Distances from the start, which are scaled to the length of the links, and the heights there [m].
     *flags : Flag
         What is assumed of the route.
+    carried : ndarray of bool, shape (pieces,), optional
+        Whether a ferry or a train carries the car over a piece.
 
     Raises
     ------
     InvalidInput
         When no piece has a length and a time.
     """
+    pauses: tuple[Pause, ...] = ()
+    if carried is not None and carried.any():
+        length, time, _ = pieces.T
+        pauses = pauses_of(length, time, carried)
+        if heights is not None:
+            scale = float(length.sum()) / heights[0][-1] if heights[0][-1] > 0 else 1.0
+            heights = driven_positions(scale * heights[0], length, carried), heights[1]
+        pieces = pieces[~carried]
     length, time, moving = pieces.T
     ends = link_ends(length, time, SHORTEST_LINK_M, np.zeros(len(length), dtype=bool))
     if not len(ends):
@@ -70,11 +92,11 @@ def route_from_pieces(
     length, time = np.add.reduceat(length, starts), np.add.reduceat(time, starts)
     unknown = np.full(len(length), np.nan)
     if heights is None:
-        return LinkRoute(length, time, unknown, moving[ends], flags=(*flags, FLAT_ROAD))
+        return LinkRoute(length, time, unknown, moving[ends], flags=(*flags, FLAT_ROAD), pauses=pauses)
     position, height = heights
     if position[-1] > 0:
         position = position * (float(length.sum()) / position[-1])
-    return LinkRoute(length, time, unknown, moving[ends], position, height, flags)
+    return LinkRoute(length, time, unknown, moving[ends], position, height, flags, pauses=pauses)
 
 
 def heights_along(points: FloatArray) -> tuple[FloatArray, FloatArray] | None:
@@ -118,13 +140,14 @@ def route_from_osrm(response: Mapping[str, Any], where: str = "OSRM response") -
     if response.get("code", "Ok") != "Ok":
         raise _no_route(where, excerpt(response.get("code")), "code Ok")
     route, flags = _first_route(Node(response, where)["routes"])
-    pieces = []
+    pieces, carried = [], []
     for leg in route["legs"].entries(min_count=1):
         leg["duration"].number(minimum=0.0)
         annotation = leg["annotation"].value
         has_edges = isinstance(annotation, dict) and annotation.get("duration") and annotation.get("distance")
         pieces.append(edge_pieces(leg) if has_edges else step_pieces(steps_of(leg)))
-    return route_from_pieces(np.concatenate(pieces), where, None, *flags)
+        carried.append(carried_pieces(leg, pieces[-1][:, 0]))
+    return route_from_pieces(np.concatenate(pieces), where, None, *flags, carried=np.concatenate(carried))
 
 
 def route_from_valhalla(response: Mapping[str, Any], where: str = "Valhalla response") -> LinkRoute:
@@ -143,10 +166,11 @@ def route_from_valhalla(response: Mapping[str, Any], where: str = "Valhalla resp
         raise InvalidInput.of("unknown unit", f"{where}, units", excerpt(units, 40), "kilometers or miles")
     metres, height_unit = (1000.0, 1.0) if units == "kilometers" else (M_PER_MILE, M_PER_FOOT)
     legs = trip["legs"].entries(min_count=1)
-    pieces, positions, heights, driven_m = [], [], [], 0.0
+    pieces, carried, positions, heights, driven_m = [], [], [], [], 0.0
     for leg in legs:
         manoeuvres = leg["maneuvers"].entries(min_count=1)
         pieces.append(step_pieces(manoeuvres, "length", "time") * (metres, 1.0, 1.0))
+        carried.append(carried_steps(manoeuvres))
         length_m = float(pieces[-1][:, 0].sum())
         if leg["elevation"].value:
             height = height_unit * leg["elevation"].numbers()
@@ -156,7 +180,7 @@ def route_from_valhalla(response: Mapping[str, Any], where: str = "Valhalla resp
         driven_m += length_m
     is_complete = len(heights) == len(legs)
     elevation = (np.concatenate(positions), np.concatenate(heights)) if is_complete else None
-    return route_from_pieces(np.concatenate(pieces), where, elevation)
+    return route_from_pieces(np.concatenate(pieces), where, elevation, carried=np.concatenate(carried))
 
 
 def route_from_openrouteservice(
@@ -185,7 +209,8 @@ def route_from_openrouteservice(
         if has_heights and isinstance(line.value, str):
             heights = heights_along(decode_polyline(line.value, line.where, dimensions=3))
     steps = [step for segment in route["segments"].entries(min_count=1) for step in steps_of(segment)]
-    return route_from_pieces(step_pieces(steps) * (metres, 1.0, 1.0), where, heights, *flags)
+    pieces = step_pieces(steps) * (metres, 1.0, 1.0)
+    return route_from_pieces(pieces, where, heights, *flags, carried=ferry_steps(route, steps))
 
 
 def _openrouteservice_unit(response: Mapping[str, Any], where: str) -> float:
@@ -218,16 +243,18 @@ def route_from_graphhopper(response: Mapping[str, Any], where: str = "GraphHoppe
         length = path["distance"]
         position = distances_m(points, None if length.value is None else length.number(minimum=0.0))
         moving = speeds_at_points(details["average_speed"], len(points))
+        times = intervals(details["time"], len(points))
         pieces = np.array(
             [
                 (position[end] - position[start], _number_or_zero(milliseconds), moving[start])
-                for start, end, milliseconds in intervals(details["time"], len(points))
+                for start, end, milliseconds in times
             ]
         )
+        carried = carried_points(details, len(points))[[start for start, _, _ in times]]
     else:
-        pieces = step_pieces(steps_of(path, "instructions"), time_key="time")
+        pieces, carried = step_pieces(steps_of(path, "instructions"), time_key="time"), None
     heights = None if points is None else heights_along(points)
-    return route_from_pieces(pieces * (1.0, 1e-3, 1.0), where, heights, *flags)
+    return route_from_pieces(pieces * (1.0, 1e-3, 1.0), where, heights, *flags, carried=carried)
 
 
 def _number_or_zero(node: Node) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import calendar
 import datetime as dt
 import math
 from collections.abc import Iterator
@@ -12,6 +13,7 @@ import numpy as np
 
 from tripwatt.arrays import FloatArray, running_sum
 from tripwatt.errors import Fault, InvalidInput, and_more, excerpt, raise_faults
+from tripwatt.routes.carried import pause_flags
 from tripwatt.routes.links import (
     FASTEST_LINK_M_S,
     FLAT_ROAD,
@@ -23,7 +25,7 @@ from tripwatt.routes.links import (
 from tripwatt.routes.places import heading_along, with_heading
 from tripwatt.routes.points import haversine_m, require_on_earth
 from tripwatt.routes.profile import LinkStyle
-from tripwatt.trips import COLUMNS, Departure, Flag, Plan, table_of
+from tripwatt.trips import COLUMNS, Departure, Flag, Pause, Plan, table_of
 from tripwatt.trips.columns import is_number
 from tripwatt.trips.gaps import SHORTEST_GAP_S
 from tripwatt.units import M_S_PER_KM_H
@@ -36,6 +38,15 @@ _STANDING_M_S: Final = 0.5
 
 _TRACK_LINK_M: Final = 100.0
 """Points of a sparse or timeless track are joined until a link has this length [m]; a choice."""
+
+_MIN_PAUSE_S: Final = 180.0
+"""Shortest gap between two points without a movement that counts as a pause [s]; a choice, longer than a traffic light."""
+
+_CLOCK_CHANGE_S: Final = 3600.0
+_CLOCK_CHANGE_WITHIN_S: Final = 60.0
+_CLOCK_CHANGE_MONTHS: Final = (3, 4, 9, 10, 11)
+"""Summer time begins and ends on a Sunday of these months, in both hemispheres, between midnight and `_LAST_CHANGE_HOUR`."""
+_LAST_CHANGE_HOUR: Final = 4
 
 _MAX_IN_GAPS: Final = 0.25
 """Largest share of the length of a logged track that may lie in gaps between its points; a choice."""
@@ -122,6 +133,38 @@ class Track:
     def position_m(self) -> FloatArray:
         """Distance of each point from the first one [m]."""
         return running_sum(self.step_m)
+
+    def without_pauses(self) -> tuple[FloatArray | None, tuple[Pause, ...]]:
+        """Return the times without the pauses, and the pauses: gaps of `_MIN_PAUSE_S` or more in which the car hardly moves.
+
+        The way in a gap is driven at the median speed of the other pieces; the rest of its time is the pause.
+
+        Returns
+        -------
+        time_s : ndarray or None
+            Times [s], shape (points,); None if the track has no times.
+        pauses : tuple of Pause
+            In their order.
+
+        Examples
+        --------
+        >>> north = np.array([48.0, 48.001, 48.0011, 48.0021])
+        >>> track = Track(north, np.full(4, 11.0), np.full(4, np.nan), np.array([0.0, 10.0, 3611.0, 3621.0]), np.full(3, np.nan))
+        >>> time_s, pauses = track.without_pauses()
+        >>> time_s.round(1).tolist(), round(pauses[0].duration_s)
+        ([0.0, 10.0, 11.0, 21.0], 3600)
+        """
+        if self.time_s is None:
+            return None, ()
+        step_s, step_m = np.diff(self.time_s), self.step_m
+        paused = (step_s >= _MIN_PAUSE_S) & (step_m < _STANDING_M_S * step_s)
+        moving = (step_s > 0) & ~paused & (step_m >= _STANDING_M_S * step_s)
+        if not paused.any() or not moving.any():
+            return self.time_s, ()
+        drive_s = np.where(paused, step_m / float(np.median(step_m[moving] / step_s[moving])), step_s)
+        starts = self.position_m[:-1]
+        pauses = [Pause(float(starts[k]), float(step_s[k] - drive_s[k])) for k in np.flatnonzero(paused)]
+        return self.time_s[0] + running_sum(drive_s), tuple(pauses)
 
     @property
     def is_log(self) -> bool:
@@ -228,8 +271,9 @@ class Track:
         """
         step = self.step_m
         flags = self.flags
-        if self.time_s is not None:
-            time = np.diff(self.time_s)
+        time_s, pauses = self.without_pauses()
+        if time_s is not None:
+            time = np.diff(time_s)
         else:
             if speed_m_s is not None and not (is_number(speed_m_s) and 0 < speed_m_s <= FASTEST_LINK_M_S):
                 allowed = f"more than 0, at most {FASTEST_LINK_M_S:g} m/s"
@@ -250,7 +294,8 @@ class Track:
         length, seconds = np.add.reduceat(step, starts), np.add.reduceat(time, starts)
         position, height, height_flags = self.elevation()
         unknown = np.full(len(length), np.nan)
-        return LinkRoute(length, seconds, unknown, unknown, position, height, (*flags, *height_flags))
+        flags = (*flags, *height_flags)
+        return LinkRoute(length, seconds, unknown, unknown, position, height, flags, pauses=pauses)
 
     def driven_plan(self, *, trip_id: str = "track", step_s: float = 1.0) -> Plan:
         """A plan with the speed over time of a logged track. O(points).
@@ -282,12 +327,13 @@ class Track:
         >>> plan.array("speed_m_s")[10].round(2)
         np.float64(11.12)
         """
-        if self.time_s is None:
+        time_s, pauses = self.without_pauses()
+        if time_s is None:
             raise InvalidInput.of("no times", "track", "points without time", "a track with times")
-        advances = np.concatenate(([True], np.diff(self.time_s) > 0))
+        advances = np.concatenate(([True], np.diff(time_s) > 0))
         # if several points have the same time, the last position counts
         last = np.append(np.flatnonzero(advances)[1:], len(self)) - 1
-        known_s, driven = self.time_s[advances], self.position_m[last]
+        known_s, driven = time_s[advances], self.position_m[last]
         span = float(known_s[-1])
         finest = max(span / MAX_SAMPLES, 1e-3)
         if not finest <= step_s <= MAX_TRAVEL_TIME_S:
@@ -311,11 +357,11 @@ class Track:
         columns, at_m = {"time_s": time, "speed_m_s": speed}, np.interp(time, known_s, driven)
         if position is not None and height is not None:
             columns["elevation_m"] = np.interp(at_m, position, height)
-        flags += _moving_gaps(known_s, driven)
+        flags += (*_moving_gaps(known_s, driven), *pause_flags(pauses))
         departure = Departure(departs_at=self.started_at)
         plan = Plan.from_trace(trip_id, table_of(columns), departure, flags=(*self.flags, *flags))
         heading = heading_along(self.latitude_deg, self.longitude_deg, self.position_m, at_m)
-        return replace(plan, step_s=step_s, heading_deg=heading)
+        return replace(plan, step_s=step_s, heading_deg=heading, pauses=pauses)
 
 
 def parse_times(
@@ -324,6 +370,7 @@ def parse_times(
     """Times of points as seconds from the first point, the time of the first point, and flags.
 
     A missing time is interpolated between its neighbours. Returns None for both times if the first or the last point has none.
+    In times without zone, the hour by which clocks change to or from summer time is taken out.
     """
     if not any(texts):
         return None, None, ()
@@ -336,7 +383,21 @@ def parse_times(
     known = np.flatnonzero(np.isfinite(values))
     flags = () if len(known) == len(values) else (Flag("times_interpolated", "track"),)
     values = np.interp(np.arange(len(values)), known, values[known])
+    if dt.datetime.fromisoformat(texts[0]).tzinfo is None:
+        values = values - _clock_change(values)
     return values - values[0], times[0], flags
+
+
+def _clock_change(seconds: FloatArray) -> FloatArray:
+    """Return by how much the clock of each time without zone was put forward or back before, shape of `seconds` [s]."""
+    step = np.diff(seconds)
+    change = np.zeros(len(seconds))
+    for k in np.flatnonzero(np.abs(np.abs(step) - _CLOCK_CHANGE_S) <= _CLOCK_CHANGE_WITHIN_S):
+        moment = dt.datetime.fromtimestamp(float(seconds[k]), dt.UTC)
+        is_night = moment.weekday() == calendar.SUNDAY and moment.hour < _LAST_CHANGE_HOUR
+        if is_night and moment.month in _CLOCK_CHANGE_MONTHS:
+            change[k + 1 :] += np.copysign(_CLOCK_CHANGE_S, step[k])
+    return change
 
 
 def _parse_time(text: str, where: str) -> dt.datetime:

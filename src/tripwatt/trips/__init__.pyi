@@ -74,6 +74,9 @@ from .plan import (
     ROUTE_COLUMNS as ROUTE_COLUMNS,
 )
 from .plan import (
+    Pause as Pause,
+)
+from .plan import (
     Plan as Plan,
 )
 from .samples import (

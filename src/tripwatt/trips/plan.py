@@ -28,6 +28,25 @@ ROUTE_COLUMNS: Final = ("time_s", "speed_m_s", "elevation_m", "grade")
 """Columns of a plan."""
 
 
+@dataclass(frozen=True, slots=True)
+class Pause:
+    """A time on the way in which the car is off: it is parked, or a ferry or a train carries it.
+
+    Attributes
+    ----------
+    position_m : float
+        Distance driven before the pause [m].
+    duration_s : float
+        Length of the pause [s].
+    carried_m : float
+        Distance over which the car is carried [m]; 0 = parked.
+    """
+
+    position_m: float
+    duration_s: float
+    carried_m: float = 0.0
+
+
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
 class Plan(Sampled):
     """A drive to come: speed and road over time, without measurements.
@@ -52,6 +71,8 @@ class Plan(Sampled):
         Whether the travel times are those of an empty road, as from a router without traffic.
     heading_deg : ndarray, shape (samples,), or None
         Direction of travel, clockwise from north [°]; None if unknown.
+    pauses : tuple of Pause
+        Times on the way in which the car is off; they are no part of the samples.
 
     Examples
     --------
@@ -72,6 +93,7 @@ class Plan(Sampled):
     weather: PlanWeather | None = None
     free_flow: bool = False
     heading_deg: FloatArray | None = None
+    pauses: tuple[Pause, ...] = ()
 
     def __post_init__(self) -> None:
         _require_duration(self.duration_s, self.trip_id)
@@ -293,6 +315,11 @@ class Plan(Sampled):
         (True, 0.0)
         """
         return replace(self, weather=weather, departure=self.departure.without_weather())
+
+    @property
+    def elapsed_s(self) -> float:
+        """Time from departure to arrival [s]: the drive and its pauses."""
+        return self.duration_s + sum(pause.duration_s for pause in self.pauses)
 
     @property
     def has_road(self) -> bool:

@@ -28,6 +28,7 @@ def straight(start, end, speed_km_h=100.0, kind="primary", factor=1.0, level=Fal
         np.full(n, np.nan),
         (kind,) * n,
         np.zeros(n, dtype=bool),
+        np.zeros(n, dtype=bool),
     )
     links, kinds = join_edges(edges)
     if level:

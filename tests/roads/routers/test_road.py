@@ -17,7 +17,15 @@ def edges(length, time, speed=None, limit=None, kinds=None, signal=None):
     n = len(length)
     full = lambda values: np.full(n, NO) if values is None else np.array(values, dtype=float)  # noqa: E731
     signals = np.zeros(n, dtype=bool) if signal is None else np.array(signal)
-    return Edges(full(length), full(time), full(speed), full(limit), tuple(kinds or [""] * n), signals)
+    return Edges(
+        full(length),
+        full(time),
+        full(speed),
+        full(limit),
+        tuple(kinds or [""] * n),
+        signals,
+        np.zeros(n, dtype=bool),
+    )
 
 
 def lengths(*columns, **more):

@@ -168,7 +168,7 @@ def test_graphhopper_is_asked_for_four_paths_at_most(wanted, paths):
         "points_encoded": False,
         "elevation": True,
         "instructions": False,
-        "details": ["time", "distance", "average_speed", "max_speed", "road_class"],
+        "details": ["time", "distance", "average_speed", "max_speed", "road_class", "road_environment"],
     }
     assert body_of(asked(GraphHopperRouter, graphhopper())) == question
     more = {"algorithm": "alternative_route", "alternative_route.max_paths": paths}
@@ -184,6 +184,7 @@ def test_openrouteservice_is_asked_for_three_routes_at_most(wanted, count):
         "elevation": True,
         "units": "m",
         "instructions": True,
+        "extra_info": ["waytype"],
     }
     assert body_of(asked(OpenRouteServiceRouter, openrouteservice())) == question
     more = {"alternative_routes": {"target_count": count}}

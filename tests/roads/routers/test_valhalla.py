@@ -56,6 +56,7 @@ def test_the_whole_questions_to_valhalla():
                         "edge.end_shape_index",
                         "edge.tunnel",
                         "edge.bridge",
+                        "edge.use",
                         "node.elapsed_time",
                         "node.traffic_signal",
                     ],

@@ -219,7 +219,7 @@ class Corridor:
                 time[i, j] = np.inf
                 continue
             taken[i, j], need[i, j] = self._leg_need(leg, chance if i else first_chance)
-            time[i, j] = leg.forecast.plan.duration_s
+            time[i, j] = leg.forecast.plan.elapsed_s
         soc = float(self.forecast.along.expected_soc[0])
         return StopProblem(soc, taken, need, time, self.charging_s, self.rules.overhead_s)
 
@@ -229,7 +229,7 @@ class Corridor:
         differences = [
             (
                 self._leg_need(leg, 0.5)[0] - self._estimates[0][pair],
-                leg.forecast.plan.duration_s - self._estimates[1][pair],
+                leg.forecast.plan.elapsed_s - self._estimates[1][pair],
             )
             for pair, leg in self.routed.items()
             if leg is not None

@@ -182,7 +182,7 @@ class RoadForecast:
         return {
             "labels": list(self.labels),
             "distance_m": road.distance_m,
-            "duration_s": self.forecast.plan.duration_s,
+            "duration_s": self.forecast.plan.elapsed_s,
             "line": {name: np.round(getattr(road, name), k).tolist() for name, k in LINE_DIGITS.items()},
             "links": {
                 "length_m": road.links.length_m.tolist(),
@@ -403,7 +403,7 @@ class Journey:
             (
                 ", ".join(road.labels) or "road",
                 f"{road.road.distance_m / 1000.0:.1f} km, "
-                f"{road.forecast.plan.duration_s / SECONDS_PER_MINUTE:.0f} min, "
+                f"{road.forecast.plan.elapsed_s / SECONDS_PER_MINUTE:.0f} min, "
                 f"arrival with {road.forecast.soc_arrival:.0%}",
             )
             for road in self.roads
@@ -631,5 +631,5 @@ def _speed_advice(forecaster: RoadForecaster, first: RoadForecast, reserve: floa
             continue
         forecast = forecaster.forecast(slower)
         if forecast.p_arrive(reserve) >= CERTAIN:
-            return SpeedAdvice(speed * M_S_PER_KM_H, forecast.plan.duration_s)
+            return SpeedAdvice(speed * M_S_PER_KM_H, forecast.plan.elapsed_s)
     return SpeedAdvice(None, None)

@@ -157,7 +157,7 @@ def _charging_stops(
     wh, overhead = corridor.forecast.charge.wh_per_display, corridor.rules.overhead_s
     for k, node in enumerate(optimum.nodes[1:-1]):
         leg, leave = legs[k], optimum.levels[k + 1]
-        elapsed += leg.forecast.plan.duration_s
+        elapsed += leg.forecast.plan.elapsed_s
         position += leg.road.distance_m
         arrival = leg.soc_arrival
         charging_s = problem.charge_s(node, arrival, leave)

@@ -264,8 +264,8 @@ class ChargingPlan:
 
     @property
     def driving_s(self) -> float:
-        """Time on the road [s]."""
-        return sum(leg.forecast.plan.duration_s for leg in self.legs)
+        """Time on the road [s], with ferries and trains that carry the car."""
+        return sum(leg.forecast.plan.elapsed_s for leg in self.legs)
 
     @property
     def charging_s(self) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final, Protocol, Self
@@ -10,6 +11,7 @@ import numpy as np
 
 from tripwatt.arrays import BoolArray, FloatArray, IntArray
 from tripwatt.errors import Fault, InvalidInput, raise_faults
+from tripwatt.routes.carried import driven_positions, pauses_of
 from tripwatt.routes.links import FLAT_ROAD, SHORTEST_LINK_M, LinkRoute
 from tripwatt.routes.places import Place, heading_along, with_heading
 from tripwatt.routes.points import distances_m
@@ -33,6 +35,10 @@ KEY_NAME: Final = "TRIPWATT_ROUTER_KEY"
 """Environment variable with the key that a router's server expects."""
 
 
+_COLUMNS: Final = ("length_m", "time_s", "speed_m_s", "limit_m_s", "signal", "carried")
+"""Arrays of `Edges`."""
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class Edges:
     """The edges of a road as a router returns them. Arrays have shape (edges,).
@@ -49,6 +55,8 @@ class Edges:
         "motorway", "primary", ...; empty = not known.
     signal : ndarray of bool
         Whether a traffic signal is at the end of the edge.
+    carried : ndarray of bool
+        Whether a ferry or a train carries the car over the edge.
     """
 
     length_m: FloatArray
@@ -57,12 +65,22 @@ class Edges:
     limit_m_s: FloatArray
     road_class: tuple[str, ...]
     signal: BoolArray
+    carried: BoolArray
 
     @classmethod
-    def from_speeds(cls, length_m: FloatArray, time_s: FloatArray, speed_m_s: FloatArray) -> Edges:
-        """Make edges without limits, classes and signals."""
+    def from_speeds(
+        cls, length_m: FloatArray, time_s: FloatArray, speed_m_s: FloatArray, carried: BoolArray | None = None
+    ) -> Edges:
+        """Make edges without limits, classes and signals; by default none is carried."""
         n = len(length_m)
-        return cls(length_m, time_s, speed_m_s, np.full(n, np.nan), ("",) * n, np.zeros(n, dtype=bool))
+        none = np.zeros(n, dtype=bool)
+        carried = none if carried is None else carried
+        return cls(length_m, time_s, speed_m_s, np.full(n, np.nan), ("",) * n, none, carried)
+
+    def only(self, mask: BoolArray) -> Edges:
+        """Return the edges of a mask."""
+        columns = {name: getattr(self, name)[mask] for name in _COLUMNS}
+        return Edges(**columns, road_class=tuple(itertools.compress(self.road_class, mask.tolist())))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -78,7 +96,7 @@ class Road:
     latitude_deg, longitude_deg : ndarray, shape (points,)
         The line on the map.
     position_m : ndarray, shape (points,)
-        Distance of each point from the start, on the scale of the links.
+        Distance of each point from the start, on the scale of the links: all points of a ferry have that of its start.
     stop_position_m : tuple of float
         Distance of each intermediate stop from the start.
     """
@@ -97,8 +115,8 @@ class Road:
 
     @property
     def duration_s(self) -> float:
-        """Travel time of the links [s]."""
-        return self.links.duration_s
+        """Travel time of the links, and of ferries and trains [s]."""
+        return self.links.elapsed_s
 
     def place_at(self, position_m: float) -> Place:
         """Return the point of the road at a distance from its start."""
@@ -241,22 +259,24 @@ class RoadParts:
         points = np.concatenate(self.points)
         _require_near_stops(points, stops)
         with as_remote():
-            links, kinds = join_edges(_concatenate_edges(self.edges))
-            links = _with_heights(links, self.heights, legs_m)
-        position = distances_m(points, links.distance_m)
-        ends = np.cumsum(legs_m)[:-1].tolist()
-        return Road(links, kinds, points[:, 0], points[:, 1], position, tuple(ends))
+            edges = _concatenate_edges(self.edges)
+            links, kinds = join_edges(edges.only(~edges.carried))
+            pauses = pauses_of(edges.length_m, edges.time_s, edges.carried)
+            links = replace(_with_heights(links, self.heights, legs_m, edges), pauses=pauses)
+        positions = distances_m(points, sum(legs_m)), np.cumsum(legs_m)[:-1]
+        position, ends = (driven_positions(at, edges.length_m, edges.carried) for at in positions)
+        return Road(links, kinds, points[:, 0], points[:, 1], position, tuple(ends.tolist()))
 
 
 def _concatenate_edges(parts: Sequence[Edges]) -> Edges:
     """Join the edges of all legs; raise `InvalidInput` if a length, a time or a speed is impossible."""
-    names = ("length_m", "time_s", "speed_m_s", "limit_m_s", "signal")
-    columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+    columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in _COLUMNS}
     edges = Edges(**columns, road_class=tuple(kind for part in parts for kind in part.road_class))
     valid = ~(edges.speed_m_s <= 0.0)
     for values in (edges.length_m, edges.time_s):
         valid &= np.isfinite(values) & (values >= 0)
-    if not valid.all() or not len(valid) or not edges.length_m.sum() > 0 or not edges.time_s.sum() > 0:
+    driven = edges.only(~edges.carried)
+    if not valid.all() or not driven.length_m.sum() > 0 or not driven.time_s.sum() > 0:
         invalid = np.flatnonzero(~valid)
         where = f"edge {invalid[0] + 1}" if len(invalid) else "edges"
         raise InvalidInput.of("impossible edge of the road", where, "", "length and time above 0")
@@ -264,7 +284,10 @@ def _concatenate_edges(parts: Sequence[Edges]) -> Edges:
 
 
 def _with_heights(
-    links: LinkRoute, heights: Sequence[tuple[FloatArray, FloatArray] | None], legs_m: Sequence[float]
+    links: LinkRoute,
+    heights: Sequence[tuple[FloatArray, FloatArray] | None],
+    legs_m: Sequence[float],
+    edges: Edges,
 ) -> LinkRoute:
     """Return links with the heights of all legs, or unchanged if a leg has no heights."""
     known_heights = [leg for leg in heights if leg is not None]
@@ -272,6 +295,7 @@ def _with_heights(
         return links
     starts = np.cumsum([0.0, *legs_m[:-1]])
     position = np.concatenate([start + leg[0] for start, leg in zip(starts, known_heights, strict=True)])
+    position = driven_positions(position, edges.length_m, edges.carried)
     height = np.concatenate([leg[1] for leg in known_heights])
     return replace(links, elevation_position_m=position, elevation_m=height, flags=())
 

@@ -12,9 +12,11 @@ from typing import Any, ClassVar, Final, Self
 
 import numpy as np
 
+from tripwatt.arrays import BoolArray, FloatArray
 from tripwatt.errors import InvalidInput, RemoteError
 from tripwatt.roads.routers.road import KEY_NAME, MAX_ROUTES, Edges, Road, RoadParts, no_road, require_stops
 from tripwatt.routes.answers import edge_pieces, intervals, speeds_at_points, step_pieces, steps_of
+from tripwatt.routes.carried import carried_pieces, carried_points, ferry_steps
 from tripwatt.routes.documents import Node
 from tripwatt.routes.places import Place
 from tripwatt.routes.points import distances_m
@@ -90,13 +92,15 @@ class OsrmRouter(_ServerRouter):
     @staticmethod
     def read_parts(route: Node) -> RoadParts:
         """See `_ServerRouter.read_parts`."""
-        tables = []
+        tables, carried = [], []
         for leg in route["legs"].entries(min_count=1):
             is_annotated = isinstance(leg["annotation"].value, dict)
             tables.append(
                 edge_pieces(leg, annotated_speed=True) if is_annotated else step_pieces(steps_of(leg))
             )
-        return _leg_from_table(np.concatenate(tables), route["geometry"]["coordinates"].coordinates()[:, :2])
+            carried.append(carried_pieces(leg, tables[-1][:, 0]))
+        points = route["geometry"]["coordinates"].coordinates()[:, :2]
+        return _leg_from_table(np.concatenate(tables), points, np.concatenate(carried))
 
 
 class GraphHopperRouter(_ServerRouter):
@@ -113,7 +117,7 @@ class GraphHopperRouter(_ServerRouter):
             "points_encoded": False,
             "elevation": True,
             "instructions": False,
-            "details": ["time", "distance", "average_speed", "max_speed", "road_class"],
+            "details": ["time", "distance", "average_speed", "max_speed", "road_class", "road_environment"],
         }
         if alternatives:
             body |= {"algorithm": "alternative_route", "alternative_route.max_paths": alternatives + 1}
@@ -146,6 +150,7 @@ class GraphHopperRouter(_ServerRouter):
             limit[begin],
             tuple(kinds[starts[k]] if k >= 0 else "" for k in kind_index),
             np.zeros(len(begin), dtype=bool),
+            carried_points(details, n)[begin],
         )
         return RoadParts.from_leg(edges, points, position)
 
@@ -163,6 +168,7 @@ class OpenRouteServiceRouter(_ServerRouter):
             "elevation": True,
             "units": "m",
             "instructions": True,
+            "extra_info": ["waytype"],
         }
         if alternatives:
             body["alternative_routes"] = {"target_count": min(alternatives + 1, 3)}
@@ -176,14 +182,15 @@ class OpenRouteServiceRouter(_ServerRouter):
     @staticmethod
     def read_parts(route: Node) -> RoadParts:
         """See `_ServerRouter.read_parts`."""
-        segments = route["properties"]["segments"].entries(min_count=1)
+        properties = route["properties"]
+        segments = properties["segments"].entries(min_count=1)
         steps = [step for segment in segments for step in steps_of(segment)]
-        return _leg_from_table(step_pieces(steps), route["geometry"]["coordinates"].coordinates())
+        points = route["geometry"]["coordinates"].coordinates()
+        return _leg_from_table(step_pieces(steps), points, ferry_steps(properties, steps))
 
 
-def _leg_from_table(table: np.ndarray, points: np.ndarray) -> RoadParts:
+def _leg_from_table(table: FloatArray, points: FloatArray, carried: BoolArray) -> RoadParts:
     """Make one leg from a table of lengths, times and speeds of edges, shape (edges, 3); points may have heights."""
     table[~(table[:, 2] > 0.0), 2] = np.nan
-    return RoadParts.from_leg(
-        Edges.from_speeds(*table.T), points, distances_m(points, float(table[:, 0].sum()))
-    )
+    edges = Edges.from_speeds(*table.T, carried)
+    return RoadParts.from_leg(edges, points, distances_m(points, float(table[:, 0].sum())))

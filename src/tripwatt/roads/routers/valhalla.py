@@ -19,6 +19,7 @@ import numpy as np
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.errors import InvalidInput
 from tripwatt.roads.routers.road import KEY_NAME, MAX_ROUTES, Edges, Road, RoadParts, no_road, require_stops
+from tripwatt.routes.carried import CARRIED
 from tripwatt.routes.documents import Node
 from tripwatt.routes.places import Place
 from tripwatt.routes.points import distances_m
@@ -62,6 +63,7 @@ _EDGE_ATTRIBUTES: Final = (
     "edge.end_shape_index",
     "edge.tunnel",
     "edge.bridge",
+    "edge.use",
     "node.elapsed_time",
     "node.traffic_signal",
 )
@@ -269,6 +271,7 @@ def _edges(answer: Node, shape: str, points: FloatArray) -> tuple[Edges, FloatAr
         np.array([_speed_limit(entry["speed_limit"]) for entry in entries]),
         tuple(str(entry.members().get("road_class", "")) for entry in entries),
         np.array([node["traffic_signal"].value is True for node in nodes]),
+        np.array([entry["use"].value in CARRIED for entry in entries]),
     )
     return edges, np.column_stack((boundary_m[:-1], boundary_m[1:]))[off_ground]
 
