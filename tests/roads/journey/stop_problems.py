@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tripwatt.roads.journey.solver import StopProblem
+from tripwatt.roads.journey.solver import MIN_CHARGE_S, MIN_GAIN_SOC, StopProblem
 
 LEVELS = np.arange(21) / 20
 
@@ -52,7 +52,10 @@ def exhaustive(problem):
         )
         arrived = spent + problem.time_s[node, there, None] + problem.overhead_s
         arrived = np.where(soc >= problem.need[node, there, None], arrived, np.inf)
-        charged = np.maximum(problem.charging_s[there][:, None, :] - here.reshape(*arrived.shape, 1), 0.0)
+        charged = problem.charging_s[there][:, None, :] - here.reshape(*arrived.shape, 1)
+        charged = np.where(
+            levels - MIN_GAIN_SOC >= arrival[:, :, None], np.maximum(charged, MIN_CHARGE_S), np.inf
+        )
         total = (arrived[:, :, None] + charged).min(axis=1)
         for k in reversed(range(len(there))):
             useful = total[k] + left_s[there[k]] < best

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.roads.journey.stop_problems import exhaustive, made_problem
 
-from tripwatt.roads.journey.solver import _best_charging, joint_chance, least_time
+from tripwatt.roads.journey.solver import MIN_CHARGE_S, MIN_GAIN_SOC, _best_charging, joint_chance, least_time
 
 SAMPLE = range(24)
 """Seeds of the gate; `python -m benchmarks.stops` tries 500."""
@@ -81,7 +81,10 @@ def test_the_chance_of_all_legs_is_that_of_draws_with_a_shared_error(share):
 def test_a_level_at_a_station_takes_the_least_time_of_all_ways_to_it(ways):
     levels, charging_s = np.linspace(0.0, 1.0, 11), 1000.0 * np.linspace(0.0, 1.0, 11) ** 2
     arrival, total = np.array(ways).T
-    charging = np.maximum(charging_s - np.interp(arrival, levels, charging_s)[:, None], 0.0)
+    charging = np.maximum(charging_s - np.interp(arrival, levels, charging_s)[:, None], MIN_CHARGE_S)
+    charging = np.where(levels - MIN_GAIN_SOC >= arrival[:, None], charging, 1e9)
     least, chosen = _best_charging(arrival, total, levels, charging_s)
-    assert least == pytest.approx((total[:, None] + charging).min(axis=0), abs=1e-9)
-    assert (total + charging.T)[range(11), chosen] == pytest.approx(least, abs=1e-9)
+    reached = np.isfinite(least)
+    assert reached.tolist() == (arrival.min() <= levels - MIN_GAIN_SOC).tolist()
+    assert least[reached] == pytest.approx((total[:, None] + charging).min(axis=0)[reached], abs=1e-9)
+    assert (total + charging.T)[range(11), chosen][reached] == pytest.approx(least[reached], abs=1e-9)

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from benchmarks.absurd import contradictions, journeys
 from benchmarks.stops import chances
 from tests.roads.journey.made import COLD, MADE, A, journey
 
@@ -20,6 +21,13 @@ from tripwatt.roads.journey.solver import STEP, StopPlan
 from tripwatt.roads.journey.stops import variance_along
 from tripwatt.roads.maps import Station
 
+WRONG_PLAN = {
+    "soc_interval": [0.2, 0.3],
+    "soc_arrival": 0.4,
+    "p_reserve": 0.9,
+    "p_arrive": 0.8,
+    "course": {"displayed_soc": [0.5]},
+}
 FAR = Place(47.0, 11.2, "Far")
 LOW = replace(COLD, soc=0.7)
 SUNDAY = dt.datetime(2026, 2, 1, 7, 30, tzinfo=dt.UTC)
@@ -287,7 +295,7 @@ def test_a_leg_needs_what_its_lowest_charge_and_its_reserve_do(sure, heat, need)
     forecast = SimpleNamespace(along=along)
     leg = Leg(None, forecast, heat)
     corridor = SimpleNamespace(_leg_needs={}, rules=SimpleNamespace(reserve=0.1))
-    assert Corridor._leg_need(corridor, leg, 0.9) == pytest.approx((0.2 + heat, need))
+    assert Corridor._leg_need(corridor, leg, 0.9, 0.1) == pytest.approx((0.2 + heat, need))
 
 
 @dataclass(frozen=True)
@@ -419,3 +427,20 @@ def test_a_way_to_a_station_in_vain_takes_its_share_of_the_road(long_journey):
     assert length_m.min() < 500.0 < 2000.0 < length_m.max()
     per_m = corridor.forecast.energy_wh / corridor.road.distance_m / corridor.forecast.charge.wh_per_display
     assert ways[:, 0] == pytest.approx(per_m * length_m)
+
+
+def test_a_departure_below_the_reserve_is_named_and_exempts_the_first_leg(model):
+    near = replace(MADE, stations=(Station(47.0, 9.2, "near", 1e5, direct_current=True),))
+    trip = journey(model, replace(COLD, soc=0.33), (A, Place(47.0, 9.5)), near, reserve=0.35)
+    assert trip.charging is not None
+    assert trip.verdict.reason == "leaves_below_reserve"
+    assert trip.charging.leg_chances[0] == trip.charging.legs[0].chance(0.0) >= 0.95
+    assert trip.charging.leg_chances[1] == trip.charging.legs[1].chance(0.35)
+
+
+def test_random_journeys_do_not_contradict_themselves():
+    for answer in journeys(10, seed=3):
+        assert list(contradictions(answer)) == []
+        stop = {"charging_s": 60.0, "soc_leave": 0.2, "soc_arrival": 0.3, "position_m": 0.0}
+        wrong = answer | {"charging_alternatives": [WRONG_PLAN | {"stops": [stop]}]}
+        assert len(list(contradictions(wrong))) == 5

@@ -32,6 +32,8 @@ CERTAIN: Final = 0.95
 """Chance to have the reserve at every stop and at the end: "19 of 20 journeys"."""
 _DETOUR_M: Final = 3000.0
 """Stations farther from the road than this are not used: a choice, because there are nearer ones beside long roads."""
+_MIN_FROM_START_M: Final = 2000.0
+"""Stations nearer to the start are no stops on the way: a choice, because one charges there before leaving."""
 _POINT_EVERY_M: Final = 500.0
 """Distance between the points of a road from which stations are searched [m]: a choice, small against `_DETOUR_M`."""
 _MAX_STATIONS: Final = 200
@@ -109,7 +111,7 @@ class Corridor:
     via: tuple[Place, ...] = ()
     routed: dict[tuple[int, int], Leg | None] = field(default_factory=dict)
     _widths: dict[float, FloatArray] = field(default_factory=dict)
-    _leg_needs: dict[tuple[Leg, float], tuple[float, float]] = field(default_factory=dict)
+    _leg_needs: dict[tuple[Leg, float, float], tuple[float, float]] = field(default_factory=dict)
 
     def with_forecast(self, forecaster: RoadForecaster, road: Road, forecast: Forecast) -> Corridor:
         """Return a corridor with the same rules for another road or another forecast."""
@@ -125,7 +127,7 @@ class Corridor:
             points = [self.road.place_at(float(at)) for at in position]
             for index, point in near(stations, points, _DETOUR_M):
                 usable = stations[index].usable_with(self.rules.plugs)
-                if usable is not None:
+                if usable is not None and position[point] >= _MIN_FROM_START_M:
                     pairs.append((float(position[point]), usable))
         if len(pairs) <= _MAX_STATIONS:
             return pairs
@@ -214,13 +216,17 @@ class Corridor:
         taken, time = self._estimates[0] + extra_soc, self._estimates[1] + extra_s
         need = taken + self.rules.reserve + self.width(chance)
         need[0] = taken[0] + self.rules.reserve + self.width(first_chance)[0]
+        soc = float(self.forecast.along.expected_soc[0])
+        if soc < self.rules.reserve:  # the reserve counts after the first stop
+            need[0, :-1] -= self.rules.reserve
         for (i, j), leg in self.routed.items():
             if leg is None:
                 time[i, j] = np.inf
                 continue
-            taken[i, j], need[i, j] = self._leg_need(leg, chance if i else first_chance)
+            is_exempt = i == 0 and j < len(taken) - 1 and soc < self.rules.reserve
+            reserve = 0.0 if is_exempt else self.rules.reserve
+            taken[i, j], need[i, j] = self._leg_need(leg, chance if i else first_chance, reserve)
             time[i, j] = leg.forecast.plan.elapsed_s
-        soc = float(self.forecast.along.expected_soc[0])
         return StopProblem(soc, taken, need, time, self.charging_s, self.rules.overhead_s)
 
     @property
@@ -228,7 +234,7 @@ class Corridor:
         """Mean additional charge and time [s] of routed legs, which start and end at rest, over their estimates; 0 if none is routed."""
         differences = [
             (
-                self._leg_need(leg, 0.5)[0] - self._estimates[0][pair],
+                self._leg_need(leg, 0.5, self.rules.reserve)[0] - self._estimates[0][pair],
                 leg.forecast.plan.elapsed_s - self._estimates[1][pair],
             )
             for pair, leg in self.routed.items()
@@ -237,15 +243,16 @@ class Corridor:
         extra_soc, extra_s = np.mean(differences or [(0.0, 0.0)], axis=0).tolist()
         return extra_soc, extra_s
 
-    def _leg_need(self, leg: Leg, chance: float) -> tuple[float, float]:
+    def _leg_need(self, leg: Leg, chance: float, reserve: float) -> tuple[float, float]:
         """Return the displayed charge that a routed leg takes, and the charge that it needs at its start."""
-        if (leg, chance) not in self._leg_needs:
+        key = leg, chance, reserve
+        if key not in self._leg_needs:
             low_soc = leg.forecast.along.soc(chance)
-            spare = min(float(low_soc[-1]) - self.rules.reserve - leg.preheat_soc, float(low_soc.min()))
+            spare = min(float(low_soc[-1]) - reserve - leg.preheat_soc, float(low_soc.min()))
             along = leg.forecast.along.expected_soc
             taken = float(along[0] - along[-1]) + leg.preheat_soc
-            self._leg_needs[leg, chance] = taken, float(along[0]) - spare
-        return self._leg_needs[leg, chance]
+            self._leg_needs[key] = taken, float(along[0]) - spare
+        return self._leg_needs[key]
 
     def width(self, chance: float) -> FloatArray:
         """Return the margin of displayed charge for the error of each leg, shape (nodes, nodes).

@@ -16,7 +16,7 @@ import numpy as np
 
 from tripwatt.roads.journey.corridor import CERTAIN, Corridor
 from tripwatt.roads.journey.solver import STEP, StopPlan, StopProblem, least_time
-from tripwatt.roads.journey.stops import ChargingPlan, ChargingStop, Leg, NextStation
+from tripwatt.roads.journey.stops import ChargingPlan, ChargingStop, NextStation
 
 _LEG_RISKS: Final = (5e-4, 1.0 - CERTAIN)
 """Smallest and largest risk of a leg; the smallest is a choice, a failure in 2,000 legs."""
@@ -145,18 +145,18 @@ def _best_effort_plans(corridor: Corridor) -> tuple[ChargingPlan, ...]:
 def _with_stops(
     corridor: Corridor, plan: ChargingPlan, optimum: StopPlan, chances: tuple[float, float]
 ) -> ChargingPlan:
-    stops = _charging_stops(corridor, plan.legs, optimum, corridor.problem(*chances))
+    stops = _charging_stops(corridor, plan, optimum, corridor.problem(*chances))
     return replace(plan, stops=tuple(stops))
 
 
 def _charging_stops(
-    corridor: Corridor, legs: tuple[Leg, ...], optimum: StopPlan, problem: StopProblem
+    corridor: Corridor, plan: ChargingPlan, optimum: StopPlan, problem: StopProblem
 ) -> Iterator[ChargingStop]:
     """Yield the stops of a plan in driving order, each with the station to go to if it is occupied."""
     elapsed = position = 0.0
     wh, overhead = corridor.forecast.charge.wh_per_display, corridor.rules.overhead_s
     for k, node in enumerate(optimum.nodes[1:-1]):
-        leg, leave = legs[k], optimum.levels[k + 1]
+        leg, leave = plan.legs[k], optimum.levels[k + 1]
         elapsed += leg.forecast.plan.elapsed_s
         position += leg.road.distance_m
         arrival = leg.soc_arrival
@@ -171,7 +171,7 @@ def _charging_stops(
             charging_s,
             overhead,
             elapsed,
-            leg.chance(corridor.rules.reserve),
+            plan.leg_chances[k],
             bool(leg.preheat_soc > 0.0),
             _next_station(corridor, optimum, problem, k),
         )

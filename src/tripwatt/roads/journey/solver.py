@@ -21,6 +21,12 @@ LEVELS: Final = np.arange(round(1.0 / STEP) + 1) / round(1.0 / STEP)
 """Displayed charges with which a car may leave a station; a driver reads whole percents."""
 LEVELS.flags.writeable = False
 
+MIN_CHARGE_S: Final = 300.0
+"""Shortest time of charging at a stop [s]: a choice, because nobody leaves the road for less."""
+
+MIN_GAIN_SOC: Final = 0.05
+"""Smallest displayed charge that is gained at a stop: a choice, far above the error of an estimated leg."""
+
 _Z: Final = np.linspace(-6.0, 6.0, 241)
 """Values of the common error in standard deviations, over which it is integrated; a choice."""
 
@@ -66,9 +72,15 @@ class StopProblem:
         return np.asarray(np.arange(count) / (count - 1))
 
     def charge_s(self, node: int, arrival: float, leave: float) -> float:
-        """Return the time to charge at a station from one charge to another [s], or 0 if there is nothing to charge."""
+        """Return the time to charge at a station from one charge to another [s], at least `MIN_CHARGE_S`."""
         to_arrival_s, to_leave_s = np.interp([arrival, leave], self.levels, self.charging_s[node])
-        return float(max(to_leave_s - to_arrival_s, 0.0))
+        return float(max(to_leave_s - to_arrival_s, MIN_CHARGE_S))
+
+    def level_after(self, node: int, arrival: float, leave: float) -> float:
+        """Return the level to leave a station with: `leave`, or the level that `MIN_CHARGE_S` gives if it is higher."""
+        to_arrival_s = np.interp(arrival, self.levels, self.charging_s[node])
+        reached = np.interp(to_arrival_s + MIN_CHARGE_S, self.charging_s[node], self.levels)
+        return max(leave, float(self.levels[np.searchsorted(self.levels, reached, side="right") - 1]))
 
     def duration_s(self, nodes: tuple[int, ...], levels: tuple[float, ...]) -> float:
         """Return the time of driving, charging and overheads of a plan [s], without checking the need of its legs."""
@@ -115,7 +127,8 @@ def least_time(problem: StopProblem) -> StopPlan | None:
     Returns
     -------
     StopPlan or None
-        The exact optimum for the levels of the problem. A car that arrives with more than a level may leave with that level at once.
+        The exact optimum for the levels of the problem. A stop gains at least `MIN_GAIN_SOC`. A car that reaches a level in less than
+        `MIN_CHARGE_S` charges for that time.
     """
     levels = problem.levels
     n, count = problem.charging_s.shape
@@ -147,17 +160,23 @@ def _best_charging(
 ) -> tuple[FloatArray, IntArray]:
     """Return the least time to leave a station with each level, and the index of the way that gives it.
 
-    For each level, the candidates are the best way that arrives with less and charges, and the best that arrives with more.
+    For each level, the candidates are the best way that charges for `MIN_CHARGE_S` or longer, and the best that reaches the level sooner.
     """
     order = np.argsort(arrival)
     arrival, total = arrival[order], total[order]
-    base = total - np.interp(arrival, levels, charging_s)
-    below, above = _running_best(base), len(total) - 1 - _running_best(total[::-1])[::-1]
-    count = np.searchsorted(arrival, levels, side="right")
-    low, high = below[np.maximum(count - 1, 0)], above[np.minimum(count, len(total) - 1)]
-    charged = np.where(count > 0, base[low] + charging_s, np.inf)
-    uncharged = np.where(count < len(total), total[high], np.inf)
-    return np.minimum(charged, uncharged), order[np.where(charged <= uncharged, low, high)]
+    to_arrival_s = np.interp(arrival, levels, charging_s)
+    base = total - to_arrival_s
+    below = np.searchsorted(arrival, levels - MIN_GAIN_SOC, side="right")
+    long = np.minimum(np.searchsorted(to_arrival_s, charging_s - MIN_CHARGE_S, side="right"), below)
+    low = _running_best(base)[np.maximum(long - 1, 0)]
+    charged = np.where(long > 0, base[low] + charging_s, np.inf)
+    # the least of a range is that of the least rank, which also gives its index
+    by_total = np.argsort(total, kind="stable")
+    rank = np.append(np.argsort(by_total), len(total))
+    least = np.minimum.reduceat(rank, np.column_stack((long, below)).ravel())[::2]
+    short = by_total[np.minimum(least, len(total) - 1)]
+    waited = np.where(long < below, total[short] + MIN_CHARGE_S, np.inf)
+    return np.minimum(charged, waited), order[np.where(charged <= waited, low, short)]
 
 
 def _running_best(values: FloatArray) -> IntArray:
@@ -176,8 +195,11 @@ def _trace_plan(problem: StopProblem, before: IntArray, way: int) -> StopPlan:
         if node == 0:
             break
         way = int(before[node, level])
-    plan, charges = tuple(nodes[::-1]), tuple(levels[::-1])
-    return StopPlan(plan, charges, problem.duration_s(plan, charges))
+    plan, charges = tuple(nodes[::-1]), levels[::-1]
+    for k in range(1, len(charges)):
+        arrival = charges[k - 1] - float(problem.taken[plan[k - 1], plan[k]])
+        charges[k] = problem.level_after(plan[k], min(max(arrival, 0.0), 1.0), charges[k])
+    return StopPlan(plan, tuple(charges), problem.duration_s(plan, tuple(charges)))
 
 
 def joint_chance(chances: FloatArray, shared: FloatArray) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Final
 
@@ -223,7 +224,7 @@ class ChargingPlan:
     legs : tuple of Leg
         Legs between the stops, one more than stops.
     reserve : float
-        Displayed charge to have at every stop and at the end.
+        Displayed charge to have at every stop and at the end. A car that leaves with less has to have the reserve after the first stop.
 
     Examples
     --------
@@ -241,16 +242,30 @@ class ChargingPlan:
     @property
     def p_arrive(self) -> float:
         """Probability that the battery is never empty."""
-        return self._chance(0.0)
+        return self._joint([leg.chance(0.0) for leg in self.legs])
 
     @property
     def p_reserve(self) -> float:
         """Probability to have the reserve at every stop and at the end."""
-        return self._chance(self.reserve)
+        return self._joint(self.leg_chances)
 
-    def _chance(self, reserve: float) -> float:
-        chances = np.array([leg.chance(reserve) for leg in self.legs])
-        return joint_chance(chances, np.array([leg.common_share for leg in self.legs]))
+    @property
+    def leaves_below_reserve(self) -> bool:
+        """Whether the charge at departure is below the reserve."""
+        return bool(self.legs[0].forecast.along.expected_soc[0] < self.reserve)
+
+    @property
+    def leg_chances(self) -> tuple[float, ...]:
+        """Probability of each leg to end with the reserve that it has to keep."""
+        return tuple(leg.chance(reserve) for leg, reserve in zip(self.legs, self._reserves, strict=True))
+
+    @property
+    def _reserves(self) -> tuple[float, ...]:
+        is_exempt = len(self.legs) > 1 and self.leaves_below_reserve
+        return (0.0 if is_exempt else self.reserve, *(self.reserve for _ in self.legs[1:]))
+
+    def _joint(self, chances: Sequence[float]) -> float:
+        return joint_chance(np.array(chances), np.array([leg.common_share for leg in self.legs]))
 
     @property
     def soc_arrival(self) -> float:

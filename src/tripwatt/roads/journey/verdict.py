@@ -34,6 +34,9 @@ class Verdict:
         Number of stops to charge.
     advice : str
         "go", "stop", "charge_before", "slower", or "none" if nothing helps.
+    reason : str
+        What the driver has to know first: "leaves_below_reserve", since then the reserve counts after the first stop only; "to_a_stop" or
+        "to_the_end" if the charge does not suffice there; "" if there is nothing.
 
     Examples
     --------
@@ -56,6 +59,7 @@ class Verdict:
     energy_wh: float
     charges: int
     advice: str
+    reason: str
 
     @classmethod
     def from_plan(cls, plan: ChargingPlan, advice_else: str) -> Verdict:
@@ -68,6 +72,7 @@ class Verdict:
             arrives_at=None if leaves is None else leaves + dt.timedelta(seconds=plan.duration_s),
             charges=len(plan.stops),
             advice=advice,
+            reason=_reason(plan, arrives),
             **{name: getattr(plan, name) for name in JOURNEY_FIELDS},
         )
 
@@ -83,3 +88,12 @@ class Verdict:
         for name in ("departs_at", "arrives_at"):
             values[name] = values[name] and values[name].isoformat(timespec="seconds")
         return values
+
+
+def _reason(plan: ChargingPlan, arrives: bool) -> str:
+    if plan.leaves_below_reserve:
+        return "leaves_below_reserve"
+    if arrives:
+        return ""
+    least = min(range(len(plan.legs)), key=plan.leg_chances.__getitem__)
+    return "to_the_end" if least == len(plan.legs) - 1 else "to_a_stop"

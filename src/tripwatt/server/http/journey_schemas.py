@@ -465,6 +465,8 @@ class VerdictDocument(WholeDocument):
     """number of stops to charge"""
     advice: Literal["go", "stop", "charge_before", "slower", "none"]
     """what to do; "none" where nothing helps"""
+    reason: Literal["", "leaves_below_reserve", "to_a_stop", "to_the_end"]
+    """what to know first: a departure below the reserve, which then counts after the first stop only, or where the charge does not suffice"""
 
 
 class PlanResponse(schemas.ResponseModel):
