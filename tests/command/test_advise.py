@@ -39,7 +39,7 @@ def test_the_table_has_units_and_words(run: Run, route: Path) -> None:
     assert "take off the roof box" in shown
     assert "saves kWh" in shown
     assert "faster overall if you charge below kW" in " ".join(shown.split())
-    assert "°C" in shown
+    assert "km/h at most" in shown
 
 
 def test_what_no_action_mends_is_charged_for_or_needs_a_stop(run: Run, tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ import httpx
 import pytest
 from tests.support.roads import client, mutated
 
-from tripwatt.errors import Fault, InvalidInput, RemoteError
+from tripwatt.errors import InvalidInput, RemoteError
 from tripwatt.roads.search import NominatimSearch, PhotonSearch, find_place, open_search
 from tripwatt.routes.places import Place
 
@@ -74,42 +74,6 @@ def test_a_mutated_answer_is_places_or_one_clear_error(kind, document):
 def test_an_unknown_place_is_named(text, search, message):
     with pytest.raises(InvalidInput, match=message):
         find_place(text, search, "stops[0]")
-
-
-class Villages:
-    """A search by the start of a name, and what it was asked."""
-
-    def __init__(self, *names, fails_at=99):
-        self.names, self.asked, self.fails_at = names, [], fails_at
-
-    def search(self, text, *, limit=10):
-        self.asked.append(text)
-        if len(self.asked) == self.fails_at:
-            raise RemoteError(Fault("no answer", "https://h"))
-        return tuple(Place(47.0, 9.0, name) for name in self.names if name.startswith(text))[:limit]
-
-
-@pytest.mark.parametrize(
-    ("typed", "fix"),
-    [
-        ("Rugell", "did you mean 'Ruggell'?"),
-        ("Ruggelll  ", "did you mean 'Ruggell'?"),
-        ("Rugby", ""),
-        ("Xuggell", ""),
-    ],
-)
-def test_a_misspelt_place_suggests_the_similar_one(typed, fix):
-    search = Villages("Ruggell", "Ruggell, Schellenberg", "Ruggellerstrasse, Ruggell")
-    with pytest.raises(InvalidInput, match="unknown place") as caught:
-        find_place(typed, search, "stops[1]")
-    assert caught.value.faults[0].fix == fix
-    assert search.asked == [typed, typed[:3]]
-
-
-def test_a_search_that_fails_for_the_suggestion_leaves_the_fault():
-    with pytest.raises(InvalidInput, match="unknown place") as caught:
-        find_place("Rugell", Villages("Ruggell", fails_at=2), "stops[1]")
-    assert caught.value.faults[0].fix == ""
 
 
 def test_a_search_is_named_by_kind_and_url():

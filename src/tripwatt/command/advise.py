@@ -31,7 +31,6 @@ WORDS: Final[Mapping[str, str]] = {
     "seats": "heat the seats in place of the cabin",
     "climate_off": "switch off climate control",
     "preheat_cabin": "set the cabin to {value:.0f} °C on the plug, {begins}",
-    "preheat_battery": "warm the battery to {value:.0f} °C on the plug, {begins}",
     "no_roof_box": "take off the roof box",
     "summer_tyres": "fit summer tyres",
     "check_tyres": "check the tyres if it has been two months",
@@ -107,10 +106,21 @@ def _show(advice: tw.Advice) -> None:
             chance(advised.p_arrive),
             advised.effort,
             _kwh(advised.wall_wh) if advised.wall_wh else "-",
+            advised.saves,
         )
         for advised in advice.singly
     ]
-    names = ("action", "saves kWh", "9 in 10", "time", "charge", "arrives", "effort", "from the plug kWh")
+    names = (
+        "action",
+        "saves kWh",
+        "9 in 10",
+        "time",
+        "charge",
+        "arrives",
+        "effort",
+        "from the plug kWh",
+        "gains",
+    )
     print_table("What saves energy", names, rows, numbers=(names[1], names[3], names[4]))
     if advice.speeds:
         caps = [

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import ClassVar, Final, Protocol, Self
 
-from tripwatt.errors import InvalidInput, RemoteError
+from tripwatt.errors import InvalidInput
 from tripwatt.roads.routers import split_kind
 from tripwatt.routes.documents import Node
 from tripwatt.routes.places import TWIN_M, Place, read_coordinates, without_twins
@@ -24,9 +23,6 @@ _LONGEST_NAME: Final = 60
 _MAX_CANDIDATES: Final = 10
 _MAX_NAMED: Final = 5
 """Largest numbers of places that are searched for a name, and that are named in a message: choices, since nobody reads longer lists."""
-
-_PREFIX_LETTERS: Final = 3
-"""Number of first letters that a similar name has to share with an unknown name: a choice, because servers find nothing for fewer."""
 
 
 class PlaceSearch(Protocol):
@@ -176,7 +172,7 @@ def find_place(text: str, search: PlaceSearch | None, where: str, covers: str = 
     if exact and not elsewhere:
         return exact[0]
     what = "several places have this name" if exact else "unknown place"
-    candidates = [exact[0], *elsewhere] if exact else [*matches] or _most_similar(text, search)
+    candidates = [exact[0], *elsewhere] if exact else matches
     allowed = "the whole name of a place, street or house of the map, or latitude and longitude"
     fix = "; ".join(part for part in (did_you_mean(candidates), covers) if part)
     raise InvalidInput.of(what, where, text[:60], allowed, fix)
@@ -195,15 +191,3 @@ def did_you_mean(places: Sequence[Place]) -> str:
         for place in places
     ]
     return f"did you mean {' or '.join(list(dict.fromkeys(names))[:_MAX_NAMED])}?" if names else ""
-
-
-def _most_similar(text: str, search: PlaceSearch) -> list[Place]:
-    """Return the place with the most similar name among those with the same first letters; none if no name is similar or a server fails."""
-    typed = " ".join(text.split())[:_LONGEST_NAME]
-    try:
-        candidates = search.search(typed[:_PREFIX_LETTERS])
-    except RemoteError:
-        return []
-    by_name = {place.name.partition(",")[0].casefold(): place for place in reversed(candidates)}
-    similar = difflib.get_close_matches(typed.casefold(), [*by_name], n=1)
-    return [by_name[similar[0]]] if similar else []

@@ -40,6 +40,11 @@ class Pause:
         Length of the pause [s].
     carried_m : float
         Distance over which the car is carried [m]; 0 = parked.
+
+    Examples
+    --------
+    >>> Pause(9900.0, duration_s=2700.0)
+    Pause(position_m=9900.0, duration_s=2700.0, carried_m=0.0)
     """
 
     position_m: float

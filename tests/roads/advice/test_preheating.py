@@ -12,11 +12,9 @@ import pytest
 from tests.support.cars import some_cars
 
 import tripwatt as tw
-from tripwatt.physics import DriveConditions, simulate, simulate_trip
+from tripwatt.physics import simulate_trip
 from tripwatt.physics.cabin import CabinStart, CabinTask, condition_cabins
 from tripwatt.roads.advice.preheating import (
-    BATTERY_HEATER_W,
-    BATTERY_STEPS,
     CHARGER,
     COMFORT_W_K,
     MIN_WH,
@@ -25,7 +23,6 @@ from tripwatt.roads.advice.preheating import (
     STEP_S,
     STEPS,
     TRIED_K,
-    WARM_BATTERY_DEGC,
     WORTH,
     Preheating,
     before_departure,
@@ -46,9 +43,9 @@ def road(km: float = 20.0, **known: Any) -> Plan:
 
 
 def costs_one_by_one(vehicle: Vehicle, plan: Plan, plug_w: float, worth: float) -> dict[Any, float]:
-    """Cost of each way by plain loops: one cabin, one battery, one trip after the other; what costs the battery is left out."""
+    """Cost of each way by plain loops: one cabin, one trip after the other; what costs the battery is left out."""
     ambient = plan.departure.ambient_temperature_degc or 0.0
-    climate, pack, minutes = vehicle.climate, vehicle.battery, range(STEPS + 1)
+    climate, minutes = vehicle.climate, range(STEPS + 1)
     assert climate is not None
     time, speed = plan.array("time_s"), plan.array("speed_m_s")
     cabins: dict[Any, tuple[np.ndarray, float, float]] = {}
@@ -72,38 +69,18 @@ def costs_one_by_one(vehicle: Vehicle, plan: Plan, plug_w: float, worth: float) 
             felt = 0.5 * (trip.air_degc + trip.interior_degc)[1:]
             away = float(np.abs(felt - climate.setpoint_degc).sum()) * 10.0 / 3600.0
             cabins[aim if minute else None, minute] = power, energy_wh, COMFORT_W_K * away
-    batteries: dict[int, tuple[np.ndarray, float]] = {}
-    degc = ambient
-    for minute in minutes:
-        if minute % BATTERY_STEPS == 0 and (degc <= WARM_BATTERY_DEGC or not minute):
-            warm = DriveConditions(
-                ambient_temperature_degc=ambient,
-                initial_battery_temperature_degc=degc,
-                initial_soc=0.8,
-                cabin_setpoint_degc=None,
-            )
-            drive = simulate(vehicle, time, speed, conditions=warm)
-            energy_wh = float(np.diff(time) @ (drive.battery_power_w + drive.battery_loss_w)[1:]) / 3600.0
-            power = np.array([BATTERY_HEATER_W * (STEPS - k <= minute) for k in range(STEPS)])
-            batteries[minute] = power, energy_wh
-        lost_w = pack.heat_loss_w_k * (degc - ambient)
-        degc += STEP_S * (BATTERY_HEATER_W - lost_w) / pack.heat_capacity_j_k
     hours, costs = STEP_S / 3600.0, {}
-    at_first = cabins[None, 0][1] + batteries[0][1]
-    for (key, (power, trip_wh, away_wh)), (minute, (heat, drive_wh)) in itertools.product(
-        cabins.items(), batteries.items()
-    ):
-        from_plug = sum(min(w, plug_w * CHARGER) for w in power + heat) * hours
-        taken = float((power + heat).sum()) * hours - from_plug + trip_wh + drive_wh
+    at_first = cabins[None, 0][1]
+    for key, (power, trip_wh, away_wh) in cabins.items():
+        from_plug = sum(min(w, plug_w * CHARGER) for w in power) * hours
+        taken = float(power.sum()) * hours - from_plug + trip_wh
         if taken <= at_first + 1e-6:
-            costs[*key, minute] = from_plug / CHARGER + worth * taken + away_wh
+            costs[key] = from_plug / CHARGER + worth * taken + away_wh
     return costs
 
 
-def key_of(heat: Preheating | None) -> tuple[float | None, int, int]:
-    if heat is None:
-        return None, 0, 0
-    return heat.cabin_degc, round(heat.cabin_before_s / STEP_S), round(heat.battery_before_s / STEP_S)
+def key_of(heat: Preheating | None) -> tuple[float | None, int]:
+    return (None, 0) if heat is None else (heat.cabin_degc, round(heat.before_s / STEP_S))
 
 
 @pytest.mark.parametrize(
@@ -121,9 +98,9 @@ def test_the_optimum_is_that_of_plain_loops(degc: float, plug_w: float, worth: f
     plan = road(12.0, ambient_temperature_degc=degc)
     costs = costs_one_by_one(car, plan, plug_w, worth)
     chosen = key_of(preheating(car, plan, plug_w=plug_w, worth=worth))
-    nothing = costs[None, 0, 0] - worth * MIN_WH
+    nothing = costs[None, 0] - worth * MIN_WH
     assert min(nothing, costs[chosen]) == pytest.approx(min(nothing, *costs.values()), abs=1e-3)
-    assert chosen == (None, 0, 0) or costs[chosen] < nothing
+    assert chosen == (None, 0) or costs[chosen] < nothing
 
 
 @pytest.mark.parametrize("name", some_cars(5))
@@ -146,20 +123,10 @@ def test_colder_air_means_no_later_start(name: str) -> None:
     assert before[2] > 0.0  # at -5 °C there is
 
 
-def test_only_the_part_that_may_be_warmed_is() -> None:
-    car, plan = tw.load_vehicle("nissan_leaf_40"), road(12.0, ambient_temperature_degc=-25.0)
-    cabin, battery = (preheating(car, plan, worth=SCARCE, only=part) for part in ("cabin", "battery"))
-    assert cabin is not None
-    assert battery is not None
-    assert (cabin.battery_before_s, battery.cabin_before_s) == (0.0, 0.0)
-    assert cabin.cabin_before_s >= STEP_S
-    assert battery.battery_before_s >= BATTERY_STEPS * STEP_S
-
-
 def test_off_the_plug_a_cabin_is_left_alone() -> None:
     for name, degc in itertools.product(some_cars(4), (-10.0, 0.0, 30.0)):
         plan = road(ambient_temperature_degc=degc)
-        assert preheating(tw.load_vehicle(name), plan, plug_w=0.0, only="cabin") is None
+        assert preheating(tw.load_vehicle(name), plan, plug_w=0.0) is None
 
 
 def test_scarce_energy_begins_earlier_and_saves_more() -> None:

@@ -1,7 +1,7 @@
 """Charging stops of a journey."""
 
 import datetime as dt
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -16,8 +16,7 @@ from tripwatt.roads.journey import Place, planning, plans
 from tripwatt.roads.journey import corridor as corridor_module
 from tripwatt.roads.journey.charging import WARM_DEGC
 from tripwatt.roads.journey.corridor import Corridor, Leg
-from tripwatt.roads.journey.plans import _trim_levels
-from tripwatt.roads.journey.solver import STEP, StopPlan
+from tripwatt.roads.journey.solver import StopPlan
 from tripwatt.roads.journey.stops import variance_along
 from tripwatt.roads.maps import Station
 
@@ -242,7 +241,7 @@ def test_no_stops_are_planned_where_none_are_asked_for(model):
 def test_a_leg_from_a_charge_nearby_has_nearly_the_energy_of_its_own_forecast(long_journey):
     leg = long_journey.charging.legs[1]
     soc = leg.forecast.plan.departure.soc - 0.05
-    exact, shifted = leaving_with(leg.forecast, soc), leg.starting_with(soc).forecast
+    exact, shifted = leaving_with(leg.forecast, soc), leg.leaving_with(soc).forecast
     assert shifted.energy_wh == pytest.approx(exact.energy_wh, rel=0.003)
     assert shifted.soc_arrival == pytest.approx(exact.soc_arrival, abs=0.002)
 
@@ -298,44 +297,6 @@ def test_a_leg_needs_what_its_lowest_charge_and_its_reserve_do(sure, heat, need)
     assert Corridor._leg_need(corridor, leg, 0.9, 0.1) == pytest.approx((0.2 + heat, need))
 
 
-@dataclass(frozen=True)
-class Levelled:
-    """Stands for a plan: whether its chance suffices is a matter of the sum of the levels of its legs."""
-
-    legs: tuple[float, ...]
-    least: float
-
-    @property
-    def p_reserve(self):
-        return 0.95 if sum(leg.level for leg in self.legs) >= self.least else 0.9
-
-
-@dataclass(frozen=True)
-class LegAt:
-    level: float
-
-    def starting_with(self, level):
-        return LegAt(level)
-
-
-@pytest.mark.parametrize(
-    ("spare", "trimmed"), [(0.5, (0, 0, 0)), (1.5, (0, 1, 0)), (2.5, (0, 1, 1)), (9.0, (0, 1, 1))]
-)
-def test_stations_are_left_with_a_level_less_while_the_chance_suffices(spare, trimmed):
-    """Each in turn, once; the start has the charge that it has."""
-    levels = (0.9, 0.5, 0.6)
-    plan = Levelled(tuple(map(LegAt, levels)), sum(levels) - spare * STEP)
-    problem = SimpleNamespace(duration_s=lambda nodes, levels: 1000.0 * sum(levels))
-    corridor = SimpleNamespace(problem=lambda first, other: problem)
-    found = StopPlan((0, 1, 2, 3), levels, 1000.0 * sum(levels))
-    after, less, chances = _trim_levels(corridor, plan, found, (0.99, 0.98))
-    expected = [level - STEP * cut for level, cut in zip(levels, trimmed, strict=True)]
-    assert [leg.level for leg in after.legs] == pytest.approx(expected)
-    assert less.levels == pytest.approx(expected)
-    assert less.duration_s == pytest.approx(1000.0 * sum(expected))
-    assert chances == (0.99, 0.98)
-
-
 @pytest.fixture
 def searched(monkeypatch):
     """Searches for the risk of each leg by the chance of the whole journey at a risk, None where there is no plan; and what it tried."""
@@ -351,7 +312,6 @@ def searched(monkeypatch):
         made.legs_of, made.rules = (lambda found: found), SimpleNamespace(reserve=0.1)
         return *plans._best_certain_plan(made, "fastest", guess), tried
 
-    monkeypatch.setattr(plans, "_trim_levels", lambda corridor, *best: best)
     monkeypatch.setattr(plans, "_with_stops", lambda corridor, plan, found, chances: plan)
 
     def searching(whole_of, guess):

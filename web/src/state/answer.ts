@@ -6,8 +6,8 @@ import { type Answer, answerOf, answerWithStops, decisiveChance } from "../model
 import { verdictOf } from "../model/arrival";
 import { conditions } from "./conditions";
 import { driving, shownForecast } from "./drive";
-import { mode, requested } from "./forecast";
-import { answersAreOld, chargingPlans, chosenCharging, chosenRoad } from "./journey";
+import { mode, problem, requested } from "./forecast";
+import { answersAreOld, chargingPlans, chosenCharging, chosenRoad, placesOfJourney } from "./journey";
 import { trip } from "./trip";
 
 /** The plan with charging stops that is shown: of a journey whose quickest road needs one. */
@@ -26,6 +26,7 @@ export const answer = computed((): Answer | null => {
 export const isLookingForStops = computed(() => {
   const now = answer.value;
   if (!now || chargingPlan.value || !trip.value?.stops || !answersAreOld.value) return false;
+  if (problem.value || !placesOfJourney()) return false;
   return !trip.value.isDraft && verdictOf(decisiveChance(now)) !== "good";
 });
 

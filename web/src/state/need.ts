@@ -47,6 +47,7 @@ const runner = new Latest<NeedJob>(async ({ distanceM, kind, at, car: by }, sign
       problem.value = null;
     });
   } catch (error) {
+    need.value = range.value = null;
     reportProblem(error);
   }
 }, MIN_INTERVAL_MS);

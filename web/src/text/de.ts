@@ -305,7 +305,10 @@ const de: Text = {
     withStops: (stops, isRound) =>
       `${isRound ? "Sie schaffen es hin und zurück" : "Sie kommen an"}, mit ${count(stops, { one: "# Ladestopp", other: "# Ladestopps" })}`,
     belowReserve: "Sie kommen an, aber vielleicht unter der Reserve",
+    mostlyBelow: "Sie kommen wahrscheinlich unter der Reserve an",
     perhaps: "Sie kommen vielleicht nicht an",
+    leavesBelow: (reserve, hasStops) =>
+      `Sie fahren mit weniger als Ihrer Reserve von ${reserve} los.${hasStops ? " Sie gilt ab dem ersten Ladestopp." : ""}`,
     not: "Ohne Laden kommen Sie nicht an",
     looking: "Ladestopps werden gesucht …",
     needsCharging: "Der Ladestand bei Abfahrt reicht nicht für die ganze Strecke.",
@@ -346,14 +349,15 @@ const de: Text = {
     basis: "Von der Strecke sind nur Länge und Straßenart bekannt.",
   },
   advice: {
-    title: "Was Energie spart",
+    title: "Was hilft",
     least: (chance: string) =>
       `Eines davon genügt, um mit einer Wahrscheinlichkeit von ${chance} anzukommen:`,
     notEnough: (chance: string) =>
       `Nichts davon reicht für eine Wahrscheinlichkeit von ${chance}: vorher oder unterwegs laden.`,
     note: "Die Ersparnis ist genauer bekannt als der Gesamtverbrauch.",
     and: " und ",
-    saves: (energy: string) => `spart ${energy}`,
+    energy: (energy: string) => `spart ${energy}`,
+    range: (energy: string) => `gibt ${energy} mehr Reichweite, braucht aber insgesamt mehr Energie`,
     arrives: (soc: string, chance: string) => `Ankunft mit ${soc}, mit der Reserve bei ${chance}`,
     noTime: "kostet keine Zeit",
     wall: (energy: string) => `braucht ${energy} aus der Steckdose`,
@@ -380,8 +384,6 @@ const de: Text = {
       climate_off: "Klimatisierung ausschalten",
       preheat_cabin: (degrees: string, start: string) =>
         `Den Innenraum am Ladekabel auf ${degrees} bringen, ${start}`,
-      preheat_battery: (degrees: string, start: string) =>
-        `Die Batterie am Ladekabel auf ${degrees} vorwärmen, ${start}`,
       before: (time: string) => `${time} vor der Abfahrt`,
       start: (clock: string) => `Beginn um ${clock}`,
       no_roof_box: "Die Dachbox abnehmen",
@@ -391,7 +393,6 @@ const de: Text = {
       other_road: (number: number) => `Route ${number} nehmen`,
       leave_later: (time: string) => `${time} später abfahren`,
       leave_earlier: (time: string) => `${time} früher abfahren`,
-      stop: (stops) => count(stops, { one: "Einmal zum Laden halten", other: "#-mal zum Laden halten" }),
       less_luggage: (mass: string) => `${mass} zu Hause lassen`,
     },
   },

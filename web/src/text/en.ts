@@ -297,7 +297,10 @@ export const en = {
     withStops: (stops: number, isRound: boolean) =>
       `${isRound ? "You will get there and back" : "You will arrive"}, with ${count(stops, { one: "# charging stop", other: "# charging stops" })}`,
     belowReserve: "You will arrive, but perhaps below the reserve",
+    mostlyBelow: "You will probably arrive below the reserve",
     perhaps: "You may not arrive",
+    leavesBelow: (reserve: string, hasStops: boolean) =>
+      `You leave with less than your reserve of ${reserve}.${hasStops ? " It counts from the first charging stop on." : ""}`,
     not: "You will not arrive without charging",
     looking: "Looking for charging stops …",
     needsCharging: "The charge at departure is not enough for the whole route.",
@@ -338,13 +341,14 @@ export const en = {
     basis: "Only length and kind of the road are known.",
   },
   advice: {
-    title: "What saves energy",
+    title: "What helps",
     least: (chance: string) => `One of these is enough to arrive with a chance of ${chance}:`,
     notEnough: (chance: string) =>
       `None of this gives a chance of ${chance}: charge before you leave, or on the way.`,
     note: "Savings are more certain than the total.",
     and: ", and ",
-    saves: (energy: string) => `saves ${energy}`,
+    energy: (energy: string) => `saves ${energy}`,
+    range: (energy: string) => `gives ${energy} more range, but costs more energy in all`,
     arrives: (soc: string, chance: string) => `you arrive with ${soc}, and with the reserve in ${chance}`,
     noTime: "takes no time",
     wall: (energy: string) => `uses ${energy} from the socket`,
@@ -371,8 +375,6 @@ export const en = {
       climate_off: "Switch off climate control",
       preheat_cabin: (degrees: string, start: string) =>
         `Bring the cabin to ${degrees} while plugged in, ${start}`,
-      preheat_battery: (degrees: string, start: string) =>
-        `Warm the battery to ${degrees} while plugged in, ${start}`,
       before: (time: string) => `${time} before you leave`,
       start: (clock: string) => `start at ${clock}`,
       no_roof_box: "Take off the roof box",
@@ -383,7 +385,6 @@ export const en = {
       other_road: (number: number) => `Take route ${number}`,
       leave_later: (time: string) => `Leave ${time} later`,
       leave_earlier: (time: string) => `Leave ${time} earlier`,
-      stop: (stops: number) => count(stops, { one: "Stop once to charge", other: "Stop # times to charge" }),
       less_luggage: (mass: string) => `Leave ${mass} at home`,
     },
   },

@@ -35,14 +35,11 @@ function actionText({ code, value, before_s }: AdvisedAction): string {
     case "setpoint":
       return actions.setpoint(shown(si, temperature));
     case "preheat_cabin":
-    case "preheat_battery":
       return actions[code](shown(si, temperature), startText(before_s));
     case "other_road":
       return actions.other_road(si + 1);
     case "leave_later":
       return si < 0 ? actions.leave_earlier(span(-si)) : actions.leave_later(span(si));
-    case "stop":
-      return actions.stop(si);
     case "pump_up":
       return actions.pump_up(shown(si, PERCENT));
     case "less_luggage":
@@ -91,7 +88,7 @@ function Saving({ of, now }: { of: Advised; now: Whole | null }) {
     <li>
       <h3>{togetherText(of)}</h3>
       <p class="figures">
-        <b>{words.saves(shown(-difference.energy_wh, ENERGY))}</b> <small>{result.inTrips(range)}</small>
+        <b>{words[of.saves](shown(-difference.energy_wh, ENERGY))}</b> <small>{result.inTrips(range)}</small>
       </p>
       <p class="figures">{parts.filter(Boolean).join(" · ")}</p>
       <details class="causes">

@@ -29,8 +29,7 @@ export function DistanceForm() {
   const { distanceForm: words } = text.value;
   const { distance } = units.value;
   const ask = (nextM: number | null, next: Kind) => {
-    if (!nextM || nextM <= 0) return;
-    chooseDistance(nextM, next);
+    if (nextM !== null) chooseDistance(nextM, next);
   };
   useEffect(() => {
     if (!trip.value?.distance) ask(distanceM, kind);

@@ -41,7 +41,8 @@ function sentence(now: Answer): string {
     return isRound ? words.arrivesBack : words.arrives;
   }
   if (now.pArrive >= OPEN[1]) return words.belowReserve;
-  return now.pArrive >= 0.5 ? words.perhaps : words.not;
+  if (decisiveChance(now) >= 0.5) return words.perhaps;
+  return now.pArrive >= 0.5 ? words.mostlyBelow : words.not;
 }
 
 /** Where a battery that is expected to run empty does so, and what it lacks. */
@@ -91,6 +92,14 @@ function Whole({ now }: { now: Answer }) {
   );
 }
 
+/** What has to be known before the chance is read; null where nothing has. */
+function reasonText(): string | null {
+  const reason = mode.value === "plan" && trip.value?.stops ? journey.value?.verdict.reason : undefined;
+  if (reason !== "leaves_below_reserve") return null;
+  const reserve = format.value.shown(requested.value.at.reserve, PERCENT);
+  return text.value.verdict.leavesBelow(reserve, chargingPlan.value !== null);
+}
+
 function Headline({ of, now }: { of: Forecast; now: Answer }) {
   const emptyM = chargingPlan.value ? null : emptyAfterM(of);
   const measured = driving.value && arrived.value;
@@ -109,6 +118,7 @@ function Headline({ of, now }: { of: Forecast; now: Answer }) {
         <span class="range">{emptyM === null ? detail : <Empty of={of} afterM={emptyM} />}</span>
       </p>
       <Whole now={now} />
+      {!measured && reasonText() && <p class="reason">{reasonText()}</p>}
       {!measured && (
         <Chance
           verdict={verdictOfAnswer(now)}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import datetime as dt
-import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Final, Literal
@@ -232,11 +231,11 @@ def _climate_actions(vehicle: Vehicle, plan: Plan) -> Iterator[Action]:
 
 
 def _plug_actions(vehicle: Vehicle, plan: Plan) -> Iterator[Action]:
-    """Yield the preheating of cabin and battery on the plug: of each what pays on any day, then what pays if charge is scarce."""
-    for part, worth in itertools.product(("cabin", "battery"), (WORTH, SCARCE)):
-        heat = preheating(vehicle, plan, worth=worth, only=part)
+    """Yield the preheating of the cabin on the plug: what pays on any day, then what pays if charge is scarce."""
+    for worth in (WORTH, SCARCE):
+        heat = preheating(vehicle, plan, worth=worth)
         if heat is not None:
-            action = Action(f"preheat_{part}", part, "little", heat.changed, getattr(heat, f"{part}_degc"))
+            action = Action("preheat_cabin", "cabin", "little", heat.changed, heat.cabin_degc)
             yield replace(action, wall_wh=heat.wall_wh, before_s=heat.before_s)
 
 

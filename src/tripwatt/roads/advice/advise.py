@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from operator import attrgetter
 from pathlib import Path
@@ -12,11 +13,10 @@ from typing import Any, Final
 
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import Difference, Forecast, ForecastModel
-from tripwatt.forecasting.difference import MIN_SHARE
 from tripwatt.forecasting.leaving import forecasts_like, soc_needed
 from tripwatt.population import for_car
 from tripwatt.roads.advice.actions import ALONE, EFFORTS, Action, actions, replan_with
-from tripwatt.roads.advice.preheating import MIN_WH
+from tripwatt.roads.advice.preheating import CHARGER
 from tripwatt.roads.journey import ChargingPlan, Journey
 from tripwatt.trips import Departure, Plan, Trip
 from tripwatt.trips.columns import require_fraction
@@ -30,6 +30,9 @@ _MAX_TOGETHER: Final = 3
 """Largest number of actions that are advised together: a choice, because drivers do not do more at once."""
 _MIN_P_LESS: Final = 0.95
 """Smallest chance that an action saves energy at all with which it is advised: a choice, 19 of 20 trips."""
+_MIN_SAVED_WH: Final = 200.0
+_MIN_SAVED_SHARE: Final = 0.02
+"""An action is advised if it saves at least this energy [Wh], and this share of the energy of the trip. Choices: less is not worth the effort."""
 _MAX_SETS: Final = 3
 _MAX_TRIED: Final = 12
 """Largest numbers of sets that are advised, and that are forecast for each size: choices that bound the list and the time."""
@@ -40,7 +43,7 @@ _EFFORT_MIN: Final = {"none": 0.0, "little": 1.0, "some": 4.0, "much": 15.0}
 """Minutes for which each effort counts when sets of actions are ordered; a choice."""
 
 _ACTION_FIELDS: Final = ("code", "value", "effort", "wall_wh", "before_s")
-_ADVISED_FIELDS: Final = ("soc_arrival", "p_arrive", "effort", "wall_wh", "interaction_wh")
+_ADVISED_FIELDS: Final = ("soc_arrival", "p_arrive", "effort", "wall_wh", "saves")
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -59,8 +62,6 @@ class Advised:
         Expected displayed charge at arrival.
     p_arrive : float
         Chance to arrive with the reserve.
-    interaction_wh : float
-        Difference of the actions together minus the sum of their differences alone [Wh].
     whole : ChargingPlan or None
         The journey with its stops to charge; None for a trip without stops, or if no plan is certain enough.
 
@@ -78,7 +79,6 @@ class Advised:
     difference: Difference
     soc_arrival: float
     p_arrive: float
-    interaction_wh: float = 0.0
     whole: ChargingPlan | None = None
 
     @property
@@ -90,6 +90,11 @@ class Advised:
     def wall_wh(self) -> float:
         """Energy from the plug [Wh]."""
         return float(sum(action.wall_wh for action in self.actions))
+
+    @property
+    def saves(self) -> str:
+        """Whether the action takes less from the plug in all ("energy"), or the battery holds longer and the plug gives more ("range")."""
+        return "energy" if -self.difference.energy_wh / CHARGER > self.wall_wh else "range"
 
     @property
     def cost_min(self) -> float:
@@ -259,6 +264,7 @@ def advise(
     reserve: float = 0.1,
     chance: float = CHANCE,
     others: Sequence[tuple[Action, Forecast]] = (),
+    now: dt.datetime | None = None,
 ) -> Advice:
     """Find actions that help a trip to arrive or save energy. O(actions x samples).
 
@@ -278,6 +284,8 @@ def advise(
         Required chance to arrive with the reserve, 0.5 to 1.
     others : sequence of (Action, Forecast)
         Other ways to make the trip, with their forecasts, such as from `leaving_later`. The other roads of a journey are always added.
+    now : datetime, optional
+        What has to begin before this time is not advised; without a time of departure, the car leaves now. By default, there is time.
 
     Returns
     -------
@@ -307,9 +315,11 @@ def advise(
     road_actions = (Action("other_road", "road", "none", {}, float(k)) for k in range(1, len(roads) + 1))
     ways = [*zip(road_actions, (road.forecast for road in roads), strict=True), *others]
     trials = _Trials(forecast, reserve)
-    candidates = [trials.with_actions(action) for action in actions(forecast)]
+    leaves = forecast.plan.departure.departs_at or now
+    left_s = math.inf if now is None or leaves is None else max((leaves - now).total_seconds(), 0.0)
+    candidates = [trials.with_actions(action) for action in actions(forecast) if action.before_s <= left_s]
     candidates += [trials.compared((action,), way, forecast) for action, way in ways]
-    saving = [advised for advised in candidates if _saves_energy(advised.difference)]
+    saving = [advised for advised in candidates if _is_worth_it(advised, forecast.energy_wh)]
     mildest = {advised.actions[0].group: advised for advised in reversed(saving)}
     singly = sorted(mildest.values(), key=lambda advised: advised.difference.energy_wh)
     speeds = [
@@ -324,33 +334,15 @@ def advise(
     if p_arrive < chance:
         least = _smallest_sets(trials, without_assumptions, chance, lacking_wh)
         if isinstance(trip, Journey) and (whole := trip.charging) is not None:
-            least = sorted((*least, *_stop_advice(trip, whole, chance)), key=_COST)
             singly = [_with_charging_plan(trip, advised) for advised in singly]
     return Advice(
         forecast, reserve, chance, p_arrive, charge_to, tuple(least), tuple(singly), tuple(speeds), whole
     )
 
 
-def _saves_energy(difference: Difference) -> bool:
-    return difference.p_less >= _MIN_P_LESS and difference.energy_wh <= -MIN_WH
-
-
-def _stop_advice(journey: Journey, plan: ChargingPlan, chance: float) -> Iterator[Advised]:
-    """Yield the action to stop and charge if the whole journey with its stops reaches the required chance."""
-    if plan.p_reserve < chance:
-        return
-    base = journey.forecast
-    causes = {cause: wh - base.by_cause_wh[cause] for cause, wh in plan.by_cause_wh.items()}
-    difference = Difference(
-        plan.energy_wh - base.energy_wh,
-        MIN_SHARE * math.hypot(*causes.values()),
-        plan.duration_s - base.plan.duration_s,
-        plan.soc_arrival - base.soc_arrival,
-        causes,
-        base.uncertainty.scores,
-    )
-    stop = Action("stop", "stops", "some", {}, float(len(plan.stops)))
-    yield Advised((stop,), plan.legs[-1].forecast, difference, plan.soc_arrival, plan.p_reserve, whole=plan)
+def _is_worth_it(advised: Advised, trip_wh: float) -> bool:
+    least_wh = max(_MIN_SAVED_WH, _MIN_SAVED_SHARE * trip_wh)
+    return advised.difference.p_less >= _MIN_P_LESS and advised.difference.energy_wh <= -least_wh
 
 
 def _with_charging_plan(journey: Journey, advised: Advised) -> Advised:
@@ -399,12 +391,6 @@ class _Trials:
         difference = replace(difference, sd_wh=math.hypot(difference.sd_wh, spread_wh))
         return Advised(chosen, changed, difference, changed.soc_arrival, changed.p_arrive(self.reserve))
 
-    def combined(self, singly: Sequence[Advised]) -> Advised:
-        """Forecast the trip with several actions together."""
-        together = self.with_actions(*(advised.actions[0] for advised in singly))
-        alone_wh = sum(advised.difference.energy_wh for advised in singly)
-        return replace(together, interaction_wh=together.difference.energy_wh - alone_wh)
-
 
 def _smallest_sets(
     trials: _Trials, singly: Sequence[Advised], chance: float, lacking_wh: float
@@ -427,7 +413,7 @@ def _smallest_sets(
         for _, chosen in sorted(promising, key=lambda pair: pair[0])[:_MAX_TRIED]:
             codes = tuple(advised.actions[0].code for advised in chosen)
             if codes not in sufficient and len(sufficient) < _MAX_SETS:
-                together = chosen[0] if size == 1 else trials.combined(chosen)
+                together = trials.with_actions(*(advised.actions[0] for advised in chosen))
                 if together.p_arrive >= chance:
                     sufficient[codes] = together
     return sorted(sufficient.values(), key=_COST)

@@ -1,4 +1,4 @@
-"""Preheating before departure: start and temperature of cabin and battery, by a search on the models of both; the charge to leave with."""
+"""Preheating before departure: start and temperature of the cabin, by a search on its model; the charge to leave with."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from tripwatt.arrays import FloatArray
 from tripwatt.forecasting import Forecast
-from tripwatt.physics import DriveConditions, conditions_at_departure, simulate_trip
+from tripwatt.physics import DriveConditions, conditions_at_departure
 from tripwatt.physics.cabin import CONTROL_STEP_S, CabinTask, condition_cabins
 from tripwatt.population import for_car
 from tripwatt.roads.journey import Need, need
@@ -37,13 +37,8 @@ STEP_S: Final = 60.0
 """A choice, because a preheating is set by the minute."""
 STEPS: Final = 60
 """Longest time of preheating, in steps of `STEP_S`; earlier heat is lost by the departure. A choice."""
-BATTERY_STEPS: Final = 5
 TRIED_K: Final = (0.0, -2.0, 2.0, 4.0)
 """Set-points that are tried: by how much they are nearer to the outside air than the driver's."""
-BATTERY_HEATER_W: Final = 5000.0
-"""Usual power of battery heaters [W]. A choice."""
-WARM_BATTERY_DEGC: Final = 20.0
-"""A battery above this temperature is not heated: a choice, because its resistance falls little further."""
 _DIGITS: Final = 6
 """Rounding of savings, so that equal options stay equal on every machine."""
 MIN_WH: Final = 20.0
@@ -52,14 +47,14 @@ MIN_WH: Final = 20.0
 
 @dataclass(frozen=True, slots=True)
 class Preheating:
-    """A preheating of cabin and battery before departure.
+    """A preheating of the cabin before departure.
 
     Attributes
     ----------
-    cabin_degc, battery_degc : float or None
-        Set-point of the cabin, and temperature of the battery at departure; None if this part is not preheated.
-    cabin_before_s, battery_before_s : float
-        Time before departure at which the preheating of each part begins [s].
+    cabin_degc : float
+        Set-point of the cabin.
+    before_s : float
+        Time before departure at which the preheating begins [s].
     wall_wh : float
         Energy from the wall [Wh].
     saved_wh : float
@@ -73,22 +68,15 @@ class Preheating:
     >>> cold = tw.Departure(ambient_temperature_degc=-5.0)
     >>> plan = tw.read_route([{"length_m": 30_000.0, "speed_m_s": 20.0}]).with_departure(cold)
     >>> heat = preheating(tw.load_vehicle("vw_id3"), plan)
-    >>> heat.cabin_degc >= 22.0, heat.battery_degc, heat.wall_wh > heat.saved_wh > 0.0
-    (True, None, True)
+    >>> heat.cabin_degc >= 22.0, heat.wall_wh > heat.saved_wh > 0.0
+    (True, True)
     """
 
-    cabin_degc: float | None
-    cabin_before_s: float
-    battery_degc: float | None
-    battery_before_s: float
+    cabin_degc: float
+    before_s: float
     wall_wh: float
     saved_wh: float
     changed: Mapping[str, float | None]
-
-    @property
-    def before_s(self) -> float:
-        """Time before departure at which the preheating begins [s]."""
-        return max(self.cabin_before_s, self.battery_before_s)
 
     def to_dict(self, departs_at: dt.datetime | None = None) -> dict[str, Any]:
         """Convert to plain values, with the time at which the preheating begins if `departs_at` is given.
@@ -105,19 +93,19 @@ class Preheating:
 
         Examples
         --------
-        >>> heat = Preheating(22.0, 600.0, None, 0.0, 800.0, 600.0, {})
+        >>> heat = Preheating(22.0, 600.0, 800.0, 600.0, {})
         >>> heat.to_dict(dt.datetime(2026, 1, 5, 7, 30))["starts_at"]
         '2026-01-05T07:20:00'
         """
         starts_at = None if departs_at is None else departs_at - dt.timedelta(seconds=self.before_s)
-        values = {name: getattr(self, name) for name in ("before_s", *Preheating.__slots__[:-1])}
+        values = {name: getattr(self, name) for name in Preheating.__slots__[:-1]}
         return {"starts_at": starts_at and starts_at.isoformat(), **values}
 
 
 class _PreheatingOption(NamedTuple):
-    """A way to preheat one part of the car, with its power in each step, and the energy and discomfort of the trip after it."""
+    """A way to preheat the cabin, with its power in each step, and the energy and discomfort of the trip after it."""
 
-    degc: float | None
+    degc: float
     before_s: float
     changed: Mapping[str, float | None]
     power_w: FloatArray
@@ -125,17 +113,17 @@ class _PreheatingOption(NamedTuple):
     discomfort_wh: float = 0.0
 
 
-_NO_PREHEATING: Final = _PreheatingOption(None, 0.0, {}, np.zeros(STEPS))
+_NO_PREHEATING: Final = _PreheatingOption(math.nan, 0.0, {}, np.zeros(STEPS))
 
 
 def preheating(
-    vehicle: Vehicle, plan: Plan, *, plug_w: float = PLUG_W, worth: float = WORTH, only: str | None = None
+    vehicle: Vehicle, plan: Plan, *, plug_w: float = PLUG_W, worth: float = WORTH
 ) -> Preheating | None:
-    """Find the start and temperature of preheating cabin and battery with the least cost. O(options of the cabin x samples).
+    """Find the start and temperature of preheating the cabin with the least cost. O(options x samples).
 
-    The cost is the wall energy, plus `worth` times the energy of the battery, plus the discomfort on the way. All combinations of start
-    and set-point of the cabin and heating time of the battery are tried. Power beyond that of the plug comes from the battery and
-    counts as such; combinations that take more from the battery than no preheating are left out.
+    The cost is the wall energy, plus `worth` times the energy of the battery, plus the discomfort on the way. All starts and set-points
+    are tried. Power beyond that of the plug comes from the battery and counts as such; options that take more from the battery than no
+    preheating are left out.
 
     Parameters
     ----------
@@ -147,8 +135,6 @@ def preheating(
         Power of the plug [W]; 0 if the car is not plugged in.
     worth : float
         Weight of energy of the battery over that of the wall.
-    only : {"cabin", "battery"}, optional
-        The part that may be preheated. By default, both.
 
     Returns
     -------
@@ -165,22 +151,19 @@ def preheating(
     True
     """
     conditions = conditions_at_departure(vehicle, plan.departure, plan.air)
-    cabins = [_NO_PREHEATING] if only == "battery" else _cabin_options(vehicle, plan, conditions)
-    batteries = [_NO_PREHEATING] if only == "cabin" else _battery_options(vehicle, plan, conditions)
-    pairs = [(cabin, battery) for cabin in cabins for battery in batteries]
-    power = np.array([cabin.power_w + battery.power_w for cabin, battery in pairs])
+    options = _cabin_options(vehicle, plan, conditions)
+    power = np.array([option.power_w for option in options])
     plugged = np.minimum(power, plug_w * CHARGER).sum(axis=1) * STEP_S * WH_PER_J
-    taken = power.sum(axis=1) * STEP_S * WH_PER_J - plugged + [c.trip_wh + b.trip_wh for c, b in pairs]
+    taken = power.sum(axis=1) * STEP_S * WH_PER_J - plugged + [option.trip_wh for option in options]
     saved, wall = np.round(taken[0] - taken, _DIGITS), plugged / CHARGER
-    cost = wall - worth * saved + [cabin.discomfort_wh for cabin, _ in pairs]
+    cost = wall - worth * saved + [option.discomfort_wh for option in options]
     cost[saved < 0.0] = np.inf
     cost[0] -= worth * MIN_WH
     best = int(np.argmin(cost))
     if best == 0:
         return None
-    cabin, battery = pairs[best]
-    changed = {**cabin.changed, **battery.changed}
-    return Preheating(*cabin[:2], *battery[:2], float(wall[best]), float(saved[best]), changed)
+    cabin = options[best]
+    return Preheating(cabin.degc, cabin.before_s, float(wall[best]), float(saved[best]), cabin.changed)
 
 
 def _cabin_options(vehicle: Vehicle, plan: Plan, conditions: DriveConditions) -> list[_PreheatingOption]:
@@ -211,22 +194,6 @@ def _cabin_options(vehicle: Vehicle, plan: Plan, conditions: DriveConditions) ->
     discomfort = [float(np.abs(degc - setpoint).sum()) * hours * COMFORT_W_K for degc in operative]
     costs = zip(energy, discomfort, strict=True)
     return [_PreheatingOption(*option[:4], *cost) for option, cost in zip(options, costs, strict=True)]
-
-
-def _battery_options(vehicle: Vehicle, plan: Plan, conditions: DriveConditions) -> list[_PreheatingOption]:
-    """Simulate the trip after each heating time, a multiple of `BATTERY_STEPS` steps that reaches at most `WARM_BATTERY_DEGC`."""
-    pack, degc, options = vehicle.battery, conditions.battery_start_degc, list[_PreheatingOption]()
-    for number in range(STEPS + 1):
-        if number % BATTERY_STEPS == 0 and (degc <= WARM_BATTERY_DEGC or not number):
-            departure = replace(plan.departure, battery_temperature_degc=degc)
-            run = simulate_trip(vehicle, replace(plan, departure=departure))
-            trip_wh = float(np.diff(run.time_s) @ (run.battery_power_w + run.battery_loss_w)[1:]) * WH_PER_J
-            power = np.where(np.arange(STEPS, 0, -1) <= number, BATTERY_HEATER_W, 0.0)
-            preheated = (degc, STEP_S * number, {"battery_temperature_degc": degc})
-            options.append(_PreheatingOption(*(preheated if number else _NO_PREHEATING[:3]), power, trip_wh))
-        lost_w = pack.heat_loss_w_k * (degc - conditions.ambient_temperature_degc)
-        degc += STEP_S * (BATTERY_HEATER_W - lost_w) / pack.heat_capacity_j_k
-    return options
 
 
 def before_departure(

@@ -32,8 +32,6 @@ CERTAIN: Final = 0.95
 """Chance to have the reserve at every stop and at the end: "19 of 20 journeys"."""
 _DETOUR_M: Final = 3000.0
 """Stations farther from the road than this are not used: a choice, because there are nearer ones beside long roads."""
-_MIN_FROM_START_M: Final = 2000.0
-"""Stations nearer to the start are no stops on the way: a choice, because one charges there before leaving."""
 _POINT_EVERY_M: Final = 500.0
 """Distance between the points of a road from which stations are searched [m]: a choice, small against `_DETOUR_M`."""
 _MAX_STATIONS: Final = 200
@@ -127,7 +125,8 @@ class Corridor:
             points = [self.road.place_at(float(at)) for at in position]
             for index, point in near(stations, points, _DETOUR_M):
                 usable = stations[index].usable_with(self.rules.plugs)
-                if usable is not None and position[point] >= _MIN_FROM_START_M:
+                # within 2 km of the start, a choice, one charges before leaving
+                if usable is not None and position[point] >= 2000.0:
                     pairs.append((float(position[point]), usable))
         if len(pairs) <= _MAX_STATIONS:
             return pairs

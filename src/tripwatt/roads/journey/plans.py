@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from tripwatt.roads.journey.corridor import CERTAIN, Corridor
-from tripwatt.roads.journey.solver import STEP, StopPlan, StopProblem, least_time
+from tripwatt.roads.journey.solver import StopPlan, StopProblem, least_time
 from tripwatt.roads.journey.stops import ChargingPlan, ChargingStop, NextStation
 
 _LEG_RISKS: Final = (5e-4, 1.0 - CERTAIN)
@@ -99,23 +99,8 @@ def _best_certain_plan(corridor: Corridor, label: str, risk: float) -> tuple[Cha
             if not low < risk < high:
                 risk = math.sqrt(low * high)
         if best is not None:
-            return _with_stops(corridor, *_trim_levels(corridor, *best)), low
+            return _with_stops(corridor, *best), low
     return None, _LEG_RISKS[1]
-
-
-def _trim_levels(
-    corridor: Corridor, plan: ChargingPlan, optimum: StopPlan, chances: tuple[float, float]
-) -> tuple[ChargingPlan, StopPlan, tuple[float, float]]:
-    """Lower the charge to leave each station with by one step, if that is faster and the whole chance still suffices."""
-    problem = corridor.problem(*chances)
-    for k in range(1, len(optimum.levels)):
-        levels = (*optimum.levels[:k], optimum.levels[k] - STEP, *optimum.levels[k + 1 :])
-        legs = (*plan.legs[:k], plan.legs[k].starting_with(levels[k]), *plan.legs[k + 1 :])
-        lower = StopPlan(optimum.nodes, levels, problem.duration_s(optimum.nodes, levels))
-        trimmed = replace(plan, legs=legs)
-        if lower.duration_s < optimum.duration_s and trimmed.p_reserve >= CERTAIN:
-            plan, optimum = trimmed, lower
-    return plan, optimum, chances
 
 
 def _safest_plan(corridor: Corridor, max_s: float) -> ChargingPlan | None:

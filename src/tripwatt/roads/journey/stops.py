@@ -172,15 +172,11 @@ class Leg:
         climb = self.forecast.sd_wh**2 - float(self.forecast.along.energy_sd_wh[-1]) ** 2
         return float(np.sqrt(common / (common + independent + climb)))
 
-    def starting_with(self, soc: float) -> Leg:
-        """Return the leg from another charge with the same energy, which changes by only a thousandth in 5 percentage points."""
-        drive = replace(self.forecast.drive, plan=self.forecast.plan.with_departure(Departure(soc=soc)))
-        return replace(self, forecast=replace(self.forecast, drive=drive))
-
     def leaving_with(self, soc: float) -> Leg:
         """Return the leg from another charge, forecast again if the charges differ by more than `_CLOSE_SOC`."""
         if abs(soc - (self.forecast.plan.departure.soc or 0.0)) <= _CLOSE_SOC:
-            return self.starting_with(soc)
+            drive = replace(self.forecast.drive, plan=self.forecast.plan.with_departure(Departure(soc=soc)))
+            return replace(self, forecast=replace(self.forecast, drive=drive))
         return replace(self, forecast=leaving_with(self.forecast, soc))
 
 
@@ -257,12 +253,8 @@ class ChargingPlan:
     @property
     def leg_chances(self) -> tuple[float, ...]:
         """Probability of each leg to end with the reserve that it has to keep."""
-        return tuple(leg.chance(reserve) for leg, reserve in zip(self.legs, self._reserves, strict=True))
-
-    @property
-    def _reserves(self) -> tuple[float, ...]:
-        is_exempt = len(self.legs) > 1 and self.leaves_below_reserve
-        return (0.0 if is_exempt else self.reserve, *(self.reserve for _ in self.legs[1:]))
+        first = 0.0 if len(self.legs) > 1 and self.leaves_below_reserve else self.reserve
+        return (self.legs[0].chance(first), *(leg.chance(self.reserve) for leg in self.legs[1:]))
 
     def _joint(self, chances: Sequence[float]) -> float:
         return joint_chance(np.array(chances), np.array([leg.common_share for leg in self.legs]))

@@ -194,7 +194,8 @@ class Jobs:
 
     def advice(self, request: AdviceRequest) -> dict[str, Any]:
         """Return the response to an `AdviceRequest`."""
-        return advise(self._make_forecast(request), reserve=request.reserve, chance=request.chance).to_dict()
+        forecast, now = self._make_forecast(request), dt.datetime.now(dt.UTC)
+        return advise(forecast, reserve=request.reserve, chance=request.chance, now=now).to_dict()
 
     def need(
         self, request: ForecastRequest, options: Mapping[str, Any], last_message: Mapping[str, Any]

@@ -25,7 +25,6 @@ class ActionDocument(schemas.ResponseModel):
         "seats",
         "climate_off",
         "preheat_cabin",
-        "preheat_battery",
         "no_roof_box",
         "summer_tyres",
         "check_tyres",
@@ -33,10 +32,9 @@ class ActionDocument(schemas.ResponseModel):
         "less_luggage",
         "other_road",
         "leave_later",
-        "stop",
     ]
     value: float | None
-    """speed [m/s], temperature [°C], mass [kg], tyre pressure over the recommended one, number of the road, stops to charge, or time later [s]"""
+    """speed [m/s], temperature [°C], mass [kg], tyre pressure over the recommended one, number of the road, or time later [s]"""
     effort: Literal["none", "little", "some", "much"]
     wall_wh: float
     """energy from the plug [Wh]"""
@@ -79,8 +77,8 @@ class AdvisedDocument(schemas.ResponseModel):
     """chance to arrive with the reserve"""
     effort: Literal["none", "little", "some", "much"]
     wall_wh: float
-    interaction_wh: float
-    """what several actions take together beyond the sum of each alone [Wh]"""
+    saves: Literal["energy", "range"]
+    """range: the battery holds longer, but in all the plug gives more"""
     whole: JourneyInShort | None
     """with it; null for a trip without stops to charge, or where no plan is sure enough"""
 
@@ -123,12 +121,8 @@ class PreheatDocument(schemas.ResponseModel):
     """when it begins; null without a time of departure"""
     before_s: float
     """how long before the departure it begins [s]"""
-    cabin_degc: float | None
-    """set-point of the cabin [°C]; null: leave it as it is"""
-    cabin_before_s: float
-    battery_degc: float | None
-    """temperature of the battery at departure [°C]; null: leave it as it is"""
-    battery_before_s: float
+    cabin_degc: float
+    """set-point of the cabin [°C]"""
     wall_wh: float
     """energy from the wall [Wh]"""
     saved_wh: float

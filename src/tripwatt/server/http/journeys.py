@@ -64,8 +64,11 @@ class JourneyJobs:
         """Return the response to a `JourneyAdviceRequest`: what to do on the fastest road, with its stops to charge."""
         forecaster = self._forecaster(request, model)
         journey = self._journey(request, forecaster)
-        later = leaving_later(forecaster, journey.roads[0].road, dt.datetime.now(dt.UTC))
-        return advise(journey, reserve=request.reserve, chance=request.chance, others=later).to_dict()
+        now = dt.datetime.now(dt.UTC)
+        later = leaving_later(forecaster, journey.roads[0].road, now)
+        return advise(
+            journey, reserve=request.reserve, chance=request.chance, others=later, now=now
+        ).to_dict()
 
     def _forecaster(self, request: PlanRequest | ReachRequest, model: ForecastModel) -> RoadForecaster:
         return RoadForecaster(model, departure_of(request), self._atlas().weather)
