@@ -300,13 +300,11 @@ def followed(names: Sequence[str], seed: int, base: ForecastModel) -> dict[str, 
     first, *ways = ((), *(one.actions for one in (*advice.singly, *advice.least[:1])))
     made: dict[tuple[object, ...], Taken] = {}
 
-    luck = np.random.default_rng((seed, len(names))).normal()
-
-    def taken_wh(truth: Truth, chosen: tuple[Action, ...], *, before: bool = False) -> float:
+    def taken_wh(truth: Truth, chosen: tuple[Action, ...]) -> float:
         other = driven
         for action in chosen:
-            other = other.with_departure(as_it_may_be(action, luck)) if before else action.apply_to(other)
-        key = (truth.vehicle is car.vehicle, truth.weather, before, *(id(action) for action in chosen))
+            other = action.apply_to(other)
+        key = (truth.vehicle is car.vehicle, truth.weather, *(id(action) for action in chosen))
         if not key[0] or key not in made:
             made[key] = Taken.of(truth.vehicle, other, *truth.weather)
         return truth.taken_wh(made[key])
@@ -314,7 +312,6 @@ def followed(names: Sequence[str], seed: int, base: ForecastModel) -> dict[str, 
     return {
         name: _outcome(
             advice,
-            [taken_wh(truth, way, before=True) for way in (first, *ways)],
             [taken_wh(truth, way) for way in (first, *ways)],
             truth,
         )
@@ -322,23 +319,14 @@ def followed(names: Sequence[str], seed: int, base: ForecastModel) -> dict[str, 
     }
 
 
-def as_it_may_be(action: Action, luck: float) -> tw.Departure:
-    """What an action assumes of a departure, such as the tyre pressure of a car that nobody checked, so many standard deviations off."""
-    drawn = {
-        name: action.changed[name] + (assumed - action.changed[name]) * (1.0 + action.spread * luck)
-        for name, assumed in action.assumed.items()
-    }
-    return tw.Departure(**drawn)
-
-
-def _outcome(advice: Advice, before_wh: Sequence[float], taken_wh: Sequence[float], truth: Truth) -> Followed:
+def _outcome(advice: Advice, taken_wh: Sequence[float], truth: Truth) -> Followed:
     """What a drive took as it is, with each action, and with the first set that reaches the chance if there is one."""
     forecast = advice.forecast
     soc = float(forecast.plan.departure.soc or 0.0)
     as_it_is, *others = taken_wh
     saved = [
-        Saved(one.actions[0].code, one.difference.energy_wh, *one.difference.interval(0.9), wh - before)
-        for one, before, wh in zip(advice.singly, before_wh[1:], others, strict=False)
+        Saved(one.actions[0].code, one.difference.energy_wh, *one.difference.interval(0.9), wh - as_it_is)
+        for one, wh in zip(advice.singly, others, strict=False)
     ]
     stays = advice.p_arrive, truth.left(forecast, soc, as_it_is) >= advice.reserve
     if not advice.least:

@@ -317,6 +317,37 @@ def test_a_column_reaches_to_its_hour():
         hours(time=[]).at(place, (NOON,))
 
 
+@pytest.mark.parametrize(
+    ("changed", "unknown"),
+    [
+        ({"temperature_2m": [None]}, ("ambient_temperature_degc",)),
+        ({"surface_pressure": None}, ("pressure_pa",)),
+        ({"wind_speed_10m": [None], "wind_direction_10m": [None]}, ("wind_speed_m_s",)),
+        ({"wind_direction_10m": [None]}, ("wind_speed_m_s",)),
+        ({"wind_direction_10m": [None], "wind_speed_10m": [0.0]}, ()),
+        ({"precipitation": [None]}, ("rain_mm_h",)),
+    ],
+)
+def test_a_null_is_unknown_and_named(changed, unknown):
+    (found,) = hours(**changed).at((Place(47.0, 9.0),), (NOON,))
+    assert found.unknown == unknown
+    plan = plan_with_weather(NORTH.plan(), NORTH, np.array([0.0]), (found,))
+    assert [flag.subject for flag in plan.flags if flag.code == "weather_unknown"] == list(unknown)
+    if "wind_speed_m_s" in unknown:
+        assert not plan.weather.headwind_m_s.any()
+
+
+def test_units_and_the_zone_of_the_answer_count():
+    hourly = answers(httpx.Request("GET", "http://h", params={"latitude": "1"}))["hourly"]
+    hourly |= {"time": ["2030-01-01T14:00"], "wind_speed_10m": [28.8], "temperature_2m": [41.0]}
+    units = {"temperature_2m": "°F", "wind_speed_10m": "km/h", "precipitation": "feet"}
+    units |= {"surface_pressure": "hPa", "wind_direction_10m": "°"}
+    table = {"hourly": hourly, "hourly_units": units, "utc_offset_seconds": 7200}
+    (found,) = WeatherServer(client(table)).at((Place(47.0, 9.0),), (NOON,))
+    assert (found.temperature_degc, found.wind_speed_m_s) == pytest.approx((5.0, 8.0))
+    assert found.unknown == ("rain_mm_h",)
+
+
 def test_an_hour_that_has_passed_is_known_as_of_now():
     past = dt.datetime(2020, 1, 1, 12, 0, tzinfo=dt.UTC)
     (found,) = hours(time=["2020-01-01T12:00"]).at((Place(47.0, 9.0),), (past,))

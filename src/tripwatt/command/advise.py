@@ -33,7 +33,6 @@ WORDS: Final[Mapping[str, str]] = {
     "preheat_cabin": "set the cabin to {value:.0f} °C on the plug, {begins}",
     "no_roof_box": "take off the roof box",
     "summer_tyres": "fit summer tyres",
-    "check_tyres": "check the tyres if it has been two months",
     "pump_up": "pump up the tyres, from {value:.0%} to all of the recommended pressure",
     "less_luggage": "leave {value:.0f} kg at home",
 }

@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime as dt
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final, Protocol
 
@@ -17,10 +17,10 @@ from tripwatt.roads.routers.road import Road
 from tripwatt.routes.documents import Node
 from tripwatt.routes.places import Place, driven_m
 from tripwatt.routes.web import WebClient, as_remote, require_url
-from tripwatt.trips import Plan, PlanWeather, raise_faults
+from tripwatt.trips import Flag, Plan, PlanWeather, raise_faults
 from tripwatt.trips.columns import scalar_faults
 from tripwatt.trips.weather import WIND_AT_CAR, air_density_at
-from tripwatt.units import SECONDS_PER_HOUR
+from tripwatt.units import M_PER_MILE, M_S_PER_KM_H, SECONDS_PER_HOUR
 
 POINT_EVERY_M: Final = 30_000.0
 """Distance between the points of a road for which the weather is requested [m]: a few cells of a weather model. A choice."""
@@ -40,13 +40,19 @@ WIND_SD_M_S: Final = (1.0, 0.4)
 """Standard deviation of a forecast of temperature and wind: now, and its growth per day ahead. A choice, of the
 order of the errors that weather services publish for the temperature at 2 m and the wind at 10 m."""
 
-_HOURLY_VARIABLES: Final = (
-    "temperature_2m",
-    "precipitation",
-    "surface_pressure",
-    "wind_speed_10m",
-    "wind_direction_10m",
-)
+_UNITS: Final[Mapping[str, Mapping[str, tuple[float, float]]]] = {
+    "temperature_2m": {"°C": (1.0, 0.0), "°F": (5.0 / 9.0, -160.0 / 9.0)},
+    "precipitation": {"mm": (1.0, 0.0), "inch": (25.4, 0.0)},
+    "surface_pressure": {"hPa": (100.0, 0.0)},
+    "wind_speed_10m": {
+        "m/s": (1.0, 0.0),
+        "km/h": (M_S_PER_KM_H, 0.0),
+        "mp/h": (M_PER_MILE / SECONDS_PER_HOUR, 0.0),
+        "kn": (1852.0 / 3600.0, 0.0),
+    },
+    "wind_direction_10m": {"°": (1.0, 0.0)},
+}
+"""Factor and offset to our unit for each unit of each hourly variable; the first unit is that of the request."""
 
 _CellAndHour = tuple[int, int, dt.datetime]
 """Row and column of a cell, and an hour."""
@@ -67,6 +73,8 @@ class Weather:
         Air pressure at the ground; None = not known.
     hours_ahead : float or None
         Time from now to the hour of a forecast [h]; None for values given by hand, which count as exact.
+    unknown : tuple of str
+        Fields of a departure that the source should have and does not.
 
     Raises
     ------
@@ -80,6 +88,7 @@ class Weather:
     rain_mm_h: float = 0.0
     pressure_pa: float | None = None
     hours_ahead: float | None = None
+    unknown: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         names = ("wind_speed_m_s", "wind_from_deg", "rain_mm_h", "pressure_pa")
@@ -167,7 +176,7 @@ class WeatherServer:
         query = {
             "latitude": ",".join(f"{key[0] * _CELL_DEG:.2f}" for key in keys),
             "longitude": ",".join(f"{key[1] * _CELL_DEG:.2f}" for key in keys),
-            "hourly": ",".join(_HOURLY_VARIABLES),
+            "hourly": ",".join(_UNITS),
             "wind_speed_unit": "ms",
             "timezone": "UTC",
             "start_hour": f"{first:%Y-%m-%dT%H:%M}",
@@ -193,17 +202,35 @@ def _cell_and_hour(place: Place, when: dt.datetime) -> _CellAndHour:
 
 def _weather_at(table: Node, hour: dt.datetime) -> Weather:
     """Return the weather of an hour from the table of one cell."""
-    hourly, time_text = table["hourly"], f"{hour:%Y-%m-%dT%H:%M}"
+    hourly, offset_s = table["hourly"], table["utc_offset_seconds"]
+    local = hour + dt.timedelta(seconds=0.0 if offset_s.value is None else offset_s.number())
+    time_text = f"{local:%Y-%m-%dT%H:%M}"
     times = [entry.value for entry in hourly["time"].entries(min_count=1)]
     if time_text not in times:
         allowed = f"{times[0]} to {times[-1]}"
         raise InvalidInput.of("no weather for this hour", table.where, time_text, allowed)
     k = times.index(time_text)
-    temperature, rain, pressure, wind, wind_from = (
-        hourly[name].entries(min_count=k + 1)[k].number() for name in _HOURLY_VARIABLES
+    temperature, rain, pressure, wind, wind_from = (_value(table, name, k) for name in _UNITS)
+    if wind_from is None and wind:  # without its direction, the wind says nothing of the drag
+        wind = None
+    names = ("ambient_temperature_degc", "rain_mm_h", "pressure_pa", "wind_speed_m_s")
+    values = zip(names, (temperature, rain, pressure, wind), strict=True)
+    unknown = tuple(name for name, value in values if value is None)
+    ahead = max((hour - dt.datetime.now(dt.UTC)).total_seconds() / SECONDS_PER_HOUR, 0.0)
+    return Weather(
+        temperature, wind or 0.0, (wind_from or 0.0) % 360.0, rain or 0.0, pressure, ahead, unknown
     )
-    ahead = (hour - dt.datetime.now(dt.UTC)).total_seconds() / SECONDS_PER_HOUR
-    return Weather(temperature, wind, wind_from % 360.0, rain, 100.0 * pressure, max(ahead, 0.0))
+
+
+def _value(table: Node, name: str, hour: int) -> float | None:
+    """Return the value of a variable in our unit; None if the server has no value or another unit."""
+    values, units = table["hourly"][name], table["hourly_units"].value
+    unit = str(units.get(name)) if isinstance(units, dict) else next(iter(_UNITS[name]))
+    if values.value is None or unit not in _UNITS[name]:
+        return None
+    entry = values.entries(min_count=hour + 1)[hour]
+    factor, offset = _UNITS[name][unit]
+    return None if entry.value is None else factor * entry.number() + offset
 
 
 def weather_along(
@@ -257,7 +284,9 @@ def plan_with_weather(plan: Plan, road: Road, position_m: FloatArray, weather: S
     departure = replace(plan.departure, ambient_temperature_degc=ambient)
     density = air_density_at(replace(departure, pressure_pa=pressure))
     rain = float(np.mean([w.rain_mm_h for w in weather]))
-    return replace(plan, departure=departure, weather=PlanWeather(headwind, density, rain))
+    unknown = dict.fromkeys(name for w in weather for name in w.unknown)
+    flags = (*plan.flags, *(Flag("weather_unknown", name) for name in unknown))
+    return replace(plan, departure=departure, weather=PlanWeather(headwind, density, rain), flags=flags)
 
 
 def _mean_if_known(values: Sequence[float | None]) -> float | None:

@@ -21,8 +21,6 @@ from tripwatt.roads.advice import Advised
 from tripwatt.roads.advice.actions import (
     MILD_DEGC,
     SPEEDS_KM_H,
-    UNCHECKED,
-    UNCHECKED_SPREAD,
     actions,
     cap_speed,
     limit_acceleration,
@@ -187,34 +185,21 @@ def test_no_car_gets_absurd_advice(model: ForecastModel, name: str) -> None:
             assert one.difference.energy_wh < 0.0
 
 
-def advise_small_savings(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("_MIN_SAVED_SHARE", "_MIN_SAVED_WH"):
-        monkeypatch.setattr(sys.modules["tripwatt.roads.advice.advise"], name, 0.0)
-
-
-def test_tyres_are_checked_where_their_pressure_is_not_known_and_pumped_up_where_it_is_low(
+def test_tyres_are_pumped_up_where_their_pressure_is_low(
     model: ForecastModel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    advise_small_savings(monkeypatch)
+    for name in ("_MIN_SAVED_SHARE", "_MIN_SAVED_WH"):
+        monkeypatch.setattr(sys.modules["tripwatt.roads.advice.advise"], name, 0.0)
 
     def given(**known: Any) -> tuple[tw.Advice, dict[str, Advised]]:
         advice = tw.advise(model.forecast(road(0.6, soc=0.8, ambient_temperature_degc=15.0, **known)))
         return advice, {one.actions[0].code: one for one in advice.singly}
 
-    advice, unknown = given()
-    check = unknown["check_tyres"]
-    assert "pump_up" not in unknown
-    # what is not known of the pressure neither helps nor harms the trip as it is forecast
-    assert check.p_arrive == advice.p_arrive
-    low_advice, low = given(tyre_pressure=UNCHECKED)
-    pump_up = low["pump_up"]
-    assert check.difference.energy_wh == pytest.approx(pump_up.difference.energy_wh)
-    more = UNCHECKED_SPREAD * check.difference.energy_wh
-    assert check.difference.sd_wh == pytest.approx(np.hypot(pump_up.difference.sd_wh, more))
-    assert pump_up.p_arrive > low_advice.p_arrive
-    assert pump_up.effort == "some"
-    for pressure in (1.0, 1.1):
-        assert not {"check_tyres", "pump_up"} & {*given(tyre_pressure=pressure)[1]}
+    low_advice, low = given(tyre_pressure=0.9)
+    assert low["pump_up"].p_arrive > low_advice.p_arrive
+    assert low["pump_up"].effort == "some"
+    for known in ({}, {"tyre_pressure": 1.0}, {"tyre_pressure": 1.1}):
+        assert "pump_up" not in given(**known)[1]
 
 
 def test_what_has_to_begin_before_now_is_not_advised(model: ForecastModel) -> None:
@@ -224,14 +209,6 @@ def test_what_has_to_begin_before_now_is_not_advised(model: ForecastModel) -> No
     later = model.forecast(forecast.plan.with_departure(in_two_hours))
     codes = [{one.actions[0].code for one in tw.advise(one, now=now).singly} for one in (forecast, later)]
     assert codes[1] - codes[0] == {"preheat_cabin"}
-
-
-def test_what_is_assumed_is_no_way_to_arrive(model: ForecastModel, monkeypatch: pytest.MonkeyPatch) -> None:
-    advise_small_savings(monkeypatch)
-    advice = tw.advise(charged_for(model, road(0.6, ambient_temperature_degc=5.0), 0.75))
-    assert "check_tyres" in [one.actions[0].code for one in advice.singly]
-    assert advice.least
-    assert "check_tyres" not in [action.code for one in advice.least for action in one.actions]
 
 
 def test_what_cannot_be_advised_is_refused(model: ForecastModel) -> None:

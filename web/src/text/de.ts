@@ -388,7 +388,6 @@ const de: Text = {
       start: (clock: string) => `Beginn um ${clock}`,
       no_roof_box: "Die Dachbox abnehmen",
       summer_tyres: "Sommerreifen aufziehen",
-      check_tyres: "Den Reifendruck prüfen, falls das zwei Monate her ist",
       pump_up: (pressure: string) => `Die Reifen von ${pressure} des empfohlenen Drucks auf 100 % aufpumpen`,
       other_road: (number: number) => `Route ${number} nehmen`,
       leave_later: (time: string) => `${time} später abfahren`,

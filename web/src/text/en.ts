@@ -379,7 +379,6 @@ export const en = {
       start: (clock: string) => `start at ${clock}`,
       no_roof_box: "Take off the roof box",
       summer_tyres: "Fit summer tyres",
-      check_tyres: "Check the tyres if it has been two months",
       pump_up: (pressure: string) =>
         `Pump up the tyres, from ${pressure} of the recommended pressure to all of it`,
       other_road: (number: number) => `Take route ${number}`,

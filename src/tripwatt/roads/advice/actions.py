@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -47,11 +47,6 @@ _DEPARTURE_SHIFTS_H: Final = (-1, 1, 2, 3)
 """Hours by which a car may leave earlier or later: a choice."""
 _MAX_WINTER_TYRES_DEGC: Final = 7.0
 """Winter tyres are kept at or below this outside temperature: the usual rule of 7 °C."""
-UNCHECKED: Final = 0.9
-"""Tyre pressure over the recommended one after two months without a check: tyres lose 1 to 2 psi a month (GAO-07-246R, 2007), of about
-32 psi."""
-UNCHECKED_SPREAD: Final = 1.0 / 3.0
-"""Standard deviation of the lost pressure over its mean: 1 to 2 psi are 1.5 ± 0.5 psi."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -78,10 +73,6 @@ class Action:
         Energy from the plug [Wh].
     before_s : float
         Time before departure at which the action begins [s].
-    assumed : dict of str to object
-        Values of fields of the departure that are not known. The saving is compared with a trip that has these values.
-    spread : float
-        Standard deviation of the effect over its mean, in addition to that of the forecasts.
 
     Examples
     --------
@@ -103,8 +94,6 @@ class Action:
     removed: str = ""
     wall_wh: float = 0.0
     before_s: float = 0.0
-    assumed: Mapping[str, Any] = field(default_factory=dict)
-    spread: float = 0.0
 
     def apply_to(self, plan: Plan) -> Plan:
         """Change a plan. O(samples).
@@ -247,14 +236,8 @@ def _load_actions(departure: Departure) -> Iterator[Action]:
         yield Action("no_roof_box", "roof", "some", {}, removed="roof_box")
     if "winter_tyres" in extras and ambient is not None and ambient > _MAX_WINTER_TYRES_DEGC:
         yield Action("summer_tyres", "tyres", "much", {}, removed="winter_tyres")
-    recommended = {"tyre_pressure": 1.0}
-    if departure.tyre_pressure is None:
-        low = {"tyre_pressure": UNCHECKED}
-        yield Action(
-            "check_tyres", "pressure", "some", recommended, UNCHECKED, assumed=low, spread=UNCHECKED_SPREAD
-        )
-    elif departure.tyre_pressure < 1.0:
-        yield Action("pump_up", "pressure", "some", recommended, departure.tyre_pressure)
+    if departure.tyre_pressure is not None and departure.tyre_pressure < 1.0:
+        yield Action("pump_up", "pressure", "some", {"tyre_pressure": 1.0}, departure.tyre_pressure)
     if (departure.payload_mass_kg or 0.0) > _LUGGAGE_KG:
         lighter = {"payload_mass_kg": (departure.payload_mass_kg or 0.0) - _LUGGAGE_KG}
         yield Action("less_luggage", "load", "some", lighter, _LUGGAGE_KG)

@@ -7,7 +7,6 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from operator import attrgetter
 from pathlib import Path
 from typing import Any, Final
 
@@ -246,9 +245,6 @@ class Advice:
         }
 
 
-_COST: Final = attrgetter("cost_min")
-
-
 def _plan_summary(plan: ChargingPlan | None) -> dict[str, Any] | None:
     if plan is None:
         return None
@@ -329,10 +325,9 @@ def advise(
     ]
     charge_to = soc_needed(forecast, reserve, chance)
     lacking_wh = (charge_to - float(forecast.along.expected_soc[0])) * forecast.charge.wh_per_display
-    without_assumptions = [advised for advised in saving if not advised.actions[0].assumed]
     least, whole = list[Advised](), None
     if p_arrive < chance:
-        least = _smallest_sets(trials, without_assumptions, chance, lacking_wh)
+        least = _smallest_sets(trials, saving, chance, lacking_wh)
         if isinstance(trip, Journey) and (whole := trip.charging) is not None:
             singly = [_with_charging_plan(trip, advised) for advised in singly]
     return Advice(
@@ -346,9 +341,9 @@ def _is_worth_it(advised: Advised, trip_wh: float) -> bool:
 
 
 def _with_charging_plan(journey: Journey, advised: Advised) -> Advised:
-    """Add the stops to charge that the journey has with an action; none without a corridor or for an action that assumes values."""
+    """Add the stops to charge that the journey has with an action; none without a corridor."""
     (action,), corridor = advised.actions, journey.corridor
-    if corridor is None or action.assumed:
+    if corridor is None:
         return advised
     road = journey.roads[int(action.value or 0)].road if action.group == "road" else corridor.road
     return replace(advised, whole=replan_with(corridor, action, advised.forecast, road))
@@ -374,21 +369,15 @@ class _Trials:
         self._forecast_again = forecasts_like(forecast)
 
     def with_actions(self, *chosen: Action) -> Advised:
-        """Forecast the trip with some actions, compared with the trip without them but with the values that they assume."""
+        """Forecast the trip with some actions, compared with the trip without them."""
         plan = self.forecast.plan
         for action in chosen:
             plan = action.apply_to(plan)
-        assumed = Departure(**{name: v for action in chosen for name, v in action.assumed.items()})
-        before = self.forecast
-        if assumed != Departure():
-            before = self._forecast_again(before.plan.with_departure(assumed))
-        return self.compared(chosen, self._forecast_again(plan), before)
+        return self.compared(chosen, self._forecast_again(plan), self.forecast)
 
     def compared(self, chosen: tuple[Action, ...], changed: Forecast, before: Forecast) -> Advised:
         """Compare the forecast of the trip with some actions with a forecast without them."""
         difference = changed.difference(before)
-        spread_wh = difference.energy_wh * max(action.spread for action in chosen)
-        difference = replace(difference, sd_wh=math.hypot(difference.sd_wh, spread_wh))
         return Advised(chosen, changed, difference, changed.soc_arrival, changed.p_arrive(self.reserve))
 
 
@@ -416,7 +405,7 @@ def _smallest_sets(
                 together = trials.with_actions(*(advised.actions[0] for advised in chosen))
                 if together.p_arrive >= chance:
                     sufficient[codes] = together
-    return sorted(sufficient.values(), key=_COST)
+    return sorted(sufficient.values(), key=lambda advised: advised.cost_min)
 
 
 def _can_be_combined(chosen: Sequence[Advised]) -> bool:

@@ -39,8 +39,6 @@ STEPS: Final = 60
 """Longest time of preheating, in steps of `STEP_S`; earlier heat is lost by the departure. A choice."""
 TRIED_K: Final = (0.0, -2.0, 2.0, 4.0)
 """Set-points that are tried: by how much they are nearer to the outside air than the driver's."""
-_DIGITS: Final = 6
-"""Rounding of savings, so that equal options stay equal on every machine."""
 MIN_WH: Final = 20.0
 """Smaller savings are not advised, since nobody sees them on a display [Wh]."""
 
@@ -155,7 +153,8 @@ def preheating(
     power = np.array([option.power_w for option in options])
     plugged = np.minimum(power, plug_w * CHARGER).sum(axis=1) * STEP_S * WH_PER_J
     taken = power.sum(axis=1) * STEP_S * WH_PER_J - plugged + [option.trip_wh for option in options]
-    saved, wall = np.round(taken[0] - taken, _DIGITS), plugged / CHARGER
+    # rounded, so that equal options stay equal on every machine
+    saved, wall = np.round(taken[0] - taken, 6), plugged / CHARGER
     cost = wall - worth * saved + [option.discomfort_wh for option in options]
     cost[saved < 0.0] = np.inf
     cost[0] -= worth * MIN_WH

@@ -29,13 +29,9 @@ _MAX_TRIALS: Final = 8
 that bound the time."""
 _SAFEST_CHANCES: Final = ((0.9995, 0.9995), (0.998, 0.998), (0.99, 0.99), (CERTAIN, 0.9995))
 """Chances of the first leg and of every other leg of the safest plan; the first possible pair is used. Choices."""
-_SAFEST_TIME: Final = 1.25
-"""Longest time of the safest plan over that of the fastest. A choice."""
 _NEXT_STATION_CHANCES: Final = (CERTAIN, 0.9, 0.8)
 """Chances to reach another station if a station is occupied, tried in this order. Choices."""
 BEST_EFFORT: Final = "best effort"
-_MIN_P_ARRIVE: Final = 0.5
-"""A plan of best effort is shown only if the battery is less likely to run empty than not."""
 
 _GAINS: Final[Mapping[str, Callable[[ChargingPlan], float]]] = MappingProxyType(
     {
@@ -58,7 +54,8 @@ def find_plans(corridor: Corridor) -> tuple[ChargingPlan, ...]:
         return _best_effort_plans(corridor)
     fewest, _ = _best_certain_plan(corridor, "fewest stops", risk)
     cheapest, _ = _best_certain_plan(corridor, "cheapest", risk)
-    candidates = (fewest, _safest_plan(corridor, _SAFEST_TIME * first.duration_s), cheapest)
+    # a choice: the safest plan takes at most a quarter longer than the fastest
+    candidates = (fewest, _safest_plan(corridor, 1.25 * first.duration_s), cheapest)
     others = [plan for plan in candidates if plan is not None]
     # another plan may be faster than the first, because its legs were estimated as slower before they were routed
     plans = [replace(min((first, *others), key=lambda plan: plan.duration_s), label="fastest")]
@@ -122,7 +119,7 @@ def _best_effort_plans(corridor: Corridor) -> tuple[ChargingPlan, ...]:
     if optimum is None or len(optimum.nodes) < 3:
         return ()
     plan = ChargingPlan(BEST_EFFORT, (), corridor.legs_of(optimum), reserve)
-    if plan.p_reserve <= corridor.forecast.p_arrive(reserve) or plan.p_arrive < _MIN_P_ARRIVE:
+    if plan.p_reserve <= corridor.forecast.p_arrive(reserve) or plan.p_arrive < 0.5:
         return ()
     return (_with_stops(corridor, plan, optimum, chances),)
 

@@ -18,11 +18,7 @@ from tripwatt.roads.routers import Road
 from tripwatt.trips import Departure
 
 _BAND: Final = 0.9
-_CLOSE_SOC: Final = 0.05
-"""A leg is not forecast again if its charge at departure changes by this or less: a choice, because the energy then changes by a
-thousandth."""
 ENERGY_BAND: Final = ("energy_low_wh", "energy_high_wh")
-_BELOW_ABOVE: Final = np.array([-1.0, 1.0])
 _SOC_COLUMNS: Final = ("displayed_soc", "displayed_soc_low", "displayed_soc_high")
 
 _COURSE: Final = dict(
@@ -173,8 +169,9 @@ class Leg:
         return float(np.sqrt(common / (common + independent + climb)))
 
     def leaving_with(self, soc: float) -> Leg:
-        """Return the leg from another charge, forecast again if the charges differ by more than `_CLOSE_SOC`."""
-        if abs(soc - (self.forecast.plan.departure.soc or 0.0)) <= _CLOSE_SOC:
+        """Return the leg from another charge, forecast again if the charges differ by more than 5 percentage points."""
+        # a choice: within 5 points the energy changes by a thousandth
+        if abs(soc - (self.forecast.plan.departure.soc or 0.0)) <= 0.05:
             drive = replace(self.forecast.drive, plan=self.forecast.plan.with_departure(Departure(soc=soc)))
             return replace(self, forecast=replace(self.forecast, drive=drive))
         return replace(self, forecast=leaving_with(self.forecast, soc))
@@ -340,7 +337,7 @@ class ChargingPlan:
             common_wh = common_wh[-1] + leg.common_share * half_wh
             independent_wh2 = independent_wh2[-1] + (1.0 - leg.common_share**2) * half_wh**2
             table["energy_wh"] += energy_wh
-            table[list(ENERGY_BAND)] = table[["energy_wh"]].to_numpy() + _BELOW_ABOVE * np.sqrt(
+            table[list(ENERGY_BAND)] = table[["energy_wh"]].to_numpy() + np.array([-1.0, 1.0]) * np.sqrt(
                 common_wh**2 + independent_wh2
             )
             end = table.index[-1], list(_SOC_COLUMNS)

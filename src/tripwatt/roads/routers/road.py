@@ -74,8 +74,10 @@ class Edges:
         """Make edges without limits, classes and signals; by default none is carried."""
         n = len(length_m)
         none = np.zeros(n, dtype=bool)
-        carried = none if carried is None else carried
-        return cls(length_m, time_s, speed_m_s, np.full(n, np.nan), ("",) * n, none, carried)
+        unknown = np.full(n, np.nan)
+        return cls(
+            length_m, time_s, speed_m_s, unknown, ("",) * n, none, none if carried is None else carried
+        )
 
     def only(self, mask: BoolArray) -> Edges:
         """Return the edges of a mask."""

@@ -95,10 +95,9 @@ class OsrmRouter(_ServerRouter):
         tables, carried = [], []
         for leg in route["legs"].entries(min_count=1):
             is_annotated = isinstance(leg["annotation"].value, dict)
-            tables.append(
-                edge_pieces(leg, annotated_speed=True) if is_annotated else step_pieces(steps_of(leg))
-            )
-            carried.append(carried_pieces(leg, tables[-1][:, 0]))
+            table = edge_pieces(leg, annotated_speed=True) if is_annotated else step_pieces(steps_of(leg))
+            tables.append(table)
+            carried.append(carried_pieces(leg, table[:, 0]))
         points = route["geometry"]["coordinates"].coordinates()[:, :2]
         return _leg_from_table(np.concatenate(tables), points, np.concatenate(carried))
 

@@ -27,7 +27,6 @@ class ActionDocument(schemas.ResponseModel):
         "preheat_cabin",
         "no_roof_box",
         "summer_tyres",
-        "check_tyres",
         "pump_up",
         "less_luggage",
         "other_road",
