@@ -27,15 +27,13 @@ from tripwatt.routes.carried import (
 )
 from tripwatt.routes.documents import Node, parse_json, read_content
 from tripwatt.routes.geojson import track_from_geojson
-from tripwatt.routes.gpx import read_gpx
-from tripwatt.routes.kml import read_kml
 from tripwatt.routes.link_objects import LINK_KEYS, route_from_links
 from tripwatt.routes.link_table import is_links_table, route_from_table
 from tripwatt.routes.links import FLAT_ROAD, SHORTEST_LINK_M, LinkRoute, first_of_several, link_ends
 from tripwatt.routes.points import distances_m, haversine_m
 from tripwatt.routes.polyline import decode_polyline
 from tripwatt.routes.tracks import Track
-from tripwatt.routes.xml_events import root_name
+from tripwatt.routes.xml_tracks import read_xml
 from tripwatt.trips import Flag, Pause
 from tripwatt.units import M_PER_FOOT, M_PER_MILE
 
@@ -387,7 +385,7 @@ def parse_route(source: bytes | str | Path, *, where: str | None = None) -> Link
     data, name = read_content(source, where)
     head = data[:200].lstrip(b"\xef\xbb\xbf \t\r\n")
     if head.startswith((b"<", b"\xff\xfe", b"\xfe\xff")):
-        return read_kml(data, where=name) if root_name(data) == "kml" else read_gpx(data, where=name)
+        return read_xml(data, "gpx", "kml", where=name)
     if head.startswith(_ZIP):
         fix = "unpack it, for example with unzip, and give the file doc.kml"
         raise InvalidInput.of("packed file", name, "a ZIP archive, such as KMZ", "KML", fix)

@@ -1,0 +1,256 @@
+"""Readers of GPX and KML texts as tracks. Document types are refused, so that no entity can be declared; depth and points are bounded."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+from xml.parsers import expat
+
+import numpy as np
+
+from tripwatt.errors import InvalidInput
+from tripwatt.routes.documents import read_content
+from tripwatt.routes.links import first_of_several
+from tripwatt.routes.points import MAX_POINTS
+from tripwatt.routes.tracks import Track, parse_times
+
+_MAX_DEPTH: Final = 64
+"""Largest depth of elements; a choice, which bounds the memory."""
+
+_FORMATS: Final = {
+    "gpx": (("trk", "rte"), "a GPX document with a trk or rte of two points"),
+    "kml": (("Track", "LineString"), "a LineString or a gx:Track of two points"),
+}
+"""Outermost element of a format -> its elements that are lines, those of the first name preferred, and a valid text in words."""
+
+_POINT_TAGS: Final = ("trkpt", "rtept")
+
+_Point = tuple[float, float, float]
+"""Latitude, longitude [°] and altitude [m]; the altitude is NaN if unknown."""
+
+
+def read_gpx(source: bytes | str | Path, *, where: str | None = None) -> Track:
+    """Read the first track with at least two points in a GPX 1.0 or 1.1 text, else the first such route. O(bytes).
+
+    The segments of a track are joined. A text with a document type declaration is refused, so that no XML entity can be
+    declared.
+
+    Parameters
+    ----------
+    source : bytes, str or path
+        The text itself as bytes, or the path of a file.
+    where : str, optional
+        Name for messages.
+
+    Returns
+    -------
+    Track
+        With times if the first and the last point have a time; missing times in between are interpolated.
+
+    Raises
+    ------
+    InvalidInput
+        When the text is not well-formed, has a document type declaration, or has no valid track.
+
+    Examples
+    --------
+    >>> text = b'<gpx><rte><rtept lat="48.1" lon="11.5"/><rtept lat="48.2" lon="11.5"><ele>520</ele></rtept></rte></gpx>'
+    >>> round(read_gpx(text).position_m[-1])
+    11120
+    """
+    return read_xml(source, "gpx", where=where)
+
+
+def read_kml(source: bytes | str | Path, *, where: str | None = None) -> Track:
+    """Read the first recording with at least two points in a KML 2.2 text, else the first such line. O(bytes).
+
+    A recording is a `gx:Track` with `when` and `gx:coord`, a line is a `LineString`. If all altitudes are 0, they count as
+    unknown: KML files have 0 for an unknown altitude. A text with a document type declaration is refused.
+
+    Parameters
+    ----------
+    source : bytes, str or path
+        The text itself as bytes, or the path of a file.
+    where : str, optional
+        Name for messages.
+
+    Returns
+    -------
+    Track
+        With times if it is a recording.
+
+    Raises
+    ------
+    InvalidInput
+        When the text is not well-formed, has a document type declaration, or has no valid line or recording.
+
+    Examples
+    --------
+    >>> text = b"<kml><Placemark><LineString><coordinates>11.5,48.1,500 11.5,48.2,520</coordinates></LineString></Placemark></kml>"
+    >>> round(read_kml(text).position_m[-1])
+    11120
+    """
+    return read_xml(source, "kml", where=where)
+
+
+def read_xml(source: bytes | str | Path, *roots: str, where: str | None = None) -> Track:
+    """Read a text of one of several formats, which its outermost element tells, as `read_gpx` or `read_kml`.
+
+    Parameters
+    ----------
+    source : bytes, str or path
+    *roots : str
+        Outermost elements of the formats: gpx, kml.
+    where : str, optional
+        Name for messages.
+
+    Raises
+    ------
+    InvalidInput
+        When the text has another outermost element, or as `read_gpx` and `read_kml`.
+
+    Examples
+    --------
+    >>> text = b"<kml><LineString><coordinates>11.5,48.1,500 11.5,48.2,520</coordinates></LineString></kml>"
+    >>> len(read_xml(text, "gpx", "kml"))
+    2
+    """
+    data, name = read_content(source, where)
+    reader = _Reader(name, roots)
+    reader.parse(data)
+    track = reader.track()
+    if reader.root == "gpx" or (track.elevation_m != 0.0).any():
+        return track
+    return replace(track, elevation_m=np.full(len(track), np.nan))
+
+
+class _Reader:
+    """Parser that collects the lines of a text: for each kind of line, the points and the texts of their times."""
+
+    def __init__(self, name: str, roots: tuple[str, ...]) -> None:
+        self.name, self.roots = name, roots
+        self.root = ""
+        self.lines: dict[str, list[tuple[list[_Point], list[str]]]] = {}
+        self.path: list[str] = []
+        self.number = 0
+        self.text: list[str] = []
+        self.point: dict[str, str] = {}
+
+    def parse(self, data: bytes) -> None:
+        """Parse a text; anything but well-formed XML without a document type raises `InvalidInput`."""
+        formats = " or ".join(root.upper() for root in self.roots)
+
+        def refuse(*_: object) -> None:
+            allowed = f"{formats} without a document type declaration"
+            raise InvalidInput.of(
+                "XML with a document type declaration", self.name, "<!DOCTYPE ...>", allowed
+            )
+
+        parser = expat.ParserCreate()
+        parser.buffer_text = True
+        parser.StartElementHandler = self._start
+        parser.EndElementHandler = self._end
+        parser.CharacterDataHandler = self.text.append
+        parser.StartDoctypeDeclHandler = parser.EntityDeclHandler = refuse
+        try:
+            parser.Parse(data, True)
+        except (expat.ExpatError, ValueError, LookupError) as error:  # the latter two for encodings
+            allowed = f"a {formats} document"
+            raise InvalidInput.of("not well-formed XML", self.name, str(error)[:120], allowed) from error
+
+    def track(self) -> Track:
+        """The first line with at least two points, of the first kind that has one."""
+        lines = [line for kind in self.lines.values() for line in kind if len(line[0]) >= 2]
+        if not lines:
+            allowed = _FORMATS[self.root][1]
+            raise InvalidInput.of("no track in the file", self.name, f"{self.number} points", allowed)
+        points, times = lines[0]
+        if times and len(times) != len(points):
+            got = f"{len(times)} times, {len(points)} points"
+            raise InvalidInput.of(
+                "times and points differ in number", self.name, got, "a time for each point"
+            )
+        latitude, longitude, height = np.array(points, dtype=np.float64).T
+        time, started_at, flags = parse_times(times, self.name)
+        flags = (*first_of_several("tracks and routes", len(lines)), *flags)
+        unknown = np.full(len(height) - 1, np.nan)
+        return Track(latitude, longitude, height, time, unknown, started_at, flags)
+
+    def _start(self, tag: str, attributes: Mapping[str, str]) -> None:
+        """Enter an element; another root and too many levels raise `InvalidInput`."""
+        tag = tag.rpartition(":")[2]
+        if not self.path:
+            if tag not in self.roots:
+                what, allowed = (
+                    f"not {self.roots[0].upper()}",
+                    " or ".join(f"<{root}>" for root in self.roots),
+                )
+                raise InvalidInput.of(what, self.name, f"<{tag[:40]}>", allowed)
+            self.root, self.lines = tag, {kind: [] for kind in _FORMATS[tag][0]}
+        self.path.append(tag)
+        if len(self.path) > _MAX_DEPTH:
+            got, allowed = f"{len(self.path)} levels", f"at most {_MAX_DEPTH}"
+            raise InvalidInput.of("XML nested too deeply", self.name, got, allowed)
+        self.text.clear()
+        if tag in self.lines and (self.root == "kml" or len(self.path) == 2):
+            self.lines[tag].append(([], []))
+        elif tag in _POINT_TAGS:
+            self.point = {**attributes, "place": self._count_point()}
+
+    def _end(self, _: str) -> None:
+        """Leave an element: a point of GPX, a value of one, or the coordinates and times of KML."""
+        tag, text = self.path.pop(), "".join(self.text)
+        self.text.clear()
+        parent = self.path[-1] if self.path else ""
+        if tag in _POINT_TAGS and len(self.path) > 1 and self.path[1] in self.lines:
+            latitude, longitude = self._number("lat"), self._number("lon")
+            has_height = self.point.get("ele", "").lower() not in ("", "nan")
+            points, times = self.lines[self.path[1]][-1]
+            points.append((latitude, longitude, self._number("ele") if has_height else math.nan))
+            times.append(self.point.get("time", ""))
+        elif parent in _POINT_TAGS and tag in ("ele", "time"):
+            self.point[tag] = text.strip()
+        elif self.root == "kml" and parent in self.lines:
+            points, times = self.lines[parent][-1]
+            if (tag, parent) == ("coordinates", "LineString"):
+                points += [self._coordinates(word.split(",")) for word in text.split()]
+            elif (tag, parent) == ("coord", "Track"):
+                points.append(self._coordinates(text.split()))
+            elif (tag, parent) == ("when", "Track"):
+                times.append(" ".join(text.split()))
+
+    def _count_point(self) -> str:
+        """Count a point and return its place for messages; too many points raise `InvalidInput`."""
+        self.number += 1
+        if self.number > MAX_POINTS:
+            got, allowed = f"more than {MAX_POINTS}", f"at most {MAX_POINTS}"
+            raise InvalidInput.of("too many points", self.name, got, allowed)
+        return f"{self.name}, point {self.number}"
+
+    def _number(self, key: str) -> float:
+        """The finite number of an attribute or an element of a point of GPX; anything else raises `InvalidInput`."""
+        text = self.point.get(key, "")
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            where = f"{self.point['place']}, {key}"
+            raise InvalidInput.of("not a number", where, repr(text[:40]), "a finite number")
+        return value
+
+    def _coordinates(self, numbers: list[str]) -> _Point:
+        """The point of a longitude, a latitude and an optional altitude, all as text."""
+        where = self._count_point()
+        try:
+            values = [float(text) for text in numbers]
+        except ValueError:
+            values = []
+        if len(values) not in (2, 3) or not all(map(math.isfinite, values)):
+            got = repr(",".join(numbers)[:60])
+            allowed = "longitude, latitude and optionally altitude"
+            raise InvalidInput.of("not coordinates", where, got, allowed)
+        return values[1], values[0], values[2] if len(values) == 3 else math.nan
