@@ -42,8 +42,8 @@ from tripwatt.study.report.html import png_bytes
 from tripwatt.study.report.tables import Column, make_table
 from tripwatt.trips import Departure, Plan, Trip, TripSet
 from tripwatt.vehicles import Vehicle, load_vehicle
+from tripwatt.vehicles.comparing import without_data
 from tripwatt.vehicles.parts import RoadLoad
-from tripwatt.vehicles.without import without_data
 
 MIN_M = 2000.0
 QUARTERED = 40

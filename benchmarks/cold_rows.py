@@ -20,8 +20,7 @@ from tools import CATALOGUE
 from tools.command import run
 from tools.docs import pages
 
-from tripwatt.certification.consumption import driven_wh_per_km
-from tripwatt.certification.schedules import schedule
+from tripwatt.certification.consumption import driven_wh_per_km, schedule
 from tripwatt.physics import DriveConditions, simulate
 from tripwatt.units import KG_PER_LB, N_PER_LBF
 from tripwatt.vehicles import Vehicle, load_vehicle

@@ -23,7 +23,7 @@ from tripwatt.arrays import FloatArray
 from tripwatt.forecasting import Forecast
 from tripwatt.trips import Trip
 from tripwatt.uncertainty import ChargeScale
-from tripwatt.vehicles.without import without_data
+from tripwatt.vehicles.comparing import without_data
 
 DRIVEN = 0.7
 NEAR = 0.5

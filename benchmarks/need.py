@@ -43,7 +43,7 @@ from tripwatt.sources import read_logs
 from tripwatt.trips import Departure, Plan, Trip
 from tripwatt.units import M_S_PER_KM_H
 from tripwatt.vehicles import Vehicle
-from tripwatt.vehicles.without import without_data
+from tripwatt.vehicles.comparing import without_data
 
 QUANTILE = 0.9
 HOLDS = (0.85, 0.96)

@@ -6,9 +6,8 @@ import pytest
 
 import tripwatt as tw
 from tripwatt.certification import certified_interval, describe_car
-from tripwatt.certification.consumption import charging_efficiency, driven_wh_per_km, wltp_test_mass
+from tripwatt.certification.consumption import charging_efficiency, driven_wh_per_km, schedule, wltp_test_mass
 from tripwatt.certification.describing import usual_figures
-from tripwatt.certification.schedules import schedule
 from tripwatt.errors import InvalidInput
 from tripwatt.vehicles import load_vehicle, render_vehicle
 from tripwatt.vehicles.catalogue import class_values, mass_range_kg

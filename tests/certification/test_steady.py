@@ -82,7 +82,7 @@ def test_a_file_has_the_coast_down_of_its_source_split_by_the_drag_area(name: st
 
 
 def test_the_split_keeps_the_energy_on_the_schedules_of_certification() -> None:
-    from tripwatt.certification.schedules import schedule
+    from tripwatt.certification.consumption import schedule
 
     run = Coastdown.from_row(catalogue()["kia_niro_64"])
     split = run.with_drag_area(0.75 * run.drag_area_m2)

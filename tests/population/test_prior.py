@@ -21,8 +21,8 @@ from tripwatt.population.prior import (
     population,
 )
 from tripwatt.vehicles import load_vehicle
+from tripwatt.vehicles.anchors import spreads
 from tripwatt.vehicles.catalogue import beyond_classes
-from tripwatt.vehicles.spreads import spreads
 
 P = len(NAMES)
 

@@ -12,7 +12,7 @@ from tools.docs import publish_results, write_cli, write_figures
 from tools.docs.pages import of_page, without_parts
 
 from tripwatt.vehicles import load_vehicle
-from tripwatt.vehicles.without import names_data
+from tripwatt.vehicles.comparing import names_data
 
 DOCS = ROOT / "docs"
 

@@ -6,7 +6,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from tests.routes.made import NO
 
-from tripwatt.certification.schedules import schedule
+from tripwatt.certification.consumption import schedule
 from tripwatt.errors import InvalidInput
 from tripwatt.physics import DriveConditions, simulate
 from tripwatt.routes import LinkStyle, link_profile

@@ -13,7 +13,16 @@ from hypothesis import strategies as st
 import tripwatt as tw
 from tripwatt.hybrid.identification import Identified
 from tripwatt.hybrid.parameters import on_road
-from tripwatt.vehicles import Vehicle, differences, render_vehicle, vehicle_names, with_differences
+from tripwatt.vehicles import (
+    Vehicle,
+    differences,
+    load_vehicle,
+    render_vehicle,
+    vehicle_names,
+    with_differences,
+    without_data,
+)
+from tripwatt.vehicles.comparing import names_data
 from tripwatt.vehicles.vehicle import SECTIONS
 
 I3 = tw.load_vehicle("bmw_i3_60ah")
@@ -87,3 +96,20 @@ def test_the_unused_description_of_a_road_load_does_not_count() -> None:
     other = replace(I3, road_load=replace(I3.road_load, drag_coefficient=0.9))
     assert I3.road_load.method == "coastdown"
     assert differences(other, I3) == ()
+
+
+@pytest.mark.parametrize("name", vehicle_names())
+def test_every_value_of_a_data_sets_logs_has_another_without_it(name: str) -> None:
+    car = load_vehicle(name)
+    logged = {key for key, entry in car.entries.items() if names_data(entry, "tum")}
+    assert "climate.sensor_minimum_degc" in logged or "climate.cooler_cop" in logged
+    bare = without_data(car, "tum")
+    assert not any(names_data(entry, "tum") for entry in bare.entries.values())
+    differ = {key for key, entry in bare.entries.items() if entry.value != car.entries[key].value}
+    assert differ == logged
+    for key in logged:
+        section, _, field = key.partition(".")
+        assert getattr(getattr(bare, section), field) == bare.entries[key].value
+        assert bare.entries[key].unit == car.entries[key].unit
+    assert without_data(bare, "tum") is bare
+    assert without_data(car, "ved") is car

@@ -13,7 +13,15 @@ from tests.support import ROOT
 from tools.docs.write_parameters import render_licences
 
 from tripwatt.errors import InvalidInput
-from tripwatt.vehicles import load_vehicle, vehicle_from_document, vehicle_names
+from tripwatt.vehicles import (
+    ALIASES,
+    load_vehicle,
+    parse_overrides,
+    vehicle_from_document,
+    vehicle_names,
+)
+from tripwatt.vehicles.parts import Charging
+from tripwatt.vehicles.vehicle import SECTIONS
 
 
 @pytest.fixture
@@ -198,3 +206,78 @@ def test_an_entry_with_an_unknown_licence_is_a_fault(document: dict[str, Any]) -
 def test_table_of_licences_in_the_documentation_is_that_of_the_code() -> None:
     page = (ROOT / "docs" / "reference" / "vehicles.md").read_text("utf-8")
     assert render_licences() in page, "run: python -m tools.docs.write_parameters"
+
+
+def test_short_names_reach_entries_that_exist() -> None:
+    known = {f"{section}.{name}" for section, part in SECTIONS.items() for name in part.__dataclass_fields__}
+    assert set(ALIASES.values()) <= known
+
+
+def test_overrides_with_short_names_change_the_car_and_say_so() -> None:
+    car = load_vehicle("peugeot_e_208", overrides=parse_overrides(["mass=1700", "c_d=0.3", "payload=150"]))
+    assert car.body.test_mass_kg == 1850.0
+    assert car.road_load.drag_coefficient == 0.3
+    assert car.entries["body.curb_mass_kg"].source == "given by the caller"
+
+
+def test_override_without_effect_is_refused() -> None:
+    with pytest.raises(InvalidInput, match="override has no effect"):
+        load_vehicle("nissan_leaf_40", overrides={"c_d": 0.3})
+    every = {"c_d": 0.28, "area": 2.3, "c_rr": 0.009, "road_load": "coefficients"}
+    assert load_vehicle("nissan_leaf_40", overrides=every).road_load.drag_area_m2 == pytest.approx(0.644)
+
+
+def test_every_wrong_override_is_named_at_once() -> None:
+    with pytest.raises(InvalidInput, match=r"not an override.*\n.*override given twice"):
+        parse_overrides(["mass", "c_d=1", "c_d=2"])
+    with pytest.raises(InvalidInput, match="did you mean 'mass'"):
+        load_vehicle("nissan_leaf_40", overrides=parse_overrides(["mas=3"]))
+
+
+def entry(value: object, unit: str) -> dict[str, object]:
+    return {"value": value, "unit": unit, "source": "a chart", "licence": "user"}
+
+
+@pytest.mark.parametrize(
+    ("soc", "power", "word"),
+    [
+        ([0.0, 1.0], [50_000.0, 20_000.0, 10_000.0], "differ in length"),
+        ([0.0, 0.9], [50_000.0, 20_000.0], "does not cover"),
+        ([0.1, 1.0], [50_000.0, 20_000.0], "does not cover"),
+        ([0.0, 0.5, 0.5, 1.0], [50_000.0] * 4, "does not increase"),
+        ([0.0, 1.0], [50_000.0, 0.0], "out of range"),
+    ],
+)
+def test_a_charging_curve_goes_from_empty_to_full(document, soc, power, word) -> None:
+    document["charging"] = {
+        "displayed_soc": entry(soc, "1"),
+        "power_w": entry(power, "W"),
+        "alternating_power_w": entry(7_400.0, "W"),
+    }
+    (fault,) = [f for f in faults_of(document) if "charging" in f]
+    assert word in fault
+
+
+def test_a_charging_curve_is_part_of_a_car(document) -> None:
+    assert vehicle_from_document(document, "car", "car.toml").charging is None
+    document["charging"] = {
+        "displayed_soc": entry([0.0, 0.6, 1.0], "1"),
+        "power_w": entry([100_000.0, 80_000.0, 10_000.0], "W"),
+        "alternating_power_w": entry(7_400.0, "W"),
+    }
+    found = vehicle_from_document(document, "car", "car.toml").charging
+    assert found == Charging((0.0, 0.6, 1.0), (100_000.0, 80_000.0, 10_000.0), 7_400.0)
+    del document["charging"]["power_w"]
+    assert any("missing entry" in f and "power_w" in f for f in faults_of(document))
+
+
+def test_curves_of_the_library_are_of_their_own_cars() -> None:
+    """Written out from the public list, in percent of the display and kilowatts."""
+    zoe = load_vehicle("renault_zoe_ze50_r135").charging
+    assert zoe == Charging((0.0, 0.52, 0.8, 1.0), (41_000.0, 46_000.0, 27_000.0, 22_000.0), 22_000.0)
+    known = [car for name in vehicle_names() if (car := load_vehicle(name)).charging is not None]
+    assert len(known) == 51
+    for car in known:
+        assert car.entries["charging.power_w"].licence == "MIT"
+        assert 20_000.0 <= max(car.charging.power_w) <= 350_000.0
+        assert 3_000.0 < car.charging.alternating_power_w <= 22_000.0

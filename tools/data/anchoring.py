@@ -37,13 +37,12 @@ from tripwatt.certification.consumption import (
 from tripwatt.physics.road_load import air_density
 from tripwatt.units import GRAVITY_M_S2, KG_PER_LB, M_PER_MILE, WH_PER_J
 from tripwatt.vehicles import Vehicle
-from tripwatt.vehicles.anchors import Anchor
+from tripwatt.vehicles.anchors import REPEAT_SD, Anchor
 from tripwatt.vehicles.catalogue import Cell, Row, catalogue
-from tripwatt.vehicles.spreads import REPEAT_SD
 
 MOTORWAY_M_S: Final = 36.0
 LOSS_SD: Final = 0.45
-"""Standard deviation of the logarithm of a car's loss between wheel and battery about its class's (`vehicles.spreads`)."""
+"""Standard deviation of the logarithm of a car's loss between wheel and battery about its class's (`vehicles.anchors`)."""
 
 ROW_TOLERANCE: Final = 0.04
 """Error of a row that one loss may leave: twice the scatter of certified consumption over tests of the same car."""

@@ -17,15 +17,13 @@ from benchmarks.six_numbers import BOTH, listed
 from tools.command import run
 from tools.data.anchoring import certified_figures
 from tripwatt.arrays import FloatArray
-from tripwatt.certification.consumption import CertifiedFigure, relative_error, wltp_test_mass
-from tripwatt.certification.schedules import schedule
+from tripwatt.certification.consumption import CertifiedFigure, relative_error, schedule, wltp_test_mass
 from tripwatt.hybrid.factors import EVERYTHING, FACTORS, NAMES, factor_power
 from tripwatt.hybrid.segments import segment_table
 from tripwatt.physics import simulate_trip
 from tripwatt.trips import Departure, Plan, Trip
 from tripwatt.vehicles import Vehicle, load_vehicle, vehicle_names
-from tripwatt.vehicles.anchors import anchors
-from tripwatt.vehicles.spreads import REPEAT_SD
+from tripwatt.vehicles.anchors import REPEAT_SD, anchors
 
 KWH_PER_100_KM = 10.0
 ONE_MODEL_SD = 0.08

@@ -2,7 +2,7 @@
 
 A trace that makes each change of speed as often as the schedule does is an Eulerian circuit of their counts (Hierholzer's algorithm).
 Needs the schedules of the package fastsim 2.1.5 (the extra `schedules`). Prints how far the energy of the traces of
-`tripwatt.certification.schedules` is from that of the schedules themselves, for some cars of the library.
+`tripwatt.certification.consumption` is from that of the schedules themselves, for some cars of the library.
 """
 
 from __future__ import annotations
@@ -22,8 +22,7 @@ import pandas as pd
 from tools import DATA, ROOT
 from tools.command import run
 from tripwatt.arrays import FloatArray, IntArray
-from tripwatt.certification.consumption import driven_wh_per_km
-from tripwatt.certification.schedules import CYCLES, SPEED_STEP_M_S
+from tripwatt.certification.consumption import CYCLES, SPEED_STEP_M_S, driven_wh_per_km
 from tripwatt.vehicles import Vehicle, load_vehicle
 
 FILES: Final = {"udds": "udds.csv", "hwfet": "hwfet.csv", "wltc": "wltc_3b.csv"}

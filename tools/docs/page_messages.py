@@ -53,7 +53,6 @@ NOT_REACHED: Final = (
     "sources/tum_overview.py",
     "sources/ved.py",
     "vehicles/inheriting.py",
-    "vehicles/overriding.py",
     "vehicles/reading.py",
 )
 """Modules of the start of a service, of the command line, of fleets, and of files of cars, which the page sends to no service."""

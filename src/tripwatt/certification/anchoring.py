@@ -27,7 +27,7 @@ FACTORS: Final = (0.3, 4.0)
 
 OPEN: Final = {"rolling": 0.4, "air": 0.2, "gear": 1.0}
 """Exponents of the factor "road load" for each part. The most probable changes are in proportion to variance times share of the energy:
-cars of a class scatter by 17 % in rolling, 11 % in air drag and 45 % in the losses between wheel and battery (`vehicles.spreads`, without
+cars of a class scatter by 17 % in rolling, 11 % in air drag and 45 % in the losses between wheel and battery (`vehicles.anchors`, without
 tyres and trims), which take 36, 42 and 13 % of the WLTC. One factor for the whole road load would put most of the gap into the
 air drag of the motorway."""
 

@@ -26,14 +26,14 @@ from tripwatt.certification.consumption import (
     CertifiedFigure,
     charging_efficiency,
     driven_wh_per_km,
+    schedule,
     wltp_test_mass,
 )
-from tripwatt.certification.schedules import schedule
 from tripwatt.errors import Fault, InvalidInput, raise_faults
 from tripwatt.files import shipped_toml
 from tripwatt.trips.columns import Column, number_faults, require_fraction
 from tripwatt.vehicles import Vehicle, vehicle_from_document
-from tripwatt.vehicles.anchors import CLASS, Anchor, anchors, with_anchor
+from tripwatt.vehicles.anchors import CLASS, REPEAT_SD, Anchor, anchors, loss_sd, with_anchor
 from tripwatt.vehicles.catalogue import (
     BODIES,
     LOADED_KG,
@@ -45,7 +45,6 @@ from tripwatt.vehicles.catalogue import (
     mass_range_kg,
 )
 from tripwatt.vehicles.similar import Figures, similar_document
-from tripwatt.vehicles.spreads import REPEAT_SD, loss_sd
 
 PROCEDURES: Final = ("wltp", "epa")
 """Procedures of a published consumption: the WLTP, or the combined city and highway figure of the EPA label."""

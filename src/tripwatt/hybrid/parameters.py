@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import fields, replace
 
 from tripwatt.vehicles import Vehicle
+from tripwatt.vehicles.anchors import ROAD_GAIN
 from tripwatt.vehicles.parts import ROLLING_ENTRIES
-from tripwatt.vehicles.spreads import ROAD_GAIN
 from tripwatt.vehicles.vehicle import Entry, Value
 
 

@@ -11,8 +11,8 @@ from tripwatt.forecasting import ForecastModel, load_model
 from tripwatt.population.adapting import population_of, without_trips
 from tripwatt.trips import Flag
 from tripwatt.vehicles import Difference, Vehicle, differences, load_vehicle, vehicle_names, with_differences
+from tripwatt.vehicles.anchors import CLASS_ANCHORS
 from tripwatt.vehicles.catalogue import beyond_classes, mass_range_kg
-from tripwatt.vehicles.spreads import CLASS_ANCHORS
 
 MAX_NAMED: Final = 5
 """Largest number of changed values that are named; the others are counted."""

@@ -24,8 +24,8 @@ from tripwatt.hybrid.factors import ASSUMED_DF, FACTORS, NAMES, SDS, TripEvidenc
 from tripwatt.hybrid.groups import GroupPosterior, Scales, Sums, fit_scales, group_posterior
 from tripwatt.hybrid.learning import Experts
 from tripwatt.vehicles import Vehicle
+from tripwatt.vehicles.anchors import CLASS_ANCHORS, spreads
 from tripwatt.vehicles.catalogue import beyond_classes, mass_range_kg
-from tripwatt.vehicles.spreads import CLASS_ANCHORS, spreads
 
 ROOT_SD: Final = 0.35
 """Prior standard deviation of the common mean of all cars, relative to that between cars: simulations are right on average."""

@@ -1,6 +1,6 @@
 """Cars as frozen dataclasses, one TOML per car: value, unit and source for every entry."""
 
-from tripwatt.vehicles.comparing import Difference, differences, with_differences
+from tripwatt.vehicles.comparing import Difference, differences, with_differences, without_data
 from tripwatt.vehicles.extras import with_extras
 from tripwatt.vehicles.loading import (
     find_vehicles,
@@ -9,11 +9,9 @@ from tripwatt.vehicles.loading import (
     vehicle_names,
     vehicle_titles,
 )
-from tripwatt.vehicles.overriding import ALIASES, parse_overrides
 from tripwatt.vehicles.parts import Battery, Climate, Drivetrain, Regeneration, Tyres
-from tripwatt.vehicles.reading import vehicle_from_document
+from tripwatt.vehicles.reading import ALIASES, parse_overrides, vehicle_from_document
 from tripwatt.vehicles.vehicle import LICENCES, Vehicle
-from tripwatt.vehicles.without import without_data
 from tripwatt.vehicles.writing import describe_vehicle, render_vehicle, vehicle_document
 
 __all__ = [

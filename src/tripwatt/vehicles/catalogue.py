@@ -13,10 +13,10 @@ import dataclasses
 import math
 import statistics
 import types
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import Final
+from typing import Any, Final
 
 from tripwatt.units import GRAVITY_M_S2, KG_PER_LB, M_PER_MILE, N_PER_LBF, SECONDS_PER_HOUR
 from tripwatt.vehicles.inheriting import DATA
@@ -99,9 +99,10 @@ Row = Mapping[str, tuple[Cell, ...]]
 """Key -> cells of a car; a car may have several certified figures."""
 
 
-def records(name: str) -> Iterator[dict[str, str]]:
-    """Yield the rows of a CSV file in `data/table`."""
-    yield from csv.DictReader((DATA / "table" / name).read_text(encoding="utf-8").splitlines())
+@cache
+def records(name: str) -> tuple[Mapping[str, str], ...]:
+    """Return the rows of a CSV file in `data/table`."""
+    return tuple(csv.DictReader((DATA / "table" / name).read_text(encoding="utf-8").splitlines()))
 
 
 @cache
@@ -331,3 +332,46 @@ def _spreads(runs: list[tuple[str, Coastdown]], classes: ClassValues) -> tuple[f
     rolling_variance, air_variance = (v * t - q * w) / determinant, (p * w - v * s) / determinant
     least = SMALLEST_SPREAD**2
     return math.sqrt(max(rolling_variance, least)), math.sqrt(max(air_variance, least))
+
+
+LISTED: Final = "simplified by its authors from public charts"
+
+
+def charging_section(name: str) -> dict[str, Any]:
+    """Return the section `charging` of a car's document; empty if no curve of the car is known.
+
+    The curves of `data/table/charging.csv` are simplified from public charts of charging sessions. A car without a curve has that
+    of its class (`tripwatt.roads.journey.charging`).
+
+    Parameters
+    ----------
+    name : str
+        A car of the library.
+
+    Returns
+    -------
+    dict
+        {"charging": entries}, or an empty dict.
+
+    Examples
+    --------
+    >>> charging_section("nissan_leaf_40")["charging"]["power_w"]["value"]
+    [41000.0, 45000.0, 36000.0, 15000.0]
+    >>> charging_section("bmw_i3_60ah")
+    {}
+    """
+    points = [row for row in records("charging.csv") if row["car"] == name]
+    if not points:
+        return {}
+    (source,) = (row for row in records("sources.csv") if row["source"] == points[0]["source"])
+    cited = {"source": f"{source['text']}: {points[0]['note']}", "licence": source["licence"]}
+    soc, power, alternating = (
+        [factor * float(point[key]) for point in points]
+        for key, factor in (("displayed_soc", 1.0), ("power_kw", 1000.0), ("alternating_kw", 1000.0))
+    )
+    entries = {
+        "displayed_soc": {**cited, "value": soc, "unit": "1"},
+        "power_w": {**cited, "value": power, "unit": "W", "estimated": LISTED},
+        "alternating_power_w": {**cited, "value": alternating[0], "unit": "W"},
+    }
+    return {"charging": entries}

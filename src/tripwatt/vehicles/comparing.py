@@ -1,16 +1,19 @@
-"""Comparison of two cars by their values, never by names, titles or sources."""
+"""Comparison of two cars by their values, never by names or titles; cars without the values that the logs of a data set gave."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from types import MappingProxyType
 from typing import Any, Final
 
+from tripwatt.files import shipped_toml
+from tripwatt.vehicles.inheriting import DATA
 from tripwatt.vehicles.parts import ROAD_LOADS
-from tripwatt.vehicles.vehicle import SECTIONS, Value, Vehicle
+from tripwatt.vehicles.vehicle import SECTIONS, Entry, Value, Vehicle
 
 ROUNDING: Final = 1e-9
 """Largest relative difference of two numbers that count as equal, as after writing and reading."""
@@ -142,3 +145,73 @@ def _shown(value: Value | None) -> str:
     if isinstance(value, tuple):
         return f"{value[0]:g} to {value[-1]:g}" if value else "none"
     return "none" if value is None else value if isinstance(value, str) else f"{value:.6g}"
+
+
+@cache
+def _known_without(dataset: str) -> Mapping[str, Any]:
+    """Return the document with the name of a data set in sources and the entries that replace its values; empty without one."""
+    place = f"data/without/{dataset}.toml"
+    return shipped_toml(f"vehicles/{place}") if (DATA.parent / place).is_file() else {}
+
+
+def names_data(entry: Entry, dataset: str) -> bool:
+    """Return whether a value comes from the logs of a data set, or was chosen by looking at them.
+
+    Parameters
+    ----------
+    entry : Entry
+        A value of a car.
+    dataset : str
+        Name of the data set, such as ``"tum"``.
+
+    Returns
+    -------
+    bool
+        True if source or estimate name the data set; False for a data set from which no value comes.
+
+    Examples
+    --------
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> entries = load_vehicle("vw_id3").entries
+    >>> names_data(entries["climate.cooler_cop"], "tum"), names_data(entries["climate.cooler_cop"], "ved")
+    (True, False)
+    """
+    name = _known_without(dataset).get("name")
+    return name is not None and (name in entry.source or name in entry.estimated)
+
+
+def without_data(vehicle: Vehicle, dataset: str) -> Vehicle:
+    """Replace the values that come from the logs of a data set by those that the library would have without them.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        A car, with the origin of every value.
+    dataset : str
+        Name of the data set, such as ``"tum"``.
+
+    Returns
+    -------
+    Vehicle
+        A copy with the replaced values; the same object if no value comes from the data set.
+
+    Raises
+    ------
+    KeyError
+        If a value of the car comes from the data set and the library has no replacement.
+
+    Examples
+    --------
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> car = load_vehicle("nissan_leaf_24")
+    >>> car.climate.cooler_cop, without_data(car, "tum").climate.cooler_cop
+    (1.43, 2.2)
+    """
+    named = [key for key, entry in vehicle.entries.items() if names_data(entry, dataset)]
+    if not named:
+        return vehicle
+    known, entries = _known_without(dataset), {}
+    for key in named:
+        section, _, name = key.partition(".")
+        entries[key] = Entry(**known[section][name], scale=vehicle.entries[key].scale)
+    return vehicle.with_values({key: entry.value for key, entry in entries.items()}, entries)

@@ -15,8 +15,7 @@ from typing import Any
 from tripwatt.errors import InvalidInput, excerpt
 from tripwatt.files import MAX_TEXT_BYTES, parse_toml, read_text_file
 from tripwatt.vehicles.anchors import anchors, with_anchor
-from tripwatt.vehicles.catalogue import catalogue, class_values, table_names
-from tripwatt.vehicles.charging import charging_section
+from tripwatt.vehicles.catalogue import catalogue, charging_section, class_values, table_names
 from tripwatt.vehicles.inheriting import DATA, bundled_document
 from tripwatt.vehicles.reading import vehicle_from_document
 from tripwatt.vehicles.similar import figures_of_row, similar_document
@@ -53,7 +52,7 @@ def load_vehicle(
     preset : str
         "default", "paper", or a preset of the file.
     overrides : mapping of str to (float or str), optional
-        "section.key" or a short name of `tripwatt.vehicles.overriding` -> value in the unit of the entry, e.g.
+        "section.key" or a short name of `tripwatt.vehicles.ALIASES` -> value in the unit of the entry, e.g.
         ``{"auxiliaries.base_load_w": 400.0, "mass": 1300.0}``. Overrides of a part that the preset leaves out
         have no effect.
 
