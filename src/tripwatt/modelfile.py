@@ -209,23 +209,33 @@ def _require_list_of_parts(parts: object, where: Path) -> None:
         )
 
 
-def require_place(folder: Path) -> None:
-    """Raise `InvalidInput` if a model cannot be written to a folder; nothing is written.
+def require_place(folder: Path, kept: str | None = METADATA) -> None:
+    """Check that a folder can be written in place of the folder of an option `--out`, without writing anything.
+
+    Parameters
+    ----------
+    folder : path
+    kept : str, optional
+        File that a folder with content must have to be replaced, so that nothing else is lost; None if all of it is kept.
 
     Raises
     ------
     InvalidInput
-        When the place is a file, a folder with other files, or cannot be made.
+        When there is something else than a folder, a folder with other files, or a folder that cannot be replaced or created.
     """
-    allowed = "a new or empty folder, or a folder with a model"
+    allowed = "a new or empty folder, or a folder with a model" if kept else "a new or existing folder"
     if os.path.lexists(folder) and not folder.is_dir():
-        raise InvalidInput.of("output is not a folder", "--out", f"{folder}", allowed)
-    if folder.is_dir() and any(folder.iterdir()) and not (folder / METADATA).is_file():
+        got = f"{folder} -> {folder.readlink()}" if folder.is_symlink() else f"{folder}"
+        raise InvalidInput.of("output is not a folder", "--out", got, allowed)
+    if kept and folder.is_dir() and any(folder.iterdir()) and not (folder / kept).is_file():
         raise InvalidInput.of("folder contains other files", "--out", f"{folder}", allowed)
-    nearest = next(place for place in folder.absolute().parents if place.exists())
+    place = folder.resolve()
+    if place.is_mount() or Path.cwd().is_relative_to(place):
+        raise InvalidInput.of("output cannot be replaced", "--out", f"{folder}", "a folder below it")
+    nearest = next(parent for parent in place.parents if parent.exists())
     if not nearest.is_dir() or not os.access(nearest, os.W_OK | os.X_OK):
         got = f"{folder}: no permission to write into {nearest}"
-        raise InvalidInput.of("cannot write the model", "--out", got, "a writable folder")
+        raise InvalidInput.of("cannot write the output", "--out", got, "a writable folder")
 
 
 def _read_parts(path: Path, listed: Mapping[str, Any]) -> dict[str, Part]:

@@ -182,7 +182,7 @@ def test_too_few_trips_leave_no_folder_behind(run: Callable[..., Answer], tum: P
 def test_output_below_a_file_is_refused_before_any_work(run: Callable[..., Answer], tum: Path) -> None:
     answer = run("evaluate", tum, "--out", tum / "TripA01.csv" / "out")
     assert answer.code == 2
-    assert "TripA01.csv is not a folder" in answer.err
+    assert "no permission to write into" in answer.err
     assert "trips read" not in answer.err
 
 

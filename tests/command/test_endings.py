@@ -13,9 +13,10 @@ from tests.support.command import Answer
 from tests.support.full_disk import full_disk
 
 from tripwatt.command import TRACEBACK, UNEXPECTED
-from tripwatt.command.output import check_writable, unfinished_folder, write_text
+from tripwatt.command.output import unfinished_folder, write_text
 from tripwatt.errors import InvalidInput
 from tripwatt.files import folder_lock
+from tripwatt.modelfile import require_place
 from tripwatt.server.cars import create_car, open_car
 from tripwatt.study.synthetic import synthetic_fleet
 
@@ -104,17 +105,17 @@ def test_a_second_run_ends_at_its_start(run: Callable[..., Answer], tmp_path: Pa
 
 def test_strange_outputs_are_refused(tmp_path: Path) -> None:
     (tmp_path / "link").symlink_to(tmp_path / "nothing")
-    with pytest.raises(InvalidInput, match=r"output is a link to nothing: --out: got .*link -> "):
-        check_writable(tmp_path / "link")
+    with pytest.raises(InvalidInput, match=r"output is not a folder: --out: got .*link -> "):
+        require_place(tmp_path / "link", None)
     for place in ("/", "/tmp/..", "."):
         with pytest.raises(InvalidInput, match="output cannot be replaced"):
-            check_writable(Path(place))
+            require_place(Path(place), None)
     (tmp_path / "there").mkdir()
     (tmp_path / "good").symlink_to(tmp_path / "there")
-    check_writable(tmp_path / "good")
+    require_place(tmp_path / "good", None)
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(InvalidInput, match="output is not a folder"):
-        check_writable(tmp_path / "pipe")
+        require_place(tmp_path / "pipe", None)
     with pytest.raises(InvalidInput, match="no regular file"):
         write_text("x", tmp_path / "pipe")
     with pytest.raises(InvalidInput, match=r"cannot write the file: --out: .*a folder"):

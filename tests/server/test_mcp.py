@@ -232,7 +232,7 @@ def test_the_page_for_assistants_works_and_lists_every_tool() -> None:
 
 
 def test_the_command_names_what_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
-    from tripwatt.command.mcp import mcp
+    from tripwatt.command.serve import mcp
 
     monkeypatch.setattr("tripwatt.errors.find_spec", lambda name: None if name == "mcp" else object())
     with pytest.raises(tw.InvalidInput, match=r"missing package: tripwatt mcp: got no mcp.*\.\[mcp\]"):

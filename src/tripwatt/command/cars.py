@@ -1,24 +1,29 @@
-"""Commands on cars: list and search the library, describe a new car, simulate a trip."""
+"""Commands on cars: list and search the library, describe a new car, simulate a trip, export a consumption curve."""
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final, get_type_hints
 
 import typer
 
 import tripwatt as tw
 from tripwatt import trips
 from tripwatt.command import shared
+from tripwatt.command.departing import DepartureOf, departure_options
 from tripwatt.command.options import Answer, argument, flag, option, require_effect
 from tripwatt.command.output import write_text
-from tripwatt.command.printing import console, print_notes, print_table
-from tripwatt.errors import places_named, raise_faults
+from tripwatt.command.printing import console, print_json, print_notes, print_table
+from tripwatt.errors import Check, InvalidInput, places_named, raise_faults
 from tripwatt.trips.messages import flag_to_dict
 from tripwatt.trips.showing import journey
+
+if TYPE_CHECKING:
+    from tripwatt.vehicles import Vehicle
 
 
 @dataclass(frozen=True)
@@ -39,13 +44,8 @@ class NewCar:
 
 
 OPTIONS: Final = {
-    "mass_kg": "--mass",
-    "usable_battery_kwh": "--battery",
-    "consumption_kwh_per_100km": "--consumption",
-    "motor_power_kw": "--power",
-    "body": "--body",
-    "heat_pump": "--heat-pump",
-    "procedure": "--procedure",
+    name: (hint.__metadata__[0].param_decls or (f"--{name}",))[0].partition("/")[0]
+    for name, hint in get_type_hints(NewCar, include_extras=True).items()
 }
 """Argument of `describe_car` -> its option."""
 
@@ -211,3 +211,52 @@ def _show_simulation(answer: dict[str, Any]) -> None:
     ends = (f"{100.0 * answer[f'soc_at_{end}']:.1f} % at {end}" for end in ("departure", "arrival"))
     shown.print(f"state of charge: {', '.join(ends)} (simulated)")
     print_notes(flag["message"] for flag in (*answer["flags"], *answer["notes"]))
+
+
+USUAL: Final = {"ambient_temperature_degc": 20.0, "payload_mass_kg": 0.0, "soc": 0.8}
+"""Default departure of a curve."""
+
+Asked = Annotated[DepartureOf, departure_options(without=("departs_at", "terrain"), default=USUAL)]
+
+
+def export(
+    service: Annotated[str, argument("SERVICE", "here, tomtom, mapbox or abrp.")],
+    departure: Asked,
+    model: shared.Model = None,
+    vehicle: shared.Car = None,
+    query: Annotated[bool, flag("--query", "Print a URL query string instead of JSON.")] = False,
+) -> None:
+    """Print the consumption curve of a car as the parameters of a routing service: a JSON object of strings.
+
+    here: HERE Routing v8, ev[freeFlowSpeedTable] and others. tomtom: TomTom Routing,
+    constantSpeedConsumptionInkWhPerHundredkm and others. mapbox: Mapbox Directions, energy_consumption_curve and others.
+    abrp: the reference consumption of A Better Routeplanner, Wh/km at 110 km/h.
+
+    For example:
+
+      # export the car of the bundled model
+      tripwatt export here --ambient -5
+      # export another car from physics only
+      tripwatt export tomtom --vehicle nissan_leaf_40 --query
+    """
+    from tripwatt.export import export_curve, render_query
+
+    with shared.options_named(), Check() as check:
+        described, known = check(_car, model, vehicle), check(departure)
+    car, correction, note = described
+    parameters = export_curve(car, service, known, correction=correction)
+    typer.echo(render_query(parameters)) if query else print_json(parameters)
+    print_notes([note])
+
+
+def _car(model: Path | None, vehicle: str | None) -> tuple[Vehicle, Callable[[tw.Plan], float] | None, str]:
+    """Return the car, the function for its correction (None for physics only), and a note about the correction."""
+    if vehicle is None:
+        fitted = tw.load_model(model)
+        note = f"{fitted.vehicle.title}: physics with the correction of the model"
+        return fitted.vehicle, lambda trip: fitted.forecast(trip).by_cause_wh["correction"], note
+    if model is not None:
+        got = f"--model {model} --vehicle {vehicle}"
+        raise InvalidInput.of("conflicting options", "--model and --vehicle", got, "one of the two")
+    car = tw.load_vehicle(vehicle)
+    return car, None, f"{car.title}: physics only, without a correction"

@@ -13,7 +13,7 @@ import typer
 from tripwatt import trips
 from tripwatt.command import shared
 from tripwatt.command.options import Answer, flag, option, require_effect
-from tripwatt.command.output import check_writable, finished_folds, unfinished_folder, write_whole
+from tripwatt.command.output import finished_folds, unfinished_folder, write_whole
 from tripwatt.command.printing import console, print_notes, print_table, progress
 from tripwatt.errors import Check, Fault, InvalidInput, raise_faults, require_extras
 from tripwatt.files import folder_lock
@@ -68,6 +68,8 @@ def evaluate(
       tripwatt evaluate data/tum --resume
     """
     require_extras({"study": "tripwatt evaluate"})
+    from tripwatt.modelfile import require_place
+
     shown = console()
     if protocol == CARS:
         without_effect = {
@@ -86,7 +88,7 @@ def evaluate(
     options: dict[str, Any] = {"protocol": protocol, "models": _names(models), "hold_outs": _names(hold_outs)}
     with Check() as check:
         options["vehicle"] = check(_checked_car, options, car, logs.overrides or [], jobs)
-        check(check_writable, out)
+        check(require_place, out, None)
         with shown.status("reading trips"):
             fleet = check(logs.read, built_in_trips=BUILT_IN_TRIPS)
             options["test_fleet"] = test and check(replace(logs, data=test).read)
@@ -107,6 +109,7 @@ def _names(options: list[str] | None) -> list[str] | None:
 
 
 def _evaluate_cars(data: Path | None, out: Path) -> Answer:
+    from tripwatt.modelfile import require_place
     from tripwatt.study.evaluation.cars import evaluate_cars, read_cars
     from tripwatt.study.report.cars import cars_tables, write_cars
 
@@ -117,7 +120,7 @@ def _evaluate_cars(data: Path | None, out: Path) -> Answer:
     with Check() as check:
         with shown.status("reading trips"):
             cars = check(read_cars, data)
-        check(check_writable, out)
+        check(require_place, out, None)
     unfinished = unfinished_folder(out)
     with folder_lock(unfinished), progress(shown) as advance:
         run = evaluate_cars(cars, progress=advance)

@@ -1,8 +1,9 @@
-"""Commands of journeys: plan a journey, show the area of reach, find places."""
+"""Commands of journeys: plan a journey, show the area of reach, find places, build a map and show what it holds."""
 
 from __future__ import annotations
 
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
@@ -11,7 +12,7 @@ import tripwatt as tw
 from tripwatt import trips
 from tripwatt.command import shared
 from tripwatt.command.departing import Departing
-from tripwatt.command.options import Answer, argument, flag
+from tripwatt.command.options import Answer, argument, flag, make_group
 from tripwatt.command.printing import kwh, print_notes, print_table
 from tripwatt.command.sentences import chance, chance_to_arrive, journey_in_words
 from tripwatt.errors import Check
@@ -19,6 +20,7 @@ from tripwatt.trips.showing import period
 
 if TYPE_CHECKING:
     from tripwatt.roads.journey import Reach
+    from tripwatt.roads.maps import MapFolder
 
 COSTS: Final = {"climate": "Climate control", "wind": "Wind", "speed": "Speeds above 100 km/h on motorways"}
 """Key of `costs_wh` -> words for what costs energy on a journey."""
@@ -166,3 +168,62 @@ def _show(journey: tw.Journey) -> None:
         if abs(wh) >= 1.0:
             typer.echo(f"{COSTS[name]}: {kwh(wh)}")
     print_notes([*journey.forecast.flags, *journey.flags, journey.attribution])
+
+
+def build(
+    extract: Annotated[Path, argument("REGION.osm.pbf", "An OpenStreetMap extract.")],
+    out: shared.OutFolder = Path("map"),
+    elevation: shared.Tiles = None,
+) -> Answer:
+    """Build a map of an OpenStreetMap extract: roads for Valhalla, an index of places, charging stations.
+
+    The command requires the extra `tripwatt[routing]`. FOLDER is complete or not there; a map that it replaces stays until the new one is complete.
+
+    For example:
+
+      # roads, places and charging stations
+      tripwatt map build liechtenstein.osm.pbf --out map
+      # with elevation tiles (N47E009.hgt, N47E009.hgt.zip, GeoTIFF)
+      tripwatt map build region.osm.pbf --elevation srtm --out map
+    """
+    from tripwatt.roads.maps import build_map
+
+    def progress(step: str) -> None:
+        print_notes([f"building: {step}"])
+
+    return _described(build_map(extract, out, elevation=elevation, progress=progress))
+
+
+def info(folder: Annotated[Path, argument("FOLDER", "Folder of the map.")]) -> Answer:
+    """Show what a map holds.
+
+    For example:
+
+      # what a map holds
+      tripwatt map info map
+    """
+    from tripwatt.roads.maps import open_map
+
+    return _described(open_map(folder))
+
+
+def _described(folder: MapFolder) -> Answer:
+    from tripwatt.roads.maps.elevation import without_tiles
+
+    about, terrain = folder.info, folder.info["terrain"]
+    rows = [
+        ("extract", str(about["extract"])),
+        ("covers", folder.covers or "no place"),
+        ("places", str(about["places"])),
+        ("charging stations", str(about["stations"])),
+        ("heights", f"{terrain['source']} ({terrain['tiles']})" if terrain["known"] else "unknown"),
+    ]
+
+    def shown() -> None:
+        print_table("Map", ("map", ""), rows)
+        print_notes(filter(None, (without_tiles(terrain["missing"]), str(about["attribution"]))))
+
+    return Answer(about | {"covers": folder.covers}, shown)
+
+
+MAP = make_group("Maps of a region on this machine.", (build, info))

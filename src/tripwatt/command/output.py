@@ -8,34 +8,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from tripwatt.errors import InvalidInput, system_errors
+from tripwatt.errors import system_errors
 from tripwatt.files import replace_folder, write_file
 
 UNWRITABLE: Final = ("cannot write the results", "--out", "a writable folder")
-
-
-def check_writable(out: Path) -> None:
-    """Check that results can be written into `out`, without writing anything.
-
-    Raises
-    ------
-    InvalidInput
-        If `out` is not a folder, is a link to nothing, or cannot be replaced or created.
-    """
-    if out.is_symlink() and not out.exists():
-        got = f"{out} -> {os.readlink(out)}"
-        raise InvalidInput.of("output is a link to nothing", "--out", got, "a new or existing folder")
-    if out.exists() and not out.is_dir():
-        raise InvalidInput.of("output is not a folder", "--out", str(out), "a new or existing folder")
-    place = out.resolve()
-    if place.is_mount() or Path.cwd().is_relative_to(place):
-        raise InvalidInput.of("output cannot be replaced", "--out", str(out), "a folder below it")
-    nearest = next(parent for parent in place.parents if parent.exists())
-    with system_errors(*UNWRITABLE, out):
-        if not nearest.is_dir():
-            raise NotADirectoryError(f"{nearest} is not a folder")
-        if not os.access(nearest, os.W_OK | os.X_OK):
-            raise PermissionError(f"no permission to write into {nearest}")
 
 
 def unfinished_folder(out: Path) -> Path:

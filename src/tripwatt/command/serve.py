@@ -1,18 +1,23 @@
-"""`tripwatt serve`: the HTTP service and the web page."""
+"""Servers: the HTTP service with the web page, the same with example data, and the tools for assistants."""
 
 from __future__ import annotations
 
 import math
 import os
 import re
+import tempfile
+import threading
 from collections.abc import Iterator
+from contextlib import nullcontext
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
 from tripwatt.command import shared
-from tripwatt.command.options import argument, option, require_effect
+from tripwatt.command.options import argument, flag, option, require_effect
+from tripwatt.command.printing import print_notes
 from tripwatt.errors import Check, Fault, InvalidInput, excerpt, raise_faults, require_extras, system_errors
 
 if TYPE_CHECKING:
@@ -192,3 +197,75 @@ def models_of(given: list[str]) -> dict[str, Path]:
 
 
 serve.context_settings = {"auto_envvar_prefix": "TRIPWATT"}  # type: ignore[attr-defined]
+
+
+def mcp(
+    model: Annotated[shared.Texts, argument("[MODEL ...]", "Folders of models, as for `serve`.")] = None,
+    on_map: shared.OnMap = shared.OnMap(),  # noqa: B008, it is frozen
+    cars: shared.Cars = None,
+    changes: Annotated[bool, flag("--changes", "Also offer tools that change something.")] = False,
+) -> None:
+    """Serve an assistant over standard input and output, by the Model Context Protocol.
+
+    The command requires the extra `tripwatt[mcp]`. An assistant starts it; docs/howto/assistants.md has configurations. Its
+    tools change nothing without --changes, and nothing leaves this machine unless an option names the URL of a server.
+
+    For example:
+
+      # need, range, advise, forecast
+      tripwatt mcp
+      # also plan journeys on a map, and read the diaries of your cars
+      tripwatt mcp --map map --cars cars
+    """
+    needed = dict.fromkeys(("service", "mcp"), "tripwatt mcp") | ({"fleet": "--cars"} if cars else {})
+    require_extras(needed)
+    from tripwatt.server.http import car_jobs, jobs, journeys, settings
+    from tripwatt.server.mcp import make_server, serve
+
+    atlas = on_map.settings()
+    with Check() as check:
+        folders = check(models_of, model or [])
+        check(make_cars_folder, cars)
+        planned = check(journeys.JourneyJobs.from_settings, atlas)
+    service = jobs.Jobs.from_folders(folders, settings.Limits(), planned, car_jobs.CarJobs(cars))
+    serve(
+        make_server(service, changes=changes, remote=any("://" in named for named in asdict(atlas).values()))
+    )
+
+
+def demo(
+    port: shared.Port = 8000,
+    folder: Annotated[Path | None, option("DIR", "Keep map, car and diary here for the next time.")] = None,
+) -> None:
+    """Serve the page with example data: a car, its diary, a live trip and the map of a made-up country.
+
+    The command requires the extras `tripwatt[service,fleet]`, and `tripwatt[routing]` for the map. It takes a few seconds, then
+    prints the address of the page. Nothing in it is measured. Interrupt the command to end it.
+
+    For example:
+
+      # everything in one page, on http://127.0.0.1:8000
+      tripwatt demo
+      # keep what it makes, and start at once the next time
+      tripwatt demo --folder demo --port 8080
+    """
+    require_extras(dict.fromkeys(("service", "fleet"), "tripwatt demo"))
+    from tripwatt.server.http.demo import depart, make_demo, send
+    from tripwatt.server.http.serving import serve
+
+    with tempfile.TemporaryDirectory() if folder is None else nullcontext(folder) as place:
+        Path(place).mkdir(exist_ok=True)
+        settings, token = make_demo(Path(place), lambda step: print_notes([f"making: {step}"]))
+        if not settings.atlas.map:
+            print_notes(["no map: install the extra routing on Python 3.12 or later"])
+        samples = depart(settings)
+
+        def show(url: str) -> None:
+            threading.Thread(target=send, args=(samples, url, token), daemon=True).start()
+            typer.echo(f"tripwatt: {url}")
+            typer.echo(
+                "The page opens with the example car. Its diary is under Your cars, in the field of the car."
+            )
+            typer.echo("The steering wheel beside the field shows a live trip with its forecast.")
+
+        serve(replace(settings, port=port), show)
