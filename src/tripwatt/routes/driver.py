@@ -228,10 +228,7 @@ def reachable_speed(
     array([0.        , 2.82842712, 0.        ])
     """
     # a(v) = a0 / (1 + v²/h²) gives a0 u = v²/2 + v⁴/(4 h²), which inverts in closed form
-    weighted_m = position_m
-    if effort is not None:
-        weighted_m = np.zeros(len(position_m))
-        np.cumsum(effort * (position_m[1:] - position_m[:-1]), out=weighted_m[1:])
+    weighted_m = position_m if effort is None else running_sum(effort * np.diff(position_m))
     half_squared = style.half_acceleration_speed_m_s**2
     squared = aimed_m_s**2
     forward = squared**2

@@ -9,7 +9,6 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import fields
 from typing import Any, Final
 
 import numpy as np
@@ -24,7 +23,7 @@ from tripwatt.units import (
     SECONDS_PER_HOUR,
 )
 from tripwatt.vehicles.losses import motor_loss
-from tripwatt.vehicles.parts import Battery, Body, Climate, Drivetrain, RoadLoad, Tyres
+from tripwatt.vehicles.parts import Battery
 
 POWER_W_KG: Final = (5.0, math.inf)
 """Power of motor and battery over mass: 5 kW/t are required of trucks with trailers (Directive 97/27/EC, annex I, 7.10)."""
@@ -66,37 +65,22 @@ MAX_LOAD_W: Final = 20_000.0
 LEVEL_ROAD_WH_KM: Final = (0.0, 3000.0)
 """Consumption on a level road at 36 or 90 km/h: up to twice that of a loaded truck of 40 t."""
 
-MASS: Final = ("body.curb_mass_kg", "body.driver_mass_kg")
-PACK: Final = ("battery.cells_in_series", "battery.ocv_v")
-TURNING: Final = ("drivetrain.motor_max_speed_rad_s", "drivetrain.gear_ratio", "drivetrain.wheel_radius_m")
-LIMITS: Final = tuple(f"drivetrain.motor_max_{name}" for name in ("power_w", "torque_nm", "speed_rad_s"))
-LOSS_MAP: Final = tuple(
-    f"drivetrain.{field.name}"
-    for field in fields(Drivetrain)
-    if field.name.startswith(("torque_", "phase_", "field_", "characteristic_", "iron_", "inverter_"))
-    or field.name in ("motor_loss_factor", "flux_loss_w_s2_rad2")
-)
-"""Entries of the loss map of motor and inverter."""
-AIR: Final = {
-    "coastdown": ("road_load.coastdown_c_n_s2_m2", "road_load.coastdown_air_density_kg_m3"),
-    "coefficients": ("road_load.drag_coefficient", "road_load.frontal_area_m2"),
-}
-DRAG: Final = {
-    "coastdown": ("road_load.coastdown_a_n", "road_load.coastdown_b_n_s_m", "road_load.coastdown_mass_kg"),
-    "coefficients": ("road_load.rolling_resistance_coefficient",),
-}
-"""Method of the road load -> entries of rolling and driveline drag; in `AIR` those of air drag."""
-COLD_TYRES: Final = (
-    "tyres.temperature_coefficient_per_k",
-    "tyres.reference_temperature_degc",
-    "tyres.cold_excess",
-)
-HEATERS: Final = ("heater_max_heat_w", "heater_efficiency", "defrost_power_w", "blower_high_power_w")
-LOADS: Final = (
-    *("auxiliaries.base_load_w", "auxiliaries.moving_load_w"),
-    *(f"climate.{name}" for name in (*HEATERS, "cooler_max_heat_w", "cooler_cop")),
-)
-"""Entries of the electric power besides driving."""
+Relation = tuple[str, float, tuple[float, float], str]
+"""What is compared, its value, the smallest and the largest value of a car, and their unit."""
+
+
+class _Traced:
+    """A part of a car that notes which of its entries are read, so that a fault names the entries of its relation."""
+
+    def __init__(self, section: str, part: object, read: dict[str, None]) -> None:
+        self._section, self._part, self._read = section, part, read
+
+    def __getattr__(self, name: str) -> Any:
+        attribute = getattr(type(self._part), name)
+        if isinstance(attribute, property):  # it reads entries of its own
+            return attribute.__get__(self)
+        self._read[f"{self._section}.{name}"] = None
+        return getattr(self._part, name)
 
 
 def table_faults(parts: Mapping[str, Any], where: str) -> Iterator[Fault]:
@@ -146,106 +130,99 @@ def relation_faults(parts: Mapping[str, Any], where: str) -> Iterator[Fault]:
     where : str
         Name of the car's document in messages.
     """
-    body: Body = parts["body"]
-    battery: Battery = parts["battery"]
-    drivetrain: Drivetrain = parts["drivetrain"]
-    load: RoadLoad = parts["road_load"]
-    mass = body.test_mass_kg
-    wh_kg = battery.capacity_ah * _pack_v(battery) / body.curb_mass_kg
-    pack_ohm = battery.cells_in_series * float(np.mean(battery.resistance_ohm))
-    pack_w_kg = _pack_v(battery) ** 2 / (4.0 * max(pack_ohm, 1e-9)) / mass
-    power, torque = drivetrain.motor_max_power_w, drivetrain.motor_max_torque_nm
-    power_share = power / (torque * drivetrain.motor_max_speed_rad_s)
-    force = torque * drivetrain.gear_ratio / drivetrain.wheel_radius_m * drivetrain.gearbox_efficiency
-    top_km_h = _top_speed(drivetrain) / M_S_PER_KM_H
-    constant, linear = load.rolling_coefficients
-    rolling = constant + linear * min(_top_speed(drivetrain), 150.0)
-    coast_down = (load.coastdown_mass_kg or mass) / mass
-    corner, top = (
-        _peak_efficiency(drivetrain, w) for w in (power / torque, drivetrain.motor_max_speed_rad_s)
-    )
-    slow, fast = (_level_road_wh_km(parts, speed_m_s) for speed_m_s in (10.0, 25.0))
-    most_loads_w = MAX_LOAD_W * max(body.curb_mass_kg / 3500.0, 1.0)
-    loads = _largest_load_w(parts) / most_loads_w
-    pull = ("drivetrain.motor_max_torque_nm", *TURNING[1:], *MASS)
-    air, drag = AIR[load.method], DRAG[load.method]
-    driving = (*MASS, *drag, *air, "drivetrain.motor_loss_factor", *LOADS)
-    relations = [
-        ("battery energy over mass", wh_kg, BATTERY_WH_KG, "Wh/kg", ("battery.capacity_ah", *PACK, *MASS)),
-        ("mean voltage of the battery", _pack_v(battery), PACK_V, "V", PACK),
-        ("battery power over mass", pack_w_kg, POWER_W_KG, "kW/t", (*PACK, "battery.resistance_ohm", *MASS)),
-        ("drag area", load.drag_area_m2, DRAG_AREAS_M2, "m²", air),
-        ("rolling drag over weight at top speed", rolling, ROLLING, "1", (*drag, *TURNING)),
-        ("coast-down mass over mass", coast_down, TEST_MASSES, "1", ("road_load.coastdown_mass_kg", *MASS)),
-        ("motor power over mass", power / mass, POWER_W_KG, "kW/t", (LIMITS[0], *MASS)),
-        ("force at the wheels over weight", force / mass / GRAVITY_M_S2, FORCE_OF_WEIGHT, "1", pull),
-        ("speed at the highest motor speed", top_km_h, TOP_SPEEDS_KM_H, "km/h", TURNING),
-        ("motor power over largest torque times speed", power_share, (0.0, 1.0), "1", LIMITS),
-        ("power besides driving over its limit", loads, (0.0, 1.0), "1", (*LOADS, "body.curb_mass_kg")),
-        ("rolling drag of cold over that of warm tyres", _cold_drag(parts), TYRE_FACTORS, "1", COLD_TYRES),
-        ("efficiency at the corner speed of the motor", corner, PEAK_EFFICIENCY, "1", LOSS_MAP),
-        ("efficiency at the top speed of the motor", top, PEAK_EFFICIENCY, "1", LOSS_MAP),
-        ("consumption on a level cold road at 36 km/h", slow, LEVEL_ROAD_WH_KM, "Wh/km", driving),
-        ("consumption on a level cold road at 90 km/h", fast, LEVEL_ROAD_WH_KM, "Wh/km", driving),
-    ]
-    for what, value, (low, high), unit, entries in relations:
+    read: dict[str, None] = {}
+    car = {section: part and _Traced(section, part, read) for section, part in parts.items()}
+    for what, value, (low, high), unit in _relations(car):
         if not low <= value <= high:
-            present = [entry for entry in entries if parts[entry.partition(".")[0]] is not None]
-            place = f"{where}, {', '.join(present[:-1])} and {present[-1]}"
+            *others, last = read
+            place = f"{where}, {', '.join(others)} and {last}"
             allowed = f"{low:g} {unit} or more" if math.isinf(high) else f"{low:g} to {high:g} {unit}"
             fix = "check the values and units of these entries"
             got = f"{what}: {value:.4g} {unit}"
             yield Fault("no car has these values together", place, got, allowed, fix)
+        read.clear()
 
 
-def _pack_v(battery: Battery) -> float:
-    return battery.cells_in_series * float(np.mean(battery.ocv_v))
+def _relations(car: Mapping[str, Any]) -> Iterator[Relation]:
+    """Yield the relations of a car, each right after its entries are read."""
+    body, load, battery, motor = (car[name] for name in ("body", "road_load", "battery", "drivetrain"))
+    wh_kg = battery.capacity_ah * _pack_v(battery) / body.curb_mass_kg
+    yield "battery energy over mass", wh_kg, BATTERY_WH_KG, "Wh/kg"
+    yield "mean voltage of the battery", _pack_v(battery), PACK_V, "V"
+    pack_ohm = battery.cells_in_series * float(np.mean(battery.resistance_ohm))
+    pack_w_kg = _pack_v(battery) ** 2 / (4.0 * max(pack_ohm, 1e-9)) / body.test_mass_kg
+    yield "battery power over mass", pack_w_kg, POWER_W_KG, "kW/t"
+    yield "drag area", load.drag_area_m2, DRAG_AREAS_M2, "m²"
+    constant, linear = load.rolling_coefficients
+    rolling = constant + linear * min(_top_speed(motor), 150.0)
+    yield "rolling drag over weight at top speed", rolling, ROLLING, "1"
+    coast_down = load.coastdown_mass_kg or body.test_mass_kg
+    yield "coast-down mass over mass", coast_down / body.test_mass_kg, TEST_MASSES, "1"
+    yield "motor power over mass", motor.motor_max_power_w / body.test_mass_kg, POWER_W_KG, "kW/t"
+    force = motor.motor_max_torque_nm * motor.gear_ratio / motor.wheel_radius_m * motor.gearbox_efficiency
+    share = force / body.test_mass_kg / GRAVITY_M_S2
+    yield "force at the wheels over weight", share, FORCE_OF_WEIGHT, "1"
+    yield "speed at the highest motor speed", _top_speed(motor) / M_S_PER_KM_H, TOP_SPEEDS_KM_H, "km/h"
+    share = motor.motor_max_power_w / (motor.motor_max_torque_nm * motor.motor_max_speed_rad_s)
+    yield "motor power over largest torque times speed", share, (0.0, 1.0), "1"
+    loads = _largest_load_w(car) / (MAX_LOAD_W * max(body.curb_mass_kg / 3500.0, 1.0))
+    yield "power besides driving over its limit", loads, (0.0, 1.0), "1"
+    yield "rolling drag of cold over that of warm tyres", _cold_drag(car["tyres"]), TYRE_FACTORS, "1"
+    corner = _peak_efficiency(motor, motor.motor_max_power_w / motor.motor_max_torque_nm)
+    yield "efficiency at the corner speed of the motor", corner, PEAK_EFFICIENCY, "1"
+    top = _peak_efficiency(motor, motor.motor_max_speed_rad_s)
+    yield "efficiency at the top speed of the motor", top, PEAK_EFFICIENCY, "1"
+    for km_h in (36, 90):
+        wh_km = _level_road_wh_km(car, km_h / 3.6)
+        yield f"consumption on a level cold road at {km_h} km/h", wh_km, LEVEL_ROAD_WH_KM, "Wh/km"
 
 
-def _peak_efficiency(drivetrain: Drivetrain, speed_rad_s: float) -> float:
+def _pack_v(battery: Any) -> float:
+    return float(battery.cells_in_series * np.mean(battery.ocv_v))
+
+
+def _peak_efficiency(drivetrain: Any, speed_rad_s: float) -> float:
     """Return the efficiency of motor and inverter at the largest power that they have at a speed of the motor [1]."""
-    power = min(drivetrain.motor_max_power_w, drivetrain.motor_max_torque_nm * speed_rad_s)
+    power = float(min(drivetrain.motor_max_power_w, drivetrain.motor_max_torque_nm * speed_rad_s))
     return power / (power + _loss_w(power, speed_rad_s, drivetrain))
 
 
-def _top_speed(drivetrain: Drivetrain) -> float:
+def _top_speed(drivetrain: Any) -> float:
     """Return the speed of the car at the highest motor speed [m/s]."""
-    return drivetrain.motor_max_speed_rad_s * drivetrain.wheel_radius_m / drivetrain.gear_ratio
+    return float(drivetrain.motor_max_speed_rad_s * drivetrain.wheel_radius_m / drivetrain.gear_ratio)
 
 
-def _largest_load_w(parts: Mapping[str, Any]) -> float:
-    climate: Climate | None = parts["climate"]
-    load = float(parts["auxiliaries"].base_load_w + parts["auxiliaries"].moving_load_w)
+def _largest_load_w(car: Mapping[str, Any]) -> float:
+    climate, loads = car["climate"], car["auxiliaries"]
+    load = float(loads.base_load_w + loads.moving_load_w)
     if climate is None:
         return load
     heating = climate.heater_max_heat_w / climate.heater_efficiency + climate.defrost_power_w
     cooling = climate.cooler_max_heat_w / climate.cooler_cop
-    return load + max(heating, cooling) + max(climate.blower_low_power_w, climate.blower_high_power_w)
+    return float(load + max(heating, cooling) + max(climate.blower_low_power_w, climate.blower_high_power_w))
 
 
-def _cold_drag(parts: Mapping[str, Any]) -> float:
+def _cold_drag(tyres: Any) -> float:
     """Return the rolling drag of a cold tyre at `COLD_DEGC` over that of a warm one [1]."""
-    tyres: Tyres | None = parts["tyres"]
     if tyres is None:
         return 1.0
     colder = tyres.temperature_coefficient_per_k * (tyres.reference_temperature_degc - COLD_DEGC)
-    return (1.0 + max(colder, 0.0)) * (1.0 + tyres.cold_excess)
+    return float((1.0 + max(colder, 0.0)) * (1.0 + tyres.cold_excess))
 
 
-def _level_road_wh_km(parts: Mapping[str, Any], speed_m_s: float) -> float:
+def _level_road_wh_km(car: Mapping[str, Any], speed_m_s: float) -> float:
     """Return the consumption at a constant speed on a level road in the cold, with all loads, or at the top speed of a slower car."""
-    drivetrain: Drivetrain = parts["drivetrain"]
-    load: RoadLoad = parts["road_load"]
+    drivetrain, load = car["drivetrain"], car["road_load"]
     speed = min(speed_m_s, _top_speed(drivetrain))
     constant, linear = load.rolling_coefficients
-    rolling = parts["body"].test_mass_kg * GRAVITY_M_S2 * max(constant + linear * speed, 0.0) * speed
+    rolling = car["body"].test_mass_kg * GRAVITY_M_S2 * max(constant + linear * speed, 0.0) * speed
     density = SEA_LEVEL_PRESSURE_PA / (DRY_AIR_GAS_CONSTANT_J_KG_K * SEA_LEVEL_TEMPERATURE_K)
     air = 0.5 * density * load.drag_area_m2 * speed**3
     shaft = (rolling + air) / drivetrain.gearbox_efficiency
     loss = _loss_w(shaft, speed * drivetrain.gear_ratio / drivetrain.wheel_radius_m, drivetrain)
-    power = _cold_drag(parts) * rolling + air + loss + _largest_load_w(parts)
+    power = _cold_drag(car["tyres"]) * rolling + air + loss + _largest_load_w(car)
     return float(power / drivetrain.gearbox_efficiency / speed / SECONDS_PER_HOUR * 1000.0)
 
 
-def _loss_w(shaft_w: float, speed_rad_s: float, drivetrain: Drivetrain) -> float:
+def _loss_w(shaft_w: float, speed_rad_s: float, drivetrain: Any) -> float:
     return float(motor_loss(np.array([shaft_w / speed_rad_s]), np.array([speed_rad_s]), drivetrain)[0])
