@@ -8,7 +8,7 @@ import pytest
 from tests.routes.made import NO, SPEED, drive, faults_of, gpx
 
 from tripwatt.errors import InvalidInput
-from tripwatt.routes import ROAD_SPEED_M_S, Track, parse_route, points, read_geojson, read_gpx
+from tripwatt.routes import ROAD_SPEED_M_S, Track, parse_route, points
 from tripwatt.trips import Flag
 
 
@@ -23,7 +23,7 @@ def test_geojson_lines_properties_and_heights():
     faster["geometry"]["coordinates"] = [[11.0, 48.01, 510], [11.0, 48.02, 505]]
     point = {"type": "Feature", "properties": None, "geometry": {"type": "Point", "coordinates": [11, 48]}}
     text = json.dumps({"type": "FeatureCollection", "features": [feature, point, faster]}).encode()
-    track = read_geojson(text)
+    track = parse_route(text)
     route = track.links()
     np.testing.assert_allclose(route.speed_m_s, [ROAD_SPEED_M_S["secondary"], 25.0])
     assert route.elevation_at([0.0, route.distance_m / 2, route.distance_m]).tolist() == pytest.approx(
@@ -40,8 +40,8 @@ def test_geojson_times_are_a_log():
         "geometry": {"type": "LineString", "coordinates": [[p[1], p[0]] for p in drive(SPEED)]},
     }
     np.testing.assert_allclose(
-        read_geojson(json.dumps(line).encode()).plan().array("speed_m_s"),
-        read_gpx(gpx(drive(SPEED))).plan().array("speed_m_s"),
+        parse_route(json.dumps(line).encode()).plan().array("speed_m_s"),
+        parse_route(gpx(drive(SPEED))).plan().array("speed_m_s"),
         atol=1e-3,
     )
 
@@ -58,10 +58,10 @@ def test_the_points_of_all_lines_are_counted(monkeypatch):
         collection = [json.loads(feature(None, ((150.0, 2.0), (-150.0, k)))) for k in range(number)]
         text = json.dumps({"type": "FeatureCollection", "features": collection}).encode()
         if refused:
-            (fault,) = faults_of(read_geojson, text)
+            (fault,) = faults_of(parse_route, text)
             assert (fault.what, fault.where, fault.got) == ("too many points", "route", "6")
         else:
-            assert len(read_geojson(text)) == 4
+            assert len(parse_route(text)) == 4
 
 
 EXACT = {"rel": 1e-9, "abs": 1e-9}
@@ -82,7 +82,7 @@ LINE = [[11.0, 48.0], [11.1, 48.1, 530.0]]
 class TestGeojson:
     def test_the_piece_between_two_lines_has_the_speed_of_the_second(self) -> None:
         other = [[11.2, 48.2], [11.3, 48.3]]
-        made = read_geojson(
+        made = parse_route(
             collected(
                 geojson("LineString", LINE, speed_m_s=10),
                 geojson("LineString", other, highway="motorway"),
@@ -96,7 +96,7 @@ class TestGeojson:
         )
 
     def test_what_is_no_line_is_counted(self) -> None:
-        found = read_geojson(
+        found = parse_route(
             collected(
                 geojson("Point", [11.0, 48.0]),
                 {"type": "Feature", "geometry": None, "properties": None},
@@ -106,49 +106,49 @@ class TestGeojson:
         )
         assert len(found) == 4
         assert found.flags == (Flag("geometries_skipped", "geometries", 2.0, "1"),)
-        assert read_geojson(collected(geojson("LineString", LINE))).flags == ()
+        assert parse_route(collected(geojson("LineString", LINE))).flags == ()
         with pytest.raises(InvalidInput, match="no line"):
-            read_geojson(collected(geojson("Point", [11.0, 48.0])))
+            parse_route(collected(geojson("Point", [11.0, 48.0])))
 
     def test_times(self) -> None:
         stamps = [f"2026-05-01T08:00:0{k}Z" for k in range(4)]
         lines = [LINE, [[11.2, 48.2], [11.3, 48.3]]]
-        flat = read_geojson(collected(geojson("MultiLineString", lines, coordTimes=stamps)))
+        flat = parse_route(collected(geojson("MultiLineString", lines, coordTimes=stamps)))
         nested = geojson("MultiLineString", lines, coordinateProperties={"times": [stamps[:2], stamps[2:]]})
-        for found in (flat, read_geojson(collected(nested))):
+        for found in (flat, parse_route(collected(nested))):
             assert found.time_s.tolist() == [0.0, 1.0, 2.0, 3.0]
-        gap = read_geojson(
+        gap = parse_route(
             collected(geojson("MultiLineString", lines, coordTimes=[stamps[0], None, *stamps[2:]]))
         )
         assert gap.time_s.tolist() == [0.0, 1.0, 2.0, 3.0]
         assert [f.code for f in gap.flags] == ["times_interpolated"]
         for wrong, said in ((stamps[:2], "got 2 times; allowed: 4"), ([*stamps[:3], 5], "invalid time")):
             with pytest.raises(InvalidInput, match=said):
-                read_geojson(collected(geojson("MultiLineString", lines, coordTimes=wrong)))
-        plain = read_geojson(collected(geojson("LineString", LINE, coordinateProperties=3)))
+                parse_route(collected(geojson("MultiLineString", lines, coordTimes=wrong)))
+        plain = parse_route(collected(geojson("LineString", LINE, coordinateProperties=3)))
         assert plain.time_s is None
 
     @pytest.mark.parametrize(("speed", "allowed"), [(70.0, True), (70.1, False), (0.0, False), (0.1, True)])
     def test_bounds_of_a_speed(self, speed: float, allowed: bool) -> None:
         text = collected(geojson("LineString", LINE, speed_m_s=speed))
         if allowed:
-            assert read_geojson(text).piece_speed_m_s.tolist() == [speed]
+            assert parse_route(text).piece_speed_m_s.tolist() == [speed]
         else:
             with pytest.raises(InvalidInput, match="speed out of range"):
-                read_geojson(text)
+                parse_route(text)
 
     def test_depth(self) -> None:
         """The 64th collection may hold a line, the 65th not."""
         node: dict = {"type": "LineString", "coordinates": LINE}
         for _ in range(64):
             node = {"type": "GeometryCollection", "geometries": [node]}
-        assert len(read_geojson(json.dumps(node).encode())) == 2
+        assert len(parse_route(json.dumps(node).encode())) == 2
         with pytest.raises(InvalidInput, match="got 65 levels; allowed: at most 64"):
-            read_geojson(json.dumps({"type": "GeometryCollection", "geometries": [node]}).encode())
+            parse_route(json.dumps({"type": "GeometryCollection", "geometries": [node]}).encode())
         feature: dict = {"type": "Feature", "geometry": node, "properties": {}}
         with pytest.raises(InvalidInput, match="got 65 levels"):
-            read_geojson(json.dumps(feature).encode())
+            parse_route(json.dumps(feature).encode())
 
     def test_types(self) -> None:
         with pytest.raises(InvalidInput, match="type: got 'Topology'"):
-            read_geojson(b'{"type": "Topology"}')
+            parse_route(b'{"type": "Topology"}')

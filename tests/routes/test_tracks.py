@@ -8,7 +8,7 @@ import pytest
 from tests.routes.made import M_PER_DEGREE, NO, SPEED, drive, gpx
 
 from tripwatt.errors import InvalidInput
-from tripwatt.routes import Track, read_gpx
+from tripwatt.routes import Track, parse_route
 from tripwatt.routes.tracks import parse_times
 from tripwatt.trips import Flag
 
@@ -20,11 +20,11 @@ def test_jitter_of_positions_is_no_driving():
         for (lat, lon, ele, t), e in zip(drive(np.zeros(120)), rng.normal(0, 0.15, 120), strict=True)
     ]
     points += [(48.001, 11.0, None, "2026-05-01T08:02:09Z")]
-    assert read_gpx(gpx(points)).driven_plan().array("speed_m_s")[5:110].max() == 0.0
+    assert parse_route(gpx(points)).driven_plan().array("speed_m_s")[5:110].max() == 0.0
 
 
 def test_a_sparse_track_gives_links_with_its_times():
-    track = read_gpx(gpx(drive(SPEED, every_s=20)))
+    track = parse_route(gpx(drive(SPEED, every_s=20)))
     route = track.links()
     assert not track.is_log
     assert route.duration_s == pytest.approx(track.time_s[-1])
@@ -33,7 +33,7 @@ def test_a_sparse_track_gives_links_with_its_times():
 
 
 def test_a_route_without_times_needs_a_speed():
-    track = read_gpx(gpx([(48.0, 11.0, None, None), (48.02, 11.0, None, None)], "rtept"))
+    track = parse_route(gpx([(48.0, 11.0, None, None), (48.02, 11.0, None, None)], "rtept"))
     with pytest.raises(InvalidInput, match="give speed_m_s"):
         track.plan()
     trip = track.plan(speed_m_s=16.0)
@@ -261,7 +261,7 @@ def drive_of(seconds, zone="Z"):
         for k, s in enumerate(seconds)
         for start in [dt.datetime(2026, 3, 29, 1, 55)]
     )
-    return read_gpx(f"<gpx><trk><trkseg>{points}</trkseg></trk></gpx>".encode())
+    return parse_route(f"<gpx><trk><trkseg>{points}</trkseg></trk></gpx>".encode())
 
 
 @pytest.mark.parametrize("pause_s", [2700.0, 36_000.0])

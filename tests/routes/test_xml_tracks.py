@@ -7,11 +7,11 @@ import pytest
 from tests.routes.made import NO, SPEED, drive, faults_of, gpx
 
 from tripwatt.errors import InvalidInput
-from tripwatt.routes import parse_route, read_gpx, read_kml, xml_tracks
+from tripwatt.routes import parse_route, xml_tracks
 
 
 def test_a_logged_drive_comes_back_from_gpx():
-    track = read_gpx(gpx(drive(SPEED, np.linspace(500.0, 530.0, len(SPEED)))))
+    track = parse_route(gpx(drive(SPEED, np.linspace(500.0, 530.0, len(SPEED)))))
     trip = track.plan()
     assert track.is_log
     assert trip.departure.departs_at.hour == 8
@@ -26,19 +26,19 @@ def gpx_text(first, last='<rtept lat="2" lon="1"/>'):
 
 
 def test_numbers_of_gpx_are_cut_in_messages():
-    (fault,) = faults_of(read_gpx, gpx_text(f'<rtept lat="{"x" * 50}" lon="1"/>'))
+    (fault,) = faults_of(parse_route, gpx_text(f'<rtept lat="{"x" * 50}" lon="1"/>'))
     assert (fault.where, fault.got) == ("route, point 1, lat", repr("x" * 40))
-    assert faults_of(read_gpx, gpx_text('<rtept lat="inf" lon="1"/>'))[0].got == "'inf'"
-    (fault,) = faults_of(read_gpx, gpx_text('<rtept lat="1"/>'), where="mine")
+    assert faults_of(parse_route, gpx_text('<rtept lat="inf" lon="1"/>'))[0].got == "'inf'"
+    (fault,) = faults_of(parse_route, gpx_text('<rtept lat="1"/>'), where="mine")
     assert (fault.where, fault.got) == ("mine, point 1, lon", "''")
-    (fault,) = faults_of(read_gpx, gpx_text('<rtept lat="1" lon="1"><ele>high</ele></rtept>'))
+    (fault,) = faults_of(parse_route, gpx_text('<rtept lat="1" lon="1"><ele>high</ele></rtept>'))
     assert (fault.where, fault.got) == ("route, point 1, ele", "'high'")
 
 
 def test_an_element_belongs_to_the_point_around_it():
     """Heights and times of extensions, of tracks and of other points are others."""
     inside = "<ele> 7 </ele><x><ele>8</ele><time>never</time></x>"
-    found = read_gpx(gpx_text(f'<ele>9</ele><rtept lat="1" lon="1">{inside}</rtept><time>never</time>'))
+    found = parse_route(gpx_text(f'<ele>9</ele><rtept lat="1" lon="1">{inside}</rtept><time>never</time>'))
     np.testing.assert_array_equal(found.elevation_m, [7.0, NO])
     assert found.time_s is None
 
@@ -46,10 +46,10 @@ def test_an_element_belongs_to_the_point_around_it():
 def test_points_of_the_first_track_alone_are_counted_with_the_others():
     two = '<trkpt lat="1" lon="1"/><trkpt lat="2" lon="1"/>'
     tracks = f"<trk>{two}</trk><trk><trkseg>{two}</trkseg></trk><rte>{two.replace('trkpt', 'rtept')}</rte>"
-    found = read_gpx(f"<gpx>{tracks}</gpx>".encode())
+    found = parse_route(f"<gpx>{tracks}</gpx>".encode())
     assert [(flag.code, flag.value) for flag in found.flags] == [("first_of_several", 3.0)]
     nested = f"<gpx><trk>{two}<trk/></trk></gpx>"
-    assert read_gpx(nested.encode()).flags == ()
+    assert parse_route(nested.encode()).flags == ()
 
 
 def xml(inside: str) -> bytes:
@@ -65,20 +65,20 @@ class TestGpx:
         route = f"<rte>{points('rtept', (10, 1), (11, 2))}</rte>"
         alone = f"<trk><trkseg>{points('trkpt', (20, 1))}</trkseg></trk>"
         two = f"<trk><trkseg>{points('trkpt', (30, 1))}</trkseg><trkseg>{points('trkpt', (31, 2))}</trkseg></trk>"
-        found = read_gpx(xml(route + alone + two))
+        found = parse_route(xml(route + alone + two))
         assert found.latitude_deg.tolist() == [30.0, 31.0]
         assert found.longitude_deg.tolist() == [1.0, 2.0]
         assert np.isnan(found.piece_speed_m_s).tolist() == [True]
         (flag,) = found.flags
         assert flag.value == 2
-        assert read_gpx(xml(route)).flags == ()
-        assert read_gpx(xml(route + alone)).latitude_deg.tolist() == [10.0, 11.0]
+        assert parse_route(xml(route)).flags == ()
+        assert parse_route(xml(route + alone)).latitude_deg.tolist() == [10.0, 11.0]
 
     def test_heights_and_times(self) -> None:
         inside = "<ele> 520.5 </ele><time>2026-05-01T08:00:0{}Z</time>"
         rows = "".join(points("trkpt", (48 + k, 11), more=inside.format(k)) for k in range(2))
         other = "<extensions><ele>9</ele></extensions>"
-        found = read_gpx(
+        found = parse_route(
             xml(f"<trk>{other}<trkseg>{rows}{points('trkpt', (50, 11), more=other)}</trkseg></trk>")
         )
         assert found.elevation_m[:2].tolist() == [520.5, 520.5]
@@ -88,27 +88,27 @@ class TestGpx:
 
     def test_names_with_a_prefix(self) -> None:
         text = f'<g:gpx xmlns:g="x"><g:rte>{points("g:rtept", (1, 1), (2, 2))}</g:rte></g:gpx>'
-        assert len(read_gpx(text.encode())) == 2
+        assert len(parse_route(text.encode())) == 2
 
     def test_points_outside_of_tracks_do_not_count(self) -> None:
         strange = f"<other><trk>{points('trkpt', (7, 1), (8, 2))}</trk></other>"
-        found = read_gpx(xml(f"{strange}<rte>{points('rtept', (1, 1), (2, 2))}</rte>"))
+        found = parse_route(xml(f"{strange}<rte>{points('rtept', (1, 1), (2, 2))}</rte>"))
         assert found.latitude_deg.tolist() == [1.0, 2.0]
         with pytest.raises(InvalidInput, match="a trk or rte of two points"):
-            read_gpx(xml(strange))
+            parse_route(xml(strange))
 
     def test_depth(self) -> None:
         """64 levels with <gpx>."""
         route = f"<rte>{points('rtept', (1, 1), (2, 2))}</rte>"
-        assert len(read_gpx(xml("<a>" * 63 + "</a>" * 63 + route))) == 2
+        assert len(parse_route(xml("<a>" * 63 + "</a>" * 63 + route))) == 2
         with pytest.raises(InvalidInput, match="got 65 levels; allowed: at most 64"):
-            read_gpx(xml("<a>" * 64 + "</a>" * 64 + route))
+            parse_route(xml("<a>" * 64 + "</a>" * 64 + route))
 
     def test_number_of_points(self, monkeypatch) -> None:
         monkeypatch.setattr(xml_tracks, "MAX_POINTS", 2)
-        assert len(read_gpx(xml(f"<rte>{points('rtept', (1, 1), (2, 2))}</rte>"))) == 2
+        assert len(parse_route(xml(f"<rte>{points('rtept', (1, 1), (2, 2))}</rte>"))) == 2
         with pytest.raises(InvalidInput, match="more than 2"):
-            read_gpx(xml(f"<rte>{points('rtept', (1, 1), (2, 2), (3, 3))}</rte>"))
+            parse_route(xml(f"<rte>{points('rtept', (1, 1), (2, 2), (3, 3))}</rte>"))
 
 
 @pytest.mark.parametrize("void", ["NaN", "nan", "-32768", "-9999", "32767", ""])
@@ -117,7 +117,7 @@ def test_a_height_of_no_place_is_not_known(void: str) -> None:
         '<trkpt lat="48" lon="11"><ele>520</ele></trkpt>{}<trkpt lat="48.2" lon="11"><ele>540</ele></trkpt>'
     )
     middle = f'<trkpt lat="48.1" lon="11"><ele>{void}</ele></trkpt>'
-    track = read_gpx(f"<gpx><trk><trkseg>{ends.format(middle)}</trkseg></trk></gpx>".encode())
+    track = parse_route(f"<gpx><trk><trkseg>{ends.format(middle)}</trkseg></trk></gpx>".encode())
     assert track.elevation()[1].tolist() == [520.0, 540.0]
     assert [flag.code for flag in track.elevation()[2]] == ["elevation_interpolated"]
 
@@ -143,7 +143,7 @@ def recording(rows, more=""):
 
 
 def test_a_line_is_a_track_without_times():
-    track = read_kml(kml(line("\n  11.50,48.10,500\n  11.52,48.10,510  11.52,48.11,520 ")))
+    track = parse_route(kml(line("\n  11.50,48.10,500\n  11.52,48.10,510  11.52,48.11,520 ")))
     assert track.latitude_deg.tolist() == [48.10, 48.10, 48.11]
     assert track.longitude_deg.tolist() == [11.50, 11.52, 11.52]
     assert track.elevation_m.tolist() == [500.0, 510.0, 520.0]
@@ -154,10 +154,10 @@ def test_a_line_is_a_track_without_times():
 
 @pytest.mark.parametrize("text", ["11.5,48.1 11.5,48.2", "11.5,48.1,0 11.5,48.2,0"])
 def test_altitudes_that_are_missing_or_all_zero_are_no_elevation(text):
-    assert np.isnan(read_kml(kml(line(text))).elevation_m).all()
-    some = read_kml(kml(line("11.5,48.1,0 11.5,48.2,3")))
+    assert np.isnan(parse_route(kml(line(text))).elevation_m).all()
+    some = parse_route(kml(line("11.5,48.1,0 11.5,48.2,3")))
     assert some.elevation_m.tolist() == [0.0, 3.0]
-    half = read_kml(kml(line("11.5,48.1 11.5,48.2,3")))
+    half = parse_route(kml(line("11.5,48.1 11.5,48.2,3")))
     assert np.isnan(half.elevation_m).tolist() == [True, False]
 
 
@@ -167,7 +167,7 @@ def test_a_recording_has_times_and_comes_before_lines():
         ("2026-05-01T08:00:30Z", 11.5, 48.003, 501),
         ("2026-05-01T08:01:00Z", 11.5, 48.006, 502),
     ]
-    track = read_kml(kml(line("1,2 3,4"), recording(rows)))
+    track = parse_route(kml(line("1,2 3,4"), recording(rows)))
     assert track.time_s.tolist() == [0.0, 30.0, 60.0]
     assert track.started_at == dt.datetime(2026, 5, 1, 8, tzinfo=dt.UTC)
     assert track.latitude_deg.tolist() == [48.0, 48.003, 48.006]
@@ -193,14 +193,14 @@ def test_the_format_is_recognised_by_the_root():
     prefixed = bare.replace(b"<kml>", b'<k:kml xmlns:k="x">').replace(b"</kml>", b"</k:kml>")
     assert len(parse_route(prefixed).latitude_deg) == 2
     (fault,) = faults_of(parse_route, b"<html/>")
-    assert (fault.what, fault.got, fault.allowed) == ("not GPX", "<html>", "<gpx> or <kml>")
+    assert (fault.what, fault.got, fault.allowed) == ("neither GPX nor KML", "<html>", "<gpx> or <kml>")
 
 
 @pytest.mark.parametrize(
     ("text", "what"),
     [
         (b'<!DOCTYPE kml [<!ENTITY a "1">]><kml/>', "document type"),
-        (b"<gpx/>", "not KML"),
+        (b"<gpx/>", "no track in the file"),
         (b"<kml/>", "no track in the file"),
         (kml(line("11.5,48.1")), "got 1 points"),
         (kml(line("11.5,48.1 11.5"))[:-4], "not coordinates: route, point 2"),
@@ -212,7 +212,7 @@ def test_the_format_is_recognised_by_the_root():
 )  # fmt: skip
 def test_what_is_wrong_with_a_file_is_said(text, what):
     with pytest.raises(InvalidInput, match=what):
-        read_kml(text)
+        parse_route(text)
 
 
 def test_a_packed_file_is_named(tmp_path):
@@ -228,32 +228,32 @@ def kml_text(text, tag="LineString"):
 
 @pytest.mark.parametrize("text", ["1", "1,2,3,4", "1,,3", "1;2", "a,b"])
 def test_a_point_of_kml_has_two_or_three_numbers(text):
-    (fault,) = faults_of(read_kml, kml_text(f"1,2 {text}"))
+    (fault,) = faults_of(parse_route, kml_text(f"1,2 {text}"))
     assert (fault.where, fault.got) == ("route, point 2", repr(text))
-    assert len(read_kml(kml_text("1,2 1,3,4"))) == 2
+    assert len(parse_route(kml_text("1,2 1,3,4"))) == 2
 
 
 def test_points_of_kml_are_cut_in_messages():
-    (fault,) = faults_of(read_kml, kml_text("x" * 70 + " 1,2"))
+    (fault,) = faults_of(parse_route, kml_text("x" * 70 + " 1,2"))
     assert (fault.where, fault.got) == ("route, point 1", repr("x" * 60))
 
 
 def test_a_little_height_is_a_height():
-    assert read_kml(kml_text("1,2,0 1,3,0.5")).elevation_m.tolist() == [0.0, 0.5]
-    assert read_kml(kml_text("1,2,0 1,3,-0.5")).elevation_m.tolist() == [0.0, -0.5]
-    assert np.isnan(read_kml(kml_text("1,2,0 1,3,-0")).elevation_m).all()
+    assert parse_route(kml_text("1,2,0 1,3,0.5")).elevation_m.tolist() == [0.0, 0.5]
+    assert parse_route(kml_text("1,2,0 1,3,-0.5")).elevation_m.tolist() == [0.0, -0.5]
+    assert np.isnan(parse_route(kml_text("1,2,0 1,3,-0")).elevation_m).all()
 
 
 def test_points_belong_to_the_line_and_the_recording_around_them():
     line = "<LineString><coordinates>{}</coordinates></LineString>"
-    found = read_kml(f"\n<kml> {line.format('1,1')} {line.format('1,2 1,3')} </kml>\n".encode())
+    found = parse_route(f"\n<kml> {line.format('1,1')} {line.format('1,2 1,3')} </kml>\n".encode())
     assert found.latitude_deg.tolist() == [2.0, 3.0]
     parts = line.format("1,2</coordinates><coordinates>1,3 1,4")
-    assert read_kml(f"<kml>{parts}</kml>".encode()).latitude_deg.tolist() == [2.0, 3.0, 4.0]
+    assert parse_route(f"<kml>{parts}</kml>".encode()).latitude_deg.tolist() == [2.0, 3.0, 4.0]
     stamps = "<when>2026-05-01T08:00:00Z</when><when>2026-05-01T08:00:07Z</when>"
     short = "<Track><when>never</when><coord>1 1</coord></Track>"
     track = f"<Track>{stamps}<coord>1 2</coord><coord>1 3</coord></Track>"
-    found = read_kml(f"<kml>{short}{track}</kml>".encode())
+    found = parse_route(f"<kml>{short}{track}</kml>".encode())
     assert (found.latitude_deg.tolist(), found.time_s.tolist()) == ([2.0, 3.0], [0.0, 7.0])
 
 
@@ -261,7 +261,7 @@ def test_coordinates_of_other_shapes_are_left_out():
     lines = "<LineString><coordinates>1,2 1,3</coordinates></LineString>"
     ring = "<Polygon><outerBoundaryIs><LinearRing><coordinates>1,1 2,2</coordinates></LinearRing></outerBoundaryIs></Polygon>"
     loose = "<coord>8 8</coord><when>never</when>"
-    found = read_kml(f"<kml>{ring}{loose}{lines}{lines.replace('1,3', '1,4')}</kml>".encode())
+    found = parse_route(f"<kml>{ring}{loose}{lines}{lines.replace('1,3', '1,4')}</kml>".encode())
     assert found.latitude_deg.tolist() == [2.0, 3.0]
     assert [(flag.code, flag.value) for flag in found.flags] == [("first_of_several", 2.0)]
 
@@ -270,27 +270,31 @@ def test_a_recording_has_a_time_for_each_point():
     when = "".join(f"<when>2026-05-01T08:00:0{k}Z</when>" for k in range(3))
     where = "".join(f"<coord>1 {k}</coord>" for k in range(3))
     track = f"<kml><Track>{when}{where}</Track></kml>"
-    assert read_kml(track.encode()).time_s.tolist() == [0.0, 1.0, 2.0]
-    assert read_kml(f"<kml><Track>{where}</Track></kml>".encode()).time_s is None
-    (fault,) = faults_of(read_kml, track.replace("<coord>1 0</coord>", "").encode())
+    assert parse_route(track.encode()).time_s.tolist() == [0.0, 1.0, 2.0]
+    assert parse_route(f"<kml><Track>{where}</Track></kml>".encode()).time_s is None
+    (fault,) = faults_of(parse_route, track.replace("<coord>1 0</coord>", "").encode())
     assert fault.got == "3 times, 2 points"
 
 
 def test_the_most_points_of_kml(monkeypatch):
     monkeypatch.setattr(xml_tracks, "MAX_POINTS", 2)
-    assert len(read_kml(kml_text("1,2 1,3"))) == 2
-    assert faults_of(read_kml, kml_text("1,2 1,3 1,4"))[0].got == "more than 2"
+    assert len(parse_route(kml_text("1,2 1,3"))) == 2
+    assert faults_of(parse_route, kml_text("1,2 1,3 1,4"))[0].got == "more than 2"
 
 
 def test_a_level_of_xml_ends_with_its_element():
     wide = b"<gpx>" + b"<a><b/></a>" * 70
     route = b'<rte><rtept lat="1" lon="1"/><rtept lat="2" lon="1"/></rte></gpx>'
-    assert len(read_gpx(wide + route)) == 2
+    assert len(parse_route(wide + route)) == 2
 
 
 def test_the_root_of_another_format_is_cut():
-    (fault,) = faults_of(read_kml, b"<" + b"x" * 50 + b"/>")
-    assert (fault.what, fault.got, fault.allowed) == ("not KML", f"<{'x' * 40}>", "<kml>")
-    (fault,) = faults_of(read_gpx, b'<?xml version="1.0" encoding="' + b"e" * 200 + b'"?><gpx/>')
+    (fault,) = faults_of(parse_route, b"<" + b"x" * 50 + b"/>")
+    assert (fault.what, fault.got, fault.allowed) == (
+        "neither GPX nor KML",
+        f"<{'x' * 40}>",
+        "<gpx> or <kml>",
+    )
+    (fault,) = faults_of(parse_route, b'<?xml version="1.0" encoding="' + b"e" * 200 + b'"?><gpx/>')
     assert fault.what == "not well-formed XML"
     assert len(fault.got) <= 120

@@ -1,13 +1,12 @@
 """Planned trips from links, recorded tracks or router responses, and the speed over time of a driver on them."""
 
-from tripwatt.routes.geojson import ROAD_SPEED_M_S, read_geojson
+from tripwatt.routes.geojson import ROAD_SPEED_M_S
 from tripwatt.routes.link_objects import route_from_links
 from tripwatt.routes.link_table import is_links_table
 from tripwatt.routes.links import LinkRoute, links_of_trip, plan_on_links
 from tripwatt.routes.profile import LinkStyle, link_profile
 from tripwatt.routes.responses import is_route, parse_route
 from tripwatt.routes.tracks import Track
-from tripwatt.routes.xml_tracks import read_gpx, read_kml
 
 __all__ = [
     "ROAD_SPEED_M_S",
@@ -20,8 +19,5 @@ __all__ = [
     "links_of_trip",
     "parse_route",
     "plan_on_links",
-    "read_geojson",
-    "read_gpx",
-    "read_kml",
     "route_from_links",
 ]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -12,7 +11,7 @@ import numpy as np
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import InvalidInput, excerpt
 from tripwatt.files import shipped_toml
-from tripwatt.routes.documents import Node, parse_json, read_content
+from tripwatt.routes.documents import Node
 from tripwatt.routes.links import FASTEST_LINK_M_S
 from tripwatt.routes.points import require_on_earth
 from tripwatt.routes.tracks import TIME_ALLOWED, Track, parse_times
@@ -29,41 +28,24 @@ _MAX_DEPTH: Final = 64
 _Line = tuple[FloatArray, float, list[str]]  # points, speed [m/s], times
 
 
-def read_geojson(source: bytes | str | Path, *, where: str | None = None) -> Track:
-    """Read the lines of a GeoJSON text, joined in their order. O(bytes).
+def track_from_geojson(document: Node) -> Track:
+    """Read the lines of a parsed GeoJSON document, joined in their order.
 
     `LineString`, `MultiLineString`, `Feature`, `FeatureCollection` and `GeometryCollection` are read; other geometries
     are left out. These properties of a feature are used: `speed_m_s` (mean speed), `highway` (class of road, see
     `ROAD_SPEED_M_S`) and `coordTimes` or `coordinateProperties.times` (ISO 8601, one for each point).
 
-    Parameters
-    ----------
-    source : bytes, str or path
-        The text itself as bytes, or the path of a file.
-    where : str, optional
-        Name for messages.
-
-    Returns
-    -------
-    Track
-        All lines as one.
-
     Raises
     ------
     InvalidInput
-        When the text is not GeoJSON or has no valid line.
+        When the document is not GeoJSON or has no valid line.
 
     Examples
     --------
-    >>> len(read_geojson(b'{"type": "LineString", "coordinates": [[11.5, 48.1], [11.6, 48.1], [11.7, 48.2]]}'))
+    >>> line = {"type": "LineString", "coordinates": [[11.5, 48.1], [11.6, 48.1], [11.7, 48.2]]}
+    >>> len(track_from_geojson(Node(line, "route")))
     3
     """
-    data, name = read_content(source, where)
-    return track_from_geojson(Node(parse_json(data, name), name))
-
-
-def track_from_geojson(document: Node) -> Track:
-    """The track of a parsed GeoJSON document, see `read_geojson`."""
     lines: list[_Line] = []
     skipped = _collect_lines(document, Node({}, document.where), lines, 0)
     if not lines:

@@ -33,7 +33,7 @@ from tripwatt.routes.links import FLAT_ROAD, SHORTEST_LINK_M, LinkRoute, first_o
 from tripwatt.routes.points import distances_m, haversine_m
 from tripwatt.routes.polyline import decode_polyline
 from tripwatt.routes.tracks import Track
-from tripwatt.routes.xml_tracks import read_xml
+from tripwatt.routes.xml_tracks import track_from_xml
 from tripwatt.trips import Flag, Pause
 from tripwatt.units import M_PER_FOOT, M_PER_MILE
 
@@ -385,7 +385,7 @@ def parse_route(source: bytes | str | Path, *, where: str | None = None) -> Link
     data, name = read_content(source, where)
     head = data[:200].lstrip(b"\xef\xbb\xbf \t\r\n")
     if head.startswith((b"<", b"\xff\xfe", b"\xfe\xff")):
-        return read_xml(data, "gpx", "kml", where=name)
+        return track_from_xml(data, name)
     if head.startswith(_ZIP):
         fix = "unpack it, for example with unzip, and give the file doc.kml"
         raise InvalidInput.of("packed file", name, "a ZIP archive, such as KMZ", "KML", fix)

@@ -83,8 +83,8 @@ class Track:
 
     Examples
     --------
-    >>> from tripwatt.routes import read_gpx
-    >>> track = read_gpx(b'<gpx><rte><rtept lat="48" lon="11"/><rtept lat="48.01" lon="11"><ele>520</ele></rtept></rte></gpx>')
+    >>> from tripwatt.routes import parse_route
+    >>> track = parse_route(b'<gpx><rte><rtept lat="48" lon="11"/><rtept lat="48.01" lon="11"><ele>520</ele></rtept></rte></gpx>')
     >>> len(track), track.time_s is None
     (2, True)
     >>> position_m, elevation_m, flags = track.elevation()
@@ -264,8 +264,8 @@ class Track:
 
         Examples
         --------
-        >>> from tripwatt.routes import read_gpx
-        >>> track = read_gpx(b'<gpx><rte><rtept lat="48" lon="11"/><rtept lat="48.01" lon="11"/></rte></gpx>')
+        >>> from tripwatt.routes import parse_route
+        >>> track = parse_route(b'<gpx><rte><rtept lat="48" lon="11"/><rtept lat="48.01" lon="11"/></rte></gpx>')
         >>> track.links(20.0).travel_time_s.round(1)
         array([55.6])
         """
@@ -321,9 +321,9 @@ class Track:
 
         Examples
         --------
-        >>> from tripwatt.routes import read_gpx
+        >>> from tripwatt.routes import parse_route
         >>> text = "".join(f'<trkpt lat="{48 + k / 1e4:.4f}" lon="11"><time>2026-05-01T08:00:{k:02d}Z</time></trkpt>' for k in range(30))
-        >>> plan = read_gpx(f"<gpx><trk><trkseg>{text}</trkseg></trk></gpx>".encode()).driven_plan()
+        >>> plan = parse_route(f"<gpx><trk><trkseg>{text}</trkseg></trk></gpx>".encode()).driven_plan()
         >>> plan.array("speed_m_s")[10].round(2)
         np.float64(11.12)
         """

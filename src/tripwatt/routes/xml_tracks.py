@@ -5,14 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Final
 from xml.parsers import expat
 
 import numpy as np
 
 from tripwatt.errors import InvalidInput
-from tripwatt.routes.documents import read_content
 from tripwatt.routes.links import first_of_several
 from tripwatt.routes.points import MAX_POINTS
 from tripwatt.routes.tracks import Track, parse_times
@@ -32,18 +30,19 @@ _Point = tuple[float, float, float]
 """Latitude, longitude [°] and altitude [m]; the altitude is NaN if unknown."""
 
 
-def read_gpx(source: bytes | str | Path, *, where: str | None = None) -> Track:
-    """Read the first track with at least two points in a GPX 1.0 or 1.1 text, else the first such route. O(bytes).
+def track_from_xml(data: bytes, name: str) -> Track:
+    """Read the first line with at least two points of a GPX 1.0, GPX 1.1 or KML 2.2 text; its outermost element tells which. O(bytes).
 
-    The segments of a track are joined. A text with a document type declaration is refused, so that no XML entity can be
-    declared.
+    The line of a GPX text is its first track, with its segments joined, else its first route. The line of a KML text is its first
+    recording, a `gx:Track` with `when` and `gx:coord`, else its first `LineString`; if all its altitudes are 0, they count as
+    unknown: KML files have 0 for an unknown altitude.
 
     Parameters
     ----------
-    source : bytes, str or path
-        The text itself as bytes, or the path of a file.
-    where : str, optional
-        Name for messages.
+    data : bytes
+        The text.
+    name : str
+        Name of the text for messages.
 
     Returns
     -------
@@ -53,73 +52,15 @@ def read_gpx(source: bytes | str | Path, *, where: str | None = None) -> Track:
     Raises
     ------
     InvalidInput
-        When the text is not well-formed, has a document type declaration, or has no valid track.
+        When the text is not well-formed, has a document type declaration, another outermost element, or no valid line.
 
     Examples
     --------
     >>> text = b'<gpx><rte><rtept lat="48.1" lon="11.5"/><rtept lat="48.2" lon="11.5"><ele>520</ele></rtept></rte></gpx>'
-    >>> round(read_gpx(text).position_m[-1])
+    >>> round(track_from_xml(text, "route").position_m[-1])
     11120
     """
-    return read_xml(source, "gpx", where=where)
-
-
-def read_kml(source: bytes | str | Path, *, where: str | None = None) -> Track:
-    """Read the first recording with at least two points in a KML 2.2 text, else the first such line. O(bytes).
-
-    A recording is a `gx:Track` with `when` and `gx:coord`, a line is a `LineString`. If all altitudes are 0, they count as
-    unknown: KML files have 0 for an unknown altitude. A text with a document type declaration is refused.
-
-    Parameters
-    ----------
-    source : bytes, str or path
-        The text itself as bytes, or the path of a file.
-    where : str, optional
-        Name for messages.
-
-    Returns
-    -------
-    Track
-        With times if it is a recording.
-
-    Raises
-    ------
-    InvalidInput
-        When the text is not well-formed, has a document type declaration, or has no valid line or recording.
-
-    Examples
-    --------
-    >>> text = b"<kml><Placemark><LineString><coordinates>11.5,48.1,500 11.5,48.2,520</coordinates></LineString></Placemark></kml>"
-    >>> round(read_kml(text).position_m[-1])
-    11120
-    """
-    return read_xml(source, "kml", where=where)
-
-
-def read_xml(source: bytes | str | Path, *roots: str, where: str | None = None) -> Track:
-    """Read a text of one of several formats, which its outermost element tells, as `read_gpx` or `read_kml`.
-
-    Parameters
-    ----------
-    source : bytes, str or path
-    *roots : str
-        Outermost elements of the formats: gpx, kml.
-    where : str, optional
-        Name for messages.
-
-    Raises
-    ------
-    InvalidInput
-        When the text has another outermost element, or as `read_gpx` and `read_kml`.
-
-    Examples
-    --------
-    >>> text = b"<kml><LineString><coordinates>11.5,48.1,500 11.5,48.2,520</coordinates></LineString></kml>"
-    >>> len(read_xml(text, "gpx", "kml"))
-    2
-    """
-    data, name = read_content(source, where)
-    reader = _Reader(name, roots)
+    reader = _Reader(name)
     reader.parse(data)
     track = reader.track()
     if reader.root == "gpx" or (track.elevation_m != 0.0).any():
@@ -130,9 +71,8 @@ def read_xml(source: bytes | str | Path, *roots: str, where: str | None = None) 
 class _Reader:
     """Parser that collects the lines of a text: for each kind of line, the points and the texts of their times."""
 
-    def __init__(self, name: str, roots: tuple[str, ...]) -> None:
-        self.name, self.roots = name, roots
-        self.root = ""
+    def __init__(self, name: str) -> None:
+        self.name, self.root = name, ""
         self.lines: dict[str, list[tuple[list[_Point], list[str]]]] = {}
         self.path: list[str] = []
         self.number = 0
@@ -141,10 +81,9 @@ class _Reader:
 
     def parse(self, data: bytes) -> None:
         """Parse a text; anything but well-formed XML without a document type raises `InvalidInput`."""
-        formats = " or ".join(root.upper() for root in self.roots)
 
         def refuse(*_: object) -> None:
-            allowed = f"{formats} without a document type declaration"
+            allowed = "GPX or KML without a document type declaration"
             raise InvalidInput.of(
                 "XML with a document type declaration", self.name, "<!DOCTYPE ...>", allowed
             )
@@ -158,7 +97,7 @@ class _Reader:
         try:
             parser.Parse(data, True)
         except (expat.ExpatError, ValueError, LookupError) as error:  # the latter two for encodings
-            allowed = f"a {formats} document"
+            allowed = "a GPX or KML document"
             raise InvalidInput.of("not well-formed XML", self.name, str(error)[:120], allowed) from error
 
     def track(self) -> Track:
@@ -183,12 +122,8 @@ class _Reader:
         """Enter an element; another root and too many levels raise `InvalidInput`."""
         tag = tag.rpartition(":")[2]
         if not self.path:
-            if tag not in self.roots:
-                what, allowed = (
-                    f"not {self.roots[0].upper()}",
-                    " or ".join(f"<{root}>" for root in self.roots),
-                )
-                raise InvalidInput.of(what, self.name, f"<{tag[:40]}>", allowed)
+            if tag not in _FORMATS:
+                raise InvalidInput.of("neither GPX nor KML", self.name, f"<{tag[:40]}>", "<gpx> or <kml>")
             self.root, self.lines = tag, {kind: [] for kind in _FORMATS[tag][0]}
         self.path.append(tag)
         if len(self.path) > _MAX_DEPTH:
