@@ -88,9 +88,6 @@ def test_the_interval_narrows_with_what_is_known() -> None:
     narrow, wide = certified_interval(car, level=0.5), certified_interval(car, level=0.95)
     assert wide.low < narrow.low < narrow.high < wide.high
     assert certified_interval(describe_car(body="van", mass_kg=1900)).high > certified_interval(car).high
-    city = certified_interval(car, "udds").middle
-    mass = 1900.0 + 300.0 * 0.45359237
-    assert city == pytest.approx(driven_wh_per_km(car, schedule("udds"), mass) / charging_efficiency() / 10.0)
 
 
 def test_all_faults_of_the_figures_come_together() -> None:

@@ -348,15 +348,13 @@ class ConsumptionInterval:
     high: float
 
 
-def certified_interval(car: Vehicle, cycle: str = "wltc", level: float = 0.9) -> ConsumptionInterval:
-    """Predict the certified consumption of a described car, with an interval. Up to five simulations of the schedule.
+def certified_interval(car: Vehicle, level: float = 0.9) -> ConsumptionInterval:
+    """Predict the certified consumption of a described car on the WLTP, with an interval. Up to five simulations of the schedule.
 
     Parameters
     ----------
     car : Vehicle
         A car from `describe_car`. For another car the interval depends on its anchor.
-    cycle : {"wltc", "udds", "hwfet"}
-        Schedule of the test.
     level : float
         Probability of the interval, 0 to 1.
 
@@ -379,41 +377,38 @@ def certified_interval(car: Vehicle, cycle: str = "wltc", level: float = 0.9) ->
     >>> wide.high - wide.low > near.high - near.low
     True
     """
-    mass = car.body.curb_mass_kg + LOADED_KG if cycle != "wltc" else wltp_test_mass(car.body.test_mass_kg)
-    middle = driven_wh_per_km(car, schedule(cycle), mass) / charging_efficiency() / 10.0
     from scipy.special import stdtrit  # slow to import
 
     level = require_fraction("level", level)
-    half = float(stdtrit(makers() - 1, 0.5 + 0.5 * level)) * _relative_sd(car, cycle, mass)
+    middle = _wltp_wh_per_km(car) / charging_efficiency() / 10.0
+    half = float(stdtrit(makers() - 1, 0.5 + 0.5 * level)) * _relative_sd(car)
     return ConsumptionInterval(middle, middle * math.exp(-half), middle * math.exp(half))
 
 
-def _relative_sd(car: Vehicle, cycle: str, mass_kg: float) -> float:
+def _wltp_wh_per_km(car: Vehicle, mass_factor: float = 1.0) -> float:
+    mass_kg = mass_factor * wltp_test_mass(car.body.test_mass_kg)
+    return driven_wh_per_km(car, schedule("wltc"), mass_kg)
+
+
+def _relative_sd(car: Vehicle) -> float:
     if car.anchor != "class":
         return math.hypot(REPEAT_SD, PROCEDURE_SD)
     classes = class_values()
-    base = driven_wh_per_km(car, schedule(cycle), mass_kg)
+    base = _wltp_wh_per_km(car)
     parts = [loss_sd(), PROCEDURE_SD, beyond_classes(car.body.curb_mass_kg)]
     air_sd = classes.drag_area_sd
     if car.road_load.drag_area_m2 == classes.drag_area_m2["van"]:
         air_sd = math.hypot(air_sd, VAN_SD)
-    for name, sd in (("rolling", classes.rolling_sd), ("air", air_sd)):
-        more = driven_wh_per_km(_with_more(car, name), schedule(cycle), mass_kg)
-        parts.append(sd * (more / base - 1.0) / _STEP)
-    entry = car.entries["body.curb_mass_kg"]
-    if entry.licence != "user":
-        heavier = driven_wh_per_km(car, schedule(cycle), mass_kg * (1.0 + _STEP))
-        parts.append(_mass_sd() * (heavier / base - 1.0) / _STEP)
+    for part, sd in (("rolling", classes.rolling_sd), ("air", air_sd)):
+        keys = [key for key, kind in road_parts(car).items() if kind == part]
+        more = car.with_values({key: cast(float, car.value(key)) * (1.0 + _STEP) for key in keys})
+        parts.append(sd * (_wltp_wh_per_km(more) / base - 1.0) / _STEP)
+    if car.entries["body.curb_mass_kg"].licence != "user":
+        parts.append(_mass_sd() * (_wltp_wh_per_km(car, 1.0 + _STEP) / base - 1.0) / _STEP)
     return float(np.linalg.norm(parts))
 
 
 _STEP: Final = 0.02
-
-
-def _with_more(car: Vehicle, part: str) -> Vehicle:
-    """Return the car with a rolling or air drag larger by `_STEP`."""
-    keys = [key for key, kind in road_parts(car).items() if kind == part]
-    return car.with_values({key: cast(float, car.value(key)) * (1.0 + _STEP) for key in keys})
 
 
 @cache

@@ -1,8 +1,7 @@
 """Planned trips from links, recorded tracks or router responses, and the speed over time of a driver on them."""
 
 from tripwatt.routes.geojson import ROAD_SPEED_M_S
-from tripwatt.routes.link_objects import route_from_links
-from tripwatt.routes.link_table import is_links_table
+from tripwatt.routes.link_objects import is_links_table, route_from_links
 from tripwatt.routes.links import LinkRoute, links_of_trip, plan_on_links
 from tripwatt.routes.profile import LinkStyle, link_profile
 from tripwatt.routes.responses import is_route, parse_route

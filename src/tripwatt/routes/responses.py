@@ -27,11 +27,9 @@ from tripwatt.routes.carried import (
 )
 from tripwatt.routes.documents import Node, parse_json, read_content
 from tripwatt.routes.geojson import track_from_geojson
-from tripwatt.routes.link_objects import LINK_KEYS, route_from_links
-from tripwatt.routes.link_table import is_links_table, route_from_table
+from tripwatt.routes.link_objects import LINK_KEYS, is_links_table, route_from_links, route_from_table
 from tripwatt.routes.links import FLAT_ROAD, SHORTEST_LINK_M, LinkRoute, first_of_several, link_ends
-from tripwatt.routes.points import distances_m, haversine_m
-from tripwatt.routes.polyline import decode_polyline
+from tripwatt.routes.points import decode_polyline, distances_m, haversine_m
 from tripwatt.routes.tracks import Track
 from tripwatt.routes.xml_tracks import track_from_xml
 from tripwatt.trips import Flag, Pause

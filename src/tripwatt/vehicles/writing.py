@@ -93,35 +93,27 @@ def render_vehicle(vehicle: Vehicle) -> str:
     >>> print(render_vehicle(load_vehicle("vw_id4_pro")).splitlines()[0])
     name = "Volkswagen ID.4 Pro 77 kWh (2022)"
     """
-    lines = [f"name = {_quoted(vehicle.title)}", f"anchor = {_quoted(vehicle.anchor)}"]
+    document = vehicle_document(vehicle)
+    lines = [f"{key} = {_toml(document[key])}" for key in ("name", "anchor")]
     for section in SECTIONS:
-        entries = {
-            key.partition(".")[2]: entry
-            for key, entry in vehicle.entries.items()
-            if key.startswith(f"{section}.")
-        }
-        if entries:
-            lines += ["", f"[{section}]", *(_line(key, entry) for key, entry in entries.items())]
+        if section in document:
+            lines += [
+                "",
+                f"[{section}]",
+                *(f"{k} = {_toml(entry)}" for k, entry in document[section].items()),
+            ]
     return "\n".join(lines) + "\n"
 
 
-def _line(key: str, entry: Entry) -> str:
-    value = entry.value
-    shown = (
-        _quoted(value) if isinstance(value, str) else repr(list(value) if isinstance(value, tuple) else value)
-    )
-    fields = {"source": entry.source, "estimated": entry.estimated, "licence": entry.licence}
-    more = "".join(f", {name} = {_quoted(text)}" for name, text in fields.items() if text)
-    scale = f', scale = "{entry.scale}"' if entry.scale else ""
-    return f'{key} = {{ value = {shown}, unit = "{entry.unit}"{scale}{more} }}'
-
-
-def _quoted(text: str) -> str:
-    return json.dumps(text, ensure_ascii=False)
+def _toml(value: Any) -> str:
+    """Write a number, a text, a list of numbers, or a table in one line."""
+    if isinstance(value, dict):
+        return f"{{ {', '.join(f'{key} = {_toml(part)}' for key, part in value.items())} }}"
+    return json.dumps(value, ensure_ascii=False)
 
 
 def describe_vehicle(
-    name_or_path: str | Path, preset: str = "default", overrides: Mapping[str, float | str] | None = None
+    name_or_path: str | Path, overrides: Mapping[str, float | str] | None = None
 ) -> tuple[tuple[str, str, str, str, str], ...]:
     """List all values of a car, in the order of the parts.
 
@@ -131,8 +123,6 @@ def describe_vehicle(
     ----------
     name_or_path : str or Path
         Name of a bundled car, or the path of a TOML file.
-    preset : str
-        Name of a preset of that file.
     overrides : mapping of str to (float or str), optional
         Values that replace those of the car, by key or short name.
 
@@ -146,7 +136,7 @@ def describe_vehicle(
     >>> describe_vehicle("bmw_i3_60ah", overrides={"mass": 1300.0})[0]
     ('body.curb_mass_kg', '1300', 'kg', 'given by the caller', 'user')
     """
-    vehicle = load_vehicle(name_or_path, preset, overrides)
+    vehicle = load_vehicle(name_or_path, overrides=overrides)
     keys = [f"{section}.{f.name}" for section, part in SECTIONS.items() for f in dataclasses.fields(part)]
     return tuple(
         (

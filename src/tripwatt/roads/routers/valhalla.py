@@ -22,8 +22,7 @@ from tripwatt.roads.routers.road import KEY_NAME, MAX_ROUTES, Edges, Road, RoadP
 from tripwatt.routes.carried import CARRIED
 from tripwatt.routes.documents import Node
 from tripwatt.routes.places import Place
-from tripwatt.routes.points import distances_m
-from tripwatt.routes.polyline import decode_polyline
+from tripwatt.routes.points import decode_polyline, distances_m
 from tripwatt.routes.web import WebClient, as_remote, require_object
 from tripwatt.units import M_S_PER_KM_H
 
