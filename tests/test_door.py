@@ -254,7 +254,7 @@ def test_a_table_of_samples_is_a_speed_trace_with_its_departure():
     assert plan.to_dict() == Plan.from_samples(samples.iloc[5:], "drive").to_dict()
     assert plan.link_m is None
     assert plan.departure.bms_soc == samples["soc"][5]
-    with pytest.raises(tw.InvalidInput, match=r"speed has no effect: .* samples contains times or speeds"):
+    with pytest.raises(tw.InvalidInput, match=r"speed has no effect: .* route contains times or speeds"):
         tw.read_route(samples, speed_m_s=10.0)
 
 

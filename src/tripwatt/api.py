@@ -67,38 +67,33 @@ def read_route(source: Route, *, speed_m_s: float | None = None, trip_id: str | 
     >>> read_route([{"length_m": 5000.0, "speed_m_s": 20.0}], trip_id="commute")
     <Plan commute: 5.0 km in 4 min, links of 5000 m>
     """
-    named = trip_id or (Path(source).stem if isinstance(source, str | Path) else "route")
+    where = Path(source).name if isinstance(source, str | Path) else "route"
+    named, route = trip_id or Path(where).stem, _read(source)
+    needs_speed = isinstance(route, Track) and route.needs_speed
+    if needs_speed and speed_m_s is None:
+        got, allowed = "points without times and speeds", "a mean speed for the track"
+        fix = "give speed_m_s in Python, --speed KM/H on the command line"
+        raise InvalidInput.of("speed is missing", where, got, allowed, fix)
+    if speed_m_s is not None and not needs_speed:
+        got, allowed = f"{where} contains times or speeds", "only for a track without times and speeds"
+        raise InvalidInput.of("speed has no effect", "speed_m_s", got, allowed)
+    if isinstance(route, pd.DataFrame):
+        return Plan.from_samples(route, named)
+    if isinstance(route, Track):
+        return route.plan(speed_m_s=speed_m_s, trip_id=named)
+    return route.plan(trip_id=named)
+
+
+def _read(source: Route) -> LinkRoute | Track | pd.DataFrame:
+    """Read the links, the track or the samples of a source."""
+    if isinstance(source, bytes) or (isinstance(source, str | Path) and routes.is_route(source)):
+        return routes.parse_route(source)
+    if isinstance(source, str | Path):
+        path = Path(source)
+        return read_tum_file(path, path.stem).samples if is_tum_log(path) else read_canonical(path)
     if isinstance(source, pd.DataFrame) and "time_s" in source:
-        if speed_m_s is not None:
-            raise InvalidInput(_without_effect("samples"))
-        return Plan.from_samples(canonical_samples(source), named)
-    if not isinstance(source, str | Path | bytes):
-        return _planned(routes.route_from_links(source), "links", speed_m_s, named)
-    if isinstance(source, bytes) or routes.is_route(source):
-        where = "route" if isinstance(source, bytes) else Path(source).name
-        return _planned(routes.parse_route(source), where, speed_m_s, named)
-    if speed_m_s is not None:
-        raise InvalidInput(_without_effect(Path(source).name))
-    if is_tum_log(Path(source)):
-        return Plan.from_samples(read_tum_file(Path(source), named).samples, named)
-    return Plan.from_samples(read_canonical(source), named)
-
-
-def _planned(route: LinkRoute | Track, where: str, speed_m_s: float | None, trip_id: str) -> Plan:
-    if isinstance(route, Track) and route.needs_speed:
-        if speed_m_s is None:
-            got, allowed = "points without times and speeds", "a mean speed for the track"
-            fix = "give speed_m_s in Python, --speed KM/H on the command line"
-            raise InvalidInput.of("speed is missing", where, got, allowed, fix)
-        return route.plan(speed_m_s=speed_m_s, trip_id=trip_id)
-    if speed_m_s is not None:
-        raise InvalidInput(_without_effect(where))
-    return route.plan(trip_id=trip_id)
-
-
-def _without_effect(where: str) -> Fault:
-    got = f"{where} contains times or speeds"
-    return Fault("speed has no effect", "speed_m_s", got, "only for a track without times and speeds")
+        return canonical_samples(source)
+    return routes.route_from_links(source)
 
 
 def read_trips(

@@ -13,7 +13,8 @@ import io
 import json
 import os
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, TypeVar
@@ -171,10 +172,8 @@ def _read_metadata(path: Path) -> dict[str, Any]:
     if raw is None:
         fix = "give the whole folder that `tripwatt fit` wrote"
         raise InvalidInput.of("no model", where, f"no {METADATA}", f"a folder with {METADATA}", fix)
-    try:
+    with _damage(path / METADATA, "JSON"):
         document = strict_json(raw)
-    except (ValueError, RecursionError) as error:
-        raise InvalidInput(_damage_fault(path / METADATA, str(error)[:120], "JSON")) from error
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         actual = document.get("format") if isinstance(document, dict) else type(document).__name__
         raise InvalidInput.of("no model", f"{path / METADATA}, format", excerpt(actual), repr(FORMAT))
@@ -185,28 +184,14 @@ def _read_metadata(path: Path) -> dict[str, Any]:
         raise InvalidInput.of("unknown model format", place, excerpt(version), str(FORMAT_VERSION), fix)
     digest = str(document.get("sha256"))
     blanked = raw.replace(f'"sha256": "{digest}"'.encode(), f'"sha256": "{_BLANK}"'.encode(), -1)
-    actual = hashlib.sha256(blanked).hexdigest()
-    if actual != digest:
-        raise InvalidInput(_damage_fault(path / METADATA, f"SHA-256 {actual}", f"SHA-256 {digest[:64]}"))
-    _require_list_of_parts(document.get("parts"), path / METADATA)
+    with _damage(path / METADATA, "name, SHA-256 and bytes of each part, and the SHA-256 of all"):
+        _require_digest(blanked, digest)
+        for about in document[
+            "parts"
+        ].values():  # a digest is no signature: altered metadata may have a right one
+            if not (isinstance(about["sha256"], str) and isinstance(about["bytes"], int)):
+                raise TypeError(f"parts {excerpt(document['parts'])}")
     return document
-
-
-def _require_list_of_parts(parts: object, where: Path) -> None:
-    """Raise `InvalidInput` unless the metadata list each part with its digest and size.
-
-    This needs a check of its own: a digest is no signature, so altered metadata may have a right one.
-    """
-    sound = isinstance(parts, dict) and all(
-        isinstance(about, dict)
-        and isinstance(about.get("sha256"), str)
-        and isinstance(about.get("bytes"), int)
-        for about in parts.values()
-    )
-    if not sound:
-        raise InvalidInput(
-            _damage_fault(where, f"parts {excerpt(parts)}", "name, SHA-256 and bytes of each part")
-        )
 
 
 def require_place(folder: Path, kept: str | None = METADATA) -> None:
@@ -252,22 +237,26 @@ def _checked_part(place: Path, raw: bytes | None, about: Mapping[str, Any]) -> P
     if raw is None:
         allowed = "the file that `tripwatt fit` wrote"
         raise InvalidInput.of("part of the model is missing", f"{place}", "nothing", allowed)
-    actual = hashlib.sha256(raw).hexdigest()
-    if actual != about["sha256"]:
-        got = f"{len(raw)} bytes, SHA-256 {actual}"
-        raise InvalidInput(_damage_fault(place, got, f"{about['bytes']} bytes, SHA-256 {about['sha256']}"))
-    try:
+    with _damage(place, f"{about['bytes']} bytes of arrays without pickled objects, or of JSON"):
+        _require_digest(raw, about["sha256"])
         return _decode(place, raw)
+
+
+def _require_digest(raw: bytes, digest: str) -> None:
+    if (actual := hashlib.sha256(raw).hexdigest()) != digest:
+        raise ValueError(f"{len(raw)} bytes with SHA-256 {actual} in place of {digest[:64]}")
+
+
+@contextmanager
+def _damage(place: Path, allowed: str) -> Iterator[None]:
+    """Raise `InvalidInput` in place of any other error of a damaged or altered file, within a `with` block."""
+    try:
+        yield
     except InvalidInput:
         raise
     except Exception as error:  # damaged archives and headers make NumPy and zipfile raise a dozen types
-        allowed = "arrays without pickled objects, or JSON"
-        raise InvalidInput(_damage_fault(place, str(error)[:120], allowed)) from error
-
-
-def _damage_fault(place: Path, got: str, allowed: str) -> Fault:
-    fix = "copy the model again, or fit it again"
-    return Fault("part of the model is damaged or altered", f"{place}", got, allowed, fix)
+        what, fix = "part of the model is damaged or altered", "copy the model again, or fit it again"
+        raise InvalidInput.of(what, f"{place}", f"{error}"[:200], allowed, fix) from error
 
 
 def _bytes(path: Path) -> bytes | None:
