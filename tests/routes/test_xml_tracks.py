@@ -193,7 +193,7 @@ def test_the_format_is_recognised_by_the_root():
     prefixed = bare.replace(b"<kml>", b'<k:kml xmlns:k="x">').replace(b"</kml>", b"</k:kml>")
     assert len(parse_route(prefixed).latitude_deg) == 2
     (fault,) = faults_of(parse_route, b"<html/>")
-    assert (fault.what, fault.got, fault.allowed) == ("neither GPX nor KML", "<html>", "<gpx> or <kml>")
+    assert (fault.what, fault.got, fault.allowed) == ("not GPX/KML", "<html>", "<gpx>, <kml>")
 
 
 @pytest.mark.parametrize(
@@ -291,9 +291,9 @@ def test_a_level_of_xml_ends_with_its_element():
 def test_the_root_of_another_format_is_cut():
     (fault,) = faults_of(parse_route, b"<" + b"x" * 50 + b"/>")
     assert (fault.what, fault.got, fault.allowed) == (
-        "neither GPX nor KML",
+        "not GPX/KML",
         f"<{'x' * 40}>",
-        "<gpx> or <kml>",
+        "<gpx>, <kml>",
     )
     (fault,) = faults_of(parse_route, b'<?xml version="1.0" encoding="' + b"e" * 200 + b'"?><gpx/>')
     assert fault.what == "not well-formed XML"

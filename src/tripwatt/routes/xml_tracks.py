@@ -24,6 +24,9 @@ _FORMATS: Final = {
 }
 """Outermost element of a format -> its elements that are lines, those of the first name preferred, and a valid text in words."""
 
+_NAMES: Final = "GPX/KML"
+"""Name of the formats in messages, in every language."""
+
 _POINT_TAGS: Final = ("trkpt", "rtept")
 
 _Point = tuple[float, float, float]
@@ -83,7 +86,7 @@ class _Reader:
         """Parse a text; anything but well-formed XML without a document type raises `InvalidInput`."""
 
         def refuse(*_: object) -> None:
-            allowed = "GPX or KML without a document type declaration"
+            allowed = f"{_NAMES} without a document type declaration"
             raise InvalidInput.of(
                 "XML with a document type declaration", self.name, "<!DOCTYPE ...>", allowed
             )
@@ -97,7 +100,7 @@ class _Reader:
         try:
             parser.Parse(data, True)
         except (expat.ExpatError, ValueError, LookupError) as error:  # the latter two for encodings
-            allowed = "a GPX or KML document"
+            allowed = f"a {_NAMES} document"
             raise InvalidInput.of("not well-formed XML", self.name, str(error)[:120], allowed) from error
 
     def track(self) -> Track:
@@ -123,7 +126,9 @@ class _Reader:
         tag = tag.rpartition(":")[2]
         if not self.path:
             if tag not in _FORMATS:
-                raise InvalidInput.of("neither GPX nor KML", self.name, f"<{tag[:40]}>", "<gpx> or <kml>")
+                raise InvalidInput.of(
+                    f"not {_NAMES}", self.name, f"<{tag[:40]}>", f"<{'>, <'.join(_FORMATS)}>"
+                )
             self.root, self.lines = tag, {kind: [] for kind in _FORMATS[tag][0]}
         self.path.append(tag)
         if len(self.path) > _MAX_DEPTH:
