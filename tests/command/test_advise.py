@@ -10,7 +10,7 @@ import pytest
 from tests.support.command import Run
 
 import tripwatt as tw
-from tripwatt.command.advise import WORDS, in_words
+from tripwatt.command.forecast import WORDS, in_words
 from tripwatt.roads.advice.actions import actions
 
 LINKS = [{"length_m": 80_000.0, "speed_m_s": 33.0, "grade": 0.0}]

@@ -43,7 +43,7 @@ COMMANDS: Final = {
     "plan": "journey.plan",
     "reach": "journey.reach",
     "places": "journey.places",
-    "advise": "advise.advise",
+    "advise": "forecast.advise",
     "need": "distances.need",
     "range": "distances.range_",
     "inspect": "models.inspect",

@@ -8,8 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from tripwatt.arrays import BoolArray, FloatArray, running_sum
-from tripwatt.routes.answers import intervals, steps_of
-from tripwatt.routes.documents import Node
+from tripwatt.routes.documents import Node, intervals, steps_of
 from tripwatt.trips.flags import Flag
 from tripwatt.trips.plan import Pause
 from tripwatt.units import M_S_PER_KM_H

@@ -16,7 +16,6 @@ import numpy as np
 from tripwatt.arrays import BoolArray, FloatArray
 from tripwatt.errors import Fault, InvalidInput, excerpt, raise_faults
 from tripwatt.files import file_head
-from tripwatt.routes.answers import edge_pieces, intervals, speeds_at_points, step_pieces, steps_of
 from tripwatt.routes.carried import (
     carried_pieces,
     carried_points,
@@ -25,7 +24,16 @@ from tripwatt.routes.carried import (
     ferry_steps,
     pauses_of,
 )
-from tripwatt.routes.documents import Node, parse_json, read_content
+from tripwatt.routes.documents import (
+    Node,
+    edge_pieces,
+    intervals,
+    parse_json,
+    read_content,
+    speeds_at_points,
+    step_pieces,
+    steps_of,
+)
 from tripwatt.routes.geojson import track_from_geojson
 from tripwatt.routes.link_objects import LINK_KEYS, is_links_table, route_from_links, route_from_table
 from tripwatt.routes.links import FLAT_ROAD, SHORTEST_LINK_M, LinkRoute, first_of_several, link_ends

@@ -15,9 +15,8 @@ import numpy as np
 from tripwatt.arrays import BoolArray, FloatArray
 from tripwatt.errors import InvalidInput, RemoteError
 from tripwatt.roads.routers.road import KEY_NAME, MAX_ROUTES, Edges, Road, RoadParts, no_road, require_stops
-from tripwatt.routes.answers import edge_pieces, intervals, speeds_at_points, step_pieces, steps_of
 from tripwatt.routes.carried import carried_pieces, carried_points, ferry_steps
-from tripwatt.routes.documents import Node
+from tripwatt.routes.documents import Node, edge_pieces, intervals, speeds_at_points, step_pieces, steps_of
 from tripwatt.routes.places import Place
 from tripwatt.routes.points import distances_m
 from tripwatt.routes.web import WebClient, as_remote, require_object
