@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import by_key
-from tripwatt.auditing import consistency, ranges, road, signals, stamps
+from tripwatt.auditing import consistency, ranges, signals, stamps
 from tripwatt.auditing.findings import Consequence, Cut, Finding, array, between, whole
 from tripwatt.errors import Fault, raise_faults
 from tripwatt.trips import Recorded, Trip, TripSet, require_unique_ids, structure_faults, value_faults
@@ -258,11 +258,11 @@ def _judge_leg(leg: Recorded) -> tuple[Recorded, list[Finding]]:
         *stamps.gap_findings(samples, name),
         *signals.filled_gaps(samples, name),
         *signals.frozen_sensor_findings(samples, name),
-        *road.ambient_findings(samples, name),
-        *road.coarse_findings(samples, name),
+        *ranges.ambient_findings(samples, name),
+        *ranges.coarse_findings(samples, name),
     ]
     soc_faults, heater = consistency.blank_soc_faults, signals.blank_stuck_heater
-    for blank in (road.mend_heights, heater, soc_faults, ranges.blank_fahrenheit):
+    for blank in (ranges.mend_heights, heater, soc_faults, ranges.blank_fahrenheit):
         samples, new_findings = blank(samples, name)
         findings += new_findings
     mended = leg.with_samples(samples)
