@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from tests.routes.made import TO_ROUNDING
 
@@ -25,21 +25,6 @@ from tripwatt.routes.link_objects import (
 from tripwatt.trips import Flag
 from tripwatt.units import GRAVITY_M_S2, WH_PER_J
 from tripwatt.vehicles import load_vehicle
-
-
-def test_heights_and_grades_say_the_same_road():
-    by_grade = route_from_links(
-        [{"length_m": 400.0, "speed_m_s": 10.0, "grade": 0.03}, {"length_m": 600.0, "speed_m_s": 10.0}]
-    )
-    by_height = route_from_links(
-        [
-            {"length_m": 400.0, "speed_m_s": 10.0, "start_elevation_m": 0.0, "end_elevation_m": 12.0},
-            {"length_m": 600.0, "travel_time_s": 60.0, "start_elevation_m": 12.0, "end_elevation_m": 12.0},
-        ]
-    )
-    place = np.linspace(0.0, 1000.0, 21)
-    np.testing.assert_allclose(by_grade.elevation_at(place), by_height.elevation_at(place), atol=1e-9)
-    assert by_height.flags == ()
 
 
 @pytest.mark.parametrize("grade", [0.3, -0.3, 0.4])
@@ -76,43 +61,6 @@ def test_every_fault_of_the_links_at_once():
         route_from_links([{"length_m": 1000.0, "speed_m_s": 100.0}])
     with pytest.raises(InvalidInput, match="takes too long"):
         route_from_links([{"length_m": 1000.0, "speed_m_s": 0.001}])
-
-
-@settings(max_examples=60, deadline=None)
-@given(
-    st.lists(
-        st.dictionaries(
-            st.sampled_from(
-                [
-                    "length_m",
-                    "speed_m_s",
-                    "travel_time_s",
-                    "grade",
-                    "stop_s",
-                    "start_elevation_m",
-                    "end_elevation_m",
-                    "x",
-                ]
-            ),
-            st.one_of(
-                st.none(),
-                st.floats(),
-                st.floats(0.1, 500.0),
-                st.booleans(),
-                st.text(max_size=3),
-                st.integers(),
-            ),
-            max_size=5,
-        ),
-        max_size=4,
-    )
-)
-def test_any_links_are_refused_or_driven(links):
-    try:
-        trip = route_from_links(links).plan()
-    except InvalidInput:
-        return
-    assert trip.duration_s > 0
 
 
 def test_links_come_as_json_too():

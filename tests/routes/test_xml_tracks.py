@@ -43,15 +43,6 @@ def test_an_element_belongs_to_the_point_around_it():
     assert found.time_s is None
 
 
-def test_points_of_the_first_track_alone_are_counted_with_the_others():
-    two = '<trkpt lat="1" lon="1"/><trkpt lat="2" lon="1"/>'
-    tracks = f"<trk>{two}</trk><trk><trkseg>{two}</trkseg></trk><rte>{two.replace('trkpt', 'rtept')}</rte>"
-    found = parse_route(f"<gpx>{tracks}</gpx>".encode())
-    assert [(flag.code, flag.value) for flag in found.flags] == [("first_of_several", 3.0)]
-    nested = f"<gpx><trk>{two}<trk/></trk></gpx>"
-    assert parse_route(nested.encode()).flags == ()
-
-
 def xml(inside: str) -> bytes:
     return f'<gpx version="1.1">{inside}</gpx>'.encode()
 
@@ -60,55 +51,45 @@ def points(tag: str, *places: tuple[float, float], more: str = "") -> str:
     return "".join(f'<{tag} lat="{a}" lon="{b}">{more}</{tag}>' for a, b in places)
 
 
-class TestGpx:
-    def test_the_first_track_of_two_points_before_any_route(self) -> None:
-        route = f"<rte>{points('rtept', (10, 1), (11, 2))}</rte>"
-        alone = f"<trk><trkseg>{points('trkpt', (20, 1))}</trkseg></trk>"
-        two = f"<trk><trkseg>{points('trkpt', (30, 1))}</trkseg><trkseg>{points('trkpt', (31, 2))}</trkseg></trk>"
-        found = parse_route(xml(route + alone + two))
-        assert found.latitude_deg.tolist() == [30.0, 31.0]
-        assert found.longitude_deg.tolist() == [1.0, 2.0]
-        assert np.isnan(found.piece_speed_m_s).tolist() == [True]
-        (flag,) = found.flags
-        assert flag.value == 2
-        assert parse_route(xml(route)).flags == ()
-        assert parse_route(xml(route + alone)).latitude_deg.tolist() == [10.0, 11.0]
+def test_the_first_track_of_two_points_before_any_route() -> None:
+    route = f"<rte>{points('rtept', (10, 1), (11, 2))}</rte>"
+    alone = f"<trk><trkseg>{points('trkpt', (20, 1))}</trkseg></trk>"
+    two = f"<trk><trkseg>{points('trkpt', (30, 1))}</trkseg><trkseg>{points('trkpt', (31, 2))}</trkseg></trk>"
+    found = parse_route(xml(route + alone + two))
+    assert found.latitude_deg.tolist() == [30.0, 31.0]
+    assert found.longitude_deg.tolist() == [1.0, 2.0]
+    assert np.isnan(found.piece_speed_m_s).tolist() == [True]
+    (flag,) = found.flags
+    assert flag.value == 2
+    assert parse_route(xml(route)).flags == ()
+    nested = f"<trk>{points('trkpt', (1, 1), (2, 2))}<trk/></trk>"
+    assert parse_route(xml(nested)).flags == ()
+    assert parse_route(xml(route + alone)).latitude_deg.tolist() == [10.0, 11.0]
 
-    def test_heights_and_times(self) -> None:
-        inside = "<ele> 520.5 </ele><time>2026-05-01T08:00:0{}Z</time>"
-        rows = "".join(points("trkpt", (48 + k, 11), more=inside.format(k)) for k in range(2))
-        other = "<extensions><ele>9</ele></extensions>"
-        found = parse_route(
-            xml(f"<trk>{other}<trkseg>{rows}{points('trkpt', (50, 11), more=other)}</trkseg></trk>")
-        )
-        assert found.elevation_m[:2].tolist() == [520.5, 520.5]
-        assert np.isnan(found.elevation_m[2])
-        assert found.time_s is None
-        assert [f.code for f in found.flags] == ["times_ignored"]
 
-    def test_names_with_a_prefix(self) -> None:
-        text = f'<g:gpx xmlns:g="x"><g:rte>{points("g:rtept", (1, 1), (2, 2))}</g:rte></g:gpx>'
-        assert len(parse_route(text.encode())) == 2
+def test_points_outside_of_tracks_do_not_count() -> None:
+    strange = f"<other><trk>{points('trkpt', (7, 1), (8, 2))}</trk></other>"
+    found = parse_route(xml(f"{strange}<rte>{points('rtept', (1, 1), (2, 2))}</rte>"))
+    assert found.latitude_deg.tolist() == [1.0, 2.0]
+    with pytest.raises(InvalidInput, match="a trk or rte of two points"):
+        parse_route(xml(strange))
 
-    def test_points_outside_of_tracks_do_not_count(self) -> None:
-        strange = f"<other><trk>{points('trkpt', (7, 1), (8, 2))}</trk></other>"
-        found = parse_route(xml(f"{strange}<rte>{points('rtept', (1, 1), (2, 2))}</rte>"))
-        assert found.latitude_deg.tolist() == [1.0, 2.0]
-        with pytest.raises(InvalidInput, match="a trk or rte of two points"):
-            parse_route(xml(strange))
 
-    def test_depth(self) -> None:
-        """64 levels with <gpx>."""
-        route = f"<rte>{points('rtept', (1, 1), (2, 2))}</rte>"
-        assert len(parse_route(xml("<a>" * 63 + "</a>" * 63 + route))) == 2
-        with pytest.raises(InvalidInput, match="got 65 levels; allowed: at most 64"):
-            parse_route(xml("<a>" * 64 + "</a>" * 64 + route))
+def test_depth() -> None:
+    """64 levels with <gpx>."""
+    route = f"<rte>{points('rtept', (1, 1), (2, 2))}</rte>"
+    assert len(parse_route(xml("<a><b/></a>" * 70 + route))) == 2
+    assert len(parse_route(xml("<a>" * 63 + "</a>" * 63 + route))) == 2
+    with pytest.raises(InvalidInput, match="got 65 levels; allowed: at most 64"):
+        parse_route(xml("<a>" * 64 + "</a>" * 64 + route))
 
-    def test_number_of_points(self, monkeypatch) -> None:
-        monkeypatch.setattr(xml_tracks, "MAX_POINTS", 2)
-        assert len(parse_route(xml(f"<rte>{points('rtept', (1, 1), (2, 2))}</rte>"))) == 2
-        with pytest.raises(InvalidInput, match="more than 2"):
-            parse_route(xml(f"<rte>{points('rtept', (1, 1), (2, 2), (3, 3))}</rte>"))
+
+def test_number_of_points(monkeypatch) -> None:
+    monkeypatch.setattr(xml_tracks, "MAX_POINTS", 2)
+    assert len(parse_route(xml(f"<rte>{points('rtept', (1, 1), (2, 2))}</rte>"))) == 2
+    with pytest.raises(InvalidInput, match="more than 2"):
+        parse_route(xml(f"<rte>{points('rtept', (1, 1), (2, 2), (3, 3))}</rte>"))
+    assert faults_of(parse_route, kml(line("1,2 1,3 1,4")))[0].got == "more than 2"
 
 
 @pytest.mark.parametrize("void", ["NaN", "nan", "-32768", "-9999", "32767", ""])
@@ -152,9 +133,10 @@ def test_a_line_is_a_track_without_times():
     assert track.needs_speed
 
 
-@pytest.mark.parametrize("text", ["11.5,48.1 11.5,48.2", "11.5,48.1,0 11.5,48.2,0"])
-def test_altitudes_that_are_missing_or_all_zero_are_no_elevation(text):
-    assert np.isnan(parse_route(kml(line(text))).elevation_m).all()
+def test_altitudes_that_are_missing_or_all_zero_are_no_elevation():
+    for text in ("11.5,48.1 11.5,48.2", "11.5,48.1,0 11.5,48.2,-0"):
+        assert np.isnan(parse_route(kml(line(text))).elevation_m).all()
+    assert parse_route(kml(line("1,2,0 1,3,-0.5"))).elevation_m.tolist() == [0.0, -0.5]
     some = parse_route(kml(line("11.5,48.1,0 11.5,48.2,3")))
     assert some.elevation_m.tolist() == [0.0, 3.0]
     half = parse_route(kml(line("11.5,48.1 11.5,48.2,3")))
@@ -177,12 +159,6 @@ def test_a_recording_has_times_and_comes_before_lines():
     assert not track.needs_speed
     # 0.006 degrees of latitude are 667.2 m, in a minute 11.1 m/s
     assert track.plan().duration_s == pytest.approx(60.0, abs=3.0)
-
-
-def test_points_of_interest_and_lines_of_one_point_are_left_out():
-    text = kml("<Point><coordinates>9,47</coordinates></Point>", line("1,1"), line("11.5,48.1 11.5,48.2"))
-    track = parse_route(text)
-    assert (len(track.latitude_deg), track.flags) == (2, ())
 
 
 def test_the_format_is_recognised_by_the_root():
@@ -222,26 +198,11 @@ def test_a_packed_file_is_named(tmp_path):
         parse_route(path)
 
 
-def kml_text(text, tag="LineString"):
-    return f"<kml><{tag}><coordinates>{text}</coordinates></{tag}></kml>".encode()
-
-
-@pytest.mark.parametrize("text", ["1", "1,2,3,4", "1,,3", "1;2", "a,b"])
+@pytest.mark.parametrize("text", ["1", "1,2,3,4", "1,,3", "1;2", "a,b", "x" * 70])
 def test_a_point_of_kml_has_two_or_three_numbers(text):
-    (fault,) = faults_of(parse_route, kml_text(f"1,2 {text}"))
-    assert (fault.where, fault.got) == ("route, point 2", repr(text))
-    assert len(parse_route(kml_text("1,2 1,3,4"))) == 2
-
-
-def test_points_of_kml_are_cut_in_messages():
-    (fault,) = faults_of(parse_route, kml_text("x" * 70 + " 1,2"))
-    assert (fault.where, fault.got) == ("route, point 1", repr("x" * 60))
-
-
-def test_a_little_height_is_a_height():
-    assert parse_route(kml_text("1,2,0 1,3,0.5")).elevation_m.tolist() == [0.0, 0.5]
-    assert parse_route(kml_text("1,2,0 1,3,-0.5")).elevation_m.tolist() == [0.0, -0.5]
-    assert np.isnan(parse_route(kml_text("1,2,0 1,3,-0")).elevation_m).all()
+    (fault,) = faults_of(parse_route, kml(line(f"1,2 {text}")))
+    assert (fault.where, fault.got) == ("route, point 2", repr(text[:60]))
+    assert len(parse_route(kml(line("1,2 1,3,4")))) == 2
 
 
 def test_points_belong_to_the_line_and_the_recording_around_them():
@@ -274,18 +235,6 @@ def test_a_recording_has_a_time_for_each_point():
     assert parse_route(f"<kml><Track>{where}</Track></kml>".encode()).time_s is None
     (fault,) = faults_of(parse_route, track.replace("<coord>1 0</coord>", "").encode())
     assert fault.got == "3 times, 2 points"
-
-
-def test_the_most_points_of_kml(monkeypatch):
-    monkeypatch.setattr(xml_tracks, "MAX_POINTS", 2)
-    assert len(parse_route(kml_text("1,2 1,3"))) == 2
-    assert faults_of(parse_route, kml_text("1,2 1,3 1,4"))[0].got == "more than 2"
-
-
-def test_a_level_of_xml_ends_with_its_element():
-    wide = b"<gpx>" + b"<a><b/></a>" * 70
-    route = b'<rte><rtept lat="1" lon="1"/><rtept lat="2" lon="1"/></rte></gpx>'
-    assert len(parse_route(wide + route)) == 2
 
 
 def test_the_root_of_another_format_is_cut():
