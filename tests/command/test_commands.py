@@ -6,9 +6,8 @@ import pickle
 import signal
 import subprocess
 import sys
-import textwrap
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -329,86 +328,6 @@ def test_a_run_that_is_interrupted_resumes_to_the_identical_table(
     assert comparable(results) == comparable(json.loads(fresh.out))
     assert (out / "folds.csv").read_bytes() == (tmp_path / "fresh" / "folds.csv").read_bytes()
     assert not (tmp_path / "out.unfinished").exists()
-
-
-KILLED = """
-import os, pathlib, signal, sys
-from tripwatt.command.output import unfinished_folder, write_whole
-
-steps = die_at = 0
-
-def step(method):
-    def counted(self, *more, **options):
-        global steps
-        steps += 1
-        if steps == die_at:
-            os.kill(os.getpid(), signal.SIGKILL)
-        return method(self, *more, **options)
-    return counted
-
-for name in ("rename", "write_text"):
-    setattr(pathlib.Path, name, step(getattr(pathlib.Path, name)))
-
-def write(folder):
-    for name in ("a.csv", "report.html", "results.json"):
-        (folder / name).write_text("new")
-
-for out, at in zip(sys.argv[1::2], map(int, sys.argv[2::2])):
-    child = os.fork()
-    if child == 0:
-        die_at = at
-        write_whole(write, pathlib.Path(out), unfinished_folder(pathlib.Path(out)))
-        os._exit(0)
-    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
-"""
-
-
-def killed(steps: Mapping[Path, int]) -> list[int]:
-    """Exit codes of processes that write into folders, each killed before the step of its folder."""
-    program = textwrap.dedent(KILLED)
-    arguments = [str(part) for pair in steps.items() for part in pair]
-    done = subprocess.run(
-        [sys.executable, "-c", program, *arguments], capture_output=True, text=True, check=True
-    )
-    codes = [int(line) for line in done.stdout.split()]
-    assert len(codes) == len(steps)
-    assert set(codes) <= {0, -signal.SIGKILL}, done.stderr
-    return codes
-
-
-def test_a_kill_between_any_two_writes_leaves_a_new_folder_whole_or_absent(tmp_path: Path) -> None:
-    steps = {tmp_path / f"{step}" / "out": step for step in range(1, 6)}
-    for out in steps:
-        out.parent.mkdir()
-    for (out, step), code in zip(steps.items(), killed(steps), strict=True):
-        assert (code == 0) == (step == 5), "three files and one rename"
-        assert out.exists() == (code == 0)
-        if code == 0:
-            assert {p.name: p.read_text() for p in out.iterdir()} == dict.fromkeys(
-                ("a.csv", "report.html", "results.json"), "new"
-            )
-
-
-NAMES = ("a.csv", "report.html", "results.json")
-
-
-def test_a_kill_while_replacing_leaves_the_older_results_whole(tmp_path: Path) -> None:
-    """A file that is not ours stays; a later run works after each kill."""
-    steps = {tmp_path / f"{step}": step for step in range(1, 5)}
-    for out in steps:
-        out.mkdir()
-        for name in (*NAMES, "letter.txt"):
-            (out / name).write_text("old")
-    for (out, step), code in zip(steps.items(), killed(steps), strict=True):
-        assert (code == 0) == (step == 4), "three files, then one exchange"
-        texts = {p.name: p.read_text() for p in out.iterdir() if p.is_file()}
-        assert texts == dict.fromkeys(NAMES, "new" if code == 0 else "old") | {"letter.txt": "old"}
-    assert killed(dict.fromkeys(steps, 99)) == [0] * 4
-    for out in steps:
-        assert {p.name: p.read_text() for p in out.iterdir()} == dict.fromkeys(NAMES, "new") | {
-            "letter.txt": "old"
-        }
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["1", "2", "3", "4"], "nothing is left beside"
 
 
 # --- the other commands
