@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -136,7 +136,11 @@ def consumption_curve(
     """
     departure = departure or Departure()
     physics = _Driver(vehicle, departure)
-    drive = physics if correction is None else physics.corrected(correction)
+    drive = physics
+    if correction is not None:
+        slow = physics.steady(LOWEST_KM_H * M_S_PER_KM_H)
+        slowest_w = correction(slow) * SECONDS_PER_HOUR / slow.duration_s
+        drive = _Driver(vehicle, departure, correction, slowest_w)
     speeds, levels = [], []
     for speed in range(LOWEST_KM_H, HIGHEST_KM_H + 1, STEP_KM_H):
         level, flags = drive.constant(speed * M_S_PER_KM_H)
@@ -179,13 +183,6 @@ class _Driver:
     departure: Departure
     correction: Callable[[Plan], float] = lambda trip: 0.0
     constant_w: float = 0.0
-
-    def corrected(self, correction: Callable[[Plan], float]) -> _Driver:
-        """Return a copy with a correction."""
-        slow = self.steady(LOWEST_KM_H * M_S_PER_KM_H)
-        return replace(
-            self, correction=correction, constant_w=correction(slow) * SECONDS_PER_HOUR / slow.duration_s
-        )
 
     def trip(self, speed_m_s: FloatArray, grade: float = 0.0) -> Plan:
         samples = {"time_s": np.arange(float(len(speed_m_s))), "speed_m_s": speed_m_s}

@@ -59,7 +59,7 @@ def test_the_points_of_all_lines_are_counted(monkeypatch):
         text = json.dumps({"type": "FeatureCollection", "features": collection}).encode()
         if refused:
             (fault,) = faults_of(parse_route, text)
-            assert (fault.what, fault.where, fault.got) == ("too many points", "route", "6")
+            assert (fault.what, fault.where, fault.got) == ("too many points", "track", "6")
         else:
             assert len(parse_route(text)) == 4
 

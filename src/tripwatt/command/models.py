@@ -14,7 +14,7 @@ from tripwatt import trips
 from tripwatt.command import shared
 from tripwatt.command.options import Answer, argument, flag, option
 from tripwatt.command.printing import change, console, grouped, kwh, print_notes, print_table, progress, share
-from tripwatt.errors import Check, Fault, InvalidInput
+from tripwatt.errors import Check, Fault, InvalidInput, raise_faults
 
 
 def fit(
@@ -42,12 +42,14 @@ def fit(
       # fit on the synthetic fleet, to try the commands
       tripwatt fit --out example-model
     """
+    from tripwatt.hybrid import STORABLE
     from tripwatt.modelfile import require_place
 
     shown, note = console(), logs.named()[1]
     with Check() as check:
         started = None if base is None else check(_stored, base)
-        check(_require_storable, corrector)
+        if corrector not in STORABLE:
+            check(raise_faults, [Fault.unknown("unknown corrector", "--corrector", corrector, STORABLE)])
         car = check(logs.car)
         check(require_place, out)
         with shown.status("reading trips"):
@@ -78,13 +80,6 @@ def _stored(folder: Path) -> tuple[tw.ForecastModel, dict[str, Any]]:
     from tripwatt.forecasting import load_metadata
 
     return tw.load_model(folder), load_metadata(folder, check_parts=False)
-
-
-def _require_storable(corrector: str) -> None:
-    from tripwatt.hybrid import STORABLE
-
-    if corrector not in STORABLE:
-        raise InvalidInput(Fault.unknown("unknown corrector", "--corrector", corrector, STORABLE))
 
 
 def _show_fit(fleet: trips.TripSet, out: Path, notes: list[str], figures: dict[str, Any]) -> None:

@@ -48,10 +48,9 @@ def parse_json(data: bytes, where: str) -> Any:
     """
     try:
         return strict_json(data)
-    except RecursionError as error:
-        raise InvalidInput.of("not JSON", where, "nested too deeply", "a route") from error
-    except ValueError as error:
-        raise InvalidInput.of("not JSON", where, str(error)[:120], "a JSON document in UTF-8") from error
+    except (RecursionError, ValueError) as error:
+        got = "nested too deeply" if isinstance(error, RecursionError) else str(error)[:120]
+        raise InvalidInput.of("not JSON", where, got, "a JSON document in UTF-8") from error
 
 
 @dataclass(frozen=True, slots=True)

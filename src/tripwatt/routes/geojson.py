@@ -13,7 +13,6 @@ from tripwatt.errors import InvalidInput, excerpt
 from tripwatt.files import shipped_toml
 from tripwatt.routes.documents import Node
 from tripwatt.routes.links import FASTEST_LINK_M_S
-from tripwatt.routes.points import require_on_earth
 from tripwatt.routes.tracks import TIME_ALLOWED, Track, parse_times
 from tripwatt.trips import Flag
 from tripwatt.units import M_S_PER_KM_H
@@ -52,7 +51,6 @@ def track_from_geojson(document: Node) -> Track:
         allowed = "a GeoJSON document with a LineString"
         raise InvalidInput.of("no line", document.where, "no LineString", allowed)
     points = np.concatenate([line for line, _, _ in lines])
-    require_on_earth(points[:, 0], points[:, 1], document.where)
     # the piece that joins two lines has the speed of the second one
     speed = np.concatenate([np.full(len(line), speed_m_s) for line, speed_m_s, _ in lines])[1:]
     time, started_at, flags = parse_times([text for _, _, texts in lines for text in texts], document.where)
