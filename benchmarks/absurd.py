@@ -47,7 +47,8 @@ def journeys(number: int, seed: int) -> Iterator[dict[str, Any]]:
     atlas = country(rng)
     models = {name: for_car(None, name) for name in vehicle_names()}
     for _ in range(number):
-        start, end = (Place(*map(float, rng.uniform(SOUTH_WEST, NORTH_EAST)), name) for name in "AB")
+        south_north, west_east = rng.uniform(SOUTH_WEST, NORTH_EAST, (2, 2)).T.tolist()
+        start, end = (Place(*where) for where in zip(south_north, west_east, "AB", strict=True))
         departure = tw.Departure(
             soc=round(float(rng.uniform(0.03, 1.0)), 2),
             ambient_temperature_degc=round(float(rng.normal(9.0, 10.0)), 1),

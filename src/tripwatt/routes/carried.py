@@ -61,7 +61,7 @@ def carried_pieces(leg: Node, length_m: FloatArray) -> BoolArray:
         return np.zeros(len(length_m), dtype=bool)
     ends = np.cumsum([step["distance"].number(minimum=0.0) for step in steps])
     middle = (np.cumsum(length_m) - 0.5 * length_m) * (ends[-1] / length_m.sum())
-    return carried[np.minimum(np.searchsorted(ends, middle), len(carried) - 1)]
+    return np.asarray(carried[np.minimum(np.searchsorted(ends, middle), len(carried) - 1)])
 
 
 def ferry_steps(route: Node, steps: Sequence[Node]) -> BoolArray:
