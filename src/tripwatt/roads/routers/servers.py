@@ -190,5 +190,5 @@ class OpenRouteServiceRouter(_ServerRouter):
 def _leg_from_table(table: FloatArray, points: FloatArray, carried: BoolArray) -> RoadParts:
     """Make one leg from a table of lengths, times and speeds of edges, shape (edges, 3); points may have heights."""
     table[~(table[:, 2] > 0.0), 2] = np.nan
-    edges = Edges.from_speeds(*table.T, carried=carried)
+    edges = Edges.from_speeds(table[:, 0], table[:, 1], table[:, 2], carried)
     return RoadParts.from_leg(edges, points, distances_m(points, float(table[:, 0].sum())))
