@@ -248,3 +248,17 @@ def test_the_least_energy_of_a_flat_road_is_half_of_rolling_and_the_speed_gained
     forecast.update(observed(2401, voltage_v=350.0, current_a=1.03 * min_w / 350.0, speed_m_s=speed))
     with pytest.raises(InvalidInput, match="less energy than the drive takes"):
         forecast.update(observed(2401, voltage_v=350.0, current_a=0.97 * min_w / 350.0, speed_m_s=speed))
+
+
+@pytest.mark.parametrize("shown", [np.full(480, 0.9), np.zeros(480)], ids=["stuck", "zero"])
+def test_a_charge_that_the_energy_contradicts_is_flagged_and_left_out(shown):
+    plan = tw.read_route([{"length_m": 1000.0, "speed_m_s": 25.0}] * 80)
+    forecast = tw.load_model().forecast(plan, tw.Departure(soc=0.9, ambient_temperature_degc=20.0))
+    time_s = 5.0 * np.arange(480)
+    columns = {"time_s": time_s, "speed_m_s": np.full(480, 25.0), "observed_energy_wh": 3.5 * time_s}
+    by_energy = forecast.update_since_departure(pd.DataFrame(columns))
+    right = 0.9 - columns["observed_energy_wh"] / forecast.charge.wh_per_display
+    for charge, code in ((shown, ["charge_contradicted"]), (right, [])):
+        now = forecast.update_since_departure(pd.DataFrame(columns | {"displayed_soc": charge}))
+        assert [flag.code for flag in now.flags if flag.code == "charge_contradicted"] == code
+        assert now.soc_arrival == pytest.approx(by_energy.soc_arrival, abs=0.02)

@@ -34,7 +34,7 @@ from tripwatt.forecasting.measured import (
     read_measured,
     since_departure,
 )
-from tripwatt.forecasting.plausible import implausible_faults
+from tripwatt.forecasting.plausible import battery_wh, contradicts_energy, implausible_faults
 from tripwatt.forecasting.update import updated_power
 from tripwatt.parallel import one_blas_thread
 from tripwatt.routes.links import FLAT_ROAD
@@ -667,6 +667,12 @@ def updated(forecast: Forecast, observed: Columns) -> Forecast:
     samples = checked_samples(observed, forecast.plan)
     raise_faults(implausible_faults(observed, drive))
     measured, readings = read_measured(samples, drive, uncertainty.process)
+    anchor, flags = measured.anchor, [flag for flag in forecast.flags if flag.code != "charge_contradicted"]
+    wh_per_charge = forecast.charge.wh_per_display if anchor and anchor.displayed else battery_wh(drive)
+    if contradicts_energy(anchor, samples, wh_per_charge):
+        measured = replace(measured, anchor=None)
+        flags.append(Flag("charge_contradicted", "displayed_soc", anchor.value if anchor else None, "1"))
+    forecast = replace(forecast, flags=tuple(flags))
     posterior, factor = updated_power(drive, uncertainty, samples, measured, readings)
     return with_empty_flag(replace(forecast, posterior=posterior, rest_sd_factor=factor, measured=measured))
 

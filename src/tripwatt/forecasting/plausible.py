@@ -10,7 +10,7 @@ import numpy as np
 from tripwatt.arrays import FloatArray, distance_driven
 from tripwatt.errors import Fault
 from tripwatt.forecasting.expected import MIN_RESISTANCE, ExpectedTrip
-from tripwatt.forecasting.measured import MAX_STRETCH, WHERE, Columns, measured_energy
+from tripwatt.forecasting.measured import MAX_STRETCH, WHERE, ChargeReading, Columns, measured_energy
 from tripwatt.physics.battery import internal_resistance, largest_power, open_circuit_voltage
 from tripwatt.units import GRAVITY_M_S2, SECONDS_PER_HOUR
 from tripwatt.vehicles.relations import PEAK_EFFICIENCY
@@ -20,6 +20,11 @@ CAPACITY_MARGIN: Final = 1.15
 
 SOC_MARGIN: Final = 0.05
 """Rise of a state of charge that corrections by the battery management and regenerative braking can explain."""
+
+CHARGE_MARGIN: Final = 0.05
+CHARGE_SHARE: Final = 0.3
+"""Largest difference between the drop of a charge and the measured energy: rounding and delay of a display, and the share of the energy
+that an aged battery lacks. Choices."""
 
 UNKNOWN_DESCENT_M: Final = 500.0
 """Descent that a road of unknown elevation may have [m]."""
@@ -79,6 +84,29 @@ def implausible_faults(samples: Columns, drive: ExpectedTrip) -> Iterator[Fault]
         yield from _energy_faults(cumulative, drive)
         yield from _motion_faults(samples, cumulative, drive)
     yield from _charge_faults(samples, drive)
+
+
+def contradicts_energy(reading: ChargeReading | None, samples: Columns, wh_per_charge: float) -> bool:
+    """Return whether a last reading of the charge cannot be that of the battery, by the energy that was measured since the first one.
+
+    Parameters
+    ----------
+    reading : ChargeReading or None
+        The last reading, with the first one of the same kind.
+    samples : mapping of str to ndarray
+        Sound samples, timed from the departure.
+    wh_per_charge : float
+        Energy from an empty to a full battery on the scale of the reading [Wh].
+    """
+    cumulative = measured_energy(samples)
+    if reading is None or reading.first is None or cumulative is None:
+        return False
+    known = np.isfinite(cumulative)
+    times = (reading.first.time_s, reading.time_s)
+    taken = float(np.diff(np.interp(times, samples["time_s"][known], cumulative[known]))[0]) / wh_per_charge
+    is_empty = reading.value <= 0.0 and reading.first.value <= 0.0 and taken > 0.0
+    dropped = reading.first.value - reading.value
+    return is_empty or abs(dropped - taken) > CHARGE_MARGIN + CHARGE_SHARE * max(abs(taken), abs(dropped))
 
 
 def impossible_faults(energy_wh: float, drive: ExpectedTrip) -> Iterator[Fault]:
