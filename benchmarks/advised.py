@@ -36,6 +36,7 @@ from tripwatt.population.adapting import population_of
 from tripwatt.roads.advice import Action, Advice
 from tripwatt.roads.weather import TEMPERATURE_SD_K, WIND_SD_M_S
 from tripwatt.routes.links import links_of_trip
+from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import Plan
 from tripwatt.trips.weather import WIND_AT_CAR, PlanWeather
 from tripwatt.uncertainty.charge import CAPACITY_SD, PUBLISHED_DISPLAY_SD
@@ -275,7 +276,7 @@ def advised_drive(setting: str, seed: int, base: ForecastModel, truth: Truth) ->
         assert isinstance(corrector, FactorCorrector)
         known_car = replace(corrector, mean=truth.factors, factor=1e-3 * corrector.factor)
         model = replace(model, corrector_=known_car)
-    (trip,) = tw.synthetic_fleet(1, 40_000 + seed, vehicle=tw.load_vehicle(CAR), hours=(0.5, 2.0)).trips
+    (trip,) = synthetic_fleet(1, 40_000 + seed, vehicle=tw.load_vehicle(CAR), hours=(0.5, 2.0)).trips
     driven = Plan.from_trip(trip)
     known = replace(driven.departure, extras=("roof_box",), soc=None, bms_soc=None)
     driven = plan = replace(driven, departure=known)

@@ -25,6 +25,7 @@ from tripwatt.hybrid import EnergyRegression, build_table
 from tripwatt.population import for_car
 from tripwatt.sources import read_logs
 from tripwatt.study.evaluation.table_models import SIX
+from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import Trip
 from tripwatt.vehicles import Vehicle, load_vehicle
 
@@ -51,7 +52,7 @@ def constant(own: Sequence[Trip], asked: Sequence[Trip]) -> np.ndarray:
 def donor_regression() -> EnergyRegression:
     """Energy of the donor's trips on six totals of a trip."""
     folder = DATA / "tum"
-    trips = read_logs(folder).reference_trips() if folder.is_dir() else tw.synthetic_fleet().trips
+    trips = read_logs(folder).reference_trips() if folder.is_dir() else synthetic_fleet().trips
     return EnergyRegression(SIX).fit(build_table(trips, {"physics": load_vehicle(DONOR)}))
 
 
@@ -73,7 +74,7 @@ def of_car(world: str, seed: int, base: tw.ForecastModel, regression: EnergyRegr
     book = tw.load_vehicle(CAR)
     rng = np.random.default_rng(seed)
     true = changed(book, WORLDS[world][1](rng))
-    trips = tw.synthetic_fleet(max(OWN) + ASKED, 30_000 + seed, vehicle=true).trips
+    trips = synthetic_fleet(max(OWN) + ASKED, 30_000 + seed, vehicle=true).trips
     order = rng.permutation(len(trips))  # days have a driver and a weather of their own
     own, asked = ([trips[i] for i in part] for part in (order[ASKED:], order[:ASKED]))
     errors = []

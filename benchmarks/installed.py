@@ -32,7 +32,7 @@ command = [sys.executable, "-m", "tripwatt", "example-trip", "--out", "trip.csv"
 subprocess.run(command, check=True, capture_output=True)
 (trip,) = tw.read_trips("trip.csv", "table", vehicle="bmw_i3_60ah")
 model = tw.load_model("bmw_i3_tum")
-adapted = tw.adapt(model, tw.synthetic_fleet(3).trips, "nissan_leaf_24")
+adapted = tw.adapt(model, tw.sample_trips("ved").trips[:3], "nissan_leaf_24")
 for each in (model, adapted):
     assert 1000 < each.forecast(trip).energy_wh < 6000
 try:

@@ -36,6 +36,7 @@ from tests.server.cars.messages import (
     over_a_bad_connection,
     samples_of,
 )
+from tests.support.drives import example_trip
 from tests.support.service_process import Service, serving
 from tools import DATA
 from tools.command import run
@@ -46,7 +47,6 @@ from tripwatt.forecasting import Forecast
 from tripwatt.server.cars import Car, TopicJoiner, issue_token
 from tripwatt.server.http.schemas import BMS_SOC
 from tripwatt.sources.tum import REFERENCE_TRIPS
-from tripwatt.study.synthetic import example_trip
 from tripwatt.trips import COLUMNS, Plan, Trip
 from tripwatt.trips.samples import columns_of
 

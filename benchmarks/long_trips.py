@@ -19,6 +19,7 @@ from tools.docs import pages
 import tripwatt as tw
 from benchmarks.worlds import LEVELS, WORLDS, Row, changed, table
 from tripwatt.population import for_car
+from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import Plan, Trip
 from tripwatt.vehicles import Vehicle
 
@@ -34,7 +35,7 @@ KNOWN = ("published values", f"{OWN_TRIPS} short trips of its own")
 
 def long_trips(vehicle: Vehicle, n: int, seed: int) -> list[Trip]:
     """Trips of `KM` kilometres that the battery lasts for."""
-    fleet = tw.synthetic_fleet(n, seed, vehicle=vehicle, hours=HOURS)
+    fleet = synthetic_fleet(n, seed, vehicle=vehicle, hours=HOURS)
     return [
         trip
         for trip in fleet.trips
@@ -59,7 +60,7 @@ def of_car(world: str, seed: int, base: tw.ForecastModel) -> tuple[np.ndarray, n
     book = tw.load_vehicle(CAR)
     true = changed(book, WORLDS[world][1](np.random.default_rng(seed)))
     trips = long_trips(true, 2 * LONG_TRIPS, 10_000 + seed)[:LONG_TRIPS]
-    own = tw.synthetic_fleet(OWN_TRIPS, 20_000 + seed, vehicle=true).trips
+    own = synthetic_fleet(OWN_TRIPS, 20_000 + seed, vehicle=true).trips
     without = scored(for_car(base, book), trips)
     return without, scored(tw.adapt(base, own, book), trips)
 
@@ -69,7 +70,7 @@ def main(
 ) -> int:
     """Print the coverage; 1 when a bar is missed. `--write` renews docs/reference/synthetic.md, with all worlds; so does `--world all`."""
     car = tw.load_vehicle(CAR)
-    own = tw.fit(tw.synthetic_fleet(TRAINING, 1, vehicle=car).trips, car)
+    own = tw.fit(synthetic_fleet(TRAINING, 1, vehicle=car).trips, car)
     parallel = Parallel(n_jobs=jobs)
     batches = -(-trips // BATCH)
     parts = parallel(

@@ -18,6 +18,7 @@ import tripwatt as tw
 from tripwatt.certification import certified_interval
 from tripwatt.roads.journey import JourneyOptions
 from tripwatt.server.cars import Car
+from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips.columns import require_fraction
 
 LINKS = [{"length_m": 5000.0, "speed_m_s": 15.0}]
@@ -47,9 +48,9 @@ NUMBERS: Final[dict[str, Callable[[Any], Any]]] = {
     "read_route": lambda value: tw.read_route(TRACK, speed_m_s=value),
     "link length": lambda value: tw.read_route([{**LINKS[0], "length_m": value}]),
     "link speed": lambda value: tw.read_route([{**LINKS[0], "speed_m_s": value}]),
-    "synthetic_fleet, trips": lambda value: tw.synthetic_fleet(value),
-    "synthetic_fleet, seed": lambda value: tw.synthetic_fleet(1, seed=value),
-    "synthetic_fleet, step": lambda value: tw.synthetic_fleet(1, step_s=value),
+    "synthetic_fleet, trips": lambda value: synthetic_fleet(value),
+    "synthetic_fleet, seed": lambda value: synthetic_fleet(1, seed=value),
+    "synthetic_fleet, step": lambda value: synthetic_fleet(1, step_s=value),
     "JourneyOptions, alternatives": lambda value: JourneyOptions(alternatives=value),
     "load_vehicle": lambda value: tw.load_vehicle("bmw_i3_60ah", overrides={"mass": value}),
     **{

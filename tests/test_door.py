@@ -12,6 +12,7 @@ from tests.support import ROOT
 
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
+from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import COLUMNS, QUANTITIES, Flag, Log, Plan
 from tripwatt.trips.messages import catalogue, flag_to_dict, message
 
@@ -47,11 +48,11 @@ NAMES = {
     "read_logs",
     "read_route",
     "read_trips",
+    "sample_trips",
     "save_model",
     "simulate",
     "soc_needed",
     "sweep",
-    "synthetic_fleet",
 }
 LINKS = [{"length_m": 6000.0, "speed_m_s": 15.0, "grade": 0.01}, {"length_m": 4000.0, "speed_m_s": 25.0}]
 
@@ -100,7 +101,7 @@ def test_each_noun_shows_itself(model):
     plan = tw.read_route(LINKS, trip_id="commute")
     departure = tw.Departure(soc=0.8, ambient_temperature_degc=-5)
     forecast = model.forecast(plan, departure)
-    trip = tw.synthetic_fleet(1).trips[0]
+    trip = synthetic_fleet(1).trips[0]
     for noun in (plan, departure, forecast, trip, model):
         assert "\n" not in repr(noun)
         assert 10 < len(repr(noun)) < 150
@@ -117,7 +118,7 @@ def test_each_noun_shows_itself(model):
 
 
 def test_what_verbs_give_is_one_line():
-    fleet = tw.synthetic_fleet(2)
+    fleet = synthetic_fleet(2)
     run = tw.simulate(tw.read_route(LINKS, trip_id="commute"), "vw_id3")
     lines = {
         repr(fleet): "<TripSet synthetic: 2 logs>",
@@ -131,7 +132,7 @@ def test_what_verbs_give_is_one_line():
 
 
 def test_a_fleet_of_files_has_what_was_read_in_its_line(tmp_path):
-    (tmp_path / "a.csv").write_text(tw.synthetic_fleet(1).logs[0].samples.to_csv(index=False))
+    (tmp_path / "a.csv").write_text(synthetic_fleet(1).logs[0].samples.to_csv(index=False))
     (tmp_path / "b.csv").write_text("")
     fleet = tw.read_logs(tmp_path, "table")
     assert repr(fleet) == f"<TripSet {fleet.name}: 1 logs from {fleet.report}>"
@@ -249,7 +250,7 @@ def test_a_table_of_links_is_the_plan_of_its_rows(model):
 
 
 def test_a_table_of_samples_is_a_speed_trace_with_its_departure():
-    samples = tw.synthetic_fleet(1).trips[0].samples
+    samples = synthetic_fleet(1).trips[0].samples
     plan = tw.read_route(samples.iloc[5:], trip_id="drive")
     assert plan.to_dict() == Plan.from_samples(samples.iloc[5:], "drive").to_dict()
     assert plan.link_m is None
@@ -275,15 +276,6 @@ def test_a_wrong_column_of_a_table_is_named_once(case):
     with pytest.raises(tw.InvalidInput) as refused:
         tw.read_route(table)
     assert [fault.what for fault in refused.value.faults] == faults
-
-
-def test_a_file_of_the_tum_set_is_a_speed_trace(data_dir):
-    file = data_dir / "tum" / "TripB05.csv"
-    plan = tw.read_route(file)
-    (trip,) = (t for t in tw.read_logs(data_dir / "tum", "tum").trips if t.trip_id == "TripB05")
-    assert plan.distance_m == pytest.approx(trip.distance_m, rel=1e-3)
-    assert plan.departure.soc == trip.departure.soc
-    assert plan.departure.ambient_temperature_degc == trip.departure.ambient_temperature_degc
 
 
 def test_a_speed_has_no_effect_on_a_track_with_times():

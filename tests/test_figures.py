@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 
 import tripwatt as tw
 from tripwatt.figures import ShownFigure
+from tripwatt.study.synthetic import synthetic_fleet
 
 LINKS = [{"length_m": 3000.0, "speed_m_s": 12.0, "grade": 0.01}]
 
@@ -27,7 +28,7 @@ NOUNS: dict[str, Callable[[], object]] = {
     "forecast": lambda: tw.forecast(of_plan(), tw.Departure(soc=0.8)),
     "plan": of_plan,
     "simulation": lambda: tw.simulate(of_plan(), "vw_id3"),
-    "trip": lambda: tw.synthetic_fleet(1).trips[0],
+    "trip": lambda: synthetic_fleet(1).trips[0],
 }
 PANELS = {"forecast": 3, "plan": 2, "simulation": 1, "trip": 3}
 

@@ -9,8 +9,8 @@ from .roads.advice import Advice, advise
 from .roads.journey import Journey, Need, Range, need, plan_journey, range_km
 from .server.cars import create_car, open_car
 from .sources import read_logs
+from .sources.sample import sample_trips
 from .study.evaluation import evaluate
-from .study.synthetic import synthetic_fleet
 from .trips import Departure, Plan, Trip
 from .vehicles import load_vehicle
 
@@ -49,9 +49,9 @@ __all__ = [
     "read_logs",
     "read_route",
     "read_trips",
+    "sample_trips",
     "save_model",
     "simulate",
     "soc_needed",
     "sweep",
-    "synthetic_fleet",
 ]

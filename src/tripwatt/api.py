@@ -26,7 +26,6 @@ from tripwatt.routes.links import LinkRoute
 from tripwatt.routes.tracks import Track
 from tripwatt.sources import read_logs
 from tripwatt.sources.canonical import canonical_samples, read_canonical
-from tripwatt.sources.tum import is_tum_log, read_tum_file
 from tripwatt.trips import Departure, Plan, Trip, TripSet
 from tripwatt.vehicles import ALIASES, Vehicle, load_vehicle, vehicle_document, vehicle_from_document
 
@@ -44,9 +43,8 @@ def read_route(source: Route, *, speed_m_s: float | None = None, trip_id: str | 
     ----------
     source : path, bytes, DataFrame or sequence of mapping
         A file or its content: links as CSV or JSON, GPX, GeoJSON, a saved response of OSRM, Valhalla,
-        openrouteservice or GraphHopper; a driven speed trace as CSV or Parquet with canonical columns; a file of the
-        TUM set. The first sample of the other signals of a speed trace becomes the departure. Or links themselves, as
-        `route_from_links` takes them. A DataFrame with a column `time_s` is a speed trace, any other DataFrame has links.
+        openrouteservice or GraphHopper; a driven speed trace as CSV or Parquet with canonical columns. The first sample
+        of the other signals of a speed trace becomes the departure. Or links themselves, as `route_from_links` takes them. A DataFrame with a column `time_s` is a speed trace, any other DataFrame has links.
     speed_m_s : float, optional
         Mean speed [m/s] of a track without times and speeds.
     trip_id : str, optional
@@ -89,8 +87,7 @@ def _read(source: Route) -> LinkRoute | Track | pd.DataFrame:
     if isinstance(source, bytes) or (isinstance(source, str | Path) and routes.is_route(source)):
         return routes.parse_route(source)
     if isinstance(source, str | Path):
-        path = Path(source)
-        return read_tum_file(path, path.stem).samples if is_tum_log(path) else read_canonical(path)
+        return read_canonical(source)
     if isinstance(source, pd.DataFrame) and "time_s" in source:
         return canonical_samples(source)
     return routes.route_from_links(source)
@@ -221,12 +218,12 @@ def fit(
 
     Examples
     --------
-    >>> from tripwatt.study.synthetic import synthetic_fleet
-    >>> fit(synthetic_fleet(9), "bmw_i3_60ah", corrector="linear")
-    <ForecastModel BMW i3 60 Ah, linear corrector, 9 trips>
+    >>> import tripwatt as tw
+    >>> tw.fit(tw.sample_trips(), "bmw_i3_60ah", corrector="linear")
+    <ForecastModel BMW i3 60 Ah, linear corrector, 15 trips>
     >>> from sklearn.ensemble import HistGradientBoostingRegressor
-    >>> fit(synthetic_fleet(9), "bmw_i3_60ah", corrector=HistGradientBoostingRegressor())
-    <ForecastModel BMW i3 60 Ah, HistGradientBoostingRegressor corrector, 9 trips>
+    >>> tw.fit(tw.sample_trips(), "bmw_i3_60ah", corrector=HistGradientBoostingRegressor())
+    <ForecastModel BMW i3 60 Ah, HistGradientBoostingRegressor corrector, 15 trips>
     """
     car, sound = _car(vehicle), _sound(trips)
     return fit_car(sound, car, corrector, seed, identified=identified, progress=progress)[0]
@@ -257,9 +254,8 @@ def adapt(base: ForecastModel, trips: TripSet | Sequence[Trip], vehicle: Vehicle
     Examples
     --------
     >>> import tripwatt as tw
-    >>> trips = tw.synthetic_fleet(3, vehicle=tw.load_vehicle("vw_id3")).trips
-    >>> tw.adapt(tw.load_model(), trips, "vw_id3")
-    <ForecastModel Volkswagen ID.3 58 kWh, population corrector, 3 trips>
+    >>> tw.adapt(tw.load_model(), tw.sample_trips("ved").trips[:3], "nissan_leaf_24")
+    <ForecastModel Nissan Leaf 24 kWh, population corrector, 3 trips>
     """
     return adaptation(base, _sound(trips), _car(vehicle)).model
 

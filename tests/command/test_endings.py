@@ -124,7 +124,7 @@ def test_strange_outputs_are_refused(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
 def test_a_full_disk_is_one_message() -> None:
-    program = "import sys; from tripwatt.command import main; sys.argv[1:] = ['example-trip']; main()"
+    program = "import sys; from tripwatt.command import main; sys.argv[1:] = ['mapping', 'list']; main()"
     with Path("/dev/full").open("w") as full:
         done = subprocess.run([sys.executable, "-c", program], stdout=full, stderr=subprocess.PIPE, text=True)
     assert done.returncode == 2

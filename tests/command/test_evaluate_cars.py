@@ -19,6 +19,7 @@ from tripwatt.hybrid.factors import NAMES
 from tripwatt.hybrid.learning import KINDS
 from tripwatt.study.evaluation import cars as module
 from tripwatt.study.evaluation.cars import CarTrips, evaluate_cars, read_cars
+from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import Trip
 from tripwatt.vehicles import render_vehicle
 
@@ -76,7 +77,7 @@ def table(trips: Sequence[Trip], vehicle: str) -> pd.DataFrame:
 
 
 def driven(name: str, seed: int, count: int = TRIPS) -> tuple[Trip, ...]:
-    return tw.synthetic_fleet(count, seed=seed, vehicle=tw.load_vehicle(name)).trips
+    return synthetic_fleet(count, seed=seed, vehicle=tw.load_vehicle(name)).trips
 
 
 @pytest.fixture(scope="module")

@@ -8,9 +8,9 @@ from pathlib import Path
 import pandas as pd
 import pytest
 from tests.support.command import Run
+from tests.support.drives import example_trip
 
 from tripwatt.forecasting.storage import model_folder
-from tripwatt.study.synthetic import example_trip, synthetic_fleet
 from tripwatt.units import GRAVITY_M_S2
 from tripwatt.vehicles import load_vehicle, render_vehicle
 
@@ -134,22 +134,19 @@ def test_a_damaged_model_is_refused(run: Run, trip: Path, tmp_path: Path) -> Non
         assert "damaged or altered" in answer.err
 
 
-def test_fit_writes_a_model_that_forecast_and_inspect_take(
-    run: Run, trip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("tripwatt.synthetic_fleet", lambda count: synthetic_fleet(9))
+def test_fit_writes_a_model_that_forecast_and_inspect_take(run: Run, trip: Path, tmp_path: Path) -> None:
     out = tmp_path / "model"
     answer = run("fit", "--out", out, "--corrector", "linear", "--set", "mass=1300")
     assert answer.code == 0
-    assert "fitted on 9 trips (synthetic)" in answer.out
+    assert "fitted on 15 trips (TUM sample)" in answer.out
     assert "given the driven speed trace" in answer.out
-    assert "the trips are synthetic" in answer.err
+    assert "15 of 58 trips of the TUM set, 1 Hz: a sample" in answer.err
     own = json.loads(run("forecast", out, trip, "--json").out)
     default = json.loads(run("forecast", trip, "--json").out)
     assert own["energy_wh"] != default["energy_wh"]
     about = json.loads(run("inspect", out, "--json").out)
     assert about["model"]["corrector"] == "linear"
-    assert about["provenance"]["data"]["name"] == "synthetic"
+    assert about["provenance"]["data"]["name"] == "TUM sample"
     shown = run("inspect", out)
     assert shown.code == 0
     assert "ambient_temperature_degc" in shown.out
@@ -168,9 +165,12 @@ def test_fit_names_everything_that_is_wrong_and_writes_nothing(run: Run, tmp_pat
 def test_the_example_is_a_trip(run: Run, tmp_path: Path) -> None:
     answer = run("example-trip", "--out", tmp_path / "e.csv")
     assert answer.code == 0
-    assert "synthetic" in answer.err
+    assert "TripB37 of M. Steinstraeter" in answer.err
     assert run("forecast", tmp_path / "e.csv").code == 0
-    assert run("example-trip").out == (tmp_path / "e.csv").read_text()
+    assert "TripA01, TripA05" in run("example-trip", "--out", tmp_path / "f.csv", "--trip", "TripA02").err
+    for dataset, name in {"ved": "VED10-1601", "synthetic": "S001"}.items():
+        assert json.loads(run("simulate", "--dataset", dataset, "--json").out)["trip"] == name
+    assert "no trips in the package" in run("simulate", "--dataset", "twizy").err
 
 
 def test_a_changed_copy_of_the_models_car_is_forecast_with_its_own_values(run: Run, tmp_path: Path) -> None:

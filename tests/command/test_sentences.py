@@ -9,11 +9,11 @@ import numpy as np
 import pandas as pd
 import pytest
 from rich.console import Console
+from tests.support.drives import example_trip
 
 from tripwatt.command.printing import progress, progress_lines
 from tripwatt.command.sentences import chance_to_arrive, forecast_in_words, unknown_climb_in_words
 from tripwatt.forecasting import load_model
-from tripwatt.study.synthetic import example_trip
 from tripwatt.trips import Departure, Plan
 
 

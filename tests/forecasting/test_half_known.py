@@ -9,6 +9,7 @@ import tripwatt as tw
 from tripwatt.hybrid import segment_trips
 from tripwatt.hybrid.energy_errors import EnergyErrors
 from tripwatt.learners.gp import AdditiveGP, KernelTerm
+from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.uncertainty.process import Segments
 from tripwatt.uncertainty.scale import TotalScale
 
@@ -17,7 +18,7 @@ CAR = "bmw_i3_60ah"
 
 @pytest.fixture(scope="module")
 def trips():
-    return tw.synthetic_fleet(24).trips
+    return synthetic_fleet(24).trips
 
 
 def by_charge(trip, rng, sd_wh=90.0, common=0.0):

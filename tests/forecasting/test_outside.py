@@ -7,13 +7,14 @@ from sklearn.linear_model import Ridge
 
 import tripwatt as tw
 from tripwatt.hybrid.power import PowerCorrector
+from tripwatt.study.synthetic import synthetic_fleet
 
 CAR = "bmw_i3_60ah"
 
 
 @pytest.fixture(scope="module")
 def trips():
-    return tw.synthetic_fleet(14).trips
+    return synthetic_fleet(14).trips
 
 
 @pytest.fixture(scope="module")

@@ -17,6 +17,7 @@ from tripwatt.forecasting.ranges import (
 )
 from tripwatt.hybrid import segment_trips
 from tripwatt.physics import simulate_trip
+from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import Plan
 from tripwatt.vehicles import load_vehicle
 
@@ -107,7 +108,7 @@ def test_a_wind_from_an_unknown_side_is_half_of_what_head_and_tail_wind_differ()
 
 
 def test_a_training_trip_has_nothing_outside_and_a_longer_one_its_distance():
-    car, trips = load_vehicle("bmw_i3_60ah"), tw.synthetic_fleet(8, seed=4).trips
+    car, trips = load_vehicle("bmw_i3_60ah"), synthetic_fleet(8, seed=4).trips
     table = segment_trips(trips, car)
     ranges = training_ranges(table)
     longest = int(np.argmax([trip.duration_s for trip in trips]))

@@ -18,6 +18,7 @@ from tripwatt.hybrid.energy_errors import unknown_climb_wh
 from tripwatt.roads.journey.forecasting import RoadForecaster
 from tripwatt.routes import terrain
 from tripwatt.routes.terrain import net_climbs
+from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import TERRAINS, Plan
 
 COLD = tw.Departure(
@@ -162,7 +163,7 @@ def test_scales_of_regions_are_those_of_their_logs(data_dir: Path, tmp_path: Pat
 
 
 def test_a_trip_without_heights_teaches_with_the_error_of_its_climb():
-    trips = tw.synthetic_fleet(3).trips
+    trips = synthetic_fleet(3).trips
     car = tw.load_vehicle("bmw_i3_60ah")
     bare = [
         replace(trip, samples=trip.samples.drop(columns=["elevation_m", "grade"], errors="ignore"))

@@ -13,13 +13,13 @@ from typing import Any
 import pytest
 from tests.integrations.hass import COMPONENTS, HomeAssistant, environment, running
 from tests.server.cars.messages import abrp_messages, measured
+from tests.support.drives import example_trip
 from tests.support.roads import osrm
 from tests.support.router_server import answering, write_map
 from tests.support.service_process import TOKEN, Service, free_port, serving, wait_for
 
 from tripwatt.server.cars import issue_token
 from tripwatt.server.cars.discovery import SENSORS
-from tripwatt.study.synthetic import example_trip
 
 HASS, WHY = environment()
 pytestmark = pytest.mark.skipif(HASS is None, reason=WHY)

@@ -13,6 +13,7 @@ from tripwatt.physics import simulate_trip
 from tripwatt.physics.batch import CHUNK_SAMPLES, simulate_trips, trip_totals
 from tripwatt.physics.cabin import MIN_SIDE_BY_SIDE
 from tripwatt.physics.chain import CAUSES
+from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import Plan
 
 I3 = tw.load_vehicle("bmw_i3_60ah")
@@ -147,7 +148,7 @@ def test_faults_of_many_drives_have_their_names():
 
 
 def test_rows_of_a_table_are_each_trip_with_each_car():
-    trips = tw.synthetic_fleet(3).trips
+    trips = synthetic_fleet(3).trips
     table = tw.simulate(trips, ["vw_id3", I3], tw.Departure(soc=0.6))
     assert list(zip(table["trip"], table["car"], strict=True)) == list(
         itertools.product([trip.trip_id for trip in trips], ["vw_id3", "bmw_i3_60ah"])

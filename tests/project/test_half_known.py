@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from benchmarks import half_known
 
-import tripwatt as tw
+from tripwatt.study.synthetic import synthetic_fleet
 
 
 @pytest.fixture(scope="module")
 def trips():
-    return tw.synthetic_fleet(24).trips
+    return synthetic_fleet(24).trips
 
 
 @pytest.mark.parametrize("what", ["soc", "power"])

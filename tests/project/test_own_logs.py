@@ -7,6 +7,7 @@ from benchmarks.measure import Row
 from benchmarks.unknown_climb import coverage_rows, shown
 
 import tripwatt as tw
+from tripwatt.study.synthetic import synthetic_fleet
 
 SCORE = {
     "n_trips": 104,
@@ -26,7 +27,7 @@ def test_blocks_of_time_are_left_out_whatever_the_order_of_the_trips(monkeypatch
         return SimpleNamespace(results=results)
 
     monkeypatch.setattr(tw, "evaluate", evaluate)
-    trips = tw.synthetic_fleet(4).trips
+    trips = synthetic_fleet(4).trips
     assert own_logs.held_blocks(trips, tw.load_vehicle("bmw_i3_60ah"), blocks=3) == SCORE
     (given, hold_outs), dates = evaluated[0], [trip.context.started_at for trip in trips]
     assert [trip.context.started_at for trip in given] == sorted(dates) != dates

@@ -69,7 +69,7 @@ class Halves:
 
 
 def trips_of_logs(folder: Path) -> tuple[tw.Trip, ...]:
-    fleet = tw.read_logs(folder, "table") if folder.is_dir() else tw.synthetic_fleet(9)
+    fleet = tw.read_logs(folder, "table") if folder.is_dir() else tw.sample_trips("tum")
     audit = tw.audit(fleet)
     for finding in audit.findings:
         print(finding.trip, finding.what)

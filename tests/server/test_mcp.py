@@ -21,6 +21,7 @@ from tripwatt.roads.journey import AtlasSettings, open_atlas
 from tripwatt.server.http.example_requests import PLANNED_REQUEST
 from tripwatt.server.http.jobs import Jobs
 from tripwatt.server.http.settings import Limits
+from tripwatt.study.synthetic import synthetic_fleet
 
 pytest.importorskip("mcp", reason="the extra mcp is not installed")
 from jsonschema import Draft202012Validator
@@ -51,7 +52,7 @@ def cars(tmp_path_factory: pytest.TempPathFactory) -> Path:
     pytest.importorskip("deltalake")
     folder = tmp_path_factory.mktemp("cars")
     own = tw.create_car(folder / "leaf", "nissan_leaf_24")
-    own.add(tw.synthetic_fleet(3, vehicle=tw.load_vehicle("nissan_leaf_24")))
+    own.add(synthetic_fleet(3, vehicle=tw.load_vehicle("nissan_leaf_24")))
     return folder
 
 

@@ -12,6 +12,7 @@ from tests.trips.logs import log, steps
 import tripwatt as tw
 from tripwatt.sources.mapping import parse_mapping
 from tripwatt.sources.table import read_table
+from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import Trip, observed_energy
 from tripwatt.trips.energy import POWER_TIME_S, _of_sampling, observed_energy_std, resolution
 
@@ -151,7 +152,7 @@ def test_a_full_battery_gives_more_energy_with_each_percent(tmp_path):
 
 
 def test_the_common_part_is_no_error_of_a_single_trip():
-    trip = tw.synthetic_fleet(1).trips[0]
+    trip = synthetic_fleet(1).trips[0]
     vague = replace(
         trip, observed_energy_wh=2000.0, observed_energy_std_wh=130.0, observed_energy_common_std=0.025
     )

@@ -9,6 +9,7 @@ import tripwatt as tw
 from tripwatt.forecasting import ForecastModel
 from tripwatt.forecasting.forecast import with_route_error
 from tripwatt.routes.free_flow import TravelTimeFactors
+from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.uncertainty.free_flow import FreeFlowTrips, FreeFlowUncertainty
 from tripwatt.vehicles import load_vehicle
 
@@ -31,7 +32,7 @@ def test_the_variance_has_a_part_of_the_trip_and_a_part_of_the_distance():
 
 @pytest.fixture(scope="module")
 def fitted():
-    fleet = tw.synthetic_fleet(10)
+    fleet = synthetic_fleet(10)
     return ForecastModel(load_vehicle("bmw_i3_60ah"), "linear").fit(fleet.trips), fleet.trips
 
 

@@ -12,10 +12,10 @@ from typing import Any, Final
 
 import numpy as np
 import pandas as pd
+from tests.support.drives import example_trip
 
 from tripwatt.forecasting import Forecast, load_model
 from tripwatt.routes import route_from_links
-from tripwatt.study.synthetic import example_trip
 from tripwatt.trips import Plan, Trip
 from tripwatt.trips.energy import observed_cumulative_energy
 from tripwatt.units import KG_PER_LB, M_PER_MILE, M_S_PER_KM_H, SECONDS_PER_HOUR, WH_PER_J

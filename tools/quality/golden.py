@@ -25,6 +25,7 @@ from tripwatt.routes import plan_on_links
 from tripwatt.server.cars import Car, Sample
 from tripwatt.study.evaluation import Execution
 from tripwatt.study.evaluation.forecast_data import measured_log
+from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import Plan
 
 Answers = dict[str, Any]
@@ -84,7 +85,7 @@ def evaluations() -> Answers:
     """Results and every held-out prediction of one run of each protocol."""
     runs = {
         name: tw.evaluate(
-            tw.synthetic_fleet(TRIPS), protocol=name, models=list(models), execution=Execution(n_jobs=1)
+            synthetic_fleet(TRIPS), protocol=name, models=list(models), execution=Execution(n_jobs=1)
         )
         for name, models in MODELS.items()
     }

@@ -105,9 +105,9 @@ def forecasts(python: Path) -> dict[str, Any]:
 
         (folder / "links.json").write_text(json.dumps(LINKS), "utf-8")
         answers = {}
-        for seed in ("0", "1", "2"):
-            said("example-trip", "--seed", seed, "--out", f"trip{seed}.csv")
-            lines = (folder / f"trip{seed}.csv").read_text("utf-8").splitlines(keepends=True)
+        for trip in ("TripA05", "TripB03", "TripB37"):
+            said("example-trip", "--trip", trip, "--out", f"{trip}.csv")
+            lines = (folder / f"{trip}.csv").read_text("utf-8").splitlines(keepends=True)
             (folder / "so-far.csv").write_text("".join(lines[:401]), "utf-8")
             departure, update = (
                 ("--soc", "0.8", "--ambient", "-5", "--payload", "90"),
@@ -119,7 +119,7 @@ def forecasts(python: Path) -> dict[str, Any]:
                 "update": update,
                 "update, departure": (*departure, *update),
             }.items():
-                answers[f"{seed}, {name}"] = said("forecast", f"trip{seed}.csv", *arguments, "--json")
+                answers[f"{trip}, {name}"] = said("forecast", f"{trip}.csv", *arguments, "--json")
         answers["links"] = said(
             *("forecast", "links.json", "--soc", "0.7", "--ambient", "3", "--setpoint", "21", "--json")
         )

@@ -170,7 +170,10 @@ def described(
     """
     kind = _checked(given, body, heat_pump, procedure)
     if body is None:
-        kind = _nearest_body(given["mass_kg"], kind)
+        mass_kg = given["mass_kg"]
+        # beyond the classes no body is usual: that of the nearest usual mass is taken
+        if mass_kg is not None and beyond_classes(mass_kg):
+            kind = min(BODIES, key=lambda body: abs(math.log(usual_figures(body)["mass_kg"] / mass_kg)))
     usual = usual_figures(kind)
     filled = {key: usual[key] if given[key] is None else float(given[key]) for key in usual}  # type: ignore[arg-type]
     figures = _figures(given, filled, kind, heat_pump, title or _title(given, kind, procedure))
@@ -236,13 +239,6 @@ def usual_figures(body: str) -> Mapping[str, float]:
             "motor_power_kw": statistics.median(row["motor_power"][0].number for row in chosen),
         }
     )
-
-
-def _nearest_body(mass_kg: float | None, usual: str) -> str:
-    """Choose the body with the nearest usual mass for a car outside the library's range of masses; else return `usual`."""
-    if mass_kg is None or not beyond_classes(mass_kg):
-        return usual
-    return min(BODIES, key=lambda body: abs(math.log(usual_figures(body)["mass_kg"] / mass_kg)))
 
 
 def _title(given: Mapping[str, float | None], kind: str, procedure: str) -> str:

@@ -150,7 +150,7 @@ def simulate(
 
     For example:
 
-      # simulate the first trip of the synthetic fleet
+      # simulate the first trip of the sample in the package
       tripwatt simulate
       # simulate one trip of the TUM set
       tripwatt simulate data/tum --trip TripA01

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -23,9 +24,6 @@ if TYPE_CHECKING:
 
 CARS = "cars"
 """Name of the protocol for several cars, each forecast from the others."""
-
-BUILT_IN_TRIPS = 24
-"""Number of trips of the built-in fleet, which a first run evaluates in little more than a minute."""
 
 INTERRUPTED = 130
 """Exit code of a run that was stopped from the keyboard."""
@@ -50,7 +48,7 @@ def evaluate(
 
     For example:
 
-      # evaluate on the built-in synthetic fleet; results in ./out
+      # evaluate on the sample of real trips in the package; results in ./out
       tripwatt evaluate
       # evaluate on your copy of the TUM trips
       tripwatt evaluate data/tum --out tum-results
@@ -90,7 +88,7 @@ def evaluate(
         options["vehicle"] = check(_checked_car, options, car, logs.overrides or [], jobs)
         check(require_place, out, None)
         with shown.status("reading trips"):
-            fleet = check(logs.read, built_in_trips=BUILT_IN_TRIPS)
+            fleet = check(logs.read)
             options["test_fleet"] = test and check(replace(logs, data=test).read)
     fleet = replace(fleet, notes=(*fleet.notes, *note))
     shown.print(f"{len(fleet)} trips read ({fleet.name})")
@@ -100,7 +98,11 @@ def evaluate(
         run = _run(fleet, options, jobs, unfinished, resume)
         with shown.status("writing the report"):
             write_whole(lambda folder: _write(run, folder), out, unfinished)
-    return Answer(run.results, partial(_show, run, out))
+    from tripwatt.study.report import View, short_table
+
+    notes = len(run.results["notes"])
+    last = f"Report, with all models and {notes} note{'s' * (notes != 1)}: {out / 'report.html'}"
+    return Answer(run.results, partial(_show, [short_table(View(run.results))], last))
 
 
 def _names(options: list[str] | None) -> list[str] | None:
@@ -125,13 +127,7 @@ def _evaluate_cars(data: Path | None, out: Path) -> Answer:
     with folder_lock(unfinished), progress(shown) as advance:
         run = evaluate_cars(cars, progress=advance)
         write_whole(lambda folder: write_cars(run, folder), out, unfinished)
-
-    def show() -> None:
-        for table in cars_tables(run.results):
-            print_table(table.caption, table.columns, table.rows, numbers=table.columns[1:])
-        typer.echo(f"Report: {out / 'report.html'}")
-
-    return Answer(run.results, show)
+    return Answer(run.results, partial(_show, cars_tables(run.results), f"Report: {out / 'report.html'}"))
 
 
 def _checked_car(options: dict[str, Any], car: str, overrides: list[str], n_jobs: int) -> CarChoice:
@@ -188,11 +184,9 @@ def _write(run: EvaluationRun, folder: Path) -> None:
     write_report(run, folder)
 
 
-def _show(run: EvaluationRun, out: Path) -> None:
-    """Print the short table and the path of the report."""
-    from tripwatt.study.report import View, short_table
-
-    table = short_table(View(run.results))
-    numbers, folding = table.columns[1:], table.columns[3:]
-    print_table(table.caption, table.columns, table.rows, numbers=numbers, folding=folding)
-    typer.echo(f"Report, with all models and {len(run.results['notes'])} notes: {out / 'report.html'}")
+def _show(tables: Iterable[Any], last: str) -> None:
+    """Print the short tables, and where the report is."""
+    for table in tables:
+        numbers, folding = table.columns[1:], table.columns[3:]
+        print_table(table.caption, table.columns, table.rows, numbers=numbers, folding=folding)
+    typer.echo(last)

@@ -146,26 +146,20 @@ def _show_forecast(forecast: tw.Forecast, reserve: float, leave: LeaveWith | Non
 
 
 def example_trip(
-    out: shared.TextFile = None,
-    seed: Annotated[int, option("N", "Number of the trip.", min=0)] = 0,
+    out: shared.OutFile = Path("trip.csv"),
+    trip: Annotated[str, option("ID", "Trip of the sample of the TUM set.")] = "TripB37",
 ) -> None:
-    """Print a synthetic trip as a CSV table, as an input for `tripwatt forecast`.
-
-    The trip is computed. It does not describe a real car.
+    """Write a real trip of the package as a CSV table, as an input for `tripwatt forecast`.
 
     For example:
 
       # write an example trip for `tripwatt forecast trip.csv`
-      tripwatt example-trip --out trip.csv
+      tripwatt example-trip
     """
-    from tripwatt.study import synthetic
-
-    text = synthetic.example_trip(seed).to_csv(index=False, lineterminator="\n")
-    if out is None:
-        typer.echo(text, nl=False)
-        return
-    write_text(text, out)
-    print_notes([f"{out} is a synthetic trip; it does not describe a real car"])
+    sample = tw.sample_trips()
+    samples = shared.one_trip(sample.trips, trip).samples
+    write_text(samples.to_csv(index=False, lineterminator="\n"), out)
+    print_notes([f"{out}: {trip} of {sample.citation}"])
 
 
 WORDS: Final[Mapping[str, str]] = {

@@ -39,7 +39,7 @@ def fit(
       tripwatt fit logs --mapping my.toml --vehicle vw_id3 --out my-model
       # adapt the model of one car to another car with a few of its trips
       tripwatt fit logs --mapping my.toml --vehicle nissan_leaf_24 --base i3-model --out leaf-model
-      # fit on the synthetic fleet, to try the commands
+      # fit on the sample of real trips, to try the commands
       tripwatt fit --out example-model
     """
     from tripwatt.hybrid import STORABLE

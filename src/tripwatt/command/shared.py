@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import tripwatt as tw
 from tripwatt import trips
 from tripwatt.command.options import argument, flag, option, require_effect
-from tripwatt.errors import InvalidInput, places_named
+from tripwatt.errors import Fault, InvalidInput, and_more, places_named
 from tripwatt.trips.departure import ASKED
 
 if TYPE_CHECKING:
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from tripwatt.vehicles import Vehicle
 
 Data = Annotated[
-    Path | None, argument("DATA", "Folder or file of logged trips. Default: the built-in synthetic trips.")
+    Path | None, argument("DATA", "Folder or file of logged trips. Default: the sample of real trips.")
 ]
-FORMATS: Final = "Format of DATA: tum, ved or table. Default: table for a file or with --mapping, else tum."
+FORMATS: Final = "Format of DATA: tum, ved or table. Default: table for a file or with --mapping, else tum. Without DATA: tum, ved or synthetic trips."
 Dataset = Annotated[str | None, option("NAME", FORMATS, "--dataset")]
 COLUMNS: Final = "Columns and units of a table: a TOML file, or a name from `tripwatt mapping list`."
 Columns = Annotated[str | None, option("FILE.toml|NAME", COLUMNS, "--mapping")]
@@ -72,17 +72,6 @@ MAX_NAMES: Final = 12
 """Largest number of trips that a message lists."""
 
 
-def dataset_of(data: Path, mapping: str | None) -> str:
-    """Return the format of DATA if --dataset is not given.
-
-    Examples
-    --------
-    >>> dataset_of(Path("logs"), None), dataset_of(Path("logs"), "torque")
-    ('tum', 'table')
-    """
-    return "table" if mapping is not None or data.is_file() else "tum"
-
-
 @dataclass(frozen=True)
 class Logs:
     """The logged trips that a command reads."""
@@ -92,8 +81,20 @@ class Logs:
     mapping: Columns = None
     strict: Strict = False
 
-    def read(self, *, built_in_trips: int = 32, lenient: bool = False, **more: Any) -> trips.TripSet:
-        """Read the trips of DATA; without DATA, return the built-in trips.
+    @property
+    def format(self) -> str:
+        """The format of DATA, or the trips of the package that replace it.
+
+        Examples
+        --------
+        >>> Logs(Path("logs")).format, Logs(Path("logs"), mapping="torque").format, Logs(dataset="ved").format
+        ('tum', 'table', 'ved')
+        """
+        is_table = self.mapping is not None or (self.data is not None and self.data.is_file())
+        return self.dataset or ("table" if is_table else "tum")
+
+    def read(self, *, lenient: bool = False, **more: Any) -> trips.TripSet:
+        """Read the trips of DATA; without DATA, return trips of the package.
 
         A published data set is read strictly unless `lenient`, because a study should use all of it. `more` are
         further arguments of `read_logs`, such as `vehicle` and `progress`.
@@ -104,11 +105,14 @@ class Logs:
             With all faults of the data.
         """
         if self.data is None:
-            require_effect({"--dataset": self.dataset, "--mapping": self.mapping}, "only together with DATA")
-            return tw.synthetic_fleet(built_in_trips)
-        dataset = self.dataset or dataset_of(self.data, self.mapping)
-        strict = self.strict or not (lenient or dataset == "table")
-        return tw.read_logs(self.data, dataset, self.mapping, strict=strict, **more)
+            require_effect({"--mapping": self.mapping}, "only together with DATA")
+            if self.format not in CARS:
+                raise InvalidInput(Fault.unknown("no trips in the package", "--dataset", self.format, CARS))
+            from tripwatt.study.synthetic import synthetic_fleet  # only where it is asked for
+
+            return synthetic_fleet() if self.format == "synthetic" else tw.sample_trips(self.format)
+        strict = self.strict or not (lenient or self.format == "table")
+        return tw.read_logs(self.data, self.format, self.mapping, strict=strict, **more)
 
 
 @dataclass(frozen=True)
@@ -126,8 +130,7 @@ class LogsOfCar(Logs):
         >>> LogsOfCar(Path("logs"), "ved").named()
         ('nissan_leaf_24', ())
         """
-        dataset = "synthetic" if self.data is None else self.dataset or dataset_of(self.data, self.mapping)
-        known = self.vehicle or CARS.get(dataset)
+        known = self.vehicle or CARS.get(self.format)
         return (known, ()) if known else (UNKNOWN_CAR, (trips.Flag("car_assumed", UNKNOWN_CAR),))
 
     def car(self) -> Vehicle:
@@ -166,9 +169,9 @@ def one_trip(candidates: Sequence[tw.Trip], wanted: str | None, why_not: str = "
     if len(chosen) == 1:
         return chosen[0]
     names = ", ".join(trip.trip_id for trip in candidates[:MAX_NAMES]) or "a trip that the audit uses"
-    more = f" and {len(candidates) - MAX_NAMES} more" if len(candidates) > MAX_NAMES else ""
     got = why_not or wanted or f"{len(candidates)} trips"
-    raise InvalidInput.of("no single trip", "--trip", got, names + more)
+    allowed = names + and_more(candidates[MAX_NAMES - 1 :], "trips")
+    raise InvalidInput.of("no single trip", "--trip", got, allowed)
 
 
 @contextmanager

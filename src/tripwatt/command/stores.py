@@ -107,7 +107,7 @@ def add(
             data,
             car_model=vehicle,
             vehicle_id=vehicle_id,
-            dataset=dataset or shared.dataset_of(data, mapping),
+            dataset=shared.Logs(data, dataset, mapping).format,
             mapping=mapping,
             progress=lambda sums: shown.print(f"{sums}"),
         )

@@ -464,7 +464,7 @@ class Forecast:
         Examples
         --------
         >>> import tripwatt as tw
-        >>> trip = tw.synthetic_fleet(1).trips[0]
+        >>> trip = tw.sample_trips().trips[0]
         >>> before = tw.load_model().forecast(trip)
         >>> after = before.update(trip.samples[trip.samples["time_s"] <= 0.5 * trip.duration_s])
         >>> after.sd_wh < before.sd_wh

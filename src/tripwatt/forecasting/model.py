@@ -103,11 +103,10 @@ class ForecastModel:
 
     Examples
     --------
-    >>> from tripwatt.study.synthetic import synthetic_fleet
-    >>> from tripwatt.vehicles import load_vehicle
-    >>> fleet = synthetic_fleet(n_trips=12)
-    >>> model = ForecastModel(load_vehicle("bmw_i3_60ah"), corrector="linear").fit(fleet.trips[:11])
-    >>> forecast = model.forecast(fleet.trips[11])
+    >>> import tripwatt as tw
+    >>> *logged, last = tw.sample_trips().trips
+    >>> model = ForecastModel(tw.load_vehicle("bmw_i3_60ah"), corrector="linear").fit(logged)
+    >>> forecast = model.forecast(last)
     >>> low, high = forecast.interval(0.9)
     >>> bool(low < forecast.energy_wh < high)
     True
@@ -157,10 +156,10 @@ class ForecastModel:
         Examples
         --------
         >>> import tripwatt as tw
-        >>> trips = tw.synthetic_fleet(9).trips
+        >>> trips = tw.sample_trips().trips
         >>> model = tw.ForecastModel(tw.load_vehicle("bmw_i3_60ah"), corrector="linear")
         >>> model.fit(trips)
-        <ForecastModel BMW i3 60 Ah, linear corrector, 9 trips>
+        <ForecastModel BMW i3 60 Ah, linear corrector, 15 trips>
         """
         table = segment_trips(trips, self.vehicle)
         again = None if car_of is None else resimulation(trips, table, self.vehicle, car_of)
@@ -216,11 +215,11 @@ class ForecastModel:
         Examples
         --------
         >>> import tripwatt as tw
-        >>> trips = tw.synthetic_fleet(9).trips
+        >>> trips = tw.sample_trips().trips
         >>> model = tw.ForecastModel(tw.load_vehicle("bmw_i3_60ah"), corrector="linear")
         >>> from tripwatt.hybrid import segment_trips
         >>> len(model.fit_segments(segment_trips(trips, model.vehicle)).trip_ids_)
-        9
+        15
         """
         if len(table) < MIN_TRIPS:
             fix = "adapt a model of another car with tripwatt fit --base MODEL"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, ClassVar, Final, Self
 
@@ -215,7 +215,8 @@ class GPCorrector(PowerCorrector):
         self._set_terms(
             tuple(term for term in self.terms if known.issuperset(term.columns)), self.share_column
         )
-        self.familiarity = Familiarity.from_features(table.features, _fading_columns(self.terms))
+        smooth = dict.fromkeys(c for term in self.terms if term.kind == "smooth" for c in term.columns)
+        self.familiarity = Familiarity.from_features(table.features, tuple(smooth) or FADING)
         errors = table.energy_errors
         self.model.fit(table.features, table.residual_w, table.groups, table.hours, errors.own_wh)
         features, prior = self.model.features(table.features)
@@ -261,12 +262,6 @@ class GPCorrector(PowerCorrector):
         share = self.familiarity.share(table.features)
         shape = less_trip_mean((features @ self.shape * share)[:, None], table)[:, 0]
         return self.model.mean(features) * share + shape
-
-
-def _fading_columns(terms: Iterable[KernelTerm]) -> tuple[str, ...]:
-    """Covariates of the smooth terms; all of `FADING` if there are only lines."""
-    smooth = dict.fromkeys(c for term in terms if term.kind == "smooth" for c in term.columns)
-    return tuple(smooth) or FADING
 
 
 def less_trip_mean(values: FloatArray, table: SegmentTable) -> FloatArray:

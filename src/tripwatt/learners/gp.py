@@ -186,7 +186,8 @@ class AdditiveGP:
         names = dict.fromkeys(c for _, term in smooth for c in term.columns if c not in inside)
         distance2 = {}
         for name in names:
-            if not self._is_within(columns[name], name):
+            low, high = self.ranges_[name]
+            if np.fmin.reduce(columns[name]) < low or np.fmax.reduce(columns[name]) > high:
                 values = self._fill_missing(columns[name], name) - self.means_[name]
                 distance2[name] = ((values - self._held(columns, name)) / self.sds_[name]) ** 2
         spreads = [
@@ -258,11 +259,6 @@ class AdditiveGP:
         """Distance of a column from its mean, held at the edge of the training range."""
         low, high = self.ranges_[name]
         return np.minimum(np.maximum(self._fill_missing(X[name], name), low), high) - self.means_[name]
-
-    def _is_within(self, values: FloatArray, name: str) -> bool:
-        """Whether every known value lies in the training range of the column."""
-        low, high = self.ranges_[name]
-        return not (np.fmin.reduce(values) < low or np.fmax.reduce(values) > high)
 
     def _standard(self, held: Mapping[str, FloatArray], term: KernelTerm) -> list[FloatArray]:
         """Columns of a smooth term in units of its length scale."""

@@ -68,11 +68,11 @@ class Adaptation:
     Examples
     --------
     >>> import tripwatt as tw
-    >>> car = tw.load_vehicle("vw_id3")
+    >>> car = tw.load_vehicle("nissan_leaf_24")
     >>> new = Adaptation.before_trips(tw.load_model(), car, population())
-    >>> known = new.with_trips(tw.synthetic_fleet(3, vehicle=car).trips)
+    >>> known = new.with_trips(tw.sample_trips("ved").trips[:3])
     >>> known.model
-    <ForecastModel Volkswagen ID.3 58 kWh, population corrector, 3 trips>
+    <ForecastModel Nissan Leaf 24 kWh, population corrector, 3 trips>
     >>> again = new.with_evidence(known.evidence, known.ranges, known.roads)
     >>> again.changes == known.changes, len(again.innovations.sd_wh)
     (True, 3)
@@ -130,7 +130,8 @@ class Adaptation:
         evidence, ranges = TripEvidence.from_table(table, self.vehicle), training_ranges(table)
         roads = driven_roads(trips, table, driving_w(table))
         roads = roads if self.roads is None else np.concatenate([self.roads, roads])
-        return self.with_evidence(evidence, _widened(self.ranges, ranges), roads)
+        widened = {name: _both(self.ranges.get(name, new), new) for name, new in ranges.items()}
+        return self.with_evidence(evidence, widened, roads)
 
     def with_evidence(
         self, evidence: TripEvidence, ranges: Mapping[str, Range], roads: FloatArray | None = None
@@ -505,11 +506,6 @@ def _joined(base: Mapping[str, Range], own: Mapping[str, Range]) -> dict[str, Ra
         name: _both(old, own[name]) if name in own and np.isfinite(own[name].low) else NEVER_KNOWN
         for name, old in base.items()
     }
-
-
-def _widened(before: Mapping[str, Range], now: Mapping[str, Range]) -> dict[str, Range]:
-    """Ranges of own trips, widened to further trips."""
-    return {name: _both(before.get(name, new), new) for name, new in now.items()}
 
 
 def _both(one: Range, other: Range) -> Range:

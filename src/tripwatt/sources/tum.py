@@ -15,8 +15,6 @@ from typing import Final
 import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput, system_errors
-from tripwatt.files import file_head
-from tripwatt.sources.delimited import column_key
 from tripwatt.sources.public import read_folder, read_public, require_folder
 from tripwatt.sources.tum_overview import read_overview
 from tripwatt.trips import (
@@ -89,7 +87,7 @@ def read_tum(folder: Path | str, *, strict: bool = False) -> TripSet:
         faults += error.faults
 
     def read_one(trip_id: str, path: Path, file_faults: list[Fault]) -> Log:
-        return read_tum_file(path, trip_id, contexts.get(trip_id), file_faults)
+        return _read_file(trip_id, path, contexts.get(trip_id), file_faults)
 
     logs, readings = read_folder(read_one, files, strict=strict, faults=faults)
     if faults:
@@ -137,35 +135,11 @@ def _trip_files(folder: Path) -> tuple[dict[str, Path], list[Flag]]:
     return files, ([Flag("files_not_read", "CSV files", float(others), "1")] if others else [])
 
 
-def is_tum_log(path: Path) -> bool:
-    """Whether the first line of a CSV file has the columns of time and speed of the TUM set; False if it cannot be read."""
-    if path.suffix.lower() != ".csv":
-        return False
-    head = file_head(path).decode("latin-1")
-    names = {column_key(name) for name in re.split(r"[;,\t]", head.splitlines()[0])} if head else set()
-    return {column_key("Time [s]"), column_key("Velocity [km/h]")} <= names
-
-
-def read_tum_file(
-    path: Path, trip_id: str, context: Context | None = None, faults: list[Fault] | None = None
-) -> Log:
-    """Read one trip file as a log, with its elevation interpolated over distance. See `read_tum`.
-
-    Cells that cannot be read are faults. They are appended to `faults` if it is given, else they are raised.
-
-    Raises
-    ------
-    InvalidInput
-        With every fault of the file.
-    """
-    collected: list[Fault] = []
+def _read_file(trip_id: str, path: Path, context: Context | None, faults: list[Fault]) -> Log:
+    """Read one trip file as a log, with its elevation interpolated over distance; cells that cannot be read are appended to `faults`."""
     needed = (*REQUIRED_COLUMNS, "voltage_v", "current_a")  # without them there is no observed energy
-    _, columns = read_public(path, "tum", needed, collected)
+    _, columns = read_public(path, "tum", needed, faults)
     samples = pd.DataFrame({ours: columns[ours] for ours in COLUMNS if ours in columns}, copy=False)
-    if faults is None:
-        raise_faults(collected)
-    else:
-        faults += collected
     raise_faults(structure_faults(samples, str(path)))
     if "elevation_m" in samples:
         time, speed, height = (samples[c].to_numpy() for c in ("time_s", "speed_m_s", "elevation_m"))

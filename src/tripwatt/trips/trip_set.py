@@ -33,10 +33,10 @@ class TripSet:
 
     Examples
     --------
-    >>> from tripwatt.study.synthetic import synthetic_fleet
-    >>> fleet = synthetic_fleet(2)
-    >>> fleet.name, len(fleet.logs), fleet.reference_trips()
-    ('synthetic', 2, ())
+    >>> import tripwatt as tw
+    >>> sample = tw.sample_trips()
+    >>> sample.name, len(sample.logs), sample.reference_trips()
+    ('TUM sample', 15, ())
     """
 
     name: str

@@ -25,6 +25,7 @@ from tripwatt.roads.advice.actions import (
     cap_speed,
     limit_acceleration,
 )
+from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import Departure, Plan
 from tripwatt.vehicles import Vehicle
 
@@ -43,7 +44,7 @@ def road(share: float = 1.0, **known: Any) -> Plan:
 
 
 def test_a_slower_drive_has_the_same_road_and_stands_as_long() -> None:
-    for trip in tw.synthetic_fleet(3).trips:
+    for trip in synthetic_fleet(3).trips:
         plan = Plan.from_trip(trip)
         capped, calm = cap_speed(plan, 15.0), limit_acceleration(plan, 0.5)
         for other in (capped, calm):

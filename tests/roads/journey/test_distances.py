@@ -32,6 +32,7 @@ from tripwatt.roads.journey.kinds import (
     shares_of,
     shares_over,
 )
+from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import Departure, Trip
 from tripwatt.uncertainty.conformal import ConformalScores
 
@@ -117,7 +118,7 @@ def test_what_is_missing_narrows_the_interval_and_what_is_given_does_not(model: 
 
 
 def test_a_usual_trip_is_the_forecast_of_its_plan(model: ForecastModel) -> None:
-    trip = tw.synthetic_fleet(1).trips[0]
+    trip = synthetic_fleet(1).trips[0]
     forecast = model.forecast(trip, COLD)
     needed = tw.need(trip, departure=COLD, model=model)
     assert (needed.kind, needed.energy_quantile_wh) == ("trip", forecast.quantile(0.95))
@@ -159,7 +160,7 @@ def test_shares_are_rounded_to_quarters() -> None:
 
 
 def test_what_a_distance_takes_does_not_depend_on_the_charge(model: ForecastModel) -> None:
-    shown = [model.forecast(tw.synthetic_fleet(1).trips[0], replace(COLD, soc=soc)) for soc in (0.3, 0.9)]
+    shown = [model.forecast(synthetic_fleet(1).trips[0], replace(COLD, soc=soc)) for soc in (0.3, 0.9)]
     assert shown[0].energy_wh == pytest.approx(shown[1].energy_wh, rel=1e-9)
     road = shares_of("mixed")  # as shares: the same road at any distance
     per_charge = [tw.range_km(soc, road, COLD, model=model).range_m for soc in (0.4, 0.8)]

@@ -7,8 +7,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 from tests.server.cars.messages import measured
-
-from tripwatt.study.synthetic import example_trip
+from tests.support.drives import example_trip
 
 
 @pytest.fixture(scope="session")

@@ -13,10 +13,10 @@ from typing import Any, Final
 import aiomqtt
 from tests.server.cars.brokers import broker, follower_of, subscribed, until
 from tests.server.cars.messages import abrp_messages, measured
+from tests.support.drives import example_trip
 
 from tripwatt.server.cars import Car, MqttSettings, Sample, sample_from_abrp
 from tripwatt.server.cars.live_trip import SILENCE_S
-from tripwatt.study.synthetic import example_trip
 
 GROUP: Final = 20
 """Messages between two moments: fewer seconds than a message may be late."""

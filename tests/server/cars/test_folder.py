@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 from tests.server.cars.messages import NOON_S, abrp_messages, measured
+from tests.support.drives import example_trip
 
 from tripwatt.errors import InvalidInput
 from tripwatt.server.cars import Car, create_car, forget_car, has_token, issue_token, sample_from_abrp
 from tripwatt.server.cars.folder import digest_of, token_digest
 from tripwatt.server.cars.live_trip import SILENCE_S
-from tripwatt.study.synthetic import example_trip
 
 LATITUDE, LONGITUDE = 48.137154, 11.576124
 DAY_S = 86_400.0

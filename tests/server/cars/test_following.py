@@ -30,12 +30,12 @@ from tripwatt.trips import Plan
 pytest.importorskip("aiomqtt", reason="the extra tripwatt[live] is not installed")
 
 import aiomqtt
+from tests.support.drives import example_trip
 
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
 from tripwatt.server.cars import Broker, Car, MqttSettings, Sample, following
 from tripwatt.server.cars.discovery import SENSORS, discovery
-from tripwatt.study.synthetic import example_trip
 
 needs_broker = pytest.mark.skipif(
     MOSQUITTO is None, reason="no mosquitto: install it from the distribution's packages"

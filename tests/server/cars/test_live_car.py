@@ -16,6 +16,7 @@ import pandas as pd
 import pytest
 from tests.server.cars.driving import LINKS, MODEL, NOW_S, ended, fed
 from tests.server.cars.messages import NOON_S, measured, over_a_bad_connection, samples_of
+from tests.support.drives import example_trip
 from tests.support.plans import request_of_samples
 
 import tripwatt as tw
@@ -28,7 +29,6 @@ from tripwatt.server.cars import live_car as module
 from tripwatt.server.cars.car import AIR_S
 from tripwatt.server.cars.live_trip import SILENCE_S
 from tripwatt.server.cars.sender import LATE_S
-from tripwatt.study.synthetic import example_trip
 from tripwatt.trips import Plan
 from tripwatt.trips.messages import flag_to_dict
 
@@ -412,7 +412,7 @@ import sys
 from pathlib import Path
 from tests.server.cars.messages import measured, samples_of
 from tripwatt.server.cars import Car
-from tripwatt.study.synthetic import example_trip
+from tests.support.drives import example_trip
 car = Car.follow(sys.argv[1])
 for sample in samples_of(measured(example_trip())):
     sys.stdin.readline()

@@ -9,13 +9,13 @@ import pandas as pd
 import pytest
 from tests.server.cars.driving import LINKS, MODEL, NOW_S, ended, fed
 from tests.server.cars.messages import NOON_S, samples_of
+from tests.support.drives import example_trip
 from tests.support.plans import request_of_samples
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.server.cars import Car, Sample
 from tripwatt.server.cars.live_trip import SILENCE_S, STANDING_S
 from tripwatt.server.cars.plan import NEAR_S, LivePlan, usual_departure
-from tripwatt.study.synthetic import example_trip
 from tripwatt.trips import Log
 
 

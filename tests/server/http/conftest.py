@@ -6,12 +6,12 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
+from tests.support.drives import example_trip
 from tests.support.roads import osrm
 from tests.support.router_server import answering, write_map
 from tests.support.service_process import Service, serving
 
 from tripwatt.server.cars.folder import issue_token
-from tripwatt.study.synthetic import example_trip
 
 
 @pytest.fixture(scope="session")

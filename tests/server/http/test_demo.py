@@ -1,4 +1,4 @@
-"""What `tripwatt demo` serves: made-up, complete, and without data of anybody."""
+"""What `tripwatt demo` serves: real trips, and a made-up map."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Settings:
         patch.setattr("tripwatt.server.http.demo.find_spec", lambda name: None)
         steps: list[str] = []
         settings = demo.make_demo(tmp_path_factory.mktemp("demo"), steps.append)[0]
-        assert steps == ["car with the diary of 14 made-up trips"]
+        assert steps == ["car with the diary of 14 real trips"]
         return settings
 
 
@@ -48,7 +48,7 @@ def test_the_country_is_that_of_the_tool(tmp_path: Path) -> None:
 def test_the_car_has_a_diary_and_a_drive_of_this_moment(made: Settings) -> None:
     assert made.cars is not None
     assert made.atlas.map == ""
-    assert len(open_car(made.cars / demo.CAR).diary) == demo.TRIPS
+    assert len(open_car(made.cars / demo.CAR).diary) == 14
     begins_s = time.time()
     rest = [*demo.depart(made)]
     assert all(begins_s < time_s < begins_s + 3600.0 for time_s, _ in rest)
@@ -59,7 +59,7 @@ def test_the_car_has_a_diary_and_a_drive_of_this_moment(made: Settings) -> None:
         trip = car.shown(time.time())["trip"]
         assert trip is not None
         assert trip["duration_s"] == pytest.approx(
-            len(rest) * demo.EVERY_S * demo.DRIVEN / (1.0 - demo.DRIVEN), rel=0.05
+            len(rest) * demo.EVERY_S * demo.DRIVEN / (1.0 - demo.DRIVEN), rel=0.1
         )
         assert car.plan is not None
 

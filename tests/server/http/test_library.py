@@ -49,9 +49,9 @@ def test_an_example_without_its_samples() -> None:
         library.example("none")
 
 
-def test_six_examples_begin_with_the_charge_that_is_shown() -> None:
+def test_examples_begin_with_the_charge_that_is_shown() -> None:
     found = examples()
-    assert len(found) == 6
+    assert len(found) == 15
     for name, example in found.items():
         request, observed = example["request"], example["observed"]
         assert request["trip"] == example["trip"] == name

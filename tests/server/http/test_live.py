@@ -19,6 +19,7 @@ import orjson
 import pandas as pd
 import pytest
 from tests.server.cars.messages import NOON, NOON_S, abrp_messages, measured
+from tests.support.drives import example_trip
 from tests.support.service_process import TOKEN, Service, serving, wait_for
 from tests.support.service_schema import conformance
 
@@ -49,7 +50,6 @@ from tripwatt.server.http.live import LiveCars
 from tripwatt.server.http.pool import JobResult
 from tripwatt.server.http.settings import Limits, Settings
 from tripwatt.server.http.worker import run_job
-from tripwatt.study.synthetic import example_trip
 from tripwatt.trips import Plan
 from tripwatt.trips.messages import leave_in_words
 

@@ -14,8 +14,9 @@ from tests.support.service_process import TOKEN, Service
 
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
 
+from tests.support.drives import example_trip
+
 from tripwatt.server.cars import create_car
-from tripwatt.study.synthetic import example_trip
 
 PLAN = {"links": [{"length_m": 18_000.0, "speed_m_s": 14.0}], "soc": 0.8, "reserve": 0.2}
 HOUR_S = 3600.0

@@ -12,10 +12,9 @@ from urllib.parse import parse_qsl, urlsplit
 import numpy as np
 import pytest
 from tests.server.page.conftest import serious
+from tests.support.drives import example_trip
 from tests.support.service_process import TOKEN, Service
 from tools.quality.page import choose_car, follow_times
-
-from tripwatt.study.synthetic import example_trip
 
 Look = Callable[..., Any]
 

@@ -12,6 +12,7 @@ from sklearn.model_selection import GroupKFold, KFold, LeaveOneOut, ShuffleSplit
 import tripwatt as tw
 from tripwatt.study.evaluation import Execution
 from tripwatt.study.evaluation.metrics import paired_difference
+from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import Plan
 
 HERE = Execution(n_jobs=1)
@@ -20,7 +21,7 @@ ONE = "leave_one_trip_out:audited"
 
 @pytest.fixture(scope="module")
 def fleet():
-    return tw.synthetic_fleet(9)
+    return synthetic_fleet(9)
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +91,7 @@ def test_a_regressor_corrects_the_simulation_of_the_paper(fleet):
 
 def test_a_corrector_on_segments_is_a_forecast_with_intervals_and_updates():
     run = tw.evaluate(
-        tw.synthetic_fleet(16),
+        synthetic_fleet(16),
         protocol="forecast",
         models={"mean": MeanPower()},
         hold_outs=[KFold(2)],

@@ -14,9 +14,7 @@ from tripwatt.errors import InvalidInput
 from tripwatt.physics import DriveConditions, Simulation, simulate
 from tripwatt.study.synthetic import (
     VEHICLE,
-    example_trip,
     synthetic_fleet,
-    synthetic_truth,
     synthetic_world,
 )
 from tripwatt.study.synthetic import scenario as scenario_module
@@ -210,7 +208,7 @@ def test_winter_cabins_get_warm_and_cost_energy(fleet, truth):
 
 
 def test_finer_steps_tell_the_same_trip():
-    coarse, fine = synthetic_truth(3, seed=2), synthetic_truth(3, seed=2, step_s=0.1)
+    coarse, fine = (synthetic_world(3, seed=2, step_s=step_s)[1] for step_s in (1.0, 0.1))
     shares = ["driver_share", "trip_share", "rolling_share", "headwind_m_s"]
     np.testing.assert_allclose(fine[shares], coarse[shares], rtol=0.05, atol=0.01)
     steady = ["driving_energy_wh", "heating_energy_wh", "aircon_energy_wh"]
@@ -286,10 +284,7 @@ def test_the_audit_finds_the_planted_faults_and_nothing_else():
     assert left.observed_energy_wh == pytest.approx(until.observed_energy_wh, rel=1e-12)
 
 
-def test_example_trip_is_a_table_and_arguments_are_checked():
-    table = example_trip()
-    assert set(table.columns) <= set(COLUMNS)
-    assert len(table) > 500
+def test_arguments_are_checked():
     with pytest.raises(InvalidInput) as caught:
         synthetic_fleet(0, seed=-1, step_s=0.0, hours=(2.0, 1.0))
     assert [f.where for f in caught.value.faults] == ["n_trips", "seed", "step_s", "hours"]

@@ -21,7 +21,7 @@ import { FileDrop } from "./file-drop";
 import { JourneyForm } from "./journey-form";
 import { LinksForm } from "./links-form";
 import { NumberField } from "./number-field";
-import { exampleTitle, tripTitle } from "./wording";
+import { tripTitle } from "./wording";
 import { Said } from "./said";
 import { Button } from "./parts";
 
@@ -43,7 +43,7 @@ function Examples() {
             aria-pressed={trip.value?.example === row.trip}
             onClick={() => void chooseExample(row.trip)}
           >
-            <span class="name">{exampleTitle(row.title)}</span>
+            <span class="name">{row.title}</span>
             <span class="figures">
               {shown(row.distance_m, units.value.distance, 0)}
               {row.ambient_temperature_degc !== null &&
@@ -59,7 +59,7 @@ function Examples() {
 /** Kind of the trip. */
 function kindText({ source, links }: Trip): string {
   const { trip } = text.value;
-  if (source === "examples") return trip.synthetic;
+  if (source === "examples") return trip.recorded;
   if (source === "journey") return isExample.value ? trip.exampleOfMap : trip.plannedRoute;
   if (source === "distance") return trip.assumedRoute;
   return links ? trip.links(links.length) : trip.speedTrace;

@@ -38,14 +38,7 @@ export function temperaturesText([lowest, highest]: readonly [number, number]): 
   return `${low === high ? low : text.value.result.range(low, high)}\u00a0${unit}`;
 }
 
-/** Title of an example in the language of the page; unchanged for an unknown one. */
-export function exampleTitle(title: string): string {
-  const titles: Record<string, string> = text.value.trip.examples;
-  return titles[title] ?? title;
-}
-
 export function tripTitle(trip: Trip): string {
-  if (trip.source === "examples") return exampleTitle(trip.title);
   if (trip.distance) {
     const { distanceM, kind } = trip.distance;
     const far = format.value.shown(distanceM, units.value.distance, 0);

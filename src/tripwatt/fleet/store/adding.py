@@ -59,10 +59,10 @@ def add_files(
     --------
     >>> import tempfile
     >>> from tripwatt.fleet.store import create_store
-    >>> from tripwatt.study.synthetic import example_trip
+    >>> from tripwatt.sources.sample import sample_trips
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     file = Path(folder, "trip.csv")
-    ...     example_trip().to_csv(file, index=False)
+    ...     sample_trips().trips[0].samples.to_csv(file, index=False)
     ...     store = create_store(Path(folder, "store"))
     ...     print(add_files(store, file, car_model="bmw_i3_60ah", vehicle_id="V1"))
     1 trips added, 0 were known; 0 of the added have no sound drive

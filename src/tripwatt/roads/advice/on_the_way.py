@@ -92,7 +92,7 @@ class Companion:
     Examples
     --------
     >>> import tripwatt as tw
-    >>> trip = tw.synthetic_fleet(1).trips[0]
+    >>> trip = tw.sample_trips().trips[0]
     >>> companion = Companion(tw.load_model().forecast(trip))
     >>> samples = trip.samples[trip.samples["time_s"] <= 600.0]
     >>> companion.update(samples) is None

@@ -229,13 +229,13 @@ async def get_vehicles(call: Called, search: CarWords = None) -> Response:
 
 @library.get("/v1/examples", response_model=schemas.ExamplesResponse, **INTERNAL)
 async def get_examples(call: Called) -> Response:
-    """List synthetic trips as examples."""
+    """List recorded trips as examples."""
     return await call.constant_document("examples")
 
 
 @library.get("/v1/examples/{trip}", response_model=schemas.ExampleResponse, **INTERNAL)
 async def get_example(call: Called, trip: str) -> Response:
-    """Return one synthetic trip: a request for a forecast, and the samples simulated for it."""
+    """Return one recorded trip: a request for a forecast, and the samples measured on it."""
     return await call.constant_document("example", trip=trip)
 
 

@@ -51,7 +51,7 @@ from tripwatt.server.http.schemas import (
     with_elevation,
 )
 from tripwatt.server.http.settings import Limits
-from tripwatt.study.synthetic import example_trip
+from tripwatt.sources.sample import sample_trips
 from tripwatt.trips import Departure, Flag, Plan
 from tripwatt.trips.messages import flag_to_dict, leave_in_words
 from tripwatt.vehicles import Vehicle, find_vehicles, require_vehicle, vehicle_names
@@ -126,7 +126,7 @@ class Jobs:
 
     def warm_up(self) -> None:
         """Compute one forecast per model, so that the first request takes no longer than the others."""
-        plan = Plan.from_samples(example_trip(), "warm-up")
+        plan = Plan.from_trip(sample_trips().trips[0])
         of_fleets = (
             vehicle_model(fleet.get(), check_request({}, CarRequest)) for fleet in self.fleets.values()
         )
@@ -379,11 +379,11 @@ class Jobs:
         return links.plan()
 
     def examples(self) -> dict[str, Any]:
-        """Return the synthetic trips without their samples."""
+        """Return the recorded trips without their samples."""
         return example_summaries()
 
     def example(self, trip: str) -> dict[str, Any]:
-        """Return a synthetic trip."""
+        """Return a recorded trip."""
         return example(trip)
 
     def summaries(self) -> dict[str, Any]:

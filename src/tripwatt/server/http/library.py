@@ -12,7 +12,7 @@ from tripwatt.forecasting import load_model
 from tripwatt.physics.battery import usable_energy_wh
 from tripwatt.server.http.problems import Problem
 from tripwatt.server.http.schemas import BMS_SOC, ExampleSummary, ForecastRequest
-from tripwatt.study.synthetic import synthetic_fleet
+from tripwatt.sources.sample import sample_trips
 from tripwatt.trips.samples import columns_of
 from tripwatt.vehicles import Vehicle, load_vehicle, vehicle_names
 
@@ -50,11 +50,11 @@ def _vehicle_values(car: Vehicle) -> dict[str, Any]:
 
 @cache
 def examples() -> dict[str, dict[str, Any]]:
-    """Return synthetic trips as examples, by name."""
+    """Return the trips of the sample of the TUM set as examples, by name."""
     charge = load_model().fitted_parts("examples")[1].charge
     battery = load_vehicle(EXAMPLE_CAR).battery
-    by_trip = {}
-    for trip in synthetic_fleet(6).trips:
+    sample, by_trip = sample_trips(), {}
+    for trip in sample.trips:
         departure = trip.departure.to_dict()
         at_departure: dict[str, Any] = {
             name: departure[name] for name in ForecastRequest.model_fields if name in departure
@@ -69,7 +69,7 @@ def examples() -> dict[str, dict[str, Any]]:
             "trip": trip.trip_id,
             "title": trip.context.route or trip.trip_id,
             "vehicle": EXAMPLE_CAR,
-            "note": "synthetic trip from a simulation",
+            "note": sample.citation,
             "duration_s": trip.duration_s,
             "distance_m": trip.distance_m,
             "ambient_temperature_degc": at_departure.get("ambient_temperature_degc"),

@@ -496,7 +496,7 @@ class ModelsResponse(ResponseModel):
 
 
 class ExampleSummary(ResponseModel):
-    """A synthetic trip."""
+    """A recorded trip."""
 
     trip: str
     title: str
@@ -509,15 +509,15 @@ class ExampleSummary(ResponseModel):
 
 
 class ExampleResponse(ExampleSummary):
-    """A synthetic trip with its samples."""
+    """A recorded trip with its samples."""
 
     request: ForecastRequest
     observed: dict[str, list[float | None]]
-    """simulated measurements of the whole trip"""
+    """measurements of the whole trip"""
 
 
 class ExamplesResponse(ResponseModel):
-    """Synthetic trips as examples."""
+    """Recorded trips as examples."""
 
     examples: list[ExampleSummary]
 

@@ -39,7 +39,7 @@ class WholeModel(Protocol):
     ...         return self.wh_m * trip.distance_m
     >>> import tripwatt as tw
     >>> from tripwatt.study.evaluation import Execution
-    >>> run = tw.evaluate(tw.synthetic_fleet(6), models=["constant", PerKilometre()], execution=Execution(n_jobs=1))
+    >>> run = tw.evaluate(tw.sample_trips(), models=["constant", PerKilometre()], execution=Execution(n_jobs=1))
     >>> run.folds["model"].unique().tolist()
     ['constant', 'PerKilometre']
     """

@@ -51,7 +51,7 @@ class EvaluationRun:
     --------
     >>> import tripwatt as tw
     >>> from tripwatt.study.evaluation import Execution
-    >>> run = tw.evaluate(tw.synthetic_fleet(6), protocol="paper", models=["constant"], execution=Execution(n_jobs=1))
+    >>> run = tw.evaluate(tw.sample_trips(), protocol="paper", models=["constant"], execution=Execution(n_jobs=1))
     >>> run.folds["model"].unique().tolist()
     ['constant']
     """
@@ -74,7 +74,7 @@ class EvaluationRun:
         --------
         >>> import tripwatt as tw
         >>> from tripwatt.study.evaluation import Execution
-        >>> run = tw.evaluate(tw.synthetic_fleet(6), models=["constant", "physics"], execution=Execution(n_jobs=1))
+        >>> run = tw.evaluate(tw.sample_trips(), models=["constant", "physics"], execution=Execution(n_jobs=1))
         >>> run.to_frame().groupby("scheme")["model"].count().to_dict()
         {'leave_one_day_out': 2, 'leave_one_trip_out': 4}
         """
@@ -112,7 +112,7 @@ class EvaluationRun:
         --------
         >>> import tripwatt as tw
         >>> from tripwatt.study.evaluation import Execution
-        >>> run = tw.evaluate(tw.synthetic_fleet(6), models=["constant", "physics"], execution=Execution(n_jobs=1))
+        >>> run = tw.evaluate(tw.sample_trips(), models=["constant", "physics"], execution=Execution(n_jobs=1))
         >>> run.compare("physics", "constant").diff < 0.0
         True
         """
@@ -215,7 +215,7 @@ def write_results(run: EvaluationRun, out: Path) -> None:
     >>> import tempfile
     >>> import tripwatt as tw
     >>> from tripwatt.study.evaluation import Execution
-    >>> run = tw.evaluate(tw.synthetic_fleet(6), protocol="paper", models=["constant"], execution=Execution(n_jobs=1))
+    >>> run = tw.evaluate(tw.sample_trips(), protocol="paper", models=["constant"], execution=Execution(n_jobs=1))
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     write_results(run, Path(folder))
     ...     print(sorted(file.name for file in Path(folder).iterdir()))

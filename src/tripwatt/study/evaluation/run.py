@@ -112,8 +112,8 @@ def evaluate(
     --------
     >>> import tripwatt as tw
     >>> from tripwatt.study.evaluation import Execution
-    >>> tw.evaluate(tw.synthetic_fleet(6), models=["constant", "physics"], execution=Execution(n_jobs=1))
-    <EvaluationRun protocol paper, 2 models, 6 trips read>
+    >>> tw.evaluate(tw.sample_trips(), models=["constant", "physics"], execution=Execution(n_jobs=1))
+    <EvaluationRun protocol paper, 2 models, 15 trips read>
     """
     chosen = find_protocol(protocol) if isinstance(protocol, str) else protocol
     specs, choice = choose_models(chosen, models, seed), HoldOutChoice.from_argument(hold_outs)

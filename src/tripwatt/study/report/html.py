@@ -150,6 +150,7 @@ def _head(view: View) -> dict[str, Any]:
     return {
         "title": f"Evaluation on {'synthetic trips' if view.synthetic else printable(view.dataset)}",
         "synthetic": view.synthetic,
+        "sample": view.dataset.endswith("sample"),
         "tested": TESTED.get(view.main.get("scheme"), ""),
         "facts": [(name, printable(value, 200)) for name, value in facts.items()],
         "versions": ", ".join(f"{name} {version}" for name, version in results["versions"].items()),

@@ -1,4 +1,4 @@
-"""The short table of a run, for the terminal and the README: the best model of each kind."""
+"""The short table of a run, for the terminal and the README: the models of a published comparison, or the best of each kind."""
 
 from __future__ import annotations
 
@@ -24,9 +24,12 @@ def short_table_models(view: View) -> list[str]:
     Each kind is a benchmark for the best hybrid: one consumption per distance (the constant), a few coefficients
     (the best other baseline), the simulation (the best physics alone), a learner (the best model without physics).
     The best model has the lowest mean error in the main evaluation. The forecast comes last, preceded by its
-    variant with only published values of the car if the run has that.
+    variant with only published values of the car if the run has that. Where a paper has published errors on the data
+    set, the models are those of the paper: its own, and the learners without physics.
     """
     names = view.models
+    if view.published:
+        return [name for name in names if name in view.published or model_style(name).kind == "data"]
     if len(names) <= SHORT_ROWS:
         return names
     models = view.main["models"]
@@ -49,6 +52,7 @@ def _error(score: Record) -> float:
 def short_table(view: View, *more: Column) -> Table:
     """Tabulate the models of `short_table_models`: mean error with its interval, columns `more`, and coverage if there is a forecast."""
     rows = [{**view.scores[m], "name": m} for m in short_table_models(view)]
+    more += (in_percent("The paper [%]", lambda row: view.published.get(row["name"])),) * bool(view.published)
     inside = in_percent(_INSIDE, lambda row: (row.get("coverage") or {}).get("0.9"), 0)
     return make_table(
         view.captioned(f"Error of a trip's energy: {describe_evaluation(view.main)}"),

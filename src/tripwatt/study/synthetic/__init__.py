@@ -3,8 +3,8 @@
 Nothing here is measured. Drivers, days, routes and weather are drawn from a seed (`scenario`, `roads`). The driver
 model gives the speed. A *hidden* car and world give the energy (`world`): the physics of the i3 on the true road, with
 wind, wet or cold tyres, habits, a cabin with its own heat balance, lamps, and heavy-tailed noise that is in no model
-of the package. Noisy sensors of the usual resolution (`sensors`) then log the truth. `synthetic_truth` returns the
-hidden effects.
+of the package. Noisy sensors of the usual resolution (`sensors`) then log the truth. `synthetic_world` returns the
+hidden effects as well.
 
 Every trip draws from random streams of its own, keyed by the seed, its day and its place in the day. Therefore the
 first trips of a longer fleet are those of a shorter one, and no trip depends on another. A following trip starts with
@@ -33,9 +33,7 @@ from tripwatt.vehicles.extras import with_extras
 __all__ = [
     "VEHICLE",
     "example_fleet",
-    "example_trip",
     "synthetic_fleet",
-    "synthetic_truth",
     "synthetic_world",
 ]
 
@@ -104,43 +102,6 @@ def synthetic_fleet(
     return synthetic_world(n_trips, seed, step_s=step_s, vehicle=vehicle, hours=hours)[0]
 
 
-def synthetic_truth(n_trips: int = 32, seed: int = 0, *, step_s: float = 1.0) -> pd.DataFrame:
-    """Compute the hidden effects behind `synthetic_fleet` with the same arguments. O(samples).
-
-    Parameters
-    ----------
-    n_trips : int
-        As for `synthetic_fleet`.
-    seed : int
-        As for `synthetic_fleet`.
-    step_s : float
-        As for `synthetic_fleet`.
-
-    Returns
-    -------
-    DataFrame
-        One row per trip, index `trip`. `energy_wh` is the true energy at the battery terminals [Wh], the sum of
-        `driving_` (the i3's physics with the hidden forces), `heating_`, `aircon_`, `lamps_`, `driver_` (the driver's
-        habit), `trip_` (an effect of this trip alone) and `noise_energy_wh`. `wind_work_wh` and `rolling_work_wh` are
-        the work [Wh] at the wheel against hidden wind and rolling resistance, part of driving. `headwind_m_s`,
-        `rolling_share`, `driver_share` and `trip_share` are their causes; `ambient_temperature_degc` is the true
-        mean outside temperature [°C]; `end_soc` is the true state of charge at the end; `driver`, `day`, `season`,
-        `sky`, `route` describe the trip.
-
-    Raises
-    ------
-    InvalidInput
-        As `synthetic_fleet`.
-
-    Examples
-    --------
-    >>> truth = synthetic_truth(3, seed=1)
-    >>> bool((truth["heating_energy_wh"] >= 0).all())
-    True
-    """
-    return synthetic_world(n_trips, seed, step_s=step_s)[1]
-
-
 def synthetic_world(
     n_trips: int = 32,
     seed: int = 0,
@@ -169,7 +130,13 @@ def synthetic_world(
     fleet : TripSet
         As from `synthetic_fleet`.
     truth : DataFrame
-        As from `synthetic_truth`.
+        The hidden effects. One row per trip, index `trip`. `energy_wh` is the true energy at the battery terminals [Wh], the sum of
+        `driving_` (the i3's physics with the hidden forces), `heating_`, `aircon_`, `lamps_`, `driver_` (the driver's
+        habit), `trip_` (an effect of this trip alone) and `noise_energy_wh`. `wind_work_wh` and `rolling_work_wh` are
+        the work [Wh] at the wheel against hidden wind and rolling resistance, part of driving. `headwind_m_s`,
+        `rolling_share`, `driver_share` and `trip_share` are their causes; `ambient_temperature_degc` is the true
+        mean outside temperature [°C]; `end_soc` is the true state of charge at the end; `driver`, `day`, `season`,
+        `sky`, `route` describe the trip.
 
     Raises
     ------
@@ -193,27 +160,6 @@ def synthetic_world(
         effects.append(row)
     truth = pd.DataFrame(effects).set_index("trip")
     return TripSet("synthetic", tuple(trips), notes=NOTES), truth
-
-
-def example_trip(seed: int = 0) -> pd.DataFrame:
-    """Compute one trip as a table in canonical columns at 1 Hz, for documentation and for trying commands.
-
-    Parameters
-    ----------
-    seed : int
-        As for `synthetic_fleet`.
-
-    Returns
-    -------
-    DataFrame
-        One row per second.
-
-    Examples
-    --------
-    >>> list(example_trip().columns[:4])
-    ['time_s', 'speed_m_s', 'elevation_m', 'ambient_temperature_degc']
-    """
-    return synthetic_fleet(1, seed).trips[0].samples
 
 
 def example_fleet() -> Iterator[tuple[str, TripSet]]:

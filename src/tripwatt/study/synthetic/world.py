@@ -72,7 +72,7 @@ class Truth:
     battery : BatteryRun
         Power, current, voltage, temperature and charge of the true battery.
     effects : dict of str to float
-        Hidden effects by name, see `tripwatt.study.synthetic.synthetic_truth`.
+        Hidden effects by name, see `tripwatt.study.synthetic.synthetic_world`.
     """
 
     ambient_temperature_degc: FloatArray

@@ -1,10 +1,11 @@
-"""What `tripwatt demo` serves: a made-up country, a car with its diary, and its current drive. Nothing here is measured."""
+"""What `tripwatt demo` serves: a car with the diary of real trips and the replay of another one, and the map of a made-up country."""
 
 from __future__ import annotations
 
 import time
 import urllib.request
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final
@@ -17,16 +18,13 @@ from tripwatt.roads.maps import build_map
 from tripwatt.server.cars import Car, Sample, create_car, issue_token
 from tripwatt.server.http.library import EXAMPLE_CAR, examples
 from tripwatt.server.http.settings import Settings
-from tripwatt.study.synthetic import synthetic_fleet
+from tripwatt.sources.sample import sample_trips
 
 HERE: Final = Path(__file__).parent
 CAR: Final = "example-car"
 TILE: Final = "N44W034.hgt"
 """The tile of one degree in which the country is: the open Atlantic."""
 
-TRIPS: Final = 14
-SEED: Final = 8
-"""Trips of the diary, and seed of the drawing; choices: enough for a page, quick to learn."""
 EVERY_S: Final = 5.0
 """Time between two messages of the car on the road [s]."""
 
@@ -56,8 +54,9 @@ def make_demo(folder: Path, progress: Callable[[str], object] = lambda step: Non
         atlas = AtlasSettings(str(example_map(folder)))
     cars = folder / "cars"
     if not (cars / CAR).is_dir():
-        progress(f"car with the diary of {TRIPS} made-up trips")
-        create_car(cars / CAR, EXAMPLE_CAR, label="Example car").add(synthetic_fleet(TRIPS, SEED))
+        sample = sample_trips()
+        progress(f"car with the diary of {len(sample) - 1} real trips")
+        create_car(cars / CAR, EXAMPLE_CAR, label="Example car").add(replace(sample, logs=sample.logs[:-1]))
     return Settings(atlas=atlas, cars=cars), issue_token(cars / CAR)
 
 
@@ -77,7 +76,7 @@ def example_map(folder: Path) -> Path:
 
 
 def depart(settings: Settings) -> Drive:
-    """Record an example trip of the car up to now, and return the samples to come.
+    """Record the last trip of the sample up to now, and return the samples to come.
 
     Parameters
     ----------
@@ -90,7 +89,7 @@ def depart(settings: Settings) -> Drive:
         Time [s since 1970] and values of the samples to come, in SI units.
     """
     assert settings.cars is not None
-    trip = max(examples().values(), key=lambda example: example["duration_s"])
+    *_, trip = examples().values()
     begins_s = time.time() - DRIVEN * trip["duration_s"]
     samples = _samples(trip, begins_s)
     with Car.follow(settings.cars / CAR) as car:

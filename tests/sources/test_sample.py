@@ -1,0 +1,83 @@
+"""The sample of real trips in the package: complete, small, made by its rule, and read by nothing that is fitted or scored."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.support import ROOT
+from tools.data.sample import main, write_sample
+
+import tripwatt as tw
+from tripwatt.sources.sample import FOLDER, SAMPLES
+
+MAX_BYTES = 1_200_000
+
+
+def test_every_sample_has_sound_trips_their_context_and_their_licence() -> None:
+    trips = {name: tw.audit(tw.sample_trips(name)).trips for name in SAMPLES}
+    assert {name: len(sound) for name, sound in trips.items()} == {"tum": 15, "ved": 19, "twizy": 17}
+    assert all(trip.observed_energy_wh for sound in trips.values() for trip in sound)
+    assert {trip.context.season for trip in trips["tum"]} == {"summer", "winter"}
+    assert all(trip.context.weather for name in ("tum", "twizy") for trip in trips[name])
+    for name in SAMPLES:
+        sample = tw.sample_trips(name)
+        departures = [log.context.started_at for log in sample.logs if log.context.started_at]
+        assert len(departures) == len(sample)
+        assert departures == sorted(departures)
+        assert ("Apache-2.0" if name == "ved" else "CC BY 4.0") in sample.citation
+        assert sample.citation.partition(",")[0] in (FOLDER / "README.md").read_text("utf-8")
+    assert sum(file.stat().st_size for file in FOLDER.iterdir()) < MAX_BYTES
+    with pytest.raises(tw.InvalidInput, match="unknown data set: dataset: got 'synthetic'"):
+        tw.sample_trips("synthetic")
+
+
+def test_a_sample_is_written_with_the_same_bytes_again(tmp_path: Path) -> None:
+    for name in SAMPLES:
+        for turn in ("first", "second"):
+            (tmp_path / turn).mkdir(exist_ok=True)
+            write_sample(name, tw.sample_trips(name), tmp_path / turn)
+        for kind in ("npz", "toml"):
+            first, second = (
+                (tmp_path / turn / f"{name}.{kind}").read_bytes() for turn in ("first", "second")
+            )
+            assert first == second
+        assert (tmp_path / "first" / f"{name}.toml").read_bytes() == (FOLDER / f"{name}.toml").read_bytes()
+
+
+def test_the_sample_is_what_its_rule_chooses(data_dir: Path, tmp_path: Path) -> None:
+    main(data_dir, tmp_path)
+    for name in SAMPLES:
+        assert (tmp_path / f"{name}.toml").read_text("utf-8") == (FOLDER / f"{name}.toml").read_text("utf-8")
+        with np.load(tmp_path / f"{name}.npz") as made, np.load(FOLDER / f"{name}.npz") as shipped:
+            assert made.files == shipped.files
+            for column in made.files:
+                np.testing.assert_allclose(made[column], shipped[column], rtol=1e-12)
+
+
+def test_no_model_and_no_score_reads_the_sample(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    links = [{"length_m": 6000.0, "speed_m_s": 15.0}]
+    departure = tw.Departure(soc=0.8, ambient_temperature_degc=-5)
+
+    def energies() -> list[float]:
+        plan = tw.read_route(links)
+        cars = ("bmw_i3_60ah", "nissan_leaf_24")
+        return [tw.for_car(tw.load_model(), car).forecast(plan, departure).energy_wh for car in cars]
+
+    before = energies()
+    monkeypatch.setattr("tripwatt.sources.sample.FOLDER", tmp_path)
+    with pytest.raises(FileNotFoundError):
+        tw.sample_trips()
+    assert energies() == before
+    monkeypatch.undo()
+    sample = tw.sample_trips()
+    assert not sample.reference_trips()
+    with pytest.raises(tw.InvalidInput, match="hold-out"):
+        tw.evaluate(sample, models=["constant"], hold_outs="leave_one_trip_out:reference")
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["importlinter"]
+    (alone,) = (
+        c for c in contracts["contracts"] if c.get("forbidden_modules") == ["tripwatt.sources.sample"]
+    )
+    assert {"tripwatt.study", "tripwatt.population", "tripwatt.hybrid"} <= set(alone["source_modules"])
