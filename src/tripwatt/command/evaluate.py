@@ -100,8 +100,7 @@ def evaluate(
             write_whole(lambda folder: _write(run, folder), out, unfinished)
     from tripwatt.study.report import View, short_table
 
-    notes = len(run.results["notes"])
-    last = f"Report, with all models and {notes} note{'s' * (notes != 1)}: {out / 'report.html'}"
+    last = f"Report, with all models and the notes of the run: {out / 'report.html'}"
     return Answer(run.results, partial(_show, [short_table(View(run.results))], last))
 
 

@@ -12,6 +12,7 @@ from contextlib import nullcontext
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
+from urllib.parse import urlencode
 
 import typer
 
@@ -239,8 +240,9 @@ def demo(
 ) -> None:
     """Serve the page with example data: a car, its diary, a live trip and the map of a made-up country.
 
-    The command requires the extras `tripwatt[service,fleet]`, and `tripwatt[routing]` for the map. It takes a few seconds, then
-    prints the address of the page. Nothing in it is measured. Interrupt the command to end it.
+    The diary and the live trip are real, of a BMW i3 around Munich; the bundled model has seen them, so its errors on your
+    trips are larger. The command requires the extras `tripwatt[service,fleet]`, and `tripwatt[routing]` for the map. It takes
+    a few seconds, then prints the address of the page. Interrupt the command to end it.
 
     For example:
 
@@ -250,7 +252,8 @@ def demo(
       tripwatt demo --folder demo --port 8080
     """
     require_extras(dict.fromkeys(("service", "fleet"), "tripwatt demo"))
-    from tripwatt.server.http.demo import depart, make_demo, send
+    from tripwatt.server.http.demo import DRIVE, depart, make_demo, send
+    from tripwatt.server.http.library import examples
     from tripwatt.server.http.serving import serve
 
     with tempfile.TemporaryDirectory() if folder is None else nullcontext(folder) as place:
@@ -258,14 +261,14 @@ def demo(
         settings, token = make_demo(Path(place), lambda step: print_notes([f"making: {step}"]))
         if not settings.atlas.map:
             print_notes(["no map: install the extra routing on Python 3.12 or later"])
-        samples = depart(settings)
+        samples, request = depart(settings), examples()[DRIVE]["request"]
+        logged = {name: request[name] for name in ("soc", "ambient_temperature_degc", "cabin_setpoint_degc")}
+        link = urlencode({"trip": "examples", "example": DRIVE, "beforeDeparture": "logged", **logged})
 
         def show(url: str) -> None:
             threading.Thread(target=send, args=(samples, url, token), daemon=True).start()
-            typer.echo(f"tripwatt: {url}")
-            typer.echo(
-                "The page opens with the example car. Its diary is under Your cars, in the field of the car."
-            )
-            typer.echo("The steering wheel beside the field shows a live trip with its forecast.")
+            typer.echo(f"tripwatt: {url}/#{link}")
+            typer.echo("The page opens with a real trip; its mode Drive replays it.")
+            typer.echo("The steering wheel shows it on the road. Your cars, in the field of the car, has the diary.")
 
         serve(replace(settings, port=port), show)

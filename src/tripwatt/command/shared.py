@@ -90,8 +90,7 @@ class Logs:
         >>> Logs(Path("logs")).format, Logs(Path("logs"), mapping="torque").format, Logs(dataset="ved").format
         ('tum', 'table', 'ved')
         """
-        is_table = self.mapping is not None or (self.data is not None and self.data.is_file())
-        return self.dataset or ("table" if is_table else "tum")
+        return self.dataset or ("table" if self.mapping or (self.data and self.data.is_file()) else "tum")
 
     def read(self, *, lenient: bool = False, **more: Any) -> trips.TripSet:
         """Read the trips of DATA; without DATA, return trips of the package.

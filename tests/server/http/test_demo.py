@@ -139,7 +139,7 @@ def test_the_command_serves_the_car_while_it_drives(tmp_path: Path, made: Settin
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=log, text=True, env=environment)
         try:
             assert process.stdout is not None
-            url = process.stdout.readline().split()[1]
+            url = process.stdout.readline().split()[1].partition("/#")[0]
 
             def document() -> dict[str, object]:
                 found: dict[str, object] = httpx.get(f"{url}/v1/live/{demo.CAR}", timeout=30.0).json()

@@ -51,7 +51,7 @@ def test_an_example_without_its_samples() -> None:
 
 def test_examples_begin_with_the_charge_that_is_shown() -> None:
     found = examples()
-    assert len(found) == 15
+    assert len(found) == 8
     for name, example in found.items():
         request, observed = example["request"], example["observed"]
         assert request["trip"] == example["trip"] == name

@@ -22,6 +22,8 @@ from tripwatt.sources.sample import sample_trips
 
 HERE: Final = Path(__file__).parent
 CAR: Final = "example-car"
+DRIVE: Final = "TripB37"
+"""The last trip of the sample, which the car drives; all others are in its diary."""
 TILE: Final = "N44W034.hgt"
 """The tile of one degree in which the country is: the open Atlantic."""
 
@@ -89,7 +91,7 @@ def depart(settings: Settings) -> Drive:
         Time [s since 1970] and values of the samples to come, in SI units.
     """
     assert settings.cars is not None
-    *_, trip = examples().values()
+    trip = examples()[DRIVE]
     begins_s = time.time() - DRIVEN * trip["duration_s"]
     samples = _samples(trip, begins_s)
     with Car.follow(settings.cars / CAR) as car:
