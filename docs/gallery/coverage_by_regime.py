@@ -11,8 +11,9 @@ import numpy as np
 from scipy.stats import binomtest
 
 import tripwatt as tw
+from tripwatt.study.synthetic import synthetic_fleet
 
-trips = tw.audit(tw.synthetic_fleet(96, seed=1)).trips
+trips = tw.audit(synthetic_fleet(96, seed=1)).trips
 model = tw.fit(trips[:24], "bmw_i3_60ah", corrector="linear", identified=False)
 test = trips[24:]
 forecasts = [model.forecast(trip) for trip in test]

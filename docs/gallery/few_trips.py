@@ -9,11 +9,12 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import tripwatt as tw
+from tripwatt.study.synthetic import synthetic_fleet
 
 COUNTS = (0, 1, 2, 3, 5, 8, 12, 20)
 car = tw.load_vehicle("vw_id3")
 base = tw.load_model("bmw_i3_tum")
-trips = tw.synthetic_fleet(32, vehicle=car).trips
+trips = synthetic_fleet(32, vehicle=car).trips
 own, test = trips[:20], trips[20:]
 errors, half_widths = [], []
 for count in COUNTS:

@@ -18,6 +18,7 @@ from tripwatt.fleet.executors import InProcess
 from tripwatt.fleet.features import trip_features
 from tripwatt.fleet.model import Sampling, fit_fleet
 from tripwatt.hybrid import segment_table
+from tripwatt.study.synthetic import synthetic_fleet
 
 CAR_MODELS = ("bmw_i3_60ah", "nissan_leaf_24")
 COUNTS = (1, 2, 4, 8, 16, 24)
@@ -32,7 +33,7 @@ with TemporaryDirectory() as folder:
             name: entries[name].value * rng.uniform(1.0 - most, 1.0 + most)
             for name, most in SPREADS.items()
         }
-        logs = tw.synthetic_fleet(
+        logs = synthetic_fleet(
             count, number, vehicle=tw.load_vehicle(car_model, overrides=own)
         ).logs
         store.add(logs, car_model=car_model, vehicle_id=f"{car_model} {count}")

@@ -1,6 +1,6 @@
 """What the residual power depends on.
 
-Measured less simulated power of half-minute segments of synthetic trips, explained by a generalised additive mixed model. The
+Measured less simulated power of half-minute segments of 15 real trips, explained by a generalised additive mixed model. The
 curves are smooth effects with their 95 % bands. At the same time each trip has a random intercept and a random slope of speed, because
 the segments of a trip share its load, wind and road. Without them the bands would be too narrow.
 """
@@ -12,7 +12,7 @@ import tripwatt as tw
 from tripwatt.hybrid import segment_trips
 from tripwatt_gamm import GAMM
 
-trips = tw.audit(tw.synthetic_fleet(48)).trips
+trips = tw.audit(tw.sample_trips()).trips
 table = segment_trips(trips, tw.load_vehicle("bmw_i3_60ah"))
 segments = table.features.assign(
     residual_kw=table.residual_w / 1000.0,

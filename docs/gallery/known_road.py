@@ -1,7 +1,7 @@
 """How well the road is known.
 
-One synthetic trip, forecast from different descriptions of its road: the driven speed trace, links with mean speeds and heights, and
-links without heights in four kinds of country. A road of unknown heights may climb or fall, and the interval allows for it. In the
+One real trip, forecast by a fit on fourteen others from different descriptions of its road: the driven speed trace, links with mean
+speeds and heights, and links without heights in four kinds of country. A road of unknown heights may climb or fall, and the interval allows for it. In the
 mountains it reaches further up than down, because not all that a climb takes is regained on the way down.
 """
 
@@ -12,8 +12,8 @@ import tripwatt as tw
 from tripwatt.routes import links_of_trip, plan_on_links
 
 LINK_M = 500.0
-model = tw.load_model("bmw_i3_tum")
-trip = tw.synthetic_fleet(12).trips[5]
+*logged, trip = tw.sample_trips().trips
+model = tw.fit(logged, "bmw_i3_60ah")
 links = links_of_trip(trip, LINK_M)
 flat_links = [
     {"length_m": length_m, "speed_m_s": speed_m_s}

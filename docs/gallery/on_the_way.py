@@ -1,6 +1,6 @@
 """The forecast on the way.
 
-The forecast of a synthetic trip, made again every minute from what the car has measured so far. What was driven is known, and what it
+The forecast of a real trip, made again every minute from what the car has measured so far. What was driven is known, and what it
 took shows how the rest will go. The interval of the whole trip narrows, and ends at the measured energy.
 """
 
@@ -9,8 +9,8 @@ import numpy as np
 
 import tripwatt as tw
 
-model = tw.load_model("bmw_i3_tum")
-trip = tw.synthetic_fleet(12).trips[5]
+*logged, trip = tw.sample_trips().trips
+model = tw.fit(logged, "bmw_i3_60ah")
 before = model.forecast(trip)
 times_s = np.arange(60.0, trip.duration_s, 60.0)
 forecasts = [

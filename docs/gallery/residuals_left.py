@@ -10,12 +10,13 @@ import numpy as np
 
 import tripwatt as tw
 from tripwatt.study.evaluation import Execution
+from tripwatt.study.synthetic import synthetic_fleet
 
 MODELS = {
     "physics": ("physics alone", "#d55e00", "x"),
     "power-linear": ("with correction", "#0072b2", "o"),
 }
-trips = tw.audit(tw.synthetic_fleet(40)).trips
+trips = tw.audit(synthetic_fleet(40)).trips
 run = tw.evaluate(
     trips,
     protocol="forecast",
