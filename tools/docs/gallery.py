@@ -39,7 +39,7 @@ HEAD: Final = """# Gallery
 
 <!-- written by tools/docs/gallery.py from the scripts beside it; do not edit -->
 
-Each example is one script that runs as it stands, on [the sample of real trips](../../src/tripwatt/sources/data/README.md), on synthetic trips and on cars of the library: `python -i docs/gallery/cold_start.py` in a
+Each example is one script that runs as it stands, on the sample of real trips, on synthetic trips and on cars of the library: `python -i docs/gallery/cold_start.py` in a
 clone, then `figure.savefig("figure.png")`; a notebook shows `figure` by itself. Where trips are synthetic, no figure describes a real car.
 """
 

@@ -33,6 +33,7 @@ RENEW: Final = "run `make results`, which makes what is stale anew"
 TABLES: Final = "src/tripwatt/vehicles/data/table"
 MODEL: Final = "src/tripwatt/models/bmw_i3_tum"
 POPULATION: Final = "src/tripwatt/population/data/population.json"
+SAMPLE: Final = "src/tripwatt/sources/data"
 
 Probe = Mapping[str, Sequence[Sequence[float]]]
 
@@ -188,7 +189,7 @@ RESULTS: Final = (
         "gallery",
         ("-m tools.docs.gallery",),
         ("docs/gallery/index.md", *(f"docs/images/gallery/{name}.png" for name in gallery.NAMES)),
-        (MODEL, *(f"docs/gallery/{name}.py" for name in gallery.NAMES)),
+        (MODEL, SAMPLE, *(f"docs/gallery/{name}.py" for name in gallery.NAMES)),
         2,
         other_cars=True,
     ),
