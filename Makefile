@@ -71,7 +71,7 @@ $(1)/bin/mypy
 $(1)/bin/python -m pytest -n $(TEST_WORKERS) --dist loadscope --no-loadscope-reorder
 endef
 
-run: .venv/.ready  ## the main job: on DATA, or on the built-in synthetic fleet
+run: .venv/.ready  ## the main job: on DATA, or on the sample of real trips in the package
 	.venv/bin/tripwatt evaluate $(DATA) --out $(OUT)
 
 check: .venv-check/.ready  ## the whole gate, with the versions of constraints/check.txt

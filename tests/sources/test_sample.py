@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from tools.data.sample import main, write_sample
 
 import tripwatt as tw
 from tripwatt.sources.sample import FOLDER, SAMPLES
+from tripwatt.trips import Log
 
 MAX_BYTES = 1_200_000
 
@@ -55,6 +57,27 @@ def test_the_sample_is_what_its_rule_chooses(data_dir: Path, tmp_path: Path) -> 
             assert made.files == shipped.files
             for column in made.files:
                 np.testing.assert_allclose(made[column], shipped[column], rtol=1e-12)
+
+
+def test_the_audit_finds_what_is_wrong_in_a_real_trip_and_nothing_else() -> None:
+    sample = tw.sample_trips()
+    tables = {log.trip_id: log.samples.copy() for log in sample.logs}
+    tables["TripB19"].iloc[867:, 1:] = tables["TripB19"].iloc[866, 1:].to_numpy()
+    tables["TripA13"]["current_a"] *= -1.0
+    tables["TripB03"].iloc[601:645, 1:] = np.nan
+    tables["TripB03"] = tables["TripB03"].interpolate()
+    logs = [Log.from_samples(log.trip_id, tables[log.trip_id], log.context) for log in sample.logs]
+    sound, faulty = (tw.audit(each).findings for each in (sample, replace(sample, logs=tuple(logs))))
+    assert {f.consequence for f in sound} == {"noted"}
+    findings = [f for f in faulty if f.consequence != "noted"]
+    by_trip = {f.trip: (f.consequence, f.from_s, f.to_s) for f in findings}
+    assert by_trip == {
+        "TripA13": ("set aside", 0.0, 715.0),
+        "TripB03": ("set aside", pytest.approx(600.0, abs=2.0), pytest.approx(645.0, abs=2.0)),
+        "TripB19": ("trimmed", 866.0, 1191.0),
+    }
+    words = {"TripA13": "sign", "TripB03": "a filled gap", "TripB19": "frozen"}
+    assert all(any(word in f.what for f in findings if f.trip == trip) for trip, word in words.items())
 
 
 def test_no_model_and_no_score_reads_the_sample(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

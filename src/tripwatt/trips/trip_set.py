@@ -18,7 +18,7 @@ class TripSet:
     Attributes
     ----------
     name : str
-        The data set, e.g. "tum"; "synthetic" for the built-in fleet.
+        The data set, e.g. "tum"; "TUM sample" for the trips of the package.
     logs : tuple of Log
         Logs before any audit.
     notes : tuple of Flag
