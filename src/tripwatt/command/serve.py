@@ -269,6 +269,8 @@ def demo(
             threading.Thread(target=send, args=(samples, url, token), daemon=True).start()
             typer.echo(f"tripwatt: {url}/#{link}")
             typer.echo("The page opens with a real trip; its mode Drive replays it.")
-            typer.echo("The steering wheel shows it on the road. Your cars, in the field of the car, has the diary.")
+            typer.echo(
+                "The steering wheel shows it on the road. Your cars, in the field of the car, has the diary."
+            )
 
         serve(replace(settings, port=port), show)
