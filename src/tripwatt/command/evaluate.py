@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -101,7 +100,7 @@ def evaluate(
     from tripwatt.study.report import View, short_table
 
     last = f"Report, with all models and the notes of the run: {out / 'report.html'}"
-    return Answer(run.results, partial(_show, [short_table(View(run.results))], last))
+    return Answer(run.results, partial(_show, (short_table(View(run.results)),), last))
 
 
 def _names(options: list[str] | None) -> list[str] | None:
@@ -183,7 +182,7 @@ def _write(run: EvaluationRun, folder: Path) -> None:
     write_report(run, folder)
 
 
-def _show(tables: Iterable[Any], last: str) -> None:
+def _show(tables: tuple[Any, ...], last: str) -> None:
     """Print the short tables, and where the report is."""
     for table in tables:
         numbers, folding = table.columns[1:], table.columns[3:]

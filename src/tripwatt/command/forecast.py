@@ -157,8 +157,7 @@ def example_trip(
       tripwatt example-trip
     """
     sample = tw.sample_trips()
-    samples = shared.one_trip(sample.trips, trip).samples
-    write_text(samples.to_csv(index=False, lineterminator="\n"), out)
+    write_text(shared.one_trip(sample.trips, trip).samples.to_csv(index=False, lineterminator="\n"), out)
     print_notes([f"{out}: {trip} of {sample.citation}"])
 
 
