@@ -15,42 +15,12 @@ from tripwatt.physics.battery import internal_resistance, largest_power, open_ci
 from tripwatt.units import GRAVITY_M_S2, SECONDS_PER_HOUR
 from tripwatt.vehicles.relations import PEAK_EFFICIENCY
 
-CAPACITY_MARGIN: Final = 1.15
-"""Largest ratio of the energy on the way to that of the car's battery: a new battery may hold more than its data sheet says."""
-
-SOC_MARGIN: Final = 0.05
-"""Rise of a state of charge that corrections by the battery management and regenerative braking can explain."""
-
-CHARGE_MARGIN: Final = 0.05
-CHARGE_SHARE: Final = 0.3
-"""Largest difference between the drop of a charge and the measured energy: rounding and delay of a display, and the share of the energy
-that an aged battery lacks. Choices."""
-
-UNKNOWN_DESCENT_M: Final = 500.0
-"""Descent that a road of unknown elevation may have [m]."""
-
 LATE_S: Final = 60.0
 """Time [s] after the end of a driven speed trace up to which samples may belong to it."""
-
-MASS_MARGIN: Final = 0.5
-"""Share by which a correction may change the energy of climb and acceleration, because of a load or a wrong mass."""
-
-ROUNDING_WH: Final = 1.0
-"""Rounding error of the sums of a long trip [Wh]."""
-
-STEEPEST_DESCENT: Final = 0.12
-LONGEST_DESCENT_M: Final = 1500.0
-"""Steepest mean grade and largest fall [m] of a descent on a road of unknown elevation: those of mountain passes."""
-
-STEADY_DESCENT: Final = 0.05
-"""Steepest mean grade if the speed was held: motorways are built with at most 4 to 6 %, and steeper roads have bends."""
 
 STEADY_M_S: Final = 2.0
 STEADY_S: Final = 120.0
 """A speed is held if it stays within a range of `STEADY_M_S` [m/s] for at least `STEADY_S` [s]."""
-
-ELEVATION_ERROR_M: Final = 40.0
-"""Error of the difference of two heights of a road [m]; a filled gap of a log jumps by half of this."""
 
 
 def implausible_faults(samples: Columns, drive: ExpectedTrip) -> Iterator[Fault]:
@@ -106,7 +76,8 @@ def contradicts_energy(reading: ChargeReading | None, samples: Columns, wh_per_c
     taken = float(np.diff(np.interp(times, samples["time_s"][known], cumulative[known]))[0]) / wh_per_charge
     is_empty = reading.value <= 0.0 and reading.first.value <= 0.0 and taken > 0.0
     dropped = reading.first.value - reading.value
-    return is_empty or abs(dropped - taken) > CHARGE_MARGIN + CHARGE_SHARE * max(abs(taken), abs(dropped))
+    # choices: 5 points for rounding and delay of a display, and 30 %, the energy that an aged battery lacks
+    return is_empty or abs(dropped - taken) > 0.05 + 0.3 * max(abs(taken), abs(dropped))
 
 
 def impossible_faults(energy_wh: float, drive: ExpectedTrip) -> Iterator[Fault]:
@@ -126,14 +97,15 @@ def impossible_faults(energy_wh: float, drive: ExpectedTrip) -> Iterator[Fault]:
     """
     cause = drive.simulation.by_cause_wh
     gain = cause["climb"] + cause["acceleration"]
-    least = gain - MASS_MARGIN * abs(gain) + min(cause["air"], 0.0)
+    # a load or a wrong mass may change half of the energy of climb and acceleration
+    least = gain - 0.5 * abs(gain) + min(cause["air"], 0.0)
     if cause["shortfall"] < 0.0:
         least = min(least, 0.0)
     hours = drive.plan.duration_s / SECONDS_PER_HOUR
     motor_w = drive.vehicle.drivetrain.motor_max_power_w / PEAK_EFFICIENCY[0]
     loads_wh = cause["base_load"] + cause["climate"]
     most = min(_battery_most_w(drive) * hours, motor_w * hours + loads_wh)
-    if least - ROUNDING_WH <= energy_wh <= most + ROUNDING_WH:
+    if least - 1.0 <= energy_wh <= most + 1.0:  # the sums of a long trip are rounded
         return
     where = f"{drive.vehicle.name}, {drive.plan.trip_id}"
     allowed = f"{round(least / 1000.0, 2) + 0.0:g} to {most / 1000.0:.3g} kWh on this trip"
@@ -160,7 +132,8 @@ def battery_wh(drive: ExpectedTrip) -> float:
 
 def _energy_faults(cumulative: FloatArray, drive: ExpectedTrip) -> Iterator[Fault]:
     known = cumulative[np.isfinite(cumulative)]
-    most = CAPACITY_MARGIN * battery_wh(drive)
+    # a new battery may hold more than its data sheet says
+    most = 1.15 * battery_wh(drive)
     if len(known) and float(np.ptp(known)) > most:
         got = (
             f"{float(np.ptp(known)) / 1000.0:.1f} kWh from a battery of {battery_wh(drive) / 1000.0:.1f} kWh"
@@ -187,9 +160,10 @@ def _motion_faults(samples: Columns, cumulative: FloatArray, drive: ExpectedTrip
     # quantiles: starting and stopping do not hide a steady speed
     low, high = np.quantile(speed[first : last + 1], (0.1, 0.9))
     is_steady = float(high - low) <= STEADY_M_S and time[last] - time[first] >= STEADY_S
-    fall_m = min((STEADY_DESCENT if is_steady else STEEPEST_DESCENT) * length, LONGEST_DESCENT_M)
+    # mountain passes fall by 12 % and 1,500 m at most, motorways, on which a speed is held, by 5 %
+    fall_m = min((0.05 if is_steady else 0.12) * length, 1500.0)
     if drive.plan.has_road:
-        fall_m = ELEVATION_ERROR_M
+        fall_m = 40.0  # error of the difference of two heights; a filled gap of a log jumps by half of this
     ends = (float(driven[first]), float(driven[last])), (float(speed[first]), float(speed[last]))
     least = _min_wh(drive, *ends) - _weight_wh_m(drive) * fall_m
     if taken < least:
@@ -226,7 +200,8 @@ def _weight_wh_m(drive: ExpectedTrip) -> float:
 
 
 def _charge_faults(samples: Columns, drive: ExpectedTrip) -> Iterator[Fault]:
-    allowed = SOC_MARGIN + _descent_wh(drive) / battery_wh(drive)
+    # 5 points: corrections by the battery management and regenerative braking
+    allowed = 0.05 + _descent_wh(drive) / battery_wh(drive)
     for name in ("soc", "displayed_soc"):
         if name not in samples:
             continue
@@ -245,6 +220,6 @@ def _largest_rise(values: FloatArray) -> float:
 def _descent_wh(drive: ExpectedTrip) -> float:
     """Potential energy of the largest descent of the road [Wh]."""
     if not drive.plan.has_road:
-        return _weight_wh_m(drive) * UNKNOWN_DESCENT_M
+        return _weight_wh_m(drive) * 500.0  # descent that a road of unknown elevation may have [m]
     climb = np.cumsum(drive.table.features["climb_w"].to_numpy() * drive.table.hours)
     return _largest_rise(np.concatenate(([0.0], -climb)))

@@ -16,18 +16,6 @@ from tripwatt.units import M_S_PER_KM_H
 CARRIED: Final = frozenset({"ferry", "rail-ferry", "rail_ferry", "train"})
 """Words of routers for a ferry or a train: `mode` of OSRM, `use` of Valhalla's edges, `road_environment` of GraphHopper."""
 
-_FERRY_MANOEUVRE: Final = 28
-"""Type of Valhalla's manoeuvre on a ferry."""
-
-_FERRY_WAYTYPE: Final = 9
-"""Way type of openrouteservice for a ferry."""
-
-_MIN_SPEED_M_S: Final = 5.0 * M_S_PER_KM_H
-_MAX_SPEED_M_S: Final = 140.0 * M_S_PER_KM_H
-_WAITING_S: Final = 3600.0
-"""A crossing takes at least its length at the highest speed, of a train through a tunnel, and at most its length at the lowest speed
-plus the waiting time; other times are errors of the map. Choices."""
-
 
 def carried_steps(steps: Sequence[Node]) -> BoolArray:
     """Return for each step of OSRM or Valhalla whether the car is carried on it, shape (steps,).
@@ -43,7 +31,8 @@ def carried_steps(steps: Sequence[Node]) -> BoolArray:
 
 def _is_carried(step: dict[str, Any]) -> bool:
     words = {str(step.get(key)) for key in ("mode", "travel_mode", "travel_type")}
-    return bool(words & CARRIED) or step.get("type") == _FERRY_MANOEUVRE or step.get("ferry") is True
+    # 28 is the type of Valhalla's manoeuvre on a ferry
+    return bool(words & CARRIED) or step.get("type") == 28 or step.get("ferry") is True
 
 
 def carried_pieces(leg: Node, length_m: FloatArray) -> BoolArray:
@@ -78,7 +67,8 @@ def ferry_steps(route: Node, steps: Sequence[Node]) -> BoolArray:
     if not types:
         return np.zeros(len(steps), dtype=bool)
     rows = Node(types, f"{route.where}, waytypes")["values"].entries()
-    ferries = [row.numbers() for row in rows if row.entries(min_count=3)[2].value == _FERRY_WAYTYPE]
+    # 9 is the way type of a ferry
+    ferries = [row.numbers() for row in rows if row.entries(min_count=3)[2].value == 9]
     starts = [step["way_points"].entries(min_count=1)[0].number() for step in steps]
     return np.array(
         [any(first <= start < last for first, last, _ in ferries) for start in starts], dtype=bool
@@ -126,7 +116,8 @@ def pauses_of(length_m: FloatArray, time_s: FloatArray, carried: BoolArray) -> t
     pauses = []
     for first, stop in edges.reshape(-1, 2):
         carried_m, seconds = float(length_m[first:stop].sum()), float(time_s[first:stop].sum())
-        shortest, longest = carried_m / _MAX_SPEED_M_S, carried_m / _MIN_SPEED_M_S + _WAITING_S
+        # choices: 140 km/h of a train through a tunnel; 5 km/h, and an hour of waiting
+        shortest, longest = carried_m / (140.0 * M_S_PER_KM_H), carried_m / (5.0 * M_S_PER_KM_H) + 3600.0
         pauses.append(Pause(float(driven[first]), min(max(seconds, shortest), longest), carried_m))
     return tuple(pauses)
 

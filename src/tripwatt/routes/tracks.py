@@ -43,11 +43,6 @@ _MIN_PAUSE_S: Final = 180.0
 """Shortest gap between two points without a movement that counts as a pause [s]; a choice, longer than a traffic light."""
 
 _CLOCK_CHANGE_S: Final = 3600.0
-_CLOCK_CHANGE_WITHIN_S: Final = 60.0
-_CLOCK_CHANGE_MONTHS: Final = (3, 4, 9, 10, 11)
-"""Summer time begins and ends on a Sunday of these months, in both hemispheres, between midnight and `_LAST_CHANGE_HOUR`."""
-_LAST_CHANGE_HOUR: Final = 4
-
 _MAX_IN_GAPS: Final = 0.25
 """Largest share of the length of a logged track that may lie in gaps between its points; a choice."""
 
@@ -392,10 +387,10 @@ def _clock_change(seconds: FloatArray) -> FloatArray:
     """Return by how much the clock of each time without zone was put forward or back before, shape of `seconds` [s]."""
     step = np.diff(seconds)
     change = np.zeros(len(seconds))
-    for k in np.flatnonzero(np.abs(np.abs(step) - _CLOCK_CHANGE_S) <= _CLOCK_CHANGE_WITHIN_S):
+    for k in np.flatnonzero(np.abs(np.abs(step) - _CLOCK_CHANGE_S) <= 60.0):
         moment = dt.datetime.fromtimestamp(float(seconds[k]), dt.UTC)
-        is_night = moment.weekday() == calendar.SUNDAY and moment.hour < _LAST_CHANGE_HOUR
-        if is_night and moment.month in _CLOCK_CHANGE_MONTHS:
+        # summer time begins and ends in a Sunday night of these months, in both hemispheres
+        if moment.weekday() == calendar.SUNDAY and moment.hour < 4 and moment.month in (3, 4, 9, 10, 11):
             change[k + 1 :] += np.copysign(_CLOCK_CHANGE_S, step[k])
     return change
 
