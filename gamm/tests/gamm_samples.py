@@ -59,7 +59,6 @@ def mgcv_fit(name):
         coef_=coef,
         coef_names_=[f"b{i}" for i in range(coef.size)],
         Vp_=posterior * scalars["scale"],
-        F_=hat,
         edf_=edf,
         edf1_=2 * edf - np.einsum("ij,ji->i", hat, hat),
         R_=(vectors * np.sqrt(np.clip(values, 0, None) / scalars["scale"])).T,

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy import stats
 
 from tripwatt_gamm.effects import CurveEffect, RandomEffects, SurfaceEffect
 from tripwatt_gamm.errors import InvalidInput
@@ -14,9 +13,9 @@ def test_curve_is_the_models_own_prediction(waves_fit, waves):
     table = curve.frame()
     grid = waves.iloc[[0] * 50].assign(x=table["x"].to_numpy(), f="up")
     others = [fitted.label for fitted in waves_fit.terms_ if fitted.label != "s(x):fup"]
-    value, error = waves_fit.predict(grid, exclude=others, se=True)
-    np.testing.assert_allclose(table["effect"], value, atol=1e-9)
-    np.testing.assert_allclose(table["upper"] - table["effect"], stats.norm.ppf(0.95) * error, rtol=1e-6)
+    found = waves_fit.intervals(grid, 0.9, others)
+    np.testing.assert_allclose(table["effect"], found["mean"], atol=1e-9)
+    np.testing.assert_allclose(table["upper"], found["upper"], atol=1e-6)
     own = waves.loc[waves["f"] == "up", "x"]
     assert (table["x"].min(), table["x"].max()) == pytest.approx((own.min(), own.max()))
     assert len(curve.rug) == (waves["f"] == "up").sum()

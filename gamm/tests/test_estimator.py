@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from gamm_samples import FULL, X, clustered, study
 from tripwatt_gamm import GAMM, Formula, RandomEffect, Smooth
-from tripwatt_gamm.errors import InvalidInput
+from tripwatt_gamm.errors import InvalidInput, NotFittedError
 
 few = settings(max_examples=8, deadline=None)
 
@@ -53,7 +53,7 @@ def test_scaling_the_response_scales_everything(seed, factor, family):
 
 
 def test_predictions_add_up(frame, model):
-    fit, se = model.predict(frame, se=True)
+    fit, se = model.predict(frame), model.intervals(frame)["std_error"].to_numpy()
     terms = model.predict_terms(frame)
     assert fit == pytest.approx(model.fitted_values_, abs=1e-8)
     assert terms.sum(axis=1).to_numpy() == pytest.approx(fit)
@@ -62,7 +62,7 @@ def test_predictions_add_up(frame, model):
     assert fit - without == pytest.approx(terms["s(g)"].to_numpy())
     dense = np.hstack([fitted.matrix(frame) for fitted in model.terms_])
     assert se == pytest.approx(np.sqrt(np.einsum("ij,jk,ik->i", dense, model.Vp_, dense)))
-    assert pytest.approx(np.linalg.pinv(model.Vp_) @ model.F_, abs=1e-4) == model.R_.T @ model.R_
+    assert np.diag(model.Vp_ @ model.R_.T @ model.R_) == pytest.approx(model.edf_, abs=1e-6)
 
 
 def test_predict_and_options_say_what_is_wrong(frame, model):
@@ -73,7 +73,7 @@ def test_predict_and_options_say_what_is_wrong(frame, model):
     with pytest.raises(InvalidInput, match="unknown term"):
         model.predict(frame, exclude=["s(trip)"])
     with pytest.raises(InvalidInput, match="unknown family"):
-        GAMM(FULL, "poisson").fit(frame)
+        GAMM(FULL, "poison").fit(frame)
     with pytest.raises(InvalidInput, match="no score for a correlation"):
         GAMM(FULL, "scat", ar1_rho="estimate").fit(frame)
     with pytest.raises(InvalidInput, match=r"invalid smoothing parameters.*s\(x,z\)"):
@@ -82,6 +82,18 @@ def test_predict_and_options_say_what_is_wrong(frame, model):
         GAMM(Formula("y", (X,))).leave_groups_out(frame, groups=np.zeros(len(frame)))
     with pytest.raises(InvalidInput, match="wrong length"):
         GAMM(FULL).fit(frame, frame["y"][:-1])
+    with pytest.raises(InvalidInput, match=r"another index: the response.*to_numpy"):
+        GAMM(FULL).fit(frame, frame["y"].set_axis(range(1, len(frame) + 1)))
+    for error in (NotFittedError, AttributeError, ValueError):
+        with pytest.raises(error, match="not fitted: GAMM"):
+            GAMM(FULL).predict(frame)
+    assert not hasattr(GAMM(FULL), "coef_")
+
+
+def test_a_series_is_aligned_with_the_frame(frame):
+    order = np.random.default_rng(0).permutation(len(frame))
+    aligned = GAMM(Formula(None, (X,))).fit(frame, frame["y"].iloc[order])
+    assert aligned.coef_ == pytest.approx(GAMM(Formula("y", (X,))).fit(frame).coef_)
 
 
 def test_a_fit_that_did_not_converge_says_so(frame):

@@ -1,39 +1,149 @@
-"""Derivatives of the scaled t."""
+"""Families: derivatives, and fits of each by R's mgcv with prior weights and offsets."""
+
+import json
+from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from scipy.stats import t as student
+from scipy import stats
 
-from tripwatt_gamm.families import Theta, t_derivatives, theta_objective
+from gamm_samples import FIXTURES
+from tripwatt_gamm import GAMM, Binomial, Gamma, Gaussian, InvalidInput, Poisson, ScaledT
+from tripwatt_gamm.families import Response
 
-few = settings(max_examples=8, deadline=None)
+FITS = {
+    "gaussian": ("normal", "gaussian", "w", None),
+    "gaussian_offset": ("normal", "gaussian", None, "exposure"),
+    "gamma": ("gamma", "gamma", None, None),
+    "gamma_weighted": ("gamma", "gamma", "w", "exposure"),
+    "poisson": ("poisson", "poisson", None, "exposure"),
+    "poisson_weighted": ("poisson", "poisson", "w", "exposure"),
+    "binomial": ("share", "binomial", "trials", None),
+}
+TERMS = {"full": 's(x) + s(z, k=6) + s(g, bs="re")', "small": "s(x)"}
 
 
-seeds = st.integers(0, 10_000)
+@pytest.fixture(scope="module")
+def data():
+    return pd.read_csv(FIXTURES / "families" / "data.csv")
 
 
-@few
-@given(seed=seeds, nu=st.floats(3.1, 40), sigma=st.floats(0.1, 5))
-def test_derivatives_of_the_scaled_t(seed, nu, sigma):
-    r = np.random.default_rng(seed).standard_t(3, 6) * sigma
-    theta, h = Theta.from_estimates(nu, sigma, 3.0), 1e-5
-    d = t_derivatives(r, theta)
-    assert d.eta[0] == pytest.approx(student.logpdf(r, nu, scale=sigma), abs=1e-8)
-    size = sigma ** -np.arange(5.0)
-    for j in range(4):
-        difference = (
-            t_derivatives(r - h * sigma, theta).eta[j] - t_derivatives(r + h * sigma, theta).eta[j]
-        ) / (2 * h * sigma)
-        assert difference == pytest.approx(d.eta[j + 1], abs=1e-4 * size[j + 1])
-        for i, step in enumerate(((h, 0.0), (0.0, h))):
-            up, down = t_derivatives(r, theta.step(*step)), t_derivatives(r, theta.step(-step[0], -step[1]))
-            assert (up.eta[j] - down.eta[j]) / (2 * h) == pytest.approx(d.eta_theta[j, i], abs=1e-4 * size[j])
-            if j < 3:
-                second = (up.eta_theta[j] - down.eta_theta[j]) / (2 * h)
-                assert second == pytest.approx(d.eta_theta2[j, i], abs=1e-4 * size[j])
-    value, gradient, hessian = theta_objective(r, theta)
-    assert value == pytest.approx(d.eta[0].sum())
-    assert gradient == pytest.approx(d.eta_theta[0].sum(axis=1), abs=1e-6)
-    assert hessian == pytest.approx(d.eta_theta2[0].sum(axis=-1), abs=1e-6)
+@pytest.fixture(scope="module")
+def peers():
+    return json.loads((FIXTURES / "families" / "fits.json").read_text())
+
+
+@pytest.mark.parametrize("name", list(FITS))
+@pytest.mark.parametrize("terms", list(TERMS))
+def test_fits_are_those_of_mgcv(data, peers, name, terms):
+    peer, (y, family, weights, offset) = peers[name][terms], FITS[name]
+    model = GAMM(f"{y} ~ {TERMS[terms]}", family).fit(data, weights=weights, offset=offset)
+    page, new = model.summary(), data.iloc[[0, 100, 300]]
+    assert model.converged_
+    ours = {
+        "reml": model.reml_,
+        "edf": model.edf_.sum(),
+        "scale": model.scale_,
+        "reml_scale": model.reml_scale_,
+        "sp": list(model.smoothing_parameters_.values()),
+        "aic": model.aic_,
+        "deviance": model.deviance_,
+        "deviance_explained": model.deviance_explained_,
+        "r2": model.r2_,
+        "coef": model.coef_[0],
+        "smooth_edf": page.smooth["edf"],
+        "ref_df": page.smooth["ref_df"],
+        "statistic": page.smooth["statistic"],
+        "parametric": page.parametric.iloc[0, :3],
+        "link": model.predict(new, scale="link"),
+        "link_se": model.intervals(new)["std_error"],
+        "mean": model.predict(new),
+        "residual": model.deviance_residuals_[:3],
+    }
+    if name == "gamma_weighted":
+        # R adds up weighted densities of the unweighted shape; ours is the likelihood of the model that was fitted
+        ours.pop("aic")
+    peer["parametric"] = peer["parametric"][:3]
+    for key, value in ours.items():
+        np.testing.assert_allclose(value, peer[key], rtol=3e-4, atol=2e-5, err_msg=key)
+
+
+FAMILIES = [
+    (Gaussian(), stats.norm.logpdf, [1.2], [0.3, -1.0, 2.0], lambda mu, phi: (mu, np.sqrt(phi))),
+    (Gamma(), stats.gamma.logpdf, [0.4], [0.3, 1.0, 7.0], lambda mu, phi: (1 / phi, 0.0, mu * phi)),
+    (Poisson(), stats.poisson.logpmf, [0.0], [0.0, 1.0, 7.0], lambda mu, phi: (mu,)),
+    (Binomial(), stats.binom.logpmf, [0.0], [0.0, 1.0, 1.0], lambda mu, phi: (1, mu)),
+    (ScaledT(), stats.t.logpdf, [0.3, -0.4], [0.3, -1.0, 2.0], None),
+]
+
+
+@pytest.mark.parametrize(("family", "density", "theta", "y", "arguments"), FAMILIES)
+def test_likelihoods_are_those_of_scipy_and_have_exact_derivatives(family, density, theta, y, arguments):
+    y, eta, theta, h = np.array(y), np.array([0.2, -0.5, 0.9]), np.array(theta), 1e-5
+    rows = Response.of(y)
+    d = family.derivatives(rows, eta, theta)
+    if isinstance(family, ScaledT):
+        nu, sigma = family.shape(theta)
+        expected = density(y, nu, eta, sigma)
+        value, gradient, hessian = family.objective(y - eta, theta)
+        assert value == pytest.approx(-expected.sum())
+        for i, step in enumerate(h * np.eye(2)):
+            up, down = family.objective(y - eta, theta + step), family.objective(y - eta, theta - step)
+            assert (up[0] - down[0]) / (2 * h) == pytest.approx(gradient[i], abs=1e-6)
+            assert (up[1] - down[1]) / (2 * h) == pytest.approx(hessian[i], abs=1e-6)
+    else:
+        expected = density(y, *arguments(family.link.mean(eta), np.exp(theta[0])))
+    assert d[0] == pytest.approx(expected)
+    up, down = family.derivatives(rows, eta + h, theta), family.derivatives(rows, eta - h, theta)
+    assert (up - down)[:3] / (2 * h) == pytest.approx(d[1:], abs=1e-6)
+    # one row of weight 4 has the errors of half the size, or counts as four rows
+    heavy = family.derivatives(replace(rows, weights=4 * rows.weights), eta, theta)
+    if family.scaled_rows:
+        heavy -= [[np.log(2)], [0], [0], [0]]
+        twice = family.derivatives(Response.of(2 * y), 2 * eta, theta)
+        assert heavy == pytest.approx(twice * [[1.0], [2.0], [4.0], [8.0]])
+    else:
+        assert heavy[1:] == pytest.approx(4 * d[1:])
+    difference = (family.link.mean(eta + h) - family.link.mean(eta - h)) / (2 * h)
+    assert family.link.slope(eta) == pytest.approx(difference)
+    assert family.link.predictor(family.link.mean(eta)) == pytest.approx(eta)
+
+
+def test_weights_of_students_t_scale_its_errors(data):
+    """Rows times 2 with a scale twice as large are rows of weight 4."""
+    formula = "normal ~ s(x, k=6)"
+    one = GAMM(formula, "scat", "REML").fit(data, weights=np.full(len(data), 4.0))
+    two = GAMM(formula, "scat", "REML").fit(data)
+    assert one.sigma_ == pytest.approx(2 * two.sigma_, rel=1e-4)
+    assert one.fitted_values_ == pytest.approx(two.fitted_values_, abs=1e-5)
+    assert (one.reml_, one.loglik_) == pytest.approx((two.reml_, two.loglik_), abs=1e-4)
+
+
+def test_offsets_move_predictions(data):
+    model = GAMM("poisson ~ s(x)", "poisson").fit(data, offset="exposure")
+    assert model.predict(data) == pytest.approx(model.fitted_values_)
+    rate = model.predict(data, offset=np.zeros(len(data)))
+    assert rate * np.exp(data["exposure"].to_numpy()) == pytest.approx(model.fitted_values_)
+    given = GAMM("poisson ~ s(x)", "poisson").fit(data, offset=data["exposure"])
+    assert given.coef_ == pytest.approx(model.coef_)
+    with pytest.raises(InvalidInput, match="no offset"):
+        given.predict(data)
+    held = model.leave_groups_out(data, groups="g", offset="exposure")
+    own = data["g"] == "g07"
+    without = GAMM("poisson ~ s(x)", "poisson").fit(data[~own], offset="exposure")
+    assert held[own] == pytest.approx(without.predict(data[own]), rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("formula", "family", "options", "words"),
+    [
+        ("normal ~ s(x)", "poisson", {}, "impossible response: family poisson"),
+        ("normal ~ s(x)", "gamma", {}, "allowed: numbers above 0"),
+        ("normal ~ s(x)", "gaussian", {"weights": "exposure"}, "invalid weights"),
+        ("normal ~ s(x)", "gaussian", {"offset": "nowhere"}, "unknown column: 'nowhere'"),
+    ],
+)
+def test_impossible_values_are_named(data, formula, family, options, words):
+    with pytest.raises(InvalidInput, match=words):
+        GAMM(formula, family).fit(data, **options)

@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gamm_samples import clustered
-from tripwatt_gamm import GAMM, Formula, RandomEffect, ScaledT, Smooth, Tensor
+from tripwatt_gamm import GAMM, Formula, Gamma, Poisson, RandomEffect, ScaledT, Smooth, Tensor
 from tripwatt_gamm.design import build_design
-from tripwatt_gamm.families import Theta
+from tripwatt_gamm.families import Response
 from tripwatt_gamm.fit import NormalEquations, gaussian_score
 from tripwatt_gamm.laplace import LaplaceModel
 
@@ -56,15 +56,24 @@ def test_scores_have_exact_gradients_and_hessians(seed):
         gradient, hessian = central(score, rho)
         assert score(rho)[1] == pytest.approx(gradient, abs=1e-5)
         assert score(rho)[2] == pytest.approx(hessian, abs=1e-5)
-    model = LaplaceModel(rows, y, stack, ScaledT(), gaussian_score(normal, stack, rho, None).beta)
+    mean = np.exp(y - y.mean())
+    start = gaussian_score(normal, stack, rho, None).beta
+    for family, values, theta in (
+        (ScaledT(), y, [0.7, -0.8]),
+        (Gamma(), mean, [-0.5]),
+        (Poisson(), mean.round(), [0.0]),
+    ):
+        model = LaplaceModel(rows, Response.of(values), stack, family, start if values is y else 0 * start)
+        point = np.append(rho, theta)
 
-    def laplace(x):
-        return model.value(x[:-2], Theta(x[-2], x[-1], 3.0))
+        def laplace(x, model=model):
+            mode = model.mode(x)
+            return model.score(x, mode), model.gradient(x, mode)
 
-    point = np.append(rho, [0.7, -0.8])
-    gradient, hessian = central(laplace, point)
-    assert laplace(point)[1] == pytest.approx(gradient, abs=1e-4)
-    assert laplace(point)[2] == pytest.approx(hessian, abs=1e-4)
+        gradient, hessian = central(laplace, point)
+        _, exact, differences = model.value(point, np.ones(len(point), dtype=bool))
+        assert exact == pytest.approx(gradient, abs=1e-4)
+        assert differences == pytest.approx(hessian, abs=1e-3 * np.abs(hessian).max())
 
 
 @few

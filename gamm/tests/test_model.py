@@ -160,7 +160,7 @@ def test_nested_terms_are_reduced_and_said_so(reference_dir):
 
 def test_summary_and_effects_of_correlated_effects_name_both():
     model = GAMM("reaction ~ days + (1 + days | subject)").fit(study("sleepstudy"))
-    text = model.summary().text()
+    text = str(model.summary())
     assert "Variance components:" in text
     assert "(1+days|subject) subject (Intercept)  24.7405" in text
     effects = model.effects()

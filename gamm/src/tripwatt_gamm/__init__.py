@@ -1,4 +1,4 @@
-"""Generalised additive mixed models with gaussian or Student's t errors, independent of cars and trips.
+"""Generalised additive mixed models of gaussian, Student's t, Gamma, Poisson and binomial responses, independent of cars and trips.
 
 >>> import numpy as np, pandas as pd
 >>> from tripwatt_gamm import GAMM, Formula, Smooth
@@ -19,8 +19,8 @@ A fitted model explains itself:
 from tripwatt_gamm.dependence import Autocorrelation, autocorrelation, concurvity
 from tripwatt_gamm.diagnosis import Diagnosis
 from tripwatt_gamm.effects import CurveEffect, FactorEffect, RandomEffects, SurfaceEffect, plot_effects
-from tripwatt_gamm.errors import InvalidInput
-from tripwatt_gamm.families import Family, Gaussian, ScaledT
+from tripwatt_gamm.errors import InvalidInput, NotFittedError
+from tripwatt_gamm.families import Binomial, Family, Gamma, Gaussian, Poisson, ScaledT
 from tripwatt_gamm.model import GAMM
 from tripwatt_gamm.summary import Summary
 from tripwatt_gamm.terms import Formula, Parametric, RandomEffect, Smooth, Tensor, Term
@@ -28,14 +28,18 @@ from tripwatt_gamm.terms import Formula, Parametric, RandomEffect, Smooth, Tenso
 __all__ = [
     "GAMM",
     "Autocorrelation",
+    "Binomial",
     "CurveEffect",
     "Diagnosis",
     "FactorEffect",
     "Family",
     "Formula",
+    "Gamma",
     "Gaussian",
     "InvalidInput",
+    "NotFittedError",
     "Parametric",
+    "Poisson",
     "RandomEffect",
     "RandomEffects",
     "ScaledT",

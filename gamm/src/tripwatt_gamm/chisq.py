@@ -103,11 +103,5 @@ def _saddle(q: float, lam: FloatArray, h: FloatArray) -> float:
         s = u * end
         return float((h * lam / (1 - 2 * lam * s)).sum()) - q - 1 / s
 
-    low = min(0.5, 0.5 / (end * (float((h * np.abs(lam)).sum()) + q + 1)))
-    while slope(low) > 0:
-        low /= 4
-    gap = 0.5
-    while slope(1 - gap) < 0 and gap > 1e-15:
-        gap /= 4
-    high = 1 - gap
-    return end * (high if slope(high) <= 0 else float(brentq(slope, low, high, xtol=1e-15, rtol=1e-10)))
+    high = 1 - 1e-15
+    return end * (high if slope(high) <= 0 else float(brentq(slope, 1e-12, high, xtol=1e-15, rtol=1e-10)))

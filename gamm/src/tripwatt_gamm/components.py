@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tripwatt_gamm.arrays import FloatArray
-from tripwatt_gamm.families import Gaussian
 from tripwatt_gamm.inference import total_penalty
 
 if TYPE_CHECKING:
@@ -29,7 +28,7 @@ def random_covariance(model: Estimator, fitted: FittedTerm) -> FloatArray:
     """
     q = len(fitted.effects)
     first = fitted.start + np.arange(q) * (fitted.size // q)
-    return np.asarray(np.linalg.inv(total_penalty(model)[np.ix_(first, first)]) * float(model.scale_))
+    return np.asarray(np.linalg.inv(total_penalty(model)[np.ix_(first, first)]) * model.reml_scale_)
 
 
 def _log_sd_errors(model: Estimator) -> FloatArray:
@@ -42,7 +41,7 @@ def _log_sd_errors(model: Estimator) -> FloatArray:
     covariance = model.log_sp_covariance_
     size = len(covariance)
     slopes, spread = np.zeros(size), 0.0
-    if isinstance(model.family_, Gaussian) and model.family_.scale is None:
+    if model.family_.estimates_scale:
         free = sum(fitted.null_dim for fitted in model.terms_) - len(model.empty_columns_)
         quadratic = [
             float(model.coef_[fitted.slice] @ S @ model.coef_[fitted.slice])
@@ -50,7 +49,7 @@ def _log_sd_errors(model: Estimator) -> FloatArray:
             for S in fitted.penalties
         ]
         parameters = np.nan_to_num(list(model.smoothing_parameters_.values()))
-        slopes = parameters * np.array(quadratic) / ((model.n_ - free) * model.scale_)
+        slopes = parameters * np.array(quadratic) / ((model.n_ - free) * model.reml_scale_)
         spread = 2 / (model.n_ - free)
     if np.isnan(covariance).all():
         return np.full(size + 1, np.nan)
@@ -72,7 +71,7 @@ def variance_components(model: Estimator, level: float = 0.95) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        One row for each effect and one for the errors: ``term``, ``group`` (columns of the levels), ``effect``
+        One row for each effect and one for additive errors: ``term``, ``group`` (columns of the levels), ``effect``
         ("(Intercept)" or the multiplier), ``std_dev``, ``variance``, ``lower``, ``upper`` (of the standard deviation:
         normal on the log scale, from the Hessian of the REML score), ``correlation`` (with the intercept of the level).
         Intervals are NaN for correlated effects, for Student's t errors and if smoothing parameters were given.
@@ -98,9 +97,10 @@ def variance_components(model: Estimator, level: float = 0.95) -> pd.DataFrame:
             correlation = covariance[j, 0] / (sds[j] * sds[0]) if j else np.nan
             rows.append((fitted.label, ":".join(fitted.groups), effect, sds[j], half_width, correlation))
         penalty += len(fitted.penalties)
-    gaussian = isinstance(model.family_, Gaussian)
-    sd = np.sqrt(model.scale_) if gaussian else model.sigma_ * np.sqrt(model.nu_ / (model.nu_ - 2))
-    rows.append(("Residual", "", "", sd, float(half[-1]) if gaussian else np.nan, np.nan))
+    if model.family_.scaled_rows:
+        normal = np.isnan(model.nu_)
+        sd = model.sigma_ if normal else model.sigma_ * np.sqrt(model.nu_ / (model.nu_ - 2))
+        rows.append(("Residual", "", "", sd, float(half[-1]) if normal else np.nan, np.nan))
     table = pd.DataFrame(rows, columns=["term", "group", "effect", "std_dev", "half", "correlation"])
     with np.errstate(over="ignore"):
         factor = np.exp(table["half"])

@@ -338,17 +338,28 @@ def response(frame: pd.DataFrame, y: object, name: str | None) -> FloatArray:
             raise InvalidInput.of(
                 "no response", "fit(frame, y)", "y is None", "y, or a formula with a left side"
             )
-        faults = missing_columns(frame, [name])
-        raise_faults(faults)
-        y = frame[name]
-    series = pd.Series(np.asarray(y).ravel() if not isinstance(y, pd.Series) else y.to_numpy())
+        y = name
+    values = row_values(frame, y, "the response")
+    if len(values) and np.ptp(values) == 0:
+        got = f"{values[0]} in every row"
+        raise InvalidInput.of("constant response", f"{name or 'y'}", got, "at least two values")
+    return values
+
+
+def row_values(frame: pd.DataFrame, given: object, label: str) -> FloatArray:
+    """Read a number for each row (n,): the name of a column, a Series, which is aligned with the frame, or an array."""
+    if isinstance(given, str):
+        raise_faults(missing_columns(frame, [given]))
+        given = frame[given]
+    series = pd.Series(np.ravel(np.asarray(given))) if not isinstance(given, pd.Series) else given
     if len(series) != len(frame):
         got = f"{len(series)} values"
-        raise InvalidInput.of("wrong length", "response y", got, f"one for each of the {len(frame)} rows")
-    values, faults = numbers(pd.DataFrame({"y": series}), "y", "the response")
-    if not faults and len(values) and np.ptp(values) == 0:
-        faults = [
-            Fault("constant response", f"{name or 'y'}", f"{values[0]} in every row", "at least two values")
-        ]
+        raise InvalidInput.of("wrong length", label, got, f"one for each of the {len(frame)} rows")
+    if isinstance(given, pd.Series) and not series.index.equals(frame.index):
+        if not (series.index.is_unique and frame.index.is_unique and frame.index.isin(series.index).all()):
+            fix = "to_numpy() takes the values in their order"
+            raise InvalidInput.of("another index", label, "a Series", "the index of the frame", fix)
+        series = series.reindex(frame.index)
+    values, faults = numbers(pd.DataFrame({"y": series.array}), "y", label)
     raise_faults(faults)
     return values

@@ -23,8 +23,10 @@ class Diagnosis:
 
     Attributes
     ----------
-    fitted, residual : ndarray (n,)
-        Fitted values, and response minus fitted values, in the order of the data.
+    predictor, fitted, response : ndarray (n,)
+        Linear predictor, fitted values and response, in the order of the data.
+    residual : ndarray (n,)
+        Response minus fitted values, times the root of the prior weight; deviance residuals if errors are not additive.
     sigma : float
         Scale of the fitted error distribution, in the unit of the response.
     nu : float
@@ -43,7 +45,9 @@ class Diagnosis:
     4
     """
 
+    predictor: FloatArray
     fitted: FloatArray
+    response: FloatArray
     residual: FloatArray
     sigma: float
     nu: float
@@ -57,7 +61,8 @@ class Diagnosis:
         model : GAMM
             A fitted model.
         """
-        return cls(model.fitted_values_, model.residuals_, float(model.sigma_), float(model.nu_))
+        values = model.linear_predictor_, model.fitted_values_, model.response_, model.scaled_residuals_
+        return cls(*values, float(model.sigma_), float(model.nu_))
 
     @property
     def distribution(self) -> Any:
@@ -84,7 +89,7 @@ class Diagnosis:
 
         n = len(self.residual)
         rank = np.argsort(np.argsort(self.residual, kind="stable"), kind="stable")
-        columns = {"fitted": self.fitted, "response": self.fitted + self.residual, "residual": self.residual}
+        columns = {"fitted": self.fitted, "response": self.response, "residual": self.residual}
         return pd.DataFrame({**columns, "theoretical": self.distribution.ppf((rank + 0.5) / n)})
 
     def plot(self, figure: Figure | None = None) -> Figure:
@@ -105,11 +110,11 @@ class Diagnosis:
         figure = figures.new_figure(9.0, 7.2) if figure is None else figure
         (quantiles, residuals), (histogram, response) = figure.subplots(2, 2)
         self._plot_quantiles(quantiles)
-        _scatter(residuals, self.fitted, self.residual)
+        _scatter(residuals, self.predictor, self.residual)
         residuals.axhline(0.0, color=figures.RED, linewidth=1.5)
         residuals.set(title="Residuals and linear predictor", xlabel="Linear predictor", ylabel="Residual")
         self._plot_histogram(histogram)
-        _scatter(response, self.fitted, self.fitted + self.residual)
+        _scatter(response, self.fitted, self.response)
         ends = [float(self.fitted.min()), float(self.fitted.max())]
         response.plot(ends, ends, color=figures.RED, linewidth=1.5)
         response.set(title="Response and fitted values", xlabel="Fitted value", ylabel="Response")
@@ -124,14 +129,8 @@ class Diagnosis:
         n, ordered = len(self.residual), np.sort(self.residual)
         shown = figures.shown_rows(ordered)
         # the i-th of n independent probabilities follows a beta distribution
-        low, middle, high = (
-            self.distribution.ppf(p)
-            for p in (
-                stats.beta.ppf(0.025, shown + 1, n - shown),
-                (shown + 0.5) / n,
-                stats.beta.ppf(0.975, shown + 1, n - shown),
-            )
-        )
+        below, above = (stats.beta.ppf(p, shown + 1, n - shown) for p in (0.025, 0.975))
+        low, middle, high = self.distribution.ppf([below, (shown + 0.5) / n, above])
         band = "95 %, were rows independent"
         ax.fill_between(middle, low, high, color=figures.GREY, alpha=0.3, linewidth=0, label=band)
         _scatter(ax, middle, ordered[shown])
@@ -150,16 +149,11 @@ class Diagnosis:
         # with a heavy tail, bins over the full range would be one bar
         inner = tuple(np.quantile(self.residual, [0.002, 0.998]))
         count, edges, _ = ax.hist(
-            self.residual, bins=40, range=inner, color=figures.BLUE, alpha=0.5, label="residuals"
+            self.residual, 40, range=inner, color=figures.BLUE, alpha=0.5, label="residuals"
         )
         expected = len(self.residual) * np.diff(self.distribution.cdf(edges))
-        ax.plot(
-            (edges[1:] + edges[:-1]) / 2,
-            expected,
-            color=figures.RED,
-            linewidth=1.5,
-            label=self.distribution_name,
-        )
+        middle = (edges[1:] + edges[:-1]) / 2
+        ax.plot(middle, expected, color=figures.RED, linewidth=1.5, label=self.distribution_name)
         beyond = len(self.residual) - int(np.sum(count))
         label = f"Residual ({beyond} beyond the axis)" if beyond else "Residual"
         ax.set(title="Histogram of residuals", xlabel=label, ylabel="Rows")

@@ -77,6 +77,21 @@ class InvalidInput(ValueError):
         return type(self), (self.faults,)  # so that a worker process can return the error
 
 
+class NotFittedError(InvalidInput, AttributeError):
+    """A result that a model has after a fit only; an AttributeError too, as scikit-learn's error of this name is.
+
+    Parameters
+    ----------
+    faults : iterable of Fault
+        What is missing.
+
+    Examples
+    --------
+    >>> issubclass(NotFittedError, ValueError) and issubclass(NotFittedError, AttributeError)
+    True
+    """
+
+
 def raise_faults(faults: Iterable[Fault]) -> None:
     """Raise `InvalidInput` with all distinct faults; do nothing if there are none."""
     listed = tuple(dict.fromkeys(faults))

@@ -2,29 +2,31 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Container, Iterator, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, Self, overload
+from dataclasses import dataclass, replace
+from typing import Any, Literal, Self, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
+from scipy.stats import norm
 
 from tripwatt_gamm.arrays import BoolArray, FloatArray
-from tripwatt_gamm.covariates import Index, missing_columns, numbers, response
+from tripwatt_gamm.covariates import Index, missing_columns, numbers, response, row_values
 from tripwatt_gamm.design import Design, build_design
-from tripwatt_gamm.errors import Fault, InvalidInput, raise_faults
-from tripwatt_gamm.families import Family, Gaussian, ScaledT
-from tripwatt_gamm.fit import Solution
+from tripwatt_gamm.errors import Fault, InvalidInput, NotFittedError, raise_faults
+from tripwatt_gamm.families import FAMILIES, Family, Link, Response, ScaledT
 from tripwatt_gamm.fitted_terms import Extrapolation, FittedTerm
 from tripwatt_gamm.formula import nearest, parse_formula
-from tripwatt_gamm.identify import require_rows
-from tripwatt_gamm.leaveout import grouped_moments, identified_moments, leave_out
+from tripwatt_gamm.leaveout import Work, leave_out
 from tripwatt_gamm.results import results
-from tripwatt_gamm.solve import FitSettings, Method, Problem, solve
-from tripwatt_gamm.tables import previous_rows
+from tripwatt_gamm.solve import FitSettings, Method
 from tripwatt_gamm.terms import Formula, RandomEffect, Smooth, Tensor
+
+Scale: TypeAlias = Literal["response", "link"]
+
+DRAWS = 10_000
+"""Draws for simultaneous intervals: a choice, which leaves an error of some 0.2 % in their coverage."""
 
 PREDICT_ROWS = 8192
 """Rows whose model matrix is formed at a time; a choice that bounds the memory."""
@@ -44,12 +46,20 @@ class Estimator:
     tolerance: float = 1e-3
     max_iter: int = 400
 
-    if TYPE_CHECKING:
+    def __getattr__(self, name: str) -> Any:
+        """Raise, because this attribute is not set; those with a trailing underscore are results of a fit."""
+        if name.endswith("_") and not name.startswith("_"):
+            raise NotFittedError.of("not fitted", f"GAMM.{name}", "no fit", "a model after fit()")
+        raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
-        def __getattr__(self, name: str) -> Any:
-            """Type of the attributes that `fit` sets from the names in `results`."""
-
-    def fit(self, frame: pd.DataFrame, y: object = None, groups: object = None) -> Self:
+    def fit(
+        self,
+        frame: pd.DataFrame,
+        y: object = None,
+        groups: object = None,
+        weights: object = None,
+        offset: object = None,
+    ) -> Self:
         """Choose smoothing parameters and estimate everything.
 
         Parameters
@@ -57,9 +67,14 @@ class Estimator:
         frame : DataFrame
             Columns that the formula names.
         y : array-like (n,), optional
-            Response; default: the formula's left side.
+            Response; default: the formula's left side. A Series is aligned with the index of the frame.
         groups : array-like (n,) or str, optional
             Groups (or their column) within which successive rows are correlated, for `ar1_rho`.
+        weights : array-like (n,) or str, optional
+            Prior weights (or their column), above 0: the variance of a row is divided by its weight. For shares of
+            successes, the numbers of trials.
+        offset : array-like (n,) or str, optional
+            Known part of the linear predictor (or its column, which predictions then read too).
 
         Returns
         -------
@@ -71,42 +86,56 @@ class Estimator:
         InvalidInput
             Names every faulty column, or the term that cannot be fitted.
         """
-        formula, family = self._formula(), self._family()
-        values = response(frame, y, formula.response)
-        codes = self._groups(frame, groups)
-        previous = None if self.ar1_rho is None else previous_rows(codes)
-        design = build_design(formula, frame, self.discretise, self.extrapolation)
-        all_rows = np.arange(len(values), dtype=np.intp)
-        sums = grouped_moments(design, values, codes, all_rows, self.ar1_rho is not None)
-        design, sums = identified_moments(design, sums, values, codes, all_rows)
-        active = design.active(np.diag(sums.gram[0]))
-        stack, which = design.penalty_stack(active)
-        require_rows(len(frame), stack, "frame")
-        given = _given_logs(self.smoothing_parameters, design)
-        settings = self._settings(family, None if given is None else given[which])
-        rows = design.rows.subset(columns=active)
-        problem = Problem(rows, values, sums, stack, active, settings, previous)
-        solution = solve(problem, formula.response or "y")
-        loaded = dict(stack.loaded(solution.loadings).terms)
+        family, data, work = self._work(frame, y, groups, weights, offset)
+        settings = self._settings(family, _given_logs(self.smoothing_parameters, work.design))
+        all_rows = np.arange(len(frame), dtype=np.intp)
+        where = work.design.formula.response or "y"
+        design, active, which, solution = work.fit(all_rows, work.moments(all_rows), settings, where)
+        loaded = dict(design.penalty_stack(active)[0].loaded(solution.loadings).terms)
         for fitted in design.terms:
             if fitted.scales is not None:
                 fitted.penalties = loaded[int(np.searchsorted(active, fitted.start))]
-        self._keep(design, results(design, values, family, solution, active), family, active)
-        self._keep_penalties(design, solution, which)
+        for name, value in results(design, data, family, solution, active, which).items():
+            setattr(self, name + "_", value)
+        self.offset_ = offset
         return self
 
-    @overload
+    def _work(
+        self, frame: pd.DataFrame, y: object, groups: object, weights: object, offset: object
+    ) -> tuple[Family, Response, Work]:
+        """Return the family, the response, and the rows to fit.
+
+        A fit starts from the least squares of a rough linear predictor; for additive errors these are those of the
+        response and the rows, times the roots of their weights.
+        """
+        formula, family = self._formula(), self._family()
+        values = response(frame, y, formula.response)
+        outside = (values < family.limits[0]) | (values > family.limits[1])
+        if outside.any():
+            got = f"{values[outside][0]} at row {int(np.argmax(outside))}"
+            raise InvalidInput.of("impossible response", f"family {family.name}", got, family.allowed)
+        prior = np.ones(len(frame)) if weights is None else row_values(frame, weights, "weights=")
+        if (prior <= 0).any():
+            got, fix = f"{prior.min()} at row {int(np.argmin(prior))}", "leave such rows out"
+            raise InvalidInput.of("invalid weights", "weights=", got, "numbers above 0", fix)
+        known = np.zeros(len(frame)) if offset is None else row_values(frame, offset, "offset=")
+        design = build_design(formula, frame, self.discretise, self.extrapolation)
+        data, codes = Response(values, prior, known), self._groups(frame, groups)
+        lagged = self.ar1_rho is not None
+        if not family.scaled_rows:
+            return family, data, Work(design, family.start(values) - known, codes, lagged, data)
+        if weights is not None:
+            design = replace(design, rows=design.rows.scaled(np.sqrt(prior)))
+        return family, data, Work(design, np.sqrt(prior) * (values - known), codes, lagged, None)
+
     def predict(
-        self, frame: pd.DataFrame, exclude: Collection[str] = ..., se: Literal[False] = ...
-    ) -> FloatArray: ...
-    @overload
-    def predict(
-        self, frame: pd.DataFrame, exclude: Collection[str] = ..., *, se: Literal[True]
-    ) -> tuple[FloatArray, FloatArray]: ...
-    def predict(
-        self, frame: pd.DataFrame, exclude: Collection[str] = (), se: bool = False
-    ) -> FloatArray | tuple[FloatArray, FloatArray]:
-        """Predict the response.
+        self,
+        frame: pd.DataFrame,
+        exclude: Collection[str] = (),
+        offset: object = None,
+        scale: Scale = "response",
+    ) -> FloatArray:
+        """Predict the mean of the response, or the linear predictor.
 
         Parameters
         ----------
@@ -114,28 +143,113 @@ class Estimator:
             Columns of the terms; the column of a random effect may be missing.
         exclude : collection of str
             Labels of terms to leave out.
-        se : bool
-            Whether to return standard errors too.
+        offset : array-like (n,) or str, optional
+            Offset of these rows, or its column; default: the column that `fit` had as offset.
+        scale : {"response", "link"}
+            Whether to return the mean, or the linear predictor.
 
         Returns
         -------
         ndarray, shape (n,)
-            The response; with `se` a pair of the response and its standard errors.
 
         Notes
         -----
         A factor level without training rows has the mean effect of the training rows. An unknown level of a random
         effect has the effect 0. Covariates outside their range follow `extrapolation`.
         """
-        values, errors = [np.zeros(0)], [np.zeros(0)]
+        parts = [X @ self.coef_ for X in self._matrices(frame, exclude)]
+        eta = np.concatenate([np.zeros(0), *parts]) + self._known(frame, offset)
+        link: Link = self.family_.link
+        return link.mean(eta) if scale == "response" else eta
+
+    def intervals(
+        self,
+        frame: pd.DataFrame,
+        level: float = 0.95,
+        exclude: Collection[str] = (),
+        offset: object = None,
+        simultaneous: bool = False,
+    ) -> pd.DataFrame:
+        """Compute intervals of the mean, from the posterior distribution of the coefficients.
+
+        Parameters
+        ----------
+        frame, exclude, offset
+            As for `predict`; a single smooth is left by excluding all other terms.
+        level : float
+            Coverage, between 0 and 1.
+        simultaneous : bool
+            Whether the intervals hold for all rows together: their width is that of the largest deviation among
+            the rows in 10,000 draws of the coefficients (Ruppert, Wand & Carroll 2003, Semiparametric Regression,
+            section 6.5). Otherwise each holds for its row.
+
+        Returns
+        -------
+        DataFrame
+            ``predictor`` and ``std_error`` of the linear predictor; ``mean``, ``lower`` and ``upper`` of the mean.
+        """
+        predictor, link = self.predict(frame, exclude, offset, "link"), self.family_.link
+        draws = self.posterior(DRAWS) - self.coef_ if simultaneous else np.zeros((0, len(self.coef_)))
+        errors, largest = [np.zeros(0)], np.zeros(len(draws))
         for X in self._matrices(frame, exclude):
-            values.append(X @ self.coef_)
-            if se:
-                errors.append(np.sqrt(np.maximum(np.einsum("ij,ij->i", X @ self.Vp_, X), 0.0)))
-        return (np.concatenate(values), np.concatenate(errors)) if se else np.concatenate(values)
+            errors.append(np.sqrt(np.maximum(np.einsum("ij,ij->i", X @ self.Vp_, X), 0.0)))
+            deviations = np.abs(draws @ X.T) / np.maximum(errors[-1], 1e-300)
+            largest = np.maximum(largest, deviations.max(axis=1, initial=0.0))
+        error = np.concatenate(errors)
+        half = error * (np.quantile(largest, level) if simultaneous else norm.ppf((1 + level) / 2))
+        columns = {"predictor": predictor, "std_error": error, "mean": link.mean(predictor)}
+        columns |= {"lower": link.mean(predictor - half), "upper": link.mean(predictor + half)}
+        return pd.DataFrame(columns, frame.index)
+
+    def posterior(self, n: int = 1000, seed: int = 0) -> FloatArray:
+        """Draw coefficients from their posterior distribution, normal with covariance `Vp_`.
+
+        Parameters
+        ----------
+        n : int
+            Number of draws.
+        seed : int
+            Seed of the draws.
+
+        Returns
+        -------
+        ndarray, shape (n, p)
+        """
+        rng = np.random.default_rng(seed)
+        return rng.multivariate_normal(self.coef_, self.Vp_, n, check_valid="ignore", method="eigh")
+
+    def sample(self, frame: pd.DataFrame, n: int = 1000, seed: int = 0, offset: object = None) -> FloatArray:
+        """Draw predictions of the mean from their posterior distribution.
+
+        Parameters
+        ----------
+        frame, offset
+            As for `predict`.
+        n, seed : int
+            As for `posterior`.
+
+        Returns
+        -------
+        ndarray, shape (n, rows)
+        """
+        draws, known = self.posterior(n, seed), self._known(frame, offset)
+        parts = [draws @ X.T for X in self._matrices(frame, ())]
+        return np.asarray(self.family_.link.mean(np.hstack([np.zeros((n, 0)), *parts]) + known))
+
+    def _known(self, frame: pd.DataFrame, offset: object) -> FloatArray:
+        """Offset (n,) of the rows of a prediction; raise if the fit had one that the frame does not have."""
+        given = self.offset_ if offset is None else offset
+        if given is None:
+            return np.zeros(len(frame))
+        if offset is None and not isinstance(given, str):
+            fix = "offset=, or its column as the offset of fit()"
+            raise InvalidInput.of(
+                "no offset", "predict(offset=)", "None, but the fit had one", "numbers", fix
+            )
+        return row_values(frame, given, "offset=")
 
     def predict_terms(self, frame: pd.DataFrame) -> pd.DataFrame:
-        """Predict the contribution of each term to the response.
+        """Predict the contribution of each term to the linear predictor.
 
         Parameters
         ----------
@@ -145,7 +259,7 @@ class Estimator:
         Returns
         -------
         DataFrame, shape (n, terms)
-            Contributions by label of the term, which add up to the response.
+            Contributions by label of the term, which add up to the linear predictor without its offset.
         """
         parts = [
             np.stack([X[:, fitted.slice] @ self.coef_[fitted.slice] for fitted in self.terms_], axis=1)
@@ -201,6 +315,8 @@ class Estimator:
         folds: object = None,
         at: pd.DataFrame | None = None,
         at_folds: object = None,
+        weights: object = None,
+        offset: object = None,
     ) -> FloatArray:
         """Predict every row from a fit without its group.
 
@@ -222,6 +338,8 @@ class Estimator:
         at_folds : array-like (m,) or str, optional
             Unit of each row of `at`, or its column; labels are those of `folds` (or of `groups` if `folds` is not
             given).
+        weights, offset : array-like (n,) or str, optional
+            As for `fit`; with `at`, an offset is a column.
 
         Returns
         -------
@@ -233,22 +351,19 @@ class Estimator:
         InvalidInput
             Names every faulty column, missing groups, or rows of `at` without a unit.
         """
-        formula, family = self._formula(), self._family()
-        values = response(frame, y, formula.response)
         if groups is None:
             raise InvalidInput.of("no groups", "leave_groups_out", "groups is None", "a group for each row")
-        group_codes = self._groups(frame, groups)
-        design = build_design(formula, frame, self.discretise, self.extrapolation)
-        given_logs = _given_logs(self.smoothing_parameters, design)
-        settings = self._settings(family, given_logs)
-        units = group_codes if folds is None else self._groups(frame, folds)
+        family, data, work = self._work(frame, y, groups, weights, offset)
+        settings = self._settings(family, _given_logs(self.smoothing_parameters, work.design))
+        units = work.groups if folds is None else self._groups(frame, folds)
         at_rows = None
         if at is not None:
             labels = _labels(frame, groups if folds is None else folds)
-            raise_faults(_column_faults(at, design.terms, design.training.levels))
+            raise_faults(_column_faults(at, work.design.terms, work.design.training.levels))
             at_rows = at, _units_at(at, at_folds, labels)
-        predictions, self.folds_ = leave_out(design, frame, values, group_codes, units, settings, at_rows)
-        return predictions
+        known = 0.0 if offset is None else data.offset if at is None else row_values(at, offset, "offset=")
+        eta, self.folds_ = leave_out(work, frame, units, settings, at_rows)
+        return family.link.mean(eta + known)
 
     def _formula(self) -> Formula:
         if isinstance(self.formula, Formula):
@@ -256,33 +371,31 @@ class Estimator:
         return parse_formula(self.formula)
 
     def _family(self) -> Family:
-        """The given family, or that of a given name; raise if the name or, beside a name, `method` is unknown."""
-        if isinstance(self.family, Gaussian | ScaledT):
-            return self.family
-        known: dict[str, Family] = {"gaussian": Gaussian(), "scat": ScaledT()}
-        faults = []
-        if self.family not in known:
-            got = repr(self.family)
-            faults.append(
-                Fault("unknown family", "GAMM(family=)", got, ", ".join(known), nearest(got, known))
-            )
-        if self.method not in ("fREML", "REML"):
-            faults.append(Fault("unknown method", "GAMM(method=)", repr(self.method), "fREML or REML"))
-        raise_faults(faults)
-        return known[self.family]
+        """The given family, or that of a given name; raise if an option is unknown."""
+        families = dict.fromkeys([self.family]) if isinstance(self.family, Family) else FAMILIES
+        options = {
+            "family": (self.family, families),
+            "method": (self.method, ("fREML", "REML")),
+            "extrapolation": (self.extrapolation, ("clamp", "linear")),
+        }
+        raise_faults(
+            Fault(f"unknown {name}", f"GAMM({name}=)", repr(got), ", ".join(map(str, allowed)))
+            for name, (got, allowed) in options.items()
+            if got not in allowed
+        )
+        return self.family if isinstance(self.family, Family) else FAMILIES[self.family]
 
     def _settings(self, family: Family, rho: FloatArray | None) -> FitSettings:
-        """Settings of a fit with log smoothing parameters `rho`; raise if `extrapolation`, `method` or `ar1_rho` cannot be used."""
+        """Settings of a fit with log smoothing parameters `rho`; raise if `method` or `ar1_rho` cannot be used."""
         correlated = any(isinstance(term, RandomEffect) and term.correlated for term in self._formula().terms)
         searched = correlated or self.ar1_rho == "estimate"
         faults = []
-        if self.extrapolation not in ("clamp", "linear"):
-            got = repr(self.extrapolation)
-            faults.append(Fault("unknown extrapolation", "GAMM(extrapolation=)", got, "clamp or linear"))
-        if searched and not isinstance(family, Gaussian) and self.method != "REML":
+        if searched and isinstance(family, ScaledT) and self.method != "REML":
             got = f"{self.method} with {'correlated random effects' if correlated else 'ar1_rho'} to estimate"
             fix = "method='REML', whose score can be compared between correlations"
             faults.append(Fault("no score for a correlation", "GAMM(method=)", got, "REML", fix))
+        if self.ar1_rho is not None and not family.scaled_rows:
+            faults.append(Fault("no autocorrelation", "GAMM(ar1_rho=)", family.name, "gaussian or scat"))
         if not (self.ar1_rho in (None, "estimate") or -1 < float(self.ar1_rho or 0) < 1):
             allowed = "'estimate' or within -1 to 1"
             faults.append(Fault("invalid autocorrelation", "GAMM(ar1_rho=)", repr(self.ar1_rho), allowed))
@@ -296,45 +409,12 @@ class Estimator:
         codes = pd.factorize(_labels(frame, groups))[0].astype(np.intp)
         if len(codes) != len(frame) or (codes < 0).any():
             got = f"{len(codes)} labels, {int((codes < 0).sum())} missing"
-            raise InvalidInput.of(
-                "invalid groups", "groups=", got, f"a label for each of the {len(frame)} rows"
-            )
+            allowed = f"a label for each of the {len(frame)} rows"
+            raise InvalidInput.of("invalid groups", "groups=", got, allowed)
         return codes
-
-    def _keep_penalties(self, design: Design, solution: Solution, which: list[int]) -> None:
-        """Set the smoothing parameters and the covariance of their logs; NaN for a term without data."""
-        names = design.penalty_names
-        logs = np.full(len(names), math.nan)
-        logs[which] = solution.rho
-        self.smoothing_parameters_ = {name: float(np.exp(v)) for name, v in zip(names, logs, strict=True)}
-        self.log_sp_covariance_ = np.full((len(names), len(names)), math.nan)
-        if solution.hessian.size:
-            inverse = np.linalg.pinv(solution.hessian, hermitian=True)
-            self.log_sp_covariance_[np.ix_(which, which)] = inverse[: len(which), : len(which)]
-
-    def _keep(self, design: Design, outcome: dict[str, Any], family: Family, active: Index) -> None:
-        """Set the fitted attributes."""
-        for name, value in outcome.items():
-            setattr(self, name + "_", value)
-        self.formula_, self.family_, self.terms_ = design.formula, family, design.terms
-        self.training_ = design.training
-        self.coef_names_ = [name for fitted in design.terms for name in fitted.names]
-        self.term_slices_ = {fitted.label: fitted.slice for fitted in design.terms}
-        kept = set(active.tolist())
-        self.empty_columns_ = [name for i, name in enumerate(self.coef_names_) if i not in kept]
-        supports = design.training.supports
-        self.ranges_ = {
-            name: (float(support.low[j]), float(support.high[j]))
-            for names_, support in supports.items()
-            for j, name in enumerate(names_)
-        }
-        self.levels_ = {name: levels.names for name, levels in design.training.levels.items()}
-        self.notes_ = list(design.notes)
 
     def _checked(self, frame: pd.DataFrame, exclude: Collection[str]) -> list[FittedTerm]:
         """Return the terms of a prediction from a frame; raise if the model is not fitted, or a term or a column is faulty."""
-        if not hasattr(self, "coef_"):
-            raise InvalidInput.of("not fitted", "GAMM", "", "a model after fit()")
         labels = [fitted.label for fitted in self.terms_]
         faults = [
             Fault("unknown term", "predict(exclude=)", repr(label), ", ".join(labels), nearest(label, labels))

@@ -1,28 +1,236 @@
-"""Distributions of the response around the smooth predictor: gaussian, and Student's t with unknown scale.
+"""Distributions of the response around the smooth predictor, each with its link.
 
-The scaled t follows Wood, Pya & Säfken (2016, section 3 and appendix): y = eta + sigma * T_nu. All of its
-derivatives come from one complex logarithm, log(t^2 + u^2) = 2 Re log(u + i t) with u = y - eta and
-t = sigma sqrt(nu), whose derivatives in u and t are powers of 1 / (u + i t).
+Exponential families follow McCullagh & Nelder (1989, Generalized Linear Models, chapter 2): with weight w and scale phi
+the log-likelihood of a row is w / phi times a kernel in the response and the linear predictor, plus a normaliser. The
+scaled t follows Wood, Pya & Säfken (2016, section 3 and appendix): y = eta + sigma * T_nu.
 """
 
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar, TypeAlias
+from typing import ClassVar, NamedTuple
 
 import numpy as np
-from scipy.special import digamma, gammaln, polygamma
+from scipy.special import betaln, digamma, expit, gammaln, logit, polygamma, xlogy
 
 from tripwatt_gamm.arrays import BoolArray, FloatArray
+from tripwatt_gamm.covariates import Index
 
 LOG_EXCESS_DF = (math.log(1e-9), math.log(1e7))
 """Bounds of log(nu - min_df): near the lower one nu counts as at its bound, at the upper one errors are gaussian to
 working precision."""
 
 
+AT_BOUND = 1e-3
+"""Distance of nu from its lower bound up to which it counts as at the bound: a choice, because no figure shows less."""
+
+
+@dataclass(frozen=True)
+class Response:
+    """Response, prior weights and offset of the rows, (n,) each."""
+
+    y: FloatArray
+    weights: FloatArray
+    offset: FloatArray
+
+    @classmethod
+    def of(cls, y: FloatArray) -> Response:
+        """Build the response of rows with weight 1 and without offset."""
+        return cls(y, np.ones_like(y), np.zeros_like(y))
+
+    def at(self, rows: Index) -> Response:
+        """Return the response of some rows, in the given order."""
+        return Response(self.y[rows], self.weights[rows], self.offset[rows])
+
+
+class Link(NamedTuple):
+    """Function that maps the mean to the linear predictor, its inverse, and the slope of the inverse."""
+
+    name: str
+    predictor: Callable[[FloatArray], FloatArray]
+    mean: Callable[[FloatArray], FloatArray]
+    slope: Callable[[FloatArray], FloatArray]
+
+
+IDENTITY = Link("identity", np.asarray, np.asarray, np.ones_like)
+LOG = Link("log", np.log, np.exp, np.exp)
+LOGIT = Link("logit", logit, expit, lambda eta: expit(eta) * expit(-eta))
+
+
+class Family(ABC):
+    """Base class of the distributions of the response.
+
+    Attributes
+    ----------
+    name : str
+        Name as an option of `tripwatt_gamm.GAMM`.
+    link : Link
+    scaled_rows : bool
+        Whether prior weights divide the variance of additive errors, so that rows times their roots have equal errors.
+    allowed, limits : str, tuple of float
+        Values that the response can have.
+    bounds : ndarray (2, m)
+        Bounds of the parameters of the family.
+
+    Examples
+    --------
+    >>> family, rows, eta, theta = Poisson(), Response.of(np.array([1.0, 3.0])), np.zeros(2), np.zeros(1)
+    >>> family.link.name, family.estimates_scale, family.start(rows.y).round(3).tolist()
+    ('log', False, [0.095, 1.065])
+    >>> family.derivatives(rows, eta, theta)[1].tolist(), family.information(rows, eta, theta).tolist()
+    ([0.0, 2.0], [1.0, 1.0])
+    >>> family.deviance(rows, eta, theta).round(3).tolist()
+    [0.0, 2.592]
+    """
+
+    name: ClassVar[str]
+    link: ClassVar[Link] = IDENTITY
+    scaled_rows: ClassVar[bool] = False
+    allowed: ClassVar[str] = "finite numbers"
+    limits: ClassVar[tuple[float, float]] = (-math.inf, math.inf)
+    bounds: ClassVar[FloatArray]
+
+    @property
+    def estimates_scale(self) -> bool:
+        """Whether a scale is estimated that divides the penalties, as the variance of normal errors."""
+        return isinstance(self, ExponentialFamily) and self.scale is None
+
+    @property
+    @abstractmethod
+    def free(self) -> BoolArray:
+        """Which parameters of the family are estimated, (m,)."""
+
+    @abstractmethod
+    def derivatives(self, rows: Response, eta: FloatArray, theta: FloatArray) -> FloatArray:
+        """Compute the log-likelihood of each row and its derivatives in the linear predictor.
+
+        Parameters
+        ----------
+        rows : Response
+            Response and prior weights.
+        eta : ndarray, shape (n,)
+            Linear predictor.
+        theta : ndarray, shape (m,)
+            Parameters of the family.
+
+        Returns
+        -------
+        ndarray, shape (4, n)
+            Orders 0 to 3.
+        """
+
+    @abstractmethod
+    def deviance(self, rows: Response, eta: FloatArray, theta: FloatArray) -> FloatArray:
+        """Compute the contribution of each row to the deviance.
+
+        Parameters
+        ----------
+        rows : Response
+            Response and prior weights of n rows.
+        eta : ndarray, shape (n,)
+            Linear predictor.
+        theta : ndarray, shape (m,)
+            Parameters of the family.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            At least 0.
+        """
+
+    @abstractmethod
+    def information(self, rows: Response, eta: FloatArray, theta: FloatArray) -> FloatArray:
+        """Compute the Fisher information of each row about its linear predictor.
+
+        Parameters
+        ----------
+        rows : Response
+            Response and prior weights of n rows.
+        eta : ndarray, shape (n,)
+            Linear predictor.
+        theta : ndarray, shape (m,)
+            Parameters of the family.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Above 0.
+        """
+
+    def start(self, y: FloatArray) -> FloatArray:
+        """Compute a rough linear predictor of a response, moved towards its mean, to start from.
+
+        Parameters
+        ----------
+        y : ndarray, shape (n,)
+            Response.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Link of nine tenths of the response and a tenth of its mean.
+        """
+        return self.link.predictor(0.9 * y + 0.1 * y.mean())
+
+
 @dataclass(frozen=True, slots=True)
-class Gaussian:
+class ExponentialFamily(Family):
+    """Base class of the exponential families: a kernel, the kernel of a perfect fit and a normaliser.
+
+    Attributes
+    ----------
+    scale : float, optional
+        Dispersion; estimated if None. It is 1 for counts and proportions.
+    """
+
+    bounds = np.array([[-math.inf], [math.inf]])
+    scale: float | None = None
+
+    @property
+    def free(self) -> BoolArray:
+        """Whether the log of the scale, the only parameter, is estimated."""
+        return np.array([self.scale is None])
+
+    def first(self, rows: Response, eta: FloatArray) -> FloatArray:
+        """Return the log of the scale: the given one, or the mean deviance."""
+        if self.scale is not None:
+            return np.array([math.log(self.scale)])
+        return np.asarray(np.log(self.deviance(rows, eta, np.zeros(1)).mean(keepdims=True)))
+
+    @abstractmethod
+    def _kernel(self, y: FloatArray, eta: FloatArray) -> tuple[FloatArray, ...]:
+        """Kernel and its first three derivatives in eta."""
+
+    @abstractmethod
+    def _perfect(self, y: FloatArray) -> FloatArray:
+        """Kernel of a perfect fit."""
+
+    @abstractmethod
+    def _normaliser(self, y: FloatArray, precision: FloatArray) -> FloatArray:
+        """Part of the log-likelihood without the predictor, at precision w / phi."""
+
+    def derivatives(self, rows: Response, eta: FloatArray, theta: FloatArray) -> FloatArray:
+        """Log-likelihood and derivatives (4, n)."""
+        precision = rows.weights * np.exp(-theta[0])
+        orders: FloatArray = precision * np.array(self._kernel(rows.y, eta))
+        orders[0] += self._normaliser(rows.y, precision)
+        return orders
+
+    def deviance(self, rows: Response, eta: FloatArray, theta: FloatArray) -> FloatArray:
+        """Contributions to the deviance (n,), not divided by the scale."""
+        gap = self._perfect(rows.y) - self._kernel(rows.y, eta)[0]
+        return np.asarray(2 * rows.weights * np.maximum(gap, 0.0))
+
+    def information(self, rows: Response, eta: FloatArray, theta: FloatArray) -> FloatArray:
+        """Fisher information (n,): for each of these families that of the response at its mean."""
+        return np.asarray(-rows.weights * np.exp(-theta[0]) * self._kernel(self.link.mean(eta), eta)[2])
+
+
+@dataclass(frozen=True, slots=True)
+class Gaussian(ExponentialFamily):
     """Normal errors with constant variance.
 
     Attributes
@@ -36,13 +244,131 @@ class Gaussian:
     ('gaussian', 0.01)
     """
 
-    name: ClassVar[str] = "gaussian"
-    scale: float | None = None
+    name, scaled_rows = "gaussian", True
+
+    def _kernel(self, y: FloatArray, eta: FloatArray) -> tuple[FloatArray, ...]:
+        return -((y - eta) ** 2) / 2, y - eta, -np.ones_like(y), np.zeros_like(y)
+
+    def _perfect(self, y: FloatArray) -> FloatArray:
+        return np.zeros_like(y)
+
+    def _normaliser(self, y: FloatArray, precision: FloatArray) -> FloatArray:
+        return np.log(precision / (2 * math.pi)) / 2
 
 
 @dataclass(frozen=True, slots=True)
-class ScaledT:
-    """Errors sigma times Student's t with nu degrees of freedom.
+class Gamma(ExponentialFamily):
+    """Positive responses whose standard deviation is proportional to their mean; log link.
+
+    Attributes
+    ----------
+    scale : float, optional
+        Squared coefficient of variation; estimated if None.
+
+    Examples
+    --------
+    >>> Gamma().deviance(Response.of(np.ones(1)), np.zeros(1), np.zeros(1)).tolist()
+    [0.0]
+    >>> Gamma().dispersion(np.array([1.0, 3.0]), np.full(2, 2.0), np.ones(2), freedom=1.0)
+    0.5
+    """
+
+    name, link = "gamma", LOG
+    allowed, limits = "numbers above 0", (np.finfo(float).tiny, math.inf)
+
+    def _kernel(self, y: FloatArray, eta: FloatArray) -> tuple[FloatArray, ...]:
+        ratio = y * np.exp(-eta)
+        return -eta - ratio, ratio - 1, -ratio, ratio
+
+    def _perfect(self, y: FloatArray) -> FloatArray:
+        return -np.log(y) - 1
+
+    def _normaliser(self, y: FloatArray, precision: FloatArray) -> FloatArray:
+        return np.asarray(precision * np.log(precision) - gammaln(precision) + (precision - 1) * np.log(y))
+
+    def dispersion(self, y: FloatArray, mean: FloatArray, weights: FloatArray, freedom: float) -> float:
+        """Estimate the scale by the moments of Fletcher (2012, Biometrika 99:230), which outliers near 0 move little.
+
+        Parameters
+        ----------
+        y, mean, weights : ndarray, shape (n,)
+            Response, fitted means and prior weights.
+        freedom : float
+            Residual degrees of freedom.
+
+        Returns
+        -------
+        float
+            Squared coefficient of variation.
+        """
+        ratio = y / mean - 1
+        return float(weights @ ratio**2 / freedom / (1 + 2 * ratio.mean()))
+
+
+@dataclass(frozen=True, slots=True)
+class Poisson(ExponentialFamily):
+    """Counts; log link.
+
+    Attributes
+    ----------
+    scale : float
+        Dispersion, 1.
+
+    Examples
+    --------
+    >>> Poisson().derivatives(Response.of(np.ones(1)), np.zeros(1), np.zeros(1)).tolist()
+    [[-1.0], [0.0], [-1.0], [-1.0]]
+    """
+
+    name, link = "poisson", LOG
+    allowed, limits = "numbers of at least 0", (0.0, math.inf)
+    scale: float | None = 1.0
+
+    def _kernel(self, y: FloatArray, eta: FloatArray) -> tuple[FloatArray, ...]:
+        mean = np.exp(eta)
+        return y * eta - mean, y - mean, -mean, -mean
+
+    def _perfect(self, y: FloatArray) -> FloatArray:
+        return np.asarray(xlogy(y, y) - y)
+
+    def _normaliser(self, y: FloatArray, precision: FloatArray) -> FloatArray:
+        return np.asarray(-precision * gammaln(y + 1))
+
+
+@dataclass(frozen=True, slots=True)
+class Binomial(ExponentialFamily):
+    """Shares of successes, with the numbers of trials as prior weights, or 0 and 1; logit link.
+
+    Attributes
+    ----------
+    scale : float
+        Dispersion, 1.
+
+    Examples
+    --------
+    >>> Binomial().information(Response.of(np.ones(1)), np.zeros(1), np.zeros(1)).tolist()
+    [0.25]
+    """
+
+    name, link = "binomial", LOGIT
+    allowed, limits = "shares between 0 and 1", (0.0, 1.0)
+    scale: float | None = 1.0
+
+    def _kernel(self, y: FloatArray, eta: FloatArray) -> tuple[FloatArray, ...]:
+        mean, variance = expit(eta), expit(eta) * expit(-eta)
+        return y * eta - np.logaddexp(0, eta), y - mean, -variance, -variance * (1 - 2 * mean)
+
+    def _perfect(self, y: FloatArray) -> FloatArray:
+        return np.asarray(xlogy(y, y) + xlogy(1 - y, 1 - y))
+
+    def _normaliser(self, y: FloatArray, precision: FloatArray) -> FloatArray:
+        successes = precision * y
+        return np.asarray(-np.log1p(precision) - betaln(successes + 1, precision - successes + 1))
+
+
+@dataclass(frozen=True, slots=True)
+class ScaledT(Family):
+    """Errors sigma times Student's t with nu degrees of freedom; prior weights divide sigma squared.
 
     Attributes
     ----------
@@ -53,301 +379,166 @@ class ScaledT:
 
     Examples
     --------
-    >>> family, residual = ScaledT(), np.array([0.0, 1.0])
-    >>> round(float(family.loglik(np.zeros(1), nu=5.0, sigma=1.0)), 4)
-    -0.9686
-    >>> family.deviance(residual, nu=5.0).round(4).tolist()
+    >>> family, rows = ScaledT(), Response.of(np.array([0.0, 1.0]))
+    >>> theta = family.theta(nu=5.0, sigma=1.0)
+    >>> family.derivatives(rows, np.zeros(2), theta)[:2].round(4).tolist()
+    [[-0.9686, -1.5156], [0.0, 1.0]]
+    >>> family.deviance(rows, np.zeros(2), theta).round(4).tolist()
     [0.0, 1.0939]
-    >>> family.score(residual, nu=5.0, sigma=1.0).tolist()
-    [0.0, 1.0]
-    >>> family.expected_weight(nu=5.0, sigma=1.0)
+    >>> round(float(family.information(rows, np.zeros(2), theta)[0]), 4)
     0.75
+    >>> family.shape(theta)[1], round(float(family.objective(rows.y, theta)[0]), 4)
+    (1.0, 2.4842)
     """
 
-    name: ClassVar[str] = "scat"
+    name = "scat"
+    scaled_rows, bounds = True, np.column_stack([LOG_EXCESS_DF, [-math.inf, math.inf]])
     min_df: float = 3.0
     nu: float | None = None
     sigma: float | None = None
 
-    def loglik(self, residual: FloatArray, nu: float, sigma: float) -> float:
-        """Sum the log-likelihood of residuals.
+    def theta(self, nu: float, sigma: float) -> FloatArray:
+        """Compute the parameters log(nu - min_df), kept within its bounds, and log(sigma).
 
         Parameters
         ----------
-        residual : ndarray, shape (n,)
-            Response minus linear predictor.
-        nu : float
-            Degrees of freedom.
-        sigma : float
-            Scale of the errors, in the unit of the response.
+        nu, sigma : float
+            Shape and scale.
 
         Returns
         -------
-        float
-            Natural logarithm, with all constants.
+        ndarray, shape (2,)
+            A given nu has no lower bound: then the first is log(nu).
         """
-        n = len(residual)
-        return n * _log_constant(nu, sigma) - (nu + 1) / 2 * float(
-            np.log1p((residual / sigma) ** 2 / nu).sum()
-        )
+        low, high = LOG_EXCESS_DF
+        excess = math.log(max(nu - self._least, math.exp(low)))
+        return np.array([min(excess, high), math.log(sigma)])
 
-    def deviance(self, residual: FloatArray, nu: float) -> FloatArray:
-        """Compute the contribution of each residual to the deviance: (nu + 1) log(1 + r^2 / nu).
+    def shape(self, theta: FloatArray) -> tuple[float, float]:
+        """Compute shape and scale.
 
         Parameters
         ----------
-        residual : ndarray, shape (n,)
-            Response minus linear predictor, over sigma.
-        nu : float
-            Degrees of freedom.
+        theta : ndarray, shape (2,)
+            Parameters of the family.
+
+        Returns
+        -------
+        tuple of float
+            nu and sigma.
+        """
+        return self._least + math.exp(theta[0]), math.exp(theta[1])
+
+    @property
+    def _least(self) -> float:
+        return self.min_df if self.nu is None else 0.0
+
+    @property
+    def free(self) -> BoolArray:
+        """Whether nu and sigma are estimated."""
+        return np.array([self.nu is None, self.sigma is None])
+
+    def derivatives(self, rows: Response, eta: FloatArray, theta: FloatArray) -> FloatArray:
+        """Compute the log-likelihood of each row and its derivatives in the linear predictor.
+
+        Parameters
+        ----------
+        rows : Response
+            Response and prior weights of n rows.
+        eta : ndarray, shape (n,)
+            Linear predictor.
+        theta : ndarray, shape (m,)
+            Parameters of the family.
+
+        Returns
+        -------
+        ndarray, shape (4, n)
+            Orders 0 to 3.
+        """
+        nu, sigma = self.shape(theta)
+        root, t2 = np.sqrt(rows.weights), nu * sigma**2
+        r = root * (rows.y - eta)
+        q = r**2 + t2
+        constant = gammaln((nu + 1) / 2) - gammaln(nu / 2) - math.log(math.pi * t2) / 2 + np.log(root)
+        first, second = (nu + 1) * r / q, (nu + 1) * (r**2 - t2) / q**2
+        third = (nu + 1) * 2 * r * (r**2 - 3 * t2) / q**3
+        likelihood = constant - (nu + 1) / 2 * np.log1p(r**2 / t2)
+        return np.array([likelihood, root * first, root**2 * second, root**3 * third])
+
+    def deviance(self, rows: Response, eta: FloatArray, theta: FloatArray) -> FloatArray:
+        """Compute the contribution of each row to the deviance: (nu + 1) log(1 + r^2 / (nu sigma^2)).
+
+        Parameters
+        ----------
+        rows : Response
+            Response and prior weights of n rows.
+        eta : ndarray, shape (n,)
+            Linear predictor.
+        theta : ndarray, shape (m,)
+            Parameters of the family.
 
         Returns
         -------
         ndarray, shape (n,)
             At least 0.
         """
-        return np.asarray((nu + 1) * np.log1p(residual**2 / nu))
+        nu, sigma = self.shape(theta)
+        return np.asarray((nu + 1) * np.log1p(rows.weights * ((rows.y - eta) / sigma) ** 2 / nu))
 
-    def score(self, residual: FloatArray, nu: float, sigma: float) -> FloatArray:
-        """Compute the derivative of the log-likelihood in the linear predictor.
+    def information(self, rows: Response, eta: FloatArray, theta: FloatArray) -> FloatArray:
+        """Compute the Fisher information of each row: (nu + 1) / ((nu + 3) sigma^2), times its weight.
+
+        Parameters
+        ----------
+        rows : Response
+            Response and prior weights of n rows.
+        eta : ndarray, shape (n,)
+            Linear predictor.
+        theta : ndarray, shape (m,)
+            Parameters of the family.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Above 0.
+        """
+        nu, sigma = self.shape(theta)
+        return rows.weights * ((nu + 1) / ((nu + 3) * sigma**2))
+
+    def objective(self, residual: FloatArray, theta: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+        """Compute the negative log-likelihood of residuals.
 
         Parameters
         ----------
         residual : ndarray, shape (n,)
             Response minus linear predictor.
-        nu : float
-            Degrees of freedom.
-        sigma : float
-            Scale of the errors, in the unit of the response.
+        theta : ndarray, shape (2,)
+            Parameters of the family.
 
         Returns
         -------
-        ndarray, shape (n,)
-            Derivative of each row; it is bounded, so that an outlier has little weight.
+        tuple
+            Value, gradient (2,) and Hessian (2, 2) in `theta`.
         """
-        return np.asarray((nu + 1) * residual / (nu * sigma**2 + residual**2))
-
-    def expected_weight(self, nu: float, sigma: float) -> float:
-        """Compute the Fisher information of one row: (nu + 1) / ((nu + 3) sigma^2).
-
-        Parameters
-        ----------
-        nu : float
-            Degrees of freedom.
-        sigma : float
-            Scale of the errors, in the unit of the response.
-
-        Returns
-        -------
-        float
-            The same for every row.
-        """
-        return (nu + 1) / ((nu + 3) * sigma**2)
+        nu, sigma = self.shape(theta)
+        excess, n = math.exp(theta[0]), len(residual)
+        ratio = residual**2 / (nu * sigma**2)
+        p = ratio / (1 + ratio)
+        logs, first = float(np.log1p(ratio).sum()), float(p.sum())
+        spread = first - float(p @ p)
+        half = np.array([(nu + 1) / 2, nu / 2])
+        constant = float(np.subtract(*gammaln(half))) - math.log(math.pi * nu) / 2 - theta[1]
+        slope = float(np.subtract(*digamma(half))) / 2 - 1 / (2 * nu)
+        bend = float(np.subtract(*polygamma(1, half))) / 4 + 1 / (2 * nu**2)
+        in_nu = n * slope - logs / 2 + (nu + 1) * first / (2 * nu)
+        in_nu2 = n * bend + first / nu - (nu + 1) * (spread + first) / (2 * nu**2)
+        gradient = np.array([excess * in_nu, (nu + 1) * first - n])
+        mixed = excess * (first - (nu + 1) * spread / nu)
+        hessian = np.array([[excess**2 * in_nu2 + gradient[0], mixed], [mixed, -2 * (nu + 1) * spread]])
+        return -(n * constant - (nu + 1) / 2 * logs), -gradient, -hessian
 
 
-Family: TypeAlias = Gaussian | ScaledT
-
-
-def _log_constant(nu: float, sigma: float) -> float:
-    return float(gammaln((nu + 1) / 2) - gammaln(nu / 2) - math.log(math.pi * nu) / 2 - math.log(sigma))
-
-
-@dataclass(frozen=True, slots=True)
-class Theta:
-    """Shape and scale of a scaled t as parameters of the optimiser: (log(nu - min_df), log sigma)."""
-
-    excess: float
-    log_sigma: float
-    min_df: float
-
-    @classmethod
-    def from_estimates(cls, nu: float, sigma: float, min_df: float) -> Theta:
-        """Build from nu and sigma; log(nu - min_df) is kept within its bounds."""
-        low, high = LOG_EXCESS_DF
-        excess = math.log(max(nu - min_df, math.exp(low)))
-        return cls(min(excess, high), math.log(sigma), min_df)
-
-    def step(self, excess: float, log_sigma: float) -> Theta:
-        """Return the parameters after a step; log(nu - min_df) is kept within its bounds."""
-        low, high = LOG_EXCESS_DF
-        return Theta(float(np.clip(self.excess + excess, low, high)), self.log_sigma + log_sigma, self.min_df)
-
-    @property
-    def nu(self) -> float:
-        """Degrees of freedom."""
-        return self.min_df + math.exp(self.excess)
-
-    @property
-    def sigma(self) -> float:
-        """Scale."""
-        return math.exp(self.log_sigma)
-
-    @property
-    def at_bound(self) -> bool:
-        """Whether nu is less than 1e-3 above its lower bound."""
-        return self.nu - self.min_df < 1e-3
-
-    def jacobian(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """First (2,) and second (2, 2) derivatives of nu, and of t = sigma sqrt(nu), in the two parameters."""
-        nu, a = self.nu, math.exp(self.excess)
-        t = self.sigma * math.sqrt(nu)
-        half = t * a / (2 * nu)
-        nu1, nu2 = np.array([a, 0.0]), np.array([[a, 0.0], [0.0, 0.0]])
-        t1 = np.array([half, t])
-        t2 = np.array([[half + t * a**2 * (1 / (4 * nu**2) - 1 / (2 * nu**2)), half], [half, t]])
-        return nu1, nu2, t1, t2
-
-
-@dataclass(frozen=True, slots=True)
-class TDerivatives:
-    """Derivatives of the log-likelihood of a scaled t.
-
-    Attributes
-    ----------
-    eta : ndarray (5, n)
-        Orders 0 to 4 in the linear predictor.
-    eta_theta : ndarray (4, 2, n)
-        Orders 0 to 3 in the predictor, once in each of the two parameters of `Theta`.
-    eta_theta2 : ndarray (3, 2, 2, n)
-        Orders 0 to 2 in the predictor, twice in the parameters.
-    """
-
-    eta: FloatArray
-    eta_theta: FloatArray
-    eta_theta2: FloatArray
-
-
-def t_derivatives(residual: FloatArray, theta: Theta) -> TDerivatives:
-    """Compute all derivatives that Laplace REML with an exact Hessian needs.
-
-    Parameters
-    ----------
-    residual : ndarray (n,)
-        y minus the linear predictor.
-    theta : Theta
-        Shape and scale.
-
-    Returns
-    -------
-    TDerivatives
-    """
-    nu, sigma = theta.nu, theta.sigma
-    t = sigma * math.sqrt(nu)
-    inverse = 1 / (residual + 1j * t)
-    f = np.log(t * t + residual**2)
-    powers = [2 * (-1) ** (j - 1) * math.factorial(j - 1) * inverse**j for j in range(1, 5)]
-    h = -(nu + 1) / 2
-
-    def from_log(order_u: int, order_t: int) -> FloatArray:
-        if order_u + order_t == 0:
-            return np.asarray(f)
-        return np.asarray((1j**order_t * powers[order_u + order_t - 1]).real)
-
-    sign = [1.0, -1.0, 1.0, -1.0, 1.0]
-    eta = np.array([h * sign[j] * from_log(j, 0) for j in range(5)])
-    eta[0] += gammaln((nu + 1) / 2) - gammaln(nu / 2) - math.log(math.pi) / 2 + nu * math.log(t)
-    c1 = (digamma((nu + 1) / 2) - digamma(nu / 2)) / 2
-    c2 = (polygamma(1, (nu + 1) / 2) - polygamma(1, nu / 2)) / 4
-    in_nu = np.array([-0.5 * sign[j] * from_log(j, 0) for j in range(4)])
-    in_nu[0] += c1 + math.log(t)
-    in_t = np.array([h * sign[j] * from_log(j, 1) for j in range(4)])
-    in_t[0] += nu / t
-    in_nu_t = np.array([-0.5 * sign[j] * from_log(j, 1) for j in range(3)])
-    in_nu_t[0] += 1 / t
-    in_t_t = np.array([h * sign[j] * from_log(j, 2) for j in range(3)])
-    in_t_t[0] -= nu / t**2
-    nu1, nu2, t1, t2 = theta.jacobian()
-    first = in_nu[:, None] * nu1[:, None] + in_t[:, None] * t1[:, None]
-    crossed = np.outer(nu1, t1) + np.outer(t1, nu1)
-    second = (
-        in_nu_t[:, None, None] * crossed[..., None]
-        + in_t_t[:, None, None] * np.outer(t1, t1)[..., None]
-        + in_nu[:3, None, None] * nu2[..., None]
-        + in_t[:3, None, None] * t2[..., None]
-    )
-    second[0] += c2 * np.outer(nu1, nu1)[..., None]
-    return TDerivatives(eta, first, second)
-
-
-def theta_objective(residual: FloatArray, theta: Theta) -> tuple[float, FloatArray, FloatArray]:
-    """Log-likelihood of residuals (n,) with its gradient (2,) and Hessian (2, 2) in the parameters of `Theta`."""
-    nu = theta.nu
-    t = theta.sigma * math.sqrt(nu)
-    square = residual**2
-    inverse = 1.0 / (square + t * t)
-    n = float(len(residual))
-    f, q1, q2 = -float(np.log(inverse).sum()), float(inverse.sum()), float(inverse @ inverse)
-    f_t, f_tt = 2 * t * q1, 2 * q1 - 4 * t * t * q2
-    value = (
-        n * (gammaln((nu + 1) / 2) - gammaln(nu / 2) - math.log(math.pi) / 2 + nu * math.log(t))
-        - (nu + 1) / 2 * f
-    )
-    d_nu = n * ((digamma((nu + 1) / 2) - digamma(nu / 2)) / 2 + math.log(t)) - f / 2
-    d_t = n * nu / t - (nu + 1) / 2 * f_t
-    nu1, nu2, t1, t2 = theta.jacobian()
-    d_nunu = n * (polygamma(1, (nu + 1) / 2) - polygamma(1, nu / 2)) / 4
-    d_nut = n / t - f_t / 2
-    d_tt = -n * nu / t**2 - (nu + 1) / 2 * f_tt
-    gradient = d_nu * nu1 + d_t * t1
-    hessian = (
-        d_nunu * np.outer(nu1, nu1)
-        + d_nut * (np.outer(nu1, t1) + np.outer(t1, nu1))
-        + d_tt * np.outer(t1, t1)
-        + d_nu * nu2
-        + d_t * t2
-    )
-    return float(value), gradient, hessian
-
-
-def fit_theta(residual: FloatArray, theta: Theta, free: tuple[bool, bool], steps: int = 50) -> Theta:
-    """Estimate shape and scale from residuals (n,) by maximum likelihood: Newton's method with step halving.
-
-    Parameters
-    ----------
-    residual : ndarray (n,)
-        y minus the linear predictor.
-    theta : Theta
-        Start.
-    free : tuple of bool
-        Whether nu is estimated, and whether sigma is.
-    steps : int
-        Largest number of Newton steps.
-
-    Returns
-    -------
-    Theta
-    """
-    is_free = np.array(free)
-    low, high = LOG_EXCESS_DF
-    value, gradient, hessian = theta_objective(residual, theta)
-    for _ in range(steps):
-        stuck = (theta.excess <= low and gradient[0] <= 0) or (theta.excess >= high and gradient[0] >= 0)
-        active = is_free & np.array([not stuck, True])
-        if not active.any() or np.abs(gradient[active]).max() <= 1e-9 * (1 + abs(value)):
-            break
-        step = _ascent(gradient, hessian, active)
-        for _ in range(30):
-            trial = theta.step(float(step[0]), float(step[1]))
-            trial_value, trial_gradient, trial_hessian = theta_objective(residual, trial)
-            if trial_value >= value:
-                break
-            step = step / 2
-        else:
-            break
-        gain = trial_value - value
-        theta, value, gradient, hessian = trial, trial_value, trial_gradient, trial_hessian
-        if gain <= 1e-13 * (1 + abs(value)):
-            break
-    return theta
-
-
-def _ascent(gradient: FloatArray, hessian: FloatArray, active: BoolArray) -> FloatArray:
-    """Newton step on the active parameters, turned uphill, with components of at most 3."""
-    step = np.zeros(2)
-    values, vectors = np.linalg.eigh(-hessian[np.ix_(active, active)])
-    steepest = float(np.abs(gradient).max())
-    floor = max(
-        1e-8 * float(np.abs(values).max()), 1e-12 * steepest, 1e-300
-    )  # bounds the divisor in a flat direction
-    step[active] = vectors @ ((vectors.T @ gradient[active]) / np.maximum(np.abs(values), floor))
-    return np.asarray(step * min(1.0, 3.0 / max(float(np.abs(step).max()), 1e-300)))
+FAMILIES: dict[str, Family] = {
+    family.name: family for family in (Gaussian(), ScaledT(), Gamma(), Poisson(), Binomial())
+}
+"""Families by name, with default settings."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from scipy.linalg import lapack
@@ -47,6 +47,15 @@ class NormalEquations:
     log_jacobian: float = 0.0
 
 
+class End(NamedTuple):
+    """How an iteration ended: Hessian of the score, whether it converged, number of iterations, and why it ended."""
+
+    hessian: FloatArray
+    converged: bool
+    n_iter: int
+    message: str
+
+
 @dataclass
 class Solution:
     """A fitted model in the coordinates of its design.
@@ -56,24 +65,16 @@ class Solution:
     beta : ndarray (p,)
     rho : ndarray (M,)
         Log smoothing parameters.
-    scale : float
-        Variance of a gaussian model, 1 for a scaled t.
-    nu, sigma : float
-        Shape and scale of a scaled t, NaN otherwise.
+    theta : ndarray (m,)
+        Parameters of the family.
     score : float
         Negative log restricted likelihood.
     covariance : ndarray (p, p)
         Bayesian posterior covariance.
     information : ndarray (p, p)
         X'WX with expected weights, over the scale.
-    converged : bool
-    n_iter : int
-    message : str
-        Why the iteration ended.
-    gradient : ndarray (M,)
-        Gradient of the score in `rho` at the end.
-    hessian : ndarray (m, m)
-        Hessian of the score at the end, `rho` first; (0, 0) if the smoothing parameters were given.
+    end : End
+        The Hessian is (m, m), `rho` first; (0, 0) if the smoothing parameters were given.
     white : Whitening or None
         Whitening of autocorrelated errors.
     loadings : ndarray
@@ -82,18 +83,12 @@ class Solution:
 
     beta: FloatArray
     rho: FloatArray
-    scale: float
+    theta: FloatArray
     score: float
     covariance: FloatArray
     information: FloatArray
-    converged: bool
-    n_iter: int
-    message: str
-    gradient: FloatArray
-    nu: float = math.nan
-    sigma: float = math.nan
+    end: End
     white: Whitening | None = None
-    hessian: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     loadings: FloatArray = field(default_factory=lambda: np.zeros(0))
 
 
@@ -216,7 +211,7 @@ def minimise(
     upper: FloatArray,
     tolerance: float,
     max_iter: int,
-) -> tuple[FloatArray, Value, int, bool, str]:
+) -> tuple[FloatArray, End]:
     """Minimise a score by Newton's method with step halving and bounds; from their middle if the start cannot be evaluated.
 
     Parameters
@@ -230,7 +225,7 @@ def minimise(
 
     Returns
     -------
-    point, value with derivatives, iterations, converged, message
+    point, end
     """
     x = np.clip(start, lower, upper)
     current = score(x)
@@ -238,13 +233,13 @@ def minimise(
         x = np.clip(np.zeros_like(x) + (lower + upper) / 2, lower, upper)
         current = score(x)
     if current is None:
-        return x, (math.inf, np.zeros_like(x), np.eye(len(x))), 0, False, "the score cannot be evaluated"
+        return x, End(np.eye(len(x)), False, 0, "the score cannot be evaluated")
     for iteration in range(1, max_iter + 1):
         value, gradient, hessian = current
         step = newton_step(gradient, hessian, x, lower, upper)
         gain = -float(gradient @ step)
         if gain <= tolerance**1.5 * (1 + abs(value) / 1000) or not step.any():
-            return x, current, iteration, True, "gradient and predicted gain are zero"
+            return x, End(hessian, True, iteration, "gradient and predicted gain are zero")
         for _ in range(25):
             trial = score(x + step)
             if trial is not None and trial[0] <= value - 1e-4 * max(-float(gradient @ step), 0.0):
@@ -252,9 +247,10 @@ def minimise(
             step = step / 2
         else:
             small = gain <= 1e-6 * (1 + abs(value) / 1000)
-            return x, current, iteration, small, "no step lowers the score (25 halvings tried)"
+            return x, End(hessian, small, iteration, "no step lowers the score (25 halvings tried)")
         x, current = x + step, trial
-    return x, current, max_iter, False, f"{max_iter} Newton steps with halving did not converge"
+    message = f"{max_iter} Newton steps with halving did not converge"
+    return x, End(current[2], False, max_iter, message)
 
 
 def bounds(gram_diagonal: FloatArray, stack: PenaltyStack) -> tuple[FloatArray, FloatArray]:
@@ -299,28 +295,18 @@ def fit_gaussian(
     """
     lower, upper = bounds(np.diag(data.gram), stack)
     start = rho if rho is not None else lower - LOG_RATIO[0] - 3 + shift
-    if fixed or not stack.size:
-        x, n_iter, converged, message = start, 0, True, "smoothing parameters were given"
-    else:
+    x, end = start, End(np.zeros((0, 0)), True, 0, "smoothing parameters were given")
+    if not fixed and stack.size:
 
         def score(x: FloatArray) -> Value | None:
             scored = gaussian_score(data, stack, x, scale)
             return None if scored is None else (scored.value, scored.gradient, scored.hessian)
 
-        x, _, n_iter, converged, message = minimise(score, start, lower, upper, tolerance, max_iter)
-    scored = gaussian_score(data, stack, x, scale)
+        x, end = minimise(score, start, lower, upper, tolerance, max_iter)
+    scored = gaussian_score(data, stack, x, scale, derivatives=False)
     if scored is None:
         return None
-    return Solution(
-        beta=stack.restore(scored.beta),
-        rho=x,
-        scale=scored.scale,
-        score=scored.value,
-        covariance=stack.restored_both(scored.factor.inverse) * scored.scale,
-        information=stack.restored_both(data.gram) / scored.scale,
-        converged=converged,
-        n_iter=n_iter,
-        message=message,
-        gradient=scored.gradient,
-        hessian=np.zeros((0, 0)) if fixed else scored.hessian,
-    )
+    theta = np.array([math.log(scored.scale)])
+    covariance = stack.restored_both(scored.factor.inverse * scored.scale)
+    information = stack.restored_both(data.gram / scored.scale)
+    return Solution(stack.restore(scored.beta), x, theta, scored.value, covariance, information, end)

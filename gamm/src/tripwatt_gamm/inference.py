@@ -8,9 +8,8 @@ tables at the end apply them to the parts of a model.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,12 +17,14 @@ from scipy.linalg import cho_solve
 
 from tripwatt_gamm.arrays import FloatArray
 from tripwatt_gamm.chisq import weighted_chi2_sf
-from tripwatt_gamm.families import Gaussian
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from tripwatt_gamm.estimator import Estimator
+
+Matrices: TypeAlias = tuple[FloatArray, FloatArray]
+Index: TypeAlias = NDArray[np.intp]
 
 WHOLE_DF: Final = 1e-6
 """Distance from a whole number up to which a reference df counts as whole: a choice, because EDFs are no more accurate."""
@@ -126,13 +127,7 @@ def smooth_test(
 
 
 def _random_effect_test(
-    coef: FloatArray,
-    gram: FloatArray,
-    penalty: FloatArray,
-    term: slice,
-    others: Sequence[slice] = (),
-    scale: float = 1.0,
-    residual_df: float | None = None,
+    coef: FloatArray, system: Matrices, index: Index, random: Index, residual_df: float | None = None
 ) -> TermTest:
     """Test that a random effect has no variance (Wood 2013b).
 
@@ -140,16 +135,12 @@ def _random_effect_test(
     ----------
     coef : ndarray, shape (p,)
         All coefficients.
-    gram : ndarray, shape (p, p)
-        X'WX of the whole model.
-    penalty : ndarray, shape (p, p)
-        Penalty of the whole model, smoothing parameters included.
-    term : slice
-        The random effect under test.
-    others : sequence of slice
-        All other random effects; they stay random under the null hypothesis.
-    scale : float
-        Scale parameter.
+    system : tuple of ndarray, shape (p, p)
+        X'WX of the whole model and its penalty, smoothing parameters included, both over the scale.
+    index : ndarray
+        Coefficients of the random effect under test.
+    random : ndarray
+        Those of all other random effects, which stay random under the null hypothesis.
     residual_df : float, optional
         Degrees of freedom of an estimated scale; None when the scale is known.
 
@@ -161,7 +152,7 @@ def _random_effect_test(
     Notes
     -----
     With the smooths profiled out, the log likelihood ratio of the predicted effects b against b = 0 is T = b'(M + S_b)
-    b / scale. Here Z are the columns of the effect, S_b its penalty, and M the part of Z'WZ that the other terms do
+    b. Here Z are the columns of the effect, S_b its penalty, and M the part of Z'WZ that the other terms do
     not explain. If the variance is zero, the covariance of b is the frequentist one, P X'WX P with P = (X'WX + S)^-1,
     plus a part from the other random effects (columns Z_o, variance Psi). T is then a weighted sum of chi-square
     variables whose weights are eigenvalues; no refit is needed. Other random effects enter M through the marginal
@@ -170,24 +161,22 @@ def _random_effect_test(
     Examples
     --------
     >>> b = np.array([2.0, -2.0])
-    >>> test = _random_effect_test(b, np.eye(2), np.eye(2), slice(0, 2))
+    >>> test = _random_effect_test(b, (np.eye(2), np.eye(2)), np.arange(2), np.arange(0))
     >>> test.ref_df, test.statistic
     (2.0, 16.0)
     """
-    index = np.arange(coef.size)[term]
-    outside = [np.arange(coef.size)[other] for other in others]
-    random = np.concatenate([np.arange(0), *outside]).astype(int)
+    gram, penalty = system
     determined = np.diag(gram) + np.diag(penalty) > 0
     index = index[determined[index]]
     fixed = np.setdiff1d(np.flatnonzero(determined), np.concatenate([index, random]))
-    covariance, weighted = _null_model(gram, penalty, np.flatnonzero(determined), index, random)
+    covariance, weighted = _null_model(system, np.flatnonzero(determined), index, random)
     b = coef[index]
     explained = weighted[np.ix_(index, index)]  # M of the notes
     if fixed.size:
         cross = weighted[np.ix_(fixed, index)]
         explained = explained - cross.T @ _solve((weighted + penalty)[np.ix_(fixed, fixed)], cross)
     penalised = explained + penalty[np.ix_(index, index)]
-    total = float(b @ penalised @ b / scale)
+    total = float(b @ penalised @ b)
     values, vectors = np.linalg.eigh(penalised)
     half = vectors * np.sqrt(np.clip(values, 0.0, None))
     rank = _rank(explained, np.diag(gram)[index])
@@ -205,16 +194,13 @@ def _rank(a: FloatArray, size: FloatArray) -> int:
 
 
 def _null_model(
-    gram: FloatArray,
-    penalty: FloatArray,
-    determined: NDArray[np.intp],
-    index: NDArray[np.intp],
-    random: NDArray[np.intp],
+    system: Matrices, determined: Index, index: Index, random: Index
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the covariance of the effects `index` if they have no variance (per unit scale), and X'W(I + Z_o Psi Z_o')WX.
+    """Return the covariance of the effects `index` if they have no variance and X'W(I + Z_o Psi Z_o')WX.
 
     Z_o are the columns `random` of the other random effects, Psi is their variance.
     """
+    gram, penalty = system
     g = gram[np.ix_(determined, determined)]
     places = np.searchsorted(determined, index)
     rows = _solve(g + penalty[np.ix_(determined, determined)], np.eye(determined.size)[:, places]).T
@@ -276,8 +262,7 @@ def total_penalty(model: Estimator) -> FloatArray:
 
 def _estimated_scale_df(model: Estimator) -> float | None:
     """Residual degrees of freedom if the scale is estimated; returns None if it is known."""
-    family = model.family_
-    return float(model.residual_df_) if isinstance(family, Gaussian) and family.scale is None else None
+    return float(model.residual_df_) if model.family_.estimates_scale else None
 
 
 def coefficient_table(model: Estimator) -> pd.DataFrame:
@@ -350,17 +335,16 @@ def term_table(model: Estimator) -> pd.DataFrame:
     df = _estimated_scale_df(model)
     smooth = [fitted for fitted in model.terms_ if fitted.kind != "parametric"]
     random = [fitted for fitted in smooth if fitted.kind == "random"]
-    gram = model.R_.T @ model.R_ * float(model.scale_)
-    penalty = total_penalty(model)
+    columns, coef = np.arange(model.coef_.size), model.coef_
+    system = model.R_.T @ model.R_, total_penalty(model) / float(model.scale_)
     rows = []
     for fitted in smooth:
         at = fitted.slice
         if fitted.null_dim == 0:
-            others = [other.slice for other in random if other is not fitted]
-            test = _random_effect_test(model.coef_, gram, penalty, at, others, float(model.scale_), df)
+            others = [columns[other.slice] for other in random if other is not fitted]
+            test = _random_effect_test(coef, system, columns[at], np.concatenate([columns[:0], *others]), df)
         else:
-            ref_df = float(model.edf1_[at].sum())
-            test = smooth_test(model.coef_[at], model.Vp_[at, at], model.R_[:, at], ref_df, df)
+            test = smooth_test(coef[at], model.Vp_[at, at], model.R_[:, at], float(model.edf1_[at].sum()), df)
         rows.append((float(model.edf_[at].sum()), test.ref_df, test.statistic, test.p_value))
     index = pd.Index([fitted.label for fitted in smooth], name="term")
     return pd.DataFrame(rows, columns=["edf", "ref_df", "statistic", "p_value"], index=index, dtype=float)

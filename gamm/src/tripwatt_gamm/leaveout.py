@@ -1,11 +1,11 @@
-"""Leave groups out.
+"""Fit some of the rows, and leave groups out.
 
 The crossproduct of a fold is summed over its rows; if rows are many, it is the total minus that of the rows held out.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -14,6 +14,8 @@ from tripwatt_gamm.arrays import BoolArray, FloatArray
 from tripwatt_gamm.covariates import EXACT_ROWS, Index
 from tripwatt_gamm.design import Design
 from tripwatt_gamm.errors import InvalidInput
+from tripwatt_gamm.families import Response
+from tripwatt_gamm.fit import Solution
 from tripwatt_gamm.identify import identify, require_rows
 from tripwatt_gamm.moments import Moments, moments
 from tripwatt_gamm.solve import FitSettings, Problem, solve
@@ -24,87 +26,119 @@ DEAD = 1e-10
 millions of rows have relative errors of some 1e-13."""
 
 
-def grouped_moments(design: Design, y: FloatArray, groups: Index, rows: Index, lagged: bool) -> Moments:
-    """Compute the moments of `rows`; if `lagged`, group by group."""
-    if not lagged:
-        return moments(design.rows, y, rows, False)
-    order = rows[np.argsort(groups[rows], kind="stable")]
-    pieces = np.split(order, np.flatnonzero(np.diff(groups[order])) + 1)
-    total = moments(design.rows, y, pieces[0], True)
-    for piece in pieces[1:]:
-        total = total + moments(design.rows, y, piece, True)
-    return total
+@dataclass(frozen=True, eq=False)
+class Work:
+    """Rows from which models are fitted, all of them or some.
 
-
-def identified_moments(
-    design: Design, sums: Moments, y: FloatArray, groups: Index, rows: Index
-) -> tuple[Design, Moments]:
-    """Return the design without directions that nothing determines, and its moments.
-
-    Parameters
+    Attributes
     ----------
     design : Design
-    sums : Moments
-        Moments of `rows`; they are computed again if columns of a term were removed.
     y : ndarray (n,)
+        Values whose least squares a fit starts from.
     groups : ndarray (n,)
-    rows : ndarray
-        Numbers of the rows of the fit.
+        Codes of the groups within which successive rows are correlated.
+    lagged : bool
+        Whether they are.
+    response : Response or None
+        Response of a family without additive errors.
     """
-    reduced = identify(design, sums.gram[0])
-    if reduced.p != design.p:
-        sums = grouped_moments(reduced, y, groups, rows, sums.lagged)
-    return reduced, sums
+
+    design: Design
+    y: FloatArray
+    groups: Index
+    lagged: bool
+    response: Response | None
+
+    def moments(self, rows: Index) -> Moments:
+        """Compute the moments of `rows`; if they are lagged, group by group."""
+        if not self.lagged:
+            return moments(self.design.rows, self.y, rows, False)
+        order = rows[np.argsort(self.groups[rows], kind="stable")]
+        pieces = np.split(order, np.flatnonzero(np.diff(self.groups[order])) + 1)
+        total = moments(self.design.rows, self.y, pieces[0], True)
+        for piece in pieces[1:]:
+            total = total + moments(self.design.rows, self.y, piece, True)
+        return total
+
+    def identified(self, sums: Moments, rows: Index) -> tuple[Work, Moments]:
+        """Return the work without directions that nothing determines, and its moments; `sums` are those of `rows`."""
+        reduced = replace(self, design=identify(self.design, sums.gram[0]))
+        return reduced, sums if reduced.design.p == self.design.p else reduced.moments(rows)
+
+    def fit(
+        self, rows: Index, sums: Moments, settings: FitSettings, where: str
+    ) -> tuple[Design, Index, list[int], Solution]:
+        """Fit some rows.
+
+        Parameters
+        ----------
+        rows : ndarray
+            Numbers of the rows.
+        sums : Moments
+            Their moments.
+        settings : FitSettings
+        where : str
+            Name of the data, for the message of an error.
+
+        Returns
+        -------
+        design : Design
+            Without directions that nothing determines.
+        active : ndarray
+            Numbers of the active coefficients.
+        which : list of int
+            Positions of their smoothing parameters.
+        solution : Solution
+        """
+        work, sums = self.identified(sums, rows)
+        active = work.design.active(np.diag(sums.gram[0]))
+        stack, which = work.design.penalty_stack(active)
+        require_rows(len(rows), stack, where)
+        if settings.rho is not None:
+            settings = replace(settings, rho=settings.rho[which])
+        previous = previous_rows(self.groups[rows]) if self.lagged else None
+        distant = None if self.response is None else self.response.at(rows)
+        table = work.design.rows.subset(rows, active)
+        problem = Problem(table, self.y[rows], sums, stack, active, settings, previous, distant)
+        return work.design, active, which, solve(problem, where)
 
 
 def _fold(
-    design: Design,
+    work: Work,
     frame: pd.DataFrame,
-    y: FloatArray,
-    groups: Index,
     held: BoolArray,
     total: Moments,
     settings: FitSettings,
     wanted: pd.DataFrame | None = None,
 ) -> tuple[FloatArray, dict[str, int | bool]]:
     """Fit without the rows held out; return predictions of these rows (or of `wanted`) and a report of the fit."""
-    lagged = total.lagged
     held_rows, kept = np.flatnonzero(held).astype(np.intp), np.flatnonzero(~held).astype(np.intp)
-    if len(y) <= EXACT_ROWS:  # in a difference the last digits would still depend on the held-out response
-        sums = grouped_moments(design, y, groups, kept, lagged)
-    else:
-        sums = total - grouped_moments(design, y, groups, held_rows, lagged)
+    exact = (
+        len(held) <= EXACT_ROWS
+    )  # in a difference the last digits would still depend on the held-out response
+    sums = work.moments(kept) if exact else total - work.moments(held_rows)
     dead = np.diag(sums.gram[0]) <= DEAD * np.diag(total.gram[0])
     sums.gram[:, dead], sums.gram[:, :, dead], sums.cross[:, dead] = 0.0, 0.0, 0.0
     # the notes and empty columns of this fold are not those of the whole
-    copy = replace(design, notes=[], empty=list(design.empty))
-    reduced, sums = identified_moments(copy, sums, y, groups, kept)
-    active = reduced.active(np.diag(sums.gram[0]))
-    stack, which = reduced.penalty_stack(active)
+    design = replace(work.design, notes=[], empty=list(work.design.empty))
     where = f"without fold of row {held_rows[0]}"
-    require_rows(len(kept), stack, where)
-    if settings.rho is not None:
-        settings = replace(settings, rho=settings.rho[which])
-    previous = previous_rows(groups[kept]) if lagged else None
-    rows = reduced.rows.subset(kept, active)
-    solution = solve(Problem(rows, y[kept], sums, stack, active, settings, previous), where)
-    beta = np.zeros(reduced.p)
+    design, active, _, solution = replace(work, design=design).fit(kept, sums, settings, where)
+    beta = np.zeros(design.p)
     beta[active] = solution.beta
-    training, piece = reduced.training_of(~held), frame.iloc[held_rows] if wanted is None else wanted
-    if reduced.terms[0].extrapolation == "clamp":
+    training, piece = design.training_of(~held), frame.iloc[held_rows] if wanted is None else wanted
+    if design.terms[0].extrapolation == "clamp":
         piece = training.clamp_frame(piece)
     prediction = np.zeros(len(piece))
-    for fitted in reduced.terms:
+    for fitted in design.terms:
         if fitted.kind != "random" or beta[fitted.slice].any():
             prediction += fitted.matrix(piece, training) @ beta[fitted.slice]
-    return prediction, {"rows": len(held_rows), "converged": solution.converged, "n_iter": solution.n_iter}
+    end = solution.end
+    return prediction, {"rows": len(held_rows), "converged": end.converged, "n_iter": end.n_iter}
 
 
 def leave_out(
-    design: Design,
+    work: Work,
     frame: pd.DataFrame,
-    y: FloatArray,
-    groups: Index,
     folds: Index,
     settings: FitSettings,
     at: tuple[pd.DataFrame, Index] | None = None,
@@ -113,12 +147,11 @@ def leave_out(
 
     Parameters
     ----------
-    design : Design
-        Design of all rows; its bases depend on covariates only.
+    work : Work
+        All rows; the bases of the design depend on covariates only.
     frame : DataFrame
-    y : ndarray (n,)
-    groups, folds : ndarray (n,)
-        Codes of the groups, and of the units to leave out.
+    folds : ndarray (n,)
+        Codes of the units to leave out.
     settings : FitSettings
     at : (DataFrame, ndarray of int), optional
         Rows to predict instead of those of the fit, and the fold of each: the fit without this fold predicts the row.
@@ -126,6 +159,7 @@ def leave_out(
     Returns
     -------
     predictions : ndarray (n,), or one for each row of `at`
+        Linear predictors without their offset.
     report : DataFrame
         One row per fold: rows, converged, n_iter.
 
@@ -134,17 +168,15 @@ def leave_out(
     InvalidInput
         If there are fewer than two folds.
     """
-    count = int(folds.max()) + 1
+    count, all_rows = int(folds.max()) + 1, np.arange(len(folds), dtype=np.intp)
     if count < 2:
         raise InvalidInput.of("only one group", "leave_groups_out", "1 fold", "two or more")
-    all_rows = np.arange(len(y), dtype=np.intp)
-    total = grouped_moments(design, y, groups, all_rows, settings.ar1_rho is not None)
-    design, total = identified_moments(design, total, y, groups, all_rows)
+    work, total = work.identified(work.moments(all_rows), all_rows)
     wanted_folds = folds if at is None else at[1]
     predictions, reports = np.empty(len(wanted_folds)), []
     for fold in range(count):
         rows = wanted_folds == fold
         wanted = None if at is None else at[0][rows]
-        predictions[rows], report = _fold(design, frame, y, groups, folds == fold, total, settings, wanted)
+        predictions[rows], report = _fold(work, frame, folds == fold, total, settings, wanted)
         reports.append(report)
     return predictions, pd.DataFrame(reports)

@@ -16,17 +16,19 @@ if TYPE_CHECKING:
 
 
 class GAMM(Estimator):
-    """Generalised additive mixed model with gaussian or scaled t errors.
+    """Generalised additive mixed model.
 
     Parameters
     ----------
     formula : str or Formula
         ``"y ~ weather + s(time, by=season) + s(trip, bs='re')"``, or the same as objects.
-    family : {"gaussian", "scat"} or Family
-        Distribution of the errors.
+    family : {"gaussian", "scat", "gamma", "poisson", "binomial"} or Family
+        Distribution of the response: normal or Student's t errors, or Gamma and Poisson with the log link, binomial
+        with the logit link.
     method : {"fREML", "REML"}
         How smoothing parameters are chosen. For gaussian errors both are restricted maximum likelihood. For the
-        scaled t "fREML" is the performance iteration (fast), "REML" exact Laplace REML.
+        scaled t "fREML" is the performance iteration (fast), "REML" exact Laplace REML; for all others both are the
+        latter.
     discretise : bool or int
         True rounds covariates to an even grid of 1,000 values if there are more than 10,000 rows. A number rounds them
         to a grid of that many values, False never rounds.
@@ -49,26 +51,27 @@ class GAMM(Estimator):
     ----------
     coef_, coef_names_
         Coefficients (p,) and their names.
-    Vp_, Ve_ : ndarray (p, p)
-        Bayesian posterior and frequentist covariance.
-    F_ : ndarray (p, p)
-        (X'WX + S)^-1 X'WX; its diagonal is `edf_`; `edf1_` is 2 edf - diag(F F).
+    Vp_ : ndarray (p, p)
+        Bayesian posterior covariance.
+    edf_, edf1_ : ndarray (p,)
+        Diagonals of F = (X'WX + S)^-1 X'WX, and of 2 F - F F.
     R_ : ndarray (p, p)
         A matrix with R'R = X'WX / scale.
-    terms_, term_slices_
-        Fitted pieces, and the coefficients of each by label.
+    terms_
+        Fitted pieces.
     smoothing_parameters_ : dict
         Smoothing parameters by the label of the term, numbered if the term has several.
-    scale_, nu_, sigma_, nu_at_bound_
-        Variance (1 for the scaled t), shape and scale of the t.
+    scale_, reml_scale_, nu_, sigma_, nu_at_bound_
+        Dispersion (1 for the scaled t, counts and shares) and the one of the REML score, from which that of Gamma
+        differs; shape and scale of the t.
     log_sp_covariance_ : ndarray (M, M)
         Covariance of the logs of `smoothing_parameters_`, from the Hessian of the score.
     reml_, loglik_, aic_, deviance_explained_, r2_, n_, residual_df_
         `reml_` is the negative log restricted likelihood; lme4's REML criterion is twice as large.
-    fitted_values_, residuals_ : ndarray (n,)
-        Fitted values and residuals of the rows of the fit.
-    converged_, n_iter_, message_, notes_
-        Whether and how the fit ended, and notes on changes to the model that the data forced.
+    fitted_values_, linear_predictor_, residuals_, deviance_residuals_ : ndarray (n,)
+        Means of the rows of the fit, their links, response minus mean, and signed roots of `deviance_`'s parts.
+    converged_, n_iter_, message_, hessian_, notes_
+        Whether and how the fit ended, the Hessian of the score there, and notes on changes to the model that the data forced.
     empty_columns_ : list of str
         Coefficients without data: 0 with standard error 0.
     ranges_, levels_ : dict
@@ -84,8 +87,8 @@ class GAMM(Estimator):
     >>> model = GAMM(Formula(None, (Smooth(("x",)),))).fit(frame, y)
     >>> bool(model.converged_), bool(model.r2_ > 0.9)
     (True, True)
-    >>> value, error = model.predict(frame, se=True)
-    >>> bool(np.abs(value - np.sin(6 * frame["x"])).max() < 0.2), bool((error > 0.0).all())
+    >>> error = np.abs(model.predict(frame) - np.sin(6 * frame["x"]))
+    >>> bool(error.max() < 0.2), bool((model.intervals(frame)["std_error"] > 0.0).all())
     (True, True)
     >>> model.extrapolation_mask(pd.DataFrame({"x": [0.5, 1.5]})).tolist()
     [False, True]
@@ -98,7 +101,7 @@ class GAMM(Estimator):
     """
 
     def summary(self) -> Summary:
-        """Summarise the fit: ``print(model.summary().text())``.
+        """Summarise the fit: ``print(model.summary())``.
 
         Returns
         -------

@@ -1,5 +1,6 @@
 """Fit scaled t models by performance iteration with expected weights: one crossproduct for the whole fit.
 
+The state is one vector: rotated coefficients, log smoothing parameters, parameters of the family.
 Each pass updates shape and scale given the residuals, forms the working response z = eta + g / c with the
 constant weight c, takes a Newton step of the working model's REML score, and solves for the coefficients
 (Wood, Goude & Shaw 2015; Wood et al. 2017). The passes converge linearly; Anderson mixing accelerates them.
@@ -7,19 +8,24 @@ constant weight c, takes a Newton step of the working model's REML score, and so
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from tripwatt_gamm.arrays import FloatArray
-from tripwatt_gamm.families import LOG_EXCESS_DF, ScaledT, Theta, fit_theta
+from tripwatt_gamm.families import AT_BOUND, Response, ScaledT
 from tripwatt_gamm.fit import (
+    End,
     Evaluation,
     NormalEquations,
     Solution,
+    Value,
     bounds,
     fit_gaussian,
     gaussian_score,
+    minimise,
     newton_step,
 )
 from tripwatt_gamm.penalties import PenaltyStack
@@ -34,147 +40,122 @@ CLOSE = 0.014
 mixing may lead to another mode than plain passes."""
 
 
+class Pass(NamedTuple):
+    """Result of one pass: next state, weights of its components, and the working model's normal equations."""
+
+    state: FloatArray
+    weights: FloatArray
+    data: NormalEquations
+
+
 @dataclass(frozen=True)
-class TData:
-    """Response, rows and crossproduct of a scaled t model.
+class PerformanceIteration:
+    """One scaled t model, ready to iterate.
 
     Attributes
     ----------
     rows : TableRows
         Model matrix.
     y : ndarray (n,)
-    gram : ndarray (p, p)
-        X'X in rotated coordinates.
-    cross : ndarray (p,)
-        X'y in the same coordinates.
-    """
-
-    rows: TableRows
-    y: FloatArray
-    gram: FloatArray
-    cross: FloatArray
-
-
-@dataclass(frozen=True)
-class State:
-    """State of the iteration: rotated coefficients, log smoothing parameters, shape and scale."""
-
-    beta: FloatArray
-    rho: FloatArray
-    theta: Theta
-
-    def pack(self) -> FloatArray:
-        """Return the state as one vector."""
-        return np.concatenate([self.beta, self.rho, [self.theta.excess, self.theta.log_sigma]])
-
-    def unpack(self, x: FloatArray, lower: FloatArray, upper: FloatArray) -> State:
-        """Build a state from one vector; smoothing parameters and shape are clipped to their bounds."""
-        p = len(self.beta)
-        low, high = LOG_EXCESS_DF
-        theta = Theta(float(np.clip(x[-2], low, high)), float(x[-1]), self.theta.min_df)
-        return State(x[:p], np.clip(x[p:-2], lower, upper), theta)
-
-
-@dataclass(frozen=True)
-class Pass:
-    """Result of one pass: next state, working model, weights of the state's components, and normal equations."""
-
-    state: State
-    working: Evaluation
-    weights: FloatArray
-    data: NormalEquations
-
-
-class PerformanceIteration:
-    """One scaled t model, ready to iterate.
-
-    Parameters
-    ----------
-    data : TData
+    data : NormalEquations
+        X'X and X'y in rotated coordinates.
     stack : PenaltyStack
     family : ScaledT
     fixed : bool
         Whether the smoothing parameters are given and kept.
     """
 
-    def __init__(self, data: TData, stack: PenaltyStack, family: ScaledT, fixed: bool = False) -> None:
-        self.data, self.stack, self.family, self.fixed = data, stack, family, fixed
-        self.free = (family.nu is None, family.sigma is None)
+    rows: TableRows
+    y: FloatArray
+    data: NormalEquations
+    stack: PenaltyStack
+    family: ScaledT
+    fixed: bool = False
 
-    def start(self, rho: FloatArray | None) -> State | None:
+    def start(self, rho: FloatArray | None) -> FloatArray | None:
         """Start from a gaussian fit and its scale; returns None if that fit fails."""
-        d = self.data
-        normal = NormalEquations(d.gram, d.cross, float(d.y @ d.y), d.rows.n)
-        first = fit_gaussian(normal, self.stack, rho if self.fixed else None, self.fixed, tolerance=1e-4)
+        family = self.family
+        first = fit_gaussian(self.data, self.stack, rho if self.fixed else None, self.fixed, tolerance=1e-4)
         if first is None:
             return None
-        sigma = self.family.sigma if self.family.sigma is not None else 0.8 * float(np.sqrt(first.scale))
-        nu = self.family.nu if self.family.nu is not None else self.family.min_df + 2.0
-        theta = Theta.from_estimates(nu, max(sigma, 1e-150), self.family.min_df)
-        rho_of_t = first.rho if self.fixed else first.rho - np.log(first.scale)
-        return State(self.stack.rotate(first.beta), rho_of_t, theta)
+        log_scale = float(first.theta[0])
+        sigma = family.sigma if family.sigma is not None else max(0.8 * math.exp(log_scale / 2), 1e-150)
+        theta = family.theta(family.nu if family.nu is not None else family.min_df + 2.0, sigma)
+        rho_of_t = first.rho if self.fixed else first.rho - log_scale
+        return np.concatenate([self.stack.rotate(first.beta), rho_of_t, theta])
 
-    def residual(self, state: State) -> FloatArray:
-        """Response minus the predictor of a state, (n,)."""
-        return np.asarray(self.data.y - self.data.rows.predictor(self.stack.restore(state.beta)))
+    def parts(self, state: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the coefficients, the log smoothing parameters, and the parameters of the family."""
+        p = self.stack.p
+        return state[:p], state[p:-2], state[-2:]
 
-    def advance(self, state: State, lower: FloatArray, upper: FloatArray, near: bool = False) -> Pass | None:
+    def _theta(self, residual: FloatArray, theta: FloatArray) -> FloatArray:
+        """Take three steps of Newton's method to the shape and scale of greatest likelihood."""
+        family, free = self.family, self.family.free
+        full = theta.copy()
+
+        def objective(x: FloatArray) -> Value:
+            full[free] = x
+            value, gradient, hessian = family.objective(residual, full)
+            return value, gradient[free], hessian[np.ix_(free, free)]
+
+        if free.any():
+            low, high = family.bounds[:, free]
+            full[free] = minimise(objective, theta[free], low, high, 1e-8, 3)[0]
+        return full
+
+    def advance(self, state: FloatArray, limits: FloatArray, near: bool = False) -> Pass | None:
         """Run one pass: shape and scale, working response, smoothing parameters, coefficients.
 
-        With `near`, a short step of the smoothing parameters is taken without evaluating the score. Returns None if the working model is
-        not identifiable.
+        With `near`, a short step of the smoothing parameters is taken without evaluating the score. Returns None if the
+        working model is not identifiable.
         """
-        d = self.data
-        residual = self.residual(state)
-        theta = fit_theta(residual, state.theta, self.free, steps=3) if any(self.free) else state.theta
-        c = self.family.expected_weight(theta.nu, theta.sigma)
-        g = self.family.score(residual, theta.nu, theta.sigma)
-        gram = c * d.gram
-        cross = gram @ state.beta + self.stack.rotate(d.rows.rmatvec(g))
-        z = g / c - residual + d.y
-        normal = NormalEquations(gram, cross, c * float(z @ z), d.rows.n)
-        current = gaussian_score(normal, self.stack, state.rho, 1.0, derivatives=not self.fixed)
+        (beta, rho, theta), n = self.parts(state), self.rows.n
+        eta = self.rows.predictor(self.stack.restore(beta))
+        theta = self._theta(self.y - eta, theta)
+        c = self._weight(theta)
+        g = self.family.derivatives(Response.of(self.y), eta, theta)[1]
+        gram, z = c * self.data.gram, g / c + eta
+        cross = gram @ beta + self.stack.rotate(self.rows.rmatvec(g))
+        normal = NormalEquations(gram, cross, c * float(z @ z), n)
+        current = gaussian_score(normal, self.stack, rho, 1.0)
         if current is None:
             return None
+        beta, curvature = current.beta, np.zeros(len(rho))
+        if not self.fixed and len(rho):
+            beta, rho = self._smooth(normal, current, rho, limits, near)
+            curvature = np.sqrt(np.maximum(np.diag(current.hessian), 1e-8))
         diagonal = 1 / np.sqrt(np.maximum(np.diag(current.factor.inverse), 1e-300))
-        ends = np.sqrt(d.rows.n) * np.array([1.0 if theta.nu < 50 else 0.1, 1.0])
-        if theta.at_bound:
-            ends[0] = 0.0
-        if self.fixed or not self.stack.size:
-            weights = np.concatenate([diagonal, np.zeros(self.stack.size), ends])
-            return Pass(State(current.beta, state.rho, theta), current, weights, normal)
-        working, rho = self._smooth(normal, current, state.rho, lower, upper, near)
-        curvature = np.sqrt(np.maximum(np.diag(current.hessian), 1e-8))
-        return Pass(
-            State(working.beta, rho, theta), working, np.concatenate([diagonal, curvature, ends]), normal
-        )
+        nu = self.family.shape(theta)[0]
+        excess = 0.0 if nu - self.family.min_df < AT_BOUND else 1.0 if nu < 50 else 0.1
+        weights = np.concatenate([diagonal, curvature, np.sqrt(n) * np.array([excess, 1.0])])
+        return Pass(np.concatenate([beta, rho, theta]), weights, normal)
+
+    def _weight(self, theta: FloatArray) -> float:
+        """Fisher information of one row."""
+        return float(self.family.information(Response.of(np.zeros(1)), np.zeros(1), theta)[0])
 
     def _smooth(
-        self,
-        normal: NormalEquations,
-        current: Evaluation,
-        rho: FloatArray,
-        lower: FloatArray,
-        upper: FloatArray,
-        near: bool,
-    ) -> tuple[Evaluation, FloatArray]:
+        self, normal: NormalEquations, current: Evaluation, rho: FloatArray, limits: FloatArray, near: bool
+    ) -> tuple[FloatArray, FloatArray]:
         """Take one Newton step of the working model's score, halved until the score falls; a short step if `near` is taken as is."""
-        step = newton_step(current.gradient, current.hessian, rho, lower, upper)
+        step = newton_step(current.gradient, current.hessian, rho, *limits)
         if near and float(np.abs(step).max()) < SHORT:
-            return current, rho + step  # the coefficients follow in the next pass
+            return current.beta, rho + step  # the coefficients follow in the next pass
         for _ in range(12):
             trial = gaussian_score(normal, self.stack, rho + step, 1.0, derivatives=False)
             if trial is not None and trial.value <= current.value + 1e-9 * (1 + abs(current.value)):
-                return trial, rho + step
+                return trial.beta, rho + step
             step = step / 2
-        return current, rho
+        return current.beta, rho
 
-    def run(self, start: State, tolerance: float = 1e-3, max_iter: int = 400) -> Solution | None:
+    def run(self, start: FloatArray, tolerance: float = 1e-3, max_iter: int = 400) -> Solution | None:
         """Iterate to convergence.
 
         Parameters
         ----------
-        start : State
+        start : ndarray
+            State.
         tolerance : float
             Largest change in one pass, in posterior standard deviations.
         max_iter : int
@@ -185,48 +166,35 @@ class PerformanceIteration:
         Solution or None
             None if the model is not identifiable.
         """
-        c = self.family.expected_weight(start.theta.nu, start.theta.sigma)
-        lower, upper = bounds(c * np.diag(self.data.gram), self.stack)
-        mixing = Mixing(close=CLOSE * float(np.sqrt(self.data.rows.n / self.data.rows.p)))
-        state, done, count, largest_change = start, False, 0, np.inf
-        result: Pass | None = None
-        while not done and count < max_iter:
-            count += 1
-            trial = self.advance(state, lower, upper, largest_change <= 4 * mixing.close)
-            if trial is None:
+        limits = np.array(bounds(self._weight(start[-2:]) * np.diag(self.data.gram), self.stack))
+        inside = np.hstack([limits, self.family.bounds])
+        mixing = Mixing(close=CLOSE * float(np.sqrt(self.rows.n / self.rows.p)))
+        state, largest_change = start, np.inf
+        for count in range(1, max_iter + 1):
+            advanced = self.advance(state, limits, largest_change <= 4 * mixing.close)
+            if advanced is None:
                 return None
-            result = trial
-            x, fx = state.pack(), trial.state.pack()
-            change = trial.weights * (fx - x)
+            last = advanced
+            change = last.weights * (last.state - state)
             largest_change = float(np.abs(change).max(initial=0.0))
-            done = largest_change <= tolerance
-            state = trial.state.unpack(mixing.next(x, fx, trial.weights), lower, upper)
-        return self._solution(result, done, count, tolerance) if result is not None else None
+            if largest_change <= tolerance:
+                message = f"the last pass moved nothing by more than {tolerance:g} standard errors"
+                return self._solution(last, End(np.zeros((0, 0)), True, count, message))
+            mixed, p = mixing.next(state, last.state, last.weights), self.stack.p
+            state = np.concatenate([mixed[:p], np.clip(mixed[p:], *inside)])
+        message = f"{max_iter} accelerated passes did not settle; a larger max_iter or method='REML' may"
+        return self._solution(last, End(np.zeros((0, 0)), False, max_iter, message))
 
-    def _solution(self, last: Pass, done: bool, iterations: int, tolerance: float) -> Solution:
-        """Solution at the last pass, with the score and its derivatives computed once more if they can be."""
-        message = (
-            f"the last pass moved nothing by more than {tolerance:g} standard errors"
-            if done
-            else f"{iterations} accelerated passes did not settle; a larger max_iter or method='REML' may"
-        )
-        final = gaussian_score(last.data, self.stack, last.state.rho, 1.0)
-        working = last.working if final is None else final
-        return Solution(
-            beta=self.stack.restore(working.beta),
-            rho=last.state.rho,
-            scale=1.0,
-            score=working.value,
-            covariance=self.stack.restored_both(working.factor.inverse),
-            information=self.stack.restored_both(last.data.gram),
-            converged=done,
-            n_iter=iterations,
-            message=message,
-            gradient=working.gradient,
-            hessian=np.zeros((0, 0)) if self.fixed else working.hessian,
-            nu=last.state.theta.nu if self.family.nu is None else self.family.nu,
-            sigma=last.state.theta.sigma,
-        )
+    def _solution(self, last: Pass, end: End) -> Solution | None:
+        """Solution at the last pass, with its score; None if the score cannot be evaluated."""
+        _, rho, theta = self.parts(last.state)
+        working = gaussian_score(last.data, self.stack, rho, 1.0)
+        if working is None:
+            return None
+        end = end if self.fixed else end._replace(hessian=working.hessian)
+        beta, restore = self.stack.restore(working.beta), self.stack.restored_both
+        covariance, information = restore(working.factor.inverse), restore(last.data.gram)
+        return Solution(beta, rho, theta, working.value, covariance, information, end)
 
 
 class Mixing:

@@ -11,7 +11,7 @@ from scipy.optimize import minimize_scalar
 from tripwatt_gamm.arrays import FloatArray
 from tripwatt_gamm.covariates import Index
 from tripwatt_gamm.design import Design
-from tripwatt_gamm.families import Family, Gaussian
+from tripwatt_gamm.families import AT_BOUND, Family, Gamma, Gaussian, Response, ScaledT
 from tripwatt_gamm.fit import Solution
 
 
@@ -24,98 +24,133 @@ def _square_root(M: FloatArray) -> FloatArray:
         return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)
 
 
-def _likelihood(
-    family: Family, residual: FloatArray, y: FloatArray, nu: float, sigma: float
-) -> tuple[float, float, float]:
-    """Return the log-likelihood, the deviance and the deviance of the best constant."""
-    n = len(y)
-    if isinstance(family, Gaussian):
-        deviance = float(residual @ residual)
-        loglik = -n / 2 * (math.log(2 * math.pi * deviance / n) + 1)
-        return loglik, deviance, float(((y - y.mean()) ** 2).sum())
-    deviance = float(family.deviance(residual / sigma, nu).sum())
+def _null_deviance(family: Family, response: Response, theta: FloatArray) -> float:
+    """Deviance of the best constant beside the offset."""
+    z = family.start(response.y) - response.offset
+    low, high = z.min() - np.ptp(z), z.max() + np.ptp(z)
+    if isinstance(family, ScaledT):
+        # a constant has local minima in the far tails only: search from the 10 % to the 90 % quantile
+        low, high = np.quantile(z, [0.1, 0.9])
 
     def at(constant: float) -> float:
-        return float(family.deviance((y - constant) / sigma, nu).sum())
+        return float(family.deviance(response, constant + response.offset, theta).sum())
 
-    # the deviance of a constant has local minima in the far tails only: search from the 10 % to the 90 % quantile
-    low, high = np.quantile(y, [0.1, 0.9])
-    best = minimize_scalar(at, bounds=(float(low), float(high)), method="bounded")
-    return family.loglik(residual, nu, sigma), deviance, float(best.fun)
+    return float(minimize_scalar(at, bounds=(float(low), float(high)), method="bounded").fun)
+
+
+def _loglik(family: Family, response: Response, eta: FloatArray, theta: FloatArray) -> float:
+    """Log-likelihood; the variance of normal errors, if estimated, is the mean square."""
+    theta = family.first(response, eta) if isinstance(family, Gaussian) else theta
+    return float(family.derivatives(response, eta, theta)[0].sum())
+
+
+def _names(design: Design, solution: Solution, active: Index, which: list[int]) -> dict[str, Any]:
+    """Terms, names of coefficients, ranges, levels and smoothing parameters; parameters without data are NaN."""
+    names, coef_names = design.penalty_names, [name for fitted in design.terms for name in fitted.names]
+    parameters, covariance = np.full(len(names), math.nan), np.full((len(names), len(names)), math.nan)
+    parameters[which] = np.exp(solution.rho)
+    if solution.end.hessian.size:
+        inverse = np.linalg.pinv(solution.end.hessian, hermitian=True)
+        covariance[np.ix_(which, which)] = inverse[: len(which), : len(which)]
+    training = design.training
+    return {
+        "formula": design.formula,
+        "terms": design.terms,
+        "training": training,
+        "notes": list(design.notes),
+        "coef_names": coef_names,
+        "empty_columns": [coef_names[i] for i in np.setdiff1d(np.arange(design.p), active)],
+        "ranges": {
+            name: (float(support.low[j]), float(support.high[j]))
+            for names, support in training.supports.items()
+            for j, name in enumerate(names)
+        },
+        "levels": {name: levels.names for name, levels in training.levels.items()},
+        "smoothing_parameters": dict(zip(names, parameters.tolist(), strict=True)),
+        "log_sp_covariance": covariance,
+    }
 
 
 def results(
-    design: Design, y: FloatArray, family: Family, solution: Solution, active: Index
+    design: Design, response: Response, family: Family, solution: Solution, active: Index, which: list[int]
 ) -> dict[str, Any]:
-    """Compute all results of a fit that concern its coefficients and the data.
+    """Compute all results of a fit.
 
     Parameters
     ----------
     design : Design
-    y : ndarray (n,)
+    response : Response
     family : Family
     solution : Solution
         Solution for the active coefficients.
     active : ndarray
         Numbers of the active coefficients; the others are 0 with variance 0.
+    which : list of int
+        Positions of their smoothing parameters; the others are NaN.
 
     Returns
     -------
     dict
         Fitted quantities by name; the model has each as an attribute with a trailing underscore.
     """
+    y, weights, theta = response.y, response.weights, solution.theta
     p, n = design.p, len(y)
     square = np.ix_(active, active)
-    Vp, F, Ve, R = np.zeros((p, p)), np.zeros((p, p)), np.zeros((p, p)), np.zeros((p, p))
+    Vp, F, R = np.zeros((3, p, p))
     coef = np.zeros(p)
     coef[active] = solution.beta
     hat = solution.covariance @ solution.information
     Vp[square], F[square] = solution.covariance, hat
-    covariance = hat @ solution.covariance
-    Ve[square] = (covariance + covariance.T) / 2
     R[square] = _square_root(solution.information)
     edf = np.diag(F).copy()
-    edf1 = 2 * edf - np.einsum("ij,ji->i", F, F)
-    eta = design.rows.predictor(coef)
-    residual = y - eta
-    loglik, deviance, null = _likelihood(family, residual, y, solution.nu, solution.sigma)
+    root = np.sqrt(weights)
+    log_root = float(np.log(root).sum()) if family.scaled_rows else 0.0
+    eta = response.offset + design.rows.predictor(coef) / (root if family.scaled_rows else 1.0)
+    fitted = family.link.mean(eta)
+    residual = y - fitted
+    deviances = family.deviance(response, eta, theta)
+    signed = np.sign(residual) * np.sqrt(deviances)
+    loglik = _loglik(family, response, eta, theta)
     white = solution.white
     if white is not None:  # the likelihood is that of the independent innovations
-        loglik = (
-            _likelihood(family, white.values(residual), y, solution.nu, solution.sigma)[0]
-            + white.log_jacobian
-        )
-    if isinstance(family, Gaussian):
-        n_shape_parameters, at_bound = 1, False
-    else:
-        n_shape_parameters = (family.nu is None) + (family.sigma is None)
-        at_bound = family.nu is None and solution.nu - family.min_df < 1e-3
+        innovations = Response.of(white.values(root * residual))
+        loglik = _loglik(family, innovations, np.zeros(n), theta) + white.log_jacobian + log_root
     freedom = n - float(edf.sum())
-    # adjusted R^2 as 1 - var(residual) / var(y) with unbiased denominators
-    r2 = 1 - float(residual.var()) * (n - 1) / (float(y.var()) * max(freedom, 1e-300))
+    nu, sigma = family.shape(theta) if isinstance(family, ScaledT) else (math.nan, math.exp(theta[0] / 2))
+    scale = reml_scale = 1.0 if isinstance(family, ScaledT) else math.exp(theta[0])
+    if isinstance(family, Gamma) and family.estimates_scale:
+        scale = family.dispersion(y, fitted, weights, freedom)
+    ratio = scale / reml_scale
+    # adjusted R^2 as 1 - var(residual) / var(y) with unbiased denominators, each difference times the root of its weight
+    spread = root * (y - np.average(y, weights=weights))
+    r2 = 1 - float((root * residual).var()) * (n - 1) / (float(spread.var()) * max(freedom, 1e-300))
     return {
+        **_names(design, solution, active, which),
+        "family": family,
+        "response": y,
         "coef": coef,
-        "Vp": Vp,
-        "Ve": Ve,
-        "F": F,
+        "Vp": Vp * ratio,
         "edf": edf,
-        "edf1": edf1,
-        "R": R,
-        "scale": solution.scale,
-        "nu": solution.nu,
-        "sigma": solution.sigma if not isinstance(family, Gaussian) else math.sqrt(solution.scale),
-        "nu_at_bound": at_bound,
+        "edf1": 2 * edf - np.einsum("ij,ji->i", F, F),
+        "R": R / math.sqrt(ratio),
+        "scale": scale,
+        "reml_scale": reml_scale,
+        "nu": nu,
+        "sigma": sigma,
+        "nu_at_bound": isinstance(family, ScaledT) and family.nu is None and nu - family.min_df < AT_BOUND,
         "ar1_rho": 0.0 if white is None else white.rho,
-        "reml": solution.score,
+        "reml": solution.score - log_root,
         "loglik": loglik,
-        "aic": -2 * loglik + 2 * (float(edf.sum()) + n_shape_parameters),
-        "deviance_explained": 1 - deviance / null,
+        "aic": -2 * loglik + 2 * (float(edf.sum()) + int(family.free.sum())),
+        "deviance": float(deviances.sum()),
+        "deviance_explained": 1 - float(deviances.sum()) / _null_deviance(family, response, theta),
+        "deviance_residuals": signed,
         "r2": r2,
         "n": n,
         "residual_df": freedom,
-        "fitted_values": eta,
+        "fitted_values": fitted,
+        "linear_predictor": eta,
         "residuals": residual,
-        "converged": solution.converged,
-        "n_iter": solution.n_iter,
-        "message": solution.message,
+        "scaled_residuals": root * residual if family.scaled_rows else signed,
+        **solution.end._asdict(),
     }

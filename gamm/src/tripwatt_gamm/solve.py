@@ -12,12 +12,12 @@ from scipy.optimize import minimize, minimize_scalar
 from tripwatt_gamm.arrays import FloatArray
 from tripwatt_gamm.covariates import Index
 from tripwatt_gamm.errors import InvalidInput
-from tripwatt_gamm.families import Family, Gaussian, ScaledT, Theta
+from tripwatt_gamm.families import ExponentialFamily, Family, Gaussian, Response, ScaledT
 from tripwatt_gamm.fit import NormalEquations, Solution, fit_gaussian
 from tripwatt_gamm.laplace import LaplaceModel, fit_laplace
 from tripwatt_gamm.moments import Moments
 from tripwatt_gamm.penalties import PenaltyStack
-from tripwatt_gamm.performance import PerformanceIteration, State, TData
+from tripwatt_gamm.performance import PerformanceIteration
 from tripwatt_gamm.tables import TableRows, Whitening
 
 Method = Literal["fREML", "REML"]
@@ -78,6 +78,8 @@ class Problem:
     settings : FitSettings
     previous : ndarray (n,), optional
         Number of the preceding row of the same group, for autocorrelated errors.
+    response : Response, optional
+        Response of a family without additive errors; `y` is then a rough linear predictor, to start from.
     """
 
     rows: TableRows
@@ -87,6 +89,7 @@ class Problem:
     active: Index
     settings: FitSettings
     previous: Index | None = None
+    response: Response | None = None
 
     def normal(self, rho: float) -> NormalEquations:
         """Normal equations at autocorrelation `rho`."""
@@ -119,31 +122,28 @@ def _gaussian(
         for shift in (0.0, -8.0)
     ]
     successful = [fit for fit in fits if fit is not None]
-    return min(successful, key=lambda fit: (not fit.converged, fit.score), default=None)
+    return min(successful, key=lambda fit: (not fit.end.converged, fit.score), default=None)
 
 
-def _subset_start(rows: TableRows, y: FloatArray, stack: PenaltyStack, settings: FitSettings) -> State | None:
+def _subset_start(
+    rows: TableRows, y: FloatArray, stack: PenaltyStack, settings: FitSettings
+) -> FloatArray | None:
     """Start from a fit to evenly spaced rows; returns None if rows are too few or that fit fails."""
     step = rows.n // THIN_ROWS
     if step < 2:
         return None
     chosen = np.arange(0, rows.n, step, dtype=np.intp)
-    chosen_rows, chosen_y = rows.subset(chosen), y[chosen]
+    rows, y = rows.subset(chosen), y[chosen]
     family = settings.family
     assert isinstance(family, ScaledT)
-    data = TData(
-        chosen_rows,
-        chosen_y,
-        stack.rotate_both(chosen_rows.gram()),
-        stack.rotate(chosen_rows.rmatvec(chosen_y)),
-    )
-    iteration = PerformanceIteration(data, stack, family, settings.rho is not None)
+    gram, cross = stack.rotate_both(rows.gram()), stack.rotate(rows.rmatvec(y))
+    data = NormalEquations(gram, cross, float(y @ y), len(y))
+    iteration = PerformanceIteration(rows, y, data, stack, family, settings.rho is not None)
     start = iteration.start(settings.rho)
     iterated = None if start is None else iteration.run(start, 100 * settings.tolerance, settings.max_iter)
     if iterated is None:
         return None
-    theta = Theta.from_estimates(iterated.nu, iterated.sigma, family.min_df)
-    return State(stack.rotate(iterated.beta), iterated.rho, theta)
+    return np.concatenate([stack.rotate(iterated.beta), iterated.rho, iterated.theta])
 
 
 def _scaled_t(
@@ -153,17 +153,31 @@ def _scaled_t(
     family = settings.family
     assert isinstance(family, ScaledT)
     fixed = settings.rho is not None
-    iteration = PerformanceIteration(TData(rows, y, data.gram, data.cross), stack, family, fixed)
-    start = _subset_start(rows, y, stack, settings) or iteration.start(settings.rho)
+    iteration = PerformanceIteration(rows, y, data, stack, family, fixed)
+    start = _subset_start(rows, y, stack, settings)
+    start = iteration.start(settings.rho) if start is None else start
     if start is None:
         return None
     exact = settings.method == "REML"
     iterated = iteration.run(start, settings.tolerance * (100 if exact else 1), settings.max_iter)
     if iterated is None or not exact:
         return iterated
-    model = LaplaceModel(rows, y, stack, family, stack.rotate(iterated.beta))
-    theta = Theta.from_estimates(iterated.nu, iterated.sigma, family.min_df)
-    return fit_laplace(model, iterated.rho, theta, data.gram, fixed, max_iter=settings.max_iter)
+    model = LaplaceModel(rows, Response.of(y), stack, family, stack.rotate(iterated.beta))
+    return fit_laplace(model, iterated.rho, iterated.theta, data.gram, fixed, max_iter=settings.max_iter)
+
+
+def _laplace(problem: Problem, response: Response, data: NormalEquations) -> Solution | None:
+    """Fit a family without additive errors, from a gaussian fit to a rough linear predictor; None if a fit fails."""
+    family, stack, given = problem.settings.family, problem.stack, problem.settings.rho
+    start = fit_gaussian(data, stack, given, given is not None, tolerance=1e-4)
+    if start is None:
+        return None
+    eta = response.offset + problem.rows.predictor(start.beta)
+    assert isinstance(family, ExponentialFamily)
+    theta = family.first(response, eta)
+    rho = start.rho - start.theta + theta if given is None else given
+    model = LaplaceModel(problem.rows, response, stack, family, stack.rotate(start.beta))
+    return fit_laplace(model, rho, theta, data.gram, given is not None, max_iter=problem.settings.max_iter)
 
 
 def _fit_at(problem: Problem, rho: float) -> Solution | None:
@@ -172,6 +186,8 @@ def _fit_at(problem: Problem, rho: float) -> Solution | None:
     for data in (normal, _with_ridge(normal)):
         if isinstance(settings.family, Gaussian):
             fitted = _gaussian(data, stack, settings, settings.family.scale)
+        elif problem.response is not None:
+            fitted = _laplace(problem, problem.response, data)
         elif fitted := _scaled_t(*problem.whitened(rho), data, stack, settings):
             fitted.score -= data.log_jacobian
         if fitted is not None:
@@ -246,4 +262,5 @@ def _search_loadings(problem: Problem) -> Solution | None:
     if solution is None:
         return None
     flat = float(np.abs(best.jac).max()) < MAX_GRADIENT
-    return replace(solution, loadings=best.x, converged=solution.converged and flat)
+    end = solution.end._replace(converged=solution.end.converged and flat)
+    return replace(solution, loadings=best.x, end=end)

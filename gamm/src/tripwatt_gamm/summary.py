@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from tripwatt_gamm.components import variance_components
-from tripwatt_gamm.families import Gaussian
 from tripwatt_gamm.formula import render_formula
 from tripwatt_gamm.inference import coefficient_table, term_table
 
@@ -18,7 +17,7 @@ if TYPE_CHECKING:
     from tripwatt_gamm.estimator import Estimator
 
 _LEVELS: Final = ((0.001, "***"), (0.01, "**"), (0.05, "*"))  # the usual ones, as R prints them
-_LEGEND: Final = "*** p < 0.001, ** p < 0.01, * p < 0.05"
+_LEGEND: Final = "Signif. codes:  0 '***' 0.001 '**' 0.01 '*' 0.05 ' ' 1"
 _EDF: Final = "EDF: "
 _FITTED: Final = (
     *("r2", "deviance_explained", "reml", "aic", "loglik", "scale", "n"),
@@ -38,9 +37,9 @@ def stars(p_value: float) -> str:
     return next((mark for level, mark in _LEVELS if p_value < level), "")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Summary:
-    """Tables and scores of a fitted model, as plain text (`text`) or as lines of a paper's table (`rows`).
+    """Tables and scores of a fitted model, printed in the layout of R, or as lines of a paper's table (`rows`).
 
     Attributes
     ----------
@@ -48,8 +47,8 @@ class Summary:
         ``estimate, std_error, statistic, p_value`` per coefficient; a level without data has 0, 0 and no test (NaN).
     smooth : pandas.DataFrame
         ``edf, ref_df, statistic, p_value`` per smooth term and random effect.
-    formula, family, method : str
-        Formula, distribution of the errors, and method of the fit.
+    formula, family, link, method : str
+        Formula, distribution of the response, link function, and method of the fit.
     scale_known : bool
         Whether the scale is known: then tests are z and chi-square, otherwise t and F.
     r2, deviance_explained : float
@@ -57,7 +56,7 @@ class Summary:
     reml, aic, loglik : float
         Scores of the fit.
     scale : float
-        Variance of gaussian errors; 1 for a scaled t.
+        Dispersion: the variance of gaussian errors; 1 for a scaled t, counts and shares.
     n : int
         Rows.
     nu, sigma : float
@@ -84,14 +83,20 @@ class Summary:
     ['(Intercept)', 'EDF: s(x)']
     >>> list(result.scores())
     ['R2 (adjusted)', 'Deviance explained', 'REML', 'Log-likelihood', 'AIC', 'n']
-    >>> result.distribution() in result.text()
-    True
+    >>> print(result)  # doctest: +ELLIPSIS
+    <BLANKLINE>
+    Family: gaussian
+    Link function: identity
+    ...
+    >>> result.distribution().split(",")[0]
+    'gaussian'
     """
 
     parametric: pd.DataFrame
     smooth: pd.DataFrame
     formula: str
     family: str
+    link: str
     method: str
     scale_known: bool
     r2: float
@@ -125,8 +130,9 @@ class Summary:
             variance=variance_components(model),
             formula=render_formula(model.formula_),
             family=family.name,
+            link=family.link.name,
             method=str(model.method) if family.name == "scat" else "REML",
-            scale_known=not (isinstance(family, Gaussian) and family.scale is None),
+            scale_known=not family.estimates_scale,
             notes=tuple(model.notes_),
             **{name: getattr(model, f"{name}_") for name in _FITTED},
         )
@@ -164,34 +170,30 @@ class Summary:
             "n": f"{self.n:d}",
         }
 
-    def text(self) -> str:
-        """Format the summary as plain text.
-
-        Returns
-        -------
-        str
-            Lines, each ending with a line break.
-        """
-        lines = [f"Family:  {self.distribution()}", f"Formula: {self.formula}"]
+    def __str__(self) -> str:
+        """Format the summary in the layout and words of R."""
+        names = {"scat": f"Scaled t({self.nu:.4g},{self.sigma:.4g})", "gamma": "Gamma"}
+        lines = ["", f"Family: {names.get(self.family, self.family)}", f"Link function: {self.link}"]
+        lines += ["", "Formula:", self.formula]
         if not self.converged:
             warning = "WARNING: the fit did not converge; its figures are not to be trusted."
-            lines.append(f"{warning} {self.message}".rstrip())
-        parametric, smooth = ("z", "Chi-sq") if self.scale_known else ("t", "F")
-        tables = (
-            ("Parametric coefficients", self.parametric, ("Estimate", "Std. error", parametric), "%.4f"),
-            ("Smooth terms", self.smooth, ("EDF", "Ref.df", smooth), "%.3f"),
-        )
-        for title, table, heads, style in tables:
-            if len(table):
-                lines += ["", f"{title}:", *_align(table, heads, style)]
+            lines += ["", f"{warning} {self.message}".rstrip()]
+        letter, smooth = ("z", "Chi.sq") if self.scale_known else ("t", "F")
+        heads = ["Estimate", "Std. Error", f"{letter} value", f"Pr(>|{letter}|)"]
+        lines += _section("Parametric coefficients:", self.parametric, heads, "{:.4f}")
+        title = "Approximate significance of smooth terms:"
+        lines += _section(title, self.smooth, ["edf", "Ref.df", smooth, "p-value"], "{:.3f}")
         if len(self.variance) > 1:
             shown = self.variance.drop(columns="variance")
             printed = shown.to_string(index=False, na_rep="", float_format="%.4f").split("\n")
             lines += ["", "Variance components:", *map(str.rstrip, printed)]
-        lines += ["", f"Stars: {_LEGEND}", ""]
-        lines += [f"{label + ':':<20}{value}" for label, value in self.scores().items()]
-        lines += ["", *(f"Note: {note}" for note in self.notes)] if self.notes else []
-        return "\n".join(lines) + "\n"
+        explained = f"Deviance explained = {100 * self.deviance_explained:.3g}%"
+        score = f"{'-' if self.method == 'REML' else ''}{self.method} = {self.reml:.5g}"
+        lines += ["", f"R-sq.(adj) = {self.r2:6.3g}   {explained}"]
+        lines += [f"{score}  Scale est. = {self.scale:<10.5g} n = {self.n}"]
+        return "\n".join([*lines, *(f"Note: {note}" for note in self.notes)])
+
+    __repr__ = __str__
 
     def rows(self) -> list[tuple[str, str, str]]:
         """Format the lines of a table as in papers: label, "value (standard error or reference df)" and stars.
@@ -208,17 +210,18 @@ class Summary:
         ]
 
 
-def _align(table: pd.DataFrame, heads: tuple[str, str, str], style: str) -> list[str]:
-    """Return the lines of a table of tests; both tables have value, error or df, statistic and p-value as columns."""
-    width = max(len(str(name)) for name in table.index)
-    lines = [f"{'':<{width}} " + " ".join(f"{head:>12}" for head in heads) + f" {'p':>10}"]
-    for name, first, second, statistic, p in table.itertuples(name=None):
-        tested = np.isfinite(p)
-        numbers = (style % first, style % second, f"{statistic:.3f}" if tested else "")
-        cells = " ".join(f"{number:>12}" for number in numbers)
-        lines.append(f"{name:<{width}} {cells} {_p_value(p) if tested else '':>10} {stars(p)}".rstrip())
-    return lines
+def _section(title: str, table: pd.DataFrame, heads: list[str], style: str) -> list[str]:
+    """Return the lines of a table of tests, whose columns are value, error or df, statistic and p-value."""
+    if not len(table):
+        return []
+    styles = (style.format, style.format, "{:.3f}".format, _p_value)
+    cells = {
+        head: ["" if np.isnan(value) else write(value) for value in table[column]]
+        for head, column, write in zip(heads, table, styles, strict=True)
+    }
+    shown = table.rename_axis(None)[[]].assign(**cells, **{"": [f"{stars(p):3}" for p in table["p_value"]]})
+    return ["", title, *map(str.rstrip, shown.to_string().split("\n")), "---", _LEGEND]
 
 
 def _p_value(p: float) -> str:
-    return "< 2e-16" if p < 2e-16 else f"{p:.4f}" if p >= 1e-4 else f"{p:.2e}"
+    return "<2e-16" if p < 2e-16 else f"{p:.3g}"

@@ -7,7 +7,7 @@ Products with X cost a few operations per row and term; crossproducts go chunk b
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -64,11 +64,8 @@ class Whitening:
 
     def rows(self, rows: TableRows) -> TableRows:
         """Whiten the rows of a model matrix."""
-        parts = []
-        for weight, at in zip(self.weights, (np.arange(rows.n), self.previous), strict=True):
-            for part in rows.parts:
-                scale = weight if part.scale is None else weight * part.scale[at]
-                parts.append(IndexedColumns(part.columns, part.table, part.index[at], scale))
+        now, before = self.weights
+        parts = [*rows.scaled(now).parts, *rows.subset(self.previous).scaled(before).parts]
         return TableRows(parts, rows.n, rows.p)
 
 
@@ -100,12 +97,7 @@ class TableRows:
         parts = self.parts
         if rows is not None:
             parts = [
-                IndexedColumns(
-                    part.columns,
-                    part.table,
-                    part.index[rows],
-                    None if part.scale is None else part.scale[rows],
-                )
+                replace(part, index=part.index[rows], scale=None if part.scale is None else part.scale[rows])
                 for part in parts
             ]
         p = self.p
@@ -123,6 +115,13 @@ class TableRows:
                     )
             parts, p = kept, len(columns)
         return TableRows(parts, self.n if rows is None else len(rows), p)
+
+    def scaled(self, factor: FloatArray) -> TableRows:
+        """Return the rows, each times its factor (n,)."""
+        parts = [
+            replace(part, scale=factor if part.scale is None else factor * part.scale) for part in self.parts
+        ]
+        return TableRows(parts, self.n, self.p)
 
     def predictor(self, beta: FloatArray) -> FloatArray:
         """X beta for beta (p,) or (p, part)."""
