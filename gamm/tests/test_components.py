@@ -315,3 +315,19 @@ def test_known_scale_enters_the_components():
     # the error variance is known, so that its interval has no width and the other one no share of it
     assert components["upper"][1] == components["lower"][1] == components["std_dev"][1]
     assert components["upper"][0] < model.variance_components()["upper"][0]
+
+
+@pytest.mark.parametrize(
+    ("noise", "note"), [(1e-6, ""), (1e-9, "too large beside"), (None, "estimated as zero")]
+)
+def test_effects_far_above_and_below_the_noise(noise, note):
+    """Effects 3e5 times the noise have their variance; beyond that, and where there are none, a note says so."""
+    rng = np.random.default_rng(0)
+    group = np.repeat(np.arange(20), 10)
+    effect = rng.normal(0, 0.326, 20)
+    errors = np.random.default_rng(3).normal(size=200)
+    y = 1 + effect[group] + noise * errors if noise else errors
+    model = GAMM('y ~ s(g, bs="re")').fit(pd.DataFrame({"g": group.astype(str), "y": y}))
+    assert (note in " ".join(model.notes_)) if note else not model.notes_
+    if not note:
+        assert model.variance_components()["std_dev"][0] == pytest.approx(effect.std(ddof=1), rel=1e-3)

@@ -155,7 +155,8 @@ def gaussian_score(
     K = factor.inverse
     beta = K @ data.cross
     beta += K @ (data.cross - stack.add_to(data.gram, rho) @ beta)  # one refinement
-    penalised = data.square - float(data.cross @ beta)
+    # errors of the coefficients enter the quadratic form in the second order only
+    penalised = data.square - float((2 * data.cross - stack.add_to(data.gram, rho) @ beta) @ beta)
     freedom = data.n - stack.null_dim
     penalised = max(penalised, 1e-14 * data.square + 1e-300)
     phi = penalised / freedom if scale is None else scale

@@ -21,8 +21,8 @@ from tripwatt_gamm.arrays import FloatArray
 RANK_TOLERANCE = 1e-9
 """Relative size of an eigenvalue of a penalty up to which its direction is unpenalised: a choice, far above rounding."""
 
-LOG_RATIO = (-25.0, 22.0)
-"""Bounds of log(smoothing parameter), relative to the value at which penalty and data have equal weight: beyond them, 1e-11 and
+LOG_RATIO = (-31.0, 22.0)
+"""Bounds of log(smoothing parameter), relative to the value at which penalty and data have equal weight: beyond them, 3e-14 and
 1e10, one of the two is lost in rounding."""
 
 MAX_CORRELATED = 14.0

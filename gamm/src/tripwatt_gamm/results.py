@@ -44,6 +44,16 @@ def _loglik(family: Family, response: Response, eta: FloatArray, theta: FloatArr
     return float(family.derivatives(response, eta, theta)[0].sum())
 
 
+def _extremes(design: Design, parameters: FloatArray) -> list[str]:
+    """Return a note for each variance component that is zero, or so large beside that of the errors that rounding decides."""
+    owners = [fitted for fitted in design.terms for _ in fitted.penalties]
+    return [
+        f"{fitted.label}: variance {'estimated as zero' if value > 1 else 'too large beside the errors to be exact'}"
+        for fitted, value in zip(owners, parameters, strict=True)
+        if fitted.kind == "random" and not 5e-12 < value < 1e8
+    ]
+
+
 def _names(design: Design, solution: Solution, active: Index, which: list[int]) -> dict[str, Any]:
     """Terms, names of coefficients, ranges, levels and smoothing parameters; parameters without data are NaN."""
     names, coef_names = design.penalty_names, [name for fitted in design.terms for name in fitted.names]
@@ -52,20 +62,19 @@ def _names(design: Design, solution: Solution, active: Index, which: list[int]) 
     if solution.end.hessian.size:
         inverse = np.linalg.pinv(solution.end.hessian, hermitian=True)
         covariance[np.ix_(which, which)] = inverse[: len(which), : len(which)]
-    training = design.training
     return {
         "formula": design.formula,
         "terms": design.terms,
-        "training": training,
-        "notes": list(design.notes),
+        "training": design.training,
+        "notes": [*design.notes, *_extremes(design, parameters)],
         "coef_names": coef_names,
         "empty_columns": [coef_names[i] for i in np.setdiff1d(np.arange(design.p), active)],
         "ranges": {
             name: (float(support.low[j]), float(support.high[j]))
-            for names, support in training.supports.items()
+            for names, support in design.training.supports.items()
             for j, name in enumerate(names)
         },
-        "levels": {name: levels.names for name, levels in training.levels.items()},
+        "levels": {name: levels.names for name, levels in design.training.levels.items()},
         "smoothing_parameters": dict(zip(names, parameters.tolist(), strict=True)),
         "log_sp_covariance": covariance,
     }
