@@ -115,8 +115,25 @@ def peer_seconds(folder: Path, frame: pd.DataFrame) -> tuple[str, float]:
     return "mgcv bam(discrete=TRUE), stored with its fit", float(stored["user"].iloc[0])
 
 
+def covered(simulations: int, level: float = 0.95) -> float:
+    """Share of simulations in which a simultaneous band holds a whole known curve, two periods of a sine at 400 rows."""
+    grid = pd.DataFrame({"x": np.linspace(0, 1, 200)})
+    truth = np.sin(4 * np.pi * grid["x"].to_numpy())
+    held = 0
+    for seed in range(simulations):
+        rng = np.random.default_rng(seed)
+        x = rng.uniform(size=400)
+        y = np.sin(4 * np.pi * x) + rng.normal(0, 0.5, 400)
+        model = GAMM("y ~ s(x, k=20)").fit(pd.DataFrame({"x": x, "y": y}))
+        band = model.intervals(grid, level, simultaneous=True)
+        held += bool(((band["lower"] <= truth) & (truth <= band["upper"])).all())
+    return held / simulations
+
+
 def run() -> Iterator[Row]:
-    """All measurements; none where the regressions and mgcv's fits of them are not at hand."""
+    """All measurements; those of real trips only where the regressions and mgcv's fits of them are not at hand."""
+    share = 100 * covered(500)
+    yield Row("simultaneous 95 % bands that hold their curve, 500 simulations", share, "%", least=93)
     folder = REFERENCE / "mgcv"
     if not folder.is_dir():
         yield not_measured("the GAMM engine", f"no {folder}")

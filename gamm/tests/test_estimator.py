@@ -90,6 +90,17 @@ def test_predict_and_options_say_what_is_wrong(frame, model):
     assert not hasattr(GAMM(FULL), "coef_")
 
 
+def test_draws_have_the_intervals_of_the_posterior_and_joint_ones_are_wider(frame, model):
+    rows = frame.iloc[:40]
+    band, joint = model.intervals(rows), model.intervals(rows, simultaneous=True)
+    draws = model.sample(rows, 4000, seed=1)
+    width = (band["upper"] - band["lower"]).to_numpy()
+    assert np.ptp(np.quantile(draws, [0.025, 0.975], axis=0), axis=0) == pytest.approx(width, rel=0.1)
+    held = (draws >= joint["lower"].to_numpy()) & (draws <= joint["upper"].to_numpy())
+    assert held.all(axis=1).mean() == pytest.approx(0.95, abs=0.015)
+    assert ((joint["upper"] - joint["lower"]) > width).all()
+
+
 def test_a_series_is_aligned_with_the_frame(frame):
     order = np.random.default_rng(0).permutation(len(frame))
     aligned = GAMM(Formula(None, (X,))).fit(frame, frame["y"].iloc[order])
