@@ -25,9 +25,9 @@ PARTS: Final = ("roads", "server", "fleet", "study", "gamm")
 BUDGETS: Final[Mapping[str, int]] = {
     "core": 20_699,
     "roads": 4_201,
-    "server": 6_014,
+    "server": 6_012,
     "fleet": 2_353,
-    "study": 4_694,
+    "study": 4_692,
     "gamm": 3_951,
 }
 """Most code lines of each part. They only fall: whoever needs lines finds them first."""
