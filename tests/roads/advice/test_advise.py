@@ -210,6 +210,9 @@ def test_what_has_to_begin_before_now_is_not_advised(model: ForecastModel) -> No
     later = model.forecast(forecast.plan.with_departure(in_two_hours))
     codes = [{one.actions[0].code for one in tw.advise(one, now=now).singly} for one in (forecast, later)]
     assert codes[1] - codes[0] == {"preheat_cabin"}
+    (heat,) = (one for one in tw.advise(later, now=now).singly if one.actions[0].code == "preheat_cabin")
+    assert heat.wall_wh > -heat.difference.energy_wh / 0.9
+    assert (heat.saves, replace(heat, actions=()).saves) == ("range", "energy")
 
 
 def test_what_cannot_be_advised_is_refused(model: ForecastModel) -> None:

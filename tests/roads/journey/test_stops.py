@@ -404,3 +404,13 @@ def test_random_journeys_do_not_contradict_themselves():
         stop = {"charging_s": 60.0, "soc_leave": 0.2, "soc_arrival": 0.3, "position_m": 0.0}
         wrong = answer | {"charging_alternatives": [WRONG_PLAN | {"stops": [stop]}]}
         assert len(list(contradictions(wrong))) == 5
+
+
+def test_a_station_at_the_start_is_no_stop_on_the_way(model):
+    near = tuple(Station(47.0, 9.0 + d, f"{d}", 1e5, direct_current=True) for d in (0.01, 0.25))
+    plan = journey(
+        model, replace(COLD, soc=0.5), (A, Place(47.0, 9.5)), replace(MADE, stations=near)
+    ).charging
+    assert [stop.station.name for stop in plan.stops] == ["0.25"]
+    alone = journey(model, replace(COLD, soc=0.5), (A, Place(47.0, 9.5)), replace(MADE, stations=near[:1]))
+    assert (alone.charging, alone.verdict.advice) == (None, "charge_before")
