@@ -353,33 +353,10 @@ class _Builder:
             self.formula, self.terms, rows, training, self.notes, [], self.joint, self.codes, self.members
         )
 
-    def _nest(self, parts: list[IndexedColumns]) -> list[IndexedColumns]:
-        """Merge the table of a curve into that of a surface with the same covariate: one index instead of two."""
-        names_of = {id(points.index): names for names, points in self.joint.items()}
-        surfaces = [
-            part for part in parts if len(names_of.get(id(part.index), ())) > 1 and part.scale is None
-        ]
-        nested = list(parts)
-        for part in parts:
-            names = names_of.get(id(part.index), ())
-            if len(names) != 1 or part.scale is not None:
-                continue
-            surface = next((s for s in surfaces if names[0] in names_of[id(s.index)]), None)
-            if surface is None:
-                continue
-            points = self.joint[names_of[id(surface.index)]]
-            position = np.empty(len(points.values), dtype=np.intp)
-            position[points.index] = part.index  # all rows of a point share the value of the curve
-            columns = np.concatenate([surface.columns, part.columns])
-            merged = IndexedColumns(columns, np.hstack([surface.table, part.table[position]]), surface.index)
-            nested = [merged if other is surface else other for other in nested if other is not part]
-            surfaces = [merged if other is surface else other for other in surfaces]
-        return nested
-
     def _parts(self) -> list[IndexedColumns]:
         """All parts of X; factors and the intercept are merged into one part if their joint levels are few."""
         indicators = [piece for piece in self.pieces if piece.is_indicator]
-        parts = self._nest([piece.indexed() for piece in self.pieces if not piece.is_indicator])
+        parts = [piece.indexed() for piece in self.pieces if not piece.is_indicator]
         if not indicators:
             return parts
         code = np.zeros(len(self.frame), dtype=np.int64)

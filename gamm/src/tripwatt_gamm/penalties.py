@@ -2,7 +2,7 @@
 
 Each block of coefficients is rotated to the eigenvectors of its summed penalty. A single penalty becomes diagonal.
 Several penalties share one range space, in which log|S|+ is exact for smoothing parameters of any ratio
-(Wood 2011, appendix B; for two penalties by simultaneous diagonalisation).
+(Wood 2011, appendix B).
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import eigh, qr, solve_triangular
+from scipy.linalg import eigh, qr
 
 from tripwatt_gamm.arrays import FloatArray
 
@@ -46,10 +46,8 @@ class PenaltyBlock:
         Original = rotation @ rotated.
     matrices : list of ndarray (rank, rank)
         Penalties in the range space.
-    diagonal : ndarray (2, rank) or None
-        Diagonals of two penalties in the basis that diagonalises both.
-    log_volume : float
-        Log determinant of the change to this basis, which is subtracted from log|S|+.
+    roots : list of ndarray (r, rank)
+        Matrices of full row rank whose crossproducts are the penalties; empty for one penalty, which is diagonal.
     """
 
     start: int
@@ -57,8 +55,7 @@ class PenaltyBlock:
     rank: int
     rotation: FloatArray
     matrices: list[FloatArray]
-    diagonal: FloatArray | None
-    log_volume: float
+    roots: list[FloatArray]
 
     @property
     def range(self) -> slice:
@@ -75,49 +72,28 @@ class PenaltyBlock:
         U = vectors[:, :rank]
         if len(matrices) == 1:
             diagonal = values[:rank] * np.linalg.norm(matrices[0])
-            return cls(start, start + len(total), rank, vectors, [np.diag(diagonal)], diagonal[None], 0.0)
-        in_range = [U.T @ S @ U for S in matrices]
-        in_range = [(S + S.T) / 2 for S in in_range]
-        simultaneous, volume = None, 0.0
-        if len(matrices) == 2:
-            share, W = eigh(in_range[0] / np.linalg.norm(matrices[0]), np.diag(values[:rank]))
-            share = np.clip(share, 0.0, 1.0)
-            share[share < RANK_TOLERANCE] = 0.0
-            share[share > 1 - RANK_TOLERANCE] = 1.0
-            norms = [float(np.linalg.norm(S)) for S in matrices]
-            simultaneous = np.array([share * norms[0], (1 - share) * norms[1]])
-            volume = 2 * float(np.linalg.slogdet(W)[1])
-        return cls(start, start + len(total), rank, vectors, in_range, simultaneous, volume)
+            return cls(start, start + len(total), rank, vectors, [np.diag(diagonal)], [])
+        in_range, roots = [U.T @ (S + S.T) @ U / 2 for S in matrices], []
+        for S in in_range:
+            values, W = eigh(S)
+            positive = values > RANK_TOLERANCE * values[-1]
+            roots.append(np.sqrt(values[positive])[:, None] * W[:, positive].T)
+        return cls(start, start + len(total), rank, vectors, in_range, roots)
 
     def log_determinant(self, rho: FloatArray) -> tuple[float, FloatArray, FloatArray]:
-        """Return log|S|+, its gradient and its Hessian in the log smoothing parameters `rho` of the block."""
-        if self.diagonal is not None:
-            logs = np.where(
-                self.diagonal > 0, np.log(np.where(self.diagonal > 0, self.diagonal, 1.0)), -np.inf
-            )
-            terms = logs + rho[:, None]
-            top = terms.max(axis=0)
-            parts = np.exp(terms - top)
-            sums = parts.sum(axis=0)
-            share = parts / sums
-            gradient = share.sum(axis=1)
-            hessian = np.diag(gradient) - share @ share.T
-            return float((top + np.log(sums)).sum()) - self.log_volume, gradient, hessian
-        return self._log_determinant_of_many(rho)
+        """Return log|S|+, its gradient and its Hessian in the log smoothing parameters `rho` of the block.
 
-    def _log_determinant_of_many(self, rho: FloatArray) -> tuple[float, FloatArray, FloatArray]:
-        """Compute log|S|+ by QR of the stacked, sorted square roots, which is stable under scaling of rows."""
+        Several penalties need a QR decomposition of their stacked, sorted square roots, which is stable under scaling of rows.
+        """
+        if not self.roots:
+            value = float(np.log(np.diag(self.matrices[0])).sum() + self.rank * rho[0])
+            return value, np.array([float(self.rank)]), np.zeros((1, 1))
         order = np.argsort(-rho)
-        roots = []
-        for j in order:
-            values, vectors = eigh(self.matrices[j])
-            positive = values > RANK_TOLERANCE * values[-1]
-            roots.append(np.exp(rho[j] / 2) * np.sqrt(values[positive])[:, None] * vectors[:, positive].T)
-        R, pivots = qr(np.vstack(roots), mode="r", pivoting=True)
-        R = R[: self.rank]
-        inverse = np.empty((self.rank, self.rank))
-        inverse[pivots] = solve_triangular(R, np.eye(self.rank))
-        weighted = [np.exp(r) * inverse.T @ S @ inverse for r, S in zip(rho, self.matrices, strict=True)]
+        stacked = np.vstack([np.exp(rho[j] / 2) * self.roots[j] for j in order])
+        Q, R, _ = qr(stacked, mode="economic", pivoting=True)
+        # the rows of Q that belong to penalty j give lambda_j S_j in the basis in which the sum is the identity
+        pieces = np.split(Q, np.cumsum([len(self.roots[j]) for j in order])[:-1])
+        weighted = [pieces[i].T @ pieces[i] for i in np.argsort(order)]
         gradient = np.array([np.trace(W) for W in weighted])
         hessian = np.diag(gradient) - np.array([[float((A * B).sum()) for A in weighted] for B in weighted])
         return 2 * float(np.log(np.abs(np.diag(R))).sum()), gradient, hessian
@@ -237,12 +213,12 @@ class PenaltyStack:
             terms.append((start, matrices))
         return PenaltyStack(self.p, terms, self.scales)
 
-    def rotate(self, M: FloatArray) -> FloatArray:
-        """Rotate a vector (p,) or the rows of a matrix (p, q)."""
+    def rotate(self, M: FloatArray, back: bool = False) -> FloatArray:
+        """Rotate a vector (p,) or the rows of a matrix (p, q), or rotate them back to the coordinates of the model."""
         rotated = M.copy()
         for block in self.blocks:
             where = slice(block.start, block.stop)
-            rotated[where] = block.rotation.T @ M[where]
+            rotated[where] = (block.rotation if back else block.rotation.T) @ M[where]
         return rotated
 
     def rotate_both(self, M: FloatArray) -> FloatArray:
@@ -251,11 +227,7 @@ class PenaltyStack:
 
     def restore(self, M: FloatArray) -> FloatArray:
         """Return a rotated vector, or rotated rows of a matrix, to the coordinates of the model."""
-        restored = M.copy()
-        for block in self.blocks:
-            where = slice(block.start, block.stop)
-            restored[where] = block.rotation @ M[where]
-        return restored
+        return self.rotate(M, back=True)
 
     def restored_both(self, M: FloatArray) -> FloatArray:
         """Return the rows and columns of a covariance (p, p) to the coordinates of the model."""
