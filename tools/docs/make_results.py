@@ -145,6 +145,13 @@ RESULTS: Final = (
         2,
         other_cars=True,
     ),
+    Result(
+        "paper-claims",
+        ("-m benchmarks.paper_claims --write",),
+        ("docs/results/paper_claims.json",),
+        ("tum", "docs/results/table2_mgcv.csv"),
+        5,
+    ),
     evaluation("paper", 4),
     Result(
         "links",

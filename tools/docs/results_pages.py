@@ -166,13 +166,13 @@ def update_coverage(results: Mapping[str, Any], page_path: Path) -> None:
 
 
 def update_paper_page(
-    results: Mapping[str, Any], page_path: Path, cars: Mapping[str, Any] = MappingProxyType({})
+    results: Mapping[str, Any], page_path: Path, cars: Mapping[str, Any], claims: Mapping[str, Any]
 ) -> None:
-    """Replace what stands between the markers `paper-page` by the list of the paper's elements beside ours.
+    """Replace what stands between the markers `paper-page` by the table of the paper's claims.
 
-    `results` are those of the protocol `paper`, `cars` those of the protocol `cars`.
+    `results` are those of the protocol `paper`, `cars` those of the protocol `cars`, `claims` those of `benchmarks.paper_claims`.
     """
-    _between(page_path, "paper-page", render_paper_page(results, cars))
+    _between(page_path, "paper-page", render_paper_page(results, cars, claims))
 
 
 def _between(path: Path, key: str, shown: str) -> None:

@@ -12,10 +12,8 @@ from tripwatt.study.report.words import model_label
 SHARED: Final = ("boosting-only", "linear4", "linear6")
 """Models of both protocols that take something else in each."""
 DIFFERS: Final[Mapping[str, str]] = {
-    "forecast": "the protocol `paper` has other models of the same name. Here the boosting learns the power of segments, and the linear models take the "
-    "temperature at departure; there it learns the energy since departure, and they take the mean temperature of the trip",
-    "paper": "the protocol `forecast` has other models of the same name. Here the boosting learns the energy since departure, and the linear models take "
-    "the mean temperature of the trip; there it learns the power of segments, and they take the temperature at departure",
+    "forecast": "the protocol `paper` has other models of these names, of the energy since departure and with the mean temperature",
+    "paper": "the protocol `forecast` has other models of these names, of the power of segments and with the temperature at departure",
 }
 
 

@@ -6,10 +6,13 @@ import re
 import pytest
 from tests.support import ROOT
 from tools.docs.paper_page import (
-    ELEMENTS,
+    CLAIMS,
     FIGURES,
     PAPER_TABLE2,
+    RUNS,
     SCHEMATICS,
+    VERDICTS,
+    Sources,
     on_trip_df,
     render_paper_page,
     table2_row,
@@ -20,9 +23,13 @@ from tripwatt.study.report.view import View
 PAGE = ROOT / "docs" / "explanation" / "paper.md"
 
 
+def published(name: str) -> dict:
+    return json.loads((ROOT / "docs" / "results" / f"{name}.json").read_text(encoding="utf-8"))
+
+
 @pytest.fixture(scope="module")
 def results() -> dict:
-    return json.loads((ROOT / "docs" / "results" / "paper.json").read_text(encoding="utf-8"))
+    return published("paper")
 
 
 @pytest.fixture(scope="module")
@@ -30,18 +37,34 @@ def page() -> str:
     return PAGE.read_text(encoding="utf-8")
 
 
-def test_every_element_of_the_paper_is_there_and_one_click_away(page: str) -> None:
-    named = " ".join(element.paper for element in ELEMENTS)
-    figures = {int(n) for n in re.findall(r"Figure (\d)", named)} | {5, 6, 7}
-    assert "Figures 5, 6 and 7" in named
-    assert figures == set(range(1, 10))  # the paper has nine figures, three tables and four equations
+def test_every_element_of_the_paper_is_a_row_with_a_verdict(results: dict, page: str) -> None:
+    s = Sources(View(results), published("cars"), published("paper_claims"))
+    named = " ".join(claim.paper for claim in CLAIMS)
+    # the paper has nine figures, three tables, and four equations of which the last has no number
+    assert {int(n) for n in re.findall(r"Figure (\d)", named)} == set(range(1, 10))
     assert {int(n) for n in re.findall(r"Table (\d)", named)} == {1, 2, 3}
-    assert "Equations 1 to 4" in named
-    assert named.count("Claim: ") == 4
-    assert len({element.key for element in ELEMENTS}) == len(ELEMENTS)
-    for element in ELEMENTS:
-        assert page.count(f"](#{element.key}) |") == 1
-        assert page.count(f'<a id="{element.key}"></a>') == 1
+    assert {int(n) for n in re.findall(r"quation (\d)", named)} == {1, 2, 3}
+    assert "F(k+1) = F(k) + T(k+1)" in named
+    assert len({claim.paper for claim in CLAIMS}) == len(CLAIMS)
+    for claim in CLAIMS:
+        verdict = claim.verdict if isinstance(claim.verdict, str) else claim.verdict(s)
+        assert verdict in VERDICTS, claim.paper
+        assert page.count(f"| {claim.paper} | {verdict} |") == 1, claim.paper
+        assert set(claim.run.split(", ")) <= {*RUNS, ""}, claim.paper
+    for key in re.findall(r"\]\(#([\w-]+)\)", page):
+        assert page.count(f'<a id="{key}"></a>') == 1, key
+
+
+def test_a_verdict_follows_its_figure(results: dict) -> None:
+    claims = published("paper_claims")
+    claims["figure3"]["fits"]["cumulative energy"] |= {"below": 6, "expected": 5.8}
+    claims["figure3"]["correlation_of_rows"] = 0.01
+    for row in claims["table2"]:
+        row["distance"] = 0.5
+    text = render_paper_page(results, published("cars"), claims)
+    for row in ("Figure 3: the residuals match the quantiles of the t", "Table 2: summary of the GAMM"):
+        assert f"| {row} | yes |" in text
+    assert "remove the dependence of rows | yes |" in text
 
 
 def test_every_figure_of_the_page_is_committed(page: str) -> None:
@@ -60,14 +83,13 @@ def test_the_numbers_of_the_page_are_those_of_the_results(results: dict, page: s
     own = set(results["evaluations"][0]["models"]) - {"physics-paper", "gamm", "boosting", "forest"}
     for name, score in models.items():
         if name not in own:  # the page of results has them
-            assert score["title"] in page, name
             assert f"{100 * score['mape']:.1f}" in page, name
     changed = json.loads(json.dumps(results))
     changed["studies"]["models"]["physics-brochure"]["mape"] = 0.4321
     changed["studies"]["models"]["boosting-ar1"]["mape"] = 0.9876
-    text = render_paper_page(changed)
+    text = render_paper_page(changed, published("cars"), published("paper_claims"))
     assert "| 43.2 |" in text
-    assert "| 98.8 |" in text
+    assert "/ 98.8 %" in text
     assert "| 43.2 |" not in page
 
 
