@@ -134,6 +134,14 @@ RESULTS: Final = (
         other_cars=True,
     ),
     Result(
+        "transfer",
+        ("-m benchmarks.transfer --write --resume",),
+        ("docs/results/transfer.json", "docs/images/transfer.png", "docs/explanation/cars.md#transfer"),
+        ("tum", "ved", "twizy", "sedan"),
+        20,
+        other_cars=True,
+    ),
+    Result(
         "before",
         ("-m benchmarks.before --write",),
         (
