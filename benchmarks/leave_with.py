@@ -104,7 +104,7 @@ def over_http(service: Service, count: int) -> Iterator[Answer]:
     known = {name: value for name, value in KNOWN.to_dict().items() if value is not None}
     every = list(itertools.product(sorted(vehicle_names()), ROADS, CHARGES, PROBABILITIES))
     for car, road, charge, probability in random.Random(9).sample(every, count):
-        trip = {**known, "links": links_of(road), "vehicle": car, "reserve": RESERVE}
+        trip = {**known, "links": links_of(road), "car": car, "reserve": RESERVE}
         asked = service.forecast({**trip, "soc": charge, "probability": probability}).raise_for_status()
         leave_with = asked.json()["leave_with"]
         soc, message = leave_with["soc_needed"], leave_with["message"]

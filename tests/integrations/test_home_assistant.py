@@ -268,7 +268,7 @@ def test_every_figure_of_a_car_is_an_entity_and_new_cars_come_by_themselves(
         messages = [flag["message"] for flag in answer["flags"]]
         assert about[key]["flags"] == messages
         assert "leaf has no description" in messages[0 if key == "soc_needed" else 1]
-    made = served.service.client.post("/v1/cars", json={"name": "zoe", "vehicle": "renault_zoe_ze50_r135"})
+    made = served.service.client.post("/v1/cars", json={"name": "zoe", "car": "renault_zoe_ze50_r135"})
     assert made.status_code == 200, made.text
     served.tokens["zoe"] = served.service.client.post("/v1/cars/zoe/token", json={}).json()["token"]
     served.park("zoe", 0.5)

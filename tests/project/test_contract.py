@@ -72,7 +72,7 @@ KINDS: dict[str, tuple[Callable[[Any], Any], str]] = {
         "POST /v1/forecast response 200.trip: type integer beside string",
     ),
     "choice in a response": (
-        lambda d: schema("VerdictDocument", "advice")(d)["enum"].append("wait"),
+        lambda d: schema("Verdict", "advice")(d)["enum"].append("wait"),
         'POST /v1/journeys response 200.verdict.advice: "wait" beside the choices '
         '"charge_before", "go", "none", "slower", "stop"',
     ),

@@ -123,7 +123,7 @@ ARGUMENTS: dict[str, dict[str, Any]] = {
     "diary": {"car": "leaf", "trips": 2},
     "cars": {},
     "vehicles": {"search": "id.3"},
-    "new_car": {"name": "zoe", "vehicle": "nissan_leaf_40"},
+    "new_car": {"name": "zoe", "car": "nissan_leaf_40"},
 }
 
 
@@ -190,7 +190,7 @@ def test_the_newest_trips_of_a_diary_come_first(jobs: Jobs) -> None:
         ("diary", {"car": "../leaf"}, ("The car does not exist",)),
         ("vehicles", {"serch": "leaf"}, ("did you mean 'search'?",)),
         ("cars", {"folder": "/"}, ("folder",)),
-        ("forecast", {"links": [], "vehicle": "../car.toml"}, ("links", "../car.toml")),
+        ("forecast", {"links": [], "car": "../car.toml"}, ("links", "../car.toml")),
         ("new_car", {"name": "zoe"}, ("unknown tool", "'new_car'")),
     ],
 )

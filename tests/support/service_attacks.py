@@ -174,7 +174,7 @@ def used_once(service: Service) -> int:
         asked.append(("PUT", place, {"content": content, "headers": BINARY}))
     repeated = range(3 * len(service.workers()))  # one kind after the other, as workers take turns
     for k in repeated:
-        car = {"name": f"ordinary{k}", "vehicle": "nissan_leaf_24"}
+        car = {"name": f"ordinary{k}", "car": "nissan_leaf_24"}
         service.client.post("/v1/cars", json=car).raise_for_status()
     for method, place, body in asked:
         for _ in repeated:
@@ -200,7 +200,7 @@ def bombs(port: int, stop: threading.Event) -> None:
     """Archives, workbooks and tables that unpack to gigabytes; the service needs a folder of cars."""
     address = f"http://127.0.0.1:{port}/v1/cars"
     with httpx.Client(timeout=60.0) as client:
-        client.post(address, json={"name": "bombed", "vehicle": "nissan_leaf_24"})
+        client.post(address, json={"name": "bombed", "car": "nissan_leaf_24"})
         for name, content in _made_bombs():
             if not stop.is_set():
                 with suppress(httpx.HTTPError):

@@ -7,7 +7,7 @@ import difflib
 import re
 import types
 import unicodedata
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
@@ -97,13 +97,15 @@ def _unchanged(name: str, preset: str) -> Vehicle:
     return _from_library(name, preset, {})
 
 
-def require_vehicle(name: str) -> None:
+def require_vehicle(name: str, others: Sequence[str] = ()) -> None:
     """Raise `InvalidInput` if a name is not in `vehicle_names()`, and suggest similar names.
 
     Parameters
     ----------
     name : str
         Name of a bundled car.
+    others : sequence of str
+        Further names to suggest, such as those of a user's cars.
 
     Raises
     ------
@@ -116,9 +118,9 @@ def require_vehicle(name: str) -> None:
     """
     if name in vehicle_names():
         return
-    near = find_vehicles(name) or difflib.get_close_matches(name, vehicle_names(), n=3)
+    near = find_vehicles(name) or difflib.get_close_matches(name, (*others, *vehicle_names()), n=3)
     listed = " or ".join(map(repr, near[:3]))
-    described = "or describe it: the path of a .toml file, over HTTP `vehicle_figures`"
+    described = "or describe it: the path of a .toml file, over HTTP its figures"
     fix = f"did you mean {listed}?" if near else described
     allowed = f"one of {len(vehicle_names())} names, listed by `tripwatt vehicles` and GET /v1/vehicles"
     raise InvalidInput.of("unknown car", "vehicle", excerpt(name), allowed, fix)

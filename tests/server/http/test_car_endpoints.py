@@ -79,7 +79,7 @@ def archive(files: dict[str, bytes]) -> bytes:
 
 
 def new_car(service: Service, name: str, vehicle: str = "bmw_i3_60ah") -> dict[str, Any]:
-    response = service.client.post("/v1/cars", json={"name": name, "vehicle": vehicle})
+    response = service.client.post("/v1/cars", json={"name": name, "car": vehicle})
     assert response.status_code == 200, response.text
     found: dict[str, Any] = response.json()
     return found
@@ -115,7 +115,7 @@ def test_a_car_learns_an_archive_forecasts_and_is_forgotten(service: Service, fo
     made = new_car(service, "my-i3")
     assert (made["trips"], made["in_diary"], made["diary"], made["learning"]) == (0, 0, [], None)
     assert made["learned"] == made["experts"] == {}
-    request = {"links": LINKS, "soc": 0.9, "ambient_temperature_degc": 8.0, "model": "my-i3"}
+    request = {"links": LINKS, "soc": 0.9, "ambient_temperature_degc": 8.0, "car": "my-i3"}
     by_book = service.client.post("/v1/forecast", json=request).json()
     files = logs_of()
     assert put(service, "my-i3", "upload01", "logs.zip", archive(files)).json()["files"] == TRIPS
@@ -162,7 +162,7 @@ def test_a_car_learns_an_archive_forecasts_and_is_forgotten(service: Service, fo
     assert service.client.get("/v1/cars/my-i3").status_code == 404
     refused = service.client.post("/v1/forecast", json=request)
     assert refused.status_code == 422
-    assert refused.json()["faults"][0]["what"] == "unknown model"
+    assert refused.json()["faults"][0]["what"] == "unknown car"
 
 
 @pytest.mark.parametrize("logger", ["leaf_spy", "german"])
@@ -250,11 +250,11 @@ def test_columns_are_corrected_and_the_battery_fills_in_what_the_log_lacks(servi
 @pytest.mark.parametrize(
     ("body", "what"),
     [
-        ({"name": "", "vehicle": "vw_id3"}, "at least 1 character"),
-        ({"name": "none"}, "no single car"),
-        ({"name": "both", "vehicle": "vw_id3", "vehicle_figures": {"mass_kg": 1500.0}}, "no single car"),
-        ({"name": "other", "vehicle": "vw_id33"}, "unknown car"),
-        ({"name": "bmw_i3_tum", "vehicle": "vw_id3"}, "name is taken"),
+        ({"name": "", "car": "vw_id3"}, "at least 1 character"),
+        ({"name": "none"}, "Field required"),
+        ({"name": "number", "car": 3}, "Input should be"),
+        ({"name": "other", "car": "vw_id33"}, "unknown car"),
+        ({"name": "bmw_i3_tum", "car": "vw_id3"}, "name is taken"),
     ],
 )
 def test_what_cannot_be_a_car_is_refused(service: Service, body: dict[str, Any], what: str) -> None:
@@ -267,10 +267,10 @@ def test_what_cannot_be_a_car_is_refused(service: Service, body: dict[str, Any],
 
 
 def test_a_car_by_figures_has_a_model_at_once(service: Service) -> None:
-    body = {"name": "by-figures", "vehicle_figures": {"mass_kg": 1900.0, "usable_battery_kwh": 70.0}}
+    body = {"name": "by-figures", "car": {"mass_kg": 1900.0, "usable_battery_kwh": 70.0}}
     made = service.client.post("/v1/cars", json=body).json()
     assert made["vehicle"]
-    request = {"links": LINKS, "soc": 0.9, "model": "by-figures"}
+    request = {"links": LINKS, "soc": 0.9, "car": "by-figures"}
     assert service.client.post("/v1/forecast", json=request).json()["energy_wh"] > 1500.0
     again = service.client.post("/v1/cars", json=body)
     assert (again.status_code, again.json()["type"]) == (409, "/problems/name-taken")

@@ -62,12 +62,12 @@ def test_a_forecast_is_that_of_its_vehicle(fleet: Any, registry: Registry) -> No
     model: FleetModel = fleet[2]
     jobs = jobs_of(registry)
     jobs.warm_up()
-    first, other = (jobs.run("forecast", body_of(vehicle_id=v))["energy_wh"] for v in ("V00000", "V00002"))
+    first, other = (jobs.run("forecast", body_of(car=v))["energy_wh"] for v in ("V00000", "V00002"))
     assert [first, other] == pytest.approx(
         [energy(model, vehicle_id=v) for v in ("V00000", "V00002")], rel=1e-12
     )
     assert first != other
-    new = jobs.run("forecast", body_of(model="vans", vehicle_id="new", vehicle="vw_id3"))["energy_wh"]
+    new = jobs.run("forecast", body_of(model="vans", car="vw_id3"))["energy_wh"]
     assert new == pytest.approx(energy(model, vehicle_id="new", car_model="vw_id3"), rel=1e-12)
     usual = min(model.vehicles().values())
     assert jobs.run("forecast", body_of())["energy_wh"] == pytest.approx(
@@ -77,14 +77,13 @@ def test_a_forecast_is_that_of_its_vehicle(fleet: Any, registry: Registry) -> No
 
 def test_what_is_no_vehicle_of_the_fleet_is_a_fault(fleet: Any, registry: Registry) -> None:
     jobs = jobs_of(registry)
-    assert fault_of(jobs, vehicle_id="nobody") == ("unknown vehicle", "vehicle_id")
-    assert fault_of(jobs, vehicle_id="V00000", vehicle="vw_id3") == ("another car model", "vehicle")
-    assert fault_of(jobs, vehicle_figures={"mass_kg": 1500.0}) == ("not for a fleet", "vehicle_figures")
-    assert fault_of(jobs, vehicle_id=7)[1] == "vehicle_id"
+    assert fault_of(jobs, car="nobody") == ("unknown car", "car")
+    assert fault_of(jobs, car={"mass_kg": 1500.0}) == ("not for a fleet", "car")
+    assert fault_of(jobs, car=7)[1] == "car"
     assert fault_of(jobs, model="cars")[1] == "model"
     alone = Jobs.from_folders({}, Limits())
-    assert fault_of(alone, vehicle_id="V00000") == ("no fleet", "vehicle_id, driver")
-    assert fault_of(alone, driver="D1") == ("no fleet", "vehicle_id, driver")
+    assert fault_of(alone, car="V00000") == ("unknown car", "car")
+    assert fault_of(alone, driver="D1") == ("no fleet", "driver")
 
 
 def test_the_version_in_use_is_followed_and_a_damaged_one_refused(fleet: Any, registry: Registry) -> None:
@@ -92,7 +91,7 @@ def test_the_version_in_use_is_followed_and_a_damaged_one_refused(fleet: Any, re
     jobs = jobs_of(registry, log)
 
     def answer() -> float:
-        return float(jobs.run("forecast", body_of(vehicle_id="V00000"))["energy_wh"])
+        return float(jobs.run("forecast", body_of(car="V00000"))["energy_wh"])
 
     before = answer()
     registry.promote(registry.add(moved(model)))
@@ -128,8 +127,8 @@ def test_models_and_fleets_are_listed(fleet: Any, registry: Registry) -> None:
 
 def night(**fields: Any) -> dict[str, Any]:
     trips = [
-        {"vehicle_id": "V00000", "departs_at": "2030-01-12T07:30:00+01:00", "distance_km": 40.0, "soc": 0.1},
-        {"vehicle_id": "V00002", "departs_at": "2030-01-12T08:30:00+01:00", "links": LINKS},
+        {"car": "V00000", "departs_at": "2030-01-12T07:30:00+01:00", "distance_km": 40.0, "soc": 0.1},
+        {"car": "V00002", "departs_at": "2030-01-12T08:30:00+01:00", "links": LINKS},
     ]
     return {"trips": trips, "begins_at": "2030-01-11T18:00:00+01:00", **fields}
 
@@ -161,7 +160,7 @@ def test_faults_of_a_night_name_the_trip(registry: Registry) -> None:
             asked(jobs, trips=[one, {**other, **change}], **fields)
         return [(fault.what, fault.where) for fault in caught.value.faults]
 
-    assert where({"vehicle_id": "nobody"}) == [("unknown vehicle", "trips[1].vehicle_id")]
+    assert where({"car": "nobody"}) == [("unknown vehicle", "trips[1].car")]
     assert where({"distance_km": 3.0}) == [("one of them is needed", "trips[1].distance_km, links")]
     assert where({"links": [{"length_m": -1.0, "speed_m_s": 9.0}]})[0][1].startswith("trips[1].")
     assert where({}, model="cars") == [("no fleet", "model")]
@@ -196,7 +195,7 @@ def test_a_service_follows_its_registry(fleet: Any, registry: Registry, tmp_path
     with serving(tmp_path / "log", place, "--workers", "1") as service:
 
         def answer() -> float:
-            given = {"links": LINKS, "soc": 0.8, "ambient_temperature_degc": 4.0, "vehicle_id": "V00000"}
+            given = {"links": LINKS, "soc": 0.8, "ambient_temperature_degc": 4.0, "car": "V00000"}
             return float(service.forecast(given).json()["energy_wh"])
 
         before = answer()

@@ -68,10 +68,10 @@ def test_an_update_is_measured_until_its_last_sample(jobs: Jobs) -> None:
 
 
 def test_what_is_wrong_is_named_once_and_together(jobs: Jobs) -> None:
-    body = body_of(soc=2.0, model="bmw_i3_tu", vehicle="nothing", observed={"time_s": 1})
+    body = body_of(soc=2.0, model="bmw_i3_tu", car="nothing", observed={"time_s": 1})
     found = [fault.where for fault in faults_of(jobs, "update", body)]
     assert len(found) == len(set(found))
-    assert {"soc", "model", "vehicle", "observed.time_s"} == set(found)
+    assert {"soc", "model", "car", "observed.time_s"} == set(found)
 
 
 def test_a_body_that_is_no_object_is_one_fault(jobs: Jobs) -> None:
@@ -92,16 +92,16 @@ def test_a_trip_has_samples_or_links(jobs: Jobs) -> None:
 
 def test_a_model_and_a_car_are_texts(jobs: Jobs) -> None:
     assert [fault.where for fault in faults_of(jobs, "forecast", body_of(model=3))] == ["model"]
-    assert [fault.where for fault in faults_of(jobs, "forecast", body_of(vehicle=3))] == ["vehicle"]
-    assert [fault.where for fault in faults_of(jobs, "forecast", body_of(model=3, vehicle="nothing"))] == [
-        *("model", "vehicle")
+    assert [fault.where for fault in faults_of(jobs, "forecast", body_of(car=3))] == ["car"]
+    assert [fault.where for fault in faults_of(jobs, "forecast", body_of(model=3, car="nothing"))] == [
+        *("car", "model")
     ]
 
 
 def test_the_car_of_the_model_needs_no_transfer(jobs: Jobs) -> None:
     own = jobs.models[DEFAULT_MODEL].vehicle.name
     found = limited(jobs)
-    assert found.run("forecast", body_of(vehicle=own)) == found.run("forecast", body_of())
+    assert found.run("forecast", body_of(car=own)) == found.run("forecast", body_of())
     assert len(found.transferred) == 0
 
 
@@ -110,25 +110,24 @@ def test_a_distance_is_answered_for_a_described_car(jobs: Jobs) -> None:
         return orjson.dumps({"distance_km": 50, **more})
 
     heavy = '{"mass_kg": 2600, "usable_battery_kwh": 90, "body": "van"}'
-    described = jobs.run("distance", asked(vehicle_figures=heavy))
+    described = jobs.run("distance", asked(car=heavy))
     assert described["energy_wh"] > 1.2 * jobs.run("distance", asked())["energy_wh"]
-    far = jobs.run("range", orjson.dumps({"vehicle_figures": heavy}))
+    far = jobs.run("range", orjson.dumps({"car": heavy}))
     assert far["range_m"] > 1.5 * jobs.run("range", b"{}")["range_m"]
-    assert {f.where for f in faults_of(jobs, "distance", asked(vehicle_figures='{"mass_kg": 1}'))} == {
-        "vehicle_figures.mass_kg"
-    }
-    (fault,) = faults_of(jobs, "distance", asked(vehicle_figures=heavy, vehicle="vw_id3"))
-    assert fault.where == "vehicle, vehicle_figures"
-    (fault,) = faults_of(jobs, "distance", asked(vehicle_figures=heavy, car="mine"))
-    assert fault.what == "two cars"
+    assert {f.where for f in faults_of(jobs, "distance", asked(car='{"mass_kg": 1}'))} == {"car.mass_kg"}
+    (fault,) = faults_of(jobs, "distance", asked(car="{"))
+    assert (fault.what, fault.where) == ("not JSON", "query.car")
 
 
-def test_a_car_or_figures(jobs: Jobs) -> None:
-    (fault,) = faults_of(jobs, "forecast", body_of(vehicle="vw_id3", vehicle_figures={}))
-    assert (fault.what, fault.got) == ("no single car", "both")
-    assert {f.where for f in faults_of(jobs, "forecast", body_of(vehicle_figures={"mass_kg": 1.0}))} == {
-        "vehicle_figures.mass_kg"
-    }
+def test_the_charge_that_the_car_of_a_request_shows_is_that_of_its_departure(jobs: Jobs) -> None:
+    own = jobs.models[DEFAULT_MODEL].vehicle.name
+    shown = {"car": own, "soc": 0.37}
+
+    def arrival(**given: Any) -> float:
+        return float(jobs.run("forecast", body_of(**given), last_message=shown)["soc_arrival"])
+
+    assert arrival(car=own) == arrival(soc=0.37) != arrival(car=own, soc=0.8) == arrival(soc=0.8)
+    assert arrival() != arrival(car=own) != arrival(car="vw_id3"), "of another car"
 
 
 def test_a_transferred_model_is_kept_and_the_least_recent_one_goes_first(
@@ -144,12 +143,12 @@ def test_a_transferred_model_is_kept_and_the_least_recent_one_goes_first(
     kept = LRUCache[tuple[str, str | None], ForecastModel](64)
     kept.update({(DEFAULT_MODEL, f"car {k}"): jobs.models[DEFAULT_MODEL] for k in range(63)})
     found = replace(jobs, transferred=kept)
-    found.run("forecast", body_of(vehicle="vw_id3"))
+    found.run("forecast", body_of(car="vw_id3"))
     assert len(found.transferred) == 64
     assert found.transferred[DEFAULT_MODEL, "car 0"]  # which makes car 1 the least recent
-    found.run("forecast", body_of(vehicle="vw_id3"))
+    found.run("forecast", body_of(car="vw_id3"))
     assert made == ["vw_id3"]
-    found.run("forecast", body_of(vehicle="tesla_model_3_lr"))
+    found.run("forecast", body_of(car="tesla_model_3_lr"))
     assert len(found.transferred) == 64
     assert (DEFAULT_MODEL, "car 1") not in found.transferred
     assert {(DEFAULT_MODEL, name) for name in ("car 0", "vw_id3", "tesla_model_3_lr")} <= set(
@@ -158,7 +157,7 @@ def test_a_transferred_model_is_kept_and_the_least_recent_one_goes_first(
 
 
 def test_the_flags_of_a_transfer_come_first(jobs: Jobs) -> None:
-    found = limited(jobs).run("forecast", body_of(vehicle="vw_id3"))
+    found = limited(jobs).run("forecast", body_of(car="vw_id3"))
     assert found["flags"][0]["code"] == "no_trips_of_car"
     assert "no_trips_of_car" not in {flag["code"] for flag in jobs.run("forecast", body_of())["flags"]}
 
@@ -247,7 +246,7 @@ def test_figures_that_no_car_has_together_are_a_fault_of_the_request(jobs: Jobs)
     figures = {"mass_kg": 400, "usable_battery_kwh": 300}
     for kind, body in (
         ("describe", orjson.dumps(figures)),
-        ("forecast", body_of(soc=0.5, vehicle_figures=figures)),
+        ("forecast", body_of(soc=0.5, car=figures)),
     ):
         status, answer = run_job(jobs, {"kind": kind}, body)
         assert status == 422

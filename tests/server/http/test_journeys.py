@@ -173,7 +173,7 @@ def test_what_fails_at_the_router_is_a_problem_document(
 
 
 def test_what_is_wrong_with_a_request_is_named(planner: Service) -> None:
-    wrong = {"soc": 1.5, "departs_at": "07:30", "vehicle": "../car.toml", "unknown": 1}
+    wrong = {"soc": 1.5, "departs_at": "07:30", "car": "../car.toml", "unknown": 1}
     found = plan(planner, **wrong)
     assert found.status_code == 422
     assert {fault["where"] for fault in found.json()["faults"]} == set(wrong)

@@ -78,8 +78,8 @@ def test_a_request_that_names_a_car_or_a_model_keeps_it(cars: Path, monkeypatch:
         made(request)
         return dict(asked.pop())
 
-    assert model_of("leaf", {"soc": 0.5, "model": None}) == {"soc": 0.5, "model": "leaf"}
-    for name in ("model", "vehicle", "vehicle_figures"):
+    assert model_of("leaf", {"soc": 0.5, "car": None}) == {"soc": 0.5, "car": "leaf"}
+    for name in ("model", "car"):
         assert model_of("leaf", {name: "x"}) == {name: "x"}
     assert model_of("zoe", {"soc": 0.5}) == {"soc": 0.5}, "it has no description"
     live.close()
@@ -126,7 +126,7 @@ def test_a_trip_of_the_road_enters_the_diary_and_teaches_without_a_restart(
         assert service.client.get("/v1/live").json()["cars"] == [
             {"car": "leaf", "seconds_since_message": None, "on_trip": False}
         ]
-        by_book = service.forecast({**plan, "model": "leaf"}).json()["energy_wh"]
+        by_book = service.forecast({**plan, "car": "leaf"}).json()["energy_wh"]
         at_departure = service.client.put("/v1/live/leaf/plan", json=plan).json()["forecast"]
         assert at_departure["energy_wh"] == pytest.approx(by_book, rel=1e-9), "by the car's own model"
         assert at_departure["distance_m"] == pytest.approx(15_000.0, rel=1e-3)
@@ -141,7 +141,7 @@ def test_a_trip_of_the_road_enters_the_diary_and_teaches_without_a_restart(
         assert later[0]["energy_wh"] == pytest.approx(shown["forecast"]["energy_wh"])
         assert later[0]["low_wh"] < later[0]["energy_wh"] < later[0]["high_wh"]
         assert service.client.get("/v1/cars/leaf").json()["learning"]["entries"] == 1
-        learned = service.forecast({**plan, "model": "leaf"}).json()["energy_wh"]
+        learned = service.forecast({**plan, "car": "leaf"}).json()["energy_wh"]
         assert learned != by_book, "the posterior is that of the trip"
         assert learned == pytest.approx(
             service.client.put("/v1/live/leaf/plan", json=plan).json()["forecast"]["energy_wh"], rel=1e-9

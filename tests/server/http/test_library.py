@@ -58,7 +58,7 @@ def test_examples_begin_with_the_charge_that_is_shown() -> None:
         assert 0.0 <= request["soc"] <= 1.0
         assert list(request["samples"])[:2] == ["time_s", "speed_m_s"]
         assert list(observed) == ["time_s", "voltage_v", "current_a", "bms_soc"]
-        assert example["vehicle"] == "bmw_i3_60ah"
+        assert example["car"] == "bmw_i3_60ah"
 
 
 def test_the_charge_of_an_example_is_the_first_measured_one_as_shown() -> None:

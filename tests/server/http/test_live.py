@@ -271,7 +271,7 @@ def test_a_car_without_a_description_is_flagged_until_it_has_one(served: Served,
     assert (made.vehicle.name, has_token(made.folder)) == ("hyundai_ioniq_5_lr_rwd", True)
     assert served("/v1/live/leaf").json()["flags"] == []
     assert flag["code"] not in codes_of(served("/v1/range", params={"car": "leaf"}).json())
-    served.put({"links": LINKS, "vehicle": "vw_id3"}, "zoe")
+    served.put({"links": LINKS, "car": "vw_id3"}, "zoe")
     assert served("/v1/live/zoe").json()["flags"] == []  # its plan names a car
 
 
@@ -661,7 +661,7 @@ def test_a_message_comes_when_the_verdict_changes(served: Served, plan: dict[str
     assert served("/v1/live/leaf").json()["message"] == told["message"]
 
 
-PLAN = {"links": LINKS, "ambient_temperature_degc": 4.0, "reserve": 0.2, "vehicle": "vw_id3"}
+PLAN = {"links": LINKS, "ambient_temperature_degc": 4.0, "reserve": 0.2, "car": "vw_id3"}
 PARKED = Sample(
     NOON_S, {"speed_m_s": 0.0, "displayed_soc": 0.12, "ambient_temperature_degc": -5.0}, parked=True
 )

@@ -415,7 +415,7 @@ def test_another_car_is_forecast_with_its_published_values_and_a_missing_one_is_
     page.keyboard.press("Escape")
     largest = max(cars, key=lambda car: car["usable_energy_wh"])
     sent, answer = asked(page, "/v1/forecast", lambda: choose_car(page, largest["title"], largest["title"]))
-    assert sent["vehicle"] == largest["name"]
+    assert sent["car"] == largest["name"]
     assert service.forecast(sent).json() == answer
     assert page.get_by_role("combobox", name="Car").input_value() == largest["title"]
     assert headline(page) > own
@@ -428,7 +428,7 @@ def test_another_car_is_forecast_with_its_published_values_and_a_missing_one_is_
     assert page.locator(".car [role=option]").count() == 0
     assert field.input_value() == before
     sent, _ = asked(page, "/v1/forecast", lambda: choose_car(page, "golf", "e-Golf"))
-    assert "golf" in sent["vehicle"]
+    assert "golf" in sent["car"]
     choose_car(page, "nothing like it", "describe it")
     form = page.get_by_role("dialog", name="My car")
     form.get_by_label("Mass without driver").fill("1830")
@@ -440,14 +440,13 @@ def test_another_car_is_forecast_with_its_published_values_and_a_missing_one_is_
     sent, answer = asked(
         page, "/v1/forecast", lambda: form.get_by_role("button", name="Use this car").click()
     )
-    assert sent["vehicle_figures"] == {
+    assert sent["car"] == {
         "mass_kg": 1830,
         "consumption_kwh_per_100km": 15.5,
         "body": "hatchback",
         "heat_pump": False,
         "procedure": "wltp",
     }
-    assert "vehicle" not in sent
     assert service.forecast(sent).json() == answer
     assert "WLTP 15.5 kWh/100 km" in field.input_value()
     assert not form.is_visible()
@@ -455,8 +454,8 @@ def test_another_car_is_forecast_with_its_published_values_and_a_missing_one_is_
     with page.expect_response(lambda r: "/v1/need?" in r.url) as need:
         mode(page, "Distance")
     query = dict(parse_qsl(urlsplit(need.value.url).query))
-    assert json.loads(query["vehicle_figures"])["mass_kg"] == 1830
-    del query["vehicle_figures"]
+    assert json.loads(query["car"])["mass_kg"] == 1830
+    del query["car"]
     other = service.client.get("/v1/need", params=query).json()
     described = need.value.json()
     assert described["energy_quantile_wh"] > 1.1 * other["energy_quantile_wh"]

@@ -18,7 +18,7 @@ export type {
   PlanRequest as JourneyRequest,
   PlanResponse as Journey,
   RangeResponse as Range,
-  AlikeDocument as Alike,
+  Group as Alike,
   CarResponse as OwnCar,
   CarSummary as OwnCarSummary,
   DiaryEntry,

@@ -254,7 +254,6 @@ const FIELDS = [
   ...ASKED,
   "reserve",
   "model",
-  "vehicle",
-  "vehicle_figures",
+  "car",
   "consumption_kwh_per_100km",
 ];

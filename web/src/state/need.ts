@@ -8,7 +8,7 @@ import type { Kind } from "../model/distance";
 import { type Car, car } from "./car";
 import { type Conditions, conditions, fieldsOf } from "./conditions";
 import { problem, reportProblem } from "./forecast";
-import { trip } from "./trip";
+import { fieldsOfCar, trip } from "./trip";
 
 const MIN_INTERVAL_MS = 80;
 /** The share of trips for which the energy is enough. */
@@ -26,10 +26,8 @@ interface NeedJob {
 }
 
 function carQuery(of: Car | null): object {
-  if (!of) return {};
-  const { vehicle, model, own, figures } = of;
-  if (own) return { car: own };
-  return figures ? { vehicle_figures: JSON.stringify(figures), model } : { vehicle, model };
+  const { car: by, ...model } = fieldsOfCar(of);
+  return typeof by === "object" ? { ...model, car: JSON.stringify(by) } : { ...model, car: by };
 }
 
 const runner = new Latest<NeedJob>(async ({ distanceM, kind, at, car: by }, signal) => {

@@ -57,8 +57,7 @@ export function keep(own: OwnCar): void {
 
 /** The chosen car of the page as that of a new one. */
 function kind(chosen: Car | null): Omit<NewCarRequest, "name"> {
-  if (chosen?.figures) return { vehicle_figures: chosen.figures };
-  return { vehicle: chosen?.vehicle === DESCRIBED ? null : (vehicle.value?.name ?? chosen?.vehicle ?? null) };
+  return { car: chosen?.figures ?? vehicle.value?.name ?? chosen?.vehicle ?? DESCRIBED };
 }
 
 export async function addCar(name: string): Promise<void> {

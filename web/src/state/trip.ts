@@ -72,7 +72,7 @@ export function tripFromExample(example: Example): Trip {
   return {
     example: example.trip,
     source: "examples",
-    vehicle: example.vehicle,
+    vehicle: example.car,
     title: example.title,
     notes: [],
     fixed: { samples: samples as Samples },
@@ -137,11 +137,10 @@ export function tripFromDistance(distanceM: number, kind: Kind): Trip {
 }
 
 /** The car as members of a request. */
-export function fieldsOfCar(car: Car | null): Pick<ForecastRequest, "model" | "vehicle" | "vehicle_figures"> {
+export function fieldsOfCar(car: Car | null): Pick<ForecastRequest, "car" | "model"> {
   if (!car) return {};
   const { vehicle, model, figures, own } = car;
-  if (own) return { model: own };
-  return figures ? { vehicle_figures: figures, model } : { vehicle, model };
+  return own ? { car: own } : { car: figures ?? vehicle, model };
 }
 
 /** A place as a stop of a request. */

@@ -19,7 +19,7 @@ const MIN_INTERVAL_MS = 120;
 const [ENTER, ESCAPE] = ["Enter", "Escape"];
 
 /** Fields of a request whose faults belong to the car. */
-const CAR_FIELDS = ["vehicle", "vehicle_figures", "consumption_kwh_per_100km", "model"];
+const CAR_FIELDS = ["car", "consumption_kwh_per_100km", "model"];
 
 /** What the library has for the words; null while nothing is typed. */
 const matches = signal<Vehicle[] | null>(null);

@@ -61,6 +61,7 @@ async function resolve(end: Field): Promise<void> {
   const words = (typed.value[end] ?? "").trim();
   if (placeOf(end) || !words) return;
   const places = await placesFor(words, new AbortController().signal);
+  if ((typed.value[end] ?? "").trim() !== words) return; // written again meanwhile
   const meant = readCoordinates(words) ? places[0] : placeCalled(words, places);
   if (!meant) {
     unknown.value = { ...unknown.value, [end]: words };

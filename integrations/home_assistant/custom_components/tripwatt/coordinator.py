@@ -64,7 +64,7 @@ class CarState:
     @property
     def known(self) -> dict[str, Any]:
         """What a journey has of the car: its charge, the outside temperature, and its own model where there is one."""
-        named = {"model": self.live["car"]} if self.described else {}
+        named = {"car": self.live["car"]} if self.described else {}
         return {"soc": self.live["soc"], AIR: self.live[AIR], **named}
 
 

@@ -20,7 +20,7 @@ from tripwatt.roads.journey.corridor import CERTAIN, LEG_FIELDS, Corridor, StopR
 from tripwatt.roads.journey.forecasting import RoadForecaster, cap_motorway_speed, is_motorway
 from tripwatt.roads.journey.plans import BEST_EFFORT, find_plans
 from tripwatt.roads.journey.stops import ENERGY_BAND, LINE_DIGITS, ChargingPlan, Leg
-from tripwatt.roads.journey.verdict import Verdict
+from tripwatt.roads.journey.verdict import Advice, Verdict
 from tripwatt.roads.routers import Road
 from tripwatt.routes.places import Place
 from tripwatt.trips import Departure, Flag, raise_faults
@@ -273,8 +273,8 @@ class Journey:
     @property
     def verdict(self) -> Verdict:
         """Verdict on the whole journey, with its stops to charge if they are needed and help."""
-        slower = "none" if self.speed is None or self.speed.speed_m_s is None else "slower"
-        advice_else = "charge_before" if self.soc_needed <= 1.0 else slower
+        slower: Advice = "none" if self.speed is None or self.speed.speed_m_s is None else "slower"
+        advice_else: Advice = "charge_before" if self.soc_needed <= 1.0 else slower
         return Verdict.from_plan(self.charging or self.roads[0].without_stops(self.reserve), advice_else)
 
     @property

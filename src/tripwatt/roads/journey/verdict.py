@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import datetime as dt
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, Literal
 
 from tripwatt.roads.journey.corridor import CERTAIN
 from tripwatt.roads.journey.stops import JOURNEY_FIELDS, ChargingPlan
+
+Advice = Literal["go", "stop", "charge_before", "slower", "none"]
+Reason = Literal["", "leaves_below_reserve", "to_a_stop", "to_the_end"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,20 +61,19 @@ class Verdict:
     arrives_at: dt.datetime | None
     energy_wh: float
     charges: int
-    advice: str
-    reason: str
+    advice: Advice
+    reason: Reason
 
     @classmethod
-    def from_plan(cls, plan: ChargingPlan, advice_else: str) -> Verdict:
+    def from_plan(cls, plan: ChargingPlan, advice_else: Advice) -> Verdict:
         """Make the verdict on the plan of a whole journey; `advice_else` is the advice if the journey does not arrive."""
         leaves, arrives = plan.legs[0].forecast.plan.departure.departs_at, plan.p_reserve >= CERTAIN
-        advice = advice_else if not arrives else "stop" if plan.stops else "go"
         return cls(
             arrives=arrives,
             departs_at=leaves,
             arrives_at=None if leaves is None else leaves + dt.timedelta(seconds=plan.duration_s),
             charges=len(plan.stops),
-            advice=advice,
+            advice=advice_else if not arrives else "stop" if plan.stops else "go",
             reason=_reason(plan, arrives),
             **{name: getattr(plan, name) for name in JOURNEY_FIELDS},
         )
@@ -90,10 +92,8 @@ class Verdict:
         return values
 
 
-def _reason(plan: ChargingPlan, arrives: bool) -> str:
+def _reason(plan: ChargingPlan, arrives: bool) -> Reason:
     if plan.leaves_below_reserve:
         return "leaves_below_reserve"
-    if arrives:
-        return ""
     least = min(range(len(plan.legs)), key=plan.leg_chances.__getitem__)
-    return "to_the_end" if least == len(plan.legs) - 1 else "to_a_stop"
+    return "" if arrives else "to_the_end" if least == len(plan.legs) - 1 else "to_a_stop"

@@ -79,8 +79,8 @@ class CarJobs:
         """Open the car of this name; raises as `car_folder` does."""
         return live.open_car(car_folder(self.folder, name))
 
-    def model(self, name: str) -> tuple[str, ForecastModel] | None:
-        """Return a label that changes whenever the car learns, and its current model; None if there is no such car."""
+    def model(self, name: str) -> ForecastModel | None:
+        """Return the current model of a car; None if there is no such car."""
         if self.folder is None or VALID_NAME.fullmatch(name) is None:
             return None
         state, cached = learned_state(self.folder / name), self.models.get(name)
@@ -88,7 +88,7 @@ class CarJobs:
             return None
         if cached is None or cached[0] != state:
             self.models[name] = cached = state, live.open_car(self.folder / name).model()
-        return f"{name}@{state}", cached[1]
+        return cached[1]
 
     def list(self) -> dict[str, Any]:
         """Return the cars, as `CarsResponse`."""

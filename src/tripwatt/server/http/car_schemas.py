@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -10,14 +11,15 @@ from tripwatt.server.cars.car_file import MadeForecast
 from tripwatt.server.cars.documents import ProblemFault
 from tripwatt.server.http.schemas import (
     ForecastRequest,
+    LibraryCar,
     ResponseModel,
     StrictModel,
     Time,
-    VehicleFigures,
     departure_field,
 )
 from tripwatt.sources.mapping import UNITS
 from tripwatt.trips import ASKED
+from tripwatt.trips.reading import Group
 
 
 class NewCarRequest(StrictModel):
@@ -25,9 +27,8 @@ class NewCarRequest(StrictModel):
 
     name: str = Field(min_length=1, max_length=100)
     """any name, such as "My Model 3"; the name of its folder and of its model is made from it"""
-    vehicle: str | None = Field(None, max_length=200)
-    """name of a car of the library"""
-    vehicle_figures: VehicleFigures | None = None
+    car: LibraryCar
+    """one of /v1/vehicles by its name, or a few figures"""
 
 
 class ColumnChoice(StrictModel):
@@ -81,18 +82,8 @@ class FieldDocument(ResponseModel):
     units: list[str]
 
 
-class AlikeDocument(ResponseModel):
-    """Things of one kind, told in one line."""
-
-    what: str
-    count: int
-    places: int
-    """files or drives in which they are"""
-    example: str
-    """the first one in full"""
-
-
-class FindingsDocument(AlikeDocument):
+@dataclass(frozen=True, slots=True)
+class FindingsDocument(Group):
     """Findings of the audit of one kind."""
 
     consequence: Literal["trimmed", "split", "set aside", "noted"]
@@ -158,7 +149,7 @@ class LogsResponse(ResponseModel):
     """our columns and their units"""
     kinds: list[KindDocument]
     files: list[FileDocument]
-    report: list[AlikeDocument]
+    report: list[Group]
     """what could not be read as it stands, the most frequent first"""
     preview: LogsPreview | None
     """null where nothing can be used"""

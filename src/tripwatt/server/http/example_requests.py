@@ -34,7 +34,7 @@ EXAMPLES: Final[Mapping[type[BaseModel], Mapping[str, Any]]] = {
     schemas.UpdateRequest: {"after 20 s": {**DRIVEN_REQUEST, "observed": PARTS["observed"]}},
     LivePlanRequest: {"planned road": PLANNED_REQUEST},
     TelemetryRequest: {"a message": {"token": "the-token-of-the-car", "tlm": PARTS["message"]}},
-    NewCarRequest: {"a car": {"name": "my-leaf", "vehicle": "nissan_leaf_24"}},
+    NewCarRequest: {"a car": {"name": "my-leaf", "car": "nissan_leaf_24"}},
     LogsRequest: {"as proposed": {}},
     PlanRequest: {"a journey": JOURNEY},
     JourneyAdviceRequest: {"a journey": {**JOURNEY, "chance": 0.95}},

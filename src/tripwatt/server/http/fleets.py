@@ -57,22 +57,21 @@ def vehicle_model(fleet: FleetModel, request: schemas.CarRequest) -> ForecastMod
     InvalidInput
         When the vehicle is not known, or is of another car model.
     """
-    if request.vehicle_figures is not None:
-        got, allowed = "figures of a car", "vehicle_id, or vehicle for a new one"
-        raise InvalidInput.of("not for a fleet", "vehicle_figures", got, allowed)
-    vehicle = request.vehicle
-    if request.vehicle_id is None and vehicle is None:
-        vehicle = min(fleet.vehicles().values())
+    if isinstance(request.car, schemas.VehicleFigures):
+        got, allowed = "figures of a car", "a vehicle of the fleet, or a car of the library for a new one"
+        raise InvalidInput.of("not for a fleet", "car", got, allowed)
+    car, known = request.car, fleet.vehicles()
+    new = None if car in known else car or min(known.values())
     ambient = getattr(request, "ambient_temperature_degc", None)
     cold = None if ambient is None else ambient < COLD_DEGC
-    with places_named({"car_model": "vehicle"}):
-        return fleet.of_vehicle(request.vehicle_id, car_model=vehicle, driver=request.driver, cold=cold)
+    return fleet.of_vehicle(car if new is None else None, car_model=new, driver=request.driver, cold=cold)
 
 
 class PlannedTripRequest(schemas.DepartureRequest):
     """A trip that a vehicle of a fleet is to drive: its distance and kind of road, or its `links`; `soc` is the charge now."""
 
-    vehicle_id: str = Field(min_length=1, max_length=100)
+    car: str = Field(min_length=1, max_length=100)
+    """vehicle of the fleet, or a new name"""
     trip: str = Field("trip", min_length=1, max_length=100)
     departs_at: AwareDatetime = Field(strict=False)
     """with its time zone"""
@@ -80,7 +79,7 @@ class PlannedTripRequest(schemas.DepartureRequest):
     kind: Literal["city", "country", "motorway", "mixed"] = "mixed"
     """kind of road of a distance; mixed: nothing is known of it"""
     links: schemas.Links | None = None
-    vehicle: str | None = Field(None, max_length=100)
+    car_model: str | None = Field(None, max_length=100)
     """one of /v1/vehicles, for a vehicle without trips"""
     driver: str | None = Field(None, max_length=100)
     """who drives"""
@@ -95,9 +94,9 @@ class PlannedTripRequest(schemas.DepartureRequest):
             road: Any = self.distance_km if self.links is None else self.links.plan()
         departure = schemas.departure_of(self)
         soc = float("nan") if departure.soc is None else departure.soc
-        departure, named = replace(departure, soc=None), (self.vehicle, self.driver)
+        departure, named = replace(departure, soc=None), (self.car_model, self.driver)
         return PlannedTrip(
-            self.trip, self.vehicle_id, self.departs_at, road, self.kind, departure, soc, *named, where
+            self.trip, self.car, self.departs_at, road, self.kind, departure, soc, *named, where
         )
 
 
@@ -119,7 +118,7 @@ class NightRequest(schemas.StrictModel):
 class HourNeed(schemas.ResponseModel):
     """What the trips of a vehicle need that depart in one hour."""
 
-    vehicle_id: str
+    car: str
     car_model: str
     departs_at: str
     """departure of the first trip"""
@@ -166,5 +165,8 @@ def night(fleets: Mapping[str, FollowedModel], request: NightRequest) -> dict[st
         raise InvalidInput.of("no fleet", "model", name or "none", ", ".join(fleets) or "serve a registry")
     with Check() as check:
         trips = [check(trip.planned, number) for number, trip in enumerate(request.trips)]
-    needs = needs_by_hour(fleets[name].get(), trips, quantile=request.quantile, reserve=request.reserve)
-    return night_document(needs, request.begins_at or dt.datetime.now(dt.UTC), request.plug_w)
+    places = {f"trips[{k}].vehicle_id": f"trips[{k}].car" for k in range(len(trips))}
+    with places_named(places):
+        needs = needs_by_hour(fleets[name].get(), trips, quantile=request.quantile, reserve=request.reserve)
+    document = night_document(needs, request.begins_at or dt.datetime.now(dt.UTC), request.plug_w)
+    return document | {"needs": [{"car": row.pop("vehicle_id"), **row} for row in document["needs"]]}

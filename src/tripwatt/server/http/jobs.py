@@ -14,7 +14,7 @@ import orjson
 from cachetools import LRUCache
 
 from tripwatt.certification import describe_car
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, places_named
 from tripwatt.fleet.registry import FollowedModel
 from tripwatt.forecasting import Forecast, ForecastModel, load_model
 from tripwatt.forecasting.leaving import leave_with, soc_needed
@@ -54,7 +54,7 @@ from tripwatt.server.http.settings import Limits
 from tripwatt.sources.sample import sample_trips
 from tripwatt.trips import Departure, Flag, Plan
 from tripwatt.trips.messages import flag_to_dict, leave_in_words
-from tripwatt.vehicles import Vehicle, find_vehicles, require_vehicle, vehicle_names
+from tripwatt.vehicles import Vehicle, find_vehicles, require_vehicle
 
 MAX_TRANSFERRED: Final = 64
 """Most models on other cars that a worker keeps; the least recently used is dropped first. A choice."""
@@ -159,7 +159,8 @@ class Jobs:
         arguments = {**parameters, "body": body}
         types = get_type_hints(work)
         if "request" in types:
-            arguments["request"] = check_request(parse_json(body), types["request"], self)
+            request = check_request(parse_json(body), types["request"], self)
+            arguments["request"] = _with_charge(request, parameters.get("last_message") or {})
         return work(**{name: arguments[name] for name in types if name in arguments})
 
     def forecast(self, request: ForecastRequest) -> dict[str, Any]:
@@ -271,17 +272,12 @@ class Jobs:
         return replace(range_, flags=(*flags, *range_.flags)).to_dict()
 
     def _model_of_query(self, request: journey.RangeQuery) -> ForecastModel:
-        text = request.vehicle_figures
-        if request.car is not None and (request.model, request.vehicle, text) != (None, None, None):
-            raise InvalidInput.of("two cars", "car", "a model or vehicle too", "one of them")
+        car: Any = request.car
         try:
-            figures = None if text is None else orjson.loads(text)
+            car = orjson.loads(car) if car is not None and car.startswith("{") else car
         except orjson.JSONDecodeError as error:
-            raise InvalidInput.of(
-                "not JSON", "query.vehicle_figures", f"{error}"[:80], "an object"
-            ) from error
-        car = {"model": request.car or request.model, "vehicle": request.vehicle}
-        return self.model_named({**car, "vehicle_figures": figures})
+            raise InvalidInput.of("not JSON", "query.car", f"{error}"[:80], "a name or an object") from error
+        return self.model_named({"car": car, "model": request.model})
 
     def _make_forecast(
         self, request: ForecastRequest, last_message: Mapping[str, Any] | None = None
@@ -295,24 +291,26 @@ class Jobs:
         forecast = replace(forecast, flags=(*flags, *forecast.flags))
         return forecast.update(request.observed) if isinstance(request, UpdateRequest) else forecast
 
-    def require_known(self, field: str, name: str, model: str | None) -> None:
-        """Check that the `model` or the `vehicle` of a request exists; a car counts as a model.
-
-        `field` is the one to check, `name` its value, and `model` the model that the request names beside a vehicle.
+    def require_known(self, field: str, name: str) -> None:
+        """Check that the `model` or the `car` of a request exists; a path of a file is no name of a car.
 
         Raises
         ------
         InvalidInput
             When there is no such model or car.
         """
-        car = self.cars.model((name if field == "model" else model) or "")
-        if field == "model" and car is None and name not in (*self.models, *self.fleets):
-            names = [*self.models, *self.fleets, *self.cars.names()]
-            raise InvalidInput(Fault.unknown("unknown model", "model", name, names))
-        if field == "vehicle":  # only names of the library, never a path of a file
-            fitted = (*self.models.values(), *(() if car is None else car[1:]))
-            if name not in (*vehicle_names(), *(model.vehicle.name for model in fitted)):
-                require_vehicle(name)
+        models = (*self.models, *self.fleets)
+        if field == "model" and name not in models:
+            raise InvalidInput(Fault.unknown("unknown model", "model", name, models))
+        fitted = {model.vehicle.name for model in self.models.values()}
+        if field == "car" and name not in fitted and not self.cars.model(name) and not self._fleet_with(name):
+            with places_named({"vehicle": "car"}):
+                require_vehicle(name, self.cars.names())
+
+    def _fleet_with(self, car: Any) -> str | None:
+        """Return the first fleet that has a vehicle of this name; None if there is none."""
+        fleets = self.fleets.items() if isinstance(car, str) else ()
+        return next((name for name, fleet in fleets if car in fleet.get().vehicles()), None)
 
     def model_named(self, document: Mapping[str, Any]) -> ForecastModel:
         """Return the model for the car that a document names, as `model_of` for the fields of a `CarRequest`."""
@@ -320,36 +318,33 @@ class Jobs:
         return self.model_of(check_request(fields, CarRequest, self))
 
     def model_of(self, request: CarRequest) -> ForecastModel:
-        """Return the model that a request names; if the request names another car, transfer the model to it.
+        """Return the model of the car that a request names: its own, that of its fleet, or another one transferred to it.
 
         Raises
         ------
         InvalidInput
-            When the request names two cars, or a vehicle of another kind of model.
+            When the request names a model beside a car that has its own, or a driver without a fleet.
         """
-        name = next(iter((*self.models, *self.fleets))) if request.model is None else request.model
+        car, name = request.car, request.model
+        learned = self.cars.model(car) if isinstance(car, str) else None
+        if learned is not None and (name, request.driver) != (None, None):
+            got = f"{name or request.driver} beside {car}"
+            raise InvalidInput.of("the car has its own model", "model, driver", got, "neither of them")
+        if learned is not None:
+            return learned
+        name = name or self._fleet_with(car) or next(iter((*self.models, *self.fleets)))
         if name in self.fleets:
             return vehicle_model(self.fleets[name].get(), request)
-        if (request.vehicle_id or request.driver) is not None:
+        if request.driver is not None:
             got, allowed = f"a model of one car, {name}", "the model of a fleet"
-            raise InvalidInput.of("no fleet", "vehicle_id, driver", got, allowed)
-        if request.vehicle is not None and request.vehicle_figures is not None:
-            raise _no_single_car("both")
-        label, fitted = (
-            (name, self.models[name]) if name in self.models else self.cars.model(name) or ("", None)
-        )
-        if fitted is None:  # the car was forgotten a moment ago
-            raise InvalidInput(Fault.unknown("unknown model", "model", name, self.cars.names()))
-        if request.vehicle is None and request.vehicle_figures is None:
+            raise InvalidInput.of("no fleet", "driver", got, allowed)
+        fitted = self.models[name]
+        if car is None or car == fitted.vehicle.name:
             return fitted
-        figures = request.vehicle_figures
-        key = label, request.vehicle if figures is None else figures.model_dump_json()
-        transferred = self.transferred.get(key)
-        if transferred is None:
-            transferred = for_car(fitted, request.vehicle if figures is None else describe(figures))
-            if transferred is not fitted:
-                self.transferred[key] = transferred
-        return transferred
+        key = name, car if isinstance(car, str) else car.model_dump_json()
+        if key not in self.transferred:
+            self.transferred[key] = for_car(fitted, car if isinstance(car, str) else describe(car))
+        return self.transferred[key]
 
     def describe(self, request: VehicleFigures) -> dict[str, Any]:
         """Return the response to `VehicleFigures`."""
@@ -360,12 +355,10 @@ class Jobs:
         if request.name in (*self.models, *self.fleets):
             got = f"{request.name}"
             raise InvalidInput.of("name is taken", "name", got, "another name: a model of the service has it")
-        if (request.vehicle is None) == (request.vehicle_figures is None):
-            raise _no_single_car("neither" if request.vehicle is None else "both")
-        if request.vehicle_figures is not None:
-            return self.cars.create(request.name, describe(request.vehicle_figures))
-        require_vehicle(request.vehicle or "")
-        return self.cars.create(request.name, request.vehicle or "")
+        if isinstance(request.car, str):
+            self.require_known("car", request.car)
+        car = request.car if isinstance(request.car, str) else describe(request.car)
+        return self.cars.create(request.name, car)
 
     def _plan(self, request: ForecastRequest) -> Plan:
         samples, links = request.samples, request.links
@@ -378,13 +371,8 @@ class Jobs:
             links = with_elevation(links, request.elevation, self.limits)
         return links.plan()
 
-    def examples(self) -> dict[str, Any]:
-        """Return the recorded trips without their samples."""
-        return example_summaries()
-
-    def example(self, trip: str) -> dict[str, Any]:
-        """Return a recorded trip."""
-        return example(trip)
+    examples = staticmethod(example_summaries)
+    example = staticmethod(example)
 
     def summaries(self) -> dict[str, Any]:
         """Return the models with their inputs, provenance and scores; the first is the default."""
@@ -401,10 +389,6 @@ class Jobs:
         names = tuple(by_name) if search is None else find_vehicles(search)
         rows = [{**by_name[n], "models": [model for model in cars if n in cars[model]]} for n in names]
         return {"vehicles": rows}
-
-
-def _no_single_car(got: str) -> InvalidInput:
-    return InvalidInput.of("no single car", "vehicle, vehicle_figures", got, "one of the two")
 
 
 def describe(figures: VehicleFigures) -> Vehicle:
@@ -440,6 +424,14 @@ def require_finite(forecast: Mapping[str, Any]) -> dict[str, Any]:
 
 def _implausible_results() -> InvalidInput:
     return InvalidInput.of("no forecast", "trip", "implausible results", "a trip that a car can drive")
+
+
+def _with_charge(request: Any, last_message: Mapping[str, Any]) -> Any:
+    """Return a request with the charge that its car showed last, unless the request has one or names another car."""
+    named, given = getattr(request, "car", None), request.model_dump(include={"soc", "bms_soc"})
+    if named is None or named != last_message.get("car") or any(soc is not None for soc in given.values()):
+        return request
+    return request.model_copy(update={"soc": last_message["soc"]})
 
 
 def _with_last_message(

@@ -10,6 +10,7 @@ from tripwatt.forecasting.document import FlagDocument, ForecastResponse
 from tripwatt.roads.advice.preheating import PLUG_W
 from tripwatt.roads.journey.distances import Doubt
 from tripwatt.roads.journey.stops import ChargingStop
+from tripwatt.roads.journey.verdict import Verdict
 from tripwatt.roads.maps.stations import Station
 from tripwatt.server.http import schemas
 from tripwatt.trips import ASKED
@@ -223,14 +224,10 @@ class RangeQuery(_DepartureQuery):
     departs_at: schemas.Time | None = schemas.departure_field("departs_at", ASKED["departs_at"])[1]
     kind: Literal["city", "country", "motorway", "mixed"] = "mixed"
     """kind of road; mixed: nothing is known of it"""
+    car: str | None = Field(None, min_length=1, max_length=1000)
+    """as in POST /v1/forecast, figures as JSON; `need` without a distance or trip: one of /v1/cars"""
     model: str | None = Field(None, max_length=100)
-    """one of /v1/models; default: the first one"""
-    vehicle: str | None = Field(None, min_length=1, max_length=100)
-    """one of /v1/vehicles; default: the car of the model"""
-    car: str | None = Field(None, max_length=100)
-    """one of /v1/cars, in place of model and vehicle; without a distance or trip, a car on the road"""
-    vehicle_figures: str | None = Field(None, max_length=1000)
-    """a car of your own in place of `vehicle`: figures as in POST /v1/vehicles, as JSON"""
+    """one of /v1/models; default: that of the car if it learns, or else the first one"""
     reserve: float | None = Field(None, ge=0.0, le=1.0)
     """displayed state of charge to keep; default: 0; of the next trip of a car on the road, that of its plan"""
 
@@ -409,8 +406,8 @@ class CourseDocument(schemas.ResponseModel):
     high: list[float]
 
 
-class WholeDocument(schemas.ResponseModel):
-    """The whole of a journey, with its stops to charge."""
+class ChargingDocument(schemas.ResponseModel):
+    """A plan with stops to charge."""
 
     p_arrive: float
     """probability that the battery is empty nowhere; `p_arrive` of the journey is another one"""
@@ -428,11 +425,6 @@ class WholeDocument(schemas.ResponseModel):
     """driving and charging [s]"""
     energy_wh: float
     """expected energy of the whole journey [Wh]"""
-
-
-class ChargingDocument(WholeDocument):
-    """A plan with stops to charge."""
-
     label: str = Field(description='"fastest", "fewest stops", "safest", "cheapest" or "best effort"')
     stops: list[ChargingStop]
     energy_interval_wh: list[float]
@@ -445,30 +437,13 @@ class ChargingDocument(WholeDocument):
     line: LineDocument
 
 
-class VerdictDocument(WholeDocument):
-    """What the whole journey comes to, with its stops to charge."""
-
-    arrives: bool
-    """whether at least 19 of 20 such journeys have the reserve at every stop and at the end"""
-    departs_at: str | None
-    """local time; null where the departure has none"""
-    arrives_at: str | None
-    """local time, after driving and charging"""
-    charges: int
-    """number of stops to charge"""
-    advice: Literal["go", "stop", "charge_before", "slower", "none"]
-    """what to do; "none" where nothing helps"""
-    reason: Literal["", "leaves_below_reserve", "to_a_stop", "to_the_end"]
-    """what to know first: a departure below the reserve, which then counts after the first stop only, or where the charge does not suffice"""
-
-
 class PlanResponse(schemas.ResponseModel):
     """A journey, as `tripwatt plan --json` prints it."""
 
     stops: list[PlaceDocument]
     """the places as they were understood"""
     reserve: float
-    verdict: VerdictDocument
+    verdict: Verdict
     arrives: bool
     """as in `verdict`"""
     p_arrive: float

@@ -66,7 +66,7 @@ def examples() -> dict[str, dict[str, Any]]:
         by_trip[trip.trip_id] = {
             "trip": trip.trip_id,
             "title": f"{trip.trip_id}: {trip.context.route}",
-            "vehicle": EXAMPLE_CAR,
+            "car": EXAMPLE_CAR,
             "note": sample.citation,
             "duration_s": trip.duration_s,
             "distance_m": trip.distance_m,

@@ -26,7 +26,7 @@ from tripwatt.forecasting import ForecastModel
 from tripwatt.roads.advice import Companion, Message
 from tripwatt.server.cars import Car, Follower, Sample, has_token
 from tripwatt.server.cars.folder import digest_of, token_digest
-from tripwatt.server.http.car_jobs import CarJobs
+from tripwatt.server.http.car_jobs import CarJobs, car_folder
 from tripwatt.server.http.jobs import Jobs, no_description_flag
 from tripwatt.server.http.journey_schemas import NeedQuery
 from tripwatt.server.http.pool import JobResult, WorkerPool, cancel_all
@@ -43,7 +43,7 @@ KEEP_ALIVE_S: Final = 15.0
 NEED_S: Final = 600.0
 """Need and range are computed again after this time [s], because usual trips depend on the time of day. A choice."""
 
-CAR_FIELDS: Final = ("model", "vehicle", "vehicle_figures")
+CAR_FIELDS: Final = ("car", "model")
 """Fields of a request that name a car or a model."""
 
 Result = TypeVar("Result")
@@ -154,6 +154,17 @@ class LiveCars:
             raise Problem("no-such-car", hint)
         return self.cars[name]
 
+    async def known(self, name: str) -> Car:
+        """Return the car of this name; one without a token is opened, and has no messages.
+
+        Raises
+        ------
+        Problem
+            `no-such-car`.
+        """
+        cars, folder = self.cars, self.settings.cars
+        return cars[name] if name in cars else await self.run(Car, car_folder(folder, name))
+
     def by_token(self, token: str) -> Car:
         """Return the car with this token. Digests are compared, each in constant time. O(cars).
 
@@ -257,7 +268,7 @@ class LiveCars:
 
     def _with_own_model(self, car: Car, request: Mapping[str, Any]) -> dict[str, Any]:
         """Return a request; if it names no car or model and the car has a model of its own, add the name of this model."""
-        own = {"model": car.name} if car.is_described and not _names_car(request) else {}
+        own = {"car": car.name} if car.is_described and not _names_car(request) else {}
         return {**request, **own}
 
     def _model(self, car: Car, request: Mapping[str, Any]) -> ForecastModel:
@@ -307,12 +318,15 @@ class LiveCars:
     async def _job_about(self, car: Car, request: Mapping[str, Any]) -> dict[str, Any]:
         """Return the parameters of a job about a car: `body` is the request with the own model, `last_message` what the last messages show."""
         request = self._with_own_model(car, request)
-        last_message = {
-            "soc": await self.run(car.shown_soc),
-            "ambient_temperature_degc": car.last_air_degc(car.now_s()),
-            "undescribed": None if _names_car(request) else car.name,
-        }
-        return {"body": orjson.dumps(request), "last_message": last_message}
+        shown = await self.last_message(car)
+        if not _names_car(request):
+            shown["last_message"]["undescribed"] = car.name
+        return {"body": orjson.dumps(request), **shown}
+
+    async def last_message(self, car: Car) -> dict[str, Any]:
+        """Return the parameter `last_message` of a job: charge and outside temperature that the last messages of a car show."""
+        shown = {"car": car.name, "soc": await self.run(car.shown_soc)}
+        return {"last_message": {**shown, "ambient_temperature_degc": car.last_air_degc(car.now_s())}}
 
     async def job_without_road(self, car: Car, fields: Mapping[str, Any]) -> dict[str, Any]:
         """Return the parameters of a job for the range of a car or the need of a distance.
@@ -320,8 +334,8 @@ class LiveCars:
         A car that the plan names replaces the model of the car.
         """
         request = {} if car.plan is None else {name: car.plan.request.get(name) for name in CAR_FIELDS}
-        if request.get("vehicle_figures") is not None:
-            request["vehicle_figures"] = orjson.dumps(request["vehicle_figures"]).decode()
+        if isinstance(request.get("car"), Mapping):
+            request["car"] = orjson.dumps(request["car"]).decode()
         return await self._job_about(car, {**request, **fields})
 
     async def _range(self, car: Car) -> JobResult:
@@ -436,4 +450,4 @@ async def _or_none(result: Awaitable[JobResult]) -> dict[str, Any] | None:
 
 
 def _names_car(request: Mapping[str, Any]) -> bool:
-    return any(request.get(field) is not None for field in (*CAR_FIELDS, "car"))
+    return any(request.get(field) is not None for field in CAR_FIELDS)

@@ -18,7 +18,9 @@ from pydantic import (
     BaseModel,
     BeforeValidator,
     ConfigDict,
+    Discriminator,
     Field,
+    Tag,
     ValidationError,
     ValidationInfo,
     WithJsonSchema,
@@ -303,27 +305,35 @@ class VehicleFigures(StrictModel):
     """name for people"""
 
 
+NAME, DOCUMENT = "(name)", "(document)"
+"""Tags of the two forms of a field. Places of faults leave them out; no field can have such a name."""
+
+named_or_given = Discriminator(lambda value: NAME if isinstance(value, str) else DOCUMENT)
+
+LibraryCar = Annotated[
+    Annotated[str, Field(min_length=1, max_length=100), Tag(NAME)] | Annotated[VehicleFigures, Tag(DOCUMENT)],
+    named_or_given,
+]
+"""A car by its name, or by a few figures."""
+
+
 class CarRequest(StrictModel):
     """The car of a request."""
 
+    car: LibraryCar | None = None
+    """one of /v1/cars, of /v1/vehicles or of the vehicles of a fleet, by its name; or a few figures; default: the car of the model"""
     model: str | None = Field(None, max_length=100)
-    """one of /v1/models; default: the first one"""
-    vehicle: str | None = Field(None, max_length=100)
-    """one of /v1/vehicles; default: the car of the model"""
-    vehicle_figures: VehicleFigures | None = None
-    """a car of your own in place of `vehicle`"""
-    vehicle_id: str | None = Field(None, max_length=100)
-    """of the model of a fleet: one of its vehicles, or with `vehicle` a new one"""
+    """one of /v1/models; default: that of the car if it learns, or else the first one"""
     driver: str | None = Field(None, max_length=100)
     """of the model of a fleet: who drives"""
 
-    @field_validator("model", "vehicle")
+    @field_validator("car", "model")
     @classmethod
-    def _is_known(cls, name: str | None, info: ValidationInfo) -> str | None:
-        if name is not None and info.context is not None:
+    def _is_known(cls, named: Any, info: ValidationInfo) -> Any:
+        if isinstance(named, str) and info.context is not None:
             with _collect_faults():
-                info.context.require_known(f"{info.field_name}", name, info.data.get("model"))
-        return name
+                info.context.require_known(f"{info.field_name}", named)
+        return named
 
 
 def _require_text(given: Any) -> Any:
@@ -500,7 +510,8 @@ class ExampleSummary(ResponseModel):
 
     trip: str
     title: str
-    vehicle: str
+    car: str
+    """one of /v1/vehicles"""
     note: str
     duration_s: float
     distance_m: float
@@ -587,16 +598,15 @@ def check_request(document: Any, model: type[RequestModel], jobs: Any = None) ->
 def faults_of(errors: Iterable[Mapping[str, Any]], known: Iterable[str]) -> Iterator[Fault]:
     """Yield the faults of pydantic's errors; the first faults of unknown names suggest the most similar known name."""
     for number, error in enumerate(errors):
+        steps = [step for step in error["loc"] if step not in (NAME, DOCUMENT)]
         if error["type"] == FAULTS:
-            inside = "".join(
-                f"[{step}]" if isinstance(step, int) else f".{step}" for step in error["loc"][:-1]
-            )
+            inside = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in steps[:-1])
             for fault in error["ctx"]["faults"]:
                 yield replace(fault, where=f"{inside}.{fault.where}".lstrip("."))
             continue
         is_unknown = number < MAX_HINTS and error["type"] == "extra_forbidden"
-        fix = did_you_mean(str(error["loc"][-1]), known) if is_unknown else ""
-        where, allowed = ".".join(map(str, error["loc"]))[:80], error["msg"].partition("Input should be ")[2]
+        fix = did_you_mean(str(steps[-1]), known) if is_unknown else ""
+        where, allowed = ".".join(map(str, steps))[:80], error["msg"].partition("Input should be ")[2]
         yield Fault(error["msg"], where or "body", excerpt(error.get("input"), 80), allowed, fix)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import hashlib
+import re
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
@@ -17,7 +18,7 @@ from starlette.responses import Response
 from tripwatt.server.http.jobs import Jobs
 from tripwatt.server.http.journey_schemas import RangeQuery
 from tripwatt.server.http.learning import LearningCars
-from tripwatt.server.http.live import CAR_FIELDS, LiveCars
+from tripwatt.server.http.live import LiveCars
 from tripwatt.server.http.metrics import Metrics
 from tripwatt.server.http.openapi import JSON
 from tripwatt.server.http.pool import JobResult, WorkerPool
@@ -26,6 +27,10 @@ from tripwatt.server.http.settings import Settings
 
 MAX_UPLOADS: Final = 4
 """Most files of logs that arrive and wait to be unpacked; further ones are refused. A choice: each takes up to `Limits.upload_bytes`."""
+
+
+CAR_NAME: Final = re.compile(rb'"car"\s*:\s*"([\w.-]{1,64})"')
+"""A car that a body names, as `VALID_NAME` has it."""
 
 
 class Service:
@@ -92,11 +97,18 @@ class Service:
     async def job_without_road(self, query: RangeQuery) -> dict[str, Any]:
         """Return the parameters of a query's job: `body`, and `last_message` if the query is about a car on the road."""
         given, live = query.model_dump(mode="json", exclude_unset=True), self._live
-        if live is None or query.car not in live.cars or any(map(given.get, CAR_FIELDS)):
+        if live is None or query.car not in live.cars or query.model is not None:
             return {"body": orjson.dumps(given)}
         if given.get("trip") is None:  # else the car is that of the trip
             del given["car"]
         return await live.job_without_road(live.cars[query.car], given)
+
+    async def last_message(self, body: bytes) -> dict[str, Any]:
+        """Return the parameter `last_message` of a job whose body names a car on the road."""
+        named = (match[1].decode() for match in CAR_NAME.finditer(body))
+        cars = {} if self._live is None else self._live.cars
+        car = next((cars[name] for name in named if name in cars), None)
+        return {} if self._live is None or car is None else await self._live.last_message(car)
 
     @asynccontextmanager
     async def running(self, _: FastAPI) -> AsyncIterator[None]:
@@ -224,8 +236,12 @@ class Call:
         return self.answer(result, media_type)
 
     async def body_job(self, kind: str, **parameters: Any) -> Response:
-        """Run a job on the body, and return its document as the response."""
-        return await self.job(kind, await self.read(), **parameters)
+        """Run a job on the body, and return its document as the response.
+
+        The job gets what the last messages of a car on the road show if the body names it.
+        """
+        body = await self.read()
+        return await self.job(kind, body, **{**await self.service.last_message(body), **parameters})
 
     async def constant_document(self, kind: str, **parameters: Any) -> Response:
         """Return a document that stays the same while the service runs; its job runs only once."""
