@@ -47,7 +47,6 @@ NOT_REACHED: Final = (
     "server/http/settings.py",
     "server/mcp.py",
     "sources/__init__.py",
-    "sources/anonymise.py",
     "sources/public.py",
     "sources/tum.py",
     "sources/tum_overview.py",

@@ -56,7 +56,6 @@ COMMANDS: Final = {
     "demo": "serve.demo",
     "map": "journey.MAP",
     "mapping": "logs.MAPPING",
-    "logs": "logs.LOGS",
     "store": "stores.STORE",
     "fleet": "fleets.FLEET",
     "car": "own_cars.CAR",

@@ -1,4 +1,4 @@
-"""Commands on logged trips: audit and anonymise logs, and handle mappings of their columns."""
+"""Commands on logged trips: audit logs, and handle mappings of their columns."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import typer
 import tripwatt as tw
 from tripwatt import trips
 from tripwatt.command import shared
-from tripwatt.command.options import Answer, argument, flag, make_group
+from tripwatt.command.options import Answer, argument, make_group
 from tripwatt.command.output import write_text
 from tripwatt.command.printing import console, print_findings, print_notes, print_reading, print_table
 from tripwatt.errors import Fault, InvalidInput
@@ -55,30 +55,6 @@ def audit(logs: shared.Logs) -> Answer:
         print_reading(fleet, result)
 
     return Answer(document, shown)
-
-
-def anonymise(
-    data: Annotated[Path, argument("DATA", "Folder or file of logs to hand on.")],
-    out: shared.OutFolder,
-    mapping: shared.Columns = None,
-    positions: Annotated[bool, flag("--positions", "Keep latitude and longitude.")] = False,
-) -> Answer:
-    """Write logs without names, positions, VIN and true dates, for a bug report.
-
-    The columns that tripwatt reads keep their numbers and faults. All times move by the same secret number of weeks.
-    Everything else is empty. Look at the files before you send them.
-
-    For example:
-
-      # a folder to attach to a bug report
-      tripwatt logs anonymise exports --out shared
-      # see that it is read like the original
-      tripwatt audit shared --dataset table
-    """
-    from tripwatt.sources.anonymise import anonymise_logs
-
-    written = anonymise_logs(data, out, mapping=mapping, positions=positions)
-    return Answer({"files": [f"{file}" for file in written]}, f"{out}: {len(written)} files")
 
 
 def list_() -> Answer:
@@ -192,6 +168,3 @@ MAPPING = make_group(
     "Columns of your tables and what they hold: list, show, suggest and apply mappings.",
     (list_, show, suggest, apply),
 )
-
-
-LOGS = make_group("Files of loggers: remove what tells whose they are.", (anonymise,))
