@@ -149,7 +149,7 @@ def test_fit_writes_a_model_that_forecast_and_inspect_take(run: Run, trip: Path,
     assert about["provenance"]["data"]["name"] == "TUM sample"
     shown = run("inspect", out)
     assert shown.code == 0
-    assert "ambient_temperature_degc" in shown.out
+    assert "linear, seed 0, 15 trips" in shown.out
 
 
 def test_fit_names_everything_that_is_wrong_and_writes_nothing(run: Run, tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ import pytest
 from rich.console import Console
 from tests.support.drives import example_trip
 
-from tripwatt.command.printing import progress, progress_lines
+from tripwatt.command import printing
 from tripwatt.command.sentences import chance_to_arrive, forecast_in_words, unknown_climb_in_words
 from tripwatt.forecasting import load_model
 from tripwatt.trips import Departure, Plan
@@ -87,21 +87,18 @@ def test_the_packages_model_and_the_example_trip() -> None:
     np.testing.assert_allclose([energy, low, high], expected, atol=0.05)
 
 
-def test_progress_without_a_terminal_is_few_plain_lines() -> None:
+def test_progress_without_a_terminal_is_few_plain_lines(monkeypatch) -> None:
     now = [0.0]
-    lines: list[str] = []
-    advance = progress_lines(lines.append, clock=lambda: now[0])
-    for finished in range(101):
-        now[0] = 0.2 * finished  # 20 s in all
-        advance(finished, 100)
+    monkeypatch.setattr(printing.time, "monotonic", lambda: now[0])
+    stream = io.StringIO()
+    with printing.progress(Console(file=stream)) as advance:
+        for finished in range(101):
+            now[0] = 0.2 * finished  # 20 s in all
+            advance(finished, 100)
+    lines = stream.getvalue().splitlines()
     assert lines[0] == "0 of 100 folds finished after 0 s"
     assert lines[-1] == "100 of 100 folds finished after 20 s"
     assert 4 <= len(lines) <= 6
-    stream = io.StringIO()
-    with progress(Console(file=stream)) as report:
-        report(0, 7)
-        report(7, 7)
-    assert len(stream.getvalue().splitlines()) == 2
 
 
 def test_nothing_near_certainty_is_told_where_an_unknown_climb_would_change_it() -> None:

@@ -141,15 +141,15 @@ def test_files_of_an_archive_are_counted_and_its_content_is_bounded(
 
 def test_readers_read_what_was_unpacked(tmp_path: Path) -> None:
     (tmp_path / "logs.zip").write_bytes(zipped({"a.csv": CSV, "b.csv": CSV.replace(b",10,", b",11,")}))
-    with unpacked(tmp_path / "logs.zip") as tables:
+    with unpacked(tmp_path / "logs.zip", []) as tables:
         assert [log.trip_id for log in read_logs(tables, "table").logs] == ["a", "b"]
     assert not tables.exists()
     (tmp_path / "c.csv").write_bytes(CSV.replace(b",10,", b",12,"))
-    with unpacked(tmp_path) as tables:
+    with unpacked(tmp_path, []) as tables:
         assert len(read_logs(tables, "table").logs) == 3
-    with unpacked(tmp_path / "c.csv") as tables:
+    with unpacked(tmp_path / "c.csv", []) as tables:
         assert tables == tmp_path / "c.csv"
-    with unpacked(tmp_path / "missing.csv") as tables:
+    with unpacked(tmp_path / "missing.csv", []) as tables:
         assert tables == tmp_path / "missing.csv"
 
 

@@ -97,7 +97,7 @@ def _show_fit(fleet: trips.TripSet, out: Path, notes: list[str], figures: dict[s
 def inspect(
     model: Annotated[Path | None, argument("MODEL", "Folder of a model. Default: the bundled model.")] = None,
 ) -> Answer:
-    """Show the inputs, the provenance and the scores of a model, and verify its checksums.
+    """Show the provenance and the scores of a model, and verify its checksums. With --json, also show its inputs.
 
     For example:
 
@@ -110,31 +110,12 @@ def inspect(
 
     about = load_metadata(model)
     try:
-        facts, inputs = _about_rows(about), _input_rows(about)
+        facts = _about_rows(about)
     except (LookupError, TypeError, ValueError, AttributeError) as error:  # digests are no signatures
         got = f"{type(error).__name__}: {error}"[:200]
         allowed = "metadata of a model of one car, as `tripwatt fit` writes them"
         raise InvalidInput.of("metadata cannot be read", f"{model}", got, allowed) from error
-
-    def shown() -> None:
-        print_table("Model", ("", "value"), facts, folding=("value",))
-        print_table("Inputs", ("input", "unit", "allowed", "range in training", "required"), inputs)
-
-    return Answer(about, shown)
-
-
-def _input_rows(about: dict[str, Any]) -> list[tuple[str, ...]]:
-    return [
-        (
-            entry["name"],
-            entry["unit"],
-            _range(entry["minimum"], entry["maximum"]),
-            _range(*entry["training"]) if "training" in entry else "",
-            ("yes" if entry["required"] else "no")
-            + (", first sample" if entry["samples"] == "first" else ""),
-        )
-        for entry in about["contract"]["inputs"]
-    ]
+    return Answer(about, partial(print_table, "Model", ("", "value"), facts, folding=("value",)))
 
 
 def _about_rows(about: dict[str, Any]) -> list[tuple[str, str]]:
@@ -174,7 +155,3 @@ def _adapted_rows(origin: dict[str, Any]) -> list[tuple[str, str]]:
         ("adapted", f"with {how['trips']} own trips"),
         ("car against its simulation", ", ".join(changes)),
     ]
-
-
-def _range(low: float | None, high: float | None) -> str:
-    return f"{'-' if low is None else f'{low:g}'} to {'-' if high is None else f'{high:g}'}"

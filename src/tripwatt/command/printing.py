@@ -140,25 +140,13 @@ PROGRESS_EVERY_S: Final = 5.0
 """Shortest time [s] between two lines of progress if there is no terminal."""
 
 
-def progress_lines(
-    write: Callable[[str], object], what: str = "folds", *, clock: Callable[[], float] = time.monotonic
-) -> Callable[[int, int], None]:
-    """Make a function of (finished, all) that writes plain lines of progress: the first, the last, and few between.
-
-    Parameters
-    ----------
-    write : callable
-        Function that writes one line.
-    what : str
-        Name of what is counted.
-    clock : callable
-        Function that returns a time [s].
-    """
-    started, last = clock(), -math.inf
+def _progress_lines(write: Callable[[str], object], what: str) -> Callable[[int, int], None]:
+    """Make a function of (finished, all) that writes plain lines of progress: the first, the last, and few between."""
+    started, last = time.monotonic(), -math.inf
 
     def advance(finished: int, total: int) -> None:
         nonlocal last
-        now = clock()
+        now = time.monotonic()
         if finished == total or now - last >= PROGRESS_EVERY_S:
             last = now
             write(f"{finished} of {total} {what} finished after {now - started:.0f} s")
@@ -170,7 +158,7 @@ def progress_lines(
 def progress(shown: Console, what: str = "folds") -> Iterator[Callable[[int, int], None]]:
     """Show a bar with the time left, or plain lines without a terminal; the context gives a function of (finished, all)."""
     if not shown.is_terminal:
-        yield progress_lines(shown.print, what)
+        yield _progress_lines(shown.print, what)
         return
     from rich import progress as bars
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,7 +11,7 @@ import typer
 import tripwatt as tw
 from tripwatt.command import shared
 from tripwatt.command.options import Answer, argument, flag, make_group, option
-from tripwatt.command.printing import console, print_findings, print_notes, print_table
+from tripwatt.command.printing import console, print_notes
 from tripwatt.errors import Fault, InvalidInput, grouped, raise_faults
 
 if TYPE_CHECKING:
@@ -116,43 +115,6 @@ def add(
     return Answer(asdict(done), f"{store.store}: {done}")
 
 
-def show(store: Store) -> Answer:
-    """Count the trips, vehicles and car models of a store.
-
-    For example:
-
-      # count what a store holds
-      tripwatt store show fleet
-    """
-    about = store.opened().about()
-    models = ", ".join(f"{name} ({count})" for name, count in about["car_models"].items())
-    rows = [
-        ("trips", f"{about['trips']}, {about['usable']} usable, {about['with_energy']} with measured energy"),
-        ("vehicles", f"{about['vehicles']} in {about['buckets']} parts"),
-        ("car models", models),
-        ("distance", f"{about['distance_m'] / 1000.0:.0f} km"),
-        ("departures", f"{about['first']} to {about['last']}" if about["first"] else "unknown"),
-        ("size", f"{about['bytes'] / 1e6:.1f} MB"),
-    ]
-    title = f"Trip store {about['store']}, format {about['format']}"
-    return Answer(about, partial(print_table, title, ("", "value"), rows, folding=("value",)))
-
-
-def audit(
-    store: Store, vehicle_id: Annotated[str | None, option("ID", "Trips of this vehicle only.")] = None
-) -> Answer:
-    """List the faults of stored logs and their consequences. The logs of a vehicle are judged together.
-
-    For example:
-
-      # list the faults of its logs
-      tripwatt store audit fleet --vehicle-id V17
-    """
-    result = store.opened().audit(vehicle_id=vehicle_id)
-    findings = [asdict(finding) for finding in result]
-    return Answer(findings, partial(print_findings, f"{len(result)} findings", result))
-
-
 def compact(store: Store) -> Answer:
     """Merge small data files and remove files that no version of the last seven days needs.
 
@@ -191,5 +153,5 @@ def forget(store: Store, vehicle_id: Annotated[str, option("ID", "The vehicle to
 STORE = make_group(
     "Trip stores: logs of many vehicles in Delta tables, in a folder or an object store. They need the extra "
     "tripwatt[fleet].",
-    (create, add, show, audit, compact, forget),
+    (create, add, compact, forget),
 )

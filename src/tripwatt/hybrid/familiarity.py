@@ -119,7 +119,5 @@ class Familiarity:
 
         It is ``exp(-d² / 2)``, where ``d²`` is the sum of the squared distances of all covariates.
         """
-        squared = np.zeros(len(features))
-        for distance in self.distances(features).values():
-            squared += distance**2
-        return np.asarray(np.exp(-0.5 * squared))
+        squares = (distance**2 for distance in self.distances(features).values())
+        return np.asarray(np.exp(-0.5 * sum(squares, start=np.zeros(len(features)))))

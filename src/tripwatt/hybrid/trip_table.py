@@ -115,9 +115,7 @@ class TripTable:
         ndarray, shape (rows,)
             Cumulative energy [Wh]; zeros for None.
         """
-        if preset is None:
-            return np.zeros(len(self.observed_wh))
-        return self.simulated_wh[preset]
+        return np.zeros(len(self.observed_wh)) if preset is None else self.simulated_wh[preset]
 
     def rows_of(self, members: IntArray) -> IntArray:
         """List the rows of some trips.
@@ -271,11 +269,9 @@ def _totals(block: Trip) -> pd.DataFrame:
     time, speed = block.array("time_s"), block.array("speed_m_s")
     step = np.diff(time, prepend=time[0])
     hours = (time - time[0]) / SECONDS_PER_HOUR
-    ambient = (
-        float(np.nanmean(block.array("ambient_temperature_degc")))
-        if block.has("ambient_temperature_degc")
-        else COMFORT_TEMPERATURE_DEGC
-    )
+    ambient = COMFORT_TEMPERATURE_DEGC
+    if block.has("ambient_temperature_degc"):
+        ambient = float(np.nanmean(block.array("ambient_temperature_degc")))
     increments = np.diff(speed, prepend=speed[0])
     return pd.DataFrame(
         {

@@ -189,7 +189,6 @@ def sections(source: Delimited) -> list[Delimited]:
     initials = "\"' " + "".join(name[0].lower() + name[0].upper() for name in named)
     starts = starts[np.isin(codes[starts], np.frombuffer(initials.encode(), np.uint8))]
     first_cell = "|".join(map(re.escape, named)) or "(?!)"
-    first_cell = "|".join(map(re.escape, named)) or "(?!)"
     header = re.compile(
         rf"[\"' ]*(?:{first_cell})[\"' ]*{re.escape(source.delimiter)}[^\n]*".encode(), re.IGNORECASE
     )

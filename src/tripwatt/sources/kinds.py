@@ -155,17 +155,10 @@ def _changed(
         before = columns.pop(ours, {})
         if choice is not None:
             unchanged = before if before.get("column") == choice["column"] else {}
-            chosen = {
-                "format": "",
-                "date": "",
-                "unit": "",
-                **unchanged,
-                **{k: v for k, v in choice.items() if v},
-            }
-            columns[ours] = {key: text for key, text in chosen.items() if text}
+            columns[ours] = {**unchanged, **{key: text for key, text in choice.items() if text}}
     if changes.current_positive is not None:
         tables["current"] = {"positive": changes.current_positive}
-    battery, assumed = tables.setdefault("battery", {}), {}
+    assumed = {}
     measured = {POWER, "current_a"} & columns.keys()
     if vehicle is not None and measured and "voltage_v" not in columns:
         assumed["nominal_voltage_v"] = float(
@@ -175,9 +168,8 @@ def _changed(
         )
     elif vehicle is not None and not measured and {"soc", "displayed_soc"} & columns.keys():
         assumed["usable_capacity_kwh"] = usable_energy_wh(vehicle.battery) / 1000.0
-    battery.update(assumed)
-    if not battery:
-        del tables["battery"]
+    if assumed:
+        tables["battery"] = tables.get("battery", {}) | assumed
     return tables, assumed
 
 

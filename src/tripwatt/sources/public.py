@@ -154,7 +154,6 @@ def read_folder(
 
 def require_folder(folder: Path, allowed: str, fix: str) -> None:
     """Raise `InvalidInput` if a path is not a folder; `allowed` and `fix` are texts of the fault."""
-    if not folder.exists():
-        raise InvalidInput.of("no such folder", f"{folder}", "", allowed, fix)
     if not folder.is_dir():
-        raise InvalidInput.of("not a folder", f"{folder}", "a file", allowed, f"give {folder.parent}")
+        what, got = ("not a folder", "a file") if folder.exists() else ("no such folder", "")
+        raise InvalidInput.of(what, f"{folder}", got, allowed, fix)

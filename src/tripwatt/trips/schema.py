@@ -6,7 +6,6 @@ Readers of logs produce columns with the names of `COLUMNS`, and models of trips
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -49,8 +48,8 @@ def structure_faults(
             yield Fault("missing column", where, got, f"a column {name!r}")
     if len(samples) < 2:
         yield Fault("too few samples", where, f"{len(samples)}", "at least 2")
-    names = samples.columns.tolist()
-    twice = [name for name, count in Counter(names).items() if count > 1]
+    names = samples.columns
+    twice = names[names.duplicated()].unique().tolist()
     for name in twice:
         yield Fault("column given twice", where, excerpt(name), "each name once")
     for name in names:
