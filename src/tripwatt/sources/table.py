@@ -9,12 +9,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Final
 
 import numpy as np
 
 from tripwatt.arrays import FloatArray, by_key
-from tripwatt.errors import Fault, InvalidInput, raise_faults
+from tripwatt.errors import Fault, InvalidInput, grouped, raise_faults
 from tripwatt.sources.archives import unpacked
 from tripwatt.sources.clocks import decide_format
 from tripwatt.sources.columnar import read_all
@@ -35,9 +34,6 @@ from tripwatt.trips import Flag, Log, TripSet
 from tripwatt.trips.inertia import WRONG_SIGN, apparent_mass
 from tripwatt.trips.reading import FileReading, ReadingReport
 from tripwatt.vehicles import Vehicle
-
-SHOWN_ALIKE: Final = 2
-"""Number of faults listed of one kind in one column; the others are counted."""
 
 Progress = Callable[[int, int], None]
 Heights = Callable[[FloatArray, FloatArray], FloatArray]
@@ -127,7 +123,7 @@ def read_kinds(
     packed = [FileReading(Path(fault.where).name, faults=(fault,)) for fault in faults]
     report = ReadingReport((*packed, *(file.reading for file in sorted(files, key=lambda file: file.path))))
     if strict or not logs:
-        raise_faults(_merge_alike(path, report.faults))
+        raise_faults(grouped(report.faults))
     if not logs:
         got = f"{len(files)} files without a trip"
         raise InvalidInput.of("no trips", f"{path}", got, "at least one trip")
@@ -149,18 +145,6 @@ def _add_heights(file: RawFile, heights: Heights | None) -> None:
     if elevation is not None and np.isfinite(elevation).any():
         file.entries["elevation_m"] = MappedColumn("positions", "m")
         file.values["elevation_m"] = elevation
-
-
-def _merge_alike(path: Path, faults: Sequence[Fault]) -> Iterator[Fault]:
-    """Yield all faults; of many faults of the same kind in the same column, only the first ones and one with the number of the others."""
-    for group in by_key(faults, lambda f: (f.what, f.where.partition(" column ")[2], f.allowed)).values():
-        merged = group[SHOWN_ALIKE:] if len(group) > SHOWN_ALIKE + 1 else []
-        yield from group[: len(group) - len(merged)]
-        if merged:
-            column = group[0].where.partition(" column ")[2]
-            place = f"{path} column {column}" if column else f"{path}"
-            count = sum(fault.count for fault in merged)
-            yield replace(group[0], where=place, got=f"{len(merged)} more of this kind", count=count)
 
 
 def _proposal_faults(kinds: Sequence[Kind]) -> Iterator[Fault]:

@@ -191,23 +191,19 @@ def bin_means(
     bin_index = np.floor(time / step_s + 1e-6).astype(np.int64)
     n_bins = int(bin_index[-1]) + 1
     count = np.bincount(bin_index, minlength=n_bins)
-    some_empty = bool((count == 0).any())
+    empty = count == 0
     centre = (np.arange(n_bins) + 0.5) * step_s
     means: dict[str, FloatArray] = {}
     for name, values in columns.items():
         values = time if name == "time_s" else values
         known = np.isfinite(values)
-        complete = bool(known.all())
-        total = np.bincount(
-            bin_index, weights=values if complete else np.where(known, values, 0.0), minlength=n_bins
-        )
-        number = count if complete else np.bincount(bin_index[known], minlength=n_bins)
+        total = np.bincount(bin_index, np.where(known, values, 0.0), n_bins)
+        number = np.bincount(bin_index[known], minlength=n_bins)
         with np.errstate(invalid="ignore", divide="ignore"):
             mean = total / number
         if name == "time_s":
-            mean = np.where(count > 0, mean, centre)
-        elif some_empty and number.any():
-            empty = count == 0
+            mean = np.where(empty, centre, mean)
+        elif empty.any() and number.any():
             usable = number > 0
             mean[empty] = np.interp(centre[empty], centre[usable], mean[usable])
         means[name] = mean
