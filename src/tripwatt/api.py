@@ -6,7 +6,7 @@ import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import overload
+from typing import cast, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -25,12 +25,15 @@ from tripwatt.population import adaptation, for_car
 from tripwatt.routes.links import LinkRoute
 from tripwatt.routes.tracks import Track
 from tripwatt.sources import read_logs
-from tripwatt.sources.canonical import canonical_samples, read_canonical
+from tripwatt.sources.canonical import Frames, canonical_samples, read_canonical
 from tripwatt.trips import Departure, Plan, Trip, TripSet
 from tripwatt.vehicles import ALIASES, Vehicle, load_vehicle, vehicle_document, vehicle_from_document
 
 Route = Path | str | bytes | pd.DataFrame | Sequence[Mapping[str, float | None]]
 """What `read_route` reads."""
+
+Trips = TripSet | Sequence[Trip] | Frames
+"""What `fit` and `adapt` take."""
 
 Cars = Vehicle | str | Sequence[Vehicle | str]
 """One or several cars, each as a `Vehicle` or by its name in the library."""
@@ -94,7 +97,7 @@ def _read(source: Route) -> LinkRoute | Track | pd.DataFrame:
 
 
 def read_trips(
-    path: Path | str,
+    path: Path | str | Frames,
     dataset: str = "tum",
     mapping: Path | str | None = None,
     *,
@@ -105,8 +108,8 @@ def read_trips(
 
     Parameters
     ----------
-    path : path
-        A folder or file of logs, as for `read_logs`.
+    path : path or tables
+        A folder or file of logs, or tables in memory, as for `read_logs`.
     dataset : str
         Kind of the logs, as for `read_logs`.
     mapping : path or str, optional
@@ -179,7 +182,7 @@ def forecast(
 
 
 def fit(
-    trips: TripSet | Sequence[Trip],
+    trips: Trips,
     vehicle: Vehicle | str,
     *,
     corrector: str | Corrector = DEFAULT_CORRECTOR,
@@ -191,8 +194,8 @@ def fit(
 
     Parameters
     ----------
-    trips : TripSet or sequence of Trip
-        A `TripSet` is audited first.
+    trips : TripSet, sequence of Trip, or tables as for `read_logs`
+        A `TripSet` and tables are audited first.
     vehicle : Vehicle or str
         The car, or its name in the library.
     corrector : str or Corrector
@@ -229,15 +232,15 @@ def fit(
     return fit_car(sound, car, corrector, seed, identified=identified, progress=progress)[0]
 
 
-def adapt(base: ForecastModel, trips: TripSet | Sequence[Trip], vehicle: Vehicle | str) -> ForecastModel:
+def adapt(base: ForecastModel, trips: Trips, vehicle: Vehicle | str) -> ForecastModel:
     """Adapt a model of one car to another car, with a few trips of the new car.
 
     Parameters
     ----------
     base : ForecastModel
         A fitted model.
-    trips : TripSet or sequence of Trip
-        At least one trip with measured energy; a `TripSet` is audited first.
+    trips : TripSet, sequence of Trip, or tables as for `read_logs`
+        At least one trip with measured energy; a `TripSet` and tables are audited first.
     vehicle : Vehicle or str
         The new car, or its name in the library.
 
@@ -401,5 +404,10 @@ def _car(vehicle: Vehicle | str) -> Vehicle:
     return vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
 
 
-def _sound(trips: TripSet | Sequence[Trip]) -> Sequence[Trip]:
-    return audit(trips).trips if isinstance(trips, TripSet) else trips
+def _sound(trips: Trips) -> Sequence[Trip]:
+    if isinstance(trips, TripSet):
+        return audit(trips).trips
+    if isinstance(trips, pd.DataFrame | Mapping):
+        return audit(read_logs(trips)).trips
+    given = [each for each in trips if isinstance(each, Trip)]
+    return given if len(given) == len(trips) else audit(read_logs(cast(Sequence[pd.DataFrame], trips))).trips

@@ -7,9 +7,9 @@ import pytest
 
 import tripwatt as tw
 from tripwatt.hybrid import segment_trips
-from tripwatt.hybrid.energy_errors import EnergyErrors
 from tripwatt.learners.gp import AdditiveGP, KernelTerm
 from tripwatt.study.synthetic import synthetic_fleet
+from tripwatt.trips import observed_cumulative_energy
 from tripwatt.uncertainty.process import Segments
 from tripwatt.uncertainty.scale import TotalScale
 
@@ -45,9 +45,23 @@ def test_only_the_total_of_an_energy_by_charge_counts(trips):
     assert part.errors.own_wh[1] == table.errors.own_wh[1]
 
 
-def test_energies_without_an_error_are_exact(trips):
-    errors = EnergyErrors.from_trip(replace(trips[0], observed_energy_std_wh=None))
-    assert (errors.own_wh[0], errors.common[0], errors.along[0]) == (0.0, 0.0, True)
+@pytest.mark.parametrize(("step_wh", "along"), [(None, True), (1.0, True), (200.0, False), (np.inf, False)])
+def test_a_counter_suffices_and_a_coarse_one_or_a_total_counts_as_a_whole(trips, step_wh, along):
+    trip, samples = trips[0], trips[0].samples.drop(columns=["voltage_v", "current_a"])
+    total_wh = trip.observed_energy_wh
+    if step_wh is None:
+        trip = replace(trip, observed_energy_std_wh=None)
+    elif np.isinf(step_wh):
+        trip = replace(trip, samples=samples)
+    else:
+        energy = observed_cumulative_energy(trip.samples)
+        trip = trip.with_samples(samples.assign(observed_energy_wh=step_wh * np.round(energy / step_wh)))
+    table = segment_trips([trip], tw.load_vehicle(CAR))
+    (wh,) = table.totals_wh(table.observed_power_w)
+    assert (table.errors.common[0], bool(table.errors.along[0])) == (0.0, along)
+    assert wh == pytest.approx(trip.observed_energy_wh)
+    assert abs(wh - total_wh) <= (step_wh if step_wh == 200.0 else 1.0)
+    assert table.errors.own_wh[0] == pytest.approx(step_wh / 6.0**0.5 if step_wh == 200.0 else 0.0)
 
 
 def test_a_total_that_is_not_well_known_counts_less():

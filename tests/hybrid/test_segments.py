@@ -67,6 +67,7 @@ class TestSegmentTable:
 class Log:
     """A measured trip."""
 
+    observed_energy_wh: float | None = 20.0
     observed_energy_std_wh = None
     observed_energy_own_std_wh = observed_energy_common_std = 0.0
 
@@ -173,7 +174,12 @@ class TestSegments:
         ):
             self.cut(measured=Log(3.0, **columns))
         del columns["observed_energy_wh"], columns["soc"], columns["heating_power_w"]
-        bare = self.cut(measured=Log(2.0, **columns))
+        total = self.cut(measured=Log(2.0, **columns))
+        assert total.totals_wh(total.residual_w) == pytest.approx(20.0 - total.totals_wh(total.simulated_w))
+        assert np.ptp(total.residual_w) == pytest.approx(0.0, abs=1e-9)
+        log = Log(2.0, **columns)
+        log.observed_energy_wh = None
+        bare = self.cut(measured=log)
         assert bare.observed_w is None
         assert bare.observed_climate_w is None
         assert bare.charge == pytest.approx(np.array([[NO, NO, 0.7, 0.65]]), nan_ok=True)

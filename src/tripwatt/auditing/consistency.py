@@ -292,7 +292,7 @@ def energy_error_findings(trip: Recorded) -> Iterator[Finding]:
     # 0.25: standard error over the energy above which it is reported; a forecast's own error is smaller
     if useless or error > 0.25 * energy:
         measured = has(trip.samples, "voltage_v") and has(trip.samples, "current_a")
-        source = "a coarse or seldom power" if measured else "the state of charge"
+        source = "a coarse or seldom power" if measured else "a counter or the state of charge"
         verdict = "too inaccurate to use" if useless else "inaccurate"
         what = f"energy from {source} is {energy:.0f} Wh with a standard error of {error:.0f} Wh: {verdict}"
         yield whole(trip.samples, trip.trip_id, what, "set aside" if useless else "noted")

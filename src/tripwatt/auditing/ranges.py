@@ -38,7 +38,7 @@ def missing_columns(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
     """Find columns that are absent or empty. Without speed, or without any measurement of energy, the drive is set aside."""
     lost = [c for c in MEASURED if not has(samples, c)]
     if lost and has(samples, "observed_energy_wh") and has(samples, "speed_m_s"):
-        what = "no voltage and current: the energy is calculated from the state of charge"
+        what = "no voltage and current: the energy is that of a counter or of the state of charge"
         yield whole(samples, trip_id, what, "noted")
     elif lost:
         what = f"no values of {', '.join(map(signal_name, lost))}: the energy is not measured"

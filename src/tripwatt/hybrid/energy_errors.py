@@ -11,6 +11,7 @@ import numpy as np
 from tripwatt.arrays import BoolArray, FloatArray, IntArray
 from tripwatt.routes.terrain import net_climbs
 from tripwatt.trips import Plan, Trip
+from tripwatt.trips.energy import resolution
 from tripwatt.units import GRAVITY_M_S2, WH_PER_J
 from tripwatt.vehicles import Vehicle
 
@@ -46,7 +47,8 @@ class EnergyErrors:
     common : ndarray, shape (trips,)
         Relative standard deviation of the error that all energies of the car share [1].
     along : ndarray of bool, shape (trips,)
-        Whether the energy was measured along the trip; an energy from the state of charge counts only for the whole trip.
+        Whether the energy was measured along the trip: from voltage and current, or by a counter that steps at least once in a
+        segment. A coarser counter and an energy from the state of charge count only for the whole trip.
     """
 
     own_wh: FloatArray
@@ -54,9 +56,12 @@ class EnergyErrors:
     along: BoolArray
 
     @classmethod
-    def from_trip(cls, trip: Trip, climb_wh: float = 0.0) -> EnergyErrors:
+    def from_trip(cls, trip: Trip, climb_wh: float = 0.0, segments: int = 1) -> EnergyErrors:
         """Make the errors of one trip; `climb_wh`, by the unknown climb of its road, counts as an error of the energy."""
-        along = not trip.observed_energy_std_wh or {"voltage_v", "current_a"} <= set(trip.samples.columns)
+        along = {"voltage_v", "current_a"} <= set(trip.samples.columns)
+        if not along and "observed_energy_wh" in trip and not trip.observed_energy_common_std:
+            step_wh = resolution(trip.array("observed_energy_wh"))
+            along = step_wh * segments <= abs(trip.observed_energy_wh or 0.0)
         return cls(
             np.array([math.hypot(trip.observed_energy_own_std_wh, climb_wh)]),
             np.array([trip.observed_energy_common_std]),

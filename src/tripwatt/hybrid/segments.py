@@ -95,7 +95,7 @@ class SegmentTable:
     def observed_power_w(self) -> FloatArray:
         """Measured power [W], shape (rows,); raises InvalidInput if the table has none."""
         if self.observed_w is None:
-            raise InvalidInput.of("no measured energy", "trips", "none", "voltage and current of each trip")
+            raise InvalidInput.of("no measured energy", "trips", "none", "the measured energy of each trip")
         return self.observed_w
 
     @property
@@ -210,8 +210,8 @@ def segment_table(
     simulation : Simulation
         Simulation of the plan.
     measured : Trip, optional
-        The raw trip; its cumulative energy is read at the ends of the segments. If the energy comes from the state of charge, only
-        the total is used: the residual is the same in every segment.
+        The raw trip; its cumulative energy is read at the ends of the segments. If it was not measured along the trip
+        (`EnergyErrors.along`), only the total is used: the residual is the same in every segment.
     segment_s : float
         Length of a segment [s]; the last segment takes the rest of the trip and is up to twice as long.
     climb_wh : float
@@ -264,7 +264,7 @@ def segment_table(
     observed = climate = charge = errors = None
     if measured is not None:
         observed, charge = _measured_power(measured, segment, plan, seconds), _charge_readings(measured)
-        errors = EnergyErrors.from_trip(measured, climb_wh)
+        errors = EnergyErrors.from_trip(measured, climb_wh, n)
         edges_s = float(measured.array("time_s")[0]) + np.concatenate(([0.0], np.cumsum(seconds)))
         climate = logged_climate(measured.samples, edges_s)
     if observed is not None and errors is not None and not errors.along[0]:
@@ -344,7 +344,7 @@ def driving_w(table: SegmentTable) -> FloatArray:
 def require_measured(trips: Sequence[Trip], least: int = 1) -> None:
     """Raise `InvalidInput` for every trip without measured energy, and if there are fewer than `least` trips."""
     faults = [
-        Fault("no measured energy", trip.trip_id, "", "voltage and current")
+        Fault("no measured energy", trip.trip_id, "", "voltage and current, or a column observed_energy_wh")
         for trip in trips
         if trip.observed_energy_wh is None
     ]
@@ -418,8 +418,9 @@ def _measured_power(measured: Trip, segment: IntArray, plan: Plan, seconds: Floa
         got, allowed = f"segments of {measured.step_s:g} s", f"raw samples, or segments of {step_s:g} s"
         raise InvalidInput.of("wrong time step", measured.trip_id, got, allowed)
     raw = measured if measured.step_s is not None else resample(measured, step_s)
-    if "observed_energy_wh" not in raw:
-        return None
+    if "observed_energy_wh" not in raw:  # only the total is known
+        total_wh = measured.observed_energy_wh
+        return None if total_wh is None else total_wh * SECONDS_PER_HOUR / seconds.sum() + 0.0 * seconds
     cumulative = raw.array("observed_energy_wh")
     ends = np.append(np.flatnonzero(np.diff(segment)), len(segment) - 1)
     return np.asarray(np.diff(cumulative[ends], prepend=0.0) / (seconds / SECONDS_PER_HOUR))

@@ -12,6 +12,7 @@ from tripwatt.trips import TripSet
 
 if TYPE_CHECKING:
     from tripwatt.arrays import FloatArray
+    from tripwatt.sources.canonical import Frames
     from tripwatt.vehicles import Vehicle
 
 DATASETS: Final[Mapping[str, str]] = {
@@ -23,7 +24,7 @@ DATASETS: Final[Mapping[str, str]] = {
 
 
 def read_logs(
-    path: Path | str,
+    source: Path | str | Frames,
     dataset: str = "tum",
     mapping: Path | str | None = None,
     *,
@@ -32,15 +33,17 @@ def read_logs(
     progress: Callable[[int, int], None] | None = None,
     heights: Callable[[FloatArray, FloatArray], FloatArray] | None = None,
 ) -> TripSet:
-    """Read all logs of a data set.
+    """Read all logs of a data set, or make logs of tables in memory.
 
     A cell that cannot be read counts as missing. A row that cannot be read is left out, as is a file with too little left. The report
     of the result lists all of these. An error is raised only if nothing can be used.
 
     Parameters
     ----------
-    path : path
-        The data set's folder or file.
+    source : path, DataFrame, sequence of DataFrame, or mapping of str to DataFrame
+        The data set's folder or file. Or tables with canonical columns, one for each drive, by name in a mapping; one table may have
+        several drives, with their names in a column `trip`. A table without `time_s` may have times as its index. Columns
+        that are no signals are kept as covariates, and `TripSet.notes` lists them; the other arguments then have no effect.
     dataset : str
         A key of `DATASETS`.
     mapping : path or str, optional
@@ -73,6 +76,10 @@ def read_logs(
     ...
     tripwatt.errors.InvalidInput: unknown data set: dataset: got 'tmu'; allowed: tum...
     """
+    if not isinstance(source, Path | str):
+        from tripwatt.sources.canonical import read_frames
+
+        return read_frames(source)
     if dataset not in DATASETS:
         raise InvalidInput(Fault.unknown("unknown data set", "dataset", dataset, DATASETS))
     if dataset == "table":
@@ -80,11 +87,11 @@ def read_logs(
         from tripwatt.vehicles import load_vehicle
 
         car = load_vehicle(vehicle) if isinstance(vehicle, str) else vehicle
-        return read_table(path, mapping, strict=strict, vehicle=car, progress=progress, heights=heights)
+        return read_table(source, mapping, strict=strict, vehicle=car, progress=progress, heights=heights)
     if mapping is not None:
         raise InvalidInput.of(
             "mapping has no effect", "mapping", f"{mapping}", "only with the data set 'table'"
         )
     module, _, name = DATASETS[dataset].partition(":")
     reader = cast(Callable[..., TripSet], getattr(import_module(module), name))
-    return reader(Path(path), strict=strict)
+    return reader(Path(source), strict=strict)

@@ -10,11 +10,25 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import Fault, InvalidInput, and_more, raise_faults
+from tripwatt.errors import Check, Fault, InvalidInput, and_more, raise_faults
 from tripwatt.sources.columnar import TableFile, csv_table, open_table
 from tripwatt.sources.delimited import open_delimited
-from tripwatt.trips import COLUMNS, REQUIRED_COLUMNS, structure_faults, table_of, value_faults
+from tripwatt.sources.mapping import ENERGY
+from tripwatt.trips import (
+    COLUMNS,
+    REQUIRED_COLUMNS,
+    Context,
+    Flag,
+    Log,
+    TripSet,
+    structure_faults,
+    table_of,
+    value_faults,
+)
 from tripwatt.trips.headers import header_faults, same_quantity
+
+Frames = pd.DataFrame | Sequence[pd.DataFrame] | Mapping[str, pd.DataFrame]
+"""Logs as tables in memory."""
 
 MIN_SAMPLES: Final = 3
 """Least number of samples of a drive."""
@@ -113,6 +127,52 @@ def canonical_samples(
         different = Fault("columns of different lengths", where, got[:300], "one value per sample in each")
         raise InvalidInput([*_name_faults(names, where), *_missing(names, required, where), different])
     return _checked(known, names, where, required, minimum)
+
+
+def read_frames(frames: Frames) -> TripSet:
+    """Make logs of tables in memory with canonical columns. O(samples).
+
+    Parameters
+    ----------
+    frames : DataFrame, sequence of DataFrame, or mapping of str to DataFrame
+        One table for each drive; the keys of a mapping are the names of the drives. A single table may have many drives, with their
+        names in a column `trip`. A table without `time_s` may have times as its index. Columns that are no signals are kept as
+        covariates.
+
+    Raises
+    ------
+    InvalidInput
+        With the faults of the structure of all tables.
+
+    Examples
+    --------
+    >>> drive = pd.DataFrame({"time_s": [0.0, 60.0], "speed_m_s": 10.0, "observed_energy_wh": [0.0, 90.0], "traffic": 2})
+    >>> logs = read_frames({"A": drive})
+    >>> logs.logs[0], logs.notes[0].value
+    (<Log A: 0.6 km in 60 s, 0.09 kWh measured, 2 samples>, 'traffic')
+    """
+    if isinstance(frames, pd.DataFrame):
+        frames = {
+            f"{n}": part for n, part in frames.groupby(frames.get("trip", ["trip"] * len(frames)), sort=False)
+        }
+    elif not isinstance(frames, Mapping):
+        frames = {f"trip {number}": frame for number, frame in enumerate(frames, start=1)}
+    with Check() as check:
+        logs = [check(_log_of_frame, name, frame) for name, frame in frames.items()]
+    others = dict.fromkeys(c for log in logs for c in log.samples if c not in (*COLUMNS, ENERGY))
+    notes = (Flag("covariates_kept", "table", ", ".join(map(str, others))),) if others else ()
+    return TripSet("table", tuple(logs), notes)
+
+
+def _log_of_frame(name: str, frame: pd.DataFrame) -> Log:
+    if not isinstance(frame, pd.DataFrame):
+        raise InvalidInput.of("unknown type", name, type(frame).__name__, "a DataFrame")
+    started = None
+    if "time_s" not in frame and len(frame) and isinstance(frame.index, pd.DatetimeIndex):
+        started = frame.index[0].tz_localize(None).to_pydatetime()
+        frame = frame.assign(time_s=(frame.index - frame.index[0]).total_seconds())
+    samples = frame.drop(columns="trip", errors="ignore").reset_index(drop=True)
+    return Log.from_samples(name, samples, Context(started_at=started))
 
 
 def _samples_of(table: TableFile, where: str, required: Sequence[str], minimum: int) -> pd.DataFrame:

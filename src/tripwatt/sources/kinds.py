@@ -15,7 +15,7 @@ from tripwatt.files import file_head, parse_toml
 from tripwatt.physics.battery import open_circuit_voltage, usable_energy_wh
 from tripwatt.sources.columnar import PARQUET, open_table, table_files
 from tripwatt.sources.delimited import column_key, first_row, open_delimited
-from tripwatt.sources.mapping import POWER, ColumnMapping, load_mapping, mapping_from_tables
+from tripwatt.sources.mapping import ENERGY, POWER, ColumnMapping, load_mapping, mapping_from_tables
 from tripwatt.sources.raw_files import NEEDED
 from tripwatt.sources.suggest import Suggestion, suggest_mapping
 from tripwatt.trips import COLUMNS
@@ -132,7 +132,7 @@ def proposed_kinds(
 
 def _with_mapping(kind: Kind, files: Sequence[Path], vehicle: Vehicle | None, changes: Changes) -> Kind:
     try:
-        canonical = [name for name in kind.names if name in COLUMNS]
+        canonical = [name for name in kind.names if name in (*COLUMNS, ENERGY)]
         proposal, tables = None, {"columns": {n: {"column": n} for n in canonical}}
         if not set(NEEDED) <= set(canonical):
             proposal = suggest_mapping(files[0], kind.files[files[0]], beside=files[1:])

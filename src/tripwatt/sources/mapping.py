@@ -36,6 +36,9 @@ from tripwatt.vehicles import vehicle_names
 POWER: Final = "battery_power_w"
 """Name of the power at the battery terminals [W], for loggers that write power instead of voltage and current."""
 
+ENERGY: Final = "observed_energy_wh"
+"""Name of a counter of the energy at the battery terminals [Wh], for loggers without voltage and current."""
+
 M_S_PER_MPH: Final = 0.44704
 
 
@@ -78,10 +81,11 @@ UNITS: Final[Mapping[str, Mapping[str, tuple[float, float]]]] = {
     "aircon_power_w": _WATT,
     "climate_power_w": _WATT,
     POWER: _WATT,
+    ENERGY: {"wh": (1.0, 0.0), "kwh": (1000.0, 0.0)},
 }
 """Our column -> unit -> (factor, offset) for the conversion to our unit. The case of units is ignored."""
 
-_OWN_UNIT: Final = {"time_s": "s", "grade": "1", POWER: "W"}
+_OWN_UNIT: Final = {"time_s": "s", "grade": "1", POWER: "W", ENERGY: "Wh"}
 _SETTINGS: Final[Mapping[str, Mapping[str, str]]] = {
     "current": {"positive": "positive"},
     "trip": {"column": "trip_column", "vehicle": "vehicle_column", "driver": "driver_column"},
@@ -134,7 +138,7 @@ class ColumnMapping:
     source : str
         File or name of the mapping.
     columns : mapping of str to MappedColumn
-        Our names (of `COLUMNS`, or `battery_power_w`) -> entries.
+        Our names (of `COLUMNS`, `battery_power_w` or `observed_energy_wh`) -> entries.
     discharge_sign : float
         1 if discharge is positive in the table, -1 if charge is positive.
     trip_column : str or None

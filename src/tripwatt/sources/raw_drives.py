@@ -15,7 +15,7 @@ import pandas as pd
 from tripwatt.arrays import FloatArray, IntArray, hold_last
 from tripwatt.errors import Fault, InvalidInput, and_more
 from tripwatt.sources.clocks import GAP_S, steady_clock
-from tripwatt.sources.mapping import POWER, UNITS, ColumnMapping
+from tripwatt.sources.mapping import ENERGY, POWER, UNITS, ColumnMapping
 from tripwatt.sources.raw_files import NEEDED, RawFile, in_our_unit
 from tripwatt.trips import COLUMNS, Context, Flag, Log
 from tripwatt.trips.coarse_speed import rebuild_speed
@@ -275,8 +275,8 @@ def log_of(drive: RawDrive) -> Log:
         columns["current_a"] = columns.pop(POWER) * mapping.discharge_sign / columns["voltage_v"]
     elif "current_a" in columns:
         columns["current_a"] = columns["current_a"] * mapping.discharge_sign
-    elif mapping.usable_capacity_kwh is not None:
-        columns["observed_energy_wh"], energy_std = _energy_from_soc(columns, mapping)
+    elif mapping.usable_capacity_kwh is not None and ENERGY not in columns:
+        columns[ENERGY], energy_std = _energy_from_soc(columns, mapping)
     order = [*(c for c in COLUMNS if c in columns), *(c for c in columns if c not in COLUMNS)]
     log = Log.from_samples(drive.name, pd.DataFrame({c: columns[c] for c in order}), context)
     if energy_std is None:

@@ -36,8 +36,8 @@ NEGLIGIBLE_SHARE: Final = 0.02
 def observed_cumulative_energy(samples: pd.DataFrame | Mapping[str, FloatArray]) -> FloatArray | None:
     """Cumulative energy at the battery terminals [Wh], by the trapezoidal rule from voltage times current.
 
-    The power of samples without voltage or current is interpolated. A log without both columns may have a column
-    `observed_energy_wh` instead, such as an energy from the state of charge.
+    The power of samples without voltage or current is interpolated. A log that lacks one of both columns may have a column
+    `observed_energy_wh` instead: a counter of energy, or an energy from the state of charge.
 
     Parameters
     ----------
@@ -101,12 +101,14 @@ def observed_energy(samples: pd.DataFrame) -> float | None:
 
 
 def observed_energy_std(samples: pd.DataFrame) -> float | None:
-    """Standard error of the energy from voltage and current [Wh], due to rounding and the time between samples. O(samples).
+    """Standard error of the energy [Wh], due to rounding and the time between samples. O(samples).
+
+    A counter of energy is rounded at both ends: with a step ``r`` of its values, the standard error is ``r / sqrt(6)``.
 
     Returns
     -------
     float or None
-        None without voltage and current, or if the error is at most `NEGLIGIBLE_SHARE` of the energy.
+        None without a measurement, or if the error is at most `NEGLIGIBLE_SHARE` of the energy.
 
     Examples
     --------
@@ -117,7 +119,11 @@ def observed_energy_std(samples: pd.DataFrame) -> float | None:
     55
     """
     if not {"time_s", "voltage_v", "current_a"} <= set(samples.columns):
-        return None
+        counted = observed_cumulative_energy(samples)
+        if counted is None:
+            return None
+        std_wh = resolution(counted) / np.sqrt(6.0)
+        return float(std_wh) if std_wh > NEGLIGIBLE_SHARE * abs(counted[-1]) else None
     columns = samples[["time_s", "voltage_v", "current_a"]].to_numpy(dtype=np.float64)
     time, voltage, current = columns[np.isfinite(columns).all(axis=1)].T
     with np.errstate(over="ignore", invalid="ignore"):  # a log may hold anything until it is audited

@@ -144,7 +144,7 @@ def columns_of(samples: pd.DataFrame) -> dict[str, list[float | None]]:
     """
     return {
         name: [None if v != v else v for v in np.asarray(samples[name], dtype=np.float64).tolist()]
-        for name in samples.columns
+        for name in map(str, samples.select_dtypes("number"))
     }
 
 

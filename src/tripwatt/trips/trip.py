@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.errors import InvalidInput
-from tripwatt.trips.columns import raise_faults
+from tripwatt.trips.columns import COLUMNS, raise_faults
 from tripwatt.trips.context import Context
 from tripwatt.trips.departure import Departure
 from tripwatt.trips.energy import observed_cumulative_energy, observed_energy, observed_energy_std
@@ -104,7 +104,7 @@ class Recorded(Sampled):
     def with_samples(self, samples: pd.DataFrame) -> Self:
         """Return the drive with other raw samples, their energy and its standard error.
 
-        Without voltage and current, the standard error of the drive is kept.
+        The standard error of an energy from the state of charge is kept.
 
         Parameters
         ----------
@@ -123,7 +123,7 @@ class Recorded(Sampled):
         >>> Recorded("A", samples).with_samples(samples).observed_energy_wh
         720.0
         """
-        measured = {"voltage_v", "current_a"} <= set(samples.columns)
+        measured = {"voltage_v", "current_a"} <= set(samples.columns) or not self.observed_energy_common_std
         std = observed_energy_std(samples) if measured else self.observed_energy_std_wh
         energy = observed_energy(samples)
         return replace(self, samples=samples, observed_energy_wh=energy, observed_energy_std_wh=std)
@@ -326,7 +326,7 @@ class Trip(Recorded):
 
 
 def resample(trip: Trip, step_s: float = 1.0) -> Trip:
-    """Average every column over steps (bins) of `step_s` seconds from the first sample. O(samples).
+    """Average every signal over steps (bins) of `step_s` seconds from the first sample. O(samples).
 
     Bins without samples are interpolated between their neighbours. `time_s` is the mean time in the bin, from near 0 on.
     The column `observed_energy_wh` is the measured cumulative energy at the end of the bin, from the raw samples, so its last
@@ -360,7 +360,8 @@ def resample(trip: Trip, step_s: float = 1.0) -> Trip:
     if not step_s > 0:
         raise InvalidInput.of("step out of range", "step_s", f"{step_s}", "more than 0 s")
     time = trip.array("time_s") - float(trip.samples["time_s"].iloc[0])
-    n_bins, means = bin_means(time, {c: trip.array(c) for c in trip.samples.columns}, step_s)
+    signals = {c: trip.array(c) for c in trip.samples.columns if c in COLUMNS}
+    n_bins, means = bin_means(time, signals, step_s)
     samples = pd.DataFrame(means)
     cumulative = observed_cumulative_energy(trip.samples)
     if cumulative is not None:
