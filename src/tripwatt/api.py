@@ -188,6 +188,7 @@ def fit(
     corrector: str | Corrector = DEFAULT_CORRECTOR,
     seed: int = 0,
     identified: bool = True,
+    covariates: Sequence[str] = (),
     progress: Callable[[int, int], None] | None = None,
 ) -> ForecastModel:
     """Fit a forecasting model on the trips of one car.
@@ -206,6 +207,10 @@ def fit(
     identified : bool
         Whether values of the car are first identified from the signals that the trips have: motor torque, heater and air
         conditioner, power of the standing car, voltage at rest. If False, the published values are kept.
+    covariates : sequence of str
+        Columns of the logs beside their signals, numbers or words, that the corrector uses: the mean over a trip, or the most
+        frequent word. Name only what a plan will know. `Departure.covariates` gives the values for a forecast; an unknown one
+        is integrated over its values in the trips.
     progress : callable, optional
         Called with (number of finished fits, number of all fits).
 
@@ -229,7 +234,12 @@ def fit(
     <ForecastModel BMW i3 60 Ah, HistGradientBoostingRegressor corrector, 15 trips>
     """
     car, sound = _car(vehicle), _sound(trips)
-    return fit_car(sound, car, corrector, seed, identified=identified, progress=progress)[0]
+    if isinstance(covariates, str):
+        raise InvalidInput.of("unknown type", "covariates", f"the text {covariates!r}", "a list of names")
+    model, _ = fit_car(
+        sound, car, corrector, seed, identified=identified, covariates=covariates, progress=progress
+    )
+    return model
 
 
 def adapt(base: ForecastModel, trips: Trips, vehicle: Vehicle | str) -> ForecastModel:
@@ -405,9 +415,6 @@ def _car(vehicle: Vehicle | str) -> Vehicle:
 
 
 def _sound(trips: Trips) -> Sequence[Trip]:
-    if isinstance(trips, TripSet):
-        return audit(trips).trips
-    if isinstance(trips, pd.DataFrame | Mapping):
-        return audit(read_logs(trips)).trips
-    given = [each for each in trips if isinstance(each, Trip)]
-    return given if len(given) == len(trips) else audit(read_logs(cast(Sequence[pd.DataFrame], trips))).trips
+    if not isinstance(trips, TripSet | pd.DataFrame | Mapping) and all(isinstance(t, Trip) for t in trips):
+        return cast(Sequence[Trip], trips)
+    return audit(trips if isinstance(trips, TripSet) else read_logs(cast(Frames, trips))).trips

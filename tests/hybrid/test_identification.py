@@ -292,7 +292,8 @@ def test_an_energy_from_the_charge_is_spread_evenly_again():
     for trip in FLEET[:4]:
         energy = np.linspace(0.0, trip.observed_energy_wh, len(trip))
         samples = trip.samples.drop(columns=["voltage_v", "current_a"]).assign(observed_energy_wh=energy)
-        known.append(replace(trip, samples=samples, observed_energy_std_wh=50.0))
+        by_charge = {"observed_energy_std_wh": 50.0, "observed_energy_common_std": 1e-3}
+        known.append(replace(trip, samples=samples, **by_charge))
     other = changed(BOOK, {"rolling": 0.3})
     plans = [Plan.from_trip(trip) for trip in known]
     table, fresh = segment_trips(known, BOOK), segment_trips(known, other)

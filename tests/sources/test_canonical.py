@@ -61,3 +61,17 @@ def test_a_file_may_have_a_counter_in_kwh(tmp_path, frames):
     assert log.observed_energy_wh == pytest.approx(table["observed_energy_wh"].iloc[-1])
     table.to_csv(tmp_path / "a.csv", index=False)
     assert tw.read_logs(tmp_path / "a.csv", "table").logs[0].observed_energy_wh == log.observed_energy_wh
+
+
+def test_a_mapping_names_covariates_and_columns_that_are_not_read_are_told(tmp_path):
+    columns = {"t": [0, 1, 2], "v": 9.0, "Traffic": [1, "", 3], "Who": ["anna", "", "anna"], "Humidity": 60}
+    pd.DataFrame(columns).to_csv(tmp_path / "a.csv", index=False)
+    mapping = '[columns]\ntime_s = { column = "t" }\nspeed_m_s = { column = "v", unit = "m/s" }\n'
+    (tmp_path / "map.toml").write_text(mapping + '[covariates]\ntraffic = "Traffic"\ndriver = "Who"\n')
+    logs = tw.read_logs(tmp_path, "table", tmp_path / "map.toml")
+    assert logs.logs[0].departure.covariates == {"traffic": 2.0, "driver": "anna"}
+    assert [note.value for note in logs.notes if note.code == "columns_unread"] == ["Humidity"]
+    for wrong in ('speed_m_s = "Traffic"', "traffic = 3", 'traffic = "Trafic"'):
+        (tmp_path / "map.toml").write_text(f"{mapping}[covariates]\n{wrong}\n")
+        with pytest.raises(tw.InvalidInput, match=r"not a covariate|did you mean 'Traffic'"):
+            tw.read_logs(tmp_path, "table", tmp_path / "map.toml")

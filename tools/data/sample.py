@@ -52,7 +52,8 @@ def sets(data: Path) -> Iterator[tuple[str, TripSet]]:
     twizy = read_logs(data / "twizy", "table", Path(__file__).parent / "twizy.toml")
     logs = _by_date([_with_date(log, data / "twizy" / f"{log.trip_id}.csv") for log in twizy.logs])
     citation = f"{CITATIONS['twizy']}, licensed under CC BY 4.0"
-    yield "twizy", TripSet("Twizy", tuple(logs), twizy.notes, None, citation)
+    notes = tuple(note for note in twizy.notes if note.code != "columns_unread")
+    yield "twizy", TripSet("Twizy", tuple(logs), notes, None, citation)
 
 
 def _by_date(logs: Sequence[Recorded]) -> list[Recorded]:

@@ -27,6 +27,7 @@ def fit_car(
     seed: int = 0,
     *,
     identified: bool = True,
+    covariates: Sequence[str] = (),
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[ForecastModel, Identified | None]:
     """Fit a model on sound trips of one car; returns it with the identified values of the car, None if `identified` is False.
@@ -34,14 +35,15 @@ def fit_car(
     Each fold of the fit identifies the values anew, without the trips of the fold.
     """
     if not identified:
-        return ForecastModel(vehicle, corrector, seed).fit(trips, progress=progress), None
+        model = ForecastModel(vehicle, corrector, seed, covariates=tuple(covariates))
+        return model.fit(trips, progress=progress), None
     records = [stage_record(trip, vehicle) for trip in trips]
 
     def car_of(members: IntArray) -> Vehicle:
         return identify([records[i] for i in members], vehicle).applied(vehicle)
 
     values = identify(records, vehicle)
-    model = ForecastModel(values.applied(vehicle), corrector, seed)
+    model = ForecastModel(values.applied(vehicle), corrector, seed, covariates=tuple(covariates))
     return model.fit(trips, car_of=car_of, progress=progress), values
 
 
@@ -173,7 +175,7 @@ def held_out_figures(trips: Sequence[HeldOut]) -> dict[str, Any]:
 
 
 def data_digest(trips: Iterable[Trip]) -> str:
-    """SHA-256 over ids, column names and all values of trips, independent of the order of the trips. O(samples).
+    """SHA-256 over ids, column names, all values and the covariates of trips, independent of the order of the trips. O(samples).
 
     Examples
     --------
@@ -190,4 +192,6 @@ def data_digest(trips: Iterable[Trip]) -> str:
         for name in (c for c in COLUMNS if c in trip):
             digest.update(name.encode() + b"\0")
             digest.update(np.ascontiguousarray(trip.array(name), dtype="<f8").tobytes())
+        if trip.departure.covariates:
+            digest.update(repr(sorted(trip.departure.covariates.items())).encode())
     return digest.hexdigest()

@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray, IntArray
-from tripwatt.errors import InvalidInput
+from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting.expected import ExpectedTrip
 from tripwatt.forecasting.forecast import Forecast, with_route_error
 from tripwatt.forecasting.inner import INNER_FOLDS, Again, inner_fits, resimulation
@@ -37,6 +37,7 @@ from tripwatt.hybrid import (
     segment_trips,
 )
 from tripwatt.hybrid.correctors import corrector_name
+from tripwatt.hybrid.covariates import CovariateCorrector
 from tripwatt.hybrid.factors import TripEvidence
 from tripwatt.hybrid.familiarity import Range
 from tripwatt.hybrid.outside import fitted_outside
@@ -89,6 +90,10 @@ class ForecastModel:
         Uncertainty of the forecasts, estimated from held-out trips.
     ranges_ : dict of str to Range
         Range of each quantity over the training trips.
+    covariates : tuple of str
+        Covariates that the corrector uses: columns of the logs beside their signals.
+    covariate_errors_ : dict of str to float
+        Mean absolute percentage error [1] of the forecasts of `held_out_` "with" and "without" the covariates; empty without covariates.
     trip_ids_ : tuple of str
         Training trips.
     held_out_ : tuple of HeldOut
@@ -123,6 +128,8 @@ class ForecastModel:
     evidence_: TripEvidence | None = None
     roads_: FloatArray | None = None
     flags: tuple[Flag, ...] = ()
+    covariates: tuple[str, ...] = ()
+    covariate_errors_: dict[str, float] = field(default_factory=dict)
 
     def fit(
         self,
@@ -224,7 +231,10 @@ class ForecastModel:
         if len(table) < MIN_TRIPS:
             fix = "adapt a model of another car with tripwatt fit --base MODEL"
             raise InvalidInput.of("too few trips", "training", str(len(table)), f"at least {MIN_TRIPS}", fix)
-        self.corrector_ = power_corrector(self.corrector, self.seed).fit(table)
+        corrector = power_corrector(self.corrector, self.seed)
+        if self.covariates:
+            corrector = CovariateCorrector(corrector, self.covariates)
+        self.corrector_ = corrector.fit(table)
         self.trip_ids_ = table.trip_ids
         self.ranges_ = training_ranges(table)
         self.evidence_ = TripEvidence.from_table(table, self.vehicle)
@@ -247,6 +257,9 @@ class ForecastModel:
         self._estimate_uncertainty(table, [held_out[i] for i in range(len(table))], route)
         if free_flow is not None and self.uncertainty_ is not None:
             self.uncertainty_ = replace(self.uncertainty_, free_flow=free_flow.uncertainty(time_errors))
+        if self.covariates:
+            plain = ForecastModel(self.vehicle, self.corrector, self.seed).fit_segments(table, again=again)
+            self.covariate_errors_ = {"with": _mape(self.held_out_), "without": _mape(plain.held_out_)}
         if progress is not None:
             progress(n_folds + 1, n_folds + 1)
         return self
@@ -341,6 +354,9 @@ class ForecastModel:
         recorded = trip if isinstance(trip, Plan) else Plan.from_trip(trip)
         plan = recorded.with_departure(departure)
         corrector, uncertainty = self.fitted_parts("forecast")
+        for name in (departure and departure.covariates) or ():
+            if name not in self.covariates:
+                raise InvalidInput(Fault.unknown("unknown covariate", "departure", name, self.covariates))
         simulation = simulate_trip(self.vehicle, plan)
         table = segment_table(plan, simulation)
         correction, factor = corrector.predict_with_uncertainty(table)
@@ -352,6 +368,7 @@ class ForecastModel:
         drive = ExpectedTrip(plan, self.vehicle, simulation, table, segments, corrector, correction)
         posterior = uncertainty.process.prior(segments)
         unfamiliar = compare(table, self.ranges_, self.vehicle, plan.departure)
+        missing, covariate_sd_wh = corrector.unknown(table)
         forecast = Forecast(
             drive,
             uncertainty,
@@ -360,6 +377,7 @@ class ForecastModel:
             state_sd_wh=math.hypot(
                 unknown_state_sd_wh(self.vehicle, unfamiliar.unknown, float(segments.hours.sum()), is_off),
                 unknown_wind_sd_wh(self.vehicle, plan),
+                covariate_sd_wh,
                 unknown_air_sd_wh(self.vehicle, plan, simulation.simulated_energy_wh)
                 if "ambient_temperature_degc" in unfamiliar.unknown
                 else 0.0,
@@ -368,6 +386,7 @@ class ForecastModel:
             flags=(
                 *self.flags,
                 *unfamiliar.flags,
+                *(Flag("covariate_unknown", name) for name in missing),
                 *_assumed(drive),
                 *simulation.flags,
                 *kept_temperatures(recorded, departure),
@@ -401,6 +420,7 @@ class ForecastModel:
             "corrector": corrector_name(self.corrector),
             "seed": self.seed,
             "trips": len(self.trip_ids_),
+            "covariates": {name: self.covariate_errors_ for name in [", ".join(self.covariates)] if name},
             "training": {
                 name: [seen.low, seen.high] for name, seen in self.ranges_.items() if np.isfinite(seen.low)
             },
@@ -415,7 +435,15 @@ class ForecastModel:
 
     def _repr_html_(self) -> str:
         rows = [(name_of(name), span(name, *ends)) for name, ends in self.to_dict()["training"].items()]
+        rows += [
+            (f"error {how} {', '.join(self.covariates)}", f"{e:.1%}")
+            for how, e in self.covariate_errors_.items()
+        ]
         return html_table(f"ForecastModel {self._title()}", [("seen in training", ""), *rows] if rows else [])
+
+
+def _mape(held_out: Sequence[HeldOut]) -> float:
+    return float(np.mean([abs(trip.predicted_wh / trip.observed_wh - 1.0) for trip in held_out]))
 
 
 def _assumed(drive: ExpectedTrip) -> list[Flag]:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 from tripwatt.errors import Fault, InvalidInput
+from tripwatt.hybrid.covariates import CovariateCorrector
 from tripwatt.hybrid.outside import Corrector, outside_corrector, packaged_correctors
 from tripwatt.hybrid.power import (
     LINES,
@@ -97,6 +98,8 @@ def fresh_corrector(name: str, seed: int, like: PowerCorrector) -> PowerCorrecto
     like : PowerCorrector
         A fitted corrector of the same name.
     """
+    if isinstance(like, CovariateCorrector):
+        return CovariateCorrector(fresh_corrector(name, seed, like.base), like.names)
     corrector = power_corrector(name, seed)
     if isinstance(corrector, SplitCorrector) and isinstance(like, SplitCorrector):
         corrector.split = like.split_

@@ -10,6 +10,7 @@ from typing import Any, Final, Protocol
 
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import InvalidInput
+from tripwatt.hybrid.covariates import CovariateCorrector
 from tripwatt.hybrid.power import LearnerCorrector, PowerCorrector
 from tripwatt.hybrid.segments import SegmentTable
 from tripwatt.learners.outside import OutsideRegressor, checked
@@ -152,6 +153,8 @@ def packaged_correctors() -> dict[str, Callable[[int], Corrector]]:
 
 def fitted_outside(corrector: PowerCorrector | None) -> Any:
     """The fitted object from outside in a corrector; None for a corrector of tripwatt."""
+    if isinstance(corrector, CovariateCorrector):
+        return fitted_outside(corrector.base)
     if isinstance(corrector, TableCorrector):
         return corrector.model
     if isinstance(corrector, LearnerCorrector) and isinstance(corrector.model, OutsideRegressor):

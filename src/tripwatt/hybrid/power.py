@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, ClassVar, Final, Self
@@ -143,6 +144,10 @@ class PowerCorrector:
         """
         return None
 
+    def unknown(self, table: SegmentTable) -> tuple[tuple[str, ...], float]:
+        """Covariates of one trip that the corrector uses and the plan lacks, and the standard deviation of the energy due to them [Wh]."""
+        return (), 0.0
+
     def predict_driving(self, table: SegmentTable) -> FloatArray:
         """Predict the part of `predict` that depends on the speeds of the road.
 
@@ -177,6 +182,9 @@ LINES: Final = tuple(KernelTerm((f"{cause}_w",), "line", 0.1) for cause in LINE_
 """Each cause of the simulation may be off by about 10 %: a calibration of the physics that is shrunk to none."""
 
 
+COVARIATE_SD_W: Final = 100.0
+"""Prior standard deviation of the term of a covariate [W], as of the other terms of driving in `kernels.toml`."""
+
 SETTLED_S: Final = 3600.0
 """Time after which cabin and driveline have settled [s]: the cabin's time constant is 24 minutes (102 kJ/K of air and interior
 over 70 W/K), so a twelfth of the difference is left. The battery then follows weather and load, not the time, so a longer drive
@@ -209,11 +217,13 @@ class GPCorrector(PowerCorrector):
     def fit(self, table: SegmentTable) -> Self:
         """Fit to trip totals, then to the rows within trips. O(rows x features^2).
 
-        Terms with a column that is unknown in all rows are left out.
+        Terms with a column that is unknown in all rows are left out; each covariate of the table adds one.
         """
+        covariates = (KernelTerm(columns, "smooth", COVARIATE_SD_W, 1.5) for columns in table.added.values())
         known = {name for name, column in table.features.items() if bool(column.notna().any())}
         self._set_terms(
-            tuple(term for term in self.terms if known.issuperset(term.columns)), self.share_column
+            tuple(t for t in dict.fromkeys((*self.terms, *covariates)) if known.issuperset(t.columns)),
+            self.share_column,
         )
         smooth = dict.fromkeys(c for term in self.terms if term.kind == "smooth" for c in term.columns)
         self.familiarity = Familiarity.from_features(table.features, tuple(smooth) or FADING)
@@ -291,7 +301,8 @@ class LearnerCorrector(PowerCorrector):
         self.familiarity = Familiarity()
 
     def fit(self, table: SegmentTable) -> Self:
-        """Fit to segment rows, with the trip as the cluster."""
+        """Fit to segment rows, with the trip as the cluster; columns of covariates are further features."""
+        self.features = tuple(dict.fromkeys((*self.features, *itertools.chain(*table.added.values()))))
         self.familiarity = Familiarity.from_features(table.features, self.features)
         self.model.fit(self.columns(table), table.residual_w, groups=table.groups)
         return self
@@ -383,10 +394,16 @@ class GammCorrector(PowerCorrector):
 
     def fit(self, table: SegmentTable) -> Self:
         """Fit the GAMM with Gaussian errors by REML."""
-        self.medians_ = table.features.median()
+        self.medians_, self.added_ = table.features.median(), table.added
         self.familiarity = Familiarity.from_features(table.features, FADING)
         with gamm_engine() as engine:
-            self.model = engine.GAMM(self.FORMULA).fit(self._frame(table, trips=True), table.residual_w)
+            random = [
+                f' + s(covariate{i}, bs="re")' if len(c) > 1 else f" + covariate{i}"
+                for i, c in enumerate(table.added.values())
+            ]
+            self.model = engine.GAMM(self.FORMULA + "".join(random)).fit(
+                self._frame(table, trips=True), table.residual_w
+            )
         return self
 
     def clone_tuned(self) -> GammCorrector:
@@ -400,4 +417,7 @@ class GammCorrector(PowerCorrector):
 
     def _frame(self, table: SegmentTable, *, trips: bool = False) -> pd.DataFrame:
         frame = table.features.fillna(self.medians_.fillna(0.0).to_dict())
+        for i, columns in enumerate(self.added_.values()):
+            values = frame[[*columns]].to_numpy()
+            frame[f"covariate{i}"] = values[:, 0] if len(columns) == 1 else values.argmax(axis=1).astype(str)
         return frame.assign(trip=table.groups.astype(str)) if trips else frame

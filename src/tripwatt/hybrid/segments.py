@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import datetime as dt
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
@@ -61,6 +61,10 @@ class SegmentTable:
         NaN if not logged. None for plans.
     errors : EnergyErrors or None
         Errors of the measured energies; None for plans, and if all energies count as exact.
+    covariates : DataFrame or None, (trips, covariates)
+        Covariates of the trips, numbers and words; None if there are none.
+    added : mapping of str to tuple of str
+        Covariate that a corrector uses -> its columns of `features`.
 
     Examples
     --------
@@ -82,6 +86,8 @@ class SegmentTable:
     observed_climate_w: FloatArray | None = None
     charge: FloatArray | None = None
     errors: EnergyErrors | None = None
+    covariates: pd.DataFrame | None = None
+    added: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.trip_ids)
@@ -141,6 +147,10 @@ class SegmentTable:
             **some,
             charge=None if self.charge is None else self.charge[index],
             errors=None if self.errors is None else self.errors.take(index),
+            covariates=None
+            if self.covariates is None
+            else self.covariates.iloc[index].reset_index(drop=True),
+            added=self.added,
         )
 
     def totals_wh(self, power_w: FloatArray) -> FloatArray:
@@ -190,6 +200,13 @@ class SegmentTable:
             errors=None
             if all(t.errors is None for t in tables)
             else EnergyErrors.join([t.energy_errors for t in tables]),
+            covariates=None
+            if all(t.covariates is None for t in tables)
+            else pd.concat(
+                [pd.DataFrame(index=range(len(t))) if t.covariates is None else t.covariates for t in tables],
+                ignore_index=True,
+            ),
+            added=tables[0].added,
         )
 
 
@@ -279,6 +296,7 @@ def segment_table(
         observed_climate_w=climate,
         charge=charge,
         errors=errors,
+        covariates=None if departure.covariates is None else pd.DataFrame([departure.covariates]),
     )
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final, TypeVar, get_args, get_origin
 
 import numpy as np
@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, InvalidInput, excerpt, first_faults, raise_faults
+from tripwatt.hybrid.covariates import CovariateCorrector
 from tripwatt.hybrid.factors import FactorCorrector
 from tripwatt.hybrid.familiarity import Familiarity
 from tripwatt.hybrid.outside import Corrector, TableCorrector, fitted_outside
@@ -124,6 +125,7 @@ KINDS: Final[Mapping[str, type]] = {
     "split": SplitCorrector,
     "factors": FactorCorrector,
     "trees": StoredTrees,
+    "covariates": CovariateCorrector,
 }
 """Name of each kind of corrector in a stored model."""
 
@@ -210,7 +212,7 @@ def _gp(values: Mapping[str, Any], converter: Converter) -> GPCorrector:
 def _corrector_values(corrector: PowerCorrector, converter: Converter) -> dict[str, Any]:
     if isinstance(corrector, SplitCorrector) and not corrector.split_:
         return _corrector_values(corrector.joint, converter)
-    if fitted_outside(corrector) is not None:
+    if not isinstance(corrector, CovariateCorrector) and fitted_outside(corrector) is not None:
         return _outside_values(corrector, converter)
     if isinstance(corrector, LearnerCorrector):
         corrector = StoredTrees.from_learner(corrector)
@@ -271,6 +273,8 @@ def with_outside(corrector: PowerCorrector, fitted: Corrector | None) -> PowerCo
     InvalidInput
         If the corrector needs an object and none is given, or needs none and one is given.
     """
+    if isinstance(corrector, CovariateCorrector):
+        return replace(corrector, base=with_outside(corrector.base, fitted))
     missing = corrector.model.regressor if isinstance(corrector, LearnerCorrector) else None
     missing = corrector.model if isinstance(corrector, TableCorrector) else missing
     if not isinstance(missing, Missing):

@@ -17,7 +17,7 @@ class OutsideRegressor:
     """Wrapper that applies a regressor with scikit-learn's `fit` and `predict` to a table of features.
 
     Levels of a categorical column become columns of 0 and 1. A missing value becomes the median of the fit, unless the regressor
-    accepts missing values. A search of settings is given the clusters, so that a `GroupKFold` inside the search keeps trips whole.
+    accepts missing values; a column without any value is left out. A search of settings is given the clusters, so that a `GroupKFold` inside the search keeps trips whole.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ class OutsideRegressor:
         from sklearn.model_selection import GridSearchCV, RandomizedSearchCV
 
         columns = _numbers(X)
-        self.medians_ = {str(name): float(m) for name, m in columns.median().fillna(0.0).items()}
+        self.medians_ = {str(name): float(m) for name, m in columns.median().dropna().items()}
         regressor = clone(self.regressor)
         open_seeds = [
             k for k, v in regressor.get_params().items() if v is None and k.split("__")[-1] == "random_state"

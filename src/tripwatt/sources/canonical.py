@@ -117,7 +117,7 @@ def canonical_samples(
     """
     names = [*map(str, columns)]
     if isinstance(columns, pd.DataFrame):
-        raise_faults([*_name_faults(names, where), *_missing(names, required, where)])
+        raise_faults(_header_faults(names, required, where))
         raise_faults(structure_faults(columns, where, required=()))
         columns = {name: columns[name].to_numpy(np.float64) for name in names}
     known = {name: values for name, values in columns.items() if name in COLUMNS}
@@ -125,7 +125,7 @@ def canonical_samples(
     if len(set(lengths.values())) > 1:
         got = ", ".join(f"{name} has {n}" for name, n in lengths.items())
         different = Fault("columns of different lengths", where, got[:300], "one value per sample in each")
-        raise InvalidInput([*_name_faults(names, where), *_missing(names, required, where), different])
+        raise InvalidInput([*_header_faults(names, required, where), different])
     return _checked(known, names, where, required, minimum)
 
 
@@ -180,7 +180,7 @@ def _samples_of(table: TableFile, where: str, required: Sequence[str], minimum: 
     known = [name for name in dict.fromkeys(names) if name in COLUMNS]
     columns = dict(zip(known, table.numbers(known), strict=True))
     if table.faults:
-        raise InvalidInput([*_name_faults(names, where), *_missing(names, required, where), *table.faults])
+        raise InvalidInput([*_header_faults(names, required, where), *table.faults])
     return _checked(columns, names, where, required, minimum)
 
 
@@ -188,21 +188,19 @@ def _checked(
     columns: Mapping[str, FloatArray], names: Sequence[str], where: str, required: Sequence[str], minimum: int
 ) -> pd.DataFrame:
     samples = table_of(columns)
-    faults = [*_name_faults(names, where), *_missing(names, required, where)]
+    faults = [*_header_faults(names, required, where)]
     raise_faults([*faults, *_sample_faults(samples, where, minimum)])
     return samples
 
 
-def _missing(names: Sequence[str], required: Sequence[str], where: str) -> list[Fault]:
+def _header_faults(names: Sequence[str], required: Sequence[str], where: str) -> Iterator[Fault]:
+    signals = [name for name in names if name != ENERGY]  # of our own tables; ignored
+    yield from header_faults(signals, COLUMNS, where, "unknown column or unit", _hint)
     got = f"columns {', '.join(name[:40] for name in names[:12])}"
     fix = "convert the log with `tripwatt mapping apply`"
-    absent = [name for name in required if name not in names]
-    return [Fault("missing column", where, got, f"a column {name!r}", fix) for name in absent]
-
-
-def _name_faults(names: Sequence[str], where: str) -> Iterator[Fault]:
-    signals = [name for name in names if name != "observed_energy_wh"]  # of our own tables; ignored
-    return header_faults(signals, COLUMNS, where, "unknown column or unit", _hint)
+    for name in required:
+        if name not in names:
+            yield Fault("missing column", where, got, f"a column {name!r}", fix)
 
 
 def _hint(name: str) -> str:
@@ -216,10 +214,7 @@ def _sample_faults(samples: pd.DataFrame, where: str, minimum: int) -> Iterator[
         return
     if "time_s" not in samples or len(samples) < 2:
         return
-    structural = [f for f in structure_faults(samples, where) if "'speed_m_s'" not in f.allowed]
-    yield from structural or value_faults(samples, where)
-    if structural:
-        return
+    yield from value_faults(samples, where)
     time = samples["time_s"].to_numpy()
     negative = np.flatnonzero(time < 0)
     if len(negative):

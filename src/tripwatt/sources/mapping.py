@@ -13,6 +13,9 @@
     column = "drive_id"
     vehicle = "vin"
 
+    [covariates]
+    traffic = "Traffic index"
+
 All tables but `[columns]` are optional; see `docs/reference/data.md`.
 """
 
@@ -20,7 +23,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
 from types import MappingProxyType
@@ -156,6 +159,8 @@ class ColumnMapping:
         Column of the driver.
     long_name, long_value : str or None
         Columns of the signal's name and of its value, if a file has a row for each value.
+    covariates : mapping of str to str
+        Name of a covariate -> its column, of numbers or words.
     """
 
     source: str
@@ -172,6 +177,7 @@ class ColumnMapping:
     vehicle_column: str | None = None
     battery_vehicle: str | None = None
     driver_column: str | None = None
+    covariates: Mapping[str, str] = field(default_factory=dict)
 
 
 def shipped_mappings() -> tuple[str, ...]:
@@ -257,7 +263,8 @@ def mapping_from_tables(tables: Mapping[str, Any], source: str) -> ColumnMapping
         if key in tables.get(name, {})
     }
     sign = -1.0 if settings.pop("positive", None) == "charge" else 1.0
-    return ColumnMapping(source, MappingProxyType(columns), sign, **settings)
+    covariates = MappingProxyType(tables.get("covariates", {}))
+    return ColumnMapping(source, MappingProxyType(columns), sign, **settings, covariates=covariates)
 
 
 def _own_unit(ours: str) -> str:
@@ -265,7 +272,7 @@ def _own_unit(ours: str) -> str:
 
 
 def _structure_faults(tables: Mapping[str, Any], source: str) -> Iterator[Fault]:
-    known = {"columns": UNITS, **_SETTINGS}
+    known = {"columns": UNITS, **_SETTINGS, "covariates": dict(tables.get("covariates") or {})}
     for name, table in tables.items():
         if name not in known:
             allowed = f"[{'], ['.join(known)}]"
@@ -273,6 +280,9 @@ def _structure_faults(tables: Mapping[str, Any], source: str) -> Iterator[Fault]
         elif not isinstance(table, dict):
             yield Fault("not a table", f"{source} [{name}]", excerpt(table), f"[{name}]")
         else:
+            if name == "covariates":
+                for key in (k for k, column in table.items() if k in COLUMNS or not isinstance(column, str)):
+                    yield Fault("not a column", f"{source} [{name}] {key}", "", 'NAME = "column"')
             for key in (key for key in table if key not in known[name]):
                 fix = did_you_mean(key, known[name])
                 yield Fault("unknown key", f"{source} [{name}] {key}", "", ", ".join(known[name]), fix)

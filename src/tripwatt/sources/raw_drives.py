@@ -71,7 +71,7 @@ def drives_of(file: RawFile) -> list[RawDrive]:
         name: file.values["time_s"] if name == "time_s" else in_our_unit(file, name) for name in file.values
     }
     _blank_wrong(file, ours)
-    frame = pd.DataFrame(ours)
+    frame = pd.DataFrame(ours | file.covariates)
     timeless = np.isnan(ours["time_s"])
     if timeless.all():
         got = f"{len(frame)} rows without a time"
@@ -212,7 +212,7 @@ def drop_copies(drives: Sequence[RawDrive]) -> list[RawDrive]:
     """The drives without copies: a drive with the same samples as an earlier one is left out, with a fault of its file."""
     seen: dict[bytes, RawDrive] = {}
     for drive in drives:
-        earlier = seen.setdefault(drive.samples.to_numpy(dtype=np.float64).tobytes(), drive)
+        earlier = seen.setdefault(drive.samples.select_dtypes("number").to_numpy(np.float64).tobytes(), drive)
         if earlier is not drive:
             (file,), rows = drive.files, len(drive.samples)
             where, got = f"{file.path}, trip {drive.name}", f"the samples of {earlier.name}"
@@ -256,7 +256,9 @@ def log_of(drive: RawDrive) -> Log:
     context = Context(car=drive.car, driver=drive.driver, started_at=started)
     if file.stamped:
         time = time - time[0]
-    signals = {c: np.asarray(samples[c], dtype=np.float64) for c in samples.columns if c != "time_s"}
+    covariates = samples[[c for c in mapping.covariates if c in samples]]
+    names = samples.columns.difference(["time_s", *covariates], sort=False)
+    signals = {c: np.asarray(samples[c], dtype=np.float64) for c in names}
     columns = {
         c: hold_last(time, x, mapping.hold_s) if mapping.hold_s > 0.0 else x for c, x in signals.items()
     }
@@ -278,7 +280,8 @@ def log_of(drive: RawDrive) -> Log:
     elif mapping.usable_capacity_kwh is not None and ENERGY not in columns:
         columns[ENERGY], energy_std = _energy_from_soc(columns, mapping)
     order = [*(c for c in COLUMNS if c in columns), *(c for c in columns if c not in COLUMNS)]
-    log = Log.from_samples(drive.name, pd.DataFrame({c: columns[c] for c in order}), context)
+    table = pd.DataFrame({c: columns[c] for c in order}).assign(**covariates)
+    log = Log.from_samples(drive.name, table, context)
     if energy_std is None:
         return log
     common_std = mapping.usable_capacity_uncertainty

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import pandas as pd
@@ -52,6 +52,8 @@ class RawFile:
         Number of rows that are not empty, of rows used, and of logs made.
     stamped : bool
         Whether the time counts from 1970.
+    covariates : dict of str to Series
+        Numbers or words of each covariate of the mapping.
     """
 
     path: Path
@@ -69,6 +71,7 @@ class RawFile:
     rows_used: int = 0
     logs: int = 0
     stamped: bool = False
+    covariates: dict[str, pd.Series[Any]] = field(default_factory=dict)
     table: TableFile | None = None
 
     def row(self, index: int) -> int:
@@ -80,6 +83,16 @@ class RawFile:
         self.faults += faults
         self.values = {}
         self.rows_used = 0
+
+    @property
+    def unread(self) -> list[str]:
+        """Columns of the file that the mapping does not use."""
+        mapping = self.mapping
+        used: set[str | None] = {column for e in self.entries.values() for column in (e.column, e.date)}
+        used |= {mapping.trip_column, mapping.vehicle_column, mapping.driver_column, ""}
+        used |= {*mapping.covariates.values()}
+        names = self.table.names if self.table is not None and mapping.long_name is None else ()
+        return [name for name in names if name not in used]
 
     @property
     def reading(self) -> FileReading:
@@ -127,6 +140,11 @@ def _read_wide(file: RawFile, table: TableFile) -> None:
     file.values = dict(zip(numbers, table.numbers([e.column for e in numbers.values()]), strict=True))
     file.trips, file.vehicles = _trip_names(table, file.mapping)
     file.drivers = table.texts(file.mapping.driver_column) if file.mapping.driver_column else None
+    for name, column in file.mapping.covariates.items():
+        texts = pd.Series(table.texts(column), dtype=object).replace("", None)
+        numbers_of_texts = pd.to_numeric(texts, errors="coerce")
+        is_numeric = numbers_of_texts.notna().sum() == texts.notna().sum()
+        file.covariates[name] = numbers_of_texts if is_numeric else texts
     filled = [np.isfinite(column) for column in file.values.values()]
     filled += [np.array(file.stamps, dtype=object) != ""] if file.stamps else []
     file.rows = int(np.any(filled, axis=0).sum())
@@ -150,7 +168,7 @@ def _entries(file: RawFile, table: TableFile) -> dict[str, MappedColumn]:
     Raises
     ------
     InvalidInput
-        When a column of time, speed, trip, vehicle, driver or signal is missing; another missing column is a fault of the file.
+        When a column of time, speed, trip, vehicle, driver, signal or a covariate is missing; another missing column is a fault of the file.
     """
     mapping = file.mapping
     keyed = (
@@ -159,6 +177,7 @@ def _entries(file: RawFile, table: TableFile) -> dict[str, MappedColumn]:
         mapping.driver_column,
         mapping.long_name,
         mapping.long_value,
+        *mapping.covariates.values(),
     )
     needed = [_missing(table, name, mapping) for name in keyed if name and name not in table.names]
     keys = by_key(table.names, column_key)

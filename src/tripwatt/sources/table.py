@@ -244,6 +244,10 @@ def _correlation(log: Log) -> float | None:
 def _fleet_notes(logs: Sequence[Log], files: Sequence[RawFile]) -> Iterator[Flag]:
     if not any(log.has("elevation_m") or log.has("grade") for log in logs):
         yield Flag("no_elevation", "table")
+    unread = [*dict.fromkeys(name for file in files for name in file.unread)]
+    if unread:
+        more = f" and {len(unread) - 12} more" if len(unread) > 12 else ""
+        yield Flag("columns_unread", "table", ", ".join(unread[:12]) + more)
     if not any(log.observed_energy_wh is not None for log in logs):
         yield Flag("no_energy", "table")
     mappings = [file.mapping for file in files if file.logs]

@@ -84,11 +84,14 @@ class Departure:
     rain_mm_h: float | None = None
     pressure_pa: float | None = None
     tyre_pressure: float | None = None
+    covariates: Mapping[str, float | str] | None = None
 
     def __post_init__(self) -> None:
         raise_faults(
             fault for name, field in FIELDS.items() for fault in field.faults(name, getattr(self, name))
         )
+        if self.covariates is not None:
+            object.__setattr__(self, "covariates", dict(self.covariates))
         if self.extras is not None:
             object.__setattr__(self, "extras", tuple(self.extras))
 
@@ -117,12 +120,14 @@ class Departure:
         """Make the departure of a recorded drive from its first sample and its context.
 
         If the first sample lacks a signal, the first value within `FIRST_S` is used; without one the signal is unknown. A value
-        above the bounds for a person's input, as from a temperature sensor in the sun, is unknown.
+        above the bounds for a person's input, as from a temperature sensor in the sun, is unknown. A column that is no signal is a
+        covariate, an input that a plan knows, as it knows the speeds of its road: its mean over the drive counts, or its most frequent
+        word.
 
         Parameters
         ----------
         samples : Sampled
-            The drive, of which only the first values are used.
+            The drive, of which only the first values and the covariates are used.
         context : Context
             What the log has beside its samples: season, weather, payload, the trip before.
 
@@ -155,6 +160,10 @@ class Departure:
                 first[name] = value
         if "cabin_setpoint_degc" not in first and context.cabin_setpoint_degc is not None:
             first["cabin_setpoint_degc"] = context.cabin_setpoint_degc
+        others = [name for name in samples.samples if name not in (*COLUMNS, "observed_energy_wh")]
+        known = {name: column for name in others if len(column := samples.samples[name].dropna())}
+        if known:
+            first["covariates"] = {f"{name}": _typical(column) for name, column in known.items()}
         return cls(
             **first,
             payload_mass_kg=context.payload_mass_kg,
@@ -189,6 +198,8 @@ class Departure:
         if other is None:
             return self
         known = dict(other._known())
+        if self.covariates and other.covariates:
+            known["covariates"] = {**self.covariates, **other.covariates}
         if other.soc is not None and other.bms_soc is None:
             known["bms_soc"] = None
         if other.cabin_temperature_degc is not None:
@@ -245,6 +256,13 @@ class Departure:
         return html_table("Departure", [(name, str(value)) for name, value in self.to_dict().items()])
 
 
+def _typical(column: pd.Series[Any]) -> float | str:
+    """Mean of the numbers of a covariate, or the most frequent of its words."""
+    if column.dtype.kind in "iuf":
+        return float(column.mean())
+    return f"{column.mode().iloc[0]}"
+
+
 def _first_value(samples: Sampled, column: str) -> float | None:
     """Return the first known value of a column within `FIRST_S`; None if there is none."""
     if column not in samples:
@@ -271,7 +289,8 @@ TERRAINS: Final = FIELDS["terrain"].choices
 
 
 def _described(name: str, field: Field) -> str:
-    kind = {"text": "str", "truth": "bool", "time": "datetime"}.get(field.type, "float")
+    kinds = {"text": "str", "truth": "bool", "time": "datetime", "values": "dict"}
+    kind = kinds.get(field.type, "float")
     if field.choices:
         kind = "tuple of str" if field.several else f"{{{', '.join(repr(c) for c in field.choices)}}}"
     allowed = f" {field.allowed}." if field.column is not None else ""

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import datetime as dt
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
 from tripwatt.errors import Fault, did_you_mean, excerpt
-from tripwatt.trips.columns import BOUNDS, Column, number_faults
+from tripwatt.trips.columns import BOUNDS, Column, is_number, number_faults
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +28,7 @@ class Field:
         Allowed words.
     several : bool
         Whether a value may have any number of the choices.
-    type : {"text", "truth", "time"} or ""
+    type : {"text", "truth", "time", "values"} or ""
         Kind of a value that is neither a number nor a choice.
     option : str
         Option of the command line, empty without one; two fields with the same option are given as `A@B`.
@@ -127,6 +128,7 @@ class Field:
 KINDS: Final[Mapping[str, str]] = {
     "text": "a text",
     "truth": "True or False",
+    "values": "a dict of names to finite numbers or texts",
     "time": "a datetime, for example datetime.datetime(2024, 1, 5, 8, 30)",
 }
 
@@ -135,6 +137,11 @@ def _is(kind: str, value: Any) -> bool:
     """Return whether a value is of a kind of `KINDS`. Truth values of NumPy count as "truth", NaT of pandas is no "time"."""
     if kind == "truth":
         return isinstance(value, bool) or type(value).__name__ in ("bool", "bool_")
+    if kind == "values":
+        return isinstance(value, Mapping) and all(
+            isinstance(name, str) and (isinstance(each, str) or (is_number(each) and math.isfinite(each)))
+            for name, each in value.items()
+        )
     if kind == "text":
         return isinstance(value, str)
     return isinstance(value, dt.datetime) and bool(value == value)

@@ -180,7 +180,7 @@ class Plan(Sampled):
 
     @classmethod
     def from_trip(cls, trip: Recorded, *, step_s: float = 1.0) -> Plan:
-        """Make a plan of a trip: its speed trace and road, and of the other signals only their values at departure.
+        """Make a plan of a trip: its speed trace, road and covariates, and of the other signals only their values at departure.
 
         Simulation, features and forecast have no other input, so nothing that was measured on the way can leak into a forecast
         before departure. O(samples).
