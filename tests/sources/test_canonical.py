@@ -73,5 +73,5 @@ def test_a_mapping_names_covariates_and_columns_that_are_not_read_are_told(tmp_p
     assert [note.value for note in logs.notes if note.code == "columns_unread"] == ["Humidity"]
     for wrong in ('speed_m_s = "Traffic"', "traffic = 3", 'traffic = "Trafic"'):
         (tmp_path / "map.toml").write_text(f"{mapping}[covariates]\n{wrong}\n")
-        with pytest.raises(tw.InvalidInput, match=r"not a covariate|did you mean 'Traffic'"):
+        with pytest.raises(tw.InvalidInput, match=r"not a column|did you mean 'Traffic'"):
             tw.read_logs(tmp_path, "table", tmp_path / "map.toml")

@@ -90,10 +90,6 @@ class ForecastModel:
         Uncertainty of the forecasts, estimated from held-out trips.
     ranges_ : dict of str to Range
         Range of each quantity over the training trips.
-    covariates : tuple of str
-        Covariates that the corrector uses: columns of the logs beside their signals.
-    covariate_errors_ : dict of str to float
-        Mean absolute percentage error [1] of the forecasts of `held_out_` "with" and "without" the covariates; empty without covariates.
     trip_ids_ : tuple of str
         Training trips.
     held_out_ : tuple of HeldOut
@@ -105,6 +101,10 @@ class ForecastModel:
         is corrected. In a model adapted to another car it is simulated, and `evidence_` holds the correction.
     flags : tuple of Flag
         First flags of every forecast of this model, such as that of a car without trips; empty for a model fitted on its own trips.
+    covariates : tuple of str
+        Covariates that the corrector uses: columns of the logs beside their signals.
+    covariate_errors_ : dict of str to float
+        Mean absolute percentage error [1] of the forecasts of `held_out_` "with" and "without" the covariates; empty without covariates.
 
     Examples
     --------

@@ -145,7 +145,29 @@ class PowerCorrector:
         return None
 
     def unknown(self, table: SegmentTable) -> tuple[tuple[str, ...], float]:
-        """Covariates of one trip that the corrector uses and the plan lacks, and the standard deviation of the energy due to them [Wh]."""
+        """Find the covariates that the corrector uses and the plan of a trip lacks.
+
+        Parameters
+        ----------
+        table : SegmentTable
+            Segments of one trip.
+
+        Returns
+        -------
+        names : tuple of str
+            Unknown covariates.
+        sd_wh : float
+            Standard deviation of the energy due to them [Wh].
+
+        Examples
+        --------
+        >>> from tripwatt.hybrid import power_corrector, segment_trips
+        >>> from tripwatt.study.synthetic import VEHICLE, synthetic_fleet
+        >>> from tripwatt.vehicles import load_vehicle
+        >>> table = segment_trips(synthetic_fleet(4).trips, load_vehicle(VEHICLE))
+        >>> power_corrector("linear").fit(table).unknown(table.take([0]))
+        ((), 0.0)
+        """
         return (), 0.0
 
     def predict_driving(self, table: SegmentTable) -> FloatArray:
