@@ -89,7 +89,11 @@ def trips_of_logs(folder: Path) -> tuple[tw.Trip, ...]:
 
 
 def fitted(trips: Sequence[tw.Trip], folder: Path) -> tw.ForecastModel:
-    model = tw.fit(trips, "bmw_i3_60ah", corrector="linear")
+    tables = [
+        trip.to_frame() for trip in tw.read_logs({trip.trip_id: trip.to_frame() for trip in trips}).logs
+    ]
+    model = tw.fit(tables if folder.exists() else trips, "bmw_i3_60ah", covariates=["traffic"])
+    model.forecast(trips[0], tw.Departure(covariates={"traffic": 2, "driver": "anna"}))
     tw.save_model(model, folder)
     described = tw.describe_car(mass_kg=1800.0, consumption_kwh_per_100km=16.0)
     others = [tw.for_car(tw.load_model(folder), described), tw.adapt(model, trips[:3], "vw_id3")]
