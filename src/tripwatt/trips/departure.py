@@ -161,9 +161,9 @@ class Departure:
         if "cabin_setpoint_degc" not in first and context.cabin_setpoint_degc is not None:
             first["cabin_setpoint_degc"] = context.cabin_setpoint_degc
         others = [name for name in samples.samples if name not in (*COLUMNS, "observed_energy_wh")]
-        known = {name: column for name in others if len(column := samples.samples[name].dropna())}
+        known = {name: values for name in others if len(values := samples.samples[name].dropna())}
         if known:
-            first["covariates"] = {f"{name}": _typical(column) for name, column in known.items()}
+            first["covariates"] = {f"{name}": _typical(values) for name, values in known.items()}
         return cls(
             **first,
             payload_mass_kg=context.payload_mass_kg,

@@ -67,13 +67,16 @@ def test_logs_come_back_as_they_were_logged(store):
     back = Log.from_samples("back", drive().samples.iloc[::-1].reset_index(drop=True), Context(car="V2"))
     counted = drive(trip="soc", vehicle="V3").samples.drop(columns=["voltage_v", "current_a"])
     counted["observed_energy_wh"] = np.linspace(0.0, 900.0, len(counted))
-    by_soc = replace(Log.from_samples("soc", counted, Context(car="V3")), observed_energy_std_wh=40.0)
-    logs = [odd, back, by_soc]
-    assert store.add(logs, car_model=CAR) == Added(3, 0, 1)  # time that runs backwards is no drive
+    counter = Log.from_samples("counter", counted.assign(speed_m_s=9.0), Context(car="V3"))
+    errors = {"observed_energy_std_wh": 40.0, "observed_energy_common_std": 0.02}
+    by_soc = replace(Log.from_samples("soc", counted, Context(car="V3")), **errors)
+    logs = [odd, back, by_soc, counter]
+    assert store.add(logs, car_model=CAR) == Added(4, 0, 1)  # time that runs backwards is no drive
     found = {log.trip_id: log for log in store.logs()}
     assert all(same(log, found[log.trip_id]) for log in logs)
     rows = {row["trip_id"]: row for row in store.trip_rows()}
     assert rows["soc"]["energy_from"] == "state of charge"
+    assert rows["counter"]["energy_from"] == "counter"
     assert rows["soc"]["energy_std_wh"] == 40.0
     assert rows["odd"]["energy_from"] == "voltage and current"
     assert rows["odd"]["energy_std_wh"] is None

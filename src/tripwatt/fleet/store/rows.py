@@ -182,7 +182,7 @@ def _measured_energy(drives: Sequence[Recorded]) -> tuple[float | None, float | 
         Energy [Wh]; None if a drive has no measured energy, or there is no drive.
     std : float or None
         Standard error of the energy [Wh]; None if no drive has one.
-    source : {"voltage and current", "state of charge", "unknown"}
+    source : {"voltage and current", "state of charge", "counter", "unknown"}
         Signals from which the energy was measured.
     """
     if not drives or any(drive.observed_energy_wh is None for drive in drives):
@@ -190,9 +190,9 @@ def _measured_energy(drives: Sequence[Recorded]) -> tuple[float | None, float | 
     energy = math.fsum(drive.observed_energy_wh or 0.0 for drive in drives)
     errors = [drive.observed_energy_std_wh for drive in drives]
     std = None if all(e is None for e in errors) else math.hypot(*(e or 0.0 for e in errors))
-    signals = {"voltage_v", "current_a"}
-    measured = std is None or all(signals <= set(drive.samples.columns) for drive in drives)
-    return energy, std, "voltage and current" if measured else "state of charge"
+    if all({"voltage_v", "current_a"} <= set(drive.samples.columns) for drive in drives):
+        return energy, std, "voltage and current"
+    return energy, std, "state of charge" if any(d.observed_energy_common_std for d in drives) else "counter"
 
 
 def _findings_json(findings: Sequence[Finding]) -> str:
