@@ -40,7 +40,7 @@ class Estimator:
     family: str | Family = "gaussian"
     method: Method = "fREML"
     discretise: bool | int = True
-    extrapolation: Extrapolation = "clamp"
+    extrapolation: Extrapolation = "linear"
     smoothing_parameters: Sequence[float] | None = None
     ar1_rho: float | Literal["estimate"] | None = None
     tolerance: float = 1e-3

@@ -32,9 +32,9 @@ class GAMM(Estimator):
     discretise : bool or int
         True rounds covariates to an even grid of 1,000 values if there are more than 10,000 rows. A number rounds them
         to a grid of that many values, False never rounds.
-    extrapolation : {"clamp", "linear"}
+    extrapolation : {"linear", "clamp"}
         Rule for a curve or a numeric column outside its training range (for a by-smooth, that of the rows of its
-        level): held constant, or continued as a straight line. Surfaces are always held constant: at the edge of the
+        level): continued as a straight line, or held constant. Surfaces are always held constant: at the edge of the
         range, and farther than a twentieth of it from the nearest training point. With "clamp" the row itself is
         moved, so that all terms of a covariate are evaluated at the same point.
     smoothing_parameters : sequence of float, optional

@@ -423,7 +423,7 @@ class GammCorrector(PowerCorrector):
                 f' + s(covariate{i}, bs="re")' if len(c) > 1 else f" + covariate{i}"
                 for i, c in enumerate(table.added.values())
             ]
-            self.model = engine.GAMM(self.FORMULA + "".join(random)).fit(
+            self.model = engine.GAMM(self.FORMULA + "".join(random), extrapolation="clamp").fit(
                 self._frame(table, trips=True), table.residual_w
             )
         return self

@@ -243,9 +243,9 @@ class Table2Corrector:
 
     def _model(self, engine: ModuleType) -> Any:
         formula = "y ~ " + " + ".join(term for term in self.terms if term not in self.left_out_)
-        if self.errors == "t":
-            return engine.GAMM(formula, family=engine.ScaledT(min_df=self.min_df))
-        return engine.GAMM(formula, ar1_rho="estimate" if self.errors == "ar1" else None)
+        family = engine.ScaledT(min_df=self.min_df) if self.errors == "t" else "gaussian"
+        rho = "estimate" if self.errors == "ar1" else None
+        return engine.GAMM(formula, family, extrapolation="clamp", ar1_rho=rho)
 
     def frame(self, X: pd.DataFrame, groups: IntArray | None = None) -> pd.DataFrame:
         """Convert covariates to the engine's columns. Needs `fit`.
