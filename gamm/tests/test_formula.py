@@ -26,6 +26,7 @@ def tensors(draw: st.DrawFn) -> Tensor:
 
 TERMS = st.one_of(
     st.builds(Parametric, NAMES),
+    PAIR.map(lambda names: Parametric(names[0], names[1:])),
     st.builds(RandomEffect, NAMES),
     PAIR.map(lambda names: RandomEffect(names[0], names[1:])),
     PAIR.map(lambda names: RandomEffect(names[0], names[1:], correlated=True)),
@@ -39,9 +40,10 @@ TERMS = st.one_of(
     st.none() | NAMES,
     st.lists(TERMS, max_size=6, unique_by=lambda t: t.label),
     st.booleans(),
+    st.none() | NAMES,
 )
-def test_written_formula_is_read_back(response, terms, intercept):
-    formula = Formula(response, tuple(terms), intercept)
+def test_written_formula_is_read_back(response, terms, intercept, offset):
+    formula = Formula(response, tuple(terms), intercept, offset)
     assert parse_formula(render_formula(formula)) == formula
 
 
@@ -67,6 +69,8 @@ def test_the_papers_formula():
 
 def test_random_effects_of_lme4_and_of_mgcv():
     formula = parse_formula("y ~ (1 | g) + (x + `my x` | h) + (1 + z | a.b) + s(g, f, x, bs='re')")
+    apart = parse_formula("y ~ (1 + x + z || g)").terms
+    assert apart == (RandomEffect("g"), RandomEffect("g", ("x",)), RandomEffect("g", ("z",)))
     assert formula.terms == (
         RandomEffect("g"),
         RandomEffect("h", ("x", "my x"), correlated=True),
@@ -76,6 +80,21 @@ def test_random_effects_of_lme4_and_of_mgcv():
     assert render_formula(formula) == (
         'y ~ s(g, bs="re") + (1 + x + `my x` | h) + (1 + z | a.b) + s(g, f, x, bs="re")'
     )
+
+
+@pytest.mark.parametrize(
+    ("text", "labels"),
+    [
+        ("a*b", "a b a:b"),
+        ("a/b", "a a:b"),
+        ("a*b*c", "a b a:b c a:c b:c a:b:c"),
+        ("(a + b)/c", "a b a:b:c"),
+        ("a*(b + c)", "a b c a:b a:c"),
+        ("a : `b`:c + a*a", "a:b:c a"),
+    ],
+)
+def test_products_of_columns(text, labels):
+    assert [term.label for term in parse_formula(f"y ~ {text}").terms] == labels.split()
 
 
 @pytest.mark.parametrize(
@@ -105,7 +124,9 @@ def test_random_effects_of_lme4_and_of_mgcv():
         ("y ~ (1 + g | g)", ["cannot be read"]),
         ("y ~ s(a, a)", ["column given twice"]),
         ("y ~ s()", ["a smooth takes columns"]),
-        ("y ~ a * b", ["not a term", "'a * b' at character 5", "interaction"]),
+        ("y ~ `a b`:c * s(b)", ["not a term", "'s(b)' at character 15", "interaction of smooths"]),
+        ("y ~ offset(a, b) + a", ["an offset is one column", "'offset(a, b)' at character 5"]),
+        ("y ~ (1 + a || b) + (1 + c || d + e)", ["'1 + c || d + e' at character 21"]),
         ("y ~ a - b", ["only the intercept can be taken away", "- b"]),
         ("y ~ ", ["no terms", "-1, joined by +"]),
     ],

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 from scipy.interpolate import BSpline
@@ -20,21 +19,6 @@ from tripwatt_gamm.arrays import FloatArray
 
 MAX_KNOTS = 2000
 """Largest number of distinct points from which a thin plate eigenbasis is built: that of mgcv."""
-
-
-class Basis(Protocol):
-    """Columns and penalty of an unconstrained smooth."""
-
-    @property
-    def k(self) -> int:
-        """Number of columns."""
-
-    @property
-    def penalty(self) -> FloatArray:
-        """Penalty matrix, (k, k)."""
-
-    def matrix(self, x: FloatArray) -> FloatArray:
-        """Evaluate the columns at the points `x` (n, d), as (n, k)."""
 
 
 @dataclass(frozen=True)

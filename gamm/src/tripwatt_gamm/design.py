@@ -172,7 +172,7 @@ class _Piece:
     @property
     def is_indicator(self) -> bool:
         """Whether the columns are indicators of levels, or the intercept."""
-        kinds = (b.kind == "random" or b.contrast is not None or b.term is None for b in self.terms)
+        kinds = (b.kind == "random" or bool(b.contrasts) or b.term is None for b in self.terms)
         return self.scale is None and all(kinds)
 
 
@@ -222,30 +222,45 @@ class _Builder:
         return self.levels[name], self.codes[name][1]
 
     def parametric(self, term: Parametric) -> None:
-        """Add a numeric column, or the indicators of a factor's levels; with an intercept, without the first level that has rows."""
-        if not is_factor(self.frame[term.name]):
-            points = self.points((term.name,))
-            if len(points.values) < 2 and self.formula.intercept:
-                raise InvalidInput.of("constant covariate", term.label, "one value", "at least two")
-            fitted = FittedTerm(term.label, term, "parametric", [term.name], [])
-            self.terms.append(fitted)
-            self.pieces.append(_Piece([fitted], points.values, points.index))
-            return
-        levels, codes = self.factor((term.name,))
-        reference = int(np.argmax(levels.share > 0)) if self.formula.intercept else -1
-        if self.formula.intercept and reference > 0:
-            self.notes.append(
-                f"{term.label}: the first levels have no rows, the reference is {levels.names[reference]!r}"
-            )
-        if (levels.share > 0).sum() < 2 and self.formula.intercept:
-            raise InvalidInput.of(
-                "factor with one level", term.label, levels.names[reference], "at least two levels"
-            )
-        kept = [i for i in range(len(levels.names)) if i != reference]
-        fitted = FittedTerm(term.label, term, "parametric", [term.name + levels.names[i] for i in kept], [])
-        fitted.contrast = np.eye(len(levels.names))[:, kept]
+        """Add a numeric column, the indicators of a factor's levels, or the products of such columns."""
+        numbers = [name for name in term.columns if not is_factor(self.frame[name])]
+        points = [self.points((name,)) for name in numbers]
+        if min((len(at.values) for at in points), default=2) < 2 and self.formula.intercept:
+            raise InvalidInput.of("constant covariate", term.label, "one value", "at least two")
+        fitted = FittedTerm(term.label, term, "parametric", [term.label], [])
         self.terms.append(fitted)
-        self.pieces.append(_Piece([fitted], fitted.contrast, codes))
+        if term.columns == tuple(numbers[:1]):
+            self.pieces.append(_Piece([fitted], points[0].values, points[0].index))
+            return
+        table: FloatArray = np.ones((1, 1))
+        index, names = np.zeros(len(self.frame), dtype=np.intp), [""]
+        for name in term.columns:
+            shown = [name]
+            if name not in numbers:
+                levels, codes = self.factor((name,))
+                kept = self._levels_with_coefficients(term, name, levels)
+                shown = [name + levels.names[i] for i in kept]
+                contrast = fitted.contrasts[name] = np.eye(len(levels.names))[:, kept]
+                table = np.kron(table, contrast).astype(np.float64)
+                index = index * len(levels.names) + codes
+            names = [f"{left}:{right}" for left in names for right in shown]
+        fitted.names = [name.removeprefix(":") for name in names]
+        scale = np.prod([at.values[at.index, 0] for at in points], axis=0) if points else None
+        self.pieces.append(_Piece([fitted], table, index, scale))
+
+    def _levels_with_coefficients(self, term: Parametric, name: str, levels: Levels) -> list[int]:
+        """Levels of a factor in a term: without the first one that has rows if the term of the other columns is in the model."""
+        every, others = list(range(len(levels.names))), set(term.columns) - {name}
+        terms = [set(other.columns) for other in self.formula.terms if isinstance(other, Parametric)]
+        if not (others in terms if others else self.formula.intercept):
+            return every
+        reference = int(np.argmax(levels.share > 0))
+        note = f"{name}: the first levels have no rows, the reference is {levels.names[reference]!r}"
+        self.notes += [note] if reference > 0 and note not in self.notes else []
+        if (levels.share > 0).sum() < 2:
+            got = levels.names[reference]
+            raise InvalidInput.of("factor with one level", term.label, got, "at least two levels")
+        return [i for i in every if i != reference]
 
     def random(self, term: RandomEffect) -> None:
         """Add a random effect: the indicators of its levels, times each of its effects."""

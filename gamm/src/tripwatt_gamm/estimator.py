@@ -86,6 +86,7 @@ class Estimator:
         InvalidInput
             Names every faulty column, or the term that cannot be fitted.
         """
+        offset = self._offset(offset)
         family, data, work = self._work(frame, y, groups, weights, offset)
         settings = self._settings(family, _given_logs(self.smoothing_parameters, work.design))
         all_rows = np.arange(len(frame), dtype=np.intp)
@@ -353,6 +354,7 @@ class Estimator:
         """
         if groups is None:
             raise InvalidInput.of("no groups", "leave_groups_out", "groups is None", "a group for each row")
+        offset = self._offset(offset)
         family, data, work = self._work(frame, y, groups, weights, offset)
         settings = self._settings(family, _given_logs(self.smoothing_parameters, work.design))
         units = work.groups if folds is None else self._groups(frame, folds)
@@ -369,6 +371,13 @@ class Estimator:
         if isinstance(self.formula, Formula):
             return self.formula
         return parse_formula(self.formula)
+
+    def _offset(self, given: object) -> object:
+        """The offset that was given, or its column in the formula; raise if there are both."""
+        named = self._formula().offset
+        if given is not None and named is not None:
+            raise InvalidInput.of("two offsets", "fit(offset=)", f"one beside offset({named})", "one of them")
+        return named if given is None else given
 
     def _family(self) -> Family:
         """The given family, or that of a given name; raise if an option is unknown."""

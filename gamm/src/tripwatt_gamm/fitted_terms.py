@@ -37,6 +37,8 @@ class FittedTerm:
     smoother : Smoother or None
     by, level : str or None
         By-variable, and the level of this smooth.
+    contrasts : dict of str to ndarray (L, q)
+        Columns of the levels of each factor of a parametric term.
     groups : tuple of str
         Columns that hold the levels of a random effect.
     scales : ndarray (q,) or None
@@ -55,7 +57,7 @@ class FittedTerm:
     smoother: Smoother | None = None
     by: str | None = None
     level: str | None = None
-    contrast: FloatArray | None = None
+    contrasts: dict[str, FloatArray] = field(default_factory=dict)
     groups: tuple[str, ...] = ()
     scales: FloatArray | None = None
     training: Training = field(default_factory=lambda: Training({}, {}, {}))
@@ -105,7 +107,7 @@ class FittedTerm:
         if isinstance(self.term, RandomEffect):
             return self._random(frame)
         if isinstance(self.term, Parametric):
-            return self._parametric(frame, self.term.name, ranges)
+            return self._parametric(frame, self.term.columns, ranges)
         return self._smooth(frame, ranges)
 
     @property
@@ -141,13 +143,18 @@ class FittedTerm:
             [indicator if x is None else indicator * x[:, None] for x in self.multipliers(numbers)]
         )
 
-    def _parametric(self, frame: pd.DataFrame, name: str, ranges: Training) -> FloatArray:
+    def _parametric(self, frame: pd.DataFrame, names: tuple[str, ...], ranges: Training) -> FloatArray:
         """Columns of a parametric term; outside its range a numeric one is held or continued by `extrapolation`."""
-        if self.contrast is None:
-            values = frame[name].to_numpy(dtype=np.float64)[:, None]
-            return values if self.extrapolation == "linear" else ranges.supports[(name,)].clamp(values)
-        levels = ranges.levels[name]
-        return np.asarray(levels.rows(levels.codes(frame[name])) @ self.contrast)
+        product = np.ones((len(frame), 1))
+        for name in names:
+            if name in self.contrasts:
+                levels = ranges.levels[name]
+                piece = levels.rows(levels.codes(frame[name])) @ self.contrasts[name]
+            else:
+                piece = frame[name].to_numpy(dtype=np.float64)[:, None]
+                piece = piece if self.extrapolation == "linear" else ranges.supports[(name,)].clamp(piece)
+            product = (product[:, :, None] * piece[:, None, :]).reshape(len(frame), -1)
+        return product
 
     def _smooth(self, frame: pd.DataFrame, ranges: Training) -> FloatArray:
         """Columns of a smooth, times its by-variable or the indicator of its level; outside its range by `extrapolation`."""

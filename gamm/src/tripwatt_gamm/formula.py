@@ -20,13 +20,17 @@ from tripwatt_gamm.errors import Fault, InvalidInput, raise_faults
 from tripwatt_gamm.terms import Basis, Formula, Parametric, RandomEffect, Smooth, Tensor, Term
 
 _BASES: Final = (*get_args(Basis), "re")
-_FUNCTIONS: Final = ("s", "te", "ti")
+_FUNCTIONS: Final = ("s", "te", "ti", "offset")
 _ARGUMENTS: Final = ("bs", "k", "by")
-_TERMS_ALLOWED: Final = "a column, s(...), te(...), ti(...), (1 + x | group), 1, 0 or -1, joined by +"
+_TERMS_ALLOWED: Final = (
+    "a column, a:b, a*b, a/b, s(...), te(...), ti(...), (1 + x | group), offset(x), 1, 0 or -1, joined by +"
+)
 _QUOTED: Final = re.compile(r"`([^`]*)`")
+_MASKED: Final = re.compile(r"(`[^`]*`|[^\W\d][\w.]*)(\s*:\s*(`[^`]*`|[^\W\d][\w.]*))+|`[^`]*`")
+_COLUMN: Final = re.compile(r"`([^`]*)`|([^\s:`]+)")
 _MASK: Final = re.compile(r"ǂ(\d+)ǂ*")  # Python reads ǂ as a letter; no column is likely to start with it
 _PLAIN_NAME: Final = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*")
-_RESERVED: Final = ("c", "s", "te", "ti", "True", "False", "None")
+_RESERVED: Final = ("c", *_FUNCTIONS, "True", "False", "None")
 
 
 class _Unreadable(Exception):
@@ -40,26 +44,27 @@ class _Reader:
     Attributes
     ----------
     source : str
-        The right-hand side in brackets, with quoted names masked; the syntax tree has its positions.
+        The right-hand side in brackets, with quoted names and interactions masked; the syntax tree has its positions.
     offset : int
         Position of `source` in the text of the user.
-    quoted : tuple of str
-        Names that were written in backticks.
+    masked : tuple of str
+        Texts of these names and interactions.
     """
 
     source: str
     offset: int
-    quoted: tuple[str, ...]
+    masked: tuple[str, ...]
     terms: list[Term] = field(default_factory=list)
     faults: list[Fault] = field(default_factory=list)
     intercept: bool = True
+    known: str | None = None
 
     # -- reporting -------------------------------------------------------------------------------
 
     def original(self, node: ast.AST) -> str:
         """Text of a node as the user wrote it."""
         piece = ast.get_source_segment(self.source, node) or ""
-        return _MASK.sub(lambda hit: f"`{self.quoted[int(hit[1])]}`", piece)
+        return _MASK.sub(lambda hit: self.masked[int(hit[1])], piece).replace(">>", "||")
 
     def note_fault(self, node: ast.expr, what: str, got: str, allowed: str, fix: str = "") -> None:
         before = self.source.encode()[: node.col_offset].decode()  # the offsets of `ast` count bytes
@@ -73,15 +78,20 @@ class _Reader:
 
     # -- names and values ------------------------------------------------------------------------
 
-    def column(self, node: ast.expr) -> str | None:
-        """Column that a node names, by a plain, dotted or quoted name; returns None for any other node."""
+    def columns(self, node: ast.expr) -> tuple[str, ...]:
+        """Columns that a node names: one by a plain, dotted or quoted name, several of an interaction; () for any other node."""
         if isinstance(node, ast.Name):
             hit = _MASK.fullmatch(node.id)
-            return self.quoted[int(hit[1])] if hit else node.id
-        if isinstance(node, ast.Attribute):
-            left = self.column(node.value)
-            return None if left is None else f"{left}.{node.attr}"
-        return None
+            names = _COLUMN.findall(self.masked[int(hit[1])]) if hit else [("", node.id)]
+            return tuple(dict.fromkeys(quoted or plain for quoted, plain in names))
+        if isinstance(node, ast.Attribute) and len(left := self.columns(node.value)) == 1:
+            return (f"{left[0]}.{node.attr}",)
+        return ()
+
+    def column(self, node: ast.expr) -> str | None:
+        """Column that a node names; returns None for any other node."""
+        names = self.columns(node)
+        return names[0] if len(names) == 1 else None
 
     def vector(self, node: ast.expr) -> tuple[ast.expr, ...]:
         """Elements of c(...), a tuple or a list; else the value itself."""
@@ -121,30 +131,48 @@ class _Reader:
                 self.intercept = False
             elif isinstance(node, ast.Constant) and node.value in (0, 1) and not isinstance(node.value, bool):
                 self.intercept = bool(node.value)
+            elif isinstance(node, ast.Call) and self.column(node.func) == "offset":
+                name = self.column(node.args[0]) if len(node.args) == 1 else None
+                if name is None or node.keywords or self.known is not None:
+                    self.refuse(node, "an offset is one column", self.original(node), "offset(x), once")
+                self.known = name
             else:
-                self.terms.append(self.term(node))
+                self.terms += self.parts(node)
         except _Unreadable:
             pass
 
-    def term(self, node: ast.expr) -> Term:
-        """Read a column, a call or the random effects of a group."""
+    def parts(self, node: ast.expr) -> list[Term]:
+        """Read columns and their products, a call or the random effects of a group."""
         if isinstance(node, ast.Call):
-            return self.call(node)
-        if isinstance(node, ast.BinOp) and isinstance(node.op, ast.BitOr):
-            return self.correlated(node)
-        name = self.column(node)
-        if name is None:
-            product = isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult)
-            fix = "for an interaction use s(x, by=f), te(a, b) or a column that holds the product"
-            self.refuse(node, "not a term", self.original(node), _TERMS_ALLOWED, fix if product else "")
-        return Parametric(name)
+            return [self.call(node)]
+        if isinstance(node, ast.BinOp) and isinstance(node.op, ast.BitOr | ast.RShift):
+            effects = self.correlated(node)
+            if isinstance(node.op, ast.BitOr):
+                return [effects]
+            return [RandomEffect(effects.name), *(RandomEffect(effects.name, (x,)) for x in effects.others)]
+        return [Parametric(name, tuple(others)) for name, *others in self.products(node)]
+
+    def products(self, node: ast.expr) -> list[tuple[str, ...]]:
+        """Columns of each term of a product: a*b is a + b + a:b, and a/b is a + a:b."""
+        if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add | ast.Mult | ast.Div):
+            left, right = self.products(node.left), self.products(node.right)
+            outer = [sum(left, ())] if isinstance(node.op, ast.Div) else left
+            crossed = [] if isinstance(node.op, ast.Add) else [a + b for a in outer for b in right]
+            every = [*left, *(right if not isinstance(node.op, ast.Div) else []), *crossed]
+            return list(dict.fromkeys(tuple(dict.fromkeys(names)) for names in every))
+        names = self.columns(node)
+        if not names:
+            fix = "an interaction of smooths is s(x, by=f), te(a, b) or ti(a, b)"
+            self.refuse(node, "not a term", self.original(node), _TERMS_ALLOWED, fix)
+        return [names]
 
     def call(self, node: ast.Call) -> Term:
         """Read a smooth, a tensor product or a random effect from its call."""
         kind = self.column(node.func) or self.original(node.func)
         if kind not in _FUNCTIONS:
             fix = nearest(kind, _FUNCTIONS) or "compute transformed columns beforehand"
-            self.refuse(node, "unknown function", f"{kind}()", "s(), te(), ti()", fix)
+            allowed = ", ".join(f"{name}()" for name in _FUNCTIONS)
+            self.refuse(node, "unknown function", f"{kind}()", allowed, fix)
         names = [self.column(argument) for argument in node.args]
         columns = tuple(name for name in names if name is not None)
         if not names or len(columns) < len(names):
@@ -235,15 +263,15 @@ def _summands(node: ast.expr, sign: int = 1) -> Iterator[tuple[int, ast.expr]]:
             yield s, top
 
 
-def _mask_quotes(text: str) -> tuple[str, tuple[str, ...]]:
-    """Replace `quoted names` by identifiers, of the same length if possible; return the text and the names."""
-    quoted: list[str] = []
+def _mask(text: str) -> tuple[str, tuple[str, ...]]:
+    """Replace `quoted names` and interactions a:b by identifiers, of the same length if possible; return both texts."""
+    masked: list[str] = []
 
     def replace(hit: re.Match[str]) -> str:
-        quoted.append(hit[1])
-        return f"ǂ{len(quoted) - 1}".ljust(len(hit[0]), "ǂ")
+        masked.append(hit[0])
+        return f"ǂ{len(masked) - 1}".ljust(len(hit[0]), "ǂ")
 
-    return _QUOTED.sub(replace, text), tuple(quoted)
+    return _MASKED.sub(replace, text), tuple(masked)
 
 
 def parse_formula(text: str) -> Formula:
@@ -252,10 +280,12 @@ def parse_formula(text: str) -> Formula:
     Parameters
     ----------
     text : str
-        ``response ~ term + term + ...``. Terms: a column (numeric or factor); ``s(x)``, ``s(x, by=f)``,
-        ``s(a, b)`` with ``bs`` ("tp", "ps", "cr"), ``k``, ``by``; ``te(a, b)`` and ``ti(a, b)``;
-        ``s(group, bs="re")``, ``s(group, x, bs="re")``, ``(1 + x | group)``; ``-1`` or ``+0`` to leave out the intercept. ``c(6, 6)`` gives one number per
-        margin. A column whose name is no plain name is written in backticks. The response may be missing.
+        ``response ~ term + term + ...``. Terms: a column (numeric or factor) and interactions ``a:b``, ``a*b``
+        (``a + b + a:b``), ``a/b`` (``a + a:b``); ``s(x)``, ``s(x, by=f)``, ``s(a, b)`` with ``bs`` ("tp", "ps",
+        "cr"), ``k``, ``by``; ``te(a, b)`` and ``ti(a, b)``; ``s(group, bs="re")``, ``s(group, x, bs="re")``,
+        ``(1 + x | group)``, ``(1 + x || group)`` without a correlation; ``offset(x)``; ``-1`` or ``+0`` to leave out
+        the intercept. ``c(6, 6)`` gives one number per margin. A column whose name is no plain name is written in
+        backticks. The response may be missing.
 
     Returns
     -------
@@ -283,21 +313,22 @@ def parse_formula(text: str) -> Formula:
         raise InvalidInput.of("no terms", f"right of ~ in {text!r}", "nothing", _TERMS_ALLOWED)
     # R allows a line break inside a sum, Python only within brackets; the opening bracket is part of `offset`
     flat = right.replace("\n", " ").replace("\t", " ").replace("\r", " ")
-    masked, quoted = _mask_quotes(flat)
-    source = f"({masked})"
-    reader = _Reader(source, len(left) + len(tilde) - 1, quoted)
+    plain, masked = _mask(flat)
+    source = f"({plain.replace('||', '>>')})"  # of the same rank beside + and |, and Python reads it
+    reader = _Reader(source, len(left) + len(tilde) - 1, masked)
     response = _response(reader, left)
     try:
         tree = ast.parse(source, mode="eval").body
     except (SyntaxError, ValueError) as error:
         reader.faults.append(_syntax_fault(error, text, reader.offset))
         raise InvalidInput(reader.faults) from None
-    if isinstance(tree, ast.BinOp) and isinstance(tree.op, ast.BitOr) and not right.strip().startswith("("):
+    bar = isinstance(tree, ast.BinOp) and isinstance(tree.op, ast.BitOr | ast.RShift)
+    if bar and not right.strip().startswith("("):
         reader.note_fault(tree, "random effects without brackets", reader.original(tree), "(1 + x | group)")
     for sign, node in _summands(tree):
         reader.add(sign, node)
     raise_faults(reader.faults)
-    return Formula(response, tuple(reader.terms), reader.intercept)
+    return Formula(response, tuple(reader.terms), reader.intercept, reader.known)
 
 
 def _response(reader: _Reader, left: str) -> str | None:
@@ -338,7 +369,7 @@ def _name(name: str) -> str:
 def _render_term(term: Term) -> str:
     """Write a term as `parse_formula` reads it, without the arguments that have their default."""
     if isinstance(term, Parametric):
-        return _name(term.name)
+        return ":".join(map(_name, term.columns))
     if isinstance(term, RandomEffect):
         if term.correlated:
             return f"({' + '.join(('1', *map(_name, term.others)))} | {_name(term.name)})"
@@ -363,7 +394,9 @@ def render_formula(formula: Formula) -> str:
     >>> render_formula(parse_formula("y~s( time,k = 12 )+ 0 + weather"))
     'y ~ s(time, k=12) + weather - 1'
     """
-    terms = " + ".join(map(_render_term, formula.terms)) or ("1" if formula.intercept else "0")
-    tail = "" if formula.intercept or not formula.terms else " - 1"
+    parts = [*map(_render_term, formula.terms)]
+    parts += [] if formula.offset is None else [f"offset({_name(formula.offset)})"]
+    terms = " + ".join(parts) or ("1" if formula.intercept else "0")
+    tail = "" if formula.intercept or not parts else " - 1"
     left = "" if formula.response is None else f"{_name(formula.response)} "
     return f"{left}~ {terms}{tail}"

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
 from tripwatt_gamm.arrays import FloatArray
-from tripwatt_gamm.bases import Basis, PSpline, cubic_regression, thin_plate
+from tripwatt_gamm.bases import CubicRegression, PSpline, ThinPlate, cubic_regression, thin_plate
 from tripwatt_gamm.covariates import Points
 from tripwatt_gamm.errors import InvalidInput
 from tripwatt_gamm.terms import Smooth, Tensor
+
+Basis: TypeAlias = PSpline | CubicRegression | ThinPlate
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ Basis: TypeAlias = Literal["tp", "ps", "cr"]
 
 @dataclass(frozen=True, slots=True)
 class Parametric:
-    """A numeric column, or a factor with treatment contrasts.
+    """A numeric column, a factor with treatment contrasts, or a product of such columns.
 
     Attributes
     ----------
@@ -22,24 +22,28 @@ class Parametric:
         Column of the frame. A column of strings or categories is a factor; booleans count as the numbers 0 and 1.
         Levels of a factor are its categories or its sorted values; the first level with rows is the reference. A level
         without rows has the coefficient 0 with standard error 0.
+    others : tuple of str
+        Further columns of an interaction. A factor in it has a reference level if the term of all other columns (for
+        a single factor: the intercept) is in the model too; otherwise each level has its coefficients, as in R.
 
     Examples
     --------
-    >>> Parametric("weather").label
-    'weather'
+    >>> Parametric("weather").label, Parametric("weather", ("speed",)).label
+    ('weather', 'weather:speed')
     """
 
     name: str
+    others: tuple[str, ...] = ()
 
     @property
     def label(self) -> str:
         """Name of the term in tables."""
-        return self.name
+        return ":".join(self.columns)
 
     @property
     def columns(self) -> tuple[str, ...]:
         """Columns of the frame that the term reads."""
-        return (self.name,)
+        return (self.name, *self.others)
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,6 +189,8 @@ class Formula:
         The terms. In the order of the coefficients, parametric terms always come first.
     intercept : bool
         Whether the model has a constant.
+    offset : str, optional
+        Column of a known part of the linear predictor, which predictions read too.
 
     Examples
     --------
@@ -195,6 +201,7 @@ class Formula:
     response: str | None
     terms: tuple[Term, ...] = field(default_factory=tuple)
     intercept: bool = True
+    offset: str | None = None
 
     @property
     def columns(self) -> tuple[str, ...]:

@@ -1,0 +1,48 @@
+"""Terms of every kind: fits by R's mgcv, and rows that the fit did not have."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from gamm_samples import FIXTURES
+from tripwatt_gamm import GAMM, InvalidInput
+
+PEERS = json.loads((FIXTURES / "terms" / "fits.json").read_text())
+
+
+@pytest.fixture(scope="module")
+def data():
+    """The rows of fixtures/terms/reference.R."""
+    frame, i = pd.read_csv(FIXTURES / "families" / "data.csv"), np.arange(400)
+    frame = frame.assign(f=np.array(list("abc"))[i % 3], h=np.array(list("uv"))[i // 3 % 2])
+    step = (frame["f"] == "b") * frame["x"] - (frame["h"] == "v") * (frame["f"] == "c")
+    return frame.assign(y=frame["normal"] + step + np.sin(2 * np.pi * frame["z"] + i % 3 + 1))
+
+
+@pytest.mark.parametrize("peer", [PEERS[i] for i in (0, 1, 2, 3, 9)], ids=lambda peer: peer["formula"])
+def test_fits_are_those_of_mgcv(data, peer):
+    model, new = GAMM(peer["formula"]).fit(data), data.iloc[[0, 101, 302]]
+    assert model.converged_
+    assert model.reml_ == pytest.approx(peer["reml"], rel=1e-6)
+    assert model.aic_ == pytest.approx(peer["aic"], rel=1e-5)
+    assert model.edf_.sum() == pytest.approx(peer["edf"], rel=1e-4)
+    band = model.intervals(new)
+    assert band["mean"].tolist() == pytest.approx(peer["link"], rel=1e-4)
+    assert band["std_error"].tolist() == pytest.approx(peer["link_se"], rel=1e-4)
+
+
+def test_products_at_new_rows(data):
+    model = GAMM("y ~ f*x + offset(exposure)", extrapolation="clamp").fit(data)
+    coef = dict(zip(model.coef_names_, model.coef_, strict=True))
+    far = pd.DataFrame({"f": ["b", "b"], "x": [data["x"].max(), 9.0], "exposure": 0.5})
+    line = coef["(Intercept)"] + coef["fb"] + (coef["x"] + coef["fb:x"]) * data["x"].max() + 0.5
+    assert model.predict(far) == pytest.approx(line)
+    assert list(model.effects(data)["f:x"].frame()["level"]) == ["fb:x", "fc:x"]
+    held = model.leave_groups_out(data, groups="g")
+    own = data["g"] == "g07"
+    without = GAMM("y ~ f*x + offset(exposure)").fit(data[~own])
+    assert held[own] == pytest.approx(without.predict(data[own]))
+    with pytest.raises(InvalidInput, match=r"two offsets.*offset\(exposure\)"):
+        GAMM("y ~ x + offset(exposure)").fit(data, offset=np.ones(400))
