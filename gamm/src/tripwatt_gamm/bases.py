@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 from scipy.interpolate import BSpline
@@ -67,25 +68,35 @@ class PSpline:
 
 @dataclass(frozen=True)
 class CubicRegression:
-    """Natural cubic spline, parametrised by its values at the knots (Wood 2017, section 5.3.1).
+    """Natural or cyclic cubic spline, parametrised by its values at the knots (Wood 2017, sections 5.3.1 and 5.3.2).
 
     Parameters
     ----------
-    knots : ndarray (k,)
+    knots : ndarray (m,)
         Increasing knots.
+    cyclic : bool
+        Whether the first knot is the last one, a period later.
     """
 
     knots: FloatArray
+    cyclic: bool = False
 
     @property
     def k(self) -> int:
-        """Number of knots."""
-        return len(self.knots)
+        """Number of distinct knots."""
+        return len(self.knots) - self.cyclic
 
     @cached_property
     def _second_derivatives(self) -> tuple[FloatArray, FloatArray]:
-        """Matrix from values to second derivatives at the knots (k, k), and the difference matrix D (k - 2, k)."""
+        """Matrix from values to second derivatives at the knots (m, k), and the penalty (k, k)."""
         h = np.diff(self.knots)
+        if self.cyclic:
+            before, here = np.roll(h, 1)[:, None], np.eye(self.k)
+            left, right = np.roll(here, -1, axis=1), np.roll(here, 1, axis=1)
+            D = left / before + right / h[:, None] - here * (1 / before + 1 / h[:, None])
+            B = left * before / 6 + right * h[:, None] / 6 + here * (before + h[:, None]) / 3
+            F = np.linalg.solve(B, D)
+            return np.asarray(F[np.arange(self.k + 1) % self.k]), np.asarray(D.T @ F)
         D = np.zeros((self.k - 2, self.k))
         rows = np.arange(self.k - 2)
         D[rows, rows], D[rows, rows + 2] = 1 / h[:-1], 1 / h[1:]
@@ -93,20 +104,19 @@ class CubicRegression:
         bands = np.zeros((3, self.k - 2))
         bands[0, 1:], bands[1], bands[2, :-1] = h[1:-1] / 6, (h[:-1] + h[1:]) / 3, h[1:-1] / 6
         inner = solve_banded((1, 1), bands, D)
-        return np.vstack([np.zeros(self.k), inner, np.zeros(self.k)]), D
+        return np.vstack([np.zeros(self.k), inner, np.zeros(self.k)]), np.asarray(D.T @ inner)
 
     @property
     def penalty(self) -> FloatArray:
         """Integrated squared second derivative, (k, k)."""
-        F, D = self._second_derivatives
-        S = D.T @ F[1:-1]
+        S = self._second_derivatives[1]
         return np.asarray((S + S.T) / 2)
 
     def matrix(self, x: FloatArray) -> FloatArray:
-        """Evaluate the columns at `x` (n, 1), as (n, k); they are constant beyond the knots."""
-        F, _ = self._second_derivatives
-        v = np.clip(x[:, 0], self.knots[0], self.knots[-1])
-        j = np.clip(np.searchsorted(self.knots, v, side="right") - 1, 0, self.k - 2)
+        """Evaluate the columns at `x` (n, 1), as (n, k); beyond the knots they are constant, or continue periodically."""
+        F, (low, high) = self._second_derivatives[0], self.knots[[0, -1]]
+        v = low + np.mod(x[:, 0] - low, high - low) if self.cyclic else np.clip(x[:, 0], low, high)
+        j = np.clip(np.searchsorted(self.knots, v, side="right") - 1, 0, len(self.knots) - 2)
         left, right = self.knots[j], self.knots[j + 1]
         h, up, down = right - left, right - v, v - left  # the way up to the next knot, and down to the last
         values = (
@@ -114,7 +124,7 @@ class CubicRegression:
         )
         rows = np.arange(len(v))
         values[rows, j] += up / h
-        values[rows, j + 1] += down / h
+        values[rows, (j + 1) % self.k] += down / h
         return np.asarray(values)
 
 
@@ -164,22 +174,10 @@ class ThinPlate:
         return columns
 
 
-def _exponents(d: int, order: int) -> list[tuple[int, ...]]:
-    """Exponents of the monomials in `d` variables whose total degree is below `order`, lower degrees first."""
-    if d == 1:
-        return [(i,) for i in range(order)]
-    monomials = [
-        (first, *rest)
-        for total in range(order)
-        for first in range(total, -1, -1)
-        for rest in _exponents(d - 1, order)
-        if first + sum(rest) == total
-    ]
-    return monomials
-
-
 def _polynomials(x: FloatArray, order: int) -> FloatArray:
-    return np.stack([np.prod(x ** np.array(e), axis=1) for e in _exponents(x.shape[1], order)], axis=1)
+    """Monomials (n, M) of the points `x` (n, d) whose total degree is below `order`, lower degrees first."""
+    exponents = [e for e in product(range(order - 1, -1, -1), repeat=x.shape[1]) if sum(e) < order]
+    return np.stack([np.prod(x ** np.array(e), axis=1) for e in sorted(exponents, key=sum)], axis=1)
 
 
 def _radial(x: FloatArray, knots: FloatArray, order: int) -> FloatArray:
@@ -301,6 +299,6 @@ def thin_plate(points: FloatArray, counts: FloatArray, k: int, order: int) -> Th
     return ThinPlate(knots, shift, loadings, scale, (S + S.T) / 2, order)
 
 
-def cubic_regression(points: FloatArray, k: int) -> CubicRegression:
-    """Build a cubic regression spline with knots at even quantiles of the distinct values `points` (n,)."""
-    return CubicRegression(np.quantile(points, np.linspace(0, 1, k)))
+def cubic_regression(points: FloatArray, k: int, cyclic: bool = False) -> CubicRegression:
+    """Build a cubic regression spline with `k` knots at even quantiles of the distinct values `points` (n,)."""
+    return CubicRegression(np.quantile(points, np.linspace(0, 1, k)), cyclic)

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
+from scipy import stats
 
 from tripwatt_gamm.arrays import FloatArray
 from tripwatt_gamm.inference import total_penalty
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from tripwatt_gamm.estimator import Estimator
     from tripwatt_gamm.fitted_terms import FittedTerm
 
@@ -84,9 +84,6 @@ def variance_components(model: Estimator, level: float = 0.95) -> pd.DataFrame:
     >>> variance_components(GAMM('y ~ s(g, bs="re")').fit(frame))[["term", "std_dev"]].round(2).to_numpy().tolist()
     [['s(g)', 0.97], ['Residual', 0.12]]
     """
-    import pandas as pd
-    from scipy import stats
-
     half = stats.norm.ppf((1 + level) / 2) * _log_sd_errors(model)
     rows, penalty = [], 0
     for fitted in model.terms_:

@@ -7,14 +7,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from tripwatt_gamm.arrays import FloatArray
 from tripwatt_gamm.errors import Fault, InvalidInput, raise_faults
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from tripwatt_gamm.estimator import Estimator
 
 
@@ -46,8 +45,6 @@ def concurvity(model: Estimator) -> pd.DataFrame:
     >>> concurvity(model).round(3).loc["s(x)"].tolist()
     [0.0, 0.0, 0.0]
     """
-    import pandas as pd
-
     spans: dict[str, list[slice]] = {}
     for fitted in model.terms_:
         spans.setdefault("parametric" if fitted.kind == "parametric" else fitted.label, []).append(
@@ -181,8 +178,6 @@ def autocorrelation(
     >>> result.correlation.round(9).tolist(), result.pairs.tolist()
     ([-1.0], [2])
     """
-    import pandas as pd
-
     r = np.asarray(residuals, dtype=float)
     code = pd.factorize(np.asarray(groups))[0]
     faults = []
@@ -193,6 +188,8 @@ def autocorrelation(
     raise_faults(faults)
     order = np.argsort(code, kind="stable")
     r, code = r[order] - r.mean(), code[order]
+    # scaled, so that neither large nor small residuals overflow
+    r = r / max(np.abs(r).max(initial=0.0), np.finfo(float).tiny)
     longest = int(np.bincount(code).max(initial=0)) if r.size else 0
     lags = np.arange(1, min(max_lag, longest - 1) + 1)
     if lags.size == 0:
@@ -200,15 +197,7 @@ def autocorrelation(
     correlation, pairs = np.zeros(lags.size), np.zeros(lags.size, dtype=np.intp)
     for i, lag in enumerate(lags):
         same = code[lag:] == code[:-lag]
-        pairs[i] = int(same.sum())
-        correlation[i] = _pooled_correlation(r[:-lag][same], r[lag:][same])
+        pairs[i], earlier, later = same.sum(), r[:-lag][same], r[lag:][same]
+        size = np.linalg.norm(earlier) * np.linalg.norm(later)
+        correlation[i] = np.clip(earlier @ later / size, -1.0, 1.0) if size > 0 else 0.0
     return Autocorrelation(lags, correlation, pairs)
-
-
-def _pooled_correlation(earlier: FloatArray, later: FloatArray) -> float:
-    """Correlation about 0 of pairs, between -1 and 1; returns 0 if all earlier or all later values are 0."""
-    sizes = float(np.linalg.norm(earlier)), float(np.linalg.norm(later))
-    if min(sizes) == 0.0:
-        return 0.0
-    # each side is scaled before the product: neither large nor small residuals overflow
-    return float(np.clip((earlier / sizes[0]) @ (later / sizes[1]), -1.0, 1.0))

@@ -33,7 +33,13 @@ from tripwatt_gamm.covariates import (
 from tripwatt_gamm.errors import Fault, InvalidInput, raise_faults
 from tripwatt_gamm.fitted_terms import Extrapolation, FittedTerm
 from tripwatt_gamm.penalties import Blocks, PenaltyStack, correlated_penalties
-from tripwatt_gamm.smoothers import Built, build_smooth, build_tensor
+from tripwatt_gamm.smoothers import (
+    Built,
+    build_factor_smooth,
+    build_smooth,
+    build_tensor,
+    select_null_space,
+)
 from tripwatt_gamm.tables import IndexedColumns, TableRows
 from tripwatt_gamm.terms import Formula, Parametric, RandomEffect, Smooth, Tensor
 
@@ -180,9 +186,15 @@ class _Builder:
     """Collects fitted terms and parts of the matrix while the terms of a formula are built."""
 
     def __init__(
-        self, formula: Formula, frame: pd.DataFrame, limit: int | None, extrapolation: Extrapolation
+        self,
+        formula: Formula,
+        frame: pd.DataFrame,
+        limit: int | None,
+        extrapolation: Extrapolation,
+        select: bool,
     ) -> None:
-        self.formula, self.frame, self.limit, self.extrapolation = formula, frame, limit, extrapolation
+        self.formula, self.frame, self.limit = formula, frame, limit
+        self.extrapolation, self.select = extrapolation, select
         self.terms: list[FittedTerm] = []
         self.pieces: list[_Piece] = []
         self.notes: list[str] = []
@@ -308,6 +320,7 @@ class _Builder:
             if isinstance(term, Smooth)
             else build_tensor(term, points, centred)
         )
+        built = select_null_space(built) if self.select else built
         self.notes += built.notes
         if not by_factor:
             fitted = self._fitted_term(term, built, None, term.label)
@@ -341,6 +354,24 @@ class _Builder:
         padded = np.vstack([built.table, np.zeros(q)])
         for i, fitted in zip(kept, by_level, strict=True):
             self.pieces.append(_Piece([fitted], padded, np.where(codes == i, points.index, m)))
+
+    def factor_smooth(self, term: Smooth) -> None:
+        """Add a random curve for each level of a factor."""
+        points, by = self.points(term.names), str(term.by)
+        if not is_factor(self.frame[by]):
+            fix = "put the factor last, make numbers text"
+            raise InvalidInput.of("a number for a factor", term.label, repr(by), "a factor", fix)
+        (levels, codes), built = self.factor((by,)), build_factor_smooth(term, points)
+        self.notes += built.notes
+        (m, q), count = built.table.shape, len(levels.names)
+        names = [f"{term.label}.{i + 1}" for i in range(q * count)]
+        penalties = [np.kron(np.eye(count), S).astype(np.float64) for S in built.penalties]
+        fitted = FittedTerm(term.label, term, "smooth", names, penalties, smoother=built.smoother, by=by)
+        self.terms.append(fitted)
+        padded = np.vstack([built.table, np.zeros(q)])
+        for i in range(count):
+            index = np.where(codes == i, points.index, m)
+            self.pieces.append(_Piece([fitted], padded, index, part=slice(i * q, (i + 1) * q)))
 
     def _fitted_term(self, term: Smooth | Tensor, built: Built, level: str | None, label: str) -> FittedTerm:
         names = [f"{label}.{i + 1}" for i in range(built.table.shape[1])]
@@ -403,6 +434,7 @@ def build_design(
     frame: pd.DataFrame,
     discretise: bool | int = True,
     extrapolation: Extrapolation = "clamp",
+    select: bool = False,
 ) -> Design:
     """Build the terms of a formula as columns over the rows of a frame.
 
@@ -415,6 +447,8 @@ def build_design(
         Whether covariates are rounded to an even grid, or the number of values of that grid.
     extrapolation : {"clamp", "linear"}
         Rule for smooths of one covariate outside its training range.
+    select : bool
+        Whether every smooth gets a penalty of the functions that its penalties do not reach.
 
     Returns
     -------
@@ -426,12 +460,14 @@ def build_design(
         Names the term that cannot be built, all faulty columns, or a grid that is too coarse.
     """
     _check_columns(formula, frame)
-    builder = _Builder(formula, frame, _value_limit(discretise, len(frame)), extrapolation)
+    builder = _Builder(formula, frame, _value_limit(discretise, len(frame)), extrapolation, select)
     for term in formula.terms:
         if isinstance(term, Parametric):
             builder.parametric(term)
         elif isinstance(term, RandomEffect):
             builder.random(term)
+        elif isinstance(term, Smooth) and term.basis == "fs":
+            builder.factor_smooth(term)
         else:
             builder.smooth(term)
     return builder.design()

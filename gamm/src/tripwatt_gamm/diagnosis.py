@@ -6,11 +6,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
+from scipy import stats
 
 from tripwatt_gamm.arrays import FloatArray
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -67,8 +68,6 @@ class Diagnosis:
     @property
     def distribution(self) -> Any:
         """The fitted error distribution, frozen by `scipy.stats`."""
-        from scipy import stats
-
         return stats.norm(scale=self.sigma) if np.isnan(self.nu) else stats.t(self.nu, scale=self.sigma)
 
     @property
@@ -85,8 +84,6 @@ class Diagnosis:
             One row per row of the data: ``fitted``, ``response``, ``residual``, and ``theoretical``, the quantile at the
             rank of the residual.
         """
-        import pandas as pd
-
         n = len(self.residual)
         rank = np.argsort(np.argsort(self.residual, kind="stable"), kind="stable")
         columns = {"fitted": self.fitted, "response": self.response, "residual": self.residual}
@@ -122,8 +119,6 @@ class Diagnosis:
 
     def _plot_quantiles(self, ax: Axes) -> None:
         """Draw the sorted residuals over the quantiles of the fitted distribution, with a 95 % band for independent rows."""
-        from scipy import stats
-
         from tripwatt_gamm import figures
 
         n, ordered = len(self.residual), np.sort(self.residual)

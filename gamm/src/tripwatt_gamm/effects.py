@@ -6,10 +6,12 @@ Every effect is tabulated by `frame` and drawn by `plot`.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final, TypeAlias
 
 import numpy as np
+import pandas as pd
+from scipy import stats
 
 from tripwatt_gamm.arrays import FloatArray
 from tripwatt_gamm.components import random_covariance
@@ -18,7 +20,6 @@ from tripwatt_gamm.errors import Fault, raise_faults
 from tripwatt_gamm.terms import RandomEffect, Smooth, Tensor
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -33,8 +34,6 @@ def _banded(
     name: str, at: FloatArray | tuple[str, ...], effect: FloatArray, std_error: FloatArray, multiplier: float
 ) -> pd.DataFrame:
     """Tabulate effects with the ends of their intervals."""
-    import pandas as pd
-
     table = pd.DataFrame({name: at, "effect": effect, "std_error": std_error})
     half = multiplier * std_error
     return table.assign(lower=effect - half, upper=effect + half)
@@ -167,8 +166,6 @@ class SurfaceEffect:
         DataFrame
             One row per point of the grid: both covariates, ``effect``, ``std_error``.
         """
-        import pandas as pd
-
         x, y = np.meshgrid(self.x, self.y)
         columns = {self.covariates[0]: x.ravel(), self.covariates[1]: y.ravel()}
         return pd.DataFrame({**columns, "effect": self.effect.ravel(), "std_error": self.std_error.ravel()})
@@ -254,8 +251,6 @@ class RandomEffects:
         DataFrame
             One row per level: ``level``, ``effect``, ``std_error``, ``theoretical``.
         """
-        import pandas as pd
-
         columns = {"effect": self.effect, "std_error": self.std_error, "theoretical": self.theoretical}
         return pd.DataFrame({"level": self.level, **columns})
 
@@ -409,8 +404,6 @@ def term_effects(
     >>> curve.frame().columns.tolist(), curve.rug.size
     (['x', 'effect', 'std_error', 'lower', 'upper'], 60)
     """
-    from scipy import stats
-
     faults = []
     if not 0 < level < 1:
         faults.append(Fault("value out of range", "effects(level=)", str(level), "between 0 and 1"))
@@ -428,6 +421,10 @@ def term_effects(
             by_term |= _random(model, fitted)
         elif not isinstance(fitted.term, Smooth | Tensor):
             by_term[fitted.label] = _factor(model, fitted, multiplier)
+        elif fitted.term.basis == "fs":
+            for name in model.levels_[str(fitted.by)]:
+                one = replace(fitted, level=name, label=f"{fitted.label} {name}")
+                by_term[one.label] = _curve(model, one, frame, multiplier, points or 200)
         elif len(fitted.term.names) == 1:
             by_term[fitted.label] = _curve(model, fitted, frame, multiplier, points or 200)
         else:
@@ -439,8 +436,6 @@ def _evaluate(
     model: Estimator, fitted: FittedTerm, columns: Mapping[str, FloatArray]
 ) -> tuple[FloatArray, FloatArray]:
     """Return the effect of a fitted term and its standard error at these values of its covariates; a numeric by-variable is 1."""
-    import pandas as pd
-
     grid = pd.DataFrame(dict(columns))
     if fitted.by is not None:
         grid[fitted.by] = 1.0 if fitted.level is None else fitted.level
@@ -509,8 +504,6 @@ def _surface(model: Estimator, fitted: FittedTerm, frame: pd.DataFrame | None, p
 
 def _random(model: Estimator, fitted: FittedTerm) -> dict[str, Effect]:
     """Return one `RandomEffects` for each effect of a term, by label; correlated effects have their name in the label."""
-    from scipy import stats
-
     sds = np.sqrt(np.diag(random_covariance(model, fitted)))
     names = [str(text) for text in model.levels_[":".join(fitted.groups)]]
     effects: dict[str, Effect] = {}

@@ -45,6 +45,7 @@ class Estimator:
     ar1_rho: float | Literal["estimate"] | None = None
     tolerance: float = 1e-3
     max_iter: int = 400
+    select: bool = False
 
     def __getattr__(self, name: str) -> Any:
         """Raise, because this attribute is not set; those with a trailing underscore are results of a fit."""
@@ -120,7 +121,7 @@ class Estimator:
             got, fix = f"{prior.min()} at row {int(np.argmin(prior))}", "leave such rows out"
             raise InvalidInput.of("invalid weights", "weights=", got, "numbers above 0", fix)
         known = np.zeros(len(frame)) if offset is None else row_values(frame, offset, "offset=")
-        design = build_design(formula, frame, self.discretise, self.extrapolation)
+        design = build_design(formula, frame, self.discretise, self.extrapolation, self.select)
         data, codes = Response(values, prior, known), self._groups(frame, groups)
         lagged = self.ar1_rho is not None
         if not family.scaled_rows:

@@ -10,6 +10,7 @@ import pandas as pd
 
 from tripwatt_gamm.arrays import FloatArray
 from tripwatt_gamm.covariates import Points, Support, Training, crossed
+from tripwatt_gamm.penalties import PenaltyBlock
 from tripwatt_gamm.smoothers import Smoother
 from tripwatt_gamm.terms import Parametric, RandomEffect, Smooth, Tensor, Term
 
@@ -76,11 +77,7 @@ class FittedTerm:
     @property
     def rank(self) -> int:
         """Dimension of the penalised space."""
-        if not self.penalties:
-            return 0
-        total = sum((S / np.linalg.norm(S) for S in self.penalties), np.zeros_like(self.penalties[0]))
-        values = np.linalg.eigvalsh(total)
-        return int((values > 1e-9 * values[-1]).sum())
+        return PenaltyBlock.from_matrices(0, self.penalties).rank if self.penalties else 0
 
     @property
     def null_dim(self) -> int:
@@ -169,9 +166,14 @@ class FittedTerm:
             return columns
         points = Points.from_values(x)
         support = ranges.supports[self.term.names]
-        table = self.smoother.matrix(support.clamp(points.values))
-        if self.extrapolation == "linear" and points.values.shape[1] == 1:
+        cyclic = self.term.basis == "cc"  # continues periodically
+        table = self.smoother.matrix(points.values if cyclic else support.clamp(points.values))
+        if self.extrapolation == "linear" and points.values.shape[1] == 1 and not cyclic:
             table = table + self._slope(points.values, support)
+        if self.term.basis == "fs" and self.by is not None:
+            levels = ranges.levels[self.by]
+            indicator = np.eye(len(levels.names) + 1)[levels.codes(frame[self.by]), :-1]
+            return (indicator[:, :, None] * table[points.index][:, None, :]).reshape(len(frame), -1)
         columns[affected] = table[points.index] * weight[affected, None]
         return columns
 
@@ -187,7 +189,7 @@ class FittedTerm:
 
     def _by_weight(self, frame: pd.DataFrame, ranges: Training) -> FloatArray:
         """Multiplier (n,) of a smooth: 1, the numeric by-variable, or the indicator of its level (for an unknown level, its share)."""
-        if self.by is None:
+        if self.by is None or (isinstance(self.term, Smooth) and self.term.basis == "fs"):
             return np.ones(len(frame))
         if self.level is None:
             return frame[self.by].to_numpy(dtype=np.float64)

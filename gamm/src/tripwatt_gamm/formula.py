@@ -202,7 +202,13 @@ class _Reader:
     def smooth(
         self, node: ast.Call, columns: tuple[str, ...], basis: Basis, k: tuple[int, ...], by: str | None
     ) -> Smooth:
-        """Make a smooth of one covariate, or an isotropic one of several."""
+        """Make a smooth of one covariate, or for each level of a factor, or an isotropic one of several."""
+        if basis == "fs":
+            if len(columns) != 2 or by is not None:
+                self.refuse(
+                    node, "a factor-smooth takes two columns", self.original(node), 's(x, f, bs="fs")'
+                )
+            by, columns = columns[-1], columns[:1]
         if len(columns) > 1 and basis != "tp":
             fix = f'te({", ".join(columns)}, bs="{basis}") or ti(...)'
             self.refuse(node, "basis of one covariate only", f'bs="{basis}"', '"tp"', fix)
@@ -282,7 +288,7 @@ def parse_formula(text: str) -> Formula:
     text : str
         ``response ~ term + term + ...``. Terms: a column (numeric or factor) and interactions ``a:b``, ``a*b``
         (``a + b + a:b``), ``a/b`` (``a + a:b``); ``s(x)``, ``s(x, by=f)``, ``s(a, b)`` with ``bs`` ("tp", "ps",
-        "cr"), ``k``, ``by``; ``te(a, b)`` and ``ti(a, b)``; ``s(group, bs="re")``, ``s(group, x, bs="re")``,
+        "cr", "cc"), ``k``, ``by``; ``s(x, f, bs="fs")``; ``te(a, b)`` and ``ti(a, b)``; ``s(group, bs="re")``, ``s(group, x, bs="re")``,
         ``(1 + x | group)``, ``(1 + x || group)`` without a correlation; ``offset(x)``; ``-1`` or ``+0`` to leave out
         the intercept. ``c(6, 6)`` gives one number per margin. A column whose name is no plain name is written in
         backticks. The response may be missing.
@@ -374,8 +380,8 @@ def _render_term(term: Term) -> str:
         if term.correlated:
             return f"({' + '.join(('1', *map(_name, term.others)))} | {_name(term.name)})"
         return f's({", ".join(map(_name, term.columns))}, bs="re")'
-    parts = [_name(name) for name in term.names]
-    if term.by is not None:
+    parts = [_name(name) for name in (term.columns if term.basis == "fs" else term.names)]
+    if term.by is not None and term.basis != "fs":
         parts.append(f"by={_name(term.by)}")
     if term.basis != ("cr" if isinstance(term, Tensor) else "tp"):
         parts.append(f'bs="{term.basis}"')

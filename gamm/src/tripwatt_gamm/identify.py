@@ -9,9 +9,7 @@ import numpy as np
 from tripwatt_gamm.arrays import FloatArray
 from tripwatt_gamm.covariates import Index
 from tripwatt_gamm.design import Design
-from tripwatt_gamm.errors import InvalidInput
 from tripwatt_gamm.fitted_terms import FittedTerm
-from tripwatt_gamm.penalties import PenaltyStack
 from tripwatt_gamm.tables import IndexedColumns, TableRows
 from tripwatt_gamm.terms import Smooth, Tensor
 
@@ -110,7 +108,7 @@ def _reduce(design: Design, gram: FloatArray, fitted: FittedTerm, Z: FloatArray)
                     fitted,
                     names=[f"{fitted.label}.{i + 1}" for i in range(Z.shape[1])],
                     penalties=[Z.T @ S @ Z for S in fitted.penalties],
-                    smoother=fitted.smoother.reduce(Z),
+                    smoother=replace(fitted.smoother, transform=fitted.smoother.transform @ Z),
                 )
             )
         else:
@@ -132,26 +130,3 @@ def _reduced_part(part: IndexedColumns, first: int, last: int, gone: int, Z: Flo
     columns = np.concatenate([moved, np.arange(first, first + Z.shape[1])])
     order = np.argsort(columns)
     return replace(part, columns=columns[order], table=np.ascontiguousarray(table[:, order]))
-
-
-def require_rows(rows: int, stack: PenaltyStack, where: str) -> None:
-    """Check that there are more rows than coefficients that no penalty holds.
-
-    Parameters
-    ----------
-    rows : int
-        Number of rows of the fit.
-    stack : PenaltyStack
-        Penalties of the active coefficients.
-    where : str
-        Name of the data, for the message.
-
-    Raises
-    ------
-    InvalidInput
-        `too few rows`.
-    """
-    if rows <= stack.null_dim:
-        raise InvalidInput.of(
-            "too few rows", where, f"{rows} rows", f"more than {stack.null_dim} unpenalised coefficients"
-        )

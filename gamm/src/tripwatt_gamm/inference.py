@@ -12,15 +12,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, TypeAlias
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
+from scipy import stats
 from scipy.linalg import cho_solve
 
 from tripwatt_gamm.arrays import FloatArray
 from tripwatt_gamm.chisq import weighted_chi2_sf
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from tripwatt_gamm.estimator import Estimator
 
 Matrices: TypeAlias = tuple[FloatArray, FloatArray]
@@ -290,9 +290,6 @@ def coefficient_table(model: Estimator) -> pd.DataFrame:
     >>> coefficient_table(model).round(2).loc["(Intercept)", "estimate"]
     np.float64(0.01)
     """
-    import pandas as pd
-    from scipy import stats
-
     inside = [np.arange(model.coef_.size)[b.slice] for b in model.terms_ if b.kind == "parametric"]
     index = np.concatenate([np.arange(0), *inside]).astype(int)
     error = np.sqrt(np.clip(np.diag(model.Vp_)[index], 0.0, None))
@@ -330,8 +327,6 @@ def term_table(model: Estimator) -> pd.DataFrame:
     >>> term_table(model).index.tolist(), bool(term_table(model)["p_value"].iloc[0] < 1e-20)
     (['s(x)'], True)
     """
-    import pandas as pd
-
     df = _estimated_scale_df(model)
     smooth = [fitted for fitted in model.terms_ if fitted.kind != "parametric"]
     random = [fitted for fitted in smooth if fitted.kind == "random"]

@@ -16,7 +16,7 @@ from tripwatt_gamm.design import Design
 from tripwatt_gamm.errors import InvalidInput
 from tripwatt_gamm.families import Response
 from tripwatt_gamm.fit import Solution
-from tripwatt_gamm.identify import identify, require_rows
+from tripwatt_gamm.identify import identify
 from tripwatt_gamm.moments import Moments, moments
 from tripwatt_gamm.solve import FitSettings, Problem, solve
 from tripwatt_gamm.tables import previous_rows
@@ -50,19 +50,12 @@ class Work:
     response: Response | None
 
     def moments(self, rows: Index) -> Moments:
-        """Compute the moments of `rows`; if they are lagged, group by group."""
-        if not self.lagged:
-            return moments(self.design.rows, self.y, rows, False)
-        order = rows[np.argsort(self.groups[rows], kind="stable")]
-        pieces = np.split(order, np.flatnonzero(np.diff(self.groups[order])) + 1)
-        total = moments(self.design.rows, self.y, pieces[0], True)
-        for piece in pieces[1:]:
-            total = total + moments(self.design.rows, self.y, piece, True)
-        return total
+        """Compute the moments of `rows`."""
+        return moments(self.design.rows.subset(rows), self.y[rows])
 
     def identified(self, sums: Moments, rows: Index) -> tuple[Work, Moments]:
         """Return the work without directions that nothing determines, and its moments; `sums` are those of `rows`."""
-        reduced = replace(self, design=identify(self.design, sums.gram[0]))
+        reduced = replace(self, design=identify(self.design, sums.gram))
         return reduced, sums if reduced.design.p == self.design.p else reduced.moments(rows)
 
     def fit(
@@ -91,15 +84,18 @@ class Work:
         solution : Solution
         """
         work, sums = self.identified(sums, rows)
-        active = work.design.active(np.diag(sums.gram[0]))
+        active = work.design.active(np.diag(sums.gram))
         stack, which = work.design.penalty_stack(active)
-        require_rows(len(rows), stack, where)
+        if len(rows) <= stack.null_dim:
+            allowed = f"more than {stack.null_dim} unpenalised coefficients"
+            raise InvalidInput.of("too few rows", where, f"{len(rows)} rows", allowed)
         if settings.rho is not None:
             settings = replace(settings, rho=settings.rho[which])
         previous = previous_rows(self.groups[rows]) if self.lagged else None
         distant = None if self.response is None else self.response.at(rows)
         table = work.design.rows.subset(rows, active)
-        problem = Problem(table, self.y[rows], sums, stack, active, settings, previous, distant)
+        sums = sums.of_columns(active)
+        problem = Problem(table, self.y[rows], sums, stack, settings, previous, distant)
         return work.design, active, which, solve(problem, where)
 
 
@@ -117,8 +113,8 @@ def _fold(
         len(held) <= EXACT_ROWS
     )  # in a difference the last digits would still depend on the held-out response
     sums = work.moments(kept) if exact else total - work.moments(held_rows)
-    dead = np.diag(sums.gram[0]) <= DEAD * np.diag(total.gram[0])
-    sums.gram[:, dead], sums.gram[:, :, dead], sums.cross[:, dead] = 0.0, 0.0, 0.0
+    dead = np.diag(sums.gram) <= DEAD * np.diag(total.gram)
+    sums.gram[dead], sums.gram[:, dead], sums.cross[dead] = 0.0, 0.0, 0.0
     # the notes and empty columns of this fold are not those of the whole
     design = replace(work.design, notes=[], empty=list(work.design.empty))
     where = f"without fold of row {held_rows[0]}"

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import pandas as pd
+
 from tripwatt_gamm.components import variance_components
 from tripwatt_gamm.diagnosis import Diagnosis
 from tripwatt_gamm.effects import Effect, plot_effects, term_effects
@@ -11,7 +13,6 @@ from tripwatt_gamm.estimator import Estimator
 from tripwatt_gamm.summary import Summary
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.figure import Figure
 
 
@@ -46,6 +47,9 @@ class GAMM(Estimator):
         The iteration of the scaled t stops once nothing changes by more than this many standard errors.
     max_iter : int
         Largest number of iterations.
+    select : bool
+        Whether every smooth gets a further penalty of what its own do not reach, a straight line for instance, so that
+        it can vanish (Marra & Wood 2011).
 
     Attributes
     ----------

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -12,6 +12,7 @@ from tripwatt_gamm.arrays import FloatArray
 from tripwatt_gamm.bases import CubicRegression, PSpline, ThinPlate, cubic_regression, thin_plate
 from tripwatt_gamm.covariates import Points
 from tripwatt_gamm.errors import InvalidInput
+from tripwatt_gamm.penalties import PenaltyBlock
 from tripwatt_gamm.terms import Smooth, Tensor
 
 Basis: TypeAlias = PSpline | CubicRegression | ThinPlate
@@ -34,10 +35,6 @@ class Margin:
         """Compute the columns at `x` (n, d), as (n, q)."""
         return np.asarray(self.basis.matrix(x) @ self.transform)
 
-    def reduce(self, Z: FloatArray) -> Margin:
-        """Return the smooth with its columns multiplied by Z (q, r)."""
-        return Margin(self.basis, self.transform @ Z)
-
 
 @dataclass(frozen=True)
 class TensorProduct:
@@ -58,10 +55,6 @@ class TensorProduct:
         for j, margin in enumerate(self.margins[1:], start=1):
             products = (products[:, :, None] * margin.matrix(x[:, j : j + 1])[:, None, :]).reshape(len(x), -1)
         return np.asarray(products @ self.transform)
-
-    def reduce(self, Z: FloatArray) -> TensorProduct:
-        """Return the smooth with its columns multiplied by Z (r, s)."""
-        return TensorProduct(self.margins, self.transform @ Z)
 
 
 Smoother = Margin | TensorProduct
@@ -127,11 +120,11 @@ def _basis(kind: str, points: Points, k: int, label: str, what: str) -> tuple[Ba
     if kind == "ps":
         k, notes = _usable(k, 4, points, label, what)
         return PSpline(float(points.values[0, 0]), float(points.values[-1, 0]), k), notes
-    if kind == "cr":
-        k, notes = _usable(k, 3, points, label, what)
-        return cubic_regression(points.values[:, 0], k), notes
+    if kind in ("cr", "cc"):
+        k, notes = _usable(k, 3 if kind == "cr" else 4, points, label, what)
+        return cubic_regression(points.values[:, 0], k, kind == "cc"), notes
     if kind != "tp":
-        raise InvalidInput.of("unknown basis", label, repr(kind), "tp, ps or cr")
+        raise InvalidInput.of("unknown basis", label, repr(kind), "tp, ps, cr or cc")
     # polynomials in d variables whose total degree is below the order are not penalised
     k, notes = _usable(k, math.comb(d + order - 1, d) + 1, points, label, what)
     centred = points.values - points.values.mean(axis=0)
@@ -171,6 +164,51 @@ def build_smooth(term: Smooth, points: Points, centred: bool) -> Built:
     return Built(Margin(basis, Z), table @ Z, [Z.T @ S @ Z], notes)
 
 
+def build_factor_smooth(term: Smooth, points: Points) -> Built:
+    """Build the columns of one level of a factor-smooth, with penalties of its bends, of its constant and of its slope.
+
+    A level has the natural parameters of a thin plate spline, whose penalty is the identity (Wood 2017, section 5.4.2);
+    what this penalty does not reach, the straight lines, is split into a constant and a centred slope.
+
+    Parameters
+    ----------
+    term : Smooth
+    points : Points
+        Distinct points of all rows.
+
+    Returns
+    -------
+    Built
+    """
+    basis, notes = _basis("tp", points, term.k or 10, term.label, term.names[0])
+    table, x = basis.matrix(points.values), points.values[:, 0]
+    values, vectors = np.linalg.eigh(basis.penalty)
+    lines = np.stack([np.ones(len(x)), x - np.average(x, weights=points.counts)], axis=1)
+    straight = np.linalg.lstsq(table, lines, rcond=None)[0]
+    T = np.hstack([vectors[:, 2:] / np.sqrt(values[2:]), straight])
+    parts = np.repeat(np.eye(3), [basis.k - 2, 1, 1], axis=0)
+    table = table @ T
+    return Built(Margin(basis, T), table, [_scale(np.diag(part), table) for part in parts.T], notes)
+
+
+def select_null_space(built: Built) -> Built:
+    """Add a penalty of the functions that no penalty reaches, so that the term can vanish (Marra & Wood 2011).
+
+    Parameters
+    ----------
+    built : Built
+
+    Returns
+    -------
+    Built
+        The given one if there are no such functions.
+    """
+    block = PenaltyBlock.from_matrices(0, built.penalties)
+    null = block.rotation[:, block.rank :]
+    extra = [_scale(null @ null.T, built.table)] if null.size else []
+    return replace(built, penalties=[*built.penalties, *extra])
+
+
 def _margin(term: Tensor, points: Points, column: int, k: int) -> tuple[Margin, FloatArray, list[str]]:
     """Build a margin, parametrised by its values at even points if they determine it (Wood 2006), with its penalty and notes.
 
@@ -185,7 +223,8 @@ def _margin(term: Tensor, points: Points, column: int, k: int) -> tuple[Margin, 
         T = _sum_to_zero(np.average(basis.matrix(axis.values), axis=0, weights=counts))
     even = np.linspace(values[0], values[-1], T.shape[1])[:, None]
     at_even = basis.matrix(even) @ T
-    if np.linalg.cond(at_even) < 1e10:
+    # the columns of a cubic regression spline are values at its knots already
+    if term.basis not in ("cr", "cc") and np.linalg.cond(at_even) < 1e10:
         T = T @ np.linalg.inv(at_even)
     S = T.T @ basis.penalty @ T
     return Margin(basis, T), (S + S.T) / (2 * float(np.linalg.eigvalsh(S)[-1])), notes
@@ -225,5 +264,5 @@ def build_tensor(term: Tensor, points: Points, centred: bool) -> Built:
     notes = [note for part in parts for note in part[2]]
     if term.kind == "te" and centred:
         Z = _sum_to_zero(np.average(table, axis=0, weights=points.counts))
-        return Built(product.reduce(Z), table @ Z, [Z.T @ S @ Z for S in penalties], notes)
+        return Built(TensorProduct(margins, Z), table @ Z, [Z.T @ S @ Z for S in penalties], notes)
     return Built(product, table, penalties, notes)

@@ -15,7 +15,7 @@ from tripwatt_gamm.errors import InvalidInput
 from tripwatt_gamm.families import ExponentialFamily, Family, Gaussian, Response, ScaledT
 from tripwatt_gamm.fit import NormalEquations, Solution, fit_gaussian
 from tripwatt_gamm.laplace import LaplaceModel, fit_laplace
-from tripwatt_gamm.moments import Moments
+from tripwatt_gamm.moments import Moments, moments
 from tripwatt_gamm.penalties import PenaltyStack
 from tripwatt_gamm.performance import PerformanceIteration
 from tripwatt_gamm.tables import TableRows, Whitening
@@ -70,11 +70,9 @@ class Problem:
         Active columns only.
     y : ndarray (n,)
     sums : Moments
-        Sums of all columns.
+        Sums of the active columns.
     stack : PenaltyStack
         Penalties of the active columns.
-    active : ndarray
-        Numbers of the active columns.
     settings : FitSettings
     previous : ndarray (n,), optional
         Number of the preceding row of the same group, for autocorrelated errors.
@@ -86,14 +84,16 @@ class Problem:
     y: FloatArray
     sums: Moments
     stack: PenaltyStack
-    active: Index
     settings: FitSettings
     previous: Index | None = None
     response: Response | None = None
 
     def normal(self, rho: float) -> NormalEquations:
         """Normal equations at autocorrelation `rho`."""
-        return self.sums.normal(self.stack, self.active, rho)
+        if self.previous is None:
+            return self.sums.normal(self.stack)
+        jacobian = Whitening(self.previous, rho).log_jacobian
+        return moments(*self.whitened(rho)).normal(self.stack, jacobian)
 
     def whitened(self, rho: float) -> tuple[TableRows, FloatArray]:
         """Rows and response, whitened to independent errors if rows are autocorrelated."""

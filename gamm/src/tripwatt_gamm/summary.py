@@ -6,14 +6,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
+import pandas as pd
 
 from tripwatt_gamm.components import variance_components
 from tripwatt_gamm.formula import render_formula
 from tripwatt_gamm.inference import coefficient_table, term_table
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from tripwatt_gamm.estimator import Estimator
 
 _LEVELS: Final = ((0.001, "***"), (0.01, "**"), (0.05, "*"))  # the usual ones, as R prints them

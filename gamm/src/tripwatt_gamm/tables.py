@@ -10,6 +10,7 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pandas as pd
 
 from tripwatt_gamm.arrays import FloatArray
 from tripwatt_gamm.covariates import Index
@@ -71,11 +72,8 @@ class Whitening:
 
 def previous_rows(groups: Index) -> Index:
     """Return the number of the preceding row of the same group for each row (n,); -1 for the first of a group."""
-    order = np.argsort(groups, kind="stable")
-    previous = np.full(len(groups), -1, dtype=np.intp)
-    same = np.diff(groups[order]) == 0
-    previous[order[1:][same]] = order[:-1][same]
-    return previous
+    rows = pd.Series(np.arange(len(groups), dtype=np.intp))
+    return rows.groupby(groups).shift(fill_value=-1).to_numpy()
 
 
 class TableRows:

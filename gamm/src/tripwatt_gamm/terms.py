@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal, TypeAlias
 
-Basis: TypeAlias = Literal["tp", "ps", "cr"]
+Basis: TypeAlias = Literal["tp", "ps", "cr", "cc", "fs"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,16 +46,40 @@ class Parametric:
         return (self.name, *self.others)
 
 
+class _Smoothed:
+    """What smooths and tensor products share."""
+
+    __slots__ = ()
+    names: tuple[str, ...]
+    basis: Basis
+    by: str | None
+
+    @property
+    def label(self) -> str:
+        """Name of the term in tables; a level of a by-factor is appended to it."""
+        kind = getattr(self, "kind", "s")
+        if self.by is None or self.basis == "fs":
+            return f"{kind}({','.join(self.columns)})"
+        return f"{kind}({','.join(self.names)}):{self.by}"
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Columns of the frame that the term reads."""
+        return self.names if self.by is None else (*self.names, self.by)
+
+
 @dataclass(frozen=True, slots=True)
-class Smooth:
+class Smooth(_Smoothed):
     """An isotropic smooth function of one or more covariates.
 
     Attributes
     ----------
     names : tuple of str
         Covariates; several only with the thin plate basis.
-    basis : {"tp", "ps", "cr"}
-        Thin plate regression spline (Wood 2003), cubic P-spline (Eilers & Marx 1996) or cubic regression spline.
+    basis : {"tp", "ps", "cr", "cc", "fs"}
+        Thin plate regression spline (Wood 2003), cubic P-spline (Eilers & Marx 1996), cubic regression spline; "cc" is
+        the cyclic one, whose period is the range of the data; "fs" a thin plate curve for each level of the factor
+        `by`, drawn from one distribution: bends, constants and slopes have a variance each.
     k : int, optional
         Basis dimension before the identifiability constraint. Default: 10 for one covariate, 30 for two,
         110 for three.
@@ -77,20 +101,9 @@ class Smooth:
     k: int | None = None
     by: str | None = None
 
-    @property
-    def label(self) -> str:
-        """Name of the term in tables; a level of a by-factor is appended to it."""
-        base = f"s({','.join(self.names)})"
-        return f"{base}:{self.by}" if self.by is not None else base
-
-    @property
-    def columns(self) -> tuple[str, ...]:
-        """Columns of the frame that the term reads."""
-        return self.names if self.by is None else (*self.names, self.by)
-
 
 @dataclass(frozen=True, slots=True)
-class Tensor:
+class Tensor(_Smoothed):
     """A tensor product smooth with one penalty per covariate, independent of the covariates' units.
 
     Attributes
@@ -117,17 +130,6 @@ class Tensor:
     k: tuple[int, ...] | None = None
     kind: Literal["ti", "te"] = "ti"
     by: str | None = None
-
-    @property
-    def label(self) -> str:
-        """Name of the term in tables; a level of a by-factor is appended to it."""
-        base = f"{self.kind}({','.join(self.names)})"
-        return f"{base}:{self.by}" if self.by is not None else base
-
-    @property
-    def columns(self) -> tuple[str, ...]:
-        """Columns of the frame that the term reads."""
-        return self.names if self.by is None else (*self.names, self.by)
 
 
 @dataclass(frozen=True, slots=True)
