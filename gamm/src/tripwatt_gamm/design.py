@@ -416,23 +416,10 @@ class _Builder:
         return [*parts, IndexedColumns(columns, table, code.astype(np.intp), None)]
 
 
-def _value_limit(discretise: bool | int, n: int) -> int | None:
-    """Largest number of distinct values of a covariate for `n` rows; None if all are kept. Raises for a number below 20."""
-    if discretise is True:
-        return MAX_VALUES if n > EXACT_ROWS else None
-    if discretise is False:
-        return None
-    if discretise < 20:
-        raise InvalidInput.of(
-            "discretise too coarse", "GAMM(discretise=)", str(discretise), "a number of at least 20"
-        )
-    return int(discretise)
-
-
 def build_design(
     formula: Formula,
     frame: pd.DataFrame,
-    discretise: bool | int = True,
+    discretise: bool = True,
     extrapolation: Extrapolation = "clamp",
     select: bool = False,
 ) -> Design:
@@ -443,8 +430,8 @@ def build_design(
     formula : Formula
     frame : DataFrame
         All columns that the terms read.
-    discretise : bool or int
-        Whether covariates are rounded to an even grid, or the number of values of that grid.
+    discretise : bool
+        Whether covariates of many rows are rounded to an even grid.
     extrapolation : {"clamp", "linear"}
         Rule for smooths of one covariate outside its training range.
     select : bool
@@ -457,10 +444,11 @@ def build_design(
     Raises
     ------
     InvalidInput
-        Names the term that cannot be built, all faulty columns, or a grid that is too coarse.
+        Names the term that cannot be built, or all faulty columns.
     """
     _check_columns(formula, frame)
-    builder = _Builder(formula, frame, _value_limit(discretise, len(frame)), extrapolation, select)
+    limit = MAX_VALUES if discretise and len(frame) > EXACT_ROWS else None
+    builder = _Builder(formula, frame, limit, extrapolation, select)
     for term in formula.terms:
         if isinstance(term, Parametric):
             builder.parametric(term)

@@ -39,7 +39,7 @@ class Estimator:
     formula: str | Formula
     family: str | Family = "gaussian"
     method: Method = "fREML"
-    discretise: bool | int = True
+    discretise: bool = True
     extrapolation: Extrapolation = "linear"
     smoothing_parameters: Sequence[float] | None = None
     ar1_rho: float | Literal["estimate"] | None = None

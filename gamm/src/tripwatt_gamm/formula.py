@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import ast
 import difflib
-import keyword
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -30,7 +29,6 @@ _MASKED: Final = re.compile(r"(`[^`]*`|[^\W\d][\w.]*)(\s*:\s*(`[^`]*`|[^\W\d][\w
 _COLUMN: Final = re.compile(r"`([^`]*)`|([^\s:`]+)")
 _MASK: Final = re.compile(r"ǂ(\d+)ǂ*")  # Python reads ǂ as a letter; no column is likely to start with it
 _PLAIN_NAME: Final = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*")
-_RESERVED: Final = ("c", *_FUNCTIONS, "True", "False", "None")
 
 
 class _Unreadable(Exception):
@@ -364,45 +362,3 @@ def _syntax_fault(error: SyntaxError | ValueError, text: str, offset: int) -> Fa
         _TERMS_ALLOWED,
         "by-smooths are s(x, by=f); write odd column names in `backticks`",
     )
-
-
-def _name(name: str) -> str:
-    """Write a column's name as in a formula: in backticks if it is no plain name or has a meaning of its own there."""
-    plain = _PLAIN_NAME.fullmatch(name) and not any(keyword.iskeyword(part) for part in name.split("."))
-    return name if plain and name not in _RESERVED and not _MASK.fullmatch(name) else f"`{name}`"
-
-
-def _render_term(term: Term) -> str:
-    """Write a term as `parse_formula` reads it, without the arguments that have their default."""
-    if isinstance(term, Parametric):
-        return ":".join(map(_name, term.columns))
-    if isinstance(term, RandomEffect):
-        if term.correlated:
-            return f"({' + '.join(('1', *map(_name, term.others)))} | {_name(term.name)})"
-        return f's({", ".join(map(_name, term.columns))}, bs="re")'
-    parts = [_name(name) for name in (term.columns if term.basis == "fs" else term.names)]
-    if term.by is not None and term.basis != "fs":
-        parts.append(f"by={_name(term.by)}")
-    if term.basis != ("cr" if isinstance(term, Tensor) else "tp"):
-        parts.append(f'bs="{term.basis}"')
-    if term.k is not None:
-        parts.append(
-            f"k={term.k}" if isinstance(term, Smooth) else f"k=c({', '.join(map(str, term.k or ()))})"
-        )
-    return f"{term.kind if isinstance(term, Tensor) else 's'}({', '.join(parts)})"
-
-
-def render_formula(formula: Formula) -> str:
-    """Write a formula as text that `parse_formula` reads back.
-
-    Examples
-    --------
-    >>> render_formula(parse_formula("y~s( time,k = 12 )+ 0 + weather"))
-    'y ~ s(time, k=12) + weather - 1'
-    """
-    parts = [*map(_render_term, formula.terms)]
-    parts += [] if formula.offset is None else [f"offset({_name(formula.offset)})"]
-    terms = " + ".join(parts) or ("1" if formula.intercept else "0")
-    tail = "" if formula.intercept or not parts else " - 1"
-    left = "" if formula.response is None else f"{_name(formula.response)} "
-    return f"{left}~ {terms}{tail}"

@@ -30,9 +30,8 @@ class GAMM(Estimator):
         How smoothing parameters are chosen. For gaussian errors both are restricted maximum likelihood. For the
         scaled t "fREML" is the performance iteration (fast), "REML" exact Laplace REML; for all others both are the
         latter.
-    discretise : bool or int
-        True rounds covariates to an even grid of 1,000 values if there are more than 10,000 rows. A number rounds them
-        to a grid of that many values, False never rounds.
+    discretise : bool
+        Whether covariates are rounded to an even grid of 1,000 values if there are more than 10,000 rows.
     extrapolation : {"linear", "clamp"}
         Rule for a curve or a numeric column outside its training range (for a by-smooth, that of the rows of its
         level): continued as a straight line, or held constant. Surfaces are always held constant: at the edge of the

@@ -9,7 +9,6 @@ import numpy as np
 import pandas as pd
 
 from tripwatt_gamm.components import variance_components
-from tripwatt_gamm.formula import render_formula
 from tripwatt_gamm.inference import coefficient_table, term_table
 
 if TYPE_CHECKING:
@@ -127,7 +126,7 @@ class Summary:
             parametric=coefficient_table(model),
             smooth=term_table(model),
             variance=variance_components(model),
-            formula=render_formula(model.formula_),
+            formula=" ".join(str(model.formula).split()),
             family=family.name,
             link=family.link.name,
             method=str(model.method) if family.name == "scat" else "REML",

@@ -209,3 +209,9 @@ class Formula:
     def columns(self) -> tuple[str, ...]:
         """Columns that the terms read, each once, in order."""
         return tuple(dict.fromkeys(name for term in self.terms for name in term.columns))
+
+    def __str__(self) -> str:
+        """Write the response and the labels of the terms."""
+        known = [] if self.offset is None else [f"offset({self.offset})"]
+        parts = [*(term.label for term in self.terms), *known, *([] if self.intercept else ["0"])]
+        return f"{self.response or ''} ~ {' + '.join(parts) or '1'}".strip()
