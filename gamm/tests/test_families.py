@@ -9,7 +9,7 @@ import pytest
 from scipy import stats
 
 from gamm_samples import FIXTURES
-from tripwatt_gamm import GAMM, Binomial, Gamma, Gaussian, InvalidInput, Poisson, ScaledT
+from tripwatt_gamm import GAMM, Binomial, Gamma, Gaussian, InvalidInput, Poisson, ScaledT, anova
 from tripwatt_gamm.families import Response
 
 FITS = {
@@ -34,11 +34,36 @@ def peers():
     return json.loads((FIXTURES / "families" / "fits.json").read_text())
 
 
+@pytest.fixture(scope="module")
+def fits(data):
+    return {
+        (name, terms): GAMM(f"{y} ~ {formula}", family).fit(data, weights=weights, offset=offset)
+        for name, (y, family, weights, offset) in FITS.items()
+        for terms, formula in TERMS.items()
+    }
+
+
+@pytest.mark.parametrize("name", list(FITS))
+def test_comparisons_are_those_of_mgcv(peers, fits, name):
+    peer, table = peers[name]["anova"], anova(fits[name, "small"], fits[name, "full"])
+    rel = (
+        2e-3 if "gamma" in name else 3e-4
+    )  # R moves coefficients by the observed information, which differs there
+    assert table["residual_df"].tolist() == pytest.approx(peer["Resid. Df"], rel=rel)
+    assert table["deviance"].tolist() == pytest.approx(peer["Resid. Dev"], rel=1e-4)
+    last = table.iloc[1]
+    assert last["df"] == pytest.approx(peer["Df"][1], rel=rel)
+    assert last["statistic"] == pytest.approx(peer.get("F", peer["Deviance"])[1], rel=rel)
+    p_value = peer.get("Pr(>F)", peer.get("Pr(>Chi)"))[1]
+    assert np.log(last["p_value"]) == pytest.approx(np.log(p_value), rel=1e-3)
+    with pytest.raises(InvalidInput, match="cannot be compared: anova: got 1 of"):
+        anova(fits[name, "small"])
+
+
 @pytest.mark.parametrize("name", list(FITS))
 @pytest.mark.parametrize("terms", list(TERMS))
-def test_fits_are_those_of_mgcv(data, peers, name, terms):
-    peer, (y, family, weights, offset) = peers[name][terms], FITS[name]
-    model = GAMM(f"{y} ~ {TERMS[terms]}", family).fit(data, weights=weights, offset=offset)
+def test_fits_are_those_of_mgcv(data, peers, fits, name, terms):
+    peer, model = peers[name][terms], fits[name, terms]
     page, new = model.summary(), data.iloc[[0, 100, 300]]
     assert model.converged_
     ours = {

@@ -66,9 +66,9 @@ def test_other_rows_are_predicted_by_the_fit_without_their_group(frame):
         (
             lambda f: f,
             ["nowhere"] * 240,
-            "invalid groups: at_folds=: got 240 labels for 240 rows, 240 unknown",
+            "invalid groups: at_folds=: got 240 labels, 240 missing or unknown",
         ),
-        (lambda f: f, None, "got 0 labels for 240 rows"),
+        (lambda f: f, None, "got 0 labels, 0 missing"),
         (lambda f: f, "day", "unknown column: 'day'"),
         (lambda f: f.drop(columns="x"), "g", "unknown column: 'x'"),
         (lambda f: f.assign(z=np.nan), "g", "not finite: column 'z'"),

@@ -28,6 +28,7 @@ def test_fits_are_those_of_mgcv(data, peer):
     assert model.converged_
     assert model.reml_ == pytest.approx(peer["reml"], rel=1e-6)
     assert model.aic_ == pytest.approx(peer["aic"], rel=1e-5)
+    assert model.bic_ == pytest.approx(peer.get("bic", model.bic_), rel=1e-5)
     assert model.edf_.sum() == pytest.approx(peer["edf"], rel=1e-4)
     band = model.intervals(new)
     assert band["mean"].tolist() == pytest.approx(peer["link"], rel=1e-4)

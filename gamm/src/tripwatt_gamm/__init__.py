@@ -16,6 +16,7 @@ A fitted model explains itself:
 'x'
 """
 
+from tripwatt_gamm.comparison import anova
 from tripwatt_gamm.dependence import Autocorrelation, autocorrelation, concurvity
 from tripwatt_gamm.diagnosis import Diagnosis
 from tripwatt_gamm.effects import CurveEffect, FactorEffect, RandomEffects, SurfaceEffect, plot_effects
@@ -48,6 +49,7 @@ __all__ = [
     "SurfaceEffect",
     "Tensor",
     "Term",
+    "anova",
     "autocorrelation",
     "concurvity",
     "plot_effects",

@@ -8,8 +8,5 @@ import numpy.typing as npt
 FloatArray = npt.NDArray[np.float64]
 """Array of floating-point numbers."""
 
-IntArray = npt.NDArray[np.int64]
-"""Array of integers, such as counts or codes."""
-
 BoolArray = npt.NDArray[np.bool_]
 """Array of booleans, such as a mask of rows."""

@@ -193,9 +193,8 @@ def _radial(x: FloatArray, knots: FloatArray, order: int) -> FloatArray:
         constant = math.gamma(d / 2 - order) / (
             2 ** (2 * order) * math.pi ** (d / 2) * math.factorial(order - 1)
         )
-        return np.asarray(
-            constant * square ** (power // 2) * np.sqrt(square)
-        )  # a power of a half takes five times as long
+        # a power of a half takes five times as long
+        return np.asarray(constant * square ** (power // 2) * np.sqrt(square))
     constant = (-1) ** (order + 1 + d // 2) / (
         2 ** (2 * order - 1) * math.pi ** (d / 2) * math.factorial(order - 1) * math.factorial(order - d // 2)
     )

@@ -47,9 +47,8 @@ def concurvity(model: Estimator) -> pd.DataFrame:
     """
     spans: dict[str, list[slice]] = {}
     for fitted in model.terms_:
-        spans.setdefault("parametric" if fitted.kind == "parametric" else fitted.label, []).append(
-            fitted.slice
-        )
+        label = "parametric" if fitted.kind == "parametric" else fitted.label
+        spans.setdefault(label, []).append(fitted.slice)
     columns = np.arange(model.coef_.size)
     rows = {}
     for label, slices in spans.items():
@@ -130,8 +129,8 @@ class Autocorrelation:
     @property
     def warning(self) -> str:
         """Warning for the summary of a model; empty if the rows may pass for independent."""
-        first = float(self.correlation[0]) if self.lag.size else 0.0
-        if first <= max(0.1, float(self.bound[0]) if self.lag.size else 0.0):
+        first = float(self.correlation[0])
+        if first <= max(0.1, float(self.bound[0])):
             return ""
         return (
             f"Neighbouring residuals within a group correlate with {first:.4f}. The model takes the rows for "

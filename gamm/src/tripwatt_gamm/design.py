@@ -84,10 +84,6 @@ class Design:
     codes: dict[str, tuple[tuple[str, ...], Index]] = field(default_factory=dict)
     members: dict[ByPart, BoolArray] = field(default_factory=dict)
 
-    def training_of(self, rows: BoolArray) -> Training:
-        """Ranges and levels of `rows` (n,), for a prediction from these rows alone."""
-        return Training.of_rows(rows, self.joint, self.codes, self.members)
-
     @property
     def p(self) -> int:
         """Number of coefficients."""

@@ -363,7 +363,7 @@ class Estimator:
         if at is not None:
             labels = _labels(frame, groups if folds is None else folds)
             raise_faults(_column_faults(at, work.design.terms, work.design.training.levels))
-            at_rows = at, _units_at(at, at_folds, labels)
+            at_rows = at, _codes(at, at_folds, labels, "at_folds=")
         known = 0.0 if offset is None else data.offset if at is None else row_values(at, offset, "offset=")
         eta, self.folds_ = leave_out(work, frame, units, settings, at_rows)
         return family.link.mean(eta + known)
@@ -416,12 +416,7 @@ class Estimator:
         """Codes (n,) of groups given as labels or as a column; if `groups` is None, all rows form one group."""
         if groups is None:
             return np.zeros(len(frame), dtype=np.intp)
-        codes = pd.factorize(_labels(frame, groups))[0].astype(np.intp)
-        if len(codes) != len(frame) or (codes < 0).any():
-            got = f"{len(codes)} labels, {int((codes < 0).sum())} missing"
-            allowed = f"a label for each of the {len(frame)} rows"
-            raise InvalidInput.of("invalid groups", "groups=", got, allowed)
-        return codes
+        return _codes(frame, groups, _labels(frame, groups), "groups=")
 
     def _checked(self, frame: pd.DataFrame, exclude: Collection[str]) -> list[FittedTerm]:
         """Return the terms of a prediction from a frame; raise if the model is not fitted, or a term or a column is faulty."""
@@ -457,14 +452,14 @@ def _labels(frame: pd.DataFrame, labels: object) -> npt.NDArray[Any]:
     return np.asarray(labels)
 
 
-def _units_at(at: pd.DataFrame, at_folds: object, known: npt.NDArray[Any]) -> Index:
-    """Code of the unit of each row of `at`; `known` are the labels of the rows of the fit."""
-    labels = np.empty(0) if at_folds is None else _labels(at, at_folds)
-    codes = pd.Index(pd.factorize(known)[1]).get_indexer(pd.Index(labels))
-    if len(codes) != len(at) or (codes < 0).any():
-        got = f"{len(codes)} labels for {len(at)} rows, {int((codes < 0).sum())} unknown"
-        allowed = "a unit of the fit for each row of at="
-        raise InvalidInput.of("invalid groups", "at_folds=", got, allowed)
+def _codes(frame: pd.DataFrame, labels: object, known: npt.NDArray[Any], where: str) -> Index:
+    """Position (n,) of the label of each row among the `known` ones; raise if one is missing or unknown."""
+    given = np.empty(0) if labels is None else _labels(frame, labels)
+    codes = pd.Index(pd.factorize(known)[1]).get_indexer(pd.Index(given))
+    if len(codes) != len(frame) or (codes < 0).any():
+        got = f"{len(codes)} labels, {int((codes < 0).sum())} missing or unknown"
+        allowed = f"a label of the fit for each of the {len(frame)} rows"
+        raise InvalidInput.of("invalid groups", where, got, allowed)
     return np.asarray(codes, dtype=np.intp)
 
 

@@ -308,6 +308,8 @@ def fit_gaussian(
     if scored is None:
         return None
     theta = np.array([math.log(scored.scale)])
-    covariance = stack.restored_both(scored.factor.inverse * scored.scale)
-    information = stack.restored_both(data.gram / scored.scale)
-    return Solution(stack.restore(scored.beta), x, theta, scored.value, covariance, information, end)
+    covariance = stack.rotate_both(scored.factor.inverse * scored.scale, back=True)
+    information = stack.rotate_both(data.gram / scored.scale, back=True)
+    return Solution(
+        stack.rotate(scored.beta, back=True), x, theta, scored.value, covariance, information, end
+    )

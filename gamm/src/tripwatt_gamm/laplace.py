@@ -22,6 +22,10 @@ STEP = 1e-4
 """Step for differences in the parameters: gradients are accurate to ten digits or more, so that differences have four."""
 
 
+MODE_STEPS = 200
+"""Largest number of Newton steps to a mode: a choice, because few take more than twenty."""
+
+
 @dataclass
 class Mode:
     """Coefficients that maximise the penalised likelihood at given smoothing parameters and parameters of the family."""
@@ -57,18 +61,21 @@ class LaplaceModel:
         self, beta: FloatArray, rho: FloatArray, theta: FloatArray
     ) -> tuple[float, FloatArray, FloatArray]:
         """Return the penalised negative log-likelihood, the linear predictor (n,), and the derivatives (4, n)."""
-        eta = self.response.offset + self.rows.predictor(self.stack.restore(beta))
+        eta = self.response.offset + self.rows.predictor(self.stack.rotate(beta, back=True))
         with np.errstate(over="ignore", invalid="ignore"):  # a step that is too long is halved
             d = self.family.derivatives(self.response, eta, theta)
         return float((self.stack.products(rho, beta).T @ beta).sum()) / 2 - float(d[0].sum()), eta, d
 
-    def _mode(self, rho: FloatArray, theta: FloatArray, beta: FloatArray, max_iter: int = 200) -> Mode | None:
-        """Find the coefficients by Newton's method; return None if it fails or ends where the observed information is indefinite.
+    def mode(self, x: FloatArray, start: Mode | None = None) -> Mode | None:
+        """Find the mode at parameters `x`: log smoothing parameters, then those of the family.
 
-        On the way, weights of an indefinite observed information are raised to at least 5 % of the expected weight.
+        Smoothing parameters of a family that estimates its scale are relative to it, as those of normal errors. Newton's
+        method starts from the mode `start`. The mode is None if it fails or ends where the observed information is
+        indefinite; on the way, weights of such an information are raised to at least 5 % of the expected weight.
         """
+        (rho, theta), beta = self.split(x), self.beta if start is None else start.beta
         value, eta, d = self._objective(beta, rho, theta)
-        for _ in range(max_iter):
+        for _ in range(MODE_STEPS):
             g = self.stack.rotate(self.rows.rmatvec(d[1])) - self.stack.products(rho, beta).sum(axis=1)
             observed = factor = Factor.from_matrix(self._information(-d[2], rho))
             if factor is None:
@@ -93,13 +100,6 @@ class LaplaceModel:
     def _information(self, weights: FloatArray, rho: FloatArray) -> FloatArray:
         return self.stack.add_to(self.stack.rotate_both(self.rows.gram(weights)), rho)
 
-    def mode(self, x: FloatArray, start: Mode | None = None) -> Mode | None:
-        """Find the mode at parameters `x`: log smoothing parameters, then those of the family; None if there is none.
-
-        Smoothing parameters of a family that estimates its scale are relative to it, as those of normal errors.
-        """
-        return self._mode(*self.split(x), self.beta if start is None else start.beta)
-
     def split(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the log smoothing parameters, no longer relative to a scale, and the parameters of the family."""
         rho, theta = x[: self.stack.size], x[self.stack.size :]
@@ -115,7 +115,7 @@ class LaplaceModel:
         """Compute the gradient of the score in the parameters `x` at a mode."""
         (rho, theta), stack, d = self.split(x), self.stack, mode.derivatives
         K, M = mode.factor.inverse, self.stack.size
-        leverage = self.rows.leverage(stack.restore(stack.restore(K).T))
+        leverage = self.rows.leverage(stack.rotate_both(K, back=True))
         V = stack.products(rho, mode.beta)
         changes = np.zeros((len(theta), *d.shape))
         for i, step in enumerate(STEP * np.eye(len(theta))):
@@ -203,6 +203,9 @@ def fit_laplace(
     information = stack.rotate_both(model.rows.gram(weights))
     factor = Factor.from_matrix(stack.add_to(information, model.split(at(x))[0])) or mode.factor
     end = end._replace(hessian=np.zeros((0, 0))) if fixed else end
-    covariance, information = stack.restored_both(factor.inverse), stack.restored_both(information)
-    score, beta = model.score(at(x), mode), stack.restore(mode.beta)
+    covariance, information = (
+        stack.rotate_both(factor.inverse, back=True),
+        stack.rotate_both(information, back=True),
+    )
+    score, beta = model.score(at(x), mode), stack.rotate(mode.beta, back=True)
     return Solution(beta, rho, theta, score, covariance, information, end)

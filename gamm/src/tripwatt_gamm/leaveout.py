@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt_gamm.arrays import BoolArray, FloatArray
-from tripwatt_gamm.covariates import EXACT_ROWS, Index
+from tripwatt_gamm.covariates import EXACT_ROWS, Index, Training
 from tripwatt_gamm.design import Design
 from tripwatt_gamm.errors import InvalidInput
 from tripwatt_gamm.families import Response
@@ -109,9 +109,8 @@ def _fold(
 ) -> tuple[FloatArray, dict[str, int | bool]]:
     """Fit without the rows held out; return predictions of these rows (or of `wanted`) and a report of the fit."""
     held_rows, kept = np.flatnonzero(held).astype(np.intp), np.flatnonzero(~held).astype(np.intp)
-    exact = (
-        len(held) <= EXACT_ROWS
-    )  # in a difference the last digits would still depend on the held-out response
+    # in a difference the last digits would still depend on the held-out response
+    exact = len(held) <= EXACT_ROWS
     sums = work.moments(kept) if exact else total - work.moments(held_rows)
     dead = np.diag(sums.gram) <= DEAD * np.diag(total.gram)
     sums.gram[dead], sums.gram[:, dead], sums.cross[dead] = 0.0, 0.0, 0.0
@@ -121,7 +120,8 @@ def _fold(
     design, active, _, solution = replace(work, design=design).fit(kept, sums, settings, where)
     beta = np.zeros(design.p)
     beta[active] = solution.beta
-    training, piece = design.training_of(~held), frame.iloc[held_rows] if wanted is None else wanted
+    training = Training.of_rows(~held, design.joint, design.codes, design.members)
+    piece = frame.iloc[held_rows] if wanted is None else wanted
     if design.terms[0].extrapolation == "clamp":
         piece = training.clamp_frame(piece)
     prediction = np.zeros(len(piece))

@@ -69,7 +69,7 @@ class GAMM(Estimator):
         differs; shape and scale of the t.
     log_sp_covariance_ : ndarray (M, M)
         Covariance of the logs of `smoothing_parameters_`, from the Hessian of the score.
-    reml_, loglik_, aic_, deviance_explained_, r2_, n_, residual_df_
+    reml_, loglik_, aic_, bic_, deviance_explained_, r2_, n_, residual_df_
         `reml_` is the negative log restricted likelihood; lme4's REML criterion is twice as large.
     fitted_values_, linear_predictor_, residuals_, deviance_residuals_ : ndarray (n,)
         Means of the rows of the fit, their links, response minus mean, and signed roots of `deviance_`'s parts.

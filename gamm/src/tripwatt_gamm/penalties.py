@@ -57,11 +57,6 @@ class PenaltyBlock:
     matrices: list[FloatArray]
     roots: list[FloatArray]
 
-    @property
-    def range(self) -> slice:
-        """Coefficients that are penalised."""
-        return slice(self.start, self.start + self.rank)
-
     @classmethod
     def from_matrices(cls, start: int, matrices: list[FloatArray]) -> PenaltyBlock:
         """Rotate the penalties (m, m) of a block that starts at coefficient `start`."""
@@ -176,18 +171,17 @@ class PenaltyStack:
         self.members: list[npt.NDArray[np.intp]] = []
         for block in self.blocks:
             first = len(self.penalties)
-            sizes = self.scales.get(block.start)
+            sizes, inside = self.scales.get(block.start), slice(block.start, block.start + block.rank)
             for j, S in enumerate(block.matrices):
                 diagonal = np.diag(S) if len(block.matrices) == 1 else None
                 if sizes is None:
-                    self.penalties.append(Penalty(block.range, S, diagonal, float(np.trace(S))))
+                    self.penalties.append(Penalty(inside, S, diagonal, float(np.trace(S))))
                 else:
                     scale = block.rank / len(sizes) * float(sizes @ sizes) / sizes[j] ** 2
-                    self.penalties.append(Penalty(block.range, S, None, scale, MAX_CORRELATED))
+                    self.penalties.append(Penalty(inside, S, None, scale, MAX_CORRELATED))
             self.members.append(np.arange(first, len(self.penalties)))
         self.size = len(self.penalties)
-        self.rank = sum(block.rank for block in self.blocks)
-        self.null_dim = p - self.rank
+        self.null_dim = p - sum(block.rank for block in self.blocks)
 
     @property
     def n_loadings(self) -> int:
@@ -221,17 +215,9 @@ class PenaltyStack:
             rotated[where] = (block.rotation if back else block.rotation.T) @ M[where]
         return rotated
 
-    def rotate_both(self, M: FloatArray) -> FloatArray:
-        """Rotate the rows and columns of a crossproduct (p, p)."""
-        return np.ascontiguousarray(self.rotate(self.rotate(M).T))
-
-    def restore(self, M: FloatArray) -> FloatArray:
-        """Return a rotated vector, or rotated rows of a matrix, to the coordinates of the model."""
-        return self.rotate(M, back=True)
-
-    def restored_both(self, M: FloatArray) -> FloatArray:
-        """Return the rows and columns of a covariance (p, p) to the coordinates of the model."""
-        return self.restore(self.restore(M).T)
+    def rotate_both(self, M: FloatArray, back: bool = False) -> FloatArray:
+        """Rotate the rows and columns of a crossproduct or covariance (p, p), or rotate them back."""
+        return np.ascontiguousarray(self.rotate(self.rotate(M, back).T, back))
 
     def add_to(self, M: FloatArray, rho: FloatArray) -> FloatArray:
         """Add the penalties with log smoothing parameters `rho` to M (p, p); return the sum."""

@@ -111,7 +111,7 @@ class PerformanceIteration:
         working model is not identifiable.
         """
         (beta, rho, theta), n = self.parts(state), self.rows.n
-        eta = self.rows.predictor(self.stack.restore(beta))
+        eta = self.rows.predictor(self.stack.rotate(beta, back=True))
         theta = self._theta(self.y - eta, theta)
         c = self._weight(theta)
         g = self.family.derivatives(Response.of(self.y), eta, theta)[1]
@@ -192,8 +192,9 @@ class PerformanceIteration:
         if working is None:
             return None
         end = end if self.fixed else end._replace(hessian=working.hessian)
-        beta, restore = self.stack.restore(working.beta), self.stack.restored_both
-        covariance, information = restore(working.factor.inverse), restore(last.data.gram)
+        beta = self.stack.rotate(working.beta, back=True)
+        covariance = self.stack.rotate_both(working.factor.inverse, back=True)
+        information = self.stack.rotate_both(last.data.gram, back=True)
         return Solution(beta, rho, theta, working.value, covariance, information, end)
 
 

@@ -124,7 +124,7 @@ def results(
     if white is not None:  # the likelihood is that of the independent innovations
         innovations = Response.of(white.values(root * residual))
         loglik = _loglik(family, innovations, np.zeros(n), theta) + white.log_jacobian + log_root
-    freedom = n - float(edf.sum())
+    freedom, estimated = n - float(edf.sum()), float(edf.sum()) + int(family.free.sum())
     nu, sigma = family.shape(theta) if isinstance(family, ScaledT) else (math.nan, math.exp(theta[0] / 2))
     scale = reml_scale = 1.0 if isinstance(family, ScaledT) else math.exp(theta[0])
     if isinstance(family, Gamma) and family.estimates_scale:
@@ -150,7 +150,8 @@ def results(
         "ar1_rho": 0.0 if white is None else white.rho,
         "reml": solution.score - log_root,
         "loglik": loglik,
-        "aic": -2 * loglik + 2 * (float(edf.sum()) + int(family.free.sum())),
+        "aic": -2 * loglik + 2 * estimated,
+        "bic": -2 * loglik + math.log(n) * estimated,
         "deviance": float(deviances.sum()),
         "deviance_explained": 1 - float(deviances.sum()) / _null_deviance(family, response, theta),
         "deviance_residuals": signed,
