@@ -115,25 +115,35 @@ def peer_seconds(folder: Path, frame: pd.DataFrame) -> tuple[str, float]:
     return "mgcv bam(discrete=TRUE), stored with its fit", float(stored["user"].iloc[0])
 
 
-def covered(simulations: int, level: float = 0.95) -> float:
-    """Share of simulations in which a simultaneous band holds a whole known curve, two periods of a sine at 400 rows."""
+CURVES = {
+    "two periods of a sine": lambda x: np.sin(4 * np.pi * x),
+    "two humps": lambda x: (0.2 * x**11 * (10 * (1 - x)) ** 6 + 10 * (10 * x) ** 3 * (1 - x) ** 10) / 4,
+    "an exponential": lambda x: np.exp(2 * x) / 3,
+    "a smooth step": lambda x: np.tanh(12 * (x - 0.4)),
+}
+
+
+def covered(curve: Callable[[np.ndarray], np.ndarray], simulations: int, level: float = 0.95) -> float:
+    """Share of simulations in which a simultaneous band holds a whole known curve at 400 rows."""
     grid = pd.DataFrame({"x": np.linspace(0, 1, 200)})
-    truth = np.sin(4 * np.pi * grid["x"].to_numpy())
-    held = 0
+    truth, held = curve(grid["x"].to_numpy()), 0
     for seed in range(simulations):
         rng = np.random.default_rng(seed)
         x = rng.uniform(size=400)
-        y = np.sin(4 * np.pi * x) + rng.normal(0, 0.5, 400)
-        model = GAMM("y ~ s(x, k=20)").fit(pd.DataFrame({"x": x, "y": y}))
-        band = model.intervals(grid, level, simultaneous=True)
+        frame = pd.DataFrame({"x": x, "y": curve(x) + rng.normal(0, 0.5, 400)})
+        band = GAMM("y ~ s(x, k=20)").fit(frame).intervals(grid, level, simultaneous=True)
         held += bool(((band["lower"] <= truth) & (truth <= band["upper"])).all())
     return held / simulations
 
 
 def run() -> Iterator[Row]:
     """All measurements; those of real trips only where the regressions and mgcv's fits of them are not at hand."""
-    share = 100 * covered(500)
-    yield Row("simultaneous 95 % bands that hold their curve, 500 simulations", share, "%", least=93)
+    # the band has its coverage on average over curves that its prior draws: those of even curvature have more, others less
+    shares = {name: 100 * covered(curve, 500) for name, curve in CURVES.items()}
+    for name, share in shares.items():
+        yield Row(f"simultaneous 95 % bands that hold {name}, 500 simulations", share, "%")
+    mean = sum(shares.values()) / len(shares)
+    yield Row("the same, mean of these curves", mean, "%", least=93, most=97)
     folder = REFERENCE / "mgcv"
     if not folder.is_dir():
         yield not_measured("the GAMM engine", f"no {folder}")

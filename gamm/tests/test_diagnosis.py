@@ -5,16 +5,6 @@ import re
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from scipy import stats
-
-
-def test_frame_has_the_data_and_the_quantiles_of_the_fitted_distribution_row_by_row(waves_fit, waves):
-    table, n = waves_fit.diagnosis().frame(), len(waves)
-    np.testing.assert_allclose(table["response"], waves["y"])
-    np.testing.assert_allclose(table["response"] - table["fitted"], table["residual"], atol=1e-12)
-    assert np.array_equal(table["theoretical"].rank(), table["residual"].rank())
-    quantiles = waves_fit.sigma_ * stats.t.ppf((np.arange(n) + 0.5) / n, waves_fit.nu_)
-    np.testing.assert_allclose(np.sort(table["theoretical"]), quantiles)
 
 
 def test_quantiles_of_a_right_model_lie_within_their_band(waves_fit):

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from gamm_samples import FIXTURES
-from tripwatt_gamm import GAMM, InvalidInput
+from tripwatt_gamm import GAMM, InvalidInput, basis_check
 
 PEERS = json.loads((FIXTURES / "terms" / "fits.json").read_text())
 
@@ -69,3 +69,16 @@ def test_curves_of_the_levels_of_a_factor(data):
     assert model.predict(new) == pytest.approx(model.predict(data, exclude=["s(x,g)"]))
     with pytest.raises(InvalidInput, match="a number for a factor"):
         GAMM('y ~ s(g, x, bs="fs")').fit(data.assign(g=np.arange(400)))
+
+
+def test_checks_of_bases_are_those_of_mgcv(data):
+    for peer in PEERS:
+        if peer.get("checks") and "te(" not in peer["formula"]:
+            model = GAMM(peer["formula"], select="s(w" in peer["formula"]).fit(data)
+            table, expected = basis_check(model, data, 2000), np.array(peer["checks"], dtype=float)
+            assert table.iloc[:, :3].to_numpy() == pytest.approx(expected[:, :3], rel=1e-4)
+            assert table["p_value"].to_numpy() == pytest.approx(expected[:, 3], abs=0.04)
+    surface = GAMM("normal ~ s(z, w, k=14)").fit(data)
+    assert basis_check(surface, data)["k_index"].tolist() == pytest.approx([0.984449286], rel=1e-4)  # of mgcv
+    with pytest.raises(InvalidInput, match="the 400 rows of the fit"):
+        basis_check(surface, data[:10])

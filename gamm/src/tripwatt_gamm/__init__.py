@@ -17,7 +17,7 @@ A fitted model explains itself:
 """
 
 from tripwatt_gamm.comparison import anova
-from tripwatt_gamm.dependence import Autocorrelation, autocorrelation, concurvity
+from tripwatt_gamm.dependence import Autocorrelation, autocorrelation, basis_check, concurvity
 from tripwatt_gamm.diagnosis import Diagnosis
 from tripwatt_gamm.effects import CurveEffect, FactorEffect, RandomEffects, SurfaceEffect, plot_effects
 from tripwatt_gamm.errors import InvalidInput, NotFittedError
@@ -51,6 +51,7 @@ __all__ = [
     "Term",
     "anova",
     "autocorrelation",
+    "basis_check",
     "concurvity",
     "plot_effects",
 ]

@@ -1,4 +1,4 @@
-"""Check two assumptions of a model: that no term can be built from the others, and that rows are independent."""
+"""Check assumptions of a model: no term can be built from the others, bases are large enough, rows are independent."""
 
 from __future__ import annotations
 
@@ -9,12 +9,72 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
 
 from tripwatt_gamm.arrays import FloatArray
 from tripwatt_gamm.errors import Fault, InvalidInput, raise_faults
+from tripwatt_gamm.terms import Smooth, Tensor
 
 if TYPE_CHECKING:
     from tripwatt_gamm.estimator import Estimator
+
+
+def basis_check(model: Estimator, frame: pd.DataFrame, draws: int = 400, seed: int = 0) -> pd.DataFrame:
+    """Check whether the basis of each smooth is large enough for what the residuals still show (Wood 2017, section 5.9).
+
+    If a smooth leaves structure along its covariates, residuals of neighbouring rows differ less than others. The
+    k-index is half the mean square of their differences, over the mean square of the residuals; the p-value is the
+    share of random orders of the residuals that have a smaller one. Neighbours are the next rows along one covariate,
+    or the three nearest in several; those of a tensor product in shares of the ranges, which mgcv scales otherwise.
+
+    Parameters
+    ----------
+    model : GAMM
+        A fitted model.
+    frame : pandas.DataFrame
+        The rows of the fit.
+    draws, seed : int
+        Number of random orders, and their seed.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row per smooth: ``k`` (coefficients), ``edf``, ``k_index``, ``p_value``. If ``edf`` is near ``k`` and the
+        k-index below 1 with a small p-value, try a larger ``k``.
+
+    Raises
+    ------
+    InvalidInput
+        If the frame has another number of rows than the fit.
+
+    Examples
+    --------
+    >>> from tripwatt_gamm.model import GAMM
+    >>> x = np.linspace(0, 1, 200)
+    >>> frame = pd.DataFrame({"x": x, "y": np.sin(30 * x) + 0.2 * np.cos(900 * x)})
+    >>> basis_check(GAMM("y ~ s(x, k=5)").fit(frame), frame).round(2).loc["s(x)", ["k", "p_value"]].tolist()
+    [4.0, 0.0]
+    """
+    residual, rng = model.deviance_residuals_, np.random.default_rng(seed)
+    if len(frame) != len(residual):
+        allowed = f"the {len(residual)} rows of the fit"
+        raise InvalidInput.of("wrong length", "basis_check(frame)", f"{len(frame)} rows", allowed)
+    orders = np.array([residual, *(rng.permutation(residual) for _ in range(draws))])
+    rows = {}
+    for fitted in model.terms_:
+        if not isinstance(fitted.term, Smooth | Tensor):
+            continue
+        x = frame[list(fitted.term.names)].to_numpy(dtype=np.float64)
+        x = x / np.ptp(x, axis=0) if isinstance(fitted.term, Tensor) else x
+        here, near = np.arange(len(x)), cKDTree(x).query(x, 4)[1][:, 1:]
+        if x.shape[1] == 1:
+            order = np.argsort(x[:, 0], kind="stable")
+            here, near = order[1:], order[:-1, None]
+        spread = np.array([np.mean((r[here, None] - r[near]) ** 2) / 2 for r in orders])
+        edf, index = model.edf_[fitted.slice].sum(), spread[0] / np.mean(residual**2)
+        rows[fitted.label] = (fitted.size, edf, index, np.mean(spread[1:] < spread[0]))
+    columns = ["k", "edf", "k_index", "p_value"]
+    return pd.DataFrame.from_dict(rows, orient="index", columns=columns).rename_axis("term")
 
 
 def concurvity(model: Estimator) -> pd.DataFrame:

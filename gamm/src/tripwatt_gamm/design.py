@@ -330,10 +330,8 @@ class _Builder:
         # the lowest level of an ordered factor is the reference
         first = 1 if is_ordered(self.frame[term.by]) else 0
         if len(levels.names) <= first:
-            fix = "leave the term out"
-            raise InvalidInput.of(
-                "factor with one level", term.label, levels.names[0], "at least two levels", fix
-            )
+            allowed, fix = "at least two levels", "leave the term out"
+            raise InvalidInput.of("factor with one level", term.label, levels.names[0], allowed, fix)
         kept = range(first, len(levels.names))
         by_level = [
             self._fitted_term(term, built, levels.names[i], term.label + levels.names[i]) for i in kept

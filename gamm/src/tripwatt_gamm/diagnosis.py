@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 from scipy import stats
 
 from tripwatt_gamm.arrays import FloatArray
@@ -40,8 +39,8 @@ class Diagnosis:
     >>> x = np.linspace(0, 1, 60)
     >>> frame = pd.DataFrame({"x": x, "y": np.sin(6 * x) + 0.2 * np.cos(90 * x)})
     >>> result = Diagnosis.from_model(GAMM("y ~ s(x, k=8)").fit(frame))
-    >>> result.frame().shape, result.distribution_name
-    ((60, 4), 'normal')
+    >>> result.distribution_name
+    'normal'
     >>> len(result.plot().axes)
     4
     """
@@ -74,20 +73,6 @@ class Diagnosis:
     def distribution_name(self) -> str:
         """Name of the fitted error distribution in figures."""
         return "normal" if np.isnan(self.nu) else f"t with {self.nu:.3g} df"
-
-    def frame(self) -> pd.DataFrame:
-        """Tabulate fitted values and residuals beside the quantiles of the fitted distribution.
-
-        Returns
-        -------
-        DataFrame
-            One row per row of the data: ``fitted``, ``response``, ``residual``, and ``theoretical``, the quantile at the
-            rank of the residual.
-        """
-        n = len(self.residual)
-        rank = np.argsort(np.argsort(self.residual, kind="stable"), kind="stable")
-        columns = {"fitted": self.fitted, "response": self.response, "residual": self.residual}
-        return pd.DataFrame({**columns, "theoretical": self.distribution.ppf((rank + 0.5) / n)})
 
     def plot(self, figure: Figure | None = None) -> Figure:
         """Draw the four figures.

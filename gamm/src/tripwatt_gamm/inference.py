@@ -15,7 +15,6 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 from scipy import stats
-from scipy.linalg import cho_solve
 
 from tripwatt_gamm.arrays import FloatArray
 from tripwatt_gamm.chisq import weighted_chi2_sf
@@ -214,18 +213,11 @@ def _null_model(
 
 
 def _solve(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Solve a symmetric non-negative definite system, scaled to unit diagonal; by eigenvalues if it is singular."""
-    diagonal = np.diag(a)
-    d = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-    scaled = a / np.outer(d, d)
-    try:
-        solution = cho_solve((np.linalg.cholesky(scaled), True), b / d[:, None])
-    except np.linalg.LinAlgError:
-        values, vectors = np.linalg.eigh(scaled)
-        # the matrix has no negative eigenvalue: those are rounding as well
-        kept = values > 1e-14 * values[-1]
-        solution = (vectors[:, kept] / values[kept]) @ (vectors[:, kept].T @ (b / d[:, None]))
-    return np.asarray(solution / d[:, None], dtype=float)
+    """Solve a symmetric non-negative definite system, scaled to unit diagonal, without directions that are rounding."""
+    d = np.sqrt(np.where(np.diag(a) > 0, np.diag(a), 1.0))[:, None]
+    values, vectors = np.linalg.eigh(a / d / d.T)
+    kept = values > 1e-14 * values[-1]  # the matrix has no negative eigenvalue: those are rounding as well
+    return np.asarray((vectors[:, kept] / values[kept]) @ (vectors[:, kept].T @ (b / d)) / d)
 
 
 def total_penalty(model: Estimator) -> FloatArray:

@@ -155,7 +155,7 @@ class GAMM(Estimator):
         Returns
         -------
         Diagnosis
-            ``.frame()`` tabulates it, ``.plot()`` draws four figures.
+            ``.plot()`` draws four figures.
         """
         return Diagnosis.from_model(self)
 

@@ -93,19 +93,12 @@ def _scale(S: FloatArray, table: FloatArray) -> FloatArray:
 
 def _usable(k: int, smallest: int, points: Points, label: str, what: str) -> tuple[int, list[str]]:
     """Return a basis dimension that the data allow, and a note if `k` was reduced; raise if `k` or the number of points is too small."""
-    distinct = len(points.values)
+    distinct, where = len(points.values), f"{what} in {label}"
     if distinct < 2:
-        raise InvalidInput.of(
-            "constant covariate", f"{what} in {label}", "one distinct value", "at least two"
-        )
+        raise InvalidInput.of("constant covariate", where, "one distinct value", "at least two")
     if distinct < smallest:
-        raise InvalidInput.of(
-            "too few distinct values",
-            f"{what} in {label}",
-            str(distinct),
-            f"at least {smallest}",
-            "use a factor or a straight line",
-        )
+        allowed, fix = f"at least {smallest}", "use a factor or a straight line"
+        raise InvalidInput.of("too few distinct values", where, str(distinct), allowed, fix)
     if k < smallest:
         raise InvalidInput.of("k too small", label, f"k={k}", f"at least {smallest}")
     if distinct < k:
@@ -153,9 +146,8 @@ def build_smooth(term: Smooth, points: Points, centred: bool) -> Built:
     """
     d = len(term.names)
     if d > 1 and term.basis != "tp":
-        raise InvalidInput.of(
-            "basis for one covariate only", term.label, term.basis, "tp, or a tensor product"
-        )
+        allowed = "tp, or a tensor product"
+        raise InvalidInput.of("basis for one covariate only", term.label, term.basis, allowed)
     k = term.k if term.k is not None else {1: 10, 2: 30}.get(d, 110)
     basis, notes = _basis(term.basis, points, k, term.label, ", ".join(term.names))
     table = basis.matrix(points.values)
