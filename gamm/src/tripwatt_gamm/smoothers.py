@@ -123,9 +123,8 @@ def _basis(kind: str, points: Points, k: int, label: str, what: str) -> tuple[Ba
     centred = points.values - points.values.mean(axis=0)
     centred = centred / np.maximum(np.abs(centred).max(axis=0), 1e-300)
     if np.linalg.matrix_rank(centred, tol=1e-9 * len(centred)) < d:
-        raise InvalidInput.of(
-            "collinear covariates", label, "all points on a line", "covariates that are not collinear"
-        )
+        allowed = "covariates that are not collinear"
+        raise InvalidInput.of("collinear covariates", label, "all points on a line", allowed)
     return thin_plate(points.values, points.counts, k, order), notes
 
 
