@@ -61,7 +61,7 @@ def forecasts(trips: Sequence[Trip], folds: int = 0) -> list[dict[str, Forecast]
         model = ForecastModel(car, seed=SEED).fit_segments(
             segments.take(others),
             routes=LinkedTrips(tuple(routes.tables[i] for i in others)),
-            free_flow=free.take(others),
+            free_flow=FreeFlowTrips.from_trips([trips[i] for i in others], car),
         )
         for k in np.flatnonzero(fold == number).tolist():
             by_trip[k] = _forecasts_of(trips[k], k, model, free)

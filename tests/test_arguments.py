@@ -43,6 +43,9 @@ FRACTIONS: Final[dict[str, Callable[[Any], Any]]] = {
 }
 """Arguments that are a probability or a state of charge."""
 
+ARRAYS: Final = ("interval", "quantile", "arrival.interval", "arrival.quantile", "p_arrive")
+"""Those that may be an array."""
+
 NUMBERS: Final[dict[str, Callable[[Any], Any]]] = {
     "probability_below": FOUND.probability_below,
     "read_route": lambda value: tw.read_route(TRACK, speed_m_s=value),
@@ -100,6 +103,8 @@ NO_NUMBERS: Final = (
 )
 @pytest.mark.parametrize("name", [*FRACTIONS, *NUMBERS])
 def test_what_is_no_number_is_refused(name: str, value: Any) -> None:
+    if name in ARRAYS and np.ndim(value):  # an array of numbers is taken, one with a text is not
+        value = [*value, "0.5"]
     with pytest.raises(tw.InvalidInput):
         (FRACTIONS | NUMBERS)[name](value)
 

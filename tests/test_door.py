@@ -238,8 +238,11 @@ def test_forecast_takes_what_read_route_reads(model):
     departure = tw.Departure(soc=0.8, ambient_temperature_degc=-5)
     plan = tw.read_route(LINKS)
     assert tw.forecast(LINKS, departure).energy_wh == model.forecast(plan, departure).energy_wh
-    with pytest.raises(tw.InvalidInput, match=r"departure: got 0\.7; allowed: a Departure"):
-        tw.forecast(plan, 0.7)
+    for call in (tw.forecast, model.forecast, lambda *given: tw.simulate(plan, "vw_id3", given[1])):
+        with pytest.raises(tw.InvalidInput, match=r"departure: got \{'soc': 0\.7\}; allowed: a Departure"):
+            call(plan, {"soc": 0.7})
+    with pytest.raises(tw.InvalidInput, match=r"trip: got DataFrame; allowed: a Plan or a Trip"):
+        model.forecast(pd.DataFrame(LINKS))
 
 
 def test_a_table_of_links_is_the_plan_of_its_rows(model):

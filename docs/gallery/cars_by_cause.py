@@ -32,7 +32,7 @@ town = [
 ]
 trip = tw.read_route([*town, {"length_m": 20_000.0, "speed_m_s": 30.0, "grade": 0.0}])
 departure = tw.Departure(soc=0.9, ambient_temperature_degc=0.0)
-table = tw.simulate(trip, list(CARS), departure).sort_values(
+table = tw.sweep(trip, list(CARS), departure=departure).sort_values(
     "energy_wh", ascending=False
 )
 titles = [tw.load_vehicle(name).title for name in table["car"]]

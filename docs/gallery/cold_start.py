@@ -27,7 +27,7 @@ departure = tw.Departure(
 car = tw.load_vehicle("vw_id3")
 run = tw.simulate(town, car, departure)
 every = slice(None, None, 60 * STEP_MIN)  # of the samples, one each second
-table = run.frame()[every]
+table = run.to_frame()[every]
 driven_km = (
     cumulative_trapezoid(town.to_frame()["speed_m_s"], initial=0.0)[every] / 1000.0
 )

@@ -3,7 +3,8 @@ from .auditing import audit
 from .certification import describe_car
 from .errors import InvalidInput
 from .fleet.store import create_store, open_store
-from .forecasting import Forecast, ForecastModel, leaving_with, load_model, save_model, soc_needed
+from .forecasting import Forecast, ForecastModel, load_model, save_model
+from .forecasting.leaving import leaving_with, soc_needed
 from .population import for_car
 from .roads.advice import Advice, advise
 from .roads.journey import Journey, Need, Range, need, plan_journey, range_km

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import types
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
-from typing import cast, overload
+from typing import Any, cast, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -16,8 +18,8 @@ from tripwatt import routes
 from tripwatt.auditing import audit
 from tripwatt.errors import Check, Fault, InvalidInput, raise_faults
 from tripwatt.forecasting.fitting import fit_car
-from tripwatt.forecasting.forecast import Forecast
-from tripwatt.forecasting.model import DEFAULT_CORRECTOR, ForecastModel
+from tripwatt.forecasting.forecast import BAND, Forecast
+from tripwatt.forecasting.model import DEFAULT_CORRECTOR, ForecastModel, require_departure
 from tripwatt.hybrid import Corrector
 from tripwatt.physics import Simulation, simulate_trip
 from tripwatt.physics.batch import trip_totals
@@ -27,6 +29,8 @@ from tripwatt.routes.tracks import Track
 from tripwatt.sources import read_logs
 from tripwatt.sources.canonical import Frames, canonical_samples, read_canonical
 from tripwatt.trips import Departure, Plan, Trip, TripSet
+from tripwatt.trips.departure import FIELDS
+from tripwatt.units import with_units
 from tripwatt.vehicles import ALIASES, Vehicle, load_vehicle, vehicle_document, vehicle_from_document
 
 Route = Path | str | bytes | pd.DataFrame | Sequence[Mapping[str, float | None]]
@@ -173,12 +177,8 @@ def forecast(
     >>> forecast(plan, Departure(soc=0.8, ambient_temperature_degc=-5)).plan.departure
     Departure(soc=0.8, ambient_temperature_degc=-5)
     """
-    if departure is not None and not isinstance(departure, Departure):
-        got, fix = f"{departure!r}"[:40], "for example Departure(soc=0.8)"
-        raise InvalidInput.of("unknown type", "departure", got, "a Departure", fix)
-    if not isinstance(plan, Plan | Trip):
-        plan = read_route(plan)
-    return for_car(model, vehicle).forecast(plan, departure)
+    recorded = plan if isinstance(plan, Plan | Trip) else read_route(plan)
+    return for_car(model, vehicle).forecast(recorded, departure)
 
 
 def fit(
@@ -273,139 +273,147 @@ def adapt(base: ForecastModel, trips: Trips, vehicle: Vehicle | str) -> Forecast
     return adaptation(base, _sound(trips), _car(vehicle)).model
 
 
-@overload
-def simulate(trip: Plan | Trip, vehicle: Vehicle | str, departure: Departure | None = None) -> Simulation: ...
-@overload
 def simulate(
-    trip: Plan | Trip,
-    vehicle: list[Vehicle | str] | list[Vehicle] | list[str],
-    departure: Departure | None = None,
-) -> pd.DataFrame: ...
-@overload
-def simulate(
-    trip: Iterable[Plan | Trip], vehicle: Cars, departure: Departure | None = None
-) -> pd.DataFrame: ...
-def simulate(
-    trip: Plan | Trip | Iterable[Plan | Trip], vehicle: Cars, departure: Departure | None = None
-) -> Simulation | pd.DataFrame:
-    """Simulate one or many drives with one or many cars: physics alone, without a correction. O(samples).
-
-    Many drives are simulated side by side, a few times faster than one by one; the energies of a drive are the same either way.
-    The memory depends on the number of rows of the table, so drives may come from a generator.
+    trip: Plan | Trip | Route, vehicle: Vehicle | str, departure: Departure | None = None
+) -> Simulation:
+    """Simulate one drive with one car: physics alone, without a correction. O(samples). For many drives and cars, see `sweep`.
 
     Parameters
     ----------
-    trip : Plan or Trip, or an iterable of them
-        The drives. If a drive is a recorded trip, only what was known at its departure is used.
-    vehicle : Vehicle or str, or a sequence of them
-        The cars, or their names in the library.
+    trip : Plan or Trip, or what `read_route` reads
+        The drive. If it is a recorded trip, only what was known at its departure is used.
+    vehicle : Vehicle or str
+        The car, or its name in the library.
     departure : Departure, optional
-        Its known fields replace those of the plans.
+        Its known fields replace those of the plan.
 
     Returns
     -------
-    Simulation or DataFrame
-        For one drive with one car: power by cause, charge and temperatures at every step. Otherwise a table with one row for each
-        drive with each car, all cars of the first drive first: `trip`, `car`, `duration_s`, `distance_m`, `energy_wh` at the
-        battery terminals, `energy_<cause>_wh` by cause, `soc` of the battery management at the end [1], and `flags`, the codes of
-        the flags. ``attrs["units"]`` has the units of the columns.
+    Simulation
+        Power by cause, charge and temperatures at every step.
 
     Raises
     ------
     InvalidInput
-        When a drive cannot be simulated.
+        When the drive cannot be simulated.
 
     Examples
     --------
     >>> run = simulate(read_route([{"length_m": 5000.0, "speed_m_s": 20.0}]), "vw_id3")
     >>> bool(run.simulated_energy_wh > 0.0)
     True
-    >>> roads = [read_route([{"length_m": 5000.0, "speed_m_s": speed}]) for speed in (15.0, 30.0)]
-    >>> table = simulate(roads, ["vw_id3", "bmw_i3_60ah"], Departure(ambient_temperature_degc=-5))
-    >>> table["car"].tolist(), table.attrs["units"]["energy_air_wh"]
-    (['vw_id3', 'bmw_i3_60ah', 'vw_id3', 'bmw_i3_60ah'], 'Wh')
     """
-    cars = [_car(each) for each in ([vehicle] if isinstance(vehicle, Vehicle | str) else vehicle)]
-    if isinstance(trip, Plan | Trip):
-        if isinstance(vehicle, Vehicle | str):
-            return simulate_trip(cars[0], _plan(trip, departure))
-        trip = [trip]
-    plans = (_plan(each, departure) for each in trip)
-    return _totals_table((car, plan) for plan in plans for car in cars)
+    return simulate_trip(_car(vehicle), _plan(trip, departure))
 
 
 def sweep(
-    trip: Plan | Trip | Route,
-    vehicle: Vehicle | str,
-    values: Mapping[str, npt.ArrayLike],
+    trip: Plan | Trip | Route | Iterable[Plan | Trip],
+    vehicle: Cars,
+    values: Mapping[str, npt.ArrayLike] = types.MappingProxyType({}),
     departure: Departure | None = None,
+    *,
+    model: ForecastModel | Path | str | None = None,
 ) -> pd.DataFrame:
-    """Simulate a drive with every combination of some values of a car. O(samples x combinations).
+    """Simulate or forecast drives with cars and every combination of some values: one table. O(samples x combinations).
+
+    Many drives are simulated side by side, a few times faster than one by one; the energies of a drive are the same either way.
+    The memory depends on the number of rows of the table, so drives may come from a generator.
 
     Parameters
     ----------
-    trip : Plan or Trip, or what `read_route` reads
-        The drive, as for `simulate`.
-    vehicle : Vehicle or str
-        The car, or its name in the library.
+    trip : Plan or Trip, or an iterable of them, or what `read_route` reads
+        The drives, as for `simulate`.
+    vehicle : Vehicle or str, or a sequence of them
+        The cars, or their names in the library.
     values : mapping of str to (float or str), or to a sequence of these
-        Values to try for each entry of the car, by its key or short name as in `load_vehicle`: ``{"mass": [1300.0, 1500.0]}``.
+        Values to try: of a field of the departure, ``{"ambient_temperature_degc": [-10.0, 20.0], "season": ["winter"]}``, or of an
+        entry of the car, by its key or short name as in `load_vehicle`, ``{"mass": [1300.0, 1500.0]}``.
     departure : Departure, optional
-        Its known fields replace those of the plan.
+        Its known fields replace those of the plans; those of `values` replace its own.
+    model : ForecastModel or path, optional
+        Forecasts each drive with this model, as `forecast` does, instead of the simulation.
 
     Returns
     -------
     DataFrame
-        The table of `simulate`, with a column for each key of `values` after `car`; the last key varies fastest.
+        One row for each drive with each car and combination, the last key of `values` fastest: `trip`, `car`, a column for each key,
+        `duration_s`, `distance_m`, `energy_wh` and `flags`, the codes of the flags. A simulation has `energy_<cause>_wh` by cause and
+        `soc` of the battery management at the end [1]; a forecast has its interval of 90 %, `energy_low_wh` and `energy_high_wh`,
+        the displayed charge at the end, `displayed_soc` [1], and the probability to arrive, `p_arrive` [1]. ``attrs["units"]`` has
+        the units. With xarray, ``table.set_index(["trip", *values]).to_xarray()`` has an axis for each.
 
     Raises
     ------
     InvalidInput
-        With every unknown key, every value out of its bounds and every impossible combination; also when the drive cannot be
-        simulated.
+        With every unknown key, every value out of its bounds and every impossible combination; also when a drive cannot be simulated.
 
     Examples
     --------
-    >>> plan = read_route([{"length_m": 5000.0, "speed_m_s": 20.0}])
-    >>> table = sweep(plan, "vw_id3", {"mass": [1700.0, 1900.0], "battery.capacity_ah": [150.0, 170.0]})
+    >>> roads = [read_route([{"length_m": 5000.0, "speed_m_s": speed}]) for speed in (15.0, 30.0)]
+    >>> table = sweep(roads, ["vw_id3", "bmw_i3_60ah"], {"payload_mass_kg": [0.0, 300.0]}, Departure(soc=0.8))
+    >>> len(table), table["payload_mass_kg"].tolist()[:3], table.attrs["units"]["energy_air_wh"]
+    (8, [0.0, 300.0, 0.0], 'Wh')
+    >>> table = sweep(roads[0], "vw_id3", {"mass": [1700.0, 1900.0], "battery.capacity_ah": [150.0, 170.0]})
     >>> len(table), table.attrs["units"]["mass"], bool(table["energy_wh"][3] > table["energy_wh"][1])
     (4, 'kg', True)
     """
-    car, names = _car(vehicle), list(values)
+    cars = [_car(each) for each in ([vehicle] if isinstance(vehicle, Vehicle | str) else vehicle)]
     tried = [np.ravel(np.array(given, dtype=object)).tolist() for given in values.values()]
-    document, rows = vehicle_document(car), list(itertools.product(*tried))
+    names, rows, document = list(values), list(itertools.product(*tried)), cache(vehicle_document)
 
-    def made(row: Sequence[float | str]) -> Vehicle:
-        overrides = dict(zip(names, row, strict=True))
-        made = vehicle_from_document(document, car.name, car.name, overrides=overrides)
-        return replace(made, entries=car.entries)
+    def variant(car: Vehicle, row: Sequence[Any]) -> tuple[Vehicle, Departure | None]:
+        given = dict(zip(names, row, strict=True))
+        of_departure = {name: given.pop(name) for name in names if name in FIELDS}
+        if given:
+            made = vehicle_from_document(document(car), car.name, car.name, overrides=given)
+            car = replace(made, entries=car.entries)
+        return car, Departure(**of_departure) if of_departure else None
 
     with Check() as check:
         empty = [name for name, given in zip(names, tried, strict=True) if not given]
         check(raise_faults, [Fault("no values", name, "none", "at least one") for name in empty])
-        cars = [check(made, row) for row in rows]
-    plan = _plan(trip if isinstance(trip, Plan | Trip) else read_route(trip), departure)
-    table = _totals_table((made, plan) for made in cars)
-    for place, name in enumerate(names):
-        table.insert(2 + place, name, [row[place] for row in rows])
-        entry = car.entries.get(ALIASES.get(name, name))
-        table.attrs["units"] |= {} if entry is None else {name: entry.unit}
+        variants = [check(variant, car, row) for car in cars for row in rows]
+    plans = (_plan(each, departure) for each in _drives(trip))
+    pairs = ((car, plan.with_departure(known)) for plan in plans for car, known in variants)
+    table = pd.DataFrame(trip_totals(pairs) if model is None else _forecasts(for_car(model), pairs))
+    table["flags"] = [", ".join(flag.code for flag in flags) for flags in table.get("flags", [])]
+    columns = zip(names, zip(*rows, strict=True), strict=True)
+    axes = pd.DataFrame({name: np.resize(np.array(column), len(table)) for name, column in columns})
+    table = pd.concat([table.iloc[:, :2], axes, table.iloc[:, 2:]], axis=1)
+    known = {name: car.entries.get(ALIASES.get(name, name)) for car in cars for name in names}
+    with_units(table).attrs["units"] |= {name: entry.unit for name, entry in known.items() if entry}
     return table
 
 
-def _totals_table(pairs: Iterable[tuple[Vehicle, Plan]]) -> pd.DataFrame:
-    """A table with one row for each pair of a car and a plan; ``attrs["units"]`` has the units of its columns."""
-    totals = trip_totals(pairs)
-    totals["flags"] = [", ".join(flag.code for flag in flags) for flags in totals.get("flags", [])]
-    table = pd.DataFrame(totals)
-    suffixes = {"s": "s", "m": "m", "wh": "Wh", "soc": "1"}
-    endings = {name: name.rpartition("_")[2] for name in table.columns}
-    table.attrs["units"] = {name: suffixes[end] for name, end in endings.items() if end in suffixes}
-    return table
+def _drives(trip: Any) -> Iterable[Plan | Trip | Route]:
+    """One drive, or several: a list of links is one, a list of plans is not."""
+    of_links = isinstance(trip, Sequence) and any(isinstance(link, Mapping) for link in trip)
+    return [trip] if of_links or isinstance(trip, Plan | Trip | Path | str | bytes | pd.DataFrame) else trip
 
 
-def _plan(trip: Plan | Trip, departure: Departure | None) -> Plan:
-    return (trip if isinstance(trip, Plan) else Plan.from_trip(trip)).with_departure(departure)
+def _forecasts(model: ForecastModel, pairs: Iterable[tuple[Vehicle, Plan]]) -> Iterator[dict[str, Any]]:
+    of_car: dict[int, tuple[Vehicle, ForecastModel]] = {}
+    for car, plan in pairs:
+        made = of_car.setdefault(id(car), (car, for_car(model, car)))[1].forecast(plan)
+        low, high = made.interval(BAND)
+        yield {
+            "trip": plan.trip_id,
+            "car": car.name,
+            "duration_s": plan.duration_s,
+            "distance_m": plan.distance_m,
+            "energy_wh": made.energy_wh,
+            "energy_low_wh": low,
+            "energy_high_wh": high,
+            "displayed_soc": made.soc_arrival,
+            "p_arrive": made.p_arrive(),
+            "flags": made.flags,
+        }
+
+
+def _plan(trip: Plan | Trip | Route, departure: Departure | None) -> Plan:
+    require_departure(departure)
+    recorded = trip if isinstance(trip, Plan | Trip) else read_route(trip)
+    return (recorded if isinstance(recorded, Plan) else Plan.from_trip(recorded)).with_departure(departure)
 
 
 def _car(vehicle: Vehicle | str) -> Vehicle:

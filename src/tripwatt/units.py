@@ -2,7 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+SUFFIXES: Final = {
+    **{"s": "s", "m": "m", "wh": "Wh", "w": "W", "degc": "degC", "soc": "1", "v": "V", "a": "A", "kg": "kg"},
+    **{"m_s": "m/s", "deg": "deg", "ape": "1", "mape": "1"},
+}
+"""Ending of the name of a quantity -> its unit."""
 
 GRAVITY_M_S2: Final = 9.80665
 """Standard acceleration of gravity (CGPM 1901)."""
@@ -30,3 +39,21 @@ M_PER_FOOT: Final = 0.3048
 KG_PER_LB: Final = 0.45359237
 N_PER_LBF: Final = 4.4482216152605
 WH_PER_J: Final = 1.0 / 3600.0
+
+
+def with_units(table: pd.DataFrame) -> pd.DataFrame:
+    """Return a table with the units of its columns in ``attrs["units"]``, by the endings of their names.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> with_units(pd.DataFrame(columns=["trip", "speed_m_s", "energy_low_wh", "displayed_soc_low"])).attrs["units"]
+    {'speed_m_s': 'm/s', 'energy_low_wh': 'Wh', 'displayed_soc_low': '1'}
+    """
+    units: dict[str, str] = {}
+    for name in map(str, table.columns):
+        parts = name.removesuffix("_low").removesuffix("_high").rsplit("_", 2)
+        unit = SUFFIXES.get("_".join(parts[-2:])) or SUFFIXES.get(parts[-1])
+        units |= {} if unit is None else {name: unit}
+    table.attrs["units"] = units
+    return table

@@ -370,7 +370,7 @@ def test_a_drive_set_aside_for_two_reasons_has_both():
     short = jagged(100).assign(elevation_m=np.nan)
     stuck = audit([log(short.assign(voltage_v=np.where(np.arange(100) % 10, 390.0, 5.0)))])
     assert list(stuck.set_aside) == ["Log"]
-    assert len(stuck.frame()) == len(stuck.findings)
+    assert len(stuck.to_frame()) == len(stuck.findings)
     assert audit([log(jagged(121)), log(jagged(300), "Two")]).n_logs == 2
 
 

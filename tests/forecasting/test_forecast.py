@@ -454,6 +454,48 @@ def test_intervals_quantiles_and_probabilities(forecast):
     assert forecast.quantile(0.5) == pytest.approx(TOTAL_WH, **EXACT)
 
 
+def test_arrays_have_the_values_of_their_numbers_and_their_shape(forecast):
+    p = np.array([[0.05, 0.5], [0.8, 0.95]])
+    for function in (forecast.quantile, forecast.p_arrive, forecast.arrival.quantile):
+        assert function(p).tolist() == [[function(each) for each in row] for row in p.tolist()]
+    for interval in (forecast.interval, forecast.arrival.interval):
+        low, high = interval(p[:, 0])
+        assert list(zip(low, high, strict=True)) == [interval(level) for level in p[:, 0].tolist()]
+    with pytest.raises(InvalidInput, match="value out of range: p: got 95"):
+        forecast.quantile(np.array([0.5, 95.0]))
+
+
+def climbing() -> Forecast:
+    link = {"length_m": 20_000.0, "speed_m_s": 15.0}
+    return tw.forecast(tw.read_route([link]), tw.Departure(soc=0.4, ambient_temperature_degc=5.0))
+
+
+@pytest.mark.parametrize("kind", ["departure", "unknown heights", "power", "charge"])
+def test_sampled_drives_have_the_distributions_of_each_edge_and_of_the_arrival(forecast, kind):
+    """Kolmogorov-Smirnov distances of 4,000 draws; the correlation of two places is that of the covariance."""
+    if kind == "unknown heights":
+        forecast = climbing()
+    elif kind != "departure":
+        seen = powered() if kind == "power" else pd.DataFrame({"time_s": [0.0, 60.0], "soc": [0.6, 0.595]})
+        forecast = forecast.update_since_departure(seen)
+    hours = forecast.open_hours
+    sums = np.tril(np.broadcast_to(hours, (len(hours), len(hours))))
+    variance = np.diag(sums @ forecast.posterior.covariance_w2 @ sums.T)
+    assert np.sqrt(np.maximum(variance, 0.0)) == pytest.approx(forecast.posterior.sd_wh(hours), abs=1e-5)
+    drawn, p = forecast.sample(4000, seed=3), np.linspace(0.02, 0.98, 25)
+    along = forecast.along
+    end_wh, end_soc = drawn.cumulative_energy_wh[:, -1], drawn.displayed_soc[:, -1]
+    assert np.mean(end_wh[:, None] <= forecast.quantile(p), axis=0) == pytest.approx(p, abs=0.03)
+    assert np.mean(end_soc[:, None] <= forecast.arrival.quantile(p), axis=0) == pytest.approx(p, abs=0.03)
+    place = len(along.time_s) // 2
+    if along.charge_sd[place] > 0.0:
+        soc = np.array([along.soc(1.0 - each)[place] for each in p])
+        below = np.mean(drawn.displayed_soc[:, [place]] <= soc, axis=0)
+        assert below == pytest.approx(p, abs=0.035)
+    assert drawn.to_frame().groupby("draw")["cumulative_energy_wh"].last().to_list() == end_wh.tolist()
+    np.testing.assert_array_equal(forecast.sample(5, 1).displayed_soc, forecast.sample(5, 1).displayed_soc)
+
+
 @pytest.mark.parametrize("kind", ["interval", "arrival.interval"])
 def test_no_interval_holds_every_trip(forecast, kind):
     interval = attrgetter(kind)(forecast)

@@ -113,7 +113,8 @@ def test_a_training_trip_has_nothing_outside_and_a_longer_one_its_distance():
     ranges = training_ranges(table)
     longest = int(np.argmax([trip.duration_s for trip in trips]))
     one, departure = table.take([longest]), trips[longest].departure
-    assert compare(one, ranges, car, departure).outside == {}
+    assert compare(one, ranges, car, departure)[0] == []
     seen = ranges["duration_s"]
     shorter = ranges | {"duration_s": replace(seen, high=seen.high - 2.0 * seen.sd)}
-    assert compare(one, shorter, car, departure).outside == {"duration_s": pytest.approx(2.0)}
+    (flag,) = compare(one, shorter, car, departure)[0]
+    assert (flag.subject, flag.value) == ("duration_s", pytest.approx(2.0))

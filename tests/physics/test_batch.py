@@ -109,12 +109,6 @@ def test_a_long_drive_beside_short_ones_and_a_drive_larger_than_a_chunk():
         assert_same(simulate_trip(car, plan), run)
 
 
-def test_a_heavier_car_never_takes_less_on_a_level_road():
-    table = tw.sweep(drive(2, 600), I3, {"mass": np.linspace(1000.0, 2000.0, 21).tolist()})
-    assert (np.diff(table["energy_wh"]) > 0.0).all()
-    assert table["mass"].tolist() == np.linspace(1000.0, 2000.0, 21).tolist()
-
-
 def test_a_sweep_is_the_grid_of_its_values():
     values = {"c_rr": [0.008, 0.012], "climate.setpoint_degc": [18.0, 22.0, 26.0]}
     car = tw.load_vehicle(
@@ -130,6 +124,26 @@ def test_a_sweep_is_the_grid_of_its_values():
         )
         alone = tw.simulate(plan, own, tw.Departure(soc=0.7))
         assert table["energy_wh"][row] == pytest.approx(alone.simulated_energy_wh, rel=1e-9)
+
+
+def test_a_sweep_forecasts_along_departures():
+    model, plans, degrees = tw.load_model(), DRIVES[5:7], [-10.0, 20.0]
+    values = {"ambient_temperature_degc": degrees, "season": ["winter"]}
+    table = tw.sweep(plans, model.vehicle, values, tw.Departure(soc=0.7), model=model)
+    assert list(table.columns[:4]) == ["trip", "car", *values]
+    assert table.attrs["units"]["ambient_temperature_degc"] == "degC"
+    for row, (plan, degc) in enumerate(itertools.product(plans, degrees)):
+        departure = tw.Departure(soc=0.7, ambient_temperature_degc=degc, season="winter")
+        alone = model.forecast(plan, departure)
+        wanted = {
+            "energy_wh": alone.energy_wh,
+            "p_arrive": alone.p_arrive(),
+            "displayed_soc": alone.soc_arrival,
+        }
+        wanted |= dict(zip(("energy_low_wh", "energy_high_wh"), alone.interval(0.9), strict=True))
+        assert {name: table[name][row] for name in wanted} == wanted
+    links = [{"length_m": 5000.0, "speed_m_s": 20.0}]
+    assert np.diff(tw.sweep(links, I3, values)["energy_wh"]).item() < 0.0
 
 
 def test_all_faults_of_a_sweep_come_at_once():
@@ -149,11 +163,9 @@ def test_faults_of_many_drives_have_their_names():
 
 def test_rows_of_a_table_are_each_trip_with_each_car():
     trips = synthetic_fleet(3).trips
-    table = tw.simulate(trips, ["vw_id3", I3], tw.Departure(soc=0.6))
+    table = tw.sweep(trips, ["vw_id3", I3], departure=tw.Departure(soc=0.6))
     assert list(zip(table["trip"], table["car"], strict=True)) == list(
         itertools.product([trip.trip_id for trip in trips], ["vw_id3", "bmw_i3_60ah"])
     )
-    alone = tw.simulate(trips[1], I3, tw.Departure(soc=0.6))
-    assert table["energy_wh"][3] == pytest.approx(alone.simulated_energy_wh, rel=1e-9)
     assert set(table.attrs["units"]) == set(table.columns) - {"trip", "car", "flags"}
-    assert len(tw.simulate([], I3)) == 0
+    assert len(tw.sweep([], I3, {"mass": [1300.0]})) == 0

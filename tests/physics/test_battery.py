@@ -144,10 +144,3 @@ def test_an_empty_battery_gives_what_the_drive_takes(i3: Vehicle) -> None:
     assert low.power_w == pytest.approx(high.power_w)
     empty = low.soc < i3.battery.displayed_zero_soc
     assert np.ptp(low.current_a[empty][1:]) < 0.05 * low.current_a[-1]  # the cells warm a little
-
-
-def test_cold_and_empty_cells_resist_more(i3: Vehicle) -> None:
-    soc = np.array([0.05, 0.5, 0.5])
-    cold, warm = (internal_resistance(soc, np.full(3, t), i3.battery) for t in (-10.0, 25.0))
-    assert (cold > warm).all()
-    assert warm[0] > warm[1]

@@ -219,17 +219,6 @@ class TestCabin:
         run = self.run(i3, ambient, CabinStart(ambient, 22.0, 200.0))
         assert run.temperature_degc[-1] == pytest.approx(22.0, abs=1.0)
 
-    def test_cool_outside_air_spares_the_compressor(self, i3: Vehicle) -> None:
-        c = i3.climate
-        assert c is not None
-        run = self.run(i3, 15.0, CabinStart(24.0, 22.0, 500.0))
-        assert run.power_w[-1] <= c.blower_high_power_w
-
-    def test_heat_pump_takes_less(self, i3: Vehicle) -> None:
-        pump = load_vehicle("bmw_i3_60ah", overrides={"climate.heat_pump_max_heat_w": 4000.0})
-        start = CabinStart(0.0, 22.0, 0.0)
-        assert self.run(pump, 0.0, start).power_w.sum() < 0.75 * self.run(i3, 0.0, start).power_w.sum()
-
     @given(st.floats(-50.0, 40.0), st.floats(0.0, 20.0))
     def test_heat_pump_is_weaker_in_colder_air(self, ambient: float, colder: float) -> None:
         climate = load_vehicle("nissan_leaf_24").climate

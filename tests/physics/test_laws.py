@@ -239,7 +239,7 @@ def test_very_long_drive_empties_the_battery_without_an_error(i3: Vehicle) -> No
     run = simulate(i3, time, np.full(len(time), 33.0))
     assert any(flag.code == "battery_empty" for flag in run.flags)
     assert run.soc.min() >= 0.0
-    assert np.isfinite(run.frame().drop(columns=["cabin_temperature_degc"]).to_numpy()).all()
+    assert np.isfinite(run.to_frame().drop(columns=["cabin_temperature_degc"]).to_numpy()).all()
 
 
 @EXAMPLES
@@ -298,8 +298,8 @@ def test_nothing_measured_after_departure_enters(seed) -> None:
         values[0] = trip.samples[name].iloc[0]
         scrambled[name] = values
     car = load_vehicle("bmw_i3_60ah")
-    one = simulate_trip(car, trip).frame()
-    other = simulate_trip(car, Trip("t", scrambled, trip.context)).frame()
+    one = simulate_trip(car, trip).to_frame()
+    other = simulate_trip(car, Trip("t", scrambled, trip.context)).to_frame()
     pd.testing.assert_frame_equal(one, other, check_exact=True)
 
 

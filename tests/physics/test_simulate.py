@@ -84,7 +84,6 @@ class TestChain:
         force = (
             run.aero_drag_force_n + run.rolling_resistance_force_n + run.grade_force_n + run.inertia_force_n
         )
-        assert run.traction_force_n == pytest.approx(force, **EXACT)
         assert run.wheel_power_w == pytest.approx(force * [10.0, 15.0, 20.0], **EXACT)
 
     def test_powers_and_energies(self) -> None:
@@ -118,7 +117,7 @@ class TestChain:
         assert run.flags == ()
         assert run.battery_loss_w == pytest.approx([0.0] * 3, abs=1e-3)
         assert np.isnan(run.cabin_temperature_degc).all()
-        frame = run.frame()
+        frame = run.to_frame()
         assert frame["energy_air_wh"].to_numpy() == pytest.approx(by_cause["air"], **EXACT)
         assert "flags" not in frame
         assert "power_by_cause_w" not in frame

@@ -37,7 +37,7 @@ def by_cause(plan: tw.Plan) -> dict[str, float]:
     simulation = tw.simulate(plan, car)
     print(
         tw.sweep(plan, car, {"mass": [1300.0, 1500.0]})["energy_wh"].max(),
-        tw.simulate([plan], car)["soc"].min(),
+        tw.sweep([plan], car)["soc"].min(),
     )
     figure: Figure = simulation.plot(ax=Figure().subplots())
     figure.clear()

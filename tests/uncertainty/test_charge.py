@@ -10,8 +10,8 @@ from scipy.stats import t as student
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import ForecastModel
 from tripwatt.study.synthetic import synthetic_fleet
-from tripwatt.uncertainty.charge import CAPACITY_SD, NORMAL_SCALE, ChargeScale
 from tripwatt.uncertainty.charge import FULL as FULL_DISPLAY
+from tripwatt.uncertainty.charge import NORMAL_SCALE, ChargeScale
 from tripwatt.vehicles import load_vehicle
 
 
@@ -25,11 +25,6 @@ def test_published_charge() -> None:
     assert published.left(0.8, 4000.0) == pytest.approx(0.55)
     assert published.sd(-8000.0, True) == pytest.approx(np.hypot(0.01, 0.015))
     assert published.sd(8000.0, False) == pytest.approx(np.hypot(0.03, 0.015))
-
-
-def test_the_error_of_the_capacity_is_that_of_ageing():
-    """A battery loses 2 to 3 % of its energy a year, and as much for each 10 K below 20 °C."""
-    assert 0.02 <= CAPACITY_SD <= 0.05
 
 
 def test_seven_trips_are_too_few_and_eight_are_enough():

@@ -108,8 +108,7 @@ def results(
     Vp, F, R = np.zeros((3, p, p))
     coef = np.zeros(p)
     coef[active] = solution.beta
-    hat = solution.covariance @ solution.information
-    Vp[square], F[square] = solution.covariance, hat
+    Vp[square], F[square] = solution.covariance, solution.covariance @ solution.information
     R[square] = _square_root(solution.information)
     edf = np.diag(F).copy()
     root = np.sqrt(weights)

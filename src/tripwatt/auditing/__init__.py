@@ -55,7 +55,7 @@ class Audit:
     >>> result = audit(synthetic_fleet(2))
     >>> print(result)
     2 drives out of 2 logs are used, 0 are not
-    >>> list(result.frame().columns), result.set_aside
+    >>> list(result.to_frame().columns), result.set_aside
     (['trip', 'from_s', 'to_s', 'what', 'consequence'], {})
     """
 
@@ -94,7 +94,7 @@ class Audit:
             )
         )
 
-    def frame(self) -> pd.DataFrame:
+    def to_frame(self) -> pd.DataFrame:
         """Tabulate the findings.
 
         Returns

@@ -2,15 +2,8 @@
 
 from tripwatt.forecasting.difference import Difference
 from tripwatt.forecasting.forecast import Forecast
-from tripwatt.forecasting.leaving import leaving_with, soc_needed
 from tripwatt.forecasting.model import DEFAULT_CORRECTOR, ForecastModel
-from tripwatt.forecasting.storage import (
-    GIVEN,
-    load_metadata,
-    load_model,
-    model_folder,
-    save_model,
-)
+from tripwatt.forecasting.storage import GIVEN, load_metadata, load_model, save_model
 
 __all__ = [
     "DEFAULT_CORRECTOR",
@@ -18,10 +11,7 @@ __all__ = [
     "Difference",
     "Forecast",
     "ForecastModel",
-    "leaving_with",
     "load_metadata",
     "load_model",
-    "model_folder",
     "save_model",
-    "soc_needed",
 ]

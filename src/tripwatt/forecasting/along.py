@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Final
+from typing import Any, Final, TypeVar, cast
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from tripwatt.uncertainty.climb import Excess
 
 BAND: Final = (0.95, 0.05)
 """Probabilities that the charge exceeds the low end and the high end of the band along the road."""
+F = TypeVar("F", float, FloatArray)
+"""A number, or an array of numbers: the result has the shape of the argument."""
+
 STRAIGHT: Final = 0.75
 """Part of the way from the expected to the least energy over which `possible_energy` does not squeeze the lower half."""
 
@@ -104,22 +107,20 @@ class Along:
         return self.soc(BAND[0]), self.expected_soc, self.soc(BAND[1])
 
     @property
-    def empty_at_m(self) -> tuple[float | None, float | None, float | None]:
+    def empty_at_m(self) -> tuple[float | None, ...]:
         """Distance at which the display reaches 0 [m]: early, expected and late, at the ends of the 90 % band.
 
         An entry is None if that charge does not reach 0 on this trip.
         """
-        early, expected, late = (first_empty(charge, self.distance_m) for charge in self.soc_band)
-        return early, expected, late
+        return tuple(first_empty(charge, self.distance_m) for charge in self.soc_band)
 
     @property
-    def missing_wh(self) -> tuple[float, float, float]:
+    def missing_wh(self) -> tuple[float, ...]:
         """Energy that the trip takes beyond what the battery holds [Wh]: lowest, expected and highest of the 90 % band.
 
         An entry is 0 if the battery holds enough. The place with the lowest charge counts, even if it is before the end.
         """
-        low, expected, high = (self._missing_wh(charge) for charge in self.soc_band)
-        return high, expected, low
+        return tuple(map(self._missing_wh, reversed(self.soc_band)))
 
     @property
     def expected_missing_wh(self) -> float:
@@ -201,12 +202,55 @@ class Along:
             "displayed_soc_high": high,
         }
 
-    def quantiles(self, p: Sequence[float]) -> tuple[FloatArray, FloatArray]:
+    def draws(
+        self, normal: FloatArray, own: FloatArray, scenario: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Draws of energy [Wh] and displayed charge, each of shape (draws, edges), with the distributions of each edge.
+
+        Parameters
+        ----------
+        normal : ndarray, shape (draws, edges)
+            Error of the energy as a value of a standard normal distribution [1].
+        own : ndarray, shape (draws, 1)
+            Error of the charge beside that of the energy, likewise.
+        scenario : ndarray, shape (draws,)
+            Uniform values from 0 to less than 1 that choose the climb of each draw.
+        """
+        wh, sd_wh = self.wh_per_display, self.energy_sd_wh
+        more_wh = self.excess.draws(normal, sd_wh, scenario)
+        energy_wh = np.where(
+            more_wh < 0.0, possible_energy(self.energy_wh, -more_wh, self.min_wh), self.energy_wh + more_wh
+        )
+        charge_sd_wh = self.charge_sd * wh
+        share = np.divide(sd_wh, charge_sd_wh, out=np.ones(len(sd_wh)), where=charge_sd_wh > 0.0)
+        both = share * normal + np.sqrt(np.maximum(1.0 - share**2, 0.0)) * own
+        taken_wh = self.excess.draws(both, charge_sd_wh, scenario)
+        return energy_wh, np.clip(self.charge - taken_wh / wh, 0.0, 1.0)
+
+    def interval(self, level: F, of: int) -> tuple[F, F]:
+        """Central interval at the end of the trip of the energy (`of` = 0) or of the displayed charge (1); see `Forecast.interval`.
+
+        Raises
+        ------
+        InvalidInput
+            If a level is not in 0 to 1, or is 1: errors have no bound.
+        """
+
+        def ends(levels: FloatArray) -> FloatArray:
+            if (levels == 1.0).any():
+                raise InvalidInput.of("no interval holds every trip", "level", "1", "0 to less than 1")
+            half = 0.5 * levels
+            return self.quantiles(np.concatenate((0.5 - half, 0.5 + half)))[of].reshape(2, -1)
+
+        both: Any = at_fractions("level", level, ends)
+        return both[0], both[1]
+
+    def quantiles(self, p: Sequence[float] | FloatArray) -> tuple[FloatArray, FloatArray]:
         """Quantiles of energy and displayed charge at the end of the trip.
 
         Parameters
         ----------
-        p : sequence of float
+        p : sequence of float, or ndarray, shape (probabilities,)
             Probabilities.
 
         Returns
@@ -258,17 +302,17 @@ class Arrival:
         """Median of the displayed charge at arrival, 0 to 1; 0 if the battery does not last."""
         return float(np.clip(self.along.expected_soc[-1], 0.0, 1.0))
 
-    def quantile(self, p: float) -> float:
+    def quantile(self, p: F) -> F:
         """Quantile of the displayed charge at arrival.
 
         Parameters
         ----------
-        p : float
+        p : float or ndarray
             Probability, 0 to 1.
 
         Returns
         -------
-        float
+        float or ndarray, shape of `p`
             0 to 1.
 
         Examples
@@ -279,19 +323,19 @@ class Arrival:
         >>> round(arrival.quantile(0.5), 6) == round(arrival.soc, 6)
         True
         """
-        return float(self.along.quantiles([require_fraction("p", p)])[1][0])
+        return at_fractions("p", p, lambda levels: self.along.quantiles(levels)[1])
 
-    def interval(self, level: float) -> tuple[float, float]:
+    def interval(self, level: F) -> tuple[F, F]:
         """Central interval of the displayed charge at arrival, 0 to 1.
 
         Parameters
         ----------
-        level : float
+        level : float or ndarray
             Probability of the interval, 0 to less than 1, as for `Forecast.interval`.
 
         Returns
         -------
-        tuple of float
+        tuple of float or of ndarray, shape of `level`
             Lower and upper bound, 0 to 1.
 
         Examples
@@ -302,20 +346,19 @@ class Arrival:
         >>> [round(end, 6) for end in arrival.interval(0.9)] == [round(arrival.quantile(p), 6) for p in (0.05, 0.95)]
         True
         """
-        low, high = self.along.quantiles(interval_probabilities(level))[1].tolist()
-        return low, high
+        return self.along.interval(level, 1)
 
-    def probability(self, reserve: float) -> float:
+    def probability(self, reserve: F) -> F:
         """Probability of arriving with at least a displayed state of charge; see `Forecast.p_arrive`.
 
         Parameters
         ----------
-        reserve : float
+        reserve : float or ndarray
             Displayed state of charge to arrive with, 0 to 1.
 
         Returns
         -------
-        float
+        float or ndarray, shape of `reserve`
             0 to 1.
 
         Examples
@@ -326,7 +369,7 @@ class Arrival:
         >>> forecast.arrival.probability(0.1) == forecast.p_arrive(0.1)
         True
         """
-        return min(self.along.p_lasts, self.p_above(require_fraction("reserve", reserve)))
+        return at_fractions("reserve", reserve, lambda soc: np.minimum(self.along.p_lasts, self._above(soc)))
 
     def p_above(self, soc: float) -> float:
         """Probability that the displayed charge at arrival is at least `soc`.
@@ -349,23 +392,45 @@ class Arrival:
         >>> round(arrival.p_above(arrival.quantile(0.25)), 6)
         0.75
         """
+        return float(self._above(np.array([soc]))[0])
+
+    def _above(self, soc: FloatArray) -> FloatArray:
         along, wh = self.along, self.along.wh_per_display
         more_wh, sd_wh = (along.charge[-1:] - soc) * wh, along.charge_sd[-1:] * wh
-        return float(along.excess.end.probability_below(more_wh, sd_wh)[0])
+        return along.excess.end.probability_below(more_wh, sd_wh)
 
 
-def interval_probabilities(level: float) -> tuple[float, float]:
-    """Probabilities below the two ends of a central interval of probability `level`.
+def at_fractions(name: str, values: F, result: Callable[[FloatArray], FloatArray]) -> F:
+    """Return a function of fractions from 0 to 1 for a number as numbers, for an array in its shape.
+
+    Parameters
+    ----------
+    name : str
+        Name of the argument, quoted in the error message.
+    values : float or array_like
+        Fractions.
+    result : callable
+        Function from fractions, shape (n,), to values of shape (any, n) or (n,).
+
+    Returns
+    -------
+    float, list of float or ndarray
+        Values of shape (any, *shape of `values`).
 
     Raises
     ------
     InvalidInput
-        If the level is not in 0 to 1, or is 1: errors have no bound.
+        If a value is no number from 0 to 1.
+
+    Examples
+    --------
+    >>> at_fractions("p", 0.5, np.square), at_fractions("p", np.array([[0.5], [1.0]]), np.square).tolist()
+    (0.25, [[0.25], [1.0]])
     """
-    half = 0.5 * require_fraction("level", level)
-    if half == 0.5:
-        raise InvalidInput.of("no interval holds every trip", "level", f"{level}", "0 to less than 1")
-    return 0.5 - half, 0.5 + half
+    given: Any = np.array(values, dtype=object)
+    each: FloatArray = result(np.array([require_fraction(name, value) for value in given.ravel().tolist()]))
+    shaped: Any = each.reshape((*each.shape[:-1], *given.shape))
+    return cast("F", shaped if given.ndim else shaped.tolist())
 
 
 def first_empty(charge: FloatArray, distance_m: FloatArray) -> float | None:

@@ -52,7 +52,6 @@ def fit_with_provenance(
     vehicle: Vehicle,
     *,
     corrector: str = DEFAULT_CORRECTOR,
-    seed: int = 0,
     identified: bool = True,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[ForecastModel, dict[str, Any], dict[str, Any]]:
@@ -63,7 +62,6 @@ def fit_with_provenance(
     fleet : TripSet
     vehicle : Vehicle
     corrector : str
-    seed : int
     identified : bool
         Whether values of the car are first identified from logged signals (`hybrid.identification`), if the log has them:
         motor torque, heater and air conditioner, standing power, voltage at rest.
@@ -92,7 +90,7 @@ def fit_with_provenance(
     ('synthetic', 9)
     """
     sound = audit(fleet)
-    model, values = fit_car(sound.trips, vehicle, corrector, seed, identified=identified, progress=progress)
+    model, values = fit_car(sound.trips, vehicle, corrector, identified=identified, progress=progress)
     provenance = {
         **provenance_of(fleet, sound, model, [str(values)] if values and values.values else []),
         "identified": None if values is None else dict(values.values),

@@ -12,7 +12,7 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray, running_sum
 from tripwatt.errors import InvalidInput
-from tripwatt.forecasting.along import Along, Arrival, distance_below, interval_probabilities
+from tripwatt.forecasting.along import Along, Arrival, F, at_fractions, distance_below
 from tripwatt.forecasting.difference import Difference, Shared, sd_between
 from tripwatt.forecasting.document import (
     ARRIVAL_LEVELS,
@@ -35,6 +35,7 @@ from tripwatt.forecasting.measured import (
     since_departure,
 )
 from tripwatt.forecasting.plausible import battery_wh, contradicts_energy, implausible_faults
+from tripwatt.forecasting.trajectories import Trajectories
 from tripwatt.forecasting.update import updated_power
 from tripwatt.parallel import one_blas_thread
 from tripwatt.routes.links import FLAT_ROAD
@@ -47,7 +48,7 @@ from tripwatt.uncertainty import ChargeScale, ResidualPower, RouteUncertainty, U
 from tripwatt.uncertainty.charge import FULL
 from tripwatt.uncertainty.climb import ClimbingEnergy, Excess
 from tripwatt.uncertainty.free_flow import FreeFlowUncertainty
-from tripwatt.units import SECONDS_PER_HOUR
+from tripwatt.units import SECONDS_PER_HOUR, with_units
 from tripwatt.vehicles import Vehicle
 
 if TYPE_CHECKING:
@@ -218,17 +219,17 @@ class Forecast:
         error_wh, climb = float(self.along.energy_sd_wh[-1]), self.along.excess.climb
         return error_wh if climb is None else float(np.hypot(error_wh, climb.core_sd_wh[-1]))
 
-    def quantile(self, p: float) -> float:
+    def quantile(self, p: F) -> F:
         """Quantile of the energy of the whole trip [Wh], always above the least energy that the drive can take.
 
         Parameters
         ----------
-        p : float
+        p : float or ndarray
             Probability, 0 to 1.
 
         Returns
         -------
-        float
+        float or ndarray, shape of `p`
             Energy [Wh] that the trip stays below with this probability.
 
         Examples
@@ -236,23 +237,23 @@ class Forecast:
         >>> import tripwatt as tw
         >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
         >>> forecast = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
-        >>> round(forecast.quantile(0.5), 3) == round(forecast.energy_wh, 3)
-        True
+        >>> round(forecast.quantile(0.5), 3) == round(forecast.energy_wh, 3), forecast.quantile(np.array([0.05, 0.95])).shape
+        (True, (2,))
         """
-        return float(self.along.quantiles([require_fraction("p", p)])[0][0])
+        return at_fractions("p", p, lambda levels: self.along.quantiles(levels)[0])
 
-    def interval(self, level: float) -> tuple[float, float]:
+    def interval(self, level: F) -> tuple[F, F]:
         """Central interval of the energy of the whole trip [Wh].
 
         Parameters
         ----------
-        level : float
+        level : float or ndarray
             Probability of the interval, 0 to less than 1. The `n` scores of held-out trips support up to ``n / (n + 1)``; at higher
             levels the interval grows as that of a t distribution.
 
         Returns
         -------
-        tuple of float
+        tuple of float or of ndarray, shape of `level`
             Lower and upper bound [Wh].
 
         Examples
@@ -264,8 +265,53 @@ class Forecast:
         >>> round(low, 3) == round(forecast.quantile(0.05), 3), round(high, 3) == round(forecast.quantile(0.95), 3)
         (True, True)
         """
-        low, high = self.along.quantiles(interval_probabilities(level))[0].tolist()
-        return low, high
+        return self.along.interval(level, 0)
+
+    def sample(self, n: int, seed: int = 0) -> Trajectories:
+        """Draw drives along the whole road, such as for a simulation of a fleet or of a charging plan.
+
+        At each edge of the segments the draws have the distribution of the forecast, and at the end that of `arrival`. Along the
+        road the errors have the correlation of the residual power, of route and state, and of one unknown climb (a Gaussian copula).
+
+        Parameters
+        ----------
+        n : int
+            Number of draws, at least 1.
+        seed : int
+            The same seed gives the same draws.
+
+        Returns
+        -------
+        Trajectories
+            Energy and displayed charge, each of shape (draws, edges).
+
+        Raises
+        ------
+        InvalidInput
+            If `n` is less than 1.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> plan = tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}])
+        >>> forecast = tw.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+        >>> bool(abs(np.median(forecast.sample(2000).cumulative_energy_wh[:, -1]) / forecast.energy_wh - 1.0) < 0.02)
+        True
+        """
+        if n < 1:
+            raise InvalidInput.of("value out of range", "n", f"{n}", "1 or more")
+        along, hours, rng = self.along, self.open_hours, np.random.default_rng(seed)
+        sums = np.tril(np.broadcast_to(hours, (len(hours), len(hours))))
+        covariance = sums @ self.posterior.covariance_w2 @ sums.T
+        error_wh = rng.multivariate_normal(
+            np.zeros(len(hours)), covariance, n, check_valid="ignore", method="eigh"
+        )
+        error_wh *= self.sd_factor * self.rest_sd_factor
+        error_wh += rng.standard_normal((n, 1)) * _remaining_sd_wh(self)
+        sd_wh, normal = along.energy_sd_wh[1:], np.zeros((n, len(along.time_s)))
+        np.divide(error_wh, sd_wh, out=normal[:, 1:], where=sd_wh > 0.0)
+        drawn = along.draws(normal, rng.standard_normal((n, 1)), rng.uniform(size=n))
+        return Trajectories(along.time_s, along.distance_m, *drawn)
 
     def probability_below(self, energy_wh: float) -> float:
         """Probability that the trip takes less than `energy_wh`: the inverse of `quantile`.
@@ -307,7 +353,7 @@ class Forecast:
         """Displayed state of charge at the end of the trip, 0 to 1; 0 if the battery does not last."""
         return self.arrival.soc
 
-    def p_arrive(self, reserve: float = 0.0) -> float:
+    def p_arrive(self, reserve: F = 0.0) -> F:  # type: ignore[assignment]  # 0 is a number
         """Probability of arriving with at least `reserve` of displayed charge, 0 to 1.
 
         Energy, capacity and the display itself are uncertain. A car whose battery is empty on the way, such as on a pass,
@@ -315,12 +361,12 @@ class Forecast:
 
         Parameters
         ----------
-        reserve : float
+        reserve : float or ndarray
             Displayed state of charge to arrive with, 0 to 1.
 
         Returns
         -------
-        float
+        float or ndarray, shape of `reserve`
             0 to 1.
 
         Examples
@@ -550,7 +596,7 @@ class Forecast:
         >>> list(forecast.to_frame().columns[:3])
         ['time_s', 'distance_m', 'energy_wh']
         """
-        return pd.DataFrame(self.along.columns())
+        return with_units(pd.DataFrame(self.along.columns()))
 
     def plot(self, ax: Axes | None = None) -> Figure:
         """Plot energy and state of charge along the trip with their bands, and the energy by cause.
@@ -786,5 +832,4 @@ def with_route_error(
             flags.append(Flag("travel_time_error_unknown", "road"))
         if link_m > float(route.length_m[-1]):
             flags.append(Flag("links_too_long", "links", link_m, "m"))
-    wider = replace(forecast, route_sd_wh=route_sd_wh, flags=tuple(dict.fromkeys(flags)))
-    return with_empty_flag(wider)
+    return with_empty_flag(replace(forecast, route_sd_wh=route_sd_wh, flags=tuple(dict.fromkeys(flags))))

@@ -45,7 +45,7 @@ from tripwatt.hybrid.segments import driven_roads, driving_w
 from tripwatt.parallel import one_blas_thread
 from tripwatt.physics import simulate_trip
 from tripwatt.routes.terrain import net_climbs
-from tripwatt.trips import Departure, Flag, Plan, Trip, raise_faults
+from tripwatt.trips import Departure, Flag, Plan, Recorded, Trip, raise_faults
 from tripwatt.trips.messages import name_of
 from tripwatt.trips.showing import html_table, span
 from tripwatt.uncertainty import ChargeScale, LinkedTrips, RouteUncertainty, UncertaintyModel, linked_trips
@@ -351,6 +351,10 @@ class ForecastModel:
         >>> bool(cold.energy_wh > mild.energy_wh)
         True
         """
+        require_departure(departure)
+        if not isinstance(trip, Plan | Recorded):
+            fix = "make a plan with tripwatt.read_route"
+            raise InvalidInput.of("unknown type", "trip", type(trip).__name__, "a Plan or a Trip", fix)
         recorded = trip if isinstance(trip, Plan) else Plan.from_trip(trip)
         plan = recorded.with_departure(departure)
         corrector, uncertainty = self.fitted_parts("forecast")
@@ -367,7 +371,7 @@ class ForecastModel:
         segments = process_segments(table, factor, corrector.outside_factor(table))
         drive = ExpectedTrip(plan, self.vehicle, simulation, table, segments, corrector, correction)
         posterior = uncertainty.process.prior(segments)
-        unfamiliar = compare(table, self.ranges_, self.vehicle, plan.departure)
+        flags, unknown = compare(table, self.ranges_, self.vehicle, plan.departure)
         missing, covariate_sd_wh = corrector.unknown(table)
         forecast = Forecast(
             drive,
@@ -375,17 +379,17 @@ class ForecastModel:
             posterior,
             sd_factor=uncertainty.scale.sd_wh(segments) / float(posterior.sd_wh(segments.hours)[-1]),
             state_sd_wh=math.hypot(
-                unknown_state_sd_wh(self.vehicle, unfamiliar.unknown, float(segments.hours.sum()), is_off),
+                unknown_state_sd_wh(self.vehicle, unknown, float(segments.hours.sum()), is_off),
                 unknown_wind_sd_wh(self.vehicle, plan),
                 covariate_sd_wh,
                 unknown_air_sd_wh(self.vehicle, plan, simulation.simulated_energy_wh)
-                if "ambient_temperature_degc" in unfamiliar.unknown
+                if "ambient_temperature_degc" in unknown
                 else 0.0,
             ),
             climbing=None if plan.has_road else drive.climbing_energy(net_climbs(terrain)),
             flags=(
                 *self.flags,
-                *unfamiliar.flags,
+                *flags,
                 *(Flag("covariate_unknown", name) for name in missing),
                 *_assumed(drive),
                 *simulation.flags,
@@ -442,8 +446,11 @@ class ForecastModel:
         return html_table(f"ForecastModel {self._title()}", [("seen in training", ""), *rows] if rows else [])
 
 
-def _mape(held_out: Sequence[HeldOut]) -> float:
-    return float(np.mean([abs(trip.predicted_wh / trip.observed_wh - 1.0) for trip in held_out]))
+def require_departure(departure: object) -> None:
+    """Raise InvalidInput if an argument is neither a departure nor None."""
+    if departure is not None and not isinstance(departure, Departure):
+        got, fix = f"{departure!r}"[:40], "for example Departure(soc=0.8)"
+        raise InvalidInput.of("unknown type", "departure", got, "a Departure", fix)
 
 
 def _assumed(drive: ExpectedTrip) -> list[Flag]:

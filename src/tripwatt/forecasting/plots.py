@@ -64,15 +64,9 @@ def _waterfall(axis: Any, by_cause_wh: Mapping[str, float]) -> None:
     places = np.arange(len(sizes))
     axis.barh(places, sizes, left=ends - sizes, color=np.where(sizes >= 0, _ABOVE, _BELOW))
     axis.barh(len(sizes), ends[-1], color=_TOTAL)
-    for place, (end, size) in enumerate(zip(ends, sizes, strict=True)):
-        axis.annotate(
-            f"{round(size, 2) + 0.0:+.2f}",
-            (max(end, end - size), place),
-            (4, 0),
-            textcoords="offset points",
-            va="center",
-        )
-    axis.annotate(f"{ends[-1]:.2f}", (ends[-1], len(sizes)), (4, 0), textcoords="offset points", va="center")
+    texts = [*(f"{round(size, 2) + 0.0:+.2f}" for size in sizes), f"{ends[-1]:.2f}"]
+    for place, end in enumerate((*np.maximum(ends, ends - sizes), ends[-1])):
+        axis.annotate(texts[place], (end, place), (4, 0), textcoords="offset points", va="center")
     axis.set_yticks([*places, len(sizes)], [*(CAUSE_NAMES.get(k, k) for k in values), "total"])
     axis.invert_yaxis()
     reach = np.concatenate([ends, ends - sizes, [0.0]])

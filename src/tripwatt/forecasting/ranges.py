@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -40,30 +39,6 @@ FAR_K: Final = 10.0
 
 NEVER_KNOWN: Final = Range(-np.inf, np.inf, 1.0)
 """Range of a quantity that is unknown in all training trips."""
-
-
-@dataclass(frozen=True, slots=True)
-class Unfamiliar:
-    """Quantities of a trip outside the training ranges, and temperatures unknown at departure.
-
-    Attributes
-    ----------
-    outside : mapping of str to float
-        Quantity -> distance outside its range, in standard deviations.
-    unknown : mapping of str to float
-        Temperature that training trips have and the departure lacks -> assumed value [°C].
-    """
-
-    outside: Mapping[str, float] = field(default_factory=dict)
-    unknown: Mapping[str, float] = field(default_factory=dict)
-
-    @property
-    def flags(self) -> list[Flag]:
-        """One flag for each entry of `outside` and `unknown`."""
-        outside = [Flag("outside_training", name, beyond, "sd") for name, beyond in self.outside.items()]
-        return outside + [
-            Flag("usual_value_assumed", name, value, "degc") for name, value in self.unknown.items()
-        ]
 
 
 def unknown_state_sd_wh(
@@ -176,8 +151,16 @@ def kept_temperatures(plan: Plan, given: Departure | None) -> list[Flag]:
 
 def compare(
     table: SegmentTable, ranges: Mapping[str, Range], vehicle: Vehicle, departure: Departure
-) -> Unfamiliar:
-    """Compare the one trip of `table` with the training ranges."""
+) -> tuple[list[Flag], dict[str, float]]:
+    """Compare the one trip of `table` with the training ranges.
+
+    Returns
+    -------
+    flags : list of Flag
+        One for each quantity outside its range, in standard deviations, and for each unknown temperature.
+    unknown : dict of str to float
+        Temperature that training trips have and the departure lacks -> assumed value [°C].
+    """
     known = _watched(table)
     conditions = conditions_at_departure(vehicle, departure)
     cabin = conditions.cabin_start(vehicle)
@@ -188,15 +171,11 @@ def compare(
         "battery_temperature_degc": conditions.battery_start_degc,
     }
     outside = {name: float(ranges[name].beyond(value)) for name, value in known.items()}
-    return Unfamiliar(
-        {name: beyond for name, beyond in outside.items() if beyond > 0.0},
-        {
-            name: assumed[name]
-            for name in TEMPERATURES
-            # the corrector does not use a temperature that no training trip has
-            if not np.isfinite(known[name]) and np.isfinite(ranges[name].low)
-        },
-    )
+    flags = [Flag("outside_training", name, beyond, "sd") for name, beyond in outside.items() if beyond > 0.0]
+    # the corrector does not use a temperature that no training trip has
+    used = (name for name in TEMPERATURES if np.isfinite(ranges[name].low))
+    unknown = {name: assumed[name] for name in used if not np.isfinite(known[name])}
+    return [*flags, *(Flag("usual_value_assumed", *pair, "degc") for pair in unknown.items())], unknown
 
 
 def training_ranges(table: SegmentTable) -> dict[str, Range]:

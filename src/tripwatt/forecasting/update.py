@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from tripwatt.arrays import FloatArray
 from tripwatt.forecasting.expected import ExpectedTrip
 from tripwatt.forecasting.measured import Columns, Measured, PowerReadings
 from tripwatt.hybrid.climate_log import TOLD_BY, logged_climate
@@ -33,9 +32,13 @@ def updated_power(
     ahead = drive.edges_s[1:] > measured.until_s + 1e-9
     fraction = min(measured.until_s / float(drive.edges_s[-1]), 1.0)
     residual = readings.power_w - readings.mean_of(drive.power_w)
-    expected, logged = _climate_power(drive, samples) if process.split else (None, None)
-    needed = readings.touches(len(segments))
-    if expected is None or logged is None or not np.isfinite(logged[needed]).all():
+    told = process.split and any(name in samples for name in TOLD_BY)
+    logged = logged_climate(table_of(samples), drive.edges_s) if told else None
+    needed = (readings.mean_of(np.eye(len(segments))) > 0.0).any(
+        axis=0
+    )  # segments that a reading covers in part
+    expected = None if logged is None else drive.climate_w
+    if logged is None or expected is None or not np.isfinite(logged[needed]).all():
         joint = readings.condition(process.prior(segments), residual, readings.variance_w2)
         return shrinkage.applied("joint", joint, ahead, fraction), shrinkage.sd_factor(False, fraction)
     seen = readings.mean_of(np.nan_to_num(logged - expected))
@@ -49,14 +52,3 @@ def updated_power(
         climate = shrinkage.applied("climate", climate, ahead, fraction)
     driving = shrinkage.applied("drive", driving, ahead, fraction)
     return PowerSum((climate, driving), climate.mean_w + driving.mean_w), shrinkage.sd_factor(True, fraction)
-
-
-def _climate_power(
-    drive: ExpectedTrip, samples: Columns
-) -> tuple[FloatArray, FloatArray] | tuple[None, None]:
-    """Expected and measured power of climate control [W], NaN in unmeasured segments; None and None if either is unknown."""
-    if not any(name in samples for name in TOLD_BY):
-        return None, None
-    logged = logged_climate(table_of(samples), drive.edges_s)
-    expected = None if logged is None else drive.climate_w
-    return (None, None) if logged is None or expected is None else (expected, logged)

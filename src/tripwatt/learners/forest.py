@@ -171,7 +171,11 @@ class ClusteredForest(ClusteredTrees):
         self.counts_ = counts
         self.best_params_ = self._base() | forests[best].setting
         self.oob_error_ = errors[best]
-        self._keep(forests[best])
+        self.values_ = forests[best].values
+        # the leaf values are written into the booster, so that it alone can predict
+        widths = forests[best].leaves.max(axis=1) + 1
+        values = [values[:width] for values, width in zip(self.values_, widths, strict=True)]
+        self.booster_, self.position_ = forests[best].trees.with_values(values)
         return self
 
     def tuned(self) -> ClusteredForest:
@@ -264,13 +268,6 @@ class ClusteredForest(ClusteredTrees):
             losses = [_oob_losses(trial, sample, few == 0)[allowed] for trial in trials]
             best = int(np.argmin([mean_over_groups(loss) for loss in losses]))
         return self._grow(sample, counts, settings[best], seed), np.ones(len(counts), dtype=bool)
-
-    def _keep(self, forest: _Grown) -> None:
-        """Write the leaf values into the booster, so that the booster alone can predict."""
-        self.values_ = forest.values
-        widths = forest.leaves.max(axis=1) + 1
-        values = [values[:width] for values, width in zip(forest.values, widths, strict=True)]
-        self.booster_, self.position_ = forest.trees.with_values(values)
 
 
 def _bootstrap(n_trees: int, allowed: BoolArray, seed: int) -> IntArray:

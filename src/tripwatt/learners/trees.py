@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Any, ClassVar, Final
 
 import numpy as np
@@ -246,8 +247,11 @@ class ClusteredTrees(RegressorMixin, BaseEstimator):
         return {name: getattr(self, name) for name in self.settings_names}
 
     def _settings(self) -> list[dict[str, Any]]:
-        grid = self.default_grid if isinstance(self.param_grid, str) else self.param_grid
-        return _settings_of(self._base(), grid)
+        """All combinations of the grid of settings; raises InvalidInput with every name that is no setting."""
+        grid, base = self.default_grid if isinstance(self.param_grid, str) else self.param_grid, self._base()
+        what, allowed = "unknown setting in param_grid", ", ".join(sorted(base))
+        raise_faults(Fault(what, name, allowed=allowed) for name in grid or () if name not in base)
+        return [dict(zip(grid, row, strict=True)) for row in product(*grid.values())] if grid else [{}]
 
 
 def keep_arguments(estimator: Any, arguments: Mapping[str, Any]) -> None:
@@ -280,17 +284,6 @@ def _validate_rows(estimator: Any, X: Any, y: Any, *, reset: bool) -> tuple[Floa
         return validate_data(estimator, encoded, **options), None
     encoded, target = validate_data(estimator, encoded, y, y_numeric=True, **options)
     return encoded, np.asarray(target, dtype=float)
-
-
-def _settings_of(base: Mapping[str, Any], grid: Mapping[str, Sequence[Any]] | None) -> list[dict[str, Any]]:
-    """All combinations of a grid of settings; raises InvalidInput with every name that is not in the base settings."""
-    from itertools import product
-
-    if not grid:
-        return [{}]
-    what, allowed = "unknown setting in param_grid", ", ".join(sorted(base))
-    raise_faults(Fault(what, name, allowed=allowed) for name in grid if name not in base)
-    return [dict(zip(grid, values, strict=True)) for values in product(*grid.values())]
 
 
 def _check_parameters(estimator: Any, allowed: Mapping[str, Allowed]) -> None:

@@ -131,8 +131,7 @@ class DriveConditions:
         >>> [fault.where for fault in DriveConditions(initial_warmth=2.0).faults(load_vehicle("vw_id3"))]
         ['initial_warmth']
         """
-        columns = {name: name.removeprefix("initial_") for name in _WITH_COLUMN}
-        bounds = {name: (COLUMNS.get(key) or QUANTITIES[key]).bounds for name, key in columns.items()}
+        bounds = {name: column.bounds for name, column in _BOUNDED.items()}
         lightest_kg = -0.5 * vehicle.body.curb_mass_kg  # a test may be lighter than the car with its driver
         bounds["payload_mass_kg"] = lightest_kg, QUANTITIES["payload_mass_kg"].maximum
         bounds |= {"initial_warmth": (0.0, 1.0), "air_density_kg_m3": (0.0, 10.0)}
@@ -142,13 +141,9 @@ class DriveConditions:
                 yield Fault("value out of range", name, f"{value}", f"{low:g} to {high:g}")
 
 
-_WITH_COLUMN: Final = (
-    "ambient_temperature_degc",
-    "initial_soc",
-    "initial_battery_temperature_degc",
-    "initial_cabin_temperature_degc",
-    "cabin_setpoint_degc",
-    "solar_irradiance_w_m2",
-    "rain_mm_h",
-)
+_BOUNDED: Final = {
+    name: column
+    for name in DriveConditions.__dataclass_fields__
+    if (column := {**COLUMNS, **QUANTITIES}.get(name.removeprefix("initial_"))) is not None
+}
 """Values with the bounds of the column or quantity of their name without `initial_`."""

@@ -11,25 +11,6 @@ SUN_HEATS_CABINS_DEGC: Final = (10.0, 14.0)
 above the second one the sun may have heated the cabin. In between it counts in proportion."""
 
 
-def known_cabin(vehicle: Vehicle, given_degc: float | None, *, logged: bool) -> float | None:
-    """Cabin temperature [°C] if it is known, else None.
-
-    A logged reading at the lower end of the sensor's range is unknown: it shows only that the cabin is no warmer. A temperature
-    that a person gives (`logged` false) is taken as it is.
-
-    Examples
-    --------
-    >>> from tripwatt.vehicles import load_vehicle
-    >>> car = load_vehicle("bmw_i3_60ah")
-    >>> known_cabin(car, 21.0, logged=True), known_cabin(car, 10.0, logged=True), known_cabin(car, 10.0, logged=False)
-    (21.0, None, 10.0)
-    """
-    climate = vehicle.climate
-    if given_degc is None or climate is None or not logged:
-        return given_degc
-    return given_degc if given_degc > climate.sensor_minimum_degc else None
-
-
 def warmth_from_cabin(
     vehicle: Vehicle, cabin_degc: float | None, setpoint_degc: float | None, ambient_degc: float
 ) -> float:

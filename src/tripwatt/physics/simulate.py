@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -15,11 +16,11 @@ from tripwatt.physics.arguments import argument_faults
 from tripwatt.physics.cabin import CabinRun, CabinTask, condition_cabins, irradiance
 from tripwatt.physics.chain import CAUSE_NAMES, Trace, drive_chain
 from tripwatt.physics.conditions import UNKNOWN_AMBIENT_DEGC, DriveConditions
-from tripwatt.physics.departure import known_cabin, warmth_from_cabin
+from tripwatt.physics.departure import warmth_from_cabin
 from tripwatt.physics.road_load import air_density, grade_from_elevation
 from tripwatt.trips import Departure, Flag, Plan, PlanWeather, Recorded
 from tripwatt.trips.showing import period
-from tripwatt.units import WH_PER_J
+from tripwatt.units import WH_PER_J, with_units
 from tripwatt.vehicles import Vehicle, with_extras
 
 if TYPE_CHECKING:
@@ -73,7 +74,7 @@ class Simulation:
     --------
     >>> from tripwatt.vehicles import load_vehicle
     >>> run = simulate(load_vehicle("bmw_i3_60ah"), np.arange(60.0), np.full(60, 15.0))
-    >>> table = run.frame()
+    >>> table = run.to_frame()
     >>> len(table), float(table["energy_wh"].iloc[-1]) == run.simulated_energy_wh
     (60, True)
     """
@@ -118,13 +119,7 @@ class Simulation:
         hours = np.diff(self.time_s, prepend=self.time_s[:1]) * WH_PER_J
         return {cause: np.cumsum(power * hours) for cause, power in self.power_by_cause_w.items()}
 
-    @property
-    def traction_force_n(self) -> FloatArray:
-        """Force at the wheels that the trace needs [N], + propels."""
-        resistance = self.aero_drag_force_n + self.rolling_resistance_force_n
-        return resistance + self.grade_force_n + self.inertia_force_n
-
-    def frame(self) -> pd.DataFrame:
+    def to_frame(self) -> pd.DataFrame:
         """Put all arrays into one table.
 
         Returns
@@ -137,7 +132,7 @@ class Simulation:
         names = [n for n in self.__slots__ if n not in ("power_by_cause_w", "flags")]
         columns = {n: getattr(self, n) for n in names}
         columns |= {f"energy_{cause}_wh": e for cause, e in self.cumulative_by_cause_wh.items()}
-        return pd.DataFrame(columns)
+        return with_units(pd.DataFrame(columns))
 
     def plot(self, ax: Axes | None = None) -> Figure:
         """Plot the energy at the battery terminals over time, by cause and in total.
@@ -288,7 +283,9 @@ def conditions_at_departure(
     if ambient is None:
         ambient = UNKNOWN_AMBIENT_DEGC
     reading, setpoint = known.cabin_temperature_degc, known.cabin_setpoint_degc
-    cabin = known_cabin(vehicle, reading, logged=bool(known.cabin_logged))
+    # a logged reading at the lower end of the sensor's range shows only that the cabin is no warmer
+    lowest = vehicle.climate.sensor_minimum_degc if vehicle.climate and known.cabin_logged else -math.inf
+    cabin = reading if reading is None or reading > lowest else None
     warmth = warmth_from_cabin(vehicle, cabin, setpoint, ambient)
     if cabin is None:  # as cold as the outside air, but no warmer than the lower end of the sensor's range
         cabin = ambient if reading is None else min(reading, ambient)

@@ -487,7 +487,7 @@ def scores_of(own: FloatArray) -> ConformalScores:
     True
     """
     levels = (np.arange(_LEVELS) + 0.5) / _LEVELS
-    usual = np.array([t4_half_width(level) for level in levels.tolist()]) / np.sqrt(T_VARIANCE)
+    usual = t4_half_width(levels) / np.sqrt(T_VARIANCE)
     fading = MEMORY ** np.arange(len(own))[::-1]
     share = PRIOR_TRIPS / (PRIOR_TRIPS + fading.sum())
     # for the scale, errors are limited to three standard deviations; a choice

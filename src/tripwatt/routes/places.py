@@ -142,12 +142,14 @@ class Place:
         >>> street.is_called("Feldkirch"), street.is_called("feldkircherstrasse"), street.is_called("Nendeln")
         (False, True, False)
         """
-        first = self.name.partition(",")[0]
+        # without accents, and with accented letters typed as two
+        spellings = (
+            (plain_words(words), _WORD.findall(words.lower().translate(SPELLINGS)))
+            for words in (text, self.name.partition(",")[0], self.name)
+        )
         return any(
             set(first_words) <= set(typed) <= set(all_words)
-            for typed, first_words, all_words in itertools.product(
-                *map(_words_in_two_spellings, (text, first, self.name))
-            )
+            for typed, first_words, all_words in itertools.product(*spellings)
             if first_words
         )
 
@@ -225,11 +227,6 @@ class Place:
         )
         longitude = (math.degrees(lon + turn) + 540.0) % 360.0 - 180.0
         return Place(math.degrees(latitude), longitude)
-
-
-def _words_in_two_spellings(text: str) -> tuple[list[str], list[str]]:
-    """The words of a text in lower case in two spellings: without accents, and with accented letters typed as two."""
-    return plain_words(text), _WORD.findall(text.lower().translate(SPELLINGS))
 
 
 def plain_words(text: str) -> list[str]:

@@ -248,21 +248,14 @@ def route_from_graphhopper(response: Mapping[str, Any], where: str = "GraphHoppe
         position = distances_m(points, None if length.value is None else length.number(minimum=0.0))
         moving = speeds_at_points(details["average_speed"], len(points))
         times = intervals(details["time"], len(points))
-        pieces = np.array(
-            [
-                (position[end] - position[start], _number_or_zero(milliseconds), moving[start])
-                for start, end, milliseconds in times
-            ]
-        )
-        carried = carried_points(details, len(points))[[start for start, _, _ in times]]
+        milliseconds = [0.0 if value.value is None else value.number(minimum=0.0) for _, _, value in times]
+        start, end = np.array([row[:2] for row in times], dtype=np.int64).reshape(-1, 2).T
+        pieces = np.column_stack((position[end] - position[start], milliseconds, moving[start]))
+        carried = carried_points(details, len(points))[start]
     else:
         pieces, carried = step_pieces(steps_of(path, "instructions"), time_key="time"), None
     heights = None if points is None else heights_along(points)
     return route_from_pieces(pieces * (1.0, 1e-3, 1.0), where, heights, *flags, carried=carried)
-
-
-def _number_or_zero(node: Node) -> float:
-    return 0.0 if node.value is None else node.number(minimum=0.0)
 
 
 def _graphhopper_points(path: Node) -> FloatArray | None:

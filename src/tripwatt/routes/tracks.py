@@ -17,14 +17,12 @@ from tripwatt.routes.carried import pause_flags
 from tripwatt.routes.links import (
     FASTEST_LINK_M_S,
     FLAT_ROAD,
-    MAX_SAMPLES,
     MAX_TRAVEL_TIME_S,
     LinkRoute,
     link_ends,
 )
 from tripwatt.routes.places import heading_along, with_heading
 from tripwatt.routes.points import haversine_m, require_on_earth
-from tripwatt.routes.profile import LinkStyle
 from tripwatt.trips import COLUMNS, Departure, Flag, Pause, Plan, table_of
 from tripwatt.trips.columns import is_number
 from tripwatt.trips.gaps import SHORTEST_GAP_S
@@ -195,9 +193,6 @@ class Track:
         *,
         speed_m_s: float | None = None,
         trip_id: str = "route",
-        style: LinkStyle | None = None,
-        rng: np.random.Generator | None = None,
-        step_s: float = 1.0,
     ) -> Plan:
         """Make a plan of the track. The log of a drive keeps its own speed; any other track is converted to links. O(length / 4 m + samples).
 
@@ -207,12 +202,6 @@ class Track:
             Mean speed [m/s] of pieces without time and speed.
         trip_id : str
             Name of the plan.
-        style : LinkStyle, optional
-            How traffic and driver fill a link, as in `LinkRoute.plan`.
-        rng : numpy.random.Generator, optional
-            Draws stops and speeds, as in `LinkRoute.plan`.
-        step_s : float
-            Time between two samples [s].
 
         Returns
         -------
@@ -232,8 +221,8 @@ class Track:
         107
         """
         if self.is_log:
-            return self.driven_plan(trip_id=trip_id, step_s=step_s)
-        plan = self.links(speed_m_s).plan(trip_id=trip_id, style=style, rng=rng, step_s=step_s)
+            return self.driven_plan(trip_id=trip_id)
+        plan = self.links(speed_m_s).plan(trip_id=trip_id)
         position = self.position_m
         return with_heading(plan, self.latitude_deg, self.longitude_deg, position, float(position[-1]))
 
@@ -292,7 +281,7 @@ class Track:
         flags = (*flags, *height_flags)
         return LinkRoute(length, seconds, unknown, unknown, position, height, flags, pauses=pauses)
 
-    def driven_plan(self, *, trip_id: str = "track", step_s: float = 1.0) -> Plan:
+    def driven_plan(self, *, trip_id: str = "track") -> Plan:
         """A plan with the speed over time of a logged track. O(points).
 
         The speed is the mean over `_WINDOW_S` before and after each sample; below `_STANDING_M_S` it is 0.
@@ -301,18 +290,16 @@ class Track:
         ----------
         trip_id : str
             Name of the plan.
-        step_s : float
-            Time between two samples [s].
 
         Returns
         -------
         Plan
-            Speed over time from the first to the last point, and elevation if it is known.
+            Speed over time at every second from the first to the last point, and elevation if it is known.
 
         Raises
         ------
         InvalidInput
-            When the track has no times, implies a speed that no car reaches, or has too many gaps, or the step is out of range.
+            When the track has no times, implies a speed that no car reaches, or has too many gaps.
 
         Examples
         --------
@@ -330,11 +317,7 @@ class Track:
         last = np.append(np.flatnonzero(advances)[1:], len(self)) - 1
         known_s, driven = time_s[advances], self.position_m[last]
         span = float(known_s[-1])
-        finest = max(span / MAX_SAMPLES, 1e-3)
-        if not finest <= step_s <= MAX_TRAVEL_TIME_S:
-            allowed = f"{finest:g} to {MAX_TRAVEL_TIME_S:g} s"
-            raise InvalidInput.of("step out of range", "step_s", f"{step_s}", allowed)
-        time = np.arange(max(math.ceil(span / step_s - 1e-9), 1) + 1, dtype=np.float64) * step_s
+        time = np.arange(max(math.ceil(span - 1e-9), 1) + 1, dtype=np.float64)
         before, after = np.maximum(time - _WINDOW_S, 0.0), np.minimum(time + _WINDOW_S, span)
         after = np.maximum(after, before + 1e-9)
         speed = (np.interp(after, known_s, driven) - np.interp(before, known_s, driven)) / (after - before)
@@ -356,7 +339,7 @@ class Track:
         departure = Departure(departs_at=self.started_at)
         plan = Plan.from_trace(trip_id, table_of(columns), departure, flags=(*self.flags, *flags))
         heading = heading_along(self.latitude_deg, self.longitude_deg, self.position_m, at_m)
-        return replace(plan, step_s=step_s, heading_deg=heading, pauses=pauses)
+        return replace(plan, step_s=1.0, heading_deg=heading, pauses=pauses)
 
 
 def parse_times(

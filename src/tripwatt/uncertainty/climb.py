@@ -54,15 +54,12 @@ class ClimbingEnergy:
 
     def more_wh(self, climb_m: float, from_m: float = 0.0) -> float:
         """Energy that an even climb of `climb_m` from `from_m` to the end adds to that of a flat road [Wh]."""
-        ahead = float(self.distance_m[-1]) - from_m
-        if ahead <= 0.0:
-            return 0.0
         return float(self._more_wh(np.array([climb_m]), from_m)[0])
 
     def _more_wh(self, climbs_m: FloatArray, from_m: float) -> FloatArray:
         """`more_wh` for several climbs [Wh], shape (climbs,)."""
         even = self._energy_from(self.even_wh, from_m)[:, -1:]
-        grade = climbs_m[:, None] / (float(self.distance_m[-1]) - from_m)
+        grade = climbs_m[:, None] / max(float(self.distance_m[-1]) - from_m, 1e-9)
         return _interpolated(self.grade, even, grade)[:, 0]
 
     def climb_for(self, energy_wh: float, from_m: float = 0.0) -> float:
@@ -237,6 +234,24 @@ class Excess:
             return _error_quantiles_wh(self.scores, np.array([p]), sd_wh)
         return self.climb.quantile(self.scores, p, sd_wh) - self.expected_wh
 
+    def draws(self, normal: FloatArray, sd_wh: FloatArray, scenario: FloatArray) -> FloatArray:
+        """Draws of the excess at each place [Wh], shape (draws, places).
+
+        Parameters
+        ----------
+        normal : ndarray, shape (draws, places)
+            Error of each draw as a value of a standard normal distribution [1].
+        sd_wh : ndarray, shape (places,)
+            Standard deviation of the error [Wh].
+        scenario : ndarray, shape (draws,)
+            Uniform values from 0 to less than 1 that choose the climb of each draw.
+        """
+        error_wh = self.scores.errors(normal) * sd_wh - self.expected_wh
+        if self.climb is None:
+            return error_wh
+        chosen = np.searchsorted(np.cumsum(self.climb.weights[:-1]), scenario, side="right")
+        return np.asarray(error_wh + self.climb.offsets_wh[chosen])
+
     @cached_property
     def end(self) -> Excess:
         """The distribution at the end of the trip only."""
@@ -261,5 +276,4 @@ class Excess:
 
 def _error_quantiles_wh(scores: ConformalScores, p: FloatArray, sd_wh: FloatArray) -> FloatArray:
     """Quantiles of the error alone [Wh]; `p` has shape (places,) or (1,)."""
-    factors = [scores.factor(level) for level in np.abs(2.0 * p - 1.0).tolist()]
-    return np.asarray(np.sign(p - 0.5) * factors * sd_wh)
+    return np.asarray(np.sign(p - 0.5) * scores.factors(np.abs(2.0 * p - 1.0)) * sd_wh)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -74,7 +75,7 @@ class ConformalScores:
         """
         n = len(self.values)
         # 2 is the variance of a t distribution with four degrees of freedom
-        usual = np.array([t4_half_width(k / (n + 1)) for k in range(1, n + 1)]) / math.sqrt(2.0)
+        usual = t4_half_width(np.arange(1, n + 1) / (n + 1)) / math.sqrt(2.0)
         return ConformalScores(np.sqrt((1.0 - share) * self.values**2 + share * usual**2))
 
     def factor(self, level: float) -> float:
@@ -93,11 +94,14 @@ class ConformalScores:
         float
             Half width in standard deviations [1]; never falls with the level.
         """
+        return float(self.factors(np.array(level)))
+
+    def factors(self, level: FloatArray) -> FloatArray:
+        """Compute `factor` for many levels at once, shape of `level`."""
         n = len(self.values)
+        beyond = self.values[-1] * t4_half_width(np.minimum(level, 1.0 - 1e-9)) / t4_half_width(n / (n + 1))
         rank = level * (n + 1)
-        if rank <= n:
-            return float(np.interp(rank, self._ranks, self._from_zero))
-        return float(self.values[-1]) * t4_half_width(min(level, 1 - 1e-9)) / t4_half_width(n / (n + 1))
+        return np.where(rank <= n, np.interp(rank, self._ranks, self._from_zero), beyond)
 
     def probability(self, standardised: float) -> float:
         """Probability that the error is below `standardised` standard deviations: the inverse of `factor`.
@@ -141,6 +145,28 @@ class ConformalScores:
             level[beyond] = _t4_level(size[beyond] / last * t4_half_width(n / (n + 1))) if last > 0 else 1.0
         return np.asarray(0.5 + np.copysign(0.5 * level, standardised))
 
+    def errors(self, normal: FloatArray) -> FloatArray:
+        """Map values of a standard normal distribution to standardised errors of the same probability.
+
+        Parameters
+        ----------
+        normal : ndarray
+            Values of a standard normal distribution [1].
+
+        Returns
+        -------
+        ndarray
+            Errors over their standard deviation [1], shape of `normal`.
+
+        Examples
+        --------
+        >>> ConformalScores.from_errors([1.0, 0.5, 2.0]).errors(np.array([-0.6744898, 0.0, 1.1503494])).round(6).tolist()
+        [-1.0, 0.0, 2.0]
+        """
+        from scipy.special import erf
+
+        return np.asarray(np.copysign(self.factors(erf(np.abs(normal) / math.sqrt(2.0))), normal))
+
     @cached_property
     def _from_zero(self) -> FloatArray:
         return np.concatenate(([0.0], self.values))
@@ -160,11 +186,11 @@ def _t4_level(half_width: FloatArray) -> FloatArray:
     return np.asarray(0.5 * s * (3.0 - s**2))
 
 
-def t4_half_width(level: float) -> float:
+def t4_half_width(level: Any) -> Any:
     """Half width of the central interval of a t distribution with four degrees of freedom: the inverse of `_t4_level`.
 
     `level` is 0 to less than 1. The cubic in `s` has the root ``2 sin(arcsin(level) / 3)``; Shaw (2006), Sampling Student's t
     distribution.
     """
-    s = 2.0 * math.sin(math.asin(level) / 3.0)
-    return 2.0 * s / math.sqrt(1.0 - s**2)
+    s = 2.0 * np.sin(np.arcsin(level) / 3.0)
+    return 2.0 * s / np.sqrt(1.0 - s**2)

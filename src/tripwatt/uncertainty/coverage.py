@@ -93,12 +93,6 @@ class Coverage:
         """
         return clopper_pearson(self.inside, self.trips)
 
-    @property
-    def holds(self) -> bool:
-        """Whether the observed share is consistent with the level: the level lies in `ci95`."""
-        low, high = self.ci95
-        return low <= self.level <= high
-
 
 def clopper_pearson(hits: int, n: int, confidence: float = 0.95) -> tuple[float, float]:
     """Exact confidence interval of a proportion (Clopper and Pearson 1934).

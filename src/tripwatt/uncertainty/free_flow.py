@@ -8,7 +8,7 @@ and a local part (signals, queues) that evens out over the distance.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -113,20 +113,10 @@ class FreeFlowTrips:
         )
         return cls(tuple(trips), vehicle, links, shares)
 
-    def take(self, members: Sequence[int] | IntArray) -> FreeFlowTrips:
-        """Take some of the trips, by index."""
-        chosen = [int(i) for i in members]
-        return FreeFlowTrips(
-            tuple(self.trips[i] for i in chosen),
-            self.vehicle,
-            tuple(self.links[i] for i in chosen),
-            tuple(self.shares[i] for i in chosen) if self.shares else (),
-        )
-
-    def factors(self) -> TravelTimeFactors | None:
-        """Travel-time factors of these trips; None if no trip has links."""
-        known = [links for links in self.links if links is not None]
-        shown = [shares for shares in self.shares if shares is not None]
+    def factors(self, without: Collection[int] = ()) -> TravelTimeFactors | None:
+        """Travel-time factors of the trips, without some of them by index; None if no trip has links."""
+        known = [links for i, links in enumerate(self.links) if links is not None and i not in without]
+        shown = [shares for i, shares in enumerate(self.shares) if shares is not None and i not in without]
         share = moving_share(shown) if shown else 1.0
         return TravelTimeFactors.from_links(*zip(*known, strict=True), moving_share=share) if known else None
 
@@ -156,7 +146,7 @@ class FreeFlowTrips:
             Differences [1], NaN for trips that could not be planned.
         """
         differences = np.full(len(members), np.nan)
-        factors = self.take(np.setdiff1d(np.arange(len(self.trips)), members)).factors()
+        factors = self.factors(members.tolist())
         if factors is None:
             return differences
         for row, k in enumerate(members):

@@ -13,7 +13,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -45,39 +44,6 @@ class ComponentProcess:
     noise: float
     onset: float = 0.0
     onset_time_s: float = 1.0
-
-
-class ResidualPower(Protocol):
-    """Distribution of a trip's residual power.
-
-    A protocol: implemented by `PowerPrior` before departure, and by the distributions after measurements.
-
-    Examples
-    --------
-    >>> power: ResidualPower = PowerPrior(np.array([30.0]), np.full((1, 1), 60.0), (), np.zeros(1))
-    >>> power.mean_w.tolist(), power.sd_wh(np.array([0.5])).tolist()
-    ([0.0], [30.0])
-    """
-
-    @property
-    def mean_w(self) -> FloatArray:
-        """Mean residual power of each segment [W], shape (segments,)."""
-        ...
-
-    def sd_wh(self, hours: FloatArray) -> FloatArray:
-        """Compute the standard deviation of the cumulative residual energy at the end of each segment.
-
-        Parameters
-        ----------
-        hours : ndarray, shape (segments,)
-            Duration over which the power of each segment is added up [h].
-
-        Returns
-        -------
-        ndarray, shape (segments,)
-            Standard deviation [Wh].
-        """
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,6 +135,11 @@ class PowerPrior:
     def mean_w(self) -> FloatArray:
         """Zeros, shape (segments,)."""
         return np.zeros(len(self.time_s))
+
+    @property
+    def covariance_w2(self) -> FloatArray:
+        """See `ResidualPower.covariance_w2`. O(segments²)."""
+        return self.times(np.eye(len(self.time_s)))
 
     def sd_wh(self, hours: FloatArray) -> FloatArray:
         """Compute the standard deviation of the cumulative residual energy at the end of each segment. O(segments).
@@ -332,6 +303,13 @@ class MeasuredPower:
     X: FloatArray
     constant_covariance: FloatArray
 
+    @property
+    def covariance_w2(self) -> FloatArray:
+        """See `ResidualPower.covariance_w2`. O(segments³)."""
+        before = self.prior.covariance_w2
+        cross, error_w2 = before[:, self.seen], np.diag(self.variance_w2[self.seen])
+        return np.asarray(before - cross @ np.linalg.solve(cross[self.seen] + error_w2, cross.T))
+
     def sd_wh(self, hours: FloatArray) -> FloatArray:
         """See `ResidualPower.sd_wh`. O(segments x (1 + past segments with hours that count))."""
         prior, J = self.prior, len(self.prior.drifts)
@@ -357,7 +335,9 @@ class MeasuredPower:
         variance = np.cumsum(variance)
         # ahead: sums over segments of the power by the constants and the last drifts
         tail = np.arange(len(hours)) > last
-        reach = np.cumsum(np.where(tail, hours, 0.0)[:, None] * self._carried_all(last), axis=0)
+        carried = (_carried(prior, drift, last) for drift in prior.drifts)
+        power_w = np.column_stack([prior.constant_w, *carried])  # by unit constants and unit last drifts
+        reach = np.cumsum(np.where(tail, hours, 0.0)[:, None] * power_w, axis=0)
         state = np.block([[self.constant_covariance, cross[m:].T], [cross[m:], inner[m:, m:]]])
         with_behind = np.concatenate([at @ cross[:m], at @ inner[:m, m:]])
         variance += np.einsum("ij,jk,ik->i", reach, state, reach) + 2.0 * reach @ with_behind
@@ -366,11 +346,6 @@ class MeasuredPower:
             variance += drift_variance(prior.time_s, weight, drift.time_s) - reach[:, k + j] ** 2
         variance += np.cumsum(hours**2 * prior.new_w2 * known)
         return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
-
-    def _carried_all(self, last: int) -> FloatArray:
-        """Expected power of each segment by unit constants and unit last drifts [W], shape (segments, constants + drifts)."""
-        drifts = [_carried(self.prior, drift, last)[:, None] for drift in self.prior.drifts]
-        return np.concatenate([self.prior.constant_w, *drifts], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -390,6 +365,11 @@ class AveragedPower:
     prior: PowerPrior
     mean_w: FloatArray
     factor_w: FloatArray
+
+    @property
+    def covariance_w2(self) -> FloatArray:
+        """See `ResidualPower.covariance_w2`. O(segments²)."""
+        return np.asarray(self.prior.covariance_w2 - self.factor_w @ self.factor_w.T)
 
     def sd_wh(self, hours: FloatArray) -> FloatArray:
         """See `ResidualPower.sd_wh`. O(segments x readings)."""
@@ -412,9 +392,19 @@ class PowerSum:
     parts: tuple[ResidualPower, ...]
     mean_w: FloatArray
 
+    @property
+    def covariance_w2(self) -> FloatArray:
+        """See `ResidualPower.covariance_w2`; the covariances of the parts add up."""
+        return np.asarray(np.sum([part.covariance_w2 for part in self.parts], axis=0))
+
     def sd_wh(self, hours: FloatArray) -> FloatArray:
         """See `ResidualPower.sd_wh`; the variances of the parts add up."""
         return np.asarray(np.linalg.norm([part.sd_wh(hours) for part in self.parts], axis=0))
+
+
+ResidualPower = PowerPrior | MeasuredPower | AveragedPower | PowerSum
+"""Distribution of a trip's residual power: before departure, and after measurements. Each has the mean `mean_w` of each segment [W],
+their covariance `covariance_w2` [W²], and `sd_wh(hours)`, the standard deviation of the cumulative energy [Wh]."""
 
 
 def _carried(prior: PowerPrior, drift: Drift, last: int) -> FloatArray:

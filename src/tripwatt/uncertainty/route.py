@@ -19,7 +19,7 @@ from typing import Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray, IntArray
-from tripwatt.errors import InvalidInput
+from tripwatt.errors import or_none
 from tripwatt.hybrid import PowerCorrector, SegmentTable, segment_table
 from tripwatt.physics import simulate_trip
 from tripwatt.routes import plan_on_links
@@ -187,12 +187,10 @@ def linked_trips(trips: Sequence[Trip], vehicle: Vehicle) -> LinkedTrips:
     1
     """
     chosen = {int(i) for i in np.linspace(0, len(trips) - 1, min(len(trips), MAX_TRIPS)).round()}
-    return LinkedTrips(tuple(_on_links(t, vehicle) if i in chosen else () for i, t in enumerate(trips)))
+    cut = (or_none(_on_links, trip, vehicle) if i in chosen else None for i, trip in enumerate(trips))
+    return LinkedTrips(tuple(tables or () for tables in cut))  # a log that cannot be cut has no link error
 
 
 def _on_links(trip: Trip, vehicle: Vehicle) -> tuple[SegmentTable, ...]:
-    try:
-        plans = [plan_on_links(trip, length) for length in LENGTHS_M]
-        return tuple(segment_table(plan, simulate_trip(vehicle, plan)) for plan in plans)
-    except InvalidInput:  # a log that cannot be cut into links has no link error
-        return ()
+    plans = [plan_on_links(trip, length) for length in LENGTHS_M]
+    return tuple(segment_table(plan, simulate_trip(vehicle, plan)) for plan in plans)

@@ -210,7 +210,8 @@ class Coastdown:
         run = cls.from_row(row)
         if "drag_coefficient" in row:
             return run.with_drag_area(row["drag_coefficient"][0].number * row["frontal_area"][0].number)
-        return run.with_linear_part(_usual_linear_part_s_m() * run.weight_n)
+        change = (_usual_linear_part_s_m() * run.weight_n - run.b_n_s_m) / sum(SPLIT_SPEEDS_M_S)
+        return run.with_drag_area(2.0 * (run.c_n_s2_m2 - change) / ROAD_LOAD_DENSITY_KG_M3)
 
     def with_drag_area(self, drag_area_m2: float) -> Coastdown:
         """Split the force anew: C follows from a drag area, A and B take the rest.
@@ -236,11 +237,6 @@ class Coastdown:
         return Coastdown(
             self.a_n - removed * low * high, self.b_n_s_m + removed * (low + high), c, self.mass_kg
         )
-
-    def with_linear_part(self, b_n_s_m: float) -> Coastdown:
-        """Split the force anew: B is given, A and C take the rest."""
-        change = (b_n_s_m - self.b_n_s_m) / sum(SPLIT_SPEEDS_M_S)
-        return self.with_drag_area(2.0 * (self.c_n_s2_m2 - change) / ROAD_LOAD_DENSITY_KG_M3)
 
     @property
     def weight_n(self) -> float:
