@@ -38,7 +38,7 @@ def render_short(results: Mapping[str, Any]) -> str:
     view = View(results)
     note = (
         "The best model of each kind and, in bold, the forecast that tripwatt gives, on trips that they were not fitted on, "
-        f"{view.given}."
+        f"{view.protocol.given}."
     )
     table = markdown(short_table(view, difference_column(view)))
     return "\n\n".join([table, f"{note} {_significant()} {on_names(view)}"])

@@ -99,7 +99,8 @@ def evaluate(
             write_whole(lambda folder: _write(run, folder), out, unfinished)
     from tripwatt.study.report import View, short_table
 
-    last = f"Report, with all models and the notes of the run: {out / 'report.html'}"
+    failed = [note for note in run.results["notes"] if " trips scored; " in note]
+    last = "\n".join((*failed, f"Report, with all models and the notes of the run: {out / 'report.html'}"))
     return Answer(run.results, partial(_show, (short_table(View(run.results)),), last))
 
 

@@ -174,17 +174,39 @@ def test_data_only_sees_nothing_simulated(prepared):
     np.testing.assert_array_equal(one, two)
 
 
+def charged_first(trip: Trip) -> Trip:
+    """A trip of the same energy whose first 60 % give back 8 kW more than they did."""
+    late = np.arange(len(trip)) >= 0.6 * len(trip)
+    moved_w = np.where(late, 8000.0 * np.sum(~late) / np.sum(late), -8000.0)
+    changed = trip.samples.assign(current_a=trip.array("current_a") + moved_w / trip.array("voltage_v"))
+    return dataclasses.replace(trip, samples=changed)
+
+
 @pytest.fixture(scope="module")
 def whole(fleet):
+    """An evaluation in which the first trip breaks a law of physics on the way."""
+    trips = (charged_first(fleet.trips[0]), *fleet.trips[1:])
     hold_out = "leave_one_trip_out:audited"
-    return evaluate(fleet, protocol=QUICK, models=FAST, hold_outs=hold_out, execution=Execution(n_jobs=1))
+    return evaluate(trips, protocol=QUICK, models=FAST, hold_outs=hold_out, execution=Execution(n_jobs=1))
+
+
+def test_a_trip_that_fails_is_a_row_with_its_reason_and_in_no_score(whole, fleet):
+    (row,) = whole.failed.to_dict("records")
+    assert (row["trip"], row["model"]) == (fleet.trips[0].trip_id, "hybrid")
+    assert row["reason"].startswith("less energy than the drive takes")
+    assert set(whole.to_frame()["n_trips"]) == {10}
+    assert row["trip"] not in set(whole.folds["trip"])
+    (note,) = [note for note in whole.results["notes"] if "failed" in note]
+    assert note.startswith(
+        f"leave_one_trip_out:audited: 10 of 11 trips scored; 1 failed: {row['trip']} (less"
+    )
 
 
 def test_results_hold_the_contract(whole, tmp_path):
     run = whole
     write_results(run, tmp_path)
     results = json.loads((tmp_path / "results.json").read_text())
-    assert {"learning_curve", "strata", "paired", "evaluations"} <= set(results)
+    assert {"learning_curve", "strata", "paired", "evaluations", "failed"} <= set(results)
     for evaluation in results["evaluations"]:
         hybrid = evaluation["models"]["hybrid"]
         assert list(hybrid["coverage"]) == ["0.5", "0.8", "0.9", "0.95"]

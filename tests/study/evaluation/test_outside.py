@@ -36,7 +36,7 @@ class PerKilometre:
         self.given = given
 
     def __deepcopy__(self, memo):
-        return PerKilometre(self.given)
+        return type(self)(self.given)
 
     def fit(self, trips):
         self.ids = [trip.trip_id for trip in trips]
@@ -46,6 +46,11 @@ class PerKilometre:
     def predict(self, trip):
         self.given.append((trip, self.ids))
         return self.wh_m * trip.distance_m
+
+
+class Never(PerKilometre):
+    def predict(self, trip):
+        raise ZeroDivisionError("no trip has a price")
 
 
 class Unclear:
@@ -79,6 +84,11 @@ def test_a_whole_model_gets_plans_of_trips_that_it_was_not_fitted_on(fleet, prot
         wh_m = sum(t.observed_energy_wh for t in others) / sum(Plan.from_trip(t).distance_m for t in others)
         assert row["predicted_energy_wh"] == pytest.approx(wh_m * Plan.from_trip(trips[name]).distance_m)
     assert rows["simulated_energy_wh"].tolist() == [0.0] * 9
+
+
+def test_an_evaluation_without_a_prediction_raises_the_reason(fleet):
+    with pytest.raises(tw.InvalidInput, match=r"no trip was scored.*ZeroDivisionError: no trip has a price"):
+        tw.evaluate(fleet, models=["constant", Never([])], hold_outs=ONE, execution=HERE)
 
 
 def test_a_regressor_corrects_the_simulation_of_the_paper(fleet):

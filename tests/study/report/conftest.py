@@ -174,7 +174,11 @@ def run() -> SimpleNamespace:
 @pytest.fixture(scope="session")
 def panels(run: SimpleNamespace) -> dict[str, Panel]:
     """All panels of `run` by their keys."""
-    return {panel.key: panel for panels in build_sections(View.from_run(run)).values() for panel in panels}
+    return {
+        panel.key: panel
+        for panels in build_sections(View(run.results, run.folds, run.gamm)).values()
+        for panel in panels
+    }
 
 
 @pytest.fixture(scope="session")

@@ -26,7 +26,7 @@ MODELS = [name for name in STYLES if not name.startswith(("hybrid", "power-", "p
 
 @pytest.fixture(scope="module")
 def view(run: SimpleNamespace) -> View:
-    return View.from_run(run)
+    return View(run.results, run.folds, run.gamm)
 
 
 @pytest.fixture(scope="module")

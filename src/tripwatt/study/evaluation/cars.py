@@ -24,10 +24,9 @@ from tripwatt.errors import Check, Fault, InvalidInput, raise_faults
 from tripwatt.files import MAX_TEXT_BYTES, parse_toml, read_text_file
 from tripwatt.forecasting import ForecastModel, load_model
 from tripwatt.forecasting.fitting import versions
-from tripwatt.forecasting.model import MIN_TRIPS
 from tripwatt.hybrid import SegmentTable, segment_trips
 from tripwatt.hybrid.factors import SDS, TripEvidence
-from tripwatt.hybrid.learning import KINDS, Experts
+from tripwatt.hybrid.learning import KINDS
 from tripwatt.hybrid.parameters import on_road
 from tripwatt.learners.folds import Split, held_out
 from tripwatt.population import Adaptation
@@ -259,7 +258,7 @@ def _score(
     published = without_data(car.vehicle, car.dataset)
     experts = others.experts(published)
     learners: dict[str, Learner] = {
-        "population": partial(_population_residuals, experts),
+        "population": lambda train, test: experts.learn(train)[0].predict(test)[0],
         "constant": partial(
             _constant_residuals, lengths={trip.trip_id: trip.distance_m for trip in car.trips}
         ),
@@ -370,10 +369,6 @@ def _mean_over_draws(scores: Sequence[Mapping[str, float]]) -> dict[str, Any]:
     }
 
 
-def _population_residuals(experts: Experts, train: TripEvidence, test: TripEvidence) -> FloatArray:
-    return experts.learn(train)[0].predict(test)[0]
-
-
 def _constant_residuals(train: TripEvidence, test: TripEvidence, lengths: Mapping[str, float]) -> FloatArray:
     """Residuals of a forecast with one energy per metre, fitted to the known trips."""
     rate = train.observed_wh.sum() / sum(lengths[name] for name in train.trip_ids)
@@ -395,11 +390,9 @@ def _by_cause_residuals(train: TripEvidence, test: TripEvidence) -> FloatArray:
     return np.asarray(test.factors_wh @ np.linalg.solve(gram, (X.T / variance) @ train.residual_wh))
 
 
-def _own_model(vehicle: Vehicle, table: SegmentTable) -> dict[str, float] | None:
-    """Score the default model, fitted to the first half of the car's trips alone, on the second; returns None for too few trips."""
+def _own_model(vehicle: Vehicle, table: SegmentTable) -> dict[str, float]:
+    """Score the default model, fitted to the first half of the car's trips alone, on the second."""
     half = len(table) // 2
-    if half < MIN_TRIPS:
-        return None
     model = ForecastModel(vehicle).fit_segments(table.take(np.arange(half)))
     second = table.take(np.arange(half, len(table)))
     assert model.corrector_ is not None

@@ -55,6 +55,28 @@ class Comparison:
     specs: tuple[ModelSpec, ...]
     results: tuple[FoldResult, ...] = ()
 
+    @property
+    def _about(self) -> dict[str, str]:
+        return {"scheme": self.hold_out.scheme, "trips": self.hold_out.trips}
+
+    @property
+    def failed(self) -> list[dict[str, str]]:
+        """Return `scheme`, `trips`, `trip`, `model` and `reason` of each prediction that failed."""
+        about, names = self._about, self.hold_out.table.trip_ids
+        return [
+            about | {"trip": names[trip], "model": result.model, "reason": reason}
+            for result in self.results
+            for trip, reason in result.failed.items()
+        ]
+
+    def without_failed(self) -> Comparison:
+        """Return the comparison on the trips that every model predicted in every split, so that all scores are over the same trips."""
+        failed = np.array(sorted({trip for result in self.results for trip in result.failed}), dtype=np.int64)
+        splits = [replace(s, test=s.test[~np.isin(s.test, failed)]) for s in self.hold_out.splits]
+        hold_out = replace(self.hold_out, splits=tuple(split for split in splits if len(split.test)))
+        results = (result.without(failed) for result in self.results)
+        return replace(self, hold_out=hold_out, results=tuple(r for r in results if len(r.split.test)))
+
     def results_of(self, model: str) -> list[FoldResult]:
         """Return the results of a model."""
         return [result for result in self.results if result.model == model]
@@ -89,8 +111,7 @@ class Comparison:
         for spec in self.specs:
             predicted, simulated = self.energies_wh(spec.name), table.simulated(spec.simulation)[last]
             columns = {
-                "scheme": self.hold_out.scheme,
-                "trips": self.hold_out.trips,
+                **self._about,
                 "trip": [table.trip_ids[i] for i in scored],
                 "model": spec.name,
                 "observed_energy_wh": observed,
@@ -129,19 +150,13 @@ class Comparison:
                 },
                 **median_times(results),
             }
-        return {
-            "scheme": self.hold_out.scheme,
-            "trips": self.hold_out.trips,
-            "n_trips": len(self.hold_out.scored),
-            "models": models,
-        }
+        return {**self._about, "n_trips": len(self.hold_out.scored), "models": models}
 
     def paired(self, seed: int) -> list[dict[str, Any]]:
         """Compare every pair of models over the scored trips; the bootstrap draws days."""
         days = [self.hold_out.table.days[i] for i in self.hold_out.scored]
-        where = {"scheme": self.hold_out.scheme, "trips": self.hold_out.trips}
         return [
-            {"a": a, "b": b, **asdict(paired_difference(self.ape(a), self.ape(b), seed, days)), **where}
+            {"a": a, "b": b, **asdict(paired_difference(self.ape(a), self.ape(b), seed, days)), **self._about}
             for a, b in itertools.combinations((spec.name for spec in self.specs), 2)
         ]
 

@@ -87,10 +87,6 @@ def forecast_frame(
     return pd.concat([pd.DataFrame(columns), about], axis=1)
 
 
-def _or_nan(value: float | None) -> float:
-    return float("nan") if value is None else value
-
-
 def departure_table(data: ForecastData, members: IntArray) -> pd.DataFrame:
     """Tabulate what strata are divided by, known at departure: one row per trip."""
     plans = [data.plans[i] for i in members]
@@ -101,8 +97,8 @@ def departure_table(data: ForecastData, members: IntArray) -> pd.DataFrame:
             "duration_s": [plan.duration_s for plan in plans],
             "distance_m": [plan.distance_m for plan in plans],
             "net_climb_m": [float(height[-1] - height[0]) for height in heights],
-            "ambient_temperature_degc": [_or_nan(plan.departure.ambient_temperature_degc) for plan in plans],
-            "battery_temperature_degc": [_or_nan(plan.departure.battery_temperature_degc) for plan in plans],
+            "ambient_temperature_degc": [plan.departure.ambient_temperature_degc for plan in plans],
+            "battery_temperature_degc": [plan.departure.battery_temperature_degc for plan in plans],
             "driver": [data.table.trips[i].context.driver for i in members],
         }
     )

@@ -176,11 +176,6 @@ class Prepared(Generic[D]):
     cars: Mapping[str, Vehicle]
     notes: tuple[str, ...]
 
-    @property
-    def scored_fleet(self) -> TripSet:
-        """The fleet whose trips are scored."""
-        return self.test_fleet or self.fleet
-
 
 @dataclass(frozen=True, slots=True)
 class CarChoice:

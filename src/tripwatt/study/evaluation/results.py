@@ -6,9 +6,7 @@
 from __future__ import annotations
 
 import json
-import platform
 from dataclasses import asdict, dataclass
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -16,11 +14,13 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput, raise_faults
+from tripwatt.forecasting.fitting import versions
 from tripwatt.study.evaluation.comparison import Comparison
 from tripwatt.study.evaluation.hold_outs import Prepared
 from tripwatt.study.evaluation.metrics import PairedDifference, paired_difference
 from tripwatt.study.paper.insight import GammInsight
 from tripwatt.trips.showing import html_table
+from tripwatt.units import with_units
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
 SYNTHETIC: Final = "synthetic"
 """Name of the built-in fleet."""
-VERSIONED: Final = ("tripwatt", "numpy", "scipy", "pandas", "scikit-learn", "lightgbm")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -86,7 +85,12 @@ class EvaluationRun:
                 errors = {"mape": scores["mape"], "mape_low": low, "mape_high": high}
                 further_errors = {k: scores[k] for k in ("median_ape", "max_ape", "bias", "rmse_wh")}
                 rows.append({**about, "n_trips": part["n_trips"], **errors, **further_errors})
-        return pd.DataFrame(rows)
+        return with_units(pd.DataFrame(rows))
+
+    @property
+    def failed(self) -> pd.DataFrame:
+        """One row for each prediction that failed: `scheme`, `trips`, `trip`, `model` and `reason`; no score contains these trips."""
+        return pd.DataFrame(self.results["failed"], columns=["scheme", "trips", "trip", "model", "reason"])
 
     def compare(self, a: str, b: str, *, hold_out: str | None = None) -> PairedDifference:
         """Compare two models over the same held-out trips.
@@ -181,14 +185,14 @@ class EvaluationRun:
 
 def about_run(protocol: str, prepared: Prepared[Any], main: Comparison, seed: int) -> dict[str, Any]:
     """Return the part of `results.json` about the data and the models, and the paired differences of the main comparison."""
-    fleet = prepared.scored_fleet
+    fleet, known = prepared.test_fleet or prepared.fleet, versions()
     return {
         "protocol": protocol,
         "dataset": fleet.name,
         "synthetic": fleet.name == SYNTHETIC,
         "citation": fleet.citation,
         "seed": seed,
-        "versions": {"python": platform.python_version()} | {name: version(name) for name in VERSIONED},
+        "versions": {"python": known["python"], **known["packages"]},
         "vehicle": next(iter(prepared.cars.values())).name,
         "notes": list(dict.fromkeys(prepared.notes)),
         "models": {spec.name: spec.title for spec in main.specs},
@@ -222,14 +226,8 @@ def write_results(run: EvaluationRun, out: Path) -> None:
     ['folds.csv', 'results.json']
     """
     out.mkdir(parents=True, exist_ok=True)
-    text = json.dumps(run.results, indent=1, allow_nan=False, default=_plain)
+    text = json.dumps(run.results, indent=1, allow_nan=False, default=np.generic.item)
     (out / "results.json").write_text(text + "\n", encoding="utf-8")
     run.folds.to_csv(out / "folds.csv", index=False)
     if run.forecast is not None:
         run.forecast.to_csv(out / "forecasts.csv", index=False)
-
-
-def _plain(value: object) -> object:
-    if isinstance(value, np.generic):
-        return value.item()
-    raise TypeError(f"results hold a {type(value).__name__}")

@@ -6,6 +6,7 @@ Everything that is fitted, tuned or scaled is fitted inside the fold.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -101,12 +102,13 @@ def evaluate(
     Returns
     -------
     EvaluationRun
-        Scores of every model, paired comparisons, the audit and the notes of the run.
+        Scores of every model, paired comparisons, the audit and the notes of the run. A trip that a model fails to predict is left
+        out for all models; `EvaluationRun.failed` has the reasons.
 
     Raises
     ------
     InvalidInput
-        If a protocol, model, vehicle, value or hold-out is unknown, an object is no model, or too few trips are left.
+        If every trip fails, a protocol, model, vehicle, value or hold-out is unknown, an object is no model, or too few trips are left.
 
     Examples
     --------
@@ -122,7 +124,23 @@ def evaluate(
     main = [Comparison(hold_out, specs) for hold_out in prepared.hold_outs]
     further = chosen.further_comparisons(prepared, specs, seed) if choice.chosen is None else []
     done = run_folds([*main, *further], seed, execution or Execution(), inner_errors=bool(further))
-    return chosen.assemble(prepared, done[: len(main)], done[len(main) :], seed)
+    complete, rest = done[: len(main)], [comparison.without_failed() for comparison in done[len(main) :]]
+    failed = [row for comparison in complete for row in comparison.failed]
+    scored = [left for comparison in complete if (left := comparison.without_failed()).results]
+    if not scored:
+        raise InvalidInput.of("no trip was scored", "evaluate", failed[0]["reason"], "a prediction of a trip")
+    notes = (*prepared.notes, *(_note(comparison) for comparison in complete if comparison.failed))
+    prepared = replace(prepared, hold_outs=[comparison.hold_out for comparison in scored], notes=notes)
+    run = chosen.assemble(prepared, scored, rest, seed)
+    return replace(run, results=run.results | {"failed": failed})
+
+
+def _note(comparison: Comparison) -> str:
+    """Return how many trips of a hold-out were scored, and why the first of the others was not."""
+    failed, n = comparison.failed, len(comparison.hold_out.scored)
+    trips, first = len({row["trip"] for row in failed}), f"{failed[0]['trip']} ({failed[0]['reason']})"
+    where = f"{comparison.hold_out.scheme}:{comparison.hold_out.trips}"
+    return f"{where}: {n - trips} of {n} trips scored; {trips} failed: {first}{', ...' if trips > 1 else ''}"
 
 
 def _fleet(trips: TripSet | Sequence[Trip] | Path | str) -> TripSet:

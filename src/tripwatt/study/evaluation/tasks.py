@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Final, Generic, TypeVar
 
 import numpy as np
 
 from tripwatt.arrays import FloatArray, IntArray
-from tripwatt.learners.folds import Split, held_out
+from tripwatt.errors import InvalidInput
+from tripwatt.learners.folds import Split
 from tripwatt.study.evaluation.held_out_forecasts import HeldOutForecast
 from tripwatt.study.evaluation.hold_outs import HoldOut
 
@@ -19,6 +20,12 @@ D = TypeVar("D")
 
 TIMED_TRIPS: Final = 8
 """Number of trips over which the time of a prediction is averaged, if all folds are predicted at once: a choice."""
+
+FAILURES: Final = (InvalidInput, ValueError, ArithmeticError)
+"""What fails a trip or a fold and not the run: data that a model refuses, and a computation without a result."""
+
+NO_PREDICTION: Final[dict[str, Any]] = {"predicted_wh": np.empty(0), "fit_s": np.nan, "predict_ms": np.nan}
+"""Values of a `FoldResult` without a scored trip."""
 
 Predict = Callable[[IntArray], FloatArray]
 """Function from numbers of trips, ascending, to the energy of each trip [Wh]."""
@@ -32,6 +39,7 @@ class FoldResult:
     ----------
     model : str
     split : Split
+        Its test trips are those with a prediction.
     predicted_wh : ndarray, shape (scored trips,)
         Energy of each scored trip [Wh].
     fit_s, predict_ms : float
@@ -40,6 +48,8 @@ class FoldResult:
         Error by which settings are compared inside the fold; NaN if they are not compared.
     forecasts : list of HeldOutForecast or None
         Forecasts of the scored trips; None if the model makes none.
+    failed : dict of int to str
+        Number of each test trip without a prediction, and the reason.
     """
 
     model: str
@@ -49,6 +59,14 @@ class FoldResult:
     predict_ms: float
     inner_error: float = np.nan
     forecasts: list[HeldOutForecast] | None = None
+    failed: dict[int, str] = field(default_factory=dict)
+
+    def without(self, trips: IntArray) -> FoldResult:
+        """Return the result without some trips."""
+        kept = ~np.isin(self.split.test, trips)
+        forecasts = self.forecasts and [f for f, keep in zip(self.forecasts, kept, strict=True) if keep]
+        split = replace(self.split, test=self.split.test[kept])
+        return replace(self, split=split, predicted_wh=self.predicted_wh[kept], forecasts=forecasts)
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,9 +191,23 @@ class Task:
     def run(self) -> list[FoldResult]:
         """Fit and predict; return the result of each split."""
         if self.folds is None:
-            splits = held_out(self.splits, self._fit)
-            return [FoldResult(self.spec.name, split, **predicted) for split, predicted in splits]
+            return [self._split_result(split) for split in self.splits]
         return self._run_together(self.folds)
+
+    def _split_result(self, split: Split) -> FoldResult:
+        """Fit and predict one split; if that fails, each of its trips alone shows which of them have no prediction."""
+        try:
+            predict = self._fit(split.train)
+        except FAILURES as error:
+            failed = dict.fromkeys(split.test.tolist(), _reason(error))
+        else:
+            try:
+                return FoldResult(self.spec.name, split, **predict(split.test))
+            except FAILURES:
+                failed = _failures(predict, split.test)
+        rest = replace(split, test=split.test[~np.isin(split.test, list(failed))])
+        values = predict(rest.test) if len(rest.test) else NO_PREDICTION
+        return FoldResult(self.spec.name, rest, **values, failed=failed)
 
     def _run_together(self, folds: IntArray) -> list[FoldResult]:
         """Predict all folds at once; the times of fit and prediction are those of one ordinary fit to all trips."""
@@ -208,3 +240,20 @@ class Task:
             return values | {"predict_ms": each_ms, "forecasts": forecasts}
 
         return predict
+
+
+def _failures(predict: Callable[[IntArray], object], trips: IntArray) -> dict[int, str]:
+    """Return the reason of each trip that has no prediction alone."""
+    failed = {}
+    for trip in trips.tolist():
+        try:
+            predict(np.array([trip]))
+        except FAILURES as error:
+            failed[trip] = _reason(error)
+    return failed
+
+
+def _reason(error: Exception) -> str:
+    """Return what failed, in one line; an error of another package with its type."""
+    text = "; ".join(str(error).splitlines())
+    return text if isinstance(error, InvalidInput) else f"{type(error).__name__}: {text}"

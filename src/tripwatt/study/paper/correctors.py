@@ -8,7 +8,7 @@ from tripwatt.learners.boosting import ClusteredBoosting
 from tripwatt.learners.correlation import Correlation
 from tripwatt.learners.forest import ClusteredForest
 from tripwatt.learners.outside import OutsideRegressor
-from tripwatt.study.paper.models import DataOnly, HybridModel
+from tripwatt.study.paper.models import HybridModel
 from tripwatt.study.paper.table2 import Table2Corrector
 
 SIMULATION = "physics-paper"
@@ -27,7 +27,7 @@ def forest(seed: int = 0, simulation: str = SIMULATION) -> HybridModel:
 
 
 def boosting(
-    seed: int = 0, simulation: str = SIMULATION, correlation: Correlation = "independence"
+    seed: int = 0, simulation: str | None = SIMULATION, correlation: Correlation = "independence"
 ) -> HybridModel:
     """Make boosting as a marginal model, scored by the absolute error at the end of the trip.
 
@@ -43,18 +43,17 @@ def boosting(
     >>> model.predict(held_out).shape == held_out.observed_wh.shape
     True
     """
-    return HybridModel(_boosting(seed, correlation), simulation, shares_folds=True)
+    learner = ClusteredBoosting(
+        random_state=seed, correlation=correlation, score_rows="last", loss="absolute"
+    )
+    return HybridModel(learner, simulation, shares_folds=True)
 
 
 def boosting_without_physics(seed: int = 0) -> HybridModel:
     """Make the same boosting, fitted to the observed energy without physics."""
-    return DataOnly(_boosting(seed), shares_folds=True)
+    return boosting(seed, None)
 
 
-def outside(regressor: Any, seed: int = 0, simulation: str = SIMULATION) -> HybridModel:
+def outside(regressor: Any, seed: int = 0) -> HybridModel:
     """Make a hybrid whose learner is a regressor with scikit-learn's interface."""
-    return HybridModel(OutsideRegressor(regressor, seed), simulation)
-
-
-def _boosting(seed: int, correlation: Correlation = "independence") -> ClusteredBoosting:
-    return ClusteredBoosting(random_state=seed, correlation=correlation, score_rows="last", loss="absolute")
+    return HybridModel(OutsideRegressor(regressor, seed), SIMULATION)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -58,10 +58,26 @@ def insight(
     weathers : sequence of str
         Every weather of the data set. One without a row in the table is a level without data: 0.00 (0.00).
     """
-    for model in models.values():
-        if isinstance(model, HybridModel) and isinstance(model.corrector, Table2Corrector):
-            return _gamm_insight(model, _with_levels(table, weathers))
-    return None
+    hybrids = (model for model in models.values() if isinstance(model, HybridModel))
+    model = next((hybrid for hybrid in hybrids if isinstance(hybrid.corrector, Table2Corrector)), None)
+    if model is None:
+        return None
+    table = _with_levels(table, weathers)
+    model.fit(table)
+    from tripwatt_gamm import autocorrelation  # an extra, which the fit has found
+
+    corrector = model.corrector
+    X, _, groups = model.training_data(table)
+    frame, rows = corrector.training_frame(X, groups)
+    fitted, step_s = corrector.model_, np.diff(X["time_s"].to_numpy()[rows])
+    return GammInsight(
+        summary=fitted.summary(),
+        diagnosis=fitted.diagnosis(),
+        effects={label: _named(effect, table.trip_ids) for label, effect in fitted.effects(frame).items()},
+        autocorrelation=autocorrelation(fitted.residuals_, groups[rows]),
+        row_step_s=float(np.median(step_s[np.diff(groups[rows]) == 0])),
+        left_out=corrector.left_out_,
+    )
 
 
 def _with_levels(table: TripTable, weathers: Sequence[str]) -> TripTable:
@@ -73,32 +89,6 @@ def _with_levels(table: TripTable, weathers: Sequence[str]) -> TripTable:
     return replace(table, covariates=table.covariates.assign(weather=weather.cat.set_categories(levels)))
 
 
-def _gamm_insight(model: HybridModel, table: TripTable) -> GammInsight:
-    """Fit a hybrid with the GAMM on a table, and keep its tables, residuals and effects.
-
-    Parameters
-    ----------
-    model : HybridModel
-        Hybrid whose corrector is a `Table2Corrector`.
-    table : TripTable
-    """
-    model.fit(table)
-    from tripwatt_gamm import autocorrelation  # an extra, which the fit has found
-
-    corrector = model.corrector
-    X, _, groups = model.training_data(table)
-    frame, rows = corrector.training_frame(X, groups)
-    fitted = corrector.model_
-    return GammInsight(
-        summary=fitted.summary(),
-        diagnosis=fitted.diagnosis(),
-        effects={label: _named(effect, table.trip_ids) for label, effect in fitted.effects(frame).items()},
-        autocorrelation=autocorrelation(fitted.residuals_, groups[rows]),
-        row_step_s=_step_s(X["time_s"].to_numpy()[rows], groups[rows]),
-        left_out=corrector.left_out_,
-    )
-
-
 def _named(effect: Effect, trip_ids: Sequence[str]) -> Effect:
     """Name the levels of random effects by the ids of the trips instead of their numbers; return other effects unchanged."""
     from tripwatt_gamm import RandomEffects
@@ -106,7 +96,3 @@ def _named(effect: Effect, trip_ids: Sequence[str]) -> Effect:
     if not isinstance(effect, RandomEffects):
         return effect
     return replace(effect, level=tuple(trip_ids[int(number)] for number in effect.level))
-
-
-def _step_s(time_s: Any, groups: Any) -> float:
-    return float(np.median(np.diff(time_s)[np.diff(groups) == 0]))

@@ -9,67 +9,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol, Self
+from typing import Any, Self
 
 import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.hybrid.trip_table import TripTable
-
-
-class Corrector(Protocol):
-    """Interface of a learner for a hybrid: scikit-learn's fit and predict, with the trip as the cluster.
-
-    Examples
-    --------
-    >>> from tripwatt.study.paper import Table2Corrector
-    >>> learner: Corrector = Table2Corrector(terms=("s(time_s)",))
-    >>> callable(learner.fit) and callable(learner.predict)
-    True
-    """
-
-    def fit(self, X: Any, y: Any, groups: Any = None) -> Any:
-        """Fit `y` to the columns of `X`; rows of one group belong to one trip.
-
-        Parameters
-        ----------
-        X : DataFrame, shape (rows, covariates)
-            Covariates known before departure.
-        y : array_like, shape (rows,)
-            The target, such as the residual [Wh].
-        groups : array_like, shape (rows,), optional
-            Trip of each row.
-
-        Returns
-        -------
-        Corrector
-            Itself.
-
-        Examples
-        --------
-        >>> corrector.fit(table.covariates, residual, groups=table.groups)  # doctest: +SKIP
-        """
-        ...
-
-    def predict(self, X: Any) -> Any:
-        """Predict `y`.
-
-        Parameters
-        ----------
-        X : DataFrame, shape (rows, covariates)
-            Covariates as for `fit`.
-
-        Returns
-        -------
-        array_like, shape (rows,)
-            Predictions in the unit of `y`.
-
-        Examples
-        --------
-        >>> corrector.predict(table.covariates)  # doctest: +SKIP
-        """
-        ...
 
 
 @dataclass
@@ -209,27 +155,3 @@ class HybridModel:
             return np.asarray(self.corrector.inner_errors(X, residual, groups, row_folds, seed))
         errors = getattr(self.corrector, "fold_errors_", None)
         return None if errors is None else np.asarray(errors, dtype=np.float64)
-
-
-def DataOnly(corrector: Corrector, *, shares_folds: bool = False) -> HybridModel:  # noqa: N802 - reads as a model
-    """Make the paper's purely data-driven benchmark: the same learner on the observed energy itself.
-
-    Parameters
-    ----------
-    corrector : Corrector
-        Fitted to the observed energy [Wh].
-    shares_folds : bool
-        As for `HybridModel`.
-
-    Returns
-    -------
-    HybridModel
-        A model without a simulation.
-
-    Examples
-    --------
-    >>> from tripwatt.study.paper import Table2Corrector
-    >>> DataOnly(Table2Corrector()).simulation is None
-    True
-    """
-    return HybridModel(corrector, simulation=None, shares_folds=shares_folds)

@@ -111,7 +111,6 @@ class ManagerReport:
 
     Attributes
     ----------
-    title : str
     quantile : float
         Probability that the stated need suffices.
     changes, vehicles : DataFrame
@@ -128,7 +127,6 @@ class ManagerReport:
         Facts for the head of the report, such as the version of the model.
     """
 
-    title: str
     quantile: float
     changes: pd.DataFrame
     vehicles: pd.DataFrame
@@ -176,7 +174,6 @@ class ManagerReport:
         if planned and cold is not None:
             routes = nights.needs_by_car(model, planned, cold.ambient_temperature_degc, **settings)
         return cls(
-            title="Fleet report",
             quantile=quantile,
             changes=changed,
             vehicles=vehicles,
@@ -212,7 +209,7 @@ class ManagerReport:
         names = {*self.tables, *(("emhass", "evcc") if self.needs is not None else ())}
         context = {"files": [n for n in REPORT_FILES if n.partition(".")[0] in names], "foot": _CHANGE}
         sections = {"": [*self.panels()]}
-        return page_text("fleet.html.jinja", sections, title=self.title, facts=facts.items(), **context)
+        return page_text("fleet.html.jinja", sections, title="Fleet report", facts=facts.items(), **context)
 
     def panels(self) -> Iterator[Panel]:
         """Yield the panels of changes, needs, routes, vehicles and drivers; all but the first only if there is a table."""

@@ -43,7 +43,7 @@ def render_report(run: EvaluationRun) -> str:
     >>> import tripwatt as tw
     >>> html = render_report(tw.evaluate(tw.read_logs("logs")))  # doctest: +SKIP
     """
-    view = View.from_run(run)
+    view = View(run.results, run.folds, run.gamm)
     return page_text("report.html.jinja", build_sections(view), **_head(view))
 
 
@@ -62,7 +62,7 @@ def write_report(run: EvaluationRun, out: Path) -> None:
     >>> import tripwatt as tw
     >>> write_report(tw.evaluate(tw.read_logs("logs")), Path("out"))  # doctest: +SKIP
     """
-    view = View.from_run(run)
+    view = View(run.results, run.folds, run.gamm)
     write_page(out, "report.html.jinja", build_sections(view), **_head(view))
 
 

@@ -7,7 +7,7 @@ from typing import Final
 from tripwatt.arrays import by_key
 from tripwatt.study.report.model_styles import model_style
 from tripwatt.study.report.tables import DASH, Column, Table, in_percent, make_table
-from tripwatt.study.report.view import Record, View, describe_evaluation, is_finite_number
+from tripwatt.study.report.view import View, describe_evaluation
 from tripwatt.study.report.words import model_label
 
 SHORT_ROWS: Final = 5
@@ -34,7 +34,7 @@ def short_table_models(view: View) -> list[str]:
         return names
     models = view.main["models"]
     kinds = by_key(names, lambda name: model_style(name).kind)
-    best = {kind: min(of_kind, key=lambda m: _error(models[m])) for kind, of_kind in kinds.items()}
+    best = {kind: min(of_kind, key=lambda m: float(models[m]["mape"])) for kind, of_kind in kinds.items()}
     if view.best is not None:
         best[model_style(view.best).kind] = view.best
     shown = [best[kind] for kind in _KINDS if kind in best]
@@ -42,11 +42,6 @@ def short_table_models(view: View) -> list[str]:
     if published is None or published not in models:
         return shown
     return [*shown[:-1], published, shown[-1]]
-
-
-def _error(score: Record) -> float:
-    value = score.get("mape")
-    return float(value) if is_finite_number(value) else float("inf")
 
 
 def short_table(view: View, *more: Column) -> Table:

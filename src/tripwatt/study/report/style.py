@@ -5,7 +5,6 @@ Every figure is drawn for a column of a phone or half a desktop page.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any, Final
@@ -57,14 +56,6 @@ def new_axes(view: View, height_in: float, title: str, note: str = "") -> tuple[
     return figure, figure.add_subplot()
 
 
-def new_axes_column(
-    view: View, height_in: float, head: tuple[str, str], rows: int, **settings: Any
-) -> tuple[Figure, list[Axes]]:
-    """Make a figure of a run with several pairs of axes, one below the other; `head` is a title and a note."""
-    figure = new_figure(height_in, *head, view.synthetic)
-    return figure, list(figure.subplots(rows, 1, squeeze=False, **settings)[:, 0])
-
-
 def legend_below(figure: Figure, columns: int = 1, **settings: Any) -> Figure:
     """Add a legend below the axes; return the figure."""
     figure.legend(loc="outside lower left", ncols=columns, **settings)
@@ -76,10 +67,3 @@ def percent_axis(axes: Axes, label: str) -> None:
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{100 * value:.0f}".replace("-", "−")))
     axes.set_xlabel(label)
     axes.grid(axis="x")
-
-
-def row_names(axes: Axes, names: Sequence[str], **text: Any) -> None:
-    """Label one row for each name, the first at the top."""
-    axes.set_yticks(range(len(names)), names, **text)
-    axes.set_ylim(len(names) - 0.4, -0.6)
-    axes.tick_params(axis="y", length=0)

@@ -5,9 +5,8 @@ from __future__ import annotations
 import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Final, TypeGuard
+from typing import TYPE_CHECKING, Any, Final
 
-import numpy as np
 import pandas as pd
 
 from tripwatt.files import shipped_toml
@@ -17,7 +16,7 @@ from tripwatt.study.paper.insight import GammInsight
 from tripwatt.study.report.model_styles import in_table_order, model_style
 
 if TYPE_CHECKING:
-    from tripwatt.study.evaluation.results import EvaluationRun
+    pass
 
 Record = Mapping[str, Any]
 
@@ -65,7 +64,7 @@ def describe_evaluation(evaluation: Record) -> str:
 
 @dataclass(frozen=True)
 class View:
-    """A run as the report reads it, made by `View.from_run`.
+    """A run as the report reads it.
 
     Attributes
     ----------
@@ -79,11 +78,6 @@ class View:
     results: Record
     folds: pd.DataFrame = field(default_factory=lambda: pd.DataFrame(columns=list(FOLD_COLUMNS)))
     gamm: GammInsight | None = None
-
-    @classmethod
-    def from_run(cls, run: EvaluationRun) -> View:
-        """Read a run."""
-        return cls(run.results, run.folds, run.gamm)
 
     @property
     def dataset(self) -> str:
@@ -135,7 +129,7 @@ class View:
         """
         if self.protocol.focus in self.scores:
             return self.protocol.focus
-        errors = {m: float(v["mape"]) for m, v in self.scores.items() if is_finite_number(v.get("mape"))}
+        errors = {m: float(score["mape"]) for m, score in self.scores.items()}
         hybrids = {m: e for m, e in errors.items() if model_style(m).kind == "hybrid"}
         candidates = hybrids or errors
         return min(in_table_order(candidates), key=lambda m: candidates[m]) if candidates else None
@@ -144,11 +138,6 @@ class View:
     def focus(self) -> Record:
         """Scores of the protocol's focus in the main evaluation; empty if it was not evaluated."""
         return self.scores.get(self.protocol.focus or "") or {}
-
-    @property
-    def given(self) -> str:
-        """Condition of every error of the protocol; empty if there is none."""
-        return self.protocol.given
 
     @property
     def note(self) -> str:
@@ -166,8 +155,3 @@ class View:
     def captioned(self, caption: str) -> str:
         """Return a table's caption, marked if the trips are synthetic."""
         return f"{caption} (synthetic trips)" if self.synthetic else caption
-
-
-def is_finite_number(value: object) -> TypeGuard[float]:
-    """Whether a value of the results is a finite number."""
-    return isinstance(value, int | float) and bool(np.isfinite(value))

@@ -89,7 +89,9 @@ def simulate_truth(scenario: Scenario, drive: RoadDrive, vehicle: Vehicle, seed:
     air = stream(seed, AIR, *scenario.key)
     ambient = _draw_ambient(scenario, time, air)
     climate = _heat_balance(scenario, time, speed, ambient, rng)
-    climate = replace(climate, aircon_power_w=climate.aircon_power_w * _compressor_hunting(time, air))
+    # a compressor's power differs from what the cooling needs by 10 %, in waves of 20 s
+    hunting = np.maximum(1.0 + 0.1 * smooth_noise(time, 20.0, air), 0.5)
+    climate = replace(climate, aircon_power_w=climate.aircon_power_w * hunting)
     wind_n, headwind, rolling_n, rolling_share = hidden_forces(scenario, drive, ambient, vehicle, rng)
     weight_n = (vehicle.body.test_mass_kg + scenario.payload_mass_kg) * GRAVITY_M_S2
     rested_degc = 0.5 * (float(ambient[0]) + scenario.day.mean_temperature_degc) + rng.uniform(0.0, 3.0)
@@ -186,11 +188,6 @@ def _draw_ambient(scenario: Scenario, time_s: FloatArray, rng: np.random.Generat
     ) * (time_s / 3600.0)
     local = smooth_noise(time_s, 400.0, rng)
     return np.asarray(course + 0.5 * local, dtype=np.float64)
-
-
-def _compressor_hunting(time_s: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """Draw a factor around 1 by which a compressor's power differs from what the cooling needs: 10 % in waves of 20 s."""
-    return np.maximum(1.0 + 0.1 * smooth_noise(time_s, 20.0, rng), 0.5)
 
 
 def _heat_balance(

@@ -53,7 +53,8 @@ def plot_error_distribution(view: View, models: Sequence[str]) -> Figure:
     largest = np.abs(np.concatenate(list(errors.values()))).max(initial=0.2)
     limit = min(np.ceil(10 * largest) / 10, CUT)
     head = "Error of every trip, by model", f"{view.note}\nevery row to its own scale; {EDGE}"
-    figure, rows = style.new_axes_column(view, 1.5 + 0.72 * len(models), head, len(models), sharex=True)
+    figure = style.new_figure(1.5 + 0.72 * len(models), *head, view.synthetic)
+    rows = figure.subplots(len(models), 1, squeeze=False, sharex=True)[:, 0]
     for number, (axes, model) in enumerate(zip(rows, models, strict=True)):
         colour, clipped = model_style(model).colour, np.clip(errors[model], -limit, limit)
         axes.hist(clipped, bins=np.linspace(-limit, limit, 41).tolist(), color=colour, alpha=0.75, lw=0)
@@ -95,7 +96,8 @@ def plot_error_boxes(view: View, models: Sequence[str], title: str) -> Figure:
         ["mean", "median", *(["the paper's mean"] if paper else ())],
         loc="best",
     )
-    style.row_names(axes, [model_label(m) for m in models])
-    axes.set_xlim(left=0)
+    axes.set_yticks(range(len(models)), [model_label(m) for m in models])
+    axes.set(xlim=(0, None), ylim=(len(models) - 0.4, -0.6))
+    axes.tick_params(axis="y", length=0)
     style.percent_axis(axes, "absolute percentage error [%]")
     return figure

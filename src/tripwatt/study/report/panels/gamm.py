@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from typing import TYPE_CHECKING
 
 import matplotlib
@@ -57,7 +56,10 @@ def panels(view: View) -> list[Panel]:
         ),
     ]
     for effect in gamm.effects.values():
-        draw = partial(_draw_alone, effect)
+
+        def draw(figure: Figure, effect: Effect = effect) -> None:
+            effect.plot(figure.add_subplot())
+
         if isinstance(effect, SurfaceEffect):
             caption = "In Wh; blank far from all data; points are the data."
             head = "Surface of the GAMM [Wh]"
@@ -67,10 +69,6 @@ def panels(view: View) -> list[Panel]:
             head = "Random effects of the trips [Wh]"
             shown.append(panel("random", "Random effects of the trips", caption, 3.6, head, draw))
     return shown
-
-
-def _draw_alone(effect: Effect, figure: Figure) -> None:
-    effect.plot(figure.add_subplot())
 
 
 def terms_table(view: View, gamm: GammInsight) -> Table:

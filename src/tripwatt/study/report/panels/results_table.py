@@ -32,7 +32,7 @@ def panels(view: View) -> list[Panel]:
 
 def results_table(view: View) -> Table:
     """Tabulate the main evaluation: a row per model, errors in percent, RMSE in kWh, and the paper's mean error."""
-    paper, head = view.published, ", ".join(filter(None, [view.note, view.given]))
+    paper, head = view.published, ", ".join(filter(None, [view.note, view.protocol.given]))
 
     def beaten(preset: str) -> Column:
         heading = f"Beats {model_style(preset).preset} [% of trips]"

@@ -43,14 +43,16 @@ def coverage_by_set(view: View) -> Table:
     for name, score, trips in scored_sets(view):
         rows += energy_rows(name, score, trips)
         rows += charge_rows(name, score.get("arrival") or {}, UPDATE_LEVEL)
-    return intervals_table(view.captioned(f"Intervals of held-out trips by kind, {view.given}"), rows)
+    return intervals_table(
+        view.captioned(f"Intervals of held-out trips by kind, {view.protocol.given}"), rows
+    )
 
 
 def _arrival_table(view: View) -> Table:
     """Tabulate error and interval of the displayed charge at arrival, a row for each charge known at departure."""
     scores = view.focus.get("arrival") or {}
     return make_table(
-        view.captioned(f"Displayed charge at arrival, {view.given}"),
+        view.captioned(f"Displayed charge at arrival, {view.protocol.given}"),
         [{**scores[key], "start": words} for key, words in STARTS.items() if scores.get(key)],
         Column("Known at departure", "start"),
         Column("Trips", "n_trips", digits=0),
@@ -65,7 +67,7 @@ def _arrival_table(view: View) -> Table:
 def updates_table(view: View) -> Table:
     """Tabulate errors and intervals of the re-forecast, and errors of the baselines, by the part that was driven."""
     return make_table(
-        view.captioned(f"Mean error of the re-forecast total, {view.given}"),
+        view.captioned(f"Mean error of the re-forecast total, {view.protocol.given}"),
         [{**row, "part": f"{100 * float(key):g} %"} for key, row in view.focus["update"].items()],
         Column("Part driven", "part"),
         in_percent("Re-forecast [%]", "mape"),
