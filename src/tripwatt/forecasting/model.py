@@ -446,6 +446,10 @@ class ForecastModel:
         return html_table(f"ForecastModel {self._title()}", [("seen in training", ""), *rows] if rows else [])
 
 
+def _mape(held_out: Sequence[HeldOut]) -> float:
+    return float(np.mean([abs(trip.predicted_wh / trip.observed_wh - 1.0) for trip in held_out]))
+
+
 def require_departure(departure: object) -> None:
     """Raise InvalidInput if an argument is neither a departure nor None."""
     if departure is not None and not isinstance(departure, Departure):
