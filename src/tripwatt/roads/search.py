@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
-from typing import ClassVar, Final, Protocol, Self
+from typing import Final, Protocol
 
 from tripwatt.errors import InvalidInput
 from tripwatt.roads.routers import split_kind
@@ -34,20 +33,11 @@ class PlaceSearch(Protocol):
 
 
 @dataclass(frozen=True)
-class _ServerSearch:
-    """A search for places by a server."""
+class ServerSearch:
+    """A search for places by a server of a kind of `_SERVERS`."""
 
     client: WebClient
-
-    key_place: ClassVar[str]
-    path: ClassVar[str]
-    extra_parameters: ClassVar[Mapping[str, str]] = MappingProxyType({})
-    """Parameters of the request besides the text and the number of places."""
-
-    @classmethod
-    def from_url(cls, url: str) -> Self:
-        """Make a search from the URL of its server."""
-        return cls(WebClient(url, "the search for places", _KEY_VARIABLE, cls.key_place))
+    kind: str
 
     def search(self, text: str, *, limit: int = 10) -> tuple[Place, ...]:
         """See `PlaceSearch.search`.
@@ -57,57 +47,37 @@ class _ServerSearch:
         RemoteError
             If the server does not answer, or its answer is no list of places. Without a match the result is empty.
         """
-        query = {"q": text[:_LONGEST_TEXT], "limit": str(limit), **self.extra_parameters}
-        answer = self.client.get_json(self.path, query)
+        _, path, parameters, read_places = _SERVERS[self.kind]
+        answer = self.client.get_json(path, {"q": text[:_LONGEST_TEXT], "limit": str(limit), **parameters})
         with as_remote():
-            return without_twins(self.read_places(Node(answer, self.client.host)))[: min(limit, MAX_FOUND)]
-
-    @staticmethod
-    def read_places(answer: Node) -> list[Place]:
-        """Read the places of an answer, the best first."""
-        raise NotImplementedError
+            return without_twins(read_places(Node(answer, self.client.host)))[: min(limit, MAX_FOUND)]
 
 
-class PhotonSearch(_ServerSearch):
-    """Places of a Photon server."""
-
-    key_place = "query:api_key"
-    path = "/api"
-
-    @staticmethod
-    def read_places(answer: Node) -> list[Place]:
-        """See `_ServerSearch.read_places`."""
-        places = []
-        for feature in answer["features"].entries():
-            tags = feature["properties"].members()
-            coordinates = feature["geometry"]["coordinates"].entries(min_count=2)
-            street = " ".join(str(tags[key]) for key in ("street", "housenumber") if tags.get(key))
-            parts = [tags.get("name") or street, tags.get("city"), tags.get("country")]
-            name = ", ".join(dict.fromkeys(str(part) for part in parts if part))
-            longitude, latitude = (degrees.number() for degrees in coordinates[:2])
-            kind = str(tags.get("osm_value", ""))[:40]
-            places.append(Place(latitude, longitude, name[:_LONGEST_TEXT], kind))
-        return places
+def _photon_places(answer: Node) -> list[Place]:
+    """Read the places of an answer of Photon, the best first."""
+    places = []
+    for feature in answer["features"].entries():
+        tags = feature["properties"].members()
+        coordinates = feature["geometry"]["coordinates"].entries(min_count=2)
+        street = " ".join(str(tags[key]) for key in ("street", "housenumber") if tags.get(key))
+        parts = [tags.get("name") or street, tags.get("city"), tags.get("country")]
+        name = ", ".join(dict.fromkeys(str(part) for part in parts if part))
+        longitude, latitude = (degrees.number() for degrees in coordinates[:2])
+        kind = str(tags.get("osm_value", ""))[:40]
+        places.append(Place(latitude, longitude, name[:_LONGEST_TEXT], kind))
+    return places
 
 
-class NominatimSearch(_ServerSearch):
-    """Places of a Nominatim server."""
-
-    key_place = "query:key"
-    path = "/search"
-    extra_parameters = MappingProxyType({"format": "jsonv2"})
-
-    @staticmethod
-    def read_places(answer: Node) -> list[Place]:
-        """See `_ServerSearch.read_places`."""
-        places = []
-        for entry in answer.entries():
-            latitude, longitude = (_number_from_text(entry[key]) for key in ("lat", "lon"))
-            values = entry.members()
-            name = str(values.get("display_name", ""))[:_LONGEST_TEXT]
-            kind = str(values.get("addresstype") or values.get("type") or "")[:40]
-            places.append(Place(latitude, longitude, name, kind))
-        return places
+def _nominatim_places(answer: Node) -> list[Place]:
+    """Read the places of an answer of Nominatim, the best first."""
+    places = []
+    for entry in answer.entries():
+        latitude, longitude = (_number_from_text(entry[key]) for key in ("lat", "lon"))
+        values = entry.members()
+        name = str(values.get("display_name", ""))[:_LONGEST_TEXT]
+        kind = str(values.get("addresstype") or values.get("type") or "")[:40]
+        places.append(Place(latitude, longitude, name, kind))
+    return places
 
 
 def _number_from_text(text: Node) -> float:
@@ -118,11 +88,11 @@ def _number_from_text(text: Node) -> float:
         raise InvalidInput.of("not a number", text.where, repr(text.value)[:40], "a number") from error
 
 
-_SEARCH_KINDS: Final[Mapping[str, Callable[[str], PlaceSearch]]] = {
-    "photon": PhotonSearch.from_url,
-    "nominatim": NominatimSearch.from_url,
+_SERVERS: Final[Mapping[str, tuple[str, str, Mapping[str, str], Callable[[Node], list[Place]]]]] = {
+    "photon": ("query:api_key", "/api", {}, _photon_places),
+    "nominatim": ("query:key", "/search", {"format": "jsonv2"}, _nominatim_places),
 }
-"""Function that opens a search by the URL of its server, for each kind of server."""
+"""Place of the key, path, parameters besides the text and the number of places, and reader of the answer, for each kind of server."""
 
 
 def open_search(text: str, where: str = "--places") -> PlaceSearch:
@@ -133,8 +103,8 @@ def open_search(text: str, where: str = "--places") -> PlaceSearch:
     InvalidInput
         If the kind is unknown, or the URL is not valid.
     """
-    kind, url = split_kind(text, _SEARCH_KINDS, where)
-    return _SEARCH_KINDS[kind](url)
+    kind, url = split_kind(text, _SERVERS, where)
+    return ServerSearch(WebClient(url, "the search for places", _KEY_VARIABLE, _SERVERS[kind][0]), kind)
 
 
 def find_place(text: str, search: PlaceSearch | None, where: str, covers: str = "") -> Place:

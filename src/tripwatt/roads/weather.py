@@ -211,8 +211,7 @@ def _weather_at(table: Node, hour: dt.datetime) -> Weather:
         raise InvalidInput.of("no weather for this hour", table.where, time_text, allowed)
     k = times.index(time_text)
     temperature, rain, pressure, wind, wind_from = (_value(table, name, k) for name in _UNITS)
-    if wind_from is None and wind:  # without its direction, the wind says nothing of the drag
-        wind = None
+    wind = None if wind_from is None and wind else wind  # without a direction, it says nothing of the drag
     names = ("ambient_temperature_degc", "rain_mm_h", "pressure_pa", "wind_speed_m_s")
     values = zip(names, (temperature, rain, pressure, wind), strict=True)
     unknown = tuple(name for name, value in values if value is None)

@@ -123,13 +123,11 @@ def test_another_car_takes_another_energy_and_is_flagged(model):
 def test_a_journey_shows_itself(model):
     found = journey(model, stops=(A, Place(47.0, 9.2)), alternatives=1)
     assert repr(found).startswith("<Journey A to 47.00000, 9.20000: 15.9 km, arrival with ")
-    assert found._repr_html_().startswith("<table><caption>")
     frame = found.to_frame()
     assert isinstance(frame, pd.DataFrame)
     assert frame["labels"].tolist() == ["fastest", "shortest, least energy"]
     assert frame["energy_wh"].iloc[0] == found.forecast.energy_wh
     assert json.loads(json.dumps(found.to_dict())) == found.to_dict()
-    assert found.plot().axes
     assert found.forecast.given == "a planned route, free flow"
 
 

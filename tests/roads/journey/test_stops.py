@@ -254,7 +254,6 @@ def test_the_journey_shows_its_stops(long_journey):
     assert (frame["energy_low_wh"] < frame["energy_wh"]).all()
     assert (frame["energy_wh"] < frame["energy_high_wh"]).all()
     assert "stops to charge" in repr(long_journey)
-    assert long_journey.plot().axes[1].lines
 
 
 def corridor_of(model, departure, atlas, patch, **options):
@@ -387,6 +386,16 @@ def test_a_way_to_a_station_in_vain_takes_its_share_of_the_road(long_journey):
     assert length_m.min() < 500.0 < 2000.0 < length_m.max()
     per_m = corridor.forecast.energy_wh / corridor.road.distance_m / corridor.forecast.charge.wh_per_display
     assert ways[:, 0] == pytest.approx(per_m * length_m)
+
+
+def test_unknown_heights_are_named_until_the_charge_covers_a_climb_in_mountains(model):
+    """No chance is above 99 in 100 on a road of unknown heights, however much is left."""
+    stops = (A, Place(47.0, 9.2))
+    short, full = (
+        journey(model, replace(COLD, soc=soc), stops, answers=False).verdict for soc in (0.35, 1.0)
+    )
+    assert [(one.arrives, one.reason) for one in (short, full)] == [(True, "unknown_heights"), (True, "")]
+    assert short.p_arrive == full.p_arrive == full.p_reserve == 0.99
 
 
 def test_a_departure_below_the_reserve_is_named_and_exempts_the_first_leg(model):

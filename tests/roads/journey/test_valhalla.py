@@ -7,8 +7,8 @@ installed, the same tests run in process as well.
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +21,7 @@ from tripwatt.errors import InvalidInput
 from tripwatt.roads.journey import Atlas, JourneyOptions, RoadForecaster, find_reach, open_atlas, plan_journey
 from tripwatt.roads.maps import MapFolder, build_map
 from tripwatt.roads.maps.engine import valhalla_folder
-from tripwatt.roads.routers import open_server
+from tripwatt.roads.routers import Road, Router, open_server
 from tripwatt.routes.links import FLAT_ROAD
 from tripwatt.routes.places import Place
 
@@ -239,3 +239,41 @@ def test_a_mountain_road_without_heights_has_no_certain_verdict(
     assert found.quantile(0.999) > found.energy_wh + 3000.0  # of the 5 kWh that the climb takes
     mountains = RoadForecaster(model, replace(departure, terrain="mountains")).forecast(road.with_links(bare))
     assert mountains.quantile(0.99) > found.quantile(0.99)
+
+
+@dataclass(frozen=True)
+class WithoutHeights:
+    """The roads of a router as they are on a map without elevation tiles."""
+
+    router: Router
+    name: str = "without heights"
+
+    def roads(self, stops: Sequence[Place], *, alternatives: int = 0) -> tuple[Road, ...]:
+        roads = self.router.roads(stops, alternatives=alternatives)
+        flat = {"elevation_position_m": None, "elevation_m": None, "flags": (FLAT_ROAD,)}
+        return tuple(road.with_links(replace(road.links, **flat)) for road in roads)
+
+    def outline(self, start: Place, minutes: float) -> tuple[Place, ...]:
+        return self.router.outline(start, minutes)
+
+
+def test_a_road_of_unknown_heights_into_the_mountains_is_not_promised(atlas: Atlas, built: MapFolder) -> None:
+    """Malbun lies 1,150 m above Vaduz; the heights of bus stops and villages show that the country has mountains."""
+    hidden = replace(atlas, router=WithoutHeights(atlas.router), places=built.index, folder=built)
+    assert hidden.terrain_around([hidden.find("Vaduz", "x"), hidden.find("Ruggell", "x")]) == "mountains"
+    mild = tw.Departure(soc=0.14, ambient_temperature_degc=15.0)
+    zoe, plain = (
+        plan_journey(
+            ["Vaduz", "Malbun"],
+            replace(mild, terrain=terrain),
+            atlas=hidden,
+            vehicle="renault_zoe_ze50_r135",
+            options=JourneyOptions(answers=False),
+        )
+        for terrain in (None, "flat")
+    )
+    assert zoe.forecast.plan.departure.terrain == "mountains"
+    assert plain.forecast.plan.departure.terrain == "flat"
+    assert zoe.verdict.p_arrive < plain.verdict.p_arrive == 0.99
+    assert not zoe.verdict.arrives
+    assert zoe.soc_needed > 0.2 > plain.soc_needed

@@ -5,7 +5,7 @@ from tests.roads.maps.made import node, osm, way
 
 from tripwatt.errors import InvalidInput
 from tripwatt.roads.maps import Station
-from tripwatt.roads.maps.extract import DC_SOCKETS, Named, read_objects, station_of_tags
+from tripwatt.roads.maps.extract import DC_SOCKETS, Height, Named, read_objects, station_of_tags
 
 
 @pytest.fixture
@@ -59,6 +59,15 @@ def test_kinds_of_objects(objects_of):
         Named("poi", "Park", 47.03, 9.0),
         Named("street", "Cut off", 47.04, 9.0),
     ]
+
+
+def test_heights_beside_roads(objects_of):
+    assert objects_of(
+        node(1, 47.0, 9.0, highway="bus_stop", ele="455.5 m"),
+        node(2, 47.1, 9.0, natural="peak", place="locality", ele="2000"),
+        node(3, 47.2, 9.0, tourism="viewpoint", ele="900"),
+        node(4, 47.3, 9.0, railway="halt", ele="about 500"),
+    ) == [Height(47.0, 9.0, 455.5)]
 
 
 def test_other_names_and_inhabitants(objects_of):

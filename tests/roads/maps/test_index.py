@@ -3,6 +3,7 @@
 import sqlite3
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from tests.support.router_server import OBJECTS, SETTLEMENTS
 
 from tripwatt.errors import InvalidInput
 from tripwatt.roads.maps import PlaceIndex, Station
-from tripwatt.roads.maps.extract import Named
+from tripwatt.roads.maps.extract import Height, Named
 from tripwatt.roads.maps.index import write_index
 from tripwatt.roads.maps.near_words import mistakes, near_words
 from tripwatt.roads.search import find_place
@@ -314,6 +315,16 @@ def test_the_work_for_a_word_is_bounded_by_the_index(tmp_path):
     made.database.set_trace_callback(asked.append)
     assert len(near_words(made.database, "neukrch")) == 5
     assert len(asked) == 6  # one question for each key, with a limit
+
+
+def test_the_heights_of_places_show_the_terrain_around_a_journey(tmp_path):
+    """Two regions: a plain, in which one height is wrong, and a valley between mountains; elsewhere nothing is known."""
+    steps = np.linspace(0.0, 0.1, 30)
+    plain = [Height(47.0 + at, 9.0, 400.0 + 90.0 * at) for at in steps]
+    valley = [Height(47.0 + at, 12.0, 400.0 + 9000.0 * at) for at in steps]
+    made = written(tmp_path, [*plain, replace(plain[3], height_m=1400.0), *valley])
+    around = [made.terrain_around([Place(47.0, at), Place(47.1, at)]) for at in (9.0, 12.0, 15.0)]
+    assert around == ["flat", "mountains", None]
 
 
 def test_an_index_without_plugs_is_a_fault_with_a_fix(tmp_path):

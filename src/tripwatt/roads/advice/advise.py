@@ -315,7 +315,9 @@ def advise(
     left_s = math.inf if now is None or leaves is None else max((leaves - now).total_seconds(), 0.0)
     candidates = [trials.with_actions(action) for action in actions(forecast) if action.before_s <= left_s]
     candidates += [trials.compared((action,), way, forecast) for action, way in ways]
-    saving = [advised for advised in candidates if _is_worth_it(advised, forecast.energy_wh)]
+    least_wh = max(_MIN_SAVED_WH, _MIN_SAVED_SHARE * forecast.energy_wh)
+    differences = ((advised, advised.difference) for advised in candidates)
+    saving = [one for one, less in differences if less.p_less >= _MIN_P_LESS and less.energy_wh <= -least_wh]
     mildest = {advised.actions[0].group: advised for advised in reversed(saving)}
     singly = sorted(mildest.values(), key=lambda advised: advised.difference.energy_wh)
     speeds = [
@@ -333,11 +335,6 @@ def advise(
     return Advice(
         forecast, reserve, chance, p_arrive, charge_to, tuple(least), tuple(singly), tuple(speeds), whole
     )
-
-
-def _is_worth_it(advised: Advised, trip_wh: float) -> bool:
-    least_wh = max(_MIN_SAVED_WH, _MIN_SAVED_SHARE * trip_wh)
-    return advised.difference.p_less >= _MIN_P_LESS and advised.difference.energy_wh <= -least_wh
 
 
 def _with_charging_plan(journey: Journey, advised: Advised) -> Advised:

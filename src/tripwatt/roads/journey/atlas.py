@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
@@ -114,6 +115,10 @@ class Atlas:
         """The region of the map in words, and what to do about places outside of the region; empty without a map folder."""
         covered = "" if self.folder is None else self.folder.covers
         return f"this map covers {covered}; {_HOW_TO_COVER_MORE}" if covered else ""
+
+    def terrain_around(self, places: Sequence[Place]) -> str | None:
+        """Return the kind of terrain around places by the heights on the map; None if it is not known, or without a map folder."""
+        return None if self.folder is None else self.folder.index.terrain_around(places)
 
     def find(self, stop: Place | str, where: str) -> Place:
         """Find a place on the map.

@@ -34,6 +34,8 @@ class RoadForecaster:
         Source of the weather, used if the departure has no weather; None if there is no source.
     change : callable
         Change that is applied to every plan, such as a slower drive.
+    terrain : str or None
+        Kind of terrain of roads of unknown heights, used if the departure has none; None if it is not known.
 
     Examples
     --------
@@ -56,6 +58,7 @@ class RoadForecaster:
     departure: Departure
     weather: WeatherSource | None = None
     change: Callable[[Plan], Plan] = lambda plan: plan
+    terrain: str | None = None
 
     @property
     def departs_at(self) -> dt.datetime:
@@ -114,6 +117,8 @@ class RoadForecaster:
         road = self.with_expected_times(road)
         departure = replace(self.departure, **changed)
         plan = road.plan(trip_id).with_departure(departure)
+        if not plan.has_road and departure.terrain is None:
+            plan = plan.with_departure(Departure(terrain=self.terrain))
         if self.weather is None or departure.has_weather:
             return self.change(plan), ()
         position, weather = weather_along(road, self.weather, self.departs_at)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 import pandas as pd
@@ -26,12 +26,8 @@ from tripwatt.routes.places import Place
 from tripwatt.trips import Departure, Flag, raise_faults
 from tripwatt.trips.columns import Column, number_faults, scalar_faults
 from tripwatt.trips.messages import flag_to_dict, leave_in_words
-from tripwatt.trips.showing import html_table
-from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_MINUTE
+from tripwatt.units import M_S_PER_KM_H
 from tripwatt.vehicles import Vehicle
-
-if TYPE_CHECKING:
-    from tripwatt.figures import Axes, Figure
 
 _MAX_STOPS: Final = 20
 _MAX_ALTERNATIVES: Final = 3
@@ -355,63 +351,20 @@ class Journey:
         ]
         return pd.DataFrame(rows)
 
-    def plot(self, ax: Axes | None = None) -> Figure:
-        """Plot energy and state of charge along the journey, with the jumps at its stops to charge.
-
-        Parameters
-        ----------
-        ax : Axes, optional
-            Axes that the panels replace; by default, a new figure is made.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-            Energy, state of charge and causes; without stops, those of the fastest road.
-
-        Examples
-        --------
-        >>> import tripwatt as tw
-        >>> journey = tw.plan_journey(["Vaduz", "Malbun"], tw.Departure(soc=0.6), atlas="map")  # doctest: +SKIP
-        >>> journey.plot().savefig("journey.png")  # doctest: +SKIP
-        """
-        if self.charging is None:
-            return self.forecast.plot(ax)
-        from tripwatt.forecasting.plots import plot_forecast  # matplotlib is slow to import
-
-        plan = self.charging
-        return plot_forecast(plan.series(), plan.by_cause_wh, f"{self._title()}: {self._summary}", ax=ax)
-
     @property
     def charging_plans(self) -> tuple[ChargingPlan, ...]:
         """The fastest plan with stops to charge and its alternatives; empty if no stops are needed or none help."""
         return () if self.charging is None else (self.charging, *self.charging_alternatives)
 
-    @property
-    def _summary(self) -> str:
-        charges, low_high = self.verdict.charges, self.verdict.soc_interval
-        stops = "" if not charges else f"{charges} {'stop' if charges == 1 else 'stops'} to charge, "
-        return f"{stops}arrival with {self.verdict.soc_arrival:.0%}, 90 % interval {low_high[0]:.0%} to {low_high[1]:.0%}"
-
-    def _title(self) -> str:
-        return " to ".join(place.title for place in self.stops)
-
     def __repr__(self) -> str:
-        return f"<Journey {self._title()}: {self.roads[0].road.distance_m / 1000.0:.1f} km, {self._summary}>"
-
-    def _repr_html_(self) -> str:
-        rows = [
-            (
-                ", ".join(road.labels) or "road",
-                f"{road.road.distance_m / 1000.0:.1f} km, "
-                f"{road.forecast.plan.elapsed_s / SECONDS_PER_MINUTE:.0f} min, "
-                f"arrival with {road.forecast.soc_arrival:.0%}",
-            )
-            for road in self.roads
-        ]
-        return html_table(
-            f"Journey {self._title()}",
-            [("whole journey", self._summary), *rows, ("leave with", self.leave), ("", self.attribution)],
+        title, charges, low_high = (
+            " to ".join(place.title for place in self.stops),
+            self.verdict.charges,
+            self.verdict.soc_interval,
         )
+        stops = "" if not charges else f"{charges} {'stop' if charges == 1 else 'stops'} to charge, "
+        arrival = f"arrival with {self.verdict.soc_arrival:.0%}, 90 % interval {low_high[0]:.0%} to {low_high[1]:.0%}"
+        return f"<Journey {title}: {self.roads[0].road.distance_m / 1000.0:.1f} km, {stops}{arrival}>"
 
 
 def plan_journey(
@@ -534,6 +487,7 @@ def journey_with(
     >>> journey_with(forecaster, find_stops(["Vaduz", "Malbun"], atlas), atlas, JourneyOptions())  # doctest: +SKIP
     """
     title = " to ".join(place.title for place in stops)[:100]
+    forecaster = replace(forecaster, terrain=atlas.terrain_around(stops))
     roads = atlas.router.roads(stops, alternatives=options.alternatives)
     forecasts = _label_roads([RoadForecast(road, forecaster.forecast(road, title)) for road in roads])
     first = forecasts[0]
@@ -544,7 +498,9 @@ def journey_with(
     journey = replace(journey, speed=_speed_advice(forecaster, first, options.reserve))
     if options.charge and not journey.arrives:
         journey = _add_stops(journey, forecaster, atlas, options)
-    return replace(journey, costs_wh=_journey_costs(journey, forecaster))
+    legs = (journey.charging or first.without_stops(journey.reserve)).legs
+    costs = pd.DataFrame([_leg_costs(leg, forecaster) for leg in legs])
+    return replace(journey, costs_wh=costs.sum().to_dict())
 
 
 def _add_stops(
@@ -589,13 +545,6 @@ def _label_roads(roads: list[RoadForecast]) -> tuple[RoadForecast, ...]:
         replace(road, labels=tuple(label for label, index in index_by_label.items() if index == k))
         for k, road in enumerate(roads)
     )
-
-
-def _journey_costs(journey: Journey, forecaster: RoadForecaster) -> dict[str, float]:
-    """Return the energy that climate control, wind and speed cost on the whole journey [Wh]."""
-    plan = journey.charging or journey.roads[0].without_stops(journey.reserve)
-    costs = [_leg_costs(leg, forecaster) for leg in plan.legs]
-    return {cause: sum(leg_costs[cause] for leg_costs in costs) for cause in costs[0]}
 
 
 def _leg_costs(leg: Leg, forecaster: RoadForecaster) -> dict[str, float]:

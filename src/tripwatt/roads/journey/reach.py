@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -115,6 +115,7 @@ def find_reach(forecaster: RoadForecaster, start: Place, atlas: Atlas, *, reserv
     """
     reserve = require_fraction("reserve", reserve)
     roads, last_error = [], None
+    forecaster = replace(forecaster, terrain=atlas.terrain_around([start]))
     for place in _choose_targets(forecaster, start, atlas):
         try:
             roads.append(atlas.router.roads((start, place))[0])

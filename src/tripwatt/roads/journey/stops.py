@@ -33,6 +33,9 @@ _COURSE: Final = dict(
 LINE_DIGITS: Final = {"latitude_deg": 6, "longitude_deg": 6, "position_m": 1}
 """Columns of a line on the map, and the number of digits to which each is rounded."""
 
+MOST_CERTAIN: Final = 0.99
+"""Highest chance on roads of unknown heights: a choice, since no log shows how often roads climb far."""
+
 JOURNEY_FIELDS: Final = (
     *("p_arrive", "p_reserve", "soc_arrival", "soc_interval"),
     *("driving_s", "charging_s", "duration_s", "energy_wh"),
@@ -254,7 +257,10 @@ class ChargingPlan:
         return (self.legs[0].chance(first), *(leg.chance(self.reserve) for leg in self.legs[1:]))
 
     def _joint(self, chances: Sequence[float]) -> float:
-        return joint_chance(np.array(chances), np.array([leg.common_share for leg in self.legs]))
+        chance = joint_chance(np.array(chances), np.array([leg.common_share for leg in self.legs]))
+        return (
+            chance if all(leg.forecast.climbing is None for leg in self.legs) else min(chance, MOST_CERTAIN)
+        )
 
     @property
     def soc_arrival(self) -> float:

@@ -7,10 +7,11 @@ from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 from tripwatt.roads.journey.corridor import CERTAIN
-from tripwatt.roads.journey.stops import JOURNEY_FIELDS, ChargingPlan
+from tripwatt.roads.journey.stops import JOURNEY_FIELDS, ChargingPlan, Leg
+from tripwatt.routes.terrain import net_climbs
 
 Advice = Literal["go", "stop", "charge_before", "slower", "none"]
-Reason = Literal["", "leaves_below_reserve", "to_a_stop", "to_the_end"]
+Reason = Literal["", "leaves_below_reserve", "to_a_stop", "to_the_end", "unknown_heights"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +40,8 @@ class Verdict:
         "go", "stop", "charge_before", "slower", or "none" if nothing helps.
     reason : str
         What the driver has to know first: "leaves_below_reserve", since then the reserve counts after the first stop only; "to_a_stop" or
-        "to_the_end" if the charge does not suffice there; "" if there is nothing.
+        "to_the_end" if the charge does not suffice there; "unknown_heights" if it does not suffice on a road of unknown heights that
+        climbs as far as all but 1 in 20 roads in mountains; "" if there is nothing.
 
     Examples
     --------
@@ -95,5 +97,13 @@ class Verdict:
 def _reason(plan: ChargingPlan, arrives: bool) -> Reason:
     if plan.leaves_below_reserve:
         return "leaves_below_reserve"
+    if arrives:
+        return "" if all(_covers_climb(leg, plan.reserve) for leg in plan.legs) else "unknown_heights"
     least = min(range(len(plan.legs)), key=plan.leg_chances.__getitem__)
-    return "" if arrives else "to_the_end" if least == len(plan.legs) - 1 else "to_a_stop"
+    return "to_the_end" if least == len(plan.legs) - 1 else "to_a_stop"
+
+
+def _covers_climb(leg: Leg, reserve: float) -> bool:
+    """Return whether a leg ends with a reserve if its heights are known, or if it climbs as far as all but 1 in 20 roads in mountains."""
+    climb_m, road_m = leg.forecast.climb_to(min(reserve + leg.preheat_soc, 1.0)), leg.forecast.plan.distance_m
+    return climb_m is None or climb_m >= float(net_climbs("mountains").quantile(CERTAIN, road_m))

@@ -25,9 +25,22 @@ OTHER_NAMES: Final = re.compile(
 )
 """Keys of names in other languages, and of older or shorter names."""
 
+ROADSIDE: Final = ("place", "highway", "railway")
+"""Keys of objects whose tag `ele` is the height of a road beside them; that of a peak or a tower is not."""
+
+HEIGHT: Final = re.compile(r"(-?\d{1,4}(?:\.\d+)?)\s*m?")
 MAX_NAMES: Final = 200
 LONGEST_NAME: Final = 200
 POWER: Final = re.compile(r"(\d+(?:[.,]\d+)?)\s*(kva|kw|w)?\b", re.IGNORECASE)
+
+
+@dataclass(frozen=True, slots=True)
+class Height:
+    """A place beside a road whose height above sea level the map has [m]."""
+
+    latitude_deg: float
+    longitude_deg: float
+    height_m: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,8 +60,8 @@ class Named:
     population: int = 0
 
 
-def read_objects(path: Path, *, settlements_only: bool = False) -> Iterator[Named | Station]:
-    """Yield the named objects and charging stations of an extract, in its order. O(extract).
+def read_objects(path: Path, *, settlements_only: bool = False) -> Iterator[Named | Station | Height]:
+    """Yield the named objects, charging stations and heights of an extract, in its order. O(extract).
 
     Parameters
     ----------
@@ -79,13 +92,16 @@ def read_objects(path: Path, *, settlements_only: bool = False) -> Iterator[Name
         raise InvalidInput.of("cannot read the extract", path.name, got, allowed) from error
 
 
-def _read(element: Any) -> Iterator[Named | Station]:
-    """Yield the charging station, the named object and the house that an element is; nothing if its place is unknown."""
+def _read(element: Any) -> Iterator[Named | Station | Height]:
+    """Yield the charging station, the height, the named object and the house that an element is; nothing if its place is unknown."""
     tags = {tag.k: tag.v for tag in element.tags}
     where = _centre(element)
     if where is None:
         return
     latitude, longitude = where
+    height = HEIGHT.fullmatch(tags.get("ele", ""))
+    if height and "natural" not in tags and any(key in tags for key in ROADSIDE):
+        yield Height(latitude, longitude, float(height[1]))
     if tags.get("amenity") == "charging_station":
         station = station_of_tags(tags, latitude, longitude)
         if station is not None:

@@ -20,7 +20,7 @@ from tripwatt.roads.routers.valhalla import ValhallaRouter
 
 INFO_NAME: Final = "map.json"
 INDEX_NAME: Final = "places.sqlite"
-FORMAT: Final = 2
+FORMAT: Final = 3
 MAX_INFO_BYTES: Final = 1 << 20
 ATTRIBUTION: Final = "© OpenStreetMap contributors, ODbL 1.0"
 """Text that has to be shown wherever a map, a road or a place of an extract is shown."""
@@ -131,8 +131,7 @@ def build_map(
 
     def write(work: Path) -> None:
         progress("places")
-        objects = read_objects(extract, settlements_only=True)
-        places = [place for place in objects if isinstance(place, Named)]
+        places = [place for place in read_objects(extract, settlements_only=True) if isinstance(place, Named)]
         counts = write_index(work / INDEX_NAME, places, read_objects(extract))
         bounds = _bounds(work / INDEX_NAME)
         progress("elevation")

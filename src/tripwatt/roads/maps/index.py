@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import sqlite3
 import sys
 from collections import defaultdict
@@ -16,11 +17,14 @@ from typing import Any, Final
 import numpy as np
 
 from tripwatt.errors import InvalidInput
-from tripwatt.roads.maps.extract import KINDS, Named
+from tripwatt.roads.maps.extract import KINDS, Height, Named
 from tripwatt.roads.maps.near_words import SCHEMA as WORDS_SCHEMA
-from tripwatt.roads.maps.near_words import near_words, ranked, write_words
+from tripwatt.roads.maps.near_words import near_words, write_words
 from tripwatt.roads.maps.stations import Station
 from tripwatt.routes.places import SPELLINGS, TWIN_M, Place, plain_words, without_twins
+from tripwatt.routes.points import EARTH_RADIUS_M
+from tripwatt.routes.terrain import GROWTH, REFERENCE_M, net_climbs
+from tripwatt.trips import TERRAINS
 
 FAR_FROM_SETTLEMENT_DEG: Final = 0.3
 """An object farther from a settlement than this [° of latitude] is named without the settlement."""
@@ -44,9 +48,20 @@ NOT_MEANT: Final = 100
 SEPARATOR: Final = ";"
 """Separator between the other names of a place, as in the extract."""
 
+MIN_HEIGHTS: Final = 20
+MAX_HEIGHTS: Final = 400
+"""Least number of heights that show the terrain of a region, and the largest number that is compared in pairs. Choices."""
+
+APART_DEG: Final = 0.01
+"""Places nearer to each other than this count as that far apart, about 1 km: they are one stop or one village. A choice."""
+
+AROUND_DEG: Final = 0.1
+"""Heights up to this far beyond the places of a journey show its terrain: a choice, about 10 km."""
+
 SCHEMA: Final = f"""
 CREATE TEMP TABLE read (kind INTEGER, name TEXT, context TEXT, latitude REAL, longitude REAL, also TEXT, population INTEGER);
 CREATE TEMP TABLE merged AS SELECT * FROM read;
+CREATE TABLE heights (latitude REAL, longitude REAL, height REAL);
 CREATE TABLE stations (latitude REAL, longitude REAL, name TEXT, power REAL, direct INTEGER, known INTEGER, plugs TEXT);
 CREATE TABLE places (
     id INTEGER PRIMARY KEY, kind INTEGER, name TEXT, context TEXT, latitude REAL, longitude REAL, also TEXT);
@@ -56,7 +71,7 @@ CREATE VIRTUAL TABLE names USING fts5(name, also, context, content='', prefix='1
 
 
 def write_index(
-    path: Path, settlements: Sequence[Named], objects: Iterable[Named | Station]
+    path: Path, settlements: Sequence[Named], objects: Iterable[Named | Station | Height]
 ) -> dict[str, int]:
     """Write the index of a map. O(objects log objects).
 
@@ -66,7 +81,7 @@ def write_index(
         File of the index; an existing file is replaced.
     settlements : sequence of Named
         Settlements, whose names are shown beside streets and houses near them.
-    objects : iterable of Named or Station
+    objects : iterable of Named, Station or Height
 
     Returns
     -------
@@ -77,10 +92,13 @@ def write_index(
     nearest = _Nearest(settlements)
     with closing(sqlite3.connect(path)) as database, database:
         database.executescript(SCHEMA)
-        for batch in _batches(objects, 20_000):
+        rest = iter(objects)
+        while batch := list(itertools.islice(rest, 20_000)):
             found = [item for item in batch if isinstance(item, Station)]
             stations = [(*astuple(station)[:-1], " ".join(station.plugs)) for station in found]
             database.executemany("INSERT INTO stations VALUES (?, ?, ?, ?, ?, ?, ?)", stations)
+            heights = [astuple(item) for item in batch if isinstance(item, Height)]
+            database.executemany("INSERT INTO heights VALUES (?, ?, ?)", heights)
             named = [item for item in batch if isinstance(item, Named)]
             database.executemany("INSERT INTO read VALUES (?, ?, ?, ?, ?, ?, ?)", _rows(named, nearest))
         rows = database.execute("SELECT * FROM read ORDER BY kind, name, context, latitude, longitude")
@@ -94,8 +112,10 @@ def write_index(
         rows = database.execute("SELECT id, name, also, context FROM places")
         texts = ((k, *map(_searched, (name, also, context))) for k, name, also, context in rows)
         database.executemany("INSERT INTO names (rowid, name, also, context) VALUES (?, ?, ?, ?)", texts)
-        rows = database.execute("SELECT id, name || ' ' || also FROM places WHERE kind < ?", (HOUSE,))
-        write_words(database, ranked((k, _searched(text).split()) for k, text in rows))
+        rows = database.execute(
+            "SELECT id, name || ' ' || also FROM places WHERE kind < ? ORDER BY id DESC", (HOUSE,)
+        )
+        write_words(database, {word: k for k, text in rows for word in _searched(text).split()}.items())
         return {
             table: int(database.execute(f"SELECT count(*) FROM {table}").fetchone()[0])
             for table in ("places", "stations")
@@ -179,12 +199,6 @@ def _searched(text: str) -> str:
     return " ".join(words if typed == text.lower() else dict.fromkeys([*words, *plain_words(typed)]))
 
 
-def _batches(objects: Iterable[Any], size: int) -> Iterator[list[Any]]:
-    rest = iter(objects)
-    while batch := list(itertools.islice(rest, size)):
-        yield batch
-
-
 class _Nearest:
     """The settlement nearest to each object."""
 
@@ -233,7 +247,32 @@ class _Tree:
         ]
 
 
-def _plane(objects: Sequence[Named]) -> Any:
+def terrain_of(heights: Sequence[Height]) -> str | None:
+    """Return the kind of terrain whose roads differ in height as some places do; None if there are too few places.
+
+    Compared is the climb that nine tenths of all pairs of places do not exceed, over 10 km along a line (`tripwatt.routes.terrain`). So a
+    few wrong heights on the map do not matter.
+
+    Examples
+    --------
+    >>> line = np.linspace(0.0, 0.2, 40)
+    >>> [terrain_of([Height(47.0 + at, 9.0, slope * at) for at in line]) for slope in (100.0, 8000.0)], terrain_of([])
+    (['flat', 'mountains'], None)
+    """
+    from scipy.spatial.distance import pdist
+
+    some = heights[:: 1 + len(heights) // MAX_HEIGHTS]
+    if len(some) < MIN_HEIGHTS:
+        return None
+    apart_rad = np.radians(np.maximum(pdist(_plane(some)), APART_DEG))
+    climb_m = pdist(np.array([[place.height_m] for place in some]))
+    over_10_km_m = climb_m * (REFERENCE_M / EARTH_RADIUS_M / apart_rad) ** GROWTH
+    most_m = max(float(np.quantile(over_10_km_m, 0.9)), 1.0)
+    usual_m = {kind: float(net_climbs(kind).quantile(0.95, REFERENCE_M)) for kind in TERRAINS[1:]}
+    return min(usual_m, key=lambda kind: abs(math.log(usual_m[kind] / most_m)))
+
+
+def _plane(objects: Sequence[Named | Height]) -> Any:
     """Return latitudes and longitudes on the same scale, precise enough to compare distances of some kilometres."""
     table = np.array([(item.latitude_deg, item.longitude_deg) for item in objects])
     table[:, 1] *= np.cos(np.radians(table[:, 0]))
@@ -342,6 +381,17 @@ class PlaceIndex:
                 (self._first_street, south, north, west, east, limit),
             ).fetchall()
             return tuple(Place(lat, lon, name, KINDS[kind]) for kind, name, lat, lon in rows)
+
+    def terrain_around(self, places: Sequence[Place]) -> str | None:
+        """Return the kind of terrain around places by the heights of the map, see `terrain_of`. O(heights)."""
+        at = np.array([(place.latitude_deg, place.longitude_deg) for place in places])
+        ends = np.stack((at.min(axis=0) - AROUND_DEG, at.max(axis=0) + AROUND_DEG), axis=1)
+        with self._damage_is_a_fault():
+            rows = self.database.execute(
+                "SELECT * FROM heights WHERE latitude BETWEEN ? AND ? AND longitude BETWEEN ? AND ?",
+                ends.ravel().tolist(),
+            ).fetchall()
+        return terrain_of([Height(*row) for row in rows])
 
     @cached_property
     def _first_street(self) -> int:

@@ -86,12 +86,3 @@ def mistakes(typed: str, word: str) -> tuple[int, int]:
     whole = OSA.distance(typed, word)
     shortest = max(len(typed) - MAX_MISTAKES, 0)
     return min([whole, *(OSA.distance(typed, word[:k]) for k in range(shortest, len(word)))]), whole
-
-
-def ranked(texts: Iterable[tuple[int, list[str]]]) -> Iterable[tuple[str, int]]:
-    """Return each word of some texts with the first rank of a text that has the word; texts are in the order of their ranks."""
-    first: dict[str, int] = {}
-    for rank, words in texts:
-        for word in words:
-            first.setdefault(word, rank)
-    return first.items()

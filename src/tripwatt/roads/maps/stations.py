@@ -6,7 +6,7 @@ import csv
 import io
 import itertools
 from collections.abc import Mapping, Sequence, Set
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
@@ -34,8 +34,7 @@ ASSUMED_POWER_W: Final[Mapping[bool, float]] = MappingProxyType({True: 50_000.0,
 and of a three-phase socket of 16 A."""
 
 BOUNDS: Final = {"latitude_deg": (-90.0, 90.0), "longitude_deg": (-180.0, 180.0), "power_kw": (1.0, 1500.0)}
-COLUMNS: Final = tuple(BOUNDS)
-"""Columns that a file of stations needs; `BOUNDS` has their bounds, and `name` is optional."""
+"""Columns that a file of stations needs, with their bounds; `name` is optional."""
 
 DIRECT_FROM_W: Final = 43_001.0
 """A station of a file with this power or more is taken to have direct current, since alternating current ends at 43 kW."""
@@ -91,10 +90,6 @@ class Station:
         direct = self.direct_current and not fitting.isdisjoint(DC_SOCKETS)
         return replace(self, direct_current=direct) if fitting else None
 
-    def to_dict(self) -> dict[str, Any]:
-        """Convert to plain values."""
-        return {**asdict(self), "plugs": list(self.plugs)}
-
 
 def read_stations(path: Path | str) -> tuple[Station, ...]:
     """Read stations from a CSV file with the columns `latitude_deg`, `longitude_deg`, `power_kw` and optionally `name`.
@@ -116,15 +111,14 @@ def read_stations(path: Path | str) -> tuple[Station, ...]:
         raise InvalidInput.of(
             "cannot read the stations", f"{path}", f"{error}"[:80], "a CSV table"
         ) from error
-    missing = [name for name in COLUMNS if name not in names]
+    missing = [name for name in BOUNDS if name not in names]
     if missing:
-        raise InvalidInput.of("missing column", path.name, ", ".join(missing), ", ".join(COLUMNS))
+        raise InvalidInput.of("missing column", path.name, ", ".join(missing), ", ".join(BOUNDS))
     if len(rows) > MAX_STATIONS:
         raise InvalidInput.of("too many stations", path.name, f"{len(rows)}", f"at most {MAX_STATIONS}")
     faults, columns = [], []
     for column, (low, high) in BOUNDS.items():
-        cells = pd.Series([row[column] for row in rows], dtype=object)
-        values = pd.to_numeric(cells, errors="coerce").to_numpy(dtype=np.float64)
+        values = pd.Series(pd.to_numeric([row[column] for row in rows], errors="coerce")).to_numpy(np.float64)
         wrong = np.flatnonzero(~((values >= low) & (values <= high)))
         if len(wrong):
             where = f"{path.name}, column '{column}', row {wrong[0] + 1}"

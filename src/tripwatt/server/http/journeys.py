@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from tripwatt.errors import Fault, InvalidInput, raise_faults
@@ -114,7 +114,7 @@ class JourneyJobs:
         atlas, bounds = self._atlas(), (south, west, north, east)
         return {
             "settlements": [place.to_dict() for place in atlas.settlements(bounds, limit)],
-            "stations": [station.to_dict() for station in atlas.stations_within(bounds, limit)],
+            "stations": [asdict(station) for station in atlas.stations_within(bounds, limit)],
             "attribution": atlas.attribution,
         }
 
