@@ -204,10 +204,8 @@ class TestGrade:
         assert grade.max() < 0.15
 
     @pytest.mark.parametrize("height", [np.full(600, np.nan), np.full(600, 582.0)])
-    def test_missing_or_constant_is_flat(self, height: np.ndarray) -> None:
+    def test_missing_or_constant_or_never_moving_is_flat(self, height: np.ndarray) -> None:
         assert (grade_from_elevation(self.time, self.speed, height) == 0.0).all()
-
-    def test_never_moving_is_flat(self) -> None:
         assert (grade_from_elevation(self.time, np.zeros(600), self.climb) == 0.0).all()
 
     @settings(max_examples=40, deadline=None)

@@ -97,7 +97,23 @@ class ConformalScores:
         return float(self.factors(np.array(level)))
 
     def factors(self, level: FloatArray) -> FloatArray:
-        """Compute `factor` for many levels at once, shape of `level`."""
+        """Compute `factor` for many levels at once.
+
+        Parameters
+        ----------
+        level : ndarray
+            Coverages, 0 to 1.
+
+        Returns
+        -------
+        ndarray
+            Half widths in standard deviations [1], shape of `level`.
+
+        Examples
+        --------
+        >>> ConformalScores.from_errors([1.0, 0.5, 2.0]).factors(np.array([0.0, 0.5, 0.75])).tolist()
+        [0.0, 1.0, 2.0]
+        """
         n = len(self.values)
         beyond = self.values[-1] * t4_half_width(np.minimum(level, 1.0 - 1e-9)) / t4_half_width(n / (n + 1))
         rank = level * (n + 1)

@@ -301,6 +301,8 @@ export const en = {
     leavesBelow: (reserve: string, hasStops: boolean) =>
       `You leave with less than your reserve of ${reserve}.${hasStops ? " It counts from the first charging stop on." : ""}`,
     not: "You will not arrive without charging",
+    probably: "You will probably arrive",
+    unknownHeights: "The heights of this road are unknown. In mountains the charge may not suffice.",
     looking: "Looking for charging stops …",
     needsCharging: "The charge at departure is not enough for the whole route.",
     arrivesAt: "Arrival",

@@ -2,7 +2,7 @@
 
 import type { ChargingPlan, Forecast, Stop } from "../api/documents";
 import { type Answer, decisiveChance, verdictOfAnswer } from "../model/answer";
-import { emptyAfterM } from "../model/arrival";
+import { emptyAfterM, type Verdict } from "../model/arrival";
 import { warningsOf } from "../model/flags";
 import { ENERGY, PERCENT } from "../model/units";
 import { source } from "../state/catalogue";
@@ -31,15 +31,30 @@ const EMPTY = "battery_empty";
 /** A smaller charge is 0 % as it is shown. */
 const SHOWN_SOC = 0.005;
 
+/** The reason of a verdict that would be good if the heights of the road were known. */
+const HEIGHTS = "unknown_heights";
+
+/** What the service names first about the journey that is shown. */
+function reasonOfJourney(): string | undefined {
+  return mode.value === "plan" && trip.value?.stops ? journey.value?.verdict.reason : undefined;
+}
+
+/** The verdict as it is coloured: no road of unknown heights is green. */
+function shownVerdict(now: Answer): Verdict {
+  const verdict = verdictOfAnswer(now);
+  return verdict === "good" && reasonOfJourney() === HEIGHTS ? "open" : verdict;
+}
+
 /** The answer in a sentence. */
 function sentence(now: Answer): string {
   const { verdict: words } = text.value;
   if (isLookingForStops.value) return words.looking;
-  if (verdictOfAnswer(now) === "good") {
+  if (shownVerdict(now) === "good") {
     const isRound = trip.value?.isRound ?? false;
     if (now.charges > 0) return words.withStops(now.charges, isRound);
     return isRound ? words.arrivesBack : words.arrives;
   }
+  if (reasonOfJourney() === HEIGHTS) return words.probably;
   if (now.pArrive >= OPEN[1]) return words.belowReserve;
   if (decisiveChance(now) >= 0.5) return words.perhaps;
   return now.pArrive >= 0.5 ? words.mostlyBelow : words.not;
@@ -94,7 +109,8 @@ function Whole({ now }: { now: Answer }) {
 
 /** What has to be known before the chance is read; null where nothing has. */
 function reasonText(): string | null {
-  const reason = mode.value === "plan" && trip.value?.stops ? journey.value?.verdict.reason : undefined;
+  const reason = reasonOfJourney();
+  if (reason === HEIGHTS) return text.value.verdict.unknownHeights;
   if (reason !== "leaves_below_reserve") return null;
   const reserve = format.value.shown(requested.value.at.reserve, PERCENT);
   return text.value.verdict.leavesBelow(reserve, chargingPlan.value !== null);
@@ -121,7 +137,7 @@ function Headline({ of, now }: { of: Forecast; now: Answer }) {
       {!measured && reasonText() && <p class="reason">{reasonText()}</p>}
       {!measured && (
         <Chance
-          verdict={verdictOfAnswer(now)}
+          verdict={shownVerdict(now)}
           chance={decisiveChance(now)}
           reserve={now.pReserve === null ? 0 : reserve}
           atAll={now.pArrive}
@@ -241,7 +257,7 @@ export function VerdictCard() {
   const now = answer.value;
   const { verdict: words } = text.value;
   const isDistance = source.value === "distance";
-  const verdict = isDistance ? needVerdict() : of && now && verdictOfAnswer(now);
+  const verdict = isDistance ? needVerdict() : of && now && shownVerdict(now);
   const shown = !isDistance && of && now;
   const isCompared = mode.value === "compare" && alternative.value !== null;
   return (

@@ -357,11 +357,8 @@ class Journey:
         return () if self.charging is None else (self.charging, *self.charging_alternatives)
 
     def __repr__(self) -> str:
-        title, charges, low_high = (
-            " to ".join(place.title for place in self.stops),
-            self.verdict.charges,
-            self.verdict.soc_interval,
-        )
+        title, charges = " to ".join(place.title for place in self.stops), self.verdict.charges
+        low_high = self.verdict.soc_interval
         stops = "" if not charges else f"{charges} {'stop' if charges == 1 else 'stops'} to charge, "
         arrival = f"arrival with {self.verdict.soc_arrival:.0%}, 90 % interval {low_high[0]:.0%} to {low_high[1]:.0%}"
         return f"<Journey {title}: {self.roads[0].road.distance_m / 1000.0:.1f} km, {stops}{arrival}>"
@@ -499,8 +496,8 @@ def journey_with(
     if options.charge and not journey.arrives:
         journey = _add_stops(journey, forecaster, atlas, options)
     legs = (journey.charging or first.without_stops(journey.reserve)).legs
-    costs = pd.DataFrame([_leg_costs(leg, forecaster) for leg in legs])
-    return replace(journey, costs_wh=costs.sum().to_dict())
+    costs = pd.DataFrame([_leg_costs(leg, forecaster) for leg in legs]).sum()
+    return replace(journey, costs_wh={f"{name}": float(costs[name]) for name in costs.index})
 
 
 def _add_stops(
