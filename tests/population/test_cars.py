@@ -114,7 +114,7 @@ def test_a_car_on_the_road_flags_that_it_has_no_trips(other: tw.ForecastModel, t
 def test_an_own_car_flags_that_it_has_no_trips_yet(own_car: Any, links: Path) -> None:
     assert codes(own_car.model().flags) == [FIRST]
     jobs = Jobs({"i3": tw.load_model()}, Limits(), cars=CarJobs(own_car.folder.parent))
-    document = jobs.run("forecast", json.dumps({"links": LINKS, "model": "mine"}).encode())
+    document = jobs.run("forecast", json.dumps({"links": LINKS, "car": "mine"}).encode())
     assert codes(document["flags"])[0] == FIRST
     printed = answered("forecast", own_car.folder, links, "--json")
     assert codes(json.loads(printed.out)["flags"])[0] == FIRST

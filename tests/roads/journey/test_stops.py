@@ -391,9 +391,7 @@ def test_a_way_to_a_station_in_vain_takes_its_share_of_the_road(long_journey):
 def test_unknown_heights_are_named_until_the_charge_covers_a_climb_in_mountains(model):
     """No chance is above 99 in 100 on a road of unknown heights, however much is left."""
     stops = (A, Place(47.0, 9.2))
-    short, full = (
-        journey(model, replace(COLD, soc=soc), stops, answers=False).verdict for soc in (0.35, 1.0)
-    )
+    short, full = (journey(model, replace(COLD, soc=soc), stops, answers=False).verdict for soc in (0.5, 1.0))
     assert [(one.arrives, one.reason) for one in (short, full)] == [(True, "unknown_heights"), (True, "")]
     assert short.p_arrive == full.p_arrive == full.p_reserve == 0.99
 

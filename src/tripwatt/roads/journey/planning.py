@@ -495,9 +495,9 @@ def journey_with(
     journey = replace(journey, speed=_speed_advice(forecaster, first, options.reserve))
     if options.charge and not journey.arrives:
         journey = _add_stops(journey, forecaster, atlas, options)
-    legs = (journey.charging or first.without_stops(journey.reserve)).legs
-    costs = pd.DataFrame([_leg_costs(leg, forecaster) for leg in legs]).sum()
-    return replace(journey, costs_wh={f"{name}": float(costs[name]) for name in costs.index})
+    plan = journey.charging or first.without_stops(journey.reserve)
+    costs = [_leg_costs(leg, forecaster) for leg in plan.legs]
+    return replace(journey, costs_wh={cause: sum(cost[cause] for cost in costs) for cause in costs[0]})
 
 
 def _add_stops(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import math
 import sqlite3
 import sys
 from collections import defaultdict
@@ -265,11 +264,11 @@ def terrain_of(heights: Sequence[Height]) -> str | None:
     if len(some) < MIN_HEIGHTS:
         return None
     apart_rad = np.radians(np.maximum(pdist(_plane(some)), APART_DEG))
-    climb_m = pdist(np.array([[place.height_m] for place in some]))
+    climb_m = pdist([[place.height_m] for place in some])
     over_10_km_m = climb_m * (REFERENCE_M / EARTH_RADIUS_M / apart_rad) ** GROWTH
-    most_m = max(float(np.quantile(over_10_km_m, 0.9)), 1.0)
-    usual_m = {kind: float(net_climbs(kind).quantile(0.95, REFERENCE_M)) for kind in TERRAINS[1:]}
-    return min(usual_m, key=lambda kind: abs(math.log(usual_m[kind] / most_m)))
+    most_m = np.log(max(np.quantile(over_10_km_m, 0.9), 1.0))
+    usual = {kind: np.log(net_climbs(kind).quantile(0.95, REFERENCE_M)) for kind in TERRAINS[1:]}
+    return min(usual, key=lambda kind: float(abs(usual[kind] - most_m)))
 
 
 def _plane(objects: Sequence[Named | Height]) -> Any:
