@@ -213,7 +213,7 @@ def test_the_service_compares_the_library_s_car_with_that_of_its_model() -> None
     def forecast(**more: str) -> dict[str, object]:
         return jobs.run("forecast", json.dumps({"links": UPHILL, "soc": 0.9, **more}).encode())
 
-    own, library = forecast(), forecast(vehicle="bmw_i3_60ah")
+    own, library = forecast(), forecast(car="bmw_i3_60ah")
     assert own["energy_wh"] > library["energy_wh"] + MORE_KG * GRAVITY_M_S2 * 250.0 / 3600.0  # type: ignore[operator]
     assert library["flags"][0]["code"] == "changed_car"  # type: ignore[index]
 

@@ -336,15 +336,15 @@ class Jobs:
         if name in self.fleets:
             return vehicle_model(self.fleets[name].get(), request)
         if request.driver is not None:
-            got, allowed = f"a model of one car, {name}", "the model of a fleet"
-            raise InvalidInput.of("no fleet", "driver", got, allowed)
+            raise InvalidInput.of("no fleet", "driver", f"a model of one car, {name}", "the model of a fleet")
         fitted = self.models[name]
-        if car is None or car == fitted.vehicle.name:
+        if car is None:
             return fitted
         key = name, car if isinstance(car, str) else car.model_dump_json()
-        if key not in self.transferred:
-            self.transferred[key] = for_car(fitted, car if isinstance(car, str) else describe(car))
-        return self.transferred[key]
+        made = self.transferred.get(key) or for_car(fitted, car if isinstance(car, str) else describe(car))
+        if made is not fitted:
+            self.transferred[key] = made
+        return made
 
     def describe(self, request: VehicleFigures) -> dict[str, Any]:
         """Return the response to `VehicleFigures`."""
