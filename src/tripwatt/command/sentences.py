@@ -83,7 +83,7 @@ def journey_in_words(journey: tw.Journey) -> list[str]:
     """Describe a journey for a driver, in a sentence each: arrival, charge to leave with, speed, stops to charge."""
     forecast, reserve = journey.forecast, _percent(journey.reserve)
     title = " to ".join(place.title for place in journey.stops)
-    sentences = [forecast_in_words(forecast, title), *unknown_climb_in_words(forecast, journey.reserve)]
+    sentences = [*unknown_climb_in_words(forecast, journey.reserve), forecast_in_words(forecast, title)]
     sentences.append(journey.leave)
     advice = journey.speed
     if advice is not None and advice.speed_m_s is not None:

@@ -157,7 +157,7 @@ def test_a_car_is_made_taught_used_and_deleted(opened: Any, service: Service) ->
     assert dialog(page).locator("tr.not-seen").count() == sum(value is None for value in by_name.values())
     with page.expect_response(lambda r: r.url.endswith("/v1/forecast")) as asked:
         dialog(page).get_by_role("button", name="Use for forecasts").click()
-    assert asked.value.request.post_data_json["model"] == "my-i3"
+    assert asked.value.request.post_data_json["car"] == "my-i3"
     assert asked.value.ok
     page.get_by_text("my-i3, BMW i3 60 Ah: model from its own trips.").wait_for()
     page.wait_for_url(re.compile("own=my-i3"))
