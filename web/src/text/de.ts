@@ -310,7 +310,8 @@ const de: Text = {
       `Sie fahren mit weniger als Ihrer Reserve von ${reserve} los.${hasStops ? " Sie gilt ab dem ersten Ladestopp." : ""}`,
     not: "Ohne Laden kommen Sie nicht an",
     probably: "Sie kommen wahrscheinlich an",
-    unknownHeights: "Die Höhen dieser Strecke sind unbekannt. Im Gebirge reicht der Ladestand vielleicht nicht.",
+    unknownHeights:
+      "Die Höhen dieser Strecke sind unbekannt. Im Gebirge reicht der Ladestand vielleicht nicht.",
     looking: "Ladestopps werden gesucht …",
     needsCharging: "Der Ladestand bei Abfahrt reicht nicht für die ganze Strecke.",
     arrivesAt: "Ankunft",
