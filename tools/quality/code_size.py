@@ -23,12 +23,12 @@ from tools.command import run
 PARTS: Final = ("roads", "server", "fleet", "study", "gamm")
 """Rooms that are a part; all others together are the core. `gamm` is a distribution of its own."""
 BUDGETS: Final[Mapping[str, int]] = {
-    "core": 20_699,
-    "roads": 4_201,
+    "core": 20_695,
+    "roads": 4_198,
     "server": 6_012,
     "fleet": 2_353,
     "study": 4_692,
-    "gamm": 3_951,
+    "gamm": 3_950,
 }
 """Most code lines of each part. They only fall: whoever needs lines finds them first."""
 TABLE_ROWS: Final = 4

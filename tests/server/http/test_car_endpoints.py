@@ -272,6 +272,8 @@ def test_a_car_by_figures_has_a_model_at_once(service: Service) -> None:
     assert made["vehicle"]
     request = {"links": LINKS, "soc": 0.9, "car": "by-figures"}
     assert service.client.post("/v1/forecast", json=request).json()["energy_wh"] > 1500.0
+    unplanned = service.client.get("/v1/need", params={"car": "by-figures"}).json()
+    assert unplanned["type"] == "/problems/no-plan", "it is known without a token"
     again = service.client.post("/v1/cars", json=body)
     assert (again.status_code, again.json()["type"]) == (409, "/problems/name-taken")
     (fault,) = again.json()["faults"]

@@ -271,6 +271,8 @@ def test_a_car_without_a_description_is_flagged_until_it_has_one(served: Served,
     assert (made.vehicle.name, has_token(made.folder)) == ("hyundai_ioniq_5_lr_rwd", True)
     assert served("/v1/live/leaf").json()["flags"] == []
     assert flag["code"] not in codes_of(served("/v1/range", params={"car": "leaf"}).json())
+    shown = served("/v1/forecast", "POST", json={"links": LINKS, "car": "leaf"}).json()
+    assert shown["series"]["displayed_soc"][0] == pytest.approx(0.4), "the charge of its last message"
     served.put({"links": LINKS, "car": "vw_id3"}, "zoe")
     assert served("/v1/live/zoe").json()["flags"] == []  # its plan names a car
 

@@ -498,6 +498,22 @@ def test_places_are_typed_as_coordinates_or_names_and_an_unknown_one_is_told_wit
     page.unroute("**/v1/map")
 
 
+def test_a_road_of_unknown_heights_is_not_green(page: Any) -> None:
+    def with_reason(route: Any) -> None:
+        answer = route.fetch().json()
+        answer["verdict"] |= {"arrives": True, "reason": "unknown_heights"}
+        route.fulfill(json=answer)
+
+    plan(page)
+    page.locator(".verdict-good").wait_for()
+    page.route("**/v1/journeys", with_reason)
+    whole_answer(page, lambda: page.get_by_role("slider", name="Battery at departure").fill("85"))
+    page.get_by_text("The heights of this road are unknown.").wait_for()
+    assert page.locator(".verdict-good").count() == 0
+    page.get_by_role("heading", name="You will probably arrive", exact=True).wait_for()
+    page.unroute("**/v1/journeys")
+
+
 def test_a_place_outside_of_the_map_is_told_with_its_region(page: Any, expected: list[str]) -> None:
     expected.append("422")  # the refusal
 
