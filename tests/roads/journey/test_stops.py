@@ -12,7 +12,7 @@ from tests.roads.journey.made import COLD, MADE, A, journey
 
 import tripwatt as tw
 from tripwatt.forecasting.leaving import leaving_with
-from tripwatt.roads.journey import Place, planning, plans
+from tripwatt.roads.journey import Place, RoadForecaster, planning, plans
 from tripwatt.roads.journey import corridor as corridor_module
 from tripwatt.roads.journey.charging import WARM_DEGC
 from tripwatt.roads.journey.corridor import Corridor, Leg
@@ -394,6 +394,11 @@ def test_unknown_heights_are_named_until_the_charge_covers_a_climb_in_mountains(
     short, full = (journey(model, replace(COLD, soc=soc), stops, answers=False).verdict for soc in (0.5, 1.0))
     assert [(one.arrives, one.reason) for one in (short, full)] == [(True, "unknown_heights"), (True, "")]
     assert short.p_arrive == full.p_arrive == full.p_reserve == 0.99
+    road = MADE.router.roads(stops)[0]
+    flat, steep = (
+        RoadForecaster(model, COLD, terrain=kind).forecast(road, "road") for kind in ("flat", "mountains")
+    )
+    assert np.diff(steep.interval(0.9)) > 1.5 * np.diff(flat.interval(0.9))
 
 
 def test_a_departure_below_the_reserve_is_named_and_exempts_the_first_leg(model):

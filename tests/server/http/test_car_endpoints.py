@@ -272,6 +272,9 @@ def test_a_car_by_figures_has_a_model_at_once(service: Service) -> None:
     assert made["vehicle"]
     request = {"links": LINKS, "soc": 0.9, "car": "by-figures"}
     assert service.client.post("/v1/forecast", json=request).json()["energy_wh"] > 1500.0
+    model = service.client.get("/v1/models").json()["models"][0]["name"]
+    two = service.client.post("/v1/forecast", json=request | {"model": model}).json()
+    assert two["faults"][0]["what"] == "the car has its own model"
     unplanned = service.client.get("/v1/need", params={"car": "by-figures"}).json()
     assert unplanned["type"] == "/problems/no-plan", "it is known without a token"
     again = service.client.post("/v1/cars", json=body)
