@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.arrays import FloatArray, IntArray, distance_driven, running_sum
+from tripwatt.arrays import BoolArray, FloatArray, IntArray, distance_driven, running_sum
 from tripwatt.auditing.signals import blank_stuck_heater
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting.expected import ExpectedTrip
@@ -105,6 +105,10 @@ class SegmentReadings:
         """Average values of all segments over what each reading covers, shape (readings,)."""
         return values[self.seen]
 
+    def touches(self, n: int) -> BoolArray:
+        """Mask of the segments, of n, that any reading covers at least in part."""
+        return np.isin(np.arange(n), self.seen)
+
     def condition(self, prior: PowerPrior, power_w: FloatArray, variance_w2: FloatArray) -> ResidualPower:
         """Posterior of the residual power, given values of the readings and the variances of their errors."""
         return prior.measured(self.seen, power_w, variance_w2)
@@ -131,6 +135,10 @@ class SpanReadings:
     def mean_of(self, values: FloatArray) -> FloatArray:
         """See `SegmentReadings.mean_of`."""
         return self.weights @ values
+
+    def touches(self, n: int) -> BoolArray:
+        """See `SegmentReadings.touches`."""
+        return np.asarray((self.weights > 0.0).any(axis=0))
 
     def condition(self, prior: PowerPrior, power_w: FloatArray, variance_w2: FloatArray) -> ResidualPower:
         """See `SegmentReadings.condition`."""

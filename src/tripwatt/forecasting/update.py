@@ -34,9 +34,7 @@ def updated_power(
     residual = readings.power_w - readings.mean_of(drive.power_w)
     told = process.split and any(name in samples for name in TOLD_BY)
     logged = logged_climate(table_of(samples), drive.edges_s) if told else None
-    needed = (readings.mean_of(np.eye(len(segments))) > 0.0).any(
-        axis=0
-    )  # segments that a reading covers in part
+    needed = readings.touches(len(segments))
     expected = None if logged is None else drive.climate_w
     if logged is None or expected is None or not np.isfinite(logged[needed]).all():
         joint = readings.condition(process.prior(segments), residual, readings.variance_w2)
