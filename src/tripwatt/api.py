@@ -376,7 +376,9 @@ def sweep(
     plans = (_plan(each, departure) for each in _drives(trip))
     pairs = ((car, plan.with_departure(known)) for plan in plans for car, known in variants)
     table = pd.DataFrame(trip_totals(pairs) if model is None else _forecasts(for_car(model), pairs))
-    table["flags"] = [", ".join(flag.code for flag in flags) for flags in table.get("flags", [])]
+    if table.empty:
+        raise InvalidInput.of("no drives", "trip", "none", "at least one")
+    table["flags"] = [", ".join(flag.code for flag in flags) for flags in table["flags"]]
     columns = zip(names, zip(*rows, strict=True), strict=True)
     axes = pd.DataFrame({name: np.resize(np.array(column), len(table)) for name, column in columns})
     table = pd.concat([table.iloc[:, :2], axes, table.iloc[:, 2:]], axis=1)

@@ -152,6 +152,12 @@ def test_all_faults_of_a_sweep_come_at_once():
     assert sorted(fault.what for fault in error.value.faults) == ["unknown key", "value out of range"]
 
 
+@pytest.mark.parametrize("model", [None, "bmw_i3_tum"])
+def test_a_sweep_of_no_drives_is_refused(model):
+    with pytest.raises(InvalidInput, match="no drives: trip"):
+        tw.sweep(iter([]), I3, {"payload_mass_kg": [0.0, 300.0]}, model=model)
+
+
 def test_faults_of_many_drives_have_their_names():
     wrong = [plan.with_departure(tw.Departure(payload_mass_kg=59_000.0)) for plan in DRIVES[:2]]
     light = I3.with_values({"body.curb_mass_kg": 1000.0})
@@ -168,4 +174,3 @@ def test_rows_of_a_table_are_each_trip_with_each_car():
         itertools.product([trip.trip_id for trip in trips], ["vw_id3", "bmw_i3_60ah"])
     )
     assert set(table.attrs["units"]) == set(table.columns) - {"trip", "car", "flags"}
-    assert len(tw.sweep([], I3, {"mass": [1300.0]})) == 0

@@ -46,6 +46,9 @@ def test_times_may_be_the_index_and_faults_of_all_tables_are_told_at_once():
     with pytest.raises(tw.InvalidInput) as error:
         tw.read_logs([pd.DataFrame({"time_s": [0.0, 1.0]}), {"time_s": [0.0]}])
     assert [fault.what for fault in error.value.faults] == ["missing column", "unknown type"]
+    for nothing in (pd.DataFrame(), [], {}):
+        with pytest.raises(tw.InvalidInput, match="no tables: source"):
+            tw.read_logs(nothing)
 
 
 def test_a_file_may_have_a_counter_in_kwh(tmp_path, frames):

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import datetime as dt
+import pickle
 import subprocess
 import sys
 from dataclasses import replace
@@ -95,8 +97,16 @@ def test_the_table_is_there_without_pandas():
 def test_the_time_of_departure_is_text_in_a_document():
     departure = Departure(departs_at=dt.datetime(2026, 2, 1, 7, 30))
     assert departure.to_dict() == {"departs_at": "2026-02-01T07:30:00"}
-    with pytest.raises(TypeError, match="started_at"):
-        Departure(started_at=departure.departs_at)  # type: ignore[call-arg]
+
+
+def test_a_field_that_there_is_not_is_named_with_the_one_that_was_meant():
+    with pytest.raises(
+        tw.InvalidInput, match=r"unknown field: Departure: got 'sco'.*did you mean 'soc'"
+    ) as error:
+        Departure(sco=0.5, trafic=1)  # type: ignore[call-arg]
+    assert len(error.value.faults) == 2
+    departure = Departure(soc=0.5, covariates={"traffic": 1.0})
+    assert copy.deepcopy(departure) == pickle.loads(pickle.dumps(departure)) == departure
 
 
 def test_a_headwind_costs_and_a_tailwind_helps():

@@ -157,6 +157,8 @@ def read_frames(frames: Frames) -> TripSet:
         }
     elif not isinstance(frames, Mapping):
         frames = {f"trip {number}": frame for number, frame in enumerate(frames, start=1)}
+    if not frames:
+        raise InvalidInput.of("no tables", "source", "none", "at least one table with the samples of a drive")
     with Check() as check:
         logs = [check(_log_of_frame, name, frame) for name, frame in frames.items()]
     others = dict.fromkeys(c for log in logs for c in log.samples if c not in (*COLUMNS, ENERGY))

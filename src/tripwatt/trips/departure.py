@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any, Final
 
+from tripwatt.errors import Fault
 from tripwatt.files import shipped_toml
 from tripwatt.trips.columns import COLUMNS, DEPARTURE_BOUNDS, raise_faults
 from tripwatt.trips.context import Context
@@ -55,7 +56,7 @@ class Departure:
     Raises
     ------
     InvalidInput
-        With every value that has a wrong type, is out of bounds, or is an unknown choice.
+        With every field that there is not, and every value that has a wrong type, is out of bounds, or is an unknown choice.
 
     Examples
     --------
@@ -85,6 +86,12 @@ class Departure:
     pressure_pa: float | None = None
     tyre_pressure: float | None = None
     covariates: Mapping[str, float | str] | None = None
+
+    def __new__(cls, *_: Any, **given: Any) -> Departure:
+        """Refuse unknown fields with the names of the known ones, which a TypeError would not list."""
+        unknown = given.keys() - FIELDS.keys()
+        raise_faults(Fault.unknown("unknown field", "Departure", name, FIELDS) for name in sorted(unknown))
+        return object.__new__(cls)
 
     def __post_init__(self) -> None:
         raise_faults(
