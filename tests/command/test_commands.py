@@ -244,7 +244,7 @@ def test_json_is_the_file_and_notes_tell_of_car_and_dropped_covariates(
     results = json.loads(answer.out)
     assert results == json.loads((out / "results.json").read_text())
     assert results["vehicle"] == "bmw_i3_94ah"
-    assert "bmw_i3_94ah with body.curb_mass_kg = 1250.0" in results["notes"]
+    assert "bmw_i3_94ah with mass = 1250.0" in results["notes"]
     assert {f"covariate {name} dropped: no trip has it" for name in ("season", "weather")} <= set(
         results["notes"]
     )

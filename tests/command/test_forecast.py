@@ -11,6 +11,8 @@ from tests.support.command import Run
 from tests.support.drives import example_trip
 
 from tripwatt.forecasting.storage import model_folder
+from tripwatt.study.synthetic import synthetic_fleet
+from tripwatt.trips import COLUMNS
 from tripwatt.units import GRAVITY_M_S2
 from tripwatt.vehicles import load_vehicle, render_vehicle
 
@@ -190,3 +192,47 @@ def test_a_changed_copy_of_the_models_car_is_forecast_with_its_own_values(run: R
     assert heavy["flags"][0]["code"] == "changed_car"
     shown = run("forecast", links, *departure, "--vehicle", copy)
     assert "body.curb_mass_kg is 2500 kg in place of 1281 kg" in " ".join((shown.out + shown.err).split())
+
+
+def test_columns_of_ones_own_are_fitted_and_given(run: Run, tmp_path: Path) -> None:
+    for number, trip in enumerate(synthetic_fleet(9).trips):
+        driver = "ben" if number % 2 else "anna"
+        trip.samples.assign(traffic=float(number % 3), driver=driver).to_csv(
+            tmp_path / f"{trip.trip_id}.csv", index=False
+        )
+    mapping, model = tmp_path / "map.toml", tmp_path / "model"
+    columns = "".join(
+        f'{name} = {{ column = "{name}", unit = "{COLUMNS[name].unit}" }}\n'
+        for name in trip.samples
+        if name in COLUMNS
+    )
+    mapping.write_text(f'[columns]\n{columns}[covariates]\ntraffic = "traffic"\ndriver = "driver"\n')
+    asked: tuple[object, ...] = ("--covariate", "traffic", "--covariate", "driver", "--out", model)
+    fitted = run("fit", tmp_path, "--mapping", mapping, "--corrector", "linear", "--published", *asked)
+    assert fitted.code == 0, fitted.err
+    trip.samples.to_csv(tmp_path / "trip.csv", index=False)
+    forecast = (
+        "forecast",
+        model,
+        tmp_path / "trip.csv",
+        "--json",
+        "--covariate",
+        "driver=anna",
+        "--covariate",
+    )
+    codes = {
+        value: [
+            (f["code"], f["subject"]) for f in json.loads(run(*forecast, f"traffic={value}").out)["flags"]
+        ]
+        for value in (1, 9)
+    }
+    assert ("outside_training", "traffic") in codes[9]
+    assert not {("outside_training", "traffic"), ("covariate_unknown", "driver")} & {*codes[1]}
+    wrong = run(*forecast, "trafic=1")
+    assert wrong.code == 2
+    assert "did you mean 'traffic'" in wrong.err
+    wrong = run("fit", tmp_path, "--mapping", mapping, "--covariate", "trafic", "--corrector", "linear")
+    assert "unknown covariate" in wrong.err
+    both = run(*forecast, "traffic", "--covariate", "driver=ben")
+    assert "not NAME=VALUE" in both.err
+    assert "name given twice" in both.err

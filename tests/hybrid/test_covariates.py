@@ -75,6 +75,18 @@ def test_an_unknown_covariate_is_integrated_over_the_training_trips(trips, model
     assert 0.0 < half.state_sd_wh < forecast.state_sd_wh
 
 
+def test_a_number_outside_of_the_training_trips_is_flagged(trips, model):
+    """Words have no range: an unknown one is integrated out."""
+    told = {}
+    for traffic in (1.0, 2.0, 9.0):
+        departure = tw.Departure(covariates={"traffic": traffic, "driver": "anna"})
+        flags = model.forecast(trips[0], departure).flags
+        told[traffic] = [f.subject for f in flags if f.code == "outside_training" and f.subject in NAMES]
+    assert told == {1.0: [], 2.0: [], 9.0: ["traffic"]}
+    assert ("traffic", [0.0, 2.0]) in model.to_dict()["training"].items()
+    assert "0 to 2<" in model._repr_html_()
+
+
 class OnTable:
     """An object of a user's own that reads a covariate by its name."""
 

@@ -15,7 +15,7 @@ import tripwatt as tw
 from tripwatt import trips
 from tripwatt.command import shared
 from tripwatt.command.departing import DepartureOf, departure_options
-from tripwatt.command.options import Answer, argument, flag, option, require_effect
+from tripwatt.command.options import Answer, argument, assignments, flag, option, require_effect
 from tripwatt.command.output import write_text
 from tripwatt.command.printing import console, print_json, print_notes, print_table
 from tripwatt.errors import Check, InvalidInput, places_named, raise_faults
@@ -121,9 +121,9 @@ def _find_or_describe(name: str, overrides: list[str]) -> Answer:
 def _describe(name: str, overrides: list[str]) -> Answer:
     from rich.padding import Padding
 
-    from tripwatt.vehicles import describe_vehicle, parse_overrides
+    from tripwatt.vehicles import describe_vehicle
 
-    given = parse_overrides(overrides)
+    given = assignments(overrides, "--set")
     car = tw.load_vehicle(name, overrides=given)
     rows = describe_vehicle(name, overrides=given)
     keys = ("key", "value", "unit", "source", "licence")

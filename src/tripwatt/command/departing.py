@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from tripwatt.command.options import Options
+from tripwatt.command.options import Options, assignments
 from tripwatt.errors import Check, InvalidInput
 from tripwatt.trips.departure import ASKED, Departure
 from tripwatt.trips.fields import Field
@@ -67,7 +67,7 @@ def _annotation(fields: Mapping[str, Field], *, shows_default: bool) -> Any:
     field = next(iter(fields.values()))
     spoken = " ".join(field.help for field in fields.values())
     kind: Any = str | None
-    if field.several:
+    if field.several or field.type == "values":
         kind, spoken = list[str] | None, f"{spoken} You can repeat the option."
     elif field.type == "time":
         spoken = f"{spoken} Local time, today without a date."
@@ -93,6 +93,8 @@ def _values(fields: Mapping[str, Field], value: Any) -> dict[str, Any]:
     name, field = next(iter(fields.items()))
     if field.several:
         return {name: tuple(value)}
+    if field.type == "values":
+        return {name: assignments(value, field.option)}
     if field.type == "time":
         return {name: time_of(value, field.option)}
     if len(fields) == 1:

@@ -12,7 +12,7 @@ import typer
 
 from tripwatt import trips
 from tripwatt.command import shared
-from tripwatt.command.options import Answer, flag, option, require_effect
+from tripwatt.command.options import Answer, assignments, flag, option, require_effect
 from tripwatt.command.output import finished_folds, unfinished_folder, write_whole
 from tripwatt.command.printing import console, print_notes, print_table, progress
 from tripwatt.errors import Check, Fault, InvalidInput, raise_faults, require_extras
@@ -132,7 +132,6 @@ def _evaluate_cars(data: Path | None, out: Path) -> Answer:
 def _checked_car(options: dict[str, Any], car: str, overrides: list[str], n_jobs: int) -> CarChoice:
     """Return the choice of car after checking all options, so that faults are found before hours of work."""
     from tripwatt.study.evaluation import CarChoice, choose_models, find_protocol
-    from tripwatt.vehicles import parse_overrides
 
     faults = []
     if options["models"] == []:
@@ -142,7 +141,7 @@ def _checked_car(options: dict[str, Any], car: str, overrides: list[str], n_jobs
     with Check() as check:
         check(raise_faults, faults)
         check(lambda: choose_models(find_protocol(options["protocol"]), options["models"]))
-        choice = CarChoice(car, check(parse_overrides, overrides))
+        choice = CarChoice(car, check(assignments, overrides, "--set"))
         check(choice.load)
     return choice
 

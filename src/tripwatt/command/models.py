@@ -12,7 +12,7 @@ import typer
 import tripwatt as tw
 from tripwatt import trips
 from tripwatt.command import shared
-from tripwatt.command.options import Answer, argument, flag, option
+from tripwatt.command.options import Answer, argument, flag, option, require_effect
 from tripwatt.command.printing import change, console, grouped, kwh, print_notes, print_table, progress, share
 from tripwatt.errors import Check, Fault, InvalidInput, raise_faults
 
@@ -24,6 +24,9 @@ def fit(
         str, option("NAME", "Statistical model: linear, gp, boosting, forest, ensemble or split.")
     ] = "split",
     published: Annotated[bool, flag("--published", "Keep the published values of the car.")] = False,
+    covariate: Annotated[
+        shared.Texts, option("NAME", "Also use this column of the logs. Repeatable.")
+    ] = None,
     base: Annotated[Path | None, option("MODEL", "Adapt this model; a few trips are enough.")] = None,
 ) -> Answer:
     """Fit a forecasting model on logged trips and write it as a folder.
@@ -48,6 +51,7 @@ def fit(
     shown, note = console(), logs.named()[1]
     with Check() as check:
         started = None if base is None else check(_stored, base)
+        check(require_effect, {"--covariate": (base and covariate) or None}, "only without --base")
         if corrector not in STORABLE:
             check(raise_faults, [Fault.unknown("unknown corrector", "--corrector", corrector, STORABLE)])
         car = check(logs.car)
@@ -66,7 +70,12 @@ def fit(
     else:
         with progress(shown) as advance:
             model, provenance, figures = fit_with_provenance(
-                fleet, car, corrector=corrector, identified=not published, progress=advance
+                fleet,
+                car,
+                corrector=corrector,
+                identified=not published,
+                covariates=covariate or (),
+                progress=advance,
             )
     save_model(model, out, provenance=provenance, evaluation=figures)
     notes = provenance["data"]["notes"]

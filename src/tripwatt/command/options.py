@@ -36,6 +36,48 @@ def require_effect(options: Mapping[str, Any], allowed: str) -> None:
     raise_faults(Fault("option has no effect", name, f"{value}", allowed) for name, value in given.items())
 
 
+def assignments(texts: Iterable[str], option: str) -> dict[str, float | str]:
+    """Parse texts such as "mass=1300", the values of a repeatable option.
+
+    Parameters
+    ----------
+    texts : iterable of str
+        Texts `NAME=VALUE`.
+    option : str
+        The option, for messages.
+
+    Returns
+    -------
+    dict of str to (float or str)
+        Name -> value; a text if the value is not a number.
+
+    Raises
+    ------
+    InvalidInput
+        With every text that is not `NAME=VALUE`, and every repeated name.
+
+    Examples
+    --------
+    >>> assignments(["mass=1300", "driver=anna"], "--set")
+    {'mass': 1300.0, 'driver': 'anna'}
+    """
+    result: dict[str, float | str] = {}
+    faults: list[Fault] = []
+    for text in texts:
+        name, equals, value = (part.strip() for part in text.partition("="))
+        if not equals or not name or not value:
+            faults.append(Fault("not NAME=VALUE", option, text[:60], "a name and a value, such as mass=1300"))
+        elif name in result:
+            faults.append(Fault("name given twice", option, text[:60], f"one value for {name}"))
+        else:
+            try:
+                result[name] = float(value)
+            except ValueError:
+                result[name] = value
+    raise_faults(faults)
+    return result
+
+
 class Answer(NamedTuple):
     """Result of a command: a document for `--json`, and text for people.
 

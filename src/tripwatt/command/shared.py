@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import tripwatt as tw
 from tripwatt import trips
-from tripwatt.command.options import argument, flag, option, require_effect
+from tripwatt.command.options import argument, assignments, flag, option, require_effect
 from tripwatt.errors import Fault, InvalidInput, and_more, places_named
 from tripwatt.trips.departure import ASKED
 
@@ -134,9 +134,7 @@ class LogsOfCar(Logs):
 
     def car(self) -> Vehicle:
         """Load the car, with the values of --set."""
-        from tripwatt.vehicles import parse_overrides
-
-        return tw.load_vehicle(self.named()[0], overrides=parse_overrides(self.overrides or []))
+        return tw.load_vehicle(self.named()[0], overrides=assignments(self.overrides or [], "--set"))
 
 
 @dataclass(frozen=True)

@@ -53,6 +53,7 @@ def fit_with_provenance(
     *,
     corrector: str = DEFAULT_CORRECTOR,
     identified: bool = True,
+    covariates: Sequence[str] = (),
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[ForecastModel, dict[str, Any], dict[str, Any]]:
     """Audit the logs, fit a model on the sound trips, and collect the metadata of a stored model.
@@ -65,6 +66,8 @@ def fit_with_provenance(
     identified : bool
         Whether values of the car are first identified from logged signals (`hybrid.identification`), if the log has them:
         motor torque, heater and air conditioner, standing power, voltage at rest.
+    covariates : sequence of str
+        Further columns of the logs that the corrector uses.
     progress : callable, optional
         Called with (finished fits, all fits).
 
@@ -90,7 +93,9 @@ def fit_with_provenance(
     ('synthetic', 9)
     """
     sound = audit(fleet)
-    model, values = fit_car(sound.trips, vehicle, corrector, identified=identified, progress=progress)
+    model, values = fit_car(
+        sound.trips, vehicle, corrector, identified=identified, covariates=covariates, progress=progress
+    )
     provenance = {
         **provenance_of(fleet, sound, model, [str(values)] if values and values.values else []),
         "identified": None if values is None else dict(values.values),

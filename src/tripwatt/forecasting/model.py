@@ -236,7 +236,7 @@ class ForecastModel:
             corrector = CovariateCorrector(corrector, self.covariates)
         self.corrector_ = corrector.fit(table)
         self.trip_ids_ = table.trip_ids
-        self.ranges_ = training_ranges(table)
+        self.ranges_ = training_ranges(table, self.covariates)
         self.evidence_ = TripEvidence.from_table(table, self.vehicle)
         self.flags = ()
         held_out: dict[int, HeldOutResidual] = {}

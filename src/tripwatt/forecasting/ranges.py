@@ -13,6 +13,7 @@ from tripwatt.physics import conditions_at_departure, simulate_trip
 from tripwatt.physics.cabin import heat_pump_cop
 from tripwatt.physics.conditions import UNKNOWN_AMBIENT_DEGC
 from tripwatt.trips import TEMPERATURES, Departure, Flag, Plan
+from tripwatt.trips.columns import is_number
 from tripwatt.units import SECONDS_PER_HOUR
 from tripwatt.vehicles import Vehicle
 
@@ -170,7 +171,7 @@ def compare(
         "cabin_setpoint_degc": cabin.setpoint_degc,
         "battery_temperature_degc": conditions.battery_start_degc,
     }
-    outside = {name: float(ranges[name].beyond(value)) for name, value in known.items()}
+    outside = {name: float(ranges[name].beyond(value)) for name, value in known.items() if name in ranges}
     flags = [Flag("outside_training", name, beyond, "sd") for name, beyond in outside.items() if beyond > 0.0]
     # the corrector does not use a temperature that no training trip has
     used = (name for name in TEMPERATURES if np.isfinite(ranges[name].low))
@@ -178,13 +179,17 @@ def compare(
     return [*flags, *(Flag("usual_value_assumed", *pair, "degc") for pair in unknown.items())], unknown
 
 
-def training_ranges(table: SegmentTable) -> dict[str, Range]:
-    """Range of each quantity of `WATCHED` over the trips of a table."""
+def training_ranges(table: SegmentTable, covariates: Collection[str] = ()) -> dict[str, Range]:
+    """Range of each quantity of `WATCHED` and of each covariate over the trips of a table; that of words has no bounds."""
     rows = [_watched(table.take([i])) for i in range(len(table))]
-    return {name: Range.from_values([row[name] for row in rows]) or NEVER_KNOWN for name in WATCHED}
+    values = {name: [row.get(name, np.nan) for row in rows] for name in (*WATCHED, *covariates)}
+    return {name: Range.from_values(seen) or NEVER_KNOWN for name, seen in values.items()}
 
 
 def _watched(table: SegmentTable) -> dict[str, float]:
     row = dict(zip(table.features.columns.tolist(), table.features.to_numpy()[0].tolist(), strict=True))
     first: dict[str, float] = {name: float(row[name]) for name in WATCHED if name in row}
+    if table.covariates is not None:
+        given = table.covariates.iloc[0].items()
+        first |= {f"{name}": float(value) for name, value in given if is_number(value)}
     return first | {"duration_s": float(table.hours.sum() * SECONDS_PER_HOUR)}

@@ -46,7 +46,9 @@ def span(name: str, low: float, high: float) -> str:
     """
     if name.endswith("_m_s"):
         return f"{low / M_S_PER_KM_H:.0f} to {high / M_S_PER_KM_H:.0f} km/h"
-    return f"{period(low)} to {period(high)}" if name.endswith("_s") else f"{low:.3g} to {high:.3g} °C"
+    if name.endswith("_s"):
+        return f"{period(low)} to {period(high)}"
+    return f"{low:.3g} to {high:.3g}{' °C' if name.endswith('_degc') else ''}"
 
 
 def journey(distance_m: float, duration_s: float) -> str:

@@ -10,7 +10,7 @@ from tripwatt.vehicles.loading import (
     vehicle_titles,
 )
 from tripwatt.vehicles.parts import Battery, Climate, Drivetrain, Regeneration, Tyres
-from tripwatt.vehicles.reading import ALIASES, parse_overrides, vehicle_from_document
+from tripwatt.vehicles.reading import ALIASES, vehicle_from_document
 from tripwatt.vehicles.vehicle import LICENCES, Vehicle
 from tripwatt.vehicles.writing import describe_vehicle, render_vehicle, vehicle_document
 
@@ -28,7 +28,6 @@ __all__ = [
     "differences",
     "find_vehicles",
     "load_vehicle",
-    "parse_overrides",
     "render_vehicle",
     "require_vehicle",
     "vehicle_document",

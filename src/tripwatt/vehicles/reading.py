@@ -11,7 +11,7 @@ from __future__ import annotations
 import dataclasses
 import tomllib
 import types
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from functools import cache
 from typing import Any, Final
 
@@ -272,44 +272,3 @@ def _on_soc_scale(battery: Battery, entries: Mapping[str, Entry]) -> Battery:
     if entries["battery.capacity_ah"].scale == "soc" or not window > 0.0:
         return battery
     return dataclasses.replace(battery, capacity_ah=battery.capacity_ah / window)
-
-
-def parse_overrides(texts: Iterable[str]) -> dict[str, float | str]:
-    """Parse texts such as "mass=1300" into overrides for `load_vehicle`, with short names spelled out.
-
-    Parameters
-    ----------
-    texts : iterable of str
-        Texts `key=value`; the key is a short name of `ALIASES`, or `section.key`.
-
-    Returns
-    -------
-    dict of str to (float or str)
-        "section.key" -> value in SI units as in the TOML; a text if the value is not a number.
-
-    Raises
-    ------
-    InvalidInput
-        With every text that is not `key=value`, and every repeated key.
-
-    Examples
-    --------
-    >>> parse_overrides(["mass=1300", "battery.capacity_ah=94"])
-    {'body.curb_mass_kg': 1300.0, 'battery.capacity_ah': 94.0}
-    """
-    result: dict[str, float | str] = {}
-    faults: list[Fault] = []
-    for text in texts:
-        short, equals, value = (part.strip() for part in text.partition("="))
-        key = ALIASES.get(short, short)
-        if not equals or not short or not value:
-            faults.append(Fault("not an override", "--set", text, "key=value, for example mass=1300"))
-        elif key in result:
-            faults.append(Fault("override given twice", "--set", text, f"one value for {key}"))
-        else:
-            try:
-                result[key] = float(value)
-            except ValueError:
-                result[key] = value
-    raise_faults(faults)
-    return result

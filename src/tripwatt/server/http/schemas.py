@@ -356,6 +356,8 @@ def departure_field(name: str, field: DepartureField) -> tuple[Any, Any]:
         earliest, latest = (dt.datetime.fromtimestamp(s, dt.UTC) for s in (FIRST_TIME_S, LAST_TIME_S))
         kind, unit = Time, "; with its time zone"
         rules = {"strict": False, "ge": earliest, "le": latest}
+    elif field.type == "values":
+        kind, rules = dict[str, float | str], {"max_length": 100}  # a choice: far above what a log has
     elif field.several:
         kind, rules = list[kind], {"max_length": len(field.choices)}
     form: dict[str, Any] = {"x-label": field.label, "x-unit": field.unit, "x-option": field.option}
