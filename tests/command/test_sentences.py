@@ -107,10 +107,11 @@ def test_nothing_near_certainty_is_told_where_an_unknown_climb_would_change_it()
         assert chance_to_arrive(told, 0.1) == shown
     unlikely = SimpleNamespace(p_arrive=lambda reserve: 0.42, climb_to=lambda reserve: 900.0)
     assert chance_to_arrive(unlikely) == "42.0 %"
-    flat = SimpleNamespace(soc_per_climb_m=0.0002, climb_to=lambda reserve: 0.0)
+    plan = SimpleNamespace(climb=None)
+    flat = SimpleNamespace(soc_per_climb_m=0.0002, climb_to=lambda reserve: 0.0, plan=plan)
     assert unknown_climb_in_words(flat, 0.1) == [
         "The heights of the road are unknown. Each 100 m of climb takes 2.0 points."
     ]
-    high = SimpleNamespace(soc_per_climb_m=0.0002, climb_to=lambda reserve: 1234.4)
+    high = SimpleNamespace(soc_per_climb_m=0.0002, climb_to=lambda reserve: 1234.4, plan=plan)
     (sentence,) = unknown_climb_in_words(high, 0.1)
     assert sentence.endswith("takes 2.0 points; with 1,234 m of climb you arrive with 10 %.")

@@ -20,6 +20,7 @@ from tripwatt.routes import terrain
 from tripwatt.routes.terrain import net_climbs
 from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import TERRAINS, Plan
+from tripwatt.trips.plan import KnownClimb
 
 COLD = tw.Departure(
     soc=0.8,
@@ -200,3 +201,52 @@ def test_two_roads_differ_by_both_of_their_climbs():
     apart_wh2 = unknown[0].difference(unknown[1]).sd_wh ** 2 - level[0].difference(level[1]).sd_wh ** 2
     assert climbs_wh2 > 0.0
     assert apart_wh2 == pytest.approx(climbs_wh2, rel=0.05)
+
+
+def known_climb(way_m, climb_m, sd_m=0.0):
+    """A climb of straight lines between points, whose error grows evenly."""
+    distance = np.linspace(0.0, way_m, len(climb_m))
+    return KnownClimb(distance, np.array(climb_m, dtype=float), sd_m * distance / way_m)
+
+
+@pytest.mark.parametrize("profile", [(0.0, 300.0, 600.0), (0.0, -300.0, -600.0), (0.0, 600.0, 100.0)])
+def test_a_climb_that_is_known_costs_what_it_costs_on_a_road_of_known_heights(profile):
+    """Up, down and over a pass; the energy of unknown hills on the way remains."""
+    links = [{"length_m": 1000.0, "speed_m_s": 15.0}] * 12
+    departure = tw.Departure(soc=0.8, ambient_temperature_degc=15.0, terrain="flat")
+    model, plan = tw.load_model(), tw.read_route(links)
+    way = np.linspace(0.0, 12_000.0, len(profile))
+    at = np.arange(0.0, 12_001.0, 1000.0)
+    heights = np.interp(at, way, profile)
+    road = tw.read_route(
+        [link | {"grade": (b - a) / 1000.0} for link, a, b in zip(links, heights, heights[1:], strict=False)]
+    )
+    flat = model.forecast(plan, departure).energy_wh
+    known = model.forecast(replace(plan, climb=known_climb(12_000.0, profile)), departure)
+    truth = model.forecast(road, departure).energy_wh
+    assert known.energy_wh - flat == pytest.approx(truth - flat, rel=0.06, abs=100.0)
+    assert known.to_dict()["climb"]["expected_m"] == profile[-1]
+
+
+def test_the_interval_is_that_of_what_is_known():
+    model, plan = tw.load_model(), tw.read_route([{"length_m": 12_000.0, "speed_m_s": 15.0}])
+    departure = tw.Departure(soc=0.8, ambient_temperature_degc=15.0, terrain="mountains")
+    widths = [
+        np.diff(model.forecast(replace(plan, climb=climb), departure).interval(0.9))[0]
+        for climb in (known_climb(12_000.0, (0.0, 500.0), sd) for sd in (5.0, 60.0, 200.0))
+    ]
+    bare = np.diff(model.forecast(plan, departure).interval(0.9))[0]
+    assert widths[0] < widths[1] < widths[2] < bare
+
+
+def test_on_the_way_the_rest_of_a_known_climb_remains():
+    model, plan = tw.load_model(), tw.read_route([{"length_m": 12_000.0, "speed_m_s": 15.0}])
+    departure = tw.Departure(soc=0.8, ambient_temperature_degc=15.0, terrain="mountains")
+    drive = model.forecast(
+        replace(plan, climb=known_climb(12_000.0, (0.0, 800.0, 1000.0), 40.0)), departure
+    ).climbing
+    ahead = [float(np.median(drive.ahead(at).offsets_wh[:, -1])) for at in (0.0, 6000.0, 11_900.0)]
+    assert ahead[0] > 3.0 * ahead[1] > ahead[2] > -50.0
+    climbs = drive.net.net_m(np.array([0.0, 6000.0]), 6000.0)
+    assert climbs[:, 0].tolist() == [0.0] * len(climbs)
+    assert np.median(climbs[:, 1]) == pytest.approx(200.0, abs=1.0)

@@ -12,6 +12,7 @@ from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_MINUTE
 
 if TYPE_CHECKING:
     from tripwatt.roads.journey import ChargingPlan
+    from tripwatt.trips.plan import KnownClimb
 
 NINE_IN_TEN: Final = 0.9
 """Level of the interval that sentences call "9 in 10"."""
@@ -127,9 +128,17 @@ def unknown_climb_in_words(forecast: tw.Forecast, reserve: float) -> list[str]:
         return []
     change = f"; with {climb:,.0f} m of climb you arrive with {_percent(reserve)} %" if climb > 0.0 else ""
     return [
-        "The heights of the road are unknown. "
+        f"The heights of the road are unknown. {_climb_in_words(forecast.plan.climb)}"
         f"Each 100 m of climb takes {1e4 * per_metre:.1f} points{change}."
     ]
+
+
+def _climb_in_words(known: KnownClimb | None) -> str:
+    if known is None:
+        return ""
+    climb_m = float(known.climb_m[-1])
+    side = "above" if climb_m >= 0.0 else "below"
+    return f"By the heights of places beside it, the end lies about {abs(climb_m):,.0f} m {side} the start. "
 
 
 def begins(before_s: float, departs_at: dt.datetime | None) -> str:

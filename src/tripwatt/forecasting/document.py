@@ -70,6 +70,8 @@ class UnknownClimbDocument(TypedDict):
 
     terrain: str
     """country that the interval allows for"""
+    expected_m: float | None
+    """net climb of the trip by the heights of places beside the road [m]; null if nothing is known"""
     soc_per_m: float
     """displayed state of charge that each metre of climb takes [1/m]"""
     changes_at_m: dict[str, float | None]

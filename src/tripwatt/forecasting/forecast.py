@@ -797,11 +797,12 @@ def _forecast_document(
 
 def _climb_document(forecast: Forecast, levels: tuple[float, ...]) -> UnknownClimbDocument | None:
     """Effect of the climb of a road of unknown heights, as plain values; None if the heights are known."""
-    soc_per_m = forecast.soc_per_climb_m
+    soc_per_m, known = forecast.soc_per_climb_m, forecast.plan.climb
     if soc_per_m is None:
         return None
     return {
         "terrain": forecast.plan.departure.terrain or "unknown",
+        "expected_m": None if known is None else float(known.climb_m[-1]),
         "soc_per_m": soc_per_m,
         "changes_at_m": {f"{level:g}": forecast.climb_to(level) for level in levels},
     }

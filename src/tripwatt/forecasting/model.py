@@ -386,7 +386,7 @@ class ForecastModel:
                 if "ambient_temperature_degc" in unknown
                 else 0.0,
             ),
-            climbing=None if plan.has_road else drive.climbing_energy(net_climbs(terrain)),
+            climbing=None if plan.has_road else drive.climbing_energy(net_climbs(terrain).given(plan.climb)),
             flags=(
                 *self.flags,
                 *flags,
@@ -401,7 +401,8 @@ class ForecastModel:
             flag = Flag("unknown_climb", terrain, 100.0 * forecast.soc_per_climb_m, "1")
             forecast = replace(forecast, flags=(*forecast.flags, flag))
         forecast = with_route_error(forecast, uncertainty.route, uncertainty.free_flow)
-        raise_faults(impossible_faults(forecast.energy_wh, drive))
+        level_wh = forecast.energy_wh - float(forecast.along.excess.expected_wh[-1])
+        raise_faults(impossible_faults(level_wh, drive))
         return forecast
 
     def to_dict(self) -> dict[str, Any]:

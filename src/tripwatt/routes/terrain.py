@@ -9,14 +9,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 from statistics import NormalDist
 from typing import Final
 
 import numpy as np
 
 from tripwatt.arrays import FloatArray
+from tripwatt.trips.plan import KnownClimb
 
 REFERENCE_M: Final = 10_000.0
 """Distance for which the scales of the net climb are given [m]; a choice."""
@@ -71,6 +72,8 @@ class NetClimbs:
         Probability of each scenario; the sum is 1.
     max_m : float
         Largest net climb of any road of this terrain [m].
+    known : KnownClimb or None
+        What is known of the climb of one road: the scenarios are then errors of this climb.
 
     Examples
     --------
@@ -85,17 +88,57 @@ class NetClimbs:
     scale_m: FloatArray
     weights: FloatArray
     max_m: float
+    known: KnownClimb | None = None
+
+    def given(self, known: KnownClimb | None) -> NetClimbs:
+        """The distribution for a road whose climb is known in part.
+
+        Examples
+        --------
+        >>> over_a_pass = KnownClimb(np.array([0.0, 5e3, 9e3]), np.array([0.0, 400.0, 100.0]), np.array([0.0, 80.0, 30.0]))
+        >>> [net_climbs("mountains").given(over_a_pass).quantile(0.5, m).round().item() for m in (5e3, 9e3)]
+        [400.0, 100.0]
+        """
+        return replace(self, known=known)
+
+    def steepest(self, p: float, distance_m: float) -> float:
+        """Grade that all but 1 - `p` of the roads do not exceed over a distance, up or down, and no known part of the road [1]."""
+        up, down = float(self.quantile(p, distance_m)), -float(self.quantile(1.0 - p, distance_m))
+        grade = max(up, down) / max(distance_m, 1.0)
+        return grade if self.known is None else max(grade, self.known.steepest)
 
     def limit(self, distance_m: FloatArray | float) -> FloatArray:
-        """Largest net climb of a road of a given length [m]."""
-        return np.minimum(STEEPEST * np.asarray(distance_m, dtype=np.float64), self.max_m)
+        """Largest net climb of a road of a given length [m]; places beside a road show climbs beyond those of the terrain."""
+        most_m = self.max_m if self.known is None else np.inf
+        return np.minimum(STEEPEST * np.asarray(distance_m, dtype=np.float64), most_m)
 
-    def net_m(self, distance_m: FloatArray) -> FloatArray:
-        """Net climb of each scenario up to each distance [m], shape (scenarios, distances)."""
+    def net_m(self, distance_m: FloatArray, from_m: float = 0.0) -> FloatArray:
+        """Net climb of each scenario from `from_m` over each distance [m], shape (scenarios, distances)."""
         distance = np.asarray(distance_m, dtype=np.float64)
-        limit = self.limit(distance)
-        climb = self.over_10_km_m[:, None] * (distance / REFERENCE_M) ** GROWTH
-        return np.asarray(np.clip(climb, -limit, limit))
+        return self._climbs(self.over_10_km_m[:, None], distance, from_m)
+
+    def _climbs(self, over_10_km_m: FloatArray, distance_m: FloatArray, from_m: float = 0.0) -> FloatArray:
+        """Net climbs from `from_m` over distances [m], given those over 10 km of a road of which nothing is known."""
+        expected, factor = np.zeros(()), (distance_m / REFERENCE_M) ** GROWTH
+        if self.known is not None:
+            at, sd_m = np.array((from_m, *(from_m + distance_m.ravel()))), self.known.sd_m
+            climb, sd = (np.interp(at, self.known.distance_m, each) for each in (self.known.climb_m, sd_m))
+            expected = (climb[1:] - climb[0]).reshape(distance_m.shape)
+            errors = np.hypot(sd[1:], sd[0]).reshape(distance_m.shape) / self._typical_over_10_km_m
+            factor = np.minimum(errors, factor) if from_m > 0.0 else errors
+        limit = self.limit(distance_m)
+        return np.asarray(np.clip(expected + over_10_km_m * factor, -limit, limit))
+
+    @cached_property
+    def _typical_over_10_km_m(self) -> float:
+        """Half the width of the central 68 % of the climb over 10 km [m]."""
+        low, high = (np.interp(p, self._middle, self.over_10_km_m) for p in (0.16, 0.84))
+        return 0.5 * float(high - low)
+
+    @cached_property
+    def _middle(self) -> FloatArray:
+        """Probability up to the middle of each scenario."""
+        return np.asarray(np.cumsum(self.weights) - 0.5 * self.weights)
 
     def local_grade(self) -> FloatArray:
         """Typical grade of the hills along the road in each scenario [1], shape (scenarios,)."""
@@ -105,10 +148,8 @@ class NetClimbs:
 
     def quantile(self, p: float, distance_m: float) -> FloatArray:
         """Quantile `p` of the net climb over a distance [m]."""
-        middle = np.cumsum(self.weights) - 0.5 * self.weights
-        climb = np.interp(p, middle, self.over_10_km_m) * (distance_m / REFERENCE_M) ** GROWTH
-        limit = self.limit(distance_m)
-        return np.asarray(np.clip(climb, -limit, limit))
+        over_10_km_m = np.asarray(np.interp(p, self._middle, self.over_10_km_m))
+        return self._climbs(over_10_km_m, np.asarray(distance_m, dtype=np.float64))
 
     def typical_m(self, distance_m: float) -> float:
         """Half the width of the central 68 % of the net climb [m]: the standard deviation of its core, without the far tails."""
@@ -149,10 +190,9 @@ def net_climbs(terrain: str = "unknown", without: str | None = None) -> NetClimb
 
     Notes
     -----
-    Flat is the country of plains and coasts. Mountains follow the heights of the 287 bus stops of Liechtenstein that OpenStreetMap has: their
-    90 % interval holds nine tenths of the differences between pairs of stops. Their share is half of the 13 % of people who live in mountain
-    areas (FAO, Mapping the vulnerability of mountain peoples to food insecurity, 2015), because many of these drive along a valley. The
-    shares and the spreads are choices.
+    Flat is the country of plains and coasts. The share of mountains is half of the 13 % of people who live in mountain areas (FAO, Mapping the
+    vulnerability of mountain peoples to food insecurity, 2015), because many of these drive along a valley. All other scales, shares and
+    spreads are choices; no logs from mountains are at hand.
 
     Examples
     --------

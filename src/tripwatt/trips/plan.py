@@ -52,6 +52,34 @@ class Pause:
     carried_m: float = 0.0
 
 
+@dataclass(frozen=True, eq=False)
+class KnownClimb:
+    """Climb of a road of unknown heights, as far as the heights of places beside it show it.
+
+    Attributes
+    ----------
+    distance_m : ndarray, shape (points,)
+        Distance from the start [m], ascending from 0.
+    climb_m, sd_m : ndarray, shape (points,)
+        Expected net climb from the start to each point, and its standard deviation [m]; 0 at the start.
+
+    Examples
+    --------
+    >>> over_a_pass = KnownClimb(np.array([0.0, 5e3, 9e3]), np.array([0.0, 400.0, 100.0]), np.array([0.0, 80.0, 30.0]))
+    >>> over_a_pass.steepest
+    0.08
+    """
+
+    distance_m: FloatArray
+    climb_m: FloatArray
+    sd_m: FloatArray
+
+    @property
+    def steepest(self) -> float:
+        """Largest expected grade between two points [1]."""
+        return float(np.max(np.abs(np.diff(self.climb_m) / np.diff(self.distance_m))))
+
+
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
 class Plan(Sampled):
     """A drive to come: speed and road over time, without measurements.
@@ -78,6 +106,8 @@ class Plan(Sampled):
         Direction of travel, clockwise from north [°]; None if unknown.
     pauses : tuple of Pause
         Times on the way in which the car is off; they are no part of the samples.
+    climb : KnownClimb or None
+        What is known of the climb if the heights of the road are unknown.
 
     Examples
     --------
@@ -99,6 +129,7 @@ class Plan(Sampled):
     free_flow: bool = False
     heading_deg: FloatArray | None = None
     pauses: tuple[Pause, ...] = ()
+    climb: KnownClimb | None = None
 
     def __post_init__(self) -> None:
         _require_duration(self.duration_s, self.trip_id)

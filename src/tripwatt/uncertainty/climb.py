@@ -74,8 +74,15 @@ class ClimbingEnergy:
     def ahead(self, from_m: float = 0.0) -> UnknownClimb:
         """Energies that the unknown climb from `from_m` on may add; 0 up to `from_m`."""
         distance = np.maximum(self.distance_m - from_m, 0.0)
-        grade = self.net.net_m(distance) / np.maximum(distance, 1e-9)
-        added_wh = _interpolated(self.grade, self._energy_from(self.even_wh, from_m), grade)
+        climb = self.net.net_m(distance, from_m)
+        even_wh = self._energy_from(self.even_wh, from_m)
+        if self.net.known is None:
+            added_wh = _interpolated(self.grade, even_wh, climb / np.maximum(distance, 1e-9))
+        else:  # up and down in turn
+            steps = np.diff(climb, axis=1, prepend=0.0) / np.maximum(np.diff(distance, prepend=0.0), 1e-9)
+            added_wh = np.cumsum(
+                _interpolated(self.grade, np.diff(even_wh, axis=1, prepend=0.0), steps), axis=1
+            )
         added_wh += _interpolated(
             self.hill, self._energy_from(self.hill_wh, from_m), self.net.local_grade()[:, None]
         )

@@ -67,7 +67,9 @@ def test_heights_beside_roads(objects_of):
         node(2, 47.1, 9.0, natural="peak", place="locality", ele="2000"),
         node(3, 47.2, 9.0, tourism="viewpoint", ele="900"),
         node(4, 47.3, 9.0, railway="halt", ele="about 500"),
-    ) == [Height(47.0, 9.0, 455.5)]
+        node(5, 47.4, 9.0, tourism="information", information="guidepost", ele="576"),
+        way(6, [5], highway="residential", ele="1"),
+    ) == [Height(47.0, 9.0, 455.5, at_stop=True), Height(47.4, 9.0, 576.0)]
 
 
 def test_other_names_and_inhabitants(objects_of):

@@ -323,8 +323,18 @@ def test_the_heights_of_places_show_the_terrain_around_a_journey(tmp_path):
     plain = [Height(47.0 + at, 9.0, 400.0 + 90.0 * at) for at in steps]
     valley = [Height(47.0 + at, 12.0, 400.0 + 9000.0 * at) for at in steps]
     made = written(tmp_path, [*plain, replace(plain[3], height_m=1400.0), *valley])
-    around = [made.terrain_around([Place(47.0, at), Place(47.1, at)]) for at in (9.0, 12.0, 15.0)]
-    assert around == ["flat", "mountains", None]
+    around = [made.heights_around([Place(47.0, at), Place(47.1, at)]) for at in (9.0, 12.0, 15.0)]
+    assert [heights and heights.terrain for heights in around] == ["flat", "mountains", None]
+
+
+def test_bus_stops_with_the_height_of_their_municipality_do_not_count(tmp_path):
+    """953 m is that of a municipality at stops of three villages; two stops of one village share their height rightly."""
+    town = [Height(47.1 + at, 9.54, 953.0, at_stop=True) for at in (0.0, 0.01, 0.03)]
+    village = [Height(47.2 + at, 9.5, 433.0, at_stop=True) for at in (0.0, 0.002)]
+    elsewhere, place = Height(48.2, 9.5, 433.0, at_stop=True), Height(47.11, 9.54, 953.0)
+    made = written(tmp_path, [*town, *village, elsewhere, place])
+    rows = made.database.execute("SELECT latitude, height FROM heights ORDER BY latitude").fetchall()
+    assert rows == [(47.11, 953.0), (47.2, 433.0), (47.2 + 0.002, 433.0), (48.2, 433.0)]
 
 
 def test_an_index_without_plugs_is_a_fault_with_a_fix(tmp_path):

@@ -428,6 +428,10 @@ const de: Text = {
     known: (up, down) => `Anstieg der Strecke: ${up}, Gefälle: ${down}.`,
     from: "Höhen:",
     unknown: "Anstieg unbekannt: Zu dieser Strecke gibt es keine Höhen.",
+    above: (height) =>
+      `Nach den Höhen von Orten an der Strecke liegt das Ziel etwa ${height} über dem Start.`,
+    below: (height) =>
+      `Nach den Höhen von Orten an der Strecke liegt das Ziel etwa ${height} unter dem Start.`,
     changes: (climb) => `Bei einem Anstieg von ${climb} sinkt der Ladestand bei Ankunft auf die Reserve.`,
   },
   compare: {

@@ -420,6 +420,8 @@ export const en = {
     known: (up: string, down: string) => `The route climbs ${up} and descends ${down}.`,
     from: "Heights:",
     unknown: "Climb unknown: this route has no heights.",
+    above: (height: string) => `By the heights of places beside it, it ends about ${height} above its start.`,
+    below: (height: string) => `By the heights of places beside it, it ends about ${height} below its start.`,
     changes: (climb: string) => `With a climb of ${climb}, the charge on arrival falls to the reserve.`,
   },
   compare: {

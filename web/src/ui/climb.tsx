@@ -15,9 +15,11 @@ export function Climb({ of }: { of: Forecast }) {
   const { height } = units.value;
   if (of.climb) {
     const changesM = climbToReserveM(of, requested.value.at.reserve);
+    const { expected_m: endM } = of.climb;
+    const where = endM !== null && (endM < 0 ? words.below : words.above)(shown(Math.abs(endM), height));
     return (
       <>
-        {words.unknown} {changesM !== null && words.changes(shown(changesM, height))}
+        {words.unknown} {where} {changesM !== null && words.changes(shown(changesM, height))}
       </>
     );
   }

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from tripwatt.errors import Check, InvalidInput
-from tripwatt.roads.maps import ATTRIBUTION, MapFolder, Station, open_map, read_stations, within
+from tripwatt.roads.maps import ATTRIBUTION, KnownHeights, MapFolder, Station, open_map, read_stations, within
 from tripwatt.roads.maps.elevation import MARGIN_DEG, Elevation
 from tripwatt.roads.routers import Router, ValhallaRouter, is_server, open_server
 from tripwatt.roads.search import PlaceSearch, find_place, open_search
@@ -116,9 +116,9 @@ class Atlas:
         covered = "" if self.folder is None else self.folder.covers
         return f"this map covers {covered}; {_HOW_TO_COVER_MORE}" if covered else ""
 
-    def terrain_around(self, places: Sequence[Place]) -> str | None:
-        """Return the kind of terrain around places by the heights on the map; None if it is not known, or without a map folder."""
-        return None if self.folder is None else self.folder.index.terrain_around(places)
+    def heights_around(self, places: Sequence[Place]) -> KnownHeights | None:
+        """Return the heights around places on the map; None if there are too few, or without a map folder."""
+        return None if self.folder is None else self.folder.index.heights_around(places)
 
     def find(self, stop: Place | str, where: str) -> Place:
         """Find a place on the map.

@@ -12,6 +12,7 @@ import numpy as np
 from tripwatt.arrays import BoolArray
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.physics import simulate_trip
+from tripwatt.roads.maps import KnownHeights
 from tripwatt.roads.routers import Road
 from tripwatt.roads.weather import Weather, WeatherSource, plan_with_weather, weather_along
 from tripwatt.trips import Departure, Plan
@@ -34,8 +35,8 @@ class RoadForecaster:
         Source of the weather, used if the departure has no weather; None if there is no source.
     change : callable
         Change that is applied to every plan, such as a slower drive.
-    terrain : str or None
-        Kind of terrain of roads of unknown heights, used if the departure has none; None if it is not known.
+    heights : KnownHeights or None
+        Heights of places on the map: terrain and climb of roads of unknown heights, used if the departure has no terrain.
 
     Examples
     --------
@@ -58,7 +59,7 @@ class RoadForecaster:
     departure: Departure
     weather: WeatherSource | None = None
     change: Callable[[Plan], Plan] = lambda plan: plan
-    terrain: str | None = None
+    heights: KnownHeights | None = None
 
     @property
     def departs_at(self) -> dt.datetime:
@@ -117,8 +118,9 @@ class RoadForecaster:
         road = self.with_expected_times(road)
         departure = replace(self.departure, **changed)
         plan = road.plan(trip_id).with_departure(departure)
-        if not plan.has_road and departure.terrain is None:
-            plan = plan.with_departure(Departure(terrain=self.terrain))
+        if not plan.has_road and departure.terrain is None and self.heights is not None:
+            climb = self.heights.climb(road.latitude_deg, road.longitude_deg, road.position_m)
+            plan = replace(plan, climb=climb).with_departure(Departure(terrain=self.heights.terrain))
         if self.weather is None or departure.has_weather:
             return self.change(plan), ()
         position, weather = weather_along(road, self.weather, self.departs_at)

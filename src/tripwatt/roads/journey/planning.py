@@ -484,7 +484,7 @@ def journey_with(
     >>> journey_with(forecaster, find_stops(["Vaduz", "Malbun"], atlas), atlas, JourneyOptions())  # doctest: +SKIP
     """
     title = " to ".join(place.title for place in stops)[:100]
-    forecaster = replace(forecaster, terrain=atlas.terrain_around(stops))
+    forecaster = replace(forecaster, heights=atlas.heights_around(stops))
     roads = atlas.router.roads(stops, alternatives=options.alternatives)
     forecasts = _label_roads([RoadForecast(road, forecaster.forecast(road, title)) for road in roads])
     first = forecasts[0]

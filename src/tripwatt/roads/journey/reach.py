@@ -115,7 +115,7 @@ def find_reach(forecaster: RoadForecaster, start: Place, atlas: Atlas, *, reserv
     """
     reserve = require_fraction("reserve", reserve)
     roads, last_error = [], None
-    forecaster = replace(forecaster, terrain=atlas.terrain_around([start]))
+    forecaster = replace(forecaster, heights=atlas.heights_around([start]))
     for place in _choose_targets(forecaster, start, atlas):
         try:
             roads.append(atlas.router.roads((start, place))[0])

@@ -41,7 +41,7 @@ class Verdict:
     reason : str
         What the driver has to know first: "leaves_below_reserve", since then the reserve counts after the first stop only; "to_a_stop" or
         "to_the_end" if the charge does not suffice there; "unknown_heights" if it does not suffice on a road of unknown heights that
-        climbs as far as all but 1 in 20 roads in mountains; "" if there is nothing.
+        climbs as far as all but 1 in 20 roads in mountains, or in 20 roads past places of the known heights; "" if there is nothing.
 
     Examples
     --------
@@ -104,6 +104,7 @@ def _reason(plan: ChargingPlan, arrives: bool) -> Reason:
 
 
 def _covers_climb(leg: Leg, reserve: float) -> bool:
-    """Return whether a leg ends with a reserve if its heights are known, or if it climbs as far as all but 1 in 20 roads in mountains."""
+    """Return whether a leg ends with a reserve if its heights are known, or if it climbs as far as all but 1 in 20 such roads, or roads in mountains."""
     climb_m, road_m = leg.forecast.climb_to(min(reserve + leg.preheat_soc, 1.0)), leg.forecast.plan.distance_m
-    return climb_m is None or climb_m >= float(net_climbs("mountains").quantile(CERTAIN, road_m))
+    net = net_climbs("mountains").given(leg.forecast.plan.climb)
+    return climb_m is None or climb_m >= float(net.quantile(CERTAIN, road_m))

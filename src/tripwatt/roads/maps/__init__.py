@@ -2,12 +2,14 @@
 
 from tripwatt.roads.maps.elevation import Elevation
 from tripwatt.roads.maps.folder import ATTRIBUTION, MapFolder, build_map, open_map
+from tripwatt.roads.maps.heights import KnownHeights
 from tripwatt.roads.maps.index import PlaceIndex
 from tripwatt.roads.maps.stations import Station, near, read_stations, within
 
 __all__ = [
     "ATTRIBUTION",
     "Elevation",
+    "KnownHeights",
     "MapFolder",
     "PlaceIndex",
     "Station",

@@ -25,7 +25,7 @@ OTHER_NAMES: Final = re.compile(
 )
 """Keys of names in other languages, and of older or shorter names."""
 
-ROADSIDE: Final = ("place", "highway", "railway")
+ROADSIDE: Final = ("place", "highway", "railway", "amenity", "information")
 """Keys of objects whose tag `ele` is the height of a road beside them; that of a peak or a tower is not."""
 
 HEIGHT: Final = re.compile(r"(-?\d{1,4}(?:\.\d+)?)\s*m?")
@@ -41,6 +41,8 @@ class Height:
     latitude_deg: float
     longitude_deg: float
     height_m: float
+    at_stop: bool = False
+    """Whether it is that of a bus stop, which may be the height of the municipality."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,8 +102,8 @@ def _read(element: Any) -> Iterator[Named | Station | Height]:
         return
     latitude, longitude = where
     height = HEIGHT.fullmatch(tags.get("ele", ""))
-    if height and "natural" not in tags and any(key in tags for key in ROADSIDE):
-        yield Height(latitude, longitude, float(height[1]))
+    if height and not element.is_way() and "natural" not in tags and any(key in tags for key in ROADSIDE):
+        yield Height(latitude, longitude, float(height[1]), tags.get("highway") == "bus_stop")
     if tags.get("amenity") == "charging_station":
         station = station_of_tags(tags, latitude, longitude)
         if station is not None:

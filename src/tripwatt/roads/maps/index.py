@@ -17,13 +17,11 @@ import numpy as np
 
 from tripwatt.errors import InvalidInput
 from tripwatt.roads.maps.extract import KINDS, Height, Named
+from tripwatt.roads.maps.heights import KnownHeights
 from tripwatt.roads.maps.near_words import SCHEMA as WORDS_SCHEMA
 from tripwatt.roads.maps.near_words import near_words, write_words
 from tripwatt.roads.maps.stations import Station
 from tripwatt.routes.places import SPELLINGS, TWIN_M, Place, plain_words, without_twins
-from tripwatt.routes.points import EARTH_RADIUS_M
-from tripwatt.routes.terrain import GROWTH, REFERENCE_M, net_climbs
-from tripwatt.trips import TERRAINS
 
 FAR_FROM_SETTLEMENT_DEG: Final = 0.3
 """An object farther from a settlement than this [° of latitude] is named without the settlement."""
@@ -47,20 +45,23 @@ NOT_MEANT: Final = 100
 SEPARATOR: Final = ";"
 """Separator between the other names of a place, as in the extract."""
 
-MIN_HEIGHTS: Final = 20
-MAX_HEIGHTS: Final = 400
-"""Least number of heights that show the terrain of a region, and the largest number that is compared in pairs. Choices."""
-
-APART_DEG: Final = 0.01
-"""Places nearer to each other than this count as that far apart, about 1 km: they are one stop or one village. A choice."""
-
 AROUND_DEG: Final = 0.1
-"""Heights up to this far beyond the places of a journey show its terrain: a choice, about 10 km."""
+"""Heights up to this far beyond the places of a journey count: a choice, about 10 km."""
+
+SHARED_HEIGHTS: Final = """
+DELETE FROM heights WHERE rowid IN (SELECT one.rowid FROM heights AS one JOIN heights AS other ON other.height = one.height
+    AND other.latitude BETWEEN one.latitude - 0.1 AND one.latitude + 0.1
+    AND other.longitude BETWEEN one.longitude - 0.1 AND one.longitude + 0.1
+    AND max(abs(other.latitude - one.latitude), abs(other.longitude - one.longitude)) > 0.01
+    WHERE one.at_stop AND other.at_stop)
+"""
+"""Bus stops more than 1 km apart with one height have that of their municipality, as import files of operators do."""
 
 SCHEMA: Final = f"""
 CREATE TEMP TABLE read (kind INTEGER, name TEXT, context TEXT, latitude REAL, longitude REAL, also TEXT, population INTEGER);
 CREATE TEMP TABLE merged AS SELECT * FROM read;
-CREATE TABLE heights (latitude REAL, longitude REAL, height REAL);
+CREATE TABLE heights (latitude REAL, longitude REAL, height REAL, at_stop INTEGER);
+CREATE INDEX heights_by_height ON heights (height, latitude);
 CREATE TABLE stations (latitude REAL, longitude REAL, name TEXT, power REAL, direct INTEGER, known INTEGER, plugs TEXT);
 CREATE TABLE places (
     id INTEGER PRIMARY KEY, kind INTEGER, name TEXT, context TEXT, latitude REAL, longitude REAL, also TEXT);
@@ -97,9 +98,10 @@ def write_index(
             stations = [(*astuple(station)[:-1], " ".join(station.plugs)) for station in found]
             database.executemany("INSERT INTO stations VALUES (?, ?, ?, ?, ?, ?, ?)", stations)
             heights = [astuple(item) for item in batch if isinstance(item, Height)]
-            database.executemany("INSERT INTO heights VALUES (?, ?, ?)", heights)
+            database.executemany("INSERT INTO heights VALUES (?, ?, ?, ?)", heights)
             named = [item for item in batch if isinstance(item, Named)]
             database.executemany("INSERT INTO read VALUES (?, ?, ?, ?, ?, ?, ?)", _rows(named, nearest))
+        database.execute(SHARED_HEIGHTS)
         rows = database.execute("SELECT * FROM read ORDER BY kind, name, context, latitude, longitude")
         merged = _merged(rows, nearest)
         database.executemany("INSERT INTO merged VALUES (?, ?, ?, ?, ?, ?, ?)", merged)
@@ -246,31 +248,6 @@ class _Tree:
         ]
 
 
-def terrain_of(heights: Sequence[Height]) -> str | None:
-    """Return the kind of terrain whose roads differ in height as some places do; None if there are too few places.
-
-    Compared is the climb that nine tenths of all pairs of places do not exceed, over 10 km along a line (`tripwatt.routes.terrain`). So a
-    few wrong heights on the map do not matter.
-
-    Examples
-    --------
-    >>> line = np.linspace(0.0, 0.2, 40)
-    >>> [terrain_of([Height(47.0 + at, 9.0, slope * at) for at in line]) for slope in (100.0, 8000.0)], terrain_of([])
-    (['flat', 'mountains'], None)
-    """
-    from scipy.spatial.distance import pdist
-
-    some = heights[:: 1 + len(heights) // MAX_HEIGHTS]
-    if len(some) < MIN_HEIGHTS:
-        return None
-    apart_rad = np.radians(np.maximum(pdist(_plane(some)), APART_DEG))
-    climb_m = pdist([[place.height_m] for place in some])
-    over_10_km_m = climb_m * (REFERENCE_M / EARTH_RADIUS_M / apart_rad) ** GROWTH
-    most_m = np.log(max(np.quantile(over_10_km_m, 0.9), 1.0))
-    usual = {kind: np.log(net_climbs(kind).quantile(0.95, REFERENCE_M)) for kind in TERRAINS[1:]}
-    return min(usual, key=lambda kind: float(abs(usual[kind] - most_m)))
-
-
 def _plane(objects: Sequence[Named | Height]) -> Any:
     """Return latitudes and longitudes on the same scale, precise enough to compare distances of some kilometres."""
     table = np.array([(item.latitude_deg, item.longitude_deg) for item in objects])
@@ -381,16 +358,17 @@ class PlaceIndex:
             ).fetchall()
             return tuple(Place(lat, lon, name, KINDS[kind]) for kind, name, lat, lon in rows)
 
-    def terrain_around(self, places: Sequence[Place]) -> str | None:
-        """Return the kind of terrain around places by the heights of the map, see `terrain_of`. O(heights)."""
+    def heights_around(self, places: Sequence[Place]) -> KnownHeights | None:
+        """Return the heights of the map around places, None if there are too few. O(heights)."""
         at = np.array([(place.latitude_deg, place.longitude_deg) for place in places])
         ends = np.stack((at.min(axis=0) - AROUND_DEG, at.max(axis=0) + AROUND_DEG), axis=1)
         with self._damage_is_a_fault():
             rows = self.database.execute(
-                "SELECT * FROM heights WHERE latitude BETWEEN ? AND ? AND longitude BETWEEN ? AND ?",
+                "SELECT latitude, longitude, height FROM heights "
+                "WHERE latitude BETWEEN ? AND ? AND longitude BETWEEN ? AND ?",
                 ends.ravel().tolist(),
             ).fetchall()
-        return terrain_of([Height(*row) for row in rows])
+        return KnownHeights.from_rows(rows)
 
     @cached_property
     def _first_street(self) -> int:
