@@ -18,7 +18,7 @@ from tripwatt.roads.journey.charging import WARM_DEGC
 from tripwatt.roads.journey.corridor import Corridor, Leg
 from tripwatt.roads.journey.solver import StopPlan
 from tripwatt.roads.journey.stops import variance_along
-from tripwatt.roads.maps import Station
+from tripwatt.roads.maps import KnownHeights, Station
 
 WRONG_PLAN = {
     "soc_interval": [0.2, 0.3],
@@ -395,10 +395,18 @@ def test_unknown_heights_are_named_until_the_charge_covers_a_climb_in_mountains(
     assert [(one.arrives, one.reason) for one in (short, full)] == [(True, "unknown_heights"), (True, "")]
     assert short.p_arrive == full.p_arrive == full.p_reserve == 0.99
     road = MADE.router.roads(stops)[0]
+    rng = np.random.default_rng(1)
+    places = 47.0 + rng.uniform(-0.1, 0.1, 30), 9.1 + rng.uniform(-0.1, 0.1, 30)
     flat, steep = (
-        RoadForecaster(model, COLD, terrain=kind).forecast(road, "road") for kind in ("flat", "mountains")
+        RoadForecaster(model, COLD, heights=KnownHeights(*places, rng.normal(400.0, sd_m, 30))).forecast(
+            road, "road"
+        )
+        for sd_m in (5.0, 300.0)
     )
+    assert [each.plan.departure.terrain for each in (flat, steep)] == ["flat", "mountains"]
     assert np.diff(steep.interval(0.9)) > 1.5 * np.diff(flat.interval(0.9))
+    own = RoadForecaster(model, replace(COLD, terrain="hilly"), heights=KnownHeights(*places, np.zeros(30)))
+    assert own.forecast(road, "road").plan.climb is None
 
 
 def test_a_departure_below_the_reserve_is_named_and_exempts_the_first_leg(model):
