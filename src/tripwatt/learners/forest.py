@@ -21,7 +21,6 @@ from tripwatt.learners.trees import (
     ClusteredTrees,
     Sample,
     Trees,
-    TreeShape,
     keep_arguments,
     sum_of_trees,
 )
@@ -237,7 +236,7 @@ class ClusteredForest(ClusteredTrees):
         return prediction
 
     def _grow(self, sample: Sample, counts: IntArray, setting: dict[str, Any], seed: int) -> _Grown:
-        trees = sample.grower.start(TreeShape(**(self._base() | setting)))
+        trees = sample.grower.start(self._base() | setting)
         seeds = np.random.default_rng(seed).integers(1, 2**31 - 1, len(counts))
         weights = counts[:, sample.codes] * sample.weight
         for tree_seed, weight in zip(seeds, weights, strict=True):

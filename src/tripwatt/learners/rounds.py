@@ -10,7 +10,7 @@ import numpy as np
 
 from tripwatt.arrays import BoolArray, FloatArray, IntArray
 from tripwatt.learners.correlation import WorkingCorrelation
-from tripwatt.learners.trees import Sample, Trees, TreeShape
+from tripwatt.learners.trees import Sample, Trees
 
 
 @dataclass
@@ -63,8 +63,7 @@ def boost(
     inside = allowed[sample.codes]
     weight = np.where(inside, sample.weight, 0.0)
     y = np.where(inside, sample.y, 0.0)
-    shape = TreeShape(**{name: setting[name] for name in TreeShape.__dataclass_fields__})
-    path = Path(0.0, sample.grower.start(shape))
+    path = Path(0.0, sample.grower.start(setting))
     working = WorkingCorrelation(setting["correlation"], sample.codes, weight)
     if start == "mean":
         working.estimate(np.where(inside, y - np.average(y, weights=weight), 0.0))

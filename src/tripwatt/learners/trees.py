@@ -23,31 +23,22 @@ Allowed = tuple[str, Callable[[Any], bool]]
 """Allowed values of a setting: a description and a test."""
 
 
-@dataclass(frozen=True)
-class TreeShape:
-    """Limits of the shape of a single tree; weights are counted in groups."""
-
-    max_leaf_nodes: int = 16
-    max_depth: int | None = None
-    min_leaf_weight: float = 0.5
-    max_features: float = 1.0
-
-    def parameters(self) -> dict[str, Any]:
-        """Return the corresponding parameters of LightGBM."""
-        return {
-            "objective": "none",
-            "learning_rate": 1.0,
-            "num_leaves": int(self.max_leaf_nodes),
-            "max_depth": -1 if self.max_depth is None else int(self.max_depth),
-            "min_sum_hessian_in_leaf": float(self.min_leaf_weight) * (1.0 - 1e-6),
-            "feature_fraction_bynode": float(self.max_features),
-            "min_data_in_leaf": 1,
-            "min_data_per_group": 1,
-            "max_cat_threshold": 64,
-            "cat_l2": 1.0,  # one group's weight: a level needs evidence from more than one group
-            "cat_smooth": 1.0,
-            **_QUIET,
-        }
+def tree_parameters(setting: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the parameters of LightGBM for the shape of a single tree; weights are counted in groups."""
+    return {
+        "objective": "none",
+        "learning_rate": 1.0,
+        "num_leaves": int(setting["max_leaf_nodes"]),
+        "max_depth": -1 if setting["max_depth"] is None else int(setting["max_depth"]),
+        "min_sum_hessian_in_leaf": float(setting["min_leaf_weight"]) * (1.0 - 1e-6),
+        "feature_fraction_bynode": float(setting["max_features"]),
+        "min_data_in_leaf": 1,
+        "min_data_per_group": 1,
+        "max_cat_threshold": 64,
+        "cat_l2": 1.0,  # one group's weight: a level needs evidence from more than one group
+        "cat_smooth": 1.0,
+        **_QUIET,
+    }
 
 
 _QUIET = {"num_threads": 1, "deterministic": True, "force_row_wise": True, "verbosity": -1}
@@ -88,18 +79,18 @@ class TreeGrower:
     def __reduce__(self) -> tuple[type[TreeGrower], tuple[Any, ...]]:
         return (type(self), self._arguments)  # the library's handle cannot be sent to another process
 
-    def start(self, shape: TreeShape) -> Trees:
+    def start(self, setting: Mapping[str, Any]) -> Trees:
         """Return an empty sequence of trees of one shape on this table."""
-        return Trees(None if self._barren else self._data, shape)
+        return Trees(None if self._barren else self._data, tree_parameters(setting))
 
 
 class Trees:
     """A growing sequence of trees; a tree may be a single leaf, which LightGBM does not keep."""
 
-    def __init__(self, data: Any | None, shape: TreeShape) -> None:
+    def __init__(self, data: Any | None, parameters: dict[str, Any]) -> None:
         self._data = data
-        self._parameters = shape.parameters()
-        self._reseed = shape.max_features < 1.0
+        self._parameters = parameters
+        self._reseed = parameters["feature_fraction_bynode"] < 1.0
         self.position: list[int] = []  # index of each tree in the booster, -1 for a lone leaf
         self._restart()
 
