@@ -5,7 +5,8 @@ The group (subject, site, session ...) is the unit of weighting, drawing, leavin
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -20,56 +21,42 @@ Loss = Literal["squared", "absolute"]
 ScoreRows = Literal["all", "last"]
 
 
-@dataclass(frozen=True)
-class Columns:
-    """Encoding of the columns of a table as numbers, by the levels of the training table.
+def levels_of(X: Any) -> dict[str, list[Any]]:
+    """Levels of each column that is not numeric, in the order of their codes."""
+    levels: dict[str, list[Any]] = {}
+    for name in X.columns if isinstance(X, pd.DataFrame) else ():
+        column = X[name]
+        if isinstance(column.dtype, pd.CategoricalDtype):
+            levels[str(name)] = column.cat.categories.tolist()
+        elif not pd.api.types.is_numeric_dtype(column.dtype):
+            levels[str(name)] = sorted(column.dropna().unique().tolist(), key=str)
+    return levels
 
-    Attributes
-    ----------
-    levels : dict
-        Column name -> its levels, in the order of their codes. Other columns are numeric.
+
+def encoded(X: Any, levels: Mapping[str, list[Any]]) -> Any:
+    """Replace levels by their codes; missing levels and levels that the training table lacks become NaN.
 
     Examples
     --------
-    >>> table = pd.DataFrame({"dose": [1.0, 2.0], "site": ["a", "b"]})
-    >>> columns = Columns.from_frame(table)
-    >>> columns.encode(pd.DataFrame({"dose": [3.0], "site": ["elsewhere"]})).to_numpy()
+    >>> levels = levels_of(pd.DataFrame({"dose": [1.0, 2.0], "site": ["a", "b"]}))
+    >>> encoded(pd.DataFrame({"dose": [3.0], "site": ["elsewhere"]}), levels).to_numpy()
     array([[ 3., nan]])
     """
-
-    levels: dict[str, list[Any]] = field(default_factory=dict)
-
-    @classmethod
-    def from_frame(cls, X: Any) -> Columns:
-        """Collect the levels of the columns of `X` that are not numeric; none if `X` is not a DataFrame."""
-        if not isinstance(X, pd.DataFrame):
-            return cls()
-        levels: dict[str, list[Any]] = {}
-        for name in X.columns:
-            column = X[name]
-            if isinstance(column.dtype, pd.CategoricalDtype):
-                levels[str(name)] = column.cat.categories.tolist()
-            elif not pd.api.types.is_numeric_dtype(column.dtype):
-                levels[str(name)] = sorted(column.dropna().unique().tolist(), key=str)
-        return cls(levels)
-
-    def encode(self, X: Any) -> Any:
-        """Replace levels by their codes; missing levels and levels that the training table lacks become NaN."""
-        if not isinstance(X, pd.DataFrame):
-            return X
-        encoded, faults = {}, []
-        for name in X.columns:
-            known = self.levels.get(str(name))
-            if known is not None:
-                codes = pd.Index(known).get_indexer(pd.Index(X[name]))
-                encoded[name] = np.where(codes < 0, np.nan, codes.astype(float))
-                continue
-            try:
-                encoded[name] = X[name].to_numpy(dtype=float, na_value=np.nan)
-            except (TypeError, ValueError):
-                faults.append(Fault("text in a numeric column", f"column {name}", str(X[name].dtype)))
-        raise_faults(faults)
-        return pd.DataFrame(encoded, index=X.index, columns=X.columns)
+    if not isinstance(X, pd.DataFrame):
+        return X
+    columns, faults = {}, []
+    for name in X.columns:
+        known = levels.get(str(name))
+        if known is not None:
+            codes = pd.Index(known).get_indexer(pd.Index(X[name]))
+            columns[name] = np.where(codes < 0, np.nan, codes.astype(float))
+            continue
+        try:
+            columns[name] = X[name].to_numpy(dtype=float, na_value=np.nan)
+        except (TypeError, ValueError):
+            faults.append(Fault("text in a numeric column", f"column {name}", str(X[name].dtype)))
+    raise_faults(faults)
+    return pd.DataFrame(columns, index=X.index, columns=X.columns)
 
 
 @dataclass(frozen=True)

@@ -17,10 +17,12 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.errors import Fault, raise_faults
-from tripwatt.learners.clusters import Clusters, Columns, GroupLoss, row_weights, thinned_rows
+from tripwatt.learners.clusters import Clusters, GroupLoss, encoded, levels_of, row_weights, thinned_rows
 
 Allowed = tuple[str, Callable[[Any], bool]]
 """Allowed values of a setting: a description and a test."""
+
+_NUMBERS: Final[Mapping[str, Any]] = {"dtype": np.float64, "ensure_all_finite": "allow-nan"}
 
 
 def tree_parameters(setting: Mapping[str, Any]) -> dict[str, Any]:
@@ -200,11 +202,8 @@ class ClusteredTrees(RegressorMixin, BaseEstimator):
 
     def predict(self, X: Any) -> FloatArray:
         """Prediction of each row, shape (n_rows,): the mean of a forest's trees, or a boosting after its chosen rounds."""
-        return self._raw(self._rows(X))
-
-    def _rows(self, X: Any) -> FloatArray:
         check_is_fitted(self, "position_")
-        return _validate_rows(self, X, None, reset=False)[0]
+        return self._raw(validate_data(self, encoded(X, self.levels_), reset=False, **_NUMBERS))
 
     def _raw(self, rows: FloatArray) -> FloatArray:
         """Prediction of encoded rows."""
@@ -213,16 +212,18 @@ class ClusteredTrees(RegressorMixin, BaseEstimator):
     def _prepare(self, X: Any, y: Any, groups: Any) -> tuple[Sample, Clusters, FloatArray, int]:
         """Check settings and input of `fit`, thin and bin the rows.
 
-        Returns the sample, the groups of all rows, all rows encoded, and a seed.
+        Returns the sample, the groups of all rows, all rows encoded, and a seed. scikit-learn raises ValueError for wrong shapes,
+        infinite values or missing targets.
         """
         _check_parameters(self, {**_ALLOWED, **self.allowed})
-        rows, target = _validate_rows(self, X, y, reset=True)
-        assert target is not None
+        self.levels_ = levels_of(X)
+        rows, target = validate_data(self, encoded(X, self.levels_), y, y_numeric=True, **_NUMBERS)
+        target = np.asarray(target, dtype=float)
         clusters = Clusters.from_groups(groups, len(rows))
         kept = thinned_rows(clusters.codes, self.max_rows_per_group)
         codes = clusters.codes[kept]
         names = getattr(self, "feature_names_in_", ())
-        categorical = [k for k, name in enumerate(names) if name in self.columns_.levels]
+        categorical = [k for k, name in enumerate(names) if name in self.levels_]
         sample = Sample(
             grower=TreeGrower(rows[kept], categorical, self.max_bins),
             y=target[kept],
@@ -258,23 +259,6 @@ def sum_of_trees(booster: Any, X: FloatArray, position: IntArray) -> FloatArray:
     if n_trees == 0:
         return np.zeros(len(X))
     return np.asarray(booster.predict(X, num_iteration=n_trees, raw_score=True, num_threads=1), dtype=float)
-
-
-def _validate_rows(estimator: Any, X: Any, y: Any, *, reset: bool) -> tuple[FloatArray, FloatArray | None]:
-    """Encode and check a table, and a target if there is one, in scikit-learn's manner.
-
-    Errors
-    ------
-    ValueError for wrong shapes, infinite values or missing targets, as scikit-learn words them.
-    """
-    if reset:
-        estimator.columns_ = Columns.from_frame(X)
-    encoded = estimator.columns_.encode(X)
-    options: dict[str, Any] = {"dtype": np.float64, "ensure_all_finite": "allow-nan", "reset": reset}
-    if not reset:
-        return validate_data(estimator, encoded, **options), None
-    encoded, target = validate_data(estimator, encoded, y, y_numeric=True, **options)
-    return encoded, np.asarray(target, dtype=float)
 
 
 def _check_parameters(estimator: Any, allowed: Mapping[str, Allowed]) -> None:
