@@ -36,28 +36,6 @@ _REGION_SPREAD: Final = 0.9
 deviation of the logarithm of the scale between regions. Choices; two regions with logs are too few to replace them."""
 
 
-@dataclass(frozen=True, slots=True)
-class Terrain:
-    """Net climb of the roads of one kind of terrain.
-
-    Attributes
-    ----------
-    scale_m : float
-        Median over roads of the standard deviation of the net climb over 10 km [m].
-    spread : float
-        Standard deviation of the logarithm of that scale between roads.
-    max_m : float
-        Largest net climb of any such road [m].
-    share : float
-        Share of the roads of unknown terrain that are of this kind.
-    """
-
-    scale_m: float
-    spread: float
-    max_m: float
-    share: float
-
-
 @dataclass(frozen=True, eq=False)
 class NetClimbs:
     """Equally spaced quantiles of the net climb of a road, as scenarios with weights.
@@ -200,16 +178,18 @@ def net_climbs(terrain: str = "unknown", without: str | None = None) -> NetClimb
     [10.0, 70.0, 690.0]
     """
     regions = [scale for name, scale in REGION_SCALE_M.items() if name != without]
+    # by kind: the median over roads of the standard deviation of the net climb over 10 km [m]; the standard deviation of its
+    # logarithm between roads; the largest net climb of any such road [m]; the share of the roads of unknown terrain
     kinds = {
-        "flat": Terrain(5.0, 0.5, 100.0, 0.5),
-        "hilly": Terrain(_region_scale_m(regions), 0.5, 800.0, 0.44),
-        "mountains": Terrain(250.0, 0.6, 3000.0, 0.06),
+        "flat": (5.0, 0.5, 100.0, 0.5),
+        "hilly": (_region_scale_m(regions), 0.5, 800.0, 0.44),
+        "mountains": (250.0, 0.6, 3000.0, 0.06),
     }
     chosen = list(kinds.values()) if terrain == "unknown" else [kinds[terrain]]
     nodes, hermite = np.polynomial.hermite_e.hermegauss(24)
-    total = sum(kind.share for kind in chosen)
-    scales = np.concatenate([kind.scale_m * np.exp(kind.spread * nodes) for kind in chosen])
-    shares = np.concatenate([kind.share / total * hermite / hermite.sum() for kind in chosen])
+    total = sum(share for *_, share in chosen)
+    scales = np.concatenate([scale_m * np.exp(spread * nodes) for scale_m, spread, *_ in chosen])
+    shares = np.concatenate([share / total * hermite / hermite.sum() for *_, share in chosen])
     grid = np.concatenate(([0.0], np.geomspace(0.1, 30_000.0, 600)))
     # 61 quantiles, spaced within 3.2 standard deviations, and 24 nodes above; choices
     edges = np.array([NormalDist().cdf(z) for z in np.linspace(-3.2, 3.2, 62)])
@@ -220,5 +200,5 @@ def net_climbs(terrain: str = "unknown", without: str | None = None) -> NetClimb
     density = shares / scales * np.exp(-0.5 * (size[:, None] / scales) ** 2)
     mean_scale = (density @ scales) / density.sum(axis=1)
     return NetClimbs(
-        np.sign(middle - 0.5) * size, mean_scale, np.diff(edges), max(kind.max_m for kind in chosen)
+        np.sign(middle - 0.5) * size, mean_scale, np.diff(edges), max(max_m for *_, max_m, _ in chosen)
     )
