@@ -11,7 +11,7 @@ from tripwatt.vehicles.extras import effects
 
 def test_every_extra_has_an_effect_and_a_source() -> None:
     assert set(effects()) == set(EXTRAS)
-    assert all(extra.source for extra in effects().values())
+    assert all(extra["source"] for extra in effects().values())
 
 
 @pytest.mark.parametrize("name", ["vw_id3", "nissan_leaf_24"])  # a coast-down, and coefficients

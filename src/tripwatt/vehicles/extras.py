@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from functools import cache
-from types import MappingProxyType
-from typing import Final
+from typing import Any, Final
 
 from tripwatt.files import shipped_toml
 from tripwatt.trips import EXTRAS
@@ -16,33 +14,14 @@ from tripwatt.vehicles.parts import ROLLING_ENTRIES
 from tripwatt.vehicles.vehicle import Vehicle
 
 
-@dataclass(frozen=True, slots=True)
-class Extra:
-    """Effect of an extra on a car.
-
-    Attributes
-    ----------
-    rolling : float
-        Factor of the rolling resistance.
-    drag_area_m2, mass_kg : float
-        Drag area [m²] and mass [kg] that the extra adds.
-    load_w : float
-        Electric power that the extra takes [W].
-    source : str
-    """
-
-    rolling: float = 1.0
-    drag_area_m2: float = 0.0
-    mass_kg: float = 0.0
-    load_w: float = 0.0
-    source: str = ""
-
-
 @cache
-def effects() -> Mapping[str, Extra]:
-    """Return the effect of each extra by its name, from `data/table/extras.toml`."""
-    extras = shipped_toml("vehicles/data/table/extras.toml")
-    return MappingProxyType({name: Extra(**effect) for name, effect in extras.items()})
+def effects() -> Mapping[str, Mapping[str, Any]]:
+    """Return the effect of each extra by its name, from `data/table/extras.toml`.
+
+    It has a `source` and some of: `rolling`, a factor of the rolling resistance; `drag_area_m2` [m²], `mass_kg` [kg] and `load_w` [W],
+    the drag area, mass and electric power that the extra adds.
+    """
+    return shipped_toml("vehicles/data/table/extras.toml")
 
 
 TYRE_PRESSURE_EXPONENT: Final = -0.4
@@ -78,12 +57,14 @@ def with_extras(vehicle: Vehicle, extras: Iterable[str], tyre_pressure: float | 
     if not chosen and tyre_pressure in (None, 1.0):
         return vehicle
     of_pressure = (tyre_pressure or 1.0) ** TYRE_PRESSURE_EXPONENT
-    rolling = math.prod((extra.rolling for extra in chosen), start=of_pressure)
-    area = sum(extra.drag_area_m2 for extra in chosen)
+    rolling = math.prod((extra.get("rolling", 1.0) for extra in chosen), start=of_pressure)
+    area, mass, power = (
+        sum(extra.get(n, 0.0) for extra in chosen) for n in ("drag_area_m2", "mass_kg", "load_w")
+    )
     load = vehicle.road_load
     values = {
-        "body.curb_mass_kg": vehicle.body.curb_mass_kg + sum(extra.mass_kg for extra in chosen),
-        "auxiliaries.base_load_w": vehicle.auxiliaries.base_load_w + sum(extra.load_w for extra in chosen),
+        "body.curb_mass_kg": vehicle.body.curb_mass_kg + mass,
+        "auxiliaries.base_load_w": vehicle.auxiliaries.base_load_w + power,
     }
     for name in ROLLING_ENTRIES:
         value = getattr(load, name)
