@@ -46,12 +46,12 @@ def test_a_car_of_the_table_by_hand() -> None:
 def test_the_chemistry_gives_voltage_and_cells(name: str, chemistry: str, cells: int) -> None:
     """350 V over 3.2 V and 400 V over 3.65 V; the usable energy is charge times the mean voltage of the shared curve."""
     car = load_vehicle(name)
-    battery, kind = car.battery, CHEMISTRIES[chemistry]
+    battery, cell_v = car.battery, CHEMISTRIES[chemistry][1]
     assert battery.cells_in_series == cells
     display = np.linspace(battery.displayed_zero_soc, battery.displayed_full_soc, 2001)
     mean_v = np.interp(display, battery.ocv_soc, battery.ocv_v).mean()
-    assert mean_v == pytest.approx(kind.mean_v, rel=0.005)
+    assert mean_v == pytest.approx(cell_v, rel=0.005)
     usable_ah = battery.capacity_ah * (battery.displayed_full_soc - battery.displayed_zero_soc)
     usable = catalogue()[name]["usable_energy"][0].number
-    assert usable_ah * cells * kind.mean_v == pytest.approx(1000.0 * usable)
+    assert usable_ah * cells * cell_v == pytest.approx(1000.0 * usable)
     assert battery.max_cell_voltage_v == {"lfp": 3.7, "nmc": 4.25}[chemistry]

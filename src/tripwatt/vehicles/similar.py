@@ -49,21 +49,10 @@ PACK_KG_PER_KWH: Final = 6.2
 """Mass of the pack over usable energy: about 160 Wh/kg, such as 375 kg for 58 kWh of the ID.3."""
 
 
-@dataclass(frozen=True, slots=True)
-class Cells:
-    """Cells of one chemistry: their shared file, and two voltages of one cell [V].
-
-    `mean_v`, the mean over the range of the display, converts energy to charge. `nominal_v` converts the nominal voltage of a pack
-    to the number of cells in series.
-    """
-
-    shared: str
-    mean_v: float
-    nominal_v: float
-
-
-CHEMISTRIES: Final = {"nmc": Cells("nmc_cells", 3.72, 3.65), "lfp": Cells("lfp_cells", 3.28, 3.20)}
-"""Cells by their cathode: layered oxides (NMC, NCA), and iron phosphate. The nominal voltages are general figures."""
+CHEMISTRIES: Final = {"nmc": ("nmc_cells", 3.72, 3.65), "lfp": ("lfp_cells", 3.28, 3.20)}
+"""Cathode, layered oxides (NMC, NCA) or iron phosphate -> shared file of such cells, mean and nominal voltage of one cell [V].
+The mean over the range of the display converts energy to charge. The nominal voltage, a general figure, converts that of a pack to the
+number of cells in series."""
 
 MACHINES: Final = {
     "psm": "permanent_magnet_motor",
@@ -178,7 +167,7 @@ def similar_document(car: Figures, classes: ClassValues) -> dict[str, Any]:
     top_speed = next(speed for limit, speed in TOP_SPEEDS_KM_H if power / mass < limit)
     document = {
         "name": car.title,
-        "extends": ["passenger_car", CHEMISTRIES[car.chemistry].shared],
+        "extends": ["passenger_car", CHEMISTRIES[car.chemistry][0]],
         "scaled": {"motor_losses": MACHINES[car.machine], "cell_resistance": "bmw_i3_94ah"},
         "body": {"curb_mass_kg": {**car.curb_mass, "unit": "kg"}},
         "road_load": _road_load(car, classes),
@@ -249,14 +238,14 @@ def _road_load(car: Figures, classes: ClassValues) -> dict[str, Any]:
 
 def _battery(car: Figures) -> dict[str, Any]:
     energy_wh, volts = float(car.usable_energy["value"]), float(car.pack_voltage["value"])
-    kind = CHEMISTRIES[car.chemistry]
-    cells = round(volts / kind.nominal_v)
-    how = f"{energy_wh / 1000.0:g} kWh usable at a mean of {kind.mean_v:g} V of {cells} cells in series"
+    _, mean_v, nominal_v = CHEMISTRIES[car.chemistry]
+    cells = round(volts / nominal_v)
+    how = f"{energy_wh / 1000.0:g} kWh usable at a mean of {mean_v:g} V of {cells} cells in series"
     low, high = DISPLAY
     return {
         "capacity_ah": {
             **car.usable_energy,
-            "value": energy_wh / (cells * kind.mean_v),
+            "value": energy_wh / (cells * mean_v),
             "unit": "Ah",
             "scale": "displayed_soc",
             "estimated": how,
@@ -265,7 +254,7 @@ def _battery(car: Figures) -> dict[str, Any]:
             **car.pack_voltage,
             "value": cells,
             "unit": "1",
-            "estimated": f"{volts:g} V nominal at {kind.nominal_v:g} V a cell",
+            "estimated": f"{volts:g} V nominal at {nominal_v:g} V a cell",
         },
         "heat_capacity_j_k": _class(
             PACK_KG_PER_KWH * energy_wh, "J/K", f"{PACK_KG_PER_KWH:g} kg/kWh at 1000 J/(kg K)"
