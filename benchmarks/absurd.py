@@ -1,24 +1,27 @@
 """Random journeys whose answers are checked for contradictions: `python -m benchmarks.absurd [--number N] [--seed N]`.
 
 Cars of the library drive between random places of a made country, with random charges, temperatures and reserves. `contradictions` reads
-only the JSON document of a journey, as a client of the service does.
+only the JSON document of a journey, as a client of the service does. `promises` hides the heights of roads in made mountains, of which the
+map has some places, and lets those depart to whom the verdict promises arrival; whether they arrive follows from the forecast that knows the heights.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
 from tests.roads.journey.made import MadeRouter
+from tests.support.height_field import KM_DEG, height_field
 from tools.command import run
 
 import tripwatt as tw
 from benchmarks.measure import Row, report
 from tripwatt.population.cars import for_car
 from tripwatt.roads.journey import Atlas, JourneyOptions, Place, RoadForecaster, journey_with
-from tripwatt.roads.maps import Station
+from tripwatt.roads.maps import KnownHeights, Station
 from tripwatt.vehicles import vehicle_names
 
 NUMBER: Final = 2000
@@ -27,6 +30,17 @@ POWERS_KW: Final = (3.7, 11.0, 22.0, 50.0, 50.0, 150.0, 300.0)
 MIN_STOP_S: Final = 300.0
 SURE: Final = 0.95
 ROUNDING: Final = 1e-6
+CARS: Final = (
+    "renault_zoe_ze50_r135",
+    "vw_id3",
+    "hyundai_kona_64",
+    "nissan_leaf_40",
+    "dacia_spring",
+    "tesla_model_y_2022_lr_awd",
+)
+SIZE_KM: Final = 25.0
+MOUNTAINS_M: Final = 300.0
+"""Size of the country of hidden heights, and the median of the scale of its heights over 10 km."""
 
 
 def country(rng: np.random.Generator, stations: int = 250) -> Atlas:
@@ -121,9 +135,55 @@ def rows(number: int, seed: int) -> Iterator[Row]:
     yield Row("contradictions", float(sum(counts.values())), most=0)
 
 
+class HiddenHeights(Atlas):
+    """Roads on straight lines without heights, in a country of which the map has the heights of some places."""
+
+    known: KnownHeights
+
+    def heights_around(self, places: Sequence[Place]) -> KnownHeights:
+        """Return the heights of the places of the country."""
+        return self.known
+
+
+def promises(number: int, seed: int) -> Iterator[Row]:
+    """Compare stated chances with those of the same roads of known heights, in mountains and hills of all scales."""
+    rng = np.random.default_rng([seed, 1])
+    models = {name: for_car(None, name) for name in CARS}
+    scores = []
+    for _ in range(number):
+        count = int(rng.integers(15, 80))
+        places, ends = rng.uniform(0.0, SIZE_KM, (count, 2)), rng.uniform(0.0, SIZE_KM, (2, 2))
+        points = ends[0] + np.linspace(0.0, 1.0, 41)[:, None] * (ends[1] - ends[0])
+        height_m = height_field(rng, MOUNTAINS_M * np.exp(rng.normal(0.0, 0.6)), np.vstack((places, points)))
+        atlas = HiddenHeights(MadeRouter())
+        latitude, longitude = 47.0 + KM_DEG * places[:, 0], KM_DEG * places[:, 1] / np.cos(np.radians(47.0))
+        object.__setattr__(atlas, "known", KnownHeights(latitude, longitude, height_m[:count]))
+        start, end = (
+            Place(47.0 + KM_DEG * north, KM_DEG * east / np.cos(np.radians(47.0)), name)
+            for (north, east), name in zip(ends.tolist(), "AB", strict=True)
+        )
+        departure = tw.Departure(
+            soc=round(float(rng.uniform(0.12, 0.5)), 2), ambient_temperature_degc=float(rng.normal(9.0, 8.0))
+        )
+        forecaster = RoadForecaster(models[str(rng.choice(CARS))], departure)
+        verdict = journey_with(forecaster, (start, end), atlas, JourneyOptions(answers=False)).verdict
+        road = atlas.router.roads((start, end))[0]
+        at_m = np.linspace(0.0, road.distance_m, 41)
+        links = replace(road.links, elevation_position_m=at_m, elevation_m=height_m[count:], flags=())
+        truth = forecaster.forecast(road.with_links(links))
+        green = verdict.arrives and not verdict.reason
+        scores.append((green, verdict.p_reserve, truth.p_arrive(0.1), truth.p_arrive(0.0)))
+    green, stated, kept, arrived = np.array(scores, dtype=float).T
+    yield Row("roads of hidden heights", float(number))
+    yield Row("of these promised", float(green.sum()))
+    yield Row("arrival of those that are promised", float(arrived[green > 0.0].mean()), least=0.95)
+    yield Row("reserve of those that are promised", float(kept[green > 0.0].mean()), least=0.95)
+    yield Row("stated chance minus true one, all", float(np.mean(stated - kept)), "", -0.02, 0.02)
+
+
 def main(number: int = NUMBER, seed: int = 0) -> int:
     """Print the rows; 1 where one is missed."""
-    return report(rows(number, seed))
+    return report([*promises(number // 5, seed), *rows(number, seed)])
 
 
 if __name__ == "__main__":

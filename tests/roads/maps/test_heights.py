@@ -2,23 +2,18 @@
 
 import numpy as np
 import pytest
+from tests.support.height_field import KM_DEG, height_field
 
 from tripwatt.roads.maps import KnownHeights
 from tripwatt.routes.terrain import GROWTH, REFERENCE_M
 from tripwatt.trips.plan import KnownClimb
 
-KM_DEG = 1.0 / 111.195
-
 
 def field(rng, scale_m, places=80, points=13, size_km=20.0):
-    """Heights of places of a square, and of a road through it, of a field whose differences grow as those of net climbs do."""
+    """Heights of places of a square, and of a road through it."""
     road = np.column_stack((np.linspace(3.0, size_km - 3.0, points), np.full(points, 0.5 * size_km)))
     at_km = np.vstack((rng.uniform(0.0, size_km, (places, 2)), road))
-    apart = 1000.0 * np.linalg.norm(at_km[:, None] - at_km[None], axis=2) / REFERENCE_M
-    far = 1000.0 * np.linalg.norm(at_km - at_km[0], axis=1) / REFERENCE_M
-    h = 2.0 * GROWTH
-    covariance = 0.5 * (far[:, None] ** h + far[None] ** h - apart**h)
-    heights = 600.0 + scale_m * rng.multivariate_normal(np.zeros(len(far)), covariance, method="eigh")
+    heights = height_field(rng, scale_m, at_km)
     latitude, longitude = (KM_DEG * at_km).T
     known = KnownHeights(latitude[:places], longitude[:places], heights[:places])
     return (
