@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, cast
+from typing import TYPE_CHECKING, Final
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.trips import TripSet
@@ -15,12 +15,8 @@ if TYPE_CHECKING:
     from tripwatt.sources.canonical import Frames
     from tripwatt.vehicles import Vehicle
 
-DATASETS: Final[Mapping[str, str]] = {
-    "tum": "tripwatt.sources.tum:read_tum",
-    "ved": "tripwatt.sources.ved:read_ved",
-    "table": "tripwatt.sources.table:read_table",
-}
-"""Name of a data set -> its reader, imported when it is used."""
+DATASETS: Final = ("tum", "ved", "table")
+"""Data sets: the module of each has its name and a reader `read_` and that name, and is imported when it is used."""
 
 
 def read_logs(
@@ -45,7 +41,7 @@ def read_logs(
         several drives, with their names in a column `trip`. A table without `time_s` may have times as its index. Columns
         that are no signals are kept as covariates, and `TripSet.notes` lists them; the other arguments then have no effect.
     dataset : str
-        A key of `DATASETS`.
+        One of `DATASETS`.
     mapping : path or str, optional
         For `dataset="table"`: a TOML file, or the name of a mapping that comes with the package. By default a mapping is proposed
         from the header and the values of the files.
@@ -92,6 +88,5 @@ def read_logs(
         raise InvalidInput.of(
             "mapping has no effect", "mapping", f"{mapping}", "only with the data set 'table'"
         )
-    module, _, name = DATASETS[dataset].partition(":")
-    reader = cast(Callable[..., TripSet], getattr(import_module(module), name))
+    reader: Callable[..., TripSet] = getattr(import_module(f"{__name__}.{dataset}"), f"read_{dataset}")
     return reader(Path(source), strict=strict)
