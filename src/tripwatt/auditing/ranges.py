@@ -61,22 +61,23 @@ def blank_infinite(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
             yield name, np.where(bad, np.nan, values), whole(samples, trip_id, what, "noted")
 
 
-def blank_impossible(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame, list[Finding]]:
+@blanking
+def blank_impossible(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
     """Blank every value outside its column's range; set the drive aside if a measured signal has many such values.
 
     A small negative speed counts as reversing and is made positive.
     """
-    samples, reversing = _make_speed_positive(samples, trip_id)
-    samples, findings = _blank_outside(samples, trip_id)
-    return samples, [*reversing, *findings]
-
-
-@blanking
-def _blank_outside(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
     for name, column in COLUMNS.items():
         if name == "time_s" or name not in samples.columns:
             continue
         values = array(samples, name)
+        # 10.0: fastest reversing: a negative speed up to this magnitude counts as reversing, a faster one as a
+        # fault
+        back = (values < 0) & (values >= -10.0)
+        if name == "speed_m_s" and back.any():
+            what = f"{int(back.sum())} samples of negative speed are treated as reversing"
+            values = np.where(back, -values, values)
+            yield name, values, _span(samples, trip_id, back, what, "noted")
         # 12_000.0: largest possible heating power: cabin heaters of passenger cars have 3 to 7 kW, twin
         # heaters about 10 kW
         highest = min(column.maximum, 12_000.0 if "heating" in name else np.inf)
@@ -94,17 +95,6 @@ def _blank_outside(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
         consequence: Consequence = "set aside" if many and name in MEASURED else "noted"
         blanked = np.full(len(values), np.nan) if guess else np.where(bad, np.nan, values)
         yield name, blanked, _span(samples, trip_id, bad, what, consequence)
-
-
-@blanking
-def _make_speed_positive(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
-    speed = array(samples, "speed_m_s")
-    # 10.0: fastest reversing: a negative speed up to this magnitude counts as reversing, a faster one as a
-    # fault
-    back = (speed < 0) & (speed >= -10.0)
-    if back.any():
-        what = f"{int(back.sum())} samples of negative speed are treated as reversing"
-        yield "speed_m_s", np.where(back, -speed, speed), _span(samples, trip_id, back, what, "noted")
 
 
 def speed_spikes(time: FloatArray, speed: FloatArray) -> BoolArray:
