@@ -58,20 +58,15 @@ def mend_stamps(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame, list
 
 def longest_increasing(values: FloatArray) -> IntArray:
     """Return the indices of the longest strictly increasing subsequence (patience sorting, O(n log n))."""
-    tails: list[float] = []
-    tail_index: list[int] = []
+    listed = values.tolist()
+    tails: list[int] = []  # by length of a subsequence: the index of the smallest value that ends one
     before = np.full(len(values), -1, dtype=np.int64)
-    for i, value in enumerate(values.tolist()):
-        place = bisect_left(tails, value)
-        before[i] = tail_index[place - 1] if place else -1
-        if place == len(tails):
-            tails.append(value)
-            tail_index.append(i)
-        else:
-            tails[place] = value
-            tail_index[place] = i
+    for i, value in enumerate(listed):
+        place = bisect_left(tails, value, key=listed.__getitem__)
+        before[i] = tails[place - 1] if place else -1
+        tails[place : place + 1] = [i]
     chain = []
-    i = tail_index[-1]
+    i = tails[-1]
     while i >= 0:
         chain.append(i)
         i = int(before[i])
