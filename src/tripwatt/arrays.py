@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 from typing import TypeVar
 
@@ -76,6 +77,20 @@ def hold_last(time: FloatArray, values: FloatArray, hold_s: float) -> FloatArray
     last = np.maximum.accumulate(np.where(np.isfinite(values), np.arange(len(values)), -1))
     fresh = (last >= 0) & (time - time[np.maximum(last, 0)] <= hold_s)
     return np.where(fresh, values[np.maximum(last, 0)], np.nan)
+
+
+def number_in(text: str) -> float:
+    """The number that a text states, NaN if it states none.
+
+    Examples
+    --------
+    >>> number_in(" 1.5 "), number_in("1,5")
+    (1.5, nan)
+    """
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
 
 
 def by_key(items: Iterable[Item], key: Callable[[Item], Key]) -> dict[Key, list[Item]]:

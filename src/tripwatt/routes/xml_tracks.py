@@ -10,6 +10,7 @@ from xml.parsers import expat
 
 import numpy as np
 
+from tripwatt.arrays import number_in
 from tripwatt.errors import InvalidInput
 from tripwatt.routes.links import first_of_several
 from tripwatt.routes.points import MAX_POINTS
@@ -173,10 +174,7 @@ class _Reader:
     def _number(self, key: str) -> float:
         """The finite number of an attribute or an element of a point of GPX; anything else raises `InvalidInput`."""
         text = self.point.get(key, "")
-        try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
+        value = number_in(text)
         if not math.isfinite(value):
             where = f"{self.point['place']}, {key}"
             raise InvalidInput.of("not a number", where, repr(text[:40]), "a finite number")
@@ -185,10 +183,7 @@ class _Reader:
     def _coordinates(self, numbers: list[str]) -> _Point:
         """The point of a longitude, a latitude and an optional altitude, all as text."""
         where = self._count_point()
-        try:
-            values = [float(text) for text in numbers]
-        except ValueError:
-            values = []
+        values = [*map(number_in, numbers)]
         if len(values) not in (2, 3) or not all(map(math.isfinite, values)):
             got = repr(",".join(numbers)[:60])
             allowed = "longitude, latitude and optionally altitude"

@@ -18,7 +18,7 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.arrays import FloatArray, IntArray, number_in
 from tripwatt.errors import Fault, InvalidInput, and_more, excerpt
 from tripwatt.files import read_file
 from tripwatt.sources.mapping import UNITS
@@ -364,11 +364,10 @@ def numbers_of(cells: Sequence[str], decimal: str) -> tuple[FloatArray, list[int
         text = cell.strip('"').strip()
         if text in NULL_TEXTS:
             continue
-        value = _value(text.replace(decimal, "."))
-        if value is None or not abs(value) <= LARGEST_NUMBER:
+        values[i] = number_in(text.replace(decimal, "."))
+        if not abs(values[i]) <= LARGEST_NUMBER:
             bad.append(i)
-            value = _value(text.replace(",", ".")) if _DECIMAL_COMMA.fullmatch(text) else None
-        values[i] = np.nan if value is None else value
+            values[i] = number_in(text.replace(",", ".")) if _DECIMAL_COMMA.fullmatch(text) else np.nan
     return values, bad
 
 
@@ -405,13 +404,6 @@ def _body_width(source: Delimited) -> int:
     if len(row) == header + 1 and not row[-1]:
         return header + 1
     return header
-
-
-def _value(cell: str) -> float | None:
-    try:
-        return float(cell)
-    except ValueError:
-        return None
 
 
 def line_of(cells: Sequence[str], delimiter: str) -> bytes:
@@ -453,7 +445,7 @@ def _cell_faults(bad: Sequence[tuple[str, str]], decimal: str) -> Iterator[Fault
         what, allowed, fix = "not a number", "a number with a decimal point, or an empty cell", ""
         if _DECIMAL_COMMA.fullmatch(text):
             what, fix = "decimal comma", "export the file with a decimal point"
-        elif _value(text.replace(decimal, ".")) is not None:
+        elif not np.isnan(number_in(text.replace(decimal, "."))):
             what, allowed = "number out of range", f"a finite number of at most {LARGEST_NUMBER:g}"
         got = excerpt(text) + (and_more(bad) if counted else "")
         yield Fault(what, place, got, allowed, fix, count=len(bad) if counted else 1)

@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from tripwatt.arrays import BoolArray, FloatArray
+from tripwatt.arrays import BoolArray, FloatArray, number_in
 from tripwatt.errors import or_none
 from tripwatt.sources.columnar import TableFile
 from tripwatt.sources.evidence import SPEED_UNITS
@@ -144,8 +144,6 @@ def _numbers_of(table: TableFile, name: str) -> FloatArray | None:
     values = np.full(len(texts), np.nan)
     for i, text in enumerate(texts):
         parts = text.replace(",", ".").split()
-        try:
-            values[i] = abs(float(parts[0])) + float(parts[1]) / 60.0 if len(parts) == 2 else float(text)
-        except (ValueError, IndexError):
-            continue
+        has_minutes = len(parts) == 2
+        values[i] = abs(number_in(parts[0])) + number_in(parts[1]) / 60.0 if has_minutes else number_in(text)
     return values

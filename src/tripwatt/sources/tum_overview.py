@@ -14,6 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
+from tripwatt.arrays import number_in
 from tripwatt.containers import INSIDE, LIMITS, Budget
 from tripwatt.errors import InvalidInput
 from tripwatt.files import read_file
@@ -79,15 +80,15 @@ def _context(trip_id: str, row: Mapping[str, object]) -> Context:
     """The context of a trip; a cell that cannot be read counts as unknown."""
     remarks = "; ".join(t for t in (_text(row.get("fan")), _text(row.get("note"))) if t)
     masses = re.findall(r"\+\s*(\d+(?:[.,]\d+)?)\s*kg", remarks, re.IGNORECASE)
-    setpoint = _number(row.get("target cabin temperature"))
+    setpoint = number_in(_text(row.get("target cabin temperature")).replace(",", "."))
     return Context(
         season={"A": "summer", "B": "winter"}[trip_id[4]],  # the two measurement campaigns
         weather=_text(row.get("weather")).lower() or None,
         started_at=_departure(row.get("date")),
         route=_text(row.get("route/area")) or None,
         # 10 to 40 °C is what a car's climate control offers, with a margin
-        cabin_setpoint_degc=setpoint if setpoint is not None and 10.0 <= setpoint <= 40.0 else None,
-        payload_mass_kg=sum((_number(mass) or 0.0 for mass in masses), start=0.0),
+        cabin_setpoint_degc=setpoint if 10.0 <= setpoint <= 40.0 else None,
+        payload_mass_kg=sum((float(mass.replace(",", ".")) for mass in masses), start=0.0),
         follows_trip="directly after previous trip" in remarks.lower(),
         remarks=remarks,
     )
@@ -99,12 +100,6 @@ def _departure(cell: object) -> dt.datetime | None:
     # 2019-06-25_13-21-14 and 2019_12_08_09-38-26 both occur
     with contextlib.suppress(ValueError):
         return dt.datetime.strptime(re.sub(r"[^0-9]+", "-", _text(cell)), "%Y-%m-%d-%H-%M-%S")
-    return None
-
-
-def _number(cell: object) -> float | None:
-    with contextlib.suppress(ValueError):
-        return float(_text(cell).replace(",", "."))
     return None
 
 
