@@ -359,16 +359,15 @@ def driving_w(table: SegmentTable) -> FloatArray:
     return np.asarray(causes.sum(axis=1))
 
 
-def require_measured(trips: Sequence[Trip], least: int = 1) -> None:
-    """Raise `InvalidInput` for every trip without measured energy, and if there are fewer than `least` trips."""
+def require_measured(trips: Sequence[Trip]) -> None:
+    """Raise `InvalidInput` for every trip without measured energy, and if there is no trip."""
     faults = [
         Fault("no measured energy", trip.trip_id, "", "voltage and current, or a column observed_energy_wh")
         for trip in trips
         if trip.observed_energy_wh is None
     ]
-    if len(trips) < least:
-        what = "too few trips" if trips else "no trips"
-        faults.append(Fault(what, "training", f"{len(trips)}", f"at least {least} with measured energy"))
+    if not trips:
+        faults.append(Fault("no trips", "training", "0", "at least 1 with measured energy"))
     raise_faults(faults)
 
 
