@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray
+from tripwatt.auditing.findings import array, has
 from tripwatt.auditing.signals import blank_stuck_heater
 
 CLIMATE_COLUMNS: Final = ("heating_power_w", "aircon_power_w")
@@ -57,16 +58,10 @@ def logged_climate(samples: pd.DataFrame, edges_s: FloatArray) -> FloatArray | N
 
 def _climate_power(samples: pd.DataFrame) -> FloatArray | None:
     """Power of heater and air conditioner at each sample [W]; None if not logged."""
-
-    def logged(name: str) -> bool:
-        return name in samples and bool(samples[name].notna().any())
-
-    if logged(CLIMATE_IN_ALL):
-        whole: FloatArray = np.maximum(samples[CLIMATE_IN_ALL].to_numpy(dtype=np.float64), 0.0)
-        return whole
-    if not all(map(logged, CLIMATE_COLUMNS)):
+    if has(samples, CLIMATE_IN_ALL):
+        return np.maximum(array(samples, CLIMATE_IN_ALL), 0.0)
+    if not all(has(samples, name) for name in CLIMATE_COLUMNS):
         return None
     sound = blank_stuck_heater(samples, "")[0]
-    heater, cooler = (np.maximum(sound[name].to_numpy(dtype=np.float64), 0.0) for name in CLIMATE_COLUMNS)
-    power: FloatArray = heater + cooler
-    return power
+    heater, cooler = (np.maximum(array(sound, name), 0.0) for name in CLIMATE_COLUMNS)
+    return np.asarray(heater + cooler)
