@@ -278,16 +278,11 @@ def _bootstrap(n_trees: int, allowed: BoolArray, seed: int) -> IntArray:
     return np.bincount(flat.ravel(), minlength=n_trees * allowed.size).reshape(n_trees, allowed.size)
 
 
-def _masked_mean(values: FloatArray, used: BoolArray) -> FloatArray:
-    """Mean over the trees (first axis) that are used; NaN if no tree is used."""
-    n_used = used.sum(axis=0)
-    total = (values * used).sum(axis=0)
-    return np.asarray(np.divide(total, n_used, out=np.full(n_used.shape, np.nan), where=n_used > 0))
-
-
 def _oob_losses(forest: _Grown, sample: Sample, out_of_bag: BoolArray) -> FloatArray:
     """Out-of-bag loss of each group, shape (n_groups,)."""
-    return sample.loss(_masked_mean(forest.sample_predictions(), out_of_bag[:, sample.codes]))
+    used = out_of_bag[:, sample.codes]
+    total, n_used = (forest.sample_predictions() * used).sum(axis=0), used.sum(axis=0)
+    return sample.loss(np.divide(total, n_used, out=np.full(n_used.shape, np.nan), where=n_used > 0))
 
 
 def _nested_losses(forest: _Grown, sample: Sample, out_of_bag: BoolArray, without: BoolArray) -> FloatArray:

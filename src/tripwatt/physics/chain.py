@@ -113,7 +113,10 @@ def drive_chain(
     air, rolling, climb, inertia = _forces(vehicle, trace, conditions)
     speed, step = trace.mean_speed_m_s, trace.step_s
     wheel_power = (air + rolling + climb + inertia) * speed
-    base_load = _base_load(vehicle, trace, conditions)
+    # the moving load rises with speed and is whole from walking pace, 5 km/h, on; a choice: a noisy speed of a standing car then
+    # adds next to nothing
+    loads, share = vehicle.auxiliaries, np.minimum(speed * (1.0 / 1.4), 1.0)
+    base_load = loads.base_load_w + (1.0 - conditions.on_dynamometer) * loads.moving_load_w * share
     auxiliary = climate_power_w + base_load
     drive, battery = _drive_and_battery(vehicle, trace, wheel_power, auxiliary, conditions)
     lost_wh = _lost_when_full_wh(vehicle, trace, wheel_power, drive, battery)
@@ -174,16 +177,6 @@ def _forces(vehicle: Vehicle, trace: Trace, conditions: DriveConditions) -> tupl
     # Mean speed times change of speed is the change of v²/2: kinetic energy adds up exactly over a trip.
     inertia = inertia_force(trace.acceleration_m_s2, mass, vehicle.body.rotating_mass_factor)
     return aero, rolling, climb, inertia
-
-
-def _base_load(vehicle: Vehicle, trace: Trace, conditions: DriveConditions) -> FloatArray:
-    """Power of loads that neither drive nor heat [W], shape (..., samples); larger while the car moves on a road.
-
-    The moving load rises with speed up to walking pace, so that a noisy speed of a standing car adds next to nothing.
-    """
-    # the whole moving load from walking pace, 5 km/h, on; a choice
-    loads, share = vehicle.auxiliaries, np.minimum(trace.mean_speed_m_s * (1.0 / 1.4), 1.0)
-    return np.asarray(loads.base_load_w + (1.0 - conditions.on_dynamometer) * loads.moving_load_w * share)
 
 
 def _drive_and_battery(

@@ -198,16 +198,12 @@ class UnknownClimb:
 
     def _climb_quantiles(self, p: FloatArray | float) -> FloatArray:
         """Quantiles of the climb alone [Wh], in the broadcast shape of `p` and the places."""
-        k = np.minimum(np.searchsorted(self._cumulated, p), len(self.weights) - 1)
+        k = np.minimum(np.searchsorted(np.cumsum(self.weights), p), len(self.weights) - 1)
         return np.asarray(self._ascending[k, np.arange(self.offsets_wh.shape[1])])
 
     @cached_property
     def _ascending(self) -> FloatArray:
         return np.sort(self.offsets_wh, axis=0)
-
-    @cached_property
-    def _cumulated(self) -> FloatArray:
-        return np.cumsum(self.weights)
 
 
 @dataclass(frozen=True, eq=False)
