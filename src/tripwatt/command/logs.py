@@ -16,7 +16,7 @@ from tripwatt import trips
 from tripwatt.command import shared
 from tripwatt.command.options import Answer, argument, make_group
 from tripwatt.command.output import write_text
-from tripwatt.command.printing import console, print_findings, print_notes, print_reading, print_table
+from tripwatt.command.printing import console, print_notes, print_reading, print_table
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.trips.messages import flag_to_dict
 
@@ -49,7 +49,11 @@ def audit(logs: shared.Logs) -> Answer:
     def shown() -> None:
         title = f"{len(fleet.trips)} trips read, {len(result.trips)} used ({fleet.name})"
         if result.findings:
-            print_findings(title, result.findings)
+            columns = ("trip", "from [s]", "to [s]", "consequence", "finding")
+            rows = [
+                (f.trip, f"{f.from_s:.1f}", f"{f.to_s:.1f}", f.consequence, f.what) for f in result.findings
+            ]
+            print_table(title, columns, rows, numbers=columns[1:3], folding=("finding",))
         else:
             console(sys.stdout).print(f"{title}: no findings")
         print_reading(fleet, result)

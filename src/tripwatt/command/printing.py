@@ -19,7 +19,7 @@ from tripwatt.trips.messages import message, severity_of
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from tripwatt.auditing import Audit, Finding
+    from tripwatt.auditing import Audit
     from tripwatt.trips import Flag, TripSet
 
 
@@ -79,13 +79,6 @@ def print_table(
     # a column that does not fit would be cut: the table is made wide, and the terminal breaks the lines instead
     shown.width = max(shown.width, sum((column.min_width or 0) + PADDING for column in table.columns))
     shown.print(table, crop=False)
-
-
-def print_findings(title: str, findings: Iterable[Finding]) -> None:
-    """Print the findings of an audit: trip, time span, consequence and fault."""
-    columns = ("trip", "from [s]", "to [s]", "consequence", "finding")
-    rows = [(f.trip, f"{f.from_s:.1f}", f"{f.to_s:.1f}", f.consequence, f.what) for f in findings]
-    print_table(title, columns, rows, numbers=columns[1:3], folding=("finding",))
 
 
 MAX_GROUPS: Final = 12

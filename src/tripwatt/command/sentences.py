@@ -64,20 +64,17 @@ def _arrival(forecast: tw.Forecast) -> str:
     arrives = f"The probability to arrive is {chance_to_arrive(forecast)}."
     if forecast.along.missing_wh[1] > 0.0:
         least, missing, most = forecast.along.missing_wh
+        early, expected, late = (
+            None if m is None else f"{m / 1000.0:.0f}" for m in forecast.along.empty_at_m
+        )
+        between = f"{early} to {late} km" if late else f"{early} km or later"
         text = (
-            f"Leaving with {_percent(start)} % the battery is empty {_where_empty(forecast)}: the trip takes {_kwh(missing)} kWh "
+            f"Leaving with {_percent(start)} % the battery is empty after {expected} km ({between}): the trip takes {_kwh(missing)} kWh "
             f"({_kwh(least)} to {_kwh(most)} kWh) more than it holds. {arrives}"
         )
         return f"{text} At best you arrive with {_percent(high)} %." if _percent(high) != "0" else text
     text = f"Leaving with {_percent(start)} % you arrive with {_percent(end)} % ({_percent(low)} to {_percent(high)} %)."
     return f"{text} {arrives}" if low <= 0.0 else text
-
-
-def _where_empty(forecast: tw.Forecast) -> str:
-    """Say after how many kilometres the battery is expected to run empty, with the ends of the 90 % band."""
-    early, expected, late = (None if m is None else f"{m / 1000.0:.0f}" for m in forecast.along.empty_at_m)
-    between = f"{early} to {late} km" if late else f"{early} km or later"
-    return f"after {expected} km ({between})"
 
 
 def journey_in_words(journey: tw.Journey) -> list[str]:
