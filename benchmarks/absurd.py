@@ -181,9 +181,15 @@ def promises(number: int, seed: int) -> Iterator[Row]:
     yield Row("stated chance minus true one, all", float(np.mean(stated - kept)), "", -0.02, 0.02)
 
 
+def bars(number: int = 200, seed: int = 0) -> Iterator[Row]:
+    """Rows of journeys and of promises."""
+    yield from promises(number // 2, seed)
+    yield from rows(number, seed)
+
+
 def main(number: int = NUMBER, seed: int = 0) -> int:
     """Print the rows; 1 where one is missed."""
-    return report([*promises(number // 5, seed), *rows(number, seed)])
+    return report(bars(number, seed))
 
 
 if __name__ == "__main__":

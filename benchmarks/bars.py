@@ -22,6 +22,7 @@ from tools import CATALOGUE, DATA, REFERENCE, ROOT
 from tools.command import run
 
 from benchmarks import (
+    absurd,
     accuracy,
     anchors,
     argonne,
@@ -94,6 +95,7 @@ def suites(results: Path | None, forecast: Path | None, links: Path | None) -> I
     yield Suite(f"{bench}hostile", hostile.rows)
     yield Suite(f"{bench}installed --tests", partial(installed.rows, tests=True))
     yield Suite(f"{bench}leave_with", leave_with.rows)
+    yield Suite(f"{bench}absurd", absurd.bars)
     yield Suite(f"{bench}anchors", anchors.bars)
     yield Suite(
         f"{bench}savings",
