@@ -5,6 +5,8 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from tests.routes.made import M_PER_DEGREE, NO, SPEED, drive, gpx
 
 from tripwatt.errors import InvalidInput
@@ -76,7 +78,8 @@ class TestTrack:
     def test_bounds(self) -> None:
         assert len(track([0.0, 9.0], [0.0, 172_800.0])) == 2
         assert (
-            "got 172801 s; allowed: more than 0, at most 172800 s" in refused([0.0, 9.0], [0.0, 172_801.0])[0]
+            "point 2: got 172801 s, of which 172801 s before this point; allowed: more than 0, at most"
+            in refused([0.0, 9.0], [0.0, 172_801.0])[0]
         )
         assert "got 0 s" in refused([0.0, 9.0], [5.0, 5.0])[0]
         assert len(track([0.0, 9.0, 18.0], [0.0, 5.0, 5.0])) == 3
@@ -261,3 +264,35 @@ def test_the_hour_of_summer_time_is_no_time(hour_s):
     seconds = 5.0 * np.arange(201)
     changed = np.where(np.arange(201) > 60, seconds + hour_s, seconds)
     assert drive_of(changed, zone="").driven_plan().elapsed_s == pytest.approx(seconds[-1])
+
+
+@given(st.data())
+def test_one_repeated_or_missing_time_changes_nothing(data):
+    """Times of a steady drive: a repeated one is between its neighbours, and so is a missing one, also at an end."""
+    n = data.draw(st.integers(25, 60))
+    texts = [f"2026-05-01T08:{5 * k // 60:02d}:{5 * k % 60:02d}Z" for k in range(n)]
+    right, started_at, _ = parse_times(texts, "x")
+    k = data.draw(st.integers(1, n - 2))
+    repeated, _, flags = parse_times([*texts[:k], texts[k - 1], *texts[k + 1 :]], "x")
+    assert repeated == pytest.approx(right)
+    assert flags == ()
+    k = data.draw(st.sampled_from([0, 1, n - 2, n - 1]))
+    missing, started, flags = parse_times([*texts[:k], "", *texts[k + 1 :]], "x")
+    assert missing == pytest.approx(right)
+    assert started == started_at
+    assert [flag.code for flag in flags] == ["times_interpolated"]
+
+
+def test_times_that_too_many_points_lack_at_an_end_are_ignored():
+    texts = [f"2026-05-01T08:00:{k:02d}Z" for k in range(40)]
+    for kept in ([*texts[:35], *[""] * 5], [*[""] * 5, *texts[5:]]):
+        assert parse_times(kept, "x")[2] == (Flag("times_ignored", "track"),)
+
+
+def test_a_clock_that_is_set_on_the_way_is_named_with_its_point():
+    texts = ["1970-01-01T00:00:01Z", *(f"2026-05-01T08:00:{k:02d}Z" for k in range(40))]
+    time_s, *_ = parse_times(texts, "x")
+    with pytest.raises(InvalidInput, match=r"duration out of range: track, point 2: .* before this point"):
+        Track(
+            np.linspace(48.0, 48.1, 41), np.full(41, 11.0), np.full(41, np.nan), time_s, np.full(40, np.nan)
+        )

@@ -247,3 +247,35 @@ def test_the_root_of_another_format_is_cut():
     (fault,) = faults_of(parse_route, b'<?xml version="1.0" encoding="' + b"e" * 200 + b'"?><gpx/>')
     assert fault.what == "not well-formed XML"
     assert len(fault.got) <= 120
+
+
+def kml_line(*coordinates):
+    return f"<LineString><coordinates>{' '.join(coordinates)}</coordinates></LineString>"
+
+
+def test_the_parts_of_a_multi_geometry_are_one_line():
+    """As the segments of a GPX track are; lines beside it are others."""
+    parts = kml_line("11,48", "11,48.1") + kml_line("11,48.1", "11,48.2")
+    (other,) = (kml_line("12,48", "12,49"),)
+    joined = parse_route(f"<kml><MultiGeometry>{parts}</MultiGeometry>{other}</kml>".encode())
+    assert joined.latitude_deg.tolist() == [48.0, 48.1, 48.1, 48.2]
+    assert [flag.code for flag in joined.flags] == ["first_of_several"]
+    two = parse_route(f"<kml>{parts}</kml>".encode())
+    assert two.latitude_deg.tolist() == [48.0, 48.1]
+    again = parse_route(
+        f"<kml><MultiGeometry>{other}</MultiGeometry><MultiGeometry>{parts}</MultiGeometry></kml>".encode()
+    )
+    assert again.longitude_deg.tolist() == [12.0, 12.0]
+
+
+def test_the_parts_of_a_multi_track_are_one_recording():
+    def part(*seconds):
+        points = "".join(
+            f"<when>2026-05-01T08:00:{s:02d}Z</when><gx:coord>11 {48 + s / 1e4} 0</gx:coord>" for s in seconds
+        )
+        return f"<gx:Track>{points}</gx:Track>"
+
+    text = f"<kml><gx:MultiTrack>{part(0, 1, 2)}{part(4, 5)}</gx:MultiTrack></kml>"
+    track = parse_route(text.encode())
+    assert track.time_s.tolist() == [0.0, 1.0, 2.0, 4.0, 5.0]
+    assert track.flags == ()

@@ -44,6 +44,9 @@ _CLOCK_CHANGE_S: Final = 3600.0
 _MAX_IN_GAPS: Final = 0.25
 """Largest share of the length of a logged track that may lie in gaps between its points; a choice."""
 
+_MAX_WITHOUT_TIME: Final = 0.1
+"""Largest share of the points of a track that may lack times at its ends; a choice."""
+
 EARLIEST_YEAR, LATEST_YEAR = 1970, 2199
 """First and last year allowed for a time of a track: others come from a wrong clock."""
 
@@ -110,7 +113,10 @@ class Track:
             span = float(self.time_s[-1] - self.time_s[0])
             if not 0 < span <= MAX_TRAVEL_TIME_S:
                 allowed = f"more than 0, at most {MAX_TRAVEL_TIME_S:g} s"
-                yield Fault("duration out of range", "track", f"{span:g} s", allowed)
+                longest = int(np.argmax(step))
+                where = f"track, point {longest + 2}" if span > 0 else "track"
+                got = f"{span:g} s, of which {step[longest]:g} s before this point" if span > 0 else "0 s"
+                yield Fault("duration out of range", where, got, allowed)
         if not float(self.step_m.sum()) > 0:
             yield Fault("track has no length", "track", "0 m", "two different places")
 
@@ -347,12 +353,14 @@ def parse_times(
 ) -> tuple[FloatArray | None, dt.datetime | None, tuple[Flag, ...]]:
     """Times of points as seconds from the first point, the time of the first point, and flags.
 
-    A missing time is interpolated between its neighbours. Returns None for both times if the first or the last point has none.
+    A missing time is interpolated between its neighbours, as is one that repeats that of the point before; at an end it continues with the
+    mean step. Returns None for both times if more than `_MAX_WITHOUT_TIME` of the points are at an end without one.
     In times without zone, the hour by which clocks change to or from summer time is taken out.
     """
     if not any(texts):
         return None, None, ()
-    if not (texts[0] and texts[-1]):
+    given = [k for k, text in enumerate(texts) if text]
+    if given[-1] - given[0] < (1.0 - _MAX_WITHOUT_TIME) * (len(texts) - 1):
         return None, None, (Flag("times_ignored", "track"),)
     times = [
         _parse_time(text, f"{where}, point {k}") if text else None for k, text in enumerate(texts, start=1)
@@ -360,10 +368,15 @@ def parse_times(
     values = np.array([math.nan if moment is None else moment.timestamp() for moment in times])
     known = np.flatnonzero(np.isfinite(values))
     flags = () if len(known) == len(values) else (Flag("times_interpolated", "track"),)
-    values = np.interp(np.arange(len(values)), known, values[known])
-    if dt.datetime.fromisoformat(texts[0]).tzinfo is None:
+    values[known[1:][np.diff(values[known]) == 0.0]] = np.nan
+    known = np.flatnonzero(np.isfinite(values))
+    at, step_s = np.arange(len(values)), (values[known[-1]] - values[known[0]]) / max(known[-1] - known[0], 1)
+    beyond = np.minimum(at - known[0], 0) + np.maximum(at - known[-1], 0)
+    values = np.interp(at, known, values[known]) + step_s * beyond
+    if dt.datetime.fromisoformat(texts[given[0]]).tzinfo is None:
         values = values - _clock_change(values)
-    return values - values[0], times[0], flags
+    started = times[given[0]]
+    return values - values[0], started and started - dt.timedelta(seconds=step_s * given[0]), flags
 
 
 def _clock_change(seconds: FloatArray) -> FloatArray:

@@ -30,6 +30,9 @@ _NAMES: Final = "GPX/KML"
 
 _POINT_TAGS: Final = ("trkpt", "rtept")
 
+_JOINED: Final = ("MultiTrack", "MultiGeometry")
+"""Elements of KML whose lines are parts of one, as the segments of a GPX track are."""
+
 _Point = tuple[float, float, float]
 """Latitude, longitude [°] and altitude [m]; the altitude is NaN if unknown."""
 
@@ -38,7 +41,7 @@ def track_from_xml(data: bytes, name: str) -> Track:
     """Read the first line with at least two points of a GPX 1.0, GPX 1.1 or KML 2.2 text; its outermost element tells which. O(bytes).
 
     The line of a GPX text is its first track, with its segments joined, else its first route. The line of a KML text is its first
-    recording, a `gx:Track` with `when` and `gx:coord`, else its first `LineString`; if all its altitudes are 0, they count as
+    recording, a `gx:Track` with `when` and `gx:coord`, or the parts of a `gx:MultiTrack`; else its first `LineString` or `MultiGeometry`; if all its altitudes are 0, they count as
     unknown: KML files have 0 for an unknown altitude.
 
     Parameters
@@ -82,6 +85,7 @@ class _Reader:
         self.number = 0
         self.text: list[str] = []
         self.point: dict[str, str] = {}
+        self.joins = False
 
     def parse(self, data: bytes) -> None:
         """Parse a text; anything but well-formed XML without a document type raises `InvalidInput`."""
@@ -136,8 +140,12 @@ class _Reader:
             got, allowed = f"{len(self.path)} levels", f"at most {_MAX_DEPTH}"
             raise InvalidInput.of("XML nested too deeply", self.name, got, allowed)
         self.text.clear()
-        if tag in self.lines and (self.root == "kml" or len(self.path) == 2):
-            self.lines[tag].append(([], []))
+        if tag in _JOINED:
+            self.joins = False
+        elif tag in self.lines and (self.root == "kml" or len(self.path) == 2):
+            if not (self.joins and self.path[-2] in _JOINED):
+                self.lines[tag].append(([], []))
+            self.joins = True
         elif tag in _POINT_TAGS:
             self.point = {**attributes, "place": self._count_point()}
 
