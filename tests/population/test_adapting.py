@@ -567,3 +567,18 @@ def test_the_car_of_a_base_counts_where_the_package_does_not_have_it() -> None:
     known = [source.vehicle for source in population().sources]
     assert [source.vehicle for source in population_of(base).sources] == known
     assert [source.vehicle for source in population_of(other).sources] == [*known, "base"]
+
+
+def test_trips_are_in_the_order_of_time_whatever_their_zone() -> None:
+    """09:30 in Berlin is before 08:00 in London; as texts they are the other way round. A time without a zone is UTC."""
+    berlin, none = dt.timezone(dt.timedelta(hours=2)), None
+    times = [
+        dt.datetime(2026, 5, 1, 8, 0, tzinfo=dt.UTC),
+        dt.datetime(2026, 5, 1, 9, 30, tzinfo=berlin),
+        dt.datetime(2026, 5, 1, 7, 45, tzinfo=none),
+    ]
+    trips = [
+        replace(trip, context=replace(trip.context, started_at=at))
+        for trip, at in zip(synthetic_fleet(3).trips, times, strict=True)
+    ]
+    assert [trip.context.started_at for trip in in_order(trips)] == [times[1], times[2], times[0]]

@@ -21,7 +21,7 @@ from tripwatt.hybrid.factors import UNITS, USUAL_SHARE, USUAL_SHARE_KM, USUAL_WH
 from tripwatt.hybrid.familiarity import Range
 from tripwatt.hybrid.learning import KINDS, MEMORY, Experts, Innovations
 from tripwatt.hybrid.parameters import on_road
-from tripwatt.hybrid.segments import driven_roads, driving_w, require_measured
+from tripwatt.hybrid.segments import day_of, driven_roads, driving_w, require_measured
 from tripwatt.parallel import one_blas_thread
 from tripwatt.population.prior import Population, Source, population
 from tripwatt.trips import Trip, TripSet
@@ -377,7 +377,7 @@ def in_order(trips: Iterable[Trip]) -> list[Trip]:
     measured = [trip for trip in trips if trip.observed_energy_wh is not None]
     if any(trip.context.started_at is None for trip in measured):
         return measured
-    return sorted(measured, key=lambda trip: (f"{trip.context.started_at}", trip.trip_id))
+    return sorted(measured, key=lambda trip: (day_of(trip.context.started_at), trip.trip_id))
 
 
 def adapt_model(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -334,3 +335,11 @@ def test_a_holiday_of_a_commuter_is_not_driven_through_towns() -> None:
     model = adaptation(tw.load_model(), _drives(8.0, 30.0, 5), tw.load_vehicle("vw_id3")).model
     far = tw.need(180, departure=MILD, model=model)
     assert 3.6 * far.distance_m / far.duration_s > 50.0
+
+
+@pytest.mark.parametrize("shares", [(math.nan, 0.5, 0.5), (0.5, math.nan, 0.5), (0.5, 0.5), (-0.5, 1.0, 0.5)])
+def test_shares_that_are_none_and_parts_of_trips_are_refused(shares):
+    with pytest.raises(InvalidInput, match="not shares of a distance: kind"):
+        tw.need(10, shares)
+    with pytest.raises(InvalidInput, match=r"not a whole number: trips: got 2\.5"):
+        tw.need(10, trips=2.5)

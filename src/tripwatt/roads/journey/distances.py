@@ -28,7 +28,7 @@ from tripwatt.roads.journey.kinds import (
     shares_over,
 )
 from tripwatt.trips import Departure, Flag, Plan, Trip
-from tripwatt.trips.columns import require_fraction, require_number
+from tripwatt.trips.columns import Column, number_faults, raise_faults, require_fraction, require_number
 from tripwatt.trips.messages import flag_to_dict
 from tripwatt.vehicles import Vehicle
 
@@ -441,7 +441,8 @@ def need(
     5.0
     """
     quantile = require_fraction("quantile", quantile, 0.5)
-    n_trips = int(require_number("trips", trips, 1, _MAX_TRIPS))
+    raise_faults(number_faults("trips", trips, Column("", 1, _MAX_TRIPS, ""), whole=True))
+    n_trips = int(trips)
     own_model, departure = for_car(model, vehicle), departure or Departure()
     levels = (BAND[0], _HALF[0], 0.5, _HALF[1], BAND[1], quantile)
     if isinstance(distance_km, Plan | Trip):

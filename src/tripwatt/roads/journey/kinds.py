@@ -332,7 +332,7 @@ def shares_of(kind: str | Sequence[float]) -> Shares:
         if kind not in KINDS:
             raise InvalidInput.of("unknown kind of road", "kind", kind[:40], ", ".join((*KINDS, UNKNOWN)))
         return KINDS[kind]
-    if len(kind) != 3 or min(kind) < 0.0 or abs(sum(kind) - 1.0) > 1e-6:
+    if len(kind) != 3 or not (min(kind) >= 0.0 and abs(sum(kind) - 1.0) <= 1e-6):
         allowed = "three shares of city, country and motorway that add up to 1"
         raise InvalidInput.of("not shares of a distance", "kind", f"{tuple(kind)}"[:60], allowed)
     return kind[0], kind[1], kind[2]
