@@ -106,9 +106,11 @@ class ServiceMiddleware:
             `host-not-served`, `foreign-site` or `token-needed`.
         """
         self._check_host(headers.getlist("host"))
-        if scope["method"] not in SAFE_METHODS:
-            _check_site(headers, self.settings.cors_origins)
         path = scope["path"]
+        if scope["method"] not in SAFE_METHODS or path.startswith(
+            TOKEN_PATHS
+        ):  # reading takes computing time
+            _check_site(headers, self.settings.cors_origins)
         if self.token and path.startswith(TOKEN_PATHS) and path not in CAR_TOKEN_PATHS:
             self._check_token(headers.getlist("authorization"))
 
