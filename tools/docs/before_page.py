@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
-from tools.docs.tables import markdown
+from tools.docs.tables import bounds, markdown
 from tripwatt.study.report.tables import Column, Table, in_percent, make_table, number, span
 
 Record = Mapping[str, Any]
@@ -15,8 +15,8 @@ PLANNED: Final = "before departure"
 ELSEWHERE: Final = "before departure, times of another car"
 LABELS: Final = {
     "driven trace": "the driven trace, the best case",
-    "before departure": "before departure, travel times of the other trips",
-    "before departure, times of another car": "before departure, travel times of another car",
+    "before departure": "travel times of the other trips",
+    "before departure, times of another car": "travel times of another car",
 }
 
 
@@ -92,21 +92,22 @@ def _inside(level: str) -> tuple[Column, Column]:
 
 
 def chances_table(results: Record) -> Table:
-    """How many trips arrive that leave with the energy for a chance to arrive."""
+    """How many trips arrive with the energy for a chance to arrive; a column for each chance."""
     rows = [
-        {"label": f"{car['car']}: {LABELS[name]}", "trips": car["trips"], **chance}
+        {"label": f"{car['car']}: {LABELS[name]}", **{f"{c['chance']}": c for c in row["arrival"]}}
         for car in results["cars"]
         for name, row in car["known"].items()
-        for chance in row["arrival"]
     ]
+
+    def arrived(chance: str) -> Column:
+        head = f"{100.0 * float(chance):g} %"
+        return Column(head, lambda row: f"{row[chance]['arrived']} ({bounds(row[chance]['ci95'])})")
+
     return make_table(
-        "Chance to arrive: trips that leave with the energy for it",
+        "Trips that arrive with the energy for a chance of 50 % and more, with the Clopper-Pearson interval (95 %) of their share [%]",
         rows,
         Column("Known", "label"),
-        in_percent("Chance [%]", "chance", 0),
-        Column("Arrive", "arrived", digits=0),
-        Column("Trips", "trips", digits=0),
-        in_percent("Clopper-Pearson 95 %", "ci95", 0),
+        *(arrived(chance) for chance in rows[0] if chance != "label"),
     )
 
 

@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
-from tools.docs.tables import markdown
+from tools.docs.tables import intervals_side_by_side, markdown
 from tripwatt.study.evaluation.forecast_scores import UPDATE_LEVEL
-from tripwatt.study.report.intervals import STAR, WIDTH_NOTE, charge_rows, energy_rows, intervals_table
+from tripwatt.study.report.intervals import charge_rows, energy_rows, intervals_table
 from tripwatt.study.report.tables import DASH, Table, number, span
 
 NAMES: Final[Mapping[str, str]] = {
     "driven trace": "the driven speed trace itself: the best case",
-    "250 m": "a planned route, links of 250 m",
-    "1000 m": "a planned route, links of 1 km",
-    "free flow": "a planned route, free flow by a proxy from the held-out drive",
+    "250 m": "links of 250 m",
+    "1000 m": "links of 1 km",
+    "free flow": "free flow by a proxy from the held-out drive",
 }
 
 
@@ -49,13 +49,11 @@ def render_links(results: Mapping[str, Any]) -> str:
     return "\n\n".join(
         (
             markdown(Table(caption, columns, rows)),
-            markdown(intervals_table(f"Intervals: {caption[0].lower()}{caption[1:]}", intervals)),
-            f"\\{STAR} differs significantly from the level. {WIDTH_NOTE}",
-            "No row is a forecast before departure: each takes something from the drive that it forecasts. The driven trace "
-            "is not known before; its row is the best case for the others. A link is known by its length, its mean speed on this "
-            "drive with every standstill, and the elevation at its ends; where the car stops is not known. Free flow takes "
-            "the speed of each link from the 90th percentile of the moving speed of this drive, rounded up to a usual limit, "
-            "so it has seen a jam; a router's speeds have not. Whatever widens the interval was learned on the other trips.",
+            markdown(intervals_side_by_side(intervals_table("Their intervals", intervals))),
+            "Cells as above. No row is a forecast before departure: each takes something from the drive that it forecasts. A link "
+            "has its length, its mean speed on this drive with every standstill, and the elevation at its ends; where the car stops "
+            "is unknown. Free flow takes the 90th percentile of the moving speed of this drive on each link, rounded up to a usual "
+            "limit, so it has seen a jam; a router's speeds have not. What widens the interval was learned on the other trips.",
         )
     )
 

@@ -13,11 +13,10 @@ from typing import Any, Final
 
 from tools.docs.links_page import render_links
 from tools.docs.paper_page import render_paper_page
-from tools.docs.tables import markdown, on_names
+from tools.docs.tables import CELLS_NOTE, intervals_side_by_side, markdown, on_names
 from tripwatt.errors import InvalidInput
 from tripwatt.files import write_bytes
 from tripwatt.study.evaluation import DEFAULT_PROTOCOL
-from tripwatt.study.report.intervals import STAR, WIDTH_NOTE
 from tripwatt.study.report.panels.paired import SIGNIFICANCE_NOTE, difference_column
 from tripwatt.study.report.panels.results_table import results_table, sets_table
 from tripwatt.study.report.panels.uncertainty import coverage_by_set, scored_sets, updates_table
@@ -75,8 +74,8 @@ def render_forecast(results: Mapping[str, Any]) -> str:
         f"{_significant()} {on_names(view)}",
         markdown(results_table(view)),
         markdown(updates_table(view)),
-        markdown(coverage_by_set(view)),
-        f"\\{STAR} differs significantly from the level. {WIDTH_NOTE}",
+        markdown(intervals_side_by_side(coverage_by_set(view))),
+        CELLS_NOTE,
         markdown(sets_table(view)),
     ]
     return "\n\n".join([*parts, _origin(results)])
