@@ -9,6 +9,8 @@ pass survives; it is printed with its file, line and change. ``--since`` takes t
 ``--named`` plants those of named_mutants.toml. Survivors that change nothing are listed, with the reason, in
 equivalent_mutants.toml. Exit code 1 when fewer than 90 % of the others are killed. Needs the extra `bench`.
 
+mutmut changes no constants of a module and draws no seeded sample; Cosmic Ray runs one command for every mutant, here a gate of ten minutes.
+
 Costs one run of the tests with coverage (about twice its usual time), then 5 to 40 s for each mutant on one core.
 """
 

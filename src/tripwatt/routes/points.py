@@ -98,6 +98,11 @@ def decode_polyline(text: str, where: str, *, precision: float = 1e5, dimensions
     InvalidInput
         When the text is not an encoded polyline, or has more than `MAX_POINTS` points.
 
+    Notes
+    -----
+    The package `polyline` (2.0.4) reads pairs alone, while openrouteservice and GraphHopper encode a height with each point; takes a whole
+    number of digits in place of GraphHopper's factor; and accepts malformed text.
+
     Examples
     --------
     >>> decode_polyline("_p~iF~ps|U_ulLnnqC", "example")
