@@ -136,6 +136,27 @@ def covered(curve: Callable[[np.ndarray], np.ndarray], simulations: int, level: 
     return held / simulations
 
 
+def grouped(rows: int, levels: int) -> pd.DataFrame:
+    """Two known curves, and random intercepts of many levels."""
+    rng = np.random.default_rng(0)
+    frame = pd.DataFrame({"x": rng.uniform(size=rows), "z": rng.uniform(size=rows)})
+    level = rng.integers(0, levels, rows)
+    curves = np.sin(6 * frame["x"]) + frame["z"] ** 2
+    y = curves + rng.normal(0, 0.7, levels)[level] + rng.normal(0, 0.5, rows)
+    return frame.assign(y=y, g=pd.Categorical([f"g{code}" for code in level]))
+
+
+def many_levels() -> Iterator[Row]:
+    """Fits with and without a random intercept of 2,000 levels."""
+    frame = grouped(50_000, 2000)
+    for text, formula, most in (
+        ("two curves", "y ~ s(x) + s(z)", 0.2),
+        ("two curves and 2,000 levels", 'y ~ s(x) + s(z) + s(g, bs="re")', 5.0),
+    ):
+        took = cpu_seconds(lambda formula=formula: GAMM(formula).fit(frame), runs=3)
+        yield Row(f"gam gaussian, 50,000 rows, {text}", took, "CPU s", most=most)
+
+
 def run() -> Iterator[Row]:
     """All measurements; those of real trips only where the regressions and mgcv's fits of them are not at hand."""
     # the band has its coverage on average over curves that its prior draws: those of even curvature have more, others less
@@ -144,6 +165,7 @@ def run() -> Iterator[Row]:
         yield Row(f"simultaneous 95 % bands that hold {name}, 500 simulations", share, "%")
     mean = sum(shares.values()) / len(shares)
     yield Row("the same, mean of these curves", mean, "%", least=93, most=97)
+    yield from many_levels()
     folder = REFERENCE / "mgcv"
     if not folder.is_dir():
         yield not_measured("the GAMM engine", f"no {folder}")

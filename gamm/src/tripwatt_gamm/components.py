@@ -93,7 +93,7 @@ def variance_components(model: Estimator, level: float = 0.95) -> pd.DataFrame:
             half_width = float(half[penalty]) if len(sds) == 1 else np.nan
             correlation = covariance[j, 0] / (sds[j] * sds[0]) if j else np.nan
             rows.append((fitted.label, ":".join(fitted.groups), effect, sds[j], half_width, correlation))
-        penalty += len(fitted.penalties)
+        penalty += len(fitted.matrices)
     if model.family_.scaled_rows:
         normal = np.isnan(model.nu_)
         sd = model.sigma_ if normal else model.sigma_ * np.sqrt(model.nu_ / (model.nu_ - 2))

@@ -32,7 +32,7 @@ from tripwatt_gamm.covariates import (
 )
 from tripwatt_gamm.errors import Fault, InvalidInput, raise_faults
 from tripwatt_gamm.fitted_terms import Extrapolation, FittedTerm
-from tripwatt_gamm.penalties import Blocks, PenaltyStack, correlated_penalties
+from tripwatt_gamm.penalties import Penalised, PenaltyStack, correlated_penalties
 from tripwatt_gamm.smoothers import (
     Built,
     build_factor_smooth,
@@ -46,6 +46,9 @@ from tripwatt_gamm.terms import Formula, Parametric, RandomEffect, Smooth, Tenso
 MAX_SIZE_RATIO = 1e4
 """Largest ratio of the root mean squares of two correlated effects' columns: beyond its square, 1e8, their penalties are
 parallel to working precision."""
+
+MANY_LEVELS = 200
+"""Levels from which a random effect is eliminated level by level: a choice, because below it one dense matrix is as fast."""
 
 MAX_TABLE_CELLS = 4_000_000
 """Cells up to which one table holds the smooths of all levels of a factor: a choice, 32 MB. Beyond it, each level has its
@@ -94,33 +97,31 @@ class Design:
         determined = gram_diagonal > 0
         determined[self.empty] = False
         for fitted in self.terms:
-            if fitted.kind == "random" or (fitted.penalties and determined[fitted.slice].any()):
+            if fitted.kind == "random" or (fitted.matrices and determined[fitted.slice].any()):
                 determined[fitted.slice] = True
         return np.flatnonzero(determined).astype(np.intp)
 
     def penalty_stack(self, active: Index) -> tuple[PenaltyStack, list[int]]:
         """Return the penalties of the active coefficients, and the positions of their smoothing parameters in the model."""
-        terms: Blocks = []
-        scales: dict[int, FloatArray] = {}
+        terms: list[Penalised] = []
         which: list[int] = []
         parameter = 0
         position = {int(column): i for i, column in enumerate(active)}
         for fitted in self.terms:
-            if fitted.penalties and fitted.start in position:
-                terms.append((position[fitted.start], fitted.penalties))
-                if fitted.scales is not None:
-                    scales[position[fitted.start]] = fitted.scales
-                which += range(parameter, parameter + len(fitted.penalties))
-            parameter += len(fitted.penalties)
-        return PenaltyStack(len(active), terms, scales), which
+            if fitted.matrices and fitted.start in position:
+                first = position[fitted.start]
+                terms.append(Penalised(first, fitted.matrices, fitted.copies, fitted.scales))
+                which += range(parameter, parameter + len(fitted.matrices))
+            parameter += len(fitted.matrices)
+        return PenaltyStack(len(active), terms), which
 
     @property
     def penalty_names(self) -> list[str]:
         """Names of the smoothing parameters: the label of the term, numbered if the term has several."""
         return [
-            fitted.label + (str(j + 1) if len(fitted.penalties) > 1 else "")
+            fitted.label + (str(j + 1) if len(fitted.matrices) > 1 else "")
             for fitted in self.terms
-            for j in range(len(fitted.penalties))
+            for j in range(len(fitted.matrices))
         ]
 
 
@@ -164,12 +165,13 @@ class _Piece:
     scale: FloatArray | None = None
     part: slice = field(default_factory=lambda: slice(None))
 
-    def indexed(self) -> IndexedColumns:
+    def indexed(self, eliminated: bool = False) -> IndexedColumns:
         """Return the piece as columns of X, once the first coefficients of its terms are known."""
         columns = [
             np.arange(fitted.start, fitted.start + fitted.size, dtype=np.intp) for fitted in self.terms
         ]
-        return IndexedColumns(np.concatenate(columns)[self.part], self.table, self.index, self.scale)
+        table = None if eliminated else self.table
+        return IndexedColumns(np.concatenate(columns)[self.part], table, self.index, self.scale)
 
     @property
     def is_indicator(self) -> bool:
@@ -188,9 +190,10 @@ class _Builder:
         limit: int | None,
         extrapolation: Extrapolation,
         select: bool,
+        eliminate: bool,
     ) -> None:
         self.formula, self.frame, self.limit = formula, frame, limit
-        self.extrapolation, self.select = extrapolation, select
+        self.extrapolation, self.select, self.eliminate = extrapolation, select, eliminate
         self.terms: list[FittedTerm] = []
         self.pieces: list[_Piece] = []
         self.notes: list[str] = []
@@ -283,18 +286,18 @@ class _Builder:
             raise InvalidInput.of(
                 "only one group", term.label, f"level {levels.names[0]!r}", "two or more levels", fix
             )
-        fitted = FittedTerm(term.label, term, "random", [], [np.eye(size)], groups=groups)
+        fitted = FittedTerm(term.label, term, "random", [], [np.eye(1)], groups=groups, copies=size)
         points = [self.points((name,)) for name in fitted.needed]
         effects = fitted.multipliers([at.values[at.index, 0] for at in points])
         fitted.names = [f"{term.label}.{i + 1}" for i in range(size * len(effects))]
         if term.correlated:
-            self._correlate(fitted, effects, size)
+            self._correlate(fitted, effects)
         self.terms.append(fitted)
         for j, scale in enumerate(effects):
             part = slice(j * size, (j + 1) * size)
             self.pieces.append(_Piece([fitted], np.eye(size), codes, scale, part))
 
-    def _correlate(self, fitted: FittedTerm, effects: list[FloatArray | None], levels: int) -> None:
+    def _correlate(self, fitted: FittedTerm, effects: list[FloatArray | None]) -> None:
         """Set the penalties, at zero correlation, and the root mean squares of the columns, the units of the loadings."""
         sizes = np.array([1.0 if effect is None else np.sqrt(np.mean(effect**2)) for effect in effects])
         if sizes.max() > MAX_SIZE_RATIO * sizes.min():
@@ -303,7 +306,7 @@ class _Builder:
             allowed = f"root mean squares within a factor of {MAX_SIZE_RATIO:g}"
             raise InvalidInput.of("correlated effects of unlike size", fitted.label, got, allowed, fix)
         fitted.scales = sizes
-        fitted.penalties = correlated_penalties(levels, np.zeros(len(sizes) * (len(sizes) - 1) // 2))
+        fitted.matrices = correlated_penalties(np.zeros(len(sizes) * (len(sizes) - 1) // 2))
 
     def smooth(self, term: Smooth | Tensor) -> None:
         """Add a smooth, or one for each level of a by-factor; the reference level of an ordered factor has none."""
@@ -359,13 +362,15 @@ class _Builder:
         self.notes += built.notes
         (m, q), count = built.table.shape, len(levels.names)
         names = [f"{term.label}.{i + 1}" for i in range(q * count)]
-        penalties = [np.kron(np.eye(count), S).astype(np.float64) for S in built.penalties]
-        fitted = FittedTerm(term.label, term, "smooth", names, penalties, smoother=built.smoother, by=by)
+        smoother, penalties = built.smoother, built.penalties
+        fitted = FittedTerm(
+            term.label, term, "smooth", names, penalties, smoother=smoother, by=by, copies=count
+        )
         self.terms.append(fitted)
         padded = np.vstack([built.table, np.zeros(q)])
         for i in range(count):
             index = np.where(codes == i, points.index, m)
-            self.pieces.append(_Piece([fitted], padded, index, part=slice(i * q, (i + 1) * q)))
+            self.pieces.append(_Piece([fitted], padded, index, part=slice(i, None, count)))
 
     def _fitted_term(self, term: Smooth | Tensor, built: Built, level: str | None, label: str) -> FittedTerm:
         names = [f"{label}.{i + 1}" for i in range(built.table.shape[1])]
@@ -381,22 +386,33 @@ class _Builder:
             fitted = FittedTerm("(Intercept)", None, "parametric", ["(Intercept)"], [])
             self.terms.insert(0, fitted)
             self.pieces.insert(0, _Piece([fitted], np.ones((1, 1)), np.zeros(len(self.frame), dtype=np.intp)))
-        self.terms.sort(key=lambda fitted: order[fitted.kind])
+        # large random effects come last, those of the same levels side by side
+        self.terms.sort(key=lambda fitted: (order[fitted.kind], *self._large(fitted)))
         all_rows = np.ones(len(self.frame), dtype=bool)
         training = Training.of_rows(all_rows, self.joint, self.codes, self.members)
         start = 0
         for fitted in self.terms:
             fitted.start, fitted.training, fitted.extrapolation = start, training, self.extrapolation
             start += fitted.size
-        rows = TableRows(self._parts(), len(self.frame), start)
+        eliminated = self._large(self.terms[-1]) if self.terms else (0,)
+        rows = TableRows(self._parts(eliminated), len(self.frame), start)
         return Design(
             self.formula, self.terms, rows, training, self.notes, [], self.joint, self.codes, self.members
         )
 
-    def _parts(self) -> list[IndexedColumns]:
-        """All parts of X; factors and the intercept are merged into one part if their joint levels are few."""
-        indicators = [piece for piece in self.pieces if piece.is_indicator]
-        parts = [piece.indexed() for piece in self.pieces if not piece.is_indicator]
+    def _large(self, fitted: FittedTerm) -> tuple[object, ...]:
+        """Number and columns of the levels of a random effect that has so many that they may be eliminated."""
+        large = fitted.kind == "random" and fitted.copies >= MANY_LEVELS and self.eliminate
+        return (fitted.copies, fitted.groups) if large else (0,)
+
+    def _parts(self, eliminated: tuple[object, ...]) -> list[IndexedColumns]:
+        """All parts of X: indicators of few joint levels are merged, those of the large effects `eliminated` have no table."""
+        pieces = [
+            piece for piece in self.pieces if self._large(piece.terms[0]) != eliminated or eliminated == (0,)
+        ]
+        indicators = [piece for piece in pieces if piece.is_indicator]
+        parts = [piece.indexed() for piece in pieces if not piece.is_indicator]
+        parts += [piece.indexed(eliminated=True) for piece in self.pieces if piece not in pieces]
         if not indicators:
             return parts
         code = np.zeros(len(self.frame), dtype=np.int64)
@@ -416,6 +432,7 @@ def build_design(
     discretise: bool = True,
     extrapolation: Extrapolation = "clamp",
     select: bool = False,
+    eliminate: bool = True,
 ) -> Design:
     """Build the terms of a formula as columns over the rows of a frame.
 
@@ -430,6 +447,8 @@ def build_design(
         Rule for smooths of one covariate outside its training range.
     select : bool
         Whether every smooth gets a penalty of the functions that its penalties do not reach.
+    eliminate : bool
+        Whether the largest random effect is eliminated level by level; rows that are correlated connect levels.
 
     Returns
     -------
@@ -442,7 +461,7 @@ def build_design(
     """
     _check_columns(formula, frame)
     limit = MAX_VALUES if discretise and len(frame) > EXACT_ROWS else None
-    builder = _Builder(formula, frame, limit, extrapolation, select)
+    builder = _Builder(formula, frame, limit, extrapolation, select, eliminate)
     for term in formula.terms:
         if isinstance(term, Parametric):
             builder.parametric(term)

@@ -92,11 +92,12 @@ class Estimator:
         settings = self._settings(family, _given_logs(self.smoothing_parameters, work.design))
         all_rows = np.arange(len(frame), dtype=np.intp)
         where = work.design.formula.response or "y"
-        design, active, which, solution = work.fit(all_rows, work.moments(all_rows), settings, where)
-        loaded = dict(design.penalty_stack(active)[0].loaded(solution.loadings).terms)
+        design, active, which, solution = work.fit(all_rows, work.sums(all_rows), settings, where)
+        loaded = design.penalty_stack(active)[0].loaded(solution.loadings).terms
         for fitted in design.terms:
             if fitted.scales is not None:
-                fitted.penalties = loaded[int(np.searchsorted(active, fitted.start))]
+                at = int(np.searchsorted(active, fitted.start))
+                fitted.matrices = next(term.matrices for term in loaded if term.start == at)
         for name, value in results(design, data, family, solution, active, which).items():
             setattr(self, name + "_", value)
         self.offset_ = offset
@@ -121,9 +122,10 @@ class Estimator:
             got, fix = f"{prior.min()} at row {int(np.argmin(prior))}", "leave such rows out"
             raise InvalidInput.of("invalid weights", "weights=", got, "numbers above 0", fix)
         known = np.zeros(len(frame)) if offset is None else row_values(frame, offset, "offset=")
-        design = build_design(formula, frame, self.discretise, self.extrapolation, self.select)
-        data, codes = Response(values, prior, known), self._groups(frame, groups)
         lagged = self.ar1_rho is not None
+        options = self.discretise, self.extrapolation, self.select, not lagged
+        design = build_design(formula, frame, *options)
+        data, codes = Response(values, prior, known), self._groups(frame, groups)
         if not family.scaled_rows:
             return family, data, Work(design, family.start(values) - known, codes, lagged, data)
         if weights is not None:

@@ -13,38 +13,14 @@ from dataclasses import dataclass, field
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from scipy.linalg import lapack
 
 from tripwatt_gamm.arrays import FloatArray
+from tripwatt_gamm.gram import Factor
+from tripwatt_gamm.moments import NormalEquations
 from tripwatt_gamm.penalties import LOG_RATIO, PenaltyStack
 from tripwatt_gamm.tables import Whitening
 
 Value: TypeAlias = tuple[float, FloatArray, FloatArray]
-
-
-@dataclass(frozen=True)
-class NormalEquations:
-    """Sufficient statistics of a Gaussian model.
-
-    Attributes
-    ----------
-    gram : ndarray (p, p)
-        X'X in the rotated coordinates of the penalties.
-    cross : ndarray (p,)
-        X'y in the same coordinates.
-    square : float
-        y'y.
-    n : float
-        Number of rows.
-    log_jacobian : float
-        Log determinant of the whitening of the rows; 0 if they are not whitened.
-    """
-
-    gram: FloatArray
-    cross: FloatArray
-    square: float
-    n: float
-    log_jacobian: float = 0.0
 
 
 class End(NamedTuple):
@@ -93,30 +69,6 @@ class Solution:
 
 
 @dataclass(frozen=True)
-class Factor:
-    """Inverse and log determinant of a positive definite matrix, which is first scaled to a unit diagonal."""
-
-    inverse: FloatArray
-    log_determinant: float
-
-    @classmethod
-    def from_matrix(cls, A: FloatArray) -> Factor | None:
-        """Factor `A` (p, p); return None if it is not positive definite to working precision."""
-        diagonal = np.diag(A)
-        if not np.all(np.isfinite(diagonal)) or diagonal.min(initial=np.inf) <= 0:
-            return None
-        d = 1 / np.sqrt(diagonal)
-        chol, info = lapack.dpotrf(A * d * d[:, None], lower=1)
-        if info:
-            return None
-        value = 2 * float(np.log(np.diag(chol)).sum() - np.log(d).sum())
-        lower, info = lapack.dpotri(chol, lower=1)
-        full = np.tril(lower)
-        full += np.tril(full, -1).T
-        return cls(full * d * d[:, None], value)
-
-
-@dataclass(frozen=True)
 class Evaluation:
     """REML score of a gaussian working model, its derivatives and its ingredients, in rotated coordinates."""
 
@@ -149,14 +101,14 @@ def gaussian_score(
     Evaluation or None
         None if the penalised crossproduct is not positive definite.
     """
-    factor = Factor.from_matrix(stack.add_to(data.gram, rho))
+    penalised_gram = stack.add_to(data.gram, rho)
+    factor = Factor.from_gram(penalised_gram)
     if factor is None:
         return None
-    K = factor.inverse
-    beta = K @ data.cross
-    beta += K @ (data.cross - stack.add_to(data.gram, rho) @ beta)  # one refinement
+    beta = factor.solve(data.cross)
+    beta += factor.solve(data.cross - penalised_gram @ beta)  # one refinement
     # errors of the coefficients enter the quadratic form in the second order only
-    penalised = data.square - float((2 * data.cross - stack.add_to(data.gram, rho) @ beta) @ beta)
+    penalised = data.square - float((2 * data.cross - penalised_gram @ beta) @ beta)
     freedom = data.n - stack.null_dim
     penalised = max(penalised, 1e-14 * data.square + 1e-300)
     phi = penalised / freedom if scale is None else scale
@@ -169,10 +121,10 @@ def gaussian_score(
     )
     if not derivatives:
         return Evaluation(value, np.empty(0), np.empty((0, 0)), beta, factor, phi)
-    single, pairs = stack.traces(rho, K)
+    single, pairs = stack.traces(rho, factor)
     V = stack.products(rho, beta)
     d1 = V.T @ beta
-    d2 = np.diag(d1) - 2 * V.T @ K @ V
+    d2 = np.diag(d1) - 2 * V.T @ factor.solve(V)
     gradient = d1 / (2 * phi) + (single - log_s1) / 2
     hessian = d2 / (2 * phi) + (np.diag(single) - pairs - log_s2) / 2
     if scale is None:
@@ -294,7 +246,7 @@ def fit_gaussian(
     Solution or None
         None if the model is not identifiable.
     """
-    lower, upper = bounds(np.diag(data.gram), stack)
+    lower, upper = bounds(data.gram.diagonal, stack)
     start = rho if rho is not None else lower - LOG_RATIO[0] - 3 + shift
     x, end = start, End(np.zeros((0, 0)), True, 0, "smoothing parameters were given")
     if not fixed and stack.size:
@@ -308,8 +260,8 @@ def fit_gaussian(
     if scored is None:
         return None
     theta = np.array([math.log(scored.scale)])
-    covariance = stack.rotate_both(scored.factor.inverse * scored.scale, back=True)
-    information = stack.rotate_both(data.gram / scored.scale, back=True)
+    covariance = stack.covariance(scored.factor) * scored.scale
+    information = stack.rotate_gram(data.gram, back=True).dense() / scored.scale
     return Solution(
         stack.rotate(scored.beta, back=True), x, theta, scored.value, covariance, information, end
     )

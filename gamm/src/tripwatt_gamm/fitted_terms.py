@@ -29,8 +29,8 @@ class FittedTerm:
     kind : {"parametric", "smooth", "tensor", "random"}
     names : list of str
         Names of the coefficients.
-    penalties : list of ndarray (q, q)
-        In the coordinates of the term.
+    matrices : list of ndarray (m, m)
+        Penalties of each of the copies, in the coordinates of the term.
     null_dim, rank : int
         Dimension of the penalties' joint null space, and its complement.
     start : int
@@ -42,6 +42,8 @@ class FittedTerm:
         Columns of the levels of each factor of a parametric term.
     groups : tuple of str
         Columns that hold the levels of a random effect.
+    copies : int
+        Levels that have the same penalties: the coefficients are m times this number, each of the m for all levels.
     scales : ndarray (q,) or None
         Root mean squares of the columns of correlated effects.
     training : Training
@@ -53,13 +55,14 @@ class FittedTerm:
     term: Term | None
     kind: Literal["parametric", "smooth", "tensor", "random"]
     names: list[str]
-    penalties: list[FloatArray]
+    matrices: list[FloatArray]
     start: int = 0
     smoother: Smoother | None = None
     by: str | None = None
     level: str | None = None
     contrasts: dict[str, FloatArray] = field(default_factory=dict)
     groups: tuple[str, ...] = ()
+    copies: int = 1
     scales: FloatArray | None = None
     training: Training = field(default_factory=lambda: Training({}, {}, {}))
     extrapolation: Extrapolation = "clamp"
@@ -75,9 +78,14 @@ class FittedTerm:
         return slice(self.start, self.start + self.size)
 
     @property
+    def penalties(self) -> list[FloatArray]:
+        """Penalties (size, size) of all coefficients."""
+        return [np.asarray(np.kron(S, np.eye(self.copies)), dtype=np.float64) for S in self.matrices]
+
+    @property
     def rank(self) -> int:
         """Dimension of the penalised space."""
-        return PenaltyBlock.from_matrices(0, self.penalties).rank if self.penalties else 0
+        return self.copies * PenaltyBlock.from_matrices(0, self.matrices).rank if self.matrices else 0
 
     @property
     def null_dim(self) -> int:
@@ -173,7 +181,7 @@ class FittedTerm:
         if self.term.basis == "fs" and self.by is not None:
             levels = ranges.levels[self.by]
             indicator = np.eye(len(levels.names) + 1)[levels.codes(frame[self.by]), :-1]
-            return (indicator[:, :, None] * table[points.index][:, None, :]).reshape(len(frame), -1)
+            return (table[points.index][:, :, None] * indicator[:, None, :]).reshape(len(frame), -1)
         columns[affected] = table[points.index] * weight[affected, None]
         return columns
 

@@ -22,17 +22,22 @@ MIN_PART = 1e-4
 
 
 def _null_space(design: Design, gram: FloatArray, active: Index) -> tuple[FloatArray, FloatArray]:
-    """Return an orthonormal basis (p, r) of what the scaled penalised crossproduct leaves undetermined, and the scale (p,)."""
-    total = gram.copy()
+    """Return an orthonormal basis (p, r) of what the scaled penalised crossproduct leaves undetermined, and the scale (p,).
+
+    A penalty of full rank determines its term: the levels that are eliminated have no part in these directions.
+    """
+    total, active = gram.copy(), active[active < len(gram)]
     for fitted in design.terms:
+        if fitted.start >= len(gram):
+            continue
         where = fitted.slice
         weight = max(float(np.trace(gram[where, where])), 1e-300)
         for S in fitted.penalties:
             total[where, where] += S * (weight / float(np.trace(S)))
     d = np.zeros(design.p)
     d[active] = 1 / np.sqrt(np.diag(total)[active])
-    values, vectors = np.linalg.eigh((total * d * d[:, None])[np.ix_(active, active)])
-    null = values < NULL_TOLERANCE * values[-1]
+    values, vectors = np.linalg.eigh(total[np.ix_(active, active)] * d[active] * d[active, None])
+    null = values < NULL_TOLERANCE * values.max(initial=0.0)
     basis = np.zeros((design.p, int(null.sum())))
     basis[active] = vectors[:, null]
     return basis, d
@@ -58,8 +63,8 @@ def identify(design: Design, gram: FloatArray) -> Design:
     Parameters
     ----------
     design : Design
-    gram : ndarray (p, p)
-        X'X.
+    gram : ndarray (d, d)
+        X'X without the columns of eliminated levels.
 
     Returns
     -------
@@ -67,7 +72,7 @@ def identify(design: Design, gram: FloatArray) -> Design:
         A reduced copy; the given design if no term was reduced. Its `notes` and `empty` may be extended.
     """
     for _ in range(20):  # each pass removes one term's part; far fewer are needed
-        active = design.active(np.diag(gram))
+        active = design.active(np.append(np.diag(gram), np.ones(design.p - len(gram))))
         null, scale = _null_space(design, gram, active)
         if not null.shape[1]:
             return design
@@ -93,7 +98,7 @@ def identify(design: Design, gram: FloatArray) -> Design:
 def _reduce(design: Design, gram: FloatArray, fitted: FittedTerm, Z: FloatArray) -> tuple[Design, FloatArray]:
     """Replace the columns of one term by their products with Z (q, r), in the design and its crossproduct."""
     where = fitted.slice
-    before, after = np.arange(where.start), np.arange(where.stop, design.p)
+    before, after = np.arange(where.start), np.arange(where.stop, len(gram))
     middle = gram[:, where] @ Z
     columns = np.hstack([gram[:, before], middle, gram[:, after]])
     gram = np.vstack([columns[before], Z.T @ columns[where], columns[after]])
@@ -107,7 +112,7 @@ def _reduce(design: Design, gram: FloatArray, fitted: FittedTerm, Z: FloatArray)
                 replace(
                     fitted,
                     names=[f"{fitted.label}.{i + 1}" for i in range(Z.shape[1])],
-                    penalties=[Z.T @ S @ Z for S in fitted.penalties],
+                    matrices=[Z.T @ S @ Z for S in fitted.matrices],
                     smoother=replace(fitted.smoother, transform=fitted.smoother.transform @ Z),
                 )
             )
@@ -124,7 +129,7 @@ def _reduced_part(part: IndexedColumns, first: int, last: int, gone: int, Z: Flo
     inside = (part.columns >= first) & (part.columns < last)
     outside = part.columns[~inside]
     moved = outside - np.where(outside >= last, gone, 0)
-    if not inside.any():
+    if part.table is None or not inside.any():
         return replace(part, columns=moved)
     table = np.hstack([part.table[:, ~inside], part.table[:, inside] @ Z])
     columns = np.concatenate([moved, np.arange(first, first + Z.shape[1])])

@@ -14,7 +14,8 @@ import numpy as np
 
 from tripwatt_gamm.arrays import FloatArray
 from tripwatt_gamm.families import Family, Response
-from tripwatt_gamm.fit import End, Factor, Solution, Value, bounds, minimise
+from tripwatt_gamm.fit import End, Solution, Value, bounds, minimise
+from tripwatt_gamm.gram import Factor, Gram
 from tripwatt_gamm.penalties import PenaltyStack
 from tripwatt_gamm.tables import TableRows
 
@@ -77,13 +78,13 @@ class LaplaceModel:
         value, eta, d = self._objective(beta, rho, theta)
         for _ in range(MODE_STEPS):
             g = self.stack.rotate(self.rows.rmatvec(d[1])) - self.stack.products(rho, beta).sum(axis=1)
-            observed = factor = Factor.from_matrix(self._information(-d[2], rho))
+            observed = factor = Factor.from_gram(self._information(-d[2], rho))
             if factor is None:
                 least = 0.05 * self.family.information(self.response, eta, theta)
-                factor = Factor.from_matrix(self._information(np.maximum(-d[2], least), rho))
+                factor = Factor.from_gram(self._information(np.maximum(-d[2], least), rho))
             if factor is None:
                 return None
-            step = factor.inverse @ g
+            step = factor.solve(g)
             done = float(g @ step) < 1e-18 * (1 + abs(value))
             for _ in range(30):
                 trial = self._objective(beta + step, rho, theta)
@@ -97,8 +98,8 @@ class LaplaceModel:
                 return None if observed is None else Mode(beta, eta, observed, d, value)
         return None
 
-    def _information(self, weights: FloatArray, rho: FloatArray) -> FloatArray:
-        return self.stack.add_to(self.stack.rotate_both(self.rows.gram(weights)), rho)
+    def _information(self, weights: FloatArray, rho: FloatArray) -> Gram:
+        return self.stack.add_to(self.stack.rotate_gram(self.rows.gram(weights)), rho)
 
     def split(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the log smoothing parameters, no longer relative to a scale, and the parameters of the family."""
@@ -114,17 +115,17 @@ class LaplaceModel:
     def gradient(self, x: FloatArray, mode: Mode) -> FloatArray:
         """Compute the gradient of the score in the parameters `x` at a mode."""
         (rho, theta), stack, d = self.split(x), self.stack, mode.derivatives
-        K, M = mode.factor.inverse, self.stack.size
-        leverage = self.rows.leverage(stack.rotate_both(K, back=True))
+        factor, M = mode.factor, self.stack.size
+        leverage = self.rows.leverage(stack.rotate_factor(factor))
         V = stack.products(rho, mode.beta)
         changes = np.zeros((len(theta), *d.shape))
         for i, step in enumerate(STEP * np.eye(len(theta))):
             up, down = (self.family.derivatives(self.response, mode.eta, theta + s) for s in (step, -step))
             changes[i] = (up - down) / (2 * STEP)
         mixed = stack.rotate(self.rows.rmatvec(np.ascontiguousarray(changes[:, 1].T)))
-        beta1 = K @ np.hstack([-V, mixed])
+        beta1 = factor.solve(np.hstack([-V, mixed]))
         trace = -beta1.T @ stack.rotate(self.rows.rmatvec(leverage * d[3]))
-        trace[:M] += stack.traces(rho, K)[0]
+        trace[:M] += stack.traces(rho, factor)[0]
         trace[M:] -= changes[:, 2] @ leverage
         gradient = np.concatenate([V.T @ mode.beta / 2, -changes[:, 0].sum(axis=1)]) + trace / 2
         gradient[:M] -= stack.log_determinant(rho)[1] / 2
@@ -153,7 +154,7 @@ def fit_laplace(
     model: LaplaceModel,
     rho: FloatArray,
     theta: FloatArray,
-    gram: FloatArray,
+    gram: Gram,
     fixed: bool = False,
     tolerance: float = 1e-6,
     max_iter: int = 100,
@@ -167,7 +168,7 @@ def fit_laplace(
         Start of the log smoothing parameters; with `fixed` their values.
     theta : ndarray (m,)
         Start of the parameters of the family; those that it fixes stay constant.
-    gram : ndarray (p, p)
+    gram : Gram
         X'X in rotated coordinates.
     fixed : bool
     tolerance, max_iter
@@ -180,7 +181,7 @@ def fit_laplace(
     """
     stack, family, M, response = model.stack, model.family, model.stack.size, model.response
     weights = family.information(response, response.offset, theta)
-    lower, upper = bounds(float(weights.mean()) * np.diag(gram), stack)
+    lower, upper = bounds(float(weights.mean()) * gram.diagonal, stack)
     free = np.concatenate([np.full(M, not fixed), family.free])
     full = np.concatenate([rho, theta])
     lower = np.concatenate([lower, np.maximum(family.bounds[0], theta - 50)])
@@ -200,12 +201,9 @@ def fit_laplace(
         return None
     rho, theta = at(x)[:M], at(x)[M:]
     weights = family.information(response, mode.eta, theta)
-    information = stack.rotate_both(model.rows.gram(weights))
-    factor = Factor.from_matrix(stack.add_to(information, model.split(at(x))[0])) or mode.factor
+    information = model.rows.gram(weights)
+    penalised = stack.add_to(stack.rotate_gram(information), model.split(at(x))[0])
+    covariance = stack.covariance(Factor.from_gram(penalised) or mode.factor)
     end = end._replace(hessian=np.zeros((0, 0))) if fixed else end
-    covariance, information = (
-        stack.rotate_both(factor.inverse, back=True),
-        stack.rotate_both(information, back=True),
-    )
     score, beta = model.score(at(x), mode), stack.rotate(mode.beta, back=True)
-    return Solution(beta, rho, theta, score, covariance, information, end)
+    return Solution(beta, rho, theta, score, covariance, information.dense(), end)

@@ -17,7 +17,7 @@ from tripwatt_gamm.errors import InvalidInput
 from tripwatt_gamm.families import Response
 from tripwatt_gamm.fit import Solution
 from tripwatt_gamm.identify import identify
-from tripwatt_gamm.moments import Moments, moments
+from tripwatt_gamm.moments import NormalEquations
 from tripwatt_gamm.solve import FitSettings, Problem, solve
 from tripwatt_gamm.tables import previous_rows
 
@@ -49,17 +49,17 @@ class Work:
     lagged: bool
     response: Response | None
 
-    def moments(self, rows: Index) -> Moments:
-        """Compute the moments of `rows`."""
-        return moments(self.design.rows.subset(rows), self.y[rows])
+    def sums(self, rows: Index) -> NormalEquations:
+        """Sum the normal equations over `rows`."""
+        return NormalEquations.of_rows(self.design.rows.subset(rows), self.y[rows])
 
-    def identified(self, sums: Moments, rows: Index) -> tuple[Work, Moments]:
-        """Return the work without directions that nothing determines, and its moments; `sums` are those of `rows`."""
-        reduced = replace(self, design=identify(self.design, sums.gram))
-        return reduced, sums if reduced.design.p == self.design.p else reduced.moments(rows)
+    def identified(self, sums: NormalEquations, rows: Index) -> tuple[Work, NormalEquations]:
+        """Return the work without directions that nothing determines, and its sums; `sums` are those of `rows`."""
+        reduced = replace(self, design=identify(self.design, sums.gram.corner))
+        return reduced, sums if reduced.design.p == self.design.p else reduced.sums(rows)
 
     def fit(
-        self, rows: Index, sums: Moments, settings: FitSettings, where: str
+        self, rows: Index, sums: NormalEquations, settings: FitSettings, where: str
     ) -> tuple[Design, Index, list[int], Solution]:
         """Fit some rows.
 
@@ -67,8 +67,8 @@ class Work:
         ----------
         rows : ndarray
             Numbers of the rows.
-        sums : Moments
-            Their moments.
+        sums : NormalEquations
+            Their sums.
         settings : FitSettings
         where : str
             Name of the data, for the message of an error.
@@ -84,7 +84,7 @@ class Work:
         solution : Solution
         """
         work, sums = self.identified(sums, rows)
-        active = work.design.active(np.diag(sums.gram))
+        active = work.design.active(sums.gram.diagonal)
         stack, which = work.design.penalty_stack(active)
         if len(rows) <= stack.null_dim:
             allowed = f"more than {stack.null_dim} unpenalised coefficients"
@@ -103,7 +103,7 @@ def _fold(
     work: Work,
     frame: pd.DataFrame,
     held: BoolArray,
-    total: Moments,
+    total: NormalEquations,
     settings: FitSettings,
     wanted: pd.DataFrame | None = None,
 ) -> tuple[FloatArray, dict[str, int | bool]]:
@@ -111,9 +111,8 @@ def _fold(
     held_rows, kept = np.flatnonzero(held).astype(np.intp), np.flatnonzero(~held).astype(np.intp)
     # in a difference the last digits would still depend on the held-out response
     exact = len(held) <= EXACT_ROWS
-    sums = work.moments(kept) if exact else total - work.moments(held_rows)
-    dead = np.diag(sums.gram) <= DEAD * np.diag(total.gram)
-    sums.gram[dead], sums.gram[:, dead], sums.cross[dead] = 0.0, 0.0, 0.0
+    sums = work.sums(kept) if exact else total - work.sums(held_rows)
+    sums = sums.without(sums.gram.diagonal <= DEAD * total.gram.diagonal)
     # the notes and empty columns of this fold are not those of the whole
     design = replace(work.design, notes=[], empty=list(work.design.empty))
     where = f"without fold of row {held_rows[0]}"
@@ -167,7 +166,7 @@ def leave_out(
     count, all_rows = int(folds.max()) + 1, np.arange(len(folds), dtype=np.intp)
     if count < 2:
         raise InvalidInput.of("only one group", "leave_groups_out", "1 fold", "two or more")
-    work, total = work.identified(work.moments(all_rows), all_rows)
+    work, total = work.identified(work.sums(all_rows), all_rows)
     wanted_folds = folds if at is None else at[1]
     predictions, reports = np.empty(len(wanted_folds)), []
     for fold in range(count):

@@ -1,4 +1,4 @@
-"""Crossproducts of a design with itself and a response, whose differences are those of the rows that remain."""
+"""Normal equations: crossproducts of a design with itself and a response, whose differences are those of the rows that remain."""
 
 from __future__ import annotations
 
@@ -6,53 +6,55 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tripwatt_gamm.arrays import FloatArray
+from tripwatt_gamm.arrays import BoolArray, FloatArray
 from tripwatt_gamm.covariates import Index
-from tripwatt_gamm.fit import NormalEquations
+from tripwatt_gamm.gram import Gram
 from tripwatt_gamm.penalties import PenaltyStack
-from tripwatt_gamm.tables import CHUNK, TableRows
+from tripwatt_gamm.tables import TableRows
 
 
 @dataclass(frozen=True)
-class Moments:
-    """Crossproducts summed over rows, of the columns X with themselves and with the response y.
+class NormalEquations:
+    """Sufficient statistics of a Gaussian model, summed over rows.
 
     Attributes
     ----------
-    gram : ndarray (p, p)
+    gram : Gram
         X'X.
     cross : ndarray (p,)
         X'y.
     square, n : float
         y'y, and the number of rows.
+    log_jacobian : float
+        Log determinant of the whitening of the rows; 0 if they are not whitened.
     """
 
-    gram: FloatArray
+    gram: Gram
     cross: FloatArray
     square: float
     n: float
+    log_jacobian: float = 0.0
 
-    def __sub__(self, other: Moments) -> Moments:
-        """Moments of the rows of `self` without those of `other`."""
-        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
-        return Moments(*(mine - theirs for mine, theirs in pairs))
+    @classmethod
+    def of_rows(cls, rows: TableRows, y: FloatArray, log_jacobian: float = 0.0) -> NormalEquations:
+        """Sum over rows with responses y (n,)."""
+        return cls(rows.gram(), rows.rmatvec(y), float(y @ y), float(rows.n), log_jacobian)
 
-    def normal(self, stack: PenaltyStack, log_jacobian: float = 0.0) -> NormalEquations:
-        """Normal equations in the rotated coordinates of `stack`; `log_jacobian` is that of whitened rows."""
-        gram, cross = stack.rotate_both(self.gram), stack.rotate(self.cross)
-        return NormalEquations(gram, cross, self.square, self.n, log_jacobian)
+    def __sub__(self, other: NormalEquations) -> NormalEquations:
+        """Return the sums over the rows of `self` without those of `other`."""
+        gram, cross = self.gram - other.gram, self.cross - other.cross
+        return NormalEquations(gram, cross, self.square - other.square, self.n - other.n)
 
-    def of_columns(self, columns: Index) -> Moments:
-        """Moments of some columns."""
-        return Moments(self.gram[np.ix_(columns, columns)], self.cross[columns], self.square, self.n)
+    def of_columns(self, columns: Index) -> NormalEquations:
+        """Select columns."""
+        return NormalEquations(self.gram.of_columns(columns), self.cross[columns], self.square, self.n)
 
+    def without(self, dead: BoolArray) -> NormalEquations:
+        """Set some columns to zero."""
+        cross = np.where(dead, 0.0, self.cross)
+        return NormalEquations(self.gram.without(dead), cross, self.square, self.n)
 
-def moments(rows: TableRows, y: FloatArray) -> Moments:
-    """Compute the moments of rows with responses y (n,)."""
-    gram, cross, square = np.zeros((rows.p, rows.p)), np.zeros(rows.p), 0.0
-    for start in range(0, rows.n, CHUNK):
-        X, v = rows.dense(slice(start, start + CHUNK)), y[start : start + CHUNK]
-        gram += X.T @ X
-        cross += X.T @ v
-        square += float(v @ v)
-    return Moments(gram, cross, square, float(rows.n))
+    def rotated(self, stack: PenaltyStack) -> NormalEquations:
+        """Rotate to the coordinates of `stack`."""
+        gram, cross = stack.rotate_gram(self.gram), stack.rotate(self.cross)
+        return NormalEquations(gram, cross, self.square, self.n, self.log_jacobian)

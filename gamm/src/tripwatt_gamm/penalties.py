@@ -8,15 +8,15 @@ Several penalties share one range space, in which log|S|+ is exact for smoothing
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import TypeAlias
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 from scipy.linalg import eigh, qr
 
 from tripwatt_gamm.arrays import FloatArray
+from tripwatt_gamm.gram import Factor, Gram
 
 RANK_TOLERANCE = 1e-9
 """Relative size of an eigenvalue of a penalty up to which its direction is unpenalised: a choice, far above rounding."""
@@ -28,8 +28,27 @@ LOG_RATIO = (-31.0, 22.0)
 MAX_CORRELATED = 14.0
 """Upper bound for correlated effects, whose penalties overlap: beyond it the smaller penalty is lost in rounding."""
 
-Blocks: TypeAlias = list[tuple[int, list[FloatArray]]]
-"""First coefficient and penalties (m, m) of each penalised block."""
+
+class Penalised(NamedTuple):
+    """A penalised block of coefficients.
+
+    Attributes
+    ----------
+    start : int
+        First coefficient.
+    matrices : list of ndarray (m, m)
+        Penalties of one copy.
+    copies : int
+        The block has m times this number of coefficients: each of the m from all copies, one after the other. Penalties of
+        several copies, the levels of a factor, sum to a matrix of full rank.
+    sizes : ndarray (m,) or None
+        Root mean squares of the columns of correlated effects.
+    """
+
+    start: int
+    matrices: list[FloatArray]
+    copies: int = 1
+    sizes: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -40,10 +59,12 @@ class PenaltyBlock:
     ----------
     start, stop : int
         Coefficients of the block.
+    copies : int
+        As in `Penalised`; the following are those of one copy.
     rank : int
         Dimension of the range space: the first `rank` rotated coefficients.
-    rotation : ndarray (stop - start, stop - start)
-        Original = rotation @ rotated.
+    rotation : ndarray (m, m)
+        Original = rotation @ rotated; the identity for several copies.
     matrices : list of ndarray (rank, rank)
         Penalties in the range space.
     roots : list of ndarray (r, rank)
@@ -52,37 +73,40 @@ class PenaltyBlock:
 
     start: int
     stop: int
+    copies: int
     rank: int
     rotation: FloatArray
     matrices: list[FloatArray]
     roots: list[FloatArray]
 
     @classmethod
-    def from_matrices(cls, start: int, matrices: list[FloatArray]) -> PenaltyBlock:
+    def from_matrices(cls, start: int, matrices: list[FloatArray], copies: int = 1) -> PenaltyBlock:
         """Rotate the penalties (m, m) of a block that starts at coefficient `start`."""
         total = sum((S / np.linalg.norm(S) for S in matrices), np.zeros_like(matrices[0]))
         values, vectors = eigh((total + total.T) / 2)
-        values, vectors = values[::-1], vectors[:, ::-1]
+        values, vectors = values[::-1], np.eye(len(total)) if copies > 1 else vectors[:, ::-1]
+        stop = start + len(total) * copies
         rank = int((values > RANK_TOLERANCE * values[0]).sum())
         U = vectors[:, :rank]
         if len(matrices) == 1:
             diagonal = values[:rank] * np.linalg.norm(matrices[0])
-            return cls(start, start + len(total), rank, vectors, [np.diag(diagonal)], [])
+            return cls(start, stop, copies, rank, vectors, [np.diag(diagonal)], [])
         in_range, roots = [U.T @ (S + S.T) @ U / 2 for S in matrices], []
         for S in in_range:
             values, W = eigh(S)
             positive = values > RANK_TOLERANCE * values[-1]
             roots.append(np.sqrt(values[positive])[:, None] * W[:, positive].T)
-        return cls(start, start + len(total), rank, vectors, in_range, roots)
+        return cls(start, stop, copies, rank, vectors, in_range, roots)
 
     def log_determinant(self, rho: FloatArray) -> tuple[float, FloatArray, FloatArray]:
         """Return log|S|+, its gradient and its Hessian in the log smoothing parameters `rho` of the block.
 
         Several penalties need a QR decomposition of their stacked, sorted square roots, which is stable under scaling of rows.
         """
+        n = self.copies
         if not self.roots:
             value = float(np.log(np.diag(self.matrices[0])).sum() + self.rank * rho[0])
-            return value, np.array([float(self.rank)]), np.zeros((1, 1))
+            return n * value, np.array([float(n * self.rank)]), np.zeros((1, 1))
         order = np.argsort(-rho)
         stacked = np.vstack([np.exp(rho[j] / 2) * self.roots[j] for j in order])
         Q, R, _ = qr(stacked, mode="economic", pivoting=True)
@@ -91,11 +115,11 @@ class PenaltyBlock:
         weighted = [pieces[i].T @ pieces[i] for i in np.argsort(order)]
         gradient = np.array([np.trace(W) for W in weighted])
         hessian = np.diag(gradient) - np.array([[float((A * B).sum()) for A in weighted] for B in weighted])
-        return 2 * float(np.log(np.abs(np.diag(R))).sum()), gradient, hessian
+        return 2 * n * float(np.log(np.abs(np.diag(R))).sum()), n * gradient, n * hessian
 
 
-def correlated_penalties(levels: int, loadings: FloatArray) -> list[FloatArray]:
-    """Build the q penalties of q correlated effects; coefficients are ordered by effect, then by level.
+def correlated_penalties(loadings: FloatArray) -> list[FloatArray]:
+    """Build the q penalties (q, q) of the q correlated effects of a level.
 
     The effects of a level are b = L u, with L unit lower triangular and independent u of variances D. Their covariance
     is L D L', and its inverse is the sum of v_j v_j' / D_j over the rows v_j of the inverse of L: one penalty for each
@@ -103,15 +127,13 @@ def correlated_penalties(levels: int, loadings: FloatArray) -> list[FloatArray]:
 
     Parameters
     ----------
-    levels : int
     loadings : ndarray (q (q - 1) / 2,)
         Lower triangle of L, row by row.
     """
     q = round((1 + math.sqrt(1 + 8 * len(loadings))) / 2)
     L = np.eye(q)
     L[np.tril_indices(q, -1)] = loadings
-    rows = np.linalg.inv(L)
-    return [np.asarray(np.kron(np.outer(v, v), np.eye(levels)), dtype=np.float64) for v in rows]
+    return [np.outer(v, v) for v in np.linalg.inv(L)]
 
 
 @dataclass(frozen=True)
@@ -121,8 +143,9 @@ class Penalty:
     Attributes
     ----------
     where : slice
-        Coefficients that the penalty acts on.
+        Coefficients that the penalty acts on: r of each copy.
     matrix : ndarray (r, r)
+        Penalty of one copy.
     diagonal : ndarray (r,) or None
         Diagonal of `matrix` if it is a diagonal matrix.
     trace : float
@@ -139,10 +162,10 @@ class Penalty:
     log_most: float = LOG_RATIO[1]
 
     def times(self, M: FloatArray) -> FloatArray:
-        """Multiply the penalty by M (r, ...), the rows `where` of a vector or a matrix."""
-        if self.diagonal is not None:
-            return np.asarray(self.diagonal * M if M.ndim == 1 else self.diagonal[:, None] * M)
-        return np.asarray(self.matrix @ M)
+        """Multiply the penalty by the rows `where` of a vector or a matrix."""
+        parts = M.reshape(len(self.matrix), -1)
+        product = self.matrix @ parts if self.diagonal is None else self.diagonal[:, None] * parts
+        return np.asarray(product.reshape(M.shape))
 
 
 class PenaltyStack:
@@ -152,41 +175,39 @@ class PenaltyStack:
     ----------
     p : int
         Number of coefficients.
-    terms : list of (int, list of ndarray)
-        As `Blocks`.
-    scales : mapping of int to ndarray (q,), optional
-        Root mean square of the columns of each effect, for each block of correlated effects, by its first coefficient.
+    terms : list of Penalised
 
     Examples
     --------
-    >>> stack = PenaltyStack(4, [(1, [np.diag([2.0, 1.0, 0.0])])])
+    >>> stack = PenaltyStack(4, [Penalised(1, [np.diag([2.0, 1.0, 0.0])])])
     >>> stack.size, stack.null_dim
     (1, 2)
     """
 
-    def __init__(self, p: int, terms: Blocks, scales: Mapping[int, FloatArray] | None = None) -> None:
-        self.p, self.terms, self.scales = p, terms, dict(scales or {})
-        self.blocks = [PenaltyBlock.from_matrices(start, matrices) for start, matrices in terms]
+    def __init__(self, p: int, terms: list[Penalised]) -> None:
+        self.p, self.terms = p, terms
+        self.blocks = [PenaltyBlock.from_matrices(term.start, term.matrices, term.copies) for term in terms]
         self.penalties: list[Penalty] = []
         self.members: list[npt.NDArray[np.intp]] = []
-        for block in self.blocks:
-            first = len(self.penalties)
-            sizes, inside = self.scales.get(block.start), slice(block.start, block.start + block.rank)
+        for block, term in zip(self.blocks, terms, strict=True):
+            first, sizes, copies = len(self.penalties), term.sizes, block.copies
+            inside = slice(block.start, block.start + copies * block.rank)
             for j, S in enumerate(block.matrices):
                 diagonal = np.diag(S) if len(block.matrices) == 1 else None
                 if sizes is None:
-                    self.penalties.append(Penalty(inside, S, diagonal, float(np.trace(S))))
+                    self.penalties.append(Penalty(inside, S, diagonal, copies * float(np.trace(S))))
                 else:
-                    scale = block.rank / len(sizes) * float(sizes @ sizes) / sizes[j] ** 2
+                    scale = copies * float(sizes @ sizes) / sizes[j] ** 2
                     self.penalties.append(Penalty(inside, S, None, scale, MAX_CORRELATED))
             self.members.append(np.arange(first, len(self.penalties)))
         self.size = len(self.penalties)
-        self.null_dim = p - sum(block.rank for block in self.blocks)
+        self.null_dim = p - sum(block.copies * block.rank for block in self.blocks)
 
     @property
     def n_loadings(self) -> int:
         """Number of loadings: parameters of correlation, in which the penalties are not linear."""
-        return sum(len(size) * (len(size) - 1) // 2 for size in self.scales.values())
+        sizes = [term.sizes for term in self.terms if term.sizes is not None]
+        return sum(len(size) * (len(size) - 1) // 2 for size in sizes)
 
     def loaded(self, x: FloatArray) -> PenaltyStack:
         """Return the stack with new loadings of its correlated effects.
@@ -197,38 +218,60 @@ class PenaltyStack:
             Loadings of all blocks, in units of the ratio of the sizes of the effects' columns.
         """
         terms, remaining = [], x
-        for start, matrices in self.terms:
-            if start in self.scales:
-                size = self.scales[start]
+        for term in self.terms:
+            if (size := term.sizes) is not None:
                 row, column = np.tril_indices(len(size), -1)
                 own_loadings, remaining = remaining[: len(row)], remaining[len(row) :]
-                levels = len(matrices[0]) // len(size)
-                matrices = correlated_penalties(levels, own_loadings * size[column] / size[row])
-            terms.append((start, matrices))
-        return PenaltyStack(self.p, terms, self.scales)
+                term = term._replace(matrices=correlated_penalties(own_loadings * size[column] / size[row]))
+            terms.append(term)
+        return PenaltyStack(self.p, terms)
 
     def rotate(self, M: FloatArray, back: bool = False) -> FloatArray:
         """Rotate a vector (p,) or the rows of a matrix (p, q), or rotate them back to the coordinates of the model."""
         rotated = M.copy()
         for block in self.blocks:
-            where = slice(block.start, block.stop)
-            rotated[where] = (block.rotation if back else block.rotation.T) @ M[where]
+            if block.copies == 1:
+                where = slice(block.start, block.stop)
+                rotated[where] = (block.rotation if back else block.rotation.T) @ M[where]
         return rotated
 
-    def rotate_both(self, M: FloatArray, back: bool = False) -> FloatArray:
-        """Rotate the rows and columns of a crossproduct or covariance (p, p), or rotate them back."""
-        return np.ascontiguousarray(self.rotate(self.rotate(M, back).T, back))
+    def rotate_gram(self, gram: Gram, back: bool = False) -> Gram:
+        """Rotate the rows and columns of a crossproduct, or rotate them back; those of levels are not rotated."""
+        corner = np.ascontiguousarray(self.rotate(self.rotate(gram.corner, back).T, back))
+        return Gram(corner, self.rotate(gram.border, back), gram.blocks)
 
-    def add_to(self, M: FloatArray, rho: FloatArray) -> FloatArray:
-        """Add the penalties with log smoothing parameters `rho` to M (p, p); return the sum."""
-        total = M.copy()
+    def rotate_factor(self, factor: Factor) -> Factor:
+        """Rotate an inverse back to the coordinates of the model."""
+        return replace(factor, root=self.rotate(factor.root, back=True))
+
+    def covariance(self, factor: Factor) -> FloatArray:
+        """Form the inverse (p, p) in the coordinates of the model."""
+        return self.rotate_factor(factor).dense()
+
+    def _of_levels(self, rho: FloatArray, blocks: FloatArray) -> FloatArray:
+        """Return lambda_j S_j of one level for every penalty j, as (M, q, q), for `blocks` of levels (q, q, L)."""
+        q, _, count = blocks.shape
+        matrices, first = np.zeros((self.size, q, q)), self.p - q * count
+        for j, (penalty, r) in enumerate(zip(self.penalties, rho, strict=True)):
+            if q and penalty.where.start >= first:
+                start = (penalty.where.start - first) // count
+                own = slice(start, start + len(penalty.matrix))
+                matrices[j, own, own] = np.exp(r) * penalty.matrix
+        return matrices
+
+    def add_to(self, gram: Gram, rho: FloatArray) -> Gram:
+        """Add the penalties with log smoothing parameters `rho`; return the sum."""
+        corner = gram.corner.copy()
         for penalty, r in zip(self.penalties, rho, strict=True):
-            if penalty.diagonal is not None:
-                index = np.arange(penalty.where.start, penalty.where.stop)
-                total[index, index] += np.exp(r) * penalty.diagonal
-            else:
-                total[penalty.where, penalty.where] += np.exp(r) * penalty.matrix
-        return total
+            where = penalty.where
+            copies = (where.stop - where.start) // len(penalty.matrix)
+            if where.start < len(corner) and penalty.diagonal is not None:
+                index = np.arange(where.start, where.stop)
+                corner[index, index] += np.exp(r) * np.repeat(penalty.diagonal, copies)
+            elif where.start < len(corner):
+                corner[where, where] += np.exp(r) * np.kron(penalty.matrix, np.eye(copies))
+        levels = self._of_levels(rho, gram.blocks).sum(axis=0)
+        return Gram(corner, gram.border, gram.blocks + levels[:, :, None])
 
     def log_determinant(self, rho: FloatArray) -> tuple[float, FloatArray, FloatArray]:
         """Return log|S|+, its gradient (M,) and its Hessian (M, M) in `rho`."""
@@ -247,18 +290,17 @@ class PenaltyStack:
             columns[penalty.where, j] = np.exp(r) * penalty.times(beta[penalty.where])
         return columns
 
-    def traces(self, rho: FloatArray, K: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return lambda_j tr(K S_j) as (M,) and lambda_i lambda_j tr(K S_i K S_j) as (M, M); K is symmetric (p, p)."""
-        products = [
-            np.exp(r) * penalty.times(K[penalty.where]).T
-            for penalty, r in zip(self.penalties, rho, strict=True)
-        ]
-        single = np.array(
-            [np.trace(P[penalty.where]) for P, penalty in zip(products, self.penalties, strict=True)]
-        )
-        pairs = np.empty((self.size, self.size))
-        for i in range(self.size):
-            for j in range(i + 1):
-                left, right = products[i][self.penalties[j].where], products[j][self.penalties[i].where]
-                pairs[i, j] = pairs[j, i] = np.einsum("ab,ba->", left, right)
-        return single, pairs
+    def traces(self, rho: FloatArray, factor: Factor) -> tuple[FloatArray, FloatArray]:
+        """Return lambda_j tr(K S_j) as (M,) and lambda_i lambda_j tr(K S_i K S_j) as (M, M) of the inverse K = `factor`."""
+        root, E = factor.root, factor.blocks
+        inner = np.zeros((self.size, root.shape[1], root.shape[1]))
+        for j, (penalty, r) in enumerate(zip(self.penalties, rho, strict=True)):
+            own = root[penalty.where]
+            inner[j] = np.exp(r) * own.T @ penalty.times(own)
+        flat, levels = inner.reshape(self.size, root.shape[1] ** 2), self._of_levels(rho, E)
+        own = root[root.shape[1] :].reshape(*E.shape[1:], root.shape[1])
+        # of the product of the roots, only the blocks of the levels meet the inverses of the levels
+        both = E + 2 * np.einsum("ald,bld->abl", own, own)
+        single = np.trace(inner, axis1=1, axis2=2) + np.einsum("jab,bal->j", levels, E)
+        pairs = np.einsum("abl,ibc,cdl,jda->ij", E, levels, both, levels, optimize=True)
+        return single, flat @ flat.T + pairs

@@ -19,7 +19,6 @@ from tripwatt_gamm.families import AT_BOUND, Response, ScaledT
 from tripwatt_gamm.fit import (
     End,
     Evaluation,
-    NormalEquations,
     Solution,
     Value,
     bounds,
@@ -28,6 +27,7 @@ from tripwatt_gamm.fit import (
     minimise,
     newton_step,
 )
+from tripwatt_gamm.moments import NormalEquations
 from tripwatt_gamm.penalties import PenaltyStack
 from tripwatt_gamm.tables import TableRows
 
@@ -115,7 +115,7 @@ class PerformanceIteration:
         theta = self._theta(self.y - eta, theta)
         c = self._weight(theta)
         g = self.family.derivatives(Response.of(self.y), eta, theta)[1]
-        gram, z = c * self.data.gram, g / c + eta
+        gram, z = self.data.gram * c, g / c + eta
         cross = gram @ beta + self.stack.rotate(self.rows.rmatvec(g))
         normal = NormalEquations(gram, cross, c * float(z @ z), n)
         current = gaussian_score(normal, self.stack, rho, 1.0)
@@ -125,7 +125,7 @@ class PerformanceIteration:
         if not self.fixed and len(rho):
             beta, rho = self._smooth(normal, current, rho, limits, near)
             curvature = np.sqrt(np.maximum(np.diag(current.hessian), 1e-8))
-        diagonal = 1 / np.sqrt(np.maximum(np.diag(current.factor.inverse), 1e-300))
+        diagonal = 1 / np.sqrt(np.maximum(current.factor.diagonal, 1e-300))
         nu = self.family.shape(theta)[0]
         excess = 0.0 if nu - self.family.min_df < AT_BOUND else 1.0 if nu < 50 else 0.1
         weights = np.concatenate([diagonal, curvature, np.sqrt(n) * np.array([excess, 1.0])])
@@ -166,7 +166,7 @@ class PerformanceIteration:
         Solution or None
             None if the model is not identifiable.
         """
-        limits = np.array(bounds(self._weight(start[-2:]) * np.diag(self.data.gram), self.stack))
+        limits = np.array(bounds(self._weight(start[-2:]) * self.data.gram.diagonal, self.stack))
         inside = np.hstack([limits, self.family.bounds])
         mixing = Mixing(close=CLOSE * float(np.sqrt(self.rows.n / self.rows.p)))
         state, largest_change = start, np.inf
@@ -193,8 +193,8 @@ class PerformanceIteration:
             return None
         end = end if self.fixed else end._replace(hessian=working.hessian)
         beta = self.stack.rotate(working.beta, back=True)
-        covariance = self.stack.rotate_both(working.factor.inverse, back=True)
-        information = self.stack.rotate_both(last.data.gram, back=True)
+        covariance = self.stack.covariance(working.factor)
+        information = self.stack.rotate_gram(last.data.gram, back=True).dense()
         return Solution(beta, rho, theta, working.value, covariance, information, end)
 
 

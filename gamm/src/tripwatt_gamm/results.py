@@ -46,7 +46,7 @@ def _loglik(family: Family, response: Response, eta: FloatArray, theta: FloatArr
 
 def _extremes(design: Design, parameters: FloatArray) -> list[str]:
     """Return a note for each variance component that is zero, or so large beside that of the errors that rounding decides."""
-    owners = [fitted for fitted in design.terms for _ in fitted.penalties]
+    owners = [fitted for fitted in design.terms for _ in fitted.matrices]
     return [
         f"{fitted.label}: variance {'estimated as zero' if value > 1 else 'too large beside the errors to be exact'}"
         for fitted, value in zip(owners, parameters, strict=True)

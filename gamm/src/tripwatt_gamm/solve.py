@@ -13,9 +13,9 @@ from tripwatt_gamm.arrays import FloatArray
 from tripwatt_gamm.covariates import Index
 from tripwatt_gamm.errors import InvalidInput
 from tripwatt_gamm.families import ExponentialFamily, Family, Gaussian, Response, ScaledT
-from tripwatt_gamm.fit import NormalEquations, Solution, fit_gaussian
+from tripwatt_gamm.fit import Solution, fit_gaussian
 from tripwatt_gamm.laplace import LaplaceModel, fit_laplace
-from tripwatt_gamm.moments import Moments, moments
+from tripwatt_gamm.moments import NormalEquations
 from tripwatt_gamm.penalties import PenaltyStack
 from tripwatt_gamm.performance import PerformanceIteration
 from tripwatt_gamm.tables import TableRows, Whitening
@@ -69,7 +69,7 @@ class Problem:
     rows : TableRows
         Active columns only.
     y : ndarray (n,)
-    sums : Moments
+    sums : NormalEquations
         Sums of the active columns.
     stack : PenaltyStack
         Penalties of the active columns.
@@ -82,7 +82,7 @@ class Problem:
 
     rows: TableRows
     y: FloatArray
-    sums: Moments
+    sums: NormalEquations
     stack: PenaltyStack
     settings: FitSettings
     previous: Index | None = None
@@ -91,9 +91,9 @@ class Problem:
     def normal(self, rho: float) -> NormalEquations:
         """Normal equations at autocorrelation `rho`."""
         if self.previous is None:
-            return self.sums.normal(self.stack)
+            return self.sums.rotated(self.stack)
         jacobian = Whitening(self.previous, rho).log_jacobian
-        return moments(*self.whitened(rho)).normal(self.stack, jacobian)
+        return NormalEquations.of_rows(*self.whitened(rho), jacobian).rotated(self.stack)
 
     def whitened(self, rho: float) -> tuple[TableRows, FloatArray]:
         """Rows and response, whitened to independent errors if rows are autocorrelated."""
@@ -105,9 +105,8 @@ class Problem:
 
 def _with_ridge(data: NormalEquations) -> NormalEquations:
     """Add a ridge of 1e-8 of the diagonal, for crossproducts that are singular to working precision."""
-    gram = data.gram.copy()
-    gram[np.diag_indices_from(gram)] *= 1 + 1e-8
-    return replace(data, gram=gram)
+    corner = data.gram.corner + 1e-8 * np.diag(np.diag(data.gram.corner))
+    return replace(data, gram=replace(data.gram, corner=corner))
 
 
 def _gaussian(
@@ -136,8 +135,7 @@ def _subset_start(
     rows, y = rows.subset(chosen), y[chosen]
     family = settings.family
     assert isinstance(family, ScaledT)
-    gram, cross = stack.rotate_both(rows.gram()), stack.rotate(rows.rmatvec(y))
-    data = NormalEquations(gram, cross, float(y @ y), len(y))
+    data = NormalEquations.of_rows(rows, y).rotated(stack)
     iteration = PerformanceIteration(rows, y, data, stack, family, settings.rho is not None)
     start = iteration.start(settings.rho)
     iterated = None if start is None else iteration.run(start, 100 * settings.tolerance, settings.max_iter)

@@ -11,9 +11,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
+from scipy.sparse import csr_array
 
 from tripwatt_gamm.arrays import FloatArray
 from tripwatt_gamm.covariates import Index
+from tripwatt_gamm.gram import Factor, Gram
 
 CHUNK = 4096
 """Number of rows of X that are formed at a time: a choice that bounds the memory."""
@@ -23,13 +25,29 @@ CHUNK = 4096
 class IndexedColumns:
     """Columns of X that share an index.
 
-    They are the rows of a table (m, q) at each row's position, times a multiplier for each row (None is 1).
+    They are the rows of a table (m, q) at each row's position, times a multiplier for each row (None is 1). The table of
+    an effect whose levels are eliminated (see `tripwatt_gamm.gram`) is the identity matrix, as None.
     """
 
     columns: Index
-    table: FloatArray
+    table: FloatArray | None
     index: Index
     scale: FloatArray | None = None
+
+    def times(self, beta: FloatArray) -> FloatArray:
+        """Multiply the table by the part of `beta` (p, ...) that belongs to its columns."""
+        own = beta[self.columns]
+        return own if self.table is None else np.asarray(self.table @ own)
+
+    @property
+    def multiplier(self) -> FloatArray:
+        """Multiplier (n,) of each row."""
+        return np.ones(len(self.index)) if self.scale is None else self.scale
+
+    def indicators(self, rows: slice) -> csr_array:
+        """Return some rows of an effect's columns, as a sparse matrix."""
+        values, index = self.multiplier[rows], self.index[rows]
+        return csr_array((values, index, np.arange(len(index) + 1)), shape=(len(index), len(self.columns)))
 
 
 @dataclass(frozen=True)
@@ -82,12 +100,15 @@ class TableRows:
     Parameters
     ----------
     parts : list of IndexedColumns
+        Those of eliminated levels share their index, and their columns are the last ones.
     n, p : int
         Rows and columns.
     """
 
     def __init__(self, parts: list[IndexedColumns], n: int, p: int) -> None:
         self.parts, self.n, self.p = parts, n, p
+        self.effects = [part for part in parts if part.table is None]
+        self.d = p - sum(len(part.columns) for part in self.effects)
         self.overlaps = sum(len(q.columns) for q in parts) > p  # parts share columns, as in whitened rows
 
     def subset(self, rows: Index | None = None, columns: Index | None = None) -> TableRows:
@@ -106,11 +127,8 @@ class TableRows:
             for part in parts:
                 wanted = position[part.columns] >= 0
                 if wanted.any():
-                    kept.append(
-                        IndexedColumns(
-                            position[part.columns[wanted]], part.table[:, wanted], part.index, part.scale
-                        )
-                    )
+                    table = None if part.table is None else part.table[:, wanted]
+                    kept.append(replace(part, columns=position[part.columns[wanted]], table=table))
             parts, p = kept, len(columns)
         return TableRows(parts, self.n if rows is None else len(rows), p)
 
@@ -125,7 +143,7 @@ class TableRows:
         """X beta for beta (p,) or (p, part)."""
         total = np.zeros((self.n, *beta.shape[1:]))
         for part in self.parts:
-            piece = np.take(part.table @ beta[part.columns], part.index, axis=0)
+            piece = np.take(part.times(beta), part.index, axis=0)
             if part.scale is not None:
                 piece *= part.scale if beta.ndim == 1 else part.scale[:, None]
             total += piece
@@ -138,16 +156,18 @@ class TableRows:
         total = np.zeros(self.p)
         for part in self.parts:
             weights = v if part.scale is None else v * part.scale
-            total[part.columns] += part.table.T @ np.bincount(
-                part.index, weights=weights, minlength=len(part.table)
-            )
+            count = len(part.columns if part.table is None else part.table)
+            sums = np.bincount(part.index, weights=weights, minlength=count)
+            total[part.columns] += sums if part.table is None else part.table.T @ sums
         return total
 
     def dense(self, rows: slice | Index) -> FloatArray:
-        """Return rows of X as an array."""
+        """Return rows of X as an array, without the columns of eliminated levels."""
         first = self.parts[0].index[rows]
-        X = np.zeros((len(first), self.p))
+        X = np.zeros((len(first), self.d))
         for part in self.parts:
+            if part.table is None:
+                continue
             piece = np.take(part.table, part.index[rows], axis=0)
             if part.scale is not None:
                 piece *= part.scale[rows][:, None]
@@ -159,18 +179,32 @@ class TableRows:
     def _chunks(self) -> list[slice]:
         return [slice(start, min(start + CHUNK, self.n)) for start in range(0, self.n, CHUNK)]
 
-    def gram(self, weights: FloatArray | None = None) -> FloatArray:
-        """X' W X, (p, p), with the diagonal `weights` of W, by default 1."""
-        gram = np.zeros((self.p, self.p))
+    def gram(self, weights: FloatArray | None = None) -> Gram:
+        """X' W X with the diagonal `weights` of W, by default 1."""
+        count = len(self.effects[0].columns) if self.effects else 0
+        corner, border = np.zeros((self.d, self.d)), np.zeros((self.p - self.d, self.d))
+        blocks = np.zeros((len(self.effects), len(self.effects), count))
+        for a, b in np.ndindex(blocks.shape[:2]):
+            products = self.effects[a].multiplier * self.effects[b].multiplier
+            products = products if weights is None else products * weights
+            blocks[a, b] = np.bincount(self.effects[a].index, weights=products, minlength=count)
         for rows in self._chunks():
             X = self.dense(rows)
-            gram += X.T @ X if weights is None else (weights[rows, None] * X).T @ X
-        return gram
+            WX = X if weights is None else weights[rows, None] * X
+            corner += WX.T @ X
+            for a, effect in enumerate(self.effects):
+                border[a * count : (a + 1) * count] += effect.indicators(rows).T @ WX
+        return Gram(corner, np.ascontiguousarray(border.T), blocks)
 
-    def leverage(self, K: FloatArray) -> FloatArray:
-        """Diagonal (n,) of X K X'."""
+    def leverage(self, factor: Factor) -> FloatArray:
+        """Diagonal (n,) of X K X', with the inverse K = `factor`."""
         leverages = np.empty(self.n)
         for rows in self._chunks():
-            X = self.dense(rows)
-            leverages[rows] = np.einsum("ij,ij->i", X @ K, X)
+            projected = self.dense(rows) @ factor.root[: self.d]
+            for effect in self.effects:
+                projected += effect.indicators(rows) @ factor.root[effect.columns]
+            leverages[rows] = np.einsum("ij,ij->i", projected, projected)
+        for a, b in np.ndindex(factor.blocks.shape[:2]):
+            products = self.effects[a].multiplier * self.effects[b].multiplier
+            leverages += products * factor.blocks[a, b, self.effects[a].index]
         return leverages
