@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence, Sized
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import TypeVar
@@ -20,28 +19,19 @@ from tripwatt.trips.reading import FileReading
 Rows = TypeVar("Rows", bound=Sized)
 
 
-@dataclass(frozen=True, slots=True)
-class RawColumn:
-    """A column of a data set: its name in the files, our name, and the factor to our unit and sign."""
-
-    name: str
-    ours: str
-    factor: float
-
-
 @cache
-def raw_columns(dataset: str) -> tuple[RawColumn, ...]:
-    """Columns of a public data set that has its own reader, from `public.toml`.
+def raw_columns(dataset: str) -> Mapping[str, tuple[str, float]]:
+    """Columns of a public data set that has its own reader, from `public.toml`: name in the files -> our name, factor to our unit and sign.
 
     Examples
     --------
-    >>> raw_columns("ved")[3]
-    RawColumn(name='HV Battery Voltage[V]', ours='voltage_v', factor=1.0)
+    >>> raw_columns("ved")["HV Battery Voltage[V]"]
+    ('voltage_v', 1.0)
     """
-    return tuple(
-        RawColumn(name, about["ours"], about.get("sign", 1.0) * UNITS[about["ours"]][about["unit"]][0])
+    return {
+        name: (about["ours"], about.get("sign", 1.0) * UNITS[about["ours"]][about["unit"]][0])
         for name, about in shipped_toml("sources/public.toml")[dataset]["columns"].items()
-    )
+    }
 
 
 def read_public(
@@ -66,40 +56,38 @@ def read_public(
         When the file cannot be read, or a column is missing or there twice.
     """
     source = open_delimited(path)
-    columns = _columns_of(
-        source, [*(RawColumn(name, name, 1.0) for name in unscaled), *raw_columns(dataset)], needed
-    )
+    columns = _columns_of(source, {n: (n, 1.0) for n in unscaled} | {**raw_columns(dataset)}, needed)
     table = csv_table(source, faults)
-    numbers = table.numbers([*columns])
+    numbers = table.numbers([name for name, _ in columns.values()])
     return table, {
-        raw.ours: values if raw.factor == 1.0 else values * raw.factor
-        for raw, values in zip(columns.values(), numbers, strict=True)
+        ours: values if factor == 1.0 else values * factor
+        for (ours, (_, factor)), values in zip(columns.items(), numbers, strict=True)
     }
 
 
 def _columns_of(
-    source: Delimited, columns: Sequence[RawColumn], needed: Collection[str]
-) -> dict[str, RawColumn]:
-    """Name in the header of a file -> column; for each of ours the first of `columns` that is in the header."""
+    source: Delimited, columns: Mapping[str, tuple[str, float]], needed: Collection[str]
+) -> dict[str, tuple[str, float]]:
+    """Our name -> name in the header of a file, factor; for each of ours the first of `columns` that is in the header."""
     positions = by_key(range(len(source.names)), lambda position: column_key(source.names[position]))
-    chosen: dict[str, RawColumn] = {}
+    chosen: dict[str, tuple[str, float]] = {}
     faults: list[Fault] = []
     place = f"{source.path} row {source.header_line}"
-    for raw in columns:
-        places = positions.get(column_key(raw.name), [])
-        if not places or raw.ours in {column.ours for column in chosen.values()}:
+    for name, (ours, factor) in columns.items():
+        places = positions.get(column_key(name), [])
+        if not places or ours in chosen:
             continue
-        chosen[source.names[places[0]]] = raw
+        chosen[ours] = source.names[places[0]], factor
         if len(places) > 1:
             got = f"columns {', '.join(str(position + 1) for position in places)}"
             faults.append(
-                Fault("duplicate column", f"{place} column {raw.name!r}", got, "one column of that name")
+                Fault("duplicate column", f"{place} column {name!r}", got, "one column of that name")
             )
     shown = ", ".join(repr(name[:40]) for name in source.names[:6]) + " ..." * (len(source.names) > 6)
     fix = "give a file with ';' or ',' between columns" if len(source.names) < 4 else ""
     for ours in needed:
-        if ours not in {column.ours for column in chosen.values()}:
-            names = " or ".join(repr(raw.name) for raw in columns if raw.ours == ours)
+        if ours not in chosen:
+            names = " or ".join(repr(name) for name, (its, _) in columns.items() if its == ours)
             got = f"{len(source.names)} columns: {shown}"
             faults.append(Fault("missing column", place, got, f"a column {names}", fix))
     raise_faults(faults)

@@ -103,7 +103,7 @@ def _week_files(folder: Path) -> list[Path]:
 
 
 def _read_week(file: str, path: Path, faults: list[Fault]) -> _Week:
-    ours = [raw.ours for raw in raw_columns("ved")]
+    ours = [ours for ours, _ in raw_columns("ved").values()]
     table, values = read_public(path, "ved", (*_KEYS, *ours), faults, unscaled=(*_KEYS, *_ENGINE))
     sound = _with_sound_keys(table, values)
     values = {name: column[sound] for name, column in values.items()}
