@@ -22,9 +22,8 @@ from tools.docs import pages
 
 from tripwatt.certification.consumption import driven_wh_per_km, schedule
 from tripwatt.physics import DriveConditions, simulate
-from tripwatt.units import KG_PER_LB, N_PER_LBF
+from tripwatt.units import KG_PER_LB, M_S_PER_MPH, N_PER_LBF
 from tripwatt.vehicles import Vehicle, load_vehicle
-from tripwatt.vehicles.catalogue import M_S_PER_MPH
 
 COLD: Final = "Charge Depleting 20 Degree F FTP"
 CITY: Final = "Charge Depleting UDDS"

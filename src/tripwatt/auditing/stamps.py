@@ -11,15 +11,10 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.auditing.findings import Cut, Finding, array, between, whole
+from tripwatt.trips.gaps import LONGEST_GAP_S, SHORTEST_GAP_S
 
 STRAY_SHARE: Final = 0.01
 """Largest share of samples with a decreasing stamp that are left out as strays; a larger one means that the clock was set back."""
-
-SHORTEST_GAP_S: Final = 10.0
-"""Shortest gap that is reported: in this time the power of a car can change completely, so a straight line is a guess."""
-
-SPLIT_GAP_S: Final = 60.0
-"""Longest gap inside a drive: across a longer one neither the energy nor the road is known, so the log is split."""
 
 
 def mend_stamps(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame, list[Cut], list[Finding]]:
@@ -74,10 +69,10 @@ def longest_increasing(values: FloatArray) -> IntArray:
 
 
 def gap_cuts(samples: pd.DataFrame) -> Iterator[Cut]:
-    """Cut the log at every gap longer than `SPLIT_GAP_S`; another drive begins there."""
+    """Cut the log at every gap longer than `LONGEST_GAP_S`; another drive begins there."""
     time = array(samples, "time_s")
     step = np.diff(time)
-    for i in np.flatnonzero(step > SPLIT_GAP_S):
+    for i in np.flatnonzero(step > LONGEST_GAP_S):
         yield Cut(int(i) + 1, int(i) + 1, f"no samples for {step[i]:.1f} s")
 
 

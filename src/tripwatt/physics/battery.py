@@ -11,6 +11,7 @@ from tripwatt.arrays import BoolArray, FloatArray, PerTrip
 from tripwatt.physics.relaxation import Relaxation
 from tripwatt.units import SECONDS_PER_HOUR, ZERO_CELSIUS_K
 from tripwatt.vehicles import Battery
+from tripwatt.vehicles.losses import TINY
 
 MOLAR_GAS_CONSTANT_J_MOL_K: Final = 8.314462618
 """CODATA 2018."""
@@ -18,7 +19,6 @@ MOLAR_GAS_CONSTANT_J_MOL_K: Final = 8.314462618
 
 MAX_PASSES: Final = 60
 """Largest number of passes of `discharge`, which bounds its time; a choice: the passes settle after four or five."""
-TINY: Final = float(np.finfo(np.float64).tiny)
 
 
 def open_circuit_voltage(soc: PerTrip, battery: Battery) -> FloatArray:

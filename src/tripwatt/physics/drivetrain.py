@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Final
 
 import numpy as np
 
 from tripwatt.arrays import BoolArray, FloatArray
 from tripwatt.vehicles import Drivetrain, Regeneration
-from tripwatt.vehicles.losses import motor_loss
-
-TINY: Final = float(np.finfo(np.float64).tiny)
+from tripwatt.vehicles.losses import TINY, motor_loss
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,15 +15,10 @@ from tripwatt.errors import Fault, InvalidInput, and_more
 from tripwatt.routes.carried import pause_flags
 from tripwatt.routes.profile import LinkStyle, link_profile
 from tripwatt.trips import COLUMNS, LINK_COLUMNS, Flag, Pause, Plan, Recorded, raise_faults, table_of
+from tripwatt.trips.gaps import MAX_DURATION_S, MAX_SAMPLES
 
 MAX_LINKS: Final = 200_000
 """Largest number of links in one route; a router response may have one for each piece between two nodes of the map."""
-
-MAX_TRAVEL_TIME_S: Final = LINK_COLUMNS["travel_time_s"].maximum
-"""Longest travel time [s]: no battery lasts longer without a charge."""
-
-MAX_SAMPLES: Final = 2_000_000
-"""Largest number of samples in one planned trip; a choice, which bounds the memory."""
 
 FASTEST_LINK_M_S: Final = LINK_COLUMNS["speed_m_s"].maximum
 """Highest mean speed of a link [m/s]."""
@@ -218,8 +213,8 @@ def _route_faults(route: LinkRoute) -> Iterator[Fault]:
             yield Fault("link out of range", where, got, allowed)
     with np.errstate(over="ignore"):
         total = float(route.travel_time_s.sum())
-    if total > MAX_TRAVEL_TIME_S:
-        yield Fault("route takes too long", "links", f"{total:g} s", f"at most {MAX_TRAVEL_TIME_S:g} s")
+    if total > MAX_DURATION_S:
+        yield Fault("route takes too long", "links", f"{total:g} s", f"at most {MAX_DURATION_S:g} s")
     if route.elevation_m is not None:
         column = COLUMNS["elevation_m"]
         wrong = ~((route.elevation_m >= column.minimum) & (route.elevation_m <= column.maximum))
@@ -238,8 +233,8 @@ def _link_rules(route: LinkRoute) -> Iterator[tuple[str, FloatArray, BoolArray, 
     fastest = FASTEST_LINK_M_S
     sound = (length >= SHORTEST_LINK_M) & (length <= LONGEST_LINK_M)
     yield "length_m", length, sound, f"{SHORTEST_LINK_M:g} to {LONGEST_LINK_M:g} m"
-    sound = (time > 0) & (time <= MAX_TRAVEL_TIME_S)
-    yield "travel_time_s", time, sound, f"more than 0, at most {MAX_TRAVEL_TIME_S:g} s"
+    sound = (time > 0) & (time <= MAX_DURATION_S)
+    yield "travel_time_s", time, sound, f"more than 0, at most {MAX_DURATION_S:g} s"
     yield "speed_m_s", speed, ~(speed > fastest), f"at most {fastest:g} m/s"
     yield "stop_s", stop, ~((stop < 0) | (stop >= time)), "0 s to less than the travel time"
     for name, values in (("moving_speed_m_s", moving), ("speed_limit_m_s", limit)):

@@ -14,18 +14,12 @@ import numpy as np
 from tripwatt.arrays import FloatArray, running_sum
 from tripwatt.errors import Fault, InvalidInput, and_more, excerpt, raise_faults
 from tripwatt.routes.carried import pause_flags
-from tripwatt.routes.links import (
-    FASTEST_LINK_M_S,
-    FLAT_ROAD,
-    MAX_TRAVEL_TIME_S,
-    LinkRoute,
-    link_ends,
-)
+from tripwatt.routes.links import FASTEST_LINK_M_S, FLAT_ROAD, LinkRoute, link_ends
 from tripwatt.routes.places import heading_along, with_heading
 from tripwatt.routes.points import haversine_m, require_on_earth
 from tripwatt.trips import COLUMNS, Departure, Flag, Pause, Plan, table_of
 from tripwatt.trips.columns import is_number
-from tripwatt.trips.gaps import SHORTEST_GAP_S
+from tripwatt.trips.gaps import MAX_DURATION_S, SHORTEST_GAP_S
 from tripwatt.units import M_S_PER_KM_H
 
 _WINDOW_S: Final = 2.0
@@ -111,8 +105,8 @@ class Track:
                 where = f"track, point {decreases[0] + 2}"
                 yield Fault("time decreases", where, got, "times that never decrease")
             span = float(self.time_s[-1] - self.time_s[0])
-            if not 0 < span <= MAX_TRAVEL_TIME_S:
-                allowed = f"more than 0, at most {MAX_TRAVEL_TIME_S:g} s"
+            if not 0 < span <= MAX_DURATION_S:
+                allowed = f"more than 0, at most {MAX_DURATION_S:g} s"
                 longest = int(np.argmax(step))
                 where = f"track, point {longest + 2}" if span > 0 else "track"
                 got = f"{span:g} s, of which {step[longest]:g} s before this point" if span > 0 else "0 s"

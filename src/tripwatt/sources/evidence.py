@@ -14,11 +14,11 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray
-from tripwatt.sources.mapping import M_S_PER_MPH, POWER
+from tripwatt.sources.mapping import POWER
 from tripwatt.sources.naming import vocabulary
 from tripwatt.trips import COLUMNS
 from tripwatt.trips.inertia import apparent_mass
-from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_HOUR
+from tripwatt.units import M_S_PER_KM_H, M_S_PER_MPH, SECONDS_PER_HOUR
 
 LIGHTEST_KG, HEAVIEST_KG = 600.0, 4500.0
 FURTHEST_KG: Final = (300.0, 9000.0)

@@ -33,7 +33,7 @@ from tripwatt.errors import Fault, did_you_mean, excerpt
 from tripwatt.files import MAX_TEXT_BYTES, parse_toml, read_text_file
 from tripwatt.trips import COLUMNS, raise_faults
 from tripwatt.trips.columns import is_number
-from tripwatt.units import M_PER_FOOT, M_S_PER_KM_H, SECONDS_PER_HOUR, ZERO_CELSIUS_K
+from tripwatt.units import M_PER_FOOT, M_S_PER_KM_H, M_S_PER_MPH, SECONDS_PER_HOUR, ZERO_CELSIUS_K
 from tripwatt.vehicles import vehicle_names
 
 POWER: Final = "battery_power_w"
@@ -41,8 +41,6 @@ POWER: Final = "battery_power_w"
 
 ENERGY: Final = "observed_energy_wh"
 """Name of a counter of the energy at the battery terminals [Wh], for loggers without voltage and current."""
-
-M_S_PER_MPH: Final = 0.44704
 
 
 def _units(spellings: str, factor: float, offset: float = 0.0) -> dict[str, tuple[float, float]]:

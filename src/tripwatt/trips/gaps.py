@@ -13,16 +13,16 @@ from tripwatt.trips.columns import LINK_COLUMNS
 from tripwatt.trips.flags import Flag
 
 MAX_DURATION_S: Final = LINK_COLUMNS["travel_time_s"].maximum
-"""Longest trip [s]; time and memory of a forecast grow with the square of the duration."""
+"""Longest trip [s]: no battery lasts longer without a charge; time and memory of a forecast grow with the square of the duration."""
 
 MAX_SAMPLES: Final = 2_000_000
 """Most samples of one trip: 48 h at 10 Hz have 1,728,000."""
 
 SHORTEST_GAP_S: Final = 10.0
-"""A longer step between two samples is a gap [s]; the audit of logs has the same bound."""
+"""A longer step between two samples is a gap [s]: in this time the power of a car can change completely, so a straight line is a guess."""
 
 LONGEST_GAP_S: Final = 60.0
-"""Longest gap of a speed trace that is bridged [s]; the audit splits a log at a longer one."""
+"""Longest gap of a speed trace that is bridged [s]; the audit splits a log at a longer one, because neither its energy nor its road is known."""
 
 
 def time_faults(time_s: FloatArray, where: str) -> Iterator[Fault]:

@@ -116,7 +116,8 @@ def message(flag: Flag) -> str:
     'new: road 3.0 m'
     """
     if flag.code not in catalogue()["flags"]:
-        return " ".join(filter(None, (f"{flag.code}: {flag.subject}", *_value(flag))))
+        value = () if flag.value is None else (str(flag.value), flag.unit)
+        return " ".join(filter(None, (f"{flag.code}: {flag.subject}", *value)))
     words = catalogue()["flags"][flag.code]["cli"]
 
     def filled(template: str) -> str:
@@ -160,7 +161,3 @@ def flag_to_dict(flag: Flag) -> dict[str, Any]:
     'links_too_long'
     """
     return {**asdict(flag), "message": message(flag)}
-
-
-def _value(flag: Flag) -> tuple[Any, ...]:
-    return () if flag.value is None else (str(flag.value), flag.unit)

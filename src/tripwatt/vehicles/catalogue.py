@@ -18,14 +18,12 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any, Final
 
-from tripwatt.units import GRAVITY_M_S2, KG_PER_LB, M_PER_MILE, N_PER_LBF, SECONDS_PER_HOUR
+from tripwatt.units import GRAVITY_M_S2, KG_PER_LB, M_S_PER_MPH, N_PER_LBF
 from tripwatt.vehicles.inheriting import DATA
 
 QUADRICYCLE: Final = "quadricycle"
 BODIES: Final = ("small", "hatchback", "sedan", "suv", "van", "pickup", QUADRICYCLE)
 """Kinds of body, which determine the drag area of a car without a coast-down."""
-
-M_S_PER_MPH: Final = M_PER_MILE / SECONDS_PER_HOUR
 
 ROAD_LOAD_DENSITY_KG_M3: Final = 1.167
 """Air density of published coast-downs, 20 degC and 98.21 kPa (SAE J2263)."""
