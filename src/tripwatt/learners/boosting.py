@@ -177,7 +177,7 @@ class ClusteredBoosting(ClusteredTrees):
                 for setting in settings
             ]
             best, n_rounds, _ = _choice(errors)
-        chosen = self._base() | settings[best]
+        chosen = settings[best]
         path = boost(sample, chosen, np.ones(sample.n_groups, dtype=bool), n_rounds, seed, start=self.start)
         self.groups_ = clusters.labels
         self.best_params_ = chosen
@@ -215,12 +215,7 @@ class ClusteredBoosting(ClusteredTrees):
             fold_of_row = fold_of_group[clusters.codes]
             results = parallel(
                 delayed(self._predict)(
-                    rows[fold_of_row == fold],
-                    sample,
-                    self._base() | settings[setting],
-                    fold_of_group != fold,
-                    rounds,
-                    seed,
+                    rows[fold_of_row == fold], sample, settings[setting], fold_of_group != fold, rounds, seed
                 )
                 for fold, (setting, rounds, _) in enumerate(choices)
             )
@@ -255,7 +250,7 @@ class ClusteredBoosting(ClusteredTrees):
         scored = [np.flatnonzero(block == number) for number in left_out]
         options: dict[str, Any] = {"start": self.start, "patience": self.patience, "scored": scored}
         inside = ~np.isin(block, left_out)
-        path = boost(sample, self._base() | setting, inside, self.n_rounds, seed, **options)
+        path = boost(sample, setting, inside, self.n_rounds, seed, **options)
         errors = np.full((self.n_rounds, sample.n_groups), np.nan)
         for groups, end in zip(scored, path.ends, strict=True):
             errors[:end, groups] = np.array(path.losses)[:end, groups]

@@ -168,7 +168,7 @@ class ClusteredForest(ClusteredTrees):
         best = int(np.argmin([mean_over_groups(error) for error in errors]))
         self.groups_ = clusters.labels
         self.counts_ = counts
-        self.best_params_ = self._base() | forests[best].setting
+        self.best_params_ = forests[best].setting
         self.oob_error_ = errors[best]
         self.values_ = forests[best].values
         # the leaf values are written into the booster, so that it alone can predict
@@ -232,11 +232,11 @@ class ClusteredForest(ClusteredTrees):
                 chosen, used = self._refit(sample, ~held[fold], seed + fold + 1)
                 best[fold] = [f.setting for f in forests].index(chosen.setting)
             prediction[inside] = chosen.predict(rows[inside], used)
-        self.fold_params_ = [self._base() | forests[choice].setting for choice in best]
+        self.fold_params_ = [forests[choice].setting for choice in best]
         return prediction
 
     def _grow(self, sample: Sample, counts: IntArray, setting: dict[str, Any], seed: int) -> _Grown:
-        trees = sample.grower.start(self._base() | setting)
+        trees = sample.grower.start(setting)
         seeds = np.random.default_rng(seed).integers(1, 2**31 - 1, len(counts))
         weights = counts[:, sample.codes] * sample.weight
         for tree_seed, weight in zip(seeds, weights, strict=True):

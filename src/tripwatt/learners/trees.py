@@ -235,15 +235,13 @@ class ClusteredTrees(RegressorMixin, BaseEstimator):
         seed = int(check_random_state(self.random_state).randint(2**31 - 2))
         return sample, clusters, rows, seed
 
-    def _base(self) -> dict[str, Any]:
-        return {name: getattr(self, name) for name in self.settings_names}
-
     def _settings(self) -> list[dict[str, Any]]:
-        """All combinations of the grid of settings; raises InvalidInput with every name that is no setting."""
-        grid, base = self.default_grid if isinstance(self.param_grid, str) else self.param_grid, self._base()
+        """The settings, in all combinations of the grid; raises InvalidInput with every name that is no setting."""
+        base = {name: getattr(self, name) for name in self.settings_names}
+        grid = self.default_grid if isinstance(self.param_grid, str) else self.param_grid or {}
         what, allowed = "unknown setting in param_grid", ", ".join(sorted(base))
-        raise_faults(Fault(what, name, allowed=allowed) for name in grid or () if name not in base)
-        return [dict(zip(grid, row, strict=True)) for row in product(*grid.values())] if grid else [{}]
+        raise_faults(Fault(what, name, allowed=allowed) for name in grid if name not in base)
+        return [base | dict(zip(grid, row, strict=True)) for row in product(*grid.values())]
 
 
 def keep_arguments(estimator: Any, arguments: Mapping[str, Any]) -> None:
