@@ -129,7 +129,9 @@ class AdditiveGP:
         InvalidInput
             If a column is missing or there are fewer than 3 groups.
         """
-        self._check(X)
+        wanted = {c for term in self.terms for c in term.columns} | ({self.share_column} - {None})
+        missing = sorted(str(c) for c in wanted if c not in X.columns)
+        raise_faults(Fault("missing column", "X", c, f"one of {sorted(X.columns)}") for c in missing)
         codes, labels = pd.factorize(np.asarray(groups))
         if len(labels) < 3:
             raise InvalidInput.of("too few groups", "groups", str(len(labels)), "at least 3")
@@ -224,11 +226,6 @@ class AdditiveGP:
         self.points_ = {i: arrays[f"points{i}"] for i in smooth}
         self.whiteners_ = {i: arrays[f"whitener{i}"] for i in smooth}
         return self
-
-    def _check(self, X: pd.DataFrame) -> None:
-        wanted = {c for term in self.terms for c in term.columns} | ({self.share_column} - {None})
-        missing = sorted(str(c) for c in wanted if c not in X.columns)
-        raise_faults(Fault("missing column", "X", c, f"one of {sorted(X.columns)}") for c in missing)
 
     def _learn_columns(self, X: pd.DataFrame) -> None:
         self.means_, self.sds_, self.ranges_ = {}, {}, {}
