@@ -12,6 +12,7 @@ from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_MINUTE
 
 if TYPE_CHECKING:
     from tripwatt.roads.journey import ChargingPlan
+    from tripwatt.roads.maps import Station
     from tripwatt.trips.plan import KnownClimb
 
 NINE_IN_TEN: Final = 0.9
@@ -110,12 +111,18 @@ def _plan_in_words(plan: ChargingPlan, title: str, leaves: dt.datetime | None = 
         )
         heated = " Heat the battery on the way there." if stop.preheat else ""
         sentences.append(
-            f"Charge at {stop.station.place.title} ({stop.station.power_w / 1000.0:.0f} kW) after {stop.position_m / 1000.0:.0f} km"
+            f"Charge at {stop.station.place.title} ({_plug_in_words(stop.station)}) after {stop.position_m / 1000.0:.0f} km"
             f"{at} for {period(stop.charging_s)}: you arrive there with {_percent(stop.soc_arrival)} % "
             f"({_percent(stop.soc_interval[0])} to {_percent(stop.soc_interval[1])} %) and leave with "
             f"{_percent(stop.soc_leave)} %.{full}{heated}"
         )
     return sentences
+
+
+def _plug_in_words(station: Station) -> str:
+    """Name the plug and the power of a station, and say if the power is assumed."""
+    power = f"{station.power_w / 1000.0:.3g} kW" + ("" if station.power_known else " assumed")
+    return f"{station.plug_title}, {power}" if station.plug_title else power
 
 
 def unknown_climb_in_words(forecast: tw.Forecast, reserve: float) -> list[str]:

@@ -1,6 +1,7 @@
 """Charging stops of a journey."""
 
 import datetime as dt
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -11,6 +12,7 @@ from benchmarks.stops import chances
 from tests.roads.journey.made import COLD, MADE, A, journey
 
 import tripwatt as tw
+from tripwatt.command.sentences import journey_in_words
 from tripwatt.forecasting.leaving import leaving_with
 from tripwatt.roads.journey import Place, RoadForecaster, planning, plans
 from tripwatt.roads.journey import corridor as corridor_module
@@ -18,7 +20,7 @@ from tripwatt.roads.journey.charging import WARM_DEGC
 from tripwatt.roads.journey.corridor import Corridor, Leg
 from tripwatt.roads.journey.solver import StopPlan
 from tripwatt.roads.journey.stops import variance_along
-from tripwatt.roads.maps import KnownHeights, Station
+from tripwatt.roads.maps import KnownHeights, Plug, Station
 
 WRONG_PLAN = {
     "soc_interval": [0.2, 0.3],
@@ -218,16 +220,24 @@ def test_a_start_that_reaches_no_station_surely_has_the_plan_that_does_best(mode
 
 
 def test_stations_without_a_plug_of_the_car_are_left_out(model):
-    chademo = replace(MADE.stations[0], plugs=("chademo",))
-    beside = replace(
-        MADE.stations[0], longitude_deg=9.41, name="Daneben", power_w=5e4, plugs=("type2_combo",)
-    )
+    chademo = Station.with_plugs(47.0, 9.4, "Halbweg", Plug("chademo", 1e5))
+    plugs = Plug("type2_combo", 5e4, power_known=False), Plug("chademo", 1e5)
+    beside = Station.with_plugs(47.0, 9.41, "Daneben", *plugs)
     found = journey(model, LOW, atlas=replace(MADE, stations=(chademo, beside)))
     assert [stop.station.name for stop in found.charging.stops] == ["Daneben"]
     assert found.charging.stops[0].if_full is None
     codes = [flag.code for flag in found.flags]
     assert "plugs_assumed" in codes
     assert "plugs_unknown" not in codes
+    assert "station_power_assumed" in codes
+    used = found.charging.to_dict()["stops"][0]["station"]
+    assert (used["plug"], used["power_w"], used["power_known"]) == ("type2_combo", 5e4, False)
+    leaf = journey(tw.for_car(model, "nissan_leaf_40"), LOW, atlas=replace(MADE, stations=(beside,)))
+    assert (leaf.charging.stops[0].station.plug, leaf.charging.stops[0].station.power_w) == ("chademo", 1e5)
+    assert "station_power_assumed" not in [flag.code for flag in leaf.flags]
+    told = [next(filter(re.compile("^Charge").match, journey_in_words(one))) for one in (found, leaf)]
+    assert "at Daneben (CCS, 50 kW assumed) after" in told[0]
+    assert "at Daneben (CHAdeMO, 100 kW) after" in told[1]
     assert journey(model, LOW, atlas=replace(MADE, stations=(chademo,))).charging is None
 
 

@@ -4,8 +4,9 @@ import pytest
 from tests.roads.maps.made import node, osm, way
 
 from tripwatt.errors import InvalidInput
-from tripwatt.roads.maps import Station
-from tripwatt.roads.maps.extract import DC_SOCKETS, Height, Named, read_objects, station_of_tags
+from tripwatt.roads.maps import Plug, Station
+from tripwatt.roads.maps.extract import Height, Named, read_objects, station_of_tags
+from tripwatt.roads.maps.stations import PLUG_KINDS
 
 
 @pytest.fixture
@@ -95,65 +96,102 @@ def test_what_is_wrong_with_an_extract_is_cut(tmp_path):
     assert len(caught.value.faults[0].got) == 120
 
 
-@pytest.mark.parametrize(
-    ("output", "power_w"),
-    [
-        ("1000 W", 1000.0),
-        ("999 W", None),
-        ("1 kW", 1000.0),
-        ("0,9 kW", None),
-        ("1500 kW", 1_500_000.0),
-        ("1501 kW", None),
-        ("1500000 W", 1_500_000.0),
-        ("22", 22_000.0),
-        ("11 kVA", 11_000.0),
-        ("50 kW;22 kW;2000 kW", 50_000.0),
-        ("x" * 194 + " 22 kW", 22_000.0),
-        ("x" * 195 + " 22 kW", 22_000.0),
-        ("x" * 198 + " 22 kW", 2_000.0),
-        ("x" * 199 + " 22 kW", None),
-    ],
-)
-def test_powers_of_a_socket(output, power_w):
-    """From 1 kW to 1.5 MW, in the first 200 characters; kilowatts where there is no unit."""
-    found = station_of_tags({"socket:type2": "1", "socket:type2:output": output}, 47.0, 9.0)
-    assert (found.power_w, found.power_known) == ((power_w or 11_000.0), power_w is not None)
-    assert not found.direct_current
+def plugs_of(tags, longitude_deg=9.0):
+    station = station_of_tags(tags, 47.0, longitude_deg)
+    return [(plug.kind, plug.power_w, plug.power_known) for plug in station.plugs]
 
 
-def test_the_strongest_of_several_powers_counts():
-    tags = {"socket:type2": "2", "socket:chademo": "1", "socket:chademo:output": "50 kW", "maxpower": "43 kW"}
-    assert station_of_tags(tags, 47.0, 9.0).power_w == 50_000.0
-    assert station_of_tags({**tags, "maxpower": "60000 W"}, 47.0, 9.0).power_w == 60_000.0
-    assert station_of_tags({"socket:type2": "no", "socket:type2:output": "22 kW"}, 47.0, 9.0).power_w == 11e3
-
-
-@pytest.mark.parametrize("socket", DC_SOCKETS)
-def test_sockets_of_direct_current(socket):
-    found = station_of_tags({f"socket:{socket}": "1"}, 47.0, 9.0)
-    assert (found.direct_current, found.power_w, found.power_known) == (True, 50_000.0, False)
-
-
-@pytest.mark.parametrize(
-    ("tags", "power_w", "direct", "known"),
-    [
-        ({}, 11_000.0, False, False),
-        ({"socket:type2_combo": "yes"}, 50_000.0, True, False),
-        ({"socket:type2_combo": "no", "socket:type2": "1"}, 11_000.0, False, False),
-        ({"socket:chademo": "1", "socket:chademo:output": "62,5 kW"}, 62_500.0, True, True),
-        ({"socket:type2_combo": "1", "socket:type2_combo:output": "50 kW;150 kW"}, 150_000.0, True, True),
-        ({"charging_station:output": "300 kW", "socket:type2_combo": "4"}, 300_000.0, True, True),
-    ],
-)
-def test_the_power_of_a_station(tags, power_w, direct, known):
+def test_each_plug_has_its_own_power():
+    tags = {f"socket:{kind}": "1" for kind in ("chademo", "type2_combo", "type2", "schuko")}
+    tags |= {"socket:chademo:output": "100 kW", "socket:type2_combo:output": "50 kW; 500 V; 125 A"}
     station = station_of_tags(tags, 47.0, 9.0)
-    assert (station.power_w, station.direct_current, station.power_known) == (power_w, direct, known)
+    assert plugs_of(tags) == [
+        ("type2_combo", 50e3, True),
+        ("chademo", 100e3, True),
+        ("type2", 11e3, False),
+        ("schuko", 2.3e3, False),
+    ]
+    assert (station.power_w, station.plug, station.direct_current) == (100e3, "chademo", True)
 
 
-@pytest.mark.parametrize("tags", [{"access": "private"}, {"access": "no"}, {"motorcar": "no"}])
+@pytest.mark.parametrize("kind", PLUG_KINDS)
+def test_no_plug_has_or_is_assumed_to_have_more_than_its_kind_gives(kind):
+    bounds = PLUG_KINDS[kind]
+    for kw in (0.5, 2.3, 3.7, 7.4, 11, 22, 43, 50, 150, 400, 1500, 2000):
+        ((name, power, known),) = plugs_of({f"socket:{kind}": "2", f"socket:{kind}:output": f"{kw} kW"})
+        inside = bounds.lowest_w <= 1e3 * kw <= bounds.highest_w
+        assert (name, power, known) == (kind, 1e3 * kw if inside else bounds.assumed_w, inside)
+        assert bounds.lowest_w <= power <= bounds.highest_w
+    station = station_of_tags({f"socket:{kind}": "1"}, 47.0, 9.0)
+    assert (station.direct_current, station.power_known) == (bounds.direct_current, False)
+
+
+@pytest.mark.parametrize(
+    ("tags", "plugs"),
+    [
+        ({}, []),
+        ({"socket:unknown": "yes"}, []),
+        ({"socket:type2_combo": "no", "socket:type2": "0", "socket:type1": "1"}, [("type1", 6.6e3, False)]),
+        ({"socket:type2:output": "22 kW"}, [("type2", 22e3, True)]),
+        ({"socket:type2": "no", "socket:type2:output": "22 kW"}, []),
+        (
+            {"socket:type2": "1", "socket:type2:voltage": "400", "socket:type2:current": "32"},
+            [("type2", 22e3, True)],
+        ),
+        ({"socket:ccs": "1", "socket:ccs:output": "1 MW"}, [("type2_combo", 1e6, True)]),
+        ({"socket:cee_blue": "2"}, [("cee_blue", 2.3e3, False)]),
+        (
+            {"socket:type2_combo": "4", "socket:type2": "1", "charging_station:output": "300 kW"},
+            [("type2_combo", 300e3, True), ("type2", 11e3, False)],
+        ),
+        (
+            {"socket:type2_combo": "1", "socket:chademo": "1", "maxpower": "24 kW"},
+            [("type2_combo", 24e3, True), ("chademo", 24e3, False)],
+        ),
+        (
+            {
+                "socket:chademo": "1",
+                "socket:chademo:output": "50 kW",
+                "socket:type2": "1",
+                "maxpower": "43 kW",
+            },
+            [("chademo", 50e3, True), ("type2", 43e3, True)],
+        ),
+    ],
+)
+def test_the_powers_of_a_station(tags, plugs):
+    assert plugs_of(tags) == plugs
+
+
+def test_a_station_of_unknown_plugs_has_its_own_power_or_an_assumed_one():
+    found = [station_of_tags(tags, 47.0, 9.0) for tags in ({}, {"maxpower": "22 kW"}, {"maxpower": "300 kW"})]
+    assert [(s.power_w, s.direct_current, s.power_known, s.plug) for s in found] == [
+        (11e3, False, False, ""),
+        (22e3, False, True, ""),
+        (300e3, True, True, ""),
+    ]
+
+
+def test_ccs_is_the_plug_of_the_region():
+    assert [plugs_of({"socket:ccs": "1"}, at)[0][0] for at in (9.0, -71.0)] == ["type2_combo", "type1_combo"]
+
+
+@pytest.mark.parametrize(
+    "tags",
+    [
+        {"access": "private"},
+        {"access": "no"},
+        {"motorcar": "no"},
+        {"disused": "yes"},
+        {"bicycle": "yes", "socket:schuko": "4"},
+    ],
+)
 def test_stations_that_no_car_of_the_public_may_use_are_left_out(tags):
     assert station_of_tags(tags, 47.0, 9.0) is None
     assert station_of_tags({"access": "customers", "motorcar": "yes"}, 47.0, 9.0) is not None
+    assert (
+        station_of_tags({"bicycle": "yes", "socket:schuko": "4", "socket:type2": "1"}, 47.0, 9.0) is not None
+    )
 
 
 def test_a_station_is_named_by_its_operator_where_it_has_no_name():
@@ -180,7 +218,7 @@ def test_places_streets_houses_and_stations_of_an_extract(objects_of):
     assert objects_of(*objects) == [
         Named("town", "Westend", 47.0, 9.0),
         Named("house", "7", 47.01, 9.01, "Ring", "Altdorf"),
-        Station(47.02, 9.02, "Strom AG", 150_000.0, direct_current=True, plugs=("type2_combo",)),
+        Station.with_plugs(47.02, 9.02, "Strom AG", Plug("type2_combo", 150_000.0)),
         Named("poi", "Café Blau", 47.02, 9.03),
         Named("street", "Ring", 47.02, 9.0),
     ]

@@ -10,7 +10,7 @@ import pytest
 from tests.support.router_server import OBJECTS, SETTLEMENTS
 
 from tripwatt.errors import InvalidInput
-from tripwatt.roads.maps import PlaceIndex, Station
+from tripwatt.roads.maps import PlaceIndex, Plug, Station
 from tripwatt.roads.maps.extract import Height, Named
 from tripwatt.roads.maps.index import write_index
 from tripwatt.roads.maps.near_words import mistakes, near_words
@@ -338,7 +338,7 @@ def test_bus_stops_with_the_height_of_their_municipality_do_not_count(tmp_path):
 
 
 def test_an_index_without_plugs_is_a_fault_with_a_fix(tmp_path):
-    station = Station(47.0, 9.0, "A", 5e4, direct_current=True, plugs=("type2", "type2_combo"))
+    station = Station.with_plugs(47.0, 9.0, "A", Plug("type2", 11e3, power_known=False), Plug("chademo", 5e4))
     made = written(tmp_path, [station])
     assert made.stations() == (station,)
     with closing(sqlite3.connect(made.path)) as database, database:

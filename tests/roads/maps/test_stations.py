@@ -1,12 +1,13 @@
 """Charging stations: of a file, near a line, inside of bounds."""
 
 import os
-from dataclasses import replace
 
 import pytest
 
 from tripwatt.errors import InvalidInput
-from tripwatt.roads.maps import Station, near, read_stations, stations, within
+from tripwatt.roads.journey.charging import AMERICAN, EUROPEAN
+from tripwatt.roads.maps import Plug, Station, near, read_stations, stations, within
+from tripwatt.roads.maps.stations import HOUSEHOLD, PLUG_KINDS
 from tripwatt.routes.places import Place
 
 DEGREE_M = 111_195.0797343687
@@ -127,11 +128,32 @@ def test_every_fault_of_a_file_of_stations_is_named(tmp_path, text, message):
     assert message in str(caught.value)
 
 
-def test_a_station_is_used_with_the_plugs_that_fit():
-    rapid = Station(47.0, 9.0, "", 50e3, direct_current=True, plugs=("chademo", "type2"))
-    assert rapid.usable_with({"chademo", "type2"}) == rapid
-    assert rapid.usable_with({"type2_combo", "type2"}) == replace(rapid, direct_current=False)
-    assert rapid.usable_with({"type1", "type1_combo"}) is None
-    assert rapid.usable_with(frozenset()) is rapid
-    unknown = replace(rapid, plugs=())
+def test_a_car_has_the_power_of_its_own_plug():
+    plugs = (Plug("type2_combo", 50e3), Plug("chademo", 100e3), Plug("type2", 22e3, power_known=False))
+    station = Station.with_plugs(47.0, 9.0, "", *plugs)
+    used = {car: station.usable_with({car}) for car in ("type2_combo", "chademo", "type2", "type1")}
+    assert used.pop("type1") is None
+    assert [(s.power_w, s.plug, s.direct_current, s.power_known) for s in used.values()] == [
+        (50e3, "type2_combo", True, True),
+        (100e3, "chademo", True, True),
+        (22e3, "type2", False, False),
+    ]
+    assert all(s.plugs == plugs for s in used.values())
+    assert station.usable_with(frozenset()) == station
+    unknown = Station(47.0, 9.0, "", 5e4)
     assert unknown.usable_with({"type1"}) is unknown
+
+
+def test_a_car_uses_the_plug_with_which_it_charges_fastest():
+    """A car that takes 43 kW with alternating current and 20 kW with direct current, or 7 kW and 100 kW."""
+    station = Station.with_plugs(47.0, 9.0, "", Plug("type2_combo", 50e3), Plug("type2", 43e3))
+    both = {"type2", "type2_combo"}
+    assert [station.usable_with(both, most).plug for most in ((43e3, 20e3), (7e3, 100e3))] == [
+        "type2",
+        "type2_combo",
+    ]
+
+
+def test_every_plug_of_a_car_has_a_kind():
+    assert {*PLUG_KINDS} >= EUROPEAN | AMERICAN
+    assert {*PLUG_KINDS} >= HOUSEHOLD

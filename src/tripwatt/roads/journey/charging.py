@@ -28,7 +28,7 @@ EFFICIENCY: Final = 0.92
 OVERHEAD_S: Final = 300.0
 """Time for parking, plugging in and paying at a stop [s]. A choice."""
 
-EUROPEAN: Final = frozenset({"type2", "type2_cable", "schuko", "tesla_destination", "type2_combo"})
+EUROPEAN: Final = frozenset({"type2", "type2_cable", "schuko", "typee", "tesla_destination", "type2_combo"})
 AMERICAN: Final = frozenset({"type1", "tesla_destination", "type1_combo"})
 """Plugs of cars that are sold in Europe and in North America, by their names on OpenStreetMap."""
 _REGIONS: Final = ((34.0, -50.0, 84.0, 45.0, EUROPEAN), (7.0, -170.0, 84.0, -50.0, AMERICAN))
@@ -131,6 +131,11 @@ class ChargingCurve:
         """
         return cls(_CLASS_SOC, tuple(rate * display_wh for rate in _CLASS_RATE_1_H), is_class=True)
 
+    @property
+    def most_w(self) -> tuple[float, float]:
+        """Highest power with alternating and with direct current [W]."""
+        return self.alternating_w, max(self.power_w)
+
     def power_at(self, soc: FloatArray, station: Station, cell_degc: float = WARM_DEGC) -> FloatArray:
         """Compute the power into the battery.
 
@@ -148,9 +153,11 @@ class ChargingCurve:
         ndarray
             Power [W] after the losses of charging, shape of `soc`.
         """
-        if not station.direct_current:
-            return np.full_like(soc, EFFICIENCY * min(station.power_w, self.alternating_w))
-        accepted_w = cold_factor(cell_degc) * np.interp(soc, self.soc, self.power_w)
+        accepted_w = np.interp(soc, self.soc, self.power_w)
+        if station.direct_current:
+            accepted_w = cold_factor(cell_degc) * accepted_w
+        else:  # an almost full battery takes less than the on-board charger gives
+            accepted_w = np.minimum(accepted_w, self.alternating_w)
         return np.asarray(EFFICIENCY * np.minimum(accepted_w, station.power_w))
 
     def seconds(

@@ -124,7 +124,7 @@ class Corridor:
             position = np.append(np.arange(start, end, _POINT_EVERY_M), end)
             points = [self.road.place_at(float(at)) for at in position]
             for index, point in near(stations, points, _DETOUR_M):
-                usable = stations[index].usable_with(self.rules.plugs)
+                usable = stations[index].usable_with(self.rules.plugs, self.rules.curve.most_w)
                 # within 2 km of the start, a choice, one charges before leaving
                 if usable is not None and position[point] >= 2000.0:
                     pairs.append((float(position[point]), usable))

@@ -524,6 +524,8 @@ def _add_stops(
     plugs_known = {bool(plugs and stop.station.plugs) for stop in plans[0].stops}
     codes = {True: "plugs_assumed", False: "plugs_unknown"}
     flags += [Flag(code, "charging") for is_known, code in codes.items() if is_known in plugs_known]
+    if not all(stop.station.power_known for stop in plans[0].stops):
+        flags.append(Flag("station_power_assumed", "charging"))
     if float(corridor.cell_degc.min()) < WARM_DEGC and any(s.station.direct_current for s in plans[0].stops):
         flags.append(Flag("cold_charging_assumed", "charging"))
     journey = replace(journey, corridor=corridor, flags=tuple(flags))

@@ -4,7 +4,7 @@ from tripwatt.roads.maps.elevation import Elevation
 from tripwatt.roads.maps.folder import ATTRIBUTION, MapFolder, build_map, open_map
 from tripwatt.roads.maps.heights import KnownHeights
 from tripwatt.roads.maps.index import PlaceIndex
-from tripwatt.roads.maps.stations import Station, near, read_stations, within
+from tripwatt.roads.maps.stations import Plug, Station, near, read_stations, within
 
 __all__ = [
     "ATTRIBUTION",
@@ -12,6 +12,7 @@ __all__ = [
     "KnownHeights",
     "MapFolder",
     "PlaceIndex",
+    "Plug",
     "Station",
     "build_map",
     "near",

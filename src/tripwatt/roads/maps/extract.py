@@ -2,14 +2,26 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Final
 
 from tripwatt.errors import InvalidInput
-from tripwatt.roads.maps.stations import ASSUMED_POWER_W, DC_SOCKETS, Station
+from tripwatt.roads.maps.powers import power_w
+from tripwatt.roads.maps.stations import (
+    DIRECT_FROM_W,
+    HOUSEHOLD,
+    PLUG_KINDS,
+    UNKNOWN_W,
+    UNLISTED,
+    Plug,
+    PlugKind,
+    Station,
+)
 from tripwatt.routes.places import SETTLEMENTS
 from tripwatt.routes.web import EXTRA
 
@@ -19,7 +31,17 @@ POINTS_OF_INTEREST: Final = ("amenity", "tourism", "leisure", "shop", "railway",
 KINDS: Final = (*SETTLEMENTS, "street", "poi", "house")
 """Kinds of places, the most important first."""
 
-AC_SOCKETS: Final = ("type2", "type2_cable", "type1", "schuko", "tesla_destination", "type3c")
+SOCKET: Final = re.compile(r"socket:([a-z0-9_]+)(?::output)?")
+ABSENT: Final = frozenset({"", "no", "none", "0"})
+"""Values of the key of a socket that a station does not have."""
+
+OTHER_SOCKETS: Final[Mapping[str, str]] = MappingProxyType(
+    {"type2_combo_cable": "type2_combo", "type1_combo_cable": "type1_combo", "chademo_cable": "chademo"}
+)
+"""Other names of sockets; `ccs` is the plug of the region."""
+WEST_OF_CCS_2_DEG: Final = -30.0
+"""Longitude between America, where CCS has the plug of Type 1, and Europe."""
+
 OTHER_NAMES: Final = re.compile(
     r"name:[a-z]{2,3}(?:[-_]\w+)?|(?:alt|old|short|official|loc|int|nat|reg)_name(?::[a-z]{2,3})?|name_\d"
 )
@@ -31,7 +53,6 @@ ROADSIDE: Final = ("place", "highway", "railway", "amenity", "information")
 HEIGHT: Final = re.compile(r"(-?\d{1,4}(?:\.\d+)?)\s*m?")
 MAX_NAMES: Final = 200
 LONGEST_NAME: Final = 200
-POWER: Final = re.compile(r"(\d+(?:[.,]\d+)?)\s*(kva|kw|w)?\b", re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,7 +167,7 @@ def _centre(element: Any) -> tuple[float, float] | None:
 
 
 def station_of_tags(tags: Mapping[str, str], latitude_deg: float, longitude_deg: float) -> Station | None:
-    """Make a charging station from its tags; returns None if it is not a public station for cars.
+    """Make a charging station from its tags; returns None if it is not a public station for cars, or out of use.
 
     Examples
     --------
@@ -157,23 +178,56 @@ def station_of_tags(tags: Mapping[str, str], latitude_deg: float, longitude_deg:
     """
     if tags.get("access") in ("private", "no") or tags.get("motorcar") == "no":
         return None
-    sockets = [plug for plug in (*DC_SOCKETS, *AC_SOCKETS) if tags.get(f"socket:{plug}", "no") != "no"]
-    direct = any(plug in DC_SOCKETS for plug in sockets)
-    outputs = [_power_w(tags.get(f"socket:{plug}:output", "")) for plug in sockets]
-    outputs += [_power_w(tags.get(key, "")) for key in ("charging_station:output", "maxpower")]
-    power = max(outputs)
-    name = next((tags[key] for key in ("name", "operator", "brand", "network") if tags.get(key)), "")
-    assumed = power or ASSUMED_POWER_W[direct]
-    return Station(latitude_deg, longitude_deg, name[:200], assumed, direct, bool(power), tuple(sockets))
+    if "yes" in (tags.get("disused"), tags.get("abandoned")):
+        return None
+    name = next((tags[key] for key in ("name", "operator", "brand", "network") if tags.get(key)), "")[:200]
+    plugs = _plugs(tags, "type1_combo" if longitude_deg < WEST_OF_CCS_2_DEG else "type2_combo")
+    if plugs:
+        is_for_bicycles = tags.get("bicycle") in ("yes", "designated") and "motorcar" not in tags
+        if is_for_bicycles and {plug.kind for plug in plugs} <= HOUSEHOLD:
+            return None
+        return Station.with_plugs(latitude_deg, longitude_deg, name, *plugs)
+    known_w = _whole_w(tags)
+    is_direct = known_w >= DIRECT_FROM_W
+    return Station(latitude_deg, longitude_deg, name, known_w or UNKNOWN_W, is_direct, known_w > 0.0)
 
 
-def _power_w(text: str) -> float:
-    """Return the highest power in a text such as "50 kW;22 kW" [W], or 0 if there is none."""
-    powers = [
-        float(number.replace(",", ".")) * (1.0 if unit.lower() == "w" else 1000.0)
-        for number, unit in POWER.findall(text[:200])
-    ]
-    return max((power for power in powers if 1000.0 <= power <= 1_500_000.0), default=0.0)
+def _plugs(tags: Mapping[str, str], ccs: str) -> tuple[Plug, ...]:
+    """Return the plugs of a station, the strongest kinds first, with their own powers.
+
+    The power of the whole station is that of the first plug without an own power that can give it; no plug is assumed to have more.
+    """
+    sockets: dict[str, set[str]] = {}
+    for key in tags:
+        match = SOCKET.fullmatch(key)
+        if match and match[1] != "unknown" and tags.get(f"socket:{match[1]}", "yes") not in ABSENT:
+            kind = ccs if match[1] == "ccs" else OTHER_SOCKETS.get(match[1], match[1])
+            sockets.setdefault(kind, set()).add(match[1])
+    order, whole_w, plugs = [*PLUG_KINDS], _whole_w(tags), list[Plug]()
+    for name in sorted(sockets, key=lambda kind: order.index(kind) if kind in PLUG_KINDS else len(order)):
+        kind_of_plug = PLUG_KINDS.get(name, UNLISTED)
+        own_w = max(_output_w(tags, socket, kind_of_plug) for socket in sockets[name])
+        if not own_w and kind_of_plug.lowest_w <= whole_w <= kind_of_plug.highest_w:
+            own_w = whole_w * all(plug.power_w != whole_w for plug in plugs)
+        assumed_w = min(kind_of_plug.assumed_w, whole_w or math.inf)
+        plugs.append(Plug(name, own_w or assumed_w, own_w > 0.0))
+    return tuple(plugs)
+
+
+def _output_w(tags: Mapping[str, str], socket: str, kind: PlugKind) -> float:
+    """Return the power of a socket by its tags [W], or 0 if they do not tell it."""
+    key = f"socket:{socket}"
+    electric = f"{tags.get(f'{key}:voltage', '')} V; {tags.get(f'{key}:current', '')} A"
+    known = (
+        power_w(text, kind.lowest_w, kind.highest_w, alternating=not kind.direct_current)
+        for text in (tags.get(f"{key}:output", ""), electric)
+    )
+    return next(filter(None, known), 0.0)
+
+
+def _whole_w(tags: Mapping[str, str]) -> float:
+    """Return the power of a whole station by its tags [W], or 0."""
+    return max(power_w(tags.get(key, "")) for key in ("charging_station:output", "maxpower"))
 
 
 def _osmium() -> Any:

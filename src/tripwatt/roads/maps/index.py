@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 import sqlite3
 import sys
 from collections import defaultdict
@@ -20,7 +21,7 @@ from tripwatt.roads.maps.extract import KINDS, Height, Named
 from tripwatt.roads.maps.heights import KnownHeights
 from tripwatt.roads.maps.near_words import SCHEMA as WORDS_SCHEMA
 from tripwatt.roads.maps.near_words import near_words, write_words
-from tripwatt.roads.maps.stations import Station
+from tripwatt.roads.maps.stations import Plug, Station
 from tripwatt.routes.places import SPELLINGS, TWIN_M, Place, plain_words, without_twins
 
 FAR_FROM_SETTLEMENT_DEG: Final = 0.3
@@ -62,7 +63,7 @@ CREATE TEMP TABLE read (kind INTEGER, name TEXT, context TEXT, latitude REAL, lo
 CREATE TEMP TABLE merged AS SELECT * FROM read;
 CREATE TABLE heights (latitude REAL, longitude REAL, height REAL, at_stop INTEGER);
 CREATE INDEX heights_by_height ON heights (height, latitude);
-CREATE TABLE stations (latitude REAL, longitude REAL, name TEXT, power REAL, direct INTEGER, known INTEGER, plugs TEXT);
+CREATE TABLE stations (latitude REAL, longitude REAL, name TEXT, power REAL, direct INTEGER, known INTEGER, plug TEXT, plugs TEXT);
 CREATE TABLE places (
     id INTEGER PRIMARY KEY, kind INTEGER, name TEXT, context TEXT, latitude REAL, longitude REAL, also TEXT);
 CREATE VIRTUAL TABLE names USING fts5(name, also, context, content='', prefix='1 2 3', tokenize="unicode61");
@@ -95,8 +96,8 @@ def write_index(
         rest = iter(objects)
         while batch := list(itertools.islice(rest, 20_000)):
             found = [item for item in batch if isinstance(item, Station)]
-            stations = [(*astuple(station)[:-1], " ".join(station.plugs)) for station in found]
-            database.executemany("INSERT INTO stations VALUES (?, ?, ?, ?, ?, ?, ?)", stations)
+            stations = [(*fields, json.dumps(plugs)) for *fields, plugs in map(astuple, found)]
+            database.executemany("INSERT INTO stations VALUES (?, ?, ?, ?, ?, ?, ?, ?)", stations)
             heights = [astuple(item) for item in batch if isinstance(item, Height)]
             database.executemany("INSERT INTO heights VALUES (?, ?, ?, ?)", heights)
             named = [item for item in batch if isinstance(item, Named)]
@@ -383,8 +384,17 @@ class PlaceIndex:
         with self._damage_is_a_fault():
             rows = self.database.execute("SELECT * FROM stations").fetchall()
             return tuple(
-                Station(lat, lon, name, w, bool(dc), bool(known), tuple(plugs.split()))
-                for lat, lon, name, w, dc, known, plugs in rows
+                Station(
+                    lat,
+                    lon,
+                    name,
+                    w,
+                    bool(dc),
+                    bool(known),
+                    plug,
+                    tuple(itertools.starmap(Plug, json.loads(plugs))),
+                )
+                for lat, lon, name, w, dc, known, plug, plugs in rows
             )
 
 

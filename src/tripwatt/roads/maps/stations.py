@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import itertools
+import math
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,29 +20,99 @@ from tripwatt.files import read_text_file
 from tripwatt.routes.places import Place
 from tripwatt.routes.points import EARTH_RADIUS_M
 
-DC_SOCKETS: Final = (
-    "type2_combo",
-    "chademo",
-    "tesla_supercharger",
-    "tesla_supercharger_ccs",
-    "type1_combo",
-    "nacs",
-)
-"""Names of sockets with direct current on OpenStreetMap."""
 
-ASSUMED_POWER_W: Final[Mapping[bool, float]] = MappingProxyType({True: 50_000.0, False: 11_000.0})
-"""Assumed power of a station with direct current (True) or without, if it is not known: that of the first generation of rapid chargers,
-and of a three-phase socket of 16 A."""
+@dataclass(frozen=True, slots=True)
+class PlugKind:
+    """What one kind of plug gives.
+
+    Attributes
+    ----------
+    title : str
+        Name for a driver.
+    direct_current : bool
+    assumed_w : float
+        Power that is assumed if the power of a plug is not known [W]: that of the first stations with the kind.
+    lowest_w, highest_w : float
+        Bounds of the power that the kind can give [W]. A power outside of them is taken to be a slip.
+    """
+
+    title: str
+    direct_current: bool
+    assumed_w: float
+    lowest_w: float
+    highest_w: float
+
+    @classmethod
+    def direct(cls, title: str, highest_w: float = 1_500_000.0) -> PlugKind:
+        """Make a kind with direct current; the first rapid chargers gave 50 kW."""
+        return cls(title, True, 50_000.0, 5_000.0, highest_w)
+
+    @classmethod
+    def alternating(cls, title: str, assumed_w: float, highest_w: float) -> PlugKind:
+        """Make a kind with alternating current."""
+        return cls(title, False, assumed_w, 1_000.0, highest_w)
+
+
+PLUG_KINDS: Final[Mapping[str, PlugKind]] = MappingProxyType(
+    {
+        "type2_combo": PlugKind.direct("CCS"),
+        "tesla_supercharger_ccs": PlugKind.direct("CCS"),
+        "tesla_supercharger": PlugKind.direct("Supercharger"),
+        "nacs": PlugKind.direct("NACS"),
+        "type1_combo": PlugKind.direct("CCS 1"),
+        "chademo": PlugKind.direct("CHAdeMO", 400_000.0),
+        "type2_cable": PlugKind.alternating("Type 2", 11_000.0, 44_000.0),
+        "type2": PlugKind.alternating("Type 2", 11_000.0, 44_000.0),
+        "tesla_destination": PlugKind.alternating("Tesla", 11_000.0, 22_000.0),
+        "type3c": PlugKind.alternating("Type 3", 11_000.0, 44_000.0),
+        "type1": PlugKind.alternating("Type 1", 6_600.0, 19_200.0),
+        "schuko": PlugKind.alternating("Schuko", 2_300.0, 3_700.0),
+        "typee": PlugKind.alternating("Type E", 2_300.0, 3_700.0),
+    }
+)
+"""Names of plugs on OpenStreetMap, the strongest first. Assumed are choices: three phases with 16 A, 30 A at 220 V, and 10 A at 230 V."""
+
+HOUSEHOLD: Final = frozenset({"schuko", "typee"})
+"""Sockets of a house, which bicycles use, too."""
+
+UNLISTED: Final = PlugKind.alternating("", 2_300.0, 44_000.0)
+"""Any other plug."""
+
+UNKNOWN_W: Final = 11_000.0
+"""Assumed power of a station whose plugs and power are not known: that of three phases with 16 A."""
 
 BOUNDS: Final = {"latitude_deg": (-90.0, 90.0), "longitude_deg": (-180.0, 180.0), "power_kw": (1.0, 1500.0)}
 """Columns that a file of stations needs, with their bounds; `name` is optional."""
 
 DIRECT_FROM_W: Final = 43_001.0
-"""A station of a file with this power or more is taken to have direct current, since alternating current ends at 43 kW."""
+"""A station of unknown plugs with this power or more is taken to have direct current, since alternating current ends at 43 kW."""
 
 MAX_STATIONS: Final = 1_000_000
 MAX_STATIONS_BYTES: Final = 1 << 27
 """Largest number of stations in a file, and largest size of the file [bytes]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Plug:
+    """One kind of plug of a charging station.
+
+    Attributes
+    ----------
+    kind : str
+        Its name on OpenStreetMap, such as "type2_combo".
+    power_w : float
+    power_known : bool
+        Whether the source gives the power of the plug; else the power is assumed.
+    """
+
+    kind: str
+    power_w: float
+    power_known: bool = True
+
+    @property
+    def direct_current(self) -> bool:
+        """Whether the plug has direct current."""
+        return PLUG_KINDS.get(self.kind, UNLISTED).direct_current
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,12 +124,14 @@ class Station:
     latitude_deg, longitude_deg : float
     name : str
     power_w : float
-        Power of the strongest socket.
+        Power of `plug`; of a station that is not yet used by a car, of its strongest plug.
     direct_current : bool
     power_known : bool
         Whether the source gives the power; else the power is assumed.
-    plugs : tuple of str
-        Names of the sockets on OpenStreetMap; empty if they are not known.
+    plug : str
+        Name on OpenStreetMap of the plug that the car uses; empty if it is not known.
+    plugs : tuple of Plug
+        All plugs of the station; empty if they are not known.
     """
 
     latitude_deg: float
@@ -67,7 +140,20 @@ class Station:
     power_w: float
     direct_current: bool = False
     power_known: bool = True
-    plugs: tuple[str, ...] = ()
+    plug: str = ""
+    plugs: tuple[Plug, ...] = ()
+
+    @classmethod
+    def with_plugs(cls, latitude_deg: float, longitude_deg: float, name: str, *plugs: Plug) -> Station:
+        """Make a station with known plugs, at least one; its power is that of the strongest.
+
+        Examples
+        --------
+        >>> Station.with_plugs(47.0, 9.0, "", Plug("type2", 22e3), Plug("chademo", 5e4)).plug
+        'chademo'
+        """
+        station = cls(latitude_deg, longitude_deg, name, 0.0, plugs=plugs)
+        return station._used_by(max(plugs, key=lambda plug: plug.power_w))
 
     @property
     def place(self) -> Place:
@@ -75,20 +161,52 @@ class Station:
         name = self.name or "charging station"
         return Place(self.latitude_deg, self.longitude_deg, name, "charging_station")
 
-    def usable_with(self, plugs: Set[str]) -> Station | None:
-        """Return the station as a car with these plugs can use it, or None if no plug fits; unknown plugs of either are taken to fit.
+    @property
+    def plug_title(self) -> str:
+        """Name of the plug for a driver; empty if it is not known."""
+        return PLUG_KINDS.get(self.plug, UNLISTED).title
+
+    def usable_with(
+        self, plugs: Set[str], most_w: tuple[float, float] = (math.inf, math.inf)
+    ) -> Station | None:
+        """Return the station as a car can use it, or None if no plug fits; unknown plugs of either are taken to fit.
+
+        Parameters
+        ----------
+        plugs : set of str
+            Names of the plugs of the car.
+        most_w : tuple of float
+            Highest power that the car takes with alternating and with direct current [W].
+
+        Returns
+        -------
+        Station or None
+            The station with the power of the plug with which this car charges fastest.
 
         Examples
         --------
-        >>> station = Station(47.0, 9.0, "", 5e4, direct_current=True, plugs=("chademo", "type2"))
-        >>> station.usable_with({"type2_combo", "type2"}).direct_current, station.usable_with({"type1"})
-        (False, None)
+        >>> station = Station.with_plugs(47.0, 9.0, "", Plug("chademo", 1e5), Plug("type2_combo", 5e4), Plug("type2", 22e3))
+        >>> [station.usable_with({plug, "type2"}).power_w for plug in ("chademo", "type2_combo", "nacs")]
+        [100000.0, 50000.0, 22000.0]
+        >>> station.usable_with({"type1"}) is None
+        True
         """
-        fitting = plugs & {*self.plugs}
-        if not plugs or not self.plugs:
+        if not self.plugs:
             return self
-        direct = self.direct_current and not fitting.isdisjoint(DC_SOCKETS)
-        return replace(self, direct_current=direct) if fitting else None
+        fitting = [plug for plug in self.plugs if not plugs or plug.kind in plugs]
+        if not fitting:
+            return None
+        best = max(fitting, key=lambda plug: min(plug.power_w, most_w[plug.direct_current]))
+        return self._used_by(best)
+
+    def _used_by(self, plug: Plug) -> Station:
+        return replace(
+            self,
+            power_w=plug.power_w,
+            direct_current=plug.direct_current,
+            power_known=plug.power_known,
+            plug=plug.kind,
+        )
 
 
 def read_stations(path: Path | str) -> tuple[Station, ...]:
