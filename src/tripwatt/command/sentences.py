@@ -12,7 +12,6 @@ from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_MINUTE
 
 if TYPE_CHECKING:
     from tripwatt.roads.journey import ChargingPlan
-    from tripwatt.roads.maps import Station
     from tripwatt.trips.plan import KnownClimb
 
 NINE_IN_TEN: Final = 0.9
@@ -103,26 +102,7 @@ def _plan_in_words(plan: ChargingPlan, title: str, leaves: dt.datetime | None = 
         f"({_percent(low)} to {_percent(high)} %); the probability to have {_percent(plan.reserve)} % at every stop and at the "
         f"end is {chance(plan.p_reserve)}."
     ]
-    for stop in plan.stops:
-        at = f", at {leaves + dt.timedelta(seconds=stop.arrives_after_s):%H:%M}," if leaves else ""
-        other = stop.if_full
-        full = (
-            f" If it is occupied: {other.station.place.title}, {period(other.more_s)} more." if other else ""
-        )
-        heated = " Heat the battery on the way there." if stop.preheat else ""
-        sentences.append(
-            f"Charge at {stop.station.place.title} ({_plug_in_words(stop.station)}) after {stop.position_m / 1000.0:.0f} km"
-            f"{at} for {period(stop.charging_s)}: you arrive there with {_percent(stop.soc_arrival)} % "
-            f"({_percent(stop.soc_interval[0])} to {_percent(stop.soc_interval[1])} %) and leave with "
-            f"{_percent(stop.soc_leave)} %.{full}{heated}"
-        )
-    return sentences
-
-
-def _plug_in_words(station: Station) -> str:
-    """Name the plug and the power of a station, and say if the power is assumed."""
-    power = f"{station.power_w / 1000.0:.3g} kW" + ("" if station.power_known else " assumed")
-    return f"{station.plug_title}, {power}" if station.plug_title else power
+    return sentences + [stop.in_words(leaves) for stop in plan.stops]
 
 
 def unknown_climb_in_words(forecast: tw.Forecast, reserve: float) -> list[str]:

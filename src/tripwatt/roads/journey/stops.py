@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Final
@@ -16,6 +17,7 @@ from tripwatt.roads.journey.solver import joint_chance
 from tripwatt.roads.maps import Station
 from tripwatt.roads.routers import Road
 from tripwatt.trips import Departure
+from tripwatt.trips.showing import period
 
 _BAND: Final = 0.9
 ENERGY_BAND: Final = ("energy_low_wh", "energy_high_wh")
@@ -121,6 +123,30 @@ class ChargingStop:
             One key for each attribute; the station as a dict.
         """
         return {**asdict(self), "soc_interval": list(self.soc_interval)}
+
+    def in_words(self, leaves: dt.datetime | None = None) -> str:
+        """Describe the stop for a driver; with the time of departure, by clock.
+
+        Examples
+        --------
+        >>> station = Station(47.0, 9.0, "A", 5e4, direct_current=True, plug="type2_combo")
+        >>> stop = ChargingStop(station, 5e4, 0.2, 0.8, (0.15, 0.25), 2.4e4, 1800.0, 300.0, 3600.0, 0.99)
+        >>> stop.in_words(dt.datetime(2026, 1, 5, 7, 30))
+        'Charge at A (CCS, 50 kW) after 50 km, at 08:30, for 30 min: you arrive there with 20 % (15 to 25 %) and leave with 80 %.'
+        """
+        at = f", at {leaves + dt.timedelta(seconds=self.arrives_after_s):%H:%M}," if leaves else ""
+        arrival, leave, low, high = (
+            round(100.0 * soc) for soc in (self.soc_arrival, self.soc_leave, *self.soc_interval)
+        )
+        text = (
+            f"Charge at {self.station.place.title} ({self.station.power_in_words}) after {self.position_m / 1000.0:.0f} km{at} "
+            f"for {period(self.charging_s)}: you arrive there with {arrival} % ({low} to {high} %) and leave with {leave} %."
+        )
+        if self.if_full is not None:
+            text += (
+                f" If it is occupied: {self.if_full.station.place.title}, {period(self.if_full.more_s)} more."
+            )
+        return f"{text} Heat the battery on the way there." if self.preheat else text
 
 
 @dataclass(frozen=True, eq=False, slots=True)

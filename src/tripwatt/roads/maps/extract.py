@@ -216,11 +216,12 @@ def _plugs(tags: Mapping[str, str], ccs: str) -> tuple[Plug, ...]:
 
 def _output_w(tags: Mapping[str, str], socket: str, kind: PlugKind) -> float:
     """Return the power of a socket by its tags [W], or 0 if they do not tell it."""
-    key = f"socket:{socket}"
-    electric = f"{tags.get(f'{key}:voltage', '')} V; {tags.get(f'{key}:current', '')} A"
+    output, volts, amperes = (
+        tags.get(f"socket:{socket}:{key}", "") for key in ("output", "voltage", "current")
+    )
     known = (
         power_w(text, kind.lowest_w, kind.highest_w, alternating=not kind.direct_current)
-        for text in (tags.get(f"{key}:output", ""), electric)
+        for text in (output, f"{volts} V; {amperes} A")
     )
     return next(filter(None, known), 0.0)
 

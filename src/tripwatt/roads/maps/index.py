@@ -385,14 +385,7 @@ class PlaceIndex:
             rows = self.database.execute("SELECT * FROM stations").fetchall()
             return tuple(
                 Station(
-                    lat,
-                    lon,
-                    name,
-                    w,
-                    bool(dc),
-                    bool(known),
-                    plug,
-                    tuple(itertools.starmap(Plug, json.loads(plugs))),
+                    lat, lon, name, w, bool(dc), bool(known), plug, tuple(Plug(*p) for p in json.loads(plugs))
                 )
                 for lat, lon, name, w, dc, known, plug, plugs in rows
             )

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence, Set
 from types import MappingProxyType
-from typing import Final
+from typing import Final, NamedTuple
 
 LOWEST_W: Final = 2_200.0
 """Least power of a text without a plug, and of a number without a unit that is read in watts: a choice between a year such as 2024 and
@@ -17,27 +16,26 @@ MOST_WITHOUT_UNIT_KW: Final = 400.0
 """Largest number without a unit that is read in kW: a choice, since 500 or 800 may be volts."""
 
 _UNITS: Final[Mapping[str, float]] = MappingProxyType(
-    {
-        **dict.fromkeys(("w", "va", "watt", "watts"), 1.0),
-        **dict.fromkeys(("kw", "kva", "kwh", "kilowatt", "kilowatts"), 1e3),
-        **dict.fromkeys(("mw", "mva", "megawatt", "megawatts"), 1e6),
-    }
+    dict.fromkeys(["w", "va", "watt", "watts"], 1.0)
+    | dict.fromkeys(["kw", "kva", "kwh", "kilowatt", "kilowatts"], 1e3)
+    | dict.fromkeys(["mw", "mva", "megawatt", "megawatts"], 1e6)
 )
 """Power of a unit [W]. On a station, kWh is a slip for kW, and mW one for MW."""
-_VOLTS: Final = frozenset({"v", "volt", "volts", "vac"})
-_AMPERES: Final = frozenset({"a", "amp", "amps", "ampere", "amperes"})
+_VOLTS: Final = frozenset(["v", "volt", "volts", "vac"])
+_AMPERES: Final = frozenset(["a", "amp", "amps", "ampere", "amperes"])
 _NEUTRAL: Final = frozenset(
-    {"", "ac", "dc", "max", "up", "to", "bis", "or", "and", "und", "oder", "ca", "per", "each"}
+    ["ac", "dc", "max", "up", "to", "bis", "or", "and", "und", "oder", "ca", "per", "each"]
 )
 """Words beside a number that do not change what it means."""
-_AMPERES_ALONE: Final = (13.0, 16.0, 32.0)
+_AMPERES_ALONE: Final = frozenset({13.0, 16.0, 32.0})
 """Numbers without a unit that are the current of a socket with alternating current, and no power of one [A]."""
-_SINGLE_PHASE_V: Final = (200.0, 250.0)
-_THREE_PHASE_V: Final = (380.0, 420.0)
+_PHASES: Final = ((200.0, 250.0, 1.0), (380.0, 420.0, math.sqrt(3.0)))
+"""Bounds of voltages [V], and power over voltage and current, with one phase and with three."""
 _MAX_AMPERES: Final = 64.0
 
 _NO_NUMBERS: Final = re.compile(r"\b24\s*/\s*7\b|\d+:\d+|(?<![\d.,])\d+\s*[x×*](?![a-z])|[x×*]\s*\d+\b")
 """Hours, and the number of sockets."""
+_SPACE: Final = r"[ \u00a0\u2009\u202f]"
 _TOKEN: Final = re.compile(
     r"(?<![\w.,])(?:[ad]c)?(\d{1,3}(?:[.,'’ \u00a0\u2009\u202f]\d{3})+(?:[.,]\d+)?|\d+(?:[.,]\d+)?)(?![\d])\s*([a-zäöü]*)"
 )
@@ -45,22 +43,18 @@ _LIST: Final = re.compile(r"\s*(?:[/+;,&–-]|\b(?:to|bis|or|oder|and|und)\b)\s*
 """What joins numbers that share the unit of the last."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Number:
-    """A number of a text, the word after it, and its place."""
+class _Number(NamedTuple):
+    """A number of a text, its unit, and its place."""
 
     text: str
     unit: str
     start: int
-    end: int
 
     @property
     def readings(self) -> set[float]:
         """Values that the number may mean: separators before three digits are those of thousands or of decimals."""
-        spaceless = re.sub(r"['’]", "", self.text)
-        *_, last = re.split(r"[ \u00a0\u2009\u202f]", spaceless)
-        texts = {re.sub(r"[ \u00a0\u2009\u202f]", "", spaceless), last}
-        return {value for text in texts for value in _values(text)}
+        *_, last = re.split(_SPACE, self.text)
+        return {value for text in (self.text, last) for value in _values(re.sub(f"{_SPACE}|['’]", "", text))}
 
 
 def _values(text: str) -> Iterator[float]:
@@ -108,18 +102,16 @@ def power_w(
     """
     text = _NO_NUMBERS.sub(" ", text[:200].lower())
     numbers = _with_shared_units(text)
-    powers = [number for number in numbers if number.unit in _UNITS]
-    if powers:
-        readings = [
-            {_UNITS[number.unit] * value for value in number.readings if number.unit in _UNITS}
-            for number in powers
-        ]
-    elif any(number.unit not in _NEUTRAL for number in numbers):
-        return _alternating_w(numbers, lowest_w, highest_w) if alternating else 0.0
-    elif not {*re.findall(r"[a-zäöü]+", text)} <= _NEUTRAL:
-        return 0.0
+    units = {number.unit for number in numbers}
+    if not units.isdisjoint(_UNITS):
+        readings = [{_UNITS[n.unit] * value for value in n.readings} for n in numbers if n.unit in _UNITS]
+    elif units & _VOLTS:
+        readings = [_alternating_w(numbers)] if alternating else []
+    elif {*re.findall(r"[a-zäöü]+", text)} <= _NEUTRAL:
+        no_powers = _AMPERES_ALONE if alternating and highest_w < HIGHEST_W else frozenset[float]()
+        readings = [_without_unit_w(number.readings - no_powers) for number in numbers]
     else:
-        readings = [_without_unit_w(number, alternating and highest_w < HIGHEST_W) for number in numbers]
+        return 0.0
     plausible = [{watt for watt in watts if lowest_w <= watt <= highest_w} for watts in readings]
     return max((watts.pop() for watts in plausible if len(watts) == 1), default=0.0)
 
@@ -128,37 +120,27 @@ def _with_shared_units(text: str) -> list[_Number]:
     """Return the numbers of a text; in a list such as "11/22 kW", each number has the unit of the last."""
     numbers: list[_Number] = []
     for match in reversed([*_TOKEN.finditer(text)]):
-        unit, end = match[2], match.end(2)
-        if unit in _NEUTRAL:
-            unit, end = "", match.end(1)
-            if numbers and _LIST.fullmatch(text, end, numbers[-1].start):
-                unit = numbers[-1].unit
-        numbers.append(_Number(match[1], unit, match.start(), end))
-    return numbers[::-1]
+        unit = match[2]
+        if not unit or unit in _NEUTRAL:
+            is_listed = numbers and _LIST.fullmatch(text, match.end(1), numbers[-1].start)
+            unit = numbers[-1].unit if is_listed else ""
+        numbers.append(_Number(match[1], unit, match.start()))
+    return numbers
 
 
-def _without_unit_w(number: _Number, is_alternating: bool) -> set[float]:
+def _without_unit_w(readings: Set[float]) -> set[float]:
     """Return the powers that a number without a unit may mean [W]."""
-    kilowatts = {value for value in number.readings if value <= MOST_WITHOUT_UNIT_KW}
-    if is_alternating:
-        kilowatts -= {*_AMPERES_ALONE}
-    watts = {value for value in number.readings if value >= LOWEST_W}
-    return {1e3 * value for value in kilowatts} | watts
+    kilowatts = {1e3 * value for value in readings if value <= MOST_WITHOUT_UNIT_KW}
+    return kilowatts | {value for value in readings if value >= LOWEST_W}
 
 
-def _alternating_w(numbers: list[_Number], lowest_w: float, highest_w: float) -> float:
-    """Return the rated power of one voltage and one current, to two digits [W]; 0 if there are more or fewer of them."""
+def _alternating_w(numbers: Sequence[_Number]) -> set[float]:
+    """Return the rated power of one voltage and one current, to two digits [W]; nothing if there are more or fewer of them."""
     volts, amperes = (
         [value for number in numbers if number.unit in units for value in number.readings]
         for units in (_VOLTS, _AMPERES)
     )
-    if len(volts) != 1 or len(amperes) != 1 or not 0.0 < amperes[0] <= _MAX_AMPERES:
-        return 0.0
-    if _SINGLE_PHASE_V[0] <= volts[0] <= _SINGLE_PHASE_V[1]:
-        watt = volts[0] * amperes[0]
-    elif _THREE_PHASE_V[0] <= volts[0] <= _THREE_PHASE_V[1]:
-        watt = math.sqrt(3.0) * volts[0] * amperes[0]
-    else:
-        return 0.0
-    watt = float(f"{watt:.1e}")
-    return watt if lowest_w <= watt <= highest_w else 0.0
+    if len(volts) != 1 or len(amperes) != 1 or amperes[0] > _MAX_AMPERES:
+        return set()
+    factors = (factor for low, high, factor in _PHASES if low <= volts[0] <= high)
+    return {float(f"{factor * volts[0] * amperes[0]:.1e}") for factor in factors}

@@ -32,50 +32,44 @@ class PlugKind:
     direct_current : bool
     assumed_w : float
         Power that is assumed if the power of a plug is not known [W]: that of the first stations with the kind.
-    lowest_w, highest_w : float
-        Bounds of the power that the kind can give [W]. A power outside of them is taken to be a slip.
+    highest_w : float
+        Highest power that the kind can give [W]. A higher power is taken to be a slip.
     """
 
     title: str
     direct_current: bool
     assumed_w: float
-    lowest_w: float
     highest_w: float
 
-    @classmethod
-    def direct(cls, title: str, highest_w: float = 1_500_000.0) -> PlugKind:
-        """Make a kind with direct current; the first rapid chargers gave 50 kW."""
-        return cls(title, True, 50_000.0, 5_000.0, highest_w)
-
-    @classmethod
-    def alternating(cls, title: str, assumed_w: float, highest_w: float) -> PlugKind:
-        """Make a kind with alternating current."""
-        return cls(title, False, assumed_w, 1_000.0, highest_w)
+    @property
+    def lowest_w(self) -> float:
+        """Lowest power that the kind can give [W]; a choice."""
+        return 5_000.0 if self.direct_current else 1_000.0
 
 
 PLUG_KINDS: Final[Mapping[str, PlugKind]] = MappingProxyType(
     {
-        "type2_combo": PlugKind.direct("CCS"),
-        "tesla_supercharger_ccs": PlugKind.direct("CCS"),
-        "tesla_supercharger": PlugKind.direct("Supercharger"),
-        "nacs": PlugKind.direct("NACS"),
-        "type1_combo": PlugKind.direct("CCS 1"),
-        "chademo": PlugKind.direct("CHAdeMO", 400_000.0),
-        "type2_cable": PlugKind.alternating("Type 2", 11_000.0, 44_000.0),
-        "type2": PlugKind.alternating("Type 2", 11_000.0, 44_000.0),
-        "tesla_destination": PlugKind.alternating("Tesla", 11_000.0, 22_000.0),
-        "type3c": PlugKind.alternating("Type 3", 11_000.0, 44_000.0),
-        "type1": PlugKind.alternating("Type 1", 6_600.0, 19_200.0),
-        "schuko": PlugKind.alternating("Schuko", 2_300.0, 3_700.0),
-        "typee": PlugKind.alternating("Type E", 2_300.0, 3_700.0),
+        "type2_combo": PlugKind("CCS", True, 50_000.0, 1_500_000.0),
+        "tesla_supercharger_ccs": PlugKind("CCS", True, 50_000.0, 1_500_000.0),
+        "tesla_supercharger": PlugKind("Supercharger", True, 50_000.0, 1_500_000.0),
+        "nacs": PlugKind("NACS", True, 50_000.0, 1_500_000.0),
+        "type1_combo": PlugKind("CCS 1", True, 50_000.0, 1_500_000.0),
+        "chademo": PlugKind("CHAdeMO", True, 50_000.0, 400_000.0),
+        "type2_cable": PlugKind("Type 2", False, 11_000.0, 44_000.0),
+        "type2": PlugKind("Type 2", False, 11_000.0, 44_000.0),
+        "tesla_destination": PlugKind("Tesla", False, 11_000.0, 22_000.0),
+        "type1": PlugKind("Type 1", False, 6_600.0, 19_200.0),
+        "schuko": PlugKind("Schuko", False, 2_300.0, 3_700.0),
+        "typee": PlugKind("Type E", False, 2_300.0, 3_700.0),
     }
 )
-"""Names of plugs on OpenStreetMap, the strongest first. Assumed are choices: three phases with 16 A, 30 A at 220 V, and 10 A at 230 V."""
+"""Names of plugs on OpenStreetMap, the strongest first. Assumed powers are choices: those of the first rapid chargers, of three phases
+with 16 A, of 30 A at 220 V, and of 10 A at 230 V."""
 
 HOUSEHOLD: Final = frozenset({"schuko", "typee"})
 """Sockets of a house, which bicycles use, too."""
 
-UNLISTED: Final = PlugKind.alternating("", 2_300.0, 44_000.0)
+UNLISTED: Final = PlugKind("", False, 2_300.0, 44_000.0)
 """Any other plug."""
 
 UNKNOWN_W: Final = 11_000.0
@@ -162,9 +156,17 @@ class Station:
         return Place(self.latitude_deg, self.longitude_deg, name, "charging_station")
 
     @property
-    def plug_title(self) -> str:
-        """Name of the plug for a driver; empty if it is not known."""
-        return PLUG_KINDS.get(self.plug, UNLISTED).title
+    def power_in_words(self) -> str:
+        """Plug and power for a driver.
+
+        Examples
+        --------
+        >>> Station(47.0, 9.0, "", 2.3e3, power_known=False, plug="schuko").power_in_words
+        'Schuko, 2.3 kW assumed'
+        """
+        power = f"{round(self.power_w / 1000.0, 1):g} kW"
+        plug = PLUG_KINDS.get(self.plug, UNLISTED).title
+        return ", ".join(filter(None, (plug, power if self.power_known else f"{power} assumed")))
 
     def usable_with(
         self, plugs: Set[str], most_w: tuple[float, float] = (math.inf, math.inf)
@@ -200,13 +202,8 @@ class Station:
         return self._used_by(best)
 
     def _used_by(self, plug: Plug) -> Station:
-        return replace(
-            self,
-            power_w=plug.power_w,
-            direct_current=plug.direct_current,
-            power_known=plug.power_known,
-            plug=plug.kind,
-        )
+        direct, known = plug.direct_current, plug.power_known
+        return replace(self, power_w=plug.power_w, direct_current=direct, power_known=known, plug=plug.kind)
 
 
 def read_stations(path: Path | str) -> tuple[Station, ...]:
