@@ -29,8 +29,10 @@ from tripwatt.roads.advice.preheating import (
     need_before_departure,
     preheating,
 )
+from tripwatt.roads.journey.charging import ChargingCurve
 from tripwatt.roads.journey.kinds import typical_road
 from tripwatt.trips import Departure, Plan
+from tripwatt.trips.messages import leave_in_words
 from tripwatt.vehicles import Vehicle
 
 CAR = "vw_id3"
@@ -183,12 +185,13 @@ def test_charge_time_and_start_are_handed_over() -> None:
         60.0, "mixed", known, 3700.0, quantile=0.95, reserve=0.1, vehicle=CAR
     )
     same = tw.need(60.0, "mixed", known, vehicle=CAR, quantile=0.95, reserve=0.1)
-    assert needed.to_dict() == same.to_dict()
+    assert replace(needed, flags=same.flags).to_dict() == same.to_dict()
     assert until["target_soc"] == same.soc_needed
     plan = typical_road(60_000.0, "mixed")
     per_display = tw.for_car(None, CAR).forecast(plan, known).charge.wh_per_display
     assert until["charge_wh"] == pytest.approx((same.soc_needed - 0.3) * per_display)
     assert until["wall_wh"] == pytest.approx(until["charge_wh"] / CHARGER)
+    assert until["charging_w"] == 3700.0
     assert until["charging_s"] == pytest.approx(until["wall_wh"] / 3700.0 * 3600.0)
     assert until["departs_at"] == leaves.isoformat()
     begins = dt.datetime.fromisoformat(until["preheat"]["starts_at"])
@@ -197,14 +200,58 @@ def test_charge_time_and_start_are_handed_over() -> None:
 
 def test_what_is_unknown_is_not_handed_over() -> None:
     forecast = tw.forecast(road(5.0), Departure(ambient_temperature_degc=20.0))
-    until = before_departure(forecast, 1.4, 0.0, None, None)
+    until = before_departure(forecast, 1.4, 0.1, 0.95, 0.0, None, None)
     assert until == {
+        "message": leave_in_words(1.4, 0.1, 0.95),
         "target_soc": 1.0,
         "departs_at": None,
         "soc": None,
         "charge_wh": None,
         "wall_wh": None,
+        "charging_w": None,
         "charging_s": None,
         "preheat": None,
     }
-    assert before_departure(forecast, 0.4, 0.0, 0.6, None)["charge_wh"] == 0.0
+    done = before_departure(forecast, 0.4, 0.1, 0.95, 3700.0, 0.6, None)
+    assert (done["charge_wh"], done["charging_s"]) == (0.0, 0.0)
+
+
+def charged(vehicle: str, plug_w: float, soc: float = 0.2, to: float = 0.7, degc: float = 20.0) -> Any:
+    forecast = tw.for_car(None, vehicle).forecast(road(5.0), Departure(ambient_temperature_degc=degc))
+    return before_departure(forecast, to, 0.1, 0.95, plug_w, soc, None)
+
+
+@pytest.mark.parametrize("name", ["nissan_leaf_40", "hyundai_kona_64", "vw_id3", "bmw_i3_60ah"])
+def test_a_car_charges_with_the_smaller_of_plug_and_car(name: str) -> None:
+    """No time is below that of either power, more power never takes longer, and none helps beyond that of the car."""
+    curve = ChargingCurve.from_vehicle(tw.load_vehicle(name), charged(name, 3700.0)["charge_wh"] / 0.5)
+    found = [charged(name, watt) for watt in (2300.0, 3700.0, 7400.0, 11_000.0, 22_000.0, 43_000.0)]
+    times = [one["charging_s"] for one in found]
+    for one, watt in zip(found, (2300.0, 3700.0, 7400.0, 11_000.0, 22_000.0, 43_000.0), strict=True):
+        assert one["charging_w"] == pytest.approx(min(watt, curve.alternating_w))
+        assert one["charging_s"] >= one["wall_wh"] / one["charging_w"] * 3600.0 - 1e-6
+    assert times == sorted(times, reverse=True)
+    assert times[-1] == times[-2]
+
+
+def test_a_leaf_at_22_kw_takes_its_own_6_6_kw_and_less_when_it_is_almost_full() -> None:
+    half = charged("nissan_leaf_40", 22_000.0)
+    assert half["charging_s"] == pytest.approx(half["wall_wh"] / 6600.0 * 3600.0)
+    full = charged("bmw_i3_60ah", 11_000.0, 0.5, 1.0)
+    assert full["charging_s"] > 1.05 * full["wall_wh"] / full["charging_w"] * 3600.0
+
+
+def test_a_rapid_charger_is_slower_with_a_cold_battery() -> None:
+    cold, warm = (charged("nissan_leaf_40", 50_000.0, degc=degc) for degc in (-10.0, 25.0))
+    assert cold["charging_w"] == warm["charging_w"] == 45_000.0
+    assert cold["charging_s"] > 1.5 * warm["charging_s"]
+
+
+@pytest.mark.parametrize(
+    ("name", "assumed"), [("nissan_leaf_40", []), ("bmw_i3_60ah", ["class_charging_curve"])]
+)
+def test_an_assumed_charging_curve_is_named(name: str, assumed: list[str]) -> None:
+    for soc, expected in ((0.3, assumed), (None, [])):
+        known = Departure(soc=soc, ambient_temperature_degc=20.0)
+        needed, _ = need_before_departure(50.0, "mixed", known, 7400.0, vehicle=name, reserve=0.1)
+        assert [flag.code for flag in needed.flags if flag.subject == "charging"] == expected

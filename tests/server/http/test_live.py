@@ -203,7 +203,8 @@ def test_the_need_of_a_plan_is_a_quantile_and_the_charge_to_leave_with(served: S
     found = need(served, probability=0.95, departs_at=NOON, plug_w=3700.0).json()
     until = {name: found.pop(name) for name in ("wall_wh", "charging_s", "preheat")}
     codes = [flag["code"] for flag in found.pop("flags")]
-    assert codes == ["no_description", *(flag.code for flag in own.flags)]
+    assert codes == ["no_description", *(flag.code for flag in own.flags), "class_charging_curve"]
+    assert found.pop("charging_w") == 3700.0
     assert until["wall_wh"] == pytest.approx(found["charge_wh"] / CHARGER)
     assert until["charging_s"] == pytest.approx(until["wall_wh"] / 3700.0 * 3600.0)
     heat = preheating(own.vehicle, own.plan, plug_w=3700.0)

@@ -16,8 +16,11 @@ from tripwatt.physics import DriveConditions, conditions_at_departure
 from tripwatt.physics.cabin import CONTROL_STEP_S, CabinTask, condition_cabins
 from tripwatt.population import for_car
 from tripwatt.roads.journey import Need, need
+from tripwatt.roads.journey.charging import EFFICIENCY, ChargingCurve
 from tripwatt.roads.journey.kinds import typical_road
-from tripwatt.trips import Departure, Plan, Trip
+from tripwatt.roads.maps import Station
+from tripwatt.roads.maps.stations import DIRECT_FROM_W
+from tripwatt.trips import Departure, Flag, Plan, Trip
 from tripwatt.trips.messages import leave_in_words
 from tripwatt.units import SECONDS_PER_HOUR, WH_PER_J
 from tripwatt.vehicles import Vehicle
@@ -196,7 +199,13 @@ def _cabin_options(vehicle: Vehicle, plan: Plan, conditions: DriveConditions) ->
 
 
 def before_departure(
-    forecast: Forecast, soc_needed: float, plug_w: float, soc: float | None, leaves: dt.datetime | None
+    forecast: Forecast,
+    soc_needed: float,
+    reserve: float,
+    quantile: float,
+    plug_w: float,
+    soc: float | None,
+    leaves: dt.datetime | None,
 ) -> dict[str, Any]:
     """Return what to do before a trip, for `GET /v1/need`: target charge and time, energy and time of charging, preheating.
 
@@ -206,6 +215,8 @@ def before_departure(
         Forecast of the trip.
     soc_needed : float
         Displayed charge to leave with.
+    reserve, quantile : float
+        Displayed charge to arrive with, and the probability with which `soc_needed` suffices.
     plug_w : float
         Power of the plug [W]; 0 if the car is not plugged in.
     soc : float or None
@@ -216,30 +227,47 @@ def before_departure(
     Returns
     -------
     dict
-        Plain values.
+        Plain values. The car charges with the smaller of the powers of plug and car, and with less if the battery is almost full.
 
     Examples
     --------
     >>> import tripwatt as tw
     >>> cold = tw.Departure(soc=0.3, ambient_temperature_degc=-5.0)
     >>> trip = tw.forecast(tw.read_route([{"length_m": 60_000.0, "speed_m_s": 20.0}]), cold)
-    >>> do = before_departure(trip, tw.soc_needed(trip, 0.1, 0.95), 3700.0, 0.3, None)
+    >>> do = before_departure(trip, tw.soc_needed(trip, 0.1, 0.95), 0.1, 0.95, 3700.0, 0.3, None)
     >>> do["target_soc"] > do["soc"], do["charging_s"] > 3600.0, do["preheat"]["wall_wh"] > 0.0
     (True, True, True)
     """
-    target = min(soc_needed, 1.0)
-    missing_wh = None if soc is None else max(target - soc, 0.0) * forecast.charge.wh_per_display
-    wall_wh = None if missing_wh is None else missing_wh / CHARGER
+    target, wh = min(soc_needed, 1.0), forecast.charge.wh_per_display
+    missing_wh = None if soc is None else max(target - soc, 0.0) * wh
+    curve, plug = _charging_curve(forecast), Station(0.0, 0.0, "", plug_w, plug_w >= DIRECT_FROM_W)
+    charging_s = None
+    if soc is not None and plug_w:
+        cell_degc = float(forecast.drive.simulation.battery_temperature_degc[0])
+        levels = np.linspace(soc, max(target, soc), 101)
+        charging_s = float(curve.seconds(levels, plug, wh, cell_degc)[-1]) * EFFICIENCY / CHARGER
     heat = preheating(forecast.vehicle, forecast.plan, plug_w=plug_w)
     return {
+        "message": leave_in_words(soc_needed, reserve, quantile),
         "target_soc": target,
         "departs_at": leaves and leaves.isoformat(),
         "soc": soc,
         "charge_wh": missing_wh,
-        "wall_wh": wall_wh,
-        "charging_s": wall_wh / plug_w * SECONDS_PER_HOUR if wall_wh is not None and plug_w else None,
+        "wall_wh": None if missing_wh is None else missing_wh / CHARGER,
+        "charging_w": min(plug_w, curve.most_w[plug.direct_current]) if plug_w else None,
+        "charging_s": charging_s,
         "preheat": heat and heat.to_dict(leaves),
     }
+
+
+def charging_flags(forecast: Forecast, until: Mapping[str, Any]) -> tuple[Flag, ...]:
+    """Return the flag of an assumed charging curve if the results of `before_departure` depend on it."""
+    depends = until["charging_s"] and _charging_curve(forecast).is_class
+    return (Flag("class_charging_curve", "charging"),) if depends else ()
+
+
+def _charging_curve(forecast: Forecast) -> ChargingCurve:
+    return ChargingCurve.from_vehicle(forecast.vehicle, forecast.charge.wh_per_display)
 
 
 def need_before_departure(
@@ -258,5 +286,6 @@ def need_before_departure(
     needed = need(distance_km, kind, departure, model=model, **options)
     trip = distance_km if isinstance(distance_km, Plan | Trip) else typical_road(1000.0 * distance_km, kind)
     forecast, at_departure = model.forecast(trip, departure), (departure.soc, departure.departs_at)
-    words = leave_in_words(needed.soc_needed, needed.reserve, needed.quantile)
-    return needed, {"message": words, **before_departure(forecast, needed.soc_needed, plug_w, *at_departure)}
+    asked = needed.soc_needed, needed.reserve, needed.quantile
+    until = before_departure(forecast, *asked, plug_w, *at_departure)
+    return replace(needed, flags=(*needed.flags, *charging_flags(forecast, until))), until

@@ -22,6 +22,9 @@ choice: such cars take 10 to 80 % in about half an hour."""
 _ALTERNATING_W: Final = 11_000.0
 """Highest power of the on-board charger if that of the car is not known: three phases with 16 A."""
 
+_CLASS_ALTERNATING_1_H: Final = 0.3
+"""The same over the energy of a full display [1/h]: a choice, since cars of 20 to 25 kWh take about 6.6 kW."""
+
 EFFICIENCY: Final = 0.92
 """Energy that reaches the battery over the energy of the station, with direct current; a choice."""
 
@@ -129,7 +132,10 @@ class ChargingCurve:
         ChargingCurve
             The scaled curve, with `is_class` true.
         """
-        return cls(_CLASS_SOC, tuple(rate * display_wh for rate in _CLASS_RATE_1_H), is_class=True)
+        alternating_w = min(_CLASS_ALTERNATING_1_H * display_wh, _ALTERNATING_W)
+        return cls(
+            _CLASS_SOC, tuple(rate * display_wh for rate in _CLASS_RATE_1_H), alternating_w, is_class=True
+        )
 
     @property
     def most_w(self) -> tuple[float, float]:

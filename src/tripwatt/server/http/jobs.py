@@ -21,7 +21,7 @@ from tripwatt.forecasting.leaving import leave_with, soc_needed
 from tripwatt.forecasting.storage import DEFAULT_MODEL
 from tripwatt.population.cars import for_car
 from tripwatt.roads.advice import advise
-from tripwatt.roads.advice.preheating import before_departure, need_before_departure
+from tripwatt.roads.advice.preheating import before_departure, charging_flags, need_before_departure
 from tripwatt.roads.journey import range_km
 from tripwatt.server.cars.plan import usual_plan
 from tripwatt.server.http import journey_schemas as journey
@@ -53,7 +53,7 @@ from tripwatt.server.http.schemas import (
 from tripwatt.server.http.settings import Limits
 from tripwatt.sources.sample import sample_trips
 from tripwatt.trips import Departure, Flag, Plan
-from tripwatt.trips.messages import flag_to_dict, leave_in_words
+from tripwatt.trips.messages import flag_to_dict
 from tripwatt.vehicles import Vehicle, find_vehicles, require_vehicle
 
 MAX_TRANSFERRED: Final = 64
@@ -211,13 +211,11 @@ class Jobs:
         }
         if not all(map(math.isfinite, needed.values())):
             raise _implausible_results()
-        message = leave_in_words(needed["soc_needed"], request.reserve, options["probability"])
         departs_at = dt.datetime.fromtimestamp(options["departure_s"], dt.UTC)
-        until = before_departure(
-            forecast, needed["soc_needed"], options["plug_w"], options["soc"], departs_at
-        )
-        flags = [flag_to_dict(flag) for flag in forecast.flags]
-        return {"reserve": request.reserve, **needed, "message": message, **until, "flags": flags}
+        asked = needed["soc_needed"], request.reserve, options["probability"]
+        until = before_departure(forecast, *asked, options["plug_w"], options["soc"], departs_at)
+        flags = [flag_to_dict(flag) for flag in (*forecast.flags, *charging_flags(forecast, until))]
+        return {"reserve": request.reserve, **needed, **until, "flags": flags}
 
     def plan(self, request: journey.PlanRequest) -> dict[str, Any]:
         """Return the response to a `PlanRequest`."""

@@ -142,8 +142,10 @@ class UntilDeparture(schemas.ResponseModel):
     """energy that is missing in the battery, up to a full one [Wh]"""
     wall_wh: float | None
     """the same from the wall [Wh]"""
+    charging_w: float | None
+    """highest power from the wall: the smaller of those of plug and car [W]; null off the plug"""
     charging_s: float | None
-    """time that it takes at the power of the plug [s]; null off the plug"""
+    """time that it takes, with less power for an almost full battery [s]; null off the plug"""
     preheat: PreheatDocument | None
     """null where it is not worth it, as off the plug"""
 
