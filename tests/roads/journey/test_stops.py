@@ -241,6 +241,17 @@ def test_stations_without_a_plug_of_the_car_are_left_out(model):
     assert journey(model, LOW, atlas=replace(MADE, stations=(chademo,))).charging is None
 
 
+def test_a_stop_is_needed_only_below_the_charge_that_reaches_the_next(long_journey):
+    """With this charge, the next leg keeps the reserve as surely as the plan asks of each leg; with less charge, it is less sure."""
+    for plan in long_journey.charging_plans:
+        for stop, leg in zip(plan.stops, plan.legs[1:], strict=True):
+            less, surely = (leg.leaving_with(stop.needed_below + d).chance(0.1) for d in (-0.02, 0.0))
+            assert 0.95 <= surely <= min(plan.leg_chances[1:]) + 0.005
+            assert less < surely
+            assert 0.1 < stop.needed_below <= stop.soc_leave + 0.01
+            assert stop.to_dict()["needed_below"] == stop.needed_below
+
+
 def test_no_stops_are_planned_where_none_are_asked_for(model):
     found = journey(model, LOW, charge=False)
     assert (found.charging, found.charging_alternatives) == (None, ())

@@ -154,6 +154,7 @@ def _charging_stops(
             overhead,
             elapsed,
             plan.leg_chances[k],
+            min(float(problem.need[node, optimum.nodes[k + 2]]), 1.0),
             bool(leg.preheat_soc > 0.0),
             _next_station(corridor, optimum, problem, k),
         )

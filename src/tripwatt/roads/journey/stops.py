@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
+import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Final
@@ -88,6 +89,9 @@ class ChargingStop:
         Time of arrival since departure [s].
     p_reach : float
         Probability to arrive with the reserve.
+    needed_below : float
+        Displayed charge at the station below which the stop is needed: with more, the car reaches the next stop, or the destination, with
+        the chance that the plan has for it.
     preheat : bool
         Whether the battery is heated for the stop.
     if_full : NextStation or None
@@ -111,6 +115,7 @@ class ChargingStop:
     overhead_s: float
     arrives_after_s: float
     p_reach: float
+    needed_below: float = 1.0
     preheat: bool = False
     if_full: NextStation | None = None
 
@@ -130,9 +135,9 @@ class ChargingStop:
         Examples
         --------
         >>> station = Station(47.0, 9.0, "A", 5e4, direct_current=True, plug="type2_combo")
-        >>> stop = ChargingStop(station, 5e4, 0.2, 0.8, (0.15, 0.25), 2.4e4, 1800.0, 300.0, 3600.0, 0.99)
+        >>> stop = ChargingStop(station, 5e4, 0.2, 0.8, (0.15, 0.25), 2.4e4, 1800.0, 300.0, 3600.0, 0.99, 0.42)
         >>> stop.in_words(dt.datetime(2026, 1, 5, 7, 30))
-        'Charge at A (CCS, 50 kW) after 50 km, at 08:30, for 30 min: you arrive there with 20 % (15 to 25 %) and leave with 80 %.'
+        'Charge at A (CCS, 50 kW) after 50 km, at 08:30, for 30 min: you arrive there with 20 % (15 to 25 %) and leave with 80 %. Needed only below 42 %.'
         """
         at = f", at {leaves + dt.timedelta(seconds=self.arrives_after_s):%H:%M}," if leaves else ""
         arrival, leave, low, high = (
@@ -140,7 +145,8 @@ class ChargingStop:
         )
         text = (
             f"Charge at {self.station.place.title} ({self.station.power_in_words}) after {self.position_m / 1000.0:.0f} km{at} "
-            f"for {period(self.charging_s)}: you arrive there with {arrival} % ({low} to {high} %) and leave with {leave} %."
+            f"for {period(self.charging_s)}: you arrive there with {arrival} % ({low} to {high} %) and leave with {leave} %. "
+            f"Needed only below {math.ceil(100.0 * self.needed_below - 1e-6)} %."
         )
         if self.if_full is not None:
             text += (
