@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import InvalidInput, RemoteError
+from tripwatt.errors import Fault, InvalidInput, RemoteError, raise_faults
 from tripwatt.forecasting import Forecast
 from tripwatt.roads.journey.atlas import Atlas
 from tripwatt.roads.journey.charging import WARM_DEGC, ChargingCurve
@@ -52,6 +52,12 @@ _MISSING_CHARGE_COST_S: Final = 1e8
 """Costs [s] of a stop, of the energy of a full display, and of a full display missing at the start; time counts little beside them. Choices."""
 LEG_FIELDS: Final = ("soc", "bms_soc", "follows_trip", "battery_temperature_degc", "departs_at")
 """Fields of a departure that differ between legs."""
+STATION_KIND: Final = "charging_station"
+"""Kind of a place on the way at which the car has to charge: that of `Station.place`."""
+_SAME_STATION_M: Final = 30.0
+"""A place that is at most this far from a station is the station: a choice, about the length of a row of chargers."""
+_OTHER_NETWORK_S: Final = 900.0
+"""Additional time that is taken for a station of a preferred network [s]: a choice."""
 _CHARGED_SOC: Final = np.array([0.1, 0.8])
 """Charging from the first to the second displayed charge decides whether heating the battery is worth its energy. A
 choice: a usual stop."""
@@ -72,6 +78,10 @@ class StopRules:
         Whether the battery may be heated for a stop.
     plugs : frozenset of str
         Plugs of the car; empty if they are not known.
+    avoid : tuple of Place
+        Stations that are not used.
+    networks : tuple of str
+        Networks whose stations are preferred: beginnings of the stations' names. Empty if there is no preference.
     """
 
     curve: ChargingCurve
@@ -79,6 +89,13 @@ class StopRules:
     overhead_s: float
     preheat: bool = False
     plugs: frozenset[str] = frozenset()
+    avoid: tuple[Place, ...] = ()
+    networks: tuple[str, ...] = ()
+
+    def prefers(self, station: Station) -> bool:
+        """Return whether a station is of a preferred network; True if there is no preference."""
+        name = station.name.casefold()
+        return not self.networks or any(name.startswith(network.casefold()) for network in self.networks)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +115,7 @@ class Corridor:
     rules : StopRules
         Reserve and rules of charging.
     via : tuple of Place
-        Places on the way, which lie at `road.stop_position_m`.
+        Places on the way, which lie at `road.stop_position_m`. The car has to charge at those of the kind `STATION_KIND`.
     """
 
     forecaster: RoadForecaster
@@ -125,17 +142,71 @@ class Corridor:
             points = [self.road.place_at(float(at)) for at in position]
             for index, point in near(stations, points, _DETOUR_M):
                 usable = stations[index].usable_with(self.rules.plugs, self.rules.curve.most_w)
+                at = float(position[point])
+                if usable is None or any(_is_at(station, usable) for station in self.rules.avoid):
+                    continue
                 # within 2 km of the start, a choice, one charges before leaving
-                if usable is not None and position[point] >= 2000.0:
-                    pairs.append((float(position[point]), usable))
+                if at >= 2000.0 or self._is_chosen(at, usable):
+                    pairs.append((at, usable))
         if len(pairs) <= _MAX_STATIONS:
             return pairs
         stretch_m = 2.0 * self.road.distance_m / _MAX_STATIONS
         by_stretch: dict[int, list[tuple[float, Station]]] = {}
-        for at, station in sorted(pairs, key=lambda pair: -pair[1].power_w):
+        for at, station in sorted(pairs, key=lambda pair: (not self._is_chosen(*pair), -pair[1].power_w)):
             by_stretch.setdefault(int(at / stretch_m), []).append((at, station))
         strongest = (pair for stretch in by_stretch.values() for pair in stretch[:2])
         return sorted(strongest, key=lambda pair: pair[0])
+
+    @property
+    def _chosen(self) -> list[tuple[float, Place]]:
+        """Stations that were chosen as places on the way, with their position on the road."""
+        return [
+            (at, place)
+            for at, place in zip(self.road.stop_position_m, self.via, strict=True)
+            if place.kind == STATION_KIND
+        ]
+
+    def _is_chosen(self, position_m: float, station: Station) -> bool:
+        return any(abs(at - position_m) < 1.0 and _is_at(place, station) for at, place in self._chosen)
+
+    @cached_property
+    def _chosen_nodes(self) -> list[tuple[int, int]]:
+        """The first and the last node of each chosen station, which is beside the road to it and beside the road from it.
+
+        Raises
+        ------
+        InvalidInput
+            If there is no station for the car at a chosen place.
+        """
+        spans, faults = [], []
+        for at, place in self._chosen:
+            nodes = [
+                node
+                for node, (position, station) in enumerate(self._stations_along, 1)
+                if abs(position - at) < 1.0 and _is_at(place, station)
+            ]
+            if nodes:
+                spans.append((nodes[0], nodes[-1]))
+            else:
+                faults.append(
+                    Fault(
+                        "no charging station for this car",
+                        place.title,
+                        "",
+                        "a station with a plug of the car",
+                    )
+                )
+        raise_faults(faults)
+        return spans
+
+    def _with_choice(self, problem: StopProblem) -> StopProblem:
+        """Return the problem without legs past a chosen station, and with the cost of stations of other networks in the time."""
+        time = problem.time_s + _OTHER_NETWORK_S * np.array(
+            [0.0, *(not self.rules.prefers(station) for station in self.stations), 0.0]
+        )
+        for first, last in self._chosen_nodes:
+            time[:first, last + 1 :] = np.inf
+        return replace(problem, time_s=time)
 
     @property
     def stations(self) -> list[Station]:
@@ -285,7 +356,7 @@ class Corridor:
         """Find the plan of routed legs that is best by a label; returns None if there is no such plan."""
         for k in range(_MAX_ROUNDS + 1):
             problem = self.problem(*chances)
-            labelled = _problem_for_label(problem, label)
+            labelled = self._with_choice(_problem_for_label(problem, label))
             estimated, routed = least_time(labelled), self._routed_optimum(labelled)
             if estimated is None:
                 return None
@@ -352,6 +423,10 @@ class Corridor:
             legs.append(leg.leaving_with(level) if pair[0] else leg)
             self.routed[pair] = legs[-1]
         return tuple(legs)
+
+
+def _is_at(place: Place, station: Station) -> bool:
+    return place.distance_m(station.place) <= _SAME_STATION_M
 
 
 def _problem_for_label(problem: StopProblem, label: str) -> StopProblem:

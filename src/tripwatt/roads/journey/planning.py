@@ -16,7 +16,7 @@ from tripwatt.forecasting.leaving import soc_needed
 from tripwatt.population import for_car
 from tripwatt.roads.journey.atlas import Atlas, AtlasSettings, open_atlas
 from tripwatt.roads.journey.charging import OVERHEAD_S, WARM_DEGC, ChargingCurve, plugs_of
-from tripwatt.roads.journey.corridor import CERTAIN, LEG_FIELDS, Corridor, StopRules
+from tripwatt.roads.journey.corridor import CERTAIN, LEG_FIELDS, STATION_KIND, Corridor, StopRules
 from tripwatt.roads.journey.forecasting import RoadForecaster, cap_motorway_speed, is_motorway
 from tripwatt.roads.journey.plans import BEST_EFFORT, find_plans
 from tripwatt.roads.journey.stops import ENERGY_BAND, LINE_DIGITS, ChargingPlan, Leg
@@ -64,6 +64,10 @@ class JourneyOptions:
         Time for parking, plugging in and paying at each stop [s].
     preheat_battery : bool
         Whether the battery may be heated on the way to a stop.
+    avoid : tuple of Place
+        Stations at which the car does not charge, within 30 m.
+    networks : tuple of str
+        Networks that are preferred, as beginnings of the names of stations. A stop at one of them may take a quarter of an hour more.
 
     Examples
     --------
@@ -79,6 +83,8 @@ class JourneyOptions:
     charge: bool = True
     stop_overhead_s: float = OVERHEAD_S
     preheat_battery: bool = False
+    avoid: tuple[Place, ...] = ()
+    networks: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         faults = list(scalar_faults({"reserve": self.reserve}))
@@ -378,7 +384,8 @@ def plan_journey(
     Parameters
     ----------
     stops : sequence of Place or str
-        Start, places on the way, destination; a text is a name or latitude and longitude.
+        Start, places on the way, destination; a text is a name or latitude and longitude. The car charges at a place on the way of the
+        kind "charging_station", such as `Station.place`.
     departure : Departure, optional
         State of the car and time of departure.
     atlas : Atlas, AtlasSettings, path or str, optional
@@ -398,7 +405,8 @@ def plan_journey(
     Raises
     ------
     InvalidInput
-        If a place is unknown, no road connects the places, or the model cannot be used.
+        If a place is unknown, no road connects the places, the model cannot be used, or a charging station on the way has no plug of the
+        car.
     RemoteError
         If a server that was named does not answer.
 
@@ -493,7 +501,8 @@ def journey_with(
     if not options.answers:
         return journey
     journey = replace(journey, speed=_speed_advice(forecaster, first, options.reserve))
-    if options.charge and not journey.arrives:
+    is_chosen = any(place.kind == STATION_KIND for place in stops[1:-1])
+    if options.charge and (is_chosen or not journey.arrives):
         journey = _add_stops(journey, forecaster, atlas, options)
     plan = journey.charging or first.without_stops(journey.reserve)
     costs = [_leg_costs(leg, forecaster) for leg in plan.legs]
@@ -511,9 +520,14 @@ def _add_stops(
     if not atlas.stations:
         return replace(journey, flags=(*journey.flags, Flag("no_stations", "charging")))
     plugs = plugs_of(forecaster.model.vehicle.name, first.road.place_at(0.0))
-    rules = StopRules(curve, options.reserve, options.stop_overhead_s, options.preheat_battery, plugs)
+    rules = StopRules(
+        *(curve, options.reserve, options.stop_overhead_s, options.preheat_battery),
+        *(plugs, tuple(options.avoid), tuple(options.networks)),
+    )
     corridor = Corridor(forecaster, first.road, first.forecast, atlas, rules, journey.stops[1:-1])
     plans = find_plans(corridor)
+    if journey.arrives and (not plans or plans[0].label == BEST_EFFORT):
+        return journey  # too full to charge at the station that was chosen
     flags = list(journey.flags)
     if not plans or plans[0].label == BEST_EFFORT:
         flags.append(Flag("no_stop_found", "charging"))

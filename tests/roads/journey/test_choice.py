@@ -1,0 +1,86 @@
+"""Charging stations that a driver chooses, avoids, or whose network he prefers."""
+
+from dataclasses import replace
+
+import pytest
+from tests.roads.journey.made import MADE, A, B, journey
+from tests.roads.journey.test_stops import FAR, LOW, row
+
+import tripwatt as tw
+from tripwatt.errors import InvalidInput
+from tripwatt.roads.maps import Station
+from tripwatt.routes.places import Place
+
+MILD = tw.Departure(soc=0.8, ambient_temperature_degc=12.0)
+NEAR = Station(47.0, 9.01, "Near", 5e4, direct_current=True)
+CLOSE = Place(47.0, 9.5, "Close")
+ROW = replace(MADE, stations=row(14))
+
+
+def names(found):
+    return [[stop.station.name for stop in plan.stops] for plan in found.charging_plans]
+
+
+@pytest.fixture(scope="module")
+def free(model):
+    return names(journey(model, MILD, (A, FAR), ROW))
+
+
+@pytest.mark.parametrize("chosen", [2, 5, 8, 11])
+def test_every_plan_stops_at_a_chosen_station_once(model, free, chosen):
+    station = ROW.stations[chosen]
+    found = names(journey(model, MILD, (A, station.place, FAR), ROW))
+    assert [plan.count(station.name) for plan in found] == [1] * len(found)
+    assert found[0] != free[0]
+
+
+def test_a_chosen_station_is_a_stop_also_where_the_charge_suffices_and_near_the_start(model):
+    atlas = replace(MADE, stations=(NEAR, *MADE.stations))
+    assert journey(model, LOW, (A, CLOSE), atlas).arrives
+    for station in atlas.stations:
+        found = journey(model, LOW, (A, station.place, CLOSE), atlas)
+        assert names(found)[0] == [station.name]
+        assert found.verdict.advice == "stop"
+
+
+def test_a_battery_that_is_too_full_to_charge_drives_on(model):
+    found = journey(model, replace(LOW, soc=1.0), (A, NEAR.place, CLOSE), replace(MADE, stations=(NEAR,)))
+    assert (found.charging, found.arrives) == (None, True)
+
+
+def test_a_chosen_station_without_a_plug_of_the_car_is_a_fault(model):
+    chademo = replace(MADE.stations[0], plugs=("chademo",))
+    with pytest.raises(InvalidInput, match="no charging station for this car: Halbweg"):
+        journey(model, LOW, (A, chademo.place, B), replace(MADE, stations=(chademo,)))
+
+
+def test_no_plan_has_an_avoided_station_nor_names_it_as_the_next_one(model, free):
+    used = free[0]
+    avoid = tuple(station.place for station in ROW.stations if station.name in used)
+    found = journey(model, MILD, (A, FAR), ROW, avoid=avoid)
+    nexts = {
+        stop.if_full.station.name for plan in found.charging_plans for stop in plan.stops if stop.if_full
+    }
+    assert found.charging is not None
+    assert not {*used} & {*nexts, *(name for plan in names(found) for name in plan)}
+
+
+def test_a_preferred_network_is_used_where_it_costs_little_time(model):
+    mixed = [
+        replace(station, name="Netz " + station.name) if k % 2 else station
+        for k, station in enumerate(ROW.stations)
+    ]
+
+    def plan(stations, *networks):
+        return journey(
+            model, MILD, (A, FAR), replace(ROW, stations=tuple(stations)), networks=networks
+        ).charging
+
+    def others(of):
+        return sum(not stop.station.name.startswith("Netz") for stop in of.stops)
+
+    free, found = plan(mixed), plan(mixed, "netz")
+    assert others(found) < others(free)
+    assert 0.0 <= found.duration_s - free.duration_s <= 900.0 * (others(free) - others(found))
+    slow = [replace(one, power_w=3000.0) if one.name.startswith("Netz") else one for one in mixed]
+    assert others(plan(slow, "netz")) == len(plan(slow, "netz").stops)
