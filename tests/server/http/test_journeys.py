@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -100,6 +101,25 @@ def test_advice_on_a_journey_that_needs_a_stop_has_the_time_in_all() -> None:
     AdviceResponse.model_validate(advice)
     alone = jobs.advice(check_request({**asked, "charge": False}, JourneyAdviceRequest), model)
     assert alone["whole"] is None
+
+
+def test_a_request_chooses_and_avoids_stations() -> None:
+    model, (halfway,) = tw.load_model(), MADE.stations
+    beside = replace(halfway, longitude_deg=9.42, name="Netz Daneben")
+    jobs = JourneyJobs(replace(MADE, stations=(halfway, beside)))
+    place = {"latitude_deg": halfway.latitude_deg, "longitude_deg": halfway.longitude_deg}
+    ends = [{"latitude_deg": one.latitude_deg, "longitude_deg": one.longitude_deg} for one in (A, B)]
+
+    def names(*via: dict[str, Any], **more: Any) -> list[str]:
+        asked = {"stops": [ends[0], *via, ends[1]], "soc": 0.7, "ambient_temperature_degc": 0.0}
+        found = jobs.plan(check_request(asked | more, PlanRequest), model)
+        return [stop["station"]["name"] for stop in found["charging"]["stops"]]
+
+    assert names(place | {"kind": "charging_station"}) == ["Halbweg"]
+    assert names(avoid=[place]) == names(networks=["netz"]) == ["Netz Daneben"]
+    for wrong in ({"avoid": [place] * 101}, {"networks": [""]}):
+        with pytest.raises(InvalidInput):
+            names(**wrong)
 
 
 def test_the_difference_of_two_journeys_is_that_of_their_roads(planner: Service) -> None:

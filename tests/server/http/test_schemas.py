@@ -105,7 +105,8 @@ def test_the_defaults_of_a_request() -> None:
     assert (usual.quantile, usual.trips, usual.probability, usual.plug_w) == (0.95, 1, 0.9, 7400.0)
     assert (usual.kind, usual.reserve, usual.distance_km) == ("mixed", None, None)
     plan = check_request(PLAN, PlanRequest).model_dump(exclude_none=True)
-    assert plan.pop("stops") == [PLACE | {"name": ""}, "Ostheim"]
+    assert plan.pop("stops") == [PLACE | {"name": "", "kind": ""}, "Ostheim"]
+    assert [plan.pop(name) for name in ("avoid", "networks")] == [[], []]
     assert [plan.pop(name) for name in ("reserve", "alternatives", "stop_overhead_s")] == [0.1, 0, 300.0]
     assert plan == {"round_trip": False, "answers": True, "charge": True, "preheat_battery": False}
     for kind, more, default in ((ForecastRequest, {}, 0.1), (ReachRequest, REACH, 0.0)):

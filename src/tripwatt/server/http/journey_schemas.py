@@ -129,9 +129,21 @@ class PreheatDocument(schemas.ResponseModel):
     """what the battery gives less, preheating and trip together [Wh]"""
 
 
-class UntilDeparture(schemas.ResponseModel):
-    """What to do until a trip."""
+class NeedOfTrip(schemas.ResponseModel):
+    """What a trip needs, and what to do until its departure."""
 
+    car: str
+    """title of the car"""
+    reserve: float
+    """displayed state of charge to arrive with"""
+    energy_quantile_wh: float
+    """not exceeded with the probability that was asked for [Wh]"""
+    soc_needed: float
+    """displayed state of charge that suffices with that probability, `reserve` left; above 1: a full battery does not suffice; 0: any charge does"""
+    message: str
+    """`soc_needed` as an English sentence"""
+    flags: list[FlagDocument]
+    """what was assumed, such as an outside temperature of the car's last message"""
     target_soc: float
     """displayed state of charge to leave with, at most 1"""
     departs_at: str | None
@@ -156,6 +168,8 @@ class PlaceRequest(schemas.StrictModel):
     latitude_deg: float = Field(ge=-90.0, le=90.0)
     longitude_deg: float = Field(ge=-180.0, le=180.0)
     name: str = Field("", max_length=200)
+    kind: str = Field("", max_length=100)
+    """what it is; the car charges at a place on the way that is a "charging_station" """
 
 
 Stop = Annotated[str, Field(min_length=1, max_length=200)] | PlaceRequest
@@ -185,6 +199,10 @@ class PlanRequest(JourneyCar):
     """parking, plugging in and paying at each stop [s]"""
     preheat_battery: bool = False
     """whether the battery may be heated on the way to a stop"""
+    avoid: list[PlaceRequest] = Field([], max_length=100)
+    """charging stations that are not used"""
+    networks: list[Annotated[str, Field(min_length=1, max_length=100)]] = Field([], max_length=20)
+    """networks that are preferred: beginnings of the names of charging stations"""
 
 
 class JourneyAdviceRequest(PlanRequest):
@@ -251,7 +269,7 @@ class NeedQuery(RangeQuery):
     """power of the plug at home [W]; 0: the car is not plugged in"""
 
 
-class DistanceNeed(UntilDeparture):
+class DistanceNeed(NeedOfTrip):
     """What some kilometres need, without a road, as `tripwatt need --json` prints it."""
 
     distance_m: float
@@ -259,50 +277,29 @@ class DistanceNeed(UntilDeparture):
     """kind of road; "trip" for a known trip"""
     energy_wh: float
     """median [Wh]"""
-    energy_quantile_wh: float
-    """not exceeded with the probability `quantile` [Wh]"""
     quantile: float
+    """probability that was asked for"""
     half_wh: tuple[float, float]
     """ends of the middle half [Wh]"""
     interval_wh: tuple[float, float]
     """ends of the central 90 % [Wh]"""
-    soc_needed: float
-    """displayed state of charge that suffices with that probability, `reserve` left; above 1: a full battery does not suffice"""
-    reserve: float
-    """displayed state of charge to arrive with"""
     duration_s: float
-    flags: list[FlagDocument]
-    car: str
-    """title of the car"""
     doubt: Doubt
-    message: str
-    """`soc_needed` as an English sentence"""
 
 
-class NeedResponse(UntilDeparture):
+class NeedResponse(NeedOfTrip):
     """What the next trip of a car needs, for charge planning."""
 
-    car: str
     plan: Literal["given", "usual"]
     """the plan that was given, or the road of an earlier trip that began at about this time of day"""
     usual_trip: str | None
     """name of that trip"""
     probability: float
     """with which energy and charge suffice"""
-    reserve: float
-    """displayed state of charge to arrive with"""
     expected_wh: float
     """expected energy of the trip [Wh]"""
-    energy_quantile_wh: float
-    """not exceeded with the probability [Wh]"""
-    soc_needed: float
-    """displayed state of charge to leave with; above 1 where a full battery does not suffice, 0 where any charge does"""
-    message: str
-    """`soc_needed` as an English sentence"""
     wh_per_display: float
     """energy of a whole display [Wh]"""
-    flags: list[FlagDocument]
-    """what was assumed, such as an outside temperature of the car's last message"""
 
 
 class NeedAnswer(RootModel[DistanceNeed | NeedResponse]):

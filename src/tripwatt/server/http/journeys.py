@@ -75,7 +75,8 @@ class JourneyJobs:
 
     def _journey(self, request: PlanRequest, forecaster: RoadForecaster) -> Journey:
         atlas = self._atlas()
-        options = JourneyOptions(**request.model_dump(include={*JourneyOptions.__slots__}))
+        given = request.model_dump(include={*JourneyOptions.__slots__})
+        options = JourneyOptions(**given | {"avoid": tuple(Place(**station) for station in given["avoid"])})
         stops = find_stops([place_of(stop) for stop in request.stops], atlas, round_trip=request.round_trip)
         return journey_with(forecaster, stops, atlas, options)
 
@@ -145,4 +146,4 @@ def place_of(stop: str | PlaceRequest) -> str | Place:
     """Return a stop of a request as a place, or its text if the stop is given by name."""
     if isinstance(stop, str):
         return stop
-    return Place(stop.latitude_deg, stop.longitude_deg, stop.name)
+    return Place(**stop.model_dump())
