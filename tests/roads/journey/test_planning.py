@@ -1,11 +1,11 @@
 """Journeys on roads that are made: what a driver asks, by laws and by values worked out by hand."""
 
 import json
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import pandas as pd
 import pytest
-from tests.roads.journey.made import COLD, KM_H, MADE, A, journey
+from tests.roads.journey.made import COLD, KM_H, MADE, A, MadeRouter, journey
 
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
@@ -150,3 +150,22 @@ def test_every_unknown_place_is_named(model):
     assert [fault.where for fault in caught.value.faults] == ["stops[0]", "stops[2]"]
     with pytest.raises(InvalidInput, match="number of places out of range: stops: got 1; allowed: 2 to 20"):
         journey(model, stops=(A,))
+
+
+def test_a_place_beside_the_road_is_named_with_its_distance(model):
+    @dataclass
+    class Beside(MadeRouter):
+        """A router whose road passes the places 0.01° in the south of them."""
+
+        def roads(self, stops, *, alternatives=0):
+            return super().roads([Place(47.0, place.longitude_deg) for place in stops])
+
+    near, far, end = Place(47.001, 9.0, "Near"), Place(47.01, 9.2, "Far"), Place(47.02, 9.4, "End")
+    found = journey(model, stops=(near, far, end), atlas=replace(MADE, router=Beside()), answers=False)
+    assert [(flag.code, flag.subject) for flag in found.flags] == [
+        ("far_from_road", "Far"),
+        ("far_from_road", "End"),
+    ]
+    for flag, place in zip(found.flags, (far, end), strict=True):
+        assert flag.value == pytest.approx(place.distance_m(Place(47.0, place.longitude_deg)))
+    assert journey(model, answers=False).flags == ()

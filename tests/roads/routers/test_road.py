@@ -167,19 +167,19 @@ def test_a_road_has_some_length_and_some_time():
     np.testing.assert_allclose(brief.duration_s, 0.5 / 0.9, **EXACT)
 
 
-def test_a_road_ends_within_1500_metres_of_its_places():
+def test_a_road_ends_within_5_kilometres_of_its_places():
     leg = (edges([100.0], [10.0]), line(0.0, 0.001), None)
-    for metres, sound in ((1499.0, True), (1501.0, False)):
+    for metres, sound in ((4999.0, True), (5001.0, False)):
         off = metres / DEGREE_M
         pairs = [(Place(off, 0.0), Place(0.0, 0.001)), (Place(0.0, 0.0), Place(0.0, 0.001 + off))]
         for stops in pairs:
             if sound:
                 assert made(leg, stops=stops).distance_m == 100.0
                 continue
-            with pytest.raises(InvalidInput, match=r"got 1\.5 km from the nearest road") as caught:
+            with pytest.raises(InvalidInput, match=r"got 5\.0 km from the nearest road") as caught:
                 made(leg, stops=stops)
             assert len(caught.value.faults) == 1
-            assert caught.value.faults[0].allowed == "at most 1.5 km"
+            assert caught.value.faults[0].allowed == "at most 5 km"
     with pytest.raises(InvalidInput) as caught:
         made(leg, stops=(Place(1.0, 0.0), Place(1.0, 0.0)))
     assert len(caught.value.faults) == 2

@@ -34,6 +34,9 @@ _MAX_ALTERNATIVES: Final = 3
 _MAX_OVERHEAD_S: Final = 7200.0
 """Bounds of a request: choices, since the work grows with the places and roads."""
 
+_NEAR_ROAD_M: Final = 200.0
+"""A place that is farther than this from its road is flagged: a choice, a short walk."""
+
 _MOTORWAY_SPEEDS_KM_H: Final = (130.0, 120.0, 110.0, 100.0, 90.0, 80.0)
 _CHEAPER_KM_H: Final = 100.0
 """The cost of speed is the energy taken by driving faster than this on motorways. A choice."""
@@ -497,7 +500,8 @@ def journey_with(
     forecasts = _label_roads([RoadForecast(road, forecaster.forecast(road, title)) for road in roads])
     first = forecasts[0]
     needed = soc_needed(first.forecast, options.reserve, CERTAIN)
-    journey = Journey(stops, forecasts, options.reserve, needed, attribution=atlas.attribution)
+    far = _far_from_road(stops, first.road)
+    journey = Journey(stops, forecasts, options.reserve, needed, flags=far, attribution=atlas.attribution)
     if not options.answers:
         return journey
     journey = replace(journey, speed=_speed_advice(forecaster, first, options.reserve))
@@ -507,6 +511,17 @@ def journey_with(
     plan = journey.charging or first.without_stops(journey.reserve)
     costs = [_leg_costs(leg, forecaster) for leg in plan.legs]
     return replace(journey, costs_wh={cause: sum(cost[cause] for cost in costs) for cause in costs[0]})
+
+
+def _far_from_road(stops: Sequence[Place], road: Road) -> tuple[Flag, ...]:
+    """Return a flag for each place that is farther than `_NEAR_ROAD_M` from its point of the road."""
+    positions = 0.0, *road.stop_position_m, road.distance_m
+    distances = {p: p.distance_m(road.place_at(at)) for p, at in zip(stops, positions, strict=True)}
+    return tuple(
+        Flag("far_from_road", place.title, far_m, "m")
+        for place, far_m in distances.items()
+        if far_m > _NEAR_ROAD_M
+    )
 
 
 def _add_stops(

@@ -18,7 +18,7 @@ from tripwatt.routes.points import distances_m
 from tripwatt.routes.web import as_remote
 from tripwatt.trips import Plan
 
-FARTHEST_START_M: Final = 1500.0
+FARTHEST_START_M: Final = 5000.0
 """Largest distance from a place to the end of its road [m]; if the road ends farther away, the place is outside of the map. A choice."""
 
 SAME_SPEED: Final = 0.03
