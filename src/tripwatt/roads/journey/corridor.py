@@ -162,7 +162,7 @@ class Corridor:
         """Stations that were chosen as places on the way, with their position on the road."""
         return [
             (at, place)
-            for at, place in zip(self.road.stop_position_m, self.via, strict=True)
+            for at, place in zip(self.road.stop_position_m, self.via, strict=False)
             if place.kind == STATION_KIND
         ]
 
@@ -387,7 +387,7 @@ class Corridor:
     def _route_leg(self, i: int, j: int, level: float, elapsed_s: float) -> Leg | None:
         """Route and forecast a leg; all but the first begin with `level`, `elapsed_s` after departure. None if there is no road."""
         low, high = self._position_m[[i, j]]
-        via = [p for p, at in zip(self.via, self.road.stop_position_m, strict=True) if low < at < high]
+        via = [p for p, at in zip(self.via, self.road.stop_position_m, strict=False) if low < at < high]
         try:
             road = self.atlas.router.roads((self._place(i), *via, self._place(j)))[0]
         except RemoteError:

@@ -516,6 +516,8 @@ def journey_with(
 def _far_from_road(stops: Sequence[Place], road: Road) -> tuple[Flag, ...]:
     """Return a flag for each place that is farther than `_NEAR_ROAD_M` from its point of the road."""
     positions = 0.0, *road.stop_position_m, road.distance_m
+    if len(positions) != len(stops):  # the router gave no positions of the places on the way
+        return ()
     distances = {p: p.distance_m(road.place_at(at)) for p, at in zip(stops, positions, strict=True)}
     return tuple(
         Flag("far_from_road", place.title, far_m, "m")
