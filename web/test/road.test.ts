@@ -2,12 +2,13 @@
 
 import assert from "node:assert/strict";
 import { describe, test } from "node:test";
-import type { Road } from "../src/api/documents";
+import type { ChargingPlan, Road } from "../src/api/documents";
 import {
   boundsOf,
   distanceNear,
   energyAtWh,
   piecesOf,
+  piecesOfPlan,
   pointAt,
   pointsOf,
   readCoordinates,
@@ -51,6 +52,23 @@ describe("pieces by consumption", () => {
     // mean 0.1 Wh/m; the first stretches have 1.24 and 0.76 of it, then 1.26 and 0.74
     assert.deepEqual(levels([0, 372, 600, 900, 1200]), ["usual"]);
     assert.deepEqual(levels([0, 378, 600, 900, 1200]), ["high", "low", "usual"]);
+  });
+
+  test("of a plan, what a stop gives does not count", () => {
+    const { line } = road([]);
+    // 0.03 on each of four stretches of 3 km, the last one with 0.09; a stop halfway gives 0.4
+    const course = {
+      position_m: [0, 3000, 6000, 6000, 9000, 12000],
+      displayed_soc: [0.5, 0.47, 0.44, 0.84, 0.81, 0.72],
+    };
+    const pieces = piecesOfPlan({ line, course } as unknown as ChargingPlan);
+    assert.deepEqual(
+      pieces.map(({ level, line: { length } }) => [level, length]),
+      [
+        ["low", 10],
+        ["high", 4],
+      ],
+    );
   });
 
   test("points closer than a sixtieth of the road share a piece", () => {

@@ -104,6 +104,15 @@ def centre(page: Any, selector: str) -> tuple[float, float]:
     return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
 
 
+def tip(page: Any, selector: str) -> tuple[float, float]:
+    """The corner of a pin at its place."""
+    box, lean = page.locator(selector).bounding_box(), page.locator(selector).get_attribute("data-lean")
+    return (
+        box["x"] + (0.0 if lean.endswith("left") else box["width"]),
+        box["y"] + (0.0 if lean.startswith("top") else box["height"]),
+    )
+
+
 def test_from_a_to_b_by_keyboard_alone_where_axe_finds_nothing_serious(page: Any) -> None:
     choose(page, "From", "west", "Westend")
     page.keyboard.press("Tab")
@@ -143,16 +152,20 @@ def test_a_click_sets_a_then_b_and_dragging_b_gives_the_new_arrival(page: Any) -
     page.wait_for_selector(MAP_SHOWN)
     page.get_by_text("Choose your own start on the map").wait_for()
     # the marks of the example are 0.1 ° of longitude apart, and their tips are on the road
-    west_mark, ost_mark = (page.locator(f".end-{end}").bounding_box() for end in ("from", "to"))
-    y, apart = west_mark["y"] + west_mark["height"] + 25.0, ost_mark["x"] - west_mark["x"]
-    x = west_mark["x"] + 0.6 * apart
-    page.mouse.click(west_mark["x"] + 0.04 * apart, y)
+    (west_x, y), (ost_x, _) = (tip(page, f".end-{end}") for end in ("from", "to"))
+    y, apart = y + 25.0, ost_x - west_x
+    x = west_x + 0.6 * apart
+    page.mouse.click(west_x + 0.04 * apart, y)
     page.get_by_text("Choose the destination on the map").wait_for()
     page.locator(".end-to").wait_for(state="detached")  # the map draws after the text
-    answer = whole_answer(page, lambda: page.mouse.click(west_mark["x"] + 0.96 * apart, y))
+    answer = whole_answer(page, lambda: page.mouse.click(west_x + 0.96 * apart, y))
     west, ost = answer.request.post_data_json["stops"]
     assert west["longitude_deg"] == pytest.approx(9.004, abs=0.006)
     assert ost["longitude_deg"] == pytest.approx(9.096, abs=0.006)
+    # what was clicked 25 px beside the road is on it, and the page says how far that is
+    page.locator(".far", has_text="from the nearest road").first.wait_for()
+    for end in ("from", "to"):
+        assert tip(page, f".end-{end}")[1] == pytest.approx(y - 25.0, abs=4.0)
     bx, by = centre(page, ".end-to")
     page.mouse.move(bx, by)
     page.mouse.down()
@@ -170,6 +183,45 @@ def test_a_click_sets_a_then_b_and_dragging_b_gives_the_new_arrival(page: Any) -
     # the pointer on the road shows the charge there
     page.mouse.move(x, y - 25.0)
     page.locator(".readout").get_by_text("battery").wait_for()
+
+
+def test_a_station_is_avoided_and_used_again_by_keyboard_and_stopped_at_by_mouse(
+    page: Any, expected: list[str]
+) -> None:
+    expected.append("422")  # the router has one road
+    page.wait_for_selector(MAP_SHOWN)
+    plan(page)
+    stations = page.get_by_label("Charging stations in view")
+    stations.locator("option", has_text="Halbweg").wait_for(state="attached")
+    stations.focus()
+    page.keyboard.type("Halb")
+    page.locator(".station").get_by_text("150\u00a0kW direct current").wait_for()
+    avoided = whole_answer(
+        page, lambda: page.get_by_role("button", name="Avoid", exact=True).press("Enter")
+    ).request.post_data_json
+    assert [(one["name"], one["longitude_deg"]) for one in avoided["avoid"]] == [("Halbweg", 9.05)]
+    page.get_by_text("Avoided: Halbweg").wait_for()
+    assert serious(page) == []
+    page.wait_for_function("() => location.hash.includes('avoid=Halbweg')")
+    again = whole_answer(page, lambda: page.get_by_role("button", name="Use again: Halbweg").press("Enter"))
+    assert "avoid" not in again.request.post_data_json
+    page.keyboard.press("Escape")
+    stations.select_option("")
+    page.wait_for_timeout(SETTLE_MS)
+    (west, y), (east, _) = (tip(page, f".end-{end}") for end in ("from", "to"))
+    page.mouse.click((west + east) / 2.0, y)
+    with page.expect_response(lambda r: r.url.endswith("/v1/journeys")) as asked:
+        page.get_by_role("button", name="Stop here").click()
+    start, stop, end = asked.value.request.post_data_json["stops"]
+    assert (stop["name"], stop["kind"]) == ("Halbweg", "charging_station")
+    assert "kind" not in start | end
+    page.wait_for_function("() => location.hash.includes('station=Halbweg')")
+    page.get_by_label("Via 1", exact=True).first.wait_for()
+    with page.expect_response(
+        lambda r: r.url.endswith("/v1/journeys") and len(r.request.post_data_json["stops"]) == 2
+    ):
+        page.get_by_role("button", name="Do not stop here").click()
+    page.get_by_label("Via 1", exact=True).first.wait_for(state="detached")
 
 
 SETTLE_MS = 1500
@@ -414,6 +466,7 @@ def test_names_on_the_map_keep_clear_of_the_pins_and_of_the_road(page: Any) -> N
     page.wait_for_selector(MAP_SHOWN)
     page.wait_for_timeout(2 * SETTLE_MS)
     boxes = [page.locator(f".end-{end}").bounding_box() for end in ("from", "to")]
+    tips = [tip(page, f".end-{end}") for end in ("from", "to")]
     page.evaluate("document.querySelectorAll('.end-mark').forEach((e) => { e.style.visibility = 'hidden'; })")
     picture = np.asarray(Image.open(BytesIO(page.screenshot())).convert("L"), dtype=int)
     page.unroute("**/v1/map/view?*")
@@ -422,9 +475,9 @@ def test_names_on_the_map_keep_clear_of_the_pins_and_of_the_road(page: Any) -> N
         return int(picture[round(y) : round(y + height), round(x) : round(x + width)].min())
 
     for box in boxes:
-        assert darkest(box["x"], box["y"], box["width"], box["height"] - DOT_PX) > TEXT
-    y = boxes[0]["y"] + boxes[0]["height"]
-    west, east = (box["x"] + box["width"] / 2 for box in boxes)
+        rows = box["height"] - DOT_PX
+        assert darkest(box["x"] + DOT_PX, box["y"], box["width"] - 2.0 * DOT_PX, rows) > TEXT
+    (west, y), (east, _) = tips
     for x in (west, west + share * (east - west), east):
         for side in (x - DOT_PX - 60.0, x + DOT_PX):
             assert darkest(side, y - 6.0, 60.0, 12.0) > TEXT

@@ -11,6 +11,7 @@ import type {
   Marker,
   StyleSpecification,
 } from "maplibre-gl";
+import { groupsOf, type Lean, leansOf, numbersText, type Pixel, PIN_PX } from "../model/pins";
 import type { Bounds, Field, Point } from "../model/road";
 
 /** Name of the worker's file; the build fills it in. */
@@ -50,13 +51,15 @@ export interface MapHandlers {
   /** The pointer is on the chosen road; null when it leaves. */
   onRoad: (at: Point | null) => void;
   onOther: (road: number) => void;
-  onStation: (station: StationMark | null) => void;
+  /** A station is chosen, by its position; null for none. */
+  onStation: (at: Point | null) => void;
   onView: (bounds: Bounds) => void;
 }
 
-export interface StationMark {
-  name: string;
-  power_w: number;
+/** A charging stop of the plan on the map, with its number. */
+export interface StopMark {
+  at: Point;
+  number: number;
 }
 
 /** MapLibre GL; a parameter, so that its code is a file of its own that changes with its version alone. */
@@ -95,10 +98,10 @@ const SECONDARY = 3;
 const TERTIARY = 4;
 const SERVICE = 7;
 
-/** Room that names keep free [px]: of a pin above its point, of a stop with its number, of a station. */
-const ROOMS = { pin: [40, 46], stop: [26, 26], station: [14, 14] } as const;
+/** Room that names keep free [px]: of a pin beside its point, of a stop with its number, of a station. */
+const ROOMS = { pin: [PIN_PX + 4, PIN_PX + 4], stop: [26, 26], station: [14, 14] } as const;
 
-type Data = "roads" | "others" | "reach" | "settlements" | "stations" | "pins" | "dot";
+type Data = "roads" | "others" | "reach" | "settlements" | "stations" | "stops" | "pins" | "dot";
 
 const WIDTHS = {
   minor: ["interpolate", ["exponential", 1.5], ["zoom"], 9, 0.5, 14, 2, 18, 10],
@@ -138,8 +141,8 @@ const BESIDE = [
   ...["left", [0.5, 0], "top", [0, 0.4], "right", [-0.5, 0], "bottom", [0, -0.4]],
   ...["top", [0, 0.9], "bottom", [0, -0.9], "top", [0, 1.6], "bottom", [0, -1.6]],
 ];
-/** And above a pin on the point. */
-const ABOVE_PIN = ["bottom", [0, -4.2]];
+/** The name of a place with a pin: below the point, or above the pin; the map may end at its side. */
+const BESIDE_PIN = ["top", [0, 0.9], "bottom", [0, -3.4], ...BESIDE];
 
 /** Zoom from which settlements are shown: those of a whole country would cover its roads. */
 const SHOWN_FROM_ZOOM = [">=", ["zoom"], ["match", ["get", "kind"], "city", 0, "town", 6, 9]];
@@ -186,9 +189,19 @@ function journeyLayers(palette: MapPalette, font: string): LayerSpecification[] 
       id: "station",
       type: "circle",
       source: "stations",
-      layout: { "circle-sort-key": ["case", ["get", "chosen"], 1, 0] },
       paint: {
-        "circle-radius": ["case", ["get", "chosen"], 11, 5],
+        "circle-radius": ["match", ["get", "wish"], "preferred", 7, 5],
+        "circle-color": ["match", ["get", "wish"], "avoided", palette.surface, palette.station],
+        "circle-stroke-color": ["match", ["get", "wish"], "avoided", palette.station, palette.surface],
+        "circle-stroke-width": 2,
+      },
+    },
+    {
+      id: "stop",
+      type: "circle",
+      source: "stops",
+      paint: {
+        "circle-radius": ["case", [">", ["length", ["get", "order"]], 2], 16, 11],
         "circle-color": palette.station,
         "circle-stroke-color": palette.surface,
         "circle-stroke-width": 2,
@@ -206,7 +219,7 @@ function journeyLayers(palette: MapPalette, font: string): LayerSpecification[] 
         "text-variable-anchor-offset": [
           "case",
           ["get", "pinned"],
-          ["literal", [...BESIDE, ...ABOVE_PIN]],
+          ["literal", BESIDE_PIN],
           ["literal", BESIDE],
         ] as never,
         "text-justify": "auto",
@@ -232,8 +245,14 @@ function journeyLayers(palette: MapPalette, font: string): LayerSpecification[] 
       id: "station-room",
       type: "symbol",
       source: "stations",
+      layout: { "icon-image": "room-station", "icon-allow-overlap": true },
+    },
+    {
+      id: "stop-room",
+      type: "symbol",
+      source: "stops",
       layout: {
-        "icon-image": ["case", ["get", "chosen"], "room-stop", "room-station"],
+        "icon-image": "room-stop",
         "icon-allow-overlap": true,
         "text-field": ["get", "order"],
         "text-font": [font],
@@ -248,7 +267,7 @@ function journeyLayers(palette: MapPalette, font: string): LayerSpecification[] 
       source: "pins",
       layout: {
         "icon-image": "room-pin",
-        "icon-anchor": "bottom",
+        "icon-anchor": ["get", "anchor"],
         "icon-allow-overlap": true,
         "icon-padding": 0,
       },
@@ -278,6 +297,7 @@ function styleOf({ palette, tiles, font }: MapOptions): StyleSpecification {
       reach: data(),
       settlements: data(),
       stations: data(),
+      stops: data(),
       pins: data(),
       dot: data(),
     },
@@ -293,6 +313,16 @@ function pointOf({ lngLat }: { lngLat: { lng: number; lat: number } }): Point {
   return [lngLat.lng, lngLat.lat];
 }
 
+function pointFeature(coordinates: Point, properties: GeoJSON.GeoJsonProperties): Feature {
+  // eslint-disable-next-line page/text -- types of GeoJSON
+  return { type: "Feature", geometry: { type: "Point", coordinates }, properties };
+}
+
+/** The corner of a pin that is its tip. */
+function anchorOf([right, down]: Lean): string {
+  return `${down > 0 ? "top" : "bottom"}-${right > 0 ? "left" : "right"}`;
+}
+
 /** MapLibre's order of corners: west and south, east and north. */
 function corners([south, west, north, east]: Bounds): [Point, Point] {
   return [
@@ -305,6 +335,7 @@ export class RoadMap {
   private readonly map: Canvas;
   private readonly markers = new Map<Field, Marker>();
   private readonly waiting = new Map<Data, Collection>();
+  private stops: readonly StopMark[] = [];
   private loaded = false;
 
   constructor(private readonly options: MapOptions) {
@@ -342,17 +373,41 @@ export class RoadMap {
       marker.setLngLat(mark.at).getElement().setAttribute("aria-label", mark.label);
       if (!known) this.markers.set(mark.field, marker.addTo(this.map)); // adding it again would end a drag
     }
-    this.setPins();
+    this.place();
   }
 
-  /** Keep names off the pins. */
-  private setPins(): void {
-    const pins = [...this.markers.values()].map((marker): Feature => {
-      const { lng, lat } = marker.getLngLat();
-      // eslint-disable-next-line page/text -- types of GeoJSON
-      return { type: "Feature", geometry: { type: "Point", coordinates: [lng, lat] }, properties: {} };
-    });
-    this.setData("pins", pins);
+  setStops(stops: readonly StopMark[]): void {
+    this.stops = stops;
+    this.place();
+  }
+
+  /** Keep pins, stops and names off each other: stops share a mark, pins lean to where there is room. */
+  private place(): void {
+    const pixelOf = (at: Point): Pixel => {
+      const { x, y } = this.map.project(at);
+      return [x, y];
+    };
+    const stops = this.stops.map(({ at }) => pixelOf(at));
+    this.setData(
+      "stops",
+      groupsOf(stops).map((group) => {
+        const members = group.map((k) => this.stops[k] as StopMark);
+        const [{ at }] = members as [StopMark];
+        return pointFeature(at, { order: numbersText(members.map(({ number }) => number)) });
+      }),
+    );
+    const markers = [...this.markers.values()];
+    const places = markers.map((marker) => pointOf({ lngLat: marker.getLngLat() }));
+    const leans = leansOf(places.map(pixelOf), stops);
+    for (const [k, marker] of markers.entries()) {
+      const [right, down] = leans[k] as Lean;
+      marker.setOffset([(right * PIN_PX) / 2, (down * PIN_PX) / 2]);
+      marker.getElement().dataset.lean = anchorOf([right, down]);
+    }
+    this.setData(
+      "pins",
+      places.map((at, k) => pointFeature(at, { anchor: anchorOf(leans[k] as Lean) })),
+    );
   }
 
   setData(source: Data, features: Feature[]): void {
@@ -386,11 +441,11 @@ export class RoadMap {
     element.className = `end-mark end-${field.replace(/\d+/, "")}`;
     element.textContent = letter;
     element.setAttribute("role", "img");
-    const marker = new this.options.library.Marker({ element, draggable: true, anchor: "bottom" });
+    const marker = new this.options.library.Marker({ element, draggable: true, anchor: "center" });
     const tell = (done: boolean) => {
       const { lng, lat } = marker.getLngLat();
       this.options.handlers.onDrag(field, [lng, lat], done);
-      this.setPins();
+      if (done) this.place();
     };
     marker.on("drag", () => tell(false));
     marker.on("dragend", () => tell(true));
@@ -413,10 +468,11 @@ export class RoadMap {
       handlers.onView(this.bounds());
     });
     map.on("moveend", () => handlers.onView(this.bounds()));
+    map.on("zoom", () => this.place());
     map.on("click", (event) => this.click(event));
     map.on("mousemove", "road-hit", (event) => handlers.onRoad(pointOf(event)));
     map.on("mouseleave", "road-hit", () => handlers.onRoad(null));
-    for (const layer of ["road-hit", "other-hit", "station"]) {
+    for (const layer of ["road-hit", "other-hit", "station", "stop"]) {
       map.on("mouseenter", layer, () => {
         map.getCanvas().style.cursor = "pointer";
       });
@@ -429,11 +485,12 @@ export class RoadMap {
   /** A click belongs to what is on top: a station, the chosen road, another road, else the ground. */
   private click(event: MapMouseEvent): void {
     const { handlers } = this.options;
-    const hit = this.map.queryRenderedFeatures(event.point, { layers: ["station", "road-hit", "other-hit"] });
+    const layers = ["stop", "station", "road-hit", "other-hit"];
+    const hit = this.map.queryRenderedFeatures(event.point, { layers });
     const on = (layer: string) => hit.find((feature) => feature.layer.id === layer);
-    const station = on("station");
+    const station = on("stop") ?? on("station");
     const other = on("other-hit");
-    handlers.onStation(station ? (station.properties as StationMark) : null);
+    handlers.onStation(station ? ((station.geometry as GeoJSON.Point).coordinates as Point) : null);
     if (station) return;
     if (on("road-hit")) handlers.onRoad(pointOf(event));
     else if (other) handlers.onOther(Number(other.properties.road));

@@ -1,6 +1,6 @@
 /** The line of a road on the map: its parts by consumption, and places along it. */
 
-import type { Road } from "../api/documents";
+import type { ChargingPlan, Road } from "../api/documents";
 import { interpolate } from "./interpolate";
 
 export type Level = "low" | "usual" | "high";
@@ -38,26 +38,41 @@ export function energyAtWh({ forecast, distance_m: length }: Line, positionM: nu
   return interpolate((positionM / length) * (along.at(-1) as number), along, energy);
 }
 
-/** The road in pieces of about equal length, each with its level; neighbours of one level are joined. */
-export function piecesOf(road: Line): Piece[] {
-  const points = pointsOf(road);
-  const { position_m: position } = road.line;
-  const meanWhM = energyAtWh(road, road.distance_m) / road.distance_m;
-  const leastM = road.distance_m / PIECES;
+/** A line in pieces of about equal length, each with its level; neighbours of one level are joined. `used` is the energy up to a position [m]. */
+function piecesAlong(line: Road["line"], lengthM: number, used: (positionM: number) => number): Piece[] {
+  const points = pointsOf({ line });
+  const { position_m: position } = line;
+  const mean = used(lengthM) / lengthM;
+  const leastM = lengthM / PIECES;
   const pieces: Piece[] = [];
   for (let first = 0; first < points.length - 1;) {
     const startM = position[first] as number;
     let last = first + 1;
     while (last < points.length - 1 && (position[last] as number) - startM < leastM) last++;
-    const lengthM = (position[last] as number) - startM;
-    const energyWh = energyAtWh(road, position[last] as number) - energyAtWh(road, startM);
-    const level = levelOf(lengthM > 0 ? energyWh / lengthM : meanWhM, meanWhM);
+    const pieceM = (position[last] as number) - startM;
+    const energy = used(position[last] as number) - used(startM);
+    const level = levelOf(pieceM > 0 ? energy / pieceM : mean, mean);
     const before = pieces.at(-1);
     if (before?.level === level) before.line.push(...points.slice(first + 1, last + 1));
     else pieces.push({ level, line: points.slice(first, last + 1) });
     first = last;
   }
   return pieces;
+}
+
+export function piecesOf(road: Line): Piece[] {
+  return piecesAlong(road.line, road.distance_m, (positionM) => energyAtWh(road, positionM));
+}
+
+/** The pieces of a plan with charging stops: what the display loses on the way, without what it gains at stops. */
+export function piecesOfPlan({ line, course }: Pick<ChargingPlan, "line" | "course">): Piece[] {
+  const { position_m: position, displayed_soc: soc } = course;
+  const used: number[] = [];
+  for (const [k, now] of soc.entries()) {
+    const isStop = k > 0 && position[k] === position[k - 1];
+    used.push((used[k - 1] ?? 0) + (k === 0 || isStop ? 0 : (soc[k - 1] as number) - now));
+  }
+  return piecesAlong(line, position.at(-1) as number, (positionM) => interpolate(positionM, position, used));
 }
 
 function levelOf(whM: number, meanWhM: number): Level {

@@ -5,12 +5,14 @@ import { listExamples, listModels, listVehicles, loadExample, readRoute, viewMap
 import type { ExampleSummary, Place } from "../api/documents";
 import type { Kind } from "../model/distance";
 import { type Field, metresBetween } from "../model/road";
+import { bestPlace, isSame, type StationChoice } from "../model/stations";
 import { chooseFirst, models, vehicles } from "./car";
 import { type Conditions, conditions, resetTo, USUAL } from "./conditions";
 import { reportProblem, problem } from "./forecast";
 import { loadOwnCars, ownCars } from "./own-cars";
 import {
   answersAreOld,
+  choice,
   ends,
   isExample,
   isRound,
@@ -75,7 +77,7 @@ export async function chooseExample(name: string): Promise<void> {
 export function chooseJourney(isDraft = false): void {
   const places = placesOfJourney();
   if (!places) return;
-  const next = tripFromStops(places, isRound.value, isDraft);
+  const next = tripFromStops(places, isRound.value, choice.value, isDraft);
   if (trip.value?.stops) trip.value = next;
   else show(next);
 }
@@ -84,6 +86,31 @@ export function chooseJourney(isDraft = false): void {
 export function move(field: Field, place: Place, isDraft = false): void {
   setPlace(field, place);
   chooseJourney(isDraft);
+}
+
+/** Charge at a station on the way: where it lengthens the journey least. */
+export function stopAt(station: Place): void {
+  const places = placesOfJourney();
+  if (!places) return;
+  const at = bestPlace(isRound.value ? [...places, places[0] as Place] : places, station);
+  batch(() => {
+    isExample.value = false;
+    const index = Math.min(at - 1, vias.value.length);
+    vias.value = [...vias.value.slice(0, index), station, ...vias.value.slice(index)];
+    choose({ avoid: choice.value.avoid.filter((one) => !isSame(one, station)) });
+  });
+}
+
+/** Drive past a place on the way. */
+export function passBy(station: Place): void {
+  vias.value = vias.value.filter((one) => !one || !isSame(one, station));
+  chooseJourney();
+}
+
+/** Change which stations are wanted, and plan again. */
+export function choose(change: Partial<StationChoice>): void {
+  choice.value = { ...choice.value, ...change };
+  chooseJourney();
 }
 
 /** Begin a journey of one's own at a place on the map. */
@@ -154,17 +181,25 @@ async function chooseExampleOfMap(): Promise<void> {
 }
 
 /** Show what a link has of a trip; false where the service does not have it. */
-async function chooseLinked({ source: from, places, round, example, distance }: Linked): Promise<boolean> {
+async function chooseLinked({
+  source: from,
+  places,
+  round,
+  choice: wanted,
+  example,
+  distance,
+}: Linked): Promise<boolean> {
   if (from === "journey" && map.value && places) {
     batch(() => {
       source.value = "journey";
       ends.value = { from: places[0] as Place, to: places.at(-1) as Place };
       vias.value = places.slice(1, -1);
       isRound.value = round;
+      choice.value = wanted;
       nextEnd.value = null;
       isExample.value = false;
       wantsFit.value = true;
-      trip.value = tripFromStops(places, round, false);
+      trip.value = tripFromStops(places, round, wanted, false);
     });
     return true;
   }

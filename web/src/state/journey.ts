@@ -4,10 +4,11 @@ import { computed, effect, signal, untracked } from "@preact/signals";
 import { findReach, getMap, planJourney } from "../api/client";
 import { Latest } from "../api/latest";
 import type { ChargingPlan, Journey, JourneyRequest, MapInfo, Place, Reach } from "../api/documents";
-import type { End, Field } from "../model/road";
+import { type End, type Field, type Point, pointAlong } from "../model/road";
+import { isSame, NO_CHOICE, type StationChoice } from "../model/stations";
 import { car } from "./car";
 import { type Conditions, conditions, conditionsOfJourney } from "./conditions";
-import { fieldsOfCar, stopOf, type Trip } from "./trip";
+import { fieldsOfCar, stopOf, type Trip, trip } from "./trip";
 
 /** Other roads that are looked at. */
 export const ALTERNATIVES = 2;
@@ -19,6 +20,7 @@ export const ends = signal<Record<End, Place | null>>({ from: null, to: null });
 /** Places on the way, in their order; null until one is chosen. */
 export const vias = signal<(Place | null)[]>([]);
 export const isRound = signal(false);
+export const choice = signal<StationChoice>(NO_CHOICE);
 /** Whether the journey is an example of the map that nobody asked for. */
 export const isExample = signal(false);
 /** The end that a click on the map sets; null for none. */
@@ -82,6 +84,26 @@ export function placesOfJourney(): Place[] | null {
   const all = fieldsOfJourney().map(placeOf);
   return all.every((place) => place !== null) ? all : null;
 }
+
+/** Whether what is shown is the journey of the form: its places may have changed since. */
+export const isOfForm = computed(() => {
+  const { stops, isRound: wasRound } = trip.value ?? {};
+  if (!stops) return true;
+  const places = placesOfJourney();
+  return (
+    places?.length === stops.length &&
+    wasRound === isRound.value &&
+    places.every((place, k) => isSame(place, stops[k] as Place))
+  );
+});
+
+/** The points of the road at the places of the journey that is shown; null where its road is not there, or another one is written. */
+export const roadPoints = computed((): Point[] | null => {
+  const road = journey.value?.roads[0];
+  if (!road || !trip.value?.stops || trip.value.isDraft || !isOfForm.value) return null;
+  const ends = [0, ...road.stops.map(({ position_m }) => position_m), road.distance_m];
+  return ends.map((positionM) => pointAlong(road.line, positionM));
+});
 
 /** A place on the map without a name. */
 export function placeAt(longitude: number, latitude: number): Place {

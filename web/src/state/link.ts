@@ -6,6 +6,7 @@ import type { Place } from "../api/documents";
 import { notPast } from "../model/clock";
 import { type Kind, KINDS } from "../model/distance";
 import { changedFrom, changedText, figuresFrom, type LinkValue, placeFrom, placeText } from "../model/link";
+import { STATION_KIND, type StationChoice } from "../model/stations";
 import { type Car, car } from "./car";
 import { type BeforeDeparture, type Conditions, conditions, USUAL } from "./conditions";
 import { isExample } from "./journey";
@@ -21,6 +22,7 @@ export interface Linked {
   source: Source | null;
   places: Place[] | null;
   round: boolean;
+  choice: StationChoice;
   example: string;
   distance: { distanceM: number; kind: Kind } | null;
   conditions: Conditions;
@@ -72,7 +74,13 @@ export function readLink(hash: string): Linked | null {
   const link = new URLSearchParams(hash.replace(/^#/, ""));
   const found = link.get("trip");
   if (found === null) return null;
-  const places = link.getAll("place").map(placeFrom);
+  const places = [...link]
+    .filter(([name]) => name === "place" || name === "station")
+    .map(([name, text]) => {
+      const place = placeFrom(text);
+      return place && name === "station" ? { ...place, kind: STATION_KIND } : place;
+    });
+  const avoid = link.getAll("avoid").map(placeFrom);
   const isWhole = places.length >= 2 && places.every((place) => place !== null);
   const distanceM = Number(link.get("distance_m"));
   const kind = KINDS.find((name) => name === link.get("road"));
@@ -80,6 +88,7 @@ export function readLink(hash: string): Linked | null {
     source: (["journey", "distance", "examples"] as const).find((name) => name === found) ?? null,
     places: isWhole ? places : null,
     round: link.get("round_trip") === "true",
+    choice: { avoid: avoid.filter((place) => place !== null), networks: link.getAll("network") },
     example: link.get("example") ?? "",
     distance: distanceM > 0 && kind ? { distanceM, kind } : null,
     conditions: checked(changedFrom(link, USUAL, kindOf)),
@@ -93,10 +102,18 @@ export function lastLink(): Linked | null {
   return typeof link === "string" ? readLink(link) : null;
 }
 
-function tripText({ source, stops, isRound, example, distance }: Trip): [string, string][] {
+function tripText({ source, stops, isRound, choice, example, distance }: Trip): [string, string][] {
   if (stops) {
-    const places = stops.map((place): [string, string] => ["place", placeText(place)]);
-    return [["trip", "journey"], ...places, ...(isRound ? [["round_trip", "true"] as [string, string]] : [])];
+    return [
+      ["trip", "journey"],
+      ...stops.map((place): [string, string] => [
+        place.kind === STATION_KIND ? "station" : "place",
+        placeText(place),
+      ]),
+      ...(isRound ? [["round_trip", "true"] as [string, string]] : []),
+      ...(choice?.avoid ?? []).map((place): [string, string] => ["avoid", placeText(place)]),
+      ...(choice?.networks ?? []).map((network): [string, string] => ["network", network]),
+    ];
   }
   if (distance) {
     return [

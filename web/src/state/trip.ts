@@ -15,6 +15,7 @@ import type {
 import { type Kind, linksOfDistance } from "../model/distance";
 import { atMotorwaySpeed } from "../model/links";
 import { type Profile, profileFromSamples } from "../model/profile";
+import { STATION_KIND, type StationChoice } from "../model/stations";
 import type { Car } from "./car";
 import {
   type Conditions,
@@ -48,6 +49,8 @@ export interface Trip {
   stops: Place[] | null;
   /** Whether the journey goes back to its start. */
   isRound?: boolean;
+  /** Of a journey: which charging stations are wanted. */
+  choice?: StationChoice;
   /** Whether an end of the journey is being dragged, so that only the arrival is asked for. */
   isDraft?: boolean;
   /** Of a trip by distance: it is no forecast of a road. */
@@ -143,17 +146,19 @@ export function fieldsOfCar(car: Car | null): Pick<ForecastRequest, "car" | "mod
   return own ? { car: own } : { car: figures ?? vehicle, model };
 }
 
-/** A place as a stop of a request. */
-export function stopOf({
-  name,
-  latitude_deg,
-  longitude_deg,
-}: Place): Pick<Place, "name" | "latitude_deg" | "longitude_deg"> {
-  return { name, latitude_deg, longitude_deg };
+/** A place as a stop of a request, to charge if it is a station. */
+export function stopOf({ name, latitude_deg, longitude_deg, kind }: Place) {
+  const place = { name, latitude_deg, longitude_deg };
+  return kind === STATION_KIND ? { ...place, kind } : place;
 }
 
 /** A journey from place to place as a trip; its road comes with its forecast. `isDraft` while an end is dragged. */
-export function tripFromStops(stops: Place[], isRound: boolean, isDraft: boolean): Trip {
+export function tripFromStops(
+  stops: Place[],
+  isRound: boolean,
+  choice: StationChoice,
+  isDraft: boolean,
+): Trip {
   const names = stops.map(({ name }) => name);
   return {
     example: "",
@@ -165,6 +170,7 @@ export function tripFromStops(stops: Place[], isRound: boolean, isDraft: boolean
     links: null,
     stops,
     isRound,
+    choice,
     isDraft,
     profile: UNKNOWN,
     observed: null,
@@ -180,10 +186,16 @@ export function forecastRequest(of: Trip, at: Conditions, car: Car | null): Fore
 }
 
 /** A request for a journey from place to place. */
-export function journeyRequest({ stops, isRound }: Trip, at: Conditions, car: Car | null): JourneyRequest {
+export function journeyRequest(
+  { stops, isRound, choice }: Trip,
+  at: Conditions,
+  car: Car | null,
+): JourneyRequest {
   return {
     stops: (stops ?? []).map(stopOf),
     ...(isRound && { round_trip: true }),
+    ...(choice?.avoid.length && { avoid: choice.avoid.map(stopOf) }),
+    ...(choice?.networks.length && { networks: [...choice.networks] }),
     ...(at.preheatForStops && { preheat_battery: true }),
     ...fieldsOfCar(car),
     stop_overhead_s: at.stopOverheadS,

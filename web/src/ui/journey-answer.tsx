@@ -7,6 +7,7 @@ import { answersAreOld, chargingPlans, chosenCharging, chosenRoad, journey } fro
 import { format, text, units } from "../state/preferences";
 import { trip } from "../state/trip";
 import { Choice } from "./choice";
+import { StationActions } from "./station-panel";
 import { chanceInFigures, clockText } from "./wording";
 
 /** Smaller differences between roads are none. */
@@ -137,6 +138,7 @@ function StopRow({ of }: { of: Stop }) {
             )
           : words.noneIfFull}
       </p>
+      <StationActions of={station} />
     </li>
   );
 }

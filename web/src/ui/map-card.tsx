@@ -1,25 +1,30 @@
-import { untracked, useSignal, useSignalEffect } from "@preact/signals";
+import { type Signal, untracked, useSignal, useSignalEffect } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { tilesUrl, tokenHeaders, viewMap } from "../api/client";
-import type { Journey, MapView, Road, Station } from "../api/documents";
+import type { Journey, MapView, Place, Road, Station } from "../api/documents";
 import { coloursOf } from "../charts/palette";
-import type { Feature, Mark, RoadMap, StationMark } from "../map/road-map";
+import type { Feature, Mark, RoadMap } from "../map/road-map";
+import { warningsOf } from "../model/flags";
 import {
   boundsOf,
   type Bounds,
   distanceNear,
   type Field,
+  metresBetween,
   piecesOf,
+  piecesOfPlan,
   type Point,
   pointAlong,
   pointAt,
   pointsOf,
+  readCoordinates,
 } from "../model/road";
-import { POWER } from "../model/units";
+import { isPreferred, isSame, type StationChoice } from "../model/stations";
 import { beginAt, move, source } from "../state/catalogue";
 import { chargingPlan } from "../state/answer";
 import { chooseRoad } from "../state/forecast";
 import {
+  choice,
   chosenRoad,
   ends,
   fieldsOfJourney,
@@ -33,13 +38,17 @@ import {
   wantsFit,
   wantsReachFit,
   reach,
+  roadPoints,
   wantsReach,
 } from "../state/journey";
 import { positionM, selectedM } from "../state/position";
-import { dark, format, text } from "../state/preferences";
+import { dark, format, text, units } from "../state/preferences";
 import { trip } from "../state/trip";
 import { into, put, Tick } from "./parts";
+import { StationList, StationPanel, Wishes } from "./station-panel";
 
+/** A place far from its road, among the flags of a journey. */
+const FAR = "far_from_road";
 const VIEW_PAUSE_MS = 150;
 // eslint-disable-next-line page/text -- a font
 const FONT = "Inter Variable";
@@ -62,25 +71,26 @@ function chosenOf(of: Journey | null): Road | null {
   return of?.roads[chosenRoad.value] ?? of?.roads[0] ?? null;
 }
 
-/** Charging stations, and those of the plan with their order. */
-function stationFeatures(known: readonly Station[], stops: readonly Station[]): Feature[] {
-  const placed = (station: Station, properties: object) =>
-    pointOf([station.longitude_deg, station.latitude_deg], {
-      name: station.name,
-      power_w: station.power_w,
-      ...properties,
+/** Charging stations beside those of the plan, with what the driver wants of them. */
+function stationFeatures(
+  known: readonly Station[],
+  stops: readonly Station[],
+  { avoid, networks }: StationChoice,
+): Feature[] {
+  return known
+    .filter((station) => !stops.some((stop) => isSame(stop, station)))
+    .map((station) => {
+      const isAvoided = avoid.some((one) => isSame(one, station));
+      const isWanted = networks.length > 0 && isPreferred(station.name, networks);
+      const wish = isAvoided ? "avoided" : isWanted ? "preferred" : "";
+      return pointOf([station.longitude_deg, station.latitude_deg], { wish });
     });
-  const numbers = new Map<string, [Station, number[]]>();
-  for (const [k, station] of stops.entries()) {
-    const at = `${station.longitude_deg} ${station.latitude_deg}`; // a way back may stop where the way out does
-    numbers.set(at, [station, [...(numbers.get(at)?.[1] ?? []), k + 1]]);
-  }
-  return [
-    ...known
-      .filter(({ longitude_deg, latitude_deg }) => !numbers.has(`${longitude_deg} ${latitude_deg}`))
-      .map((station) => placed(station, { chosen: false, order: "" })),
-    ...[...numbers.values()].map(([station, at]) => placed(station, { chosen: true, order: at.join("+") })),
-  ];
+}
+
+/** Where a place is on the map: one without a name is on its road. */
+function placed(field: Field, place: Place): Point {
+  const onRoad = roadPoints.value?.[fieldsOfJourney().indexOf(field)];
+  return onRoad && readCoordinates(place.name) ? onRoad : [place.longitude_deg, place.latitude_deg];
 }
 
 /** The pin of a place of the journey: A and B, and V1 and so on between them. */
@@ -92,7 +102,7 @@ function markOf(field: Field): Mark[] {
   const number = isEnd ? 0 : Number(field.slice(3)) + 1;
   const name = isEnd ? words[field] : words.via(number);
   const letter = isEnd ? (field === "from" ? "A" : "B") : `${name.charAt(0)}${number}`;
-  return [{ field, letter, at: [place.longitude_deg, place.latitude_deg], label: `${name}: ${place.name}` }];
+  return [{ field, letter, at: placed(field, place), label: `${name}: ${place.name}` }];
 }
 
 /** Of the journey on the page; null where another trip is shown. */
@@ -102,15 +112,16 @@ function shownJourney(): Journey | null {
 
 /** The canvas of the map, made anew when the theme changes. */
 function MapCanvas({
+  view,
   onFail,
   onStation,
 }: {
+  view: Signal<MapView | null>;
   onFail: () => void;
-  onStation: (at: StationMark | null) => void;
+  onStation: (at: Point | null) => void;
 }) {
   const box = useRef<HTMLDivElement>(null);
   const made = useSignal<RoadMap | null>(null);
-  const view = useSignal<MapView | null>(null);
   useEffect(() => {
     let isGone = false;
     let created: RoadMap | null = null;
@@ -184,8 +195,11 @@ function MapCanvas({
     const now = shownJourney();
     const road = chosenOf(now);
     const plan = chargingPlan.value;
-    const pieces = road ? piecesOf(road).map(({ level, line }) => lineOf(line, { level })) : [];
-    made.value?.setData("roads", plan ? [lineOf(pointsOf(plan), { level: "usual" })] : pieces);
+    const shown = plan ? piecesOfPlan(plan) : road ? piecesOf(road) : [];
+    made.value?.setData(
+      "roads",
+      shown.map(({ level, line }) => lineOf(line, { level })),
+    );
     const others = (now?.roads ?? []).map((other, k) => lineOf(pointsOf(other), { road: k }));
     made.value?.setData("others", plan ? [] : others.filter((_, k) => now?.roads[k] !== road));
   });
@@ -218,7 +232,13 @@ function MapCanvas({
   });
   useSignalEffect(() => {
     const stops = (chargingPlan.value?.stops ?? []).map(({ station }) => station);
-    made.value?.setData("stations", stationFeatures(view.value?.stations ?? [], stops));
+    made.value?.setStops(
+      stops.map(({ longitude_deg, latitude_deg }, k) => ({
+        at: [longitude_deg, latitude_deg],
+        number: k + 1,
+      })),
+    );
+    made.value?.setData("stations", stationFeatures(view.value?.stations ?? [], stops, choice.value));
   });
   useSignalEffect(() => {
     const now = shownJourney();
@@ -251,22 +271,72 @@ function MapCanvas({
   );
 }
 
-function hint(station: StationMark | null): string {
-  const { map: words, journey: others } = text.value;
-  if (station) {
-    return `${station.name || others.station} · ${format.value.shown(station.power_w, POWER)}`;
-  }
+/** Stations of the plan and in view, each once. */
+function knownStations(view: MapView | null): Station[] {
+  const stops = (chargingPlan.value?.stops ?? []).map(({ station }) => station);
+  const all = [...stops, ...(view?.stations ?? [])];
+  return all.filter((one, k) => all.findIndex((other) => isSame(one, other)) === k);
+}
+
+function hint(): string {
+  const { map: words } = text.value;
   if (isExample.value) return words.replaceExample;
   if (nextEnd.value) return nextEnd.value === "from" ? words.clickFrom : words.clickTo;
   return words.drag;
 }
 
+/** Places that are far from their road. */
+function farTexts(): string[] {
+  const flags = (journey.value?.flags ?? []).filter(({ code }) => code === FAR);
+  const wording = { text: text.value, format: format.value, units: units.value };
+  return roadPoints.value ? warningsOf(flags, wording).map((warning) => warning.text) : [];
+}
+
+function Legend() {
+  const { map: words, journey: others } = text.value;
+  const { avoid, networks } = choice.value;
+  const keys = [
+    ...(shownJourney()
+      ? [
+          ["key-low", others.low],
+          ["key-usual", others.usual],
+          ["key-high", others.high],
+        ]
+      : []),
+    ...(shownJourney() && !chargingPlan.value && (journey.value?.roads.length ?? 0) > 1
+      ? [["key-road", words.otherRoad]]
+      : []),
+    ...(chargingPlan.value ? [["key-stop", words.stop]] : []),
+    ...(map.value?.stations ? [["key-station", words.station]] : []),
+    ...(networks.length > 0 ? [["key-preferred", words.preferredStation]] : []),
+    ...(avoid.length > 0 ? [["key-avoided", words.avoidedStation]] : []),
+  ];
+  return (
+    <ul class="legend" aria-hidden="true">
+      {keys.map(([kind, name]) => (
+        <li key={kind} class={kind}>
+          {name}
+        </li>
+      ))}
+    </ul>
+  );
+}
+
 /** The map of a service with roads. It is an addition: From and To, the roads and the charge along the way work without. */
 export function MapCard() {
-  const station = useSignal<StationMark | null>(null);
+  const view = useSignal<MapView | null>(null);
+  const station = useSignal<Station | null>(null);
   const hasFailed = useSignal(false);
-  const { map: words, journey: others } = text.value;
+  const { map: words } = text.value;
   if (!map.value || source.value !== "journey") return null;
+  const known = knownStations(view.value);
+  const pick = (at: Point | null) => {
+    if (!at) return void (station.value = null);
+    const [longitude_deg, latitude_deg] = at;
+    const far = (one: Station) => metresBetween(one, { latitude_deg, longitude_deg });
+    const byDistance = knownStations(view.peek()).sort((one, other) => far(one) - far(other));
+    station.value = byDistance[0] ?? null;
+  };
   return (
     <section class="card map" aria-labelledby="map-title">
       <h2 id="map-title" class="unseen">
@@ -275,10 +345,17 @@ export function MapCard() {
       {hasFailed.value ? (
         <p class="note">{words.failed}</p>
       ) : (
-        <MapCanvas key={String(dark.value)} onFail={put(hasFailed, true)} onStation={into(station)} />
+        <MapCanvas key={String(dark.value)} view={view} onFail={put(hasFailed, true)} onStation={pick} />
       )}
       <div class="map-foot">
-        <p class="note">{hint(station.value)}</p>
+        {station.value ? <StationPanel of={station.value} known={known} /> : <p class="note">{hint()}</p>}
+        {farTexts().map((one) => (
+          <p key={one} class="note far">
+            {one}
+          </p>
+        ))}
+        <Wishes />
+        {known.length > 0 && <StationList known={known} chosen={station.value} onChoose={into(station)} />}
         <Tick
           label={isFindingReach.value ? words.reachRunning : words.reach}
           checked={wantsReach.value}
@@ -293,13 +370,7 @@ export function MapCard() {
             {reach.value.map_ends && ` ${words.mapEnds}`}
           </p>
         )}
-        {shownJourney() && !chargingPlan.value && (
-          <ul class="legend" aria-hidden="true">
-            <li class="key-low">{others.low}</li>
-            <li class="key-usual">{others.usual}</li>
-            <li class="key-high">{others.high}</li>
-          </ul>
-        )}
+        <Legend />
       </div>
     </section>
   );

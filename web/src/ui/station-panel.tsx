@@ -1,0 +1,132 @@
+/** What a driver wants of charging stations: to stop at one, to avoid it, to prefer its network. */
+
+import type { Place, Station } from "../api/documents";
+import { isPreferred, isSame, networkOf, placeOfStation } from "../model/stations";
+import { POWER } from "../model/units";
+import { choose, passBy, stopAt } from "../state/catalogue";
+import { choice, placesOfJourney, vias } from "../state/journey";
+import { format, text } from "../state/preferences";
+import { Button, IconButton } from "./parts";
+import { Select } from "./select";
+
+function avoid(station: Place): void {
+  vias.value = vias.value.filter((one) => !one || !isSame(one, station));
+  choose({ avoid: [...choice.value.avoid, station] });
+}
+
+function useAgain(station: Place): void {
+  choose({ avoid: choice.value.avoid.filter((one) => !isSame(one, station)) });
+}
+
+function prefer(network: string, wanted: boolean): void {
+  const others = choice.value.networks.filter((one) => one !== network);
+  choose({ networks: wanted ? [...others, network] : others });
+}
+
+/** Stop at a station, or avoid it; nothing while a place of the journey is missing. */
+export function StationActions({ of }: { of: Station }) {
+  const { map: words, journey } = text.value;
+  const place = placeOfStation(of, journey.unnamedStation);
+  const isStop = vias.value.some((one) => one && isSame(one, place));
+  const isAvoided = choice.value.avoid.some((one) => isSame(one, place));
+  if (!placesOfJourney()) return null;
+  return (
+    <span class="actions">
+      {isStop ? (
+        <Button class="link" onClick={() => passBy(place)} label={words.passBy} />
+      ) : (
+        <Button class="link" onClick={() => stopAt(place)} label={words.stopHere} />
+      )}
+      {isAvoided ? (
+        <Button class="link" onClick={() => useAgain(place)} label={words.useAgain} />
+      ) : (
+        <Button class="link" onClick={() => avoid(place)} label={words.avoid} />
+      )}
+    </span>
+  );
+}
+
+/** The station that is chosen on the map or in the list, with what can be done. */
+export function StationPanel({ of, known }: { of: Station; known: readonly Station[] }) {
+  const { map: words, journey } = text.value;
+  const network = networkOf(
+    of.name,
+    known.map(({ name }) => name),
+  );
+  const isWanted = isPreferred(of.name, choice.value.networks);
+  return (
+    <div class="station" role="status">
+      <b>{of.name || journey.unnamedStation}</b>{" "}
+      <span class="figures">
+        {format.value.shown(of.power_w, POWER)} {of.direct_current ? words.direct : words.alternating}
+        {!of.power_known && ` (${words.assumed})`}
+      </span>
+      <StationActions of={of} />
+      {network && placesOfJourney() && (
+        <Button
+          class="link"
+          onClick={() => prefer(network, !isWanted)}
+          label={isWanted ? words.noPreference(network) : words.prefer(network)}
+        />
+      )}
+    </div>
+  );
+}
+
+/** Stations in view by name, for who cannot click on the map. */
+export function StationList({
+  known,
+  chosen,
+  onChoose,
+}: {
+  known: readonly Station[];
+  chosen: Station | null;
+  onChoose: (station: Station | null) => void;
+}) {
+  const { map: words, journey } = text.value;
+  const keyOf = ({ latitude_deg, longitude_deg }: Station) => `${latitude_deg} ${longitude_deg}`;
+  const options = known.map((station): [string, string] => [
+    keyOf(station),
+    `${station.name || journey.unnamedStation} · ${format.value.shown(station.power_w, POWER)}`,
+  ]);
+  options.sort(([, one], [, other]) => one.localeCompare(other, undefined, { numeric: true }));
+  return (
+    <Select
+      label={words.stations}
+      value={chosen ? keyOf(chosen) : ""}
+      options={[["", words.chooseStation], ...options]}
+      onChoose={(key) => onChoose(known.find((station) => keyOf(station) === key) ?? null)}
+    />
+  );
+}
+
+/** Stations that are avoided and networks that are preferred, each to be taken back. */
+export function Wishes() {
+  const { avoid: avoided, networks } = choice.value;
+  const { map: words } = text.value;
+  if (avoided.length + networks.length === 0) return null;
+  return (
+    <ul class="wishes">
+      {avoided.map((station) => (
+        <li key={`${station.latitude_deg} ${station.longitude_deg}`}>
+          {words.avoided(station.name)}
+          <IconButton
+            icon="close"
+            label={`${words.useAgain}: ${station.name}`}
+            onClick={() => useAgain(station)}
+          />
+        </li>
+      ))}
+      {networks.map((network) => (
+        <li key={network}>
+          {words.preferred(network)}
+          <IconButton
+            icon="close"
+            label={words.noPreference(network)}
+            onClick={() => prefer(network, false)}
+          />
+        </li>
+      ))}
+    </ul>
+  );
+}
