@@ -59,23 +59,8 @@ DEFAULT_MODEL: Final = "bmw_i3_tum"
 """The model that comes with the package."""
 
 
-def _model_parts(model: ForecastModel) -> dict[str, Part]:
-    """Parts of a fitted model, by name: everything that its forecasts depend on.
-
-    Raises
-    ------
-    InvalidInput
-        If the model is not fitted, or its corrector cannot be stored.
-    """
-    corrector, _ = model.fitted_parts("store")
-    tree = {"segment_s": SEGMENT_S, **_converter().unstructure(model)}
-    if fitted_outside(corrector) is not None:
-        tree[TRIAL] = _trial_correction_w(model)
-    return tree_parts(tree)
-
-
 def model_of_parts(parts: Mapping[str, Part], outside: Corrector | None = None) -> ForecastModel:
-    """Reverse of `_model_parts`; `outside` is the fitted object from outside.
+    """The model of the parts that `save_model` wrote; `outside` is the fitted object from outside.
 
     Raises
     ------
@@ -195,7 +180,11 @@ def save_model(
     """
     from importlib.metadata import version  # reads files of the installation
 
-    parts, about = _model_parts(model), model.to_dict()
+    corrector, _ = model.fitted_parts("store")
+    tree = {"segment_s": SEGMENT_S, **_converter().unstructure(model)}
+    if fitted_outside(corrector) is not None:
+        tree[TRIAL] = _trial_correction_w(model)
+    about = model.to_dict()
     del about["training"]  # the contract has it
     metadata = {
         "tripwatt": version("tripwatt"),
@@ -205,7 +194,7 @@ def save_model(
         "provenance": dict(provenance or {}),
         "evaluation": dict(evaluation or {}),
     }
-    write_model(folder, metadata, parts)
+    write_model(folder, metadata, tree_parts(tree))
 
 
 def load_model(folder: Path | str | None = None, *, corrector: Corrector | None = None) -> ForecastModel:
