@@ -138,8 +138,11 @@ def _read_wide(file: RawFile, table: TableFile) -> None:
         file.stamps = stamp_texts(table, time.column, time.date)
     numbers = {ours: e for ours, e in file.entries.items() if ours != "time_s" or e.unit != "timestamp"}
     file.values = dict(zip(numbers, table.numbers([e.column for e in numbers.values()]), strict=True))
-    file.trips, file.vehicles = _trip_names(table, file.mapping)
-    file.drivers = table.texts(file.mapping.driver_column) if file.mapping.driver_column else None
+    keys = (file.mapping.trip_column, file.mapping.vehicle_column, file.mapping.driver_column)
+    file.trips, file.vehicles, file.drivers = (table.texts(name) if name else None for name in keys)
+    if file.trips is not None and file.vehicles is not None:
+        pairs = zip(file.vehicles, file.trips, strict=True)
+        file.trips = [f"{car}-{trip}" if trip else "" for car, trip in pairs]
     for name, column in file.mapping.covariates.items():
         texts = pd.Series(table.texts(column), dtype=object).replace("", None)
         numbers_of_texts = pd.to_numeric(texts, errors="coerce")
@@ -149,17 +152,6 @@ def _read_wide(file: RawFile, table: TableFile) -> None:
     filled += [np.array(file.stamps, dtype=object) != ""] if file.stamps else []
     file.rows = int(np.any(filled, axis=0).sum())
     file.stamped = time.unit in TIME_STAMPS
-
-
-def _trip_names(table: TableFile, mapping: ColumnMapping) -> tuple[list[str] | None, list[str] | None]:
-    """The trip and the vehicle of each row, each None if there is no such column; with both, the trip's name begins with the vehicle."""
-    trips = table.texts(mapping.trip_column) if mapping.trip_column else None
-    if mapping.vehicle_column is None:
-        return trips, None
-    vehicles = table.texts(mapping.vehicle_column)
-    if trips is not None:
-        trips = [f"{car}-{trip}" if trip else "" for car, trip in zip(vehicles, trips, strict=True)]
-    return trips, vehicles
 
 
 def _entries(file: RawFile, table: TableFile) -> dict[str, MappedColumn]:
