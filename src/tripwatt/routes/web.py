@@ -16,7 +16,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final, cast
 from urllib.parse import urlsplit
 
-from tripwatt.errors import InvalidInput, RemoteError, install
+from tripwatt.errors import InvalidInput, RemoteError, install, require_extras
 from tripwatt.routes.documents import Node, parse_json
 
 if TYPE_CHECKING:
@@ -244,8 +244,7 @@ class WebClient:
 
 
 def _httpx() -> Any:
-    try:
-        import httpx  # an extra, and slow to import
-    except ImportError as error:
-        raise InvalidInput.of("missing package", "a server by URL", str(error), fix=EXTRA) from error
+    require_extras({"routing": "a server by URL"})
+    import httpx  # slow to import
+
     return httpx
