@@ -264,7 +264,9 @@ def _here(curve: ConsumptionCurve) -> dict[str, str]:
 
 
 def _tomtom(curve: ConsumptionCurve) -> dict[str, str]:
-    speed, energy = _rising_end(curve.speed_km_h[:25], curve.energy_wh_km[:25] / 10.0)
+    energy = curve.energy_wh_km[:25] / 10.0
+    rises = np.flatnonzero(np.diff(energy) >= 0.0)
+    end = int(rises[-1]) + 2 if len(rises) else 1  # TomTom accepts no falling end
     shares = {
         "accelerationEfficiency": curve.acceleration_efficiency,
         "decelerationEfficiency": curve.deceleration_efficiency,
@@ -273,7 +275,9 @@ def _tomtom(curve: ConsumptionCurve) -> dict[str, str]:
     }
     return {
         "vehicleEngineType": "electric",
-        "constantSpeedConsumptionInkWhPerHundredkm": ":".join(_pairs(speed, energy, 2)),
+        "constantSpeedConsumptionInkWhPerHundredkm": ":".join(
+            _pairs(curve.speed_km_h[:end], energy[:end], 2)
+        ),
         "auxiliaryPowerInkW": f"{curve.auxiliary_power_w / 1000.0:.3f}",
         "vehicleWeight": f"{curve.mass_kg:.0f}",
         **{name: f"{math.floor(share * 1000) / 1000:.3f}" for name, share in shares.items()},
@@ -294,13 +298,6 @@ def _mapbox(curve: ConsumptionCurve) -> dict[str, str]:
 def _pairs(speed_km_h: IntArray, energy: FloatArray, digits: int) -> list[str]:
     least = np.maximum(energy, 0.01).tolist()
     return [f"{v},{e:.{digits}f}" for v, e in zip(speed_km_h.tolist(), least, strict=True)]
-
-
-def _rising_end(speed: IntArray, energy: FloatArray) -> tuple[IntArray, FloatArray]:
-    """The curve without a falling end, which TomTom does not accept."""
-    rises = np.flatnonzero(np.diff(energy) >= 0.0)
-    end = int(rises[-1]) + 2 if len(rises) else 1
-    return speed[:end], energy[:end]
 
 
 EXPORTS: Final[Mapping[str, Callable[[ConsumptionCurve], dict[str, str]]]] = {

@@ -33,7 +33,7 @@ from tripwatt.errors import Fault, InvalidInput, raise_faults
 from tripwatt.files import shipped_toml
 from tripwatt.trips.columns import Column, number_faults, require_fraction
 from tripwatt.vehicles import Vehicle, vehicle_from_document
-from tripwatt.vehicles.anchors import CLASS, REPEAT_SD, Anchor, anchors, loss_sd, with_anchor
+from tripwatt.vehicles.anchors import CLASS, REPEAT_SD, Anchor, anchors, with_anchor
 from tripwatt.vehicles.catalogue import (
     BODIES,
     LOADED_KG,
@@ -391,7 +391,9 @@ def _relative_sd(car: Vehicle) -> float:
         return math.hypot(REPEAT_SD, PROCEDURE_SD)
     classes = class_values()
     base = _wltp_wh_per_km(car)
-    parts = [loss_sd(), PROCEDURE_SD, beyond_classes(car.body.curb_mass_kg)]
+    # errors of cars with a measured coast-down, which lie between wheel and battery
+    loss_sd = statistics.stdev(a.before for a in anchors().values() if a.level == "road_load")
+    parts = [loss_sd, PROCEDURE_SD, beyond_classes(car.body.curb_mass_kg)]
     air_sd = classes.drag_area_sd
     if car.road_load.drag_area_m2 == classes.drag_area_m2["van"]:
         air_sd = math.hypot(air_sd, VAN_SD)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -10,7 +9,7 @@ from typing import Final
 from tripwatt.forecasting import ForecastModel, load_model
 from tripwatt.population.adapting import population_of, without_trips
 from tripwatt.trips import Flag
-from tripwatt.vehicles import Difference, Vehicle, differences, load_vehicle, vehicle_names, with_differences
+from tripwatt.vehicles import Vehicle, differences, load_vehicle, vehicle_names, with_differences
 from tripwatt.vehicles.anchors import CLASS_ANCHORS
 from tripwatt.vehicles.catalogue import beyond_classes, mass_range_kg
 
@@ -72,14 +71,10 @@ def for_car(
     # the correction was fitted with the model's values, so these are not converted from a test to the road
     changed = replace(with_differences(own, changes, car), anchor="road")
     cars = population_of(fitted, of_car=True)
-    return replace(without_trips(fitted, changed, cars), flags=_changed_flags(changes))
-
-
-def _changed_flags(changes: Sequence[Difference]) -> tuple[Flag, ...]:
-    flags = [Flag("changed_car", d.key, d.change, d.unit) for d in changes[:MAX_NAMED]]
+    flags = tuple(Flag("changed_car", d.key, d.change, d.unit) for d in changes[:MAX_NAMED])
     if len(changes) > MAX_NAMED:
-        flags.append(Flag("changed_car", "others", float(len(changes) - MAX_NAMED), "1"))
-    return tuple(flags)
+        flags = (*flags, Flag("changed_car", "others", float(len(changes) - MAX_NAMED), "1"))
+    return replace(without_trips(fitted, changed, cars), flags=flags)
 
 
 def _beyond_flags(vehicle: Vehicle) -> tuple[Flag, ...]:

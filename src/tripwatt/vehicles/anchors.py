@@ -10,7 +10,6 @@ better than a car with class values. What the trips of a car add is in `tripwatt
 from __future__ import annotations
 
 import math
-import statistics
 import types
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -110,15 +109,6 @@ ROAD_GAIN_SD: Final = 0.05
 
 CLASS_ANCHORS: Final = ("certification", "class")
 """Anchors of cars whose road load has values of a class."""
-
-
-@cache
-def loss_sd() -> float:
-    """Relative standard deviation of the error of certified consumption before anchoring.
-
-    Only cars with a measured coast-down count, so the error lies between wheel and battery.
-    """
-    return statistics.stdev(a.before for a in anchors().values() if a.level == "road_load")
 
 
 @cache
