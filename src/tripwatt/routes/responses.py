@@ -8,13 +8,14 @@ with standstill.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from tripwatt.arrays import BoolArray, FloatArray
-from tripwatt.errors import Fault, InvalidInput, excerpt, raise_faults
+from tripwatt.errors import InvalidInput, excerpt, or_none
 from tripwatt.files import file_head
 from tripwatt.routes.carried import (
     carried_pieces,
@@ -259,7 +260,10 @@ def route_from_graphhopper(response: Mapping[str, Any], where: str = "GraphHoppe
 
 
 def _graphhopper_points(path: Node) -> FloatArray | None:
-    """The points of a path, shape (points, 2 or 3); None if the path has no points."""
+    """The points of a path, shape (points, 2 or 3); None if the path has no points.
+
+    An encoded polyline has heights or none; the decoding that fits the length of the path is returned.
+    """
     points = path["points"]
     if points.value is None:
         return None
@@ -267,22 +271,10 @@ def _graphhopper_points(path: Node) -> FloatArray | None:
         return points["coordinates"].coordinates()
     multiplier = path["points_encoded_multiplier"]
     precision = 1e5 if multiplier.value is None else multiplier.number(minimum=1.0)
-    return _graphhopper_polyline(points.value, path, precision, points.where)
-
-
-def _graphhopper_polyline(text: str, path: Node, precision: float, where: str) -> FloatArray:
-    """Points of an encoded polyline with or without heights; the decoding that fits the length of the path is returned."""
-    lines: list[FloatArray] = []
-    faults: tuple[Fault, ...] = ()
-    for dimensions in (2, 3):
-        try:
-            lines.append(decode_polyline(text, where, precision=precision, dimensions=dimensions))
-        except InvalidInput as error:
-            faults = faults or error.faults
-    if not lines:
-        raise_faults(faults)
-    if len(lines) == 1:
-        return lines[0]
+    decode = partial(decode_polyline, points.value, points.where, precision=precision)
+    lines = [line for n in (2, 3) if (line := or_none(decode, dimensions=n)) is not None]
+    if len(lines) < 2:
+        return lines[0] if lines else decode()  # which names the fault
     length_m = path["distance"].number(minimum=0.0)
     return min(lines, key=lambda line: abs(float(haversine_m(line[:, 0], line[:, 1]).sum()) - length_m))
 
