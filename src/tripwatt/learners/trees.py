@@ -107,16 +107,13 @@ class Trees:
 
         The seed restarts the draw of columns, so that a tree depends only on the arguments.
         """
-        if self.booster is None:  # no column has two values
-            self.position.append(-1)
-            return
-        if self._reseed:
+        if self.booster is not None and self._reseed:
             self.booster.reset_parameter({"feature_fraction_seed": seed})
-        finished = self.booster.update(fobj=lambda _prediction, _data: (-gradient, weight))
-        if finished:
+        # without a booster no column has two values
+        if self.booster is None or self.booster.update(fobj=lambda _prediction, _data: (-gradient, weight)):
+            self.position.append(-1)
             if self._n_kept == 0:
                 self._restart()  # a lone first tree would stay in the booster
-            self.position.append(-1)
             return
         self.position.append(self._n_kept)
         self._n_kept += 1
