@@ -101,7 +101,13 @@ def write_model(folder: Path | str, metadata: Mapping[str, Any], parts: Mapping[
     text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     digest = hashlib.sha256(text.encode()).hexdigest()
     content[METADATA] = text.replace(f'"sha256": "{_BLANK}"', f'"sha256": "{digest}"').encode()
-    _place(out, content)
+
+    def write(place: Path) -> None:
+        for name, raw in content.items():
+            (place / name).write_bytes(raw)
+
+    with system_errors("cannot write the model", "--out", "a writable folder", out):
+        replace_folder(out, write)
 
 
 def read_model(folder: Path | str) -> ModelFile:
@@ -290,14 +296,3 @@ def _decode(place: Path, raw: bytes) -> Part:
     open_archive(raw, Budget(f"{place}", {INSIDE: MAX_PART_BYTES}), max_ratio=MAX_PART_BYTES)
     with np.load(io.BytesIO(raw), allow_pickle=False) as arrays:
         return {name: arrays[name] for name in arrays.files}
-
-
-def _place(out: Path, content: Mapping[str, bytes]) -> None:
-    """Write the files to a folder beside `out`, then exchange the two; an older model is removed only after that."""
-
-    def write(folder: Path) -> None:
-        for name, raw in content.items():
-            (folder / name).write_bytes(raw)
-
-    with system_errors("cannot write the model", "--out", "a writable folder", out):
-        replace_folder(out, write)
