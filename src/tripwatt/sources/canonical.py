@@ -190,8 +190,7 @@ def _checked(
     columns: Mapping[str, FloatArray], names: Sequence[str], where: str, required: Sequence[str], minimum: int
 ) -> pd.DataFrame:
     samples = table_of(columns)
-    faults = [*_header_faults(names, required, where)]
-    raise_faults([*faults, *_sample_faults(samples, where, minimum)])
+    raise_faults([*_header_faults(names, required, where), *_sample_faults(samples, where, minimum)])
     return samples
 
 
