@@ -161,11 +161,8 @@ def columns_measured(observed: pd.DataFrame) -> Columns:
         If `observed` is not a DataFrame, lacks a column or rows, or has values that are not numeric.
     """
     if not isinstance(observed, pd.DataFrame):
-        got, fix = (
-            type(observed).__name__,
-            "for example pandas.DataFrame({'time_s': [0.0, 60.0], 'soc': [0.8, 0.79]})",
-        )
-        raise InvalidInput.of("unknown type", WHERE, got, "a DataFrame", fix)
+        fix = "for example pandas.DataFrame({'time_s': [0.0, 60.0], 'soc': [0.8, 0.79]})"
+        raise InvalidInput.of("unknown type", WHERE, type(observed).__name__, "a DataFrame", fix)
     raise_faults(structure_faults(observed, WHERE, required=("time_s",)))
     known = [name for name in observed.columns if name in (*COLUMNS, "observed_energy_wh")]
     return dict(zip(known, observed[known].to_numpy(dtype=np.float64).T, strict=True))

@@ -264,10 +264,8 @@ class Track:
                 raise InvalidInput.of("speed out of range", "speed_m_s", excerpt(speed_m_s), allowed)
             no_speed = np.isnan(self.piece_speed_m_s)
             if no_speed.any() and speed_m_s is None:
-                got, allowed = (
-                    f"{int(no_speed.sum())} pieces without time and speed",
-                    "a mean speed for the track",
-                )
+                got = f"{int(no_speed.sum())} pieces without time and speed"
+                allowed = "a mean speed for the track"
                 raise InvalidInput.of("speed is missing", "track", got, allowed, "give speed_m_s")
             if speed_m_s is not None and no_speed.any():
                 flags = (*flags, Flag("speed_assumed", "track", speed_m_s, "m_s"))

@@ -238,10 +238,8 @@ def use_unit(files: Sequence[RawFile], ours: str, unit: str) -> None:
     for file in files:
         entry = file.entries[ours]
         if unit != entry.unit:
-            where, allowed = (
-                f"{file.path} column {entry.column!r}",
-                f"{entry.unit}, as in {file.mapping.source}",
-            )
+            where = f"{file.path} column {entry.column!r}"
+            allowed = f"{entry.unit}, as in {file.mapping.source}"
             file.faults.append(Fault("unit differs from the mapping's", where, f"values in {unit}", allowed))
             file.entries[ours] = replace(entry, unit=unit)
 

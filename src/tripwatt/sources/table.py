@@ -218,10 +218,8 @@ def _logs(drives: Sequence[RawDrive]) -> list[Log]:
         name = (mapping.columns.get("current_a") or mapping.columns[POWER]).column
         stated, right = ("discharge", "charge") if mapping.discharge_sign > 0 else ("charge", "discharge")
         got = f"the car would charge while it accelerates in most of {len(correlations)} trips"
-        allowed, fix = (
-            f'[current] positive = "{right}" in place of "{stated}"',
-            f"change it in {mapping.source}",
-        )
+        allowed = f'[current] positive = "{right}" in place of "{stated}"'
+        fix = f"change it in {mapping.source}"
         fault = Fault("current has the wrong sign", f"column {name!r}", got, allowed, fix)
         drives[members[0]].files[0].faults.append(fault)
         for k in members:

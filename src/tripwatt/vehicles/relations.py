@@ -88,11 +88,8 @@ def table_faults(parts: Mapping[str, Any], where: str) -> Iterator[Fault]:
     tables = [("battery", "ocv_soc", "ocv_v"), ("battery", "resistance_soc", "resistance_ohm")]
     tables += [] if parts["charging"] is None else [("charging", "displayed_soc", "power_w")]
     for section, grid, values in tables:
-        x, y, place = (
-            getattr(parts[section], grid),
-            getattr(parts[section], values),
-            f"{where}, {section}.{grid}",
-        )
+        x, y = getattr(parts[section], grid), getattr(parts[section], values)
+        place = f"{where}, {section}.{grid}"
         if len(x) != len(y):
             got = f"{len(x)} and {len(y)} values"
             yield Fault("tables differ in length", f"{place} and {values}", got, "equal numbers of values")
