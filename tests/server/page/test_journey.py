@@ -551,6 +551,70 @@ def test_places_are_typed_as_coordinates_or_names_and_an_unknown_one_is_told_wit
     page.unroute("**/v1/map")
 
 
+def test_figures_of_other_places_are_named_and_no_stops_are_looked_for(page: Any) -> None:
+    plan(page)
+    whole_answer(page, lambda: page.get_by_role("slider", name="Battery at departure").fill("11"))
+    page.locator(".todo:not(.old)").wait_for()
+    kept = page.locator(".verdict h2").inner_text()
+    to = page.get_by_label("To", exact=True).first
+    to.fill("Qqxz")
+    page.get_by_text("No place is called “Qqxz”.").wait_for()
+    for name in ("", "Hauptstraße"):  # unknown, then known and not planned
+        if name:
+            to.fill("")
+            choose(page, "To", "haupt", name)
+        page.get_by_text("The figures are of Westend – Ostheim.").wait_for()
+        assert page.locator(".verdict h2").inner_text() == "Will I arrive?"
+        assert page.locator(".headline.old .number").count() == 1
+        assert page.get_by_text("Looking for charging stops").count() == 0
+    to.fill("")
+    choose(page, "To", "ost", "Ostheim")
+    page.locator(".verdict h2", has_text=kept).wait_for()
+    assert page.locator(".headline.old").count() == 0
+
+
+def test_one_reason_is_first_and_no_action_contradicts_the_plan(page: Any) -> None:
+    chances = {"p_arrive": 0.9, "p_reserve": 0.6}
+
+    def with_stops(route: Any) -> None:
+        answer = route.fetch().json()
+        if route.request.post_data_json.get("answers") is not False:
+            answer["charging"] = charging(answer, "fastest", 0.45, 12.0) | chances
+            answer |= {"motorway_speed_m_s": 25.0, "soc_needed": 0.4}
+            answer["verdict"] |= {"reason": "to_a_stop"}
+        route.fulfill(json=answer)
+
+    def advised(route: Any) -> None:
+        answer = route.fetch().json()
+        whole = {"duration_s": 3600.0, "charges": 1, "p_reserve": chances["p_reserve"]}
+        one = {"code": "other_road", "value": 1.0, "effort": "some", "wall_wh": 0.0, "before_s": 0.0}
+        answer["singly"] = [answer["singly"][0] | {"actions": [one]}, *answer["singly"][1:]]
+        route.fulfill(json=answer | {"whole": whole, "p_arrive": 0.1, "least": []})
+
+    page.route("**/v1/journeys", with_stops)
+    page.route("**/v1/journeys/advice", advised)
+    slider = page.get_by_role("slider", name="Battery at departure")
+    whole_answer(page, lambda: slider.fill("16"))
+    page.get_by_role("heading", name="You may not arrive", exact=True).wait_for()
+    assert page.locator(".reason").inner_text().startswith("The charge may not be enough to reach one")
+    todo = page.locator(".todo li").all_inner_texts()
+    assert [words.split()[0] for words in todo] == ["Charge", "Or", "Or"]
+    assert todo[-1] == "Or drive at most 90\u00a0km/h on the motorway, without a charging stop."
+    page.get_by_text("None of this gives a chance").wait_for()
+    page.locator(".advice", has_text="Take the route “Route 2”").wait_for()
+    roads = page.get_by_role("group", name="Routes").get_by_role("radio")
+    assert roads.count() == 2  # a road that is advised can be chosen
+    chances |= {"p_arrive": 0.999, "p_reserve": 0.97}
+    with page.expect_response("**/v1/journeys/advice"):
+        slider.fill("17")
+    page.get_by_role("heading", name="You will arrive, with 1 charging stop").wait_for()
+    page.get_by_text("None of this gives a chance").wait_for(state="detached")
+    chances |= {"p_arrive": 0.3, "p_reserve": 0.1}
+    whole_answer(page, lambda: slider.fill("16"))
+    page.get_by_role("heading", name="Even with charging stops you will probably not arrive").wait_for()
+    page.unroute_all(behavior="ignoreErrors")
+
+
 def test_a_road_of_unknown_heights_is_not_green(page: Any) -> None:
     def with_reason(route: Any) -> None:
         answer = route.fetch().json()

@@ -301,6 +301,16 @@ def test_a_distance_needs_energy_and_a_charge_goes_so_far(look: Look) -> None:
     page.reload()
     page.get_by_text("40 mi").first.wait_for()
     assert slider(page, "Outside").input_value() == "-10"
+    # a wrong distance has no answer, neither its own nor that of before
+    field = page.get_by_label("Distance", exact=True).last
+    for typed, wrong in (("41", "-5"), ("42", "0"), ("41", ""), ("42", "1300")):
+        distance(page, typed)
+        page.locator(".need .number").first.wait_for()
+        field.fill(wrong)
+        page.keyboard.press("Tab")
+        page.get_by_text("Enter a distance from 0.3 to 1,243\u00a0mi.").wait_for()
+        assert field.get_attribute("aria-invalid") == "true"
+        assert page.locator(".need .number").count() == 0
 
 
 def test_weather_and_extras_are_fields_of_the_request_and_advice_names_what_saves(

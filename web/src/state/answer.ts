@@ -7,7 +7,7 @@ import { verdictOf } from "../model/arrival";
 import { conditions } from "./conditions";
 import { driving, shownForecast } from "./drive";
 import { mode, problem, requested } from "./forecast";
-import { answersAreOld, chargingPlans, chosenCharging, chosenRoad, placesOfJourney } from "./journey";
+import { answersAreOld, chargingPlans, chosenCharging, chosenRoad, isOfForm } from "./journey";
 import { trip } from "./trip";
 
 /** The plan with charging stops that is shown: of a journey whose quickest road needs one. */
@@ -22,11 +22,14 @@ export const answer = computed((): Answer | null => {
   return now && answerOf(now, requested.value.at.reserve);
 });
 
+/** Whether what is shown is of other places than those that are written in the form, and not planned yet. */
+export const isOfOtherPlaces = computed(() => !isOfForm.value && !trip.value?.isDraft);
+
 /** Whether charging stops are still being looked for, on a road that needs one. */
 export const isLookingForStops = computed(() => {
   const now = answer.value;
   if (!now || chargingPlan.value || !trip.value?.stops || !answersAreOld.value) return false;
-  if (problem.value || !placesOfJourney()) return false;
+  if (problem.value || !isOfForm.value) return false;
   return !trip.value.isDraft && verdictOf(decisiveChance(now)) !== "good";
 });
 

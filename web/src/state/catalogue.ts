@@ -11,7 +11,6 @@ import { type Conditions, conditions, resetTo, USUAL } from "./conditions";
 import { reportProblem, problem } from "./forecast";
 import { loadOwnCars, ownCars } from "./own-cars";
 import {
-  answersAreOld,
   choice,
   ends,
   isExample,
@@ -119,7 +118,6 @@ export function beginAt(place: Place): void {
     isExample.value = false;
     ends.value = { from: place, to: null };
     nextEnd.value = "to";
-    answersAreOld.value = true;
   });
 }
 

@@ -86,6 +86,7 @@ const de: Text = {
       motorway: "überwiegend Autobahn",
     },
     types: { town: "Stadt", country: "Landstraße", motorway: "Autobahn" },
+    bounds: (least, most) => `Bitte eine Entfernung von ${least} bis ${most} eingeben.`,
     assumed: (parts) => `Etwa ${parts}; die Höhen sind unbekannt.`,
   },
   linksForm: {
@@ -126,6 +127,7 @@ const de: Text = {
     anyCharge: (reserve) =>
       `Jeder Ladestand reicht, um bei 19 von 20 Fahrten mit mindestens ${reserve} anzukommen.`,
     atMost: (speed) => `Auf der Autobahn höchstens ${speed} fahren, um mit der Reserve anzukommen.`,
+    atMostWithout: (speed) => `Oder auf der Autobahn höchstens ${speed} und ohne Ladestopp fahren.`,
     station: "der Ladestation",
     unnamedStation: "Ladestation",
     charge: (station, time, arrival, leave) =>
@@ -154,6 +156,7 @@ const de: Text = {
     moreEnergy: (energy) => `${energy} mehr`,
     lessEnergy: (energy) => `${energy} weniger`,
     roads: "Routen",
+    roadsWithoutStops: "Routen, ohne Ladestopps",
     road: (number) => `Route ${number}`,
     labels: { fastest: "Am schnellsten", shortest: "Am kürzesten", "least energy": "Am sparsamsten" },
     low: "niedriger Verbrauch",
@@ -328,9 +331,16 @@ const de: Text = {
     leavesBelow: (reserve, hasStops) =>
       `Sie fahren mit weniger als Ihrer Reserve von ${reserve} los.${hasStops ? " Sie gilt ab dem ersten Ladestopp." : ""}`,
     not: "Ohne Laden kommen Sie nicht an",
+    notWithStops: "Auch mit Ladestopps kommen Sie wahrscheinlich nicht an",
+    reasonsWithStops: {
+      to_a_stop: "Der Ladestand reicht vielleicht nicht, um jeden Ladestopp mit der Reserve zu erreichen.",
+      to_the_end: "Der Ladestand reicht vielleicht nicht vom letzten Ladestopp bis zum Ziel.",
+    },
     probably: "Sie kommen wahrscheinlich an",
     unknownHeights:
       "Die Höhen dieser Strecke sind unbekannt. Im Gebirge reicht der Ladestand vielleicht nicht.",
+    otherPlaces: (trip) =>
+      `Die Zahlen gelten für ${trip}. „Planen“ berechnet die Fahrt zwischen den gewählten Orten.`,
     looking: "Ladestopps werden gesucht …",
     needsCharging: "Der Ladestand bei Abfahrt reicht nicht für die ganze Strecke.",
     arrivesAt: "Ankunft",
@@ -373,6 +383,8 @@ const de: Text = {
     title: "Was hilft",
     least: (chance: string) =>
       `Eines davon genügt, um mit einer Wahrscheinlichkeit von ${chance} anzukommen:`,
+    leastWithoutStops: (chance: string) =>
+      `Eines davon genügt, um mit einer Wahrscheinlichkeit von ${chance} ohne Ladestopp anzukommen:`,
     notEnough: (chance: string) =>
       `Nichts davon reicht für eine Wahrscheinlichkeit von ${chance}: vorher oder unterwegs laden.`,
     note: "Die Ersparnis ist genauer bekannt als der Gesamtverbrauch.",
@@ -410,7 +422,7 @@ const de: Text = {
       no_roof_box: "Die Dachbox abnehmen",
       summer_tyres: "Sommerreifen aufziehen",
       pump_up: (pressure: string) => `Die Reifen von ${pressure} des empfohlenen Drucks auf 100 % aufpumpen`,
-      other_road: (number: number) => `Route ${number} nehmen`,
+      other_road: (road: string) => `Die Route „${road}“ nehmen`,
       leave_later: (time: string) => `${time} später abfahren`,
       leave_earlier: (time: string) => `${time} früher abfahren`,
       less_luggage: (mass: string) => `${mass} zu Hause lassen`,

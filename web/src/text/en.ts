@@ -79,6 +79,7 @@ export const en = {
       motorway: "mostly motorway",
     },
     types: { town: "town", country: "country roads", motorway: "motorway" },
+    bounds: (least: string, most: string) => `Enter a distance from ${least} to ${most}.`,
     assumed: (parts: string) => `About ${parts}; the heights are unknown.`,
   },
   linksForm: {
@@ -118,6 +119,7 @@ export const en = {
       `You need ${missing} more than a full battery to arrive with ${reserve} left, 19 times in 20.`,
     anyCharge: (reserve: string) => `Any charge is enough to arrive with ${reserve} left, 19 times in 20.`,
     atMost: (speed: string) => `Drive no faster than ${speed} on motorways to arrive with the reserve.`,
+    atMostWithout: (speed: string) => `Or drive at most ${speed} on the motorway, without a charging stop.`,
     station: "the charging station",
     unnamedStation: "Charging station",
     charge: (station: string, time: string, arrival: string, leave: string) =>
@@ -146,6 +148,7 @@ export const en = {
     moreEnergy: (energy: string) => `${energy} more`,
     lessEnergy: (energy: string) => `${energy} less`,
     roads: "Routes",
+    roadsWithoutStops: "Routes, without charging stops",
     road: (number: number) => `Route ${number}`,
     labels: { fastest: "Fastest", shortest: "Shortest", "least energy": "Least energy" },
     low: "low consumption",
@@ -320,8 +323,14 @@ export const en = {
     leavesBelow: (reserve: string, hasStops: boolean) =>
       `You leave with less than your reserve of ${reserve}.${hasStops ? " It counts from the first charging stop on." : ""}`,
     not: "You will not arrive without charging",
+    notWithStops: "Even with charging stops you will probably not arrive",
+    reasonsWithStops: {
+      to_a_stop: "The charge may not be enough to reach one of the charging stops with the reserve.",
+      to_the_end: "The charge may not be enough from the last charging stop to the destination.",
+    },
     probably: "You will probably arrive",
     unknownHeights: "The heights of this road are unknown. In mountains the charge may not suffice.",
+    otherPlaces: (trip: string) => `The figures are of ${trip}. Press “Plan” for the places that you chose.`,
     looking: "Looking for charging stops …",
     needsCharging: "The charge at departure is not enough for the whole route.",
     arrivesAt: "Arrival",
@@ -363,6 +372,8 @@ export const en = {
   advice: {
     title: "What helps",
     least: (chance: string) => `One of these is enough to arrive with a chance of ${chance}:`,
+    leastWithoutStops: (chance: string) =>
+      `One of these is enough to arrive without a charging stop, with a chance of ${chance}:`,
     notEnough: (chance: string) =>
       `None of this gives a chance of ${chance}: charge before you leave, or on the way.`,
     note: "Savings are more certain than the total.",
@@ -401,7 +412,7 @@ export const en = {
       summer_tyres: "Fit summer tyres",
       pump_up: (pressure: string) =>
         `Pump up the tyres, from ${pressure} of the recommended pressure to all of it`,
-      other_road: (number: number) => `Take route ${number}`,
+      other_road: (road: string) => `Take the route “${road}”`,
       leave_later: (time: string) => `Leave ${time} later`,
       leave_earlier: (time: string) => `Leave ${time} earlier`,
       less_luggage: (mass: string) => `Leave ${mass} at home`,

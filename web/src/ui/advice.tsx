@@ -5,9 +5,11 @@ import { ENERGY, PERCENT, POWER } from "../model/units";
 import { advice, adviceIsOld } from "../state/advice";
 import { source } from "../state/catalogue";
 import { conditions } from "../state/conditions";
+import { journey } from "../state/journey";
 import { format, text, units } from "../state/preferences";
 import { Waterfall } from "./causes";
 import { DataTable } from "./data-table";
+import { labelOf } from "./journey-answer";
 import { chanceInFigures, clockText } from "./wording";
 
 /** Shorter delays are not named. */
@@ -37,7 +39,7 @@ function actionText({ code, value, before_s }: AdvisedAction): string {
     case "preheat_cabin":
       return actions[code](shown(si, temperature), startText(before_s));
     case "other_road":
-      return actions.other_road(si + 1);
+      return actions.other_road(journey.value ? labelOf(journey.value, si) : String(si + 1));
     case "leave_later":
       return si < 0 ? actions.leave_earlier(span(-si)) : actions.leave_later(span(si));
     case "pump_up":
@@ -127,12 +129,14 @@ export function AdviceCard() {
   const { advice: words } = text.value;
   const { shown } = format.value;
   const wanted = shown(found.chance, PERCENT);
+  const arrivesWithStops = found.whole !== null && found.whole.p_reserve >= found.chance;
+  const least = arrivesWithStops ? words.leastWithoutStops : words.least;
   return (
     <section class="card advice" aria-labelledby="advice-title" aria-busy={adviceIsOld.value}>
       <h2 id="advice-title">{words.title}</h2>
-      {found.p_arrive < found.chance && (
+      {found.p_arrive < found.chance && !(arrivesWithStops && found.least.length === 0) && (
         <>
-          <p>{found.least.length > 0 ? words.least(wanted) : words.notEnough(wanted)}</p>
+          <p>{found.least.length > 0 ? least(wanted) : words.notEnough(wanted)}</p>
           <ul class="least">
             {found.least.map((one) => (
               <li key={togetherText(one)}>

@@ -8,6 +8,8 @@ import { NumberField } from "./number-field";
 import { Select } from "./select";
 
 const START_M = 50_000;
+/** What the service answers [m]. */
+const [LEAST_M, MOST_M] = [500, 2_000_000];
 const TYPES: RoadType[] = ["town", "country", "motorway"];
 
 /** The shares that a kind of road stands for. */
@@ -28,8 +30,11 @@ export function DistanceForm() {
   const [kind, setKind] = useState<Kind>(known?.kind ?? "mixed");
   const { distanceForm: words } = text.value;
   const { distance } = units.value;
+  const isSound = (metres: number | null): metres is number =>
+    metres !== null && metres >= LEAST_M && metres <= MOST_M;
   const ask = (nextM: number | null, next: Kind) => {
-    if (nextM !== null) chooseDistance(nextM, next);
+    if (isSound(nextM)) chooseDistance(nextM, next);
+    else trip.value = null; // the answer to another distance does not stay up
   };
   useEffect(() => {
     if (!trip.value?.distance) ask(distanceM, kind);
@@ -41,6 +46,14 @@ export function DistanceForm() {
           label={text.value.trip.sources.distance}
           value={distanceM}
           quantity={distance}
+          fault={
+            isSound(distanceM)
+              ? ""
+              : words.bounds(
+                  format.value.figure(distance.from(LEAST_M), 1),
+                  format.value.shown(MOST_M, distance, 0),
+                )
+          }
           onChange={(next) => {
             setDistance(next);
             ask(next, kind);
@@ -56,7 +69,7 @@ export function DistanceForm() {
           ask(distanceM, next);
         }}
       />
-      <p class="note">{sharesText(distanceM ?? START_M, kind)}</p>
+      <p class="note">{sharesText(isSound(distanceM) ? distanceM : START_M, kind)}</p>
     </div>
   );
 }

@@ -1,7 +1,7 @@
 import type { ChargingPlan, Journey, Stop } from "../api/documents";
 import { chanceOf } from "../model/arrival";
 import { ENERGY, PERCENT, POWER } from "../model/units";
-import { chargingPlan, clock } from "../state/answer";
+import { chargingPlan, clock, isOfOtherPlaces } from "../state/answer";
 import { chooseRoad, requested } from "../state/forecast";
 import { answersAreOld, chargingPlans, chosenCharging, chosenRoad, journey } from "../state/journey";
 import { format, text, units } from "../state/preferences";
@@ -15,7 +15,7 @@ const MIN_SHOWN_S = 30;
 const MIN_SHOWN_WH = 10;
 
 /** What a road is, such as "fastest"; a number where the service gives no label. */
-function labelOf({ roads }: Journey, index: number): string {
+export function labelOf({ roads }: Journey, index: number): string {
   const { journey: words } = text.value;
   const names: Record<string, string> = words.labels;
   const labels = (roads[index]?.labels ?? []).map((label) => names[label] ?? label);
@@ -150,15 +150,13 @@ export function JourneyAnswer() {
   const plan = chargingPlan.value;
   const plans = chargingPlans.value;
   const { journey: words } = text.value;
-  if (plans.length === 0 && of.roads.length < 2) return null;
+  const isOld = answersAreOld.value || isOfOtherPlaces.value;
+  const roads = of.roads.length > 1 && <Roads of={of} />;
+  if (plans.length === 0 && !roads) return null;
   return (
-    <section
-      class={`card choices${answersAreOld.value ? " old" : ""}`}
-      aria-labelledby="choices-title"
-      aria-busy={answersAreOld.value}
-    >
+    <section class={`card choices${isOld ? " old" : ""}`} aria-labelledby="choices-title" aria-busy={isOld}>
       <h2 id="choices-title">{plans.length > 0 ? words.chargingStops : words.roads}</h2>
-      {plans.length > 1 && <Plans plans={plans} />}
+      {plan && plans.length > 1 && <Plans plans={plans} />}
       {plan && (
         <ol class="stops">
           {plan.stops.map((stop) => (
@@ -166,7 +164,8 @@ export function JourneyAnswer() {
           ))}
         </ol>
       )}
-      {plans.length === 0 && <Roads of={of} />}
+      {roads && plans.length > 0 && <h3>{words.roadsWithoutStops}</h3>}
+      {roads}
     </section>
   );
 }

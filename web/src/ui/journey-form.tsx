@@ -7,7 +7,6 @@ import { type End, type Field, readCoordinates } from "../model/road";
 import { chooseJourney } from "../state/catalogue";
 import { faults, forgetStop, MOST_STOPS, reportProblem, stopField } from "../state/forecast";
 import {
-  answersAreOld,
   fieldsOfJourney,
   isExample,
   isRound,
@@ -119,10 +118,7 @@ function PlaceField({ label, end, onRemove }: { label: string; end: Field; onRem
   };
   const type = (now: string) => {
     write(end, now);
-    if (placeOf(end)) {
-      setPlace(end, null);
-      answersAreOld.value = journey.value !== null;
-    }
+    if (placeOf(end)) setPlace(end, null);
     if (isEnd(end)) nextEnd.value = end;
     forget();
     const request = new AbortController();

@@ -10,11 +10,21 @@ interface Props {
   digits?: number;
   /** Whether the label is for assistive tools only, as in a table whose head has it. */
   isInTable?: boolean;
+  /** What is wrong with what was typed; empty for nothing. */
+  fault?: string;
   onChange: (si: number | null) => void;
 }
 
 /** A number with its unit. */
-export function NumberField({ label, value, quantity, digits = 0, isInTable = false, onChange }: Props) {
+export function NumberField({
+  label,
+  value,
+  quantity,
+  digits = 0,
+  isInTable = false,
+  fault = "",
+  onChange,
+}: Props) {
   const id = useId();
   const shown = value === null ? "" : String(Number(quantity.from(value).toFixed(digits)));
   return (
@@ -29,12 +39,19 @@ export function NumberField({ label, value, quantity, digits = 0, isInTable = fa
           step="any"
           inputMode="decimal"
           value={shown}
+          aria-invalid={fault !== ""}
+          aria-describedby={fault ? `${id}-fault` : undefined}
           onChange={({ currentTarget: { valueAsNumber: typed } }) =>
             onChange(Number.isFinite(typed) ? quantity.to(typed) : null)
           }
         />
         {!isInTable && <span>{`\u00a0${quantity.unit}`}</span>}
       </span>
+      {fault && (
+        <p id={`${id}-fault`} class="faults" role="alert">
+          {fault}
+        </p>
+      )}
     </>
   );
 }

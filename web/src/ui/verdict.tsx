@@ -6,16 +6,17 @@ import { emptyAfterM, type Verdict } from "../model/arrival";
 import { warningsOf } from "../model/flags";
 import { ENERGY, PERCENT } from "../model/units";
 import { source } from "../state/catalogue";
-import { answer, chargingPlan, clock, isLookingForStops } from "../state/answer";
+import { answer, chargingPlan, clock, isLookingForStops, isOfOtherPlaces } from "../state/answer";
 import { arrived, driving, shownForecast } from "../state/drive";
 import { alternative, leaving, leavingIsOld, mode, problem, requested } from "../state/forecast";
-import { answersAreOld, journey } from "../state/journey";
+import { answersAreOld, chargingPlans, journey } from "../state/journey";
 import { format, text, units } from "../state/preferences";
 import { trip } from "../state/trip";
 import { Chance } from "./chance";
 import { Climb } from "./climb";
 import { CompareLine } from "./compare";
 import { Failure, Waiting } from "./failure";
+import { Icon } from "./icons";
 import { NeedAnswer, needSentence, needVerdict } from "./need";
 import { Stat } from "./parts";
 import { ShareTools } from "./share";
@@ -33,6 +34,8 @@ const SHOWN_SOC = 0.005;
 
 /** The reason of a verdict that would be good if the heights of the road were known. */
 const HEIGHTS = "unknown_heights";
+/** The reserve counts from the first stop on. */
+const BELOW = "leaves_below_reserve";
 
 /** What the service names first about the journey that is shown. */
 function reasonOfJourney(): string | undefined {
@@ -57,7 +60,8 @@ function sentence(now: Answer): string {
   if (reasonOfJourney() === HEIGHTS) return words.probably;
   if (now.pArrive >= OPEN[1]) return words.belowReserve;
   if (decisiveChance(now) >= 0.5) return words.perhaps;
-  return now.pArrive >= 0.5 ? words.mostlyBelow : words.not;
+  if (now.pArrive >= 0.5) return words.mostlyBelow;
+  return now.charges > 0 ? words.notWithStops : words.not;
 }
 
 /** Where a battery that is expected to run empty does so, and what it lacks. */
@@ -111,12 +115,17 @@ function Whole({ now }: { now: Answer }) {
 function reasonText(): string | null {
   const reason = reasonOfJourney();
   if (reason === HEIGHTS) return text.value.verdict.unknownHeights;
-  if (reason !== "leaves_below_reserve") return null;
-  const reserve = format.value.shown(requested.value.at.reserve, PERCENT);
-  return text.value.verdict.leavesBelow(reserve, chargingPlan.value !== null);
+  if (reason === BELOW) {
+    const reserve = format.value.shown(requested.value.at.reserve, PERCENT);
+    return text.value.verdict.leavesBelow(reserve, chargingPlan.value !== null);
+  }
+  // the other reasons are of the plan that the verdict of the service is about
+  const isFirst = chargingPlan.value !== null && chargingPlan.value === chargingPlans.value[0];
+  const reasons: Record<string, string> = text.value.verdict.reasonsWithStops;
+  return (isFirst && reason && reasons[reason]) || null;
 }
 
-function Headline({ of, now }: { of: Forecast; now: Answer }) {
+function Headline({ of, now, isOld }: { of: Forecast; now: Answer; isOld: boolean }) {
   const emptyM = chargingPlan.value ? null : emptyAfterM(of);
   const measured = driving.value && arrived.value;
   const { result } = text.value;
@@ -124,7 +133,7 @@ function Headline({ of, now }: { of: Forecast; now: Answer }) {
   const { reserve } = requested.value.at;
   const detail = measured ? result.measured : result.inTrips(bandOf(now.interval));
   return (
-    <div class="headline">
+    <div class={`headline${isOld ? " old" : ""}`}>
       <p class="arrival">
         <span class="label">{result.onArrival}</span>
         <span class="number">
@@ -136,12 +145,20 @@ function Headline({ of, now }: { of: Forecast; now: Answer }) {
       <Whole now={now} />
       {!measured && reasonText() && <p class="reason">{reasonText()}</p>}
       {!measured && (
-        <Chance
-          verdict={shownVerdict(now)}
-          chance={decisiveChance(now)}
-          reserve={now.pReserve === null ? 0 : reserve}
-          atAll={now.pArrive}
-        />
+        <div class="chance-box">
+          <Chance
+            verdict={shownVerdict(now)}
+            chance={decisiveChance(now)}
+            reserve={now.pReserve === null ? 0 : reserve}
+            atAll={now.pArrive}
+          />
+          {isOld && (
+            <p class="chance chance-open other-places">
+              <Icon name="warning" />
+              <span>{text.value.verdict.otherPlaces(trip.value?.title ?? "")}</span>
+            </p>
+          )}
+        </div>
       )}
     </div>
   );
@@ -205,13 +222,15 @@ function ToDo() {
   const isJourney = !!trip.value?.stops;
   const needed = isJourney ? journey.value?.soc_needed : leaving.value?.soc_needed;
   if (needed === undefined || driving.value || mode.value !== "plan") return null;
-  const isOld = isJourney ? answersAreOld.value : leavingIsOld.value;
+  const isOld = isJourney ? answersAreOld.value || isOfOtherPlaces.value : leavingIsOld.value;
   const { journey: words } = text.value;
   const speed = isJourney ? journey.value?.motorway_speed_m_s : null;
   const stops = chargingPlan.value?.stops.length ?? 0;
   const texts = [
     ...(stops === 0 || needed <= 1 ? [leaveText(needed, stops, requested.value.at.reserve)] : []),
-    ...(speed != null && speed > 0 ? [words.atMost(format.value.shown(speed, units.value.speed, 0))] : []),
+    ...(speed != null && speed > 0
+      ? [(stops > 0 ? words.atMostWithout : words.atMost)(format.value.shown(speed, units.value.speed, 0))]
+      : []),
   ];
   return (
     <ul class={`journey-answer todo${isOld ? " old" : ""}`} aria-busy={isOld}>
@@ -259,23 +278,24 @@ export function VerdictCard() {
   const isDistance = source.value === "distance";
   const verdict = isDistance ? needVerdict() : of && now && shownVerdict(now);
   const shown = !isDistance && of && now;
+  const isOther = !isDistance && isOfOtherPlaces.value;
   const isCompared = mode.value === "compare" && alternative.value !== null;
   return (
     <section
-      class={`card verdict${verdict && !isLookingForStops.value ? ` verdict-${verdict}` : ""}`}
+      class={`card verdict${verdict && !isOther && !isLookingForStops.value ? ` verdict-${verdict}` : ""}`}
       aria-labelledby="verdict-title"
       aria-busy={!shown && !isDistance}
     >
       <div class="heading">
         <h2 id="verdict-title">
-          {isDistance ? needSentence() : shown && !isCompared ? sentence(now) : words.title}
+          {isDistance ? needSentence() : shown && !isCompared && !isOther ? sentence(now) : words.title}
         </h2>
         {trip.value && <ShareTools />}
       </div>
       <Failure />
       {isDistance && <NeedAnswer />}
       {shown && isCompared && alternative.value && <CompareLine first={of} second={alternative.value} />}
-      {shown && !isCompared && !isLookingForStops.value && <Headline of={of} now={now} />}
+      {shown && !isCompared && !isLookingForStops.value && <Headline of={of} now={now} isOld={isOther} />}
       {shown && !isLookingForStops.value && <ToDo />}
       {shown && !isLookingForStops.value && <HowSure of={of} now={now} />}
       {shown && isLookingForStops.value && <Looking now={now} />}
