@@ -145,9 +145,11 @@ def places(
 def _show(journey: tw.Journey) -> None:
     typer.echo(f"From {' to '.join(place.described for place in journey.stops)}.")
     typer.echo("\n".join(journey_in_words(journey)) + "\n")
-    words = [(chance(plan.p_arrive), chance(plan.p_reserve)) for plan in journey.charging_plans]
-    for road in journey.roads:
-        arrives, keeps = (chance_to_arrive(road.forecast, least) for least in (0.0, journey.reserve))
+    words = []
+    for plan in journey.ways:
+        arrives, keeps = chance(plan.p_arrive), chance(plan.p_reserve)
+        if not plan.stops:
+            arrives, keeps = (chance_to_arrive(plan.legs[0].forecast, least) for least in (0.0, plan.reserve))
         words.append((arrives, keeps))
     rows = [
         (

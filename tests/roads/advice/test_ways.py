@@ -81,6 +81,10 @@ def test_an_action_has_the_time_of_the_journey_with_the_stops_that_it_then_needs
     assert slower.charging_s < found.charging.charging_s - 120.0
     for plan in (lighter, slower, road):
         assert plan.p_reserve >= 0.95
+    for one in advice.singly:
+        assert one.whole is not None
+        assert one.difference.duration_s == pytest.approx(one.whole.duration_s - found.charging.duration_s)
+        assert one.difference.energy_wh == pytest.approx(one.whole.energy_wh - found.charging.energy_wh)
 
 
 def test_what_is_warmed_on_the_plug_is_warm_on_the_first_leg_alone(model: tw.ForecastModel) -> None:

@@ -252,6 +252,60 @@ def test_a_stop_is_needed_only_below_the_charge_that_reaches_the_next(long_journ
             assert stop.to_dict()["needed_below"] == stop.needed_below
 
 
+@pytest.mark.parametrize("soc", [0.93, 0.8, 0.7])
+def test_roads_are_compared_with_the_time_and_energy_of_their_stops(model, soc):
+    found = journey(model, replace(COLD, soc=soc), alternatives=1)
+    wholes = [road.whole(0.1) for road in found.roads]
+    assert found.charging is wholes[0]
+    ranks = [(plan.p_reserve < 0.95, plan.duration_s) for plan in wholes]
+    assert ranks == sorted(ranks)
+    fastest, least = (
+        next(k for k, road in enumerate(found.roads) if label in road.labels)
+        for label in ("fastest", "least energy")
+    )
+    assert (fastest, least) == (0, int(np.argmin([plan.energy_wh for plan in wholes])))
+    for road, plan, told in zip(found.roads, wholes, found.to_dict()["roads"], strict=True):
+        assert bool(plan.stops) == (road.charging is not None)
+        assert plan.duration_s == pytest.approx(plan.driving_s + plan.charging_s)
+        assert told["whole"] == {
+            "charges": len(plan.stops),
+            "duration_s": plan.duration_s,
+            "energy_wh": plan.energy_wh,
+            "soc_arrival": plan.soc_arrival,
+            "p_reserve": plan.p_reserve,
+        }
+    frame = found.to_frame()
+    assert frame["duration_s"].tolist()[-1] == wholes[1].duration_s
+    assert frame["labels"].tolist()[-1] == ", ".join(found.roads[1].labels)
+
+
+def test_a_slower_road_without_a_stop_is_first_if_it_is_faster_in_all(model):
+    weak = replace(MADE, stations=(Station(47.0, 9.4, "Halbweg", 3700.0),))
+    slow, fast = journey(model, replace(COLD, soc=0.93), atlas=weak, alternatives=1).roads
+    assert slow.road.duration_s > fast.road.duration_s
+    assert (slow.charging, len(fast.charging.stops)) == (None, 1)
+    assert slow.whole(0.1).duration_s < fast.whole(0.1).duration_s
+
+
+def test_departures_are_compared_with_the_time_and_energy_of_their_stops(model):
+    """In the cold the car has to charge, in mild air it arrives without a stop."""
+    cold, mild = (
+        journey(model, tw.Departure(soc=0.85, ambient_temperature_degc=degc)) for degc in (-5.0, 20.0)
+    )
+    if mild.charging is not None:  # the second needs less time at the station
+        assert mild.charging.charging_s < cold.charging.charging_s
+    more = cold.difference(mild)
+    plain = cold.forecast.difference(mild.forecast)
+    wholes = [one.roads[0].whole(0.1) for one in (cold, mild)]
+    assert more.duration_s == pytest.approx(wholes[0].duration_s - wholes[1].duration_s)
+    assert more.duration_s > plain.duration_s + 120.0
+    assert more.energy_wh == pytest.approx(wholes[0].energy_wh - wholes[1].energy_wh)
+    assert sum(more.by_cause_wh.values()) == pytest.approx(more.energy_wh)
+    assert more.sd_wh == plain.sd_wh
+    back = mild.difference(cold)
+    assert (back.duration_s, back.energy_wh) == (-more.duration_s, pytest.approx(-more.energy_wh))
+
+
 def test_no_stops_are_planned_where_none_are_asked_for(model):
     found = journey(model, LOW, charge=False)
     assert (found.charging, found.charging_alternatives) == (None, ())

@@ -24,6 +24,7 @@ from tripwatt.server.http import journeys
 from tripwatt.server.http.journey_schemas import (
     AdviceResponse,
     JourneyAdviceRequest,
+    JourneyDifferenceRequest,
     PlanRequest,
     ReachRequest,
 )
@@ -140,6 +141,20 @@ def test_the_difference_of_two_journeys_is_that_of_their_roads(planner: Service)
     assert high - low < 0.7 * math.hypot(one_high - one_low, other_high - other_low)
     for wrong in ({"one": warmer}, {"one": warmer, "other": asked, "road": 7}):
         assert planner.client.post("/v1/journeys/difference", json=wrong).status_code == 422
+
+
+def test_the_difference_of_two_journeys_counts_their_stops() -> None:
+    stops = [{"latitude_deg": place.latitude_deg, "longitude_deg": place.longitude_deg} for place in (A, B)]
+    asked = {"stops": stops, "soc": 0.7, "ambient_temperature_degc": 0.0}
+    warmer = {**asked, "ambient_temperature_degc": 18.0}
+    jobs, model = JourneyJobs(MADE), tw.load_model()
+    one, other = (jobs.plan(check_request(each, PlanRequest), model)["verdict"] for each in (warmer, asked))
+    # a quick request has the same difference
+    pair = {"one": {**warmer, "answers": False}, "other": asked}
+    found = jobs.difference(check_request(pair, JourneyDifferenceRequest), model, model)
+    for name in ("duration_s", "energy_wh", "soc_arrival"):
+        assert found[name] == pytest.approx(one[name] - other[name])
+    assert found["duration_s"] < one["driving_s"] - other["driving_s"] - 60.0
 
 
 def test_places_by_the_start_of_their_names(planner: Service) -> None:

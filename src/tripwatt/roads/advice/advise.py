@@ -17,6 +17,7 @@ from tripwatt.population import for_car
 from tripwatt.roads.advice.actions import ALONE, EFFORTS, Action, actions, replan_with
 from tripwatt.roads.advice.preheating import CHARGER
 from tripwatt.roads.journey import ChargingPlan, Journey
+from tripwatt.roads.journey.stops import with_stops
 from tripwatt.trips import Departure, Plan, Trip
 from tripwatt.trips.columns import require_fraction
 from tripwatt.trips.messages import flag_to_dict
@@ -121,7 +122,7 @@ class Advised:
             "actions": [{name: getattr(action, name) for name in _ACTION_FIELDS} for action in self.actions],
             "difference": self.difference.to_dict(),
             **{name: getattr(self, name) for name in _ADVISED_FIELDS},
-            "whole": _plan_summary(self.whole),
+            "whole": self.whole and self.whole.in_short,
         }
 
 
@@ -239,16 +240,10 @@ class Advice:
             "charge_to": self.charge_to,
             "least": [advised.to_dict() for advised in self.least],
             "singly": [advised.to_dict() for advised in self.singly],
-            "whole": _plan_summary(self.whole),
+            "whole": self.whole and self.whole.in_short,
             "speeds": [cap.to_dict() for cap in self.speeds],
             "flags": [flag_to_dict(flag) for flag in self.forecast.flags],
         }
-
-
-def _plan_summary(plan: ChargingPlan | None) -> dict[str, Any] | None:
-    if plan is None:
-        return None
-    return {"duration_s": plan.duration_s, "charges": len(plan.stops), "p_reserve": plan.p_reserve}
 
 
 def advise(
@@ -343,7 +338,10 @@ def _with_charging_plan(journey: Journey, advised: Advised) -> Advised:
     if corridor is None:
         return advised
     road = journey.roads[int(action.value or 0)].road if action.group == "road" else corridor.road
-    return replace(advised, whole=replan_with(corridor, action, advised.forecast, road))
+    whole, before = replan_with(corridor, action, advised.forecast, road), journey.charging
+    if whole is None or before is None:
+        return advised
+    return replace(advised, whole=whole, difference=with_stops(advised.difference, whole, before))
 
 
 def _forecast_before_departure(trip: Journey | Forecast, *other_arguments: object) -> Forecast:

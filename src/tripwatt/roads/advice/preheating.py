@@ -19,7 +19,6 @@ from tripwatt.roads.journey import Need, need
 from tripwatt.roads.journey.charging import EFFICIENCY, ChargingCurve
 from tripwatt.roads.journey.kinds import typical_road
 from tripwatt.roads.maps import Station
-from tripwatt.roads.maps.stations import DIRECT_FROM_W
 from tripwatt.trips import Departure, Flag, Plan, Trip
 from tripwatt.trips.messages import leave_in_words
 from tripwatt.units import SECONDS_PER_HOUR, WH_PER_J
@@ -239,13 +238,11 @@ def before_departure(
     (True, True, True)
     """
     target, wh = min(soc_needed, 1.0), forecast.charge.wh_per_display
-    missing_wh = None if soc is None else max(target - soc, 0.0) * wh
-    curve, plug = _charging_curve(forecast), Station(0.0, 0.0, "", plug_w, plug_w >= DIRECT_FROM_W)
-    charging_s = None
-    if soc is not None and plug_w:
-        cell_degc = float(forecast.drive.simulation.battery_temperature_degc[0])
-        levels = np.linspace(soc, max(target, soc), 101)
-        charging_s = float(curve.seconds(levels, plug, wh, cell_degc)[-1]) * EFFICIENCY / CHARGER
+    begins = target if soc is None else min(soc, target)
+    missing_wh = None if soc is None else (target - begins) * wh
+    curve, plug = _charging_curve(forecast), Station.without_plugs(0.0, 0.0, "", plug_w)
+    cell_degc = float(forecast.drive.simulation.battery_temperature_degc[0])
+    into_battery_s = float(curve.seconds(np.linspace(begins, target, 101), plug, wh, cell_degc)[-1])
     heat = preheating(forecast.vehicle, forecast.plan, plug_w=plug_w)
     return {
         "message": leave_in_words(soc_needed, reserve, quantile),
@@ -255,7 +252,7 @@ def before_departure(
         "charge_wh": missing_wh,
         "wall_wh": None if missing_wh is None else missing_wh / CHARGER,
         "charging_w": min(plug_w, curve.most_w[plug.direct_current]) if plug_w else None,
-        "charging_s": charging_s,
+        "charging_s": into_battery_s * EFFICIENCY / CHARGER if plug_w and soc is not None else None,
         "preheat": heat and heat.to_dict(leaves),
     }
 

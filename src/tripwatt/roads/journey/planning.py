@@ -12,14 +12,15 @@ import pandas as pd
 
 from tripwatt.errors import Check, InvalidInput
 from tripwatt.forecasting import Forecast, ForecastModel
+from tripwatt.forecasting.difference import Difference
 from tripwatt.forecasting.leaving import soc_needed
 from tripwatt.population import for_car
 from tripwatt.roads.journey.atlas import Atlas, AtlasSettings, open_atlas
 from tripwatt.roads.journey.charging import OVERHEAD_S, WARM_DEGC, ChargingCurve, plugs_of
 from tripwatt.roads.journey.corridor import CERTAIN, LEG_FIELDS, STATION_KIND, Corridor, StopRules
 from tripwatt.roads.journey.forecasting import RoadForecaster, cap_motorway_speed, is_motorway
-from tripwatt.roads.journey.plans import BEST_EFFORT, find_plans
-from tripwatt.roads.journey.stops import ENERGY_BAND, LINE_DIGITS, ChargingPlan, Leg
+from tripwatt.roads.journey.plans import BEST_EFFORT, fastest_plan, find_plans
+from tripwatt.roads.journey.stops import ENERGY_BAND, LINE_DIGITS, ChargingPlan, Leg, with_stops
 from tripwatt.roads.journey.verdict import Advice, Verdict
 from tripwatt.roads.routers import Road
 from tripwatt.routes.places import Place
@@ -109,7 +110,9 @@ class RoadForecast:
     forecast : Forecast
         Forecast of the energy on the road.
     labels : tuple of str
-        Those of "fastest", "shortest" and "least energy" that apply.
+        Those of "fastest", "shortest" and "least energy" that apply, with the time and energy of stops.
+    charging : ChargingPlan or None
+        The fastest plan with stops to charge on this road; None if the charge suffices, stops do not help, or none are planned.
 
     Examples
     --------
@@ -130,6 +133,7 @@ class RoadForecast:
     road: Road
     forecast: Forecast
     labels: tuple[str, ...] = ()
+    charging: ChargingPlan | None = None
 
     def soc_at(self, position_m: float) -> float:
         """Interpolate the expected displayed charge at a distance from the start.
@@ -170,12 +174,33 @@ class RoadForecast:
         """
         return ChargingPlan(", ".join(self.labels), (), (Leg(self.road, self.forecast),), reserve)
 
-    def to_dict(self, reserve: float | None = None) -> dict[str, Any]:
+    def whole(self, reserve: float) -> ChargingPlan:
+        """Return the whole journey on this road: the plan with stops to charge if there is one, else that without a stop.
+
+        Parameters
+        ----------
+        reserve : float
+            Displayed state of charge to arrive with.
+
+        Returns
+        -------
+        ChargingPlan
+            Its time and energy are those to compare roads, cars and departures by.
+
+        Examples
+        --------
+        >>> journey = tw.plan_journey(["Vaduz", "Malbun"], tw.Departure(soc=0.12), atlas="map")  # doctest: +SKIP
+        >>> [len(road.whole(0.1).stops) for road in journey.roads]  # doctest: +SKIP
+        [1]
+        """
+        return self.charging or self.without_stops(reserve)
+
+    def to_dict(self, reserve: float = 0.0) -> dict[str, Any]:
         """Convert the forecast to plain values: the line on the map, the kinds of road, the forecast.
 
         Parameters
         ----------
-        reserve : float, optional
+        reserve : float
             Displayed charge for which the probability to arrive is included.
 
         Returns
@@ -188,6 +213,7 @@ class RoadForecast:
             "labels": list(self.labels),
             "distance_m": road.distance_m,
             "duration_s": self.forecast.plan.elapsed_s,
+            "whole": self.whole(reserve).in_short,
             "line": {name: np.round(getattr(road, name), k).tolist() for name, k in LINE_DIGITS.items()},
             "links": {
                 "length_m": road.links.length_m.tolist(),
@@ -228,7 +254,7 @@ class Journey:
     stops : tuple of Place
         Places of the journey, as they were found.
     roads : tuple of RoadForecast
-        Roads with their forecasts, the fastest first. The answers are about the fastest road.
+        Roads with their forecasts, the fastest with its stops first. The answers are about this road.
     reserve : float
         Displayed state of charge to arrive with.
     soc_needed : float
@@ -239,8 +265,6 @@ class Journey:
         motorways.
     speed : SpeedAdvice or None
         Highest speed with which the journey arrives; None if it arrives as it is, or has no motorway.
-    charging : ChargingPlan or None
-        The fastest plan with stops to charge; None if the charge suffices, or stops do not help.
     charging_alternatives : tuple of ChargingPlan
         Plans with the fewest stops, the safest and the cheapest by energy, as far as they differ.
     flags : tuple of Flag
@@ -264,7 +288,6 @@ class Journey:
     soc_needed: float
     costs_wh: dict[str, float] = field(default_factory=dict)
     speed: SpeedAdvice | None = None
-    charging: ChargingPlan | None = None
     charging_alternatives: tuple[ChargingPlan, ...] = ()
     flags: tuple[Flag, ...] = ()
     attribution: str = ""
@@ -280,7 +303,12 @@ class Journey:
         """Verdict on the whole journey, with its stops to charge if they are needed and help."""
         slower: Advice = "none" if self.speed is None or self.speed.speed_m_s is None else "slower"
         advice_else: Advice = "charge_before" if self.soc_needed <= 1.0 else slower
-        return Verdict.from_plan(self.charging or self.roads[0].without_stops(self.reserve), advice_else)
+        return Verdict.from_plan(self.roads[0].whole(self.reserve), advice_else)
+
+    @property
+    def charging(self) -> ChargingPlan | None:
+        """The fastest plan with stops to charge on the fastest road; None if the charge suffices, or stops do not help."""
+        return self.roads[0].charging
 
     @property
     def arrives(self) -> bool:
@@ -328,7 +356,7 @@ class Journey:
         }
 
     def to_frame(self) -> pd.DataFrame:
-        """Return one row for each way to make the journey: plans with stops to charge, then the roads without a stop.
+        """Return one row for each of `ways`.
 
         Returns
         -------
@@ -342,7 +370,6 @@ class Journey:
         >>> journey = tw.plan_journey(["Vaduz", "Malbun"], tw.Departure(soc=0.6), atlas="map")  # doctest: +SKIP
         >>> journey.to_frame()  # doctest: +SKIP
         """
-        ways = (*self.charging_plans, *(road.without_stops(self.reserve) for road in self.roads))
         rows = [
             {
                 "labels": plan.label,
@@ -356,7 +383,7 @@ class Journey:
                 "soc_high": plan.soc_interval[1],
                 "p_arrive": plan.p_reserve,
             }
-            for plan in ways
+            for plan in self.ways
         ]
         return pd.DataFrame(rows)
 
@@ -364,6 +391,42 @@ class Journey:
     def charging_plans(self) -> tuple[ChargingPlan, ...]:
         """The fastest plan with stops to charge and its alternatives; empty if no stops are needed or none help."""
         return () if self.charging is None else (self.charging, *self.charging_alternatives)
+
+    @property
+    def ways(self) -> tuple[ChargingPlan, ...]:
+        """Ways to make the journey: the plans on the fastest road, then each other road with its stops."""
+        first, *others = (replace(r.whole(self.reserve), label=", ".join(r.labels)) for r in self.roads)
+        return (*(self.charging_plans or (first,)), *others)
+
+    def difference(self, other: Journey, road: int = 0) -> Difference:
+        """Compare with another journey of the same car, with the time and energy of the stops to charge.
+
+        Parameters
+        ----------
+        other : Journey
+            The other journey, such as one with another departure.
+        road : int
+            Index of the road of each; the last road if there are fewer.
+
+        Returns
+        -------
+        Difference
+            This journey minus the other one. The errors are those of the roads without stops.
+
+        Raises
+        ------
+        InvalidInput
+            As in `Forecast.difference`.
+
+        Examples
+        --------
+        >>> cold, mild = (tw.plan_journey(["Vaduz", "Malbun"], at, atlas="map") for at in departures)  # doctest: +SKIP
+        >>> cold.difference(mild).duration_s  # doctest: +SKIP
+        840.0
+        """
+        one, two = (journey.roads[min(road, len(journey.roads) - 1)] for journey in (self, other))
+        difference = one.forecast.difference(two.forecast)
+        return with_stops(difference, one.whole(self.reserve), two.whole(other.reserve))
 
     def __repr__(self) -> str:
         title, charges = " to ".join(place.title for place in self.stops), self.verdict.charges
@@ -496,20 +559,41 @@ def journey_with(
     """
     title = " to ".join(place.title for place in stops)[:100]
     forecaster = replace(forecaster, heights=atlas.heights_around(stops))
-    roads = atlas.router.roads(stops, alternatives=options.alternatives)
-    forecasts = _label_roads([RoadForecast(road, forecaster.forecast(road, title)) for road in roads])
+    found = atlas.router.roads(stops, alternatives=options.alternatives)
+    roads = [RoadForecast(road, forecaster.forecast(road, title)) for road in found]
+    is_planned = options.answers and options.charge and bool(atlas.stations)
+    is_chosen = any(place.kind == STATION_KIND for place in stops[1:-1])
+    rules = _stop_rules(forecaster, roads[0], options)
+    corridors = {
+        k: Corridor(forecaster, road.road, road.forecast, atlas, rules, stops[1:-1])
+        for k, road in enumerate(roads)
+        if is_planned and (is_chosen or road.whole(options.reserve).p_reserve < CERTAIN)
+    }
+    for k, corridor in corridors.items() if len(roads) > 1 else ():
+        roads[k] = replace(roads[k], charging=fastest_plan(corridor))
+    wholes = (road.whole(options.reserve) for road in roads)
+    # first the roads on which the car arrives, the fastest with its stops first
+    ranks = ((is_planned and plan.p_reserve < CERTAIN, plan.duration_s, k) for k, plan in enumerate(wholes))
+    order = [k for *_, k in sorted(ranks)]
+    chosen = corridors.get(order[0])
+    plans = find_plans(chosen) if chosen else ()
+    if roads[order[0]].without_stops(options.reserve).p_reserve >= CERTAIN:
+        # too full to charge at the station that was chosen
+        plans = tuple(plan for plan in plans if plan.label != BEST_EFFORT)
+    roads[order[0]] = replace(roads[order[0]], charging=next(iter(plans), None))
+    forecasts = _label_roads([roads[k] for k in order], options.reserve)
     first = forecasts[0]
     needed = soc_needed(first.forecast, options.reserve, CERTAIN)
     far = _far_from_road(stops, first.road)
     journey = Journey(stops, forecasts, options.reserve, needed, flags=far, attribution=atlas.attribution)
     if not options.answers:
         return journey
-    journey = replace(journey, speed=_speed_advice(forecaster, first, options.reserve))
-    is_chosen = any(place.kind == STATION_KIND for place in stops[1:-1])
-    if options.charge and (is_chosen or not journey.arrives):
-        journey = _add_stops(journey, forecaster, atlas, options)
-    plan = journey.charging or first.without_stops(journey.reserve)
-    costs = [_leg_costs(leg, forecaster) for leg in plan.legs]
+    speed = _speed_advice(forecaster, first, options.reserve)
+    journey = replace(journey, speed=speed, charging_alternatives=plans[1:])
+    if plans or (options.charge and first.without_stops(options.reserve).p_reserve < CERTAIN):
+        flags = (*far, *_charging_flags(chosen, plans))
+        journey = replace(journey, corridor=chosen if plans else None, flags=flags)
+    costs = [_leg_costs(leg, forecaster) for leg in first.whole(options.reserve).legs]
     return replace(journey, costs_wh={cause: sum(cost[cause] for cost in costs) for cause in costs[0]})
 
 
@@ -526,50 +610,38 @@ def _far_from_road(stops: Sequence[Place], road: Road) -> tuple[Flag, ...]:
     )
 
 
-def _add_stops(
-    journey: Journey, forecaster: RoadForecaster, atlas: Atlas, options: JourneyOptions
-) -> Journey:
-    """Add stops to charge to a journey, or the flag of why there are none."""
-    first = journey.roads[0]
-    curve = options.charging_curve or ChargingCurve.from_vehicle(
-        forecaster.model.vehicle, first.forecast.charge.wh_per_display
-    )
-    if not atlas.stations:
-        return replace(journey, flags=(*journey.flags, Flag("no_stations", "charging")))
-    plugs = plugs_of(forecaster.model.vehicle.name, first.road.place_at(0.0))
-    rules = StopRules(
-        *(curve, options.reserve, options.stop_overhead_s, options.preheat_battery),
-        *(plugs, tuple(options.avoid), tuple(options.networks)),
-    )
-    corridor = Corridor(forecaster, first.road, first.forecast, atlas, rules, journey.stops[1:-1])
-    plans = find_plans(corridor)
-    if journey.arrives and (not plans or plans[0].label == BEST_EFFORT):
-        return journey  # too full to charge at the station that was chosen
-    flags = list(journey.flags)
-    if not plans or plans[0].label == BEST_EFFORT:
-        flags.append(Flag("no_stop_found", "charging"))
-    if not plans:
-        return replace(journey, flags=tuple(flags))
-    if curve.is_class:
-        flags.append(Flag("class_charging_curve", "charging"))
-    plugs_known = {bool(plugs and stop.station.plugs) for stop in plans[0].stops}
-    codes = {True: "plugs_assumed", False: "plugs_unknown"}
-    flags += [Flag(code, "charging") for is_known, code in codes.items() if is_known in plugs_known]
-    if not all(stop.station.power_known for stop in plans[0].stops):
-        flags.append(Flag("station_power_assumed", "charging"))
-    if float(corridor.cell_degc.min()) < WARM_DEGC and any(s.station.direct_current for s in plans[0].stops):
-        flags.append(Flag("cold_charging_assumed", "charging"))
-    journey = replace(journey, corridor=corridor, flags=tuple(flags))
-    return replace(journey, charging=plans[0], charging_alternatives=plans[1:])
+def _stop_rules(forecaster: RoadForecaster, road: RoadForecast, options: JourneyOptions) -> StopRules:
+    vehicle, display_wh = forecaster.model.vehicle, road.forecast.charge.wh_per_display
+    curve = options.charging_curve or ChargingCurve.from_vehicle(vehicle, display_wh)
+    plugs = plugs_of(vehicle.name, road.road.place_at(0.0))
+    chosen = plugs, tuple(options.avoid), tuple(options.networks)
+    return StopRules(curve, options.reserve, options.stop_overhead_s, options.preheat_battery, *chosen)
 
 
-def _label_roads(roads: list[RoadForecast]) -> tuple[RoadForecast, ...]:
-    """Sort roads by duration and label the fastest, the shortest, and the one with the least energy."""
-    roads = sorted(roads, key=lambda road: road.road.duration_s)
+def _charging_flags(corridor: Corridor | None, plans: tuple[ChargingPlan, ...]) -> tuple[Flag, ...]:
+    """Return the assumptions of plans with stops, or why there are none; without a corridor there are no stations."""
+    if corridor is None:
+        return (Flag("no_stations", "charging"),)
+    stations = [stop.station for stop in plans[0].stops] if plans else []
+    plugs_known = {bool(corridor.rules.plugs and station.plugs) for station in stations}
+    is_cold = float(corridor.cell_degc.min()) < WARM_DEGC
+    applies = {
+        "no_stop_found": not plans or plans[0].label == BEST_EFFORT,
+        "class_charging_curve": bool(plans) and corridor.rules.curve.is_class,
+        "plugs_assumed": True in plugs_known,
+        "plugs_unknown": False in plugs_known,
+        "station_power_assumed": not all(station.power_known for station in stations),
+        "cold_charging_assumed": is_cold and any(station.direct_current for station in stations),
+    }
+    return tuple(Flag(code, "charging") for code, is_so in applies.items() if is_so)
+
+
+def _label_roads(roads: list[RoadForecast], reserve: float) -> tuple[RoadForecast, ...]:
+    """Label the fastest of roads in their order, the shortest, and the one with the least energy."""
     index_by_label = {
         "fastest": 0,
         "shortest": int(np.argmin([road.road.distance_m for road in roads])),
-        "least energy": int(np.argmin([road.forecast.energy_wh for road in roads])),
+        "least energy": int(np.argmin([road.whole(reserve).energy_wh for road in roads])),
     }
     return tuple(
         replace(road, labels=tuple(label for label, index in index_by_label.items() if index == k))

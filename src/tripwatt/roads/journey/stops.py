@@ -13,6 +13,7 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray, running_sum
 from tripwatt.forecasting import Forecast
+from tripwatt.forecasting.difference import Difference
 from tripwatt.forecasting.leaving import leaving_with
 from tripwatt.roads.journey.solver import joint_chance
 from tripwatt.roads.maps import Station
@@ -44,6 +45,8 @@ JOURNEY_FIELDS: Final = (
     *("driving_s", "charging_s", "duration_s", "energy_wh"),
 )
 """Attributes of a whole journey that both a plan and a verdict have."""
+
+_IN_SHORT: Final = ("duration_s", "energy_wh", "soc_arrival", "p_reserve")
 
 
 @dataclass(frozen=True, slots=True)
@@ -350,6 +353,11 @@ class ChargingPlan:
         low, high = self.series()[list(ENERGY_BAND)].iloc[-1].tolist()
         return low, high
 
+    @property
+    def in_short(self) -> dict[str, Any]:
+        """The totals by which journeys are compared, as plain values."""
+        return {"charges": len(self.stops), **{name: getattr(self, name) for name in _IN_SHORT}}
+
     def series(self) -> pd.DataFrame:
         """Return the series along the journey, as `Forecast.series`; each stop has a row before charging and a row after.
 
@@ -422,3 +430,15 @@ class ChargingPlan:
             "course": {name: series[column].tolist() for name, column in _COURSE.items()},
             "line": {name: np.round(self.line[name], k).tolist() for name, k in LINE_DIGITS.items()},
         }
+
+
+def with_stops(difference: Difference, one: ChargingPlan, other: ChargingPlan) -> Difference:
+    """Return the difference of two forecasts of one car with the time and energy of the stops to charge of each journey."""
+    ours, theirs = one.by_cause_wh, other.by_cause_wh
+    return replace(
+        difference,
+        energy_wh=one.energy_wh - other.energy_wh,
+        duration_s=one.duration_s - other.duration_s,
+        soc_arrival=one.soc_arrival - other.soc_arrival,
+        by_cause_wh={cause: wh - theirs[cause] for cause, wh in ours.items()},
+    )

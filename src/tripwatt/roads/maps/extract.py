@@ -7,21 +7,11 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, Final
 
 from tripwatt.errors import InvalidInput
 from tripwatt.roads.maps.powers import power_w
-from tripwatt.roads.maps.stations import (
-    DIRECT_FROM_W,
-    HOUSEHOLD,
-    PLUG_KINDS,
-    UNKNOWN_W,
-    UNLISTED,
-    Plug,
-    PlugKind,
-    Station,
-)
+from tripwatt.roads.maps.stations import HOUSEHOLD, PLUG_KINDS, UNLISTED, Plug, PlugKind, Station
 from tripwatt.routes.places import SETTLEMENTS
 from tripwatt.routes.web import EXTRA
 
@@ -35,12 +25,8 @@ SOCKET: Final = re.compile(r"socket:([a-z0-9_]+)(?::output)?")
 ABSENT: Final = frozenset({"", "no", "none", "0"})
 """Values of the key of a socket that a station does not have."""
 
-OTHER_SOCKETS: Final[Mapping[str, str]] = MappingProxyType(
-    {"type2_combo_cable": "type2_combo", "type1_combo_cable": "type1_combo", "chademo_cable": "chademo"}
-)
-"""Other names of sockets; `ccs` is the plug of the region."""
 WEST_OF_CCS_2_DEG: Final = -30.0
-"""Longitude between America, where CCS has the plug of Type 1, and Europe."""
+"""Longitude between America, where the socket `ccs` has the plug of Type 1, and Europe."""
 
 OTHER_NAMES: Final = re.compile(
     r"name:[a-z]{2,3}(?:[-_]\w+)?|(?:alt|old|short|official|loc|int|nat|reg)_name(?::[a-z]{2,3})?|name_\d"
@@ -187,9 +173,7 @@ def station_of_tags(tags: Mapping[str, str], latitude_deg: float, longitude_deg:
         if is_for_bicycles and {plug.kind for plug in plugs} <= HOUSEHOLD:
             return None
         return Station.with_plugs(latitude_deg, longitude_deg, name, *plugs)
-    known_w = _whole_w(tags)
-    is_direct = known_w >= DIRECT_FROM_W
-    return Station(latitude_deg, longitude_deg, name, known_w or UNKNOWN_W, is_direct, known_w > 0.0)
+    return Station.without_plugs(latitude_deg, longitude_deg, name, _whole_w(tags))
 
 
 def _plugs(tags: Mapping[str, str], ccs: str) -> tuple[Plug, ...]:
@@ -201,7 +185,8 @@ def _plugs(tags: Mapping[str, str], ccs: str) -> tuple[Plug, ...]:
     for key in tags:
         match = SOCKET.fullmatch(key)
         if match and match[1] != "unknown" and tags.get(f"socket:{match[1]}", "yes") not in ABSENT:
-            kind = ccs if match[1] == "ccs" else OTHER_SOCKETS.get(match[1], match[1])
+            name = ccs if match[1] == "ccs" else match[1]
+            kind = name if name in PLUG_KINDS else name.removesuffix("_cable")
             sockets.setdefault(kind, set()).add(match[1])
     order, whole_w, plugs = [*PLUG_KINDS], _whole_w(tags), list[Plug]()
     for name in sorted(sockets, key=lambda kind: order.index(kind) if kind in PLUG_KINDS else len(order)):

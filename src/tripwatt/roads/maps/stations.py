@@ -149,6 +149,12 @@ class Station:
         station = cls(latitude_deg, longitude_deg, name, 0.0, plugs=plugs)
         return station._used_by(max(plugs, key=lambda plug: plug.power_w))
 
+    @classmethod
+    def without_plugs(cls, latitude_deg: float, longitude_deg: float, name: str, power_w: float) -> Station:
+        """Make a station of unknown plugs; a power of 0 is not known, and `UNKNOWN_W` is assumed."""
+        is_direct, is_known = power_w >= DIRECT_FROM_W, power_w > 0.0
+        return cls(latitude_deg, longitude_deg, name, power_w or UNKNOWN_W, is_direct, is_known)
+
     @property
     def place(self) -> Place:
         """The place of the station."""
@@ -243,7 +249,7 @@ def read_stations(path: Path | str) -> tuple[Station, ...]:
     raise_faults(faults)
     called = [row.get("name") or "" for row in rows]
     return tuple(
-        Station(latitude, longitude, name, 1000.0 * kw, direct_current=1000.0 * kw >= DIRECT_FROM_W)
+        Station.without_plugs(latitude, longitude, name, 1000.0 * kw)
         for latitude, longitude, kw, name in zip(*columns, called, strict=True)
     )
 

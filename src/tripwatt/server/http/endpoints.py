@@ -139,7 +139,7 @@ async def plan(call: Called, fields: Fields = None) -> Response:
     **request_body(journey.JourneyDifferenceRequest),
 )
 async def journey_difference(call: Called) -> Response:
-    """Compare two journeys of one car without their stops to charge, as `POST /v1/forecast/difference` does trips."""
+    """Compare two journeys of one car with the time and energy of their stops to charge, as `POST /v1/forecast/difference` does trips."""
     return await call.body_job("journey_difference")
 
 

@@ -186,12 +186,8 @@ class Jobs:
         return self._make_forecast(request.one).difference(self._make_forecast(request.other)).to_dict()
 
     def journey_difference(self, request: journey.JourneyDifferenceRequest) -> dict[str, Any]:
-        """Return the response to a `JourneyDifferenceRequest`: the road of the first journey less that of the other one."""
-        one, other = (
-            self.journeys.road(plan, self.model_of(plan), request.road)
-            for plan in (request.one, request.other)
-        )
-        return one.difference(other).to_dict()
+        """Return the response to a `JourneyDifferenceRequest`: the first journey less the other one, with stops to charge."""
+        return self.journeys.difference(request, self.model_of(request.one), self.model_of(request.other))
 
     def advice(self, request: AdviceRequest) -> dict[str, Any]:
         """Return the response to an `AdviceRequest`."""

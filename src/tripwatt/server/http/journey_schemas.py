@@ -63,6 +63,8 @@ class JourneyInShort(schemas.ResponseModel):
     duration_s: float
     """driving and charging [s]"""
     charges: int
+    energy_wh: float
+    soc_arrival: float
     p_reserve: float
     """chance to have the reserve at every stop and at the end"""
 
@@ -213,12 +215,12 @@ class JourneyAdviceRequest(PlanRequest):
 
 
 class JourneyDifferenceRequest(schemas.StrictModel):
-    """Two journeys of one car to compare, without their stops to charge."""
+    """Two journeys of one car to compare, with their stops to charge."""
 
     one: PlanRequest
     other: PlanRequest
     road: int = Field(0, ge=0, le=3)
-    """which of the roads of each, from 0 for the fastest; the last where there are fewer"""
+    """which of the roads of each, from 0 for the fastest with its stops; the last where there are fewer"""
 
 
 class ReachRequest(JourneyCar):
@@ -387,6 +389,9 @@ class RoadDocument(schemas.ResponseModel):
     labels: list[str] = Field(description='of "fastest", "shortest", "least energy"')
     distance_m: float
     duration_s: float
+    """driving [s]"""
+    whole: JourneyInShort
+    """with its stops to charge"""
     line: LineDocument
     links: RoadLinks
     stops: list[StopDocument]
@@ -463,7 +468,7 @@ class PlanResponse(schemas.ResponseModel):
     charging_alternatives: list[ChargingDocument]
     """with the fewest stops, the safest, the cheapest by energy, where they differ"""
     roads: list[RoadDocument]
-    """the fastest first"""
+    """the fastest with its stops first"""
     flags: list[FlagDocument]
     attribution: str
     """to be shown beside roads and places"""

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from tripwatt.errors import Fault, InvalidInput, raise_faults
-from tripwatt.forecasting import Forecast, ForecastModel
+from tripwatt.forecasting import ForecastModel
 from tripwatt.roads.advice import advise, leaving_later
 from tripwatt.roads.journey import (
     Atlas,
@@ -22,7 +22,7 @@ from tripwatt.roads.journey import (
     journey_with,
     open_atlas,
 )
-from tripwatt.server.http.journey_schemas import JourneyAdviceRequest, PlaceRequest, PlanRequest, ReachRequest
+from tripwatt.server.http import journey_schemas as asked
 from tripwatt.server.http.problems import Problem
 from tripwatt.server.http.schemas import departure_of
 from tripwatt.sources.table import Heights
@@ -50,17 +50,19 @@ class JourneyJobs:
         """Heights of the atlas; None without an atlas."""
         return None if self.atlas is None else self.atlas.heights
 
-    def plan(self, request: PlanRequest, model: ForecastModel) -> dict[str, Any]:
+    def plan(self, request: asked.PlanRequest, model: ForecastModel) -> dict[str, Any]:
         """Return the response to a `PlanRequest`."""
         return self._journey(request, self._forecaster(request, model)).to_dict()
 
-    def road(self, request: PlanRequest, model: ForecastModel, number: int) -> Forecast:
-        """Forecast the road with index `number` of a `PlanRequest`; the last road if there are fewer."""
-        quick = request.model_copy(update={"answers": False})
-        roads = self._journey(quick, self._forecaster(request, model)).roads
-        return roads[min(number, len(roads) - 1)].forecast
+    def difference(self, request: asked.JourneyDifferenceRequest, *models: ForecastModel) -> dict[str, Any]:
+        """Return the response to a `JourneyDifferenceRequest`, with the models of both journeys."""
+        pairs = zip((request.one, request.other), models, strict=True)
+        one, other = (
+            self._journey(plan, self._forecaster(plan, model), answers=True) for plan, model in pairs
+        )
+        return one.difference(other, request.road).to_dict()
 
-    def advice(self, request: JourneyAdviceRequest, model: ForecastModel) -> dict[str, Any]:
+    def advice(self, request: asked.JourneyAdviceRequest, model: ForecastModel) -> dict[str, Any]:
         """Return the response to a `JourneyAdviceRequest`: what to do on the fastest road, with its stops to charge."""
         forecaster = self._forecaster(request, model)
         journey = self._journey(request, forecaster)
@@ -70,17 +72,19 @@ class JourneyJobs:
             journey, reserve=request.reserve, chance=request.chance, others=later, now=now
         ).to_dict()
 
-    def _forecaster(self, request: PlanRequest | ReachRequest, model: ForecastModel) -> RoadForecaster:
+    def _forecaster(self, request: asked.JourneyCar, model: ForecastModel) -> RoadForecaster:
         return RoadForecaster(model, departure_of(request), self._atlas().weather)
 
-    def _journey(self, request: PlanRequest, forecaster: RoadForecaster) -> Journey:
+    def _journey(self, request: asked.PlanRequest, forecaster: RoadForecaster, **changed: Any) -> Journey:
         atlas = self._atlas()
         given = request.model_dump(include={*JourneyOptions.__slots__})
-        options = JourneyOptions(**given | {"avoid": tuple(Place(**station) for station in given["avoid"])})
+        options = JourneyOptions(
+            **given | {"avoid": tuple(Place(**station) for station in given["avoid"])} | changed
+        )
         stops = find_stops([place_of(stop) for stop in request.stops], atlas, round_trip=request.round_trip)
         return journey_with(forecaster, stops, atlas, options)
 
-    def reach(self, request: ReachRequest, model: ForecastModel) -> dict[str, Any]:
+    def reach(self, request: asked.ReachRequest, model: ForecastModel) -> dict[str, Any]:
         """Return the response to a `ReachRequest`."""
         atlas = self._atlas()
         start = atlas.find(place_of(request.start), "start")
@@ -142,7 +146,7 @@ class JourneyJobs:
         return self.atlas
 
 
-def place_of(stop: str | PlaceRequest) -> str | Place:
+def place_of(stop: str | asked.PlaceRequest) -> str | Place:
     """Return a stop of a request as a place, or its text if the stop is given by name."""
     if isinstance(stop, str):
         return stop
