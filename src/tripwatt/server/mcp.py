@@ -53,14 +53,6 @@ def _show_diary(jobs: Jobs, request: DiaryRequest) -> dict[str, Any]:
     return document | {"diary": document["diary"][: request.trips]}
 
 
-def _list_vehicles(jobs: Jobs, request: VehiclesRequest) -> dict[str, Any]:
-    return jobs.vehicles(request.search)
-
-
-def _list_cars(jobs: Jobs, request: StrictModel) -> dict[str, Any]:
-    return jobs.cars.list()
-
-
 class Tool(NamedTuple):
     """A tool: the function that it runs, and the schemas of its request and its answer."""
 
@@ -79,8 +71,10 @@ TOOLS: Final[Mapping[str, Tool]] = {
     ),
     "forecast": Tool(Jobs.forecast, schemas.ForecastRequest, ForecastResponse),
     "diary": Tool(_show_diary, DiaryRequest, car_schemas.CarResponse),
-    "cars": Tool(_list_cars, StrictModel, car_schemas.CarsResponse),
-    "vehicles": Tool(_list_vehicles, VehiclesRequest, schemas.VehiclesResponse),
+    "cars": Tool(lambda jobs, _: jobs.cars.list(), StrictModel, car_schemas.CarsResponse),
+    "vehicles": Tool(
+        lambda jobs, asked: jobs.vehicles(asked.search), VehiclesRequest, schemas.VehiclesResponse
+    ),
     "new_car": Tool(Jobs.new_car, car_schemas.NewCarRequest, car_schemas.CarResponse),
 }
 """Tools by name."""

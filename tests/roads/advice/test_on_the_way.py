@@ -49,6 +49,14 @@ def test_what_takes_more_is_told_with_a_speed_that_helps(model: tw.ForecastModel
     assert (heard[0].p_at_speed or 0.0) >= companion.chance > heard[0].p_arrive
 
 
+@pytest.mark.parametrize("factor", [0.8, 1.0, 1.12, 1.3])
+def test_what_to_do_now_is_known_while_nothing_is_told(model: tw.ForecastModel, factor: float) -> None:
+    heard, companion = told(model, factor, 0.8)
+    assert companion.latest is not None
+    assert companion.latest.time_s > max((message.time_s for message in heard), default=0.0)
+    assert (companion.latest.speed_m_s is None) or companion.latest.verdict != "arrives"
+
+
 @pytest.mark.parametrize("factor", [0.8, 0.9, 1.2, 1.3])
 def test_messages_are_few_and_each_is_another_verdict(model: tw.ForecastModel, factor: float) -> None:
     heard, _ = told(model, factor, 0.8)

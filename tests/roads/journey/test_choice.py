@@ -8,7 +8,7 @@ from tests.roads.journey.test_stops import FAR, LOW, row
 
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
-from tripwatt.roads.maps import Station
+from tripwatt.roads.maps import Plug, Station
 from tripwatt.routes.places import Place
 
 MILD = tw.Departure(soc=0.8, ambient_temperature_degc=12.0)
@@ -49,7 +49,7 @@ def test_a_battery_that_is_too_full_to_charge_drives_on(model):
 
 
 def test_a_chosen_station_without_a_plug_of_the_car_is_a_fault(model):
-    chademo = replace(MADE.stations[0], plugs=("chademo",))
+    chademo = replace(MADE.stations[0], plugs=(Plug("chademo", 50_000.0),))
     with pytest.raises(InvalidInput, match="no charging station for this car: Halbweg"):
         journey(model, LOW, (A, chademo.place, B), replace(MADE, stations=(chademo,)))
 

@@ -278,7 +278,9 @@ def test_a_document_is_that_of_update_for_every_message(
                 "p_arrive": pytest.approx(own.p_arrive(0.2), rel=1e-9),
                 "p_arrive_at_all": pytest.approx(own.p_arrive(), rel=1e-9),
                 "measured_until_s": own.measured_until_s,
+                "duration_s": own.plan.duration_s,
                 "distance_m": pytest.approx(own.drive.distance_m[-1], rel=1e-9),
+                "course": found["forecast"]["course"],
                 "flags": [flag_to_dict(flag) for flag in own.flags],
             }
             assert car.document(NOW_S)["forecast"] is found["forecast"], "it is made once"

@@ -182,6 +182,57 @@ def test_the_forecast_on_the_way_is_that_of_update(
     assert served("/v1/live/zoe").json()["forecast"] is None
 
 
+def test_the_course_is_the_plan_of_the_departure_beside_the_forecast_now(
+    served: Served, drive: pd.DataFrame, plan: dict[str, Any]
+) -> None:
+    served.put(plan | {"destination": "Work"})
+    before = served("/v1/live/leaf").json()
+    assert before["forecast"]["course"]["planned"] == before["forecast"]["course"]["expected"]
+    for sent in abrp_messages(drive):
+        served.send(sent)
+    found = served("/v1/live/leaf").json()
+    course, forecast = found["forecast"]["course"], found["forecast"]
+    assert course["planned"] == before["forecast"]["course"]["planned"]
+    assert course["expected"] != course["planned"]
+    ends = [course[name][-1] for name in ("low", "expected", "high")]
+    assert ends == sorted(ends)
+    assert course["expected"][-1] == pytest.approx(forecast["soc_arrival"], abs=1e-6)
+    assert (course["distance_m"][0], course["distance_m"][-1]) == (0.0, pytest.approx(forecast["distance_m"]))
+    assert forecast["duration_s"] > forecast["measured_until_s"] > 0.0
+    assert found["destination"] == "Work"
+    assert need(served).status_code == 200, "what only a plan has is no part of a forecast"
+
+
+def test_without_a_plan_energy_and_power_are_those_of_the_messages(served: Served) -> None:
+    for k in range(61):
+        served.send(message(10.0 * k, soc=None))
+    found = served("/v1/live/leaf").json()
+    assert found["forecast"] is None
+    trip = found["trip"]
+    assert trip["power_w"] == pytest.approx(6000.0)
+    assert trip["energy_wh"] == pytest.approx(6000.0 * trip["duration_s"] / 3600.0)
+    for k in range(3):
+        served.send({"utc": NOON_S + k, "speed": 36.0}, "zoe")
+    silent = served("/v1/live/zoe").json()["trip"]
+    assert silent is None or (silent["energy_wh"], silent["power_w"]) == (None, None)
+
+
+@pytest.mark.parametrize("stuck", [90.0, 0.0])
+def test_a_charge_that_the_energy_contradicts_is_not_shown(served: Served, stuck: float) -> None:
+    links = [{"length_m": 1000.0, "speed_m_s": 25.0, "grade": 0.0}] * 80
+    served.put({"links": links, "soc": 0.9, "ambient_temperature_degc": 20.0})
+    for second in range(0, 2400, 10):
+        served.send(message(float(second), speed=90.0, power=12.5, soc=stuck))
+    found = served("/v1/live/leaf").json()
+    assert "charge_contradicted" in [flag["code"] for flag in found["forecast"]["flags"]]
+    taken = found["trip"]["energy_wh"] / own_wh_per_display()
+    assert found["soc"] == pytest.approx(0.9 - taken, abs=0.03)
+
+
+def own_wh_per_display() -> float:
+    return tw.forecast(LINKS, tw.Departure(soc=0.9)).charge.wh_per_display
+
+
 @pytest.fixture
 def made(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Forecasts of cars as they are made: at their departure, and updates."""

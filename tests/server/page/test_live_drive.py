@@ -18,7 +18,12 @@ from tests.support.drives import example_trip
 
 from tripwatt.server.cars import create_car
 
-PLAN = {"links": [{"length_m": 18_000.0, "speed_m_s": 14.0}], "soc": 0.8, "reserve": 0.2}
+PLAN = {
+    "links": [{"length_m": 18_000.0, "speed_m_s": 14.0}],
+    "soc": 0.8,
+    "reserve": 0.2,
+    "destination": "Work",
+}
 HOUR_S = 3600.0
 FIRST_ROWS = 240
 
@@ -31,6 +36,12 @@ def opened(look: Any, request: pytest.FixtureRequest) -> Any:
 
 def road(page: Any) -> Any:
     return page.locator("dialog.road")
+
+
+def figures_of(page: Any) -> dict[str, str]:
+    """The figures of the view by their names."""
+    names, values = (road(page).locator(f".stats {part}").all_inner_texts() for part in ("dt", "dd"))
+    return dict(zip(names, values, strict=True))
 
 
 def new_car(service: Service, cars: Path, name: str) -> str:
@@ -63,16 +74,26 @@ def test_figures_follow_the_messages_of_a_car(opened: Any, service: Service, car
 
     service.client.put("/v1/live/my-i3/plan", json=PLAN).raise_for_status()
     send(service, token, [{**messages[1], "speed": 0.0}])
-    road(page).get_by_text("Battery on arrival, next trip").wait_for()
+    road(page).get_by_text("Battery on arrival: Work").wait_for()
     send(service, token, messages[2:FIRST_ROWS])
     road(page).get_by_text("Left to drive").wait_for()
     page.wait_for_timeout(1000)
     now = service.client.get("/v1/live/my-i3").json()
     forecast, driven = now["forecast"], now["trip"]["distance_m"]
     assert road(page).locator(".number").inner_text() == f"{100.0 * forecast['soc_arrival']:.0f}%"
-    figures = road(page).locator(".stats dd").all_inner_texts()
-    assert figures[1] == f"{(forecast['distance_m'] - driven) / 1000.0:.1f}\u00a0km"
-    assert figures[2] == f"{driven / 1000.0:.1f}\u00a0km"
+    figures = figures_of(page)
+    assert figures["Left to drive"] == f"{(forecast['distance_m'] - driven) / 1000.0:.1f}\u00a0km"
+    assert figures["Driven"] == f"{driven / 1000.0:.1f}\u00a0km"
+    energy_wh = now["trip"]["energy_wh"]
+    assert figures["Used so far"] == f"{energy_wh / 1000.0:.1f}\u00a0kWh"
+    assert figures["Consumption"].split()[0] == f"{energy_wh / driven * 100.0:.1f}"
+    left_s = forecast["duration_s"] - forecast["measured_until_s"]
+    at = {time.strftime("%H:%M", time.localtime(time.time() + left_s + s)) for s in (-60.0, 0.0, 60.0)}
+    assert figures["Arrival"] in at
+    assert road(page).locator(".todo").inner_text() == "Drive on as planned."
+    assert "planned" in road(page).locator("figcaption").inner_text().lower()
+    assert road(page).locator(".course .plot canvas").count() == 1
+    assert "Battery on arrival: Work" in road(page).locator(".arrival").inner_text()
     low, high = (100.0 * forecast["soc_quantiles"][p] for p in ("0.05", "0.95"))
     assert f"{low:.0f} to {high:.0f}" in road(page).locator(".range").inner_text()
     road(page).get_by_text("Message within the last minute").wait_for()
@@ -123,7 +144,11 @@ def test_an_old_message_a_lost_stream_and_a_deleted_car_are_said(
             "duration_s": 60.0,
             "distance_m": 900.0,
             "samples": 60,
+            "energy_wh": 150.0,
+            "power_w": 9000.0,
         },
+        "destination": None,
+        "message": None,
         "plan": None,
         "usual_trip": None,
         "forecast": None,
@@ -146,6 +171,8 @@ def test_an_old_message_a_lost_stream_and_a_deleted_car_are_said(
     page.get_by_role("button", name="On the road").click()
     road(page).get_by_text("Last message 3 minutes ago").wait_for()
     road(page).get_by_text("No forecast: the route is not known.").wait_for()
+    figures = figures_of(page)
+    assert (figures["Power"], figures["Consumption"].split()[0]) == ("9\u00a0kW", "16.7")
     road(page).get_by_text("a charge that rises").wait_for()
     road(page).get_by_text("Connection lost, trying again").wait_for()
     road(page).get_by_text("Connected").wait_for()  # the service itself, at the second attempt

@@ -20,6 +20,12 @@ const road = computed(() => {
   return shown ? linksOfProfile(profileFromSamples(shown.samples)) : null;
 });
 
+/** Where the trip of the page ends, in words. */
+const destination = computed(() => {
+  const { stops, isRound } = trip.value ?? {};
+  return stops?.at(isRound ? 0 : -1)?.name ?? null;
+});
+
 export const canPlan = computed(() => road.value !== null);
 
 /** Give the followed car the trip of the page as its plan; charge and temperatures are those that the car sends. */
@@ -31,7 +37,7 @@ export async function planFromPage(): Promise<void> {
   if (road.value === null || !car) return;
   planFailed.value = false;
   try {
-    const state = await putPlan(car, { ...road.value, ...more });
+    const state = await putPlan(car, { ...road.value, ...more, destination: destination.value });
     batch(() => {
       if (followed.value === car) live.value = state;
     });

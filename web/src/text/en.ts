@@ -563,7 +563,17 @@ export const en = {
     nextTrip: "Battery on arrival, next trip",
     onTrip: "on a trip",
     usual: "No trip was planned: this is the route of an earlier trip at this time of day.",
-    slower: (speed: string, chance: string) => `At most ${speed} from here: ${chance}`,
+    arrivalAt: (place: string) => `Battery on arrival: ${place}`,
+    used: "Used so far",
+    power: "Power",
+    whole: "Whole trip",
+    course: "Charge along the road, as planned and now. The figures beside it say the same.",
+    onPlan: "As planned",
+    offPlan: (points: string, isMore: boolean) =>
+      `${points} % ${isMore ? "more" : "less"} charge than planned (dotted)`,
+    asPlanned: "Drive on as planned.",
+    slower: (speed: string, chance: string) => `At most ${speed} keeps the reserve: ${chance}.`,
+    charge: "Charge on the way: no speed is sure to keep the reserve.",
     notIn: "The last messages were not used:",
     justNow: "Message within the last minute",
     minutesAgo: (minutes: number) =>

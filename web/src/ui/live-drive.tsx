@@ -2,8 +2,10 @@
 
 import type { ComponentChildren } from "preact";
 import type { LiveCar, LiveForecast } from "../api/documents";
+import { CourseChart } from "../charts/course";
+import { interpolate } from "../model/interpolate";
 import { verdictOf } from "../model/arrival";
-import { ENERGY, PERCENT } from "../model/units";
+import { ENERGY, PERCENT, POWER } from "../model/units";
 import {
   awake,
   closeRoad,
@@ -25,12 +27,16 @@ import { Chance } from "./chance";
 import { Icon } from "./icons";
 import { openOwnCars } from "./own-cars-dialog";
 import { Button, IconButton, put, Stat, useModal } from "./parts";
-import { chanceInFigures, tripTitle } from "./wording";
+import { chanceInFigures, clockText, tripTitle } from "./wording";
 import { Said } from "./said";
 import { Warnings } from "./warnings";
 
 /** A car that sent nothing for so long may have lost its connection [s]. */
 const OLD_S = 120;
+/** Before this distance a consumption says nothing [m]. */
+const SHORT_M = 500;
+const CONTRADICTED = "charge_contradicted";
+const CHART_PX = 150;
 const LOW = "0.05";
 const HIGH = "0.95";
 
@@ -55,6 +61,58 @@ function Arrival({ of, label }: { of: LiveForecast; label: string }) {
         reserve={of.reserve}
         atAll={of.p_arrive_at_all}
       />
+    </>
+  );
+}
+
+/** What to do now: nothing, drive slower, or charge. */
+function Todo({ of }: { of: LiveCar }) {
+  const { live: words } = text.value;
+  if (!of.message) return null;
+  const { verdict, speed_m_s, p_at_speed } = of.message;
+  const slower =
+    speed_m_s !== null &&
+    words.slower(format.value.shown(speed_m_s, units.value.speed), chanceInFigures(p_at_speed ?? 0));
+  const icon = verdict === "arrives" ? "check" : "warning";
+  return (
+    <p class="todo" aria-live="polite">
+      <Icon name={icon} />
+      <strong>{verdict === "arrives" ? words.asPlanned : slower || words.charge}</strong>
+    </p>
+  );
+}
+
+/** The plan of the departure beside the trip as it is now. */
+function Course({ of, carM }: { of: LiveForecast; carM: number }) {
+  const { live: words } = text.value;
+  const at = (curve: number[]) => interpolate(carM, of.course.distance_m, curve);
+  const more = Math.round(PERCENT.from(at(of.course.expected) - at(of.course.planned)));
+  const points = format.value.figure(Math.abs(more), 0);
+  return (
+    <figure class="course">
+      <figcaption>{more === 0 ? words.onPlan : words.offPlan(points, more > 0)}</figcaption>
+      <CourseChart of={of} carM={carM} height={CHART_PX} label={words.course} isNight={night.value} />
+    </figure>
+  );
+}
+
+/** What the car measured on its trip, with or without a plan. */
+function Measured({ trip }: { trip: NonNullable<LiveCar["trip"]> }) {
+  const { live: words } = text.value;
+  const { figure, shown } = format.value;
+  const { consumption, distance } = units.value;
+  const { distance_m, energy_wh, power_w } = trip;
+  return (
+    <>
+      <Stat label={words.driven}>{shown(distance_m, distance)}</Stat>
+      {energy_wh !== null && <Stat label={words.used}>{shown(energy_wh, ENERGY, 1)}</Stat>}
+      {energy_wh !== null && energy_wh > 0 && distance_m >= SHORT_M && (
+        <Stat label={text.value.result.consumption}>
+          {figure(consumption.from(energy_wh / distance_m), consumption.digits)}{" "}
+          <small>{consumption.unit}</small>
+        </Stat>
+      )}
+      {power_w !== null && <Stat label={words.power}>{shown(power_w, POWER)}</Stat>}
     </>
   );
 }
@@ -98,49 +156,62 @@ function Empty({ title, children }: { title: string; children: ComponentChildren
   );
 }
 
+/** When the car arrives, if it drives the rest as planned. */
+function arrivalOf({ seconds_since_message: ago }: LiveCar, of: LiveForecast): Date {
+  const leftS = Math.max(0, of.duration_s - of.measured_until_s) - (ago ?? 0);
+  return new Date(Date.now() + 1000 * leftS);
+}
+
 function Car({ of }: { of: LiveCar }) {
   const { live: words, result } = text.value;
   const { figure, shown } = format.value;
   const { distance } = units.value;
-  const { forecast, trip, soc } = of;
-  const leftM = forecast && trip ? Math.max(0, forecast.distance_m - trip.distance_m) : null;
+  const { forecast, trip, soc, destination } = of;
+  const carM = forecast && trip ? Math.min(trip.distance_m, forecast.distance_m) : null;
+  const flags = [...of.flags, ...(forecast?.flags.filter(({ code }) => code === CONTRADICTED) ?? [])];
   const ends = (q: Record<string, number>) => [LOW, HIGH].map((p) => figure(ENERGY.from(q[p] ?? 0), 1));
   const [low = "", high = ""] = forecast ? ends(forecast.quantiles_wh) : [];
   return (
     <>
-      {forecast ? (
-        <Arrival of={forecast} label={trip ? result.onArrival : words.nextTrip} />
-      ) : (
-        <Instead of={of} />
-      )}
-      {of.message?.speed_m_s != null && (
-        <p class="said" aria-live="polite">
-          <strong>
-            {words.slower(
-              shown(of.message.speed_m_s, units.value.speed),
-              chanceInFigures(of.message.p_at_speed ?? 0),
-            )}
-          </strong>
-        </p>
-      )}
-      <dl class="stats">
-        <Stat label={text.value.drive.now}>{soc === null ? "–" : shown(soc, PERCENT)}</Stat>
-        {leftM !== null && <Stat label={words.left}>{shown(leftM, distance)}</Stat>}
-        {trip && <Stat label={words.driven}>{shown(trip.distance_m, distance)}</Stat>}
-        {forecast && (
-          <Stat label={result.energy}>
-            {shown(forecast.energy_wh, ENERGY, 1)} <small>{result.range(low, high)}</small>
-          </Stat>
+      <div class="answer">
+        {forecast ? (
+          <Arrival
+            of={forecast}
+            label={destination ? words.arrivalAt(destination) : trip ? result.onArrival : words.nextTrip}
+          />
+        ) : (
+          <Instead of={of} />
         )}
-      </dl>
-      {of.flags.length > 0 && <Warnings flags={of.flags} others={[]} serious={null} />}
-      {of.plan !== "given" && <PlanButton />}
-      {of.plan === "usual" && <p class="note">{words.usual}</p>}
-      {of.faults.length > 0 && (
-        <p class="faults">
-          {words.notIn} <Said of={of.faults.map(({ what }) => what).join("; ")} />
-        </p>
-      )}
+        {forecast && <Todo of={of} />}
+      </div>
+      <div class="answer">
+        {forecast && carM !== null && <Course of={forecast} carM={carM} />}
+        <dl class="stats">
+          <Stat label={text.value.drive.now}>{soc === null ? "–" : shown(soc, PERCENT)}</Stat>
+          {forecast && carM !== null && (
+            <>
+              <Stat label={text.value.verdict.arrivesAt}>
+                {clockText(arrivalOf(of, forecast), new Date())}
+              </Stat>
+              <Stat label={words.left}>{shown(forecast.distance_m - carM, distance)}</Stat>
+            </>
+          )}
+          {trip && <Measured trip={trip} />}
+          {forecast && (
+            <Stat label={words.whole}>
+              {shown(forecast.energy_wh, ENERGY, 1)} <small>{result.range(low, high)}</small>
+            </Stat>
+          )}
+        </dl>
+        {flags.length > 0 && <Warnings flags={flags} others={[]} serious={null} />}
+        {of.plan !== "given" && <PlanButton />}
+        {of.plan === "usual" && <p class="note">{words.usual}</p>}
+        {of.faults.length > 0 && (
+          <p class="faults">
+            {words.notIn} <Said of={of.faults.map(({ what }) => what).join("; ")} />
+          </p>
+        )}
+      </div>
     </>
   );
 }

@@ -21,6 +21,8 @@ EVERY_S: Final = SECONDS_PER_MINUTE
 """Shortest time between two evaluations of a trip [s]: a choice, because the chance changes little in a minute."""
 QUIET_S: Final = 5.0 * SECONDS_PER_MINUTE
 """Shortest time between two messages [s]: a choice that spares the driver."""
+POINTS: Final = 61
+"""Points of the curves of a trip. A choice: a phone shows no more, and a stream sends them every few seconds."""
 MARGIN: Final = 0.03
 """Margin by which a chance has to pass the limit of a verdict to end it, so that small fluctuations give no messages. A choice."""
 
@@ -72,6 +74,56 @@ class Message:
         return {name: getattr(self, name) for name in Message.__slots__}
 
 
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """Displayed state of charge along the road, as forecast at departure and as forecast now.
+
+    Attributes
+    ----------
+    distance_m : list of float
+        Equally spaced distances since departure [m].
+    planned : list of float
+        Expected charge as forecast at departure.
+    expected, low, high : list of float
+        Expected charge as forecast now, with its central 90 % interval.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> forecast = tw.load_model().forecast(tw.sample_trips().trips[0])
+    >>> progress = Progress.of(forecast, forecast)
+    >>> progress.planned == progress.expected, len(progress.low) == len(progress.distance_m)
+    (True, True)
+    """
+
+    distance_m: list[float]
+    planned: list[float]
+    expected: list[float]
+    low: list[float]
+    high: list[float]
+
+    @classmethod
+    def of(cls, departure: Forecast, now: Forecast) -> Progress:
+        """Return the progress of a trip.
+
+        Parameters
+        ----------
+        departure : Forecast
+            Forecast of the trip before departure.
+        now : Forecast
+            The same forecast, updated on the way.
+
+        Returns
+        -------
+        Progress
+            `POINTS` distances.
+        """
+        planned, along = departure.along.columns(), now.along.columns()
+        at_m = np.linspace(0.0, along["distance_m"][-1], POINTS)
+        curves = [planned["displayed_soc"], *(along[f"displayed_soc{end}"] for end in ("", "_low", "_high"))]
+        return cls(at_m.tolist(), *(np.interp(at_m, along["distance_m"], curve).tolist() for curve in curves))
+
+
 class Companion:
     """Follows one trip by updated forecasts, and returns a message when the verdict changes.
 
@@ -88,6 +140,8 @@ class Companion:
     ----------
     last : Message or None
         The latest message; None before the first.
+    latest : Message or None
+        The latest evaluation, also where it is no message; None before the first.
 
     Examples
     --------
@@ -104,6 +158,7 @@ class Companion:
         self.reserve = require_fraction("reserve", reserve)
         self.chance = require_fraction("chance", chance, 0.5)
         self.last: Message | None = None
+        self.latest: Message | None = None
         self._evaluated_s = self._message_s = -np.inf
         self._verdict: Verdict | None = None
         self._verdict = self._verdict_of(departure.p_arrive(reserve))
@@ -130,19 +185,19 @@ class Companion:
             As in `Forecast.update`.
         """
         at_s = float(observed["time_s"].iloc[-1]) - self.departure.plan.start_s
-        if at_s - self._evaluated_s < EVERY_S or at_s - self._message_s < QUIET_S:
+        if at_s - self._evaluated_s < EVERY_S:
             return None
         self._evaluated_s = at_s
         forecast = updated or self.departure.update(observed)
         chance = forecast.p_arrive(self.reserve)
         verdict = self._verdict_of(chance)
-        if verdict == self._verdict:
-            return None
-        self._message_s, self._verdict = at_s, verdict
-        self.last = Message(at_s, verdict, forecast.soc_arrival, chance)
+        self.latest = Message(at_s, verdict, forecast.soc_arrival, chance)
         if verdict != "arrives":
             speed_m_s, p_at_speed = self._restoring_speed(observed, forecast.measured_until_s)
-            self.last = replace(self.last, speed_m_s=speed_m_s, p_at_speed=p_at_speed)
+            self.latest = replace(self.latest, speed_m_s=speed_m_s, p_at_speed=p_at_speed)
+        if verdict == self._verdict or at_s - self._message_s < QUIET_S:
+            return None
+        self._message_s, self._verdict, self.last = at_s, verdict, self.latest
         return self.last
 
     def _verdict_of(self, chance: float) -> Verdict:

@@ -12,7 +12,9 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import astuple, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Self, cast
+from typing import Any, Final, Self, cast
+
+import numpy as np
 
 from tripwatt.errors import Fault, InvalidInput, raise_faults, system_errors
 from tripwatt.forecasting import Forecast, ForecastModel
@@ -30,13 +32,10 @@ from tripwatt.server.cars.documents import HIGH, LOW, LiveForecastDocument, Live
 from tripwatt.server.cars.learning import Learned, Learner, Lesson, Progress, model_of_parts
 from tripwatt.server.cars.live_car import LiveCar, make_car_folder
 from tripwatt.server.cars.plan import LivePlan
-from tripwatt.trips import Departure, TripSet
+from tripwatt.trips import Departure, Log, TripSet
 from tripwatt.trips.columns import require_fraction
 from tripwatt.units import SECONDS_PER_DAY
-
-if TYPE_CHECKING:
-    from tripwatt.trips import Log
-    from tripwatt.vehicles import Vehicle
+from tripwatt.vehicles import Vehicle
 
 MAX_LEFT_OUT: Final = 100
 """Most trips left out of the diary whose reasons are kept (a choice); the oldest reasons are dropped first."""
@@ -274,21 +273,20 @@ class Car(LiveCar):
         InvalidInput
             When the car has no description, or cannot be written.
         """
-        with self.file.read() as db:
-            rows = db.execute("SELECT trip_id, is_learned FROM trips WHERE start_s IS NOT NULL").fetchall()
-        names = {name for name, is_learned in rows if not is_learned}
+        finished = self._finished()
+        names = {name for name, is_learned in finished.items() if not is_learned}
         with system_errors("cannot write the car", f"{self.folder}", "a writable folder with space"):
-            return self._learn(names, Learned(len(names), len(rows) - len(names)), {}, progress)
+            return self._learn(names, Learned(len(names), len(finished) - len(names)), {}, progress)
 
     @property
     def has_news(self) -> bool:
         """Whether a trip that was finished on the road is not learned yet; False if the car has no description."""
+        return self.is_described and not all(self._finished().values())
+
+    def _finished(self) -> dict[str, bool]:
+        """Return the trips that were finished on the road, each with whether it is learned."""
         with self.file.read() as db:
-            row = db.execute(
-                """SELECT 1 FROM settings WHERE name = 'vehicle'
-                AND EXISTS (SELECT 1 FROM trips WHERE start_s IS NOT NULL AND NOT is_learned)"""
-            ).fetchone()
-        return row is not None
+            return dict(db.execute("SELECT trip_id, is_learned FROM trips WHERE start_s IS NOT NULL"))
 
     def _learner(self) -> Learner:
         with self.file.read() as db:
@@ -390,9 +388,7 @@ class Car(LiveCar):
         InvalidInput
             When the plan cannot be forecast.
         """
-        plan = self.plan
-        if plan is None and self.usual_trip() is not None and self._usual is not None:
-            plan = self._usual[2]
+        plan = self.present_plan
         if plan is None or self.model_of is None:
             return None
         model, planned, sampled = self.model_of(plan.request), plan.road.departure, self.departure()
@@ -432,7 +428,7 @@ class Car(LiveCar):
         -------
         float or None
             A charge of the battery management is converted with the car's model; None if there is no model.
-            None also if no message has a charge.
+            A charge that the measured energy contradicts is replaced by that of the forecast. None also if no message has a charge.
 
         Examples
         --------
@@ -447,6 +443,10 @@ class Car(LiveCar):
         if self._soc is None:
             return None
         _, field, soc = self._soc
+        now = self.updated if self.trip is not None else None
+        if now is not None and any(flag.code == "charge_contradicted" for flag in now.flags):
+            columns = now.along.columns()
+            return float(np.interp(now.measured_until_s, columns["time_s"], columns["displayed_soc"]))
         if field == "soc" or self.model_of is None:
             return soc if field == "soc" else None
         model = self.model_of({} if self.plan is None else self.plan.request)
@@ -503,15 +503,14 @@ class Car(LiveCar):
         """
         if self._forecast_state != self.live_state:
             self._update_forecast()
-        usual = None
-        if self.plan is None and self._forecast is not None and self._at_departure is not None:
-            usual = self._at_departure[0][0].usual_trip
+        plan = self.plan if self._forecast is None else self.present_plan
         document = {
             **self.shown(now_s),
             "soc": self.shown_soc(),
             "ambient_temperature_degc": self.last_air_degc(now_s),
-            "plan": "given" if self.plan is not None else None if usual is None else "usual",
-            "usual_trip": usual,
+            "plan": None if plan is None else "usual" if plan.usual_trip else "given",
+            "usual_trip": None if plan is None else plan.usual_trip,
+            "destination": None if plan is None else plan.request.get("destination"),
             "forecast": self._forecast,
             "flags": [],
             "message": None,
@@ -526,11 +525,11 @@ class Car(LiveCar):
         try:
             departing = self.at_departure()
             self.updated = None if departing is None else self.update(departing)
-            self._forecast = None if self.updated is None else live_forecast(self.updated, self.reserve_asked)
+            self._forecast = self._live_forecast(self.updated, departing)
         except InvalidInput as error:
             self._faults = [fault.texts for fault in error.faults]
             if state_before[1:] != self.live_state[1:]:  # the forecast before is of another trip or plan
-                self._forecast = None if departing is None else live_forecast(departing, self.reserve_asked)
+                self._forecast = self._live_forecast(departing, departing)
             return
         if self._forecast is None:
             return
@@ -541,6 +540,9 @@ class Car(LiveCar):
             self.keep_forecast(self._forecast)
         except OSError as error:
             self.note(f"forecast not stored: {error}"[:200])
+
+    def _live_forecast(self, now: Forecast | None, departing: Forecast | None) -> LiveForecastDocument | None:
+        return None if now is None or departing is None else live_forecast(now, departing, self.reserve_asked)
 
     def keep_forecast(self, forecast: LiveForecastDocument, *, departing: bool = False) -> bool:
         """Store a forecast of the whole trip for the diary, if one is due.

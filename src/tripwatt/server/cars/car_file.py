@@ -266,9 +266,7 @@ def sample_of_text(text: str | bytes) -> Sample:
     charging, parked = (bool(fields.pop(name, False)) for name in FLAGS)
     time_s, received_s = float(fields.pop("time_s")), fields.pop("received_s", None)
     values = {name: float(value) for name, value in fields.items()}
-    return Sample(
-        time_s, values, charging, parked, received_s=None if received_s is None else float(received_s)
-    )
+    return Sample(time_s, values, charging, parked, received_s=received_s and float(received_s))
 
 
 def _log(row: Mapping[str, Any]) -> Log:

@@ -157,12 +157,31 @@ def diary_entry(trip: Trip, forecast: Forecast, published: Forecast, trips_learn
         "trips_learned": trips_learned,
         "distance_m": trip.distance_m,
         "duration_s": trip.duration_s,
+        "has_heights": trip.has("elevation_m") or trip.has("grade"),
         "ambient_temperature_degc": forecast.plan.departure.ambient_temperature_degc,
         "energy_wh": trip.observed_energy_wh,
         **_columns(forecast),
         **_columns(published, BOOK),
         **{f"{CAUSE}{name}_wh": value for name, value in forecast.by_cause_wh.items()},
     }
+
+
+def _season(rows: pd.DataFrame) -> dict[str, float | int | None]:
+    """Return the sums and scores of the rows of one quarter."""
+    score = Score.of(rows).to_dict()
+    kept = {"trips": score["trips"], "error": score["weighted_error"], "coverage": score["coverage"]}
+    return kept | {name: float(rows[name].sum()) for name in ("distance_m", "energy_wh")}
+
+
+def causes_of(columns: Iterable[str]) -> dict[str, str]:
+    """Return the columns of a diary that hold energy by cause, each with its cause.
+
+    Examples
+    --------
+    >>> causes_of(["trip_id", "cause_air_wh"])
+    {'cause_air_wh': 'air'}
+    """
+    return {name: name.removeprefix(CAUSE).removesuffix("_wh") for name in columns if name.startswith(CAUSE)}
 
 
 def _columns(forecast: Forecast, prefix: str = "") -> dict[str, float]:
@@ -286,17 +305,7 @@ class Diary:
             self.table["started_at"].replace("", None), errors="coerce", format="ISO8601", utc=True
         ).dt.month
         quarters = {name: self.table[(month % 12) // 3 == k] for k, name in enumerate(QUARTERS)}
-        scores = {name: Score.of(rows).to_dict() for name, rows in quarters.items() if len(rows)}
-        return {
-            name: {
-                "trips": score["trips"],
-                "distance_m": float(quarters[name]["distance_m"].sum()),
-                "energy_wh": float(quarters[name]["energy_wh"].sum()),
-                "error": score["weighted_error"],
-                "coverage": score["coverage"],
-            }
-            for name, score in scores.items()
-        }
+        return {name: _season(rows) for name, rows in quarters.items() if len(rows)}
 
     def seen_degc(self, factor: str) -> tuple[float, float] | None:
         """Return the range of outside temperatures of the trips that show a factor of the car.
@@ -330,9 +339,7 @@ class Diary:
             Cause -> energy [Wh]; `not_forecast` is measured less forecast energy. Empty if no forecast is by cause.
         """
         causes = {
-            name.removeprefix(CAUSE).removesuffix("_wh"): float(self.table[name].sum())
-            for name in self.table.columns
-            if name.startswith(CAUSE)
+            name: float(self.table[column].sum()) for column, name in causes_of(map(str, self.table)).items()
         }
         if causes:
             causes["not_forecast"] = float((self.table["energy_wh"] - self.table["forecast_wh"]).sum())

@@ -6,6 +6,7 @@ The docstrings of the fields are their descriptions in the OpenAPI document.
 from __future__ import annotations
 
 import math
+from dataclasses import asdict
 from typing import (
     Any,
     Final,
@@ -19,7 +20,7 @@ from typing_extensions import TypedDict
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import Forecast
 from tripwatt.forecasting.document import FlagDocument, by_probability, described
-from tripwatt.roads.advice import Message
+from tripwatt.roads.advice import Message, Progress
 from tripwatt.trips.messages import flag_to_dict
 
 QUANTILES: Final = (0.05, 0.5, 0.95)
@@ -61,8 +62,11 @@ class LiveForecastDocument(TypedDict):
     """probability to arrive before the battery is empty"""
     measured_until_s: float
     """time of the last measurement that counts, since departure [s]"""
+    duration_s: float
+    """duration of the whole trip as planned [s]"""
     distance_m: float
     """length of the whole trip [m]"""
+    course: Progress
     flags: list[FlagDocument]
     """what was assumed, such as a charge at departure that no message shows"""
 
@@ -77,6 +81,10 @@ class LiveTripDocument(TypedDict):
     distance_m: float
     samples: int
     """messages that count"""
+    energy_wh: float | None
+    """measured so far [Wh]; null where no message has a power"""
+    power_w: float | None
+    """of the battery, by the latest message [W]; output is positive"""
 
 
 @described
@@ -112,18 +120,20 @@ class LiveResponse(TypedDict):
     """the plan that was given, or the road of an earlier trip that began at about this time of day"""
     usual_trip: str | None
     """name of that trip"""
+    destination: str | None
+    """of the plan"""
     forecast: LiveForecastDocument | None
     """null without a plan"""
     flags: list[FlagDocument]
     """what is assumed of the car: another one where nothing describes it"""
     message: Message | None
-    """null until the verdict changes on the way"""
+    """what to do, evaluated every minute of a trip; null before that"""
     faults: list[ProblemFault]
     """why the last messages are not in the forecast; empty when they are"""
 
 
-def live_forecast(forecast: Forecast, reserve: float) -> LiveForecastDocument:
-    """Convert a forecast to plain values.
+def live_forecast(forecast: Forecast, departing: Forecast, reserve: float) -> LiveForecastDocument:
+    """Convert a forecast to plain values; `departing` is that of the departure.
 
     Raises
     ------
@@ -140,10 +150,23 @@ def live_forecast(forecast: Forecast, reserve: float) -> LiveForecastDocument:
         "p_arrive": forecast.p_arrive(reserve),
         "p_arrive_at_all": forecast.p_arrive(),
         "measured_until_s": forecast.measured_until_s,
+        "duration_s": forecast.plan.duration_s,
         "distance_m": float(forecast.drive.distance_m[-1]),
+        "course": asdict(Progress.of(departing, forecast)),
         "flags": [flag_to_dict(flag) for flag in forecast.flags],
     }
     values = [value for value in document.values() if isinstance(value, float)]
-    if not math.isfinite(sum([*values, *document["quantiles_wh"].values()])):
-        raise InvalidInput.of("no forecast", "trip", "implausible results", "a trip that a car can drive")
+    require_plausible(*values, *document["quantiles_wh"].values())
     return cast(LiveForecastDocument, document)
+
+
+def require_plausible(*values: float) -> None:
+    """Check that all values of a forecast are finite, because JSON has no other numbers.
+
+    Raises
+    ------
+    InvalidInput
+        When a value is not finite: no car can drive the trip.
+    """
+    if not math.isfinite(sum(values)):  # one value that is not finite makes the sum so
+        raise InvalidInput.of("no forecast", "trip", "implausible results", "a trip that a car can drive")

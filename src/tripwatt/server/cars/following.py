@@ -9,7 +9,6 @@ import ssl
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import unquote, urlsplit
 
@@ -128,7 +127,7 @@ class MqttSettings:
     """
 
     broker: Broker
-    cars: Mapping[str, tuple[str, str]] = field(default_factory=lambda: MappingProxyType({}))
+    cars: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     publish_to: str = "tripwatt"
     announce_below: str = "homeassistant"
 

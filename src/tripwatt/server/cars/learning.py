@@ -140,7 +140,7 @@ class Learner:
             else:
                 lesson.entries.append(row)
                 model = adaptation.model
-                lesson.flat += not (trip.has("elevation_m") or trip.has("grade"))
+                lesson.flat += not row["has_heights"]
             progress(number, len(ahead))
         if lesson.entries:
             base = load_metadata(self.base, check_parts=False)

@@ -8,12 +8,13 @@ from __future__ import annotations
 import datetime as dt
 import math
 import re
+import sqlite3
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Self
+from typing import Any, Final, Self
 
 from tripwatt.errors import InvalidInput, or_none, system_errors
 from tripwatt.files import folder_lock
@@ -33,9 +34,6 @@ from tripwatt.server.cars.sender import Arrival, steady_clock
 from tripwatt.server.cars.telemetry import Sample
 from tripwatt.trips import Context, Log
 from tripwatt.units import SECONDS_PER_DAY
-
-if TYPE_CHECKING:
-    import sqlite3
 
 FAR_S: Final = 366.0 * SECONDS_PER_DAY
 """Most that our clock may be slow [s]; before the sender's clock is known, samples further ahead are refused. A choice."""
@@ -307,6 +305,13 @@ class LiveCar(Recorder):
         log = self._usual[1]
         return None if log is None or trip.distance_m > LONGER * log.distance_m else log
 
+    @property
+    def present_plan(self) -> LivePlan | None:
+        """The plan that was given, else the road of the usual trip; None without either."""
+        if self.plan is None and self.usual_trip() is not None and self._usual is not None:
+            return self._usual[2]
+        return self.plan
+
     def usual_trip_at(self, start_s: float) -> Log | None:
         """Find the finished trip whose departure is nearest by time of day to another departure. O(finished trips).
 
@@ -345,10 +350,8 @@ class LiveCar(Recorder):
         OSError
             When the plan cannot be written.
         """
-        newest_s = self._ordered.newest_s
-        plan = (
-            None if request is None else LivePlan(request, departure_s, newest_s if newest_s > 0.0 else None)
-        )
+        given_s = self._ordered.newest_s if self._ordered.newest_s > 0.0 else None
+        plan = None if request is None else LivePlan(request, departure_s, given_s)
         with self.file.write() as db:
             put_settings(db, {"plan": None if plan is None else plan.to_dict()})
         self.plan, self._plans = plan, self._plans + 1

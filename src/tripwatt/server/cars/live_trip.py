@@ -168,9 +168,8 @@ class LiveTrip:
 
     def _driven_m(self) -> float:
         """Return the distance by the speeds of the stored samples [m]."""
-        moving = [sample for sample in self._samples if "speed_m_s" in sample.values]
-        time = np.array([sample.time_s for sample in moving])
-        speed = np.array([sample.values["speed_m_s"] for sample in moving])
+        rows = [(s.time_s, s.values["speed_m_s"]) for s in self._samples if "speed_m_s" in s.values]
+        time, speed = np.array(rows).T
         return float(0.5 * (speed[1:] + speed[:-1]) @ np.minimum(np.diff(time), HOLD_S))
 
     def shift_times(self, by_s: float) -> None:

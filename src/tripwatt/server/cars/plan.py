@@ -114,6 +114,7 @@ class LivePlan:
     ----------
     request : mapping
         Fields of a request for a forecast: `links` with `elevation`, or `samples`; what is known of the departure; `reserve`.
+        And `destination`: where the trip ends, in words.
     departure_s : float or None
         Departure on the plan's clock [s since 1970]; None for the start of the trip.
     given_s : float or None

@@ -11,6 +11,7 @@ from typing import Any
 import pandas as pd
 
 from tripwatt.errors import Fault
+from tripwatt.forecasting.measured import measured_energy
 from tripwatt.server.cars.documents import LiveMessages
 from tripwatt.server.cars.live_trip import SILENCE_S, LiveTrip, TripFinder
 from tripwatt.server.cars.plan import LivePlan
@@ -236,12 +237,13 @@ class Recorder:
         Returns
         -------
         dict
-            Fields of `LiveResponse` that need no forecast, as plain values; `trip` is None if the car is on no trip.
+            Fields of `LiveResponse` that need no forecast, as plain values; `trip` is None if the car is on no trip. O(samples of
+            the trip).
         """
         trip = self.trip
         return {
             "car": self.name,
-            "seconds_since_message": None if self.received_s is None else max(0.0, now_s - self.received_s),
+            "seconds_since_message": self.silence_s(now_s),
             "messages": self.counts.copy(),
             "held": len(self._sender.held),
             "soc": self._soc[2] if self._soc is not None and self._soc[1] == "soc" else None,
@@ -253,8 +255,22 @@ class Recorder:
                 "duration_s": trip.last_s - trip.start_s,
                 "distance_m": trip.distance_m,
                 "samples": len(trip),
+                **self._measured(trip),
             },
         }
+
+    def silence_s(self, now_s: float) -> float | None:
+        """Return the time since the last message [s]; None before the first one."""
+        return None if self.received_s is None else max(0.0, now_s - self.received_s)
+
+    def _measured(self, trip: LiveTrip) -> dict[str, float | None]:
+        """Return the energy of a trip and the latest power by the messages; None where none has a power."""
+        columns = {f"{name}": values.to_numpy() for name, values in trip.table().items()}
+        latest = self.observed()
+        power_w = latest["voltage_v"] * latest["current_a"] if "current_a" in latest else None
+        found = {"energy_wh": measured_energy(columns), "power_w": power_w}
+        known = {name: pd.Series(values, dtype="float64").dropna() for name, values in found.items()}
+        return {name: None if values.empty else float(values.iloc[-1]) for name, values in known.items()}
 
     def mixed(self, now_s: float) -> list[dict[str, str]]:
         """Return the fault of messages that seem to come from two senders, until `SILENCE_S` after the last of them.

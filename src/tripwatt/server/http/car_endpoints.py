@@ -171,7 +171,8 @@ async def put_plan(call: Called, car: CarName) -> Response:
     """Give the plan of the trip that a car is on, or of its next one; it is kept until that trip has ended."""
     followed = call.service.live.by_name(car)
     plan = _json_object(await call.read())
-    departure = check_request({"departs_at": plan.pop("departs_at", None)}, schemas.LiveDeparture)
+    beside = {name: plan.get(name) for name in schemas.LiveDeparture.model_fields}
+    departure = check_request(beside, schemas.LiveDeparture)
     result = await call.service.live.set_plan(followed, plan, departure.departure_s)
     if result.status != 200:
         return call.answer(result)

@@ -22,7 +22,7 @@ from tripwatt.errors import Fault, InvalidInput, excerpt
 from tripwatt.files import write_bytes
 from tripwatt.forecasting import ForecastModel
 from tripwatt.server import cars as live
-from tripwatt.server.cars.diary import CAUSE
+from tripwatt.server.cars.diary import causes_of
 from tripwatt.server.cars.folder import UPLOADS, folder_name, learned_state
 from tripwatt.server.cars.live_car import VALID_NAME
 from tripwatt.server.http.car_schemas import CarResponse, CarSummary, LogsRequest, plain
@@ -353,16 +353,10 @@ def _group_document(group: Group, tables: Path) -> dict[str, Any]:
 def _diary_entry(row: Mapping[Hashable, Any], car: live.Car) -> dict[str, Any]:
     """Return a row of the diary of a car, as `DiaryEntry`."""
     values = {f"{key}": plain(value) for key, value in row.items()}
-    causes = {key for key in values if key.startswith(CAUSE)}
-    return {
-        **{key: value for key, value in values.items() if key not in causes},
-        "by_cause_wh": {
-            key.removeprefix(CAUSE).removesuffix("_wh"): values[key]
-            for key in values
-            if key in causes and values[key] is not None
-        },
-        "on_the_way": [asdict(made) for made in car.forecasts_of(f"{row['trip_id']}")],
-    }
+    causes = {name: values.pop(column) for column, name in causes_of(values).items()}
+    known = {name: value for name, value in causes.items() if value is not None}
+    made = [asdict(forecast) for forecast in car.forecasts_of(f"{row['trip_id']}")]
+    return {**values, "by_cause_wh": known, "on_the_way": made}
 
 
 def _learned_document(learned: live.Learned) -> dict[str, Any]:

@@ -218,6 +218,8 @@ class DiaryEntry(ResponseModel):
     book_high_wh: float
     by_cause_wh: dict[str, float]
     """the forecast by cause"""
+    has_heights: bool | None = None
+    """null where an older version learned the trip"""
     on_the_way: list[MadeForecast]
     """of a trip that the service followed with a plan; the first one is that of the departure"""
 
@@ -331,6 +333,8 @@ class LiveDeparture(StrictModel):
 
     departs_at: Time | None = departure_field("departs_at", ASKED["departs_at"])[1]
     """departure; default: the start of the trip. Earlier messages do not count"""
+    destination: str | None = Field(None, max_length=200)
+    """where the trip ends, in words"""
 
     @property
     def departure_s(self) -> float | None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import datetime as dt
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from operator import attrgetter
@@ -23,6 +22,7 @@ from tripwatt.population.cars import for_car
 from tripwatt.roads.advice import advise
 from tripwatt.roads.advice.preheating import before_departure, charging_flags, need_before_departure
 from tripwatt.roads.journey import range_km
+from tripwatt.server.cars.documents import require_plausible
 from tripwatt.server.cars.plan import usual_plan
 from tripwatt.server.http import journey_schemas as journey
 from tripwatt.server.http.car_jobs import CarJobs
@@ -205,8 +205,7 @@ class Jobs:
             "soc_needed": soc_needed(forecast, request.reserve, options["probability"]),
             "wh_per_display": forecast.charge.wh_per_display,
         }
-        if not all(map(math.isfinite, needed.values())):
-            raise _implausible_results()
+        require_plausible(*needed.values())
         departs_at = dt.datetime.fromtimestamp(options["departure_s"], dt.UTC)
         asked = needed["soc_needed"], request.reserve, options["probability"]
         until = before_departure(forecast, *asked, options["plug_w"], options["soc"], departs_at)
@@ -410,14 +409,8 @@ def require_finite(forecast: Mapping[str, Any]) -> dict[str, Any]:
     """
     scalars = [forecast["energy_wh"], forecast["soc_arrival"], forecast["battery_loss_wh"]]
     by_name = (forecast[name].values() for name in ("quantiles_wh", "p_arrive_by_soc"))
-    sums = [sum(values) for values in (scalars, *by_name, *forecast["series"].values())]
-    if not all(map(math.isfinite, sums)):  # one value that is not finite makes the sum so
-        raise _implausible_results()
+    require_plausible(*(sum(values) for values in (scalars, *by_name, *forecast["series"].values())))
     return dict(forecast)
-
-
-def _implausible_results() -> InvalidInput:
-    return InvalidInput.of("no forecast", "trip", "implausible results", "a trip that a car can drive")
 
 
 def _with_charge(request: Any, last_message: Mapping[str, Any]) -> Any:
@@ -439,15 +432,10 @@ def _with_last_message(
     last_message = last_message or {}
     departure = given if given.bms_soc is None else replace(given, soc=given.bms_soc)
     air = "ambient_temperature_degc"
-    used = {
-        n: last_message[n]
-        for n in ("soc", air)
-        if last_message.get(n) is not None and getattr(departure, n) is None
-    }
-    flags = [Flag("of_last_message", air, used[air], "degc")] if air in used else []
-    flags += (
-        [no_description_flag(last_message["undescribed"], vehicle)] if last_message.get("undescribed") else []
-    )
+    used = {n: last_message.get(n) for n in ("soc", air) if getattr(departure, n) is None}
+    flags = [] if used.get(air) is None else [Flag("of_last_message", air, used[air], "degc")]
+    if last_message.get("undescribed"):
+        flags.append(no_description_flag(last_message["undescribed"], vehicle))
     return given.merge(Departure(**used)), tuple(flags)
 
 

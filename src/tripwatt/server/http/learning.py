@@ -159,5 +159,5 @@ class LearningCars:
         if learning.result.status != 200:
             faults = document.get("faults") or [{"what": document["title"], "where": "logs"}]
             return {"state": "failed", "done": 0, "total": None, **nothing, "faults": faults}
-        entries = document["entries"]
-        return {"state": "done", "done": entries, "total": entries, **document, "faults": []}
+        trips = document["entries"]
+        return {"state": "done", "done": trips, "total": trips, **document, "faults": []}

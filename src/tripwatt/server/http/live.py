@@ -23,10 +23,11 @@ from sse_starlette import EventSourceResponse, ServerSentEvent
 
 from tripwatt.errors import InvalidInput, did_you_mean, or_none
 from tripwatt.forecasting import ForecastModel
-from tripwatt.roads.advice import Companion, Message
+from tripwatt.roads.advice import Companion
 from tripwatt.server.cars import Car, Follower, Sample, has_token
 from tripwatt.server.cars.folder import digest_of, token_digest
 from tripwatt.server.http.car_jobs import CarJobs, car_folder
+from tripwatt.server.http.car_schemas import LiveDeparture
 from tripwatt.server.http.jobs import Jobs, no_description_flag
 from tripwatt.server.http.journey_schemas import NeedQuery
 from tripwatt.server.http.pool import JobResult, WorkerPool, cancel_all
@@ -220,7 +221,7 @@ class LiveCars:
         ----------
         car : Car
         plan : dict
-            A `ForecastRequest`.
+            A `LivePlanRequest`.
         departure_s : float or None
             Departure [s since 1970].
 
@@ -247,14 +248,13 @@ class LiveCars:
 
     def _document(self, car: Car) -> dict[str, Any]:
         document: dict[str, Any] = {**car.document(car.now_s())}
-        message = None if document["faults"] else or_none(self._message, car)
-        document["message"] = None if message is None else message.to_dict()
+        document["message"] = None if document["faults"] else or_none(self._message, car)
         if not _names_car(self._with_own_model(car, {} if car.plan is None else car.plan.request)):
             document["flags"] = [flag_to_dict(no_description_flag(car.name, self._model(car, {}).vehicle))]
         return document
 
-    def _message(self, car: Car) -> Message | None:
-        """Return the latest message on the trip of a car; each forecast at departure gets a companion of its own."""
+    def _message(self, car: Car) -> dict[str, Any] | None:
+        """Return the latest advice on the trip of a car; each forecast at departure gets a companion of its own."""
         departing = car.at_departure()
         if departing is None or car.trip is None:
             return None
@@ -264,12 +264,14 @@ class LiveCars:
         observed = car.observed(departing.plan.start_s)
         if len(observed) > 1:
             companion.update(observed, car.updated)
-        return companion.last
+        return None if companion.latest is None else companion.latest.to_dict()
 
     def _with_own_model(self, car: Car, request: Mapping[str, Any]) -> dict[str, Any]:
-        """Return a request; if it names no car or model and the car has a model of its own, add the name of this model."""
+        """Return a request without what only a plan has; if it names no car or model, with the name of the car's own model."""
         own = {"car": car.name} if car.is_described and not _names_car(request) else {}
-        return {**request, **own}
+        return {
+            name: value for name, value in request.items() if name not in LiveDeparture.model_fields
+        } | own
 
     def _model(self, car: Car, request: Mapping[str, Any]) -> ForecastModel:
         return self._jobs.model_named(self._with_own_model(car, request))
@@ -295,15 +297,14 @@ class LiveCars:
         changed = query.model_dump(include={"reserve", "ambient_temperature_degc"}, exclude_none=True)
         job = await self._job_about(car, {**plan.request, **changed})
         job["last_message"]["soc"] = None  # only the charge of the plan counts
-        parameters = {
+        options = {
             "probability": query.probability,
             "departure_s": departure_s,
             "plug_w": query.plug_w,
             "soc": await self.run(car.shown_soc) if car.trip is None else None,
         }
-        result = await self.pool.run(
-            {"kind": "need", "options": parameters, "last_message": job["last_message"]}, job["body"]
-        )
+        body = job.pop("body")
+        result = await self.pool.run({"kind": "need", "options": options, **job}, body)
         if result.status != 200:
             return result
         needed = {
@@ -357,9 +358,9 @@ class LiveCars:
 
     def summary(self) -> dict[str, Any]:
         """Return the cars, as `LiveCarsResponse`."""
-        rows = [self.cars[name].shown(self.cars[name].now_s()) for name in sorted(self.cars)]
-        names = ("car", "seconds_since_message")
-        return {"cars": [{n: row[n] for n in names} | {"on_trip": row["trip"] is not None} for row in rows]}
+        rows = [(name, car.silence_s(car.now_s()), car.trip) for name, car in sorted(self.cars.items())]
+        names = ("car", "seconds_since_message", "on_trip")
+        return {"cars": [dict(zip(names, (*row, trip is not None), strict=True)) for *row, trip in rows]}
 
     def stream(self, car: Car) -> EventSourceResponse:
         """Return the forecasts of a car as a stream of server-sent events.
