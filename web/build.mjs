@@ -24,6 +24,7 @@ const SHIPPED = [
   "uplot",
   "@fontsource-variable/inter",
   "maplibre-gl",
+  "uqr",
 ];
 const TARGET = ["es2022", "chrome111", "firefox113", "safari16.4"];
 
@@ -67,7 +68,8 @@ function escaped(text) {
 }
 
 /** The page with its text, and with the names of what was built. */
-async function pageOf(built) {
+async function pageOf(outputs) {
+  const built = Object.keys(outputs).map((path) => basename(path));
   const texts = await catalogues();
   const inAll = Object.entries(texts).map(
     ([language, { document }]) => `<p lang="${language}">${escaped(document.noScript)}</p>`,
@@ -81,6 +83,11 @@ async function pageOf(built) {
     const name = built.find((file) => file.startsWith("page-") && file.endsWith(`.${ending}`));
     page = page.replace(`"page.${ending}"`, `"assets/${name}"`);
   }
+  // the parts that the script shares with those that are loaded later
+  const { imports } = Object.values(outputs).find(({ entryPoint }) => entryPoint === "src/main.tsx");
+  const shared = imports.filter(({ kind }) => kind === "import-statement").map(({ path }) => basename(path));
+  const preloads = shared.map((name) => `<link rel="modulepreload" href="assets/${name}" />`);
+  page = page.replace("</head>", `${preloads.join("\n    ")}\n  </head>`);
   return page;
 }
 
@@ -144,10 +151,7 @@ const { metafile } = await build({
   legalComments: "none",
 });
 await cp(join(HERE, "icon.svg"), join(OUT, "icon.svg"));
-await writeFile(
-  join(OUT, "index.html"),
-  await pageOf(Object.keys(metafile.outputs).map((path) => basename(path))),
-);
+await writeFile(join(OUT, "index.html"), await pageOf(metafile.outputs));
 await writeFile(join(OUT, "licences.txt"), await licences());
 const files = {};
 for (const path of (await filesOf(OUT)).sort()) {

@@ -1,17 +1,18 @@
 import "uplot/dist/uPlot.min.css";
 import "./styles/page.css";
 
-import { render } from "preact";
+import { type ComponentType, render } from "preact";
+import { useEffect, useState } from "preact/hooks";
 import { car, isMeasured, model, vehicle } from "./state/car";
 import { chooseLink, startPage } from "./state/catalogue";
 import { keepDriving } from "./state/drive";
 import { keepForecasting } from "./state/forecast";
 import { keepReach } from "./state/journey";
-import { keepOnRoad } from "./state/live-drive";
+import { keepOnRoad, openFromAddress } from "./state/live-drive";
 import { keepLink } from "./state/link";
 import { keepAdvice } from "./state/advice";
 import { keepNeed } from "./state/need";
-import { labelOf } from "./state/own-cars";
+import { isOpen, labelOf } from "./state/own-cars";
 import { keepPosition } from "./state/position";
 import { keepLanguage, keepPreferences, text } from "./state/preferences";
 import { AdviceCard } from "./ui/advice";
@@ -26,7 +27,6 @@ import { MapCard } from "./ui/map-card";
 import { Result } from "./ui/result";
 import { CarDialog } from "./ui/car-dialog";
 import { LiveDrive } from "./ui/live-drive";
-import { OwnCarsDialog } from "./ui/own-cars-dialog";
 import { connectTokenDialog, TokenDialog } from "./ui/token-dialog";
 import { TripPanel } from "./ui/trip-panel";
 import { VerdictCard } from "./ui/verdict";
@@ -58,6 +58,16 @@ function Foot() {
   );
 }
 
+/** The dialog of the user's cars; it is loaded when it is first opened. */
+function OwnCars() {
+  const [loaded, setLoaded] = useState<{ Dialog: ComponentType } | null>(null);
+  useEffect(() => {
+    if (!isOpen.value) return;
+    void import("./ui/own-cars-dialog").then(({ OwnCarsDialog }) => setLoaded({ Dialog: OwnCarsDialog }));
+  }, [isOpen.value]);
+  return loaded && <loaded.Dialog />;
+}
+
 function Page() {
   return (
     <>
@@ -84,7 +94,7 @@ function Page() {
       <Glance />
       <Announcer />
       <CarDialog />
-      <OwnCarsDialog />
+      <OwnCars />
       <LiveDrive />
       <TokenDialog />
     </>
@@ -101,6 +111,7 @@ keepPosition();
 keepReach();
 keepNeed();
 keepAdvice();
+openFromAddress();
 keepLink((linked) => void chooseLink(linked));
 render(<Page />, document.body);
 void startPage();

@@ -14,6 +14,9 @@ import tripwatt.server.http
 WEB = Path(__file__).resolve().parents[3] / "web"
 PAGE = Path(tripwatt.server.http.__file__).with_name("page")
 SOURCES = ("build.mjs", "icon.svg", "index.html", "package-lock.json", "package.json", "src", "tsconfig.json")
+FIRST_VISIT_BYTES, FONT_BYTES = 340_000, 48_256
+"""What a first visit in English loads, and the font of it, which the style sheet names."""
+
 LARGEST_BYTES = 400_000
 """What a first visit loads, and the licences that it links to."""
 
@@ -24,6 +27,9 @@ LARGEST_LANGUAGE_BYTES = {"de": 40_000, "messages-de": 90_000}
 """The texts of the page and the messages of the service in a language, which are loaded when it is chosen."""
 
 LANGUAGE = re.compile(r"assets/((?:messages-)?de)-")
+
+LATER = re.compile(r"assets/(own-cars-dialog|dist)-")
+"""The user's cars and the encoder of QR codes, which are loaded when they are first shown."""
 
 MAP_CODE = re.compile(r"assets/(maplibre-gl|road-map|map-worker)-")
 
@@ -55,19 +61,29 @@ def test_files_are_those_that_were_built(manifest: dict) -> None:
     assert sorted(part for _, part in of_language.values()) == sorted(LARGEST_LANGUAGE_BYTES)
     for file, part in of_language.values():
         assert 0 < file.stat().st_size < LARGEST_LANGUAGE_BYTES[part]
-    later = of_map.keys() | of_language.keys()
+    later = of_map.keys() | of_language.keys() | {name for name in found if LATER.match(name)}
+    assert len(later) == 7
     assert sum(file.stat().st_size for name, file in found.items() if name not in later) < LARGEST_BYTES
 
 
 def test_the_map_is_no_part_of_the_first_visit() -> None:
     index = (PAGE / "index.html").read_text()
     loaded = re.findall(r'(?:src|href)="(assets/[^"]+)"', index)
-    assert not any(MAP_CODE.match(name) or LANGUAGE.match(name) for name in loaded)
-    (script,) = (name for name in loaded if name.endswith(".js"))
-    code = (PAGE / script).read_text()
-    assert len(re.findall(r"import\(", code)) == 4  # the two parts of the map, and of a language
+    assert not any(part.match(name) for part in (MAP_CODE, LANGUAGE, LATER) for name in loaded)
+    (script,) = re.findall(r'<script[^>]* src="(assets/[^"]+)"', index)
+    preloaded = re.findall(r'modulepreload" href="assets/([^"]+)"', index)
+    parts = [(PAGE / name).read_text() for name in loaded if name.endswith(".js")]
+    code = "".join(parts)
+    assert (
+        len(re.findall(r"import\(", code)) == 5
+    )  # the two parts of the map, and of a language; the own cars
     assert "Sie kommen an" not in code
-    assert re.findall(r"^import|[;}]import[ {\"']", code) == []
+    imported = [name for part in parts for name in re.findall(r'from"\./([^"]+)"', part)]
+    assert sorted(imported) == sorted(preloaded), "no part waits for another one"
+    assert (
+        sum((PAGE / name).stat().st_size for name in {*loaded, "index.html"}) < FIRST_VISIT_BYTES - FONT_BYTES
+    )
+    assert (PAGE / script).stat().st_size > 0
 
 
 def test_nothing_inline_and_no_other_host() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from tests.support.service_process import TOKEN, Service
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
 
 from tests.support.drives import example_trip
+from tools.quality.page import SHOWN, choose_car
 
 from tripwatt.server.cars import create_car
 
@@ -212,3 +214,38 @@ def test_axe_finds_nothing_serious_by_day_and_by_night(opened: Any, service: Ser
     assert not road(page).is_visible()
     for name in ("axe", "other"):
         service.client.delete(f"/v1/cars/{name}-{size}").raise_for_status()
+
+
+def test_a_phone_gets_address_and_token_by_a_code(opened: Any, service: Service, cars: Path) -> None:
+    page = opened
+    create_car(cars / "sender", "bmw_i3_60ah")
+    page.reload()
+    page.wait_for_selector(SHOWN)
+    choose_car(page, "no car of this name", re.compile("logs and diaries"))
+    wide = page.locator("dialog.wide")
+    wide.get_by_text("Let the car send speed and charge").click()
+    wide.get_by_role("button", name="Create a token").click()
+    wide.get_by_text("Only this computer reaches this address.").wait_for()
+    assert wide.locator("svg.qr").count() == 0, "no phone reaches localhost"
+    wide.get_by_label("Address of this service for the phone").fill("https://car.example/tripwatt")
+    wide.get_by_role("img", name="Address and token for the app that sends").wait_for()
+    token = wide.locator("code").first.inner_text()
+    assert (
+        wide.locator("figcaption code").inner_text()
+        == f"https://car.example/tripwatt/v1/telemetry?token={token}"
+    )
+    assert serious(page) == []
+    assert wide.evaluate("e => e.scrollWidth <= e.clientWidth")
+    service.client.delete("/v1/cars/sender").raise_for_status()
+
+
+def test_the_address_of_a_code_opens_the_view_with_its_token(look: Any, service: Service, cars: Path) -> None:
+    new_car(service, cars, "coded")
+    page = look("phone", stranger=True, expect="401")
+    page.goto("about:blank")
+    page.goto(f"{service.url}/#drive=coded&token={TOKEN}")
+    road(page).get_by_role("heading", name="coded").wait_for()
+    road(page).get_by_text("No message yet.").first.wait_for()
+    page.wait_for_selector(SHOWN)
+    assert TOKEN not in page.evaluate("location.href")
+    service.client.delete("/v1/cars/coded").raise_for_status()

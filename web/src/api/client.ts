@@ -42,9 +42,18 @@ async function problemOf(response: Response): Promise<Problem> {
   return { ...plain, ...((await response.json()) as Partial<Problem>) };
 }
 
+/** The token of the service that this tab has; empty for none. */
+export function storedToken(): string {
+  return sessionStorage.getItem(TOKEN) ?? "";
+}
+
+export function storeToken(token: string): void {
+  sessionStorage.setItem(TOKEN, token);
+}
+
 /** Headers of requests that this module does not send itself: those of the tiles of a map. */
 export function tokenHeaders(): Record<string, string> {
-  const token = sessionStorage.getItem(TOKEN);
+  const token = storedToken();
   // eslint-disable-next-line page/text -- a scheme of HTTP
   return token ? { authorization: `Bearer ${token}` } : {};
 }
@@ -70,7 +79,7 @@ async function request(path: string, init: RequestInit): Promise<Response> {
     if (response.ok) return response;
     const busy = response.status === 429 || response.status === 503;
     if (response.status === 401 && attempt < 10) {
-      sessionStorage.setItem(TOKEN, await requestToken(attempt > 1));
+      storeToken(await requestToken(attempt > 1));
     } else if (busy && attempt < MAX_ATTEMPTS) {
       await pause(Math.min(Number(response.headers.get("retry-after")) || 0.5, 5));
     } else {

@@ -1,8 +1,9 @@
 /** A car on the road: its stream of forecasts, the age of its last message, and a screen that stays on. */
 
 import { batch, computed, effect, signal } from "@preact/signals";
-import { listenTo, listRoadCars, RequestFailed } from "../api/client";
+import { listenTo, listRoadCars, RequestFailed, storeToken } from "../api/client";
 import type { LiveCar, RoadCar } from "../api/documents";
+import { viewFrom } from "../model/to-phone";
 import { dark, readStored, writeStored } from "./preferences";
 
 const KEY = "tripwatt.drive";
@@ -115,6 +116,15 @@ export async function openRoad(name = ""): Promise<void> {
   const driving = rows.filter((row) => row.on_trip);
   const [only] = driving.length === 1 ? driving : rows;
   if (!followed.value && only && (rows.length === 1 || driving.length === 1)) followed.value = only.car;
+}
+
+/** Open the view that an address for a phone names; its token is kept, and both leave the address bar. */
+export function openFromAddress(): void {
+  const view = viewFrom(location.hash);
+  if (!view) return;
+  if (view.token) storeToken(view.token);
+  history.replaceState(null, "", location.pathname + location.search);
+  void openRoad(view.car);
 }
 
 export function closeRoad(): void {

@@ -14,6 +14,17 @@ export const ownCars = signal<OwnCarSummary[] | null>(null);
 export const shownCar = signal<OwnCar | null>(null);
 export const faultsOfCars = signal<Fault[]>([]);
 
+/** Whether the dialog of the cars is open. */
+export const isOpen = signal(false);
+
+/** Open the dialog, with the car of a name where one is given. */
+export function openOwnCars(name = ""): void {
+  isOpen.value = true;
+  const [only] = ownCars.value ?? [];
+  const wanted = name || (ownCars.value?.length === 1 ? only?.name : "");
+  if (wanted) void showCar(wanted);
+}
+
 /** Whether the shown car learns at this moment. */
 export const learns = computed(() => shownCar.value?.learning?.state === "running");
 

@@ -809,6 +809,15 @@ const de: Text = {
       climate_power_w: "Heizung und Kühlung",
     },
   },
+  toPhone: {
+    address: "Adresse dieses Dienstes für das Telefon",
+    onlyHere:
+      "Diese Adresse erreicht nur dieser Computer. Starten Sie den Dienst mit TRIPWATT_TOKEN=… tripwatt serve --host 0.0.0.0 und geben Sie hier den Namen dieses Computers an.",
+    noTls: "Ohne HTTPS kann jeder im Netz das Token lesen, und der Bildschirm des Telefons geht aus.",
+    sender: "Adresse und Token für die App, die sendet",
+    view: "Die Ansicht unterwegs auf einem Telefon öffnen",
+    viewNote: "Der Code enthält das Token des Dienstes: Wer ihn scannt, kann den Dienst benutzen.",
+  },
   token: {
     title: "Token erforderlich",
     note: "Das Token bleibt bis zum Schließen dieses Tabs gespeichert und wird nur an diesen Dienst gesendet.",

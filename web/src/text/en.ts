@@ -801,6 +801,15 @@ export const en = {
       climate_power_w: "Heating and cooling",
     },
   },
+  toPhone: {
+    address: "Address of this service for the phone",
+    onlyHere:
+      "Only this computer reaches this address. Start the service with TRIPWATT_TOKEN=… tripwatt serve --host 0.0.0.0 and put the name of this computer here.",
+    noTls: "Without HTTPS anybody in the network can read the token, and the screen of the phone turns off.",
+    sender: "Address and token for the app that sends",
+    view: "Open the view on the road on a phone",
+    viewNote: "The code contains the token of the service: whoever scans it can use the service.",
+  },
   token: {
     title: "Token required",
     note: "The token is kept until this tab is closed and sent only to this service.",

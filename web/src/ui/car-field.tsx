@@ -8,11 +8,10 @@ import type { Vehicle } from "../api/documents";
 import { beginning } from "../model/cars";
 import { car, chooseVehicle, vehicle, vehicles } from "../state/car";
 import { faults } from "../state/forecast";
-import { labelOf, ownCars, useCar } from "../state/own-cars";
+import { labelOf, openOwnCars, ownCars, useCar } from "../state/own-cars";
 import { text } from "../state/preferences";
 import { openCarDialog } from "./car-dialog";
 import { FaultList } from "./faults";
-import { openOwnCars } from "./own-cars-dialog";
 
 const MIN_INTERVAL_MS = 120;
 // eslint-disable-next-line page/text -- names of keys

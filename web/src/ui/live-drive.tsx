@@ -19,13 +19,12 @@ import {
   roadCars,
   toggleNight,
 } from "../state/live-drive";
-import { labelOf } from "../state/own-cars";
+import { labelOf, openOwnCars } from "../state/own-cars";
 import { format, text, units } from "../state/preferences";
 import { canPlan, planFromPage } from "../state/road-plan";
 import { trip } from "../state/trip";
 import { Chance } from "./chance";
 import { Icon } from "./icons";
-import { openOwnCars } from "./own-cars-dialog";
 import { Button, IconButton, put, Stat, useModal } from "./parts";
 import { chanceInFigures, clockText, tripTitle } from "./wording";
 import { Said } from "./said";

@@ -1,13 +1,15 @@
 /** The cars that the service keeps: made, chosen, taught with logs, shown with their diaries, erased. */
 
-import { signal } from "@preact/signals";
 import { useState } from "preact/hooks";
 import type { OwnCar } from "../api/documents";
+import { storedToken } from "../api/client";
+import { senderAddress, viewAddress } from "../model/to-phone";
 import { car, vehicle } from "../state/car";
 import {
   addCar,
   dropCar,
   faultsOfCars,
+  isOpen,
   learns,
   ownCars,
   showCar,
@@ -21,17 +23,8 @@ import { text } from "../state/preferences";
 import { FaultList } from "./faults";
 import { OwnCarDiary } from "./own-car-diary";
 import { OwnCarLogs } from "./own-car-logs";
+import { ToPhone } from "./to-phone";
 import { Button, Fold, IconButton, put, Submit, useModal } from "./parts";
-
-const open = signal(false);
-
-/** Open the dialog, with the car of a name where one is given. */
-export function openOwnCars(name = ""): void {
-  open.value = true;
-  const [only] = ownCars.value ?? [];
-  const wanted = name || (ownCars.value?.length === 1 ? only?.name : "");
-  if (wanted) void showCar(wanted);
-}
 
 function List() {
   const { ownCars: words } = text.value;
@@ -80,9 +73,12 @@ function Token({ of }: { of: OwnCar }) {
     <Fold title={words.connect}>
       <p class="note">{words.connectNote}</p>
       {token ? (
-        <p>
-          <code>{token}</code> <span class="note">{words.tokenOnce}</span>
-        </p>
+        <>
+          <p>
+            <code>{token}</code> <span class="note">{words.tokenOnce}</span>
+          </p>
+          <ToPhone label={text.value.toPhone.sender} codeFor={(service) => senderAddress(service, token)} />
+        </>
       ) : (
         <Button
           onClick={() => void tokenOf(of.name).then((made) => setToken(made ?? ""))}
@@ -106,14 +102,14 @@ function Shown({ of }: { of: OwnCar }) {
           disabled={isUsed}
           onClick={() => {
             useCar(of);
-            open.value = false;
+            isOpen.value = false;
           }}
           label={isUsed ? words.used : words.use}
         />
         {of.has_token && (
           <Button
             onClick={() => {
-              open.value = false;
+              isOpen.value = false;
               void openRoad(of.name);
             }}
             label={text.value.live.title}
@@ -140,16 +136,25 @@ function Shown({ of }: { of: OwnCar }) {
       {!learns.value && <OwnCarLogs car={of.name} />}
       <OwnCarDiary of={of} />
       <Token of={of} key={of.name} />
+      {of.has_token && (
+        <Fold title={text.value.toPhone.view}>
+          <p class="note">{text.value.toPhone.viewNote}</p>
+          <ToPhone
+            label={text.value.toPhone.view}
+            codeFor={(service) => viewAddress(service, of.name, storedToken())}
+          />
+        </Fold>
+      )}
     </>
   );
 }
 
 export function OwnCarsDialog() {
-  const dialog = useModal(open.value);
+  const dialog = useModal(isOpen.value);
   const { ownCars: words } = text.value;
   const now = shownCar.value;
   const close = () => {
-    open.value = false;
+    isOpen.value = false;
   };
   return (
     <dialog ref={dialog} class="wide" aria-labelledby="own-cars-title" onClose={close}>
