@@ -326,7 +326,8 @@ def advise(
     if p_arrive < chance:
         least = _smallest_sets(trials, saving, chance, lacking_wh)
         if isinstance(trip, Journey) and (whole := trip.charging) is not None:
-            singly = [_with_charging_plan(trip, advised) for advised in singly]
+            counted = [_with_charging_plan(trip, advised) for advised in singly]
+            singly = [advised for advised in counted if advised.difference.energy_wh <= -least_wh]
     return Advice(
         forecast, reserve, chance, p_arrive, charge_to, tuple(least), tuple(singly), tuple(speeds), whole
     )
