@@ -92,9 +92,7 @@ def serve(
     """
     from tripwatt.roads.journey import open_atlas
 
-    needed = {"service": "tripwatt serve"}
-    if mqtt:
-        needed["live"] = "--mqtt"
+    needed = {"service": "tripwatt serve"} | ({"live": "--mqtt"} if mqtt else {})
     atlas = on_map.settings()
     with Check() as check:
         check(require_extras, needed)
@@ -113,7 +111,8 @@ def serve(
     listens = (folders, host, port, workers, token, limits)
     settings = Settings(*listens, atlas, cars, keep_days, prefix, origins, over_mqtt)
     require_safe(settings)
-    run(settings, lambda address: typer.echo(f"tripwatt: {address}"))
+    hint = "" if atlas.map else "\nFor journeys: tripwatt map build REGION.osm.pbf, then --map map"
+    run(settings, lambda address: typer.echo(f"tripwatt: {address}{hint}"))
 
 
 def _mqtt_of(

@@ -79,6 +79,17 @@ def test_shows_the_forecast_of_the_service(look: Look, service: Service) -> None
     assert page.evaluate("document.documentElement.scrollWidth") <= page.viewport_size["width"]
 
 
+def test_without_a_map_page_and_command_say_how_journeys_come(look: Look, service: Service) -> None:
+    page = look()
+    assert page.locator(".needs-map code").all_inner_texts() == [
+        "tripwatt map build REGION.osm.pbf",
+        "tripwatt serve --map map",
+    ]
+    assert page.locator(".needs-map").is_visible()
+    assert service.process.stdout is not None
+    assert "tripwatt map build" in service.process.stdout.readline()
+
+
 def test_charts_follow_a_slider_causes_add_up_and_the_keyboard_is_enough(look: Look) -> None:
     page = look(expect="Canvas2D: Multiple readback")  # the test's own doing
     page.keyboard.press("Tab")

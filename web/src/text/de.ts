@@ -74,6 +74,7 @@ const de: Text = {
     emptyFolder: "Der Ordner enthält keine Datei in diesen Formaten.",
     tooLarge: (file, megabytes) => `${file} ist größer als ${megabytes} MB.`,
     speedWithoutTimes: "Geschwindigkeit für Tracks ohne Zeitangaben",
+    needsMap: "Fahrten von A nach B brauchen eine Karte. Der Dienst hat keine:",
     loading: { examples: "Beispiele werden geladen …", trip: "Fahrt wird geladen …" },
     loadingFile: (file) => `${file} wird geladen …`,
   },

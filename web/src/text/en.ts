@@ -67,6 +67,7 @@ export const en = {
     emptyFolder: "The folder has no file of these formats.",
     tooLarge: (file: string, megabytes: number) => `${file} is larger than ${megabytes} MB.`,
     speedWithoutTimes: "Speed for tracks without times",
+    needsMap: "Journeys from A to B need a map. This service has none:",
     loading: { examples: "Loading the examples …", trip: "Loading the trip …" },
     loadingFile: (file: string) => `Loading ${file} …`,
   },

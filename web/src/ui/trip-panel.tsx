@@ -118,6 +118,20 @@ function Upload() {
   );
 }
 
+/* eslint-disable page/text -- commands */
+const BUILD = "tripwatt map build REGION.osm.pbf";
+const SERVE = "tripwatt serve --map map";
+/* eslint-enable page/text */
+
+/** How journeys come to a service without a map. */
+function NoMap() {
+  return (
+    <p class="note needs-map">
+      {text.value.trip.needsMap} <code>{BUILD}</code>, <code>{SERVE}</code>
+    </p>
+  );
+}
+
 export function TripPanel() {
   const now = trip.value;
   const starts = source.value === "journey" && !now?.stops;
@@ -151,6 +165,7 @@ export function TripPanel() {
             setOpen(true);
           }}
         />
+        {!map.value && loading.value?.what !== "examples" && <NoMap />}
         {source.value === "journey" && <JourneyForm />}
         {source.value === "examples" && <Examples />}
         {source.value === "upload" && <Upload />}
