@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import re
+import tomllib
 from pathlib import Path
 
 from tools.docs.page_messages import messages
 
+import tripwatt
 from tripwatt.server.http.problems import TITLES
 
 TEXTS = Path(__file__).resolve().parents[3] / "web" / "src" / "text"
@@ -55,5 +57,13 @@ def test_every_kind_of_problem_has_its_title_on_the_page() -> None:
         assert known == TITLES.keys() - {"no-live"} or known == set(TITLES), language
 
 
-def test_one_word_for_a_forecast() -> None:
-    assert "Vorhersage" not in (TEXTS / "de.ts").read_text()
+def test_german_has_one_word_for_one_thing_and_one_form_of_address() -> None:
+    """A forecast, a car, a trip; sentences that ask say "Sie", labels have the infinitive."""
+    texts = [(TEXTS / "de.ts").read_text(), json.dumps(table("templates"), ensure_ascii=False)]
+    flags = tomllib.loads((Path(tripwatt.__file__).parent / "trips" / "flags.toml").read_text())["flags"]
+    texts += [json.dumps([flag.get("de", "") for flag in flags.values()], ensure_ascii=False)]
+    for words in texts:
+        assert (
+            re.findall(r"Vorhersage\w*|\bFahrzeug\w*|\bReise\w*|Ausrüstung|\b[Dd]eine?\b|\b[Dd]u\b", words)
+            == []
+        )
