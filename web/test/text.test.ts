@@ -82,6 +82,8 @@ describe("languages", () => {
 
 /** Texts that are the same in both languages. */
 const ALIKE = [
+  "/journey/plugs/type2_combo",
+  "/journey/plugs/chademo",
   "/journey/road",
   "/conditions/fields/wind_speed_m_s",
   "/conditions/garage",

@@ -414,6 +414,36 @@ def test_verdict_list_and_chart_speak_of_the_journey_with_its_charging_stop(page
     page.unroute("**/v1/journeys")
 
 
+def test_two_journeys_are_compared_with_their_charging_stops(page: Any) -> None:
+    def with_stops(route: Any) -> None:
+        answer = route.fetch().json()
+        warm = route.request.post_data_json.get("cabin_setpoint_degc") != 18
+        for road in answer["roads"]:
+            charges, seconds = (2, 7200.0) if warm else (1, 5400.0)
+            road["whole"] |= {
+                "charges": charges,
+                "duration_s": seconds,
+                "soc_arrival": 0.31 if warm else 0.33,
+            }
+        route.fulfill(json=answer)
+
+    page.route("**/v1/journeys", with_stops)
+    page.get_by_role("radio", name="Compare").check()
+    page.wait_for_function("() => document.querySelectorAll('.side')[1]?.innerText.includes('1 stop')")
+    first, second = (side.replace("\u00a0", " ") for side in page.locator(".side").all_inner_texts())
+    assert ("31" in first, "2 stops" in first, "2 h" in first) == (True, True, True)
+    assert ("33" in second, "1 h 30" in second) == (True, True)
+    told = page.locator(".difference").inner_text()
+    assert "2.0 points" in told or "2.0 percentage points" in told
+    assert "30\u00a0min shorter" in told
+    assert (
+        "1 stop" in page.locator(".roads").first.inner_text()
+        or "2 stops" in page.locator(".roads").first.inner_text()
+    )
+    page.unroute("**/v1/journeys")
+    page.get_by_role("radio", name="Plan", exact=True).check()
+
+
 def test_on_a_phone_the_first_of_several_stops_is_on_the_first_screen(browser: Any, planner: Service) -> None:
     """In German, which has the longer words."""
 

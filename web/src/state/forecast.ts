@@ -9,7 +9,7 @@ import {
   readRoute,
 } from "../api/client";
 import { Latest } from "../api/latest";
-import type { Difference, Forecast, Fault, Journey, LeaveWith, Problem } from "../api/documents";
+import type { Difference, Forecast, Fault, Journey, LeaveWith, Problem, Whole } from "../api/documents";
 import { atMotorwaySpeed } from "../model/links";
 import { type Profile, profileFromSamples, withElevationOf } from "../model/profile";
 import { type Car, car } from "./car";
@@ -51,6 +51,8 @@ export const other = signal<Other>({ setting: "cabin_setpoint_degc", value: 18 }
 export const departure = signal<Forecast | null>(null);
 /** Forecast with the other setting; null outside of a comparison. */
 export const alternative = signal<Forecast | null>(null);
+/** Both journeys of a comparison with their stops to charge; null where neither has stops, or until they are there. */
+export const wholes = signal<[Whole, Whole] | null>(null);
 /** The second forecast less the first; null until it is there. */
 export const difference = signal<Difference | null>(null);
 /** Conditions of the two forecasts; those on the page may have changed since. */
@@ -124,6 +126,7 @@ async function runJourney(job: ForecastJob, otherAt: Conditions | null, signal: 
       answersAreOld.value = !isWhole;
       alternative.value = second;
       if (!isWhole || chosenRoad.value > 0) difference.value = null;
+      wholes.value = null;
       requested.value = { at: job.at, other: job.other };
       problem.value = null;
       showRoad();
@@ -148,6 +151,10 @@ async function runJourney(job: ForecastJob, otherAt: Conditions | null, signal: 
   whole = { of: job.trip, answer };
   show(answer, true, second);
   if (chosenRoad.value > 0) await compare();
+  if (!otherAt || runner.isWaiting) return;
+  const alternate = await askJourney(journeyRequest(job.trip, otherAt, job.car), true, signal);
+  const pair: [Whole, Whole] = [roadOf(answer).whole, roadOf(alternate).whole];
+  if (pair.some(({ charges }) => charges > 0)) wholes.value = pair;
 }
 
 const runner = new Latest<ForecastJob>(async (job, signal) => {
@@ -163,7 +170,7 @@ const runner = new Latest<ForecastJob>(async (job, signal) => {
       requested.value = { at: job.at, other: job.other };
       profile.value = road;
       problem.value = null;
-      difference.value = null;
+      difference.value = wholes.value = null;
       leavingIsOld.value = true;
     });
     if (runner.isWaiting) return;

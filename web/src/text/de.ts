@@ -147,6 +147,9 @@ const de: Text = {
     arriveThere: (range) => `Ankunft dort mit ${range}`,
     reached: (chance) => `mit der Reserve bei ${chance}`,
     preheat: "Batterie auf dem Weg dorthin vorwärmen",
+    assumed: "angenommen",
+    plugs: { type2_combo: "CCS", chademo: "CHAdeMO", type2: "Typ 2", type2_cable: "Typ 2" },
+    neededBelow: (soc) => `nur nötig, wenn Sie dort weniger als ${soc} haben`,
     ifFull: (station, arrival, more, chance) =>
       `Falls die Station besetzt ist: ${station}, erreicht mit ${arrival} (${chance}), ${more}.`,
     noneIfFull: "Falls die Station besetzt ist: Keine andere Ladestation ist sicher erreichbar.",

@@ -139,6 +139,9 @@ export const en = {
     arriveThere: (range: string) => `you arrive there with ${range}`,
     reached: (chance: string) => `with the reserve in ${chance}`,
     preheat: "warm up the battery on the way there",
+    assumed: "assumed",
+    plugs: { type2_combo: "CCS", chademo: "CHAdeMO", type2: "Type 2", type2_cable: "Type 2" },
+    neededBelow: (soc: string) => `only needed if you have less than ${soc} there`,
     ifFull: (station: string, arrival: string, more: string, chance: string) =>
       `If it is full: ${station}, reached with ${arrival} (${chance}), ${more}.`,
     noneIfFull: "If it is full: no other station safely in reach.",

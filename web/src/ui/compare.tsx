@@ -1,10 +1,10 @@
 import { batch } from "@preact/signals";
-import type { Forecast } from "../api/documents";
+import type { Forecast, Whole } from "../api/documents";
 import { chanceOf, emptyAfterM } from "../model/arrival";
 import { hasMotorway } from "../model/links";
 import { ENERGY, PERCENT } from "../model/units";
 import { type Conditions, change, conditions } from "../state/conditions";
-import { difference, requested, type Other, other } from "../state/forecast";
+import { difference, requested, type Other, other, wholes } from "../state/forecast";
 import { format, text, units } from "../state/preferences";
 import { trip } from "../state/trip";
 import { settingOf } from "./settings";
@@ -81,25 +81,44 @@ export function CompareControls() {
   );
 }
 
-function Side({ of, kind, name }: { of: Forecast; kind: "main" | "other"; name: string }) {
+interface SideProps {
+  of: Forecast;
+  whole: Whole | undefined;
+  kind: "main" | "other";
+  name: string;
+}
+
+type Totals = ReturnType<typeof totalsOf>;
+
+/** What counts for a driver: of a journey with stops to charge the whole of it, else its forecast. */
+function totalsOf(of: Forecast, whole: Whole | undefined) {
+  if (whole) return { ...whole, chance: whole.p_reserve };
   const chance = chanceOf(of, requested.value.at.reserve);
-  const emptyM = emptyAfterM(of);
+  const { soc_arrival, energy_wh } = of;
+  return { soc_arrival, energy_wh, duration_s: of.series.time_s.at(-1) as number, charges: 0, chance };
+}
+
+function Side({ of, whole, kind, name }: SideProps) {
+  const { chance, charges, duration_s, energy_wh, soc_arrival } = totalsOf(of, whole);
+  const emptyM = charges > 0 ? null : emptyAfterM(of);
   const { figure, shown, duration } = format.value;
-  const { result, compare } = text.value;
+  const { result, compare, journey } = text.value;
   return (
     <div class={`side side-${kind}`}>
       <h3>{name}</h3>
       <p class="number">
-        {figure(Math.max(PERCENT.from(of.soc_arrival), 0), 0)}
+        {figure(Math.max(PERCENT.from(soc_arrival), 0), 0)}
         <small>%</small>
       </p>
       <p class="figures">
-        {emptyM === null
-          ? result.inTrips(bandText(of))
-          : result.emptyAfter(shown(emptyM, units.value.distance, 0))}
+        {charges > 0
+          ? journey.stops(charges)
+          : emptyM === null
+            ? result.inTrips(bandText(of))
+            : result.emptyAfter(shown(emptyM, units.value.distance, 0))}
       </p>
       <p class="figures">
-        {shown(of.energy_wh, ENERGY)} · {duration(of.series.time_s.at(-1) as number)}
+        {shown(energy_wh, ENERGY)} · {duration(duration_s)}
       </p>
       {chance !== null && <p class="figures">{compare.keeps(chanceInFigures(chance))}</p>}
     </div>
@@ -107,14 +126,14 @@ function Side({ of, kind, name }: { of: Forecast; kind: "main" | "other"; name: 
 }
 
 /** The difference as a sentence; its subject is the forecast with more charge on arrival. */
-function differenceText(first: Forecast, second: Forecast, names: [string, string]): string {
+function differenceText(first: Totals, second: Totals, names: [string, string]): string {
   const { figure, shown, duration } = format.value;
   const { compare, journey, result } = text.value;
   const points = PERCENT.from(second.soc_arrival - first.soc_arrival);
   const [one, other] = points >= 0 ? [second, first] : [first, second];
   const [name, otherName] = points >= 0 ? [names[1], names[0]] : names;
   const savedWh = other.energy_wh - one.energy_wh;
-  const longerS = (one.series.time_s.at(-1) as number) - (other.series.time_s.at(-1) as number);
+  const longerS = one.duration_s - other.duration_s;
   const parts = Math.abs(points) < MIN_SHOWN_POINTS ? [] : [compare.morePoints(figure(Math.abs(points), 1))];
   if (savedWh >= MIN_SHOWN_WH) {
     const sign = points >= 0 ? -1 : 1;
@@ -134,6 +153,7 @@ export function CompareLine({ first, second }: { first: Forecast; second: Foreca
   const { shown } = format.value;
   const { compare, settings } = text.value;
   const { label } = settings[setting];
+  const [one, two] = wholes.value ?? [];
   const at = requested.value.at[setting];
   const names: [string, string] = [
     at === null ? compare.asPlanned : shown(at, quantity),
@@ -142,10 +162,10 @@ export function CompareLine({ first, second }: { first: Forecast; second: Foreca
   return (
     <div class="comparison">
       <div class="sides">
-        <Side of={first} kind="main" name={`${label} ${names[0]}`} />
-        <Side of={second} kind="other" name={`${label} ${names[1]}`} />
+        <Side of={first} whole={one} kind="main" name={`${label} ${names[0]}`} />
+        <Side of={second} whole={two} kind="other" name={`${label} ${names[1]}`} />
       </div>
-      <p class="difference">{differenceText(first, second, names)}</p>
+      <p class="difference">{differenceText(totalsOf(first, one), totalsOf(second, two), names)}</p>
     </div>
   );
 }

@@ -1,8 +1,7 @@
 import type { ChargingPlan, Journey, Stop } from "../api/documents";
-import { chanceOf } from "../model/arrival";
 import { ENERGY, PERCENT, POWER } from "../model/units";
 import { chargingPlan, clock, isOfOtherPlaces } from "../state/answer";
-import { chooseRoad, requested } from "../state/forecast";
+import { chooseRoad } from "../state/forecast";
 import { answersAreOld, chargingPlans, chosenCharging, chosenRoad, journey } from "../state/journey";
 import { format, text, units } from "../state/preferences";
 import { trip } from "../state/trip";
@@ -43,21 +42,22 @@ function figuresText(times: readonly number[], energies: readonly number[], inde
 /** The roads of a journey to choose from: the first with its time and energy, the others with what differs. */
 function Roads({ of }: { of: Journey }) {
   const { shown } = format.value;
-  const times = of.roads.map(({ forecast }) => forecast.series.time_s.at(-1) as number);
-  const energies = of.roads.map(({ forecast }) => forecast.energy_wh);
-  const options = of.roads.map(({ distance_m, forecast }, k) => {
-    const chance = chanceOf(forecast, requested.value.at.reserve);
-    return [
-      String(k),
-      <>
-        <b>{labelOf(of, k)}</b>
-        <small>
-          {figuresText(times, energies, k)} · {shown(distance_m, units.value.distance)}
-        </small>
-        {chance !== null && <small class="unseen">{chanceInFigures(chance)}</small>}
-      </>,
-    ] as const;
-  });
+  const times = of.roads.map(({ whole }) => whole.duration_s);
+  const energies = of.roads.map(({ whole }) => whole.energy_wh);
+  const options = of.roads.map(
+    ({ distance_m, whole }, k) =>
+      [
+        String(k),
+        <>
+          <b>{labelOf(of, k)}</b>
+          <small>
+            {figuresText(times, energies, k)} · {shown(distance_m, units.value.distance)}
+            {whole.charges > 0 && ` · ${text.value.journey.stops(whole.charges)}`}
+          </small>
+          <small class="unseen">{chanceInFigures(whole.p_reserve)}</small>
+        </>,
+      ] as const,
+  );
   return (
     <Choice
       label={text.value.journey.roads}
@@ -107,7 +107,10 @@ function StopRow({ of }: { of: Stop }) {
   const at = clock.value;
   const [low = 0, high = 0] = interval;
   const range = result.range(figure(PERCENT.from(low), 0), figure(PERCENT.from(high), 0));
-  const power = station.power_w > 0 ? ` · ${shown(station.power_w, POWER)}` : "";
+  const known = station.power_known ? "" : ` (${words.assumed})`;
+  const names: Record<string, string> = words.plugs;
+  const plug = station.plug in names ? ` · ${names[station.plug]}` : "";
+  const power = station.power_w > 0 ? `${plug} · ${shown(station.power_w, POWER)}${known}` : plug;
   const after = at && new Date(at.leaves.getTime() + of.arrives_after_s * 1000);
   return (
     <li>
@@ -126,6 +129,8 @@ function StopRow({ of }: { of: Stop }) {
         <span class="figures">
           {words.arriveThere(`${range}\u00a0%`)} · {words.reached(chanceInFigures(of.p_reach))}
           {of.preheat && ` · ${words.preheat}`}
+          {of.needed_below < 1 &&
+            ` · ${words.neededBelow(`${Math.ceil(PERCENT.from(of.needed_below))}\u00a0%`)}`}
         </span>
       </p>
       <p class="note">
