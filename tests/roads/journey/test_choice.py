@@ -34,6 +34,12 @@ def test_every_plan_stops_at_a_chosen_station_once(model, free, chosen):
     assert found[0] != free[0]
 
 
+def test_a_chosen_station_is_not_the_one_to_go_to_if_it_is_occupied(model):
+    for station in ROW.stations[1:6]:
+        for stop in journey(model, MILD, (A, station.place, FAR), ROW).charging.stops:
+            assert stop.if_full is None or stop.if_full.station != stop.station
+
+
 def test_a_chosen_station_is_a_stop_also_where_the_charge_suffices_and_near_the_start(model):
     atlas = replace(MADE, stations=(NEAR, *MADE.stations))
     assert journey(model, LOW, (A, CLOSE), atlas).arrives

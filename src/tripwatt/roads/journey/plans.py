@@ -168,7 +168,10 @@ def _next_station(corridor: Corridor, optimum: StopPlan, problem: StopProblem, k
     """
     start, level, node, end = optimum.nodes[k], optimum.levels[k], optimum.nodes[k + 1], optimum.nodes[-1]
     detour, detour_s = corridor.detour(start, node)
-    reached = np.arange(node + 1, end)[problem.taken[start, node + 1 : end] + detour <= level]
+    occupied, others = corridor.stations[node - 1], np.arange(node + 1, end)
+    # a station beside a place on the way is two nodes, beside the road to it and the road from it
+    is_other = np.array([corridor.stations[other - 1] != occupied for other in others], dtype=bool)
+    reached = others[(problem.taken[start, others] + detour <= level) & is_other]
     nodes = np.union1d([start, *optimum.nodes[k + 2 :]], reached)
     remaining = replace(problem.among(nodes), start_soc=level)
     remaining.taken[0] += detour
