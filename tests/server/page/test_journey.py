@@ -163,7 +163,7 @@ def test_a_click_sets_a_then_b_and_dragging_b_gives_the_new_arrival(page: Any) -
     assert west["longitude_deg"] == pytest.approx(9.004, abs=0.006)
     assert ost["longitude_deg"] == pytest.approx(9.096, abs=0.006)
     # what was clicked 25 px beside the road is on it, and the page says how far that is
-    page.locator(".far", has_text="from the nearest road").first.wait_for()
+    page.locator(".off-road", has_text="from the nearest road").first.wait_for()
     for end in ("from", "to"):
         assert tip(page, f".end-{end}")[1] == pytest.approx(y - 25.0, abs=4.0)
     bx, by = centre(page, ".end-to")

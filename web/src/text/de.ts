@@ -180,6 +180,7 @@ const de: Text = {
     alternating: "Wechselstrom",
     assumed: "angenommen",
     stopHere: "Hier laden",
+    keepStop: "Diesen Stopp behalten",
     passBy: "Hier nicht laden",
     avoid: "Meiden",
     useAgain: "Wieder zulassen",

@@ -172,6 +172,7 @@ export const en = {
     alternating: "alternating current",
     assumed: "assumed",
     stopHere: "Stop here",
+    keepStop: "Keep this stop",
     passBy: "Do not stop here",
     avoid: "Avoid",
     useAgain: "Use again",

@@ -19,7 +19,7 @@ import {
   pointsOf,
   readCoordinates,
 } from "../model/road";
-import { isPreferred, isSame, type StationChoice } from "../model/stations";
+import { isPreferred, isSame, STATION_KIND, type StationChoice } from "../model/stations";
 import { beginAt, move, source } from "../state/catalogue";
 import { chargingPlan } from "../state/answer";
 import { chooseRoad } from "../state/forecast";
@@ -97,6 +97,8 @@ function placed(field: Field, place: Place): Point {
 function markOf(field: Field): Mark[] {
   const place = placeOf(field);
   if (!place) return [];
+  const stops = chargingPlan.value?.stops ?? [];
+  if (place.kind === STATION_KIND && stops.some(({ station }) => isSame(station, place))) return []; // its number is there
   const { journey: words } = text.value;
   const isEnd = field === "from" || field === "to";
   const number = isEnd ? 0 : Number(field.slice(3)) + 1;
@@ -350,7 +352,7 @@ export function MapCard() {
       <div class="map-foot">
         {station.value ? <StationPanel of={station.value} known={known} /> : <p class="note">{hint()}</p>}
         {farTexts().map((one) => (
-          <p key={one} class="note far">
+          <p key={one} class="note off-road">
             {one}
           </p>
         ))}

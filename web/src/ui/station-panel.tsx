@@ -3,6 +3,7 @@
 import type { Place, Station } from "../api/documents";
 import { isPreferred, isSame, networkOf, placeOfStation } from "../model/stations";
 import { POWER } from "../model/units";
+import { chargingPlan } from "../state/answer";
 import { choose, passBy, stopAt } from "../state/catalogue";
 import { choice, placesOfJourney, vias } from "../state/journey";
 import { format, text } from "../state/preferences";
@@ -28,6 +29,7 @@ export function StationActions({ of }: { of: Station }) {
   const { map: words, journey } = text.value;
   const place = placeOfStation(of, journey.unnamedStation);
   const isStop = vias.value.some((one) => one && isSame(one, place));
+  const isPlanned = chargingPlan.value?.stops.some(({ station }) => isSame(station, place));
   const isAvoided = choice.value.avoid.some((one) => isSame(one, place));
   if (!placesOfJourney()) return null;
   return (
@@ -35,7 +37,11 @@ export function StationActions({ of }: { of: Station }) {
       {isStop ? (
         <Button class="link" onClick={() => passBy(place)} label={words.passBy} />
       ) : (
-        <Button class="link" onClick={() => stopAt(place)} label={words.stopHere} />
+        <Button
+          class="link"
+          onClick={() => stopAt(place)}
+          label={isPlanned ? words.keepStop : words.stopHere}
+        />
       )}
       {isAvoided ? (
         <Button class="link" onClick={() => useAgain(place)} label={words.useAgain} />
