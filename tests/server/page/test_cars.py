@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,10 @@ from tests.support.service_process import Service
 from tools.quality.page import SHOWN, choose_car
 
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
+
+from tripwatt.server.cars import create_car
+from tripwatt.sources.sample import sample_trips
+from tripwatt.trips import Log
 
 TRIPS = 4
 COLUMNS = {
@@ -342,3 +347,43 @@ def test_axe_finds_nothing_serious_in_your_car(opened: Any, tmp_path: Path) -> N
         kind.click()
     assert serious(page) == []
     assert dialog(page).evaluate("e => e.scrollWidth <= e.clientWidth")
+
+
+def without_heights(log: Log) -> Log:
+    samples = log.samples.drop(columns=["elevation_m", "grade"], errors="ignore")
+    return Log.from_samples(log.trip_id, samples, log.context)
+
+
+@pytest.mark.parametrize("opened", [("phone", "light", "en-IE"), ("phone", "dark", "de-DE")], indirect=True)
+def test_the_diary_begins_with_the_error_and_says_what_to_switch_on(
+    opened: Any, service: Service, cars: Path
+) -> None:
+    page, name = opened, f"diary-{opened.evaluate('document.documentElement.lang')}"
+    sample = sample_trips()
+    logs = tuple(without_heights(log) if k < 2 else log for k, log in enumerate(sample.logs[:6]))
+    create_car(cars / name, "bmw_i3_60ah", label=name).add(replace(sample, logs=logs))
+    page.reload()
+    page.wait_for_selector(SHOWN)
+    open_cars(page)
+    dialog(page).get_by_role("button", name=name).click()
+    figure = dialog(page).locator(".error-now .number")
+    figure.wait_for()
+    rows = service.client.get(f"/v1/cars/{name}").json()["diary"]
+    assert sorted(row["has_heights"] for row in rows) == [False] * 2 + [True] * 4
+    parts = [rows[:3], rows[3:]]
+    last, before = (
+        100.0 * sum(abs(r["forecast_wh"] - r["energy_wh"]) for r in part) / sum(r["energy_wh"] for r in part)
+        for part in parts
+    )
+    assert float(figure.inner_text().replace(",", ".").rstrip("%")) == pytest.approx(last, abs=0.05)
+    trend = dialog(page).locator(".error-now .range").inner_text().replace(",", ".")
+    assert float(trend.split()[0].split("\u00a0")[0]) == pytest.approx(before, abs=0.05)
+    why = dialog(page).locator("#own-car-diary ~ .findings li").all_inner_texts()
+    assert len(why) == 2, "heights, and few trips"
+    assert why[0].startswith(("2 of 6 trips without heights", "2 von 6 Fahrten ohne Höhen"))
+    wide = dialog(page).evaluate(
+        "e => [...e.querySelectorAll('.scroll')].filter(s => s.scrollWidth > s.clientWidth)"
+    )
+    assert wide == []
+    assert serious(page) == []
+    service.client.delete(f"/v1/cars/{name}").raise_for_status()

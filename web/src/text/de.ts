@@ -755,6 +755,15 @@ const de: Text = {
     byTrips: "eigene Fahrten",
     errorOfLast: (trips) =>
       count(trips, { one: "Fehler der letzten Fahrt", other: "Fehler der letzten # Fahrten" }),
+    errorBefore: (error, falls) =>
+      `${error} bei ebenso vielen Fahrten davor: Der Fehler ${falls ? "sinkt" : "sinkt nicht"}.`,
+    whyWide: "Warum der Bereich breit ist und was hilft",
+    withoutHeights: (trips, of) =>
+      `${trips} von ${count(of, { one: "# Fahrt", other: "# Fahrten" })} ohne Höhen: Schalten Sie in der App, die aufzeichnet, die Höhe ein.`,
+    withoutAir: (trips, of) =>
+      `${trips} von ${count(of, { one: "# Fahrt", other: "# Fahrten" })} ohne Außentemperatur: Schalten Sie sie in der App ein, die aufzeichnet.`,
+    young: (trips) =>
+      `Erst ${count(trips, { one: "# Fahrt", other: "# Fahrten" })}: Mit jeder weiteren wird der Bereich schmaler, am meisten bei neuen Temperaturen.`,
     widthOfLast: (trips) =>
       count(trips, {
         one: "Breite ihres 90-%-Bereichs als Anteil der Energie",

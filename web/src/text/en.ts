@@ -747,6 +747,15 @@ export const en = {
     byTrips: "own trips",
     errorOfLast: (trips: number) =>
       count(trips, { one: "Error of the last trip", other: "Error of the last # trips" }),
+    errorBefore: (error: string, falls: boolean) =>
+      `${error} in as many trips before: the error ${falls ? "falls" : "does not fall"}.`,
+    whyWide: "Why the range is wide, and what helps",
+    withoutHeights: (trips: number, of: number) =>
+      `${trips} of ${count(of, { one: "# trip", other: "# trips" })} without heights: switch on the altitude in the app that logs.`,
+    withoutAir: (trips: number, of: number) =>
+      `${trips} of ${count(of, { one: "# trip", other: "# trips" })} without outside temperature: switch it on in the app that logs.`,
+    young: (trips: number) =>
+      `${count(trips, { one: "Only # trip", other: "Only # trips" })} so far: the range narrows with each one, and most at temperatures that are new.`,
     widthOfLast: (trips: number) =>
       count(trips, {
         one: "Width of its 90 % range, as a share of the energy",

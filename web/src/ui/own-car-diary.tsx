@@ -1,6 +1,7 @@
 /** What a car has learned, before and after, and its diary: each trip as it was forecast, and what it took. */
 
 import type { DiaryEntry, OwnCar } from "../api/documents";
+import { reasonsOf, type Trend, trendOf } from "../model/diary";
 import { ENERGY, PERCENT } from "../model/units";
 import { format, text, units } from "../state/preferences";
 import { DataTable } from "./data-table";
@@ -257,6 +258,61 @@ function Causes({ of }: { of: OwnCar }) {
   return <Bars label={words.whereEnergyWent} bars={bars} />;
 }
 
+/** Errors as a line, from none at the bottom. */
+function Line({ of: { course } }: { of: Trend }) {
+  const most = Math.max(...course) || 1;
+  const points = course.map((error, k) => `${(100 * k) / (course.length - 1)},${30 - (28 * error) / most}`);
+  return (
+    <svg class="error-line" viewBox="0 0 100 32" preserveAspectRatio="none" aria-hidden="true">
+      <polyline points={points.join(" ")} />
+    </svg>
+  );
+}
+
+/** The error of the last trips, and whether it falls. */
+function ErrorNow({ of }: { of: OwnCar }) {
+  const { ownCars: words } = text.value;
+  const trend = trendOf(of.diary);
+  if (trend.latest === null) return null;
+  return (
+    <div class="error-now">
+      <p class="arrival">
+        <span class="label">{words.errorOfLast(trend.trips)}</span>
+        <span class="number">
+          {format.value.figure(PERCENT.from(trend.latest), 1)}
+          <small>{PERCENT.unit}</small>
+        </span>
+        {trend.before !== null && (
+          <span class="range">{words.errorBefore(percent(trend.before), trend.latest < trend.before)}</span>
+        )}
+      </p>
+      {trend.course.length > 1 && <Line of={trend} />}
+    </div>
+  );
+}
+
+/** Why the ranges are wider than they need to be, and what to switch on. */
+function WhyWide({ of }: { of: OwnCar }) {
+  const { ownCars: words } = text.value;
+  const { flat, withoutAir, isYoung } = reasonsOf(of.diary, of.in_diary);
+  const reasons = [
+    flat > 0 && words.withoutHeights(flat, of.diary.length),
+    withoutAir > 0 && words.withoutAir(withoutAir, of.diary.length),
+    isYoung && words.young(of.in_diary),
+  ].filter((reason) => reason !== false);
+  if (reasons.length === 0) return null;
+  return (
+    <>
+      <h3>{words.whyWide}</h3>
+      <ul class="findings">
+        {reasons.map((reason) => (
+          <li key={reason}>{reason}</li>
+        ))}
+      </ul>
+    </>
+  );
+}
+
 function Progress({ of }: { of: OwnCar }) {
   const { ownCars: words } = text.value;
   const { learning } = of;
@@ -296,6 +352,8 @@ export function OwnCarDiary({ of }: { of: OwnCar }) {
       ) : (
         <>
           <h3 id="own-car-diary">{words.learnedFrom(of.in_diary)}</h3>
+          <ErrorNow of={of} />
+          <WhyWide of={of} />
           <Learned of={of} />
           <div class="pair">
             <Bars

@@ -1,0 +1,61 @@
+/** How good the forecasts of a car's trips were, and what makes their ranges wide. */
+
+import type { DiaryEntry } from "../api/documents";
+
+/** Most trips of one figure, as the service has it for the last ones. */
+const MOST = 20;
+/** Fewest trips whose error says anything. */
+const FEWEST = 3;
+
+type Measured = Pick<DiaryEntry, "energy_wh" | "forecast_wh">;
+
+/** Errors of the trips over their energy; null without energy. */
+export function errorOf(rows: readonly Measured[]): number | null {
+  const energy = rows.reduce((sum, row) => sum + Math.abs(row.energy_wh), 0);
+  const error = rows.reduce((sum, row) => sum + Math.abs(row.forecast_wh - row.energy_wh), 0);
+  return energy > 0 ? error / energy : null;
+}
+
+export interface Trend {
+  /** Trips of each figure. */
+  trips: number;
+  latest: number | null;
+  /** Of as many trips before; null where there are too few. */
+  before: number | null;
+  /** Running error, the oldest first. */
+  course: number[];
+}
+
+/** The error of the last trips and its trend; `diary` has the newest trip first. */
+export function trendOf(diary: readonly Measured[]): Trend {
+  const half = Math.floor(diary.length / 2);
+  const trips = Math.min(MOST, half >= FEWEST ? half : diary.length);
+  const parts = Array.from({ length: Math.max(0, diary.length - trips + 1) }, (_, k) =>
+    errorOf(diary.slice(k, k + trips)),
+  );
+  return {
+    trips,
+    latest: parts[0] ?? null,
+    before: half >= FEWEST ? (parts[trips] ?? null) : null,
+    course: parts.filter((part): part is number => part !== null).reverse(),
+  };
+}
+
+export interface Reasons {
+  /** Trips that have no heights, and no outside temperature. */
+  flat: number;
+  withoutAir: number;
+  isYoung: boolean;
+}
+
+/** What makes the ranges of the forecasts wider than they need to be. */
+export function reasonsOf(
+  diary: readonly Pick<DiaryEntry, "has_heights" | "ambient_temperature_degc">[],
+  learned: number,
+): Reasons {
+  return {
+    flat: diary.filter((row) => row.has_heights === false).length,
+    withoutAir: diary.filter((row) => row.ambient_temperature_degc === null).length,
+    isYoung: learned < MOST,
+  };
+}
