@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, TypeAlias
 
@@ -159,16 +159,12 @@ class Points:
         code = axes[0][1]
         for values, index in axes[1:]:
             code = code * len(values) + index
-        if len(axes) == 1:
-            return cls(axes[0][0][:, None], code, np.bincount(code, minlength=len(axes[0][0])).astype(float))
         index, rest = pd.factorize(code, sort=True)
         values = np.empty((len(rest), len(axes)))
         for j in range(len(axes) - 1, -1, -1):
             rest, position = np.divmod(rest, len(axes[j][0]))
             values[:, j] = axes[j][0][position]
-        return cls(
-            values, index.astype(np.intp, copy=False), np.bincount(index, minlength=len(values)).astype(float)
-        )
+        return cls(values, index.astype(np.intp, copy=False), np.bincount(index).astype(float))
 
 
 def grid_limit(x: FloatArray, limit: int) -> int:
@@ -270,37 +266,6 @@ class Training:
     levels: Mapping[str, Levels]
     within: Mapping[ByPart, Support]
 
-    @classmethod
-    def of_rows(
-        cls,
-        rows: BoolArray,
-        joint: Mapping[tuple[str, ...], Points],
-        codes: Mapping[str, tuple[tuple[str, ...], Index]],
-        members: Mapping[ByPart, BoolArray],
-    ) -> Training:
-        """Find the ranges and levels of some rows (n,).
-
-        Parameters
-        ----------
-        rows : ndarray of bool (n,)
-        joint : mapping of covariate names to Points
-        codes : mapping of factor to (names of its levels, level of each row)
-        members : mapping of (covariate names, by-variable, level) to the rows (n,) of a by-smooth
-        """
-
-        def support(names: tuple[str, ...], of: BoolArray) -> Support:
-            points = joint[names]
-            return Support(points.values[np.bincount(points.index[of], minlength=len(points.values)) > 0])
-
-        counts = {
-            name: np.bincount(level[rows], minlength=len(names)) for name, (names, level) in codes.items()
-        }
-        return cls(
-            {names: support(names, rows) for names in joint},
-            {name: Levels(codes[name][0], n / n.sum()) for name, n in counts.items()},
-            {part: support(part[0], rows & mask) for part, mask in members.items() if (rows & mask).any()},
-        )
-
     def members(self, frame: pd.DataFrame, by: str, level: str | None) -> BoolArray:
         """Mark the rows (n,) of a frame on which a by-smooth has an effect."""
         if level is None:
@@ -329,6 +294,37 @@ class Training:
                     moved.update(zip(names, x.T, strict=True))
             moved.update(zip(names, self.supports[names].clamp(current(names)).T, strict=True))
         return frame.assign(**moved)
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """What the rows of a frame say of ranges and levels.
+
+    Attributes
+    ----------
+    joint : dict of covariate names to Points
+    codes : dict of factor to (Levels, level of each row)
+    members : dict of (covariate names, by-variable, level) to the rows (n,) of a by-smooth
+    """
+
+    joint: dict[tuple[str, ...], Points] = field(default_factory=dict)
+    codes: dict[str, tuple[Levels, Index]] = field(default_factory=dict)
+    members: dict[ByPart, BoolArray] = field(default_factory=dict)
+
+    def training(self, rows: BoolArray) -> Training:
+        """Find the ranges and levels of some rows, marked in a mask (n,)."""
+
+        def support(names: tuple[str, ...], of: BoolArray) -> Support:
+            points = self.joint[names]
+            return Support(points.values[np.bincount(points.index[of], minlength=len(points.values)) > 0])
+
+        levels = {}
+        for name, (known, code) in self.codes.items():
+            counts = np.bincount(code[rows], minlength=len(known.names))
+            levels[name] = Levels(known.names, counts / counts.sum())
+        masks = {part: rows & mask for part, mask in self.members.items() if (rows & mask).any()}
+        within = {part: support(part[0], mask) for part, mask in masks.items()}
+        return Training({names: support(names, rows) for names in self.joint}, levels, within)
 
 
 def response(frame: pd.DataFrame, y: object, name: str | None) -> FloatArray:

@@ -6,18 +6,19 @@ a row of X joins one row of each table.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
 import pandas as pd
 
-from tripwatt_gamm.arrays import BoolArray, FloatArray
+from tripwatt_gamm.arrays import FloatArray
 from tripwatt_gamm.covariates import (
     EXACT_ROWS,
     MAX_JOINT,
     MAX_VALUES,
-    ByPart,
+    Coverage,
     Index,
     Levels,
     Points,
@@ -50,10 +51,6 @@ parallel to working precision."""
 MANY_LEVELS = 200
 """Levels from which a random effect is eliminated level by level: a choice, because below it one dense matrix is as fast."""
 
-MAX_TABLE_CELLS = 4_000_000
-"""Cells up to which one table holds the smooths of all levels of a factor: a choice, 32 MB. Beyond it, each level has its
-own table."""
-
 
 @dataclass
 class Design:
@@ -69,12 +66,7 @@ class Design:
         Changes to the model that the data forced, such as columns removed.
     empty : list of int
         Coefficients without data, kept at zero.
-    joint : dict
-        Distinct points of each set of covariates, with the index of each row.
-    codes : dict
-        For each factor the names of its levels, and the level of each row.
-    members : dict
-        Mask of the rows on which each by-smooth has an effect.
+    coverage : Coverage
     """
 
     formula: Formula
@@ -83,9 +75,7 @@ class Design:
     training: Training
     notes: list[str]
     empty: list[int] = field(default_factory=list)
-    joint: dict[tuple[str, ...], Points] = field(default_factory=dict)
-    codes: dict[str, tuple[tuple[str, ...], Index]] = field(default_factory=dict)
-    members: dict[ByPart, BoolArray] = field(default_factory=dict)
+    coverage: Coverage = field(default_factory=Coverage)
 
     @property
     def p(self) -> int:
@@ -197,10 +187,7 @@ class _Builder:
         self.terms: list[FittedTerm] = []
         self.pieces: list[_Piece] = []
         self.notes: list[str] = []
-        self.joint: dict[tuple[str, ...], Points] = {}
-        self.codes: dict[str, tuple[tuple[str, ...], Index]] = {}
-        self.levels: dict[str, Levels] = {}
-        self.members: dict[ByPart, BoolArray] = {}
+        self.coverage = Coverage()
         self.grids = self._grids()
 
     def _covariates(self, names: tuple[str, ...]) -> FloatArray:
@@ -219,18 +206,19 @@ class _Builder:
         return grids
 
     def points(self, names: tuple[str, ...]) -> Points:
-        if names not in self.joint:
+        joint = self.coverage.joint
+        if names not in joint:
             limits = tuple(self.grids.get(name, self.limit) for name in names)
-            self.joint[names] = Points.from_values(self._covariates(names), limits)
-        return self.joint[names]
+            joint[names] = Points.from_values(self._covariates(names), limits)
+        return joint[names]
 
     def factor(self, names: tuple[str, ...]) -> tuple[Levels, Index]:
-        name = ":".join(names)
-        if name not in self.levels:
+        name, codes = ":".join(names), self.coverage.codes
+        if name not in codes:
             column = crossed(self.frame, names)
-            self.levels[name] = Levels.from_column(column)
-            self.codes[name] = self.levels[name].names, self.levels[name].codes(column)
-        return self.levels[name], self.codes[name][1]
+            levels = Levels.from_column(column)
+            codes[name] = levels, levels.codes(column)
+        return codes[name]
 
     def parametric(self, term: Parametric) -> None:
         """Add a numeric column, the indicators of a factor's levels, or the products of such columns."""
@@ -324,7 +312,7 @@ class _Builder:
         if not by_factor:
             fitted = self._fitted_term(term, built, None, term.label)
             if by is not None and term.by is not None:
-                self.members[term.names, term.by, None] = by != 0
+                self.coverage.members[term.names, term.by, None] = by != 0
             self.terms.append(fitted)
             self.pieces.append(_Piece([fitted], built.table, points.index, by))
             return
@@ -341,16 +329,22 @@ class _Builder:
         ]
         self.terms += by_level
         for i in kept:
-            self.members[term.names, term.by, levels.names[i]] = codes == i
-        m, q = built.table.shape
-        if m * q * len(levels.names) * len(by_level) <= MAX_TABLE_CELLS:
-            blocks = np.eye(len(levels.names))[:, first:]
-            table: FloatArray = np.kron(blocks, built.table).astype(np.float64)
-            self.pieces.append(_Piece(by_level, table, codes * m + points.index))
-            return
-        padded = np.vstack([built.table, np.zeros(q)])
-        for i, fitted in zip(kept, by_level, strict=True):
-            self.pieces.append(_Piece([fitted], padded, np.where(codes == i, points.index, m)))
+            self.coverage.members[term.names, term.by, levels.names[i]] = codes == i
+        self._level_pieces(built, points, codes, kept, [(fitted, slice(None)) for fitted in by_level])
+
+    def _level_pieces(
+        self,
+        built: Built,
+        points: Points,
+        codes: Index,
+        kept: Iterable[int],
+        parts: list[tuple[FittedTerm, slice]],
+    ) -> None:
+        """Add the columns of each level in `kept`: its term and its part of the columns of this term."""
+        padded, outside = np.pad(built.table, ((0, 1), (0, 0))), len(built.table)
+        for i, (fitted, part) in zip(kept, parts, strict=True):
+            index = np.where(codes == i, points.index, outside)
+            self.pieces.append(_Piece([fitted], padded, index, part=part))
 
     def factor_smooth(self, term: Smooth) -> None:
         """Add a random curve for each level of a factor."""
@@ -360,17 +354,14 @@ class _Builder:
             raise InvalidInput.of("a number for a factor", term.label, repr(by), "a factor", fix)
         (levels, codes), built = self.factor((by,)), build_factor_smooth(term, points)
         self.notes += built.notes
-        (m, q), count = built.table.shape, len(levels.names)
-        names = [f"{term.label}.{i + 1}" for i in range(q * count)]
-        smoother, penalties = built.smoother, built.penalties
+        count, matrices = len(levels.names), built.penalties
+        names = [f"{term.label}.{i + 1}" for i in range(built.table.shape[1] * count)]
         fitted = FittedTerm(
-            term.label, term, "smooth", names, penalties, smoother=smoother, by=by, copies=count
+            term.label, term, "smooth", names, matrices, copies=count, smoother=built.smoother, by=by
         )
         self.terms.append(fitted)
-        padded = np.vstack([built.table, np.zeros(q)])
-        for i in range(count):
-            index = np.where(codes == i, points.index, m)
-            self.pieces.append(_Piece([fitted], padded, index, part=slice(i, None, count)))
+        parts = [(fitted, slice(i, None, count)) for i in range(count)]
+        self._level_pieces(built, points, codes, range(count), parts)
 
     def _fitted_term(self, term: Smooth | Tensor, built: Built, level: str | None, label: str) -> FittedTerm:
         names = [f"{label}.{i + 1}" for i in range(built.table.shape[1])]
@@ -388,17 +379,14 @@ class _Builder:
             self.pieces.insert(0, _Piece([fitted], np.ones((1, 1)), np.zeros(len(self.frame), dtype=np.intp)))
         # large random effects come last, those of the same levels side by side
         self.terms.sort(key=lambda fitted: (order[fitted.kind], *self._large(fitted)))
-        all_rows = np.ones(len(self.frame), dtype=bool)
-        training = Training.of_rows(all_rows, self.joint, self.codes, self.members)
+        training = self.coverage.training(np.ones(len(self.frame), dtype=bool))
         start = 0
         for fitted in self.terms:
             fitted.start, fitted.training, fitted.extrapolation = start, training, self.extrapolation
             start += fitted.size
         eliminated = self._large(self.terms[-1]) if self.terms else (0,)
         rows = TableRows(self._parts(eliminated), len(self.frame), start)
-        return Design(
-            self.formula, self.terms, rows, training, self.notes, [], self.joint, self.codes, self.members
-        )
+        return Design(self.formula, self.terms, rows, training, self.notes, [], self.coverage)
 
     def _large(self, fitted: FittedTerm) -> tuple[object, ...]:
         """Number and columns of the levels of a random effect that has so many that they may be eliminated."""

@@ -165,10 +165,8 @@ def _random_effect_test(
     (2.0, 16.0)
     """
     gram, penalty = system
-    determined = np.diag(gram) + np.diag(penalty) > 0
-    index = index[determined[index]]
-    fixed = np.setdiff1d(np.flatnonzero(determined), np.concatenate([index, random]))
-    covariance, weighted = _null_model(system, np.flatnonzero(determined), index, random)
+    fixed = np.setdiff1d(np.arange(len(gram)), np.concatenate([index, random]))
+    covariance, weighted = _null_model(system, index, random)
     b = coef[index]
     explained = weighted[np.ix_(index, index)]  # M of the notes
     if fixed.size:
@@ -192,22 +190,18 @@ def _rank(a: FloatArray, size: FloatArray) -> int:
     return int((np.linalg.eigvalsh(a / np.outer(d, d)) > MIN_REMAINDER).sum())
 
 
-def _null_model(
-    system: Matrices, determined: Index, index: Index, random: Index
-) -> tuple[FloatArray, FloatArray]:
+def _null_model(system: Matrices, index: Index, random: Index) -> tuple[FloatArray, FloatArray]:
     """Return the covariance of the effects `index` if they have no variance and X'W(I + Z_o Psi Z_o')WX.
 
     Z_o are the columns `random` of the other random effects, Psi is their variance.
     """
     gram, penalty = system
-    g = gram[np.ix_(determined, determined)]
-    places = np.searchsorted(determined, index)
-    rows = _solve(g + penalty[np.ix_(determined, determined)], np.eye(determined.size)[:, places]).T
-    covariance = rows @ g @ rows.T
+    rows = _solve(gram + penalty, np.eye(len(gram))[:, index]).T
+    covariance = rows @ gram @ rows.T
     if random.size == 0:
         return covariance, gram
     psi_inverse = penalty[np.ix_(random, random)]
-    random_part = (rows @ g)[:, np.searchsorted(determined, random)]
+    random_part = (rows @ gram)[:, random]
     covariance = covariance + random_part @ _solve(psi_inverse, random_part.T)
     return covariance, gram + gram[:, random] @ _solve(psi_inverse, gram[random])
 

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt_gamm.arrays import BoolArray, FloatArray
-from tripwatt_gamm.covariates import EXACT_ROWS, Index, Training
+from tripwatt_gamm.covariates import EXACT_ROWS, Index
 from tripwatt_gamm.design import Design
 from tripwatt_gamm.errors import InvalidInput
 from tripwatt_gamm.families import Response
@@ -119,7 +119,7 @@ def _fold(
     design, active, _, solution = replace(work, design=design).fit(kept, sums, settings, where)
     beta = np.zeros(design.p)
     beta[active] = solution.beta
-    training = Training.of_rows(~held, design.joint, design.codes, design.members)
+    training = design.coverage.training(~held)
     piece = frame.iloc[held_rows] if wanted is None else wanted
     if design.terms[0].extrapolation == "clamp":
         piece = training.clamp_frame(piece)

@@ -16,12 +16,9 @@ from tripwatt_gamm.fit import Solution
 
 
 def _square_root(M: FloatArray) -> FloatArray:
-    """Return R with R'R = M; R is upper triangular if M is positive definite."""
-    try:
-        return np.asarray(np.linalg.cholesky(M).T)
-    except np.linalg.LinAlgError:
-        values, vectors = np.linalg.eigh(M)
-        return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)
+    """Return R with R'R = M."""
+    values, vectors = np.linalg.eigh(M)
+    return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)
 
 
 def _null_deviance(family: Family, response: Response, theta: FloatArray) -> float:

@@ -133,9 +133,8 @@ def _subset_start(
         return None
     chosen = np.arange(0, rows.n, step, dtype=np.intp)
     rows, y = rows.subset(chosen), y[chosen]
-    family = settings.family
+    family, data = settings.family, NormalEquations.of_rows(rows, y).rotated(stack)
     assert isinstance(family, ScaledT)
-    data = NormalEquations.of_rows(rows, y).rotated(stack)
     iteration = PerformanceIteration(rows, y, data, stack, family, settings.rho is not None)
     start = iteration.start(settings.rho)
     iterated = None if start is None else iteration.run(start, 100 * settings.tolerance, settings.max_iter)
@@ -161,7 +160,9 @@ def _scaled_t(
     if iterated is None or not exact:
         return iterated
     model = LaplaceModel(rows, Response.of(y), stack, family, stack.rotate(iterated.beta))
-    return fit_laplace(model, iterated.rho, iterated.theta, data.gram, fixed, max_iter=settings.max_iter)
+    # at the bound of nu the score is flat in the log of its excess: Newton's method would not leave it
+    theta = np.where(family.free & [True, False], np.maximum(iterated.theta, 0.0), iterated.theta)
+    return fit_laplace(model, iterated.rho, theta, data.gram, fixed, max_iter=settings.max_iter)
 
 
 def _laplace(problem: Problem, response: Response, data: NormalEquations) -> Solution | None:
