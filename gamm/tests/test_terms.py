@@ -57,6 +57,30 @@ def test_cyclic_curves_continue_with_their_period(data):
     ends = model.predict(pd.DataFrame({"z": [z.min(), z.min() + 1e-5, z.max() - 1e-5, z.max()], "f": "a"}))
     assert ends[0] == pytest.approx(ends[3])
     assert ends[1] - ends[0] == pytest.approx(ends[3] - ends[2], rel=1e-3)
+    longer = GAMM('y ~ s(z, bs="cc", k=8, knots=c(-0.5, 1.5)) + f').fit(data)
+    assert longer.predict(data.assign(z=z + 2)) == pytest.approx(longer.predict(data))
+    for knots in ("c(0.1, 1)", "c(1, 0)", "c(0, 0.5, 1)"):
+        with pytest.raises(InvalidInput, match="invalid knots: s\\(z\\)"):
+            GAMM(f'y ~ s(z, bs="cc", k=8, knots={knots})').fit(data)
+    with pytest.raises(InvalidInput, match="of basis tp"):
+        GAMM("y ~ s(z, knots=c(0, 1))").fit(data)
+
+
+@pytest.mark.parametrize(("n", "k", "seed"), [(400, 8, 3), (300, 4, 5)])
+def test_a_selected_interaction_does_not_depend_on_its_basis(n, k, seed):
+    """Centred thin plate margins are nearly singular at even points: true penalties are 1e-10 of the largest."""
+    rng = np.random.default_rng(seed)
+    x, w = rng.uniform(size=n), rng.uniform(size=n)
+    frame = pd.DataFrame({"x": x, "w": w, "y": 2 * np.sin(3 * x) * np.cos(4 * w) + rng.normal(0, 0.5, n)})
+    fits = {}
+    for basis in ("tp", "cr"):
+        formula = f'y ~ s(x) + s(w) + ti(x, w, bs="{basis}", k={k})'
+        assert GAMM(formula).fit(frame).terms_[-1].null_dim == 1
+        fits[basis] = GAMM(formula, select=True).fit(frame)
+        assert fits[basis].converged_
+        assert fits[basis].terms_[-1].null_dim == 0
+    assert fits["tp"].scale_ == pytest.approx(fits["cr"].scale_, rel=0.03)
+    assert fits["tp"].reml_ == pytest.approx(fits["cr"].reml_, abs=4)
 
 
 def test_curves_of_the_levels_of_a_factor(data):

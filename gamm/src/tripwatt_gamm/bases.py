@@ -13,7 +13,7 @@ from itertools import product
 
 import numpy as np
 from scipy.interpolate import BSpline
-from scipy.linalg import eigh, solve_banded
+from scipy.linalg import eigh
 from scipy.sparse.linalg import eigsh
 
 from tripwatt_gamm.arrays import FloatArray
@@ -89,22 +89,15 @@ class CubicRegression:
     @cached_property
     def _second_derivatives(self) -> tuple[FloatArray, FloatArray]:
         """Matrix from values to second derivatives at the knots (m, k), and the penalty (k, k)."""
-        h = np.diff(self.knots)
-        if self.cyclic:
-            before, here = np.roll(h, 1)[:, None], np.eye(self.k)
-            left, right = np.roll(here, -1, axis=1), np.roll(here, 1, axis=1)
-            D = left / before + right / h[:, None] - here * (1 / before + 1 / h[:, None])
-            B = left * before / 6 + right * h[:, None] / 6 + here * (before + h[:, None]) / 3
-            F = np.linalg.solve(B, D)
-            return np.asarray(F[np.arange(self.k + 1) % self.k]), np.asarray(D.T @ F)
-        D = np.zeros((self.k - 2, self.k))
-        rows = np.arange(self.k - 2)
-        D[rows, rows], D[rows, rows + 2] = 1 / h[:-1], 1 / h[1:]
-        D[rows, rows + 1] = -1 / h[:-1] - 1 / h[1:]
-        bands = np.zeros((3, self.k - 2))
-        bands[0, 1:], bands[1], bands[2, :-1] = h[1:-1] / 6, (h[:-1] + h[1:]) / 3, h[1:-1] / 6
-        inner = solve_banded((1, 1), bands, D)
-        return np.vstack([np.zeros(self.k), inner, np.zeros(self.k)]), np.asarray(D.T @ inner)
+        h, every = np.diff(self.knots), np.arange(self.k)
+        here = every if self.cyclic else every[1:-1]
+        before, after = h[here - 1, None], h[here, None]
+        left, right, own = np.eye(self.k)[here - 1], np.eye(self.k)[(here + 1) % self.k], np.eye(self.k)[here]
+        D = left / before + right / after - own * (1 / before + 1 / after)
+        B = left * before / 6 + right * after / 6 + own * (before + after) / 3
+        F = np.zeros((self.k, self.k))  # the second derivatives of a natural spline are zero at both ends
+        F[here] = np.linalg.solve(B[:, here], D)
+        return F[np.arange(len(self.knots)) % self.k], np.asarray(D.T @ F[here])
 
     @property
     def penalty(self) -> FloatArray:
@@ -298,6 +291,13 @@ def thin_plate(points: FloatArray, counts: FloatArray, k: int, order: int) -> Th
     return ThinPlate(knots, shift, loadings, scale, (S + S.T) / 2, order)
 
 
-def cubic_regression(points: FloatArray, k: int, cyclic: bool = False) -> CubicRegression:
-    """Build a cubic regression spline with `k` knots at even quantiles of the distinct values `points` (n,)."""
-    return CubicRegression(np.quantile(points, np.linspace(0, 1, k)), cyclic)
+def cubic_regression(
+    points: FloatArray, k: int, cyclic: bool = False, knots: tuple[float, ...] = ()
+) -> CubicRegression:
+    """Build a cubic regression spline with `k` knots: those given, or even quantiles of the distinct values `points` (n,).
+
+    Two given `knots` are the ends of a period, and count as distinct values.
+    """
+    if len(knots) < 3:
+        return CubicRegression(np.quantile(np.union1d(points, knots), np.linspace(0, 1, k)), cyclic)
+    return CubicRegression(np.array(knots), cyclic)

@@ -12,7 +12,7 @@ import ast
 import difflib
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final, NoReturn, cast, get_args
 
 from tripwatt_gamm.errors import Fault, InvalidInput, raise_faults
@@ -20,7 +20,7 @@ from tripwatt_gamm.terms import Basis, Formula, Parametric, RandomEffect, Smooth
 
 _BASES: Final = (*get_args(Basis), "re")
 _FUNCTIONS: Final = ("s", "te", "ti", "offset")
-_ARGUMENTS: Final = ("bs", "k", "by")
+_ARGUMENTS: Final = ("bs", "k", "by", "knots")
 _TERMS_ALLOWED: Final = (
     "a column, a:b, a*b, a/b, s(...), te(...), ti(...), (1 + x | group), offset(x), 1, 0 or -1, joined by +"
 )
@@ -107,6 +107,13 @@ class _Reader:
             values.append(value)
         return tuple(values)
 
+    def knots(self, call: ast.Call, node: ast.expr) -> tuple[float, ...]:
+        """Read the numbers of the argument `knots`."""
+        try:
+            return tuple(float(ast.literal_eval(element)) for element in self.vector(node))
+        except (TypeError, ValueError):
+            self.refuse(call, "knots are no numbers", self.original(node), "knots=c(0, 24)")
+
     def basis(self, call: ast.Call, node: ast.expr) -> str:
         """Read the basis of the argument `bs`; several elements must be equal."""
         values = {e.value if isinstance(e, ast.Constant) else None for e in self.vector(node)}
@@ -186,8 +193,11 @@ class _Reader:
             return RandomEffect(columns[0], columns[1:])
         k = self.dimensions(node, options["k"]) if "k" in options else ()
         by = self.by(node, options)
+        knots = self.knots(node, options["knots"]) if "knots" in options else ()
         if kind == "s":
-            return self.smooth(node, columns, cast(Basis, basis), k, by)
+            return replace(self.smooth(node, columns, cast(Basis, basis), k, by), knots=knots)
+        if knots:
+            self.refuse(node, "a tensor product takes no knots", "knots", 's(x, bs="cc", knots=c(0, 24))')
         if len(columns) < 2 or basis == "re":
             got, allowed = self.original(node), f'{kind}(a, b, bs="ps", k=c(6, 6))'
             self.refuse(node, "a tensor product takes two or more covariates", got, allowed)
@@ -286,7 +296,7 @@ def parse_formula(text: str) -> Formula:
     text : str
         ``response ~ term + term + ...``. Terms: a column (numeric or factor) and interactions ``a:b``, ``a*b``
         (``a + b + a:b``), ``a/b`` (``a + a:b``); ``s(x)``, ``s(x, by=f)``, ``s(a, b)`` with ``bs`` ("tp", "ps",
-        "cr", "cc"), ``k``, ``by``; ``s(x, f, bs="fs")``; ``te(a, b)`` and ``ti(a, b)``; ``s(group, bs="re")``, ``s(group, x, bs="re")``,
+        "cr", "cc"), ``k``, ``by``, ``knots`` (of "cc"); ``s(x, f, bs="fs")``; ``te(a, b)``, ``ti(a, b)``; ``s(group, bs="re")``, ``s(group, x, bs="re")``,
         ``(1 + x | group)``, ``(1 + x || group)`` without a correlation; ``offset(x)``; ``-1`` or ``+0`` to leave out
         the intercept. ``c(6, 6)`` gives one number per margin. A column whose name is no plain name is written in
         backticks. The response may be missing.
@@ -307,7 +317,7 @@ def parse_formula(text: str) -> Formula:
     ('y', ['weather', 's(time):season', 's(trip)'])
     >>> parse_formula("y ~ s(time, kk=12)")
     Traceback (most recent call last):
-    tripwatt_gamm.errors.InvalidInput: unknown argument: term 's(time, kk=12)' at character 5: got kk; allowed: bs, k, by; did you mean k?
+    tripwatt_gamm.errors.InvalidInput: unknown argument: term 's(time, kk=12)' at character 5: got kk; allowed: bs, k, by, knots; did you mean k?
     """
     left, tilde, right = text.partition("~")
     if not tilde or "~" in right:

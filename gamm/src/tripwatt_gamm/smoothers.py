@@ -106,8 +106,19 @@ def _usable(k: int, smallest: int, points: Points, label: str, what: str) -> tup
     return k, []
 
 
-def _basis(kind: str, points: Points, k: int, label: str, what: str) -> tuple[Basis, list[str]]:
+def _basis(
+    kind: str, points: Points, k: int, label: str, what: str, knots: tuple[float, ...] = ()
+) -> tuple[Basis, list[str]]:
     """Build one basis over distinct points (count, d); return it with notes on a reduced `k`."""
+    if knots:
+        low, high = float(points.values.min()), float(points.values.max())
+        increasing = (np.diff(knots) > 0).all() and knots[0] <= low and high <= knots[-1]
+        if kind != "cc" or len(knots) not in (2, k) or not increasing:
+            got = f"{len(knots)} knots from {knots[0]:g} to {knots[-1]:g} of basis {kind}, k={k}"
+            allowed = (
+                f"increasing: the ends of a period that holds {low:g} to {high:g}, or k knots, of basis cc"
+            )
+            raise InvalidInput.of("invalid knots", label, got, allowed)
     d = points.values.shape[1]
     order = 2 if d == 1 else (d + 1) // 2 + 1
     if kind == "ps":
@@ -115,7 +126,7 @@ def _basis(kind: str, points: Points, k: int, label: str, what: str) -> tuple[Ba
         return PSpline(float(points.values[0, 0]), float(points.values[-1, 0]), k), notes
     if kind in ("cr", "cc"):
         k, notes = _usable(k, 3 if kind == "cr" else 4, points, label, what)
-        return cubic_regression(points.values[:, 0], k, kind == "cc"), notes
+        return cubic_regression(points.values[:, 0], k, kind == "cc", knots), notes
     if kind != "tp":
         raise InvalidInput.of("unknown basis", label, repr(kind), "tp, ps, cr or cc")
     # polynomials in d variables whose total degree is below the order are not penalised
@@ -148,7 +159,7 @@ def build_smooth(term: Smooth, points: Points, centred: bool) -> Built:
         allowed = "tp, or a tensor product"
         raise InvalidInput.of("basis for one covariate only", term.label, term.basis, allowed)
     k = term.k if term.k is not None else {1: 10, 2: 30}.get(d, 110)
-    basis, notes = _basis(term.basis, points, k, term.label, ", ".join(term.names))
+    basis, notes = _basis(term.basis, points, k, term.label, ", ".join(term.names), term.knots)
     table = basis.matrix(points.values)
     S = _scale(basis.penalty, table)
     Z = _sum_to_zero(np.average(table, axis=0, weights=points.counts)) if centred else np.eye(basis.k)

@@ -78,7 +78,7 @@ class Smooth(_Smoothed):
         Covariates; several only with the thin plate basis.
     basis : {"tp", "ps", "cr", "cc", "fs"}
         Thin plate regression spline (Wood 2003), cubic P-spline (Eilers & Marx 1996), cubic regression spline; "cc" is
-        the cyclic one, whose period is the range of the data; "fs" a thin plate curve for each level of the factor
+        the cyclic one, whose period is the range of the data or of `knots`; "fs" a thin plate curve for each level of the factor
         `by`, drawn from one distribution: bends, constants and slopes have a variance each.
     k : int, optional
         Basis dimension before the identifiability constraint. Default: 10 for one covariate, 30 for two,
@@ -87,6 +87,8 @@ class Smooth(_Smoothed):
         A numeric column multiplies the smooth. A factor gives one smooth per level. An ordered factor (a pandas
         categorical column with `ordered=True`) gives one centred difference smooth for each level but the lowest, which
         is the reference. Beside a smooth of the same covariates, a difference smooth is its level's deviation from it.
+    knots : tuple of float, optional
+        For "cc" the two ends of the period, such as 0 and 24 hours, or all `k` knots, the first and last of which are one.
 
     Examples
     --------
@@ -100,6 +102,7 @@ class Smooth(_Smoothed):
     basis: Basis = "tp"
     k: int | None = None
     by: str | None = None
+    knots: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
