@@ -56,10 +56,9 @@ class JourneyJobs:
 
     def difference(self, request: asked.JourneyDifferenceRequest, *models: ForecastModel) -> dict[str, Any]:
         """Return the response to a `JourneyDifferenceRequest`, with the models of both journeys."""
-        pairs = zip((request.one, request.other), models, strict=True)
-        one, other = (
-            self._journey(plan, self._forecaster(plan, model), answers=True) for plan, model in pairs
-        )
+        plans = request.one, request.other
+        drives = map(self._forecaster, plans, models)
+        one, other = (self._journey(*pair, answers=True) for pair in zip(plans, drives, strict=True))
         return one.difference(other, request.road).to_dict()
 
     def advice(self, request: asked.JourneyAdviceRequest, model: ForecastModel) -> dict[str, Any]:
@@ -77,10 +76,8 @@ class JourneyJobs:
 
     def _journey(self, request: asked.PlanRequest, forecaster: RoadForecaster, **changed: Any) -> Journey:
         atlas = self._atlas()
-        given = request.model_dump(include={*JourneyOptions.__slots__})
-        options = JourneyOptions(
-            **given | {"avoid": tuple(Place(**station) for station in given["avoid"])} | changed
-        )
+        given = request.model_dump(include={*JourneyOptions.__slots__} - {"avoid"}) | changed
+        options = JourneyOptions(**given, avoid=tuple(Place(**p.model_dump()) for p in request.avoid))
         stops = find_stops([place_of(stop) for stop in request.stops], atlas, round_trip=request.round_trip)
         return journey_with(forecaster, stops, atlas, options)
 
