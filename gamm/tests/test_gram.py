@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from gamm_samples import clustered
 from tripwatt_gamm import GAMM
 from tripwatt_gamm.gram import Factor, Gram
-from tripwatt_gamm.penalties import Penalised, PenaltyStack
+from tripwatt_gamm.penalties import PenaltyBlock, PenaltyStack
 
 
 def sample(seed, d, q, levels):
@@ -33,9 +33,9 @@ def test_elimination_is_the_dense_algebra(seed, d, q):
     dead = v > 0
     np.testing.assert_allclose(gram.without(dead).dense(), full * ~dead * ~dead[:, None], atol=1e-12)
     # one penalty of the corner, and one for each effect or all correlated effects
-    terms = [Penalised(0, [np.eye(d)])] if d else []
+    terms = [PenaltyBlock.from_matrices(0, [np.eye(d)])] if d else []
     L = np.tril(np.random.default_rng(seed).normal(size=(q, q)), -1) + np.eye(q)
-    terms.append(Penalised(d, [np.outer(row, row) for row in L], levels, np.ones(q)))
+    terms.append(PenaltyBlock.from_matrices(d, [np.outer(row, row) for row in L], levels, np.ones(q)))
     stack, rho = PenaltyStack(len(full), terms), np.random.default_rng(seed).uniform(-1, 1, q + bool(d))
     penalties = [np.zeros_like(full) for _ in rho]
     for j, S in enumerate(penalties):

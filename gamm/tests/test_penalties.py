@@ -5,7 +5,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from tripwatt_gamm.penalties import LOG_RATIO, Penalised, PenaltyStack
+from tripwatt_gamm.penalties import LOG_RATIO, PenaltyBlock, PenaltyStack
 
 few = settings(max_examples=8, deadline=None)
 
@@ -20,7 +20,7 @@ def test_log_determinant_of_several_penalties(logs, count):
     parts.append(parts[0] @ parts[1])
     Q = np.linalg.qr(rng.normal(size=(12, 12)))[0]
     matrices = [Q.T @ S @ Q for S in parts][:count]
-    stack = PenaltyStack(14, [Penalised(2, matrices)])
+    stack = PenaltyStack(14, [PenaltyBlock.from_matrices(2, matrices)])
     rho = np.array(logs[:count])
     value, gradient, _ = stack.log_determinant(rho)
     # all parts share their eigenvectors, so the truth needs no cancelling sums

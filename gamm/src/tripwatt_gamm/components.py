@@ -26,8 +26,7 @@ def random_covariance(model: Estimator, fitted: FittedTerm) -> FloatArray:
     fitted : FittedTerm
         One of its random effects.
     """
-    q = len(fitted.effects)
-    first = fitted.start + np.arange(q) * (fitted.size // q)
+    first = np.arange(fitted.start, fitted.start + fitted.size, fitted.copies)
     return np.asarray(np.linalg.inv(total_penalty(model)[np.ix_(first, first)]) * model.reml_scale_)
 
 

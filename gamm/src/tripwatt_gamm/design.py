@@ -33,7 +33,7 @@ from tripwatt_gamm.covariates import (
 )
 from tripwatt_gamm.errors import Fault, InvalidInput, raise_faults
 from tripwatt_gamm.fitted_terms import Extrapolation, FittedTerm
-from tripwatt_gamm.penalties import Penalised, PenaltyStack, correlated_penalties
+from tripwatt_gamm.penalties import PenaltyBlock, PenaltyStack, correlated_penalties
 from tripwatt_gamm.smoothers import (
     Built,
     build_factor_smooth,
@@ -93,17 +93,18 @@ class Design:
 
     def penalty_stack(self, active: Index) -> tuple[PenaltyStack, list[int]]:
         """Return the penalties of the active coefficients, and the positions of their smoothing parameters in the model."""
-        terms: list[Penalised] = []
+        blocks: list[PenaltyBlock] = []
         which: list[int] = []
         parameter = 0
         position = {int(column): i for i, column in enumerate(active)}
         for fitted in self.terms:
             if fitted.matrices and fitted.start in position:
                 first = position[fitted.start]
-                terms.append(Penalised(first, fitted.matrices, fitted.copies, fitted.scales))
+                own = PenaltyBlock.from_matrices(first, fitted.matrices, fitted.copies, fitted.scales)
+                blocks.append(own)
                 which += range(parameter, parameter + len(fitted.matrices))
             parameter += len(fitted.matrices)
-        return PenaltyStack(len(active), terms), which
+        return PenaltyStack(len(active), blocks), which
 
     @property
     def penalty_names(self) -> list[str]:

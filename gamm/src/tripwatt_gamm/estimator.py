@@ -93,11 +93,10 @@ class Estimator:
         all_rows = np.arange(len(frame), dtype=np.intp)
         where = work.design.formula.response or "y"
         design, active, which, solution = work.fit(all_rows, work.sums(all_rows), settings, where)
-        loaded = design.penalty_stack(active)[0].loaded(solution.loadings).terms
-        for fitted in design.terms:
-            if fitted.scales is not None:
-                at = int(np.searchsorted(active, fitted.start))
-                fitted.matrices = next(term.matrices for term in loaded if term.start == at)
+        for block in design.penalty_stack(active)[0].loaded(solution.loadings).blocks:
+            if block.sizes is not None:
+                owner = next(fitted for fitted in design.terms if fitted.start == active[block.start])
+                owner.matrices = block.matrices
         for name, value in results(design, data, family, solution, active, which).items():
             setattr(self, name + "_", value)
         self.offset_ = offset

@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from tripwatt_gamm.arrays import FloatArray
 from tripwatt_gamm.covariates import Index
 from tripwatt_gamm.design import Design
 from tripwatt_gamm.fitted_terms import FittedTerm
-from tripwatt_gamm.tables import IndexedColumns, TableRows
+from tripwatt_gamm.tables import TableRows
 from tripwatt_gamm.terms import Smooth, Tensor
 
 NULL_TOLERANCE = 1e-12
@@ -96,42 +97,28 @@ def identify(design: Design, gram: FloatArray) -> Design:
 
 
 def _reduce(design: Design, gram: FloatArray, fitted: FittedTerm, Z: FloatArray) -> tuple[Design, FloatArray]:
-    """Replace the columns of one term by their products with Z (q, r), in the design and its crossproduct."""
-    where = fitted.slice
-    before, after = np.arange(where.start), np.arange(where.stop, len(gram))
-    middle = gram[:, where] @ Z
-    columns = np.hstack([gram[:, before], middle, gram[:, after]])
-    gram = np.vstack([columns[before], Z.T @ columns[where], columns[after]])
+    """Replace the columns of one smooth by their products with Z (q, r), in the design and its crossproduct."""
+    first, last = fitted.slice.start, fitted.slice.stop
+    map_columns = block_diag(np.eye(first), Z, np.eye(len(gram) - last))
     gone = Z.shape[0] - Z.shape[1]
-    first, last = where.start, where.stop
-    terms = []
-    for other in design.terms:
-        if other is fitted:
-            assert fitted.smoother is not None
-            terms.append(
-                replace(
-                    fitted,
-                    names=[f"{fitted.label}.{i + 1}" for i in range(Z.shape[1])],
-                    matrices=[Z.T @ S @ Z for S in fitted.matrices],
-                    smoother=replace(fitted.smoother, transform=fitted.smoother.transform @ Z),
-                )
-            )
-        else:
-            terms.append(replace(other, start=other.start - (gone if other.start >= last else 0)))
-    parts = [_reduced_part(part, first, last, gone, Z) for part in design.rows.parts]
+    assert fitted.smoother is not None
+    smaller = replace(
+        fitted,
+        names=[f"{fitted.label}.{i + 1}" for i in range(Z.shape[1])],
+        matrices=[Z.T @ S @ Z for S in fitted.matrices],
+        smoother=replace(fitted.smoother, transform=fitted.smoother.transform @ Z),
+    )
+    terms = [
+        smaller if other is fitted else replace(other, start=other.start - gone * (other.start >= last))
+        for other in design.terms
+    ]
+    parts = []
+    for part in design.rows.parts:
+        columns, table = part.columns - gone * (part.columns >= last), part.table
+        # the columns of a smooth are a part of their own
+        if table is not None and first <= part.columns[0] < last:
+            columns, table = np.arange(first, first + Z.shape[1], dtype=np.intp), table @ Z
+        parts.append(replace(part, columns=columns, table=table))
     rows = TableRows(parts, design.rows.n, design.p - gone)
-    empty = [c - (gone if c >= last else 0) for c in design.empty]
-    return replace(design, terms=terms, rows=rows, empty=empty), gram
-
-
-def _reduced_part(part: IndexedColumns, first: int, last: int, gone: int, Z: FloatArray) -> IndexedColumns:
-    """Replace the columns from `first` to before `last` by their products with Z, and move later ones down by `gone`."""
-    inside = (part.columns >= first) & (part.columns < last)
-    outside = part.columns[~inside]
-    moved = outside - np.where(outside >= last, gone, 0)
-    if part.table is None or not inside.any():
-        return replace(part, columns=moved)
-    table = np.hstack([part.table[:, ~inside], part.table[:, inside] @ Z])
-    columns = np.concatenate([moved, np.arange(first, first + Z.shape[1])])
-    order = np.argsort(columns)
-    return replace(part, columns=columns[order], table=np.ascontiguousarray(table[:, order]))
+    empty = [c - gone * (c >= last) for c in design.empty]
+    return replace(design, terms=terms, rows=rows, empty=empty), map_columns.T @ gram @ map_columns

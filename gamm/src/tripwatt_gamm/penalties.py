@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -30,28 +29,6 @@ MAX_CORRELATED = 14.0
 """Upper bound for correlated effects, whose penalties overlap: beyond it the smaller penalty is lost in rounding."""
 
 
-class Penalised(NamedTuple):
-    """A penalised block of coefficients.
-
-    Attributes
-    ----------
-    start : int
-        First coefficient.
-    matrices : list of ndarray (m, m)
-        Penalties of one copy.
-    copies : int
-        The block has m times this number of coefficients: each of the m from all copies, one after the other. Penalties of
-        several copies, the levels of a factor, sum to a matrix of full rank.
-    sizes : ndarray (m,) or None
-        Root mean squares of the columns of correlated effects.
-    """
-
-    start: int
-    matrices: list[FloatArray]
-    copies: int = 1
-    sizes: FloatArray | None = None
-
-
 @dataclass(frozen=True)
 class PenaltyBlock:
     """Penalties of one term in the rotated coordinates of its block.
@@ -61,7 +38,8 @@ class PenaltyBlock:
     start, stop : int
         Coefficients of the block.
     copies : int
-        As in `Penalised`; the following are those of one copy.
+        The block has m times this number of coefficients: each of the m from all copies, the levels of a factor, one after
+        the other. Penalties of several copies sum to a matrix of full rank. The following are those of one copy.
     rank : int
         Dimension of the range space: the first `rank` rotated coefficients.
     rotation : ndarray (m, m)
@@ -70,6 +48,8 @@ class PenaltyBlock:
         Penalties in the range space.
     roots : list of ndarray (r, rank)
         Matrices of full row rank whose crossproducts are the penalties.
+    sizes : ndarray (m,) or None
+        Root mean squares of the columns of correlated effects.
     """
 
     start: int
@@ -79,9 +59,12 @@ class PenaltyBlock:
     rotation: FloatArray
     matrices: list[FloatArray]
     roots: list[FloatArray]
+    sizes: FloatArray | None = None
 
     @classmethod
-    def from_matrices(cls, start: int, matrices: list[FloatArray], copies: int = 1) -> PenaltyBlock:
+    def from_matrices(
+        cls, start: int, matrices: list[FloatArray], copies: int = 1, sizes: FloatArray | None = None
+    ) -> PenaltyBlock:
         """Rotate the penalties (m, m) of a block that starts at coefficient `start`."""
         total = sum((S / np.linalg.norm(S) for S in matrices), np.zeros_like(matrices[0]))
         values, vectors = eigh((total + total.T) / 2)
@@ -96,7 +79,7 @@ class PenaltyBlock:
             values, W = eigh(S)
             positive = values > RANK_TOLERANCE * values[-1]
             roots.append(np.sqrt(values[positive])[:, None] * W[:, positive].T)
-        return cls(start, stop, copies, rank, vectors, in_range, roots)
+        return cls(start, stop, copies, rank, vectors, in_range, roots, sizes)
 
     def log_determinant(self, rho: FloatArray) -> tuple[float, FloatArray, FloatArray]:
         """Return log|S|+, its gradient and its Hessian in the log smoothing parameters `rho` of the block.
@@ -142,6 +125,7 @@ class Penalty:
         Coefficients that the penalty acts on: r of each copy.
     matrix : ndarray (r, r)
         Penalty of one copy.
+    copies : int
     trace : float
         Trace of the penalty; the trace of the crossproduct of `where`, divided by it, is the scale of the smoothing
         parameter.
@@ -151,8 +135,9 @@ class Penalty:
 
     where: slice
     matrix: FloatArray
+    copies: int
     trace: float
-    log_most: float = LOG_RATIO[1]
+    log_most: float
 
     def times(self, M: FloatArray) -> FloatArray:
         """Multiply the penalty by the rows `where` of a vector or a matrix."""
@@ -166,37 +151,35 @@ class PenaltyStack:
     ----------
     p : int
         Number of coefficients.
-    terms : list of Penalised
+    blocks : list of PenaltyBlock
 
     Examples
     --------
-    >>> stack = PenaltyStack(4, [Penalised(1, [np.diag([2.0, 1.0, 0.0])])])
+    >>> stack = PenaltyStack(4, [PenaltyBlock.from_matrices(1, [np.diag([2.0, 1.0, 0.0])])])
     >>> stack.size, stack.null_dim
     (1, 2)
     """
 
-    def __init__(self, p: int, terms: list[Penalised]) -> None:
-        self.p, self.terms = p, terms
-        self.blocks = [PenaltyBlock.from_matrices(term.start, term.matrices, term.copies) for term in terms]
+    def __init__(self, p: int, blocks: list[PenaltyBlock]) -> None:
+        self.p, self.blocks = p, blocks
         self.penalties: list[Penalty] = []
         self.members: list[npt.NDArray[np.intp]] = []
-        for block, term in zip(self.blocks, terms, strict=True):
-            first, sizes, copies = len(self.penalties), term.sizes, block.copies
-            inside = slice(block.start, block.start + copies * block.rank)
+        for block in blocks:
+            first, sizes = len(self.penalties), block.sizes
+            inside = slice(block.start, block.start + block.copies * block.rank)
             for j, S in enumerate(block.matrices):
-                if sizes is None:
-                    self.penalties.append(Penalty(inside, S, copies * float(np.trace(S))))
-                else:
-                    scale = copies * float(sizes @ sizes) / sizes[j] ** 2
-                    self.penalties.append(Penalty(inside, S, scale, MAX_CORRELATED))
+                trace, most = block.copies * float(np.trace(S)), LOG_RATIO[1]
+                if sizes is not None:
+                    trace, most = block.copies * float(sizes @ sizes) / sizes[j] ** 2, MAX_CORRELATED
+                self.penalties.append(Penalty(inside, S, block.copies, trace, most))
             self.members.append(np.arange(first, len(self.penalties)))
         self.size = len(self.penalties)
-        self.null_dim = p - sum(block.copies * block.rank for block in self.blocks)
+        self.null_dim = p - sum(block.copies * block.rank for block in blocks)
 
     @property
     def n_loadings(self) -> int:
         """Number of loadings: parameters of correlation, in which the penalties are not linear."""
-        sizes = [term.sizes for term in self.terms if term.sizes is not None]
+        sizes = [block.sizes for block in self.blocks if block.sizes is not None]
         return sum(len(size) * (len(size) - 1) // 2 for size in sizes)
 
     def loaded(self, x: FloatArray) -> PenaltyStack:
@@ -207,14 +190,15 @@ class PenaltyStack:
         x : ndarray (n_loadings,)
             Loadings of all blocks, in units of the ratio of the sizes of the effects' columns.
         """
-        terms, remaining = [], x
-        for term in self.terms:
-            if (size := term.sizes) is not None:
+        blocks, remaining = [], x
+        for block in self.blocks:
+            if (size := block.sizes) is not None:
                 row, column = np.tril_indices(len(size), -1)
                 own_loadings, remaining = remaining[: len(row)], remaining[len(row) :]
-                term = term._replace(matrices=correlated_penalties(own_loadings * size[column] / size[row]))
-            terms.append(term)
-        return PenaltyStack(self.p, terms)
+                matrices = correlated_penalties(own_loadings * size[column] / size[row])
+                block = PenaltyBlock.from_matrices(block.start, matrices, block.copies, size)
+            blocks.append(block)
+        return PenaltyStack(self.p, blocks)
 
     def rotate(self, M: FloatArray, back: bool = False) -> FloatArray:
         """Rotate a vector (p,) or the rows of a matrix (p, q), or rotate them back to the coordinates of the model."""
@@ -253,10 +237,9 @@ class PenaltyStack:
         """Add the penalties with log smoothing parameters `rho`; return the sum."""
         corner = gram.corner.copy()
         for penalty, r in zip(self.penalties, rho, strict=True):
-            where = penalty.where
-            copies = (where.stop - where.start) // len(penalty.matrix)
-            if where.start < len(corner):
-                corner[where, where] += np.exp(r) * np.kron(penalty.matrix, np.eye(copies))
+            if penalty.where.start < len(corner):
+                full = np.kron(penalty.matrix, np.eye(penalty.copies))
+                corner[penalty.where, penalty.where] += np.exp(r) * full
         levels = self._of_levels(rho, gram.blocks).sum(axis=0)
         return Gram(corner, gram.border, gram.blocks + levels[:, :, None])
 

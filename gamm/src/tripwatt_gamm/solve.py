@@ -103,12 +103,6 @@ class Problem:
         return white.rows(self.rows), white.values(self.y)
 
 
-def _with_ridge(data: NormalEquations) -> NormalEquations:
-    """Add a ridge of 1e-8 of the diagonal, for crossproducts that are singular to working precision."""
-    corner = data.gram.corner + 1e-8 * np.diag(np.diag(data.gram.corner))
-    return replace(data, gram=replace(data.gram, corner=corner))
-
-
 def _gaussian(
     data: NormalEquations, stack: PenaltyStack, settings: FitSettings, scale: float | None
 ) -> Solution | None:
@@ -182,7 +176,10 @@ def _laplace(problem: Problem, response: Response, data: NormalEquations) -> Sol
 def _fit_at(problem: Problem, rho: float) -> Solution | None:
     """Fit at a given autocorrelation; if the fit fails, again with a ridge."""
     settings, stack, normal = problem.settings, problem.stack, problem.normal(rho)
-    for data in (normal, _with_ridge(normal)):
+    # a ridge of 1e-8 of the diagonal is for crossproducts that are singular to working precision
+    for ridge in (0.0, 1e-8):
+        corner = normal.gram.corner * (1 + ridge * np.eye(len(normal.gram.corner)))
+        data = replace(normal, gram=replace(normal.gram, corner=corner))
         if isinstance(settings.family, Gaussian):
             fitted = _gaussian(data, stack, settings, settings.family.scale)
         elif problem.response is not None:

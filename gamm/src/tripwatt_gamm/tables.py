@@ -109,7 +109,6 @@ class TableRows:
         self.parts, self.n, self.p = parts, n, p
         self.effects = [part for part in parts if part.table is None]
         self.d = p - sum(len(part.columns) for part in self.effects)
-        self.overlaps = sum(len(q.columns) for q in parts) > p  # parts share columns, as in whitened rows
 
     def subset(self, rows: Index | None = None, columns: Index | None = None) -> TableRows:
         """Return some rows, in the given order, and some columns."""
@@ -173,7 +172,7 @@ class TableRows:
                 piece *= part.scale[rows][:, None]
             contiguous = len(part.columns) and part.columns[-1] - part.columns[0] + 1 == len(part.columns)
             at = slice(part.columns[0], part.columns[-1] + 1) if contiguous else part.columns
-            X[:, at] = X[:, at] + piece if self.overlaps else piece
+            X[:, at] += piece
         return X
 
     def _chunks(self) -> list[slice]:
