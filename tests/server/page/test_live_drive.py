@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import time
 from pathlib import Path
@@ -249,3 +250,33 @@ def test_the_address_of_a_code_opens_the_view_with_its_token(look: Any, service:
     page.wait_for_selector(SHOWN)
     assert TOKEN not in page.evaluate("location.href")
     service.client.delete("/v1/cars/coded").raise_for_status()
+
+
+def test_what_to_do_is_to_drive_on_to_drive_slower_or_to_charge(
+    opened: Any, service: Service, cars: Path
+) -> None:
+    page, token = opened, new_car(service, cars, "todo")
+    service.client.put("/v1/live/todo/plan", json=PLAN).raise_for_status()
+    messages = list(abrp_messages(measured(example_trip()), time.time() - HOUR_S))[:FIRST_ROWS]
+    send(service, token, [{**message, "soc": None} for message in messages])
+    document = service.client.get("/v1/live/todo").json()
+    assert document["soc"] is None
+    said: list[Any] = []
+
+    def answer(route: Any) -> None:
+        route.fulfill(content_type="text/event-stream", body=f"event: live\ndata: {json.dumps(said[0])}\n\n")
+
+    page.route("**/events", answer)
+    for verdict, speed_m_s, text in (
+        ("arrives", None, "Drive on as planned."),
+        ("open", 25.0, "At most 90\u00a0km/h keeps the reserve: 96 of 100 trips."),
+        ("does_not_arrive", None, "Charge on the way: no speed is sure to keep the reserve."),
+    ):
+        told = {"time_s": 60.0, "verdict": verdict, "soc_arrival": 0.1, "p_arrive": 0.5}
+        said[:] = [document | {"message": told | {"speed_m_s": speed_m_s, "p_at_speed": 0.96}}]
+        page.get_by_role("button", name="On the road").click()
+        road(page).get_by_text(text).wait_for()
+        now = figures_of(page)["Battery now"]
+        assert 0.0 < float(now.split("\u00a0")[0]) < 80.0, "by the energy where no message has a charge"
+        page.keyboard.press("Escape")
+    service.client.delete("/v1/cars/todo").raise_for_status()

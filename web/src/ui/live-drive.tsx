@@ -167,6 +167,8 @@ function Car({ of }: { of: LiveCar }) {
   const { distance } = units.value;
   const { forecast, trip, soc, destination } = of;
   const carM = forecast && trip ? Math.min(trip.distance_m, forecast.distance_m) : null;
+  const { distance_m = [], expected = [] } = forecast?.course ?? {};
+  const socNow = soc ?? (carM === null ? null : interpolate(carM, distance_m, expected));
   const flags = [...of.flags, ...(forecast?.flags.filter(({ code }) => code === CONTRADICTED) ?? [])];
   const ends = (q: Record<string, number>) => [LOW, HIGH].map((p) => figure(ENERGY.from(q[p] ?? 0), 1));
   const [low = "", high = ""] = forecast ? ends(forecast.quantiles_wh) : [];
@@ -186,7 +188,7 @@ function Car({ of }: { of: LiveCar }) {
       <div class="answer">
         {forecast && carM !== null && <Course of={forecast} carM={carM} />}
         <dl class="stats">
-          <Stat label={text.value.drive.now}>{soc === null ? "–" : shown(soc, PERCENT)}</Stat>
+          <Stat label={text.value.drive.now}>{socNow === null ? "–" : shown(socNow, PERCENT)}</Stat>
           {forecast && carM !== null && (
             <>
               <Stat label={text.value.verdict.arrivesAt}>
