@@ -402,7 +402,15 @@ export class RoadMap {
     for (const [k, marker] of markers.entries()) {
       const [right, down] = leans[k] as Lean;
       marker.setOffset([(right * PIN_PX) / 2, (down * PIN_PX) / 2]);
-      marker.getElement().dataset.lean = anchorOf([right, down]);
+      const element = marker.getElement();
+      element.dataset.lean = anchorOf([right, down]);
+      const corners = [
+        right > 0 && down > 0,
+        right < 0 && down > 0,
+        right < 0 && down < 0,
+        right > 0 && down < 0,
+      ];
+      element.style.borderRadius = corners.map((isTip) => (isTip ? "4px" : "50%")).join(" ");
     }
     this.setData(
       "pins",
