@@ -41,3 +41,7 @@ def test_sum_of_exponentials_far_into_the_tail(q):
     share = [np.prod([a / (a - b) for b in weights if b != a]) for a in weights]
     exact = float(np.exp(-q / (2 * weights)) @ share)
     assert weighted_chi2_sf(q, weights, [2] * 4) == pytest.approx(exact, rel=1e-9, abs=0)
+
+
+def test_a_probability_below_the_smallest_number_is_zero():
+    assert weighted_chi2_sf(9.7e19, np.ones(9)) == 0.0

@@ -71,6 +71,8 @@ def _inversion(q: float, lam: FloatArray, h: FloatArray) -> float:
     width = v**-0.5
     bend = float(np.clip(third * width**3 / 3, 0.25, 2.0))
     top = float(-0.5 * (h * np.log(d)).sum() - q * c - np.log(c))
+    if np.exp(top) == 0:
+        return 0.0  # below the smallest number
 
     def integrand(x: float) -> float:
         s = c + width * (1j * np.sinh(x) + bend * (np.cosh(x) - 1))
