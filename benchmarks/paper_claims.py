@@ -19,7 +19,7 @@ import pandas as pd
 from scipy import optimize, special, stats
 from tools import DOCS
 from tools.command import run
-from tools.docs.paper_page import PAPER_EDF
+from tools.docs.paper_page import FINE_STEP_S, PAPER_EDF
 
 from benchmarks.measure import tum_folder
 from tripwatt.arrays import FloatArray, IntArray
@@ -104,7 +104,7 @@ def write_rows(table: TripTable, folder: Path) -> None:
         cumulative_nearest=residual_wh(table, NEAREST),
         power_nearest=power_w(table, residual_wh(table, NEAREST)),
     )
-    for step in (60, POWER_STEP_S):
+    for step in (60, POWER_STEP_S, FINE_STEP_S):
         _, rows = fitted_rows(table, step)
         X.iloc[rows].to_csv(folder / f"rows{step}.csv", index=False, float_format="%.6g")
 

@@ -46,10 +46,10 @@ def publish(
         for name in ("uncertainty.md", "evaluation.md"):
             update_coverage(results, page.with_name(name))
     if results["protocol"] == "paper":
-        cars, claims = (
-            json.loads((RESULTS / f"{name}.json").read_text("utf-8")) for name in ("cars", "paper_claims")
+        transfer, claims = (
+            json.loads((RESULTS / f"{name}.json").read_text("utf-8")) for name in ("transfer", "paper_claims")
         )
-        update_paper_page(results, page.with_name("paper.md"), cars, claims)
+        update_paper_page(results, page.with_name("paper.md"), transfer, claims)
         for name in FIGURES:
             drawn = out / "figures" / f"{name}.png"
             if drawn.is_file():

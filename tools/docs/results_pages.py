@@ -165,13 +165,13 @@ def update_coverage(results: Mapping[str, Any], page_path: Path) -> None:
 
 
 def update_paper_page(
-    results: Mapping[str, Any], page_path: Path, cars: Mapping[str, Any], claims: Mapping[str, Any]
+    results: Mapping[str, Any], page_path: Path, transfer: Mapping[str, Any], claims: Mapping[str, Any]
 ) -> None:
     """Replace what stands between the markers `paper-page` by the table of the paper's claims.
 
-    `results` are those of the protocol `paper`, `cars` those of the protocol `cars`, `claims` those of `benchmarks.paper_claims`.
+    `results` are those of the protocol `paper`, `transfer` those of `benchmarks.transfer`, `claims` those of `benchmarks.paper_claims`.
     """
-    _between(page_path, "paper-page", render_paper_page(results, cars, claims))
+    _between(page_path, "paper-page", render_paper_page(results, transfer, claims))
 
 
 def _between(path: Path, key: str, shown: str) -> None:
