@@ -1,7 +1,8 @@
 """The table of cars from the public lists: `python -m tools.data.car_table --write`.
 
 `car_selection.csv` names each car, its variant and the rows of the lists that are its own. The values are taken from the
-lists by this module, so that no figure of them is typed by hand. The lists are not part of this repository
+lists by this module, so that no figure of them is typed by hand. `car_makers.csv` has the figures that makers publish of cars that the
+lists lack; each is compared with a second list (`unconfirmed`), which is not shipped. The lists are not part of this repository
 (`TRIPWATT_CATALOGUE`, default ../shared/reference/ev_catalogue); their README names sources, licences and faults.
 """
 
@@ -10,7 +11,7 @@ from __future__ import annotations
 import csv
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -21,6 +22,7 @@ from tools import CATALOGUE, ROOT
 from tools.command import run
 
 SELECTION: Final = Path(__file__).with_name("car_selection.csv")
+MAKERS: Final = SELECTION.with_name("car_makers.csv")
 CHARGING_SELECTION: Final = Path(__file__).with_name("charging_selection.csv")
 TABLE: Final = ROOT / "src" / "tripwatt" / "vehicles" / "data" / "table" / "cars.csv"
 
@@ -31,6 +33,9 @@ LABEL_FACTOR: Final = 0.7
 
 KWH_PER_GALLON: Final = 33.705
 """Energy of a gallon of gasoline in miles per gallon equivalent, 40 CFR 600.002."""
+
+KM_PER_MILE: Final = 1.609344
+DRIVER_KG: Final = 75.0
 
 IRON_PHOSPHATE: Final = frozenset({"tesla_model_3_2022_rwd", "tesla_model_3_2024_rwd"})
 """Cars of the selection whose cells have an iron phosphate cathode."""
@@ -78,7 +83,7 @@ FRONTAL_SHARE: Final = 0.84
 """Frontal area over width times height without mirrors: 0.83 to 0.86 for the cars of which an area is published (Model 3, e-Golf, e-tron 55, Taycan, EQS)."""
 
 AGREEMENT: Final = 0.05
-"""Two sources of a usable energy agree within this."""
+"""Two sources of a usable energy, a mass or a range agree within this."""
 
 WIDEST_FAMILY: Final = 1.2
 """Highest over lowest consumption of a family up to which the middle stands for the car."""
@@ -150,6 +155,9 @@ def cells(folder: Path = CATALOGUE) -> list[Cell]:
             else:
                 table += from_epa(row, epa, ratings)
                 table += from_certificates(row["car"], certificates)
+    with MAKERS.open(encoding="utf-8", newline="") as file:
+        for row in csv.DictReader(file):
+            table += [*described(row), *usable(row, specs, second), *from_maker(row, wltp)]
     for car, kind in EEA.items():
         rows: Any = wltp[wltp.description == kind].itertuples()
         (line,) = rows
@@ -189,21 +197,21 @@ def described(row: dict[str, str]) -> Iterator[Cell]:
             car, {"pack_v": "pack_voltage", "motor_kw": "motor_power"}.get(key, key), row[key], unit, "maker"
         )
     yield Cell(car, "heat_pump", row["heat_pump"], "1", "maker")
-    if row["c_d"]:
+    if row.get("c_d"):
         yield Cell(car, "drag_coefficient", row["c_d"], "1", "maker")
         area, _, source = row["frontal_m2"].partition(" ")
         width, _, height = row["width_x_height_m"].partition(" x ")
         note = f"{FRONTAL_SHARE} of {width} m times {height} m" if width else "as published"
         area = area or number(FRONTAL_SHARE * float(width) * float(height), 3)
         yield Cell(car, "frontal_area", area, "m2", source or "maker", note)
-    if car in IRON_PHOSPHATE:
+    if car in IRON_PHOSPHATE or row.get("chemistry") == "lfp":
         yield Cell(car, "chemistry", "lfp", "", "maker")
 
 
 def token(title: str) -> tuple[str, str]:
     """Maker and a pattern of the model's name."""
     make, model, *_ = title.split()
-    make = {"Mercedes-AMG": "Mercedes", "Mercedes-Benz": "Mercedes", "MINI": "Mini", "smart": "smart"}.get(
+    make = {"Mercedes-AMG": "Mercedes", "Mercedes-Benz": "Mercedes", "MINI": "Mini", "Škoda": "Skoda"}.get(
         make, make
     )
     if make in TOKENS:
@@ -336,6 +344,68 @@ def from_ademe(row: dict[str, str], wltp: pd.DataFrame) -> Iterator[Cell]:
     yield Cell(car, "wltc", number(0.5 * (low + high), 6), "kWh/100 km", "ademe", note)
 
 
+def from_maker(row: dict[str, str], wltp: pd.DataFrame) -> Iterator[Cell]:
+    """Mass, consumption and range that a maker publishes of a car; the mass of a public list where it has the car."""
+    car, note = row["car"], row["note"]
+    if row["test_weight_lb"]:
+        yield Cell(car, "test_weight", row["test_weight_lb"], "lb", "epa_list_2025", note)
+        for key in ("udds", "hwfet") if row["udds"] else ():
+            per_mile = number(float(row[key]) * KM_PER_MILE, 6)
+            yield Cell(
+                car, key, per_mile, "kWh/100 mi", "fuel_economy_guide", f"{note}, {row[key]} kWh/100 km"
+            )
+    else:
+        kept = wltp[
+            (wltp.description == row["ademe"]) & (wltp.mass_running_order_kg_min == float(row["running_kg"]))
+        ]
+        assert len(kept) or not row["ademe"], f"{car}: no row with this mass"
+        source = ("ademe", row["ademe"]) if row["ademe"] else ("maker", note)
+        yield Cell(car, "running_mass", row["running_kg"], "kg", *source)
+    if row["wltc"]:
+        yield Cell(car, "wltc", row["wltc"], "kWh/100 km", "maker", note)
+    if row["range_km"]:
+        battery = number(100.0 * float(row["usable_kwh"]) / float(row["range_km"]), 6)
+        how = f"{note}: range {row['range_km']} km with {row['usable_kwh']} kWh"
+        yield Cell(car, "wltc_battery", battery, "kWh/100 km", "maker", how)
+
+
+def unconfirmed(folder: Path = CATALOGUE) -> Iterator[str]:
+    """Figures of `car_makers.csv` that no list confirms: mass, and consumption or range. The lists are for checking only."""
+    second, wltp = pd.read_csv(folder / "oed_specs.csv"), pd.read_csv(folder / "wltp.csv")
+    with MAKERS.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    for row in rows:
+        make, pattern = token(row["title"])
+        named = rf"(?i)(?<![a-z0-9])(?:{pattern})(?![0-9])"
+        specs = second[
+            second.make.str.startswith(make[:4].title()) & second.model.astype(str).str.contains(named)
+        ]
+        official = wltp[(wltp.model.astype(str) + " " + wltp.description).str.contains(named)]
+        if (
+            row["running_kg"]
+            and not row["ademe"]
+            and not near(specs.curb_kg, float(row["running_kg"]) - DRIVER_KG)
+        ):
+            yield f"{row['car']}: {row['running_kg']} kg"
+        low, high = official.wltp_kwh_100km_min, official.wltp_kwh_100km_max
+        if (
+            row["wltc"]
+            and not (
+                (low * (1.0 - AGREEMENT) <= float(row["wltc"]))
+                & (float(row["wltc"]) <= high * (1.0 + AGREEMENT))
+            ).any()
+        ):
+            yield f"{row['car']}: {row['wltc']} kWh/100 km"
+        ranges = [*specs.wltp_range_km, *pd.to_numeric(official.range_km_max, errors="coerce")]
+        if row["range_km"] and not near(ranges, float(row["range_km"])):
+            yield f"{row['car']}: {row['range_km']} km"
+
+
+def near(values: Iterable[float], figure: float) -> bool:
+    """Whether one of some values agrees with a figure."""
+    return any(abs(value / figure - 1.0) <= AGREEMENT for value in values)
+
+
 def charging_points(folder: Path = CATALOGUE) -> list[list[str]]:
     """Points of the charging curves that were drawn for a car, one row each; `charging_selection.csv` names the cars."""
     specs = json.loads((folder / "ev_specs.json").read_text("utf-8"))
@@ -393,6 +463,7 @@ def main(write: bool = False) -> None:
     confirmed = sum(row.value == "1" for row in rows if row.key == "confirmed")
     print(f"{len(rows)} cells of {len(cars)} cars; usable energy of {confirmed} confirmed by a second source")
     print(f"charging curves of {len({row[0] for row in points})} cars")
+    print("\n".join(("makers' figures that no list confirms:", *unconfirmed())))
     if write:
         write_table(rows)
         write_charging(points)
