@@ -37,6 +37,9 @@ NOT_ANCHORED: Final = ("bmw_i3_60ah", "bmw_i3_94ah", "nissan_leaf_24", "nissan_l
 OWN_ROAD_LOAD: Final = ("nissan_leaf_40", "tesla_model_3_lr", "hyundai_kona_64", "chevrolet_bolt")
 """Cars with a file of their own that has the coast-down of the certification."""
 
+CLASS_LEVEL: Final = "class"
+"""Level of the anchor of cars without a certified figure."""
+
 CLASS_LOSS: Final = "gear"
 """Loss that cars have in common: in proportion to the power, of all three the one that needs no speed or torque of a motor."""
 
@@ -119,8 +122,10 @@ def compute() -> tuple[dict[str, Anchor], list[Outcome]]:
     middle = float(np.median(common))
     efficiency = scaled(cars["vw_id4_pro"], CLASS_LOSS, middle).drivetrain.gearbox_efficiency
     entries = MappingProxyType({"drivetrain.gearbox_efficiency": (efficiency, "1")})
-    new[CLASS] = Anchor("class", CLASS_LOSS, entries, float(np.median(misses)))
+    new[CLASS] = Anchor(CLASS_LEVEL, CLASS_LOSS, entries, float(np.median(misses)))
     for name in names:
+        if not figures[name]:
+            new[name] = new[CLASS]
         if not figures[name] or level_of(name) == "road_load":
             continue
         own = scaled(cars[name], CLASS_LOSS, middle)
@@ -143,7 +148,7 @@ def committed() -> list[Outcome]:
     """The errors before and after the anchors of the package."""
     outcomes = []
     for name, anchor in anchors().items():
-        if name == CLASS:
+        if anchor.level == CLASS_LEVEL:
             continue
         before, after = unanchored(name), load_vehicle(name)
         outcomes.append(outcome(name, before, after, anchor, certified_figures(name, before)))

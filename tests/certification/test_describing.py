@@ -121,6 +121,21 @@ def test_a_consumption_that_no_such_car_has_is_refused(consumption: float, words
     assert "kWh/100 km" in str(fault.got)
 
 
+@pytest.mark.parametrize(("consumption", "words"), [(20.0, "at most"), (4.5, "at least")])
+def test_a_quadricycle_has_the_consumption_of_a_town_and_no_impossible_one(
+    consumption: float, words: str
+) -> None:
+    """Renault, technical data of the Twizy: 6.3 kWh/100 km in the urban cycle; Citroën, Ami: 5.5 kWh for 75 km."""
+    low, high = (describe_car(body="quadricycle", consumption_kwh_per_100km=c) for c in (6.3, 7.3))
+    trace = schedule("town")
+    assert max(trace[1]) == pytest.approx(50.0 / 3.6)
+    found = [driven_wh_per_km(car, trace, car.body.test_mass_kg) for car in (low, high)]
+    assert found == pytest.approx([10.0 * c * charging_efficiency() for c in (6.3, 7.3)], rel=0.01)
+    assert "TOWN 6.3 kWh/100 km" in low.title
+    with pytest.raises(InvalidInput, match=words):
+        describe_car(body="quadricycle", consumption_kwh_per_100km=consumption)
+
+
 def test_cars_that_differ_have_different_names() -> None:
     first, second = describe_car(**SIX), describe_car(**{**SIX, "heat_pump": False})
     assert first.name != second.name

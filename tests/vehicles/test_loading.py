@@ -19,6 +19,18 @@ from tripwatt.vehicles import (
 )
 
 ASKED_FOR = [
+    "vw_id3_77",
+    "vw_e_up_32",
+    "cupra_born_58",
+    "skoda_enyaq_80",
+    "mg_mg4_64",
+    "renault_zoe_22",
+    "renault_zoe_40",
+    "renault_r5_52",
+    "kia_niro_2023",
+    "hyundai_kona_65_2023",
+    "byd_atto_3",
+    "tesla_model_y_2025_lr_awd",
     "bmw_i3_60ah",
     "bmw_i3_94ah",
     "bmw_i3_120ah",
@@ -51,7 +63,7 @@ def test_library_has_every_car_that_was_asked_for() -> None:
 def test_cars_are_plausible_and_keep_the_origin_of_every_value(name: str) -> None:
     car = load_vehicle(name)
     kwh = car.battery.capacity_ah * car.battery.cells_in_series * np.mean(car.battery.ocv_v) / 1000.0
-    assert 1150.0 < car.body.curb_mass_kg < 1850.0
+    assert 1150.0 < car.body.curb_mass_kg < 2150.0
     assert 18.0 < kwh < 90.0
     # Road load at 80 km/h as a share of the weight.
     speed = 80.0 / 3.6
@@ -118,6 +130,12 @@ def test_a_car_from_a_path(tmp_path: Path) -> None:
         ("ë-c4", "citroen_e_c4"),
         ("id4 awd", "vw_id4_awd_pro"),
         ("2025 ex30 18", "volvo_ex30_er"),
+        ("id 3", "vw_id3"),
+        ("ID.3 77", "vw_id3_77"),
+        ("zoe 40", "renault_zoe_40"),
+        ("R5", "renault_r5_40"),
+        ("ev 6 gt", "kia_ev6_gt"),
+        ("skoda enyaq", "skoda_enyaq_80"),
     ],
 )
 def test_words_find_cars(words: str, first: str) -> None:
@@ -145,5 +163,20 @@ def test_an_unknown_car_is_named_with_those_that_are_meant() -> None:
     with pytest.raises(InvalidInput, match="did you mean 'vw_id4_pro'") as error:
         load_vehicle("vw_id4")
     assert len(str(error.value)) < 300  # not the whole library
-    with pytest.raises(InvalidInput, match=r"path of a \.toml file"):
+    with pytest.raises(
+        InvalidInput, match=r"describe it: `tripwatt vehicles new`, the path of a \.toml file"
+    ):
         require_vehicle("zzz")
+
+
+@pytest.mark.parametrize("name", vehicle_names())
+def test_a_car_is_found_by_its_title_and_by_its_name_in_parts(name: str) -> None:
+    title = vehicle_titles()[name].partition(" (")[0]
+    for words in (title, title.replace(".", " "), name.replace("_", " ")):
+        assert name in find_vehicles(words), words
+
+
+def test_short_words_stand_alone_or_with_their_neighbour() -> None:
+    assert "kia_ev6_gt" not in find_vehicles("ev gt")
+    assert set(find_vehicles("id 3")) == {"vw_id3", "vw_id3_77"}
+    assert set(find_vehicles("mg 4")) == {"mg_mg4_51", "mg_mg4_64"}

@@ -11,11 +11,12 @@ from __future__ import annotations
 import csv
 import json
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
 import pandas as pd
 
 from tools import CATALOGUE, ROOT
@@ -370,40 +371,26 @@ def from_maker(row: dict[str, str], wltp: pd.DataFrame) -> Iterator[Cell]:
 
 
 def unconfirmed(folder: Path = CATALOGUE) -> Iterator[str]:
-    """Figures of `car_makers.csv` that no list confirms: mass, and consumption or range. The lists are for checking only."""
+    """Figures of `car_makers.csv` that no list has within `AGREEMENT`. The lists are for checking only."""
     second, wltp = pd.read_csv(folder / "oed_specs.csv"), pd.read_csv(folder / "wltp.csv")
+    names = second.make.str.lower().str.replace("š", "s") + " " + second.model.astype(str)
+    descriptions = wltp.model.astype(str) + " " + wltp.description
     with MAKERS.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     for row in rows:
         make, pattern = token(row["title"])
         named = rf"(?i)(?<![a-z0-9])(?:{pattern})(?![0-9])"
-        specs = second[
-            second.make.str.startswith(make[:4].title()) & second.model.astype(str).str.contains(named)
-        ]
-        official = wltp[(wltp.model.astype(str) + " " + wltp.description).str.contains(named)]
-        if (
-            row["running_kg"]
-            and not row["ademe"]
-            and not near(specs.curb_kg, float(row["running_kg"]) - DRIVER_KG)
-        ):
-            yield f"{row['car']}: {row['running_kg']} kg"
-        low, high = official.wltp_kwh_100km_min, official.wltp_kwh_100km_max
-        if (
-            row["wltc"]
-            and not (
-                (low * (1.0 - AGREEMENT) <= float(row["wltc"]))
-                & (float(row["wltc"]) <= high * (1.0 + AGREEMENT))
-            ).any()
-        ):
-            yield f"{row['car']}: {row['wltc']} kWh/100 km"
-        ranges = [*specs.wltp_range_km, *pd.to_numeric(official.range_km_max, errors="coerce")]
-        if row["range_km"] and not near(ranges, float(row["range_km"])):
-            yield f"{row['car']}: {row['range_km']} km"
-
-
-def near(values: Iterable[float], figure: float) -> bool:
-    """Whether one of some values agrees with a figure."""
-    return any(abs(value / figure - 1.0) <= AGREEMENT for value in values)
+        specs = second[names.str.startswith(make.lower()) & names.str.contains(named)]
+        official = wltp[descriptions.str.contains(named)]
+        range_km = pd.to_numeric(official.range_km_max, errors="coerce")
+        listed = {
+            "running_kg": [*(specs.curb_kg + DRIVER_KG), *official.mass_running_order_kg_min],
+            "wltc": np.linspace(official.wltp_kwh_100km_min.min(), official.wltp_kwh_100km_max.max()),
+            "range_km": [*specs.wltp_range_km, *range_km],
+        }
+        for key, values in listed.items():
+            if row[key] and not any(abs(value / float(row[key]) - 1.0) <= AGREEMENT for value in values):
+                yield f"{row['car']}: {key} {row[key]}"
 
 
 def charging_points(folder: Path = CATALOGUE) -> list[list[str]]:

@@ -53,7 +53,7 @@ class CertifiedFigure:
     Attributes
     ----------
     cycle : str
-        One of `CYCLES`.
+        One of `CYCLES`, or "town": the WLTC with no speed above 50 km/h.
     wh_per_km : float
         Consumption [Wh/km].
     at_wall : bool
@@ -86,7 +86,7 @@ def schedule(cycle: str) -> tuple[FloatArray, FloatArray]:
     Parameters
     ----------
     cycle : str
-        One of `CYCLES`.
+        One of `CYCLES`, or "town": the WLTC with no speed above 50 km/h.
 
     Examples
     --------
@@ -94,6 +94,11 @@ def schedule(cycle: str) -> tuple[FloatArray, FloatArray]:
     >>> float(time[-1]), round(float(np.trapezoid(speed, time)) / 1000.0, 2)
     (1369.0, 11.99)
     """
+    if (
+        cycle == "town"
+    ):  # 50 km/h is the highest speed of the urban cycle of UN Regulation 83, in which quadricycles are tested
+        time, speed = schedule("wltc")
+        return time, np.minimum(speed, 50.0 / 3.6)
     file = resources.files("tripwatt.certification") / "data" / "schedules.csv"
     rows = csv.DictReader(file.read_text(encoding="utf-8").splitlines())
     speed = SPEED_STEP_M_S * np.array([float(row["speed"]) for row in rows if row["cycle"] == cycle])

@@ -49,6 +49,10 @@ from tripwatt.vehicles.similar import Figures, similar_document
 PROCEDURES: Final = ("wltp", "epa")
 """Procedures of a published consumption: the WLTP, or the combined city and highway figure of the EPA label."""
 
+TESTS: Final = {"wltp": ("wltc", wltp_test_mass), "town": ("town", float)}
+"""Test with one consumption -> its cycle, and the mass in it as a function of the mass in running order. A quadricycle has the urban
+cycle, at the mass in running order."""
+
 LABEL_FACTOR: Final = 0.7
 """Consumption on the dynamometer over consumption on the EPA label, 40 CFR 600.210-12."""
 
@@ -73,7 +77,7 @@ BODY_WORDS: Final = shipped_toml("vehicles/data/table/bodies.toml")["words"]
 LIMITS: Final = {
     "mass_kg": Column("kg", 400.0, 6000.0, ""),
     "usable_battery_kwh": Column("kWh", 4.0, 300.0, ""),
-    "consumption_kwh_per_100km": Column("kWh/100 km", 6.0, 60.0, ""),
+    "consumption_kwh_per_100km": Column("kWh/100 km", 4.0, 60.0, ""),
     "motor_power_kw": Column("kW", 5.0, 1500.0, ""),
 }
 """Unit, smallest and largest value of each figure."""
@@ -112,7 +116,7 @@ def describe_car(
     usable_battery_kwh : float, optional
         Energy between an empty and a full display.
     consumption_kwh_per_100km : float, optional
-        Published consumption, at the wall.
+        Published consumption, at the wall; that of a quadricycle is of the urban cycle up to 50 km/h.
     motor_power_kw : float, optional
         Largest power of all motors together.
     body : str, optional
@@ -169,14 +173,14 @@ def described(
         Cars whose coast-down is left out of the class values.
     """
     kind = _checked(given, body, heat_pump, procedure)
-    if body is None:
-        mass_kg = given["mass_kg"]
-        # beyond the classes no body is usual: that of the nearest usual mass is taken
-        if mass_kg is not None and beyond_classes(mass_kg):
-            kind = min(BODIES, key=lambda body: abs(math.log(usual_figures(body)["mass_kg"] / mass_kg)))
+    mass_kg = given["mass_kg"]
+    # beyond the classes no body is usual: that of the nearest usual mass is taken
+    if body is None and mass_kg is not None and beyond_classes(mass_kg):
+        kind = min(BODIES, key=lambda body: abs(math.log(usual_figures(body)["mass_kg"] / mass_kg)))
+    test = "town" if kind == QUADRICYCLE else procedure
     usual = usual_figures(kind)
     filled = {key: usual[key] if given[key] is None else float(given[key]) for key in usual}  # type: ignore[arg-type]
-    figures = _figures(given, filled, kind, heat_pump, title or _title(given, kind, procedure))
+    figures = _figures(given, filled, kind, heat_pump, title or _title(given, kind, test))
     document = similar_document(figures, class_values(frozenset(without)))
     name = f"described_{zlib.crc32(repr((filled, given, kind, heat_pump, procedure)).encode()):08x}"
     try:
@@ -184,7 +188,7 @@ def described(
     except InvalidInput as error:
         raise InvalidInput([_in_figures(fault) for fault in error.faults]) from error
     consumption = given["consumption_kwh_per_100km"]
-    return car if consumption is None else _meeting(car, document, 10.0 * consumption, procedure)
+    return car if consumption is None else _meeting(car, document, 10.0 * consumption, test)
 
 
 def _in_figures(fault: Fault) -> Fault:
@@ -281,13 +285,15 @@ def _figures(
 
 
 def _certified(car: Vehicle, wh_per_km: float, procedure: str) -> list[CertifiedFigure]:
-    """Return the certified figures for a consumption: that of the WLTP, or city and highway figures.
+    """Return the certified figures for a consumption: that of the WLTP or of a town, or city and highway figures.
 
     City and highway figures have the simulated ratio to each other, so both have the same relative error.
     """
-    if procedure == "wltp":
-        mass = wltp_test_mass(car.body.test_mass_kg)
-        return [CertifiedFigure("wltc", wh_per_km, True, mass, "given by the caller")]
+    if procedure in TESTS:
+        cycle, test_mass = TESTS[procedure]
+        return [
+            CertifiedFigure(cycle, wh_per_km, True, test_mass(car.body.test_mass_kg), "given by the caller")
+        ]
     mass = car.body.curb_mass_kg + LOADED_KG
     driven = {cycle: driven_wh_per_km(car, schedule(cycle), mass) for cycle in LABEL_SHARES}
     combined = sum(share * driven[cycle] for cycle, share in LABEL_SHARES.items())
@@ -303,12 +309,11 @@ def _meeting(car: Vehicle, document: Mapping[str, Any], wh_per_km: float, proced
     met = with_road_load(car, closing_factor(partial(with_road_load, car), figures, FACTORS))
     left = float(errors(met, figures).mean())
     if abs(left) > REPEAT_SD:
-        possible = wh_per_km / 10.0 * (1.0 + left)
         raise InvalidInput.of(
             "consumption does not fit the car",
             "consumption_kwh_per_100km",
             f"{wh_per_km / 10.0:g} kWh/100 km",
-            f"{'at most' if left < 0.0 else 'at least'} {possible:.1f} kWh/100 km for its mass, power and body",
+            f"{'at most' if left < 0.0 else 'at least'} {wh_per_km / 10.0 * (1.0 + left):.1f} kWh/100 km for its mass, power and body",
             "check the figures; consumption is in kWh/100 km at the wall",
         )
     entries = {

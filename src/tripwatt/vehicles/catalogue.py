@@ -359,13 +359,12 @@ def charging_section(name: str) -> dict[str, Any]:
         return {}
     (source,) = (row for row in records("sources.csv") if row["source"] == points[0]["source"])
     cited = {"source": f"{source['text']}: {points[0]['note']}", "licence": source["licence"]}
-    soc, power, alternating = (
-        [factor * float(point[key]) for point in points]
-        for key, factor in (("displayed_soc", 1.0), ("power_kw", 1000.0), ("alternating_kw", 1000.0))
-    )
+    soc = [float(point["displayed_soc"]) for point in points]
+    power = [1000.0 * float(point["power_kw"]) for point in points]
+    alternating = 1000.0 * float(points[0]["alternating_kw"])
     entries = {
         "displayed_soc": {**cited, "value": soc, "unit": "1"},
         "power_w": {**cited, "value": power, "unit": "W", "estimated": LISTED},
-        "alternating_power_w": {**cited, "value": alternating[0], "unit": "W"},
+        "alternating_power_w": {**cited, "value": alternating, "unit": "W"},
     }
     return {"charging": entries}

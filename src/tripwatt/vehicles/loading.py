@@ -73,10 +73,9 @@ def load_vehicle(
     """
     path = Path(name_or_path)
     if path.suffix != ".toml":
-        name = str(name_or_path)
         if overrides:
-            return _from_library(name, preset, overrides)
-        vehicle = _unchanged(name, preset)
+            return _from_library(str(name_or_path), preset, overrides)
+        vehicle = _unchanged(str(name_or_path), preset)
         return dataclasses.replace(vehicle, entries=dict(vehicle.entries))
     text = read_text_file(path, MAX_TEXT_BYTES, what="file cannot be read", allowed="a TOML text file")
     document = parse_toml(text, str(path))
@@ -119,9 +118,8 @@ def require_vehicle(name: str, others: Sequence[str] = ()) -> None:
     if name in vehicle_names():
         return
     near = find_vehicles(name) or difflib.get_close_matches(name, (*others, *vehicle_names()), n=3)
-    listed = " or ".join(map(repr, near[:3]))
-    described = "or describe it: the path of a .toml file, over HTTP its figures"
-    fix = f"did you mean {listed}?" if near else described
+    described = "or describe it: `tripwatt vehicles new`, the path of a .toml file, over HTTP its figures"
+    fix = f"did you mean {' or '.join(map(repr, near[:3]))}?" if near else described
     allowed = f"one of {len(vehicle_names())} names, listed by `tripwatt vehicles` and GET /v1/vehicles"
     raise InvalidInput.of("unknown car", "vehicle", excerpt(name), allowed, fix)
 
@@ -147,8 +145,8 @@ def find_vehicles(words: str) -> tuple[str, ...]:
     ----------
     words : str
         Words in any order; a year matches the cars that were made in it. Punctuation and case do not count: "model3 2022" finds
-        the Model 3 of 2022. A word of one or two letters has to be a whole word of title or name; a longer word may also
-        begin at any word and span several.
+        the Model 3 of 2022. A word of one or two letters has to be a whole word of title or name, alone or together with the
+        word before or after it ("ev 6"); a longer word may also begin at any word and span several.
 
     Returns
     -------
@@ -162,15 +160,17 @@ def find_vehicles(words: str) -> tuple[str, ...]:
     ('hyundai_kona_64', 'hyundai_kona_39')
     """
     wanted = [word for word in map(_plain, words.split()) if word]
+    around = zip(["", *wanted], wanted, [*wanted[1:], ""], strict=False)
+    searched = [(word, before + word, word + after) for before, word, after in around]
     matching = []
     for name, title in vehicle_titles().items():
-        texts = [_plain(word) for word in re.split(r"[\s_()/-]+", f"{title} {name}")]
+        texts = [_plain(word) for word in re.split(r"[\s_.()/-]+", f"{title} {name}")]
         rests = ["".join(texts[k:]) for k in range(len(texts))]
         if wanted and all(
-            word in texts
-            or (len(word) > 2 and any(rest.startswith(word) for rest in rests))
-            or _is_year_of(word, title)
-            for word in wanted
+            forms[0] in texts
+            or _is_year_of(forms[0], title)
+            or any(len(form) > 2 and rest.startswith(form) for form in forms for rest in rests)
+            for forms in searched
         ):
             parts = sum(word not in texts for word in wanted)
             matching.append((parts, len(title.partition(" (")[0]), title, name))

@@ -11,10 +11,9 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from tripwatt.files import shipped_toml
-from tripwatt.units import GRAVITY_M_S2, KG_PER_LB
+from tripwatt.units import GRAVITY_M_S2
 from tripwatt.vehicles.catalogue import (
     DRIVER_KG,
-    LOADED_KG,
     QUADRICYCLE,
     ROAD_LOAD_DENSITY_KG_M3,
     TWIZY_ROLLING,
@@ -22,6 +21,7 @@ from tripwatt.vehicles.catalogue import (
     ClassValues,
     Coastdown,
     Row,
+    curb_mass_kg,
 )
 
 WHEEL_RADIUS_M: Final = shipped_toml("vehicles/data/table/bodies.toml")["wheel_radius_m"]
@@ -111,22 +111,18 @@ class Figures:
 def figures_of_row(row: Row) -> Figures:
     """Collect the figures of a car of the table."""
 
-    def first(key: str, factor: float = 1.0, less: float = 0.0, estimated: str = "") -> dict[str, Any]:
-        cell = row[key][0]
-        return _sourced(cell.number * factor - less, cell, estimated)
+    def first(key: str, factor: float = 1.0) -> dict[str, Any]:
+        return _sourced(row[key][0].number * factor, row[key][0])
 
+    run = Coastdown.of_parts(row) if "coastdown_a" in row else None
+    (weighed,) = row.get("test_weight") or row["running_mass"]
+    how = "mass in running order less a driver of 75 kg"
     if "test_weight" in row:
-        run = Coastdown.of_parts(row) if "coastdown_a" in row else None
-        cell = row["test_weight"][0]
-        how = f"test weight {cell.value} lb less 300 lb (40 CFR 86.1803); a class of 125 to 500 lb"
-        mass = _sourced(cell.number * KG_PER_LB - LOADED_KG, cell, how)
-    else:
-        run = None
-        mass = first("running_mass", less=DRIVER_KG, estimated="mass in running order less a driver of 75 kg")
+        how = f"test weight {weighed.value} lb less 300 lb (40 CFR 86.1803); a class of 125 to 500 lb"
     return Figures(
         title=row["title"][0].value,
         body=row["body"][0].value,
-        curb_mass=mass,
+        curb_mass=_sourced(curb_mass_kg(row), weighed, how),
         motor_power=first("motor_power", 1000.0),
         usable_energy=first("usable_energy", 1000.0),
         pack_voltage=first("pack_voltage"),

@@ -289,7 +289,7 @@ class VehicleFigures(StrictModel):
     """mass ready to drive, nobody inside [kg]"""
     usable_battery_kwh: float | None = Field(None, ge=4.0, le=300.0)
     """usable energy of the battery [kWh]"""
-    consumption_kwh_per_100km: float | None = Field(None, ge=6.0, le=60.0)
+    consumption_kwh_per_100km: float | None = Field(None, ge=4.0, le=60.0)
     """published consumption at the wall [kWh/100 km]"""
     motor_power_kw: float | None = Field(None, ge=5.0, le=1500.0)
     """largest power of all motors together [kW]"""
