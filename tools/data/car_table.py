@@ -383,7 +383,7 @@ def unconfirmed(folder: Path = CATALOGUE) -> Iterator[str]:
         specs = second[names.str.startswith(make.lower()) & names.str.contains(named)]
         official = wltp[descriptions.str.contains(named)]
         range_km = pd.to_numeric(official.range_km_max, errors="coerce")
-        listed = {
+        listed: dict[str, Any] = {
             "running_kg": [*(specs.curb_kg + DRIVER_KG), *official.mass_running_order_kg_min],
             "wltc": np.linspace(official.wltp_kwh_100km_min.min(), official.wltp_kwh_100km_max.max()),
             "range_km": [*specs.wltp_range_km, *range_km],

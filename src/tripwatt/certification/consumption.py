@@ -94,9 +94,8 @@ def schedule(cycle: str) -> tuple[FloatArray, FloatArray]:
     >>> float(time[-1]), round(float(np.trapezoid(speed, time)) / 1000.0, 2)
     (1369.0, 11.99)
     """
-    if (
-        cycle == "town"
-    ):  # 50 km/h is the highest speed of the urban cycle of UN Regulation 83, in which quadricycles are tested
+    # 50 km/h is the highest speed of the urban cycle of UN Regulation 83, in which quadricycles are tested
+    if cycle == "town":
         time, speed = schedule("wltc")
         return time, np.minimum(speed, 50.0 / 3.6)
     file = resources.files("tripwatt.certification") / "data" / "schedules.csv"

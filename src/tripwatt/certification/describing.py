@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import statistics
 import zlib
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from types import MappingProxyType
@@ -49,7 +49,10 @@ from tripwatt.vehicles.similar import Figures, similar_document
 PROCEDURES: Final = ("wltp", "epa")
 """Procedures of a published consumption: the WLTP, or the combined city and highway figure of the EPA label."""
 
-TESTS: Final = {"wltp": ("wltc", wltp_test_mass), "town": ("town", float)}
+TESTS: Final[Mapping[str, tuple[str, Callable[[float], float]]]] = {
+    "wltp": ("wltc", wltp_test_mass),
+    "town": ("town", float),
+}
 """Test with one consumption -> its cycle, and the mass in it as a function of the mass in running order. A quadricycle has the urban
 cycle, at the mass in running order."""
 
