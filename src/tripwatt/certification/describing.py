@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import statistics
 import zlib
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from types import MappingProxyType
@@ -48,13 +48,6 @@ from tripwatt.vehicles.similar import Figures, similar_document
 
 PROCEDURES: Final = ("wltp", "epa")
 """Procedures of a published consumption: the WLTP, or the combined city and highway figure of the EPA label."""
-
-TESTS: Final[Mapping[str, tuple[str, Callable[[float], float]]]] = {
-    "wltp": ("wltc", wltp_test_mass),
-    "town": ("town", float),
-}
-"""Test with one consumption -> its cycle, and the mass in it as a function of the mass in running order. A quadricycle has the urban
-cycle, at the mass in running order."""
 
 LABEL_FACTOR: Final = 0.7
 """Consumption on the dynamometer over consumption on the EPA label, 40 CFR 600.210-12."""
@@ -292,11 +285,11 @@ def _certified(car: Vehicle, wh_per_km: float, procedure: str) -> list[Certified
 
     City and highway figures have the simulated ratio to each other, so both have the same relative error.
     """
-    if procedure in TESTS:
-        cycle, test_mass = TESTS[procedure]
-        return [
-            CertifiedFigure(cycle, wh_per_km, True, test_mass(car.body.test_mass_kg), "given by the caller")
-        ]
+    mass = car.body.test_mass_kg
+    if procedure == "town":
+        return [CertifiedFigure("town", wh_per_km, True, mass, "given by the caller")]
+    if procedure == "wltp":
+        return [CertifiedFigure("wltc", wh_per_km, True, wltp_test_mass(mass), "given by the caller")]
     mass = car.body.curb_mass_kg + LOADED_KG
     driven = {cycle: driven_wh_per_km(car, schedule(cycle), mass) for cycle in LABEL_SHARES}
     combined = sum(share * driven[cycle] for cycle, share in LABEL_SHARES.items())
