@@ -11,8 +11,7 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
-from scipy.linalg import eigh, qr
+from scipy.linalg import block_diag, eigh, qr
 
 from tripwatt_gamm.arrays import FloatArray
 from tripwatt_gamm.gram import Factor, Gram
@@ -163,16 +162,13 @@ class PenaltyStack:
     def __init__(self, p: int, blocks: list[PenaltyBlock]) -> None:
         self.p, self.blocks = p, blocks
         self.penalties: list[Penalty] = []
-        self.members: list[npt.NDArray[np.intp]] = []
         for block in blocks:
-            first, sizes = len(self.penalties), block.sizes
-            inside = slice(block.start, block.start + block.copies * block.rank)
+            sizes, inside = block.sizes, slice(block.start, block.start + block.copies * block.rank)
             for j, S in enumerate(block.matrices):
                 trace, most = block.copies * float(np.trace(S)), LOG_RATIO[1]
                 if sizes is not None:
                     trace, most = block.copies * float(sizes @ sizes) / sizes[j] ** 2, MAX_CORRELATED
                 self.penalties.append(Penalty(inside, S, block.copies, trace, most))
-            self.members.append(np.arange(first, len(self.penalties)))
         self.size = len(self.penalties)
         self.null_dim = p - sum(block.copies * block.rank for block in blocks)
 
@@ -245,13 +241,11 @@ class PenaltyStack:
 
     def log_determinant(self, rho: FloatArray) -> tuple[float, FloatArray, FloatArray]:
         """Return log|S|+, its gradient (M,) and its Hessian (M, M) in `rho`."""
-        value, gradient, hessian = 0.0, np.zeros(self.size), np.zeros((self.size, self.size))
-        for block, index in zip(self.blocks, self.members, strict=True):
-            v, g, h = block.log_determinant(rho[index])
-            value += v
-            gradient[index] = g
-            hessian[np.ix_(index, index)] = h
-        return value, gradient, hessian
+        ends = np.cumsum([len(block.matrices) for block in self.blocks], dtype=np.intp)
+        own = zip(self.blocks, np.split(rho, ends)[:-1], strict=True)
+        parts = [(0.0, np.zeros(0), np.zeros((0, 0))), *(block.log_determinant(r) for block, r in own)]
+        values, gradients, hessians = zip(*parts, strict=True)
+        return sum(values), np.concatenate(gradients), block_diag(*hessians)
 
     def products(self, rho: FloatArray, beta: FloatArray) -> FloatArray:
         """Return lambda_j S_j beta for every penalty j, as the columns of (p, M)."""
